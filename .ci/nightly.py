@@ -25,8 +25,8 @@ from result_tables import between_marks, table  # noqa: E402
 _TESTS = ".venv/bin/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder"
 # Files whose number of cases grows with LENSFORGE_FUZZ. Ten times as many: a hundred times would take days.
 _RANDOM = (
-    "tests/extremes tests/geometry/test_mesh.py tests/geometry/test_base.py tests/tolerancing/test_yield_study.py "
-    "tests/tolerancing/test_sensitivity.py tests/reliability/test_fuzz.py"
+    "tests/extremes tests/cad/test_mesh.py tests/cad/test_base.py tests/made/test_yield_study.py "
+    "tests/made/test_sensitivity.py tests/reliability/test_fuzz.py"
 )
 STEPS = {
     "lowest": "make lowest",

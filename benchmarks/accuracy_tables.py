@@ -8,10 +8,10 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from lensforge.files import replacing
-from lensforge.studies.tradeoff.convergence import ConvergenceStudy
-from lensforge.studies.tradeoff.page import PRESET_HEAD, preset_rows, study_section
-from lensforge.studies.tradeoff.record import Tradeoff
+from lensforge.results.files import replacing
+from lensforge.runs.tradeoff.convergence import ConvergenceStudy
+from lensforge.runs.tradeoff.page import PRESET_HEAD, preset_rows, study_section
+from lensforge.runs.tradeoff.record import Tradeoff
 
 PAGE = Path(__file__).parents[1] / "docs" / "accuracy.md"
 

@@ -13,21 +13,21 @@ from pathlib import Path
 
 import numpy as np
 
-from lensforge.evaluation.metrics import nmse
-from lensforge.geometry.custom_base import join_mesh, read_custom_base
-from lensforge.geometry.mesh import build_mesh
-from lensforge.geometry.mesh_files import stl_bytes
-from lensforge.geometry.patch import fit_patch
-from lensforge.geometry.plan import make_plan
-from lensforge.lens import Lens, load_lens
-from lensforge.receivers.build import receivers_of
-from lensforge.screens import screens_of
-from lensforge.sources.build import build_source
+from lensforge.cad.custom_base import join_mesh, read_custom_base
+from lensforge.cad.mesh import build_mesh
+from lensforge.cad.mesh_files import stl_bytes
+from lensforge.cad.patch import fit_patch
+from lensforge.cad.plan import make_plan
+from lensforge.light.metrics import nmse
+from lensforge.proof.facet_casting import Grid
+from lensforge.proof.nonsequential_trace import Base, Body, Cause, Limits, follow
+from lensforge.proof.part_mesh import PartMesh, read_part_mesh
+from lensforge.proof.proof_inputs import screens_of
+from lensforge.scene.lens import Lens, load_lens
+from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.scene.target_pattern import target_light
+from lensforge.sources.build_source import build_source
 from lensforge.spec import BaseSection
-from lensforge.targets.pattern import target_light
-from lensforge.verification.casting import Grid
-from lensforge.verification.nonsequential import Base, Body, Cause, Limits, follow
-from lensforge.verification.part_mesh import PartMesh, read_part_mesh
 
 RAYS, SEED, RINGS, PIXELS = 2**14, 2**42, 96, 32
 COLUMNS = ("design", "base", "flux fraction", "direct light on the base", "NMSE", "change")

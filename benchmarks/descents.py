@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 import torch
 
-from lensforge.accuracy import PRESETS
 from lensforge.errors import InputError
-from lensforge.optimisation.merit import Evaluated
-from lensforge.optimisation.problem import Problem, Problems
-from lensforge.optimisation.symmetry import settled_symmetry
-from lensforge.sources.build import build_source
-from lensforge.sources.bundle import RayBundle, Source
+from lensforge.search.merit import Evaluated, Problem, Problems
+from lensforge.search.symmetry import settled_symmetry
+from lensforge.sources.build_source import build_source
+from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec import Spec
+from lensforge.spec.accuracy import PRESETS
 
 UNSEEN_RAYS, UNSEEN_SEED, ROUND = 2**20, 2**41, 10
 RAYS = 2**16  # of a step

@@ -9,13 +9,13 @@ Without any of them: the spec as it is. Designs, evaluates and checks; prints on
 import argparse
 from pathlib import Path
 
-from lensforge.accuracy import PRESETS
-from lensforge.evaluation.evaluate import evaluate_lens
-from lensforge.manufacturing.check import check_lens
-from lensforge.manufacturing.result import FaceResult
-from lensforge.optimisation.optimiser import search
-from lensforge.sources.build import build_source
+from lensforge.light.evaluation import evaluate_lens
+from lensforge.search.optimiser import search
+from lensforge.shop.check import check_lens
+from lensforge.shop.check_result import FaceResult
+from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec, load_spec, parse_spec
+from lensforge.spec.accuracy import PRESETS
 
 
 def with_constraints(spec: Spec, options: argparse.Namespace) -> Spec:

@@ -15,7 +15,7 @@ from functools import partial
 import torch
 from gradient_step import Step, median_seconds
 
-from lensforge.optimisation.merit import MeritFunction
+from lensforge.search.merit import MeritFunction
 
 
 def gradients(step: Step, merit: MeritFunction) -> list[torch.Tensor]:

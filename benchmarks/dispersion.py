@@ -13,14 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
-from lensforge.lens import load_lens
-from lensforge.materials.catalogue import MATERIALS
-from lensforge.receivers.build import receivers_of
-from lensforge.receivers.pixels import Window
-from lensforge.receivers.receiver import Hits
-from lensforge.sources.build import build_source, summarise
-from lensforge.surfaces.spline import grid_for, tabulate
-from lensforge.tracing.exact import TableScan, exact_surfaces, trace_exact
+from lensforge.light.exact_trace import TableScan, exact_surfaces, trace_exact
+from lensforge.optics.material import MATERIALS
+from lensforge.scene.lens import load_lens
+from lensforge.scene.pixel_grid import Window
+from lensforge.scene.receiver import Hits
+from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.sources.build_source import build_source, summarise
+from lensforge.surfaces.bicubic_table import grid_for, tabulate
 
 NODES_PER_SIGMA = 6.0  # the table only brackets the crossing: a step on the exact surface follows
 

@@ -10,8 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.optimize import curve_fit
 
-from lensforge.materials.catalogue import MATERIALS
-from lensforge.materials.material import D_LINE_NM, Material, by_abbe_number
+from lensforge.optics.material import D_LINE_NM, MATERIALS, Material, by_abbe_number
 
 FORMULAS = {
     "Sellmeier, one term": (lambda um, b, c: np.sqrt(1.0 + b * um**2 / (um**2 - c)), (1.2, 0.01)),

@@ -11,9 +11,9 @@ import sys
 import time
 from pathlib import Path
 
-from lensforge.geometry.export import build_part
-from lensforge.lens import Lens, load_lens
-from lensforge.manufacturing.check import check_part
+from lensforge.cad.part_export import build_part
+from lensforge.scene.lens import Lens, load_lens
+from lensforge.shop.check import check_part
 
 LIBRARIES = ("cadquery", "trimesh", "manifold3d", "lib3mf", "OCP.STEPCAFControl")
 

@@ -18,10 +18,10 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from lensforge.optimisation.problem import Problems
-from lensforge.optimisation.schedule import rays_ahead
-from lensforge.optimisation.symmetry import settled_symmetry
-from lensforge.sources.build import build_source
+from lensforge.search.merit import Problems
+from lensforge.search.schedule import rays_ahead
+from lensforge.search.symmetry import settled_symmetry
+from lensforge.sources.build_source import build_source
 from lensforge.spec import load_spec
 
 LEVELS, MANY, AUTOMATIC = (25, 81, 289), (25, 81, 289, 1089, 2741), (9, 25, 81, 289, 1089)

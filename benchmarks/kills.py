@@ -101,10 +101,10 @@ class Chain:
 
     def again(self, command: tuple[str, ...]) -> tuple[str, ...]:
         """The command as a user gives it after a kill: with ``--resume`` where there is something to resume."""
-        from lensforge.pipeline import resumable
-        from lensforge.studies.sweep import runs
+        from lensforge.runs import sweep_runs
+        from lensforge.runs.pipeline import resumable
 
-        checks = {"design": resumable, "sweep": runs.resumable}
+        checks = {"design": resumable, "sweep": sweep_runs.resumable}
         check = checks.get(command[0])
         return (*command, "--resume") if check is not None and check(self.made) else command
 

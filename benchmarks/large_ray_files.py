@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 from watched import Peak, watched
 
+from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.rayfiles import RayFile, write_rayfile
-from lensforge.sources.square import SquareEmitter
 
 SQUARE = 'kind = "square"\nside_mm = 2.0\nflux_w = 1.0\n'
 SPEC = """

@@ -14,17 +14,17 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from lensforge.accuracy import PRESETS
 from lensforge.errors import LensforgeError
-from lensforge.evaluation.light import Light
-from lensforge.evaluation.simulate import TracedLens, design_landings
-from lensforge.lens import load_lens
-from lensforge.screens import screens_of
-from lensforge.sources.build import build_source
-from lensforge.verification.acceptance import mitsuba_criteria
-from lensforge.verification.comparison import Expected
-from lensforge.verification.mitsuba_cast import cast_mitsuba
-from lensforge.verification.part_mesh import read_part_mesh
+from lensforge.light.evaluation_result import Light
+from lensforge.light.simulation import TracedLens, design_landings
+from lensforge.proof.acceptance import mitsuba_criteria
+from lensforge.proof.mitsuba_cast import cast_mitsuba
+from lensforge.proof.part_comparison import Expected
+from lensforge.proof.part_mesh import read_part_mesh
+from lensforge.proof.proof_inputs import screens_of
+from lensforge.scene.lens import load_lens
+from lensforge.sources.build_source import build_source
+from lensforge.spec.accuracy import PRESETS
 
 SEED = 2**42  # apart from the seeds of design, evaluation and verification
 

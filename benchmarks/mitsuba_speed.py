@@ -24,11 +24,11 @@ import numpy as np
 import torch
 from gradient_step import Step, median_seconds
 
-from lensforge.optimisation.light_path import landed_through
-from lensforge.sources.bundle import RayBundle
-from lensforge.studies.tradeoff.reference import directions
-from lensforge.studies.tradeoff.tables import table_normals
-from lensforge.surfaces import chart
+from lensforge.runs.tradeoff.reference import directions
+from lensforge.runs.tradeoff.tables import table_normals
+from lensforge.search.light_path import landed_through
+from lensforge.sources.ray_bundle import RayBundle
+from lensforge.surfaces import surface as chart
 from lensforge.surfaces.surface import Surface
 
 MESH_NODES = (64, 128, 256, 384, 512, 640)  # beyond that single precision limits the vertex normals

@@ -5,7 +5,7 @@
     python benchmarks/mutants.py --count 300          # goes on: the next hundred of the same draw
     python benchmarks/mutants.py --again              # those that survived, after tests were written
     python benchmarks/mutants.py --fill               # the table and the lists of docs/mutants.md
-    python benchmarks/mutants.py --modules far_field/sphere.py --count 50 --out cad_out/sphere.json
+    python benchmarks/mutants.py --modules light/exit_light.py --count 50 --out cad_out/sphere.json
 
 A mutant is one change of one place: + for -, < for <=, 2 for 3, a condition turned round. They are drawn from all that
 cosmic-ray finds in the modules of mutation/own_tests.py, so that any number of them has of each module its share. The
@@ -24,7 +24,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=200, help="mutants in all, those of earlier runs among them")
     parser.add_argument("--seed", type=int, default=0, help="of the draw")
-    parser.add_argument("--modules", nargs="*", default=[], help="such as targets or far_field/sphere.py; default: all")
+    parser.add_argument("--modules", nargs="*", default=[], help="such as targets or light/exit_light.py; default: all")
     parser.add_argument("--again", action="store_true", help="draw none; try those again that survived")
     parser.add_argument("--fill", action="store_true", help="run nothing; write the outcomes into docs/mutants.md")
     parser.add_argument("--out", type=Path, default=FOLDER / "docs" / "mutants.json", help="the file of outcomes")

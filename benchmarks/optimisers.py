@@ -26,10 +26,10 @@ import numpy as np
 from descents import Method, SearchInProgress, adabelief, first_order, gauss_newton, quasi_newton, sgd
 from torch import optim
 
-from lensforge.accuracy import PRESETS
-from lensforge.optimisation.levels import UsefulLevels
-from lensforge.sources.build import build_source
+from lensforge.search.automatic_schedule import UsefulLevels
+from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec, load_spec
+from lensforge.spec.accuracy import PRESETS
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 SCENES = ("pi", "cross", "flat_top", "image", "text")

@@ -24,28 +24,28 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from lensforge.accuracy import PRESETS
-from lensforge.cast_stages import stray_light
-from lensforge.evaluation.simulate import TracedLens, design_landings
-from lensforge.geometry.form import fit_to_form
-from lensforge.geometry.mesh import build_mesh
-from lensforge.geometry.plan import make_plan
-from lensforge.lens import Lens, load_lens
+from lensforge.cad.form_error import fit_to_form
+from lensforge.cad.mesh import build_mesh
+from lensforge.cad.plan import make_plan
+from lensforge.light.simulation import TracedLens, design_landings
 from lensforge.optics.media import CoatingLayer, CoverGlass, IndexCurve, LayerStack, Media
-from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
-from lensforge.optimisation.merit import MeritFunction
-from lensforge.optimisation.parameters import Parametrisation
-from lensforge.optimisation.symmetry import chart_mirrors, mirrored_light
-from lensforge.receivers.build import receivers_of
-from lensforge.receivers.pixels import splat_flux
-from lensforge.run_folder import Run, load
-from lensforge.screens import screens_of
-from lensforge.sources.build import build_source
-from lensforge.sources.bundle import RayBundle, Source
+from lensforge.proof.part_comparison import Expected
+from lensforge.proof.proof_inputs import screens_of
+from lensforge.proof.verification import verify_part
+from lensforge.runs.cast_stages import stray_light
+from lensforge.runs.run_folder import Run, load
+from lensforge.scene.lens import Lens, load_lens
+from lensforge.scene.pixel_grid import splat_flux
+from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.search.constraints import AugmentedLagrangian
+from lensforge.search.merit import MeritFunction
+from lensforge.search.parameters import Parametrisation
+from lensforge.search.symmetry import chart_mirrors, mirrored_light
+from lensforge.sources.build_source import build_source
+from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.sources.ray_set import RaySetEmitter
 from lensforge.spec import BaseSection
-from lensforge.verification.comparison import Expected
-from lensforge.verification.verify import verify_part
+from lensforge.spec.accuracy import PRESETS
 
 Work = Callable[[], object]
 

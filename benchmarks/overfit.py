@@ -9,11 +9,11 @@ import argparse
 import json
 from pathlib import Path
 
-from lensforge.accuracy import PRESETS
-from lensforge.evaluation.evaluate import evaluate_lens
-from lensforge.optimisation.optimiser import search
+from lensforge.light.evaluation import evaluate_lens
+from lensforge.search.optimiser import search
 from lensforge.sources.ray_set_loading import load_ray_set
 from lensforge.spec import load_spec
+from lensforge.spec.accuracy import PRESETS
 
 
 def evaluated(lens, emitter, preset, pixels):

@@ -15,14 +15,14 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
-from lensforge.lens import Lens
-from lensforge.receivers.receiver import Hits
-from lensforge.records import Metric
-from lensforge.studies.tradeoff.convergence import ConvergenceStudy, Meter, orders_of
-from lensforge.studies.tradeoff.reference import LIGHT_UNITS, SURFACES, ExactReference, design_receiver
-from lensforge.studies.tradeoff.tables import TableMeasurement, through_tables
+from lensforge.light.exact_trace import DenseScan, ExactSurface, trace_exact
+from lensforge.results import Metric
+from lensforge.runs.tradeoff.convergence import ConvergenceStudy, Meter, orders_of
+from lensforge.runs.tradeoff.reference import LIGHT_UNITS, SURFACES, ExactReference, design_receiver
+from lensforge.runs.tradeoff.tables import TableMeasurement, through_tables
+from lensforge.scene.lens import Lens
+from lensforge.scene.receiver import Hits
 from lensforge.surfaces.srbf import SrbfSurface
-from lensforge.tracing.exact import DenseScan, ExactSurface, trace_exact
 
 BISECTIONS = (0, 2, 4, 6, 8, 12, 16, 40)
 EXACT_RAYS = 2**6  # with a dense scan every ray sees every function at each of many steps

@@ -27,19 +27,17 @@ from pathlib import Path
 import numpy as np
 from results import shown
 
-from lensforge.accuracy import PRESETS
-from lensforge.evaluation.metrics import nmse, relative_deviation, uniformity
-from lensforge.evaluation.minimum import uniformity_without_noise
-from lensforge.evaluation.noise_free import nmse_without_noise, rsd_without_noise
-from lensforge.evaluation.receiver_light import WindowSize
-from lensforge.evaluation.replicate_metrics import mean_share
-from lensforge.evaluation.simulate import TracedLens, simulate
-from lensforge.pipeline import run_evaluate, write_design
-from lensforge.receivers.build import receivers_of
-from lensforge.receivers.pixels import gaussian3
-from lensforge.sources.build import build_source
-from lensforge.spec.shapes import DiscTarget, RectangleTarget
-from lensforge.targets.pattern import target_light
+from lensforge.light.least_irradiance import uniformity_without_noise
+from lensforge.light.metrics import nmse, nmse_without_noise, relative_deviation, rsd_without_noise, uniformity
+from lensforge.light.receiver_light import WindowSize
+from lensforge.light.simulation import TracedLens, mean_share, simulate
+from lensforge.runs.pipeline import run_evaluate, write_design
+from lensforge.scene.pixel_grid import gaussian3
+from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.scene.target_pattern import target_light
+from lensforge.sources.build_source import build_source
+from lensforge.spec.accuracy import PRESETS
+from lensforge.spec.shape_targets import DiscTarget, RectangleTarget
 
 ROOT = Path(__file__).parents[1]
 SPECS, FOLDERS = ROOT / "examples" / "published", ROOT / "cad_out" / "published"

@@ -16,19 +16,24 @@ from pathlib import Path
 
 import numpy as np
 
-from lensforge.accuracy import PRESETS
-from lensforge.evaluation.metrics import nmse, relative_deviation, uniformity
-from lensforge.evaluation.minimum import _Choices, _halves, uniformity_without_noise
-from lensforge.evaluation.noise_free import nmse_without_noise, rsd_without_noise
-from lensforge.evaluation.simulate import REPLICATES, TracedLens, simulate
-from lensforge.jackknife import jackknife_metric
-from lensforge.lens import load_lens
-from lensforge.receivers.build import receivers_of
-from lensforge.receivers.pixels import gaussian3
-from lensforge.records import Metric
-from lensforge.sources.build import build_source
-from lensforge.targets.pattern import target_light
-from lensforge.targets.region import in_target, uniform_region
+from lensforge.light.least_irradiance import _Choices, _halves, uniformity_without_noise
+from lensforge.light.metrics import (
+    jackknife_metric,
+    nmse,
+    nmse_without_noise,
+    relative_deviation,
+    rsd_without_noise,
+    uniformity,
+)
+from lensforge.light.simulation import REPLICATES, TracedLens, simulate
+from lensforge.results import Metric
+from lensforge.scene.lens import load_lens
+from lensforge.scene.pixel_grid import gaussian3
+from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.scene.target_pattern import target_light
+from lensforge.scene.target_region import in_target, uniform_region
+from lensforge.sources.build_source import build_source
+from lensforge.spec.accuracy import PRESETS
 
 COLUMNS = ("metric", "light", "with ray noise", "stated error", "bias", "scatter", "within 1", "within 2")
 PICTURES = ("picture", "noise", "with noise", "halves read apart", "slope 1/2", "the estimate", "within 1", "within 2")

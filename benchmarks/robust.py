@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import lensforge as lf
-from lensforge.tolerancing.yield_study import measure_yield
+from lensforge.made.yield_study import measure_yield
 
 COLUMNS = ("spec", "seed", "search", "s", "steps", "efficiency", "of", "designed", "mean", "95 %", "yield")
 _PASSING = 95.0

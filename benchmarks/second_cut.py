@@ -19,14 +19,13 @@ from scipy.interpolate import RectBivariateSpline
 from scipy.spatial.transform import Rotation
 
 import lensforge as lf
-from lensforge.geometry.form import face_points
-from lensforge.geometry.mesh import INNER, OUTER
-from lensforge.geometry.step import parse_step
-from lensforge.measurement.changed_lens import ChangedLens
-from lensforge.sources.build import build_source
-from lensforge.surfaces.chart import HALF_WIDTH, grid, to_chart
+from lensforge.cad.form_error import face_points
+from lensforge.cad.plan import INNER, OUTER
+from lensforge.cad.step import parse_step
+from lensforge.made.measured_surface import ChangedLens
+from lensforge.sources.build_source import build_source
 from lensforge.surfaces.srbf import fibonacci_hemisphere
-from lensforge.surfaces.surface import Surface
+from lensforge.surfaces.surface import HALF_WIDTH, Surface, grid, to_chart
 
 NODES, PLACES = 241, 20_000  # of the chart at which the STEP is read; directions of the errors
 ROTATION_RAD, SHIFT_MM = (0.01, -0.02, 0.03), (0.2, -0.1, 0.15)  # of the part in the measuring machine

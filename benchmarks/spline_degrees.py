@@ -16,17 +16,11 @@ import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import NdBSpline, RectBivariateSpline
 
-from lensforge.studies.tradeoff.convergence import ConvergenceStudy, Meter, orders_of
-from lensforge.studies.tradeoff.reference import (
-    LIGHT_UNITS,
-    SHAPE_UNITS,
-    SURFACES,
-    directions,
-    landed_exactly,
-)
-from lensforge.studies.tradeoff.tables import TableMeasurement
-from lensforge.surfaces import chart
-from lensforge.surfaces.spline import TableGrid, grid_for
+from lensforge.runs.tradeoff.convergence import ConvergenceStudy, Meter, orders_of
+from lensforge.runs.tradeoff.reference import LIGHT_UNITS, SHAPE_UNITS, SURFACES, directions, landed_exactly
+from lensforge.runs.tradeoff.tables import TableMeasurement
+from lensforge.surfaces import surface as chart
+from lensforge.surfaces.bicubic_table import TableGrid, grid_for
 from lensforge.surfaces.surface import Surface
 
 SETTINGS = (1.7, 2.5, 3.4, 5.0)

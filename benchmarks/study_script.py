@@ -14,10 +14,10 @@ from pathlib import Path
 import torch
 from accuracy_tables import study_text
 
-from lensforge.lens import Lens, load_lens
-from lensforge.sources.build import build_source
-from lensforge.studies.tradeoff.convergence import ConvergenceStudy
-from lensforge.studies.tradeoff.tables import SETTINGS, TableMeasurement, table_study
+from lensforge.runs.tradeoff.convergence import ConvergenceStudy
+from lensforge.runs.tradeoff.tables import SETTINGS, TableMeasurement, table_study
+from lensforge.scene.lens import Lens, load_lens
+from lensforge.sources.build_source import build_source
 
 Studies = Callable[[TableMeasurement], Sequence[ConvergenceStudy]]
 

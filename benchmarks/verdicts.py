@@ -23,8 +23,8 @@ from typing import Any
 
 import numpy as np
 
+from lensforge.runs.verdict import verdict_on
 from lensforge.spec import Accuracy
-from lensforge.verdict import verdict_on
 
 sys.path.append(str(Path(__file__).parent))
 from result_tables import between_marks, table

@@ -13,12 +13,12 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
 
-from lensforge.figures.light_unit import light_unit
-from lensforge.files import replacing
 from lensforge.report.irradiance_figures import irradiance_map
 from lensforge.report.section_figures import lens_section
 from lensforge.report.solid_view import Rendering
-from lensforge.run_folder import load
+from lensforge.results.chart import light_unit
+from lensforge.results.files import replacing
+from lensforge.runs.run_folder import load
 
 HEIGHT, IN_ROW = 420, 5
 WHITE = (255, 255, 255)

@@ -8,8 +8,8 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
-from lensforge.spec.fields import arguments_of, default_of, words_of
-from lensforge.spec.section import Section
+from lensforge.spec.spec_fields import arguments_of, default_of, words_of
+from lensforge.spec.spec_section import Section
 
 # Methods with which a stage writes and reads its records: not part of the library's contract.
 _OF_THE_RECORDS = {

@@ -12,13 +12,13 @@ import sys
 if __name__ == "__main__" and not sys.flags.safe_path:
     sys.path.append(sys.path.pop(0))
 
-from lensforge.commands.interrupts import Interrupts
-from lensforge.untrusted.worker import collect_garbage_seldom
+from lensforge.cli.interrupts import Interrupts
+from lensforge.results.worker import collect_garbage_seldom
 
 _interrupts = Interrupts().install()
 collect_garbage_seldom()
 
-from lensforge.cli import main  # noqa: E402
+from lensforge.cli.cli import main  # noqa: E402
 
 
 def run() -> None:

@@ -4,24 +4,24 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from lensforge import cast_stages, stages
-from lensforge.arguments import require, source_of, threads_of_torch
 from lensforge.errors import InputError
-from lensforge.lens import Lens
-from lensforge.optimisation.design import Design, Observer
-from lensforge.records import StageResult
-from lensforge.records.validation import its_type
-from lensforge.results import Results
-from lensforge.sources.inspection import inspect
+from lensforge.results import StageResult
+from lensforge.results.validation import its_type
+from lensforge.runs import cast_stages, stages
+from lensforge.runs.arguments import require, source_of, threads_of_torch
+from lensforge.runs.results import Results
+from lensforge.scene.lens import Lens
+from lensforge.search.design_result import Design, Observer
+from lensforge.sources.photometric.photometric_summary import inspect
 from lensforge.spec import Accuracy, DrawingSection, Spec
-from lensforge.spec.design import require_spec
+from lensforge.spec.design_spec import require_spec
 
 if TYPE_CHECKING:
-    from lensforge.drawings.handover import Handover
-    from lensforge.sources.photometric.summary import PhotometricSummary
-    from lensforge.sources.rayfiles.summary import RayFileSummary
-    from lensforge.studies.sweep.table import Sweep
-    from lensforge.studies.tradeoff.record import Tradeoff
+    from lensforge.runs.sweep import Sweep
+    from lensforge.runs.tradeoff.record import Tradeoff
+    from lensforge.shop.handover import Handover
+    from lensforge.sources.photometric.photometric_summary import PhotometricSummary
+    from lensforge.sources.rayfiles.ray_file_summary import RayFileSummary
 
 
 def handover(
@@ -43,8 +43,8 @@ def handover(
     allows. ``slope_deg``: where their raster ends. ``offset_inner_mm``, ``offset_outer_mm``: radius of a probe or tool
     whose centres they hold. Raises :class:`InputError` where the ball does not fit, or for too many points.
     """
-    from lensforge.drawings.build import make_handover
-    from lensforge.drawings.grids import GridRequest
+    from lensforge.shop.handover_files import make_handover
+    from lensforge.shop.point_grids import GridRequest
 
     if not isinstance(run, Results):
         raise InputError(f"handover: {str(run)[:60]!r} is {its_type(run)}, must be a Run: run(...) or load(...)")
@@ -68,8 +68,7 @@ def sweep(
     Every field of ``scale`` keeps its ratio to the varied one. Raises :class:`InputError` for a value that the
     spec does not allow.
     """
-    from lensforge.studies.sweep.table import sweep_of
-    from lensforge.studies.sweep.vary import variation_of
+    from lensforge.runs.sweep import sweep_of, variation_of
 
     require_spec(spec, "sweep")
     variation = variation_of(field, values, tuple(scale))
@@ -100,7 +99,7 @@ def tradeoff(
 
     ``most_rays``: of the largest sample, 2^12 to 2^24. ``announce`` is called with the name of each study as it starts.
     """
-    from lensforge.studies.tradeoff.measure import Effort, measure, require_same_scene
+    from lensforge.runs.tradeoff.measure import Effort, measure, require_same_scene
 
     require_spec(spec, "tradeoff")
     if not (isinstance(most_rays, int) and 2**12 <= most_rays <= 2**24):

@@ -21,7 +21,7 @@ import pytest
 from nightly import skip_by_day
 
 import lensforge
-from lensforge.untrusted.worker import collect_garbage_seldom
+from lensforge.results.worker import collect_garbage_seldom
 
 try:
     import fcntl
@@ -86,12 +86,15 @@ def cad_read_here(monkeypatch: pytest.MonkeyPatch) -> None:
 
     For tests of what is done with them; that a child reads them, and may crash, is tested elsewhere.
     """
-    from lensforge.cad_files import step_reading  # not before the import hook is there
-    from lensforge.given_faces import cad_face, cad_sampling
+    from lensforge.surfaces import (
+        cad_sampling,
+        imported_face,
+        step_file,  # not before the import hook is there
+    )
 
-    readers = {Path(step_reading.__file__): step_reading._write_products}
+    readers = {Path(step_file.__file__): step_file._write_products}
     readers[Path(cad_sampling.__file__)] = cad_sampling._sample_face
-    for module in (step_reading, cad_face):
+    for module in (step_file, imported_face):
         monkeypatch.setattr(module, "work_in_child", lambda script, folder, *_, **__: readers[script](folder))
 
 
@@ -124,7 +127,7 @@ def small_run(shared: Path) -> lensforge.Run:
     from scenes import small_spec
     from undrawn import undrawn
 
-    from lensforge.arguments import threads_of_torch
+    from lensforge.runs.arguments import threads_of_torch
 
     spec = small_spec(optimise__steps_per_level=[40, 40])
     with undrawn(), coarse_part(), threads_of_torch(1):
@@ -140,17 +143,17 @@ def whole_run(small_run: lensforge.Run, shared: Path) -> lensforge.Run:
 def _with_every_result(small_run: lensforge.Run, folder: Path) -> lensforge.Run:
     from undrawn import undrawn
 
-    from lensforge.pipeline import run_photometry, run_stray
-    from lensforge.toleranced_folder import run_sensitivity, run_yield
+    from lensforge.runs.pipeline import run_photometry, run_stray
+    from lensforge.runs.toleranced_folder import run_sensitivity, run_yield
 
     shutil.copytree(small_run.folder, folder)
     with pytest.MonkeyPatch.context() as patch:  # as few rays as tests need, and yet the lens's own conditions
-        patch.setattr("lensforge.cast_stages._STRAY_RAYS", 512)
-        patch.setattr("lensforge.tolerancing.sensitivity.RAYS", 512)
+        patch.setattr("lensforge.runs.cast_stages._STRAY_RAYS", 512)
+        patch.setattr("lensforge.made.sensitivity.RAYS", 512)
         run_stray(folder)
-        patch.setattr("lensforge.tolerancing.yield_study.DESIGNED_RAYS", 2048)
-        patch.setattr("lensforge.tolerancing.yield_study._WORST_RAYS", 512)
-        patch.setattr("lensforge.tolerancing.budget.MOST_PARTS", 8)
+        patch.setattr("lensforge.made.yield_study.DESIGNED_RAYS", 2048)
+        patch.setattr("lensforge.made.yield_study._WORST_RAYS", 512)
+        patch.setattr("lensforge.made.tolerance_budget.MOST_PARTS", 8)
         run_sensitivity(folder)
         with undrawn():
             run_yield(folder, parts=40, rays=512)
@@ -164,7 +167,7 @@ def _measure_part(run: lensforge.Run, folder: Path) -> None:
     from PIL import Image
     from scenes import hemisphere_directions
 
-    from lensforge.compared_folder import run_compare_photo, run_compare_surface, run_correct
+    from lensforge.runs.compared_folder import run_compare_photo, run_compare_surface, run_correct
 
     light = run.light.map
     seen = np.kron(light[::-1] / light.max(), np.ones((8, 8)))  # 8 pixels of the camera for each, row 0 on top

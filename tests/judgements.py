@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lensforge.optimisation.held_rays import HeldRays
-from lensforge.optimisation.judgement import SLICES, Judgement
+from lensforge.search.schedule import SLICES, Judgement
+from lensforge.search.validation_rays import HeldRays
 
 
 def judged(merit: float, noise: float = 0.0, seed: int = 0) -> Judgement:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.geometry.patch import fit_patch
-from lensforge.manufacturing.face import AirSide, FaceSamples, OpticalFace, sample_face
+from lensforge.cad.patch import fit_patch
+from lensforge.shop.face_samples import AirSide, FaceSamples, OpticalFace, sample_face
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 from lensforge.surfaces.surface import Surface
 

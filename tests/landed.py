@@ -4,14 +4,13 @@ from dataclasses import dataclass
 
 import torch
 
-from lensforge.optimisation.light_path import landed_through
-from lensforge.receivers.pixels import PixelGrid
-from lensforge.receivers.plane import Plane
-from lensforge.receivers.pose import ReceiverPose
-from lensforge.receivers.receiver import Landings
-from lensforge.sources.bundle import RayBundle
-from lensforge.tracing.exit_rays import ExitRays
-from lensforge.tracing.tables import Scene, trace_tables
+from lensforge.light.table_trace import Scene, trace_tables
+from lensforge.scene.exit_rays import ExitRays
+from lensforge.scene.pixel_grid import PixelGrid
+from lensforge.scene.receiver import Landings, ReceiverPose
+from lensforge.scene.receiver_shapes import Plane
+from lensforge.search.light_path import landed_through
+from lensforge.sources.ray_bundle import RayBundle
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from lensforge.spec import Spec, parse_spec
-from lensforge.surfaces.spline import TableGrid, tabulate
+from lensforge.surfaces.bicubic_table import TableGrid, tabulate
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
 # Where torch may trace: everywhere on the CPU, on a GPU where there is one.

@@ -31,7 +31,7 @@ HEAVY = {
     "skimage", "PIL", "jinja2", "rich", "mitsuba", "yaml", "dask", "distributed",
 }  # fmt: skip
 # Rooms of many modules that few scripts need: together they would be a sixth of what importing the library takes.
-SELDOM = ("lensforge.sources.rayfiles", "lensforge.studies")
+SELDOM = ("lensforge.sources.rayfiles", "lensforge.runs")
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
 
@@ -130,7 +130,7 @@ def test_no_module_is_named_in_a_string() -> None:
                 assert node.value not in NAMES, f"{path}: {node.value!r}"
 
 
-ALLOWED = {"lensforge", "lensforge.api"}  # the program's name; the name in an error, of what is loading
+ALLOWED = {"lensforge", "lensforge.runs.api"}  # the program's name; the name in an error, of what is loading
 
 
 def test_no_verb_has_the_name_of_a_module() -> None:
@@ -158,14 +158,14 @@ def test_there_are_no_cycles() -> None:
 ABSENT = [
     {
         "lensforge": sorted({*HEAVY, "numpy", "pydantic"}),
-        "lensforge.api": sorted(HEAVY),
-        "lensforge.cli": sorted(HEAVY),
-        "lensforge.geometry.export": ["torch", "numba", "cadquery", "trimesh"],
-        "lensforge.manufacturing.check": ["torch", "numba", "cadquery"],
-        "lensforge.verification.verify": ["torch", "numba", "cadquery", "embreex"],
+        "lensforge.runs.api": sorted(HEAVY),
+        "lensforge.cli.cli": sorted(HEAVY),
+        "lensforge.cad.part_export": ["torch", "numba", "cadquery", "trimesh"],
+        "lensforge.shop.check": ["torch", "numba", "cadquery"],
+        "lensforge.proof.verification": ["torch", "numba", "cadquery", "embreex"],
     },
     {
-        "lensforge.optimisation.optimiser": [
+        "lensforge.search.optimiser": [
             "cadquery", "trimesh", "pyvista", "matplotlib", "skimage", "lensforge.sources.rayfiles",
         ],
     },
@@ -211,13 +211,13 @@ def test_verification_shares_nothing_with_the_design() -> None:
     for path in (PACKAGE / "verification").rglob("*.py"):
         for name in _own(_tree(path)):
             assert _layer(name) in allowed, f"{path.name} imports {name}"
-            assert _layer(name) != "sources" or name == "lensforge.sources.bundle"
+            assert _layer(name) != "sources" or name == "lensforge.sources.ray_bundle"
             assert _layer(name) != "optics" or name == "lensforge.optics.media"
-            assert _layer(name) != "workers" or name == "lensforge.workers.second_process", "it computes nothing"
+            assert _layer(name) != "workers" or name == "lensforge.results.second_process", "it computes nothing"
 
 
 def test_rays_that_verification_draws_use_no_code_of_the_design_s_sampler() -> None:
     samplers = {"qmc", "square", "planar", "areas", "intensity", "luminance", "radiance", "inverse_cdf", "placement"}
-    for name in ("emissions.py", "verification/emission.py"):
+    for name in ("emissions.py", "proof/independent_draws.py"):
         used = {own for own in _own(_tree(PACKAGE / name)) if own.startswith("lensforge.sources.")}
         assert not {own.split(".")[2] for own in used} & samplers

@@ -9,7 +9,7 @@ import pytest
 from jaxtyping import Float, TypeCheckError
 from nightly import NIGHTLY
 
-from lensforge.surfaces import chart
+from lensforge.surfaces import surface
 
 
 def plain(points: Float[np.ndarray, "n 3"], flux: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
@@ -61,6 +61,6 @@ def test_the_package_itself_is_checked_in_the_first_calls_of_each_test() -> None
     for _ in range(2):
         for _ in range(array_checks.CALLS):
             with pytest.raises(TypeCheckError):
-                chart.to_sphere(np.zeros((4, 3), dtype=int))
-        assert chart.to_sphere(np.zeros((4, 2), dtype=int)).shape == (4, 3), "later calls: the function itself"
+                surface.to_sphere(np.zeros((4, 3), dtype=int))
+        assert surface.to_sphere(np.zeros((4, 2), dtype=int)).shape == (4, 3), "later calls: the function itself"
         array_checks.begin_test()

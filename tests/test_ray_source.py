@@ -7,11 +7,11 @@ import pytest
 from scenes import small_spec
 
 from lensforge.errors import InputError
-from lensforge.records.validation import same
-from lensforge.sources.build import build_source, summarise
+from lensforge.results.validation import same
+from lensforge.runs.stages import design, evaluate
+from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.rayfiles import read_rayfile
-from lensforge.spec.ray_source import RayfileSource, RaySource
-from lensforge.stages import design, evaluate
+from lensforge.spec.source_sections import RayfileSource, RaySource
 
 LED = Path(__file__).parents[1] / "examples" / "led.tm25ray"
 

@@ -4,7 +4,7 @@ import re
 import tomllib
 from pathlib import Path
 
-from lensforge.cli import cli
+from lensforge.cli.cli import cli
 from lensforge.spec import parse_spec
 
 ROOT = Path(__file__).parents[1]

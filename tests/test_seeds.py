@@ -3,7 +3,7 @@
 from itertools import pairwise
 
 from lensforge import seeds
-from lensforge.far_field.exit_light import _ROUNDS, PARTS
+from lensforge.light.exit_light import _ROUNDS, PARTS
 
 
 def test_no_two_purposes_share_a_seed() -> None:

@@ -8,9 +8,9 @@ from scenes import small_spec
 import lensforge as lf
 from lensforge import seeds
 from lensforge.errors import InputError
-from lensforge.given_faces.lens_face import LENS_FILE
-from lensforge.optimisation.design import Start
-from lensforge.results import load_results
+from lensforge.runs.results import load_results
+from lensforge.search.design_result import Start
+from lensforge.surfaces.imported_face import LENS_FILE
 
 
 def test_the_best_of_the_starts_is_the_design_of_its_seed(tmp_path):
@@ -36,7 +36,7 @@ def test_rays_of_a_file_that_judge_the_best_do_not_choose_it(monkeypatch):
     """The rays that are held back are in no evaluation of the starts."""
     rays = Path(__file__).parents[1] / "examples" / "led.tm25ray"
     spec = small_spec(source={"kind": "rayfile", "file": str(rays), "origin": "virtual_focus"})
-    monkeypatch.setattr("lensforge.evaluation.evaluate.held_back", lambda _: pytest.fail("held back"))
+    monkeypatch.setattr("lensforge.light.evaluation.held_back", lambda _: pytest.fail("held back"))
     found = lf.best_design(spec, starts=2, accuracy="draft", anyway=True)
     assert len(found.starts) == 2
 

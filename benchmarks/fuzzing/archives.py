@@ -22,9 +22,9 @@ from fuzzing.noise import damaged
 from fuzzing.ray_files import require_finite
 from fuzzing.records import CHECKSUM, checksum, record_text, require_usable
 from fuzzing.samples import result_folder
-from lensforge.results import EXTRAS, STAGES
-from lensforge.sources.build import build_source
-from lensforge.spec.source import RadianceSource
+from lensforge.runs.results import EXTRAS, STAGES
+from lensforge.sources.build_source import build_source
+from lensforge.spec.source_sections import RadianceSource
 
 _STAGES = (
     "evaluate",

@@ -13,9 +13,9 @@ from fuzzing.kind import Files, Kind
 from fuzzing.noise import damaged
 from fuzzing.records import CHECKSUM, changed_record, checksum, require_usable
 from fuzzing.samples import BASE_FILE, SNAPSHOT, result_folder
-from lensforge import pipeline
 from lensforge.report.solid_view import SolidViews
-from lensforge.results import Results
+from lensforge.runs import pipeline
+from lensforge.runs.results import Results
 
 _BINARY = 0.3  # of the cases change arrays, STEP, STL or 3MF
 _OTHER_RECORDS = ("handover", "rays", "sweep", SNAPSHOT)  # that a folder does not hold, or that are not read

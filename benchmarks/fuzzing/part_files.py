@@ -63,13 +63,13 @@ def _substituted(chance: Chance, content: bytes, pattern: re.Pattern[bytes], new
 
 
 def _read_step(folder: Path) -> object:
-    from lensforge.geometry.step import parse_step
+    from lensforge.cad.step import parse_step
 
     return parse_step((folder / "lens.step").read_bytes()).shape.Volume()
 
 
 def _read_base(folder: Path) -> object:
-    from lensforge.geometry.custom_base import read_custom_base
+    from lensforge.cad.custom_base import read_custom_base
 
     return read_custom_base(folder / BASE_FILE)
 
@@ -116,7 +116,7 @@ def _changed_xml(chance: Chance, member: Member) -> Member:
 
 
 def _read_threemf(folder: Path) -> object:
-    from lensforge.geometry.mesh_files import parse_3mf
+    from lensforge.cad.mesh_files import parse_3mf
 
     return parse_3mf((folder / "lens.3mf").read_bytes())
 

@@ -12,13 +12,12 @@ from fuzzing.kind import Files, Kind
 from fuzzing.lines import changed_text
 from fuzzing.ray_files import require_finite
 from lensforge.errors import InputError
-from lensforge.sources.build import build_source, summarise
-from lensforge.sources.inspection import inspect
+from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric import PhotometricFile
-from lensforge.sources.photometric.conversion import convert_photometric
-from lensforge.sources.photometric.reading import _FORMATS
-from lensforge.spec.source import DiscSource
+from lensforge.sources.photometric.photometric_io import _FORMATS, convert_photometric
+from lensforge.sources.photometric.photometric_summary import inspect
+from lensforge.spec.source_sections import DiscSource
 
 _FAR_FIELD, _SPECTRUM, _CLOUD = "far_field.ies", "spectrum.txt", "points.csv"
 _SAMPLED = 16
@@ -103,8 +102,8 @@ def _clouds() -> list[bytes]:
 
 
 def _read_cloud(folder: Path) -> object:
-    from lensforge.measurement.registration import over_surface
-    from lensforge.point_cloud import read_cloud
+    from lensforge.made.registration import over_surface
+    from lensforge.surfaces.point_cloud import read_cloud
 
     cloud = read_cloud(folder / _CLOUD)
     require_finite(cloud)

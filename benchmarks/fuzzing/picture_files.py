@@ -15,13 +15,13 @@ from fuzzing.png_files import changed_png, png_samples
 from fuzzing.ray_files import require_finite
 from fuzzing.tiff_files import changed_tiff, tiff_samples
 from lensforge.errors import InputError
-from lensforge.measurement.photograph import read_photograph
-from lensforge.receivers.pixels import PixelGrid
-from lensforge.receivers.plane import Plane
-from lensforge.receivers.pose import ReceiverPose
-from lensforge.sources.luminance import LuminanceImage
+from lensforge.made.photograph import read_photograph
+from lensforge.scene.pixel_grid import PixelGrid
+from lensforge.scene.receiver import ReceiverPose
+from lensforge.scene.receiver_shapes import Plane
+from lensforge.scene.target_pattern import target_light
+from lensforge.sources.planar_emitter import LuminanceImage
 from lensforge.spec import ImageTarget
-from lensforge.targets.pattern import target_light
 
 _FILE = "picture"
 _BMP = Layout.of("2sIHHIIiiHHIIiiII", None, 24)

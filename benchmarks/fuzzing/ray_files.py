@@ -14,10 +14,10 @@ from fuzzing.fields import Layout, changed_fields
 from fuzzing.kind import Files, Kind
 from fuzzing.lines import changed_text
 from lensforge.errors import InputError
-from lensforge.sources.build import build_source, summarise
-from lensforge.sources.inspection import inspect
+from lensforge.sources.build_source import build_source, summarise
+from lensforge.sources.photometric.photometric_summary import inspect
 from lensforge.sources.rayfiles import FORMATS, RayFile, read_rayfile, write_rayfile
-from lensforge.spec.ray_source import RayfileSource
+from lensforge.spec.source_sections import RayfileSource
 
 FILE = "rays.bin"
 _RAYS = 12

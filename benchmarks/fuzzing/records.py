@@ -14,10 +14,10 @@ from fuzzing.chance import Chance
 from fuzzing.kind import Files, Kind
 from fuzzing.samples import SNAPSHOT, result_folder
 from fuzzing.trees import as_json, changed_tree, damaged_text
-from lensforge.records import StageResult
 from lensforge.report.snapshots import Snapshot
-from lensforge.results import EXTRAS, STAGES
-from lensforge.run_record import RUN_FILE, read_record
+from lensforge.results import StageResult
+from lensforge.runs.results import EXTRAS, STAGES
+from lensforge.runs.run_record import RUN_FILE, read_record
 
 CHECKSUM = "content_sha256"
 _STAMPED = 0.75  # of the cases have the checksum of their changed content: the others all end at the old one

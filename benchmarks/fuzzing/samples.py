@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 import lensforge as lf
-from lensforge import compared_folder, pipeline, toleranced_folder
+from lensforge.runs import compared_folder, pipeline, toleranced_folder
 from lensforge.spec import parse_spec
 
 BASE_FILE, SNAPSHOT = "base.step", "level-0"
@@ -71,8 +71,7 @@ def _measure_part(folder: Path) -> None:
 def add_samples(folder: Path) -> None:
     """Write into a result folder the files that are read elsewhere: those of a sweep, a snapshot, and a base."""
     from lensforge.report.snapshots import Snapshot
-    from lensforge.studies.sweep.table import sweep_of
-    from lensforge.studies.sweep.vary import variation_of
+    from lensforge.runs.sweep import sweep_of, variation_of
 
     run = lf.load(folder)
     variation = variation_of("constraints.max_radius_mm", [7.0, 8.0], ())

@@ -13,7 +13,7 @@ from fuzzing.kind import Files, Kind
 from fuzzing.trees import as_toml, changed_tree, damaged_text
 from lensforge.spec import parse_spec
 from lensforge.spec.feasible import require_base_around_cavity
-from lensforge.spec.files import resolve_files
+from lensforge.spec.spec_files import resolve_files
 
 FILE = "spec.toml"
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -99,9 +99,9 @@ def _changed_stl(chance: Chance) -> bytes:
 
 def _read_stl(folder: Path) -> object:
     """Merge the triangles, fit normals to them, and cast rays at them, as the verification does."""
-    from lensforge.geometry.mesh_files import parse_stl
-    from lensforge.verification.casting import Grid, Leg
-    from lensforge.verification.part_mesh import read_part_mesh
+    from lensforge.cad.mesh_files import parse_stl
+    from lensforge.proof.facet_casting import Grid, Leg
+    from lensforge.proof.part_mesh import read_part_mesh
 
     content = (folder / _FILE).read_bytes()
     parse_stl(content)

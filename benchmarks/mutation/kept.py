@@ -84,7 +84,7 @@ def table(record: Record) -> str:
 
 def share(caught: int, bugs: int) -> str:
     """Count, share in per cent, and its 95 % confidence interval by Wilson's score."""
-    from lensforge.tolerancing.yield_result import PassRate  # not before the tests have run: they import a changed copy
+    from lensforge.made.tolerance_result import PassRate  # not before the tests have run: they import a changed copy
 
     if not bugs:
         return "0"

@@ -1,1 +1,1 @@
-"""Compiled kernels, and how they run on every core; cached under a digest of this folder."""
+"""What is compiled: first hits of tables, the path of rays and its adjoint, splines, landing on receivers."""

@@ -10,7 +10,7 @@ All rays of a packet go in step; one that has found its crossing leaves its plac
 
 from math import inf, sqrt
 
-from lensforge.kernels.jit import inline
+from lensforge.kernels.compiled import inline
 from lensforge.kernels.packets import (
     ALONG_Z,
     BEFORE,

@@ -9,7 +9,7 @@ are g - (g d) N / (N d) to p, and t times that to d.
 
 from math import atan2, sqrt
 
-from lensforge.kernels.jit import inline, kernel
+from lensforge.kernels.compiled import inline, kernel
 
 # Least component of a direction along the normal of a plane that it reaches: below it the hit, or its square, could
 # overflow.

@@ -12,8 +12,8 @@ from math import sqrt
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.kernels.jit import inline
-from lensforge.kernels.spline import cubic_splines, index_at
+from lensforge.kernels.bicubic import cubic_splines, index_at
+from lensforge.kernels.compiled import inline
 
 SIZE = 256  # rays
 WIDTH = 8  # rays in the widest vector register

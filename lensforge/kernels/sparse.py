@@ -15,7 +15,8 @@ from jaxtyping import Float
 from scipy.sparse import csr_matrix
 from torch import Tensor
 
-from lensforge.kernels.jit import CHUNKS, in_chunks, kernel
+from lensforge.kernels.compiled import kernel
+from lensforge.kernels.parallel import CHUNKS, in_chunks
 
 
 @kernel

@@ -11,9 +11,12 @@ for a cover glass, whose transmittance depends on the polarisation of what comes
 
 from math import exp, sqrt
 
-from lensforge.kernels.fates import Fate
+from lensforge.kernels.bicubic import value_and_slope
+from lensforge.kernels.compiled import inline, kernel
+from lensforge.kernels.displaced_faces import place, rough_normal, turn, z_axis
+from lensforge.kernels.fate import Fate
 from lensforge.kernels.first_hit import BELOW, FOUND, first_hits
-from lensforge.kernels.jit import inline, kernel
+from lensforge.kernels.fresnel import axial_share, outward_normal, polarised_share, refract, through_face, unit
 from lensforge.kernels.packets import (
     AXIAL,
     BEHIND,
@@ -41,10 +44,6 @@ from lensforge.kernels.packets import (
     in_whole_vectors,
     tile_of,
 )
-from lensforge.kernels.placement import place, rough_normal, turn, z_axis
-from lensforge.kernels.polarisation import axial_share, polarised_share, through_face
-from lensforge.kernels.refraction import outward_normal, refract, unit
-from lensforge.kernels.spline import value_and_slope
 
 
 @inline

@@ -1,1 +1,1 @@
-"""Snell, Fresnel and materials: pure functions."""
+"""What light meets: media, materials, coatings, the limits that étendue sets, and images as light."""

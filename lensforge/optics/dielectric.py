@@ -44,7 +44,7 @@ def coated_transmittances(
 ) -> Transmittances:
     """Transmitted shares at a coated face. Mask total reflection first.
 
-    ``table``: as in :mod:`~lensforge.optics.coating_tables`; ``rows``: place among its rows, of each ray or of all.
+    ``table``: as in :mod:`~lensforge.optics.coatings`; ``rows``: place among its rows, of each ray or of all.
     """
     behind = torch.sqrt(transmitted_cosine_squared(cosine, ratio))
     into = torch.as_tensor(ratio, dtype=cosine.dtype, device=cosine.device)

@@ -1,1 +1,1 @@
-"""The report: one self-contained HTML page and its figures, from the results of a lens and nothing else."""
+"""How results are shown: pages, plots, and the notebook."""

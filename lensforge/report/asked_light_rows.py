@@ -4,18 +4,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-from lensforge.criteria import beyond_doubt
-from lensforge.evaluation.light import Light
-from lensforge.evaluation.light_bounds import LARGEST_NMSE, LEAST_SHARE, possible_share
-from lensforge.evaluation.limit_result import LimitResult, LimitState
-from lensforge.evaluation.receiver_light import ReceiverLight
-from lensforge.evaluation.region_light import REGIONS
-from lensforge.optics.two_refractions import transmittance_of
-from lensforge.records import Metric
+from lensforge.light.evaluation_result import Light, LimitResult, LimitState
+from lensforge.light.receiver_light import LARGEST_NMSE, LEAST_SHARE, REGIONS, ReceiverLight, possible_share
+from lensforge.optics.fundamental_limits import transmittance_of
 from lensforge.report.numerals import NOTHING, number, number_with_error, percent, percent_with_error
 from lensforge.report.possible_limits import PossibleLimit, possible_limits
 from lensforge.report.shown_receivers import ShownReceiver, shown_receivers
-from lensforge.results import Results
+from lensforge.results import Metric
+from lensforge.results.criteria import beyond_doubt
+from lensforge.runs.results import Results
 
 AskedState = Literal["pass", "fail", "open", ""]  # "": nothing was asked, or nobody has judged it
 

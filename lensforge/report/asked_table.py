@@ -2,13 +2,13 @@
 
 from collections.abc import Iterator
 
-from lensforge.geometry.part import Part
-from lensforge.manufacturing.result import Check, FaceResult
-from lensforge.optimisation.design import Design
+from lensforge.cad.part import Part
 from lensforge.report.asked_light_rows import AskedRow, AskedState, light_rows
 from lensforge.report.headline import criteria_state
 from lensforge.report.numerals import NOTHING, number
-from lensforge.results import Results
+from lensforge.runs.results import Results
+from lensforge.search.design_result import Design
+from lensforge.shop.check_result import Check, FaceResult
 
 
 def asked_rows(results: Results) -> list[AskedRow]:

@@ -5,20 +5,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lensforge.evaluation.light import Light
-from lensforge.figures.light_unit import light_unit
-from lensforge.geometry.part import Part
-from lensforge.manufacturing.result import Check
-from lensforge.measurement.comparison import PhotoComparison
-from lensforge.optimisation.design import Design
-from lensforge.records import Metric
+from lensforge.cad.part import Part
+from lensforge.light.evaluation_result import Light
+from lensforge.made.measurement_result import PhotoComparison
+from lensforge.proof.proof_result import Proof
+from lensforge.proof.stray_result import StrayLight
 from lensforge.report.asked_table import largest_mill
 from lensforge.report.headline import criteria_state
 from lensforge.report.numerals import number, percent
 from lensforge.report.shown_receivers import shown_receivers
-from lensforge.results import Results
-from lensforge.verification.proof import Proof
-from lensforge.verification.stray_result import StrayLight
+from lensforge.results import Metric
+from lensforge.results.chart import light_unit
+from lensforge.runs.results import Results
+from lensforge.search.design_result import Design
+from lensforge.shop.check_result import Check
 
 
 @dataclass(frozen=True)

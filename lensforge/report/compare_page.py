@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lensforge.errors import InputError
-from lensforge.evaluation.light import Light
-from lensforge.records import Metric
+from lensforge.light.evaluation_result import Light
 from lensforge.report.cards import cards
 from lensforge.report.compare_pictures import ComparedPictures
 from lensforge.report.headline import headline
@@ -14,7 +13,8 @@ from lensforge.report.numerals import number_with_error
 from lensforge.report.page import template
 from lensforge.report.tables import rows
 from lensforge.report.task import task
-from lensforge.results import Results
+from lensforge.results import Metric
+from lensforge.runs.results import Results
 from lensforge.version import __version__
 
 _MOST = 8  # columns: more do not fit on a page

@@ -8,11 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from lensforge.evaluation.light import Light
-from lensforge.evaluation.receiver_light import ReceiverLight
-from lensforge.figures.chart import Chart
-from lensforge.figures.light_unit import LightUnit, light_unit
-from lensforge.measurement.comparison import PhotoComparison
+from lensforge.light.evaluation_result import Light
+from lensforge.light.receiver_light import ReceiverLight
+from lensforge.made.measurement_result import PhotoComparison
 from lensforge.report.figure_style import BLUE, GREEN, GREY, INK, NARROW, ORANGE, RED, WIDE, in_report_style, new_figure
 from lensforge.report.irradiance_figures import irradiance_map
 from lensforge.report.line_figures import along, encircled_share, label_positions, label_radii
@@ -21,7 +19,8 @@ from lensforge.report.numerals import number
 from lensforge.report.pictures import PagePicture, picture, source_outline
 from lensforge.report.section_figures import lens_section, reach_mm
 from lensforge.report.shown_receivers import capitalised, receivers_in
-from lensforge.results import Results
+from lensforge.results.chart import Chart, LightUnit, light_unit
+from lensforge.runs.results import Results
 
 _COLOURS = (BLUE, ORANGE, GREEN, RED, "#8a5cc9", "#c2569b", GREY, INK)
 _DASHES = ("solid", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))  # curves that coincide remain visible

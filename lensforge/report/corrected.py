@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from lensforge.evaluation.light import LightMetrics
-from lensforge.measurement.correction_result import Correction
-from lensforge.records import Extent
+from lensforge.light.evaluation_result import LightMetrics
+from lensforge.made.correction_result import Correction
 from lensforge.report import surface_figures
 from lensforge.report.numerals import number, number_with_error, percent
 from lensforge.report.pictures import PagePicture, picture
 from lensforge.report.proof import Facts
+from lensforge.results import Extent
 
 
 def correction_facts(made: Correction) -> Facts:

@@ -14,8 +14,8 @@ from matplotlib.colorbar import Colorbar
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from lensforge.files import replacing
 from lensforge.report.small_images import with_palettes
+from lensforge.results.files import replacing
 
 # Drawn in this colour, replaced by `currentColor` in the page, so that one picture serves light, dark and print.
 INK = "#0b0b0d"

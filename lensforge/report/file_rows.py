@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
+from lensforge.cad.part import Part
 from lensforge.errors import InputError
-from lensforge.geometry.part import Part
 from lensforge.report.numerals import size
-from lensforge.results import REPORT_FILE, Results
+from lensforge.runs.results import REPORT_FILE, Results
 
 _PURPOSES = {
     ".step": "solid for CAD and CAM",

@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
-from lensforge.evaluation.receiver_light import Flux, MissedByCause
+from lensforge.light.receiver_light import Flux, MissedByCause
 from lensforge.report.figure_style import BLUE, GREEN, NARROW, ORANGE, in_report_style, new_figure
 
 _WORDS = {

@@ -4,17 +4,17 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from lensforge.criteria import Criterion
-from lensforge.evaluation.light import Light
-from lensforge.far_field.photometry import Photometry
-from lensforge.geometry.part import Part
-from lensforge.manufacturing.result import Check
-from lensforge.optimisation.design import Design
-from lensforge.records import State
+from lensforge.cad.part import Part
+from lensforge.light.evaluation_result import Light
+from lensforge.light.photometry_result import Photometry
+from lensforge.proof.proof_result import Proof
 from lensforge.report.criterion_words import criterion_words
 from lensforge.report.numerals import number
-from lensforge.results import Results
-from lensforge.verification.proof import Proof
+from lensforge.results import State
+from lensforge.results.criteria import Criterion
+from lensforge.runs.results import Results
+from lensforge.search.design_result import Design
+from lensforge.shop.check_result import Check
 
 Shown = Literal["pass", "fail", "open"]  # the style of a verdict on the page
 

@@ -12,11 +12,10 @@ from matplotlib.image import AxesImage
 from matplotlib.patches import Circle
 from PIL import Image as PictureFile
 
-from lensforge.figures.chart import Chart, angles_to, on_chart
-from lensforge.figures.light_unit import WATTS, LightUnit
-from lensforge.records import Image
 from lensforge.report.figure_style import INK, NARROW, add_colour_bar, in_report_style, new_map
 from lensforge.report.numerals import number
+from lensforge.results import Image
+from lensforge.results.chart import WATTS, Chart, LightUnit, angles_to, on_chart
 
 ISO_SHARES = {0.1: "#6a4fc4", 0.25: "#2f7fd1", 0.5: "#1f9e89", 0.75: "#d18a1f", 0.9: "#d6453d"}  # of the level: colour
 MOST_DRAWN = 256  # pixels along the longer side of a map: as many as a screen shows in a fifth of its width

@@ -7,10 +7,9 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from lensforge.evaluation.light import Light
-from lensforge.geometry.part import Part
-from lensforge.lens import Lens
-from lensforge.manufacturing.result import Check
+from lensforge.cad.part import Part
+from lensforge.light.evaluation_result import Light
+from lensforge.proof.proof_result import Proof
 from lensforge.report import headline, pictures, proof
 from lensforge.report.asked_table import asked_rows
 from lensforge.report.cards import further_cards
@@ -28,9 +27,10 @@ from lensforge.report.stray_light import stray_pictures, stray_sentence
 from lensforge.report.tables import Row, rows
 from lensforge.report.task import task
 from lensforge.report.yield_section import yield_section
-from lensforge.results import REPORT_FILE, Results
+from lensforge.runs.results import REPORT_FILE, Results
+from lensforge.scene.lens import Lens
+from lensforge.shop.check_result import Check
 from lensforge.surfaces.srbf import fibonacci_hemisphere
-from lensforge.verification.proof import Proof
 from lensforge.version import __version__
 
 _PACKAGES = ("numpy", "scipy", "torch", "numba", "cadquery", "trimesh", "manifold3d", "matplotlib", "pyvista")

@@ -2,14 +2,14 @@
 
 from dataclasses import dataclass, replace
 
-from lensforge.evaluation.light import Light
-from lensforge.evaluation.receiver_light import ReceiverLight
+from lensforge.light.evaluation_result import Light
+from lensforge.light.receiver_light import ReceiverLight
 from lensforge.report import flux_figures, irradiance_figures, line_figures
 from lensforge.report.lit_frame import lit_frame
 from lensforge.report.numerals import number
 from lensforge.report.pictures import PagePicture, picture
 from lensforge.report.shown_receivers import ShownReceiver, shown_receivers, top_of
-from lensforge.results import Results
+from lensforge.runs.results import Results
 
 _FIRST = 4.6  # inches: half of the page
 _ABOVE = 1.1  # of the target's peak: the ripple of a flat target can still be told

@@ -10,10 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.ndimage import map_coordinates
 
-from lensforge.figures.chart import Chart
-from lensforge.figures.light_unit import WATTS, LightUnit
-from lensforge.records import Image
 from lensforge.report.figure_style import BLUE, INK, NARROW, in_report_style, new_figure
+from lensforge.results import Image
+from lensforge.results.chart import WATTS, Chart, LightUnit
 
 Ends = tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]]
 

@@ -3,8 +3,8 @@
 import numpy as np
 from jaxtyping import Bool, Float
 
-from lensforge.figures.chart import Chart
-from lensforge.records import Image
+from lensforge.results import Image
+from lensforge.results.chart import Chart
 
 _WANTED, _LANDED = 0.01, 0.05  # of the target's peak: darker places need not be seen
 _MARGIN = 1.2  # of the frame over what it holds

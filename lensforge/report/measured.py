@@ -4,17 +4,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lensforge.figures.light_unit import LightUnit
-from lensforge.measurement.alignment import Alignment
-from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
-from lensforge.records import Metric
+from lensforge.made.measurement_result import Alignment, PhotoComparison, SurfaceComparison
 from lensforge.report import irradiance_figures, line_figures, surface_figures
 from lensforge.report.corrected import correction_facts, correction_pictures, light_changes
 from lensforge.report.numerals import number, number_with_error, percent, unit_of_light
 from lensforge.report.pictures import PagePicture, picture
 from lensforge.report.proof import Facts
 from lensforge.report.shown_receivers import top_of
-from lensforge.results import Results
+from lensforge.results import Metric
+from lensforge.results.chart import LightUnit
+from lensforge.runs.results import Results
 
 # A photograph has no unit of light: both pictures are scaled to a mean of 1.
 RELATIVE = LightUnit("irradiance", "mean = 1", 1.0)

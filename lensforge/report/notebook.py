@@ -6,7 +6,7 @@ from lensforge.report.cards import cards
 from lensforge.report.headline import headline
 from lensforge.report.light_pictures import first_picture
 from lensforge.report.pictures import section_pictures
-from lensforge.results import Results
+from lensforge.runs.results import Results
 
 _MARKS = {"pass": "✓", "fail": "✗", "open": "ask the shop", "": ""}
 

@@ -4,12 +4,12 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from lensforge.evaluation.light import Light
-from lensforge.figures.light_unit import LightUnit, light_unit
-from lensforge.optimisation.design import Design
-from lensforge.records import Metric
-from lensforge.records.digits import decimals_by_error
-from lensforge.results import Results
+from lensforge.light.evaluation_result import Light
+from lensforge.results import Metric
+from lensforge.results.chart import LightUnit, light_unit
+from lensforge.results.digits import decimals_by_error
+from lensforge.runs.results import Results
+from lensforge.search.design_result import Design
 
 _THIN_SPACE = "\u2009"
 _MINUS = "\u2212"

@@ -5,23 +5,22 @@ from dataclasses import dataclass
 
 from matplotlib.figure import Figure
 
-from lensforge.evaluation.light import Light
-from lensforge.far_field.photometry import Photometry
-from lensforge.measurement.comparison import SurfaceComparison
-from lensforge.measurement.correction_result import Correction
-from lensforge.records import SimulatedResult, State
+from lensforge.light.evaluation_result import Light
+from lensforge.light.photometry_result import Photometry
+from lensforge.made.correction_result import Correction
+from lensforge.made.measurement_result import SurfaceComparison
+from lensforge.made.tolerance_result import Sensitivity, Yield
+from lensforge.proof.proof_result import Proof
+from lensforge.proof.stray_result import StrayLight
 from lensforge.report import irradiance_figures
 from lensforge.report.headline import SHOWN, Shown
 from lensforge.report.light_pictures import pixels_of
 from lensforge.report.numerals import number, number_with_error, percent
 from lensforge.report.pictures import PagePicture, picture
 from lensforge.report.shown_receivers import ShownReceiver, receivers_in, top_of
-from lensforge.results import Results
-from lensforge.tolerancing.sensitivity_table import Sensitivity
-from lensforge.tolerancing.yield_result import Yield
-from lensforge.verdict import verdict_on
-from lensforge.verification.proof import Proof
-from lensforge.verification.stray_result import StrayLight
+from lensforge.results import SimulatedResult, State
+from lensforge.runs.results import Results
+from lensforge.runs.verdict import verdict_on
 
 OWN = "the lens’s own"
 

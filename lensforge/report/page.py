@@ -10,9 +10,9 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 from markupsafe import Markup
 
 from lensforge.errors import InputError
-from lensforge.files import replacing, temporary_folder
 from lensforge.report.ownership import is_free_or_own, pdf_mark, require_own
-from lensforge.untrusted.child import kill_group
+from lensforge.results.files import replacing, temporary_folder
+from lensforge.results.sandbox import kill_group
 
 _TEMPLATES = Path(__file__).with_name("templates")
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "microsoft-edge")

@@ -5,12 +5,11 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from lensforge.far_field.photometry import Photometry
+from lensforge.light.photometry_result import Photometry
 from lensforge.report.figure_style import BLUE, GREY, INK, NARROW, ORANGE, in_report_style, new_figure
 from lensforge.report.irradiance_figures import ISO_SHARES
 from lensforge.report.numerals import number, percent
-from lensforge.sources.intensity import TabulatedIntensity
-from lensforge.sources.photometric.beam import plane_profile
+from lensforge.sources.intensity import TabulatedIntensity, plane_profile
 
 _PLANES = {0.0: (ORANGE, "C 0 – C 180"), 90.0: (BLUE, "C 90 – C 270")}
 _RINGS = 4

@@ -3,16 +3,16 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from lensforge.evaluation.region_light import REGIONS
-from lensforge.far_field.photometry import Photometry
-from lensforge.records import Metric
+from lensforge.light.photometry_result import Photometry
+from lensforge.light.receiver_light import REGIONS
+from lensforge.light.road_lighting import RoadFigures
 from lensforge.report.numerals import number, number_with_error, percent
 from lensforge.report.photometry_figures import ground_diagram, isocandela_diagram, polar_diagram
 from lensforge.report.pictures import PagePicture, picture
 from lensforge.report.shown_receivers import ShownReceiver, shown_receivers
-from lensforge.results import Results
-from lensforge.roadway.road_figures import RoadFigures
-from lensforge.spec.photometry import PhotometrySection
+from lensforge.results import Metric
+from lensforge.runs.results import Results
+from lensforge.spec.light_limits import PhotometrySection
 
 Fact = tuple[str, str]
 _ZONES = {

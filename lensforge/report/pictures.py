@@ -7,16 +7,16 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
-from lensforge.manufacturing.result import Check, FaceResult
-from lensforge.optimisation.design import Design
 from lensforge.report import search_figures, section_figures, surface_figures
 from lensforge.report.figure_style import to_svg
 from lensforge.report.numerals import number, percent, unit_of_light
 from lensforge.report.snapshots import Snapshot
 from lensforge.report.surface_figures import ChartMap
-from lensforge.results import Results
-from lensforge.sources.build import build_source
-from lensforge.spec.source import SquareSource
+from lensforge.runs.results import Results
+from lensforge.search.design_result import Design
+from lensforge.shop.check_result import Check, FaceResult
+from lensforge.sources.build_source import build_source
+from lensforge.spec.source_sections import SquareSource
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,11 @@ A folder need not hold the ray file of its source, so that for such a source not
 
 from dataclasses import dataclass
 
-from lensforge.optimisation.asked_light import AskedLight, asked_light
 from lensforge.report.numerals import number
-from lensforge.sources.build import build_source
+from lensforge.search.scene_check import AskedLight, asked_light
+from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
-from lensforge.spec.source import ChipArraySource, DiscSource, RectangleSource, SquareSource
+from lensforge.spec.source_sections import ChipArraySource, DiscSource, RectangleSource, SquareSource
 
 _WITHOUT_FILES = (SquareSource, RectangleSource, DiscSource, ChipArraySource)
 

@@ -1,14 +1,14 @@
 """Section on verification: the STEP as read back, rays through the exported part, its light against the design's."""
 
-from lensforge.evaluation.light import Light
-from lensforge.figures.light_unit import light_unit
-from lensforge.geometry.part import Part
+from lensforge.cad.part import Part
+from lensforge.light.evaluation_result import Light
+from lensforge.proof.proof_result import Proof, ReceiverProof
 from lensforge.report import irradiance_figures
 from lensforge.report.numerals import number, percent, unit_of_light
 from lensforge.report.pictures import PagePicture, picture
 from lensforge.report.shown_receivers import numbered, suffix, top_of
-from lensforge.results import Results
-from lensforge.verification.proof import Proof, ReceiverProof
+from lensforge.results.chart import light_unit
+from lensforge.runs.results import Results
 
 Facts = list[tuple[str, str]]
 

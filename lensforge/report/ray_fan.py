@@ -8,10 +8,10 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from lensforge.lens import Lens
+from lensforge.light.exact_trace import DenseScan, exact_surfaces
+from lensforge.light.sequential_trace import TracedSurface
 from lensforge.optics.dielectric import refract, transmitted_cosine_squared
-from lensforge.tracing.exact import DenseScan, exact_surfaces
-from lensforge.tracing.sequence import TracedSurface
+from lensforge.scene.lens import Lens
 
 _STEPS = 192  # of the search for a first crossing: far finer than a lens's features
 _CAVITY_MM = 1e-9  # a point is in the cavity from this depth on

@@ -8,15 +8,22 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, PercentFormatter
 
-from lensforge.records import Metric
+from lensforge.proof.proof_result import (
+    Agreement,
+    BrepCast,
+    IndependentRays,
+    MitsubaCast,
+    PlainCast,
+    Proof,
+    ReceiverProof,
+)
 from lensforge.report.figure_style import BLUE, GREEN, INK, ORANGE, WIDE, in_report_style, new_figure
 from lensforge.report.headline import criteria_state
 from lensforge.report.numerals import number, percent
 from lensforge.report.pictures import PagePicture, picture
 from lensforge.report.shown_receivers import numbered, suffix
-from lensforge.results import Results
-from lensforge.verification.light_result import OwnRays
-from lensforge.verification.proof import Agreement, BrepCast, MitsubaCast, PlainCast, Proof, ReceiverProof
+from lensforge.results import Metric
+from lensforge.runs.results import Results
 
 _COLOURS = (BLUE, GREEN, ORANGE)
 _LEAST_MM = 1e-5  # 10 nm: smaller distances have no optical meaning
@@ -97,7 +104,7 @@ def _mitsuba(proof: Proof, mitsuba: MitsubaCast, index: int) -> RefereeRow:
     return RefereeRow(name, "lens.stl", number(mitsuba.rays), *_gaps(mitsuba.against_design), says, state)
 
 
-def _own_rays(proof: Proof, own: OwnRays, index: int) -> RefereeRow:
+def _own_rays(proof: Proof, own: IndependentRays, index: int) -> RefereeRow:
     says = f"efficiency {_percent(own.efficiency)}, the design\u2019s light {_percent(own.efficiency_design)}"
     if own.nmse_less_noise is not None:
         error = number(own.nmse_less_noise.standard_error, 2)

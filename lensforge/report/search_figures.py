@@ -12,9 +12,6 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, PercentFormatter
 
-from lensforge.figures.chart import Chart
-from lensforge.figures.light_unit import WATTS, LightUnit
-from lensforge.optimisation.design import Level
 from lensforge.report.figure_style import (
     BLUE,
     GREEN,
@@ -28,6 +25,8 @@ from lensforge.report.figure_style import (
     new_figure,
 )
 from lensforge.report.irradiance_figures import drawn
+from lensforge.results.chart import WATTS, Chart, LightUnit
+from lensforge.search.design_result import Level
 
 _CURVE_HEIGHT = 2.5
 _CONSTRAINT_CURVES = {

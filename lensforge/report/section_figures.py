@@ -6,11 +6,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
-from lensforge.geometry.section import body_outlines
-from lensforge.lens import Lens
+from lensforge.cad.section import body_outlines
 from lensforge.report.figure_style import BLUE, GREEN, GREY, INK, ORANGE, RED, WIDE, in_report_style, new_figure
 from lensforge.report.ray_fan import trace_fan
-from lensforge.sources.placement import SourcePose
+from lensforge.scene.lens import Lens
+from lensforge.sources.source_pose import SourcePose
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 _FAN_DEG = np.linspace(-75.0, 75.0, 21)

@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
+from lensforge.made.tolerance_result import ErrorRow, Sensitivity
 from lensforge.report.numerals import number, number_with_error
-from lensforge.results import Results
-from lensforge.tolerancing.sensitivity_table import ErrorRow, Sensitivity
+from lensforge.runs.results import Results
 
 _DIGITS = 4  # at most; the standard error leaves fewer
 

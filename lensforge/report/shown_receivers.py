@@ -6,15 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool
 
-from lensforge.evaluation.light import Light
-from lensforge.evaluation.receiver_light import ReceiverLight
-from lensforge.figures.light_unit import LightUnit, light_unit
-from lensforge.receivers.build import receivers_of
-from lensforge.results import Results
+from lensforge.light.evaluation_result import Light
+from lensforge.light.receiver_light import ReceiverLight
+from lensforge.proof.proof_result import ReceiverProof
+from lensforge.proof.stray_result import ReceiverStray
+from lensforge.results.chart import LightUnit, light_unit
+from lensforge.runs.results import Results
+from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.scene.target_region import uniform_region
 from lensforge.spec import Spec
-from lensforge.targets.region import uniform_region
-from lensforge.verification.proof import ReceiverProof
-from lensforge.verification.stray_result import ReceiverStray
 
 
 @dataclass(frozen=True)

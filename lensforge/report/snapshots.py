@@ -7,17 +7,16 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.accuracy import PRESETS
 from lensforge.errors import InputError, OutdatedResult
-from lensforge.figures.chart import Chart
-from lensforge.figures.light_unit import light_unit
-from lensforge.lens import Lens
-from lensforge.optimisation.design import Progress
-from lensforge.records import Array, Count, Flag, Irradiance, NotNegative, Number, Positive, StageResult
 from lensforge.report.figure_style import save_picture
 from lensforge.report.search_figures import snapshot_figure
-from lensforge.sources.build import build_source, summarise
+from lensforge.results import Array, Count, Flag, Irradiance, NotNegative, Number, Positive, StageResult
+from lensforge.results.chart import Chart, light_unit
+from lensforge.scene.lens import Lens
+from lensforge.search.design_result import Progress
+from lensforge.sources.build_source import build_source, summarise
 from lensforge.spec import Spec
+from lensforge.spec.accuracy import PRESETS
 from lensforge.surfaces.srbf import MOST_LEVELS
 
 if TYPE_CHECKING:
@@ -60,7 +59,7 @@ class Snapshot(StageResult):
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
         """The light after this level, in false colour."""
-        from lensforge.figures.plots import plot_map
+        from lensforge.results.plots import plot_map
 
         return plot_map(self.irradiance, self.chart, light_unit(None, far_field=self.far_field), axes)
 
@@ -119,8 +118,8 @@ class Snapshots:
             self._outdated = False
         if not step.level_done:
             return
-        from lensforge.evaluation.evaluate import evaluate_traced
-        from lensforge.evaluation.simulate import TracedLens
+        from lensforge.light.evaluation import evaluate_traced
+        from lensforge.light.simulation import TracedLens
 
         lens = step.lens()
         traced = TracedLens.of(lens, PRESETS[step.accuracy].nodes_per_sigma)  # the search's own tables

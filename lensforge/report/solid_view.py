@@ -19,9 +19,9 @@ from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
 from lensforge.errors import InputError
-from lensforge.files import temporary_folder
-from lensforge.untrusted.child import Child, ChildLimits, Ending, serve
-from lensforge.untrusted.stl import stl_corners
+from lensforge.results.file_bounds import stl_corners
+from lensforge.results.files import temporary_folder
+from lensforge.results.sandbox import Child, ChildLimits, Ending, serve
 
 _MESH, _RADIUS = "part.stl", "radius.json"
 # A mesh of 200,000 triangles takes 0.5 GiB, 1.3 million take 1 GiB and, on a busy machine, 54 s by software.

@@ -4,12 +4,12 @@ from collections.abc import Sequence
 
 from matplotlib.figure import Figure
 
+from lensforge.proof.stray_result import ReceiverStray, StrayFlux, StrayLight
 from lensforge.report import flux_figures, irradiance_figures
 from lensforge.report.numerals import number, percent, unit_of_light
 from lensforge.report.pictures import PagePicture, picture
 from lensforge.report.shown_receivers import numbered, suffix, top_of
-from lensforge.results import Results
-from lensforge.verification.stray_result import ReceiverStray, StrayFlux, StrayLight
+from lensforge.runs.results import Results
 
 _CAUSES = {
     "inner_reflection": "reflected at the cavity",

@@ -4,12 +4,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 
-from lensforge.records import Metric
 from lensforge.report.numerals import NOTHING, anything, number, unit_of
+from lensforge.results import Metric
 
 _SHORT = 6  # up to so many numbers share a cell; more become a block
 _METRIC = frozenset(Metric.model_fields)
-_PACKED = frozenset(("shape", "float64"))  # an array of a spec, as spec/arrays.py writes it
+_PACKED = frozenset(("shape", "float64"))  # an array of a spec, as spec/spec_section.py writes it
 
 
 @dataclass(frozen=True)

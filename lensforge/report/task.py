@@ -16,8 +16,8 @@ from lensforge.spec import (
     Target,
     TextTarget,
 )
-from lensforge.spec.beams import BatwingTarget, BeamTarget, PhotometricTarget
-from lensforge.spec.shapes import DiscTarget, EllipseTarget, PolygonTarget, RingTarget, SpotsTarget
+from lensforge.spec.shape_targets import DiscTarget, EllipseTarget, PolygonTarget, RingTarget, SpotsTarget
+from lensforge.spec.target_sections import BatwingTarget, BeamTarget, PhotometricTarget
 
 _MOST_NAMED = 3  # targets of one receiver; of more only the number is given
 

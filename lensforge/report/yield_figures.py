@@ -7,9 +7,9 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
+from lensforge.made.tolerance_result import MetricBound, Variance
 from lensforge.report.figure_style import BLUE, GREY, INK, NARROW, RED, WIDE, in_report_style, new_figure
 from lensforge.report.yield_rows import TOGETHER
-from lensforge.tolerancing.yield_result import MetricBound, Variance
 
 _HEIGHT = 2.6
 _FAR = 1.5  # of the width of the distribution: a bound farther away would squeeze it

@@ -4,9 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lensforge.evaluation.light import Light
-from lensforge.figures.chart import Chart
-from lensforge.records import Metric
+from lensforge.light.evaluation_result import Light
+from lensforge.made.tolerance_result import Yield
 from lensforge.report.cards import Card
 from lensforge.report.irradiance_figures import irradiance_map
 from lensforge.report.numerals import number, percent, unit_of_light
@@ -30,8 +29,9 @@ from lensforge.report.yield_rows import (
     with_unit,
     worst_words,
 )
-from lensforge.results import Results
-from lensforge.tolerancing.yield_result import Yield
+from lensforge.results import Metric
+from lensforge.results.chart import Chart
+from lensforge.runs.results import Results
 from lensforge.version import __version__
 
 YIELD_PAGE = "yield.html"

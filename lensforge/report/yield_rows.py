@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lensforge.records import Metric
+from lensforge.made.tolerance_result import FIELD, BudgetRow, MetricBound, Variance, WorstPart, Yield
 from lensforge.report.numerals import NOTHING, number, percent
 from lensforge.report.shown_receivers import capitalised
-from lensforge.tolerancing.yield_result import FIELD, BudgetRow, MetricBound, Variance, WorstPart, Yield
+from lensforge.results import Metric
 
 _IN_PER_CENT = ("source_flux", "source_size", "shrinkage")
 SHARES = ("efficiency", "share_in_target")  # shown in per cent

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from lensforge.made.tolerance_result import Yield
 from lensforge.report.yield_rows import (
     BoundRow,
     BudgetLine,
@@ -13,8 +14,7 @@ from lensforge.report.yield_rows import (
     cause_rows,
     pass_sentence,
 )
-from lensforge.results import Results
-from lensforge.tolerancing.yield_result import Yield
+from lensforge.runs.results import Results
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,1 @@
-"""Light sources: emitters, ray files and photometric files; NumPy and SciPy, without torch."""
+"""Where light begins: emitters, measured ray files and photometric files, as rays with flux and wavelength."""

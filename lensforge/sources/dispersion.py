@@ -7,10 +7,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.errors import InputError
-from lensforge.materials.material import Material
-from lensforge.sources.bundle import ChangedSource, RayBundle
+from lensforge.optics.material import Material
+from lensforge.sources.ray_bundle import ChangedSource, RayBundle
+from lensforge.sources.source_spectrum import Spectrum, usable_wavelengths
 from lensforge.sources.source_summary import Range
-from lensforge.sources.spectrum import Spectrum, usable_wavelengths
 
 _MOST_CLAMPED = 0.01
 """Largest share of the flux whose index may be taken at the end of the range: it bounds the error of the efficiency by

@@ -13,8 +13,8 @@ from jaxtyping import Float
 
 from lensforge import seeds
 from lensforge.errors import InputError
-from lensforge.sources.bundle import ChangedSource, RayBundle, Source
 from lensforge.sources.dispersion import DispersedSource
+from lensforge.sources.ray_bundle import ChangedSource, RayBundle, Source
 
 if TYPE_CHECKING:
     from lensforge.sources.ray_set import RaySetEmitter

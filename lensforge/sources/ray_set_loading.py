@@ -1,35 +1,84 @@
-"""Loading of a ray set: ray files or given arrays become one emitter, with a summary of what was done to them."""
+"""Loading of a ray set: ray files or given arrays become one emitter, with a summary of what was done to them.
+
+Rays of a large file stay in it: they are in W, and have what the lens's material has at their wavelengths.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from lensforge.errors import InputError, remedy
-from lensforge.materials.material import Material
-from lensforge.records import Point
-from lensforge.sources.bundle import RayBundle, Rays
-from lensforge.sources.dispersion import IndexRange, dispersed
-from lensforge.sources.flux import SourceFlux, joined_flux, spectral_efficacy, with_spectrum_compared
-from lensforge.sources.placement import SourcePose
+from lensforge.optics.material import Material
+from lensforge.results import Point
+from lensforge.sources.dispersion import IndexAccount, IndexRange, dispersed, in_material, known_or
+from lensforge.sources.ray_bundle import RayBundle, Rays, blocks_of, changed, joined
 from lensforge.sources.ray_set import RaySetEmitter, placed
-from lensforge.sources.ray_set_figures import LightFigures, PlacedFigures
-from lensforge.sources.ray_set_flux import part_flux
-from lensforge.sources.rayfiles.rayfile import RayFile, UsableRays, causes, no_usable_ray
-from lensforge.sources.rayfiles.reading import read_rayfile
-from lensforge.sources.rayfiles.spectra import drawn_wavelengths, wavelengths_of
-from lensforge.sources.rayfiles.stored import StoredRays, loaded_or_stored
-from lensforge.sources.rayfiles.sums import RaySums
-from lensforge.sources.rayfiles.warnings import file_warnings, ray_set_warnings
-from lensforge.sources.rays_of_file import RaysOfFile
+from lensforge.sources.ray_set_figures import LightFigures, PlacedFigures, part_flux
+from lensforge.sources.rayfiles.ray_file import RayFile, UsableRays, as_float64, causes, no_usable_ray
+from lensforge.sources.rayfiles.ray_file_io import read_rayfile
+from lensforge.sources.rayfiles.ray_file_statistics import RaySums, file_warnings, ray_set_warnings
+from lensforge.sources.rayfiles.stored_rays import StoredRays, drawn_wavelengths, loaded_or_stored, wavelengths_of
+from lensforge.sources.source_flux import SourceFlux, joined_flux, spectral_efficacy, with_spectrum_compared
+from lensforge.sources.source_pose import SourcePose
+from lensforge.sources.source_spectrum import spectrum_of
 from lensforge.sources.source_summary import AppliedPlacement, LoadedRayFile, RaysDropped, SourceSummary, as_point
-from lensforge.sources.spectrum import spectrum_of
-from lensforge.sources.unread_rays import changed, joined
-from lensforge.spec.emission import SpectrumSpec
-from lensforge.spec.emitter import FluxSection
-from lensforge.spec.ray_source import Placement, RayfilePart, RayfileSource, RayfilesSource, RaySetSource, RaySource
+from lensforge.spec.emitter_section import FluxSection, SpectrumSpec
+from lensforge.spec.source_sections import (
+    Placement,
+    RayfilePart,
+    RayfileSource,
+    RayfilesSource,
+    RaySetSource,
+    RaySource,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Colours:
+    """Wavelengths (nm) of rays, ``mean_nm`` for those without a usable one, and the ``material`` of the lens."""
+
+    wavelengths_nm: Float[np.ndarray, " n"]
+    mean_nm: float
+    material: Material
+
+
+@dataclass(frozen=True, eq=False)
+class RaysOfFile:
+    """The ``stored`` rays of a file, ``factor`` times their flux; with ``colours`` each has its index in a lens."""
+
+    stored: StoredRays
+    factor: float
+    colours: Colours | None = None
+
+    def __len__(self) -> int:
+        return len(self.stored)
+
+    def take(self, rows: Int[np.ndarray, " k"] | slice) -> RayBundle:
+        """Read some of the rays."""
+        found, colours = self.stored.take(rows), self.colours
+        rays = RayBundle(found.positions_mm, found.directions, found.flux * self.factor)
+        if colours is None:
+            return rays
+        waves = known_or(colours.mean_nm, as_float64(colours.wavelengths_nm[rows]))
+        return in_material(rays, waves, colours.material)
+
+    def dispersed(
+        self, wavelengths_nm: Float[np.ndarray, " n"], material: Material, name: str
+    ) -> tuple["RaysOfFile", IndexRange]:
+        """The same rays with their index in ``material``; ``name`` is the source in errors.
+
+        Raises :class:`InputError` where more than 1 % of the flux is beyond the material's trusted range.
+        """
+        account, start = IndexAccount(material), 0
+        for block in blocks_of(self):
+            account.add(block.flux, as_float64(wavelengths_nm[start : start + len(block)]))
+            start += len(block)
+        found = account.index_range(name)
+        return RaysOfFile(self.stored, self.factor, Colours(wavelengths_nm, account.mean_nm, material)), found
+
 
 _LEAST_SHARE = 1e-9  # of the flux of several files; one with less is mistaken, such as W beside lm
 

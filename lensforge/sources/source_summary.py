@@ -5,7 +5,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.records import Count, NotNegative, Number, Point, Positive, Record, Share, Text
+from lensforge.results import Count, NotNegative, Number, Point, Positive, Record, Share, Text
 
 Range = tuple[Positive, Positive]
 

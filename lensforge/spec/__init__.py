@@ -1,14 +1,12 @@
 """The specification of a design, read from TOML: validated once, immutable, every length in mm."""
 
-from lensforge.spec.design import Spec, load_spec, parse_spec
-from lensforge.spec.drawing import DrawingSection
-from lensforge.spec.lens import LensSection
-from lensforge.spec.part import BaseSection, ManufactureSection, Tool
-from lensforge.spec.picture_targets import ArrayTarget, ImageTarget, TableTarget, TextTarget
-from lensforge.spec.receiver_section import Target
-from lensforge.spec.receivers import AnyReceiver
-from lensforge.spec.search import Accuracy, ConstraintsSection, EvaluateSection, OptimiseSection
-from lensforge.spec.shapes import CrossTarget, FlatTopTarget, RectangleTarget
+from lensforge.spec.design_spec import Spec, load_spec, parse_spec
+from lensforge.spec.lens_section import LensSection
+from lensforge.spec.part_section import BaseSection, DrawingSection, ManufactureSection, Tool
+from lensforge.spec.receiver_sections import AnyReceiver, Target
+from lensforge.spec.search_section import Accuracy, ConstraintsSection, EvaluateSection, OptimiseSection
+from lensforge.spec.shape_targets import CrossTarget, FlatTopTarget, RectangleTarget
+from lensforge.spec.target_sections import ArrayTarget, ImageTarget, TableTarget, TextTarget
 
 __all__ = [
     "Accuracy",

@@ -12,10 +12,10 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.spec.lens import LensSection
-from lensforge.spec.part import BaseSection, ManufactureSection
-from lensforge.spec.search import ConstraintsSection
-from lensforge.spec.section import rounded_up
+from lensforge.spec.lens_section import LensSection
+from lensforge.spec.part_section import BaseSection, ManufactureSection
+from lensforge.spec.search_section import ConstraintsSection
+from lensforge.spec.spec_section import rounded_up
 
 _POLAR = np.linspace(0.0, 0.5 * np.pi, 2001)  # rad, from the axis to the horizon
 _SHAPE_TOLERANCE = 1e-3  # of a concave radius, and of the sine of a draft: what the search's own limits tolerate

@@ -1,13 +1,19 @@
-"""``[[limits]]``: light that must be at least, or at most, so much: at points, on a line, in a zone, by its angles."""
+"""What is asked of the light beside targets: ``[[limits]]`` at points, lines, zones and angles, and ``[photometry]``.
+
+Limits are compared with the receivers that they are on: their units, and places off the receiver. The photometry names
+which lighting the lens is for, and the road that it lights.
+"""
 
 from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal, get_args
 
 from pydantic import Field, model_validator
 
-from lensforge.spec.section import Coordinate, Label, Section
-from lensforge.spec.shapes import DiscTarget, EllipseTarget, PolygonTarget, RectangleTarget, RingTarget
-from lensforge.spec.target import DegreesOff, Unit
+from lensforge.spec.receiver_sections import AnyReceiver, FarFieldReceiver, PlaneReceiver
+from lensforge.spec.search_section import ConstraintsSection
+from lensforge.spec.shape_targets import DiscTarget, EllipseTarget, PolygonTarget, RectangleTarget, RingTarget
+from lensforge.spec.spec_section import Coordinate, Label, Section
+from lensforge.spec.target_sections import DegreesOff, Unit
 
 Amount = Annotated[float, Field(ge=1e-30, le=1e12)]
 Fraction = Annotated[float, Field(gt=0.0, le=1.0)]
@@ -232,3 +238,100 @@ class BeamAngleLimit(LimitSection):
 LightLimitSpec = Annotated[
     PointsLimit | LineLimit | ZoneLimit | GlareLimit | BeamAngleLimit, Field(discriminator="kind")
 ]
+
+
+def require_limit_fits(limit: LimitSection, unit: Unit, extent: tuple[float, float], receiver: str) -> None:
+    """Raise ``ValueError`` for units that ``receiver`` does not have, or places off it.
+
+    ``unit``, ``extent``: of its places.
+    """
+    far_field = unit == "deg"
+    if isinstance(limit, GlareLimit | BeamAngleLimit) and not far_field:
+        raise ValueError(f"a {limit.kind} limit is one of the far field, {receiver} is none; name a receiver that is")
+    if limit.unit is not None and limit.unit != unit:
+        words = "degrees" if far_field else "mm"
+        raise ValueError(f"its places are in {limit.unit}, on {receiver} they are in {words}")
+    light = limit.light_unit
+    if light not in (None, "relative") and (light in OF_FAR_FIELD) != far_field:
+        allowed = "w_per_sr, cd" if far_field else "w_per_m2, lx"
+        raise ValueError(f"its light is in {light}, on {receiver} it is in one of {allowed}, relative")
+    for x, y in _places(limit):
+        off = (
+            x * x + y * y > 0.25 * extent[0] ** 2 if far_field else abs(x) > 0.5 * extent[0] or abs(y) > 0.5 * extent[1]
+        )
+        if off:
+            reach = (
+                f"{0.5 * extent[0]:g} {unit}" if far_field else f"{0.5 * extent[0]:g} in x and {0.5 * extent[1]:g} in y"
+            )
+            raise ValueError(f"the place ({x:g}, {y:g}) is off {receiver}, which reaches {reach}")
+
+
+def _places(limit: LimitSection) -> tuple[tuple[float, float], ...]:
+    match limit:
+        case PointsLimit():
+            return limit.points
+        case LineLimit():
+            return limit.ends
+        case ZoneLimit(zone=zone) if zone is not None:
+            return (zone.centre,)
+        case GlareLimit():
+            return ((limit.from_deg, 0.0),)
+    return ()
+
+
+Metres = Annotated[float, Field(gt=0.0, le=1000.0)]
+_OF_ROAD = ("pole_height_m", "pole_spacing_m", "road_width_m")
+_ROAD_ONLY = (*_OF_ROAD, "overhang_m", "maintenance_factor")
+_FAR = 5.0  # widths of a lamp: there 1/r^2 errs by less than 1 % (five-times rule, CIE S 025)
+
+
+class PhotometrySection(Section):
+    """Lighting that a lens is for, and the road that it lights."""
+
+    use: Literal["general", "area", "road"] = "general"
+    """Lighting: "general"; "area" adds the IES distribution type and the BUG rating; "road" adds these, and the classes
+    of EN 13201 of a road along whose edge the lamps stand.
+    """
+    street_side_deg: Azimuth = 90.0
+    """Direction from the lens towards the street, from its +x to its +y."""
+    lenses: Annotated[int, Field(ge=1, le=100_000)] = 1
+    """Equal lenses in a lamp."""
+    pole_height_m: Metres | None = None
+    """Height of a lamp above the road."""
+    pole_spacing_m: Metres | None = None
+    """Distance between lamps along the road."""
+    road_width_m: Metres | None = None
+    """Width of the road."""
+    overhang_m: Annotated[float, Field(ge=-100.0, le=100.0)] = 0.0
+    """Distance of a lamp from the edge of the road, over the road."""
+    maintenance_factor: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
+    """Share of the light that dirt and age leave."""
+
+    @model_validator(mode="after")
+    def _names_its_road(self) -> "PhotometrySection":
+        missing = [name for name in _OF_ROAD if getattr(self, name) is None]
+        if self.use == "road" and missing:
+            raise ValueError(f'use = "road" needs {", ".join(missing)}; give them, or use = "area" for a lamp alone')
+        fields = type(self).model_fields
+        given = [name for name in _ROAD_ONLY if getattr(self, name) != fields[name].default]
+        if self.use != "road" and given:
+            raise ValueError(f'{given[0]} is of a road; leave it out, or give use = "road"')
+        return self
+
+
+def require_seen_from_afar(
+    section: PhotometrySection, receivers: tuple[AnyReceiver, ...], limits: ConstraintsSection
+) -> None:
+    """Raise ``ValueError`` where a lamp for an area or a road has no receiver far enough to be designed for it."""
+    far_mm = _FAR * 2.0 * limits.max_radius_mm
+    if section.use == "general" or any(_is_far(each, far_mm) for each in receivers):
+        return
+    raise ValueError(
+        f'photometry.use = "{section.use}" is answered by the far field, but every receiver is nearer than {far_mm:g} '
+        "mm, five times the lens's largest diameter; give a far-field target (half_angle_deg), or a plane farther away"
+    )
+
+
+def _is_far(receiver: AnyReceiver, far_mm: float) -> bool:
+    plane = isinstance(receiver, PlaneReceiver) and receiver.distance_mm >= far_mm
+    return plane or isinstance(receiver, FarFieldReceiver)

@@ -1,1 +1,1 @@
-"""Shapes of refracting surfaces: NumPy and SciPy, so that the geometry stage never needs torch."""
+"""Which shape a face has: basis functions, aspheres, imported faces; each a radius over direction."""

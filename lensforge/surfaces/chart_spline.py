@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.surfaces.chart import gradient_on_sphere, to_chart
+from lensforge.surfaces.mirror_group import largest_symmetry
 from lensforge.surfaces.srbf import fibonacci_hemisphere
-from lensforge.surfaces.surface import Surface
-from lensforge.surfaces.symmetry import largest_symmetry
+from lensforge.surfaces.surface import Surface, gradient_on_sphere, to_chart
 
 if TYPE_CHECKING:
     from scipy.interpolate import NdBSpline

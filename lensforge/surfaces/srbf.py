@@ -16,8 +16,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from lensforge.errors import InputError
+from lensforge.surfaces.mirror_group import grid_images, group
 from lensforge.surfaces.surface import Surface
-from lensforge.surfaces.symmetry import grid_images, group
 
 # Of a basis. Bounds what a file can ask for: with 10,000 functions the radius at 20,000 directions takes 0.4 s.
 MOST_FUNCTIONS, MOST_LEVELS = 10_000, 20
@@ -170,7 +170,7 @@ class SrbfSurface(Surface):
         Directions go to the kernel as neighbours: it is quick where a block of them is a small part of the sphere.
         """
         from lensforge.kernels.basis_sum import BLOCK
-        from lensforge.kernels.jit import in_chunks
+        from lensforge.kernels.parallel import in_chunks
 
         basis, order = self.basis, _as_neighbours(directions, BLOCK)
         ordered, found = np.ascontiguousarray(directions[order]), np.empty_like(total)

@@ -1,9 +1,53 @@
-"""Protocol of every surface: a radius over the sphere about the origin, and its gradient."""
+"""A surface as a radius over the sphere about the origin: its protocol, its chart, and surfaces scaled.
 
+The stereographic chart of the hemisphere is one square patch, with no pole and no seam:
+``(X, Y) = tan(theta/2) (cos phi, sin phi)``. The hemisphere is the unit disc and its rim the unit circle. Every surface
+of a lens is a radius ``rho`` over this chart, star-shaped about the origin.
+"""
+
+from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
+
+# The chart's square reaches a little past the rim, so that the rim is inside the splines' domain.
+HALF_WIDTH = 1.02
+
+
+def to_sphere(chart: Float[np.ndarray, "*n 2"]) -> Float[np.ndarray, "*n 3"]:
+    """Unit directions of chart points: ``u = (2X, 2Y, 1 - R^2) / (1 + R^2)``."""
+    squared = np.sum(chart * chart, axis=-1, keepdims=True)
+    unit: Float[np.ndarray, "*n 3"] = np.concatenate([2.0 * chart, 1.0 - squared], axis=-1) / (1.0 + squared)
+    return unit
+
+
+def to_chart(directions: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 2"]:
+    """Chart points of directions of any length: ``(X, Y) = (x, y) / (r + z)``; singular at -z only."""
+    radius = np.linalg.norm(directions, axis=-1, keepdims=True)
+    projected: Float[np.ndarray, "*n 2"] = directions[..., :2] / (radius + directions[..., 2:])
+    return projected
+
+
+def gradient_on_sphere(chart: Float[np.ndarray, "n 2"], slopes: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:
+    """Tangential gradient on the unit sphere of a function from its slopes along X and Y.
+
+    The chart is conformal, with the scale ``2/(1 + R^2)``; the unit tangents of its axes are the derivatives of
+    ``u = (2X, 2Y, 1 - R^2) / (1 + R^2)`` over their length.
+    """
+    x, y = chart[:, 0], chart[:, 1]
+    squared = 1.0 + x**2 + y**2
+    along_x = np.stack([1.0 - x**2 + y**2, -2.0 * x * y, -2.0 * x], axis=1) / squared[:, None]
+    along_y = np.stack([-2.0 * x * y, 1.0 + x**2 - y**2, -2.0 * y], axis=1) / squared[:, None]
+    by_angle = 0.5 * squared[:, None] * slopes
+    gradient: Float[np.ndarray, "n 3"] = by_angle[:, :1] * along_x + by_angle[:, 1:] * along_y
+    return gradient
+
+
+def grid(nodes: int, half_width: float = HALF_WIDTH) -> Float[np.ndarray, "n n 2"]:
+    """A square grid of ``nodes`` x ``nodes`` chart points, first index X, second index Y."""
+    axis = np.linspace(-half_width, half_width, nodes)
+    return np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1)
 
 
 @runtime_checkable
@@ -37,3 +81,38 @@ class Surface(Protocol):
         outward = directions - self.gradient(directions) / self.radius(directions)[:, None]
         unit: Float[np.ndarray, "n 3"] = outward / np.linalg.norm(outward, axis=1, keepdims=True)
         return unit
+
+
+@dataclass(frozen=True)
+class ScaledSurface(Surface):
+    """``surface`` times ``factor`` about the origin: radius and gradient scale, normals stay."""
+
+    surface: Surface
+    factor: float
+
+    @property
+    def detail_rad(self) -> float:
+        """Sigma (rad) of its narrowest feature, that of the surface."""
+        return self.surface.detail_rad
+
+    @property
+    def symmetry(self) -> str:
+        """Largest mirror group, as of the surface."""
+        return self.surface.symmetry
+
+    def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+        """``rho`` (mm), the distance from the origin."""
+        return self.factor * self.surface.radius(directions)
+
+    def gradient(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """Tangential gradient of ``rho`` on the unit sphere (mm/rad)."""
+        return self.factor * self.surface.gradient(directions)
+
+    def radius_on_grid(self, directions: Float[np.ndarray, "n n 3"]) -> Float[np.ndarray, "n n"]:
+        """``rho`` (mm) on a square chart grid centred on the axis."""
+        return self.factor * self.surface.radius_on_grid(directions)
+
+
+def scaled(surface: Surface, factor: float) -> Surface:
+    """``surface`` times ``factor``; itself where that is 1, so that nothing is rounded."""
+    return surface if factor == 1.0 else ScaledSurface(surface, factor)

@@ -7,9 +7,9 @@ from precision import precision_study, search_study
 from scenes import random_surface, small_spec
 from spline_degrees import degree_study
 
-from lensforge.lens import Lens
-from lensforge.sources.build import build_source
-from lensforge.studies.tradeoff.tables import table_study
+from lensforge.runs.tradeoff.tables import table_study
+from lensforge.scene.lens import Lens
+from lensforge.sources.build_source import build_source
 
 
 @pytest.fixture(scope="module")

@@ -7,10 +7,10 @@ import pytest
 import verdicts
 
 import lensforge as lf
-from lensforge.optics.two_refractions import normal_transmittance
-from lensforge.optimisation.scene_check import SceneCheck
-from lensforge.sources.build import build_source
-from lensforge.verdict import LEAST_SHARE
+from lensforge.light.receiver_light import LEAST_SHARE
+from lensforge.optics.fundamental_limits import normal_transmittance
+from lensforge.search.scene_check import SceneCheck
+from lensforge.sources.build_source import build_source
 
 
 def test_every_shipped_spec_is_run_and_ends_as_a_command_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

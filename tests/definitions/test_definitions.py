@@ -19,13 +19,12 @@ from nightly import first_by_day
 from scipy.stats import t as student
 
 import lensforge as lf
-from lensforge.evaluation.minimum import uniformity_without_noise
-from lensforge.evaluation.noise_free import nmse_without_noise, rsd_without_noise
-from lensforge.evaluation.region_light import RegionLight
+from lensforge.light.least_irradiance import uniformity_without_noise
+from lensforge.light.metrics import nmse_without_noise, rsd_without_noise
+from lensforge.light.receiver_light import RegionLight
+from lensforge.surfaces.asphere import Biconic, Toroid, XYPolynomial
 from lensforge.surfaces.chart_spline import ChartSpline
-from lensforge.surfaces.conic import Biconic, Toroid
-from lensforge.surfaces.polynomial import XYPolynomial
-from lensforge.surfaces.records import surface_record
+from lensforge.surfaces.surface_record import surface_record
 
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parents[1] / "examples"

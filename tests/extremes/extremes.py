@@ -12,12 +12,12 @@ from landed import Landed, by_kernels
 from nightly import scaled
 from scenes import weight_matrix
 
-from lensforge.kernels.fates import Fate
+from lensforge.kernels.fate import Fate
+from lensforge.light.table_trace import Scene
 from lensforge.optics.media import Media
-from lensforge.sources.bundle import RayBundle
-from lensforge.surfaces.spline import TableGrid
+from lensforge.sources.ray_bundle import RayBundle
+from lensforge.surfaces.bicubic_table import TableGrid
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
-from lensforge.tracing.tables import Scene
 
 
 def fuzzed(examples: int, *, by_day: int | None = None) -> settings:

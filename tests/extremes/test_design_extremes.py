@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scenes import small_spec
 
 from lensforge.errors import InputError
-from lensforge.optimisation.optimiser import search
-from lensforge.sources.square import SquareEmitter
+from lensforge.search.optimiser import search
+from lensforge.sources.build_source import SquareEmitter
 
 
 @fuzzed(5)

@@ -7,12 +7,12 @@ from extremes import bundle, is_sound
 from landed import Landed, in_torch
 from scenes import hemisphere_directions, random_surface, sphere
 
-from lensforge.kernels.fates import Fate
+from lensforge.kernels.fate import Fate
+from lensforge.light.exact_trace import DenseScan, ExactSurface, trace_exact
 from lensforge.optics.media import Media
-from lensforge.sources.bundle import RayBundle
-from lensforge.sources.square import SquareEmitter
+from lensforge.sources.build_source import SquareEmitter
+from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, level_sigma
-from lensforge.tracing.exact import DenseScan, ExactSurface, trace_exact
 
 EPSILON = 2.0**-24
 UP = hemisphere_directions(40)

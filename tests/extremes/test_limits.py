@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from landed import plane_at
 from scenes import hemisphere_directions, random_surface, sphere
 
+from lensforge.light.table_trace import Scene, trace_tables
+from lensforge.optics.fundamental_limits import normal_transmittance
 from lensforge.optics.media import Media
-from lensforge.optics.two_refractions import normal_transmittance
-from lensforge.sources.bundle import RayBundle
-from lensforge.surfaces.spline import TableGrid
-from lensforge.tracing.tables import Scene, trace_tables
+from lensforge.sources.ray_bundle import RayBundle
+from lensforge.surfaces.bicubic_table import TableGrid
 
 INDEX = st.one_of(st.sampled_from([1.0, 4.0]), st.floats(1.0, 4.0))
 

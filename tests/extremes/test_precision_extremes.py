@@ -9,13 +9,13 @@ from hypothesis import strategies as st
 from landed import by_kernels, in_torch
 from scenes import hemisphere_directions, random_surface, sphere, table_of
 
+from lensforge.light.exact_trace import ExactSurface, trace_exact
+from lensforge.light.table_trace import Scene
+from lensforge.optics.fundamental_limits import normal_transmittance
 from lensforge.optics.media import Media
-from lensforge.optics.two_refractions import normal_transmittance
-from lensforge.sources.square import SquareEmitter
-from lensforge.surfaces.spline import TableGrid
+from lensforge.sources.build_source import SquareEmitter
+from lensforge.surfaces.bicubic_table import TableGrid
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
-from lensforge.tracing.exact import ExactSurface, trace_exact
-from lensforge.tracing.tables import Scene
 
 DTYPE = st.sampled_from([torch.float32, torch.float64])
 

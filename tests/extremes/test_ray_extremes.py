@@ -9,16 +9,15 @@ from hypothesis import strategies as st
 from scenes import hemisphere_directions, random_surface, sphere, table_of
 
 from lensforge.errors import InputError
-from lensforge.kernels.fates import Fate
-from lensforge.kernels.polarisation import transmittances
-from lensforge.kernels.refraction import transmitted_cosine_squared
+from lensforge.kernels.fate import Fate
+from lensforge.kernels.fresnel import transmittances, transmitted_cosine_squared
+from lensforge.light.table_trace import Scene, trace_tables
+from lensforge.optics.fundamental_limits import normal_transmittance
 from lensforge.optics.media import Media
-from lensforge.optics.two_refractions import normal_transmittance
-from lensforge.sources.bundle import RayBundle
-from lensforge.sources.square import SquareEmitter
-from lensforge.surfaces.spline import TableGrid
+from lensforge.sources.build_source import SquareEmitter
+from lensforge.sources.ray_bundle import RayBundle
+from lensforge.surfaces.bicubic_table import TableGrid
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, level_sigma
-from lensforge.tracing.tables import Scene, trace_tables
 
 INDEX = st.one_of(st.just(1.0), st.just(4.0), st.floats(1.0, 4.0))
 

@@ -13,29 +13,28 @@ from landed import by_kernels
 from nightly import NIGHTLY, first_by_day
 from scenes import random_surface, small_spec, sphere
 
-from lensforge.accuracy import PRESETS
 from lensforge.errors import InputError
-from lensforge.evaluation import simulate
-from lensforge.evaluation.evaluate import evaluate_lens
-from lensforge.evaluation.light import Light
-from lensforge.lens import Lens
+from lensforge.light import simulation
+from lensforge.light.evaluation import evaluate_lens
+from lensforge.light.evaluation_result import Light
+from lensforge.light.table_trace import Scene
+from lensforge.optics.fundamental_limits import normal_transmittance
 from lensforge.optics.media import Media
-from lensforge.optics.two_refractions import normal_transmittance
-from lensforge.optimisation.collect import Collected, collected
-from lensforge.optimisation.image_terms import nmse_loss, shortfall_loss, uniformity_loss
-from lensforge.optimisation.optimiser import search
-from lensforge.optimisation.symmetry import mirror_mean
-from lensforge.receivers.pixels import PixelGrid, Window, bin_flux, flux_in, splat_flux
-from lensforge.receivers.plane import Plane
-from lensforge.receivers.pose import ReceiverPose
-from lensforge.receivers.receiver import Landings
-from lensforge.sources.bundle import RayBundle
+from lensforge.scene.lens import Lens
+from lensforge.scene.pixel_grid import PixelGrid, Window, bin_flux, flux_in, splat_flux
+from lensforge.scene.receiver import Landings, ReceiverPose
+from lensforge.scene.receiver_shapes import Plane
+from lensforge.scene.target_pattern import target_light
+from lensforge.search.light_path import Collected, collected
+from lensforge.search.merit_terms import nmse_loss, shortfall_loss, uniformity_loss
+from lensforge.search.optimiser import search
+from lensforge.search.symmetry import mirror_mean
+from lensforge.sources.build_source import SquareEmitter
+from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.ray_set import RaySetEmitter
-from lensforge.sources.square import SquareEmitter
 from lensforge.spec import CrossTarget, FlatTopTarget, Spec, Target, TextTarget, parse_spec
-from lensforge.surfaces.spline import TableGrid
-from lensforge.targets.pattern import target_light
-from lensforge.tracing.tables import Scene
+from lensforge.spec.accuracy import PRESETS
+from lensforge.surfaces.bicubic_table import TableGrid
 
 DRAFT = replace(PRESETS["draft"], evaluate_nodes_per_sigma=3.0)
 SIZE = st.floats(-3.0, 4.0).map(lambda exponent: 10.0**exponent)  # 1e-3 to 1e4
@@ -291,7 +290,7 @@ def test_four_million_pixels(rays: int) -> None:
 @pytest.mark.parametrize("at_once", [2**20, 100, 1])
 def test_rays_traced_in_parts_agree_with_all_at_once(at_once: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """What bounds the memory of many rays changes nothing but the sample."""
-    monkeypatch.setattr(simulate, "_MOST_RAYS_AT_ONCE", at_once)
+    monkeypatch.setattr(simulation, "_MOST_RAYS_AT_ONCE", at_once)
     count = 2**24 if NIGHTLY and at_once > 100 else 2**10 if at_once > 1 else 2**8
     spec = _point_spec()
     light = evaluate_lens(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft"), SquareEmitter(0.0), DRAFT, rays=count)

@@ -11,12 +11,12 @@ from extremes import fuzzed
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lensforge.accuracy import PRESETS
 from lensforge.errors import InputError, WrongFields
-from lensforge.evaluation.evaluate import evaluate_lens
-from lensforge.lens import Lens
-from lensforge.sources.build import build_source
+from lensforge.light.evaluation import evaluate_lens
+from lensforge.scene.lens import Lens
+from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec, parse_spec
+from lensforge.spec.accuracy import PRESETS
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
 COARSE = replace(PRESETS["draft"], evaluate_nodes_per_sigma=2.0)

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from scenes import hemisphere_directions, random_surface, small_spec
 
 from lensforge.errors import InputError
-from lensforge.optimisation.parameters import Parametrisation
-from lensforge.surfaces.spline import grid_for, table_error, tabulate
+from lensforge.search.parameters import Parametrisation
+from lensforge.surfaces.bicubic_table import grid_for, table_error, tabulate
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, level_sigma
 
 SIGMA = st.floats(-3.0, 1.0).map(lambda exponent: 10.0**exponent)  # 1e-3 to 10 rad

@@ -5,8 +5,8 @@ import threading
 import pytest
 import torch
 
-from lensforge.arguments import threads_of_torch
-from lensforge.kernels.jit import CHUNKS, in_chunks, in_parallel
+from lensforge.kernels.parallel import CHUNKS, in_chunks, in_parallel
+from lensforge.runs.arguments import threads_of_torch
 
 
 @pytest.mark.parametrize("threads", [1, 2, 5])

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 import lensforge
-from lensforge.compiled import cache_folder
-from lensforge.kernels.fates import Fate
+from lensforge.kernels.compiled import cache_folder
+from lensforge.kernels.fate import Fate
 
 PACKAGE = Path(lensforge.__file__).parent
 KERNELS = PACKAGE / "kernels"
@@ -63,8 +63,8 @@ def test_nothing_is_compiled_elsewhere() -> None:
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import | ast.ImportFrom) else []
             module = node.module if isinstance(node, ast.ImportFrom) else ""
             assert "numba" not in [*names, module], path
-            assert module != "lensforge.compiled", path
-            assert not (module == "lensforge.kernels.jit" and {"kernel", "inline"} & set(names)), path
+            assert module != "lensforge.kernels.compiled", path
+            assert not (module == "lensforge.kernels.parallel" and {"kernel", "inline"} & set(names)), path
 
 
 @pytest.mark.parametrize(("folder", "sources"), [(KERNELS, SOURCES), (GRID_WALK.parent, [GRID_WALK])])
@@ -73,7 +73,7 @@ def test_kernels_take_their_constants_from_their_own_folder(folder: Path, source
     for path in sources:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("lensforge"):
-                assert node.module.startswith((own, "lensforge.compiled")), path
+                assert node.module.startswith((own, "lensforge.kernels.compiled")), path
 
 
 def test_the_fates_are_their_places_in_arrays() -> None:

@@ -14,10 +14,9 @@ from nightly import NIGHTLY
 from pydantic import ValidationError
 
 import lensforge as lf
-from lensforge.records import Record
-from lensforge.results import EXTRAS, STAGES, Results
-from lensforge.studies.sweep.table import sweep_of
-from lensforge.studies.sweep.vary import variation_of
+from lensforge.results import Record
+from lensforge.runs.results import EXTRAS, STAGES, Results
+from lensforge.runs.sweep import sweep_of, variation_of
 
 Where = tuple[str | int, ...]
 

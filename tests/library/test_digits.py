@@ -2,9 +2,9 @@
 
 import pytest
 
-from lensforge.commands.rounded import figure, in_percent, measured, times
-from lensforge.records import Metric
+from lensforge.cli.rounded import figure, in_percent, measured, times
 from lensforge.report.numerals import number_with_error
+from lensforge.results import Metric
 
 
 @pytest.mark.parametrize(

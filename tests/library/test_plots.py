@@ -5,8 +5,8 @@ import subprocess
 import sys
 
 import lensforge as lf
-from lensforge.records import StageResult
 from lensforge.report.snapshots import Snapshot
+from lensforge.results import StageResult
 
 PLOTTED = (
     lf.Design, lf.Light, lf.Part, lf.Check, lf.Proof, lf.StrayLight, lf.Sensitivity, lf.Photometry, lf.PhotoComparison,

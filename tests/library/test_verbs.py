@@ -14,9 +14,9 @@ from nightly import NIGHTLY
 from scenes import small_spec, sphere
 
 import lensforge as lf
-from lensforge.pipeline import run_evaluate
-from lensforge.records import SimulatedResult, StageResult
-from lensforge.results import EXTRAS, STAGES
+from lensforge.results import SimulatedResult, StageResult
+from lensforge.runs.pipeline import run_evaluate
+from lensforge.runs.results import EXTRAS, STAGES
 
 ROOT = Path(__file__).parents[2]
 

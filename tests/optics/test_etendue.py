@@ -5,7 +5,7 @@ from math import pi
 import numpy as np
 import pytest
 
-from lensforge.optics.etendue import cell_solid_angles, cone_around, etendue_from_ball
+from lensforge.optics.fundamental_limits import cell_solid_angles, cone_around, etendue_from_ball
 
 
 def corners_of(x_mm: np.ndarray, y_mm: np.ndarray, distance_mm: float) -> np.ndarray:

@@ -5,12 +5,11 @@ import pytest
 import torch
 
 from lensforge.errors import InputError
-from lensforge.optics.coating_tables import coating_tables, least_reflectances
+from lensforge.optics.coatings import coating_tables, least_reflectances, reflectance_of, stack_reflectances
 from lensforge.optics.dielectric import coated_transmittances, fresnel_transmittances
+from lensforge.optics.fundamental_limits import best_transmittance, largest_deviation_rad, transmittance_of
 from lensforge.optics.media import CoatingLayer, IndexCurve, LayerStack, Media, ReflectanceTable
-from lensforge.optics.reflectance import reflectance_of, stack_reflectances
-from lensforge.optics.two_refractions import best_transmittance, largest_deviation_rad, transmittance_of
-from lensforge.verification.coated_face import RefractingFace
+from lensforge.proof.refraction import RefractingFace
 
 RNG = np.random.default_rng(4)
 WAVES = RNG.uniform(400.0, 700.0, 60)

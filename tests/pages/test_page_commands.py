@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 from page_sources import PAGES, ROOT, blocks, name_of, prose, shell_commands, spans
 
-from lensforge.cli import cli
+from lensforge.cli.cli import cli
 from lensforge.spec import load_spec
 
 PLACEHOLDERS = {"COMMAND", "SPEC.toml"}

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 import lensforge as lf
-from lensforge.records.stored import with_checksum
+from lensforge.results.stage_result import with_checksum
 
 MOST_BYTES = 200 * 2**20  # of memory while a record is refused
 

@@ -16,12 +16,14 @@ import pytest
 from nightly import first_by_day
 
 import lensforge as lf
-from lensforge import cli, compiled, kernels
-from lensforge.commands.printing import printable
+from lensforge import kernels
+from lensforge.cli import cli
+from lensforge.cli.printing import printable
 from lensforge.errors import InputError
-from lensforge.files import replacing, require_writable
+from lensforge.kernels import compiled
 from lensforge.report.ownership import PDF_MARK, is_free_or_own, pdf_mark
 from lensforge.report.page import remove_stale_pdf, write_page
+from lensforge.results.files import replacing, require_writable
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="shells and limits of POSIX systems")
 
@@ -86,7 +88,7 @@ def test_the_reader_of_a_pipe_gets_what_it_reads(ray_file: Path, tmp_path: Path)
 def test_a_file_is_never_mistaken_for_a_closed_stdout(tmp_path: Path) -> None:
     """The first file that is opened would get the number of stdout, and the output of native libraries."""
     code = (
-        "from lensforge.commands.streams import open_standard_streams; open_standard_streams(); "
+        "from lensforge.cli.streams import open_standard_streams; open_standard_streams(); "
         "f = open('file', 'w'); import os; os.system('echo native'); f.write('own')"
     )
     assert shell(f'{sys.executable} -c "{code}" >&-', tmp_path).stderr == ""
@@ -234,7 +236,7 @@ def test_commands_leave_the_pages_of_others_alone(small_run: lf.Run, tmp_path: P
 @pytest.mark.parametrize("usable", [True, False])
 def test_a_bug_is_one_line_wherever_its_details_go(usable: bool, tmp_path: Path) -> None:
     code = (
-        "import sys, lensforge.cli as c; c.cli.main = lambda **k: 1 / 0; "
+        "import sys, lensforge.cli.cli as c; c.cli.main = lambda **k: 1 / 0; "
         "import tempfile; tempfile.tempdir = sys.argv.pop(); c.main()"
     )
     place = tmp_path if usable else tmp_path / "nowhere"

@@ -14,10 +14,10 @@ from typing import Any
 import pytest
 
 import lensforge as lf
-from lensforge import pipeline
-from lensforge.records.stored import with_checksum
-from lensforge.results import EXTRAS, STAGES
-from lensforge.run_folder import open_run, renew
+from lensforge.results.stage_result import with_checksum
+from lensforge.runs import pipeline
+from lensforge.runs.results import EXTRAS, STAGES
+from lensforge.runs.run_folder import open_run, renew
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 

@@ -194,8 +194,8 @@ def test_choices_do_not_depend_on_the_version_of_python() -> None:
 @pytest.mark.parametrize(
     ("name", "guard", "words"),
     [
-        ("load", "lensforge.run_folder.require_recorded", "is not the result whose hash"),
-        ("evaluate", "lensforge.records.result.require_checksum", "the checksum of other content"),
+        ("load", "lensforge.runs.run_folder.require_recorded", "is not the result whose hash"),
+        ("evaluate", "lensforge.results.stage_result.require_checksum", "the checksum of other content"),
     ],
 )
 def test_the_fuzzer_finds_a_guard_that_is_missing(

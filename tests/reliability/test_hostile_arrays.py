@@ -11,7 +11,7 @@ import pytest
 from refusals import changed, refusal_in_little_memory
 from result_folders import evaluate_arrays
 
-from lensforge.evaluation.light import Light
+from lensforge.light.evaluation_result import Light
 
 pytestmark = pytest.mark.usefixtures("no_warnings")
 

@@ -17,14 +17,14 @@ import trimesh
 from nightly import NIGHTLY, first_by_day
 
 import lensforge as lf
+from lensforge.cad.custom_base import read_custom_base
+from lensforge.cad.mesh_files import parse_3mf, parse_stl
+from lensforge.cad.step import parse_step
 from lensforge.errors import InputError
-from lensforge.geometry.custom_base import read_custom_base
-from lensforge.geometry.mesh_files import parse_3mf, parse_stl
-from lensforge.geometry.step import parse_step
-from lensforge.untrusted import stl as stl_bounds
-from lensforge.untrusted.child import Child, ChildLimits, Ending
-from lensforge.verification.casting import Grid
-from lensforge.verification.part_mesh import read_part_mesh
+from lensforge.proof.facet_casting import Grid
+from lensforge.proof.part_mesh import read_part_mesh
+from lensforge.results import file_bounds as stl_bounds
+from lensforge.results.sandbox import Child, ChildLimits, Ending
 
 LIMITS = ChildLimits(memory_mib=400, seconds=60.0)
 
@@ -33,7 +33,7 @@ def child_of(tmp_path: Path, body: str, limits: ChildLimits = LIMITS) -> tuple[E
     """Ending of a child whose work is ``body``."""
     script = tmp_path / "script.py"
     lines = "".join(f"    {line}\n" for line in body.splitlines())
-    text = f"from lensforge.untrusted.child import serve\ndef work(folder):\n{lines}serve(work)\n"
+    text = f"from lensforge.results.sandbox import serve\ndef work(folder):\n{lines}serve(work)\n"
     script.write_text(text, encoding="utf-8")
     folder = tmp_path / "work"
     folder.mkdir(exist_ok=True)
@@ -221,8 +221,8 @@ def clamp() -> bytes:
     """A STEP file of a bored plate."""
     import cadquery as cq
 
-    from lensforge.geometry.solid import Solid
-    from lensforge.geometry.step import step_bytes
+    from lensforge.cad.solid import Solid
+    from lensforge.cad.step import step_bytes
 
     plate = cq.Workplane("XY").rect(8.0, 8.0).extrude(-2.0).cut(cq.Workplane("XY").circle(1.5).extrude(-2.0)).val()
     return step_bytes(Solid(plate, {"SEAT": plate.Faces()[0]}), "clamp") + b"\n"  # no longer this process's own bytes

@@ -5,10 +5,10 @@ from refusals import one_line
 
 import lensforge as lf
 from lensforge.errors import InputError
-from lensforge.sources.build import build_source, summarise
-from lensforge.sources.inspection import inspect
+from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.photometric import read_photometric
-from lensforge.sources.photometric.conversion import convert_photometric
+from lensforge.sources.photometric.photometric_io import convert_photometric
+from lensforge.sources.photometric.photometric_summary import inspect
 
 LDT = (
     """maker

@@ -17,11 +17,11 @@ from refusals import changed, content_of, refusal, refusal_in_little_memory
 from result_folders import make_folder, make_light, make_results, page_of, small_lens
 
 import lensforge as lf
-from lensforge.evaluation.light import Light
-from lensforge.optimisation.design import Design, Level
-from lensforge.records import Conditions, Record, Text
+from lensforge.light.evaluation_result import Light
 from lensforge.report.snapshots import load_snapshots
-from lensforge.results import load_results
+from lensforge.results import Conditions, Record, Text
+from lensforge.runs.results import load_results
+from lensforge.search.design_result import Design, Level
 
 pytestmark = pytest.mark.usefixtures("no_warnings")
 

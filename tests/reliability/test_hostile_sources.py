@@ -14,14 +14,14 @@ from click.testing import CliRunner
 from refusals import one_line
 
 import lensforge as lf
-from lensforge.cli import cli
+from lensforge.cli.cli import cli
 from lensforge.errors import InputError
-from lensforge.sources.build import build_source, summarise
+from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.photometric import read_photometric
-from lensforge.sources.radiance_table import read_radiance
+from lensforge.sources.radiance_emitter import read_radiance
 from lensforge.sources.rayfiles import describe, read_rayfile
-from lensforge.sources.rayfiles.plot import Histograms
-from lensforge.sources.spectrum_file import read_spectrum_file
+from lensforge.sources.rayfiles.ray_file_summary import Histograms
+from lensforge.sources.source_spectrum import read_spectrum_file
 
 CSV = "x_mm,y_mm,z_mm,kx,ky,kz,flux_w\n"
 TM25_TABLES = 36_288

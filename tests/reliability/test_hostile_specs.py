@@ -162,7 +162,7 @@ def test_values_beyond_all_measure_are_refused_in_a_script_as_in_a_file(field: s
 
 @pytest.mark.parametrize("value", [1e-30, 1e12])
 def test_the_ends_of_what_light_may_be_are_sound(value: float) -> None:
-    from lensforge.sources.build import build_source, summarise
+    from lensforge.sources.build_source import build_source, summarise
 
     for section in (
         lf.SquareSource(side_mm=1e9, flux_w=value),

@@ -12,13 +12,13 @@ from refusals import one_line
 
 import lensforge as lf
 from lensforge.errors import InputError
-from lensforge.materials.reading import read_material
-from lensforge.npz_file import arrays_in
-from lensforge.point_cloud import read_cloud
-from lensforge.sources.build import build_source
-from lensforge.sources.radiance_table import read_radiance
-from lensforge.sources.spectrum_file import read_spectrum_file
-from lensforge.targets.tables import read_table
+from lensforge.optics.material_files import read_material
+from lensforge.results.json_npz import arrays_in
+from lensforge.scene.target_pattern import read_table
+from lensforge.sources.build_source import build_source
+from lensforge.sources.radiance_emitter import read_radiance
+from lensforge.sources.source_spectrum import read_spectrum_file
+from lensforge.surfaces.point_cloud import read_cloud
 
 MIB = 2**20
 
@@ -131,7 +131,7 @@ def test_long_rows_of_a_radiance_table_are_drawn_in_smaller_blocks(tmp_path, mon
     file = _radiance(tmp_path / "x.npz", gamma_deg=gamma, radiance=np.ones((1, 1, 1, 4096)))
     source = build_source(lf.RadianceSource(file=file))
     rays = source.sample(4096, 1)
-    monkeypatch.setattr("lensforge.sources.radiance._BLOCK_NUMBERS", 2**40)
+    monkeypatch.setattr("lensforge.sources.radiance_emitter._BLOCK_NUMBERS", 2**40)
     assert np.array_equal(source.sample(4096, 1).directions, rays.directions)
 
 

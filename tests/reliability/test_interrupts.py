@@ -14,13 +14,13 @@ from foreground import default_signals
 from scenes import small_spec
 
 import lensforge as lf
-from lensforge.pipeline import CHECKPOINT
+from lensforge.search.checkpoint import CHECKPOINT
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX systems")
 
 INTERRUPTS = """
 import os, signal, sys, time
-from lensforge.commands.interrupts import Interrupts
+from lensforge.cli.interrupts import Interrupts
 
 def send(number=signal.SIGINT):
     os.kill(os.getpid(), number)
@@ -213,7 +213,7 @@ def test_ctrl_c_while_nearest_points_are_searched_is_no_crash(small_run: lf.Run)
     done = script(
         f"""
         import os, signal, sys, threading
-        from lensforge.manufacturing import cutter
+        from lensforge.shop import cutter
         search = cutter._shrink
         def interrupted(*arguments):
             threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT)).start()
@@ -221,7 +221,7 @@ def test_ctrl_c_while_nearest_points_are_searched_is_no_crash(small_run: lf.Run)
                 search(arguments[0].copy(), *arguments[1:])
         cutter._shrink = interrupted
         sys.argv = ["lensforge", "check", {str(small_run.folder)!r}]
-        from lensforge.cli import main
+        from lensforge.cli.cli import main
         main()
         """,
         "",

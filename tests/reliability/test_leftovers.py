@@ -9,16 +9,24 @@ from pathlib import Path
 
 import pytest
 
-from lensforge import temporary
-from lensforge.files import file_bytes, replacing
-from lensforge.folder_lock import locked
-from lensforge.temporary import FOLDER, WRITING, delete_left_files, delete_left_folders, is_dead, own_mark
+from lensforge.results import files
+from lensforge.results.files import (
+    FOLDER,
+    WRITING,
+    delete_left_files,
+    delete_left_folders,
+    file_bytes,
+    is_dead,
+    own_mark,
+    replacing,
+)
+from lensforge.results.folder_lock import locked
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="looks for processes")
 _WRITE = """
 import sys, time
 from pathlib import Path
-from lensforge.files import replacing, temporary_folder
+from lensforge.results.files import replacing, temporary_folder
 with replacing(Path(sys.argv[1]) / "lens.step") as path, temporary_folder("lens.stl") as folder:
     path.write_text("half")
     (folder / "lens.stl").write_text("half")
@@ -98,7 +106,7 @@ def test_the_process_of_another_user_is_alive(monkeypatch: pytest.MonkeyPatch) -
     def refused(_pid: int, _signal: int) -> None:
         raise PermissionError
 
-    monkeypatch.setattr(temporary.os, "kill", refused)
+    monkeypatch.setattr(files.os, "kill", refused)
     assert not is_dead(marked(pid="1", start="12345678"))
 
 
@@ -125,6 +133,6 @@ def test_no_temporary_folder_and_no_folder_are_no_error(tmp_path: Path, monkeypa
     def none() -> str:
         raise FileNotFoundError(2, "No usable temporary directory found")
 
-    monkeypatch.setattr(temporary.tempfile, "gettempdir", none)
+    monkeypatch.setattr(files.tempfile, "gettempdir", none)
     delete_left_folders()
     delete_left_files(tmp_path / "none")

@@ -15,8 +15,8 @@ from click.testing import CliRunner
 from nightly import first_by_day
 
 import lensforge as lf
-from lensforge.cli import cli
-from lensforge.pipeline import run_report
+from lensforge.cli.cli import cli
+from lensforge.runs.pipeline import run_report
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 

@@ -87,7 +87,7 @@ def test_no_command_runs_code_of_the_folder_that_it_is_started_in(
 
 _SETTINGS = """
 import sys
-from lensforge.untrusted.working_folder import ignore_settings_in_working_folder
+from lensforge.results.working_folder import ignore_settings_in_working_folder
 ignore_settings_in_working_folder()
 import matplotlib, numba, os
 from numba.core import config

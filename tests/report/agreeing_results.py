@@ -2,20 +2,19 @@
 
 import numpy as np
 
-from lensforge.evaluation.light import LightMetrics, light_criteria
-from lensforge.evaluation.receiver_light import WindowSize
-from lensforge.geometry.acceptance import mesh_volume_limit, part_criteria
-from lensforge.manufacturing.findings import check_findings, wall_criteria
-from lensforge.manufacturing.relief_result import OuterRelief, Relief
-from lensforge.measurement.comparison import DeviationExtent, photo_criteria, surface_criteria
-from lensforge.optimisation.design import Margins
-from lensforge.optimisation.limits import constraint_criteria
-from lensforge.receivers.build import receivers_of
-from lensforge.records import Metric
-from lensforge.screens import screens_of
+from lensforge.cad.part_limits import mesh_volume_limit, part_criteria
+from lensforge.light.evaluation_result import LightMetrics, light_criteria
+from lensforge.light.receiver_light import WindowSize
+from lensforge.made.measurement_result import DeviationExtent, photo_criteria, surface_criteria
+from lensforge.proof.acceptance import proof_criteria, stray_criteria
+from lensforge.proof.proof_inputs import screens_of
+from lensforge.proof.proof_result import SizedFile, Sizes
+from lensforge.results import Metric
+from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.search.design_result import Margins, constraint_criteria
+from lensforge.shop.check_result import BallClearance, OuterClearance
+from lensforge.shop.findings import check_findings, wall_criteria
 from lensforge.surfaces.srbf import fibonacci_hemisphere
-from lensforge.verification.acceptance import proof_criteria, stray_criteria
-from lensforge.verification.size_result import SizedFile, Sizes
 
 
 def squares(image, reference):
@@ -121,8 +120,8 @@ def check(result, lens):
                 ),
             }
         )
-    clear = OuterRelief(smallest_step_mm=0.0, step_clearance_mm=0.0, flange_clearance_mm=0.0, flush_fraction=1.0)
-    return change | {"relief": Relief(outer=clear, inner=None)}
+    clear = OuterClearance(smallest_step_mm=0.0, step_clearance_mm=0.0, flange_clearance_mm=0.0, flush_fraction=1.0)
+    return change | {"relief": BallClearance(outer=clear, inner=None)}
 
 
 def findings(result, lens):

@@ -10,8 +10,8 @@ import pytest
 from page_places import places_of
 from shown_numbers import Place
 
-from lensforge.drawings import build
-from lensforge.drawings.grids import GridRequest
+from lensforge.shop import handover_files
+from lensforge.shop.point_grids import GridRequest
 
 _NUMBERED = re.compile(r"(?:^|(?<=[.] ))\d+\. (?=[A-Z])")  # a note
 REQUEST = GridRequest(spacing_mm=1.0)  # coarse: few points
@@ -50,16 +50,18 @@ def seen(results, *, dense=True):
         kept["grids"] = made = make_grids(*arguments) if dense else []
         return made
 
-    make_grids = build.make_grids
+    make_grids = handover_files.make_grids
     with pytest.MonkeyPatch.context() as patch:
         for name in ("sag_map", "curvature_map"):
-            patch.setattr(build, name, lambda *_: None)
-        patch.setattr(build, "to_svg", lambda *_: "")
-        patch.setattr(build, "sheet_figure", lambda sheet: kept.update(sheet=sheet))
-        patch.setattr(build, "sheet_dxf", lambda _: b"")
-        patch.setattr(build, "pdf_of", lambda title, drawing, tables, pictures: kept.update(tables=tables) or b"")
-        patch.setattr(build, "make_grids", kept_grids)
-        handover = build.make_handover(results, REQUEST)
+            patch.setattr(handover_files, name, lambda *_: None)
+        patch.setattr(handover_files, "to_svg", lambda *_: "")
+        patch.setattr(handover_files, "sheet_figure", lambda sheet: kept.update(sheet=sheet))
+        patch.setattr(handover_files, "sheet_dxf", lambda _: b"")
+        patch.setattr(
+            handover_files, "pdf_of", lambda title, drawing, tables, pictures: kept.update(tables=tables) or b""
+        )
+        patch.setattr(handover_files, "make_grids", kept_grids)
+        handover = handover_files.make_handover(results, REQUEST)
     return Seen(handover, kept["sheet"], kept["grids"], kept["tables"])
 
 

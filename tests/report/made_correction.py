@@ -2,9 +2,9 @@
 
 from part_files import make_surface
 
-from lensforge.geometry.part import stamp_of
-from lensforge.measurement.correction_result import Correction
-from lensforge.records import Extent
+from lensforge.cad.part import stamp_of
+from lensforge.made.correction_result import Correction
+from lensforge.results import Extent
 
 
 def make_correction(lens):

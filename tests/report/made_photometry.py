@@ -2,14 +2,20 @@
 
 import numpy as np
 
-from lensforge.far_field.angular_grid import AngularGrid
-from lensforge.far_field.beam_figures import Direction, PlaneFigures
-from lensforge.far_field.photometry import LostFlux, Photometry, WrittenFile, WrittenFiles, photometry_criteria
-from lensforge.records import Extent, Metric
-from lensforge.roadway.lamp_light import LampLight
-from lensforge.roadway.road_figures import RoadFigures
-from lensforge.sources.intensity import TabulatedIntensity
-from lensforge.sources.photometric.beam import plane_profile, width_above
+from lensforge.light.angular_grid import AngularGrid
+from lensforge.light.luminaire_classes import LampLight
+from lensforge.light.photometry_result import (
+    Direction,
+    LostFlux,
+    Photometry,
+    PlaneFigures,
+    WrittenFile,
+    WrittenFiles,
+    photometry_criteria,
+)
+from lensforge.light.road_lighting import RoadFigures
+from lensforge.results import Extent, Metric
+from lensforge.sources.intensity import TabulatedIntensity, plane_profile, width_above
 
 C_DEG, GAMMA_DEG = np.linspace(0.0, 360.0, 37), np.linspace(0.0, 90.0, 46)
 

@@ -1,8 +1,8 @@
 """A trade-off record of a few made-up levels; no two methods of a study have the same name."""
 
-from lensforge.records import Metric
-from lensforge.studies.tradeoff.convergence import ConvergenceStudy, RefinementLevel, reference_level
-from lensforge.studies.tradeoff.record import MeasuredLens, PresetAccuracy, PresetStage, Tradeoff
+from lensforge.results import Metric
+from lensforge.runs.tradeoff.convergence import ConvergenceStudy, RefinementLevel, reference_level
+from lensforge.runs.tradeoff.record import MeasuredLens, PresetAccuracy, PresetStage, Tradeoff
 
 _TABLE = {"rho": ("nm", 12.5), "normal": ("mrad", 0.0125), "hit": ("mm", 0.375), "irradiance_nmse": ("", 1.5e-4)}
 _LIGHT = {"efficiency": ("of the source", 3e-4), "hit_99_percent": ("mm", 0.1), "irradiance_nmse": ("", 0.02)}

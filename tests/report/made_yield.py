@@ -2,9 +2,7 @@
 
 import numpy as np
 
-from lensforge.deviations.factors import factors_of
-from lensforge.records import Metric
-from lensforge.tolerancing.yield_result import (
+from lensforge.made.tolerance_result import (
     Budget,
     BudgetRow,
     CauseShare,
@@ -16,6 +14,8 @@ from lensforge.tolerancing.yield_result import (
     WorstPart,
     Yield,
 )
+from lensforge.results import Metric
+from lensforge.scene.tolerance_factors import factors_of
 
 PARTS = 40
 Z = 1.959963984540054

@@ -13,22 +13,22 @@ from result_folders import (
     make_results,
 )
 
-from lensforge.figures.chart import Chart
-from lensforge.measurement.alignment import Alignment
-from lensforge.measurement.comparison import (
+from lensforge.light.evaluation_result import LightMetrics
+from lensforge.made.measurement_result import (
+    Alignment,
     DeviationExtent,
     Evenness,
-    LightMetrics,
     Located,
     PhotoComparison,
     Pose,
     Similarity,
     SurfaceComparison,
 )
-from lensforge.receivers.build import build_receiver
-from lensforge.records import Metric
-from lensforge.verification.proof import Agreement, BrepCast, MitsubaCast
-from lensforge.verification.stray_result import ReceiverStray, StrayFlux, StrayLight, StraySpread
+from lensforge.proof.proof_result import Agreement, BrepCast, MitsubaCast
+from lensforge.proof.stray_result import ReceiverStray, StrayFlux, StrayLight, StraySpread
+from lensforge.results import Metric
+from lensforge.results.chart import Chart
+from lensforge.scene.receiver_shapes import build_receiver
 
 NODES = 31
 _AGREEMENT = Agreement(compared=1016, rms=0.0015, p99=0.0058, max=0.0175, flux=5e-7, fates=0, fates_flux=0.0)

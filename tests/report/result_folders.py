@@ -6,13 +6,30 @@ from agreeing_results import agreeing, proof_of
 from made_photometry import make_photometry
 from undrawn import without_views
 
-from lensforge.criteria import Criterion
-from lensforge.evaluation.light import Light
-from lensforge.evaluation.receiver_light import Flux, MissedByCause, ReceiverLight
-from lensforge.geometry.part import STEP_FILE, STL_FILE, THREEMF_FILE, Faces, Part, Triangulation, stamp_of
-from lensforge.lens import Lens
-from lensforge.manufacturing.relief_result import Relief
-from lensforge.manufacturing.result import (
+from lensforge.cad.part import STEP_FILE, STL_FILE, THREEMF_FILE, Faces, Part, Triangulation, stamp_of
+from lensforge.light.evaluation_result import Light
+from lensforge.light.receiver_light import Flux, MissedByCause, ReceiverLight
+from lensforge.proof.proof_result import (
+    Faults,
+    IndependentRays,
+    LandingDeviation,
+    PartFlux,
+    PartMissed,
+    PlainCast,
+    Proof,
+    ReceiverProof,
+    SizedFile,
+    Sizes,
+)
+from lensforge.report.lens_page import render_report
+from lensforge.results import BodySize, Extent, Metric
+from lensforge.results.criteria import Criterion
+from lensforge.runs.results import Results
+from lensforge.scene.lens import Lens
+from lensforge.scene.receiver_shapes import build_receiver
+from lensforge.search.design_result import Design, Level, Margins
+from lensforge.shop.check_result import (
+    BallClearance,
     Check,
     Curvature,
     Cutter,
@@ -25,18 +42,10 @@ from lensforge.manufacturing.result import (
     Wall,
     Walls,
 )
-from lensforge.optimisation.design import Design, Level, Margins
-from lensforge.receivers.build import build_receiver
-from lensforge.records import BodySize, Extent, Metric
-from lensforge.report.lens_page import render_report
-from lensforge.results import Results
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec import parse_spec
-from lensforge.surfaces import chart
+from lensforge.surfaces import surface as chart
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
-from lensforge.verification.light_result import OwnRays, PartFlux, PartMissed
-from lensforge.verification.proof import LandingDeviation, PlainCast, Proof, ReceiverProof
-from lensforge.verification.size_result import Faults, SizedFile, Sizes
 
 SIZE = BodySize(volume_mm3=3833.5, area_mm2=1250.5, bounds_mm=((-14.0, -14.0, -2.0), (14.0, 14.0, 13.5)))
 STAGES = ("design", "evaluate", "export", "check", "verify", "photometry")
@@ -340,7 +349,7 @@ def make_check(lens, **changes):
         "outer": face,
         "min_wall_mm": 1.875,
         "wall": Walls(thinnest=wall, thickest=thick),
-        "relief": Relief(outer=None, inner=None, note="there is no base"),
+        "relief": BallClearance(outer=None, inner=None, note="there is no base"),
         "scallop": Scallops(stepover_mm=0.02, slope_limit_mrad=1.0, inner=scallop, outer=scallop),
         "tools": (),
         "criteria": (criterion("thinnest wall", 1.875, 0.999, ">="),),
@@ -356,7 +365,7 @@ def make_receiver_proof(section, **changes):
     images = light_images(*build_receiver(section, PIXELS).grid.shape)
     flux = PartFlux(detected=0.8475, outside=0.02, missed=0.0325, total_reflection=0.01, reflected=0.09)
     missed = PartMissed(no_hit=0.0, starts_inside=0.0, base=0.0125, back_into_cavity=0.0, missed_receiver=0.02)
-    own = OwnRays(
+    own = IndependentRays(
         rays=16384,
         efficiency=Metric(value=0.8475, standard_error=0.00075),
         efficiency_design=make_receiver_light(section).efficiency,

@@ -9,20 +9,18 @@ from part_files import EXTRAS, make_surface, verified
 from result_folders import STAGES, criterion, finding, make_light, make_proof, make_results, small_lens, text_target
 from told_apart import told_apart
 
-from lensforge.criteria import Criterion
-from lensforge.evaluation.light import FittedLight, LightMetrics, PresetError, TableError
-from lensforge.evaluation.limit_result import LimitResult
-from lensforge.evaluation.receiver_light import Flux, MissedByCause
-from lensforge.evaluation.region_light import RegionLight
-from lensforge.geometry.part import KeepOutDistance
-from lensforge.lens import Lens
-from lensforge.manufacturing.findings import check_findings
-from lensforge.records import Conditions, Metric
-from lensforge.results import Results
+from lensforge.cad.part import KeepOutDistance
+from lensforge.light.evaluation_result import FittedLight, LightMetrics, LimitResult, PresetError, TableError
+from lensforge.light.receiver_light import Flux, MissedByCause, RegionLight
+from lensforge.made.tolerance_result import ErrorRow, Sensitivity
+from lensforge.results import Conditions, Metric
+from lensforge.results.criteria import Criterion
+from lensforge.runs.results import Results
+from lensforge.scene.lens import Lens
+from lensforge.shop.findings import check_findings
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec import parse_spec
-from lensforge.spec.ray_source import RayfileSource
-from lensforge.tolerancing.sensitivity_table import ErrorRow, Sensitivity
+from lensforge.spec.source_sections import RayfileSource
 
 WALL = {
     "kind": "plane", "name": "wall", "centre_mm": (100.0, 0.0, 200.0), "width_mm": 300.0, "height_mm": 150.0,

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from lensforge.records import Metric
+from lensforge.results import Metric
 
 SUPERSCRIPTS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _POWER = r"(?:\u2009×\u200910[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+|e[-+]?\d+)"  # as a page or a terminal writes it

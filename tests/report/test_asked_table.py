@@ -9,24 +9,23 @@ from page_text import Page, text_of, undrawn_page_of
 from result_folders import criterion, finding, make_results, small_lens
 
 import lensforge
-from lensforge.commands.part_blocks import cutting_rows, solid_rows
-from lensforge.drawings.drawing_notes import tool_notes
-from lensforge.drawings.facts import face_facts
-from lensforge.evaluation.light import Light
-from lensforge.evaluation.limit_result import LimitResult
-from lensforge.geometry.part import UntrimmedSurfaces
-from lensforge.lens import Lens
-from lensforge.manufacturing.relief_result import BaseBall, CustomBaseRelief, Relief
-from lensforge.optimisation.asked_light import asked_light
-from lensforge.records import Metric
+from lensforge.cad.part import UntrimmedSurfaces
+from lensforge.cli.part_blocks import cutting_rows, solid_rows
+from lensforge.light.evaluation_result import Light, LimitResult
 from lensforge.report.asked_light_rows import light_rows
 from lensforge.report.asked_table import asked_rows
 from lensforge.report.cards import cards
 from lensforge.report.criterion_words import criterion_words
 from lensforge.report.numerals import number
-from lensforge.sources.build import build_source
+from lensforge.results import Metric
+from lensforge.scene.lens import Lens
+from lensforge.search.scene_check import asked_light
+from lensforge.shop.check_result import BallClearance, BaseBall, CustomBaseClearance
+from lensforge.shop.drawing import tool_notes
+from lensforge.shop.handover_files import face_facts
+from lensforge.sources.build_source import build_source
 from lensforge.spec import parse_spec
-from lensforge.spec.ray_source import RayfileSource
+from lensforge.spec.source_sections import RayfileSource
 
 WORST = {"fail": 2, "open": 1, "pass": 0, "": 0}
 STATES = {"fail": "fail", "undecided": "open", "pass": "pass"}
@@ -104,9 +103,9 @@ def test_every_place_that_names_a_larger_ball_names_the_base_s_own():
     wide = face.model_copy(update={"cutter": face.cutter.model_copy(update={"largest_radius_mm": 1.92})})
     words = "; the base clears up to 1.04 mm, to within 0.004 mm"
     balls = (BaseBall(radius_mm=mm, within_mm=0.004) for mm in (1.0404, None))
-    below, any_ball = (CustomBaseRelief(retreat_mm=0.0, flush_fraction=1.0, ball=ball) for ball in balls)
+    below, any_ball = (CustomBaseClearance(retreat_mm=0.0, flush_fraction=1.0, ball=ball) for ball in balls)
     for each, told in ((below, True), (any_ball, False), (None, False)):
-        relief = Relief(outer=each, inner=each)
+        relief = BallClearance(outer=each, inner=each)
         results = make_results(check={"inner": wide, "outer": wide, "relief": relief})
         check, (row,) = results.check, [row for row in asked_rows(results) if row.name.startswith("Ball mill")]
         (card,) = (card for card in cards(results) if card.label == "Ball mill")

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from matplotlib.patches import Circle
 
-from lensforge.figures.chart import Chart
-from lensforge.figures.light_unit import light_unit
-from lensforge.figures.plots import plot_map
 from lensforge.report import irradiance_figures, line_figures
 from lensforge.report.search_figures import snapshot_figure
+from lensforge.results.chart import Chart, light_unit
+from lensforge.results.plots import plot_map
 
 WIDE = Chart(300.0, 150.0)
 SKY = Chart(2.0, 2.0, far_field=True)  # to 60 degrees: 4 sin 30

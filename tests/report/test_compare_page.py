@@ -8,9 +8,9 @@ from result_folders import evaluate_arrays, make_folder, make_results, small_len
 from undrawn import undrawn
 
 from lensforge.errors import InputError
-from lensforge.records import Metric
 from lensforge.report.compare_page import difference_lines, folder_names, number_lines, render_comparison, spec_names
 from lensforge.report.compare_pictures import ComparedPictures
+from lensforge.results import Metric
 
 
 @pytest.fixture
@@ -148,7 +148,7 @@ def test_one_folder_twice_or_one_design_alone_is_refused(designs, tmp_path):
 
 @pytest.mark.usefixtures("undrawn")
 def test_the_command_writes_the_page_where_it_is_told(tmp_path):
-    from lensforge.cli import cli
+    from lensforge.cli.cli import cli
 
     folders = [make_folder(tmp_path / name) for name in ("first", "second")]
     page = tmp_path / "pages" / "both.html"

@@ -9,8 +9,8 @@ from undrawn import undrawn
 
 from lensforge.errors import InputError
 from lensforge.report.file_rows import exported_files, folder_files
-from lensforge.results import load_results
-from lensforge.run_folder import open_run
+from lensforge.runs.results import load_results
+from lensforge.runs.run_folder import open_run
 
 
 def links(markup):

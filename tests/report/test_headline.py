@@ -16,11 +16,11 @@ from result_folders import (
     small_lens,
 )
 
-from lensforge.records import Metric
 from lensforge.report.cards import cards
 from lensforge.report.headline import headline
 from lensforge.report.numerals import number
-from lensforge.results import load_results
+from lensforge.results import Metric
+from lensforge.runs.results import load_results
 
 
 @pytest.fixture(scope="module")

@@ -16,8 +16,8 @@ from result_folders import (
 )
 
 from lensforge.report.tables import rows
-from lensforge.results import load_results
-from lensforge.spec.ray_source import RayfileSource
+from lensforge.runs.results import load_results
+from lensforge.spec.source_sections import RayfileSource
 
 
 @pytest.fixture(scope="module")

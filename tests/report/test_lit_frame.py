@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from result_folders import make_results
 
-from lensforge.figures.chart import Chart
 from lensforge.report import irradiance_figures
 from lensforge.report.light_pictures import first_picture
 from lensforge.report.lit_frame import lit_frame
+from lensforge.results.chart import Chart
 
 CHART = Chart(400.0, 400.0)
 

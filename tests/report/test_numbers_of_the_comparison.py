@@ -12,8 +12,8 @@ from told_apart import told_apart
 from undrawn import undrawn
 from wanted_comparison import best_of, comparison_numbers
 
-from lensforge.evaluation.light import Light
-from lensforge.measurement.comparison import PhotoComparison
+from lensforge.light.evaluation_result import Light
+from lensforge.made.measurement_result import PhotoComparison
 from lensforge.report.compare_page import render_comparison
 from lensforge.report.compare_pictures import ComparedPictures
 

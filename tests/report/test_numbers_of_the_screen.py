@@ -9,10 +9,10 @@ from shown_numbers import problems, shown
 from wanted_screens import summary_numbers
 from wanted_stage_screens import stage_numbers
 
-from lensforge.commands.screen import print_screen
-from lensforge.commands.stage_blocks import blocks_of
-from lensforge.commands.summary import summary
-from lensforge.run_folder import Run
+from lensforge.cli.screen import print_screen
+from lensforge.cli.stage_blocks import blocks_of
+from lensforge.cli.summary import summary
+from lensforge.runs.run_folder import Run
 
 
 @pytest.mark.parametrize("name", FOLDERS)

@@ -12,12 +12,11 @@ from told_apart import told_apart
 from undrawn import undrawn
 from wanted_sweep import sweep_lines, sweep_numbers
 
-from lensforge.commands.screen import print_screen
-from lensforge.commands.sweep_blocks import sweep_block
-from lensforge.records import Metric
-from lensforge.studies.sweep.page import sweep_page
-from lensforge.studies.sweep.table import sweep_of
-from lensforge.studies.sweep.vary import variation_of
+from lensforge.cli.screen import print_screen
+from lensforge.cli.sweep_blocks import sweep_block
+from lensforge.results import Metric
+from lensforge.runs.sweep import sweep_of, variation_of
+from lensforge.runs.sweep_page import sweep_page
 
 _EVEN = {"uniformity": Metric(value=0.8, standard_error=0.01), "rsd": Metric(value=0.09, standard_error=0.002)}
 _MISSED = {"criteria": (criterion("form margin", 0.5, 0.25), criterion("wall margin", 0.5, 0.001))}

@@ -10,9 +10,9 @@ from told_apart import told_apart
 from undrawn import undrawn
 from wanted_tradeoff import tradeoff_lines, tradeoff_numbers
 
-from lensforge.commands.screen import print_screen
-from lensforge.commands.sweep_blocks import tradeoff_block
-from lensforge.studies.tradeoff.page import tradeoff_page
+from lensforge.cli.screen import print_screen
+from lensforge.cli.sweep_blocks import tradeoff_block
+from lensforge.runs.tradeoff.page import tradeoff_page
 
 
 def test_every_number_of_a_tradeoff_is_that_of_its_level_or_preset(capsys):

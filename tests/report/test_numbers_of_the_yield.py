@@ -12,11 +12,11 @@ from told_apart import told_apart
 from undrawn import undrawn
 from wanted_yield import bar_numbers, curve_of, line_numbers, yield_numbers
 
-from lensforge.evaluation.light import Light
-from lensforge.records import Conditions, Metric
+from lensforge.light.evaluation_result import Light
+from lensforge.made.tolerance_result import MetricBound, WorstPart
 from lensforge.report.yield_page import render_yield
-from lensforge.results import Results
-from lensforge.tolerancing.yield_result import MetricBound, WorstPart
+from lensforge.results import Conditions, Metric
+from lensforge.runs.results import Results
 
 _NAMES = {"nmse": "HV: light", "share_in_target": "wall: efficiency"}
 

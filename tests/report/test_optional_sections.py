@@ -16,7 +16,7 @@ from lensforge.report.referees import referee_rows
 from lensforge.report.search_figures import history
 from lensforge.report.stray_light import stray_sentence
 from lensforge.report.tables import rows
-from lensforge.results import load_results
+from lensforge.runs.results import load_results
 
 
 @pytest.fixture(scope="module")

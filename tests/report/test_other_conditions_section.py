@@ -14,11 +14,11 @@ from result_folders import (
     small_lens,
 )
 
-from lensforge.records import Conditions, Metric
 from lensforge.report.compare_page import number_lines
 from lensforge.report.compare_pictures import ComparedPictures
 from lensforge.report.other_conditions import light_pictures, light_rows, result_rows
-from lensforge.results import Results, load_results
+from lensforge.results import Conditions, Metric
+from lensforge.runs.results import Results, load_results
 from lensforge.sources.source_summary import SourceSummary
 
 ATTACK = "<img src=x onerror=alert(1)>"

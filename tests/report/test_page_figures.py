@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from result_folders import check_arrays, make_design, make_light, small_lens
 
-from lensforge.evaluation.receiver_light import Flux, MissedByCause
-from lensforge.figures.chart import Chart
-from lensforge.figures.light_unit import WATTS, LightUnit
+from lensforge.light.receiver_light import Flux, MissedByCause
 from lensforge.report import (
     flux_figures,
     irradiance_figures,
@@ -18,6 +16,7 @@ from lensforge.report import (
     surface_figures,
 )
 from lensforge.report.figure_style import INK, to_svg
+from lensforge.results.chart import WATTS, Chart, LightUnit
 from lensforge.spec import BaseSection
 
 SIDE = 200.0

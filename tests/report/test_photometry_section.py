@@ -6,10 +6,10 @@ from made_photometry import make_photometry
 from page_text import text_of
 from result_folders import make_results, small_lens
 
-from lensforge.evaluation.region_light import RegionLight
-from lensforge.records import Metric
+from lensforge.light.receiver_light import RegionLight
 from lensforge.report.photometry_figures import ground_diagram, isocandela_diagram, polar_diagram
 from lensforge.report.photometry_section import photometry_section
+from lensforge.results import Metric
 
 ROAD = {"use": "road", "lenses": 24, "pole_height_m": 8.0, "pole_spacing_m": 30.0, "road_width_m": 7.0}
 

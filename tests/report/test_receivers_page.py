@@ -7,7 +7,6 @@ from part_files import whole_results
 from result_folders import make_light, make_results, page_of, small_lens
 from undrawn import undrawn
 
-from lensforge.records import Conditions, Metric
 from lensforge.report import lens_page
 from lensforge.report.asked_light_rows import light_rows as asked_light_rows
 from lensforge.report.cards import cards
@@ -19,7 +18,8 @@ from lensforge.report.other_conditions import light_pictures, light_rows
 from lensforge.report.referees import referee_rows
 from lensforge.report.stray_light import stray_sentence
 from lensforge.report.task import task
-from lensforge.results import Results
+from lensforge.results import Conditions, Metric
+from lensforge.runs.results import Results
 
 BEAM = {"kind": "beam", "fwhm_deg": (60.0, 25.0), "uniform_deg": 10.0}
 WALL = {

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from part_files import whole_results
 
-from lensforge.records import Metric
 from lensforge.report.numerals import anything, number, percent, size, unit_of
 from lensforge.report.tables import rows
+from lensforge.results import Metric
 from lensforge.spec import ArrayTarget
 
 

@@ -5,11 +5,11 @@ from page_text import Page, undrawn_page_of
 from result_folders import make_results
 
 from lensforge.errors import InputError
-from lensforge.evaluation.light import LightMetrics
-from lensforge.records import Metric
+from lensforge.light.evaluation_result import LightMetrics
+from lensforge.made.tolerance_result import ErrorRow, Sensitivity
 from lensforge.report.sensitivity_rows import ChangeRow, change_rows
-from lensforge.results import Results
-from lensforge.tolerancing.sensitivity_table import ErrorRow, Sensitivity
+from lensforge.results import Metric
+from lensforge.runs.results import Results
 
 
 def metrics(nmse, efficiency, *errors):

@@ -7,10 +7,10 @@ import re
 import numpy as np
 from PIL import Image
 
-from lensforge.figures.chart import Chart
 from lensforge.report import figure_style
 from lensforge.report.irradiance_figures import irradiance_map
 from lensforge.report.small_images import with_palettes
+from lensforge.results.chart import Chart
 
 
 def embedded(svg):

@@ -7,12 +7,12 @@ from judgements import judge_as
 from result_folders import make_results, page_of, small_lens
 from scenes import small_spec
 
-from lensforge.accuracy import PRESETS, SearchEffort
 from lensforge.errors import InputError
-from lensforge.optimisation.optimiser import search
 from lensforge.report.search_figures import snapshot_figure
 from lensforge.report.snapshots import FOLDER, Snapshots, load_snapshots, outer_slope
-from lensforge.sources.build import build_source
+from lensforge.search.optimiser import search
+from lensforge.sources.build_source import build_source
+from lensforge.spec.accuracy import PRESETS, SearchEffort
 
 
 @pytest.fixture(scope="module")

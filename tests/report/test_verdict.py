@@ -6,15 +6,15 @@ from result_folders import PIXELS, criterion, make_results, small_lens
 from result_folders import finding as any_finding
 
 from lensforge.errors import CriterionMissed
-from lensforge.evaluation.limit_result import LimitResult
-from lensforge.evaluation.receiver_light import Possible
-from lensforge.lens import Lens
-from lensforge.manufacturing.result import Finding
-from lensforge.records import Metric
+from lensforge.light.evaluation_result import LimitResult
+from lensforge.light.receiver_light import LARGEST_NMSE, LEAST_SHARE, Possible
 from lensforge.report.headline import headline
-from lensforge.results import Results
+from lensforge.results import Metric
+from lensforge.runs.results import Results
+from lensforge.runs.verdict import Verdict, verdict_on
+from lensforge.scene.lens import Lens
+from lensforge.shop.check_result import Finding
 from lensforge.spec import parse_spec
-from lensforge.verdict import LARGEST_NMSE, LEAST_SHARE, Verdict, verdict_on
 
 TRANSMITTED = (1.0 - (0.4936 / 2.4936) ** 2) ** 2  # of PMMA's two faces at normal incidence: 0.9232
 FLAT = np.ones((PIXELS, PIXELS))

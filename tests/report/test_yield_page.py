@@ -11,12 +11,12 @@ from made_yield import PARTS, make_yield
 from page_text import Page, folded
 from result_folders import make_results, page_of, small_lens
 
-from lensforge.drawings.tolerance_table import tolerance_table
 from lensforge.report.numerals import percent
 from lensforge.report.yield_page import render_yield
 from lensforge.report.yield_rows import amount, budget_line, budget_lines, causes_words, metric_words, shown
-from lensforge.results import Results
-from lensforge.spec.tolerances import TolerancesSection
+from lensforge.runs.results import Results
+from lensforge.shop.tolerance_table import tolerance_table
+from lensforge.spec.tolerances_section import TolerancesSection
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +91,7 @@ def test_causes_worst_parts_and_remarks_are_there_and_text_is_escaped(page, html
 
 
 def test_other_conditions_and_no_budget_are_said(lens, found):
-    from lensforge.records import Conditions
+    from lensforge.results import Conditions
 
     other = Conditions.of(tolerances="moulded", tolerances_sha256="ab" * 32)
     plain = found.model_copy(update={"conditions": other, "budget": None, "variance": {}})
@@ -142,7 +142,7 @@ def test_a_spec_without_tolerances_has_no_table(lens):
 
 
 def _names():
-    from lensforge.spec.tolerance_presets import PRESET_AMOUNTS
+    from lensforge.spec.tolerances_section import PRESET_AMOUNTS
 
     return PRESET_AMOUNTS["standard"]
 

@@ -2,7 +2,7 @@
 
 from itertools import count
 
-from lensforge.records import Record
+from lensforge.results import Record
 
 # Numbers that others are counted by, and those that decide what a sentence says.
 _KEPT = {"level", "parts", "pass_rate", "genus", "disagreements", "c_deg", "part", "scale", "file", "files"}

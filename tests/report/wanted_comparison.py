@@ -5,13 +5,13 @@ from wanted_frame import task_numbers
 from wanted_light import level_of, watts_to_shown
 from wanted_records import entries_of
 
-from lensforge.evaluation.light import Light
-from lensforge.geometry.part import Part
-from lensforge.manufacturing.result import Check
-from lensforge.measurement.comparison import PhotoComparison
-from lensforge.optimisation.design import Design
-from lensforge.verification.proof import Proof
-from lensforge.verification.stray_result import StrayLight
+from lensforge.cad.part import Part
+from lensforge.light.evaluation_result import Light
+from lensforge.made.measurement_result import PhotoComparison
+from lensforge.proof.proof_result import Proof
+from lensforge.proof.stray_result import StrayLight
+from lensforge.search.design_result import Design
+from lensforge.shop.check_result import Check
 
 _NUMBERS, _DIFFERENCES = "Numbers", "Differences of the specifications"
 _BEST = {

@@ -5,11 +5,11 @@ from importlib.metadata import version
 from shown_numbers import shown
 from wanted_light import ASKED, transmitted, wanted_share
 
-from lensforge.evaluation.light import Light
-from lensforge.geometry.part import Part
-from lensforge.manufacturing.result import Check
-from lensforge.optimisation.design import Design
-from lensforge.verification.proof import Proof
+from lensforge.cad.part import Part
+from lensforge.light.evaluation_result import Light
+from lensforge.proof.proof_result import Proof
+from lensforge.search.design_result import Design
+from lensforge.shop.check_result import Check
 
 _TIMED = {
     "design": "search", "evaluate": "simulated light", "export": "CAD and files", "check": "check for the shop",

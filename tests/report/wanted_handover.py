@@ -8,8 +8,8 @@ from shown_numbers import shown
 from wanted_dimensions import dimension_numbers, widest_of
 from wanted_tolerances import tolerance_numbers
 
-from lensforge.deviations.factors import factors_of
 from lensforge.report.criterion_words import criterion_words
+from lensforge.scene.tolerance_factors import factors_of
 
 
 @dataclass(frozen=True)

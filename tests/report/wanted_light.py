@@ -3,11 +3,11 @@
 import numpy as np
 from shown_numbers import shown, with_error
 
-from lensforge.evaluation.light import Light
-from lensforge.far_field.photometry import Photometry
-from lensforge.optimisation.asked_light import asked_light
-from lensforge.sources.build import build_source
-from lensforge.spec.ray_source import RayfileSource
+from lensforge.light.evaluation_result import Light
+from lensforge.light.photometry_result import Photometry
+from lensforge.search.scene_check import asked_light
+from lensforge.sources.build_source import build_source
+from lensforge.spec.source_sections import RayfileSource
 
 ASKED = "Asked, got, possible"
 

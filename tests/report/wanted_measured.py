@@ -3,7 +3,7 @@
 from shown_numbers import shown, with_error
 from wanted_light import ASKED
 
-from lensforge.measurement.comparison import PhotoComparison
+from lensforge.made.measurement_result import PhotoComparison
 
 _PHOTO = "A photograph of its light"
 

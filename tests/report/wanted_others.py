@@ -4,14 +4,13 @@ from functools import singledispatch
 
 from shown_numbers import shown, with_error
 
-from lensforge.evaluation.light import Light
-from lensforge.far_field.photometry import Photometry
-from lensforge.measurement.comparison import SurfaceComparison
-from lensforge.measurement.correction_result import Correction
-from lensforge.tolerancing.sensitivity_table import Sensitivity
-from lensforge.tolerancing.yield_result import Yield
-from lensforge.verification.proof import Proof
-from lensforge.verification.stray_result import StrayLight
+from lensforge.light.evaluation_result import Light
+from lensforge.light.photometry_result import Photometry
+from lensforge.made.correction_result import Correction
+from lensforge.made.measurement_result import SurfaceComparison
+from lensforge.made.tolerance_result import Sensitivity, Yield
+from lensforge.proof.proof_result import Proof
+from lensforge.proof.stray_result import StrayLight
 
 _SECTION = "Under other conditions"
 

@@ -3,12 +3,12 @@
 from shown_numbers import shown
 from wanted_light import ASKED
 
-from lensforge.evaluation.light import Light
-from lensforge.geometry.part import Part
-from lensforge.manufacturing.result import Check
-from lensforge.optimisation.design import Design
+from lensforge.cad.part import Part
+from lensforge.light.evaluation_result import Light
+from lensforge.proof.proof_result import Proof
 from lensforge.report.criterion_words import criterion_words
-from lensforge.verification.proof import Proof
+from lensforge.search.design_result import Design
+from lensforge.shop.check_result import Check
 
 _MAPS = "Manufacture / Maps of both faces: departure from a sphere, curvature, what the mill leaves"
 _READ = "Verification / The files as read back, and the light of the exported part"

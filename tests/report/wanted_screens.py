@@ -4,12 +4,12 @@ from shown_numbers import shown, with_error
 from wanted_frame import reasons
 from wanted_light import watts_to_shown, window_of
 
-from lensforge.evaluation.light import Light
-from lensforge.far_field.photometry import Photometry
-from lensforge.geometry.part import Part
-from lensforge.manufacturing.result import Check
-from lensforge.optimisation.design import Design
-from lensforge.verification.proof import Proof
+from lensforge.cad.part import Part
+from lensforge.light.evaluation_result import Light
+from lensforge.light.photometry_result import Photometry
+from lensforge.proof.proof_result import Proof
+from lensforge.search.design_result import Design
+from lensforge.shop.check_result import Check
 
 
 def summary_numbers(results):

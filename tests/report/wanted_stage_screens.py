@@ -8,16 +8,15 @@ from wanted_frame import reasons
 from wanted_measured import correction_numbers, photo_numbers, surface_numbers
 from wanted_screens import landing_lines, light_lines, part_lines, photometry_lines
 
-from lensforge.evaluation.light import Light
-from lensforge.far_field.photometry import Photometry
-from lensforge.geometry.part import Part
-from lensforge.manufacturing.result import Check
-from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
-from lensforge.measurement.correction_result import Correction
-from lensforge.tolerancing.sensitivity_table import Sensitivity
-from lensforge.tolerancing.yield_result import Yield
-from lensforge.verification.proof import Proof
-from lensforge.verification.stray_result import StrayLight
+from lensforge.cad.part import Part
+from lensforge.light.evaluation_result import Light
+from lensforge.light.photometry_result import Photometry
+from lensforge.made.correction_result import Correction
+from lensforge.made.measurement_result import PhotoComparison, SurfaceComparison
+from lensforge.made.tolerance_result import Sensitivity, Yield
+from lensforge.proof.proof_result import Proof
+from lensforge.proof.stray_result import StrayLight
+from lensforge.shop.check_result import Check
 
 
 @singledispatch

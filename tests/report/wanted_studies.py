@@ -6,10 +6,9 @@ from shown_numbers import shown, with_error
 from wanted_light import ASKED
 from wanted_yield import budget_numbers, passing_numbers
 
+from lensforge.made.tolerance_result import Sensitivity, Yield
+from lensforge.proof.stray_result import StrayLight
 from lensforge.report.yield_rows import metric_words
-from lensforge.tolerancing.sensitivity_table import Sensitivity
-from lensforge.tolerancing.yield_result import Yield
-from lensforge.verification.stray_result import StrayLight
 
 
 def study_numbers(results):

@@ -2,8 +2,8 @@
 
 from shown_numbers import shown
 
-from lensforge.deviations.factors import factors_of
-from lensforge.tolerancing.yield_result import Yield
+from lensforge.made.tolerance_result import Yield
+from lensforge.scene.tolerance_factors import factors_of
 
 _IN_PER_CENT = ("source_flux", "source_size")
 _UNITS = {"deg": "°", "um": " µm", "": ""}

@@ -2,10 +2,10 @@
 
 from shown_numbers import Place, shown
 
-from lensforge.evaluation.light import Light
+from lensforge.light.evaluation_result import Light
+from lensforge.proof.stray_result import StrayLight
 from lensforge.report.flux_figures import flux_budget
 from lensforge.report.stray_light import stray_budget
-from lensforge.verification.stray_result import StrayLight
 
 
 def flux_places(results):

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lensforge.sources.radiance_table import RadianceTable
+from lensforge.sources.radiance_emitter import RadianceTable
 
 
 def write_radiance(path: Path, table: RadianceTable) -> None:

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from lensforge.sources.bundle import RayBundle
-from lensforge.sources.cavity import cavity_around, cavity_radius
-from lensforge.spec.source import DiscSource
+from lensforge.sources.build_source import cavity_around, cavity_radius
+from lensforge.sources.ray_bundle import RayBundle
+from lensforge.spec.source_sections import DiscSource
 
 ROOM, SHARE, PROPORTION = 1.05, 0.99, 0.6  # room around the light, share of the flux inside, height over radius
 

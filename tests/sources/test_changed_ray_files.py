@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from lensforge.errors import InputError
-from lensforge.sources.rayfiles import RayFile, read_rayfile, stored, write_rayfile
-from lensforge.sources.rayfiles.stored import StoredRays
-from lensforge.sources.square import SquareEmitter
+from lensforge.sources.build_source import SquareEmitter
+from lensforge.sources.rayfiles import RayFile, read_rayfile, stored_rays, write_rayfile
+from lensforge.sources.rayfiles.stored_rays import StoredRays
 
 FIRST = slice(0, 50)
 
@@ -31,8 +31,8 @@ def path(tmp_path: Path) -> Path:
 @pytest.fixture
 def rays(path: Path, monkeypatch: pytest.MonkeyPatch) -> StoredRays:
     """Rays that stay in their file."""
-    monkeypatch.setattr(stored, "LOADED_RAYS", 100)
-    found = stored.loaded_or_stored(read_rayfile(path))
+    monkeypatch.setattr(stored_rays, "LOADED_RAYS", 100)
+    found = stored_rays.loaded_or_stored(read_rayfile(path))
     assert isinstance(found, StoredRays)
     return found
 
@@ -69,8 +69,8 @@ def test_a_file_that_is_replaced_or_deleted_keeps_its_rays(path: Path, rays: Sto
 def test_a_table_is_read_once_and_may_change_afterwards(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     table = path.with_suffix(".csv")
     write_rayfile(table, read_rayfile(path), "csv")
-    monkeypatch.setattr(stored, "LOADED_RAYS", 100)
-    kept = stored.loaded_or_stored(read_rayfile(table))
+    monkeypatch.setattr(stored_rays, "LOADED_RAYS", 100)
+    kept = stored_rays.loaded_or_stored(read_rayfile(table))
     before = next(iter(kept.blocks())).flux
     table.write_bytes(table.read_bytes()[:3000])
     np.testing.assert_array_equal(next(iter(kept.blocks())).flux, before)

@@ -8,12 +8,11 @@ from rayfile_samples import image, rays, with_spectrum_numbers, with_tables
 from scenes import small_spec
 
 from lensforge.errors import InputError
-from lensforge.materials.catalogue import MATERIALS
-from lensforge.materials.material import D_LINE_NM
-from lensforge.sources.build import build_source, summarise
+from lensforge.optics.material import D_LINE_NM, MATERIALS
+from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.rayfiles import write_rayfile
-from lensforge.sources.rayfiles.reading import decode
-from lensforge.sources.spectrum import Spectrum
+from lensforge.sources.rayfiles.ray_file_io import decode
+from lensforge.sources.source_spectrum import Spectrum
 from lensforge.spec import parse_spec
 
 PMMA = MATERIALS["PMMA"]

@@ -9,13 +9,12 @@ from rayfile_samples import rays
 from scenes import small_spec
 
 from lensforge.errors import InputError
-from lensforge.materials.catalogue import MATERIALS
-from lensforge.materials.material import by_abbe_number
-from lensforge.sources.build import build_source, summarise
+from lensforge.optics.material import MATERIALS, by_abbe_number
+from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.dispersion import index_of_spectrum
 from lensforge.sources.rayfiles import write_rayfile
+from lensforge.sources.source_spectrum import Spectrum
 from lensforge.sources.source_summary import SourceSummary
-from lensforge.sources.spectrum import Spectrum
 
 PMMA = MATERIALS["PMMA"]
 

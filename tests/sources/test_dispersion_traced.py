@@ -7,16 +7,15 @@ import pytest
 import torch
 from scenes import small_spec, sphere, table_of
 
-from lensforge.materials.catalogue import MATERIALS
+from lensforge.light.exact_trace import ExactSurface, trace_exact
+from lensforge.light.table_trace import Scene, trace_tables
+from lensforge.optics.material import MATERIALS
 from lensforge.optics.media import Media
-from lensforge.receivers.pixels import PixelGrid
-from lensforge.receivers.plane import Plane
-from lensforge.receivers.pose import ReceiverPose
-from lensforge.receivers.receiver import Hits
-from lensforge.sources.build import build_source
-from lensforge.surfaces.spline import TableGrid
-from lensforge.tracing.exact import ExactSurface, trace_exact
-from lensforge.tracing.tables import Scene, trace_tables
+from lensforge.scene.pixel_grid import PixelGrid
+from lensforge.scene.receiver import Hits, ReceiverPose
+from lensforge.scene.receiver_shapes import Plane
+from lensforge.sources.build_source import build_source
+from lensforge.surfaces.bicubic_table import TableGrid
 
 INNER, OUTER, Z = 3.0, 6.0, 100.0
 RECEIVER = Plane(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, Z)), PixelGrid.square(200.0, 16))

@@ -5,13 +5,12 @@ import pytest
 from scipy.integrate import quad
 
 from lensforge.errors import InputError
-from lensforge.sources.areas import Disc, Rectangles
+from lensforge.sources.build_source import SquareEmitter
+from lensforge.sources.emitting_area import Disc, Rectangles, sobol
 from lensforge.sources.intensity import CosinePower, TabulatedIntensity, flux_up_to
-from lensforge.sources.planar import PlanarEmitter, planar_emitter
-from lensforge.sources.qmc import sobol
-from lensforge.sources.square import SquareEmitter
-from lensforge.spec.emission import TableIntensity
-from lensforge.spec.source import Chip, ChipArraySource, ChipsSource, DiscSource, RectangleSource
+from lensforge.sources.planar_emitter import PlanarEmitter, planar_emitter
+from lensforge.spec.emitter_section import TableIntensity
+from lensforge.spec.source_sections import Chip, ChipArraySource, ChipsSource, DiscSource, RectangleSource
 
 C_DEG, GAMMA_DEG = np.array([0.0, 70.0, 200.0, 360.0]), np.array([10.0, 40.0, 60.0, 80.0, 110.0])
 # dark between 60 and 80 degrees; the planes differ in flux and in shape

@@ -7,8 +7,8 @@ import pytest
 from PIL import Image
 
 from lensforge.errors import InputError
-from lensforge.sources.areas import Disc, Rectangles, convex_hull
-from lensforge.sources.luminance import LuminanceImage
+from lensforge.sources.emitting_area import Disc, Rectangles, convex_hull
+from lensforge.sources.planar_emitter import LuminanceImage
 
 
 def as_set(corners: np.ndarray) -> set[tuple[float, ...]]:

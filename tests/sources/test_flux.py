@@ -11,11 +11,11 @@ from scenes import small_spec, sphere
 import lensforge as lf
 from lensforge.errors import InputError
 from lensforge.optics.photopic import LARGEST_LM_PER_W, efficacy_at, luminous_efficacy
-from lensforge.sources.build import build_source, summarise
-from lensforge.sources.flux import OwnFlux, joined_flux, settled_flux
-from lensforge.sources.radiance_table import RadianceTable
+from lensforge.sources.build_source import build_source, summarise
+from lensforge.sources.radiance_emitter import RadianceTable
 from lensforge.sources.rayfiles import write_rayfile
-from lensforge.spec.emitter import FluxSection
+from lensforge.sources.source_flux import OwnFlux, joined_flux, settled_flux
+from lensforge.spec.emitter_section import FluxSection
 
 GREEN = lf.LineSpectrum(wavelength_nm=555.0)  # 683.002 lm/W
 BLUE = lf.LineSpectrum(wavelength_nm=450.0)  # V = 0.038

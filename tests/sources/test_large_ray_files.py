@@ -8,23 +8,20 @@ import numpy as np
 import pytest
 from rayfile_samples import with_spectrum_numbers, with_tables
 
-from lensforge.emissions import independent_rays
 from lensforge.errors import InputError
-from lensforge.evaluation.simulate import bundles
-from lensforge.far_field.exit_light import _distributed
-from lensforge.far_field.spectrum import spectrum_of_source
-from lensforge.materials.catalogue import MATERIALS
-from lensforge.sources import blocks
-from lensforge.sources.blocks import block_slices, total_of
-from lensforge.sources.bundle import RayBundle
+from lensforge.light.exit_light import _distributed
+from lensforge.light.simulation import bundles
+from lensforge.light.source_photometry import spectrum_of_source
+from lensforge.optics.material import MATERIALS
+from lensforge.proof.proof_inputs import independent_rays
+from lensforge.sources import ray_bundle
+from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.measured_rays import divided, smoothed
-from lensforge.sources.ray_set import RaySetEmitter
+from lensforge.sources.ray_bundle import ChosenRays, RayBundle, block_slices, total_of
+from lensforge.sources.ray_set import RaySetEmitter, outline_of
 from lensforge.sources.ray_set_loading import load_ray_set
-from lensforge.sources.ray_set_outline import outline_of
-from lensforge.sources.rayfiles import RayFile, binary, read_rayfile, stored, write_rayfile
-from lensforge.sources.square import SquareEmitter
-from lensforge.sources.unread_rays import ChosenRays
-from lensforge.spec.ray_source import RayfilePart, RayfileSource, RayfilesSource, RaySource
+from lensforge.sources.rayfiles import RayFile, ray_file_bytes, read_rayfile, stored_rays, write_rayfile
+from lensforge.spec.source_sections import RayfilePart, RayfileSource, RayfilesSource, RaySource
 
 COUNT = 5000
 
@@ -34,8 +31,8 @@ def unread(monkeypatch):
     """Leave every file of more than 100 rays on disk, and read it in blocks of a few."""
 
     def _unread():
-        monkeypatch.setattr(stored, "LOADED_RAYS", 100)
-        monkeypatch.setattr(blocks, "BLOCK_RAYS", 700)
+        monkeypatch.setattr(stored_rays, "LOADED_RAYS", 100)
+        monkeypatch.setattr(ray_bundle, "BLOCK_RAYS", 700)
 
     return _unread
 
@@ -259,13 +256,13 @@ def test_lengths_in_other_units_go_through_a_temporary_file_where_they_are_many(
     content[136:140] = (2).to_bytes(4, "little")  # cm
     path.write_bytes(bytes(content))
     whole = read_rayfile(path)
-    monkeypatch.setattr(binary, "IN_MEMORY", 1000)
-    monkeypatch.setattr(binary, "CHUNK_ROWS", 300)
+    monkeypatch.setattr(ray_file_bytes, "IN_MEMORY", 1000)
+    monkeypatch.setattr(ray_file_bytes, "CHUNK_ROWS", 300)
     spooled = read_rayfile(path)
     assert whole.positions_mm[3] == pytest.approx(10.0 * led(1000).positions_mm[3], rel=1e-6)
     for column in ("positions_mm", "wavelengths_nm"):
         np.testing.assert_array_equal(getattr(spooled, column), getattr(whole, column))
-        assert isinstance(binary._owner(getattr(spooled, column)), binary.mmap.mmap)
+        assert isinstance(ray_file_bytes._owner(getattr(spooled, column)), ray_file_bytes.mmap.mmap)
 
 
 def test_the_memory_of_a_source_does_not_grow_with_its_file(tmp_path):

@@ -7,8 +7,9 @@ import pytest
 from scipy.integrate import quad
 
 from lensforge.errors import InputError
-from lensforge.materials.catalogue import MATERIALS
-from lensforge.sources.bundle import RayBundle
+from lensforge.optics.material import MATERIALS
+from lensforge.scene.possible_light import EtendueCurve, _cells, _curve, _phase_space
+from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.dispersion import (
     DispersedSource,
     IndexAccount,
@@ -16,12 +17,11 @@ from lensforge.sources.dispersion import (
     dispersed,
     in_material,
     index_of_spectrum,
-    known_or,
-)  # fmt: skip
-from lensforge.sources.etendue import EtendueCurve, _cells, _curve, _phase_space
-from lensforge.sources.placement import PlacedSource, SourcePose, rotation_about
-from lensforge.sources.spectrum import Spectrum, WavelengthDraw, usable_wavelengths
-from lensforge.sources.square import SquareEmitter
+    known_or,  # fmt: skip
+)
+from lensforge.sources.ray_bundle import RayBundle
+from lensforge.sources.source_pose import PlacedSource, SourcePose, rotation_about
+from lensforge.sources.source_spectrum import Spectrum, WavelengthDraw, usable_wavelengths
 
 PMMA = MATERIALS["PMMA"]
 

@@ -7,17 +7,17 @@ import pytest
 from jaxtyping import Float
 
 from lensforge import seeds
-from lensforge.accuracy import PRESETS
 from lensforge.errors import InputError
-from lensforge.materials.catalogue import MATERIALS
-from lensforge.optimisation.held_rays import HeldRays
-from lensforge.sources.bundle import RayBundle
+from lensforge.optics.material import MATERIALS
+from lensforge.search.validation_rays import HeldRays
+from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.dispersion import DispersedSource
 from lensforge.sources.measured_rays import TurnedRays, divided, held_back, searched, smoothed
-from lensforge.sources.placement import SourcePose, rotation_about
+from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.ray_set import RaySetEmitter
-from lensforge.sources.spectrum import Spectrum
-from lensforge.sources.square import SquareEmitter
+from lensforge.sources.source_pose import SourcePose, rotation_about
+from lensforge.sources.source_spectrum import Spectrum
+from lensforge.spec.accuracy import PRESETS
 
 
 def lambertian(count: int, seed: int = 0) -> RayBundle:

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from lensforge.sources import blocks, ray_set_outline
-from lensforge.sources.bundle import RayBundle
-from lensforge.sources.placement import SourcePose, rotation_about
-from lensforge.sources.ray_set_outline import _around, _crossings, _inner_radius, _limits, _Near, _reached, outline_of
-from lensforge.sources.unread_rays import ChosenRays
+from lensforge.sources import ray_bundle, ray_set
+from lensforge.sources.ray_bundle import ChosenRays, RayBundle
+from lensforge.sources.ray_set import _around, _crossings, _inner_radius, _limits, _Near, _reached, outline_of
+from lensforge.sources.source_pose import SourcePose, rotation_about
 
 
 def rays(count: int, seed: int = 0, down: float = 0.1) -> RayBundle:
@@ -63,8 +62,8 @@ def test_the_outline_is_around_the_nearest_of_the_crossings(
     found = rays(900, down=down)
     assert (found.directions[:, 2] > 0.0).any() == forward
     if unread:
-        monkeypatch.setattr(blocks, "BLOCK_RAYS", 100)
-        monkeypatch.setattr(ray_set_outline, "_SAMPLE", 300)
+        monkeypatch.setattr(ray_bundle, "BLOCK_RAYS", 100)
+        monkeypatch.setattr(ray_set, "_SAMPLE", 300)
     outline = outline_of(ChosenRays(found, np.arange(900)) if unread else found, None)
     agrees(outline, by_loop(found, forward)[0])
 
@@ -74,8 +73,8 @@ def test_where_few_rays_have_most_of_the_flux_the_outline_is_the_same(heavy: int
     """A sample of 50 rays says little of where the limit is: the search widens until it is found."""
     found = rays(900, seed=2)
     found.flux[heavy], found.directions[heavy] = 500.0, [0.0, 0.0, 1.0]
-    monkeypatch.setattr(blocks, "BLOCK_RAYS", 128)
-    monkeypatch.setattr(ray_set_outline, "_SAMPLE", 50)
+    monkeypatch.setattr(ray_bundle, "BLOCK_RAYS", 128)
+    monkeypatch.setattr(ray_set, "_SAMPLE", 50)
     agrees(outline_of(ChosenRays(found, np.arange(900)), None), by_loop(found)[0])
 
 
@@ -163,7 +162,7 @@ def test_the_first_margin_is_enough_for_even_light(monkeypatch) -> None:
 
     _limits(blocks_, (points, flux), [lambda some: some[:, 0]], 0.5)
     assert len(passes) == 1
-    near = _Near.to_limit(lambda some: some[:, 0], (points, flux), 0.5, ray_set_outline._MARGINS[0])
+    near = _Near.to_limit(lambda some: some[:, 0], (points, flux), 0.5, ray_set._MARGINS[0])
     near.add(points, flux)
     assert sum(len(each) for each in near.values) == pytest.approx(80, abs=2)
     elsewhere = (points + 3.0, flux)  # a sample that misleads

@@ -5,12 +5,12 @@ import pytest
 from rayfile_samples import SHARED
 
 from lensforge.errors import InputError
-from lensforge.sources.build import build_source
+from lensforge.sources.build_source import build_source
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric import PhotometricFile, ies, read_photometric, write_photometric
 from lensforge.sources.photometric.eulumdat import encode as encode_ldt
-from lensforge.sources.photometric.tm33_document import document as encode_tm33
-from lensforge.spec.source import DiscSource
+from lensforge.sources.photometric.tm33 import document as encode_tm33
+from lensforge.spec.source_sections import DiscSource
 
 FILES = SHARED / "photometry"
 real = pytest.mark.skipif(not FILES.is_dir(), reason="../shared/rayfiles is not here")

@@ -11,12 +11,12 @@ from PIL import Image
 from rayfile_samples import SHARED, encoded, rays
 
 import lensforge as lf
-from lensforge.cli import cli
+from lensforge.cli.cli import cli
 from lensforge.errors import InputError
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric import PhotometricFile, read_photometric, write_photometric
-from lensforge.sources.photometric.conversion import convert_photometric
-from lensforge.sources.photometric.summary import PhotometricSummary
+from lensforge.sources.photometric.photometric_io import convert_photometric
+from lensforge.sources.photometric.photometric_summary import PhotometricSummary
 
 GAMMA = np.linspace(0.0, 180.0, 361)
 

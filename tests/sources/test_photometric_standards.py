@@ -9,13 +9,13 @@ from click.testing import CliRunner
 from far_fields import far_field
 
 import lensforge as lf
-from lensforge.cli import cli
+from lensforge.cli.cli import cli
 from lensforge.errors import InputError
-from lensforge.sources.build import build_source
+from lensforge.sources.build_source import build_source
 from lensforge.sources.photometric import read_photometric, write_photometric
-from lensforge.sources.photometric.conversion import convert_photometric
-from lensforge.sources.photometric.generation import SIMULATED, UNDEFINED, generation_code, generation_title
-from lensforge.sources.photometric.ies_labels import require_ies_version
+from lensforge.sources.photometric.ies import require_ies_version
+from lensforge.sources.photometric.photometric_file import SIMULATED, UNDEFINED, generation_code, generation_title
+from lensforge.sources.photometric.photometric_io import convert_photometric
 
 VERSIONS = (1986, 1991, 1995, 2002, 2019)
 FIRST = {1991: "IESNA91", 1995: "IESNA:LM-63-1995", 2002: "IESNA:LM-63-2002", 2019: "IES:LM-63-2019"}

@@ -7,13 +7,12 @@ from landed import by_kernels
 from scenes import small_spec, sphere, table_of
 
 import lensforge as lf
-from lensforge.kernels.fates import Fate
+from lensforge.kernels.fate import Fate
+from lensforge.light.table_trace import Scene
 from lensforge.optics.media import Media
-from lensforge.sources.build import build_source, summarise
-from lensforge.sources.placement import PlacedSource
-from lensforge.sources.square import SquareEmitter
-from lensforge.surfaces.spline import TableGrid
-from lensforge.tracing.tables import Scene
+from lensforge.sources.build_source import SquareEmitter, build_source, summarise
+from lensforge.sources.source_pose import PlacedSource
+from lensforge.surfaces.bicubic_table import TableGrid
 
 GRID = TableGrid(65)
 SPHERES = tuple(table_of(sphere(radius), GRID) for radius in (3.0, 6.0))

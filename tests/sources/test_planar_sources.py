@@ -6,12 +6,11 @@ from PIL import Image
 from scipy.integrate import dblquad, quad
 
 from lensforge.errors import InputError
-from lensforge.sources.areas import Disc, Rectangles
-from lensforge.sources.build import build_source
+from lensforge.sources.build_source import build_source
+from lensforge.sources.emitting_area import Disc, Rectangles, sobol
 from lensforge.sources.intensity import CosinePower, TabulatedIntensity
-from lensforge.sources.luminance import LuminanceImage
-from lensforge.sources.qmc import sobol
-from lensforge.spec.source import SquareSource
+from lensforge.sources.planar_emitter import LuminanceImage
+from lensforge.spec.source_sections import SquareSource
 
 POINTS = sobol(2**16, 2, 7)
 

@@ -7,12 +7,10 @@ import pytest
 from radiance_samples import write_radiance
 
 from lensforge.errors import InputError
-from lensforge.sources.areas import Rectangles
+from lensforge.sources.emitting_area import Rectangles, sobol
 from lensforge.sources.intensity import CosinePower, TabulatedIntensity
-from lensforge.sources.planar import PlanarEmitter
-from lensforge.sources.qmc import sobol
-from lensforge.sources.radiance import RadianceEmitter
-from lensforge.sources.radiance_table import RadianceTable, read_radiance
+from lensforge.sources.planar_emitter import PlanarEmitter
+from lensforge.sources.radiance_emitter import RadianceEmitter, RadianceTable, read_radiance
 
 AREA_M2 = 6e-6
 X, Y = np.array([-1.0, 0.5, 2.0]), np.array([0.0, 1.0, 2.0])  # 3 mm x 2 mm in four cells

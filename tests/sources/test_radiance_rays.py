@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from lensforge.errors import InputError
-from lensforge.sources.qmc import sobol
-from lensforge.sources.radiance import RadianceEmitter
-from lensforge.sources.radiance_table import RadianceTable, _problem, read_radiance
+from lensforge.sources.emitting_area import sobol
+from lensforge.sources.radiance_emitter import RadianceEmitter, RadianceTable, _problem, read_radiance
 
 X_MM, Y_MM = np.array([-1.0, 0.5, 2.0, 3.0]), np.array([0.0, 0.5, 2.0])
 C_DEG, GAMMA_DEG = np.array([0.0, 90.0, 200.0, 360.0]), np.array([5.0, 20.0, 50.0, 85.0])

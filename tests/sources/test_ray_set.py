@@ -9,17 +9,16 @@ import pytest
 from rayfile_samples import SHARED, rays
 
 from lensforge.errors import InputError
-from lensforge.materials.catalogue import MATERIALS
-from lensforge.sources.build import build_source, summarise
-from lensforge.sources.bundle import RayBundle
+from lensforge.optics.material import MATERIALS
+from lensforge.sources.build_source import build_source, summarise
+from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.ray_set import RaySetEmitter, placed
 from lensforge.sources.ray_set_loading import load_ray_set
 from lensforge.sources.rayfiles import write_rayfile
-from lensforge.sources.rayfiles.virtual_focus import virtual_focus
+from lensforge.sources.rayfiles.ray_file_statistics import virtual_focus
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec import load_spec
-from lensforge.spec.ray_source import Placement, RayfileSource, RayfilesSource, RaySource
-from lensforge.spec.source import SquareSource
+from lensforge.spec.source_sections import Placement, RayfileSource, RayfilesSource, RaySource, SquareSource
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

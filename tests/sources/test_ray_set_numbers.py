@@ -4,24 +4,25 @@ import numpy as np
 import pytest
 
 from lensforge.errors import InputError
-from lensforge.sources.bundle import ChangedSource, RayBundle
 from lensforge.sources.measured_rays import TurnedRays, divided, smoothed
-from lensforge.sources.placement import SourcePose, rotation_about
-from lensforge.sources.ray_set import RaySetEmitter, placed
-from lensforge.sources.ray_set_figures import LightFigures, PlacedFigures
-from lensforge.sources.unread_rays import (
+from lensforge.sources.ray_bundle import (
     ChangedRays,
+    ChangedSource,
     ChosenRays,
     JoinedRays,
+    RayBundle,
     blocks_of,
     changed,
     chosen,
     joined,
     number_type,
     total_flux,
-    with_flux,
-)  # fmt: skip
-from lensforge.spec.ray_source import Placement
+    with_flux,  # fmt: skip
+)
+from lensforge.sources.ray_set import RaySetEmitter, placed
+from lensforge.sources.ray_set_figures import LightFigures, PlacedFigures
+from lensforge.sources.source_pose import SourcePose, rotation_about
+from lensforge.spec.source_sections import Placement
 
 COUNT = 7
 FLUX = np.array([1.0, 2.0, 0.5, 4.0, 0.25, 3.0, 1.25])

@@ -7,18 +7,18 @@ import pytest
 from rayfile_samples import CASES, encoded, image, rays
 
 from lensforge.errors import InputError
-from lensforge.sources.rayfiles import rayfile as rayfile_module
-from lensforge.sources.rayfiles import read_rayfile, text
-from lensforge.sources.rayfiles.reading import decode
+from lensforge.sources.rayfiles import ray_file as rayfile_module
+from lensforge.sources.rayfiles import ray_file_text, read_rayfile
+from lensforge.sources.rayfiles.ray_file_io import decode
 
 
 @pytest.mark.parametrize("name", ["csv", "zemax_text", "lighttools_text", "speos_text"])
 def test_text_is_read_alike_in_one_block_in_many_and_through_a_file(name, monkeypatch):
     content = encoded(name, rays(500, wavelengths="each"))
     whole = decode(image(content))
-    monkeypatch.setattr(text, "_BLOCK", 1000)
+    monkeypatch.setattr(ray_file_text, "_BLOCK", 1000)
     in_blocks = decode(image(content))
-    monkeypatch.setattr(text, "_IN_MEMORY", 1000)
+    monkeypatch.setattr(ray_file_text, "_IN_MEMORY", 1000)
     from_file = decode(image(content))
     for other in (in_blocks, from_file):
         for column in ("positions_mm", "directions", "flux", "wavelengths_nm"):

@@ -9,9 +9,9 @@ from rayfile_samples import encoded, image, rays, with_spectrum_numbers
 from lensforge.errors import InputError
 from lensforge.sources.ray_set_loading import load_ray_set
 from lensforge.sources.rayfiles import FORMATS, convert, describe, read_rayfile, write_rayfile
-from lensforge.sources.rayfiles.plot import Histograms
-from lensforge.sources.rayfiles.reading import decode
-from lensforge.spec.ray_source import RayfileSource
+from lensforge.sources.rayfiles.ray_file_io import decode
+from lensforge.sources.rayfiles.ray_file_summary import Histograms
+from lensforge.spec.source_sections import RayfileSource
 
 TABLE = {"wavelength_nm": [530.0, 550.0, 570.0], "weight": [0.0, 1.0, 0.0]}
 LM_PER_W = 676.0  # about that of the table

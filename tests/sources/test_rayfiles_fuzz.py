@@ -13,9 +13,9 @@ from rayfile_samples import CASES, SHARED, encoded, image, with_spectrum_numbers
 
 from lensforge.errors import InputError
 from lensforge.sources.rayfiles import FORMATS, describe
-from lensforge.sources.rayfiles.rayfile import usable_rays
-from lensforge.sources.rayfiles.reading import decode
-from lensforge.sources.rayfiles.spectra import wavelengths_of
+from lensforge.sources.rayfiles.ray_file import usable_rays
+from lensforge.sources.rayfiles.ray_file_io import decode
+from lensforge.sources.rayfiles.stored_rays import wavelengths_of
 
 SPECIAL_WORDS = [
     struct.pack("<i", value) for value in (0, 1, 2, 3, 7, -1, 2**31 - 1, -(2**31), 2013, 1010, 0x7F800001)

@@ -8,7 +8,7 @@ import pytest
 from rayfile_samples import image
 
 from lensforge.errors import InputError
-from lensforge.sources.rayfiles.reading import decode
+from lensforge.sources.rayfiles.ray_file_io import decode
 
 ROW = (1.0, 2.0, 3.0, 0.0, 0.6, 0.8, 0.5)
 

@@ -8,10 +8,10 @@ from click.testing import CliRunner
 from PIL import Image
 from rayfile_samples import rays
 
-from lensforge.cli import cli
+from lensforge.cli.cli import cli
 from lensforge.errors import InputError
 from lensforge.sources.rayfiles import describe, write_rayfile
-from lensforge.sources.rayfiles.plot import Histograms, draw
+from lensforge.sources.rayfiles.ray_file_summary import Histograms, draw
 
 
 def _lambertian(count=200_000):

@@ -10,9 +10,9 @@ from scipy.optimize import minimize
 from lensforge.errors import InputError
 from lensforge.optics.photopic import luminous_efficacy
 from lensforge.sources.rayfiles import RayFile, RayFileSummary, describe, outline
-from lensforge.sources.rayfiles.rayfile import usable_rays
-from lensforge.sources.rayfiles.summary import Box, WavelengthRange
-from lensforge.sources.rayfiles.virtual_focus import virtual_focus
+from lensforge.sources.rayfiles.ray_file import usable_rays
+from lensforge.sources.rayfiles.ray_file_statistics import virtual_focus
+from lensforge.sources.rayfiles.ray_file_summary import Box, WavelengthRange
 
 
 def point_source(point, count=500, seed=3):
@@ -120,7 +120,7 @@ def test_parts_add_up_to_the_whole(monkeypatch):
     """The streamed sums do not depend on the size of the parts."""
     rayfile = rays(1000, wavelengths="each")
     whole = describe(rayfile)
-    monkeypatch.setattr("lensforge.sources.rayfiles.rayfile.CHUNK_ROWS", 64)
+    monkeypatch.setattr("lensforge.sources.rayfiles.ray_file.CHUNK_ROWS", 64)
     parts = describe(rayfile)
     np.testing.assert_allclose(parts.virtual_focus_mm, whole.virtual_focus_mm, rtol=1e-12)
     assert parts.flux.ray_sum == pytest.approx(whole.flux.ray_sum, rel=1e-12)

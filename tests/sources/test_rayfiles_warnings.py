@@ -7,11 +7,11 @@ import pytest
 from rayfile_samples import encoded, rays, with_tables
 from scenes import small_spec
 
-from lensforge.sources.build import build_source, summarise
+from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.ray_set_loading import load_ray_set
 from lensforge.sources.rayfiles import describe, read_rayfile
-from lensforge.sources.rayfiles.warnings import FEWEST_EFFECTIVE_RAYS, ray_set_warnings
-from lensforge.spec.ray_source import RayfilesSource, RaySource
+from lensforge.sources.rayfiles.ray_file_statistics import FEWEST_EFFECTIVE_RAYS, ray_set_warnings
+from lensforge.spec.source_sections import RayfilesSource, RaySource
 
 COUNT = FEWEST_EFFECTIVE_RAYS + 2000
 

@@ -4,9 +4,9 @@ import pytest
 
 from lensforge.errors import InputError
 from lensforge.optics.photopic import LARGEST_LM_PER_W
-from lensforge.sources.flux import OwnFlux, SourceFlux, joined_flux, settled_flux, with_spectrum_compared
-from lensforge.spec.emitter import FluxSection
-from lensforge.spec.source import SquareSource
+from lensforge.sources.source_flux import OwnFlux, SourceFlux, joined_flux, settled_flux, with_spectrum_compared
+from lensforge.spec.emitter_section import FluxSection
+from lensforge.spec.source_sections import SquareSource
 
 
 @pytest.mark.parametrize(

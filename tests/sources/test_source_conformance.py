@@ -15,16 +15,16 @@ from scipy.spatial.transform import Rotation
 
 from lensforge import sources
 from lensforge.errors import InputError
-from lensforge.materials.catalogue import MATERIALS
-from lensforge.sources.build import build_source
-from lensforge.sources.bundle import Source
+from lensforge.optics.material import MATERIALS
+from lensforge.sources.build_source import build_source
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.measured_rays import smoothed
 from lensforge.sources.photometric import PhotometricFile, write_photometric
-from lensforge.sources.radiance_table import RadianceTable
+from lensforge.sources.radiance_emitter import RadianceTable
+from lensforge.sources.ray_bundle import Source
 from lensforge.spec import parse_spec
-from lensforge.spec.source import SourceSpec
-from lensforge.surfaces.symmetry import NAMES, contains, group
+from lensforge.spec.source_sections import SourceSpec
+from lensforge.surfaces.mirror_group import NAMES, contains, group
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 LED = str(EXAMPLES / "led.tm25ray")

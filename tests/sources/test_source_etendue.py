@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lensforge.sources.build import build_source
-from lensforge.sources.bundle import RayBundle
-from lensforge.sources.etendue import EtendueCurve
-from lensforge.sources.square import SquareEmitter
-from lensforge.spec.source import (
+from lensforge.scene.possible_light import EtendueCurve
+from lensforge.sources.build_source import SquareEmitter, build_source
+from lensforge.sources.ray_bundle import RayBundle
+from lensforge.spec.source_sections import (
     ChipArraySource,
     DiscSource,
     LuminanceSource,

@@ -5,15 +5,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from lensforge.materials.catalogue import MATERIALS
+from lensforge.optics.material import MATERIALS
 from lensforge.optics.media import Media
-from lensforge.sources.blocks import BLOCK_RAYS, block_slices, total_of
-from lensforge.sources.build import build_source, summarise
-from lensforge.sources.bundle import ChangedSource, RayBundle, drawn
-from lensforge.sources.placement import PlacedSource, SourcePose, placed_source, rotation_about
+from lensforge.sources.build_source import SquareEmitter, build_source, summarise
+from lensforge.sources.ray_bundle import BLOCK_RAYS, ChangedSource, RayBundle, block_slices, drawn, total_of
+from lensforge.sources.source_pose import PlacedSource, SourcePose, placed_source, rotation_about
 from lensforge.sources.source_summary import AppliedPlacement
-from lensforge.sources.square import SquareEmitter
-from lensforge.spec.source import RectangleSource, SquareSource
+from lensforge.spec.source_sections import RectangleSource, SquareSource
 
 
 @pytest.mark.parametrize(

@@ -5,9 +5,8 @@ import pytest
 from rayfile_samples import SHARED
 
 from lensforge.errors import InputError
-from lensforge.sources.spectrum import spectrum_of
-from lensforge.sources.spectrum_file import read_spectrum_file
-from lensforge.spec.emission import FileSpectrum
+from lensforge.sources.source_spectrum import read_spectrum_file, spectrum_of
+from lensforge.spec.emitter_section import FileSpectrum
 
 ROWS = ([440.5, 450.0, 480.25], [0.0, 2.0, 1.0])
 TABBED = "440.5\t0\n450\t2\n480.25\t1\n"
@@ -159,7 +158,7 @@ def test_other_lines_are_refused(content, message, tmp_path):
 
 @pytest.mark.parametrize(("lines", "accepted"), [(500_000, True), (500_001, False)])
 def test_half_a_million_lines_are_read(lines, accepted, tmp_path, monkeypatch):
-    monkeypatch.setattr("lensforge.sources.spectrum_file._row", lambda line, path: [500.0, 1.0])
+    monkeypatch.setattr("lensforge.sources.source_spectrum._row", lambda line, path: [500.0, 1.0])
     if accepted:
         assert len(read(tmp_path, "5\n" * lines)[0]) == lines
     else:

@@ -7,10 +7,10 @@ import pytest
 from scenes import small_spec
 
 from lensforge.errors import InputError
-from lensforge.materials.catalogue import MATERIALS
+from lensforge.optics.material import MATERIALS
 from lensforge.optics.media import LayerStack, ReflectanceTable
 from lensforge.report.task import task
-from lensforge.sources.build import build_source
+from lensforge.sources.build_source import build_source
 from lensforge.spec import load_spec, parse_spec
 
 TABLE = "angle_deg,wavelength_nm,reflectance\n" + "".join(

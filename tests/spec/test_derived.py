@@ -7,7 +7,7 @@ import pytest
 
 import lensforge as lf
 from lensforge.spec import load_spec, parse_spec
-from lensforge.spec.derived import WHY, LensSizes, with_derived
+from lensforge.spec.derived_values import WHY, LensSizes, with_derived
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SHORTEST = """

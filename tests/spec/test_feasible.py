@@ -5,12 +5,12 @@ import pytest
 from scenes import small_spec, sphere
 
 from lensforge.errors import InputError
-from lensforge.lens import Lens
-from lensforge.optimisation.feasibility import measure_constraints
+from lensforge.scene.lens import Lens
+from lensforge.search.feasibility import measure_constraints
 from lensforge.spec import BaseSection
 from lensforge.spec.feasible import least_rim_mm, require_base_around_cavity, smallest_inner_mm
 from lensforge.spec.fixed_surface import FixedAsphere, FixedSphere
-from lensforge.spec.section import rounded_up
+from lensforge.spec.spec_section import rounded_up
 
 POLAR = np.linspace(0.0, 0.5 * np.pi, 2001)
 LENS = {"levels": [9, 25], "outer_offset_mm": 6.0}

@@ -12,8 +12,8 @@ from pydantic.fields import FieldInfo
 from scenes import small_spec
 
 import lensforge as lf
-from lensforge.spec.files import input_hashes, section_sha256
-from lensforge.spec.section import Section
+from lensforge.spec.spec_files import input_hashes, section_sha256
+from lensforge.spec.spec_section import Section
 
 LED = Path(__file__).parents[2] / "examples" / "led.tm25ray"
 

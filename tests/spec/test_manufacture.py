@@ -6,8 +6,8 @@ import pytest
 from scenes import small_spec
 
 import lensforge as lf
-from lensforge.arguments import date_of
 from lensforge.errors import InputError
+from lensforge.runs.arguments import date_of
 from lensforge.spec import load_spec
 
 

@@ -12,10 +12,10 @@ from click.testing import CliRunner
 from pydantic_core import PydanticUndefined
 
 import lensforge as lf
-from lensforge.cli import cli
+from lensforge.cli.cli import cli
 from lensforge.spec import Spec, load_spec
-from lensforge.spec.fields import all_sections, kind_of, unit_of, words_of
-from lensforge.spec.json_schema import spec_schema
+from lensforge.spec.spec_fields import all_sections, kind_of, unit_of, words_of
+from lensforge.spec.spec_reference import spec_schema
 
 ROOT = Path(__file__).parents[2]
 SPECS = sorted((ROOT / "examples").glob("*.toml"))

@@ -8,10 +8,10 @@ import pytest
 from scenes import small_spec
 
 import lensforge as lf
-from lensforge.records.validation import its_type
-from lensforge.spec import Target, parse_spec, ray_source, source
-from lensforge.spec.design import require_spec
-from lensforge.spec.emission import (
+from lensforge.results.validation import its_type
+from lensforge.spec import Target, parse_spec, source_sections
+from lensforge.spec.design_spec import require_spec
+from lensforge.spec.emitter_section import (
     CosineIntensity,
     FileSpectrum,
     IntensitySpec,
@@ -24,16 +24,19 @@ from lensforge.spec.emission import (
 from lensforge.spec.fixed_surface import (
     FixedAsphere,
     FixedBiconic,
+    FixedCadFace,
+    FixedLensFace,
+    FixedPoints,
     FixedSphere,
     FixedSurface,
     FixedToroid,
     FixedXYPolynomial,
     FixedZernike,
+    GivenSurface,
 )
-from lensforge.spec.given_surface import FixedCadFace, FixedLensFace, FixedPoints, GivenSurface
-from lensforge.spec.section import Section
-from lensforge.surfaces.conic import sphere
-from lensforge.surfaces.records import surface_record
+from lensforge.spec.spec_section import Section
+from lensforge.surfaces.asphere import sphere
+from lensforge.surfaces.surface_record import surface_record
 
 SPECS = sorted((Path(__file__).parents[2] / "examples").glob("*.toml"))
 
@@ -171,9 +174,9 @@ def test_rays_that_are_none_or_given_twice_are_one_line(rays: object, more: dict
 
 
 def test_whole_numbers_and_rays_without_a_flux_are_taken() -> None:
-    source = lf.RaySource(ROWS[:, :6].astype(np.int32), ray_flux=[1, 2, 3, 4])
-    assert source.positions_mm.dtype == source.directions.dtype == np.float64
-    assert source.ray_flux is not None and source.ray_flux.tolist() == [1.0, 2.0, 3.0, 4.0]
+    source_sections = lf.RaySource(ROWS[:, :6].astype(np.int32), ray_flux=[1, 2, 3, 4])
+    assert source_sections.positions_mm.dtype == source_sections.directions.dtype == np.float64
+    assert source_sections.ray_flux is not None and source_sections.ray_flux.tolist() == [1.0, 2.0, 3.0, 4.0]
 
 
 @pytest.mark.parametrize(
@@ -221,18 +224,18 @@ INTENSITIES = (
     PhotometricIntensity(file="led.ies"),
 )
 SOURCES = (
-    source.SquareSource(side_mm=1.0),
-    ray_source.RayfileSource(file="led.ray"),
-    ray_source.RayfilesSource(
-        files=(ray_source.RayfilePart(file="blue.ray"), ray_source.RayfilePart(file="yellow.ray"))
+    source_sections.SquareSource(side_mm=1.0),
+    source_sections.RayfileSource(file="led.ray"),
+    source_sections.RayfilesSource(
+        files=(source_sections.RayfilePart(file="blue.ray"), source_sections.RayfilePart(file="yellow.ray"))
     ),
-    source.RectangleSource(width_mm=1.0, height_mm=2.0),
-    source.DiscSource(diameter_mm=1.0),
-    source.ChipsSource(chips=(source.Chip(x_mm=0.0, y_mm=0.5, width_mm=1.0, height_mm=1.0),)),
-    source.ChipArraySource(columns=2, rows=2, width_mm=1.0, height_mm=1.0, pitch_mm=(1.2, 1.2)),
-    source.LuminanceSource(file="led.png", width_mm=1.0),
-    source.RadianceSource(file="led.npz"),
-    ray_source.RaySource(ROWS),
+    source_sections.RectangleSource(width_mm=1.0, height_mm=2.0),
+    source_sections.DiscSource(diameter_mm=1.0),
+    source_sections.ChipsSource(chips=(source_sections.Chip(x_mm=0.0, y_mm=0.5, width_mm=1.0, height_mm=1.0),)),
+    source_sections.ChipArraySource(columns=2, rows=2, width_mm=1.0, height_mm=1.0, pitch_mm=(1.2, 1.2)),
+    source_sections.LuminanceSource(file="led.png", width_mm=1.0),
+    source_sections.RadianceSource(file="led.npz"),
+    source_sections.RaySource(ROWS),
 )
 PLACE = {"distance_mm": 100.0, "receiver_mm": 200.0}
 TARGETS = (
@@ -267,10 +270,10 @@ RECTANGLE = {"width_mm": 1.0, "height_mm": 2.0}
 SECTIONS: list[dict[str, Section]] = [
     *({"source": each} for each in SOURCES),
     *({"target": each} for each in TARGETS),
-    *({"source": source.RectangleSource(intensity=each, **RECTANGLE)} for each in INTENSITIES),
-    *({"source": source.RectangleSource(spectrum=each, **RECTANGLE)} for each in SPECTRA),
+    *({"source": source_sections.RectangleSource(intensity=each, **RECTANGLE)} for each in INTENSITIES),
+    *({"source": source_sections.RectangleSource(spectrum=each, **RECTANGLE)} for each in SPECTRA),
     *(
-        {"source": ray_source.RayfilesSource(files=(ray_source.RayfilePart(file="a.ray", spectrum=each),))}
+        {"source": source_sections.RayfilesSource(files=(source_sections.RayfilePart(file="a.ray", spectrum=each),))}
         for each in SPECTRA
     ),
     *({"lens": lf.LensSection(levels=(9, 25), fixed_inner=each, outer_offset_mm=6.0)} for each in INNER),
@@ -283,7 +286,7 @@ SECTIONS: list[dict[str, Section]] = [
     [
         (SpectrumSpec, SPECTRA),
         (IntensitySpec, INTENSITIES),
-        (source.SourceSpec, SOURCES),
+        (source_sections.SourceSpec, SOURCES),
         (Target, TARGETS),
         (FixedSurface, INNER),
     ],

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import lensforge as lf
-from lensforge.cli import main
+from lensforge.cli.cli import main
 from lensforge.errors import WrongFields
 from lensforge.spec import load_spec, parse_spec
 

@@ -6,9 +6,9 @@ import pytest
 from scenes import small_spec
 
 import lensforge as lf
-from lensforge.accuracy import PRESETS, SearchEffort
-from lensforge.sources.build import build_source
-from lensforge.studies.tradeoff.search import search_study
+from lensforge.runs.tradeoff.search import search_study
+from lensforge.sources.build_source import build_source
+from lensforge.spec.accuracy import PRESETS, SearchEffort
 
 FEW = SearchEffort(25, (4, 6), (256, 512), 512, 0.5, 0.0)
 

@@ -8,16 +8,15 @@ from PIL import Image
 from pydantic import ValidationError
 from scenes import small_spec
 
-from lensforge.criteria import require
 from lensforge.errors import InputError
-from lensforge.lens import load_lens
-from lensforge.optimisation.checkpoint import CHECKPOINT
-from lensforge.results import Results, load_results
-from lensforge.stages import build, check, design, evaluate
-from lensforge.studies.sweep.page import sweep_figure
-from lensforge.studies.sweep.runs import resumable, run_sweep
-from lensforge.studies.sweep.table import Sweep, sweep_of
-from lensforge.studies.sweep.vary import parse_variation, variant_name, variation_of
+from lensforge.results.criteria import require
+from lensforge.runs.results import Results, load_results
+from lensforge.runs.stages import build, check, design, evaluate
+from lensforge.runs.sweep import Sweep, parse_variation, sweep_of, variant_name, variation_of
+from lensforge.runs.sweep_page import sweep_figure
+from lensforge.runs.sweep_runs import resumable, run_sweep
+from lensforge.scene.lens import load_lens
+from lensforge.search.checkpoint import CHECKPOINT
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 

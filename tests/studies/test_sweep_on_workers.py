@@ -6,10 +6,9 @@ import pytest
 from scenes import small_spec
 
 import lensforge as lf
-from lensforge.studies.sweep import on_workers
-from lensforge.studies.sweep.runs import run_sweep
-from lensforge.studies.sweep.table import Sweep
-from lensforge.studies.sweep.vary import parse_variation
+from lensforge.runs import sweep_runs
+from lensforge.runs.sweep import Sweep, parse_variation
+from lensforge.runs.sweep_runs import run_sweep
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -35,7 +34,7 @@ def _without_times(sweep: Sweep) -> dict:
 
 
 def test_the_files_of_the_workers_make_the_same_sweep(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr("lensforge.pipeline.run", _design_only)
+    monkeypatch.setattr("lensforge.runs.pipeline.run", _design_only)
     here = run_sweep(
         SPEC, VALUES, tmp_path / "here", lambda spec, folder, _: _design_only(spec, folder, **SETTINGS), **SETTINGS
     )
@@ -44,9 +43,9 @@ def test_the_files_of_the_workers_make_the_same_sweep(tmp_path, monkeypatch) -> 
     def backwards(specs, accuracy, seed, scheduler):
         asked.append((len(specs), accuracy, seed, scheduler))
         for number in reversed(range(len(specs))):
-            yield number, on_workers.files_of_run((accuracy, seed), specs[number])
+            yield number, sweep_runs.files_of_run((accuracy, seed), specs[number])
 
-    monkeypatch.setattr(on_workers, "runs_on_workers", backwards)
+    monkeypatch.setattr(sweep_runs, "runs_on_workers", backwards)
     never = pytest.fail
     there = run_sweep(SPEC, VALUES, tmp_path / "there", never, **SETTINGS, scheduler="tcp://host:8786")
     assert asked == [(2, "draft", 3, "tcp://host:8786")]

@@ -6,16 +6,16 @@ import pytest
 from PIL import Image
 from scenes import random_surface, small_spec
 
-from lensforge.accuracy import PRESETS
 from lensforge.errors import InputError
-from lensforge.lens import Lens, load_lens
-from lensforge.pipeline import write_design
-from lensforge.sources.build import build_source
-from lensforge.sources.bundle import RayBundle
+from lensforge.runs.pipeline import write_design
+from lensforge.runs.stages import design
+from lensforge.runs.tradeoff.measure import Effort, _lens_in, measure, run_tradeoff
+from lensforge.runs.tradeoff.record import Tradeoff
+from lensforge.scene.lens import Lens, load_lens
+from lensforge.sources.build_source import build_source
+from lensforge.sources.ray_bundle import RayBundle
 from lensforge.spec import parse_spec
-from lensforge.stages import design
-from lensforge.studies.tradeoff.measure import Effort, _lens_in, measure, run_tradeoff
-from lensforge.studies.tradeoff.record import Tradeoff
+from lensforge.spec.accuracy import PRESETS
 
 NODES = tuple(sorted({n for p in PRESETS.values() for n in (p.nodes_per_sigma, p.evaluate_nodes_per_sigma)}))
 EFFORT = Effort(NODES, (2**8, 2**10, 2**12), (8, 16), (20, 28, 40), (12, 24, 48), (12,), cad=False, search=None)

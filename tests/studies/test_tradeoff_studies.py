@@ -3,20 +3,20 @@ import pytest
 from scenes import random_surface, small_spec, table_of
 from scipy.stats import linregress
 
-from lensforge.evaluation.simulate import TracedLens
-from lensforge.lens import Lens
-from lensforge.receivers.build import receivers_of
-from lensforge.sources.build import build_source
-from lensforge.studies.tradeoff import rays as rays_module
-from lensforge.studies.tradeoff.convergence import order_of
-from lensforge.studies.tradeoff.exported import CURVED, EQUAL, FLAT, SPLIT, casting_study, mesh_study, nurbs_study
-from lensforge.studies.tradeoff.pixels import bias, filter_study, pixel_study
-from lensforge.studies.tradeoff.rays import PLAIN, QMC, ray_study
-from lensforge.studies.tradeoff.reference import ExactReference, directions
-from lensforge.studies.tradeoff.runs import TracedRun, resample, trace_run
-from lensforge.studies.tradeoff.tables import table_normals, table_study
-from lensforge.surfaces.spline import TableGrid, tabulate
-from lensforge.tracing.tables import Scene
+from lensforge.light.simulation import TracedLens
+from lensforge.light.table_trace import Scene
+from lensforge.runs.tradeoff import rays as rays_module
+from lensforge.runs.tradeoff.convergence import order_of
+from lensforge.runs.tradeoff.exported import CURVED, EQUAL, FLAT, SPLIT, casting_study, mesh_study, nurbs_study
+from lensforge.runs.tradeoff.pixels import bias, filter_study, pixel_study
+from lensforge.runs.tradeoff.rays import PLAIN, QMC, ray_study
+from lensforge.runs.tradeoff.reference import ExactReference, directions
+from lensforge.runs.tradeoff.runs import TracedRun, resample, trace_run
+from lensforge.runs.tradeoff.tables import table_normals, table_study
+from lensforge.scene.lens import Lens
+from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.sources.build_source import build_source
+from lensforge.surfaces.bicubic_table import TableGrid, tabulate
 
 GRID = TableGrid(100)
 SPEC = small_spec(base={"kind": "none"})

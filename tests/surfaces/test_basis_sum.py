@@ -5,10 +5,9 @@ import pytest
 import torch
 from scenes import hemisphere_directions, random_surface
 
-from lensforge.kernels.basis_sum import BLOCK
-from lensforge.kernels.gaussian import NEAR
+from lensforge.kernels.basis_sum import BLOCK, NEAR
+from lensforge.light.exact_trace import ExactSurface
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
-from lensforge.tracing.exact import ExactSurface
 
 # Widths (rad) of one function: by the series of the angle itself, by that of its quarter, and wider than the sphere.
 SIGMAS = [0.02, 0.1, 0.12, 0.3, 1.0, 10.0]

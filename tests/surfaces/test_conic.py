@@ -5,7 +5,7 @@ import pytest
 from scenes import hemisphere_directions
 
 from lensforge.errors import InputError
-from lensforge.surfaces.conic import Asphere, sphere
+from lensforge.surfaces.asphere import Asphere, sphere
 
 
 @pytest.mark.parametrize("centre", [0.0, 3.0, -4.0, -5.9])

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scenes import hemisphere_directions, random_surface, small_spec, sphere
 
-from lensforge.lens import Lens
-from lensforge.surfaces.conic import Asphere
+from lensforge.scene.lens import Lens
+from lensforge.surfaces.asphere import Asphere
+from lensforge.surfaces.mirror_group import NAMES, first_images, group
 from lensforge.surfaces.surface import Surface
-from lensforge.surfaces.symmetry import NAMES, first_images, group
 
 
 @pytest.mark.parametrize("name", NAMES)

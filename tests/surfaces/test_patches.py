@@ -5,10 +5,10 @@ import pytest
 import torch
 from scenes import small_spec
 
-from lensforge.kernels.patches import refine, refine_adjoint
-from lensforge.optimisation.parameters import Parametrisation
-from lensforge.surfaces.patches import dyadic_grid
-from lensforge.surfaces.spline import TableGrid, grid_for, table_error, tabulate
+from lensforge.kernels.bicubic import refine, refine_adjoint
+from lensforge.search.parameters import Parametrisation
+from lensforge.surfaces.basis_tables import dyadic_grid
+from lensforge.surfaces.bicubic_table import TableGrid, grid_for, table_error, tabulate
 from lensforge.surfaces.srbf import SrbfSurface, level_sigma
 
 LEVELS = [9, 25, 81, 289]

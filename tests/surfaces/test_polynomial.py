@@ -5,8 +5,7 @@ import pytest
 from scenes import hemisphere_directions
 
 from lensforge.errors import InputError
-from lensforge.surfaces.conic import Asphere, Biconic, Toroid, sphere
-from lensforge.surfaces.polynomial import XYPolynomial, noll, zernike_terms
+from lensforge.surfaces.asphere import Asphere, Biconic, Toroid, XYPolynomial, noll, sphere, zernike_terms
 
 U = hemisphere_directions(2000)
 # Noll (1976), table I: radial and angular order of the first fifteen

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from scenes import random_surface, weight_matrix
 
-from lensforge.surfaces.spline import TableGrid, grid_for, table_error, tabulate
-from lensforge.surfaces.symmetry import NAMES
+from lensforge.surfaces.bicubic_table import TableGrid, grid_for, table_error, tabulate
+from lensforge.surfaces.mirror_group import NAMES
 
 
 @pytest.mark.parametrize("symmetry", NAMES)

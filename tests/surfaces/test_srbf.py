@@ -3,9 +3,9 @@ import pytest
 from scenes import hemisphere_directions, random_surface
 
 from lensforge.errors import InputError
-from lensforge.surfaces import chart
+from lensforge.surfaces import surface as chart
+from lensforge.surfaces.mirror_group import NAMES, contains, group
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere, level_sigma
-from lensforge.surfaces.symmetry import NAMES, contains, group
 
 
 def test_the_chart_and_its_inverse_cancel() -> None:

@@ -7,17 +7,15 @@ import pytest
 from scenes import hemisphere_directions, random_surface, small_spec
 from scenes import sphere as freeform_sphere
 
-from lensforge.geometry.form import chart_samples, fit_to_form, form_error
-from lensforge.lens import Lens, load_lens
-from lensforge.surfaces import chart
+from lensforge.cad.form_error import chart_samples, fit_to_form, form_error
+from lensforge.scene.lens import Lens, load_lens
+from lensforge.surfaces import surface as chart
+from lensforge.surfaces.asphere import Asphere, Biconic, Toroid, XYPolynomial, sphere, zernike_terms
+from lensforge.surfaces.bicubic_table import grid_for, table_error, tabulate
 from lensforge.surfaces.chart_spline import HALF_WIDTH, ChartSpline
-from lensforge.surfaces.conic import Asphere, Biconic, Toroid, sphere
 from lensforge.surfaces.implicit import ImplicitSurface
-from lensforge.surfaces.polynomial import XYPolynomial, zernike_terms
-from lensforge.surfaces.scaled import ScaledSurface, scaled
-from lensforge.surfaces.spline import grid_for, table_error, tabulate
 from lensforge.surfaces.srbf import SrbfSurface
-from lensforge.surfaces.surface import Surface
+from lensforge.surfaces.surface import ScaledSurface, Surface, scaled
 
 AXIS = np.tan(np.linspace(-1.0, 1.0, 80) * np.arctan(HALF_WIDTH))
 ON_AXIS = chart.to_sphere(np.stack(np.meshgrid(AXIS, AXIS, indexing="ij"), axis=-1))

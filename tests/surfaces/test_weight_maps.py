@@ -6,10 +6,10 @@ import torch
 from scenes import small_spec, weight_matrix
 
 from lensforge.errors import InputError
-from lensforge.optimisation.parameters import Parametrisation
-from lensforge.surfaces.spline import TableGrid, grid_for, table_error
+from lensforge.search.parameters import Parametrisation
+from lensforge.surfaces.basis_tables import weight_maps
+from lensforge.surfaces.bicubic_table import TableGrid, grid_for, table_error
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
-from lensforge.surfaces.weight_maps import weight_maps
 
 LEVELS = (1, 9, 49, 200)
 

@@ -16,17 +16,17 @@ import re
 import numpy as np
 
 from lensforge.errors import InputError
-from lensforge.sources.photometric.generation import UNDEFINED
 from lensforge.sources.photometric.half_planes import tabulated
-from lensforge.sources.photometric.record import (
+from lensforge.sources.photometric.photometric_file import (
     HUGE,
     MOST_NUMBERS,
     SMALLEST,
+    UNDEFINED,
     PhotometricFile,
     PhotometricFormat,
-    known,
     number_in,
     single_line,
+    stated_or_none,
 )
 
 _HEADER_LINES = 26
@@ -88,7 +88,7 @@ def decode(text: str, name: str) -> PhotometricFile:
     return PhotometricFile(
         intensity=intensity,
         lamp_lumens=None if _absolute(lines[_HEADER_LINES]) else lumens,
-        stated_lumens=known(lumens * _number(lines[_LORL], name) / 100.0),
+        stated_lumens=stated_or_none(lumens * _number(lines[_LORL], name) / 100.0),
         title=lines[_NAME].strip(),
         diameter_mm=_number(lines[_OPENING], name) if _number(lines[_OPENING + 1], name) == 0.0 else 0.0,
         watts=_watts(lines[_HEADER_LINES + _LINES_PER_SET - 1]),
@@ -167,7 +167,7 @@ def _lamp_lumens(lines: list[str], name: str) -> float:
 def _watts(line: str) -> float:
     """Power of the first set of lamps with their ballast; 0 where the line holds none, often for want of a lamp."""
     try:
-        return known(_number(line, "")) or 0.0
+        return stated_or_none(_number(line, "")) or 0.0
     except InputError:
         return 0.0
 

@@ -1,11 +1,27 @@
-"""Table of a whole turn from the half-planes of a file: mirror images added, the turn closed, noise below 0 clipped."""
+"""Table of a whole turn over C and gamma from the half-planes of a file, and from photometric types A and B.
+
+Mirror images are added, the turn is closed, noise below 0 is clipped.
+
+LM-63-02, section 3: the planes of types A and C share a vertical axis, those of type B a horizontal one; in types B
+and C, H = 0 and V = 0 is the vertical direction and H = 0 and V = 90 the horizontal direction of C = 0; H runs
+clockwise, C counterclockwise. So with k the direction of gamma = 0, i that of C = 0 and j that of C = 90 (all at
+gamma = 90), the direction of V and H is
+
+    type B    cos H (cos V k + sin V i) - sin H j       V turns about the axis j, H is the latitude on it
+    type A    cos V (cos H k - sin H j) + sin V i       H turns about the axis i, V is the latitude on it
+
+Type A is defined there with its direction V = H = 0 in the horizontal; it is that in which a head lamp shines, and here
+gamma = 0, as in type B. Both types end at 90 degrees: no light goes backwards.
+"""
+
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.sources.intensity import TabulatedIntensity
-from lensforge.sources.photometric.record import HUGE, MOST_GAMMAS, MOST_PLANES, SMALLEST
+from lensforge.sources.intensity import TabulatedIntensity, flux_up_to
+from lensforge.sources.photometric.photometric_file import HUGE, MOST_GAMMAS, MOST_PLANES, SMALLEST
 
 # Share of the largest intensity. Goniophotometers leave some 0.1 % of it below 0 where stray light is taken off (-0.02
 # cd in files of 10 cd and more); ten times that is no noise but a damaged number.
@@ -127,3 +143,115 @@ def _closed(
     share = (360.0 - c_deg[-1]) / (c_deg[0] + 360.0 - c_deg[-1])
     seam = (1.0 - share) * candela[-1:] + share * candela[:1]
     return np.concatenate([[0.0], c_deg, [360.0]]), np.concatenate([seam, candela, seam])
+
+
+_MOST_PLANES, _MOST_GAMMAS = 720, 721  # of the converted table
+_FINEST_STEP_DEG = 0.05
+_LEAST_STEPS = 72  # from the axis to the outermost light: where a file ends amid its light, the edge is one step wide
+_LEVELS = 3  # at most: the steps are halved where the first table is not the light of the file
+_SAME_FLUX, _SAME_INTENSITY = 1e-4, 0.01  # of the flux, and of the largest intensity: goniophotometers do not do better
+_MOST_CHANGED = 0.02  # of the flux; beyond, the file has structure that no table of this size holds
+
+Kind = Literal["A", "B"]
+V = Float[np.ndarray, " v"]  # angles in degrees
+H = Float[np.ndarray, " h"]
+
+
+def converted(
+    kind: Kind, v_deg: V, h_deg: H, candela: Float[np.ndarray, "h v"], name: str
+) -> tuple[TabulatedIntensity, str]:
+    """Intensity over C and gamma, and a line on the errors of the conversion. ``name`` is the file in errors.
+
+    A range of angles that begins at 0 is mirrored there (LM-63: laterally symmetric); outside its range the file has no
+    light. Raises :class:`InputError` for angles beyond -90 to 90 degrees.
+    """
+    require_angles(h_deg, v_deg, name)
+    for label, angles in (("V", v_deg), ("H", h_deg)):
+        if len(angles) < 2 or np.abs(angles).max() > 90.0:
+            raise InputError(f"{name}: type {kind}: its {label} angles must rise within -90 to 90; export it again")
+    v_deg, candela = _both_sides(v_deg, candela)
+    h_deg, turned = _both_sides(h_deg, candela.T)
+    candela = turned.T
+    flux = _flux(kind, v_deg, h_deg, candela)
+    step = float(min(np.diff(v_deg).min(), np.diff(h_deg).min()))
+    for level in range(_LEVELS):
+        table = _on_half_planes(kind, v_deg, h_deg, candela, step / 2**level)
+        error = table.flux() / flux - 1.0 if flux > 0.0 else np.inf
+        worst = np.abs(_read_at(kind, v_deg, h_deg, table) - candela).max() / candela.max()
+        if abs(error) < _SAME_FLUX and worst < _SAME_INTENSITY:
+            break
+    if not abs(error) < _MOST_CHANGED:
+        raise InputError(f"{name}: type {kind}: its flux as type C differs by {error:.1%}; export it as type C")
+    return table, (
+        f"photometric type {kind} converted to C and gamma, V = H = 0 to gamma = 0: the flux changes by "
+        f"{error:+.1g} of it, no intensity by more than {worst:.1g} of the largest"
+    )
+
+
+def _both_sides(
+    angles: Float[np.ndarray, " k"], rows: Float[np.ndarray, "r k"]
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "r m"]]:
+    """Angles and columns with their mirror images about 0 where the file begins there."""
+    if angles[0] != 0.0:
+        return angles, rows
+    return np.concatenate([-angles[:0:-1], angles]), np.concatenate([rows[:, :0:-1], rows], axis=1)
+
+
+def _flux(kind: Kind, v_deg: V, h_deg: H, candela: Float[np.ndarray, "h v"]) -> float:
+    """Integral of the intensities, bilinear in V and H: exact along the latitude, trapezoids along the other angle."""
+    latitude, longitude, rows = (h_deg, v_deg, candela.T) if kind == "B" else (v_deg, h_deg, candela)
+    return float(np.trapezoid(flux_up_to(np.deg2rad(latitude + 90.0), rows)[:, -1], np.deg2rad(longitude)))
+
+
+def _on_half_planes(
+    kind: Kind, v_deg: V, h_deg: H, candela: Float[np.ndarray, "h v"], step_deg: float
+) -> TabulatedIntensity:
+    """Table with ``step_deg`` in gamma, as far as the file has light, and in C at the outermost of it."""
+    corner = np.cos(np.deg2rad(np.abs(v_deg).max())) * np.cos(np.deg2rad(np.abs(h_deg).max()))
+    reach = float(np.rad2deg(np.arccos(np.clip(corner, 0.0, 1.0))))
+    step = max(min(step_deg, reach / _LEAST_STEPS), _FINEST_STEP_DEG)
+    gamma_deg = np.linspace(0.0, reach, min(max(int(np.ceil(reach / step)), 2), _MOST_GAMMAS - 1) + 1)
+    around = 360.0 * np.sin(np.deg2rad(reach)) / step
+    c_deg = np.linspace(0.0, 360.0, int(np.clip(4 * np.ceil(around / 4.0), 8, _MOST_PLANES)) + 1)
+    c, gamma = np.deg2rad(c_deg)[:, None], np.deg2rad(gamma_deg)[None]
+    i, j, k = np.sin(gamma) * np.cos(c), np.sin(gamma) * np.sin(c), np.cos(gamma) * np.ones_like(c)
+    if kind == "B":
+        v, h = np.arctan2(i, k), -np.arcsin(np.clip(j, -1.0, 1.0))
+    else:
+        v, h = np.arcsin(np.clip(i, -1.0, 1.0)), -np.arctan2(j, k)
+    values = _bilinear(h_deg, v_deg, candela, np.rad2deg(h), np.rad2deg(v))
+    return TabulatedIntensity(c_deg, gamma_deg, values)
+
+
+def _read_at(kind: Kind, v_deg: V, h_deg: H, table: TabulatedIntensity) -> Float[np.ndarray, "h v"]:
+    """Intensities of ``table`` in the directions of the file."""
+    v, h = np.deg2rad(v_deg)[None], np.deg2rad(h_deg)[:, None]
+    if kind == "B":
+        i, j, k = np.cos(h) * np.sin(v), -np.sin(h) * np.ones_like(v), np.cos(h) * np.cos(v)
+    else:
+        i, j, k = np.sin(v) * np.ones_like(h), -np.cos(v) * np.sin(h), np.cos(v) * np.cos(h)
+    c_deg = np.rad2deg(np.arctan2(j, i)) % 360.0
+    gamma_deg = np.minimum(np.rad2deg(np.arctan2(np.hypot(i, j), k)), table.gamma_deg[-1])
+    return _bilinear(table.c_deg, table.gamma_deg, table.values, c_deg, gamma_deg)
+
+
+def _bilinear(
+    x_nodes: Float[np.ndarray, " x"],
+    y_nodes: Float[np.ndarray, " y"],
+    values: Float[np.ndarray, "x y"],
+    x: np.ndarray,
+    y: np.ndarray,
+) -> np.ndarray:
+    """Interpolate ``values`` at all pairs of ``x`` and ``y``; 0 beyond the nodes."""
+    edge = 1e-9  # degrees, of rounding
+    inside = (x >= x_nodes[0] - edge) & (x <= x_nodes[-1] + edge) & (y >= y_nodes[0] - edge) & (y <= y_nodes[-1] + edge)
+    low, place = [], []
+    for nodes, at in ((x_nodes, x), (y_nodes, y)):
+        cell = np.clip(np.searchsorted(nodes, at, "right") - 1, 0, len(nodes) - 2)
+        low.append(cell)
+        place.append(np.clip((at - nodes[cell]) / (nodes[cell + 1] - nodes[cell]), 0.0, 1.0))
+    (a, b), (s, t) = low, place
+    near = (1.0 - t) * values[a, b] + t * values[a, b + 1]
+    far = (1.0 - t) * values[a + 1, b] + t * values[a + 1, b + 1]
+    found: np.ndarray = np.where(inside, (1.0 - s) * near + s * far, 0.0)
+    return found

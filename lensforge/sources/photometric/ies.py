@@ -4,32 +4,121 @@ The stream: lamps, lumens of each (-1: absolute photometry), multiplier, counts 
 type, unit (1 ft, 2 m), three sizes, ballast factor, a number whose meaning changed, watts; gamma angles, C angles,
 candela by half-plane; after the last, nothing but the word END, which some programs write. Types A and B are converted
 to type C. Tilt factors are for lamps that dim when tilted; the far field is that of the luminaire as installed, so they
-are skipped.
+are skipped. The number whose meaning changed is a factor of the candela until 1991 (ballast-lamp photometric factor), 1
+and without meaning in 1995 and 2002, and the file generation type in 2019.
 
-The number whose meaning changed is a factor of the candela until 1991 (ballast-lamp photometric factor), 1 and without
-meaning in 1995 and 2002, and the file generation type in 2019.
+Labels: an edition of 1986 has no first line, and free text. That of 1991 requires [TEST] and [MANUFAC], 1995 no
+keyword; 2002 and 2019 require [TEST], [TESTLAB], [ISSUEDATE] and [MANUFAC], and 2019 has [FILEGENINFO] for what the
+number of the file generation type leaves open. Lines of labels have 80 characters up to 1995, later 256, the two of
+their end included; [MORE] continues the label before. After ANSI/IESNA LM-63-02, the overview of the five editions by
+the authors of Radiance's ies2rad, and for 2019 the programs named in ``photometric_file``.
 """
 
 import re
-from typing import Literal
+from collections.abc import Iterator
+from textwrap import wrap
+from typing import Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.sources.intensity import TabulatedIntensity
-from lensforge.sources.photometric.generation import UNDEFINED, generation_code, generation_title
-from lensforge.sources.photometric.half_planes import not_below_zero, tabulated
-from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion, label_lines, read_labels
-from lensforge.sources.photometric.record import (
+from lensforge.sources.photometric.half_planes import converted, not_below_zero, tabulated
+from lensforge.sources.photometric.photometric_file import (
     HUGE,
     MOST_NUMBERS,
+    UNDEFINED,
     PhotometricFile,
     PhotometricFormat,
-    known,
+    generation_code,
+    generation_title,
     number_in,
+    single_line,
+    stated_or_none,
 )
-from lensforge.sources.photometric.types_a_and_b import converted
+
+IesVersion = Literal[1986, 1991, 1995, 2002, 2019]
+NEWEST: IesVersion = 2019
+_FIRST_LINES: dict[IesVersion, str] = {
+    1991: "IESNA91",
+    1995: "IESNA:LM-63-1995",
+    2002: "IESNA:LM-63-2002",
+    2019: "IES:LM-63-2019",
+}
+_SHORT, _LONG = 78, 254  # characters of a line, without those of its end
+_EDITION = re.compile(r"IES(?:NA)?:\s*LM-63-(\d{4})|IESNA(91)\s*$", re.IGNORECASE)
+_LABEL = re.compile(r"\[\s*(\w+)\s*\][ \t]*(.*)$")
+_NOT_STATED = "not stated"  # in labels that a file must have
+
+
+def require_ies_version(version: int) -> IesVersion:
+    """``version`` if it is a year of LM-63. Raises :class:`InputError`."""
+    for edition in get_args(IesVersion):
+        if version == edition:
+            year: IesVersion = edition
+            return year
+    years = ", ".join(map(str, get_args(IesVersion)))
+    raise InputError(f"ies_version = {version!r}: {years}; leave it out for {NEWEST}")
+
+
+def label_lines(photometric: PhotometricFile, version: IesVersion) -> list[str]:
+    """Lines of a file of the edition ``version`` above that of TILT=."""
+    if version == 1986:  # free text must not hold the beginning of the numbers
+        texts = (photometric.title, photometric.maker, photometric.test, photometric.laboratory, *photometric.remarks)
+        return [line for text in texts for line in _wrapped(re.sub("TILT *=", "TILT ", text, flags=re.I), _SHORT)]
+    lines = [_FIRST_LINES[version]]
+    for keyword, text in _labels(photometric, version):
+        width = (_LONG if version >= 2002 else _SHORT) - len("[MORE] ") - max(len(keyword) - len("MORE"), 0)
+        first, *rest = _wrapped(text, width) or [""]
+        lines += [f"[{keyword}] {first}".rstrip(), *(f"[MORE] {more}" for more in rest)]
+    return lines
+
+
+def _labels(photometric: PhotometricFile, version: IesVersion) -> Iterator[tuple[str, str]]:
+    """Keywords and their texts, those that ``version`` requires before the others."""
+    yield "TEST", photometric.test or _NOT_STATED
+    if version >= 2002:
+        yield "TESTLAB", photometric.laboratory or _NOT_STATED
+        yield "ISSUEDATE", photometric.issued or _NOT_STATED
+    yield "MANUFAC", photometric.maker or _NOT_STATED
+    if photometric.catalogue:
+        yield "LUMCAT", photometric.catalogue
+    yield "LUMINAIRE", photometric.title
+    if version >= 2019 and photometric.method:
+        yield "FILEGENINFO", photometric.method
+    for remark in photometric.remarks:
+        yield "OTHER", remark
+
+
+def _wrapped(text: str, width: int) -> list[str]:
+    return wrap(single_line(text), width, break_on_hyphens=False)
+
+
+def read_labels(head: str) -> tuple[int, dict[str, str]]:
+    """Year of the edition, and the labels in ``head``, all above TILT=: the first of each keyword, continued by [MORE].
+
+    A file without first line is one of 1986, and its first line of text the name of the luminaire.
+    """
+    lines = [line.strip() for line in head.split("\n") if line.strip()]
+    named = _EDITION.match(lines[0]) if lines else None
+    year = 1986 if named is None else int(named.group(1) or 1991)
+    labels: dict[str, str] = {}
+    last = ""
+    for line in lines:
+        label = _LABEL.match(line)
+        if label is None:
+            continue
+        keyword, text = label.group(1).upper(), label.group(2).strip()
+        if keyword == "MORE":
+            labels[last] = f"{labels.get(last, '')} {text}".strip()
+        else:
+            last = keyword if keyword not in labels else ""
+            labels.setdefault(keyword, text)
+    if named is None and lines and not labels:
+        labels["LUMINAIRE"] = lines[0]
+    return year, {keyword: "" if text == _NOT_STATED else text for keyword, text in labels.items() if keyword}
+
 
 _Type = Literal["A", "B", "C"]
 _TYPES: dict[float, _Type] = {1: "C", 2: "B", 3: "A"}
@@ -79,7 +168,7 @@ def _decode_numbers(body: str, tilt: str, name: str, head: str) -> PhotometricFi
     year, labels = read_labels(head)
     factor, warnings = _factor(stream[_CHANGED], year)
     intensity, more = _far_field(_TYPES[kind], h_deg, v_deg, table * (multiplier * ballast * factor), name)
-    lamp_lumens = known(lamps * lumens) if lumens > 0.0 else None
+    lamp_lumens = stated_or_none(lamps * lumens) if lumens > 0.0 else None
     if lamp_lumens is None and lumens != _ABSOLUTE:
         more = (*more, f"{lamps:g} lamps of {lumens:g} lm: taken as absolute photometry, which says -1 there")
     return PhotometricFile(
@@ -95,7 +184,7 @@ def _decode_numbers(body: str, tilt: str, name: str, head: str) -> PhotometricFi
         generated=generation_title(words[_CHANGED]) if year >= NEWEST else UNDEFINED,
         edition=f"LM-63-{year}",
         diameter_mm=-width * (1000.0 if unit == _METRES else 304.8) if width < 0.0 else 0.0,
-        watts=known(watts) or 0.0,
+        watts=stated_or_none(watts) or 0.0,
         format="ies",
         photometric_type=_TYPES[kind],
         warnings=(*warnings, *more),
@@ -121,7 +210,7 @@ def _split(
 
 def _factor(number: float, year: int) -> tuple[float, tuple[str, ...]]:
     """Ballast-lamp photometric factor by which the candela of files until 1991 are multiplied, and the words on it."""
-    if year > 1991 or number == 1.0 or known(number) is None:
+    if year > 1991 or number == 1.0 or stated_or_none(number) is None:
         return 1.0, ()
     return float(number), (
         f"candela multiplied by its ballast-lamp photometric factor, {number:g}, as LM-63-{year} asks",

@@ -1,0 +1,175 @@
+"""A custom base: one solid from the user's STEP file, in the lens's coordinates, joined to the body and to its mesh.
+
+Its top lies in z = 0, on the plane ring between the two rims: only plane faces that touch take part in the union, and
+the optical faces keep their surfaces. The union of the meshes keeps every vertex of the optical faces, and adds some to
+their rims where the base's outline crosses them.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from lensforge.cad.mesh import BodyMesh, manifold_of
+from lensforge.cad.plan import INNER, OUTER, RIM
+from lensforge.cad.solid import Solid, uniquely_named
+from lensforge.errors import InputError
+from lensforge.results.file_bounds import MOST_STEP_MIB
+from lensforge.results.files import MIB, read_file
+from lensforge.surfaces.step_file import parse_apart
+
+BASE = "BASE"
+
+_PLANE_MM = 1e-5  # the uncertainty that STEP files state
+_COVERED_SHARE = 1e-4  # of the opening: a bore as wide as the cavity covers none of it, up to rounding
+_VOLUME_SHARE = 1e-7  # of the base: largest change of volume in the union
+_ANGLE_RAD = 0.1  # between neighbouring facets of a curved face of the base
+
+
+@dataclass(frozen=True)
+class CustomBase:
+    """The solid of a file, in mm, with its named faces, and the file."""
+
+    solid: Solid
+    path: Path
+
+
+def read_custom_base(path: Path) -> CustomBase:
+    """The one solid of ``path``, read in a child process: it is the user's file, or one that was sent to him.
+
+    Raises :class:`InputError` for anything else, or where its top is not in z = 0.
+    """
+    missing = "base.file is relative to the folder of its spec"
+    content = read_file(path, missing=missing, most_bytes=MOST_STEP_MIB * MIB)
+    parts = parse_apart(
+        content, str(path), "repair it in CAD, and export it as AP203, AP214 or AP242", to_be_joined=True
+    )
+    solids = [(solid, part) for part in parts for solid in part.shape.Solids()]
+    if len(solids) != 1:
+        raise InputError(f"{path}: holds {len(solids)} solids, a base is one; join them, or export the one alone")
+    base = Solid(solids[0][0], solids[0][1].faces)
+    if not base.valid:
+        raise InputError(f"{path}: its solid is not valid (open, or self-intersecting); repair it in CAD")
+    top = _top_mm(base)
+    if abs(top) > _PLANE_MM:
+        raise InputError(f"{path}: its top is at z = {top:.6g} mm, the lens ends at 0; move it by {-top:.6g} mm in z")
+    return CustomBase(base, path)
+
+
+def join_base(body: Solid, base: CustomBase) -> Solid:
+    """``body``, a lens without a base, and ``base`` as one solid; faces keep their names, others are ``BASE``.
+
+    Raises :class:`InputError` where the base does not touch the lens, or covers or closes the cavity.
+    """
+    import cadquery as cq
+    from OCP.BRepAlgoAPI import BRepAlgoAPI_Fuse
+
+    _require_placement(body, base)
+    added = base.solid
+    union = BRepAlgoAPI_Fuse(body.shape.wrapped, added.shape.wrapped)
+    solids = cq.Shape.cast(union.Shape()).Solids() if union.IsDone() else []
+    if len(solids) != 1:
+        raise InputError(f"{base.path}: makes {len(solids)} solids with the lens, not one; inspect where the two touch")
+    if len(solids[0].Shells()) != 1:
+        raise InputError(f"{base.path}: closes the cavity; it must leave an opening below for the LED")
+    names = {face: name for name, face in added.faces.items()}
+    sources = [*body.faces.items(), *((names.get(face, BASE), face) for face in added.shape.Faces())]
+    faces = [(name, piece) for name, face in sources for piece in _pieces(union, face)]
+    joined = Solid(solids[0], uniquely_named(faces))
+    change = abs(joined.volume_mm3 - body.volume_mm3 - added.volume_mm3)
+    if not {OUTER, INNER} <= set(joined.faces) or change > _VOLUME_SHARE * added.volume_mm3:
+        raise InputError(
+            f"{base.path}: its union with the lens is {change:.3g} mm^3 off in volume; simplify the base's top"
+        )
+    return joined
+
+
+def _pieces(union: Any, face: Any) -> list[Any]:
+    """Pieces of ``face`` in the union: the face itself, parts of it, or none where the two solids touch."""
+    import cadquery as cq
+
+    changed = [cq.Face(piece) for piece in union.Modified(face.wrapped)]
+    if changed or union.IsDeleted(face.wrapped):
+        return changed
+    return [face]
+
+
+def _require_placement(body: Solid, base: CustomBase) -> None:
+    """Require that the base leaves the cavity open in z = 0, and touches the ring between the rims."""
+    import cadquery as cq
+
+    ring = body.faces[RIM]
+    (mouth,) = ring.innerWires()
+    opening = cq.Face.makeFromWires(mouth)
+    covered = _common_area(opening, base.solid) / opening.Area()
+    if covered > _COVERED_SHARE:
+        raise InputError(
+            f"{base.path}: covers {100.0 * covered:.3g} % of the cavity's opening; "
+            f"it must leave free a circle of {2.0 * _largest_radius_mm(mouth):.4g} mm diameter about the axis in z = 0"
+        )
+    if _common_area(ring, base.solid) <= _COVERED_SHARE * opening.Area():
+        raise InputError(
+            f"{base.path}: does not meet the lens, whose rim lies in z = 0 between {_largest_radius_mm(mouth):.4g} and "
+            f"{_largest_radius_mm(ring.outerWire()):.4g} mm from the axis"
+        )
+
+
+def _top_mm(base: Solid) -> float:
+    from OCP.Bnd import Bnd_Box
+    from OCP.BRepBndLib import BRepBndLib
+
+    box = Bnd_Box()
+    BRepBndLib.AddOptimal_s(base.shape.wrapped, box, False, False)
+    return float(box.CornerMax().Z())
+
+
+def _common_area(face: Any, base: Solid) -> float:
+    """Area (mm^2) of ``face`` that lies in or on the base."""
+    import cadquery as cq
+    from OCP.BRepAlgoAPI import BRepAlgoAPI_Common
+
+    common = BRepAlgoAPI_Common(face.wrapped, base.shape.wrapped)
+    return float(sum(piece.Area() for piece in cq.Shape.cast(common.Shape()).Faces()))
+
+
+def _largest_radius_mm(wire: Any) -> float:
+    """Largest distance (mm) of a wire from the axis, by points along it."""
+    points = [wire.positionAt(k / 720.0) for k in range(720)]
+    return float(max((point.x**2 + point.y**2) ** 0.5 for point in points))
+
+
+def join_mesh(mesh: BodyMesh, base: CustomBase, chord_mm: float) -> BodyMesh:
+    """``mesh`` and a mesh of ``base`` within ``chord_mm`` as one mesh; all of the base is the face ``BASE``.
+
+    Raises :class:`InputError` where the CAD kernel's mesh of the base is not closed.
+    """
+    lens = manifold_of(mesh.vertices, mesh.triangles, mesh.face)
+    vertices, triangles = tessellated(base.solid, chord_mm)
+    below = manifold_of(vertices, triangles, np.full(len(triangles), len(mesh.names)))
+    if below.is_empty():
+        raise InputError(f"{base.path}: the mesh of its solid is not closed; repair the solid in CAD")
+    joined = (lens + below).to_mesh64()
+    return BodyMesh(
+        np.array(joined.vert_properties),  # a copy: the views of the library are read-only
+        np.asarray(joined.tri_verts).astype(np.int64),
+        np.asarray(joined.face_id).astype(np.int64),
+        (*mesh.names, BASE),
+        mesh.rings,
+    )
+
+
+def tessellated(base: Solid, chord_mm: float) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
+    """Vertices and triangles by the CAD kernel, face by face, equal vertices on shared edges merged."""
+    from OCP.BRepMesh import BRepMesh_IncrementalMesh
+
+    BRepMesh_IncrementalMesh(base.shape.wrapped, chord_mm, False, _ANGLE_RAD)
+    points: list[tuple[float, float, float]] = []
+    corners = []
+    for face in base.shape.Faces():
+        vertices, triangles = face.tessellate(chord_mm, _ANGLE_RAD)
+        corners.append(np.array(triangles, dtype=np.int64) + len(points))
+        points += [vertex.toTuple() for vertex in vertices]
+    merged, index = np.unique(np.round(np.array(points), 9), axis=0, return_inverse=True)
+    return merged, index.reshape(-1)[np.concatenate(corners)]

@@ -1,0 +1,133 @@
+"""Room for the ball cutter at the base: the step below the outer rim, and the bore below the cavity, that clear it.
+
+Near a rim, a ball that touches the face extends below z = 0, where the base is. All clearances are closed forms of the
+ball's centre: its distance from the axis and its height above z = 0.
+"""
+
+from functools import lru_cache
+from math import ceil
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.cad.form_error import fit_faces
+from lensforge.cad.outline import FULL_TURN, outline_of, sampled_azimuths
+from lensforge.cad.patch import Patch
+from lensforge.cad.plan import MIN_BASE_WALL_MM, rim_radius
+from lensforge.scene.lens import Lens
+from lensforge.spec import BaseSection, Spec
+
+_RINGS, _AZIMUTHS = 129, 360  # of contacts: between them a clearance is larger by less than 2 um on a lens of 14 mm
+_SPARE_MM, _DIGITS_MM = 5e-3, 1e-2  # beyond the contacts; lengths of the room are whole hundredths
+
+Lengths = Float[np.ndarray, " k"]
+
+
+def needed_step_mm(distance: Lengths, height: Lengths, cutter_mm: float, base_mm: float) -> Lengths:
+    """Depth (mm) below z = 0 at which a disc of radius ``base_mm`` clears balls with these centres; may be below 0.
+
+    Outside of the disc nothing limits the ball: minus infinity.
+    """
+    outside = np.maximum(distance - base_mm, 0.0)
+    below = np.sqrt(np.maximum(cutter_mm**2 - outside**2, 0.0))
+    return np.where(outside < cutter_mm, below - height, -np.inf)
+
+
+def largest_wall_mm(distance: Lengths, height: Lengths, cutter_mm: float) -> Lengths:
+    """Largest radius (mm) of a wall from z = 0 downwards that clears balls outside of it; infinite where any does."""
+    across = np.sqrt(np.maximum(cutter_mm**2 - np.maximum(height, 0.0) ** 2, 0.0))
+    return np.where(height < cutter_mm, distance - across, np.inf)
+
+
+def smallest_bore_mm(distance: Lengths, height: Lengths, cutter_mm: float, top_mm: float, bottom_mm: float) -> Lengths:
+    """Smallest radius (mm) of a bore from depth ``top_mm`` to ``bottom_mm`` that clears balls inside of it."""
+    away = np.maximum(np.maximum(height + top_mm, -height - bottom_mm), 0.0)
+    across = np.sqrt(np.maximum(cutter_mm**2 - away**2, 0.0))
+    return np.where(away < cutter_mm, distance + across, 0.0)
+
+
+def ball_centres_mm(
+    points: Float[np.ndarray, "k 3"], normals: Float[np.ndarray, "k 3"], offset_mm: float
+) -> tuple[Lengths, Lengths]:
+    """Distance from the axis and height of the centres of balls that touch ``points``, ``offset_mm`` along normals."""
+    centres = points + offset_mm * normals
+    return np.hypot(centres[:, 0], centres[:, 1]), centres[:, 2]
+
+
+@lru_cache(maxsize=4)  # export, check, sections and drawing ask for it
+def base_with_room(lens: Lens) -> BaseSection:
+    """The base of ``lens``; lengths that its spec leaves out give the cutter room at the faces designed for it.
+
+    Room ends where it would leave less than the least wall of the spec; the manufacturing check then says what lacks.
+    """
+    spec, base = lens.spec, lens.spec.base
+    if base.kind in ("none", "step"):
+        return base
+    room = dict.fromkeys(("relief_step_mm", "relief_setback_mm", "bore_setback_mm"), 0.0)
+    missing = [name for name in room if getattr(base, name) is None]
+    cut = {face for face in ("inner", "outer") if spec.is_cut(face)}
+    if not missing or not cut:
+        return base.model_copy(update=dict.fromkeys(missing, 0.0))
+    inner, outer = fit_faces(lens)
+    if "inner" in cut:
+        room["bore_setback_mm"] = _bore_setback(inner, spec)
+    setback = room["bore_setback_mm"] if base.bore_setback_mm is None else base.bore_setback_mm
+    opening = float(_rim(inner).max()) + setback
+    if "outer" in cut:
+        room |= _relief(outer, spec, opening)
+    if base.relief_step_mm == 0.0:
+        room["relief_setback_mm"] = 0.0  # without a step it has no wall
+    return base.model_copy(update={name: room[name] for name in missing})
+
+
+def _bore_setback(inner: Patch, spec: Spec) -> float:
+    base, cutter_mm = spec.base, spec.manufacture.cutter_radius_mm
+    distance, height = _centres(inner, -cutter_mm)
+    pocket = base.pocket_diameter_mm
+    depth = base.height_mm - (0.0 if pocket is None else base.pocket_depth_mm)
+    opening = float(_rim(inner).max())
+    outside = float(outline_of(base).radius(sampled_azimuths()).min()) - _wall_mm(spec)
+    room = min(outside, np.inf if pocket is None else pocket / 2.0 - MIN_BASE_WALL_MM - _SPARE_MM) - opening
+    return _rounded(float(smallest_bore_mm(distance, height, cutter_mm, 0.0, depth).max()) - opening, room)
+
+
+def _relief(outer: Patch, spec: Spec, opening_mm: float) -> dict[str, float]:
+    """Step and setback of its wall; ``opening_mm``: radius of the cavity or its bore."""
+    base, cutter_mm, wall = spec.base, spec.manufacture.cutter_radius_mm, _wall_mm(spec)
+    distance, height = _centres(outer, cutter_mm)
+    flange = 0.0 if base.flange_diameter_mm is None else base.flange_height_mm
+    step = float(needed_step_mm(distance, height, cutter_mm, base.widest_mm / 2.0).max())
+    rim = float(_rim(outer).min())
+    setback = rim - float(largest_wall_mm(distance, height, cutter_mm).min())
+    step = _rounded(step, base.height_mm - flange - wall)
+    return {
+        "relief_step_mm": step,
+        "relief_setback_mm": _rounded(setback, rim - opening_mm - wall) if step > 0.0 else 0.0,
+    }
+
+
+def _wall_mm(spec: Spec) -> float:
+    """Wall (mm) that room must leave: as the spec asks, but never so thin that the plan would refuse it."""
+    return max(spec.constraints.min_thickness_mm, MIN_BASE_WALL_MM) + _SPARE_MM
+
+
+def _rounded(needed_mm: float, room_mm: float) -> float:
+    """``needed_mm`` and a little to spare, in whole hundredths, no more than ``room_mm``; 0 where that is not above 0.
+
+    Rounded up from 0 too: a wall that just touches the ball is no room.
+    """
+    if needed_mm <= -_SPARE_MM:
+        return 0.0
+    return max(min(_DIGITS_MM * ceil((needed_mm + _SPARE_MM) / _DIGITS_MM), room_mm), 0.0)
+
+
+def _centres(patch: Patch, offset_mm: float) -> tuple[Lengths, Lengths]:
+    """Centres of balls all over a face, ``offset_mm`` along its outward normal."""
+    azimuths = np.linspace(0.0, FULL_TURN, _AZIMUTHS, endpoint=False)
+    radius, turn = np.meshgrid(np.linspace(0.0, 1.0, _RINGS), azimuths, indexing="ij")
+    chart = (radius[..., None] * np.stack([np.cos(turn), np.sin(turn)], axis=-1)).reshape(-1, 2)
+    return ball_centres_mm(patch.points(chart), patch.normals(chart), offset_mm)
+
+
+def _rim(patch: Patch) -> Lengths:
+    return rim_radius(patch)(sampled_azimuths())

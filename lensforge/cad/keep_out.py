@@ -1,0 +1,222 @@
+"""The keep-out: solids of a STEP file (LED package, bond wires, board) that a lens and its base must not enter.
+
+The file is in the coordinates of the lens. It comes from outside, and is read in a child process as a custom base is.
+The distance from the finished body is that of their meshes, which are within ``FACET_MM`` of their faces. The criterion
+on it follows from the record and the spec alone, and names the fields to change where it is missed.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from math import cos, pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from lensforge.cad.custom_base import tessellated
+from lensforge.cad.mesh import BodyMesh, manifold_of
+from lensforge.cad.part import KeepOutDistance
+from lensforge.cad.solid import Solid
+from lensforge.errors import InputError
+from lensforge.results.criteria import Criterion, at_least
+from lensforge.results.file_bounds import MOST_STEP_MIB
+from lensforge.results.files import MIB, read_file
+from lensforge.spec import BaseSection, Spec
+from lensforge.spec.spec_section import rounded_up
+from lensforge.surfaces.step_file import parse_apart
+
+# Largest distance of the meshes from curved faces. The CAD kernel keeps its chord at the edges of its triangles; in the
+# middle of those of a ball it is off by 1.7 times as much.
+FACET_MM = 2e-3
+
+
+def mesh_error_mm(base: BaseSection, rings: int, chord_mm: float) -> float:
+    """Largest error (mm) of a distance between the meshes of body and keep-out.
+
+    ``chord_mm``: of the optical facets. A cylinder of the base is a polygon of 6 ``rings`` corners, or more.
+    """
+    widest = (base.flange_diameter_mm or base.widest_mm) if base.kind in ("cylinder", "square") else 0.0
+    return max(chord_mm, widest / 2.0 * (1.0 - cos(pi / (6 * rings)))) + FACET_MM
+
+
+_CHORD_MM = 0.5 * FACET_MM
+_REMEDY = "repair it in CAD, and export it as AP203, AP214 or AP242"
+
+
+@dataclass(frozen=True, eq=False)
+class KeepOutSolid:
+    """A closed mesh of one solid: vertices (mm), and triangles that face outwards."""
+
+    vertices: Float[np.ndarray, "v 3"]
+    triangles: Int[np.ndarray, "t 3"]
+
+    @property
+    def corners(self) -> Float[np.ndarray, "t 3 3"]:
+        """Corners (mm) of every triangle."""
+        found: Float[np.ndarray, "t 3 3"] = self.vertices[self.triangles]
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class KeepOut:
+    """The solids of a file, as meshes within ``FACET_MM`` of their faces."""
+
+    path: Path
+    solids: tuple[KeepOutSolid, ...]
+
+
+def read_keep_out(path: Path) -> KeepOut:
+    """The solids of the STEP file ``path``, whatever its unit in mm; the same object for the same content.
+
+    Raises :class:`InputError` for a file that is not there, is not STEP, or holds no valid solid.
+    """
+    missing = "constraints.keep_out is relative to the folder of its spec"
+    return _meshed(read_file(path, missing=missing, most_bytes=MOST_STEP_MIB * MIB), path)
+
+
+@lru_cache(maxsize=2)
+def _meshed(content: bytes, path: Path) -> KeepOut:
+    parts = parse_apart(content, str(path), _REMEDY, to_be_joined=True)
+    solids = [Solid(shape, {}) for part in parts for shape in part.shape.Solids()]
+    if not solids:
+        raise InputError(f"{path}: holds no solid, a keep-out is one or several; export closed bodies, not surfaces")
+    for number, solid in enumerate(solids, start=1):
+        if not solid.valid:
+            raise InputError(
+                f"{path}: its solid {number} of {len(solids)} is not valid (open, hollow, or self-intersecting); "
+                "repair it in CAD"
+            )
+    return KeepOut(path, tuple(KeepOutSolid(*tessellated(solid, _CHORD_MM)) for solid in solids))
+
+
+_SLACK = 1.0 + 1e-9  # of a distance in which to look for a smaller one
+_Triangles = tuple[Float[np.ndarray, "_ 3"], Int[np.ndarray, "_ 3"]]  # vertices and their numbers
+
+
+def keep_out_distance(mesh: BodyMesh, keep_out: KeepOut, error_mm: float) -> KeepOutDistance | None:
+    """Measure the smallest distance from ``mesh`` to the solids of ``keep_out``; ``error_mm``: of both meshes' facets.
+
+    None where ``mesh`` is not closed, which a criterion of its own says. Raises :class:`InputError` where a mesh of the
+    solids is not closed.
+    """
+    import manifold3d
+
+    body = manifold_of(mesh.vertices, mesh.triangles)
+    if body.status() != manifold3d.Error.NoError:
+        return None
+    gap_mm, closest = np.inf, keep_out.solids[0]
+    for solid in keep_out.solids:
+        other = manifold_of(solid.vertices, solid.triangles)
+        if other.is_empty():
+            raise InputError(f"{keep_out.path}: the mesh of a solid is not closed; repair it in CAD")
+        common = body ^ other
+        if not common.is_empty():
+            found = -2.0 * common.volume() / common.surface_area()
+        else:
+            found = body.min_gap(other, _between_vertices(mesh.vertices, solid.vertices) * _SLACK)
+        if found < gap_mm:
+            gap_mm, closest = found, solid
+    places = _places(mesh, closest) if gap_mm >= 0.0 else _common_place(body, closest)
+    return KeepOutDistance(
+        distance_mm=gap_mm,
+        body_point_mm=tuple(places[0].tolist()),
+        keep_out_point_mm=tuple(places[1].tolist()),
+        error_mm=error_mm,
+    )
+
+
+def _between_vertices(one: Float[np.ndarray, "n 3"], other: Float[np.ndarray, "m 3"]) -> float:
+    """Least distance (mm) between two sets of vertices: the meshes are no further apart."""
+    from scipy.spatial import cKDTree
+
+    return float(cKDTree(one).query(other)[0].min())
+
+
+def _places(mesh: BodyMesh, solid: KeepOutSolid) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
+    """Closest places of body and solid: a vertex of one, and the nearest point of the other."""
+    body, other = (mesh.vertices, mesh.triangles), (solid.vertices, solid.triangles)
+    least_mm = _between_vertices(mesh.vertices, solid.vertices)
+    there, here, one = _nearest(other, body, least_mm)
+    back, forth, another = _nearest(body, other, least_mm)
+    return (here, there) if one <= another else (back, forth)
+
+
+def _nearest(
+    surface: _Triangles, vertices: _Triangles, most_mm: float
+) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"], float]:
+    """Place on ``surface``, vertex of another mesh, and their distance (mm), the least of those up to ``most_mm``."""
+    import trimesh
+
+    target, points = trimesh.Trimesh(*surface, process=False), vertices[0]
+    outside = np.maximum(target.bounds[0] - points, points - target.bounds[1])
+    near = points[np.linalg.norm(np.maximum(outside, 0.0), axis=1) <= most_mm * _SLACK]
+    if not len(near):
+        return np.zeros(3), np.zeros(3), np.inf
+    found, distances, _ = trimesh.proximity.closest_point(target, near)
+    best = int(distances.argmin())
+    return np.asarray(found[best]), near[best], float(distances[best])
+
+
+def _common_place(body: Any, solid: KeepOutSolid) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
+    """The lowest vertex of what body and solid have in common, and its outermost one, lifted to its highest z."""
+    common = np.asarray((body ^ manifold_of(solid.vertices, solid.triangles)).to_mesh64().vert_properties)[:, :3]
+    outermost = common[np.hypot(common[:, 0], common[:, 1]).argmax()]
+    return common[common[:, 2].argmin()], np.array([outermost[0], outermost[1], common[:, 2].max()])
+
+
+_RIM_MM = 1e-5  # from z = 0: a place on the rim of an exported face
+_UNMEASURED = "the mesh of the lens is not closed: change the number of rings, and export again"
+
+
+def keep_out_criteria(spec: Spec, found: KeepOutDistance | None) -> tuple[Criterion, ...]:
+    """The criterion on the distance, but for the errors of both meshes; none for a spec without a keep-out."""
+    limits = spec.constraints
+    if limits.keep_out is None:
+        return ()
+    if found is None:
+        return (at_least("keep_out_distance", float("nan"), limits.keep_out_margin_mm, "mm", _UNMEASURED),)
+    limit = limits.keep_out_margin_mm - limits.tolerance_mm - found.error_mm
+    return (at_least("keep_out_distance", found.distance_mm, limit, "mm", _remedy(spec, found)),)
+
+
+def _remedy(spec: Spec, found: KeepOutDistance) -> str:
+    """The fields to change, by where the two are closest."""
+    place = ", ".join(f"{value + 0.0:.4g}" for value in np.round(found.body_point_mm, 6))
+    return f"{_fields(spec, found)}; the body is closest at ({place}) mm"
+
+
+def _fields(spec: Spec, found: KeepOutDistance) -> str:
+    base, margin = spec.base, spec.constraints.keep_out_margin_mm
+    (x, y, z), other = found.body_point_mm, found.keep_out_point_mm
+    overlap, across, below = found.distance_mm < 0.0, float(np.hypot(*other[:2])), z - other[2]
+    outwards = across - float(np.hypot(x, y))
+    at_bottom = base.kind != "none" and z <= _RIM_MM - base.height_mm
+    stands = at_bottom and found.distance_mm <= _RIM_MM  # the base stands on it
+    side = base.side_mm if base.kind == "square" else base.diameter_mm
+    through = overlap and 2.0 * (across + margin) >= side  # no pocket of this width leaves a wall
+    under = (other[2] < 0.0 and (at_bottom or not through)) if overlap else below > abs(outwards) or stands
+    deep = base.height_mm - below + z + margin  # of a pocket whose top is clear
+    in_lens = z > _RIM_MM or (overlap and other[2] > _RIM_MM)
+    if in_lens or (z >= -_RIM_MM and not under and (outwards <= 0.0 or base.kind == "none")):
+        return "raise lens.inner_offset_mm, or lower constraints.keep_out_margin_mm"
+    if base.kind == "step" and (z < -_RIM_MM or not under):
+        return "cut the solid of base.file back there, or lower constraints.keep_out_margin_mm"
+    if under and (z >= -_RIM_MM or deep >= base.height_mm):
+        return "the keep-out is too close below the lens: move it down, or lower constraints.keep_out_margin_mm"
+    if under and through:
+        return "lower base.height_mm, or move the keep-out down or aside"
+    if under:
+        pocket = (
+            f"base.pocket_depth_mm = {_at_least(deep)} with pocket_diameter_mm = {_at_least(2.0 * (across + margin))}"
+        )
+        return f"lower base.height_mm, or give {pocket}"
+    if outwards > 0.0:
+        field = "side_mm" if base.kind == "square" else "diameter_mm"
+        return f"the keep-out stands beside the base: lower base.{field}, or base.flange_diameter_mm if it has a flange"
+    return f"the bore is too small: base.pocket_diameter_mm must be above {_at_least(2.0 * (across + margin))}"
+
+
+def _at_least(length_mm: float) -> str:
+    """A length for a spec, rounded up; a micrometre where none is needed."""
+    return rounded_up(max(length_mm, 1e-3))

@@ -1,0 +1,164 @@
+"""STL and 3MF files of the mesh, in mm: written to bytes, and parsed from them.
+
+STL is in single precision and repeats every vertex in each of its triangles; 3MF keeps shared vertices, unit and face
+names. The same mesh gives the same bytes: the identifiers that 3MF needs are hashes of the content.
+
+lib3mf's functions in Python make an object of every vertex and every triangle, 4 s for half a million; here the same
+functions of the library are called on whole arrays.
+
+Bytes that come from a file are read within bounds, 3MF in a child process, since its library is C++; bytes that this
+process made are read at once.
+"""
+
+import ctypes
+import hashlib
+import uuid
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from lensforge.cad.mesh import BodyMesh
+from lensforge.errors import InputError
+from lensforge.results.file_bounds import MOST_MM, MOST_TRIANGLES, made_here, remembered, require_small_3mf, stl_corners
+from lensforge.results.files import file_bytes, read_json, temporary_file, temporary_folder, write_json
+from lensforge.results.sandbox import ChildLimits, serve, work_in_child
+
+
+def set_geometry(body: Any, vertices: Float[np.ndarray, "v 3"], triangles: Int[np.ndarray, "t 3"]) -> None:
+    """Fill a ``lib3mf.MeshObject``; its vertices are in single precision."""
+    import lib3mf
+
+    places = _as_structs(vertices.astype(np.float32), lib3mf.Position)
+    corners = _as_structs(triangles.astype(np.uint32), lib3mf.Triangle)
+    call = body._wrapper.lib.lib3mf_meshobject_setgeometry
+    counts = ctypes.c_uint64(len(places)), ctypes.c_uint64(len(corners))
+    body._wrapper.checkError(body, call(body._handle, counts[0], places, counts[1], corners))
+
+
+def geometry_of(body: Any) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
+    """Vertices and triangles of a ``lib3mf.MeshObject``."""
+    import lib3mf
+
+    library = body._wrapper.lib
+    vertices = np.empty((body.GetVertexCount(), 3), dtype=np.float32)
+    triangles = np.empty((body.GetTriangleCount(), 3), dtype=np.uint32)
+    reads = (
+        (library.lib3mf_meshobject_getvertices, lib3mf.Position, vertices),
+        (library.lib3mf_meshobject_gettriangleindices, lib3mf.Triangle, triangles),
+    )
+    for call, struct, rows in reads:
+        if len(rows):
+            buffer, needed = (struct * len(rows)).from_buffer(rows), ctypes.c_uint64(0)
+            body._wrapper.checkError(body, call(body._handle, ctypes.c_uint64(len(rows)), needed, buffer))
+    return vertices.astype(np.float64), triangles.astype(np.int64)
+
+
+def _as_structs(rows: np.ndarray, struct: type[ctypes.Structure]) -> Any:
+    return (struct * len(rows)).from_buffer_copy(np.ascontiguousarray(rows).tobytes())
+
+
+_AGAIN = "run `lensforge export` again"
+_THREEMF, _JOB = "lens.3mf", "job.json"
+# A mesh of 0.2 million triangles takes 0.2 GiB, and 5 s on a busy machine.
+_LIMITS = ChildLimits(memory_mib=1800, seconds=60.0)
+_DECIMALS = 9  # of a mm in 3MF, whose vertices are single precision: 1e-6 mm at lens size
+
+
+def stl_bytes(mesh: BodyMesh) -> bytes:
+    """An STL file of ``mesh``; shared vertices have equal coordinates in it."""
+    import trimesh
+
+    content = trimesh.Trimesh(mesh.vertices, mesh.triangles, process=False).export(file_type="stl")
+    assert isinstance(content, bytes)
+    return remembered(content)
+
+
+def parse_stl(content: bytes, origin: str = "lens.stl") -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
+    """Vertices (mm), equal ones merged, and triangles of an STL file's bytes.
+
+    Raises :class:`InputError` unless they hold a mesh; ``origin`` names the file in the message.
+    """
+    corners = stl_corners(content, origin, _AGAIN, None if made_here(content) else MOST_TRIANGLES)
+    vertices, index = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    return vertices, index.reshape(-1, 3)
+
+
+def threemf_bytes(mesh: BodyMesh, product: str) -> bytes:
+    """A 3MF file of ``mesh`` as one object; each named face is a triangle set of it."""
+    import lib3mf
+
+    library = lib3mf.get_wrapper()
+    model = library.CreateModel()
+    model.SetUnit(lib3mf.ModelUnit.MilliMeter)
+    body = model.AddMeshObject()
+    body.SetName(product)
+    set_geometry(body, mesh.vertices, mesh.triangles)
+    for index, name in enumerate(mesh.names):
+        members = np.flatnonzero(mesh.face == index).astype(np.uint32)
+        body.AddTriangleSet(f"face-{index}", name).SetTriangleList(members.tolist())
+    item = model.AddBuildItem(body, library.GetIdentityTransform())
+    digest = hashlib.sha256(mesh.vertices.tobytes() + mesh.triangles.tobytes()).digest()
+    for number, owner in enumerate((body.SetUUID, model.SetBuildUUID, item.SetUUID)):
+        owner(str(uuid.UUID(bytes=digest[:15] + bytes([number]), version=4)))
+    writer = model.QueryWriter("3mf")
+    writer.SetDecimalPrecision(_DECIMALS)
+
+    def write(path: Path) -> None:
+        try:
+            writer.WriteToFile(str(path))
+        except lib3mf.ELib3MFException as error:
+            raise InputError(f"{product}: the 3MF file could not be written to {path.parent} ({error})") from None
+
+    return remembered(file_bytes("lens.3mf", write))
+
+
+def parse_3mf(content: bytes, origin: str = "lens.3mf") -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
+    """Vertices (mm) and triangles of the one object in a 3MF file's bytes.
+
+    Raises :class:`InputError` for anything else; ``origin`` names the file in the message.
+    """
+    if made_here(content):
+        with temporary_file(content, _THREEMF) as path:
+            return _read_3mf(path, origin)
+    require_small_3mf(content, origin, _AGAIN)
+    with temporary_folder(origin) as folder:
+        (folder / _THREEMF).write_bytes(content)
+        write_json(folder / _JOB, {"origin": origin})
+        work_in_child(Path(__file__).resolve(), folder, _LIMITS, origin=origin, remedy=_AGAIN)
+        vertices, triangles = np.load(folder / "vertices.npy"), np.load(folder / "triangles.npy")
+    return vertices, triangles
+
+
+def _read_3mf(path: Path, origin: str) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
+    import lib3mf
+
+    model = lib3mf.get_wrapper().CreateModel()
+    reader = model.QueryReader("3mf")
+    reader.SetStrictModeActive(True)
+    try:
+        reader.ReadFromFile(str(path))
+    except lib3mf.ELib3MFException as error:
+        raise InputError(f"{origin}: not readable as 3MF ({error}); {_AGAIN}") from None
+    objects = model.GetMeshObjects()
+    if model.GetUnit() != lib3mf.ModelUnit.MilliMeter or not objects.MoveNext():
+        raise InputError(f"{origin}: holds no mesh in mm; {_AGAIN}")
+    body = objects.GetCurrentMeshObject()
+    if not 0 < body.GetTriangleCount() <= MOST_TRIANGLES:
+        raise InputError(f"{origin}: {body.GetTriangleCount()} triangles, 1 to {MOST_TRIANGLES} are read; {_AGAIN}")
+    vertices, triangles = geometry_of(body)
+    if not float(np.abs(vertices).max()) <= MOST_MM:
+        raise InputError(f"{origin}: a vertex lies beyond {MOST_MM:g} mm; {_AGAIN}")
+    return vertices, triangles
+
+
+def _write_arrays(folder: Path) -> None:
+    """Work of the child process: the arrays of the 3MF file in ``folder``."""
+    vertices, triangles = _read_3mf(folder / _THREEMF, read_json(folder / _JOB)["origin"])
+    np.save(folder / "vertices.npy", vertices)
+    np.save(folder / "triangles.npy", triangles)
+
+
+if __name__ == "__main__":
+    serve(_write_arrays)

@@ -1,0 +1,221 @@
+"""The result of the geometry stage: the bytes of the part's files, and their errors, measured by reading them back."""
+
+import hashlib
+import math
+from functools import cached_property
+from numbers import Real
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+
+from pydantic import Field, model_validator
+
+from lensforge.cad.part_limits import FormTolerance
+from lensforge.errors import InputError
+from lensforge.results import (
+    BodySize,
+    Box,
+    Count,
+    Extent,
+    Flag,
+    Given,
+    InFile,
+    NotNegative,
+    Number,
+    Point,
+    Positive,
+    Record,
+    Sha256,
+    StageResult,
+    Text,
+)
+from lensforge.results.criteria import Criterion
+from lensforge.scene.lens import Lens
+from lensforge.spec.spec_section import CalendarDate
+
+if TYPE_CHECKING:
+    import cadquery
+    import pyvista
+    import trimesh
+    from matplotlib.axes import Axes
+
+_CONTENT = Field(strict=True, repr=False)
+STEP_FILE, STL_FILE, THREEMF_FILE, SURFACES_FILE = "lens.step", "lens.stl", "lens.3mf", "lens_surfaces.step"
+
+
+class FileStamp(Record):
+    """Size and hash of a file."""
+
+    bytes: Count
+    sha256: Sha256
+
+
+def stamp_of(content: bytes) -> FileStamp:
+    """Size and hash of ``content``."""
+    return FileStamp(bytes=len(content), sha256=hashlib.sha256(content).hexdigest())
+
+
+class Faces(Record):
+    """Count and names of the faces of the solid as read back."""
+
+    count: Count
+    names: tuple[Text, ...]
+
+
+class SplineNodes(Record):
+    """Spline nodes across each optical face."""
+
+    inner: Count
+    outer: Count
+
+
+class Triangulation(Record):
+    """Size of the mesh, and the errors of its facets against the optical surfaces."""
+
+    triangles: Count
+    vertices: Count
+    rings: Count
+    chord_error_um: NotNegative
+    normal_error_mrad: NotNegative
+
+
+class UntrimmedSurfaces(Record):
+    """The optical faces extended beyond the rim, in ``lens_surfaces.step``; errors above the rim as read back.
+
+    ``scale``: of these faces against the lens's, 1 + shrinkage for a mould insert.
+    """
+
+    runout_deg: Positive
+    scale: Positive
+    form_error_nm: NotNegative
+    normal_error_mrad: NotNegative
+
+
+class KeepOutDistance(Record):
+    """Smallest distance between the body and the keep-out of the spec, and where: a place on each, to a facet's size.
+
+    ``distance_mm``: of their meshes; below 0 where they overlap, less the mean thickness of what they have in common,
+    twice its volume over its surface; the places are then the lowest vertex of that, and its outermost one lifted
+    to the height of its highest. ``error_mm``: of both meshes' facets.
+    """
+
+    distance_mm: Number
+    body_point_mm: Point
+    keep_out_point_mm: Point
+    error_mm: NotNegative
+
+
+class Signature(Record):
+    """Author, organisation ("" where not given) and date (2026-01-31) of the files."""
+
+    author: Text
+    organisation: Text
+    date: CalendarDate | None
+
+
+class Part(StageResult):
+    """The lens as a solid: the bytes of STEP, STL and 3MF, and their errors against the exact surfaces.
+
+    ``nodes``: spline nodes across each optical face. ``volume_mm3``, ``area_mm2``: of the solid, ``volume_mesh_mm3``,
+    ``area_mesh_mm2`` of the mesh. ``bounds_mm``: corners of the box around the mesh, all vertices of which lie on the
+    solid: that of the solid is larger by no more than the chord error. ``mass_g`` where the spec states a density.
+    ``keep_out``: None where the spec has none, or the mesh is not closed.
+    ``form_tolerances``: those that the STEP carries on its faces, in AP242. ``signature``: in its header.
+    ``files``: size and hash of each file, as built; ``altered`` names those whose bytes are others, in a folder whose
+    files somebody has changed. Bytes that this process has not made itself are read within bounds, STEP and 3MF in a
+    child process.
+    """
+
+    stage: ClassVar[str] = "export"
+
+    lens: Annotated[Lens, Given()]
+    form_error_nm: Extent
+    normal_error_mrad: Extent
+    volume_mm3: Number
+    volume_mesh_mm3: Number
+    mass_g: NotNegative | None = None
+    keep_out: KeepOutDistance | None = None
+    area_mm2: NotNegative
+    area_mesh_mm2: NotNegative
+    bounds_mm: Box
+    watertight: Flag
+    genus: Annotated[int, Field(strict=True)]
+    faces: Faces
+    nodes: SplineNodes
+    step_schema: Literal["AP214", "AP242"]
+    form_tolerances: tuple[FormTolerance, ...]
+    signature: Signature
+    untrimmed_surfaces: UntrimmedSurfaces | None
+    triangulation: Triangulation
+    files: dict[Text, FileStamp]
+    seconds: NotNegative
+    criteria: tuple[Criterion, ...]
+    step: Annotated[bytes, InFile(STEP_FILE), _CONTENT]
+    stl: Annotated[bytes, InFile(STL_FILE), _CONTENT]
+    threemf: Annotated[bytes, InFile(THREEMF_FILE), _CONTENT]
+    surfaces_step: Annotated[bytes | None, InFile(SURFACES_FILE), _CONTENT] = None
+
+    @model_validator(mode="after")
+    def _files_are_those_of_the_record(self) -> "Part":
+        contents = self._bytes()
+        for name in {**self.files, **contents}:
+            if name not in contents:
+                raise ValueError(f"{name}: no such file, export.json describes one")
+            if name not in self.files:
+                raise ValueError(f"{name}: not a file that export.json describes")
+        return self
+
+    @cached_property
+    def altered(self) -> tuple[str, ...]:
+        """Names of the files that are not as built: their bytes have another hash than ``files`` states."""
+        return tuple(name for name, content in self._bytes().items() if self.files[name] != stamp_of(content))
+
+    def _bytes(self) -> dict[str, bytes]:
+        contents = {STEP_FILE: self.step, STL_FILE: self.stl, THREEMF_FILE: self.threemf}
+        return contents if self.surfaces_step is None else {**contents, SURFACES_FILE: self.surfaces_step}
+
+    @property
+    def size(self) -> BodySize:
+        """Size of the solid as exported, whatever the files are now."""
+        return BodySize(volume_mm3=self.volume_mm3, area_mm2=self.area_mm2, bounds_mm=self.bounds_mm)
+
+    @cached_property
+    def solid(self) -> "cadquery.Solid":
+        """The part as a ``cadquery.Solid`` (mm), read from the STEP: cut it, fuse it, save it with cadquery."""
+        from lensforge.cad.step import solid_of_step
+
+        return solid_of_step(self.step)
+
+    @cached_property
+    def mesh(self) -> "trimesh.Trimesh":
+        """The part as a ``trimesh.Trimesh`` (mm), read from the STL, equal vertices merged."""
+        import trimesh
+
+        from lensforge.cad.mesh_files import parse_stl
+
+        return trimesh.Trimesh(*parse_stl(self.stl), process=False)
+
+    def products(self) -> dict[str, bytes]:
+        """STEP, STL and 3MF by suffix: the bytes whose errors were measured."""
+        return {".step": self.step, ".stp": self.step, ".stl": self.stl, ".3mf": self.threemf}
+
+    def plot(self, axes: "Axes | None" = None, *, azimuth_deg: float = 0.0) -> "Axes":
+        """The section through the axis at ``azimuth_deg``, to scale. Raises :class:`InputError` unless it is finite."""
+        from lensforge.cad.section import body_outlines
+        from lensforge.results.plots import plot_outlines
+
+        if not isinstance(azimuth_deg, Real) or not math.isfinite(azimuth_deg):
+            raise InputError(f"azimuth_deg = {azimuth_deg!r}: must be a finite number of degrees")
+        return plot_outlines(body_outlines(self.lens, azimuth_deg), f"across the axis at {azimuth_deg:g}°", axes)
+
+    def show(self, *, cut: bool = False, off_screen: bool | None = None) -> "pyvista.Plotter":
+        """The mesh in three dimensions, ``cut`` at y = 0; a ``pyvista.Plotter``, shown unless ``off_screen``."""
+        import pyvista
+
+        mesh = pyvista.wrap(self.mesh)
+        if cut:
+            mesh = mesh.clip_closed_surface(normal="-y", origin=(0.0, 0.0, 0.0))  # open towards the camera
+        plotter = pyvista.Plotter(off_screen=off_screen)
+        plotter.add_mesh(mesh, color="#a3bfd8", smooth_shading=True, split_sharp_edges=True, feature_angle=35.0)
+        plotter.renderer.add_axes()
+        if not off_screen:
+            plotter.show()
+        return plotter

@@ -1,0 +1,314 @@
+"""The geometry stage: STEP, STL and 3MF from a lens record, and their errors, measured by reading them back.
+
+The STEP file has the header, and as AP242 the tolerances, that the spec asks for. Area and box of the part as exported
+are kept, so that its files can be compared with them when they come back from elsewhere. Untrimmed faces, by which a
+shop cuts a mould, must keep the limits of the faces of the part.
+"""
+
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+from lensforge.cad.custom_base import CustomBase, join_base, join_mesh, read_custom_base
+from lensforge.cad.cutter_room import base_with_room
+from lensforge.cad.facets import CHORD_MM, FacetError
+from lensforge.cad.form_error import FormError, Place, face_error, fit_faces, worst
+from lensforge.cad.keep_out import keep_out_criteria, keep_out_distance, mesh_error_mm, read_keep_out
+from lensforge.cad.mesh import BodyMesh, Closure, build_mesh, check_closed, mesh_error, rings_for
+from lensforge.cad.mesh_files import parse_3mf, parse_stl, stl_bytes, threemf_bytes
+from lensforge.cad.part import (
+    STEP_FILE,
+    STL_FILE,
+    SURFACES_FILE,
+    THREEMF_FILE,
+    Faces,
+    KeepOutDistance,
+    Part,
+    Signature,
+    SplineNodes,
+    Triangulation,
+    UntrimmedSurfaces,
+    stamp_of,
+)
+from lensforge.cad.part_limits import (
+    FORM_LIMIT_NM,
+    NORMAL_LIMIT_MRAD,
+    FormTolerance,
+    mass_g,
+    mesh_volume_limit,
+    part_criteria,
+)
+from lensforge.cad.patch import Patch, fit_extended
+from lensforge.cad.plan import INNER, OUTER, Plan, make_plan
+from lensforge.cad.solid import Solid, build_solid, untrimmed_faces
+from lensforge.cad.step import (
+    StepHeader,
+    form_tolerances,
+    parse_step,
+    parse_surfaces,
+    require_schema,
+    step_bytes,
+    surfaces_bytes,
+)
+from lensforge.results import Box, Extent
+from lensforge.results.criteria import Criterion, at_most
+from lensforge.scene.lens import Lens
+from lensforge.spec import Spec
+from lensforge.surfaces.step_file import Schema
+from lensforge.surfaces.surface import scaled
+
+_AREA_PRECISION = 1e-4  # relative; the error is 1e-9 on a lens, and without any setting 1e-6
+
+
+def solid_area_mm2(solid: Solid) -> float:
+    """Area (mm^2) of all faces of ``solid``, by adaptive integration over them."""
+    from OCP.BRepGProp import BRepGProp
+    from OCP.GProp import GProp_GProps
+
+    properties = GProp_GProps()
+    BRepGProp.SurfaceProperties_s(solid.shape.wrapped, properties, _AREA_PRECISION)
+    return float(properties.Mass())
+
+
+def mesh_bounds_mm(mesh: BodyMesh) -> Box:
+    """Least and largest corner (mm) of the box around the vertices of ``mesh``."""
+    (x0, y0, z0), (x1, y1, z1) = mesh.vertices.min(axis=0).tolist(), mesh.vertices.max(axis=0).tolist()
+    return (x0, y0, z0), (x1, y1, z1)
+
+
+@dataclass(frozen=True)
+class SignedStep:
+    """The bytes of the file, its author and date, as a header too, and the tolerances on its faces."""
+
+    content: bytes
+    signature: Signature
+    header: StepHeader
+    tolerances: tuple[FormTolerance, ...]
+
+
+def solid_on_base(plan: Plan[Patch], base: CustomBase | None) -> Solid:
+    """The solid of ``plan``, joined with the ``base`` where it comes from a file."""
+    solid = build_solid(plan)
+    return solid if base is None else join_base(solid, base)
+
+
+def signed_step(solid: Solid, spec: Spec, product: str, schema: Schema, date: str | None = None) -> SignedStep:
+    """STEP file of ``solid`` as ``product``; AP242 carries ``manufacture.form_tolerance_um``.
+
+    ``date``: by default ``manufacture.date``. Raises :class:`InputError` for tolerances that the kernel does not write.
+    """
+    shop = spec.manufacture
+    signature = Signature(author=shop.author, organisation=shop.organisation, date=date or shop.date)
+    header = StepHeader(**signature.model_dump())
+    width_um = shop.form_tolerance_um if schema == "AP242" else None
+    tolerances = () if width_um is None else form_tolerances(solid.faces, width_um)
+    content = step_bytes(solid, product, schema, header=header, tolerances=tolerances)
+    return SignedStep(content, signature, header, tolerances)
+
+
+def untrimmed_criteria(found: UntrimmedSurfaces | None) -> tuple[Criterion, ...]:
+    """The criteria on the faces of ``lens_surfaces.step``; none where there is no such file."""
+    if found is None:
+        return ()
+    finer = "raise the number of nodes, or lower the run-out"
+    return (
+        at_most("surfaces_form_error", found.form_error_nm, FORM_LIMIT_NM, "nm", finer),
+        at_most("surfaces_normal_error", found.normal_error_mrad, NORMAL_LIMIT_MRAD, "mrad", finer),
+    )
+
+
+@dataclass(frozen=True)
+class _Body:
+    """Plan, mesh and solid of the lens, and the errors of the mesh's facets against its faces."""
+
+    plan: Plan[Patch]
+    mesh: BodyMesh
+    reached: FacetError
+    solid: Solid
+
+
+@dataclass(frozen=True)
+class _Proof:
+    """Measurements on the files as read back."""
+
+    solid: Solid
+    stl: Closure
+    threemf: Closure
+    form: FormError
+    volume_change: float
+    mesh_volume_change: float
+    mesh_volume_limit: float
+
+
+def build_part(
+    lens: Lens,
+    *,
+    nodes: int | None = None,
+    rings: int | None = None,
+    chord_mm: float = CHORD_MM,
+    schema: Schema = "AP214",
+    runout_deg: float | None = None,
+    date: str | None = None,
+) -> Part:
+    """Make the part: the bytes of STEP, STL and 3MF, and their errors, measured by reading these bytes back.
+
+    ``nodes``: spline nodes across each optical face, by default as many as the form needs.
+    ``rings``: equal rings of the mesh; by default as many as the faces' detail needs, their facets split where they
+    are more than ``chord_mm`` (mm) from the surface.
+    ``runout_deg``: also write ``lens_surfaces.step``, the optical faces untrimmed and extended by this angle (degrees)
+    beyond the rim, for the run-out of the tool; those of a mould insert are scaled by 1 + shrinkage, the part is not.
+    ``date``: of the files, by default ``manufacture.date``; an AP242 part carries ``manufacture.form_tolerance_um``.
+    Missed criteria do not raise. Raises :class:`InputError` for a lens that cannot be built: a wall that is not
+    positive, a base too narrow for the cavity, a base's file that does not fit the lens.
+    """
+    start = time.perf_counter()
+    require_schema(schema)
+    body = _build(lens, nodes, rings, chord_mm)
+    name = lens.spec.name
+    signed = signed_step(body.solid, lens.spec, name, schema, date)
+    step = signed.content
+    untrimmed, surfaces_step = None, None
+    if runout_deg is not None:
+        untrimmed, surfaces_step = _untrimmed(lens, body.plan, runout_deg, schema, signed.header)
+    stl = stl_bytes(body.mesh)
+    threemf = threemf_bytes(body.mesh, name)
+    proof = _prove(lens, body, step, stl, threemf)
+    keep_out = _keep_out(lens, body)
+    files = {STEP_FILE: step, STL_FILE: stl, THREEMF_FILE: threemf}
+    if surfaces_step is not None:
+        files[SURFACES_FILE] = surfaces_step
+    return Part(
+        inputs={"lens": lens.sha256},
+        lens=lens,
+        form_error_nm=Extent(max=proof.form.form_max_nm, rms=proof.form.form_rms_nm),
+        normal_error_mrad=Extent(max=proof.form.normal_max_mrad, rms=proof.form.normal_rms_mrad),
+        volume_mm3=proof.solid.volume_mm3,
+        volume_mesh_mm3=proof.stl.volume_mm3,
+        mass_g=mass_g(lens.spec, proof.solid.volume_mm3),
+        keep_out=keep_out,
+        area_mm2=solid_area_mm2(proof.solid),
+        area_mesh_mm2=body.mesh.area(),
+        bounds_mm=mesh_bounds_mm(body.mesh),
+        watertight=proof.stl.watertight,
+        genus=proof.stl.genus,
+        faces=Faces(count=len(proof.solid.shape.Faces()), names=tuple(sorted(proof.solid.faces))),
+        nodes=SplineNodes(inner=body.plan.inner.nodes, outer=body.plan.outer.nodes),
+        step_schema=schema,
+        form_tolerances=signed.tolerances,
+        signature=signed.signature,
+        untrimmed_surfaces=untrimmed,
+        triangulation=_describe(body),
+        files={name: stamp_of(content) for name, content in files.items()},
+        seconds=round(time.perf_counter() - start, 3),
+        criteria=(*_criteria(proof), *untrimmed_criteria(untrimmed), *keep_out_criteria(lens.spec, keep_out)),
+        step=step,
+        stl=stl,
+        threemf=threemf,
+        surfaces_step=surfaces_step,
+    )
+
+
+def _build(lens: Lens, nodes: int | None, rings: int | None, chord_mm: float) -> _Body:
+    """Fit the faces, build mesh and solid, and join the base where it comes from a file."""
+    base = None if lens.spec.base.file is None else read_custom_base(lens.spec.base.file)
+    plan = make_plan(*fit_faces(lens, nodes, nodes), base_with_room(lens))
+    mesh = build_mesh(plan, rings_for(plan, chord_mm), chord_mm) if rings is None else build_mesh(plan, rings)
+    reached = mesh_error(mesh, plan)
+    solid = solid_on_base(plan, base)
+    if base is not None:
+        mesh = join_mesh(mesh, base, reached.chord_mm)
+    return _Body(plan, mesh, reached, solid)
+
+
+def _keep_out(lens: Lens, body: _Body) -> KeepOutDistance | None:
+    """Distance of the body from the keep-out of the spec; None where it has none."""
+    path = lens.spec.constraints.keep_out
+    if path is None:
+        return None
+    error_mm = mesh_error_mm(lens.spec.base, body.mesh.rings, body.reached.chord_mm)
+    return keep_out_distance(body.mesh, read_keep_out(path), error_mm)
+
+
+def _untrimmed(
+    lens: Lens, plan: Plan[Patch], runout_deg: float, schema: Schema, header: StepHeader
+) -> tuple[UntrimmedSurfaces, bytes]:
+    """The untrimmed faces as a STEP file of their own, and their form error above the rim as read back."""
+    scale = lens.spec.manufacture.scale
+    outer, inner = scaled(lens.outer, scale), scaled(lens.inner, scale)
+    patches = {
+        OUTER: fit_extended(outer, plan.outer.nodes, runout_deg),
+        INNER: fit_extended(inner, plan.inner.nodes, runout_deg),
+    }
+    product = f"{lens.spec.name} surfaces"
+    if scale != 1.0:
+        product = f"{lens.spec.name} surfaces of the mould, the lens scaled by {scale:.12g}"
+    content = surfaces_bytes(untrimmed_faces(patches), product, schema, header=header)
+    faces = parse_surfaces(content)
+    form = worst([face_error(outer, faces[OUTER]), face_error(inner, faces[INNER])])
+    found = UntrimmedSurfaces(
+        runout_deg=runout_deg,
+        scale=scale,
+        form_error_nm=form.form_max_nm,
+        normal_error_mrad=form.normal_max_mrad,
+    )
+    return found, content
+
+
+def _prove(lens: Lens, body: _Body, step: bytes, stl: bytes, threemf: bytes) -> _Proof:
+    """Read the files again and compare them with the surfaces and with each other."""
+    solid = parse_step(step)
+    closure = check_closed(*parse_stl(stl))
+    with ThreadPoolExecutor() as pool:
+        errors = pool.map(face_error, (lens.outer, lens.inner), (solid.faces[OUTER], solid.faces[INNER]))
+    return _Proof(
+        solid=solid,
+        stl=closure,
+        threemf=check_closed(*parse_3mf(threemf)),
+        form=worst(list(errors)),
+        volume_change=abs(solid.default_volume_mm3 / body.solid.default_volume_mm3 - 1.0),
+        mesh_volume_change=abs(closure.volume_mm3 / solid.volume_mm3 - 1.0),
+        mesh_volume_limit=mesh_volume_limit(body.mesh.area(), body.reached.chord_mm, solid.volume_mm3),
+    )
+
+
+def _criteria(proof: _Proof) -> tuple[Criterion, ...]:
+    """The criteria that the files must meet before they go to a shop."""
+    finer, rings = "raise the number of nodes", "change the number of rings"
+    form, faults = proof.form, ", ".join(proof.solid.faults) or "the whole solid"
+    wrong_at = f"try another base.diameter_mm, or no base; not valid: {faults}"
+    stl, threemf = proof.stl, proof.threemf
+    measured = {
+        "form_error": form.form_max_nm,
+        "normal_error": form.normal_max_mrad,
+        "step_valid": float(proof.solid.valid),
+        "step_volume_change": proof.volume_change,
+        "watertight": float(stl.watertight),
+        "watertight_3mf": float(threemf.watertight),
+        "genus_difference": float(abs(stl.genus - proof.solid.genus)),
+        "mesh_volume_change": proof.mesh_volume_change,
+    }
+    remedies = {
+        "form_error": finer + _at(form.form_at_mm),
+        "normal_error": finer + _at(form.normal_at_mm),
+        "step_valid": wrong_at,
+        "step_volume_change": finer,
+        "watertight": rings + _at(stl.fault_mm),
+        "watertight_3mf": rings + _at(threemf.fault_mm),
+        "genus_difference": rings,
+        "mesh_volume_change": "raise the number of rings",
+    }
+    return part_criteria(measured, proof.mesh_volume_limit, remedies)
+
+
+def _at(place_mm: Place | None) -> str:
+    return "" if place_mm is None else f"; it is at ({', '.join(f'{value:.4g}' for value in place_mm)}) mm"
+
+
+def _describe(body: _Body) -> Triangulation:
+    return Triangulation(
+        triangles=len(body.mesh.triangles),
+        vertices=len(body.mesh.vertices),
+        rings=body.mesh.rings,
+        chord_error_um=body.reached.chord_mm * 1e3,
+        normal_error_mrad=body.reached.normal_rad * 1e3,
+    )

@@ -1,0 +1,268 @@
+"""The plan of the body seen along the axis, as radius over azimuth, and the section of its base, as a chain of corners.
+
+The seat, where the base begins, is the outer rim, or the wall of a step that is set back from it. It may lie inside the
+outline (a *ledge* of the base projects), outside (the dome *overhangs* the base), on it (*flush*), or *cross* the
+outline. Mesh and solid are both built arc by arc from this plan, so neither needs a boolean operation.
+
+The corners go from the outer rim around the outside, the bottom and the bore to the cavity. Mesh, drawings and the
+obstacles of tools are made from them. The solid has them as edges of its faces.
+"""
+
+from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.cad.outline import FULL_TURN, Arc, Outline, Radius, arcs_between, circle, outline_of, sampled_azimuths
+from lensforge.errors import InputError, remedy
+from lensforge.spec import BaseSection
+from lensforge.surfaces.surface import grid, to_sphere
+
+MIN_BASE_WALL_MM = 0.01
+_WALL_NODES = 96  # chart nodes at which the wall is tested
+
+
+@runtime_checkable
+class StarShaped(Protocol):
+    """A surface by its distance (mm) from the origin: of the design, or fitted for the CAD file."""
+
+    def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+        """Distance (mm) from the origin in unit ``directions``."""
+        ...
+
+
+Face = TypeVar("Face", bound=StarShaped)
+
+
+@dataclass(frozen=True)
+class Plan(Generic[Face]):
+    """The two optical faces of a lens, its base, and the arcs of the seat, which go once around.
+
+    ``ring``: the circle of a relief step's wall that is set back from the outer rim; it is then the seat. ``bore``: the
+    circle of a bore that is set back from the cavity's rim.
+    """
+
+    inner: Face
+    outer: Face
+    base: BaseSection
+    arcs: tuple[Arc, ...]
+    ring: Outline | None = None
+    bore: Outline | None = None
+
+    @property
+    def has_base(self) -> bool:
+        """True where the body extends below z = 0; a base from a STEP file is joined to it later."""
+        return self.base.kind in ("cylinder", "square")
+
+    @property
+    def outline(self) -> Outline:
+        """The base seen along the axis, without its flange."""
+        return outline_of(self.base)
+
+    @property
+    def flange(self) -> Outline | None:
+        """The wider ring at the bottom."""
+        return None if self.base.flange_diameter_mm is None else circle(self.base.flange_diameter_mm / 2.0)
+
+    @property
+    def pocket(self) -> Outline | None:
+        """The wider bore at the bottom."""
+        return None if self.base.pocket_diameter_mm is None else circle(self.base.pocket_diameter_mm / 2.0)
+
+    @property
+    def flush(self) -> bool:
+        """True where the outer rim is the base's outline."""
+        return self.arcs[0].relation == "flush"
+
+    @property
+    def relief_mm(self) -> float:
+        """Depth below z = 0 at which the base's outline begins; a flush base has no step."""
+        return 0.0 if self.flush else self.base.step_mm
+
+    @property
+    def shoulder_mm(self) -> float:
+        """Depth below z = 0 at which the base's outline ends: at the flange or at the bottom."""
+        return self.base.height_mm - (0.0 if self.flange is None else self.base.flange_height_mm)
+
+    @property
+    def bore_mm(self) -> float:
+        """Depth below z = 0 at which the bore ends: at the pocket or at the bottom."""
+        return self.base.height_mm - (0.0 if self.pocket is None else self.base.pocket_depth_mm)
+
+    @property
+    def crossings(self) -> Float[np.ndarray, " k"]:
+        """Azimuths (rad) at which the seat crosses the outline; none or an even number."""
+        return np.array([arc.start for arc in self.arcs] if len(self.arcs) > 1 else [])
+
+    @property
+    def breaks(self) -> Float[np.ndarray, " k"]:
+        """Azimuths (rad) at which the mesh must have a vertex: crossings, and corners of the outline."""
+        return np.sort(np.concatenate([self.crossings, self.outline.corners])) if self.has_base else self.crossings
+
+
+def rim_directions(azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
+    """Unit directions in the plane z = 0; the last column is exactly 0."""
+    return np.stack([np.cos(azimuths), np.sin(azimuths), np.zeros_like(azimuths)], axis=-1)
+
+
+def make_plan(inner: Face, outer: Face, base: BaseSection) -> Plan[Face]:
+    """Lay out the body. Raises :class:`InputError` if the surfaces touch or the base cannot hold the cavity."""
+    with remedy("raise constraints.min_thickness_mm and design again"):
+        _require_wall(inner, outer)
+    if base.kind in ("cylinder", "square"):
+        _require_opening_inside(inner, base, outline_of(base))
+    plan = lay_out(inner, outer, base)
+    met = len(plan.arcs) > 1 or (plan.ring is not None and plan.flush)
+    if base.step_mm > 0.0 and met:
+        widths = 2.0 * (rim_radius(outer) if plan.ring is None else plan.ring.radius)(sampled_azimuths())
+        raise InputError(
+            f"base.relief_step_mm = {base.step_mm:g}: the wall of the step, {widths.min():.4g} to "
+            f"{widths.max():.4g} mm wide, meets the side of the base; make the base wider, or set the step to 0"
+        )
+    return plan
+
+
+def lay_out(inner: Face, outer: Face, base: BaseSection) -> Plan[Face]:
+    """The plan of a body that need not be possible, for a drawing.
+
+    Raises :class:`InputError` where a setback leaves nothing of the base.
+    """
+    if base.kind in ("none", "step"):
+        return Plan(inner, outer, base, (Arc(0.0, FULL_TURN, "bare"),))
+    outline = outline_of(base)
+    bore = _bore(inner, base, outline)
+    ring = _relief_ring(inner if bore is None else bore, outer, base)
+    seat = rim_radius(outer) if ring is None else ring.radius
+    return Plan(inner, outer, base, arcs_between(seat, outline), ring, bore)
+
+
+def rim_radius(face: StarShaped) -> Radius:
+    """Distance (mm) of a face's rim from the axis, over azimuths."""
+    return lambda azimuths: face.radius(rim_directions(azimuths))
+
+
+def _bore(inner: StarShaped, base: BaseSection, outline: Outline) -> Outline | None:
+    """The bore's circle; None where it is extruded from the cavity's rim."""
+    if not base.bore_setback_mm:
+        return None
+    azimuths = sampled_azimuths()
+    opening = float(rim_radius(inner)(azimuths).max())
+    room = float(outline.radius(azimuths).min())
+    if base.pocket_diameter_mm is not None:
+        room = min(room, base.pocket_diameter_mm / 2.0)
+    if base.bore_setback_mm > room - opening - MIN_BASE_WALL_MM:
+        raise InputError(
+            f"base.bore_setback_mm = {base.bore_setback_mm:g}: the bore must fit inside the base and its pocket; "
+            f"at most {room - opening - MIN_BASE_WALL_MM:.4g}"
+        )
+    return circle(opening + base.bore_setback_mm)
+
+
+def _relief_ring(opening: StarShaped | Outline, outer: StarShaped, base: BaseSection) -> Outline | None:
+    """The wall of a step that is set back from the outer rim; None where it is extruded from the rim itself."""
+    if not base.relief_setback_mm:
+        return None
+    azimuths = sampled_azimuths()
+    hole = opening.radius(azimuths) if isinstance(opening, Outline) else rim_radius(opening)(azimuths)
+    rim = rim_radius(outer)(azimuths)
+    room = float(rim.min() - hole.max()) - MIN_BASE_WALL_MM
+    if base.relief_setback_mm > room:
+        raise InputError(
+            f"base.relief_setback_mm = {base.relief_setback_mm:g}: the step's wall would open the cavity or its bore; "
+            f"at most {room:.4g}"
+        )
+    return circle(float(rim.min()) - base.relief_setback_mm)
+
+
+def _require_wall(inner: StarShaped, outer: StarShaped) -> None:
+    chart = grid(_WALL_NODES, half_width=1.0).reshape(-1, 2)
+    directions = to_sphere(chart[np.sum(chart**2, axis=1) <= 1.0])
+    directions = np.concatenate([directions, rim_directions(sampled_azimuths())])
+    wall = outer.radius(directions) - inner.radius(directions)
+    worst = int(np.argmin(wall))
+    if wall[worst] <= 0.0:
+        x, y, z = directions[worst]
+        raise InputError(
+            f"wall = {wall[worst]:.4g} mm in the direction ({x:.3f}, {y:.3f}, {z:.3f}): the outer surface must lie "
+            "outside the inner one"
+        )
+
+
+def _require_opening_inside(inner: StarShaped, base: BaseSection, outline: Outline) -> None:
+    azimuths = sampled_azimuths()
+    opening = inner.radius(rim_directions(azimuths)) + MIN_BASE_WALL_MM
+    needed = float((opening / outline.radius(azimuths)).max())
+    field, value = ("side_mm", base.side_mm) if base.kind == "square" else ("diameter_mm", base.diameter_mm)
+    if needed > 1.0:
+        least = f"at least {value * needed:.4g}, or base.kind = 'none'"
+        if base.flat_mm is not None and opening.max() < value / 2.0:
+            field, value, least = "flat_mm", base.flat_mm, f"at least {opening.max():.4g}"
+        raise InputError(
+            f"base.{field} = {value:g}: the cavity opens to {2.0 * (opening.max() - MIN_BASE_WALL_MM):.4g} mm "
+            f"and must fit inside; {least}"
+        )
+    pocket, room = base.pocket_diameter_mm, 2.0 * (float(outline.radius(azimuths).min()) - MIN_BASE_WALL_MM)
+    if pocket is not None and not 2.0 * opening.max() <= pocket <= room:
+        raise InputError(
+            f"base.pocket_diameter_mm = {pocket:g}: from {2.0 * opening.max():.4g}, wider than the cavity, "
+            f"to {room:.4g}, inside the base"
+        )
+
+
+OUTER, INNER, RIM = "OPTICAL_OUTER", "OPTICAL_INNER", "RIM"
+TOP, SIDE, BOTTOM, BORE, BORE_TOP = "BASE_TOP", "BASE_SIDE", "BASE_BOTTOM", "BASE_BORE", "BORE_TOP"
+RELIEF, FLANGE_TOP, FLANGE_SIDE = "BASE_RELIEF", "FLANGE_TOP", "FLANGE_SIDE"
+POCKET_SIDE, POCKET_TOP = "POCKET_SIDE", "POCKET_TOP"
+
+
+@dataclass(frozen=True)
+class Corner:
+    """A closed line around the body: its distance (mm) from the axis over azimuths, and its depth (mm) below z = 0.
+
+    ``face``: the name of the face between it and the next corner.
+    """
+
+    radius: Radius
+    depth_mm: float
+    face: str
+
+
+def base_corners(plan: Plan[Face]) -> list[Corner]:
+    """The corners from the outer rim to the last one before the cavity's rim; the outer rim alone without a base."""
+    rim = rim_radius(plan.outer)
+    if not plan.has_base:
+        return [Corner(rim, 0.0, RIM)]
+    return [*_seat_corners(plan, rim), *_foot_corners(plan), *_bore_corners(plan)]
+
+
+def _seat_corners(plan: Plan[Face], rim: Radius) -> list[Corner]:
+    """The outer rim, and the wall of a step below it."""
+    if plan.ring is not None:
+        wall = plan.ring.radius
+        return [Corner(rim, 0.0, RIM), Corner(wall, 0.0, RELIEF), Corner(wall, plan.relief_mm, TOP)]
+    if plan.relief_mm > 0.0:
+        return [Corner(rim, 0.0, RELIEF), Corner(rim, plan.relief_mm, TOP)]
+    return [Corner(rim, 0.0, TOP)]
+
+
+def _foot_corners(plan: Plan[Face]) -> list[Corner]:
+    """The side and the bottom of the base, and its flange."""
+    side, height = plan.outline.radius, plan.base.height_mm
+    top = Corner(side, plan.relief_mm, SIDE)
+    if plan.flange is None:
+        return [top, Corner(side, height, BOTTOM)]
+    wide = plan.flange.radius
+    shoulder = Corner(side, plan.shoulder_mm, FLANGE_TOP)
+    return [top, shoulder, Corner(wide, plan.shoulder_mm, FLANGE_SIDE), Corner(wide, height, BOTTOM)]
+
+
+def _bore_corners(plan: Plan[Face]) -> list[Corner]:
+    """The pocket in the bottom, and the bore."""
+    corners = []
+    if plan.pocket is not None:
+        pocket = plan.pocket.radius
+        corners += [Corner(pocket, plan.base.height_mm, POCKET_SIDE), Corner(pocket, plan.bore_mm, POCKET_TOP)]
+    if plan.bore is None:
+        return [*corners, Corner(rim_radius(plan.inner), plan.bore_mm, BORE)]
+    return [*corners, Corner(plan.bore.radius, plan.bore_mm, BORE), Corner(plan.bore.radius, 0.0, BORE_TOP)]

@@ -1,0 +1,73 @@
+"""Axial sections of the body: closed outlines of its material, in (position across the axis, z), mm.
+
+Lens and built-in bases are cut in closed form, a base from a STEP file by its mesh.
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.cad.custom_base import read_custom_base, tessellated
+from lensforge.cad.cutter_room import base_with_room
+from lensforge.cad.plan import Corner, base_corners, lay_out, rim_directions
+from lensforge.scene.lens import Lens
+from lensforge.spec import BaseSection
+from lensforge.surfaces.surface import Surface
+
+Curve = Float[np.ndarray, "n 2"]
+
+_CHORD_MM = 1e-2  # of a base's curved faces: finer than a drawn line
+_DRAWN_MM = 1e-3  # last digit of a drawn size: sections that differ by less are the same
+
+
+def body_outlines(lens: Lens, azimuth_deg: float) -> list[Curve]:
+    """Outlines of the body in the plane through the axis at ``azimuth_deg``; positions on that side are positive.
+
+    Raises :class:`InputError` where a base's file is missing or does not hold a base.
+    """
+    azimuth = np.radians(azimuth_deg)
+    across = rim_directions(np.array([azimuth]))[0]
+    inner, outer = profile(lens.inner, across), profile(lens.outer, across)
+    base = base_with_room(lens)
+    if base.file is not None:
+        return [np.concatenate([outer, inner[::-1]]), *_cut_of_file(base, across)]
+    corners = base_corners(lay_out(lens.inner, lens.outer, base))[1:]  # the first is the outer rim itself
+    right, left = (_at(corners, azimuth + turn) for turn in (0.0, np.pi))
+    return [np.concatenate([outer, right, inner[::-1], left[::-1] * (-1.0, 1.0)])]
+
+
+def other_section_deg(lens: Lens) -> float | None:
+    """Azimuth (degrees) of a second section that differs from the one at 0; None of a part that is round about z."""
+    first = body_outlines(lens, 0.0)
+    for azimuth_deg in (90.0, 45.0):
+        other = body_outlines(lens, azimuth_deg)
+        if [each.shape for each in other] != [each.shape for each in first]:
+            return azimuth_deg
+        if any(np.abs(a - b).max() > _DRAWN_MM for a, b in zip(first, other, strict=True)):
+            return azimuth_deg
+    return None
+
+
+def _at(corners: list[Corner], azimuth: float) -> Curve:
+    """Distance from the axis and z of corners of the base on one side of the section."""
+    turn = np.array([azimuth])
+    return np.array([(float(each.radius(turn)[0]), -each.depth_mm) for each in corners]).reshape(-1, 2)
+
+
+def profile(surface: Surface, across: Float[np.ndarray, " 3"], count: int = 361) -> Curve:
+    """The surface's curve in the section through the axis and ``across``, rim to rim: (position across, z) in mm."""
+    theta = np.linspace(-0.5 * np.pi, 0.5 * np.pi, count)
+    polar = np.column_stack([np.sin(theta), np.cos(theta)])
+    polar[[0, -1], 1] = 0.0  # the rim lies in z = 0 exactly
+    directions = polar[:, :1] * across + polar[:, 1:] * np.array([0.0, 0.0, 1.0])
+    curve: Curve = surface.radius(directions)[:, None] * polar
+    return curve
+
+
+def _cut_of_file(base: BaseSection, across: Float[np.ndarray, " 3"]) -> list[Curve]:
+    import trimesh
+
+    assert base.file is not None
+    vertices, triangles = tessellated(read_custom_base(base.file).solid, _CHORD_MM)
+    mesh = trimesh.Trimesh(vertices, triangles, process=False)
+    cut = mesh.section(plane_origin=np.zeros(3), plane_normal=np.cross([0.0, 0.0, 1.0], across))
+    return [] if cut is None else [np.column_stack([line @ across, line[:, 2]]) for line in cut.discrete]

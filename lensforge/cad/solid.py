@@ -1,0 +1,312 @@
+"""The body as a B-rep solid: two optical faces of one patch each, closed by the faces of rim, base, step and bore.
+
+Neighbouring faces are built on the same edges, so the shell is closed by construction: no sewing within a tolerance,
+and no boolean operation that could lose the name of a face.
+
+The bore is the cavity's rim extruded straight down, or a circle around it, so the LED can be inserted from below; a
+step without setback is the outer rim extruded likewise. Every planar face is horizontal, or a flat side of the base.
+Rims are chains of edges, and the walls below them have a face for each edge.
+"""
+
+from collections import Counter
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from lensforge.cad.edges import geom_surface, outline_edges, rim_edges, wire
+from lensforge.cad.outline import FULL_TURN, Arc, Outline
+from lensforge.cad.patch import Patch
+from lensforge.cad.plan import (
+    BORE,
+    BORE_TOP,
+    BOTTOM,
+    FLANGE_SIDE,
+    FLANGE_TOP,
+    INNER,
+    OUTER,
+    POCKET_SIDE,
+    POCKET_TOP,
+    RELIEF,
+    RIM,
+    SIDE,
+    TOP,
+    Plan,
+)
+
+FLAT = "CLOCKING_FLAT"
+
+Named = list[tuple[str, Any]]
+Chain = list[Any]  # of edges
+
+
+def body_faces(plan: Plan[Patch], inner_rim: Chain, outer_rim: list[Chain]) -> Named:
+    """Names and faces that close the body between the two domes.
+
+    ``outer_rim``: a chain for each arc of the plan. Chains run counter-clockwise; where the outer rim crosses the
+    outline they share vertices.
+    """
+    whole_rim = [edge for chain in outer_rim for edge in chain]
+    if not plan.has_base:
+        return [(RIM, _annulus(wire(whole_rim), wire(inner_rim)))]
+    bore, bore_foot = _bore(plan, inner_rim)
+    faces, foot = _outside(plan, outer_rim, whole_rim)
+    pocket, opening = _pocket(plan, bore_foot)
+    return [*bore, *faces, *pocket, (BOTTOM, _annulus(foot, opening))]
+
+
+def _bore(plan: Plan[Patch], inner_rim: Chain) -> tuple[Named, Any]:
+    """The wall of the bore, with the ring above it where it is set back, and the wire at its foot."""
+    if plan.bore is None:
+        return _walls(BORE, inner_rim, plan.bore_mm)
+    mouth = _circle(plan.bore, 0.0)
+    walls, foot = _walls(BORE, mouth, plan.bore_mm)
+    return [(BORE_TOP, _annulus(wire(mouth), wire(inner_rim))), *walls], foot
+
+
+def _outside(plan: Plan[Patch], outer_rim: list[Chain], whole_rim: Chain) -> tuple[Named, Any]:
+    """Faces between the outer rim and the bottom, and the wire at the bottom."""
+    if plan.flush:
+        faces, foot = _walls(SIDE, whole_rim, plan.shoulder_mm)
+    else:
+        faces, seat = [], outer_rim
+        if plan.ring is not None:
+            ring = _circle(plan.ring, 0.0)
+            walls, seat_wire = _walls(RELIEF, ring, plan.relief_mm)
+            faces, seat = [(RIM, _annulus(wire(whole_rim), wire(ring))), *walls], [_edges(seat_wire)]
+        elif plan.relief_mm > 0.0:
+            faces, seat_wire = _walls(RELIEF, whole_rim, plan.relief_mm)
+            seat = [_edges(seat_wire)]
+        outline = outline_edges(plan.outline, plan.relief_mm, outer_rim, plan.arcs)
+        side_faces, foot = _prism(outline, plan.shoulder_mm - plan.relief_mm)
+        faces += [(_side_name(plan, edge), face) for edge, face in zip(outline, side_faces, strict=True)]
+        faces += _between_rim_and_outline(plan, seat, outline)
+    if plan.flange is None:
+        return faces, foot
+    flange = _circle(plan.flange, plan.shoulder_mm)
+    sides, flange_foot = _walls(FLANGE_SIDE, flange, plan.base.flange_height_mm)
+    return [*faces, (FLANGE_TOP, _annulus(wire(flange), foot)), *sides], flange_foot
+
+
+def _pocket(plan: Plan[Patch], bore_foot: Any) -> tuple[Named, Any]:
+    """The faces of the pocket in the bottom, and the wire of the opening in the bottom."""
+    if plan.pocket is None:
+        return [], bore_foot
+    mouth = _circle(plan.pocket, plan.base.height_mm)
+    sides, top = _walls(POCKET_SIDE, mouth, -plan.base.pocket_depth_mm)
+    return [*sides, (POCKET_TOP, _annulus(top, bore_foot))], wire(mouth)
+
+
+def _circle(outline: Outline, depth_mm: float) -> Chain:
+    return outline_edges(outline, depth_mm, [], ())
+
+
+def _side_name(plan: Plan[Patch], edge: Any) -> str:
+    from OCP.BRepAdaptor import BRepAdaptor_Curve
+    from OCP.GeomAbs import GeomAbs_CurveType
+
+    straight = BRepAdaptor_Curve(edge).GetType() == GeomAbs_CurveType.GeomAbs_Line
+    return FLAT if straight and plan.base.flat_mm is not None else SIDE
+
+
+def _between_rim_and_outline(plan: Plan[Patch], rim: list[Chain], outline: Chain) -> Named:
+    """Ledges where the rim is inside the outline, overhangs where it is outside: one whole ring, or crescents."""
+    relation = plan.arcs[0].relation
+    if len(plan.arcs) == 1:
+        inside, around = wire(rim[0]), wire(outline)
+        return [(TOP, _annulus(around, inside))] if relation == "ledge" else [(RIM, _annulus(inside, around))]
+    faces = []
+    for arc, chain in zip(plan.arcs, rim, strict=True):
+        name = TOP if arc.relation == "ledge" else RIM
+        faces.append((name, _planar(wire([*chain, *_chain_between(chain, outline)]))))
+    return faces
+
+
+def _chain_between(rim: Chain, outline: Chain) -> Chain:
+    """The edges of ``outline`` from the first vertex of ``rim`` to its last."""
+    from OCP.TopExp import TopExp
+
+    start, end = TopExp.FirstVertex_s(rim[0]), TopExp.LastVertex_s(rim[-1])
+    first = next(k for k, side in enumerate(outline) if TopExp.FirstVertex_s(side).IsSame(start))
+    chain = []
+    for side in outline[first:] + outline[:first]:
+        chain.append(side)
+        if TopExp.LastVertex_s(side).IsSame(end):
+            break
+    return chain
+
+
+def _walls(name: str, edges: Chain, depth_mm: float) -> tuple[Named, Any]:
+    """Walls of one name below ``edges``, and the wire at their foot."""
+    faces, foot = _prism(edges, depth_mm)
+    return [(name, face) for face in faces], foot
+
+
+def _prism(edges: Chain, depth_mm: float) -> tuple[list[Any], Any]:
+    """Walls extruded down by ``depth_mm`` (up where it is negative), one for each edge, and the wire at their foot."""
+    from OCP.BRepPrimAPI import BRepPrimAPI_MakePrism
+    from OCP.gp import gp_Vec
+    from OCP.TopoDS import TopoDS
+
+    prism = BRepPrimAPI_MakePrism(wire(edges), gp_Vec(0.0, 0.0, -depth_mm))
+    faces = [TopoDS.Face_s(prism.Generated(edge).First()) for edge in edges]
+    return faces, TopoDS.Wire_s(prism.LastShape())
+
+
+def _edges(boundary: Any) -> Chain:
+    import cadquery as cq
+
+    return [edge.wrapped for edge in cq.Shape.cast(boundary).Edges()]
+
+
+def _annulus(outside: Any, hole: Any) -> Any:
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
+    from OCP.TopoDS import TopoDS
+
+    maker = BRepBuilderAPI_MakeFace(_plane_of(outside), outside, True)
+    maker.Add(TopoDS.Wire_s(hole.Reversed()))
+    return maker.Face()
+
+
+def _planar(boundary: Any) -> Any:
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
+
+    return BRepBuilderAPI_MakeFace(_plane_of(boundary), boundary, True).Face()
+
+
+def _plane_of(boundary: Any) -> Any:
+    """The horizontal plane through a horizontal wire, its normal up."""
+    import cadquery as cq
+    from OCP.gp import gp_Dir, gp_Pln, gp_Pnt
+
+    height = cq.Shape.cast(boundary).Vertices()[0].Z
+    return gp_Pln(gp_Pnt(0.0, 0.0, height), gp_Dir(0.0, 0.0, 1.0))
+
+
+# Outward direction of each face: along +z or -z, away from the axis or towards it.
+_UP, _DOWN, _AWAY, _TOWARDS = "+z", "-z", "+r", "-r"
+_OUTWARD = {
+    **{OUTER: _UP, INNER: _DOWN, RIM: _DOWN, TOP: _UP, SIDE: _AWAY, BOTTOM: _DOWN, BORE: _TOWARDS},
+    **{RELIEF: _AWAY, FLAT: _AWAY, FLANGE_TOP: _UP, FLANGE_SIDE: _AWAY, POCKET_SIDE: _TOWARDS, POCKET_TOP: _DOWN},
+    **{BORE_TOP: _DOWN},
+}
+
+# Relative; the volume errs by as much, in 2 s instead of the 5 s of 1e-10.
+_VOLUME_PRECISION = 1e-8
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A ``cadquery.Solid`` (mm) and its faces (``cadquery.Face``) by name."""
+
+    shape: Any
+    faces: dict[str, Any]
+
+    @property
+    def valid(self) -> bool:
+        """True where the CAD kernel finds one closed, outward-facing solid with consistent wires, edges, tolerances."""
+        return bool(self.shape.isValid()) and len(self.shape.Shells()) == 1 and self.default_volume_mm3 > 0.0
+
+    @property
+    def faults(self) -> list[str]:
+        """Names of the faces that the CAD kernel finds invalid, each tested on its own."""
+        return [name for name, face in self.faces.items() if not face.isValid()]
+
+    @cached_property
+    def volume_mm3(self) -> float:
+        """Volume, by adaptive integration over the faces."""
+        return self._volume_mm3(_VOLUME_PRECISION)
+
+    @cached_property
+    def default_volume_mm3(self) -> float:
+        """Volume by the integration that other programs take: the same points on the same faces, a tenth of the time.
+
+        It errs by 1e-7 at most where rims are short edges, by 1e-4 on the planes of other solids with long ones.
+        """
+        return self._volume_mm3()
+
+    def _volume_mm3(self, *precision: float) -> float:
+        from OCP.BRepGProp import BRepGProp
+        from OCP.GProp import GProp_GProps
+
+        properties = GProp_GProps()
+        BRepGProp.VolumeProperties_s(self.shape.wrapped, properties, *precision)
+        return float(properties.Mass())
+
+    @property
+    def genus(self) -> int:
+        """Handles of the boundary, by Euler and Poincaré: ``V - E + F - (L - F) = 2 (S - G)``, L: loops, S: shells."""
+        from OCP.BRep import BRep_Tool
+
+        faces, shape = self.shape.Faces(), self.shape
+        edges = sum(not BRep_Tool.Degenerated_s(edge.wrapped) for edge in shape.Edges())
+        loops = sum(len(face.Wires()) for face in faces)
+        return len(shape.Shells()) - (len(shape.Vertices()) - edges + 2 * len(faces) - loops) // 2
+
+
+def build_solid(plan: Plan[Patch]) -> Solid:
+    """Build the closed solid of a plan."""
+    inner_surface, outer_surface = geom_surface(plan.inner.trimmed), geom_surface(plan.outer.trimmed)
+    outer_rim = rim_edges(plan.outer, outer_surface, plan.arcs, split=len(plan.arcs) == 1)
+    whole = (Arc(0.0, FULL_TURN, "bare"),)
+    (inner_rim,) = rim_edges(plan.inner, inner_surface, whole, split=True)
+    outer_boundary = [edge for chain in outer_rim for edge in chain]
+    faces = [(OUTER, _trimmed(outer_surface, outer_boundary)), (INNER, _trimmed(inner_surface, inner_rim))]
+    faces += body_faces(plan, inner_rim, outer_rim)
+    return _assembled([(name, _facing(face, _OUTWARD[name])) for name, face in faces])
+
+
+def untrimmed_faces(patches: dict[str, Patch]) -> dict[str, Any]:
+    """A ``cadquery.Face`` over the whole of each patch, its normal out of the material of a lens."""
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
+
+    faces = {name: BRepBuilderAPI_MakeFace(geom_surface(patch), 1e-7).Face() for name, patch in patches.items()}
+    return {name: _facing(face, _OUTWARD[name]) for name, face in faces.items()}
+
+
+def _trimmed(surface: Any, rim: list[Any]) -> Any:
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
+
+    return BRepBuilderAPI_MakeFace(surface, wire(rim), True).Face()
+
+
+def _facing(face: Any, outward: str) -> Any:
+    """``face`` with the orientation that makes its normal point outwards."""
+    import cadquery as cq
+
+    shape = cq.Face(face)
+    normal, point = shape.normalAt(*_middle(face))
+    radial = normal.x * point.x + normal.y * point.y
+    along = {_UP: normal.z, _DOWN: -normal.z, _AWAY: radial, _TOWARDS: -radial}[outward]
+    return shape if along > 0.0 else cq.Face(face.Reversed())
+
+
+def _middle(face: Any) -> tuple[float, float]:
+    from OCP.BRepTools import BRepTools
+
+    u_low, u_high, v_low, v_high = BRepTools.UVBounds_s(face)
+    return (u_low + u_high) / 2.0, (v_low + v_high) / 2.0
+
+
+def _assembled(faces: list[tuple[str, Any]]) -> Solid:
+    import cadquery as cq
+    from OCP.BRep import BRep_Builder
+    from OCP.TopoDS import TopoDS_Shell, TopoDS_Solid
+
+    builder, shell, solid = BRep_Builder(), TopoDS_Shell(), TopoDS_Solid()
+    builder.MakeShell(shell)
+    for _, face in faces:
+        builder.Add(shell, face.wrapped)
+    shell.Closed(True)
+    builder.MakeSolid(solid)
+    builder.Add(solid, shell)
+    return Solid(cq.Solid(solid), uniquely_named(faces))
+
+
+def uniquely_named(faces: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Names made unique: a number is added where several faces share one."""
+    total, seen = Counter(name for name, _ in faces), Counter[str]()
+    named = {}
+    for name, face in faces:
+        seen[name] += 1
+        named[name if total[name] == 1 else f"{name}_{seen[name]}"] = face
+    return named

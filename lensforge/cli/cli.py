@@ -1,0 +1,178 @@
+"""The command line. Exit code 0: done; 1: a criterion missed; 2: bad input; 128 + n: ended by signal n.
+
+A command imports heavy libraries when it runs, so that ``--help`` answers at once and only CAD commands load CAD.
+Only this module exits.
+"""
+
+import atexit
+import errno
+import os
+import sys
+import tempfile
+import threading
+import traceback
+from contextlib import suppress
+from typing import Any, NoReturn
+
+import click
+
+from lensforge.cli.command_group import NOTES, CommandGroup
+from lensforge.cli.design import design, preview
+from lensforge.cli.examples import examples
+from lensforge.cli.interrupts import Interrupts
+from lensforge.cli.new import new
+from lensforge.cli.part import compare, correct, handover, photometry
+from lensforge.cli.printing import printable
+from lensforge.cli.rays import rays
+from lensforge.cli.schema import schema
+from lensforge.cli.stages import check, evaluate, export, report, verify
+from lensforge.cli.streams import lasting_streams, open_standard_streams
+from lensforge.cli.studies import sweep, tradeoff
+from lensforge.cli.tolerances import sensitivity, yield_
+from lensforge.errors import LensforgeError, WrongFields
+from lensforge.results.working_folder import ignore_settings_in_working_folder
+from lensforge.version import __version__
+
+# The machine's fault wherever it is met, in a library too; any other error of the system is a bug.
+_FULL_OR_FAILING = {
+    errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO, errno.ENFILE, errno.EMFILE, errno.ENOMEM,
+    errno.EAGAIN,
+}  # fmt: skip
+_CLEAN_UP_SECONDS = 2.0  # for what libraries do at the end of a program, after an interrupt
+
+
+class _Interrupted(Exception):
+    """An interrupt on its way through click, which would print an empty line for :class:`KeyboardInterrupt`."""
+
+
+class _CutShort(Exception):
+    """A file that ends too early on its way through click, which would take :class:`EOFError` for an interrupt."""
+
+
+class _Group(CommandGroup):
+    def invoke(self, context: click.Context) -> Any:
+        try:
+            return super().invoke(context)
+        except KeyboardInterrupt:
+            raise _Interrupted from None
+        except EOFError as error:
+            raise _CutShort from error
+
+
+@click.group(
+    cls=_Group,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog=NOTES,
+    no_args_is_help=False,
+    invoke_without_command=True,
+)
+@click.version_option(__version__, message="%(version)s")
+@click.pass_context
+def cli(context: click.Context) -> None:
+    """Turn an LED and a target light pattern into a lens that a machine shop can cut."""
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help())
+
+
+for command in (
+    design, evaluate, export, check, verify, report, rays, tradeoff, sweep, sensitivity, yield_, photometry, handover,
+    compare, correct, schema, new, examples, preview,
+):  # fmt: skip
+    cli.add_command(command)
+
+
+def main(interrupts: Interrupts | None = None) -> None:
+    """Entry point: every exit has a code and at most one line on stderr, or one for each wrong field of a spec.
+
+    ``interrupts``: installed already.
+    """
+    ignore_settings_in_working_folder()
+    open_standard_streams()
+    own = Interrupts().install() if interrupts is None else interrupts
+    try:
+        with lasting_streams() as stdout_failure:
+            code = _run(own)
+            failure = stdout_failure()
+            if failure is not None and code == 0:
+                code = _say(
+                    f"stdout: cannot be written ({failure.strerror}); the command is done, and its files are written", 2
+                )
+        if own.received is not None and code == own.exit_code:
+            _end_at_once(code)
+    finally:
+        own.uninstall(at_exit=interrupts is not None)
+    sys.exit(code)
+
+
+def _run(interrupts: Interrupts) -> int:
+    """Run the command of ``sys.argv``, say in one line why it ended early, and return the exit code."""
+    try:
+        with interrupts.raised():
+            cli.main(prog_name="lensforge", standalone_mode=False, obj=interrupts)
+    except SystemExit as end:  # of click, for the completion of a shell
+        return int(end.code or 0)
+    except BaseException as error:
+        if interrupts.received is not None or isinstance(error, _Interrupted | KeyboardInterrupt | click.Abort):
+            return _say(interrupts.words, interrupts.exit_code)  # whatever a library made of it
+        return _failure(error.__cause__ if isinstance(error, _CutShort) and error.__cause__ else error)
+    return 0
+
+
+def _failure(error: BaseException) -> int:
+    """Say what is wrong, and return the exit code."""
+    if isinstance(error, WrongFields):
+        return max(_say(line, error.exit_code) for line in error.lines)
+    if isinstance(error, LensforgeError):
+        return _say(str(error), error.exit_code)
+    if isinstance(error, click.ClickException):
+        return _say(f"{error.format_message().rstrip('.')}; see --help", 2)
+    if isinstance(error, MemoryError):
+        return _say("out of memory; use fewer --rays or a lower --accuracy", 1)
+    if isinstance(error, OSError) and error.errno in _FULL_OR_FAILING:
+        where = "" if error.filename is None else f"{error.filename}: "
+        return _say(f"{where}{error.strerror}; a full disk, or a limit of this machine?", 2)
+    module = _module_cut_short(error)
+    if module is not None:
+        return _say(f"{module}: a compiled module, cut short as a full disk leaves it; delete it and try again", 2)
+    # a bug: the user gets a line, the developer the details
+    return _say(f"internal error: {type(error).__name__}: {error}; {_details(error)}", 1)
+
+
+def _module_cut_short(error: BaseException) -> str | None:
+    """The file that Python could not load as a compiled module: Python 3.11 keeps one that it could not write whole."""
+    if not isinstance(error, EOFError):
+        return None
+    frames = [frame.f_locals for frame, _ in traceback.walk_tb(error.__traceback__)]
+    return next((str(names["bytecode_path"]) for names in frames if names.get("bytecode_path")), None)
+
+
+def _details(error: BaseException) -> str:
+    try:
+        with tempfile.NamedTemporaryFile(
+            "w", encoding="utf-8", errors="backslashreplace", prefix="lensforge-", suffix=".log", delete=False
+        ) as log:
+            traceback.print_exception(error, file=log)
+    except OSError:  # no folder for it
+        last = traceback.extract_tb(error.__traceback__)[-1]
+        return f"raised at {last.filename}:{last.lineno}; set TMPDIR to a folder with room for the details"
+    return f"details for a bug report: {log.name}"
+
+
+def _say(message: str, code: int) -> int:
+    """Print one line; return ``code``."""
+    click.echo(f"lensforge: {printable(' '.join(message.split()))}", err=True)
+    return code
+
+
+def _end_at_once(code: int) -> NoReturn:
+    """End the process after an interrupt, while threads of native libraries may still be at work.
+
+    The interpreter's own end would take their memory away under them. What libraries delete at the end (their
+    temporary folders) is deleted.
+    """
+    timer = threading.Timer(_CLEAN_UP_SECONDS, os._exit, (code,))
+    timer.daemon = True
+    timer.start()
+    with suppress(BaseException):
+        atexit._run_exitfuncs()
+    os._exit(code)

@@ -1,0 +1,192 @@
+"""``new``: a commented spec from a source, a target and a size, after a look at what is possible."""
+
+import json
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+from click.shell_completion import CompletionItem
+
+from lensforge.errors import InputError
+from lensforge.optics.material import MATERIALS
+from lensforge.results.files import replacing, require_writable
+from lensforge.runs.arguments import source_of
+from lensforge.shop.findings import GOOD_DRAFT_DEG
+from lensforge.spec import Spec, parse_spec
+from lensforge.spec.derived_values import WHY, with_derived
+from lensforge.spec.new_spec import SOURCE_KINDS, SOURCES, TARGET_KINDS, TARGETS, new_text, source_in, target_in
+from lensforge.spec.source_sections import RayfileSource
+from lensforge.spec.spec_files import resolve_files
+from lensforge.spec.spec_reference import SCHEMA_FILE, spec_schema
+
+_MATERIAL = "PMMA"
+_OF_USUAL_BASE_MM = 24.0  # largest radius of a lens whose cavity the base of 25.4 mm holds with room to spare
+_CUTTER, _CUTTERS = "1", "radius of the shop's ball cutter in mm, mould, or none"
+
+
+def _completed(kinds: Sequence[str]) -> Callable[[click.Context, click.Parameter, str], list[CompletionItem]]:
+    """Completion of a kind, or of the name of a file."""
+
+    def complete(_context: click.Context, _option: click.Parameter, begun: str) -> list[CompletionItem]:
+        found = [CompletionItem(f"{kind}:") for kind in kinds if f"{kind}:".startswith(begun)]
+        return found or [CompletionItem(begun, type="file")]
+
+    return complete
+
+
+@click.command()
+@click.argument("spec", required=False, type=click.Path(path_type=Path))
+@click.option("--source", metavar="SOURCE", help=f"The LED: {SOURCES}.", shell_complete=_completed(SOURCE_KINDS))
+@click.option("--target", metavar="TARGET", help=f"The light: {TARGETS}.", shell_complete=_completed(TARGET_KINDS))
+@click.option("--max-radius", type=click.FloatRange(1e-6, 1e9), help="Largest radius of the lens in mm.")
+@click.option("--material", help=f"One of {', '.join(MATERIALS)}; default: {_MATERIAL}.")
+@click.option("--cutter", metavar="CUTTER", help=f"What the shop needs: {_CUTTERS}; default: {_CUTTER}.")
+@click.option("--anyway", is_flag=True, help="Write it even where less than half of the light is possible.")
+def new(
+    spec: Path | None,
+    source: str | None,
+    target: str | None,
+    max_radius: float | None,
+    material: str | None,
+    cutter: str | None,
+    anyway: bool,
+) -> None:
+    """Write a commented SPEC.toml; what is not given is asked for in a terminal. Without SPEC.toml: to stdout."""
+    if spec is not None and spec.exists():
+        raise InputError(f"{spec}: is there already and stays as it is; give another name")
+    sections = {
+        "source": source_in(source) if source else _asked("--source", f"LED ({SOURCES})", source_in),
+        "target": target_in(target) if target else _asked("--target", f"light ({TARGETS})", target_in),
+    }
+    radius = max_radius or _asked("--max-radius", "largest radius of the lens in mm", _radius)
+    named = material or (_asked("--material", "material", str, _MATERIAL) if _at_terminal() else _MATERIAL)
+    shop = cutter or (_asked("--cutter", _CUTTERS, str, _CUTTER) if _at_terminal() else _CUTTER)
+    content = _content(_name(spec), sections, radius, named, _made_by(shop))
+    folder = Path() if spec is None else spec.parent
+    text = _checked_text(content, folder, anyway)
+    if spec is None:
+        click.echo(text, nl=False)
+        return
+    _write(spec, text)
+    if not (folder / SCHEMA_FILE).exists():
+        _write(folder / SCHEMA_FILE, _schema_text())
+    click.echo(f"{spec}\tlensforge design {spec}")
+
+
+def _asked(option: str, words: str, read: Callable[[str], Any], default: str | None = None) -> Any:
+    """An answer of the person at the terminal, until ``read`` takes it. Raises :class:`InputError` without one."""
+    if not _at_terminal():
+        raise InputError(f"{option}: is missing; give the {words}")
+
+    def checked(answer: str) -> Any:
+        try:
+            return read(answer)
+        except InputError as error:
+            raise click.UsageError(str(error)) from None
+
+    return click.prompt(words[:1].upper() + words[1:], value_proc=checked, default=default, err=True)
+
+
+def _at_terminal() -> bool:
+    return sys.stdin is not None and sys.stdin.isatty()
+
+
+def _radius(answer: str) -> float:
+    return _millimetres(f"--max-radius {answer}", answer, "a number of mm above 0")
+
+
+def _millimetres(given: str, answer: str, allowed: str) -> float:
+    """Length (mm) in ``answer``. Raises :class:`InputError` that quotes ``given`` and says what is ``allowed``."""
+    try:
+        value = float(answer)
+    except ValueError:
+        value = 0.0
+    if not 1e-6 <= value <= 1e9:
+        raise InputError(f"{given}: must be {allowed}")
+    return value
+
+
+def _made_by(cutter: str) -> dict[str, dict[str, Any]]:
+    """Tables of the spec for a lens that ``cutter`` can make: the limits that the check would advise."""
+    if cutter == "none":
+        return {}
+    if cutter == "mould":
+        drafts = {"inner_draft_deg": GOOD_DRAFT_DEG, "outer_draft_deg": GOOD_DRAFT_DEG}
+        return {"constraints": drafts, "manufacture": {"make": "insert"}}
+    radius = _millimetres(f"--cutter {cutter}", cutter, f"the {_CUTTERS}")
+    hollows = {"inner_concave_radius_mm": radius, "outer_concave_radius_mm": radius}
+    return {
+        "constraints": {**hollows, "inner_draft_deg": 0.0, "outer_draft_deg": 0.0},
+        "manufacture": {"cutter_radius_mm": radius},
+    }
+
+
+def _name(spec: Path | None) -> str:
+    name = "lens" if spec is None else spec.stem
+    return "".join(each if each.isascii() and (each.isalnum() or each in "-_") else "_" for each in name)[:64] or "lens"
+
+
+def _content(
+    name: str, sections: dict[str, Any], radius_mm: float, material: str, made_by: dict[str, dict[str, Any]]
+) -> dict[str, Any]:
+    """Tables of the spec as they were asked for."""
+    if material not in MATERIALS:
+        raise InputError(f"--material {material}: must be one of {', '.join(MATERIALS)}")
+    found = {
+        "name": name,
+        "source": sections["source"],
+        "lens": {"material": material, "levels": "auto"},
+        "constraints": {"max_radius_mm": radius_mm, **made_by.get("constraints", {})},
+        "target": sections["target"],
+        **({"manufacture": made_by["manufacture"]} if made_by else {}),
+    }
+    if radius_mm > _OF_USUAL_BASE_MM:
+        found["base"] = {"diameter_mm": 1.8 * radius_mm, "height_mm": 0.125 * radius_mm}
+    return found
+
+
+def _checked_text(content: dict[str, Any], folder: Path, anyway: bool) -> str:
+    """TOML of ``content`` with derived values, after the check of what is possible. Raises :class:`InputError`."""
+    from lensforge.search.scene_check import SceneCheck
+    from lensforge.sources.build_source import cavity_around
+
+    resolved = {key: dict(value) if isinstance(value, dict) else value for key, value in content.items()}
+    resolve_files(resolved, Path())
+    if content["source"]["kind"] == "rayfile":
+        measured = cavity_around(RayfileSource(**resolved["source"]))
+        content["constraints"].update(measured)
+        resolved["constraints"].update(measured)
+    made: Spec = parse_spec(resolved, "new")
+    scene = SceneCheck.of(made, source_of(made))
+    scene.require_light(anyway=anyway)
+    for words in scene.warnings():
+        click.echo(f"lensforge: {words}", err=True)
+    filled, names = with_derived(content)
+    reasons = {f"{section}.{name}": WHY[f"{section}.{name}"] for section, name in names if section}
+    for section in ("source", "target"):
+        if "file" in filled[section]:
+            filled[section]["file"] = _relative(resolved[section]["file"], folder)
+    title = f"{made.source.title}, target {made.target.kind}" if made.target is not None else made.source.title
+    possible = f"The target: {scene.targets[0].possible_words} through the largest lens."
+    return new_text(filled, reasons, title[:1].upper() + title[1:], possible)
+
+
+def _relative(file: str, folder: Path) -> str:
+    """Name of ``file`` as a spec in ``folder`` has it."""
+    try:
+        return Path(file).relative_to(folder.resolve()).as_posix()
+    except ValueError:
+        return file
+
+
+def _schema_text() -> str:
+
+    return json.dumps(spec_schema(), indent=1, ensure_ascii=False) + "\n"
+
+
+def _write(path: Path, text: str) -> None:
+    require_writable(path)
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")

@@ -1,0 +1,92 @@
+"""``rays``: a ray file or a photometric file summarised, drawn, or converted."""
+
+from pathlib import Path
+
+import click
+
+from lensforge.cli.options import IES_VERSION
+from lensforge.cli.output import Output, print_json, with_output
+from lensforge.cli.record_rows import record_rows
+from lensforge.cli.screen import Block, print_screen
+from lensforge.errors import InputError
+from lensforge.results import Record
+from lensforge.results.files import require_regular_file, require_writable
+from lensforge.sources.photometric.ies import NEWEST, require_ies_version
+from lensforge.sources.photometric.photometric_io import convert_photometric
+from lensforge.sources.photometric.photometric_summary import holds_far_field, summarise_photometric
+
+_PLOT_SUFFIXES = (".png", ".svg", ".pdf")
+
+
+@click.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--header", "only_header", is_flag=True, help="Read only the header: fast, whatever the size.")
+@click.option("--to", type=click.Path(path_type=Path), help="Convert to this file; its suffix chooses the format.")
+@click.option("--format", "format_name", help="Format of --to, if its suffix stands for several.")
+@IES_VERSION
+@click.option(
+    "--plot",
+    type=click.Path(path_type=Path),
+    help="Draw origins and directions of the rays, or the polar diagram; PNG, SVG or PDF.",
+)
+@with_output
+def rays(
+    file: Path,
+    only_header: bool,
+    to: Path | None,
+    format_name: str | None,
+    ies_version: str | None,
+    plot: Path | None,
+    output: Output,
+) -> None:
+    """Summarise, draw or convert a file of rays or candela.
+
+    Ray files of many formats, and photometric files: IES LM-63, EULUMDAT and TM-33.
+    """
+    require_regular_file(file, missing="give the path of a ray file or a photometric file")
+    for option, path in (("--to", to), ("--plot", plot)):
+        if path is not None:
+            require_writable(path)
+        if path is not None and path.exists() and path.samefile(file):
+            raise InputError(f"{option} {path}: is the file itself, which stays as it is; give another name")
+    if format_name and not to:
+        raise InputError(f"--format {format_name}: give --to FILE with it")
+    if ies_version and (to is None or to.suffix.lower() != ".ies"):
+        raise InputError(f"--ies-version {ies_version}: give --to FILE.ies with it; other files have no such version")
+    if holds_far_field(file):
+        found = _far_field(file, to, format_name, ies_version, plot)
+    else:
+        found = _rays(file, only_header, to, format_name, plot)
+    content = found.model_dump(mode="json", exclude={"inputs", "version"})
+    if output.json:
+        print_json(content)
+    elif output.screen:
+        content.get("header", {}).pop("spectral_tables", None)
+        print_screen([Block(str(file), list(record_rows(content)))])
+
+
+def _rays(file: Path, only_header: bool, to: Path | None, format_name: str | None, plot: Path | None) -> Record:
+    from lensforge.sources.rayfiles import convert, describe, outline, read_rayfile
+    from lensforge.sources.rayfiles.ray_file_summary import draw
+
+    if plot:
+        draw(read_rayfile(file), plot)
+    if to:
+        return convert(file, to, format_name)
+    return outline(read_rayfile(file)) if only_header else describe(read_rayfile(file))
+
+
+def _far_field(
+    file: Path, to: Path | None, format_name: str | None, ies_version: str | None, plot: Path | None
+) -> Record:
+    if format_name:
+        raise InputError(
+            f"--format {format_name}: {file} is photometric; the suffix of --to, .ies, .ldt or .iesxml, is enough"
+        )
+    if plot:
+        if plot.suffix.lower() not in _PLOT_SUFFIXES:
+            raise InputError(f"{plot}: its suffix must be one of {', '.join(_PLOT_SUFFIXES)}")
+        summarise_photometric(file).save(plot)
+    if to is None:
+        return summarise_photometric(file)
+    return convert_photometric(file, to, ies_version=require_ies_version(int(ies_version or NEWEST)))

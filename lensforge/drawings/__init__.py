@@ -1,1 +1,0 @@
-"""The handover: drawing, datum, verdicts, tables of points and hashes that go to the shop with the STEP file."""

@@ -1,1 +1,0 @@
-"""Evaluation of a finished lens: irradiance by hard bins, metrics with standard errors, and the flux budget."""

@@ -1,0 +1,104 @@
+"""Functions compiled by numba, kept in a cache that an edit of any source makes anew.
+
+numba keys its cache by the file of the outer function alone, so an edit in a called kernel would go unnoticed. The
+cache folder is therefore named by a digest of every file in a package and of numba's version: all kernels that call
+each other, and the constants that they use, are in one package. numba's own key is the place of that file, too, so that
+every checkout and every environment would compile the same kernels again, for half a minute: here the digest is all.
+"""
+
+import atexit
+import hashlib
+import os
+import shutil
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numba
+
+from lensforge.errors import InputError
+from lensforge.results.files import FOLDER, own_mark
+
+_LARGEST_BYTES = 2**20  # of a compiled kernel: the largest has 0.15 MB
+
+# Kernels allocate nothing. Without numba's runtime (_nrt) no call counts references to its arrays: that is an atomic
+# operation on memory that all threads share, for every evaluation of a surface.
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
+
+Function = Callable[..., Any]
+
+
+class KernelCache:
+    """The place of a compiled kernel, in the terms of numba's locators: a folder, a stamp of its source, a name."""
+
+    def __init__(self, folder: Path, line: int) -> None:
+        self._folder, self._line = folder, line
+
+    @classmethod
+    def from_function(cls, function: Function, source: str) -> "KernelCache":
+        """The place of a ``function`` of a ``source`` file."""
+        return cls(_folder_of(Path(source).parent), function.__code__.co_firstlineno)
+
+    def ensure_cache_path(self) -> None:
+        """Make the folder again, should it have been deleted."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+
+    def get_cache_path(self) -> str:
+        """Folder of the kernels of these sources."""
+        return str(self._folder)
+
+    def get_source_stamp(self) -> str:
+        """The digest of these sources."""
+        return self._folder.name
+
+    def get_disambiguator(self) -> str:
+        """The line, a part of the file's name."""
+        return str(self._line)
+
+
+def kernel(function: Function) -> Function:
+    """Compile ``function`` with numba, without the interpreter's lock, contracted to fused multiply-adds."""
+    before = numba.config.CACHE_LOCATOR_CLASSES
+    numba.config.CACHE_LOCATOR_CLASSES = f"{__name__}.{KernelCache.__name__}"
+    try:
+        compiled: Function = numba.njit(nogil=True, cache=True, **_OPTIONS)(function)
+        return compiled
+    finally:
+        numba.config.CACHE_LOCATOR_CLASSES = before
+
+
+inline = numba.njit(forceinline=True, **_OPTIONS)
+
+
+@cache
+def _folder_of(package: Path) -> Path:
+    return cache_folder(package)
+
+
+def cache_folder(kernels: Path) -> Path:
+    """Cache folder for the kernels compiled from the sources in ``kernels``; a new one when any of them changes."""
+    digest = hashlib.sha256(numba.__version__.encode())
+    for source in sorted(kernels.glob("*.py")):
+        digest.update(source.read_bytes())
+    try:
+        home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        folder = home / "lensforge" / f"kernels-{digest.hexdigest()[:16]}"
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder) as probe:
+            probe.write(bytes(_LARGEST_BYTES))
+            return folder
+    except (OSError, RuntimeError):  # no home, a read-only or a full one: compiled once for each process
+        return _temporary_cache()
+
+
+def _temporary_cache() -> Path:
+    """A folder for this process alone, deleted when it ends."""
+    try:
+        folder = tempfile.mkdtemp(prefix=f"{FOLDER}{own_mark()}-")
+    except OSError as error:
+        place = f"neither ~/.cache nor a temporary folder can be used for the compiled kernels ({error.strerror})"
+        raise InputError(f"{place}; make room, or set XDG_CACHE_HOME to a folder that can be written") from None
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)

@@ -1,0 +1,1 @@
+"""What light a lens makes: tracing, metrics, limits, far field and roads."""

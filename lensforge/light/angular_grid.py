@@ -1,0 +1,250 @@
+"""Intensity tables over C and gamma, fitted to the flux of rays without smoothing it.
+
+A table is bilinear in C and gamma between its nodes, as its readers take it. Shares of each ray's flux go to the four
+nodes around its direction by the bilinear functions of these nodes. Divided by the solid angles of the nodes, they are
+the intensity averaged over two cells: with steps h a peak I comes out as I + h^2 I''/12, too low. The table nearest
+the light by least squares, the L2 projection on linear finite elements, has the opposite error at its nodes, and more
+noise. Their mean, taken along C and along gamma, has neither: its peaks are right to h^4 (on slopes an error of
+h^2 I' cot(gamma)/12 remains, as sin(gamma) is averaged too). Both have the flux of the rays, because the bilinear
+functions of all nodes add up to 1, and so has their mean.
+
+Near the axis the half-planes are closer to each other than the cones: there only those waves around the axis are kept
+that the steps in gamma resolve as well. The axis itself has the smallest cell of all. Its neighbours help it out: the
+means of so many cones about it lie on one parabola in gamma, as far as the light is seen to allow it, that they hold
+four times the solid angle of a typical node; a parabola's value at its end has four times the variance of its mean.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from lensforge.sources.intensity import TabulatedIntensity
+from lensforge.sources.ray_bundle import RayBundle
+from lensforge.surfaces.mirror_group import group
+
+if TYPE_CHECKING:
+    from scipy import sparse
+
+Axis = Literal["c", "gamma"]
+_GAUSS = 6  # points in a cell of gamma: sin(gamma) times a parabola over 10 degrees is integrated to 1e-16
+
+
+@dataclass(frozen=True, eq=False)
+class AngularGrid:
+    """Nodes of an intensity table: C at ``planes`` equal steps, ``gamma_deg`` rising from 0 to 90."""
+
+    planes: int
+    gamma_deg: Float[np.ndarray, " g"]
+
+    @property
+    def c_deg(self) -> Float[np.ndarray, " c"]:
+        """Angles of the half-planes, 0 first; 360 is not repeated."""
+        return np.arange(self.planes) * (360.0 / self.planes)
+
+    def deposit(self, rays: RayBundle) -> Float[np.ndarray, "c g"]:
+        """Split the flux (W) of ``rays``, which go upwards, among the nodes."""
+        x, y, z = rays.directions.T
+        azimuth, gamma = np.rad2deg(np.arctan2(y, x)), np.rad2deg(np.arctan2(np.hypot(x, y), z))
+        flux = np.zeros(self.planes * len(self.gamma_deg))
+        for node, share in self._corners(azimuth, gamma):
+            flux += np.bincount(node, rays.flux * share, minlength=len(flux))
+        return flux.reshape(self.planes, len(self.gamma_deg))
+
+    def readings(self, c_deg: Float[np.ndarray, " k"], gamma_deg: Float[np.ndarray, " k"]) -> "sparse.csr_array":
+        """Matrix from the values of a table, in rows of gamma, to the intensity in each of ``k`` directions."""
+        from scipy import sparse
+
+        nodes, shares = zip(*self._corners(c_deg, gamma_deg), strict=True)
+        rows = np.tile(np.arange(len(c_deg)), len(nodes))
+        shape = (len(c_deg), self.planes * len(self.gamma_deg))
+        return sparse.csr_array((np.concatenate(shares), (rows, np.concatenate(nodes))), shape=shape)
+
+    def _corners(
+        self, c_deg: Float[np.ndarray, " k"], gamma_deg: Float[np.ndarray, " k"]
+    ) -> Iterator[tuple[Int[np.ndarray, " k"], Float[np.ndarray, " k"]]]:
+        """The four nodes around each direction, one after the other, and the bilinear share of each."""
+        nodes = len(self.gamma_deg)
+        azimuth = c_deg * (self.planes / 360.0)
+        place = np.interp(gamma_deg, self.gamma_deg, np.arange(nodes))
+        plane, cell = np.floor(azimuth).astype(int), np.minimum(place.astype(int), nodes - 2)
+        right, below = azimuth - plane, place - cell
+        for next_plane, share_plane in ((0, 1.0 - right), (1, right)):
+            for next_cell, share_cell in ((0, 1.0 - below), (1, below)):
+                yield (plane + next_plane) % self.planes * nodes + cell + next_cell, share_plane * share_cell
+
+    def images_mean(self, deposits: Float[np.ndarray, "*p c g"], symmetry: str) -> Float[np.ndarray, "*p c g"]:
+        """Mean of ``deposits`` and their mirror images under the group ``symmetry``; planes in multiples of 4."""
+        total = np.zeros_like(deposits)
+        for image in group(symmetry):
+            total += deposits[..., self._image_rows(image), :]
+        return total / len(group(symmetry))
+
+    def _image_rows(self, image: Float[np.ndarray, "3 3"]) -> Int[np.ndarray, " c"]:
+        turn = np.deg2rad(self.c_deg)
+        x, y = image[:2, :2] @ np.stack([np.cos(turn), np.sin(turn)])
+        rows: Int[np.ndarray, " c"] = np.round(np.arctan2(y, x) / (2.0 * np.pi) * self.planes).astype(int) % self.planes
+        return rows
+
+    def coarser(self, axis: Axis) -> "AngularGrid":
+        """Grid of every second half-plane, or of every second cone."""
+        if axis == "c":
+            return AngularGrid(self.planes // 2, self.gamma_deg)
+        return AngularGrid(self.planes, self.gamma_deg[::2])
+
+    def restricted(self, deposits: Float[np.ndarray, "p c g"], axis: Axis) -> Float[np.ndarray, "p d h"]:
+        """Deposits on :meth:`coarser` of the rays whose deposits here are ``deposits``: exact, no ray is needed."""
+        if axis == "c":
+            odd = 0.5 * deposits[:, 1::2]
+            around: Float[np.ndarray, "p d h"] = deposits[:, ::2] + odd + np.roll(odd, 1, axis=1)
+            return around
+        along: Float[np.ndarray, "p d h"] = deposits[:, :, ::2].copy()
+        odd, share = deposits[:, :, 1::2], self._shares
+        along[:, :, :-1] += (1.0 - share) * odd
+        along[:, :, 1:] += share * odd
+        return along
+
+    def refined(self, table: Float[np.ndarray, "p d h"], axis: Axis) -> Float[np.ndarray, "p c g"]:
+        """Values here of tables on :meth:`coarser`."""
+        values = np.zeros((len(table), self.planes, len(self.gamma_deg)))
+        if axis == "c":
+            values[:, ::2] = table
+            values[:, 1::2] = 0.5 * (table + np.roll(table, -1, axis=1))
+            return values
+        values[:, :, ::2] = table
+        values[:, :, 1::2] = (1.0 - self._shares) * table[:, :, :-1] + self._shares * table[:, :, 1:]
+        return values
+
+    @property
+    def _shares(self) -> Float[np.ndarray, " h"]:
+        """Place of every second cone between its neighbours, 0 to 1."""
+        even = self.gamma_deg[::2]
+        shares: Float[np.ndarray, " h"] = (self.gamma_deg[1::2] - even[:-1]) / np.diff(even)
+        return shares
+
+    @cached_property
+    def solid_angles(self) -> Float[np.ndarray, " g"]:
+        """Integral (sr) of the bilinear function of one node, by its cone; on the axis of one of ``planes`` parts."""
+        angles: Float[np.ndarray, " g"] = self._gram.sum(axis=1) * (2.0 * np.pi / self.planes)
+        return angles
+
+    @cached_property
+    def _gram(self) -> Float[np.ndarray, "g g"]:
+        """Integrals of the products of two functions of gamma with sin(gamma)."""
+        gamma = np.deg2rad(self.gamma_deg)
+        points, weights = np.polynomial.legendre.leggauss(_GAUSS)
+        share, half = 0.5 * (1.0 + points), 0.5 * np.diff(gamma)[:, None]
+        measure = half * weights * np.sin(gamma[:-1, None] + 2.0 * half * share)
+        gram = np.zeros((len(gamma), len(gamma)))
+        cell = np.arange(len(gamma) - 1)
+        for row, own in ((0, 1.0 - share), (1, share)):
+            for column, other in ((0, 1.0 - share), (1, share)):
+                gram[cell + row, cell + column] += (measure * own * other).sum(axis=1)
+        return gram
+
+    @cached_property
+    def _first_nodes(self) -> Int[np.ndarray, " m"]:
+        """For each wave around the axis, the first cone whose steps in gamma are no longer than half the wave."""
+        gamma = np.deg2rad(self.gamma_deg)
+        waves = np.pi * np.sin(gamma) / np.gradient(gamma)
+        resolved = waves[None, :] >= np.arange(self.planes // 2 + 1)[:, None]
+        first: Int[np.ndarray, " m"] = np.where(resolved.any(axis=1), resolved.argmax(axis=1), len(gamma))
+        return first
+
+    def fitted(self, deposits: Float[np.ndarray, "p c g"]) -> Float[np.ndarray, "p c g"]:
+        """Intensities (W/sr) at the nodes for each of ``p`` deposits; some may be below 0."""
+        step = 2.0 * np.pi / self.planes
+        waves = np.fft.rfft(deposits, axis=1)
+        found = np.zeros_like(waves)
+        for wave, first in enumerate(self._first_nodes):
+            if first < len(self.gamma_deg):
+                right = waves[:, wave].T * (0.5 * (1.0 + 3.0 / (2.0 + np.cos(wave * step))) / step)
+                solved = self._along_gamma(np.concatenate([right.real, right.imag], axis=1), int(first))
+                found[:, wave] = (solved[:, : len(deposits)] + 1j * solved[:, len(deposits) :]).T
+        found[:, 0] = self._pooled(found[:, 0].real, deposits.sum(axis=(0, 1)))
+        table: Float[np.ndarray, "p c g"] = np.fft.irfft(found, n=self.planes, axis=1)
+        return table
+
+    def _pooled(self, means: Float[np.ndarray, "p g"], flux: Float[np.ndarray, " g"]) -> Float[np.ndarray, "p g"]:
+        """``means`` of all cones with those about the axis on a parabola a + b gamma^2, of the same flux.
+
+        ``flux`` of each cone: typical nodes are those where the light is. Fewer cones share a parabola where more would
+        differ from it by twice their noise. None do where the axis is known to half a per cent by itself.
+        """
+        parts, total = len(means), float(flux.sum())
+        quiet = parts > 1 and means[:, 0].std(ddof=1) <= _QUIET * np.sqrt(parts) * means[:, 0].mean()
+        if quiet or not total > 0.0:
+            return means
+        typical = float(flux @ self.solid_angles) / total
+        most = int(np.searchsorted(self.planes * np.cumsum(self.solid_angles), _POLE_NODES * typical)) + 1
+        for count in range(min(max(most, 3), len(self.gamma_deg)), 2, -1):
+            weights, places = self.solid_angles[:count], np.stack([np.ones(count), self.gamma_deg[:count] ** 2], axis=1)
+            normal = places.T @ (weights[:, None] * places)
+            fitted = means[:, :count] @ (weights[:, None] * places) @ np.linalg.inv(normal) @ places.T
+            off = means[:, :count] - fitted
+            if parts > 1:
+                noise = (means[:, :count].var(axis=0, ddof=1) - fitted.var(axis=0, ddof=1)) / parts
+                structure = off.mean(axis=0) ** 2 - off.var(axis=0, ddof=1) / parts
+                if weights @ structure > (_DOUBT**2 - 1.0) * (weights @ noise):
+                    continue
+            return np.concatenate([fitted, means[:, count:]], axis=1)
+        return means
+
+    def _along_gamma(self, flux: Float[np.ndarray, "g k"], first: int) -> Float[np.ndarray, "g k"]:
+        """Values by gamma from deposits along it, 0 before the node ``first``.
+
+        The average is the nearest table plus what flows between neighbours (each pair of nodes by its product of
+        functions), so half of that is their mean. Towards the horizon, where the light is cut off and an average would
+        be one-sided, the flow fades out.
+        """
+        from scipy.linalg import solveh_banded
+
+        beside, own, sums = np.diagonal(self._gram, 1), np.diagonal(self._gram), self._gram.sum(axis=1)
+        values = np.zeros_like(flux)
+        bands = np.stack([np.pad(beside[first:], (1, 0)), own[first:]])
+        right = flux[first:]
+        values[first:] = solveh_banded(bands, right, check_finite=False) if len(right) > 1 else right / own[-1]
+        inwards = np.arange(len(beside))[::-1]
+        share = 0.5 * np.minimum(inwards / _FADING_STEPS, 1.0)
+        flow = (share * beside)[:, None] * np.diff(values, axis=0)
+        values[:-1] += flow / sums[:-1, None]
+        values[1:] -= flow / sums[1:, None]
+        values[:first] = 0.0
+        return values
+
+    def table(self, values: Float[np.ndarray, "c g"]) -> TabulatedIntensity:
+        """Table of ``values`` without those below 0, of the same flux.
+
+        A cone in which values are below 0 keeps its flux: the others on it become less. What is left then, of cones
+        whose flux itself is below 0, all values make up for.
+        """
+        flux = float((values * self.solid_angles).sum())
+        positive = np.maximum(values, 0.0)
+        sums, kept = positive.sum(axis=0), np.maximum(values.sum(axis=0), 0.0)
+        positive *= np.divide(kept, sums, out=np.zeros_like(sums), where=sums > 0.0)
+        positive *= flux / float((positive * self.solid_angles).sum())
+        closed = np.concatenate([positive, positive[:1]])
+        return TabulatedIntensity(np.append(self.c_deg, 360.0), self.gamma_deg, closed)
+
+
+_POLE_NODES = 4.0  # typical nodes whose solid angle the cones about the axis hold together
+_QUIET = 0.005  # noise of the axis, relative
+_DOUBT = 2.0  # times the noise: a difference from that parabola is structure of the light
+_FADING_STEPS = 4  # of gamma before the horizon
+_FINEST_PLANES = 576  # every 0.625 degrees
+# Steps in gamma: 64 for each 10 degrees of the beam, 128 for narrow ones, 64 beyond it; so that after each of six
+# halvings the cones are at even degrees, and the beam's end is one of them.
+_NARROW_DEG = (2.5, 5.0, 10.0, 20.0)
+_STEPS_PER_10_DEG, _NARROW_STEPS, _OUTSIDE_STEPS = 64, 128, 64
+
+
+def finest_grid(beam_deg: float) -> AngularGrid:
+    """Grid for light that is within ``beam_deg`` of the axis, but for a little: fine there, coarse beyond."""
+    narrow = next((end for end in _NARROW_DEG if beam_deg <= end), None)
+    reach = min(10.0 * np.ceil(beam_deg / 10.0), 90.0) if narrow is None else narrow
+    steps = _NARROW_STEPS if narrow is not None else round(reach / 10.0) * _STEPS_PER_10_DEG
+    inside, outside = np.linspace(0.0, reach, steps + 1), np.linspace(reach, 90.0, _OUTSIDE_STEPS + 1)
+    return AngularGrid(_FINEST_PLANES, np.unique(np.concatenate([inside, outside])))  # the beam's end once

@@ -1,0 +1,205 @@
+"""Coated faces as some rays meet them, and light through the cover glass: exit rays behind a plane-parallel plate.
+
+A plate of thickness t and index n_g in a medium of index n_o leaves the direction of a ray as it is, and its line as if
+the ray had started nearer by ``t (1 - n_o cos a / (n_g cos b))`` along the plate's normal, a and b the angles outside
+and inside (Born and Wolf, Principles of Optics, 4.7). Each face transmits by Fresnel, or by its coating, what comes
+polarised in the plane of the ray and z, and across it; what they reflect goes back and is followed no further. Without
+``fresnel`` its faces let all light through.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Float
+
+from lensforge.errors import InputError
+from lensforge.kernels.fresnel import behind_plate, behind_plate_adjoint
+from lensforge.kernels.parallel import in_chunks
+from lensforge.optics.coatings import coated_faces, coating_tables, whole_span
+from lensforge.optics.dielectric import coated_transmittances, fresnel_transmittances, transmitted_cosine_squared
+from lensforge.optics.media import Media
+from lensforge.scene.exit_rays import ExitRays, Sensitivities
+from lensforge.sources.ray_bundle import RayBundle
+
+_MOST_OUTSIDE = 0.01  # share of the flux beyond the wavelengths of a coating; it is traced as at their end
+_EVEN = 1e-9  # relative: of steps that differ by rounding alone
+_FIELDS = {"inner": "lens.inner_coating", "outer": "lens.outer_coating", "glass": "lens.cover_glass.coating"}
+
+
+_Compiled = Float[np.ndarray, "..."] | None
+
+
+@dataclass(frozen=True, eq=False)
+class RayCoatings:
+    """Table of each face, as in :class:`CoatingTables`; None: it reflects by Fresnel's formulas, or nothing.
+
+    ``rows``: place among the rows of the tables, of each ray or of all; empty where no face is coated.
+    """
+
+    inner: Float[np.ndarray, "k a 2"] | None
+    outer: Float[np.ndarray, "k b 2"] | None
+    glass: Float[np.ndarray, "k c 2"] | None
+    rows: Float[np.ndarray, " j"]
+
+    @staticmethod
+    def of(rays: RayBundle, media: Media, fresnel: bool = True) -> "RayCoatings":
+        """Coatings of ``media`` for ``rays``; none of them without ``fresnel``, when no face loses light.
+
+        Raises :class:`InputError` for light at whose wavelengths a coating is not known.
+        """
+        if not fresnel or not media.coated:
+            return NO_COATINGS
+        waves = rays.wavelengths_nm
+        _require_known(rays, media)
+        tables = coating_tables(media, whole_span(waves, media))
+        rows = np.zeros(1)
+        if waves is not None and len(tables.wavelengths_nm) > 1:
+            rows = _places(waves, tables.wavelengths_nm)
+        return RayCoatings(tables.inner, tables.outer, tables.glass, rows)
+
+    @property
+    def for_kernels(self) -> tuple[_Compiled, _Compiled]:
+        """Tables of the inner and the outer face, as the compiled kernels take them."""
+        return _compiled(self.inner), _compiled(self.outer)
+
+    @property
+    def of_glass(self) -> tuple[_Compiled, Float[np.ndarray, " j"]]:
+        """Table of the cover glass as the compiled kernels take it, and the places of the rays among its rows."""
+        return _compiled(self.glass), self.rows
+
+    def part(self, part: slice) -> Float[np.ndarray, " i"]:
+        """Rows of some of the rays."""
+        return self.rows if len(self.rows) <= 1 else self.rows[part]
+
+
+def _compiled(table: Float[np.ndarray, "k m 2"] | None) -> _Compiled:
+    """A table of one row as that row: numba compiles the kernels for it without the search among rows."""
+    return table[0] if table is not None and len(table) == 1 else table
+
+
+NO_COATINGS = RayCoatings(None, None, None, np.empty(0))
+
+
+def _places(waves: Float[np.ndarray, " n"], nodes: Float[np.ndarray, " k"]) -> Float[np.ndarray, " n"]:
+    """Place of each wavelength among ``nodes``; by a quotient where these are evenly spaced: ten times as fast."""
+    last = len(nodes) - 1
+    step = (nodes[-1] - nodes[0]) / last
+    if np.abs(np.diff(nodes) - step).max() > _EVEN * step:
+        found: Float[np.ndarray, " n"] = np.interp(waves, nodes, np.arange(last + 1.0))
+    else:
+        found = np.clip((waves - nodes[0]) / step, 0.0, last)
+    return found
+
+
+def _require_known(rays: RayBundle, media: Media) -> None:
+    waves, total = rays.wavelengths_nm, float(rays.flux.sum())
+    for name, face in coated_faces(media).items():
+        if face.known_nm is None:
+            continue
+        low, high = face.known_nm
+        if waves is None:
+            share, light = float(not low <= media.wavelength_nm <= high), f"light of {media.wavelength_nm:g} nm"
+        else:
+            share = float(rays.flux[(waves < low) | (waves > high)].sum()) / total
+            light = f"light from {waves.min():g} to {waves.max():g} nm"
+        if share > _MOST_OUTSIDE:
+            raise InputError(
+                f"{_FIELDS[name]}: known from {low:g} to {high:g} nm, and the source has {light}: {100.0 * share:.3g} "
+                f"% of the flux is outside, at most {100.0 * _MOST_OUTSIDE:g} % may be; extend the coating's data, or "
+                "correct the spectrum (lens.design_wavelength_nm for a source without one)"
+            )
+
+
+_Plate = tuple[bool, float, float, float]
+
+
+def behind_glass(rays: ExitRays, media: Media, fresnel: bool = True, coatings: RayCoatings = NO_COATINGS) -> ExitRays:
+    """``rays``, float64 on the CPU, as they are behind the cover glass of ``media``; themselves where there is none."""
+    if media.cover_glass is None:
+        return rays
+    plate, (coating, rows) = _packed(media, fresnel), coatings.of_glass
+    points, flux = rays.points.numpy().copy(), rays.flux.numpy().copy()
+    directions, fates, lost = rays.directions.numpy(), rays.fates.numpy(), np.empty(len(flux))
+    heights, axial = points[:, 2], _axial(rays)
+
+    def work(_: int, part: slice) -> None:
+        behind_plate(
+            directions[part], fates[part], axial[part], plate, coating, rows if len(rows) <= 1 else rows[part],
+            heights[part], flux[part], lost[part],
+        )  # fmt: skip
+
+    in_chunks(work, len(flux))
+    behind = (torch.from_numpy(array) for array in (points, flux, lost))
+    return replace(rays, **dict(zip(("points", "flux", "lost_in_glass"), behind, strict=True)))
+
+
+def before_glass(
+    rays: ExitRays,
+    media: Media,
+    by: Sensitivities,
+    by_flux: Float[np.ndarray, " n"],
+    fresnel: bool,
+    coatings: RayCoatings = NO_COATINGS,
+) -> tuple[Sensitivities, Float[np.ndarray, " n"], Float[np.ndarray, " n"] | None]:
+    """Sensitivities to ``rays``, their flux and that along z from those to the rays behind the cover glass and theirs.
+
+    The last are None where there is none, or where nothing reflects.
+    """
+    if media.cover_glass is None:
+        return by, by_flux, None
+    plate, (coating, rows) = _packed(media, fresnel), coatings.of_glass
+    directions, fates, flux = rays.directions.numpy(), rays.fates.numpy(), rays.flux.numpy()
+    by_directions, by_own_flux = by.by_directions.copy(), by_flux.copy()
+    by_heights, by_cosines = by.by_points[:, 2], by_directions[:, 2]
+    axial, by_axial = _axial(rays), np.empty(len(flux))
+
+    def work(_: int, part: slice) -> None:
+        behind_plate_adjoint(
+            directions[part], fates[part], flux[part], axial[part], plate, coating,
+            rows if len(rows) <= 1 else rows[part],
+            by_heights[part], by_own_flux[part], by_axial[part], by_cosines[part],
+        )  # fmt: skip
+
+    in_chunks(work, len(by_own_flux))
+    return Sensitivities(by.by_points, by_directions), by_own_flux, by_axial if fresnel else None
+
+
+def _axial(rays: ExitRays) -> Float[np.ndarray, " n"]:
+    return np.zeros(len(rays.flux)) if rays.axial is None else rays.axial.numpy()
+
+
+def _packed(media: Media, fresnel: bool) -> _Plate:
+    """The numbers that the kernels take."""
+    glass = media.cover_glass
+    assert glass is not None
+    return fresnel, media.outside_index / glass.refractive_index, glass.thickness_mm, glass.absorption_per_mm
+
+
+def behind_glass_in_torch(
+    rays: ExitRays, media: Media, fresnel: bool = True, coatings: RayCoatings = NO_COATINGS
+) -> ExitRays:
+    """:func:`behind_glass` in plain torch, on any device and in any precision; differentiable."""
+    glass = media.cover_glass
+    if glass is None:
+        return rays
+    meets = (rays.directions[:, 2] > 0.0) & rays.left_lens
+    outside = torch.where(meets, rays.directions[:, 2], 1.0)
+    ratio = media.outside_index / glass.refractive_index
+    inside = torch.sqrt(transmitted_cosine_squared(outside, ratio))
+    nearer = glass.thickness_mm * (1.0 - ratio * outside / inside)
+    passed = rays.flux * torch.exp(-glass.absorption_per_mm * glass.thickness_mm / inside)
+    if fresnel:
+        if coatings.glass is None:
+            t_s, t_p, excess = fresnel_transmittances(outside, ratio)
+        else:
+            table, rows = (torch.as_tensor(each).to(outside) for each in (coatings.glass, coatings.rows))
+            t_s, t_p, excess = coated_transmittances(outside, ratio, table, rows)
+        assert rays.axial is not None
+        in_plane = rays.axial / torch.where(rays.flux > 0.0, rays.flux, 1.0)
+        passed = passed * (t_s**2 + (t_s + t_p) * excess * in_plane)
+    up = torch.zeros_like(rays.points)
+    up[:, 2] = 1.0
+    flux = torch.where(meets, passed, rays.flux)
+    points = rays.points + torch.where(meets, nearer, 0.0)[:, None] * up
+    return replace(rays, points=points, flux=flux, lost_in_glass=rays.flux - flux)

@@ -1,0 +1,305 @@
+"""Evaluation of a finished lens by the paper's protocol: rays in independent replicates, metrics, :class:`Light`.
+
+The error of an accuracy preset on this scene is that of light through its tables against light through the exact
+surfaces. The same rays pass through both, so that no noise enters; they come in independent scrambles, which give the
+standard error.
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import astuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from lensforge import seeds
+from lensforge.kernels.fate import Fate
+from lensforge.light.evaluation_result import FittedLight, Light, PresetError, TableError, TableErrors, light_criteria
+from lensforge.light.exact_trace import TableScan, exact_surfaces, trace_exact
+from lensforge.light.judged_limits import judged_limits
+from lensforge.light.metrics import (
+    Images,
+    jackknife_metric,
+    nmse,
+    nmse_estimate,
+    relative_deviation,
+    relative_square,
+    uniformity,
+)
+from lensforge.light.receiver_light import (
+    Flux,
+    MissedByCause,
+    Possible,
+    RawMetrics,
+    ReceiverLight,
+    RegionLight,
+    WindowSize,
+)
+from lensforge.light.simulation import (
+    ABSORBED,
+    IN_GLASS,
+    MISSED_RECEIVER,
+    ReceivedFlux,
+    ReplicateMetrics,
+    TracedLens,
+    lit_mask,
+    mean_share,
+    simulate,
+    traced_light,
+)
+from lensforge.results import Metric
+from lensforge.results.chart import light_unit
+from lensforge.scene.lens import Lens
+from lensforge.scene.limit_readings import LightLimit, light_limits
+from lensforge.scene.pixel_grid import flux_in, gaussian3, rebinned, splat_flux
+from lensforge.scene.possible_light import PossibleLight, SourceLight
+from lensforge.scene.receiver import Hits, Receiver
+from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.scene.target_pattern import DrawnTarget, coarser_target, drawn_target
+from lensforge.scene.target_region import uniform_region
+from lensforge.sources.measured_rays import held_back, searched
+from lensforge.sources.ray_bundle import RayBundle, Source
+from lensforge.spec import AnyReceiver, Spec
+from lensforge.spec.accuracy import Preset
+
+_SCRAMBLES, _RAYS = 8, 2**8  # few: each is traced through the exact surfaces, which is slow
+
+
+def measure_preset(lens: Lens, source: Source, design: TracedLens, evaluation: TracedLens) -> PresetError:
+    """Errors of the tables of both stages against the exact surfaces; the evaluation's tables bracket the crossings.
+
+    The light is that on the first receiver, by the four-pixel splat on the design's pixels. With so few rays in a pixel
+    the errors of neighbouring rays do not average out: its error is an upper bound.
+    """
+    count = min(_RAYS, (source.ray_count or _SCRAMBLES * _RAYS) // _SCRAMBLES or 1)
+    own_seeds = (seeds.of_preset_error(lens.seed, _SCRAMBLES, k) for k in range(_SCRAMBLES))
+    # in one go: many small arrays take longer
+    rays = RayBundle.joined([source.sample(count, seed) for seed in own_seeds])
+    receiver = receivers_of(lens.spec, lens.spec.optimise.pixels)[0]
+    inner, outer = (TableScan(evaluation.scene.grid, table.numpy()) for table in (evaluation.inner, evaluation.outer))
+    surfaces = exact_surfaces(lens, (inner, outer))
+    exits = evaluation.seen(rays, lambda own: trace_exact(*surfaces, lens.media, own))
+    exact = Hits.of(receiver.land_in_torch(exits))
+    return PresetError(
+        rays=len(rays),
+        scrambles=_SCRAMBLES,
+        design=_stage(design, rays, exact, receiver, source.flux_w),
+        evaluation=_stage(evaluation, rays, exact, receiver, source.flux_w),
+    )
+
+
+def _stage(traced: TracedLens, rays: RayBundle, exact: Hits, receiver: Receiver, emitted_w: float) -> TableError:
+    landed = Hits.of(receiver.land(traced.trace(rays)))
+    squares, pictures, lost, largest = [], [], [], 0.0
+    for rows in np.split(np.arange(len(rays)), _SCRAMBLES):
+        tabulated, reference = landed.take(rows), exact.take(rows)
+        on = (np.abs(reference.hits) <= 0.5 * np.array(receiver.grid.size)).all(axis=1)
+        both = tabulated.arrived & reference.arrived & on
+        away = np.linalg.norm(tabulated.hits[both] - reference.hits[both], axis=1)
+        largest = max(largest, float(away.max(initial=0.0)))
+        squares.append([float(away @ away), float(both.sum())])
+        pictures.append([splat_flux(light.hits, light.flux, receiver.grid) for light in (tabulated, reference)])
+        detected = [flux_in(light.hits, light.flux, receiver.window) for light in (tabulated, reference)]
+        lost.append((detected[0] - detected[1]) / emitted_w)
+    return TableError(
+        table_error_nm=max(traced.table_error_nm.values()),
+        hit_max_mm=largest,
+        hit_mm=jackknife_metric(
+            np.array(squares), lambda mean: float(np.sqrt(mean[0] / mean[1])) if mean[1] else 0.0, "mm"
+        ),
+        irradiance_nmse=jackknife_metric(np.array(pictures), relative_square),
+        efficiency=jackknife_metric(np.array(lost), float),
+    )
+
+
+def evaluate_lens(
+    lens: Lens,
+    source: Source,
+    preset: Preset,
+    *,
+    rays: int | None = None,
+    pixels: int | None = None,
+    seed: int | None = None,
+    lumens_per_watt: float | None = None,
+    searched_with: bool = False,
+) -> Light:
+    """Simulate ``lens``: rays from the argument, the spec, or the preset, in this order; pixels likewise.
+
+    ``searched_with``: the lens was designed with ``source``; of measured rays, those that the search has not used then
+    judge it, and the figures by the others, to which it is fitted, stand beside.
+
+    ``seed``: by default the lens's own. The error of the preset's tables on this scene is measured as well, and the
+    limits of the spec are judged: those in lux and candela by ``lumens_per_watt`` of ``source``.
+    """
+    traced = TracedLens.of(lens, preset.evaluate_nodes_per_sigma)
+    count = rays or lens.spec.evaluate.rays or preset.evaluate_rays
+    side = pixels or lens.spec.evaluate.pixels
+    limits = light_limits(lens.spec, receivers_of(lens.spec, side), lumens_per_watt, source.flux_w)
+    seed, judging = lens.seed if seed is None else seed, held_back(source) if searched_with else source
+    light = evaluate_traced(traced, lens.spec, judging, count, seed, pixels=side, limits=limits, bounds_by=source)
+    design = TracedLens.of(lens, preset.nodes_per_sigma)
+    error = measure_preset(lens, judging, design, traced)
+    fitted = _fitted(traced, lens.spec, searched(source), count, seed) if judging is not source else None
+    settled = {"preset_error": error, "inputs": {"lens": lens.sha256}, "lumens_per_watt": lumens_per_watt}
+    settled["fitted"] = fitted
+    return light.model_copy(update=settled)
+
+
+def _fitted(traced: TracedLens, spec: Spec, source: Source, rays: int, seed: int) -> FittedLight:
+    """Figures by the rays of the search."""
+    found = traced_light(traced, spec, source, rays, seed).metrics
+    return FittedLight(rays=min(rays, source.ray_count or rays), nmse=found.nmse, efficiency=found.efficiency)
+
+
+def evaluate_traced(
+    traced: TracedLens,
+    spec: Spec,
+    source: Source,
+    rays: int,
+    seed: int,
+    *,
+    pixels: int | None = None,
+    limits: Sequence[LightLimit] = (),
+    bounds_by: Source | None = None,
+) -> Light:
+    """Simulate surfaces that are tables already, such as measured ones, under the protocol of ``spec``.
+
+    ``limits`` on pictures of that many ``pixels`` are judged. The luminous efficacy is left open: it is not one of the
+    emitter. ``bounds_by``: all rays of the source, of which ``source`` may be a part; they tell what is possible.
+    """
+    started = time.perf_counter()
+    side = pixels or spec.evaluate.pixels
+    receivers = receivers_of(spec, side)
+    drawn = [
+        (drawn_target(section.targets, receiver), coarser_target(section.targets, receiver))
+        for section, receiver in zip(spec.all_receivers, receivers, strict=True)
+    ]
+    simulation = simulate(traced, source, receivers, rays, seed, drawn)
+    light, variance = SourceLight.of(bounds_by or source, traced.scene.media), spec.evaluate.filter_variance
+    reach_mm = spec.constraints.max_radius_mm + traced.grown_mm
+    lit = tuple(
+        receiver_light(section, PossibleLight(light, receiver, reach_mm), received, variance, simulation.emitted_w)
+        for section, receiver, received in zip(spec.all_receivers, receivers, simulation.received, strict=True)
+    )
+    images = [gaussian3(received.images, variance) for received in simulation.received] if limits else []
+    return Light(
+        receivers=lit,
+        limits=judged_limits(limits, images, [each.name for each in lit]),
+        rays=simulation.rays,
+        replicates=len(simulation.received[0].images),
+        pixels=side,
+        filter=f"3x3 Gaussian, variance {spec.evaluate.filter_variance:g} pixel^2, hard bins",
+        lumens_per_watt=None,
+        table_nodes=traced.scene.grid.nodes,
+        table_error_nm=TableErrors.model_validate(traced.table_error_nm),
+        preset_error=None,
+        seed=seed,
+        seconds=time.perf_counter() - started,
+        criteria=light_criteria(lit[0].flux),
+    )
+
+
+def receiver_light(
+    section: AnyReceiver, physics: PossibleLight, received: ReceivedFlux, variance: float, emitted_w: float
+) -> ReceiverLight:
+    """Metrics and maps of the light on one receiver, with the bounds that physics sets there.
+
+    ``received``: with its target, and that of half as many pixels. ``variance`` of the filter (pixel^2).
+    """
+    receiver = physics.receiver
+    drawn, coarser = received.targets
+    images = gaussian3(received.images, variance)
+    coarse = gaussian3(rebinned(received.images, receiver.grid.halved()), variance)
+    target, mean, raw = drawn.light, images.mean(axis=0), received.images.mean(axis=0)
+    mask, measure = lit_mask(uniform_region(section.targets, receiver), images), receiver.pixel_measure
+    metrics = ReplicateMetrics.of(images, target, mask, received.window / emitted_w).metrics()
+    flux, missed = _flux_budget(received, emitted_w)
+    unit = light_unit(None, far_field=receiver.kind == "far_field")
+    width, height, radius = (side if np.isfinite(side) else None for side in astuple(receiver.window))
+    return ReceiverLight(
+        name=section.name or section.kind,
+        kind=section.kind,
+        place=section.place,
+        width=receiver.grid.width,
+        height=receiver.grid.height,
+        window=WindowSize(width=width, height=height, radius=radius),
+        nmse=metrics.nmse,
+        efficiency=metrics.efficiency,
+        share_in_target=_share_in_target(received, emitted_w),
+        uniformity=metrics.uniformity,
+        rsd=metrics.rsd,
+        in_region=RegionLight.of(images / measure, target, mask, unit.symbol),
+        raw=_raw(mean, target, mask),
+        nmse_of_noise=_noise(images),
+        nmse_of_raster=metrics.nmse.value - nmse_estimate(coarse, coarser.light).value,
+        possible=_possible(physics, drawn, float(mean.sum()) / emitted_w),
+        flux=flux,
+        missed_by_cause=missed,
+        map=mean / measure,
+        raw_map=raw / measure,
+        target_map=target * mean.sum() / measure,
+    )
+
+
+def _share_in_target(received: ReceivedFlux, emitted_w: float) -> Metric:
+    """Share by ray; its error has in it what sub-pixels twice as wide change."""
+    share, coarse = (mean_share(flux / emitted_w) for flux in received.in_targets.T)
+    if share.standard_error is None:
+        return share
+    error = float(np.hypot(share.standard_error, coarse.value - share.value))
+    return share.model_copy(update={"standard_error": error})
+
+
+def _possible(physics: PossibleLight, target: DrawnTarget, arriving: float) -> Possible:
+    """Bounds for a target; ``arriving``: share of the flux on the pixels."""
+    share = physics.in_region(target.coverage)
+    return Possible(
+        efficiency=physics.in_window().value,
+        share_in_target=share.value,
+        nmse=physics.least_nmse(target.light, target.coverage > 0.0, arriving),
+        law=share.law,
+        luminance_estimated=physics.light.curve.estimated,
+    )
+
+
+def _raw(
+    mean: Float[np.ndarray, "h w"], target: Float[np.ndarray, "h w"], mask: Bool[np.ndarray, "h w"] | None
+) -> RawMetrics:
+    """Metrics of the mean image, with its noise."""
+    return RawMetrics(
+        nmse=nmse(mean, target),
+        uniformity=None if mask is None else uniformity(mean, mask),
+        rsd=None if mask is None else relative_deviation(mean, mask),
+    )
+
+
+def _noise(images: Images) -> float | None:
+    """NMSE due to ray noise alone: variance of the mean image over its square."""
+    mean = images.mean(axis=0)
+    if len(images) < 2 or not mean.any():
+        return None
+    return float(images.var(axis=0, ddof=1).sum() / len(images) / np.sum(mean**2))
+
+
+def _flux_budget(received: ReceivedFlux, emitted_w: float) -> tuple[Flux, MissedByCause]:
+    """The flux budget, and the flux that missed the receiver's surface by cause."""
+    share = received.by_fate.mean(axis=0) / emitted_w
+    detected = float(received.window.mean() / emitted_w)
+    missed = MissedByCause(
+        backward=float(share[Fate.BACKWARD]),
+        outside_cavity=float(share[Fate.OUTSIDE_CAVITY]),
+        base=float(share[Fate.BASE]),
+        missed_receiver=float(share[MISSED_RECEIVER]),
+        surfaces_intersect=float(share[Fate.SURFACES_INTERSECT]),
+    )
+    flux = Flux(
+        detected=detected,
+        outside=float(received.outside.mean() / emitted_w),
+        missed=sum(missed.model_dump().values()),
+        total_reflection=float(share[Fate.TOTAL_REFLECTION]),
+        not_converged=float(share[Fate.NOT_CONVERGED]),
+        absorbed=float(share[ABSORBED]),
+        cover_glass=float(share[IN_GLASS]),
+        reflected=max(0.0, 1.0 - float(share.sum())),  # the rest: all of it may be rounding
+    )
+    return flux, missed

@@ -1,0 +1,241 @@
+"""The result of the evaluation: the light on every receiver, how it was simulated, and the judgement of each limit."""
+
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
+
+from pydantic import Field, model_validator
+
+from lensforge.light.receiver_light import Flux, MissedByCause, Picture, Possible, RawMetrics, ReceiverLight
+from lensforge.results import Count, Image, Metric, NotNegative, Number, Positive, Record, SimulatedResult, Text, stated
+from lensforge.results.array_fields import MOST_PIXELS
+from lensforge.results.chart import light_unit
+from lensforge.results.criteria import Criterion, Sense, at_most, beyond_doubt
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+LimitState = Literal["held", "missed", "undecided"]
+
+
+class LimitResult(Record):
+    """A limit of the spec: the ``value`` that decides must be ``sense`` ``bound``, in ``unit`` ("" for a ratio).
+
+    ``value``: of the place with the least light, or the most. ``state``: "undecided" within two standard errors of the
+    bound, and without a standard error.
+    """
+
+    name: Text
+    receiver: Text
+    quantity: Text
+    value: Metric
+    sense: Sense
+    bound: Number
+    unit: Text
+
+    @property
+    def excess(self) -> float:
+        """Distance of the value from the bound, on the wrong side of it; below 0 on the right one."""
+        above = self.value.value - self.bound
+        return above if self.sense == "<=" else -above
+
+    @stated
+    def state(self) -> LimitState:
+        """The judgement, by value, standard error and bound."""
+        missed = beyond_doubt(self.excess, self.value.standard_error)
+        return "undecided" if missed is None else "missed" if missed else "held"
+
+    @property
+    def words(self) -> str:
+        """The value, and what it must be."""
+        unit = f" {self.unit}" if self.unit not in ("", "°") else self.unit
+        return f"{self.value}, must be {self.sense} {self.bound:g}{unit}"
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.quantity} {self.words}"
+
+
+class TableErrors(Record):
+    """The largest distance (nm) of each table from its exact surface."""
+
+    inner: NotNegative
+    outer: NotNegative
+
+
+class TableError(Record):
+    """Error of a stage's tables against the exact surfaces, by the same rays: an upper bound.
+
+    ``hit_mm``, ``hit_max_mm``: root mean square and largest shift of the hits, over rays that arrive through both.
+    """
+
+    table_error_nm: NotNegative
+    hit_max_mm: NotNegative
+    hit_mm: Metric
+    irradiance_nmse: Metric
+    efficiency: Metric
+
+
+class PresetError(Record):
+    """Error of the accuracy preset's tables, measured on this scene."""
+
+    rays: Count
+    scrambles: Count
+    design: TableError
+    evaluation: TableError
+
+
+class FittedLight(Record):
+    """Light on the first receiver by the ``rays`` of a file that the search has used: too good where it fits noise."""
+
+    rays: Count
+    nmse: Metric
+    efficiency: Metric
+
+
+def light_criteria(flux: Flux) -> tuple[Criterion, ...]:
+    """The one criterion on a simulation: a search for a crossing that gives up must not lose any light."""
+    remedy = "take a higher accuracy; please report the lens.json"
+    return (at_most("flux not converged", flux.not_converged, 0.0, "of the source", remedy),)
+
+
+class Light(SimulatedResult):
+    """The light of a lens on its receivers, simulated with independent replicates of rays.
+
+    Metrics, flux and maps of the light itself are those of the first receiver. Of a ray file they are those of rays
+    that the search has not used; ``fitted``: by the rays that it has.
+    """
+
+    stage: ClassVar[str] = "evaluate"
+    made_from: ClassVar[tuple[str, ...]] = ("lens", "source")
+
+    receivers: Annotated[tuple[ReceiverLight, ...], Field(min_length=1)]
+    limits: tuple[LimitResult, ...] = ()
+    rays: Annotated[Count, Field(ge=1)]
+    replicates: Annotated[Count, Field(ge=1)]
+    pixels: Annotated[Count, Field(ge=1, le=MOST_PIXELS)]
+    filter: Text
+    lumens_per_watt: Positive | None
+    table_nodes: Count
+    table_error_nm: TableErrors
+    preset_error: PresetError | None
+    fitted: FittedLight | None = None
+    seed: Count
+    seconds: NotNegative
+    criteria: tuple[Criterion, ...]
+
+    @property
+    def first(self) -> ReceiverLight:
+        """The light on the first receiver."""
+        return self.receivers[0]
+
+    @stated
+    def nmse(self) -> Metric:
+        """NMSE on the first receiver."""
+        return self.first.nmse
+
+    @stated
+    def efficiency(self) -> Metric:
+        """Share of the emitted flux in the first receiver's window."""
+        return self.first.efficiency
+
+    @stated
+    def share_in_target(self) -> Metric:
+        """Share of the emitted flux in the first receiver's target."""
+        return self.first.share_in_target
+
+    @stated
+    def uniformity(self) -> Metric | None:
+        """Least over mean in the first receiver's mask."""
+        return self.first.uniformity
+
+    @stated
+    def rsd(self) -> Metric | None:
+        """Standard deviation over mean in the first receiver's mask."""
+        return self.first.rsd
+
+    @stated
+    def possible(self) -> Possible:
+        """Bounds that physics sets on the first receiver."""
+        return self.first.possible
+
+    @stated
+    def flux(self) -> Flux:
+        """Flux budget of the first receiver."""
+        return self.first.flux
+
+    @property
+    def missed_by_cause(self) -> MissedByCause:
+        """Flux that missed the first receiver, by cause."""
+        return self.first.missed_by_cause
+
+    @property
+    def raw(self) -> RawMetrics:
+        """Metrics of the first receiver's picture, with ray noise."""
+        return self.first.raw
+
+    @property
+    def nmse_of_noise(self) -> float | None:
+        """NMSE of the noise in the first receiver's map."""
+        return self.first.nmse_of_noise
+
+    @property
+    def map(self) -> Image:
+        """Light on the first receiver (W/m^2 or W/sr), [row y, column x]."""
+        return self.first.map
+
+    @property
+    def raw_map(self) -> Image:
+        """The same before the filter."""
+        return self.first.raw_map
+
+    @property
+    def target_map(self) -> Image:
+        """Its target, scaled to the flux that arrives."""
+        return self.first.target_map
+
+    @model_validator(mode="after")
+    def _is_of_one_piece(self) -> "Light":
+        for receiver in self.receivers:
+            if receiver.pixels != self.pixels:
+                raise ValueError(f"pixels = {self.pixels}, but the maps of {receiver.name} have {receiver.pixels}")
+        return self
+
+    def __str__(self) -> str:
+        several = len(self.receivers) > 1
+        figures = "; ".join(f"{each.name}: {_figures(each)}" if several else _figures(each) for each in self.receivers)
+        where = "" if self.conditions is None else f" under other conditions ({self.conditions})"
+        rows, columns = self.map.shape
+        return f"light{where}: {figures} ({self.rays} rays, {columns} x {rows} pixels, {self.filter})"
+
+    def plot(self, axes: "Axes | None" = None, *, which: Picture = "map", receiver: str | None = None) -> "Axes":
+        """The light on a receiver, by default the first, in false colour: in lux or candela if its lumens are known.
+
+        Raises :class:`InputError` for an unknown map or receiver.
+        """
+        from lensforge.results.plots import plot_map, require_choice
+
+        require_choice("which", which, get_args(Picture))
+        named = {each.name: each for each in self.receivers}
+        if receiver is not None:
+            require_choice("receiver", receiver, named)
+        shown = self.first if receiver is None else named[receiver]
+        unit = light_unit(self.lumens_per_watt, far_field=shown.chart.far_field)
+        return plot_map(getattr(shown, which), shown.chart, unit, axes)
+
+
+def _figures(light: ReceiverLight) -> str:
+    named = {"NMSE": light.nmse, "uniformity": light.uniformity, "efficiency": light.efficiency}
+    return ", ".join(f"{name} {metric}" for name, metric in named.items() if metric is not None)
+
+
+class LightMetrics(Record):
+    """The metrics of one lens among several; None where a metric has no meaning."""
+
+    nmse: Metric
+    uniformity: Metric | None
+    rsd: Metric | None
+    efficiency: Metric
+
+    @staticmethod
+    def of(light: Light) -> "LightMetrics":
+        """Metrics of ``light``."""
+        return LightMetrics(nmse=light.nmse, uniformity=light.uniformity, rsd=light.rsd, efficiency=light.efficiency)

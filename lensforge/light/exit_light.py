@@ -1,0 +1,208 @@
+"""Light that leaves the lens, traced until its intensity is known to the stated noise; its rays start on a sphere."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge import seeds
+from lensforge.errors import InputError
+from lensforge.light.angular_grid import AngularGrid, finest_grid
+from lensforge.light.angular_resolution import FittedIntensity, fit
+from lensforge.light.luminaire_classes import zone_flux
+from lensforge.light.simulation import CAUSES, TracedLens, flux_by_fate
+from lensforge.results import Metric
+from lensforge.sources.ray_bundle import RayBundle, Source, drawn
+
+
+@dataclass(frozen=True)
+class RaysOnSphere:
+    """Rays that leave the lens upwards, starting on the sphere; and the flux (W) of all rays by fate.
+
+    The last of ``by_fate_w`` is the flux of rays that leave the lens, but not upwards.
+    """
+
+    rays: RayBundle
+    by_fate_w: Float[np.ndarray, " f"]
+
+
+def exit_rays(lens: TracedLens, rays: RayBundle, sphere_mm: float) -> RaysOnSphere:
+    """Trace ``rays`` and start those that leave upwards on the sphere of radius ``sphere_mm`` around the lens."""
+    found = lens.trace(rays)
+    upwards = found.left_lens & (found.directions[:, 2] > 0.0)
+    points, directions, flux = (each[upwards].numpy() for each in (found.points, found.directions, found.flux))
+    directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    by_fate = flux_by_fate(found, found.left_lens & ~upwards)
+    return RaysOnSphere(RayBundle(_on_sphere(points, directions, sphere_mm), directions, flux), by_fate)
+
+
+def _on_sphere(
+    points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], radius_mm: float
+) -> Float[np.ndarray, "n 3"]:
+    """Points at which rays from inside the sphere about the origin leave it."""
+    along = np.sum(points * directions, axis=1)
+    closest = points - along[:, None] * directions
+    half_chord = np.sqrt(np.maximum(radius_mm**2 - np.sum(closest**2, axis=1), 0.0))
+    left: Float[np.ndarray, "n 3"] = closest + half_chord[:, None] * directions
+    return left
+
+
+PARTS = 16  # independent samples: their spread is the standard error
+_ROUNDS = 32  # at most, of these samples, so that every one has a seed of its own
+_FILE_RAYS = 2**17  # rays of the ray file
+_LARGEST_NODE_ERROR = 0.02  # rms, relative: more rays are traced until then; goniophotometers have about as much
+_FIRST_RAYS = 2**20  # half a second on two cores; enough for a smooth beam
+_MOST_AT_ONCE = 2**20  # bounds the memory
+_IN_BEAM = 0.995  # of the flux: within the angle that holds it, the grid is fine
+
+
+@dataclass(frozen=True, eq=False)
+class ExitLight:
+    """Light of ``rays`` rays: its intensity (W/sr), its flux, that of all rays by fate, and some of the rays.
+
+    ``zones_w``: flux of each sample by :func:`~lensforge.light.luminaire_classes.zone_flux`.
+    """
+
+    rays: int
+    intensity: FittedIntensity
+    exit_w: Metric
+    by_fate_w: Float[np.ndarray, " f"]
+    sample: RayBundle
+    zones_w: Float[np.ndarray, "p 2 4"]
+
+
+def trace_exit_light(
+    lens: TracedLens,
+    source: Source,
+    symmetry: str,
+    *,
+    rays: int | None,
+    most_rays: int,
+    seed: int,
+    sphere_mm: float,
+    street_deg: float,
+) -> ExitLight:
+    """Trace ``rays`` rays, or more and more, to ``most_rays``, until the nodes are known to 2 % rms.
+
+    ``symmetry``: mirror group of lens and source, under which the light is averaged. ``sphere_mm``: radius of the
+    sphere on which exit rays start. ``street_deg``: azimuth of the street. A measured source gives at most its own
+    rays. Raises :class:`InputError` where no light leaves the lens upwards.
+    """
+    sums, wanted = _Sums(lens, sphere_mm, symmetry, street_deg), rays or min(_FIRST_RAYS, most_rays)
+    if source.ray_count is not None:
+        sums.add(_distributed(source, min(wanted, source.ray_count), seed))
+        return sums.light()
+    for number in range(_ROUNDS):
+        count = min(-(-(wanted - sums.rays) // PARTS), _MOST_AT_ONCE)
+        sums.add(_bundles(source, count, seed, number))
+        if sums.rays < wanted:
+            continue
+        light = sums.light()
+        wanted = sums.rays if rays is not None else _rays_needed(light, most_rays)
+        if wanted <= sums.rays:
+            break
+    return light
+
+
+def _rays_needed(light: ExitLight, most_rays: int) -> int:
+    """Rays that bring the noise of the nodes down to its limit, by doublings: it falls with the root of the number."""
+    error, needed = light.intensity.node_error, light.rays
+    noise = 0.0 if error is None else error.rms
+    while noise > _LARGEST_NODE_ERROR and 2 * needed <= most_rays:
+        needed, noise = 2 * needed, noise / np.sqrt(2.0)
+    return needed
+
+
+class _Sums:
+    """Sums over all rays traced so far, by sample."""
+
+    def __init__(self, lens: TracedLens, sphere_mm: float, symmetry: str, street_deg: float) -> None:
+        self.rays = 0
+        self._lens, self._sphere_mm, self._symmetry, self._street_deg = lens, sphere_mm, symmetry, street_deg
+        self._grid: AngularGrid | None = None
+        self._deposits: list[Float[np.ndarray, "c g"]] = []
+        self._zones: list[Float[np.ndarray, "2 4"]] = []
+        self._weights: list[float] = []
+        self._by_fate: list[Float[np.ndarray, " f"]] = []
+        self._kept: list[RayBundle] = []
+
+    def add(self, bundles: Iterator[RayBundle]) -> None:
+        """Trace one more bundle for each sample; each bundle carries all the flux."""
+        for part, bundle in enumerate(bundles):
+            out = exit_rays(self._lens, bundle, self._sphere_mm)
+            if self._grid is None:
+                self._grid = finest_grid(_reach_deg(out.rays))
+            deposit, weight = self._grid.deposit(out.rays), float(len(bundle))
+            if part == len(self._weights):
+                self._deposits.append(np.zeros_like(deposit))
+                self._zones.append(np.zeros((2, 4)))
+                self._by_fate.append(np.zeros(CAUSES))
+                self._weights.append(0.0)
+                self._kept.append(out.rays.take(slice(_FILE_RAYS // PARTS)))
+            self._deposits[part] += weight * deposit
+            self._zones[part] += weight * zone_flux(out.rays, self._street_deg, self._symmetry)
+            self._by_fate[part] += weight * out.by_fate_w
+            self._weights[part] += weight
+            self.rays += len(bundle)
+        if not any(deposit.any() for deposit in self._deposits):
+            raise InputError(
+                f"none of {self.rays} rays leaves the lens upwards: there is no light to write; check lens.json"
+            )
+
+    @property
+    def _samples(self) -> Float[np.ndarray, "p c g"]:
+        return np.stack([deposit / weight for deposit, weight in zip(self._deposits, self._weights, strict=True)])
+
+    def light(self) -> ExitLight:
+        """Light by all rays so far."""
+        grid = self._grid
+        assert grid is not None
+        intensity = fit(grid, grid.images_mean(self._samples, self._symmetry))
+        zones = np.stack([zones / weight for zones, weight in zip(self._zones, self._weights, strict=True)])
+        return ExitLight(self.rays, intensity, self.exit_w, self.by_fate_w, self.file_rays, zones)
+
+    @property
+    def exit_w(self) -> Metric:
+        """Flux that leaves the lens upwards, with its standard error by the spread of the samples."""
+        exits = self._samples.sum(axis=(1, 2))
+        error = float(exits.std(ddof=1) / np.sqrt(len(exits))) if len(exits) > 1 else None
+        return Metric(value=float(exits.mean()), unit="W", standard_error=error)
+
+    @property
+    def by_fate_w(self) -> Float[np.ndarray, " f"]:
+        """Flux (W) of all rays by fate."""
+        shares = [by_fate / weight for by_fate, weight in zip(self._by_fate, self._weights, strict=True)]
+        mean: Float[np.ndarray, " f"] = np.mean(shares, axis=0)
+        return mean
+
+    @property
+    def file_rays(self) -> RayBundle:
+        """Some of the rays, with all the flux that leaves the lens."""
+        sample = RayBundle.joined(self._kept)
+        return replace(sample, flux=sample.flux * (self.exit_w.value / sample.flux.sum()))
+
+
+def _bundles(source: Source, count: int, seed: int, number: int) -> Iterator[RayBundle]:
+    """Round ``number`` of independent bundles, one for each sample, each of the whole flux."""
+    for part in range(PARTS):
+        yield source.sample(count, seeds.of_far_field(seed, PARTS * _ROUNDS, number * PARTS + part))
+
+
+def _distributed(source: Source, count: int, seed: int) -> Iterator[RayBundle]:
+    """The rays of a measured source, distributed among the samples at random."""
+    everything = drawn(source, count, seed)
+    order = np.random.default_rng(seed).permutation(len(everything))
+    for rows in np.array_split(order, min(PARTS, len(order))):
+        some = everything.take(rows)
+        yield replace(some, flux=some.flux * (source.flux_w / some.flux.sum()))
+
+
+def _reach_deg(rays: RayBundle) -> float:
+    """Angle (degrees) from the axis that holds nearly all the flux of ``rays``."""
+    if len(rays) == 0:
+        return 90.0
+    gamma = np.rad2deg(np.arccos(np.clip(rays.directions[:, 2], -1.0, 1.0)))
+    order = np.argsort(gamma)
+    held = np.cumsum(rays.flux[order])
+    return float(gamma[order[np.searchsorted(held, _IN_BEAM * held[-1])]])

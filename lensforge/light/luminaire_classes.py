@@ -1,0 +1,295 @@
+"""Classes of a lamp that shines down on a road: its distribution type, and its BUG rating, by ANSI/IES.
+
+The lateral angle is 0 towards the street, 90 and 270 degrees along it, 180 towards the house; gamma = 0 is straight
+down: the frame of ANSI/IES TM-15 and of the distribution types.
+
+The distribution type (ANSI/IES RP-8) is how far the light reaches, in mounting heights. Along the road: where the
+largest intensity points. Across it: how far the line of half the largest intensity reaches towards the street, within
+the range along the road that the first names. Type V is the same all around: here the reach of that line varies by less
+than from 2/3 to 1 over all lateral angles, which lets a square count as symmetric.
+
+The BUG rating is of backlight, uplight and glare, by the lumens of zones: ANSI/IES TM-15-11, luminaire classification
+system; ratings: its addendum A. A rating is that of its worst zone. Zones are sums over rays: a table of intensity is a
+step of its angles wide at an edge of the light.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal, Protocol
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from lensforge.light.metrics import jackknife_metric
+from lensforge.results import Count, Flag, Metric, NotNegative, Record
+from lensforge.sources.ray_bundle import RayBundle
+from lensforge.surfaces.mirror_group import group
+
+if TYPE_CHECKING:
+    from scipy import sparse
+
+
+Degrees = Float[np.ndarray, " k"]
+
+
+class IntensityGrid(Protocol):
+    """Nodes of an intensity table, from whose values the intensity in any direction follows."""
+
+    @property
+    def gamma_deg(self) -> Float[np.ndarray, " g"]:
+        """Angles of its cones."""
+        ...
+
+    @property
+    def c_deg(self) -> Float[np.ndarray, " c"]:
+        """Angles of its half-planes."""
+        ...
+
+    def readings(self, c_deg: Degrees, gamma_deg: Degrees) -> "sparse.csr_array":
+        """Matrix from the values of the nodes to the intensity in each direction."""
+        ...
+
+
+@dataclass(frozen=True)
+class LampLight:
+    """Intensities (cd) of a whole lamp at the nodes of ``grid``, by independent ``samples`` of the rays.
+
+    ``street_deg``: azimuth of the street, in the frame of the grid. ``finer``: the same light by a table of half the
+    steps, as one sample.
+    """
+
+    grid: IntensityGrid
+    samples: Float[np.ndarray, "p c g"]
+    street_deg: float
+    finer: "LampLight | None" = None
+
+    def times(self, count: int) -> "LampLight":
+        """Light of so many."""
+        finer = None if self.finer is None else self.finer.times(count)
+        return replace(self, samples=count * self.samples, finer=finer)
+
+    def intensities(self, lateral_deg: Degrees, gamma_deg: Degrees) -> Float[np.ndarray, "p k"]:
+        """Intensity (cd) in each direction, by each sample."""
+        matrix = self.grid.readings(lateral_deg + self.street_deg, gamma_deg)
+        read: Float[np.ndarray, "p k"] = (matrix @ self.samples.reshape(len(self.samples), -1).T).T
+        return read
+
+    @staticmethod
+    def figure(by_sample: Float[np.ndarray, " p"], unit: str) -> Metric:
+        """Mean of a figure that is linear in the light, with its standard error."""
+        return jackknife_metric(by_sample[:, None], lambda mean: float(mean[0]), unit)
+
+
+Lateral = Literal["I", "II", "III", "IV", "V"]
+Longitudinal = Literal["very short", "short", "medium", "long", "very long"]
+_ALONG: tuple[tuple[Longitudinal, float], ...] = (
+    ("very short", 1.0), ("short", 2.25), ("medium", 3.75), ("long", 6.0), ("very long", np.inf),
+)  # fmt: skip
+_ACROSS: tuple[tuple[Lateral, float], ...] = (("I", 1.0), ("II", 1.75), ("III", 2.75), ("IV", np.inf))
+_HALF = 0.5
+_ROUND = 2.0 / 3.0  # least over largest reach of the line: a square has 0.71, an ellipse of 2:1 half
+_LATERAL_STEPS, _GAMMA_STEP, _LAST_DEG = 360, 0.1, 89.0  # a hundredth of a mounting height at 65 degrees
+_TYPE_DOUBT = 2.0  # standard errors within which a type may be the next
+
+
+class DistributionType(Record):
+    """Type of the distribution, such as III medium.
+
+    Reaches in mounting heights: ``along_mh`` of the largest intensity, ``street_mh`` and ``house_mh`` of the line of
+    half of it. ``roundness``: least over largest reach of that line. ``certain``: two standard errors change neither
+    type, and no direction that may be the brightest has another one along the road.
+    """
+
+    lateral: Lateral
+    longitudinal: Longitudinal
+    certain: Flag
+    along_mh: NotNegative
+    street_mh: Metric
+    house_mh: Metric
+    roundness: Metric
+
+    def __str__(self) -> str:
+        return f"type {self.lateral} {self.longitudinal}" + ("" if self.certain else " (uncertain)")
+
+
+@dataclass(frozen=True)
+class _RoadGrid:
+    """Directions below the horizon, and where they meet the road: along and across, in mounting heights."""
+
+    lateral_deg: Degrees
+    gamma_deg: Degrees
+    along: Degrees
+    across: Degrees
+
+    @staticmethod
+    def fine() -> "_RoadGrid":
+        turns, gammas = np.arange(_LATERAL_STEPS) * (360.0 / _LATERAL_STEPS), np.arange(0.0, _LAST_DEG, _GAMMA_STEP)
+        lateral, gamma = (each.ravel() for each in np.meshgrid(turns, gammas, indexing="ij"))
+        far = np.tan(np.deg2rad(gamma))
+        return _RoadGrid(lateral, gamma, far * np.sin(np.deg2rad(lateral)), far * np.cos(np.deg2rad(lateral)))
+
+    def reach(self, light: Degrees, low: float, high: float, side: float) -> float:
+        """Farthest place towards ``side`` (1 the street, -1 the house) of half the light, within a range along."""
+        there = (light >= _HALF * light.max()) & (np.abs(self.along) >= low) & (np.abs(self.along) <= high)
+        return max(float((side * self.across[there]).max()), 0.0) if there.any() else 0.0
+
+    def roundness(self, light: Degrees) -> float:
+        """Least over largest reach of the line of half the light, over all lateral angles."""
+        bright = (light >= _HALF * light.max()).reshape(_LATERAL_STEPS, -1)
+        far = np.tan(np.deg2rad(self.gamma_deg)).reshape(_LATERAL_STEPS, -1)
+        reaches = np.where(bright, far, 0.0).max(axis=1)
+        return float(reaches.min() / reaches.max()) if reaches.max() > 0.0 else 0.0
+
+
+def distribution_type(lamp: LampLight) -> DistributionType:
+    """Type of the light of ``lamp``."""
+    road = _RoadGrid.fine()
+    samples = lamp.intensities(road.lateral_deg, road.gamma_deg)
+    finer = None if lamp.finer is None else lamp.finer.intensities(road.lateral_deg, road.gamma_deg)[0]
+
+    def figure(read: Callable[[Degrees], float]) -> Metric:
+        found = jackknife_metric(samples, read)
+        return found if finer is None else _with_error(found, read(finer) - found.value)
+
+    roundness = figure(road.roundness)
+    everywhere = roundness.value >= _ROUND  # the largest intensity is then as large along the road
+    along = np.hypot(road.along, road.across if everywhere else 0.0)
+    peaks = [int(samples.mean(axis=0).argmax()), *_brightest(samples), *([] if finer is None else [finer.argmax()])]
+    place, *others = np.searchsorted([end for _, end in _ALONG], along[peaks], side="right").tolist()
+    low, high = (0.0 if place == 0 else _ALONG[place - 1][1]), _ALONG[place][1]
+    street = _with_step(figure(lambda light: road.reach(light, low, high, 1.0)))
+    house = _with_step(figure(lambda light: road.reach(light, low, high, -1.0)))
+    types = {_lateral(street, roundness, errors) for errors in (-_TYPE_DOUBT, 0.0, _TYPE_DOUBT)}
+    return DistributionType(
+        lateral=_lateral(street, roundness),
+        longitudinal=_ALONG[place][0],
+        certain=len(types) == 1 and set(others) <= {place},
+        along_mh=float(along[peaks[0]]),
+        street_mh=street,
+        house_mh=house,
+        roundness=roundness,
+    )
+
+
+def _brightest(samples: Float[np.ndarray, "p k"]) -> Int[np.ndarray, " c"]:
+    """Directions that two standard errors do not tell from the brightest; none by a single sample."""
+    below = samples[:, [samples.mean(axis=0).argmax()]] - samples
+    if len(samples) < 2:
+        return np.zeros(0, dtype=int)
+    return np.flatnonzero(below.mean(axis=0) <= _TYPE_DOUBT * below.std(axis=0, ddof=1) / np.sqrt(len(samples)))
+
+
+def _with_error(figure: Metric, more: float) -> Metric:
+    """A figure with one more part of its error, added as a square."""
+    if figure.standard_error is None:
+        return figure
+    return figure.model_copy(update={"standard_error": float(np.hypot(figure.standard_error, more))})
+
+
+def _with_step(reach: Metric) -> Metric:
+    """A reach whose error includes half a step of gamma on the road."""
+    return _with_error(reach, 0.5 * np.deg2rad(_GAMMA_STEP) * (1.0 + reach.value**2))
+
+
+def _lateral(street: Metric, roundness: Metric, errors: float = 0.0) -> Lateral:
+    """Type across the road, both figures moved by so many standard ``errors``."""
+    reach, even = (each.value + errors * (each.standard_error or 0.0) for each in (street, roundness))
+    if even >= _ROUND:
+        return "V"
+    return next(name for name, end in _ACROSS if reach <= end)
+
+
+_SIDES, _HEIGHTS = ("forward", "back"), ("low", "mid", "high", "very_high")
+_GAMMA_DEG = (30.0, 60.0, 80.0)  # between these heights
+# Most lumens of a zone for the ratings 0 to 4; more is rated 5.
+_BACKLIGHT = {
+    "back_high": (110.0, 500.0, 1000.0, 2500.0, 5000.0),
+    "back_mid": (220.0, 1000.0, 2500.0, 5000.0, 8500.0),
+    "back_low": (110.0, 500.0, 1000.0, 2500.0, 5000.0),
+}
+_UPLIGHT = dict.fromkeys(("up_high", "up_low"), (0.0, 10.0, 50.0, 500.0, 1000.0))
+_GLARE = {
+    "forward_very_high": (10.0, 100.0, 225.0, 500.0, 750.0),
+    "back_very_high": (10.0, 100.0, 225.0, 500.0, 750.0),
+    "forward_high": (660.0, 1800.0, 5000.0, 7500.0, 12000.0),
+}
+_BACK_HIGH_GLARE = {False: (110.0, 500.0, 1000.0, 2500.0, 5000.0), True: (660.0, 1800.0, 5000.0, 7500.0, 12000.0)}
+_RATING_DOUBT = 2.0  # standard errors within which a rating may be the next
+
+
+class ZoneLumens(Record):
+    """Lumens by zone: forward and back at gamma to 30, 60, 80 and 90 degrees, and up to 100 and 180 degrees."""
+
+    forward_low: Metric
+    forward_mid: Metric
+    forward_high: Metric
+    forward_very_high: Metric
+    back_low: Metric
+    back_mid: Metric
+    back_high: Metric
+    back_very_high: Metric
+    up_low: Metric
+    up_high: Metric
+
+    @staticmethod
+    def of(samples: Float[np.ndarray, "p 2 4"]) -> "ZoneLumens":
+        """The mean of independent ``samples`` of :func:`zone_flux` (lm); a lens sends none above 90 degrees."""
+        found = {
+            f"{side}_{height}": jackknife_metric(samples[:, row, column], float, "lm")
+            for row, side in enumerate(_SIDES)
+            for column, height in enumerate(_HEIGHTS)
+        }
+        none = Metric(value=0.0, unit="lm", standard_error=0.0)
+        return ZoneLumens(**found, up_low=none, up_high=none)
+
+
+def zone_flux(rays: RayBundle, street_deg: float, symmetry: str) -> Float[np.ndarray, "2 4"]:
+    """Flux of ``rays``, which go upwards, forward and back (rows) and by height; mean over their mirror images.
+
+    ``street_deg``: azimuth of the street.
+    """
+    height = np.digitize(-rays.directions[:, 2], -np.cos(np.deg2rad(_GAMMA_DEG)))
+    street, total = np.array([np.cos(np.deg2rad(street_deg)), np.sin(np.deg2rad(street_deg))]), np.zeros(8)
+    for image in group(symmetry):
+        back = rays.directions[:, :2] @ image[:2, :2].T @ street <= 0.0
+        total += np.bincount(height + len(_HEIGHTS) * back, rays.flux, minlength=8)
+    return total.reshape(2, 4) / len(group(symmetry))
+
+
+class BugRating(Record):
+    """Ratings from 0 to 5, and the lumens of the ``zones``. ``certain``: none would change by two standard errors."""
+
+    backlight: Count
+    uplight: Count
+    glare: Count
+    certain: Flag
+    zones: ZoneLumens
+
+    def __str__(self) -> str:
+        return f"B{self.backlight} U{self.uplight} G{self.glare}" + ("" if self.certain else " (uncertain)")
+
+    @staticmethod
+    def of(zones: ZoneLumens, *, symmetric: bool, doubtful: bool = False) -> "BugRating":
+        """Rate ``zones``; ``symmetric``: of distribution type V, whose back light has the bounds of forward light.
+
+        ``doubtful``: whether it may be the other way round.
+        """
+
+        def rated(errors: float, even: bool) -> tuple[int, ...]:
+            glare = {**_GLARE, "back_high": _BACK_HIGH_GLARE[even]}
+            return tuple(_rating(zones, table, errors) for table in (_BACKLIGHT, _UPLIGHT, glare))
+
+        backlight, uplight, glare = rated(0.0, symmetric)
+        evens = {symmetric, symmetric ^ doubtful}
+        certain = len({rated(errors, even) for errors in (-_RATING_DOUBT, _RATING_DOUBT) for even in evens}) == 1
+        return BugRating(backlight=backlight, uplight=uplight, glare=glare, certain=certain, zones=zones)
+
+
+def _rating(zones: ZoneLumens, table: Mapping[str, tuple[float, ...]], errors: float = 0.0) -> int:
+    """Rating of the worst zone in ``table``, its lumens moved by so many standard ``errors``."""
+    worst = 0
+    for name, most in table.items():
+        found: Metric = getattr(zones, name)
+        lumens = found.value + errors * (found.standard_error or 0.0)
+        worst = max(worst, sum(lumens > each for each in most))
+    return worst

@@ -1,0 +1,253 @@
+"""Export of the far field of the finished lens as IES, EULUMDAT, TM-33 and TM-25 files, verified by reading them back.
+
+Only light that leaves the lens upwards is in the files: light that leaves it downwards meets the plane on which the
+lens stands, and counts as missed_receiver. Gamma = 0 is the lens axis, C = 0 the x axis, C = 90 the -y axis, see
+``sources.photometric.orientation``.
+"""
+
+import time
+from collections.abc import Iterator
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.errors import InputError
+from lensforge.kernels.fate import Fate
+from lensforge.light.angular_grid import AngularGrid
+from lensforge.light.angular_resolution import FittedIntensity
+from lensforge.light.exit_light import ExitLight, trace_exit_light
+from lensforge.light.luminaire_classes import LampLight
+from lensforge.light.photometry_result import (
+    IES_FILE,
+    LDT_FILE,
+    PLANES_DEG,
+    TM25_FILE,
+    TM33_FILE,
+    CandelaTables,
+    LostFlux,
+    Photometry,
+    WrittenFile,
+    WrittenFiles,
+    photometry_criteria,
+)
+from lensforge.light.road_lighting import RoadFigures
+from lensforge.light.simulation import ABSORBED, IN_GLASS, MISSED_RECEIVER, TracedLens
+from lensforge.light.source_photometry import SourceLumens, spectrum_of_source
+from lensforge.results import Metric
+from lensforge.results.files import temporary_folder
+from lensforge.scene.lens import Lens
+from lensforge.sources.build_source import summarise
+from lensforge.sources.photometric import PhotometricFile, read_photometric, write_photometric
+from lensforge.sources.photometric.ies import NEWEST, IesVersion
+from lensforge.sources.ray_bundle import RayBundle, Source
+from lensforge.sources.rayfiles import RayFile, read_rayfile, write_rayfile
+from lensforge.sources.rayfiles.ray_file import HeaderValue, shared_wavelength
+from lensforge.sources.source_spectrum import Spectrum
+from lensforge.spec.accuracy import Preset
+from lensforge.surfaces.mirror_group import NAMES, contains
+from lensforge.surfaces.srbf import fibonacci_hemisphere
+
+_FAR_FIELDS = {"ies": IES_FILE, "ldt": LDT_FILE, "tm33": TM33_FILE}
+
+
+def photometric_files(
+    photometric: PhotometricFile,
+    rays: RayBundle,
+    rays_lm: float | None,
+    spectrum: Spectrum | None,
+    ies_version: IesVersion = NEWEST,
+) -> dict[str, bytes]:
+    """Bytes of the four files, by name; ``rays_lm``: flux of ``rays``, where it is known."""
+    with temporary_folder(TM25_FILE) as folder:
+        for name in _FAR_FIELDS.values():
+            write_photometric(folder / name, photometric, ies_version=ies_version)
+        write_rayfile(folder / TM25_FILE, _rayfile(photometric, rays, rays_lm, spectrum), "tm25")
+        return {name: (folder / name).read_bytes() for name in (*_FAR_FIELDS.values(), TM25_FILE)}
+
+
+def _rayfile(
+    photometric: PhotometricFile, rays: RayBundle, rays_lm: float | None, spectrum: Spectrum | None
+) -> RayFile:
+    """Rays in W, with their lumens in the header, and the spectrum: one wavelength, or a table of all rays."""
+    header: dict[str, HeaderValue] = {
+        "name": photometric.title,
+        "creation_method": "simulated",
+        "ray_file_creator": "lensforge",
+        "date": photometric.issued,
+        "additional_info": "; ".join(photometric.remarks),
+    }
+    waves = None
+    if spectrum is not None and len(spectrum.wavelengths_nm) == 1:
+        waves = shared_wavelength(float(spectrum.wavelengths_nm[0]), len(rays))
+    elif spectrum is not None:
+        nodes = spectrum.wavelengths_nm
+        header["spectral_tables"] = [{"wavelength_nm": nodes.tolist(), "weight": spectrum.power_density.tolist()}]
+        header |= {"wavelength_min_nm": float(nodes[0]), "wavelength_max_nm": float(nodes[-1])}
+    watts = float(rays.flux.sum())
+    return RayFile(
+        rays.origins, rays.directions, rays.flux, "W", waves, header_flux_w=watts, header_flux_lm=rays_lm, header=header
+    )
+
+
+def read_back(contents: dict[str, bytes], exit_w: float, lumens_per_watt: float) -> WrittenFiles:
+    """Flux of each file as read back, and its relative error from ``exit_w``, the flux of the rays."""
+    found = {}
+    with temporary_folder(TM25_FILE) as folder:
+        for name, content in contents.items():
+            (folder / name).write_bytes(content)
+        for key, name in _FAR_FIELDS.items():
+            back = float(read_photometric(folder / name).intensity.flux())
+            found[key] = WrittenFile(lumens=back, relative_error=abs(back / (exit_w * lumens_per_watt) - 1.0))
+        rayfile = read_rayfile(folder / TM25_FILE)
+        count, watts, lumens = len(rayfile), float(rayfile.ray_sum()), rayfile.header_flux_lm
+        del rayfile  # it maps the file, which is deleted next
+    error = float(np.abs(watts / exit_w - 1.0))
+    tm25 = WrittenFile(rays=count, watts=watts, lumens=lumens, relative_error=error)
+    return WrittenFiles(**found, tm25ray=tm25)
+
+
+_SLACK = 1.001  # the sphere on which exit rays start, in radii of the lens
+_NOISY = 0.05  # rms of the nodes, relative; above it the files say that they are noisy
+
+
+def measure_photometry(
+    lens: Lens,
+    source: Source,
+    preset: Preset,
+    *,
+    rays: int | None = None,
+    lumens: float | None = None,
+    ies_version: IesVersion = NEWEST,
+) -> Photometry:
+    """Trace the light of ``lens`` to its far field, and make its files; ``lumens``: luminous flux of the source.
+
+    Without it, the flux is what the spec or the source's file says; where nothing does, 1000 lm: then candela are
+    cd/klm, and record and files say so. Without ``rays`` as many are traced as the noise of the table asks for.
+    ``ies_version``: year of LM-63. The date of the files is that of the spec, as in all files for others. Raises
+    :class:`InputError` for lumens that are not above 0 and finite, and where no light leaves the lens upwards.
+    """
+    if lumens is not None and not 0.0 < lumens < np.inf:
+        raise InputError(f"lumens = {lumens:g}: must be above 0 and finite; leave it out to take those of the spec")
+    started = time.perf_counter()
+    summary = summarise(source, lens.spec.source)
+    bright, section = SourceLumens.of(lumens, summary), lens.spec.photometry
+    bright.require_known(section)
+    radius_mm = float(lens.outer.radius(fibonacci_hemisphere(20_000)).max())
+    light = trace_exit_light(
+        TracedLens.of(lens, preset.evaluate_nodes_per_sigma),
+        source,
+        _symmetry(lens, source),
+        rays=rays,
+        most_rays=preset.photometry_rays,
+        seed=lens.seed,
+        sphere_mm=_SLACK * radius_mm,
+        street_deg=section.street_side_deg,
+    )
+    per_watt, fitted = bright.lumens / source.flux_w, light.intensity
+    tables = CandelaTables.of(fitted, per_watt)
+    candela, exit_lm = tables.whole, _scaled(light.exit_w, per_watt, "lm")
+    errors, warnings = fitted.standard_errors, tuple(_warnings(bright, source, light))
+    photometric = PhotometricFile(
+        candela,
+        bright.lumens,
+        title=f"lensforge {lens.spec.name}",
+        diameter_mm=2.0 * radius_mm,
+        remarks=(*warnings, *_remarks(light, per_watt)),
+        issued=lens.spec.manufacture.date or "",
+    )
+    known_lm, spectrum = None if bright.per_1000_lm else exit_lm.value, spectrum_of_source(lens.spec.source, summary)
+    contents = photometric_files(photometric, light.sample, known_lm, spectrum, ies_version)
+    files = read_back(contents, light.exit_w.value, per_watt)
+    return Photometry(
+        inputs={"lens": lens.sha256},
+        rays=light.rays,
+        source_w=source.flux_w,
+        exit_w=light.exit_w,
+        light_output_ratio=_scaled(light.exit_w, 1.0 / source.flux_w, ""),
+        lost_w=_lost(light.by_fate_w),
+        reflected_w=max(source.flux_w - float(light.by_fate_w.sum()), 0.0),
+        source_lm=bright.lumens,
+        source_lm_from=bright.origin,
+        per_1000_lm=bright.per_1000_lm,
+        exit_lm=exit_lm,
+        axis_cd=tables.axis_cd,
+        peak_cd=_scaled(fitted.peak, per_watt, "cd"),
+        peak_direction=tables.peak_direction,
+        beam_c0=tables.plane(PLANES_DEG[0]),
+        beam_c90=tables.plane(PLANES_DEG[1]),
+        road=RoadFigures.of(
+            section, _lamp(fitted, per_watt, section.street_side_deg), exit_lm, light.zones_w * per_watt
+        ),
+        node_error=fitted.node_error,
+        interpolation_error=fitted.interpolation_error,
+        warnings=warnings,
+        files=files,
+        criteria=photometry_criteria(files),
+        c_deg=candela.c_deg,
+        gamma_deg=candela.gamma_deg,
+        candela=candela.values,
+        candela_standard_error=np.zeros_like(candela.values) if errors is None else _turned_over(errors) * per_watt,
+        ies=contents[IES_FILE],
+        ldt=contents[LDT_FILE],
+        tm33=contents[TM33_FILE],
+        tm25=contents[TM25_FILE],
+        seconds=time.perf_counter() - started,
+    )
+
+
+def _lamp(light: FittedIntensity, per_watt: float, street_deg: float) -> LampLight:
+    """Light of the lens as that of a lamp."""
+    finer = light.finer
+    grid = AngularGrid(len(finer.c_deg) - 1, finer.gamma_deg)
+    fine = LampLight(grid, per_watt * finer.values[None, :-1], street_deg)
+    return LampLight(light.grid, per_watt * light.samples, street_deg, fine)
+
+
+def _symmetry(lens: Lens, source: Source) -> str:
+    """Largest mirror group that both surfaces and the source have: the light has it, too."""
+    both = source.symmetry, lens.symmetry
+    return next(name for name in reversed(NAMES) if all(contains(each, name) for each in both))
+
+
+def _turned_over(values: Float[np.ndarray, "c g"]) -> Float[np.ndarray, "d g"]:
+    """Values at equal steps of C, closed at 360 degrees and turned over as their table is."""
+    closed: Float[np.ndarray, "d g"] = np.concatenate([values, values[:1]])[::-1]
+    return closed
+
+
+def _scaled(metric: Metric, factor: float, unit: str) -> Metric:
+    error = None if metric.standard_error is None else metric.standard_error * factor
+    return Metric(value=metric.value * factor, unit=unit, standard_error=error)
+
+
+def _warnings(bright: SourceLumens, source: Source, light: ExitLight) -> Iterator[str]:
+    if bright.per_1000_lm:
+        yield (
+            "luminous flux of the source not known: 1000 lm taken, so candela are per 1000 lm of the source; give "
+            "--lumens, or source.flux_lm in the spec"
+        )
+    error = light.intensity.node_error
+    if error is not None and error.rms > _NOISY:
+        remedy = "take more rays" if source.ray_count is None else f"the source has {source.ray_count} rays"
+        yield f"noise of the table {error.rms:.1%} rms where it is above a tenth of the peak; {remedy}"
+    if error is None:
+        yield f"{light.rays} ray: too few to state the noise of the table; take more rays"
+
+
+def _remarks(light: ExitLight, per_watt: float) -> Iterator[str]:
+    """Lines for the files on the errors of the table."""
+    peak, error, fitted = light.intensity.peak, light.intensity.node_error, light.intensity
+    if error is None:
+        return
+    yield (
+        f"{light.rays} rays; standard error of the candela above a tenth of the peak {error.rms:.2%} rms, "
+        f"{error.max:.2%} at most; interpolation error {fitted.interpolation_error or 0.0:.2%} of the peak, rms"
+    )
+    if peak.standard_error is not None:
+        yield f"peak without noise {peak.value * per_watt:.5g} +- {peak.standard_error * per_watt:.2g} cd"
+
+
+def _lost(by_fate_w: Float[np.ndarray, " f"]) -> LostFlux:
+    lost = {fate.name.lower(): float(by_fate_w[fate]) for fate in Fate if fate != Fate.LEFT_LENS}
+    others = {"missed_receiver": MISSED_RECEIVER, "absorbed": ABSORBED, "cover_glass": IN_GLASS}
+    return LostFlux.model_validate(lost | {name: float(by_fate_w[place]) for name, place in others.items()})

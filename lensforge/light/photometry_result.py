@@ -1,0 +1,266 @@
+"""Result of the photometry: files and the flux they hold, and the figures by which lighting is bought.
+
+Those are candela on the axis, beam and field angles, each with its standard error, read from the table that the files
+hold. The level at which angles are read, a half or a tenth of the largest intensity of the plane, has the noise of the
+rays taken off: the largest of many noisy numbers is too large. A standard error has three parts: by the independent
+samples of the rays, by the error of the level, and by interpolation: what a table of half the steps changes.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.light.angular_resolution import FittedIntensity
+from lensforge.light.least_irradiance import largest_without_noise
+from lensforge.light.metrics import jackknife_error
+from lensforge.light.road_lighting import RoadFigures
+from lensforge.results import (
+    Array,
+    Count,
+    Extent,
+    Flag,
+    InFile,
+    Metric,
+    NotNegative,
+    Number,
+    Positive,
+    Record,
+    SimulatedResult,
+    Text,
+)
+from lensforge.results.criteria import Criterion, at_most
+from lensforge.results.files import MIB
+from lensforge.sources.intensity import BEAM_SHARE, FIELD_SHARE, TabulatedIntensity, plane_profile, width_above
+from lensforge.sources.photometric.photometric_file import turned_over
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+PLANES_DEG = (0.0, 90.0)  # C 0 - C 180 and C 90 - C 270
+
+
+class Direction(Record):
+    """A direction of the table: half-plane C and angle gamma from the axis (deg)."""
+
+    c_deg: Number
+    gamma_deg: Number
+
+
+class PlaneFigures(Record):
+    """Beam in the plane of the half-planes ``c_deg`` and ``c_deg`` + 180.
+
+    ``beam_angle_deg`` and ``field_angle_deg``: between the outermost directions with a half and a tenth of the largest
+    intensity of this plane, ``peak_cd`` (CIE S 017, ANSI/IES LS-1); None where it has no light.
+    """
+
+    c_deg: Number
+    peak_cd: Metric
+    beam_angle_deg: Metric | None
+    field_angle_deg: Metric | None
+
+
+@dataclass(frozen=True)
+class CandelaTables:
+    """Intensities (cd) in the frame of the files: of all rays, and with one of the independent samples left out each.
+
+    ``samples``: of each sample alone, with values below 0 where they have noise. ``finer``: of all, in half the steps.
+    """
+
+    whole: TabulatedIntensity
+    left_out: Sequence[TabulatedIntensity]
+    samples: Float[np.ndarray, "p c g"]
+    finer: TabulatedIntensity
+
+    @staticmethod
+    def of(light: FittedIntensity, per_watt: float) -> "CandelaTables":
+        """Tables of ``light``; ``per_watt``: lumens of a watt of the source."""
+        values, count = light.samples * per_watt, len(light.samples)
+        total = values.sum(axis=0)
+        rest = [(total - one) / (count - 1) for one in values] if count > 1 else []
+        left_out = [turned_over(light.grid.table(each)) for each in rest if each.sum() > 0.0]
+        closed = np.concatenate([values, values[:, :1]], axis=1)[:, ::-1]
+        finer = turned_over(replace(light.finer, values=light.finer.values * per_watt))
+        return CandelaTables(turned_over(light.grid.table(total / count)), left_out, closed, finer)
+
+    def figure(self, read: Callable[[TabulatedIntensity], float], unit: str, most: float = np.inf) -> Metric:
+        """Figure that ``read`` takes from a table, with its standard error; None of that from fewer than two samples.
+
+        ``most``: the largest error that interpolation can make; beyond it, the finer table differs by its noise.
+        """
+        value = read(self.whole)
+        if len(self.left_out) < 2:
+            return Metric(value=value, unit=unit)
+        by_rays = jackknife_error(np.array([read(table) for table in self.left_out]))
+        by_steps = min(abs(read(self.finer) - value), most)
+        return Metric(value=value, unit=unit, standard_error=float(np.hypot(by_rays, by_steps)))
+
+    @cached_property
+    def peak_direction(self) -> Direction:
+        """Node with the largest intensity; on the axis, where all half-planes meet, that of C = 0."""
+        plane, angle = np.unravel_index(int(np.argmax(self.whole.values)), self.whole.values.shape)
+        c_deg = float(self.whole.c_deg[plane]) % 360.0 if angle > 0 else 0.0
+        return Direction(c_deg=c_deg, gamma_deg=float(self.whole.gamma_deg[angle]))
+
+    @property
+    def axis_cd(self) -> Metric:
+        """Intensity on the axis."""
+        return self.figure(lambda table: float(table.values[0, 0]), "cd")
+
+    def plane(self, c_deg: float) -> PlaneFigures:
+        """Beam in the plane of C = ``c_deg`` and its opposite."""
+        profiles = np.stack([plane_profile(self._with(sample), c_deg)[1] for sample in self.samples])
+        peak = largest_without_noise(profiles)
+        return PlaneFigures(
+            c_deg=c_deg,
+            peak_cd=peak.model_copy(update={"unit": "cd"}),
+            beam_angle_deg=self._angle(c_deg, peak, BEAM_SHARE),
+            field_angle_deg=self._angle(c_deg, peak, FIELD_SHARE),
+        )
+
+    @property
+    def _step_deg(self) -> float:
+        """Step of gamma in the beam: the ends of a width are each known to a step."""
+        return float(self.whole.gamma_deg[1] - self.whole.gamma_deg[0])
+
+    @property
+    def _span_deg(self) -> float:
+        """Angle between the table's ends: no width errs by more, where lobes come and go with the noise."""
+        return 2.0 * float(self.whole.gamma_deg[-1])
+
+    def _with(self, values: Float[np.ndarray, "c g"]) -> TabulatedIntensity:
+        return TabulatedIntensity(self.whole.c_deg, self.whole.gamma_deg, values)
+
+    def _angle(self, c_deg: float, peak: Metric, share: float) -> Metric | None:
+        """Width of the beam at ``share`` of its ``peak``, whose own error is a part of that of the width."""
+
+        def width(table: TabulatedIntensity, level: float) -> float:
+            return width_above(*plane_profile(table, c_deg), level) or 0.0
+
+        found = self.figure(lambda table: width(table, share * peak.value), "°", 2.0 * self._step_deg)
+        if not found.value > 0.0:
+            return None
+        if found.standard_error is None or peak.standard_error is None:
+            return found
+        lowest, highest = peak.value - peak.standard_error, peak.value + peak.standard_error
+        wide = width(self.whole, share * lowest) if lowest > 0.0 else self._span_deg  # all of the table is brighter
+        narrow = width(self.whole, share * highest)
+        error = min(float(np.hypot(found.standard_error, 0.5 * (wide - narrow))), self._span_deg)
+        return found.model_copy(update={"standard_error": error})
+
+
+IES_FILE, LDT_FILE, TM33_FILE, TM25_FILE = "lens.ies", "lens.ldt", "lens.iesxml", "lens.tm25ray"
+_CONSERVED = 1e-5  # relative error of a file's integral: seven digits of each number are written
+
+
+class WrittenFile(Record):
+    """One file as read back: its flux, in lumens, in watts or in both, and the relative error from the rays' flux."""
+
+    lumens: NotNegative | None = None
+    watts: NotNegative | None = None
+    rays: Count | None = None
+    relative_error: NotNegative
+
+
+class WrittenFiles(Record):
+    """The four files as read back."""
+
+    ies: WrittenFile
+    ldt: WrittenFile
+    tm33: WrittenFile
+    tm25ray: WrittenFile
+
+
+def photometry_criteria(files: WrittenFiles) -> tuple[Criterion, ...]:
+    """One criterion for each file: it holds the flux of the rays."""
+    named = (
+        (IES_FILE, files.ies),
+        (LDT_FILE, files.ldt),
+        (TM33_FILE, files.tm33),
+        (TM25_FILE, files.tm25ray),
+    )
+    unit, remedy = "relative", "please report the lens.json"
+    return tuple(
+        at_most(f"flux of {name} as read back", found.relative_error, _CONSERVED, unit, remedy) for name, found in named
+    )
+
+
+class LostFlux(Record):
+    """Flux (W) that does not leave the lens upwards, by fate."""
+
+    backward: NotNegative
+    outside_cavity: NotNegative
+    base: NotNegative
+    total_reflection: NotNegative
+    not_converged: NotNegative
+    surfaces_intersect: NotNegative
+    missed_receiver: NotNegative
+    absorbed: NotNegative = 0.0
+    cover_glass: NotNegative = 0.0
+
+
+class Photometry(SimulatedResult):
+    """The light that leaves the lens upwards. ``lost_w``: the rest by fate; ``reflected_w``: lost at the surfaces.
+
+    ``candela`` at the angles ``c_deg`` and ``gamma_deg``: gamma = 0 is the lens axis, C = 0 the x axis, C = 90 the
+    -y axis. The table is bilinear between them, and fitted to the flux of the rays; ``candela_standard_error`` is the
+    standard error of each of its numbers by independent samples of the rays, 0 where there was only one sample.
+    ``node_error`` is the same relative to the intensity, where that is above a tenth of the peak: the largest, and the
+    root mean square over solid angle; ``interpolation_error``: rms of what a table of half the steps would add there,
+    relative to the peak, with its own standard error on top. ``peak_cd`` has the noise taken off by which the largest
+    of many numbers is too large; ``peak_direction``: node with the largest. ``beam_c0``, ``beam_c90``: in the principal
+    planes. ``road``: of a lamp, where the spec says that it is for an area or a road.
+
+    ``source_lm_from``: where the luminous flux of the source comes from. Where nothing states it, ``per_1000_lm`` is
+    true: ``source_lm`` is 1000, and candela are per 1000 lm of the source. ``warnings``: whatever limits the use of the
+    files. ``ies``, ``ldt``, ``tm33``, ``tm25``: the bytes of the files.
+    """
+
+    stage: ClassVar[str] = "photometry"
+
+    rays: Count
+    source_w: Positive
+    exit_w: Metric
+    light_output_ratio: Metric
+    lost_w: LostFlux
+    reflected_w: NotNegative
+    source_lm: Positive
+    source_lm_from: Literal["given", "spec or source file", "not known"]
+    per_1000_lm: Flag
+    exit_lm: Metric
+    axis_cd: Metric
+    peak_cd: Metric
+    peak_direction: Direction
+    beam_c0: PlaneFigures
+    beam_c90: PlaneFigures
+    road: RoadFigures | None
+    node_error: Extent | None
+    interpolation_error: NotNegative | None
+    warnings: tuple[Text, ...] = ()
+    files: WrittenFiles
+    seconds: NotNegative
+    criteria: tuple[Criterion, ...]
+    c_deg: Annotated[Float[np.ndarray, " c"], Array("c")]
+    gamma_deg: Annotated[Float[np.ndarray, " g"], Array("g")]
+    candela: Annotated[Float[np.ndarray, "c g"], Array("c", "g")]
+    candela_standard_error: Annotated[Float[np.ndarray, "c g"], Array("c", "g")]
+    ies: Annotated[bytes, InFile(IES_FILE)]
+    ldt: Annotated[bytes, InFile(LDT_FILE)]
+    tm33: Annotated[bytes, InFile(TM33_FILE)]
+    tm25: Annotated[bytes, InFile(TM25_FILE, 1024 * MIB)]  # 38 million rays
+
+    def products(self) -> dict[str, bytes]:
+        """Bytes of the IES, EULUMDAT, TM-33 and TM-25 files, by suffix."""
+        return {".ies": self.ies, ".ldt": self.ldt, ".iesxml": self.tm33, ".tm25ray": self.tm25}
+
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
+        """Plot candela over the angle from the axis, in the planes C = 0 and C = 90 degrees."""
+        from lensforge.results.plots import plot_curves
+
+        planes = {f"C = {wanted:g}°": int(np.argmin(np.abs(self.c_deg - wanted))) for wanted in (0.0, 90.0)}
+        curves = {name: (self.gamma_deg, self.candela[row]) for name, row in planes.items()}
+        return plot_curves(curves, ("gamma (degrees)", "intensity (cd)"), axes)

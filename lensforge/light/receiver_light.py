@@ -1,0 +1,247 @@
+"""The light on one receiver: its metrics with their standard errors, the flux by fate, its maps and its regions.
+
+Figures of a region are its mean light, its evenness and the peak, without the noise of the rays.
+
+A spec that sets no limits is judged by two bounds. ``benchmarks/verdicts.py`` calibrates both (docs/results.md): the
+worst of the shipped specs has an NMSE of 0.08 as a draft, and puts 0.8 of what two faces transmit into its target;
+useless lenses (a 6 mm source in an 8 mm lens, a word finer than the image of its source, a lens of hardly more than
+cavity and wall, a target beyond the étendue of its source) have an NMSE from 0.2 to 0.75, and put 0.07 to 0.66 of it
+there.
+"""
+
+from typing import Annotated, Literal
+
+import numpy as np
+from jaxtyping import Bool, Float
+from pydantic import Field, model_validator
+
+from lensforge.light.least_irradiance import largest_without_noise, least_over_mean, least_without_noise, ratio_of
+from lensforge.light.metrics import jackknife_metric
+from lensforge.results import Flag, Image, Irradiance, Metric, NotNegative, Number, Positive, Record, Share, Text
+from lensforge.results.chart import Chart
+from lensforge.spec.target_sections import IN_TARGET
+
+Region = Literal["uniform", "bright"]
+_BRIGHT = 0.5  # of the target's largest light: edges that fade are half outside
+_INNER = 0.9  # of the area of the region
+REGIONS: dict[Region, str] = {
+    "uniform": "in the region of uniform light",
+    "bright": "where the target is above half of its maximum",
+}
+
+
+class RegionLight(Record):
+    """Light in a region of a receiver.
+
+    ``region``: "uniform", that of the target's ``uniform_mm`` or ``uniform_deg``; "bright" of other targets, where the
+    target is above half of its maximum. ``mean``: W/m², in the far field W/sr. ``u0``: least over mean, ``u1``: least
+    over largest light (EN 12665). ``inner``: least over mean in the region without its rim, which leaves
+    ``inner_share`` of its area, about 0.9. ``peak``: largest light on the receiver over the target's largest.
+    """
+
+    region: Region
+    mean: Metric
+    u0: Metric
+    u1: Metric
+    inner: Metric
+    inner_share: Share
+    peak: Metric
+
+    @staticmethod
+    def of(
+        images: Float[np.ndarray, "r h w"], target: Image, mask: Bool[np.ndarray, "h w"] | None, unit: str
+    ) -> "RegionLight | None":
+        """Figures of filtered ``images`` in ``mask``, or where the ``target`` is bright; None in the dark."""
+        inside = bright_region(target) if mask is None else mask
+        readings = images[:, inside]
+        means = readings.mean(axis=1)
+        if not (means > 0.0).all():
+            return None
+        least, largest = least_without_noise(readings), largest_without_noise(readings)
+        inner = inner_region(inside)
+        scaled = images * (target.sum() / target.max() / images.sum(axis=(1, 2)))[:, None, None]
+        return RegionLight(
+            region="bright" if mask is None else "uniform",
+            mean=jackknife_metric(means, float, unit),
+            u0=least_over_mean(readings).metric(),
+            u1=ratio_of(least, largest),
+            inner=least_over_mean(images[:, inner]).metric(),
+            inner_share=float(inner.sum() / inside.sum()),
+            peak=largest_without_noise(scaled.reshape(len(images), -1)),
+        )
+
+
+def bright_region(target: Image) -> Bool[np.ndarray, "h w"]:
+    """Pixels where the target is above half of its maximum; those on its edge, which often have just half, are not."""
+    inside: Bool[np.ndarray, "h w"] = target > _BRIGHT * (1.0 + 1e-9) * target.max()
+    return inside
+
+
+def inner_region(inside: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
+    """``inside`` without its rim: the pixels at least so far from those outside that 90 % are left, or nearest to that.
+
+    Distances are those of pixel centres, in pixels; all beyond the edge of the picture is outside.
+    """
+    from scipy.ndimage import distance_transform_edt
+
+    distance = distance_transform_edt(np.pad(inside, 1))[1:-1, 1:-1]
+    steps, counts = np.unique(distance[inside], return_counts=True)
+    left = counts[::-1].cumsum()[::-1] / counts.sum()
+    inner: Bool[np.ndarray, "h w"] = distance >= steps[np.abs(left - _INNER).argmin()]
+    return inner
+
+
+_FLUX_ADDS_UP = 1e-9
+Picture = Literal["map", "raw_map", "target_map"]
+
+
+class Flux(Record):
+    """The flux budget: shares of the emitted flux by fate; they add up to 1.
+
+    ``detected``: in the window. ``outside``: on the receiver's surface outside the window. ``missed``: never reached
+    that surface. ``absorbed``: by the body from face to face. ``cover_glass``: reflected and absorbed by it.
+    ``reflected``: at either face, which a sequential design does not follow.
+    """
+
+    detected: Share
+    outside: Share
+    missed: Share
+    total_reflection: Share
+    not_converged: Share
+    absorbed: Share = 0.0
+    cover_glass: Share = 0.0
+    reflected: Share
+
+
+class MissedByCause(Record):
+    """Flux that missed the receiver's surface, by cause, as shares of the emitted flux."""
+
+    backward: Share
+    outside_cavity: Share
+    base: Share
+    missed_receiver: Share
+    surfaces_intersect: Share
+
+
+class RawMetrics(Record):
+    """Metrics of the picture as it was binned and filtered: with ray noise, which raises NMSE and RSD, and darkens the
+    darkest pixel. ``uniformity`` and ``rsd`` are None where the spec names no mask.
+    """
+
+    nmse: NotNegative
+    uniformity: NotNegative | None
+    rsd: NotNegative | None
+
+
+class Possible(Record):
+    """Bounds that physics sets to light on the same pixels from any lens that keeps the largest radius.
+
+    ``efficiency``, ``share_in_target``: at most, by ``law``; ``nmse``: at least, of the light that arrives.
+    ``luminance_estimated``: the source's is an estimate from its rays, and so are the bounds by étendue.
+    """
+
+    efficiency: Share
+    share_in_target: Share
+    nmse: NotNegative
+    law: Text
+    luminance_estimated: Flag
+
+
+class WindowSize(Record):
+    """The window of a receiver: a centred rectangle, or in the far field and on a sphere a circle; in its unit."""
+
+    width: Positive | None
+    height: Positive | None
+    radius: Positive | None
+
+
+class ReceiverLight(Record):
+    """The light on one receiver.
+
+    ``width``, ``height``: of its chart, in mm, or for the far field of the equal-area chart, 2 sin(gamma / 2).
+    ``map``, ``raw_map``, ``target_map``: irradiance (W/m^2), or intensity (W/sr), [row y, column x] after the filter,
+    before it, and of the target, scaled to the flux there. ``nmse``: Eq. (7) with the target scaled to the flux that
+    arrives. ``efficiency``: share of the emitted flux in the window; ``share_in_target``: where the target is above a
+    tenth of its largest pixel, by ray. ``uniformity``, ``rsd``: least over mean, and standard deviation over mean, in
+    the region of ``uniform_mm`` or ``uniform_deg``; None where the spec names none. ``in_region``: mean light and
+    evenness there, or where the target is bright, and the peak; None where one of the replicates is dark.
+
+    ``nmse``, ``uniformity`` and ``rsd`` are those of the light, without ray noise; ``raw``: those of ``map``, with it.
+    Where the replicates are too few to tell light from noise, both are the same, and there is no standard error.
+    ``nmse_of_noise``: the NMSE of the noise in ``map``, about as much as it adds to that of ``raw``.
+    ``nmse_of_raster``: the NMSE less that on half as many pixels; None where it was not measured.
+    """
+
+    name: Text
+    kind: Literal["plane", "far_field", "cylinder", "sphere"]
+    place: Text
+    width: Annotated[Positive, Field(le=1e12)]
+    height: Annotated[Positive, Field(le=1e12)]
+    window: WindowSize
+    nmse: Metric
+    efficiency: Metric
+    share_in_target: Metric
+    uniformity: Metric | None
+    rsd: Metric | None
+    in_region: RegionLight | None = None
+    raw: RawMetrics
+    nmse_of_noise: NotNegative | None
+    nmse_of_raster: Number | None = None
+    possible: Possible
+    flux: Flux
+    missed_by_cause: MissedByCause
+    map: Irradiance
+    raw_map: Irradiance
+    target_map: Irradiance
+
+    @property
+    def wanted_in_target(self) -> float:
+        """Share of the target's own light that counts as in the target: a picture may have much in its dark parts."""
+        wanted = self.target_map
+        total = float(wanted.sum())
+        return float(wanted[wanted > IN_TARGET * wanted.max()].sum()) / total if total > 0.0 else 1.0
+
+    @property
+    def evenness_words(self) -> str:
+        """Words for the uniformity; where noise would put it above 1, for the side of its error."""
+        capped = self.uniformity is not None and self.uniformity.standard_error and self.uniformity.value >= 1.0
+        return "least over mean" + (", at most 1: the error is to one side" if capped else "")
+
+    @property
+    def chart(self) -> Chart:
+        """Size of the maps, for figures."""
+        return Chart(self.width, self.height, self.kind == "far_field")
+
+    @property
+    def pixels(self) -> int:
+        """Number of pixels along the longer side."""
+        return int(max(self.map.shape))
+
+    @property
+    def where(self) -> str:
+        """The window in words."""
+        unit, window = "mm", self.window
+        if self.kind == "far_field":
+            return f"{self.place.removeprefix('in the far field, to ')} from the axis"
+        if window.radius is not None:
+            return "on it" if self.kind == "sphere" else f"within a radius of {window.radius:g} {unit}"
+        return f"within {window.width:g} × {window.height:g} {unit}"
+
+    @model_validator(mode="after")
+    def _flux_adds_up(self) -> "ReceiverLight":
+        total = sum(self.flux.model_dump().values())
+        if abs(total - 1.0) > _FLUX_ADDS_UP:
+            raise ValueError(f"flux: its shares add up to {total:.9g}, must be 1")
+        return self
+
+
+LARGEST_NMSE = 0.10
+LEAST_SHARE = 0.7  # of what is possible, and of what two faces transmit at normal incidence, must lie in the target
+
+
+def possible_share(receiver: ReceiverLight, transmittance: float) -> tuple[float, str]:
+    """Most of the flux that can lie in the target on ``receiver``, and by what; ``transmittance``: of both faces."""
+    asked, possible = transmittance * receiver.wanted_in_target, receiver.possible.share_in_target
+    if asked <= possible:
+        return asked, "two faces transmit into the pattern"
+    return possible, f"is possible (by {receiver.possible.law})"

@@ -1,0 +1,186 @@
+"""Light of a lamp on areas and roads: classes of EN 13201 of a straight road lit from one side, and all its figures.
+
+Illuminance (P, C) and glare (G*) classes: EN 13201-2:2015, tables 2, 4 and A.1. Points and lamps: EN 13201-3:2015,
+clause 7: between two lamps, ten points along (or as many as keep them 3 m apart), at least three across (1.5 m); all
+lamps within five heights count.
+"""
+
+from dataclasses import dataclass
+from math import ceil
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.light.least_irradiance import largest_without_noise, least_over_mean, least_without_noise
+from lensforge.light.luminaire_classes import BugRating, DistributionType, LampLight, ZoneLumens, distribution_type
+from lensforge.results import Count, Metric, Record, Text
+from lensforge.spec.light_limits import PhotometrySection
+
+# Mean and least illuminance (lx); the mean of a P class may be at most 1.5 times what it asks for.
+_P = {"P1": (15.0, 3.0), "P2": (10.0, 2.0), "P3": (7.5, 1.5), "P4": (5.0, 1.0), "P5": (3.0, 0.6), "P6": (2.0, 0.4)}
+_P_MOST = 1.5
+# Mean illuminance (lx); the least must be 0.4 of the mean.
+_C = {"C0": 50.0, "C1": 30.0, "C2": 20.0, "C3": 15.0, "C4": 10.0, "C5": 7.5}
+_C_U0 = 0.4
+_NONE = "none"
+# Most candela per 1000 lm of the lamp at and above 70, 80 and 90 degrees.
+_G = {
+    "G*6": (350.0, 100.0, 0.0),
+    "G*5": (350.0, 100.0, 10.0),
+    "G*4": (500.0, 100.0, 10.0),
+    "G*3": (np.inf, 100.0, 20.0),
+    "G*2": (np.inf, 150.0, 30.0),
+    "G*1": (np.inf, 200.0, 50.0),
+}
+_POINTS_ALONG, _SPACING_M, _ACROSS_M, _LEAST_ACROSS = 10, 3.0, 1.5, 3
+_WITHIN_HEIGHTS = 5.0
+
+
+class GlareIntensities(Record):
+    """Largest intensity (cd per 1000 lm of the lamp) at and above 70 and 80 degrees; a lens sends none above 90.
+
+    ``glare_class``: the strictest class of glare that these keep, or "none".
+    """
+
+    above_70: Metric
+    above_80: Metric
+    glare_class: Text
+
+
+class RoadLighting(Record):
+    """Illuminance (lx) on the road between two lamps, and the best classes that it reaches.
+
+    ``mean_lx``, ``least_lx``: over ``points``; ``uniformity``: least over mean (U0). ``p_class`` and ``c_class``:
+    "none" where no class is reached. ``lamps``: that light some of the points.
+    """
+
+    mean_lx: Metric
+    least_lx: Metric
+    uniformity: Metric
+    p_class: Text
+    c_class: Text
+    points: Count
+    lamps: Count
+
+
+def glare_intensities(lamp: LampLight, lumens: float) -> GlareIntensities:
+    """Largest intensities of ``lamp`` near the horizon, without the noise that would choose them."""
+    above_70, above_80 = (_largest_from(lamp, gamma, 1000.0 / lumens) for gamma in (70.0, 80.0))
+    keeps = (
+        name for name, (at_70, at_80, _) in _G.items() if above_70.value <= at_70 and above_80.value <= at_80
+    )  # nothing shines at 90 degrees and above
+    return GlareIntensities(above_70=above_70, above_80=above_80, glare_class=next(keeps, _NONE))
+
+
+def _largest_from(lamp: LampLight, gamma_deg: float, scale: float) -> Metric:
+    nodes = np.append(gamma_deg, lamp.grid.gamma_deg[lamp.grid.gamma_deg > gamma_deg])
+    lateral, gamma = (each.ravel() for each in np.meshgrid(lamp.grid.c_deg - lamp.street_deg, nodes, indexing="ij"))
+    found = largest_without_noise(scale * lamp.intensities(lateral, gamma))
+    return found.model_copy(update={"value": max(found.value, 0.0), "unit": "cd/klm"})
+
+
+@dataclass(frozen=True)
+class _Road:
+    """Points on the road, and lamps along its edge (m): x along the road, y across it from that edge."""
+
+    x: Float[np.ndarray, " k"]
+    y: Float[np.ndarray, " k"]
+    lamps_x: Float[np.ndarray, " l"]
+    lamp_y: float
+    height_m: float
+
+    @staticmethod
+    def of(section: PhotometrySection) -> "_Road":
+        """Points of one field between the lamps at x = 0 and at x = the spacing."""
+        height, spacing, width = section.pole_height_m, section.pole_spacing_m, section.road_width_m
+        assert height is not None and spacing is not None and width is not None
+        along = max(_POINTS_ALONG, ceil(spacing / _SPACING_M))
+        across = max(_LEAST_ACROSS, ceil(width / _ACROSS_M))
+        x, y = np.meshgrid((np.arange(along) + 0.5) * spacing / along, (np.arange(across) + 0.5) * width / across)
+        reach = ceil(_WITHIN_HEIGHTS * height / spacing) + 1
+        lamps = np.arange(-reach, reach + 2) * spacing
+        return _Road(x.ravel(), y.ravel(), lamps, section.overhang_m, height)
+
+    def illuminance(self, lamp: LampLight) -> tuple[Float[np.ndarray, "p k"], int]:
+        """Illuminance (lx) at every point by each sample, and the number of lamps that light any of them."""
+        total, counted = np.zeros((len(lamp.samples), len(self.x))), 0
+        for lamp_x in self.lamps_x:
+            along, across = self.x - lamp_x, self.y - self.lamp_y
+            away = np.hypot(along, across)
+            near = away <= _WITHIN_HEIGHTS * self.height_m
+            if not near.any():
+                continue
+            counted += 1
+            gamma = np.arctan2(away[near], self.height_m)
+            lateral = np.rad2deg(np.arctan2(along[near], across[near]))
+            light = lamp.intensities(lateral, np.rad2deg(gamma))
+            total[:, near] += light * np.cos(gamma) ** 3 / self.height_m**2
+        return total, counted
+
+
+def road_lighting(lamp: LampLight, section: PhotometrySection) -> RoadLighting:
+    """Light on the road of ``section`` by a row of ``lamp``."""
+    road = _Road.of(section)
+    samples, lamps = road.illuminance(lamp)
+    samples = samples * section.maintenance_factor
+    means = samples.mean(axis=1)
+    mean = lamp.figure(means, "lx")
+    least = least_without_noise(samples).model_copy(update={"unit": "lx"})
+    uniformity = least_over_mean(samples).metric()
+    return RoadLighting(
+        mean_lx=mean,
+        least_lx=least,
+        uniformity=uniformity,
+        p_class=p_class(mean.value, least.value),
+        c_class=c_class(mean.value, uniformity.value),
+        points=len(road.x),
+        lamps=lamps,
+    )
+
+
+def p_class(mean_lx: float, least_lx: float) -> str:
+    """Best P class of this mean and least illuminance; "none" where the mean exceeds 1.5 times all that are met."""
+    met = (name for name, (mean, least) in _P.items() if mean <= mean_lx <= _P_MOST * mean and least_lx >= least)
+    return next(met, _NONE)
+
+
+def c_class(mean_lx: float, uniformity: float) -> str:
+    """Best C class of this mean illuminance and its uniformity."""
+    met = (name for name, mean in _C.items() if mean_lx >= mean and uniformity >= _C_U0)
+    return next(met, _NONE)
+
+
+class RoadFigures(Record):
+    """Figures of a lamp with all its lenses. ``lumens``: that leave it. ``road``: None for ``use = "area"``."""
+
+    use: Literal["area", "road"]
+    lumens: Metric
+    distribution: DistributionType
+    bug: BugRating
+    glare: GlareIntensities
+    road: RoadLighting | None
+
+    @staticmethod
+    def of(
+        section: PhotometrySection, lens: LampLight, lens_lm: Metric, zones_lm: Float[np.ndarray, "p 2 4"]
+    ) -> "RoadFigures | None":
+        """Figures of a lamp of ``section``, each lens with such light and flux by zone; None for general use."""
+        if section.use == "general":
+            return None
+        lamp = lens.times(section.lenses)
+        distribution = distribution_type(lamp)
+        error = None if lens_lm.standard_error is None else lens_lm.standard_error * section.lenses
+        lumens = Metric(value=lens_lm.value * section.lenses, unit="lm", standard_error=error)
+        return RoadFigures(
+            use=section.use,
+            lumens=lumens,
+            distribution=distribution,
+            bug=BugRating.of(
+                ZoneLumens.of(zones_lm * section.lenses),
+                symmetric=distribution.lateral == "V",
+                doubtful=not distribution.certain,
+            ),
+            glare=glare_intensities(lamp, lumens.value),
+            road=road_lighting(lamp, section) if section.use == "road" else None,
+        )

@@ -1,0 +1,299 @@
+"""Simulation of a finished lens with many rays, in independent replicates, so that every metric has a standard error.
+
+Metrics of one lens come from its replicates; their change from one lens to another from two that the same rays lit.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Shaped
+
+from lensforge import seeds
+from lensforge.errors import remedy
+from lensforge.kernels.fate import Fate
+from lensforge.light.evaluation_result import LightMetrics
+from lensforge.light.least_irradiance import LeastEstimate, uniformity_estimate
+from lensforge.light.metrics import Images, PairEstimate, RootEstimate, jackknife_metric, nmse_estimate, rsd_estimate
+from lensforge.light.table_trace import Scene, trace_tables
+from lensforge.results import Image, Metric
+from lensforge.scene.exit_rays import ExitRays
+from lensforge.scene.lens import Lens
+from lensforge.scene.lens_at_temperature import LensAtTemperature
+from lensforge.scene.pixel_grid import bin_flux, gaussian3
+from lensforge.scene.receiver import Landings, Receiver
+from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.scene.target_pattern import DrawnTarget, target_light
+from lensforge.scene.target_region import uniform_region
+from lensforge.sources.ray_bundle import RayBundle, Source, drawn
+from lensforge.spec import Spec
+from lensforge.surfaces.bicubic_table import TableGrid, grid_for, table_error, tabulate
+
+REPLICATES = 16
+MISSED_RECEIVER = len(Fate)  # after the fates: left the lens, but never reaches the receiver
+ABSORBED = len(Fate) + 1  # in the body, of rays of any fate
+IN_GLASS = len(Fate) + 2  # reflected or absorbed by the cover glass
+CAUSES = len(Fate) + 3
+_MOST_RAYS_AT_ONCE = 2**20  # bounds the memory: about 200 MB of rays and hits
+
+
+@dataclass(frozen=True)
+class TracedLens:
+    """A lens with its tables, ready to trace.
+
+    ``raised_mm``: height of its origin above that of the source, ``grown_mm``: by which it reaches farther than the
+    spec asks of the lens as designed.
+    """
+
+    scene: Scene
+    inner: torch.Tensor
+    outer: torch.Tensor
+    table_error_nm: dict[str, float]
+    raised_mm: float = 0.0
+    grown_mm: float = 0.0
+
+    @staticmethod
+    def of(lens: Lens, nodes_per_sigma: float) -> "TracedLens":
+        """Tabulate both surfaces from the exact sum; the tables' error against it is measured at once."""
+        with remedy("take a lower accuracy"):
+            grid: TableGrid = grid_for(lens.detail_rad, nodes_per_sigma)
+        surfaces = {"inner": lens.inner, "outer": lens.outer}
+        tables = {name: tabulate(grid, surface) for name, surface in surfaces.items()}
+        errors = {name: 1e6 * table_error(grid, tables[name], surface) for name, surface in surfaces.items()}
+        inner, outer = (torch.from_numpy(table) for table in tables.values())
+        traced = TracedLens(Scene(lens.media, grid), inner, outer, errors)
+        if isinstance(lens, LensAtTemperature):
+            return replace(traced, raised_mm=lens.raised_mm, grown_mm=lens.reach_mm - lens.designed.reach_mm)
+        return traced
+
+    def trace(self, rays: RayBundle) -> ExitRays:
+        """Send ``rays`` through the lens."""
+        return self.seen(rays, lambda own: trace_tables(self.inner, self.outer, self.scene, own))
+
+    def seen(self, rays: RayBundle, trace: Callable[[RayBundle], ExitRays]) -> ExitRays:
+        """Exit rays of ``rays`` by a ``trace`` about the lens's own origin."""
+        if self.raised_mm == 0.0:
+            return trace(rays)
+        up = np.array([0.0, 0.0, self.raised_mm])
+        found = trace(replace(rays, origins=rays.origins - up))
+        return replace(found, points=found.points + torch.from_numpy(up))
+
+
+@dataclass(frozen=True)
+class ReceivedFlux:
+    """Flux (W) on one receiver in each replicate: per pixel (r, h, w), by fate (r, f), in the window and outside it.
+
+    The fates are those of :class:`~lensforge.kernels.fate.Fate`, where ``LEFT_LENS`` holds what landed, and
+    ``MISSED_RECEIVER``, ``ABSORBED`` and ``IN_GLASS``. ``in_targets``: in each of the ``targets`` (k).
+    """
+
+    images: Float[np.ndarray, "r h w"]
+    by_fate: Float[np.ndarray, "r f"]
+    window: Float[np.ndarray, " r"]
+    outside: Float[np.ndarray, " r"]
+    in_targets: Float[np.ndarray, "r k"]
+    targets: tuple[DrawnTarget, ...] = ()
+
+    @staticmethod
+    def none_yet(receiver: Receiver, replicates: int, targets: tuple[DrawnTarget, ...]) -> "ReceivedFlux":
+        """No flux."""
+        images, none = np.zeros((replicates, *receiver.grid.shape)), np.zeros(replicates)
+        in_targets = np.zeros((replicates, len(targets)))
+        return ReceivedFlux(images, np.zeros((replicates, CAUSES)), none, none.copy(), in_targets, targets)
+
+    def add(self, replicate: int, share: float, receiver: Receiver, rays: ExitRays, landings: Landings) -> None:
+        """Count ``share`` of the flux of ``rays`` in ``replicate``."""
+        hits, flux = landings.hits.numpy(), landings.flux.numpy() * share
+        self.images[replicate] += bin_flux(hits, flux, receiver.grid)
+        self.by_fate[replicate] += share * flux_by_fate(rays, landings.missed_receiver)
+        inside = receiver.window.contains(hits)
+        self.window[replicate] += flux[inside].sum()
+        self.outside[replicate] += flux[~inside].sum()
+        self.in_targets[replicate] += [flux[target.contains(hits)].sum() for target in self.targets]
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """Light of ``rays`` rays on each receiver, of ``emitted_w`` from the source."""
+
+    received: tuple[ReceivedFlux, ...]
+    emitted_w: float
+    rays: int
+
+
+def simulate(
+    lens: TracedLens,
+    source: Source,
+    receivers: tuple[Receiver, ...],
+    rays: int,
+    seed: int,
+    targets: Sequence[tuple[DrawnTarget, ...]] = (),
+) -> Simulation:
+    """Trace ``rays`` rays, or as many as a measured source holds, in up to 16 independent replicates.
+
+    ``targets``: of each receiver, in which flux is counted; none by default.
+    """
+    replicates = min(REPLICATES, rays, source.ray_count or rays)
+    drawn = targets or [()] * len(receivers)
+    received = tuple(
+        ReceivedFlux.none_yet(receiver, replicates, own) for receiver, own in zip(receivers, drawn, strict=True)
+    )
+    traced = 0
+    for replicate, share, bundle in bundles(source, rays, replicates, seed):
+        exit_rays = lens.trace(bundle)
+        for receiver, own in zip(receivers, received, strict=True):
+            own.add(replicate, share, receiver, exit_rays, receiver.land(exit_rays))
+        traced += len(bundle)
+    return Simulation(received, source.flux_w, traced)
+
+
+def flux_by_fate(rays: ExitRays, missed_receiver: Bool[torch.Tensor, " n"]) -> Float[np.ndarray, " f"]:
+    """Flux (W) by fate; rays that left the lens and ``missed_receiver`` count apart, and flux that was absorbed."""
+    fates = torch.where(missed_receiver, MISSED_RECEIVER, rays.fates).numpy()
+    found = np.bincount(fates, rays.flux.numpy(), minlength=CAUSES)
+    if rays.absorbed is not None:
+        found[ABSORBED] = rays.absorbed.numpy().sum()
+    if rays.lost_in_glass is not None:
+        found[IN_GLASS] = rays.lost_in_glass.numpy().sum()
+    return found
+
+
+@dataclass(frozen=True)
+class DesignLandings:
+    """Landings of the same rays on one receiver: hits, NaN where they do not land, their flux (W) there, their fates.
+
+    Fates are the names of :class:`~lensforge.kernels.fate.Fate`, "landed" and "missed_receiver".
+    """
+
+    hits: Float[np.ndarray, "n 2"]
+    flux: Float[np.ndarray, " n"]
+    fates: Shaped[np.ndarray, " n"]
+
+
+def design_landings(lens: TracedLens, spec: Spec, rays: RayBundle) -> list[DesignLandings]:
+    """Landings of ``rays`` on each receiver of ``spec``."""
+    exit_rays, found = lens.trace(rays), []
+    names = np.array(["landed", *(fate.name.lower() for fate in Fate if fate != Fate.LEFT_LENS), "missed_receiver"])
+    for receiver in receivers_of(spec, spec.evaluate.pixels):
+        landings = receiver.land(exit_rays)
+        fates = torch.where(landings.missed_receiver, MISSED_RECEIVER, exit_rays.fates).numpy()
+        hits = np.where(landings.landed.numpy()[:, None], landings.hits.numpy(), np.nan)
+        found.append(DesignLandings(hits, landings.flux.numpy(), names[fates]))
+    return found
+
+
+def bundles(source: Source, rays: int, replicates: int, seed: int) -> Iterator[tuple[int, float, RayBundle]]:
+    """Bundles as (replicate, factor of flux, rays): a measured source divided at random, any other sampled afresh."""
+    ray_count = source.ray_count
+    if ray_count is not None:
+        everything = drawn(source, min(rays, ray_count), seed)
+        order = np.random.default_rng(seed).permutation(len(everything))
+        for replicate, rows in enumerate(np.array_split(order, replicates)):
+            part = everything.take(rows)
+            yield replicate, source.flux_w / part.flux.sum(), part
+        return
+    per_replicate = rays // replicates
+    parts = -(-per_replicate // _MOST_RAYS_AT_ONCE)
+    for replicate in range(replicates):
+        for part_number in range(parts):
+            part_seed = seeds.of_replicate(seed, replicates, replicate, parts, part_number)
+            yield replicate, 1.0 / parts, source.sample(-(-per_replicate // parts), part_seed)
+
+
+@dataclass(frozen=True)
+class ReplicateMetrics:
+    """Metrics on one receiver before they are records; None where the spec names no mask.
+
+    ``efficiency``: share of the emitted flux in the window, of each replicate.
+    """
+
+    nmse: PairEstimate
+    uniformity: LeastEstimate | None
+    rsd: RootEstimate | None
+    efficiency: Float[np.ndarray, " r"]
+
+    @staticmethod
+    def of(
+        images: Images,
+        target: Image,
+        mask: Bool[np.ndarray, "h w"] | None,
+        efficiency: Float[np.ndarray, " r"],
+    ) -> "ReplicateMetrics":
+        """Metrics of filtered ``images`` against ``target``, uniformity and RSD in ``mask``."""
+        return ReplicateMetrics(
+            nmse=nmse_estimate(images, target),
+            uniformity=None if mask is None else uniformity_estimate(images, mask),
+            rsd=None if mask is None else rsd_estimate(images, mask),
+            efficiency=efficiency,
+        )
+
+    def metrics(self) -> LightMetrics:
+        """Values with their standard errors."""
+        return LightMetrics(
+            nmse=self.nmse.metric(),
+            uniformity=None if self.uniformity is None else self.uniformity.metric(),
+            rsd=None if self.rsd is None else self.rsd.metric(),
+            efficiency=mean_share(self.efficiency),
+        )
+
+    def change_from(self, before: "ReplicateMetrics", rays: int, *, designed_rsd: float | None = None) -> LightMetrics:
+        """Differences from ``before``, replicate by replicate: what both have of the noise cancels in their errors.
+
+        ``designed_rsd``: RSD of ``before`` by many rays, to which the change is to be added.
+
+        Of few rays a small change moves none to another pixel, and all replicates agree on none. Errors are at least
+        those of one ray: the noise of all ``rays`` over their root.
+        """
+        least, even, noise = before.uniformity, before.rsd, before.metrics()
+        deviation = None
+        if self.rsd is not None and even is not None:
+            deviation = self.rsd.change_from(even) if designed_rsd is None else self.rsd.change_of(designed_rsd, even)
+        return LightMetrics(
+            nmse=_with_one_ray(self.nmse.change_from(before.nmse), noise.nmse, rays),
+            uniformity=None if self.uniformity is None or least is None else self.uniformity.change_from(least),
+            rsd=None if deviation is None else _with_one_ray(deviation, noise.rsd, rays),
+            efficiency=_with_one_ray(mean_share(self.efficiency - before.efficiency), noise.efficiency, rays),
+        )
+
+
+@dataclass(frozen=True)
+class TracedLight:
+    """Light of one lens on its first receiver: metrics by replicates, and its mean map (flux per measure, [y, x])."""
+
+    replicates: ReplicateMetrics
+    map: Image
+
+    @property
+    def metrics(self) -> LightMetrics:
+        """Values with their standard errors."""
+        return self.replicates.metrics()
+
+
+def traced_light(traced: TracedLens, spec: Spec, source: Source, rays: int, seed: int) -> TracedLight:
+    """Light on the first receiver of ``spec``, by the rays that its evaluation takes with the same ``seed``."""
+    receiver = receivers_of(spec, spec.evaluate.pixels)[0]
+    simulation = simulate(traced, source, (receiver,), rays, seed)
+    received, targets = simulation.received[0], spec.all_receivers[0].targets
+    images = gaussian3(received.images, spec.evaluate.filter_variance)
+    target, mask = target_light(targets, receiver), lit_mask(uniform_region(targets, receiver), images)
+    replicates = ReplicateMetrics.of(images, target, mask, received.window / simulation.emitted_w)
+    return TracedLight(replicates, images.mean(axis=0) / receiver.pixel_measure)
+
+
+def lit_mask(mask: Bool[np.ndarray, "h w"] | None, images: Images) -> Bool[np.ndarray, "h w"] | None:
+    """``mask``; None where there is none, no pixel lies in it, or no light falls anywhere."""
+    return mask if mask is not None and mask.any() and images.sum() > 0.0 else None
+
+
+def _with_one_ray(change: Metric, noisy: Metric | None, rays: int) -> Metric:
+    """``change`` with an error that includes that of one of the ``rays`` by which ``noisy`` has its own."""
+    if change.standard_error is None or noisy is None or noisy.standard_error is None:
+        return change
+    error = float(np.hypot(change.standard_error, noisy.standard_error / np.sqrt(rays)))
+    return change.model_copy(update={"standard_error": error})
+
+
+def mean_share(shares: Float[np.ndarray, " r"]) -> Metric:
+    """Mean of the ``shares`` of each replicate."""
+    return jackknife_metric(shares, float)

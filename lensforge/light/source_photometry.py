@@ -1,0 +1,138 @@
+"""Luminous flux and spectrum of the source, for the photometric files of its lens.
+
+Flux is as given, as spec or file say, or relative to 1000 lm. The spectrum behind the lens is the source's, because the
+surfaces lose all colours alike: their Fresnel losses differ by 0.1 % over the visible range in PMMA. A body whose
+absorption differs by wavelength takes its share of the flux of each ray at that ray's wavelength; that it changes the
+colour of the rest is left out.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.errors import InputError
+from lensforge.optics.photopic import efficacy_at
+from lensforge.sources.rayfiles import read_rayfile
+from lensforge.sources.rayfiles.stored_rays import loaded_or_stored, with_wavelengths
+from lensforge.sources.source_spectrum import Spectrum, spectrum_of
+from lensforge.sources.source_summary import SourceSummary
+from lensforge.spec.light_limits import PhotometrySection
+from lensforge.spec.source_sections import RayfilePart, RayfileSource, RayfilesSource, RaySource, SourceSpec
+
+_RELATIVE_LM = 1000.0  # of the source where its flux is not known: cd/klm, as relative photometry has it
+
+
+@dataclass(frozen=True)
+class SourceLumens:
+    """Flux (lm) of the source, and where it comes from."""
+
+    lumens: float
+    origin: Literal["given", "spec or source file", "not known"]
+
+    @classmethod
+    def of(cls, given_lm: float | None, summary: SourceSummary) -> "SourceLumens":
+        """Take ``given_lm``, else what is known of the source, else 1000 lm."""
+        if given_lm is not None:
+            return cls(float(given_lm), "given")
+        if summary.flux_lm:
+            return cls(summary.flux_lm, "spec or source file")
+        return cls(_RELATIVE_LM, "not known")
+
+    def require_known(self, section: PhotometrySection) -> None:
+        """Raise :class:`InputError` where a lamp for an area or a road has no lumens to be rated by."""
+        if section.use != "general" and self.per_1000_lm:
+            raise InputError(
+                f'photometry.use = "{section.use}": its ratings count lumens, and the source\'s are not known; give '
+                "source.flux_lm, a spectrum or luminous_efficacy_lm_per_w, or take the photometry with --lumens"
+            )
+
+    @property
+    def per_1000_lm(self) -> bool:
+        """True where intensities are relative."""
+        return self.origin == "not known"
+
+
+_Light: TypeAlias = tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]  # wavelengths (nm), power
+_STEP_NM = 5.0  # of a table made from the wavelengths of rays: the step of the CIE's own tables
+
+
+def spectrum_of_source(spec: SourceSpec, summary: SourceSummary) -> Spectrum | None:
+    """Spectrum (relative power per nm) of all light of ``spec``; None where it, or that of a part, is not known.
+
+    The spec's own, or that of its ray files; ``summary`` has the flux of each. Rays with a wavelength each give a table
+    in steps of 5 nm. Raises :class:`InputError` for a file that cannot be used.
+    """
+    if spec.spectrum is not None:
+        return spectrum_of(spec.spectrum)
+    match spec:
+        case RayfileSource():
+            return _of_file(RayfilePart(file=spec.file))
+        case RayfilesSource():
+            parts = [_of_file(part) for part in spec.files]
+            known = [part for part in parts if part is not None]
+            return _mixed(known, [file.flux_w for file in summary.files]) if len(known) == len(parts) else None
+        case RaySource():
+            waves, flux = spec.wavelengths_nm, spec.ray_flux
+            if waves is None:
+                return None
+            light = waves, np.ones(len(waves)) if flux is None else flux
+            return _of_rays(lambda: [light])
+        case _:
+            return None
+
+
+def _of_file(part: RayfilePart) -> Spectrum | None:
+    if part.spectrum is not None:
+        return spectrum_of(part.spectrum)
+    rayfile = read_rayfile(part.file)
+    tables = rayfile.spectral_tables
+    if rayfile.wavelengths_nm is None and len(tables) == 1:
+        return Spectrum(tables[0].wavelengths_nm, tables[0].power_density, f"{part.file}: spectral table 1")
+    rays, in_lumens = loaded_or_stored(rayfile), rayfile.flux_unit == "lm"
+    if with_wavelengths(rayfile, rays) is None:
+        return None
+
+    def blocks() -> Iterator[_Light]:
+        for block, waves in with_wavelengths(rayfile, rays) or ():
+            yield waves, block.flux / efficacy_at(waves) if in_lumens else block.flux
+
+    # of lumens: power is not known where the eye sees nothing
+    if in_lumens and not all(efficacy_at(waves).all() for _, waves in with_wavelengths(rayfile, rays) or ()):
+        return None
+    return _of_rays(blocks)
+
+
+def _of_rays(blocks: Callable[[], Iterable[_Light]]) -> Spectrum:
+    """Spectrum of rays with a wavelength each, block by block: a line where they share it, or a table."""
+    low, high = np.inf, -np.inf
+    for waves, _ in blocks():
+        low, high = np.minimum(low, waves.min()), np.maximum(high, waves.max())
+    if low == high:
+        return Spectrum(np.array([low]), np.ones(1))
+    first = np.floor(low / _STEP_NM - 0.5) * _STEP_NM
+    nodes = np.arange(first, high + 1.5 * _STEP_NM, _STEP_NM)
+    edges, power = np.append(nodes - 0.5 * _STEP_NM, nodes[-1] + 0.5 * _STEP_NM), np.zeros(len(nodes))
+    for waves, flux in blocks():
+        power += np.histogram(waves, edges, weights=flux)[0]
+    return Spectrum(nodes, power / power.max())
+
+
+def _mixed(parts: Sequence[Spectrum], flux_w: Sequence[float]) -> Spectrum:
+    """Spectrum of the light of all ``parts`` together, each with its power; a line is a triangle of 5 nm."""
+    tables = [_as_table(part) for part in parts]
+    waves = np.unique(np.concatenate([table.wavelengths_nm for table in tables]))
+    density = np.zeros(len(waves))
+    for table, power in zip(tables, flux_w, strict=True):
+        whole = float(np.trapezoid(table.power_density, table.wavelengths_nm))
+        density += power / whole * np.interp(waves, table.wavelengths_nm, table.power_density, left=0.0, right=0.0)
+    return Spectrum(waves, density / density.max())
+
+
+def _as_table(part: Spectrum) -> Spectrum:
+    if len(part.wavelengths_nm) > 1:
+        return part
+    line = float(part.wavelengths_nm[0])
+    return Spectrum(np.array([line - _STEP_NM, line, line + _STEP_NM]), np.array([0.0, 1.0, 0.0]))

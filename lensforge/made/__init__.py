@@ -1,0 +1,1 @@
+"""What becomes of the light in made parts: yield, sensitivity, measured parts, and a second cut."""

@@ -1,0 +1,233 @@
+"""Parts measured as they are asked for, by threads or by the workers of a cluster, and kept in one file.
+
+An interrupted study goes on where it was, with the same bits. What all parts share is made once in each process.
+"""
+
+import hashlib
+import json
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from threading import Lock
+from typing import Protocol
+
+import numpy as np
+import torch
+from jaxtyping import Float
+
+from lensforge.errors import Cancelled, InputError
+from lensforge.made.part_study import PartStudy, Recipe, Scales
+from lensforge.results.files import MIB, read_file, replacing
+from lensforge.results.json_npz import arrays_in, parse_json
+from lensforge.results.stage_result import require_checksum, with_checksum
+from lensforge.search.checkpoint import made_by
+from lensforge.search.cluster import Cluster
+
+_MOST_BYTES = 512 * MIB  # a hundred thousand parts with a hundred limits take 160 MB
+_NUMBERS = ("rays", "numbers", "scales", "values")
+_ANEW = "delete it to begin again"
+
+Job = tuple[int, tuple[tuple[str, float], ...]]  # number of the part, and its scales by name
+_RaysAndJob = tuple[int, Job]
+
+
+@dataclass
+class KeptParts:
+    """Metrics and their errors of parts, by number of rays and job; ``file``: None for a study that keeps nothing.
+
+    ``key``: of all else that decides the metrics; a study begins with few rays, and may take more.
+    """
+
+    file: Path | None = None
+    key: str = ""
+    known: dict[_RaysAndJob, Float[np.ndarray, "m 2"]] = field(default_factory=dict)
+
+    @staticmethod
+    def of(file: Path | None, study: PartStudy) -> "KeptParts":
+        """Parts that an earlier run of the same study has left in ``file``; none where that was another study.
+
+        Raises :class:`InputError` for a damaged file, and for one whose numbers are not those that were written.
+        """
+        recipe = study.recipe
+        words = [recipe.lens.sha256, recipe.seed, recipe.designed_rays, made_by()]
+        key = hashlib.sha256(json.dumps(words).encode()).hexdigest()  # more parts in all change no part
+        if file is None or not (file.exists() or file.is_symlink()):
+            return KeptParts(file, key)
+        content = read_file(file, missing=_ANEW, most_bytes=_MOST_BYTES)
+        try:
+            arrays = arrays_in(content, ("head", *_NUMBERS), _MOST_BYTES)
+            head = parse_json(arrays["head"].tobytes())
+            if not isinstance(head, dict) or set(arrays) != {"head", *_NUMBERS}:
+                raise ValueError("other arrays than those of a study")
+            head = require_checksum(head, file, _ANEW)
+            if head["sha256"] != _sha256(arrays):
+                raise ValueError("its numbers are not those that were written")
+            if head["key"] != key:
+                return KeptParts(file, key)
+            return KeptParts(file, key, _parts(arrays, head["scaled"], len(study.names)))
+        except (ValueError, KeyError, TypeError) as error:
+            raise InputError(f"{file}: no parts of a study ({str(error)[:80]}); {_ANEW}") from None
+
+    def save(self) -> None:
+        """Write all that is known, with the hash of its numbers."""
+        if self.file is None or not self.known:
+            return
+        scaled = sorted({name for _, (_, scales) in self.known for name, _ in scales})
+        scales = [[dict(scales).get(name, 1.0) for name in scaled] for _, (_, scales) in self.known]
+        arrays = {
+            "rays": np.array([rays for rays, _ in self.known]),
+            "numbers": np.array([number for _, (number, _) in self.known]),
+            "scales": np.array(scales, dtype=np.float64).reshape(len(self.known), len(scaled)),
+            "values": np.stack(list(self.known.values())),
+        }
+        head = json.dumps(with_checksum({"key": self.key, "scaled": scaled, "sha256": _sha256(arrays)}))
+        with replacing(self.file) as temporary, temporary.open("wb") as stream:
+            np.savez(stream, head=np.frombuffer(head.encode(), dtype=np.uint8), **arrays)  # type: ignore[arg-type]
+
+
+def _sha256(arrays: Mapping[str, np.ndarray]) -> str:
+    """Hash of the numbers, their types and shapes."""
+    found = hashlib.sha256()
+    for name in _NUMBERS:
+        found.update(f"{name} {arrays[name].dtype.str} {arrays[name].shape} ".encode() + arrays[name].tobytes())
+    return found.hexdigest()
+
+
+def _parts(
+    arrays: Mapping[str, np.ndarray], scaled: Sequence[str], metrics: int
+) -> dict[_RaysAndJob, Float[np.ndarray, "m 2"]]:
+    """Metrics by rays and job; a scale of 1 is none. Raises :class:`ValueError` for arrays that do not fit."""
+    rays, numbers, scales, values = (arrays[name] for name in _NUMBERS)
+    shapes_fit = scales.shape == (rays.size, len(scaled)) and values.shape == (rays.size, metrics, 2)
+    if not shapes_fit or rays.dtype.kind != "i" or numbers.dtype.kind != "i" or not np.isfinite(values).all():
+        raise ValueError("arrays that do not fit each other")
+    jobs = [
+        (count, (number, tuple((name, factor) for name, factor in zip(scaled, row, strict=True) if factor != 1.0)))
+        for count, number, row in zip(rays.tolist(), numbers.tolist(), scales.tolist(), strict=True)
+    ]
+    return dict(zip(jobs, values, strict=True))
+
+
+_SAVE_SECONDS = 5.0
+_CHUNK = 8  # parts of one task: a second of work, which a lost worker repeats
+
+Progress = Callable[[int, int], object]  # parts measured, and of those that a stage asks for; False cancels
+
+
+class Workers(Protocol):
+    """Interface of threads or processes that measure parts."""
+
+    def measure(
+        self, study: PartStudy, chunks: Sequence[tuple[Job, ...]]
+    ) -> Iterator[tuple[int, Float[np.ndarray, "j m 2"]]]:
+        """Measure every chunk, in any order: its number, and the metrics of its parts."""
+        ...
+
+
+class Threads:
+    """All cores of this process: as many parts at once as torch may use threads."""
+
+    def measure(
+        self, study: PartStudy, chunks: Sequence[tuple[Job, ...]]
+    ) -> Iterator[tuple[int, Float[np.ndarray, "j m 2"]]]:
+        """Measure every chunk in its turn."""
+        prepare(study)
+        with ThreadPoolExecutor(torch.get_num_threads()) as pool:
+            for number, chunk in enumerate(chunks):
+                yield number, np.stack(list(pool.map(lambda job: measured(study, job), chunk)))
+
+
+def prepare(study: PartStudy) -> None:
+    """Make all that the parts share, before several threads ask for it at once."""
+    _ = study.draws, study.maker, study.designed, study.of_design, study.bounds
+
+
+def measured(study: PartStudy, job: Job) -> Float[np.ndarray, "m 2"]:
+    """Metrics of one part."""
+    number, scales = job
+    return study.measure(number, dict(scales))
+
+
+def job_of(number: int, scales: Scales) -> Job:
+    """The job of one part; scales of 1 are none."""
+    return number, tuple(sorted((name, factor) for name, factor in scales.items() if factor != 1.0))
+
+
+@dataclass
+class MeasuredParts:
+    """Metrics of the parts of ``study``; those that are not ``kept`` are measured by ``workers``."""
+
+    study: PartStudy
+    workers: Workers = field(default_factory=Threads)
+    kept: KeptParts = field(default_factory=KeptParts)
+    progress: Progress | None = None
+
+    def with_rays(self, rays: int) -> "MeasuredParts":
+        """The same parts by other ``rays`` each, kept beside those of these rays."""
+        return self if rays == self.study.recipe.rays else replace(self, study=self.study.with_rays(rays))
+
+    def of(self, parts: Iterable[int], scales: Scales | None = None) -> Float[np.ndarray, "n m 2"]:
+        """Metrics of ``parts`` with some of their deviations scaled."""
+        known, rays = self.kept.known, self.study.recipe.rays
+        jobs = [job_of(number, scales or {}) for number in parts]
+        missing = [job for job in jobs if (rays, job) not in known]
+        chunks = [tuple(missing[first : first + _CHUNK]) for first in range(0, len(missing), _CHUNK)]
+        saved, done = time.monotonic(), len(jobs) - len(missing)
+        try:
+            for number, found in self.workers.measure(self.study, chunks) if chunks else ():
+                known.update(zip(((rays, job) for job in chunks[number]), found, strict=True))
+                done += len(chunks[number])
+                if self.progress is not None and self.progress(done, len(jobs)) is False:
+                    raise Cancelled("yield: cancelled")
+                if time.monotonic() - saved > _SAVE_SECONDS:
+                    self.kept.save()
+                    saved = time.monotonic()
+        finally:
+            if chunks:
+                self.kept.save()
+        return np.stack([known[rays, job] for job in jobs])
+
+
+_MOST_STUDIES = 2  # in the memory of a worker: of the same lens with fewer rays, and the one at hand
+_studies: list[PartStudy] = []
+_lock = Lock()
+
+
+@dataclass
+class ClusterParts:
+    """Workers of a cluster that measure parts."""
+
+    cluster: Cluster
+
+    def measure(
+        self, study: PartStudy, chunks: Sequence[tuple[Job, ...]]
+    ) -> Iterator[tuple[int, Float[np.ndarray, "j m 2"]]]:
+        """Measure every chunk, each as one task."""
+        return self.cluster.map(measured_chunk, study.recipe, chunks)
+
+
+def measured_chunk(recipe: Recipe, chunk: tuple[Job, ...]) -> Float[np.ndarray, "j m 2"]:
+    """Metrics of the parts of one task."""
+    study = _study(recipe)
+    return np.stack([measured(study, job) for job in chunk])
+
+
+def _study(recipe: Recipe) -> PartStudy:
+    """The study of ``recipe`` in this process."""
+    with _lock:  # a worker may have several threads
+        for study in _studies:
+            if _words(study.recipe) == _words(recipe):
+                return study
+        made = PartStudy(recipe)
+        for study in _studies:
+            if _words(replace(study.recipe, rays=recipe.rays)) == _words(recipe):
+                made = study.with_rays(recipe.rays)
+        prepare(made)
+        _studies[:] = [made, *_studies[: _MOST_STUDIES - 1]]
+        return made
+
+
+def _words(recipe: Recipe) -> tuple[object, ...]:
+    return recipe.lens.sha256, recipe.parts, recipe.rays, recipe.seed, recipe.designed_rays

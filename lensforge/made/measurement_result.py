@@ -1,0 +1,348 @@
+"""Results of measuring the part: a photograph of its light, points on one of its surfaces, and their figures."""
+
+import io
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.light.evaluation_result import LightMetrics
+from lensforge.results import (
+    Array,
+    Count,
+    Extent,
+    Flag,
+    Image,
+    Irradiance,
+    Metric,
+    NotNegative,
+    Number,
+    Positive,
+    Record,
+    Share,
+    SimulatedResult,
+    StageResult,
+    Text,
+    stated,
+)
+from lensforge.results.chart import Chart, light_unit
+from lensforge.results.criteria import Criterion, at_least, at_most
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+_ERRORS = 3.0  # standard errors from which a cause is named
+
+
+class Alignment(Record):
+    """Similarity transform from the simulated light to the photographed one, about the centre of the target.
+
+    ``scale``: above 1 where the photographed light is larger; ``rotation_deg``: counter-clockwise as the simulation is
+    shown. None for what the light cannot tell: a round pattern has no rotation, even light no size. Standard errors are
+    by the differences of the pictures, over blocks of the target, and by the corners.
+    """
+
+    displacement_x_mm: Metric | None
+    displacement_y_mm: Metric | None
+    scale: Metric | None
+    rotation_deg: Metric | None
+
+    def causes(self) -> Iterator[str]:
+        """Likely cause of each figure that is beyond doubt, in words."""
+        if _beyond_doubt(self.scale, 1.0):
+            yield (
+                f"scale {self.scale}: the target may stand {_farther(self.scale)} than in the spec, by that ratio, or "
+                "the corners bound a target of another size than given"
+            )
+        if _beyond_doubt(self.rotation_deg, 0.0):
+            yield (
+                f"rotation {self.rotation_deg}: the lens and the target may be turned against each other about the "
+                "axis, or the corners are not those of the target; a turned camera alone is undone by the corners"
+            )
+        for axis, shift in (("x", self.displacement_x_mm), ("y", self.displacement_y_mm)):
+            if _beyond_doubt(shift, 0.0):
+                yield (
+                    f"displacement along {axis} {shift}: the target may be off the axis, the lens tilted, or the "
+                    "LED off the centre of the lens"
+                )
+
+
+def _beyond_doubt(metric: Metric | None, expected: float) -> bool:
+    if metric is None or metric.standard_error is None:
+        return False
+    return abs(metric.value - expected) > _ERRORS * metric.standard_error
+
+
+def _farther(scale: Metric | None) -> str:
+    return "farther away" if scale is not None and scale.value > 1.0 else "closer"
+
+
+CLIPPED_SHARE = 0.01  # of the target: clipped pixels make a pattern look more uniform than it is
+USED_SHARE = 0.9  # of the points must lie over the surface once registered
+COVERED_SHARE = 0.8  # of the surface must be measured: elsewhere the design is assumed
+
+_MOST_POINTS = 10_000_000  # on a surface; scanners measure a million
+
+Pixel = tuple[Number, Number]  # column, row
+Row = Annotated[Float[np.ndarray, " w"], Array("w")]  # of an image
+Column = Annotated[Float[np.ndarray, " h"], Array("h")]
+Side = Literal["inner", "outer"]
+AxisName = Literal["x", "y"]
+Registration = Literal["rigid", "shift", "none"]
+
+
+class Located(Record):
+    """Quality of corners that were found in the photographs, not given.
+
+    ``seen_in``: "on", "off", or "the light" for on minus off. ``lit``: they are corners of the light itself, not of a
+    panel. Scatter of the points of the worst edge about its line, and its bow, in pixels.
+    """
+
+    seen_in: Text
+    lit: bool
+    edge_rms_px: NotNegative
+    edge_bow_px: NotNegative
+
+
+class Similarity(Record):
+    """Similarity of two images. ``ssim``: structural similarity, 1 for equal images."""
+
+    ssim: Number
+    nmse: NotNegative
+
+
+class Evenness(Record):
+    """Uniformity and RSD within the spec's region of uniform light; None where it has none."""
+
+    uniformity: Number | None
+    rsd: Number | None
+
+
+class PhotoComparison(StageResult):
+    """A photograph of the part's light against the simulation, both scaled to a mean of 1.
+
+    ``measured``, ``simulated``: [row y, column x] on a plane of ``width_mm`` x ``height_mm``; ``section_*``: lines
+    through its centre, at ``x_mm`` and ``y_mm``. ``target_mm``: width and height of the rectangle that ``corners``
+    bound. ``aligned``: after undoing ``alignment``; ``likely_cause`` is of that. ``clipped``: overexposed part
+    of the target.
+    """
+
+    stage: ClassVar[str] = "compare"
+    command: ClassVar[str] = "compare --on"
+    made_from: ClassVar[tuple[str, ...]] = ("lens", "evaluate")
+
+    on: Text
+    off: Text | None
+    corners: tuple[Pixel, Pixel, Pixel, Pixel]
+    corners_located: Located | None
+    target_mm: tuple[Positive, Positive]
+    width_mm: Positive
+    height_mm: Positive
+    gamma: Positive
+    pixels: Count
+    ssim: Number
+    nmse: NotNegative
+    alignment: Alignment
+    aligned: Similarity
+    measured_evenness: Evenness
+    simulated_evenness: Evenness
+    clipped: Share
+    criteria: tuple[Criterion, ...]
+    measured: Image
+    simulated: Image
+    x_mm: Annotated[Float[np.ndarray, " w"], Array("w", centred=True)]
+    y_mm: Annotated[Float[np.ndarray, " h"], Array("h", centred=True)]
+    section_x_measured: Row
+    section_x_simulated: Row
+    section_y_measured: Column
+    section_y_simulated: Column
+
+    @stated
+    def likely_cause(self) -> str:
+        """Likely causes of what the alignment says beyond doubt, in words; empty where it says nothing."""
+        return "; ".join(self.alignment.causes())
+
+    @property
+    def chart(self) -> Chart:
+        """Size of the images, for figures."""
+        return Chart(self.width_mm, self.height_mm)
+
+    def plot(self, axes: "Axes | None" = None, *, axis: AxisName = "x") -> "Axes":
+        """Plot photograph and simulation along a central line. Raises :class:`InputError` for an unknown axis."""
+        from lensforge.results.plots import plot_curves, require_choice
+
+        require_choice("axis", axis, get_args(AxisName))
+        places = self.x_mm if axis == "x" else self.y_mm
+        curves = {name: (places, getattr(self, f"section_{axis}_{name}")) for name in ("measured", "simulated")}
+        return plot_curves(curves, (f"{axis} (mm)", "irradiance over its mean"), axes)
+
+
+def photo_criteria(clipped: float) -> tuple[Criterion, ...]:
+    """The one criterion on a photograph; ``clipped``: overexposed share of the target."""
+    remedy = "use a shorter exposure, the same for both photographs"
+    return (at_most("photo_clipped", clipped, CLIPPED_SHARE, "of the target", remedy),)
+
+
+def surface_criteria(used: float, covered: float) -> tuple[Criterion, ...]:
+    """Criteria on measured points: the shares of points on the surface, and of the surface that has points."""
+    other = "give the points of this surface alone, close to lens coordinates"
+    return (
+        at_least("points_used", used, USED_SHARE, "of the points", other),
+        at_least("surface_covered", covered, COVERED_SHARE, "of the surface", "measure more of the surface"),
+    )
+
+
+class Pose(Record):
+    """Rotation vector and translation that register the points to the design.
+
+    Standard errors are by noise and form error of the part; None for what was not fitted, or is not determined.
+    """
+
+    rotation_x_deg: Metric
+    rotation_y_deg: Metric
+    rotation_z_deg: Metric
+    translation_x_mm: Metric
+    translation_y_mm: Metric
+    translation_z_mm: Metric
+
+
+class DeviationExtent(Record):
+    """Extent of a signed deviation: of points, each counting once, or over a face, by its area."""
+
+    pv: NotNegative
+    rms: NotNegative
+    min: Number
+    max: Number
+
+    @staticmethod
+    def of(values: Float[np.ndarray, " n"], areas: Float[np.ndarray, " n"] | None = None) -> "DeviationExtent":
+        """Extent of ``values``; the mean square is weighted by ``areas``, or each value counts once."""
+        return DeviationExtent(
+            pv=float(np.ptp(values)),
+            rms=float(np.sqrt(np.average(values**2, weights=areas))),
+            min=float(values.min()),
+            max=float(values.max()),
+        )
+
+
+def area_extent(values: Float[np.ndarray, "*n"], areas: Float[np.ndarray, "*n"]) -> Extent:
+    """Largest absolute value, and rms over the area; NaN counts nowhere."""
+    inside = np.isfinite(values)
+    square = float(np.sum(areas[inside] * values[inside] ** 2) / np.sum(areas[inside]))
+    return Extent(max=float(np.abs(values[inside]).max()), rms=float(np.sqrt(square)))
+
+
+class SurfaceComparison(SimulatedResult):
+    """A measured surface against the design's, and the light of the lens with it.
+
+    ``points`` (mm) as registered, ``distance_um`` of each along the normal; ``deviation_um`` over the chart [Y, X],
+    NaN outside, and the ``area_mm2`` of the face that each of its samples stands for: ``form_deviation_um.rms`` is the
+    root of the mean square over that area. On the first receiver, ``width`` x ``height`` in the unit of its chart:
+    irradiance (W/m^2), in the far field intensity (W/sr), of the design and with the measured surface, [row y, column
+    x]. ``nmse_between`` the two. ``change``: of ``measured`` less ``design``, by the same rays.
+    """
+
+    stage: ClassVar[str] = "compare_surface"
+    command: ClassVar[str] = "compare --points"
+
+    surface: Side
+    registration: Registration
+    point_count: Count
+    used_share: Share
+    covered_share: Share
+    pose: Pose
+    point_deviation_um: DeviationExtent
+    form_deviation_um: DeviationExtent
+    residual_rms_um: NotNegative
+    rays: Count
+    receiver: Text
+    far_field: Flag
+    width: Positive
+    height: Positive
+    design: LightMetrics
+    measured: LightMetrics
+    change: LightMetrics
+    nmse_between: NotNegative
+    criteria: tuple[Criterion, ...]
+    points: Annotated[Float[np.ndarray, "n 3"], Array("n", 3, most=_MOST_POINTS)]
+    distance_um: Annotated[Float[np.ndarray, " n"], Array("n", most=_MOST_POINTS)]
+    chart: Annotated[Float[np.ndarray, " m"], Array("m", centred=True)]
+    deviation_um: Annotated[Float[np.ndarray, "m m"], Array("m", "m", gaps=True)]
+    area_mm2: Annotated[Float[np.ndarray, "m m"], Array("m", "m", gaps=True, least=0.0)]
+    irradiance_design: Irradiance
+    irradiance_measured: Irradiance
+
+    @property
+    def light_chart(self) -> Chart:
+        """Size of the maps of light, for figures."""
+        return Chart(self.width, self.height, self.far_field)
+
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
+        """Plot the form deviation over the chart of the surface."""
+        from lensforge.results.plots import plot_face
+
+        return plot_face(self.deviation_um.T, float(self.chart[-1]), f"{self.surface}: form deviation (µm)", axes)
+
+
+def photo_png(found: PhotoComparison) -> bytes:
+    """Draw simulation and photograph on one scale, and their sections along x and y (mm), as a PNG file."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11.0, 7.5), layout="constrained")
+    FigureCanvasAgg(figure)
+    top, bottom = figure.subplots(2, 2)
+    images = {"simulated": found.simulated, "measured": found.measured}
+    chart, most = found.chart, max(float(image.max()) for image in images.values())
+    for axes, (name, image) in zip(top, images.items(), strict=True):
+        shown = axes.imshow(image, origin="lower", extent=chart.extent, cmap="inferno", vmin=0.0, vmax=most)
+        axes.set(title=name)
+        chart.label(axes)
+    figure.colorbar(shown, ax=top, label="irradiance (mean = 1)")
+    sections = {
+        "x": (found.x_mm, {"simulated": found.section_x_simulated, "measured": found.section_x_measured}),
+        "y": (found.y_mm, {"simulated": found.section_y_simulated, "measured": found.section_y_measured}),
+    }
+    sides = found.width_mm, found.height_mm
+    for axes, (axis, (places, lines)), side in zip(bottom, sections.items(), sides, strict=True):
+        for (name, line), style in zip(lines.items(), ("-", "--"), strict=True):
+            axes.plot(places, line, style, label=name)
+        axes.set(xlabel=f"{axis} (mm)", ylabel="irradiance (mean = 1)", xlim=(-side / 2.0, side / 2.0))
+        axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
+        axes.legend(frameon=False)
+    return _png(figure)
+
+
+def surface_png(found: SurfaceComparison) -> bytes:
+    """Draw the form deviation over the chart (rim = unit circle) and the light before and after, as a PNG file."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(13.5, 4.2), layout="constrained")
+    FigureCanvasAgg(figure)
+    form, before, after = figure.subplots(1, 3)
+    reach = float(np.nanmax(np.abs(found.deviation_um))) or 1.0
+    shown = form.imshow(
+        found.deviation_um, origin="lower", extent=(-1, 1, -1, 1), cmap="RdBu_r", vmin=-reach, vmax=reach
+    )
+    form.set(title=f"form deviation, {found.surface} surface", xlabel="chart X", ylabel="chart Y")
+    figure.colorbar(shown, ax=form, label="along the normal (µm)")
+    chart, most = found.light_chart, float(found.irradiance_design.max())
+    for axes, image, title in (
+        (before, found.irradiance_design, "as designed"),
+        (after, found.irradiance_measured, "as measured"),
+    ):
+        light = axes.imshow(image, origin="lower", extent=chart.extent, cmap="inferno", vmin=0.0, vmax=most)
+        axes.set(title=title)
+        chart.label(axes)
+    figure.colorbar(light, ax=[before, after], label=light_unit(None, far_field=found.far_field).label)
+    return _png(figure)
+
+
+def _png(figure: "Figure") -> bytes:
+    png = io.BytesIO()
+    figure.savefig(png, format="png", dpi=150)
+    return png.getvalue()

@@ -1,0 +1,291 @@
+"""Results of the tolerance studies: the sensitivity to each tolerance, and the yield of parts that have all of them.
+
+The sensitivity table has the metrics of the lens as designed, and with each tolerance at its end. The yield study says
+how many parts pass, how far their metrics scatter, and which tolerance decides.
+"""
+
+import csv
+import io
+from math import sqrt
+from statistics import NormalDist
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
+
+import numpy as np
+from jaxtyping import Bool, Float
+from pydantic import Field
+
+from lensforge.errors import InputError
+from lensforge.light.evaluation_result import LightMetrics
+from lensforge.results import Array, Count, Metric, NotNegative, Number, Record, Share, SimulatedResult, Text, stated
+from lensforge.results.criteria import Sense
+from lensforge.scene.tolerance_factors import Factor
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+MetricName = Literal["uniformity", "rsd", "nmse", "efficiency"]
+
+_MOST_ROWS = 200  # bars of a plot; the study has 34 errors at most, of 21 tolerances
+
+
+class ErrorRow(Record):
+    """One tolerance at its end: its amount, the metrics with it, and their change by it.
+
+    ``change`` is the difference from the lens as designed by the same rays, with the standard error of that difference:
+    what both have of the noise cancels. That of uniformity cancels least, since each lens has its own darkest pixels.
+    """
+
+    name: Text
+    amount: Number
+    unit: Text
+    metrics: LightMetrics
+    change: LightMetrics
+
+
+class Sensitivity(SimulatedResult):
+    """Tolerances of the spec, one at a time at its end, and the change of the light by each.
+
+    ``preset``: that of the tolerances that the spec leaves out.
+    """
+
+    stage: ClassVar[str] = "sensitivity"
+
+    nominal: LightMetrics
+    rows: Annotated[tuple[ErrorRow, ...], Field(max_length=_MOST_ROWS)]
+    preset: Text
+    rays: Count
+    seconds: NotNegative
+
+    def plot(self, axes: "Axes | None" = None, *, metric: MetricName = "nmse") -> "Axes":
+        """Plot the change of ``metric`` by each error, with its standard error.
+
+        Raises :class:`InputError` for an unknown one, and for one that the spec has no region for.
+        """
+        from lensforge.results.plots import plot_bars, require_choice
+
+        require_choice("metric", metric, get_args(MetricName))
+        if getattr(self.nominal, metric) is None:
+            raise InputError(f"metric = {metric!r}: the spec names no region of uniform light; plot nmse or efficiency")
+        changes = {f"{row.name} {row.amount:g} {row.unit}": getattr(row.change, metric) for row in self.rows}
+        values = {name: 0.0 if change is None else change.value for name, change in changes.items()}
+        errors = [0.0 if change is None else change.standard_error or 0.0 for change in changes.values()]
+        return plot_bars(values, f"change of {metric}", axes, errors)
+
+
+MOST_PARTS = 100_000
+_MOST_FACTORS, _MOST_BOUNDS = 64, 2048
+_CONFIDENCE = 0.95
+PASS_RATE = 0.95  # of the parts, by a budget
+FIELD = "Gaussian field"  # in the place of a distribution
+
+
+class PassRate(Record):
+    """Share of the parts that pass, and its 95 % confidence interval by Wilson's score (Wilson 1927)."""
+
+    value: Share
+    low: Share
+    high: Share
+
+    @staticmethod
+    def of(passed: int, count: int) -> "PassRate":
+        """Share ``passed`` of ``count`` parts (Wilson, J. Am. Stat. Assoc. 22, 209, 1927)."""
+        z = NormalDist().inv_cdf(0.5 + 0.5 * _CONFIDENCE)
+        share, spread = passed / count, z * z / count
+        middle = (share + 0.5 * spread) / (1.0 + spread)
+        half = z / (1.0 + spread) * sqrt(share * (1.0 - share) / count + 0.25 * spread / count)
+        return PassRate(value=share, low=max(0.0, middle - half), high=min(1.0, middle + half))
+
+
+class MetricBound(Record):
+    """Bound that a part must keep to pass: ``metric``, a name of ``metrics``, ``sense`` ``bound``, in ``unit``."""
+
+    metric: Text
+    sense: Sense
+    bound: Number
+    unit: Text
+
+    def kept_by(self, values: Float[np.ndarray, "*n"]) -> Bool[np.ndarray, "*n"]:
+        """True for values of the metric that keep it."""
+        return values <= self.bound if self.sense == "<=" else values >= self.bound
+
+    def __str__(self) -> str:
+        unit = f" {self.unit}" if self.unit not in ("", "°") else self.unit
+        return f"{self.metric} {self.sense} {self.bound:.4g}{unit}"
+
+
+class MetricSpread(Record):
+    """Distribution of a metric over the parts; ``designed``: of the lens as designed, by its own many rays.
+
+    ``p5``, ``p50``, ``p95``: percentiles; ``mean`` and ``spread`` (standard deviation, without ray noise) of the parts.
+    ``standard_error``: median of that of one part's change from the designed lens.
+    """
+
+    unit: Text
+    designed: Metric
+    p5: Number
+    p50: Number
+    p95: Number
+    mean: Metric
+    spread: NotNegative
+    standard_error: NotNegative | None
+
+    @stated
+    def undecided(self) -> bool:
+        """True where the noise of a part's rays outweighs the spread of the parts: percentiles are those of noise."""
+        return self.standard_error is not None and self.spread < self.standard_error
+
+
+class CauseShare(Record):
+    """Share of a metric's variance that one tolerance makes by itself, and its standard error."""
+
+    tolerance: Text
+    words: Text
+    share: Number
+    standard_error: NotNegative
+
+    @property
+    def rank(self) -> tuple[float, float]:
+        """Order of the causes: by what is certain of their shares, two standard errors less, and then by value."""
+        return -max(self.share - 2.0 * self.standard_error, 0.0), -self.share
+
+
+class Variance(Record):
+    """Causes of a metric's spread, the surest first; ``interactions``: what is left to several tolerances together."""
+
+    causes: Annotated[tuple[CauseShare, ...], Field(max_length=_MOST_FACTORS)]
+    interactions: Metric
+
+
+def drawn_to_mean(values: Float[np.ndarray, " n"], spread: float) -> Float[np.ndarray, " n"]:
+    """``values`` drawn to their mean until they scatter by ``spread``: what ray noise has added is taken off.
+
+    As they are where the noise leaves no spread: parts are not alike because nobody can tell them apart.
+    """
+    mean, scatter = float(values.mean()), float(values.std(ddof=1))
+    drawn: Float[np.ndarray, " n"] = mean + (values - mean) * (spread / scatter if scatter > 0.0 < spread else 1.0)
+    return drawn
+
+
+class BudgetRow(Record):
+    """The largest ``at_most`` of one tolerance at which 95 % of the parts pass, the others as specified.
+
+    ``low``, ``high``: a standard error to either side, from the number of parts. None: no amount is small enough, or
+    none up to ``searched_to`` is too large (``unlimited``).
+    """
+
+    tolerance: Text
+    words: Text
+    unit: Text
+    specified: NotNegative
+    at_most: NotNegative | None
+    low: NotNegative | None
+    high: NotNegative | None
+    searched_to: NotNegative
+    unlimited: bool
+
+
+class Budget(Record):
+    """Largest amount of each tolerance at which ``pass_rate`` of the parts pass, by the first ``parts`` of them.
+
+    ``together``: the factor, in the place of an amount, by which all of them may be scaled at once.
+    """
+
+    pass_rate: Share
+    parts: Count
+    alone: Annotated[tuple[BudgetRow, ...], Field(max_length=_MOST_FACTORS)]
+    together: BudgetRow
+
+
+class WorstPart(Record):
+    """One of the worst parts: its number in the table of parts, and its metrics."""
+
+    part: Count
+    metrics: dict[Text, Number]
+    passes: bool
+
+
+class ToleranceAmount(Record):
+    """One tolerance as it was drawn."""
+
+    name: Text
+    words: Text
+    unit: Text
+    amount: NotNegative
+    distribution: Text
+
+    @staticmethod
+    def of(factor: Factor) -> "ToleranceAmount":
+        """The tolerance of ``factor``."""
+        return ToleranceAmount(
+            name=factor.name,
+            words=factor.words,
+            unit=factor.unit,
+            amount=factor.amount,
+            distribution=FIELD if factor.kind == "field" else factor.distribution,
+        )
+
+
+class Yield(SimulatedResult):
+    """``parts`` lamps drawn from the tolerances of the spec, and their light.
+
+    ``columns``: names of the numbers drawn and of the metrics, in the order of ``table``, which has a row for each
+    part; numbers in the unit of the spec. ``worst_maps``: light of the worst parts on the first receiver.
+    """
+
+    stage: ClassVar[str] = "yield"
+
+    parts: Annotated[Count, Field(ge=2, le=MOST_PARTS)]
+    rays: Count
+    seed: Count
+    preset: Text
+    tolerances: tuple[ToleranceAmount, ...]
+    bounds: Annotated[tuple[MetricBound, ...], Field(max_length=_MOST_BOUNDS)]
+    pass_rate: PassRate
+    metrics: dict[Text, MetricSpread]
+    variance: dict[Text, Variance]
+    budget: Budget | None
+    worst: tuple[WorstPart, ...]
+    notes: tuple[Text, ...]
+    seconds: NotNegative
+    columns: tuple[Text, ...]
+    table: Annotated[Float[np.ndarray, "parts columns"], Array("parts", "columns", most=MOST_PARTS)]
+    worst_maps: Annotated[Float[np.ndarray, "worst h w"], Array("worst", "h", "w", gaps=False)]
+
+    def column(self, name: str) -> Float[np.ndarray, " parts"]:
+        """One number of every part."""
+        found: Float[np.ndarray, " parts"] = self.table[:, self.columns.index(name)]
+        return found
+
+    @property
+    def passing(self) -> Bool[np.ndarray, " parts"]:
+        """Parts that keep every bound."""
+        passes = np.ones(len(self.table), dtype=bool)
+        for bound in self.bounds:
+            passes &= bound.kept_by(self.column(bound.metric))
+        return passes
+
+    def without_noise(self, name: str) -> Float[np.ndarray, " parts"]:
+        """A metric of every part as its percentiles take it, see :func:`drawn_to_mean`."""
+        return drawn_to_mean(self.column(name), self.metrics[name].spread)
+
+    def products(self) -> dict[str, bytes]:
+        """The table of parts as CSV; a metric whose spread is the noise of the rays says so in its column's name."""
+        buffer = io.StringIO()
+        writer = csv.writer(buffer, lineterminator="\n")  # names of receivers and limits may hold commas
+        noisy = {name for name, spread in self.metrics.items() if spread.undecided}
+        writer.writerow(("part", *(f"{name} (undecided)" if name in noisy else name for name in self.columns)))
+        writer.writerows((number, *(f"{value:.9g}" for value in row)) for number, row in enumerate(self.table))
+        return {".csv": buffer.getvalue().encode()}
+
+    def plot(self, axes: "Axes | None" = None, *, metric: str = "nmse") -> "Axes":
+        """Share of the parts whose ``metric`` is at most the value, with the bound that they must keep.
+
+        Raises :class:`InputError` for an unknown one.
+        """
+        from lensforge.results.plots import plot_distribution, require_choice
+
+        require_choice("metric", metric, tuple(self.metrics))
+        bound = next((each.bound for each in self.bounds if each.metric == metric), None)
+        designed = self.metrics[metric].designed.value
+        return plot_distribution(self.column(metric), metric, axes, designed=designed, bound=bound)

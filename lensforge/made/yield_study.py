@@ -1,0 +1,282 @@
+"""The yield study: parts drawn from the tolerances, the spread of their metrics, the share that passes, the causes.
+
+A cause is the first-order share of a metric's variance that one tolerance makes (Sobol 1993): the part of the variance
+that its numbers alone explain. It is the sum of the squared products of the metric with polynomials that are
+orthonormal over the parts; a sum over pairs of different parts has no bias by the scatter of so many products (a
+U-statistic, as of the NMSE). Numbers that are spread have polynomials to degree 4 in one, and together in two
+variables; the hundred numbers of a form error those of degree 1 and 2, all products included: near an optimum a figure
+of merit is quadratic in them.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from lensforge.light.metrics import jackknife_error
+from lensforge.made.feasible_amounts import require_bearable
+from lensforge.made.measured_parts import KeptParts, MeasuredParts, Progress, Threads, Workers
+from lensforge.made.part_study import HeldLight, PartStudy, Recipe
+from lensforge.made.tolerance_budget import budget
+from lensforge.made.tolerance_result import (
+    CauseShare,
+    MetricSpread,
+    PassRate,
+    ToleranceAmount,
+    Variance,
+    WorstPart,
+    Yield,
+    drawn_to_mean,
+)
+from lensforge.results import Metric
+from lensforge.scene.lens import Lens
+from lensforge.scene.perturbations import Draws, orthonormal
+from lensforge.scene.tolerance_factors import Factor
+from lensforge.sources.build_source import build_source
+from lensforge.sources.measured_rays import held_back
+
+_DEGREE = 4
+_BLOCKS = 20  # of the jackknife over parts
+
+
+def contributions(draws: Draws, values: Float[np.ndarray, " n"], noise: float) -> Variance:
+    """Shares of the variance of ``values`` over the parts; ``noise``: that of the rays, which is nobody's."""
+    centred = values - values.mean()
+    blocks = np.arange(len(values)) % _BLOCKS
+    total = _left_out(centred**2, blocks)
+    total = total * (len(values) / (len(values) - 1)) - noise
+    causes, explained = [], np.zeros(_BLOCKS + 1)
+    for factor in draws.factors:
+        found = _explained(features(factor, draws.numbers[factor.name]), centred, blocks)
+        explained = explained + found
+        share = _metric(found / total)
+        causes.append(
+            CauseShare(
+                tolerance=factor.name,
+                words=factor.words,
+                share=share.value,
+                standard_error=share.standard_error or 0.0,
+            )
+        )
+    causes.sort(key=lambda cause: cause.rank)
+    return Variance(causes=tuple(causes), interactions=_metric(1.0 - explained / total))
+
+
+def features(factor: Factor, numbers: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n b"]:
+    """Functions of the factor's numbers, orthonormal over the parts."""
+    count, dimensions = numbers.shape
+    if factor.kind == "field":
+        pairs = [numbers[:, i : i + 1] * numbers[:, i + 1 :] for i in range(dimensions - 1)]
+        return np.concatenate([numbers, (numbers**2 - 1.0) / np.sqrt(2.0), *pairs], axis=1)
+    single = orthonormal(factor, numbers, _DEGREE)
+    found = [single[:, k] for k in range(dimensions)]
+    if dimensions == 2:
+        degrees = [(i, j) for i in range(_DEGREE) for j in range(_DEGREE) if i + j + 2 <= _DEGREE]
+        found.append(np.stack([single[:, 0, i] * single[:, 1, j] for i, j in degrees], axis=1))
+    return np.concatenate(found, axis=1).reshape(count, -1)
+
+
+def _left_out(each: Float[np.ndarray, "n *b"], blocks: np.ndarray) -> Float[np.ndarray, "s *b"]:
+    """Mean over all parts, then with one block after the other left out."""
+    sums = np.stack([each[blocks == k].sum(axis=0) for k in range(_BLOCKS)])
+    sizes = np.bincount(blocks, minlength=_BLOCKS).reshape(-1, *(1 for _ in each.shape[1:]))
+    without = (sums.sum(axis=0) - sums) / (len(each) - sizes)
+    return np.concatenate([sums.sum(axis=0)[None] / len(each), without])
+
+
+def _explained(
+    basis: Float[np.ndarray, "n b"], centred: Float[np.ndarray, " n"], blocks: np.ndarray
+) -> Float[np.ndarray, " s"]:
+    """Variance that the functions explain, by pairs of different parts; all parts, then each block left out."""
+    products = basis * centred[:, None]
+    means, squares = _left_out(products, blocks), _left_out(np.sum(products**2, axis=1), blocks)
+    sizes = len(centred) - np.concatenate([[0], np.bincount(blocks, minlength=_BLOCKS)])
+    found: Float[np.ndarray, " s"] = (sizes * np.sum(means**2, axis=1) - squares) / (sizes - 1)
+    return found
+
+
+def _metric(values: Float[np.ndarray, " s"]) -> Metric:
+    """The value of all parts, with its jackknife error over the blocks."""
+    return Metric(value=float(values[0]), standard_error=jackknife_error(values[1:]))
+
+
+PARTS, RAYS = 1000, 2**16
+DESIGNED_RAYS = 2**20  # of the lens as designed: its error is common to all parts
+_MOST_RAYS = 2**20
+_PILOT = 32
+_LARGEST_ERROR = 0.1  # of a part's metric, as a share of the spread over the parts
+_FEWEST_RAYS = 2**14  # of a part in the budget, which only asks whether it passes
+_OF_DISTANCE, _LARGEST_BUDGET_ERROR = 0.1, 0.3
+_LEAST_SPREAD = 0.01  # of the metric: nobody needs to know a smaller spread to a tenth of it
+_WORST, _WORST_RAYS = 3, 2**19
+
+
+def measure_yield(
+    lens: Lens,
+    *,
+    parts: int = PARTS,
+    rays: int | None = None,
+    seed: int = 0,
+    with_budget: bool = True,
+    workers: Workers | None = None,
+    file: Path | None = None,
+    progress: Progress | None = None,
+    announce: Callable[[str], None] | None = None,
+) -> Yield:
+    """Draw ``parts`` from the tolerances of the lens's spec, and measure the light of each.
+
+    Without ``rays`` as many are traced, from 2^16 to 2^20, as keep the standard error of a part below a tenth of the
+    spread over the parts. ``file``: where measured parts are kept until the study is done. Raises :class:`InputError`
+    for tolerances that the part cannot bear.
+    """
+    started, announce = time.perf_counter(), announce or (lambda _: None)
+    study = PartStudy(Recipe(lens, parts, rays or RAYS, seed, DESIGNED_RAYS))
+    require_bearable(lens, study.factors)
+    kept = KeptParts.of(file, study)
+    found = MeasuredParts(study, workers or Threads(), kept, progress)
+    if rays is None:
+        announce("pilot parts")
+        found = _with_enough_rays(found, min(_PILOT, parts))
+    study = found.study
+    announce("parts")
+    measured = found.of(range(parts))
+    metrics = {name: _spread(study.of_design[name], measured[:, number]) for number, name in enumerate(study.names)}
+    passes: Bool[np.ndarray, " n"] = np.all(study.excess(measured[..., 0]) <= 0.0, axis=1)
+    variance = {
+        name: contributions(study.draws, measured[:, number, 0], float(np.mean(measured[:, number, 1] ** 2)))
+        for number, name in enumerate(study.names)
+        if metrics[name].spread > 0.0
+    }
+    limits = budget(_for_budget(found, measured), passes, announce) if with_budget else None
+    worst = _worst(study, measured)
+    columns, table = _table(study, measured)
+    announce("worst parts")
+    return Yield(
+        inputs={"lens": lens.sha256},
+        parts=parts,
+        rays=len(study.light.held),
+        seed=seed,
+        preset=lens.spec.tolerances.preset,
+        tolerances=tuple(map(ToleranceAmount.of, study.factors)),
+        bounds=study.bounds,
+        pass_rate=PassRate.of(int(passes.sum()), parts),
+        metrics=metrics,
+        variance=variance,
+        budget=limits,
+        worst=worst,
+        notes=_notes(study, metrics),
+        seconds=time.perf_counter() - started,
+        columns=columns,
+        table=table,
+        worst_maps=_worst_maps(study, worst),
+    )
+
+
+def _with_enough_rays(found: MeasuredParts, pilot: int) -> MeasuredParts:
+    """The same parts by as many rays as the metrics that are judged need, by the first ``pilot`` parts."""
+    while found.study.recipe.rays < _MOST_RAYS and not _is_certain(found.study, found.of(range(pilot))):
+        found = found.with_rays(2 * found.study.recipe.rays)
+    return found
+
+
+def _for_budget(found: MeasuredParts, measured: Float[np.ndarray, "n m 2"]) -> MeasuredParts:
+    """The same parts by as few rays as tell whether they pass: a third of what separates metrics and bounds."""
+    study, rays = found.study, found.study.recipe.rays
+    columns = [study.names.index(bound.metric) for bound in study.bounds]
+    errors = np.median(measured[:, columns, 1], axis=0)
+    apart = np.abs(study.excess(measured[..., 0])).mean(axis=0) * _OF_DISTANCE
+    scale = np.maximum(apart, [_true_spread(measured[:, column]) for column in columns])
+    while rays > _FEWEST_RAYS and np.all(np.sqrt(2.0) * errors <= _LARGEST_BUDGET_ERROR * scale):
+        rays, errors = rays // 2, np.sqrt(2.0) * errors
+    return found.with_rays(rays)
+
+
+def _is_certain(study: PartStudy, values: Float[np.ndarray, "n m 2"]) -> bool:
+    """True where a part's standard error is small against the spread over the parts, in all that is judged."""
+    judged = {"nmse", *(bound.metric for bound in study.bounds)}
+    numbers = [number for number, name in enumerate(study.names) if name in judged]
+    for number in numbers:
+        least = _LEAST_SPREAD * abs(float(values[:, number, 0].mean()))
+        error = float(np.median(values[:, number, 1]))
+        if error > _LARGEST_ERROR * max(_true_spread(values[:, number]), least):
+            return False
+    return True
+
+
+def _true_spread(values: Float[np.ndarray, "n 2"]) -> float:
+    """Standard deviation over the parts, less the noise of the rays."""
+    variance = float(values[:, 0].var(ddof=1)) - float(np.mean(values[:, 1] ** 2))
+    return float(np.sqrt(max(variance, 0.0)))
+
+
+def _spread(designed: Metric, values: Float[np.ndarray, "n 2"]) -> MetricSpread:
+    """Distribution of one metric, without the scatter that ray noise adds."""
+    spread, scatter = _true_spread(values), float(values[:, 0].std(ddof=1))
+    mean = float(values[:, 0].mean())
+    p5, p50, p95 = np.percentile(drawn_to_mean(values[:, 0], spread), [5.0, 50.0, 95.0]).tolist()
+    return MetricSpread(
+        unit=designed.unit,
+        designed=designed,
+        p5=p5,
+        p50=p50,
+        p95=p95,
+        mean=Metric(value=mean, unit=designed.unit, standard_error=scatter / float(np.sqrt(len(values)))),
+        spread=spread,
+        standard_error=float(np.median(values[:, 1])),
+    )
+
+
+def _worst(study: PartStudy, measured: Float[np.ndarray, "n m 2"]) -> tuple[WorstPart, ...]:
+    """The parts that miss their bounds by most, in units of the spread over the parts."""
+    excess = study.excess(measured[..., 0])
+    width = excess.std(axis=0)
+    order = np.argsort(-(excess / np.where(width > 0.0, width, 1.0)).max(axis=1), kind="stable")[:_WORST]
+    return tuple(
+        WorstPart(
+            part=int(number),
+            metrics=dict(zip(study.names, measured[number, :, 0].tolist(), strict=True)),
+            passes=bool((excess[number] <= 0.0).all()),
+        )
+        for number in order
+    )
+
+
+def _worst_maps(study: PartStudy, worst: tuple[WorstPart, ...]) -> Float[np.ndarray, "k h w"]:
+    """Light of the worst parts on the first receiver, per measure of its pixels, by more rays."""
+    lens, light = study.recipe.lens, study.light
+    source = held_back(build_source(lens.spec.source, lens.dispersion))
+    held = HeldLight.of(source, max(_WORST_RAYS, study.recipe.rays), study.recipe.seed)
+    finer = replace(light, held=held)
+    images = [finer.received(study.part(each.part))[0].images.mean(axis=0) for each in worst]
+    return np.stack(images) / light.receivers[0].pixel_measure
+
+
+def _table(study: PartStudy, measured: Float[np.ndarray, "n m 2"]) -> tuple[tuple[str, ...], Float[np.ndarray, "n c"]]:
+    """Numbers drawn for every part, in the unit of the spec, and its metrics."""
+    columns, found = [], []
+    for factor in study.factors:
+        numbers = study.draws.numbers[factor.name] * factor.amount
+        columns += [factor.name if factor.numbers == 1 else f"{factor.name} {k + 1}" for k in range(factor.numbers)]
+        found.append(numbers)
+    return (*columns, *study.names), np.concatenate([*found, measured[..., 0]], axis=1)
+
+
+def _notes(study: PartStudy, metrics: dict[str, MetricSpread]) -> tuple[str, ...]:
+    """Remarks on how the study was made."""
+    found = []
+    for name, error in study.maker.errors.items():
+        if error.slope > 0.0:
+            words = next(factor.words for factor in study.factors if factor.name == name)
+            found.append(f"{words}: what is too fine for the tables of the faces counts as roughness")
+    for bound in study.bounds:
+        spread = metrics[bound.metric]
+        if spread.undecided:
+            why = f"a part's standard error of {spread.standard_error:.2g} outweighs the spread over the parts"
+            found.append(f"{bound.metric}: undecided which parts pass: {why}; take more rays")
+        elif spread.standard_error is not None and spread.standard_error > _LARGEST_ERROR * spread.spread:
+            share = spread.standard_error / spread.spread
+            found.append(f"{bound.metric}: a part's standard error is {share:.2g} of the spread over the parts")
+    return tuple(found)

@@ -1,1 +1,0 @@
-"""The manufacturing check: can the part be cut, and with which tools."""

@@ -1,1 +1,0 @@
-"""Materials of lenses: dispersion formulas, a catalogue, and readers of the files of others."""

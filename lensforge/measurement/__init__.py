@@ -1,1 +1,0 @@
-"""The machined part against its design: a photograph of its light, and points measured on its surfaces."""

@@ -1,0 +1,160 @@
+"""Limits of any lens: how far two refractions turn a ray, how much they transmit, and the étendue they conserve.
+
+The light of the source is unpolarised. What two faces transmit is the most where both turn a ray in one plane: half of
+the sum over both polarisations of the product of what either transmits, at most the product of the root mean squares
+(Cauchy and Schwarz), and no less where two that are alike share the turn. In air both faces are alike; where something
+else fills the cavity or surrounds the lens, each has its own ratio of indices. A coated face is only known to reflect
+at least so much, at any angle; it turns light as if it were bare.
+
+Étendue (mm^2 sr) is in air. Sources: Winston, Minano and Benitez, *Nonimaging Optics* (2005), chapter 2, for
+conservation; the projected solid angle of a sphere seen from a small area is ``pi (r/D)^2 cos(angle)``, Howell's
+catalogue of view factors, B-42.
+"""
+
+from math import acos, pi
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from lensforge.optics.coatings import least_reflectances
+from lensforge.optics.media import Media
+
+Turns = Float[np.ndarray, "*n"]
+Least = tuple[float | None, float | None]  # reflectances of the inner and the outer face; None: it is bare
+_PEAKED = 2.5  # ratio of indices up to which a face transmits the most where it turns no light
+_TURNS, _BETWEEN = 128, 1.0001  # of a face at which others are looked at, and a bound of what lies between those
+_SPLITS = 512  # of a turn among two faces that differ: the bound is less than 3 % above what some split transmits
+
+
+def largest_deviation_rad(refractive_index: float) -> float:
+    """Largest angle by which two refractions turn a ray, into a body and out of it: twice ``acos(1/n)``.
+
+    Each turns it by at most the difference between grazing incidence and the critical angle.
+    """
+    return 2.0 * acos(1.0 / refractive_index)
+
+
+def best_transmittance(
+    deviation_rad: Turns,
+    refractive_index: float | Turns,
+    cavity_index: float = 1.0,
+    outside_index: float = 1.0,
+    least: Least = (None, None),
+) -> Turns:
+    """Largest transmittance of two faces that turn a ray by ``deviation_rad`` at least; 0 beyond the largest deviation.
+
+    The logarithm of one face's root mean square is concave in its deviation, so that two alike do best to turn the ray
+    by half of it each, in one plane. Of two that differ an upper bound: each transmits less the more it turns, and
+    within a step of the split at most what it does at the step's better end. ``least``: reflectances of coated faces.
+    """
+    turn = np.maximum(deviation_rad, 0.0)
+    index = np.broadcast_to(refractive_index, turn.shape)
+    first, second = (_ratio(index, each) for each in (cavity_index, outside_index))
+    if cavity_index == outside_index and least == (None, None):
+        once = _at_most(0.5 * turn, first, None)
+        both: Turns = once * once
+        return both
+    bound: Turns = np.zeros_like(turn)
+    for k in range(_SPLITS):
+        one = _at_most(k / _SPLITS * turn, first, least[0])
+        other = _at_most((1.0 - (k + 1) / _SPLITS) * turn, second, least[1])
+        bound = np.maximum(bound, one * other)
+    return bound
+
+
+def _at_most(deviation_rad: Turns, ratio: Turns, least: float | None) -> Turns:
+    """Largest transmittance of a face that turns light at least so far, or of a coated one an upper bound."""
+    bare, peaked = face_transmittance(deviation_rad, ratio), ratio > _PEAKED
+    for share in np.linspace(0.0, 1.0, _TURNS if np.any(peaked) else 0):  # the most is near Brewster's angle
+        turn = share * np.arccos(1.0 / ratio)
+        bare = np.where(
+            peaked & (turn >= deviation_rad), np.maximum(bare, _BETWEEN * face_transmittance(turn, ratio)), bare
+        )
+    coated: Turns = bare if least is None else np.where(bare > 0.0, 1.0 - least, 0.0)
+    return coated
+
+
+def _ratio(refractive_index: Turns, around: float) -> Turns:
+    """Ratio of the indices at a face, 1 at least: light takes the same way back, and as much of it passes."""
+    ratio = refractive_index / around
+    larger: Turns = np.maximum(ratio, 1.0 / ratio)
+    return larger
+
+
+def face_transmittance(deviation_rad: Turns, refractive_index: float | Turns) -> Turns:
+    """Root mean square of what a face that turns light by ``deviation_rad`` transmits of s and p; 0 where it cannot.
+
+    ``i``, the angle in air, has ``sin i = n sin(i - d)``, so ``tan i = n sin d / (n cos d - 1)``; then Fresnel's
+    formulas (Born and Wolf, Principles of Optics, 1.5.2).
+    """
+    index = np.asarray(refractive_index, dtype=np.float64)
+    below = index * np.cos(deviation_rad) - 1.0
+    air = np.arctan2(index * np.sin(deviation_rad), np.maximum(below, 0.0))
+    cosine, inside = np.cos(air), np.cos(air - deviation_rad)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        r_s = (cosine - index * inside) / (cosine + index * inside)
+        r_p = (index * cosine - inside) / (index * cosine + inside)
+        transmitted: Turns = np.sqrt(0.5 * ((1.0 - r_s**2) ** 2 + (1.0 - r_p**2) ** 2))
+    turned: Turns = np.where((below > 0.0) | (deviation_rad == 0.0), transmitted, 0.0)
+    return turned
+
+
+def normal_transmittance(refractive_index: float) -> float:
+    """Transmittance of one surface at normal incidence, of that ratio of indices; 0.961 from air into PMMA."""
+    return 1.0 - ((refractive_index - 1.0) / (refractive_index + 1.0)) ** 2
+
+
+def transmittance_of(media: Media) -> float:
+    """Most that both faces transmit: it bounds a lens's efficiency, 0.923 for PMMA in air, at normal incidence.
+
+    Of a coated face at the angle and wavelength at which it reflects least; for indices above 2.6 near Brewster's.
+    """
+    index = np.full(1, media.refractive_index)
+    ratios = (_ratio(index, each) for each in (media.cavity_index, media.outside_index))
+    pairs = zip(ratios, least_reflectances(media, None), strict=True)
+    one, other = (float(_at_most(np.zeros(1), ratio, least)[0]) for ratio, least in pairs)
+    return one * other
+
+
+def cell_solid_angles(corners: Float[np.ndarray, "m n 3"]) -> Float[np.ndarray, "k l"]:
+    """Solid angles (sr), from the origin, of the cells [row, column] between ``corners``: points or directions.
+
+    Each cell counts as two flat triangles, whose solid angle is exact (Van Oosterom and Strackee, IEEE Trans. Biomed.
+    Eng. 30 (1983) 125): exact on a plane, right to the square of a cell's angle elsewhere.
+    """
+    units = corners / np.linalg.norm(corners, axis=-1, keepdims=True)
+    a, b, c, d = units[:-1, :-1], units[:-1, 1:], units[1:, 1:], units[1:, :-1]
+    cells: Float[np.ndarray, "k l"] = _triangles(a, b, c) + _triangles(a, c, d)
+    return cells
+
+
+def _triangles(
+    a: Float[np.ndarray, "k l 3"], b: Float[np.ndarray, "k l 3"], c: Float[np.ndarray, "k l 3"]
+) -> Float[np.ndarray, "k l"]:
+    """Solid angles of triangles of unit vectors; the volume from differences keeps the digits of small ones."""
+    volume = np.abs(np.sum(a * np.cross(b - a, c - a), axis=-1))
+    cosines = 1.0 + np.sum(a * b, axis=-1) + np.sum(b * c, axis=-1) + np.sum(c * a, axis=-1)
+    angles: Float[np.ndarray, "k l"] = 2.0 * np.arctan2(volume, cosines)
+    return angles
+
+
+def etendue_from_ball(radius_mm: float, solid_angle_sr: float) -> float:
+    """Étendue (mm^2 sr) of all light from a ball about the origin to a part of a surface that lies outside the ball.
+
+    From a point of the surface at distance D, seen at the angle t from its normal, the ball fills the projected solid
+    angle ``pi (r/D)^2 cos t``. Over an area dA that is ``pi r^2 dA cos t / D^2``, and ``dA cos t / D^2`` is the solid
+    angle of dA from the ball's centre: the integral is ``pi r^2`` times the solid angle of the part. In the far field
+    ``pi r^2`` is what the ball shows to each direction.
+    """
+    return pi * radius_mm**2 * solid_angle_sr
+
+
+def cone_around(
+    corners: Float[np.ndarray, "m n 3"], cells: Bool[np.ndarray, "k l"]
+) -> tuple[Float[np.ndarray, " 3"], float]:
+    """Axis (unit vector) and half angle (rad) of a cone from the origin that holds all chosen ``cells``."""
+    units = corners / np.linalg.norm(corners, axis=-1, keepdims=True)
+    found = np.concatenate([units[:-1, :-1][cells], units[:-1, 1:][cells], units[1:, 1:][cells], units[1:, :-1][cells]])
+    axis = found.mean(axis=0)
+    axis /= np.linalg.norm(axis)
+    return axis, float(np.arccos(np.clip(found @ axis, -1.0, 1.0)).max())

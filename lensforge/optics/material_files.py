@@ -1,0 +1,208 @@
+"""Files of materials: Zemax glass catalogues (.agf), tables (.csv, .txt), and what reads a file by its name.
+
+Lines of a catalogue that are read: NM (name, number of the formula), CD (coefficients), LD (range, um), IT (wavelength
+in um, internal transmittance, thickness in mm), TD (D0, D1, D2, E0, E1, pole in um and reference temperature of
+SCHOTT's formula of the index against temperature), ED (coefficient of expansion from -30 to 70 C, in 1e-6/K). Indices
+are relative to air at the reference temperature, as rays here are. Zeros in TD and ED mean that nothing is known.
+
+Columns of a table are wavelength (nm), index, and internal transmittance over 1 mm or nothing, separated by commas,
+semicolons, tabs or blanks; comments start with ``#``, and one line of names may come first. Index and transmittance
+are linear between the rows, the latter in its logarithm.
+"""
+
+import re
+from difflib import get_close_matches
+from math import log, nan
+from pathlib import Path
+
+import numpy as np
+
+from lensforge.errors import InputError
+from lensforge.optics.dispersion_formulas import HUGE, NAMES, Formula, IndexTable
+from lensforge.optics.material import (
+    HIGHEST_C,
+    LOWEST_C,
+    REFERENCE_C,
+    SCHOTT_COEFFICIENTS,
+    MaterialData,
+    TemperatureLaw,
+)
+from lensforge.results.files import MIB, read_file
+
+_TAGS = ("NM", "CD", "LD", "TD", "ED")
+_MOST_AGF_BYTES = 4 * MIB  # the largest catalogue of a glass maker has 1 MiB
+_MOST_GLASSES, _LONGEST_NAME = 5000, 60  # all makers together have 3,000; a search for a name like it takes a second
+# Catalogues write 0 for light that they could not measure; what is left of 25 mm then is lost in any lens.
+_LEAST_TRANSMITTANCE = 1e-6
+
+
+def read_agf(path: Path, glass: str) -> MaterialData:
+    """Read ``glass``, in capitals or not, from the catalogue at ``path``.
+
+    Raises :class:`InputError` for a glass that is not there, with the closest names, and for one without its lines.
+    """
+    lines = _lines_of(path, glass)
+    words = {tag: line.split()[1:] for line in lines for tag in [line[:2].upper()] if tag in _TAGS}
+    missing = [tag for tag in ("CD", "LD") if tag not in words]
+    if missing or len(words["NM"]) < 2:
+        raise InputError(f"{path}: {glass} has no line {missing[0] if missing else 'NM that names its formula'}")
+    number, (low, high) = int(_number(words["NM"][1], path, glass)), _two(words["LD"], path, glass)
+    if f"agf {number}" not in NAMES:
+        raise InputError(f"{path}: {glass} has the dispersion formula {number}, known are 1 to 13")
+    formula = Formula(f"agf {number}", tuple(_number(word, path, glass) for word in words["CD"]))
+    dims = sorted(_absorptions(lines, path, glass))
+    return MaterialData(
+        name=words["NM"][0],
+        index=formula,
+        range_nm=(1e3 * low, 1e3 * high),
+        absorption_nm=tuple(nm for nm, _ in dims),
+        absorption_per_mm=tuple(per_mm for _, per_mm in dims),
+        source=f"{path.name}: {words['NM'][0]}",
+        temperature=_temperature_law(_known(words.get("TD", [])), _known(words.get("ED", [])), path, glass),
+    )
+
+
+def _lines_of(path: Path, glass: str) -> list[str]:
+    """Lines of one glass, from its NM to the next."""
+    raw = read_file(path, missing="give a glass catalogue", most_bytes=_MOST_AGF_BYTES)
+    utf_16 = raw[:2] in (b"\xff\xfe", b"\xfe\xff")
+    text = raw.decode("utf-16" if utf_16 else "latin-1", errors="replace")
+    blocks: dict[str, list[str]] = {}
+    current: list[str] = []
+    for line in text.splitlines():
+        words = line.split()
+        if words and words[0].upper() == "NM" and len(words) > 1:
+            current = blocks.setdefault(words[1].upper(), [])
+        if words:
+            current.append(line.strip())
+    if len(blocks) > _MOST_GLASSES or max(map(len, blocks), default=0) > _LONGEST_NAME:
+        raise InputError(
+            f"{path}: {len(blocks)} glasses, at most {_MOST_GLASSES} are read, with names of {_LONGEST_NAME} "
+            "characters; give the catalogue of one maker"
+        )
+    if glass.upper() not in blocks:
+        close = get_close_matches(glass.upper(), blocks, 3, 0.5)
+        hint = f"closest: {', '.join(close)}" if close else "lens.material must be one of its names"
+        raise InputError(f"{path}: no glass {glass!r} among its {len(blocks)}; {hint}")
+    return blocks[glass.upper()]
+
+
+def _absorptions(lines: list[str], path: Path, glass: str) -> list[tuple[float, float]]:
+    """Wavelength (nm) and absorption (1/mm) of each IT line with a thickness."""
+    found = []
+    for line in lines:
+        words = line.split()[1:]
+        if line[:2].upper() != "IT" or len(words) < 3:
+            continue
+        um, transmittance, thickness = (_number(word, path, glass) for word in words[:3])
+        if thickness > 0.0:
+            if not 0.0 <= transmittance <= 1.0:
+                raise InputError(f"{path}: {glass} has an internal transmittance of {transmittance:g}, must be 0 to 1")
+            found.append((1e3 * um, -log(max(transmittance, _LEAST_TRANSMITTANCE)) / thickness + 0.0))
+    return found
+
+
+def _temperature_law(td: list[str], ed: list[str], path: Path, glass: str) -> TemperatureLaw:
+    """The law by the words of the lines TD and ED; missing numbers are 0, as in OpticStudio."""
+    words = [*td, *["0"] * (SCHOTT_COEFFICIENTS - len(td)), str(REFERENCE_C)][: SCHOTT_COEFFICIENTS + 1]
+    *schott, reference_c = (_number(word, path, glass) for word in words)
+    known = any(schott[:-1])
+    if not known and reference_c == 0.0:
+        reference_c = REFERENCE_C
+    if not LOWEST_C <= reference_c <= HIGHEST_C:
+        raise InputError(
+            f"{path}: {glass} has a reference temperature of {reference_c:g} C in its line TD, must be {LOWEST_C:g} to "
+            f"{HIGHEST_C:g}"
+        )
+    per_k = _number([*ed, "0"][0], path, glass) / 1e6
+    return TemperatureLaw(reference_c, tuple(schott) if known else (), expansion_per_k=per_k if per_k > 0.0 else None)
+
+
+def _known(words: list[str]) -> list[str]:
+    """``words`` with 0 for the dashes that some catalogues write for what is not known."""
+    return ["0" if word in ("-", "_") else word for word in words]
+
+
+def _two(words: list[str], path: Path, glass: str) -> tuple[float, float]:
+    if len(words) < 2:
+        raise InputError(f"{path}: {glass} has no two wavelengths in its line LD")
+    return _number(words[0], path, glass), _number(words[1], path, glass)
+
+
+def _number(word: str, path: Path, glass: str) -> float:
+    try:
+        number = float(word)
+    except ValueError:
+        number = nan
+    if not abs(number) < HUGE:
+        raise InputError(f"{path}: {glass} has {word[:20]!r} where a number must be")
+    return number
+
+
+_MOST_TABLE_BYTES = 4 * MIB  # ten thousand rows, the most of a spec, have 0.3 MiB
+_LEAST_NM = 100.0  # below that are um: no light here is shorter
+
+
+def read_material_table(path: Path, name: str) -> MaterialData:
+    """Read the table at ``path``; ``name``: what the material is called. Raises :class:`InputError`, one line."""
+    text = read_file(path, missing="give a table of the index", most_bytes=_MOST_TABLE_BYTES).decode(
+        "utf-8-sig", "replace"
+    )
+    lines = [line.split("#")[0].strip() for line in text.splitlines()]
+    rows = [re.split(r"[,;\s]+", line) for line in lines if line]
+    if rows and not _is_number(rows[0][0]):
+        rows = rows[1:]  # names
+    try:
+        table = np.array([[float(word) for word in row if word] for row in rows])
+    except ValueError:
+        table = np.empty((0, 0))
+    if table.ndim != 2 or len(table) < 2 or table.shape[1] not in (2, 3) or not np.isfinite(table).all():
+        raise InputError(
+            f"{path}: must be two rows at least of wavelength (nm), index and, if known, internal transmittance of 1 mm"
+        )
+    table = table[np.argsort(table[:, 0])]
+    waves = table[:, 0]
+    if waves[-1] < _LEAST_NM or (np.diff(waves) <= 0.0).any():
+        raise InputError(f"{path}: wavelengths must be in nm, each once; they go from {waves[0]:g} to {waves[-1]:g}")
+    if table.shape[1] == 3 and not ((table[:, 2] > 0.0) & (table[:, 2] <= 1.0)).all():
+        raise InputError(f"{path}: an internal transmittance must be above 0 and at most 1")
+    known = table.shape[1] == 3
+    return MaterialData(
+        name=name,
+        index=IndexTable(tuple(waves.tolist()), tuple(table[:, 1].tolist())),
+        range_nm=(float(waves[0]), float(waves[-1])),
+        absorption_nm=tuple(waves.tolist()) if known else (),
+        absorption_per_mm=tuple((-np.log(table[:, 2]) + 0.0).tolist()) if known else (),
+        source=path.name,
+    )
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+SUFFIXES = (".agf", ".yml", ".yaml", ".csv", ".txt")
+
+
+def read_material(path: Path, name: str | None) -> MaterialData:
+    """Read a material; ``name``: of the glass in a catalogue, or what the material is to be called.
+
+    Raises :class:`InputError` for another kind of file, a catalogue without ``name``, and what cannot be read.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise InputError(f"{path}: a material is read from {', '.join(SUFFIXES)}")
+    if suffix == ".agf":
+        if name is None:
+            raise InputError(f"{path}: name the glass in it by lens.material")
+        return read_agf(path, name)
+    called = path.stem if name is None else name
+    if suffix in (".yml", ".yaml"):
+        from lensforge.optics.refractive_index_info import read_refractive_index_info
+
+        return read_refractive_index_info(path, called)
+    return read_material_table(path, called)

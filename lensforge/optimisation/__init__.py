@@ -1,1 +1,0 @@
-"""Optimisation: parameters, constraints and merit function of a lens, and the search that minimises it."""

@@ -1,0 +1,312 @@
+"""Acceptance of an exported part: the limits, and the criteria on its casts, on independent rays, and on its size.
+
+The criteria follow from the results alone, so that the criteria in a file can be held against what the file's own
+numbers say. Rays see the optical faces alone. A base that is too thick, a bore that is too wide or a missing flange is
+seen by volume, area and box of each file against those of the export.
+"""
+
+import math
+from collections.abc import Iterator
+from itertools import chain
+
+from lensforge.proof.proof_result import (
+    Agreement,
+    BrepCast,
+    Faults,
+    IndependentRays,
+    MitsubaCast,
+    PlainCast,
+    Proof,
+    ReceiverProof,
+    SizedFile,
+    Sizes,
+)
+from lensforge.proof.remedies import FINER, Evidence, form_of_mesh
+from lensforge.proof.stray_result import StrayFlux, StrayLight
+from lensforge.results import BodySize
+from lensforge.results.criteria import Criterion, at_most
+
+# Share of flux: rays that graze the rim or the limit of total reflection may end either way.
+FLUX_SHARE = 1e-3
+NOISE_ALLOWANCE = 1e-3  # of the NMSE against the design's irradiance
+
+
+BLOCKS = 16  # of rays, whose pictures tell light from noise
+LEAST_RAYS = 4 * BLOCKS  # for a picture of each block
+_ERRORS = 4.0  # standard errors: of 100,000 right samplers 6 would be taken for a wrong one
+# Of 27 means and products of a right sampler one is that many standard errors off in 1 of 975,000 verifications.
+MOST_APART = 5.5
+_WRONG = "the design's source is sampled wrongly, please report it"
+
+
+def emission_criterion(apart: float) -> Criterion:
+    """Acceptance criterion of the design's rays as they leave the source, against those that verification has drawn."""
+    remedy = (
+        f"the design's rays leave the source elsewhere, or in other directions, than its description says: {_WRONG}"
+    )
+    return at_most("own_rays_emission", apart, MOST_APART, "standard errors", remedy)
+
+
+def independent_rays_criteria(own: IndependentRays) -> list[Criterion]:
+    """Acceptance criteria of the light of these rays: within noise of the design's."""
+    error = math.hypot(own.efficiency.standard_error or 0.0, own.efficiency_design.standard_error or 0.0)
+    remedy = (
+        "rays drawn from the source's description make another light than the design's: evaluate and verify again; if "
+        f"it stays where all other criteria are met, {_WRONG}"
+    )
+    apart = abs(own.efficiency.value - own.efficiency_design.value)
+    found = [at_most("own_rays_efficiency", apart, FLUX_SHARE + _ERRORS * error, "of the flux", remedy)]
+    seen = own.nmse_less_noise
+    if seen is not None:
+        found.append(
+            at_most("own_rays_nmse", seen.value, NOISE_ALLOWANCE + _ERRORS * (seen.standard_error or 0.0), "", remedy)
+        )
+    return found
+
+
+# Faces that another CAD program has written again may lie so far off: a fifth of the finest tolerance of a drawing. The
+# kernel of lensforge itself writes them again within 1e-6 mm.
+REWRITTEN_MM = 0.002
+# Facets of another program are excused up to this height: cadquery's finest setting (0.001 mm, 0.1 rad) makes 0.03 mm
+# on a lens 25 mm wide. A base that is a tenth of a millimetre off is seen whatever the facets are.
+MOST_CHORD_MM = 0.05
+_SCALED_ALIKE = 0.1  # of the change: what facets make of a part scaled by 1.001, 0.03 of it for an exported mesh
+_MOST_AREA = 0.01  # relative: what such facets lack of the area of a lens
+
+
+def size_criteria(sizes: Sizes | None, faults: Faults) -> Iterator[Criterion]:
+    """Criteria of all files; none where the size as exported is not known."""
+    if sizes is None:
+        return
+    yield from _file_criteria(sizes, sizes.mesh, "", faults.mesh or _other(sizes.exported, sizes.mesh, "lens.stl"))
+    if sizes.step is not None:
+        words = faults.step or _other(sizes.exported, sizes.step, "lens.step")
+        yield from _file_criteria(sizes, sizes.step, "brep_", words)
+
+
+def other_body(sizes: Sizes | None, name: str) -> str:
+    """Words on how the body in the file ``name`` differs in size from the export; empty where it does not."""
+    file = None if sizes is None else sizes.step if name == "lens.step" else sizes.mesh
+    if sizes is None or file is None or all(each.passed for each in _file_criteria(sizes, file, "", "")):
+        return ""
+    return _other(sizes.exported, file, name)
+
+
+def _file_criteria(sizes: Sizes, file: SizedFile, prefix: str, remedy: str) -> Iterator[Criterion]:
+    exported, found = sizes.exported, file.size
+    moved_mm3 = REWRITTEN_MM * exported.area_mm2
+    volume = (min(file.facets_mm3, MOST_CHORD_MM * exported.area_mm2) + moved_mm3) / exported.volume_mm3
+    # Faces moved by d change volume by A d, and area by the same share at most.
+    area = min(file.facets_mm2 / exported.area_mm2, _MOST_AREA) + moved_mm3 / exported.volume_mm3
+    box = min(file.chord_mm, MOST_CHORD_MM) + sizes.chord_mm + REWRITTEN_MM
+    changes = (
+        ("volume_change", found.volume_mm3 / exported.volume_mm3 - 1.0, volume, "of the volume"),
+        ("area_change", found.area_mm2 / exported.area_mm2 - 1.0, area, "of the area"),
+        ("box_change", max(map(abs, _box_changes(exported, found))), box, "mm"),
+    )
+    yield from (at_most(f"{prefix}{each}", abs(value), limit, unit, remedy) for each, value, limit, unit in changes)
+
+
+def _box_changes(exported: BodySize, found: BodySize) -> list[float]:
+    pairs = zip(chain(*exported.bounds_mm), chain(*found.bounds_mm), strict=True)
+    return [there - here for here, there in pairs]
+
+
+def _scale(exported: BodySize, found: BodySize) -> float | None:
+    """Ratio of all lengths, which the light may be too blunt to see; None where volume and area say otherwise."""
+    here, there = ([high - low for low, high in zip(*size.bounds_mm, strict=True)] for size in (exported, found))
+    ratios = [side / before if before > 0.0 else 0.0 for before, side in zip(here, there, strict=True)]
+    scale = sum(ratios) / 3.0
+    powers = (
+        *((ratio, 1) for ratio in ratios),
+        (found.area_mm2 / exported.area_mm2, 2),
+        (found.volume_mm3 / exported.volume_mm3, 3),
+    )
+    alike = all(abs(ratio - scale**power) <= _SCALED_ALIKE * abs(scale**power - 1.0) for ratio, power in powers)
+    return scale if alike and scale != 1.0 else None
+
+
+def _other(exported: BodySize, file: SizedFile, name: str) -> str:
+    """Words on a scale, or on the volume and the side of the box that differs most."""
+    found, changes = file.size, _box_changes(exported, file.size)
+    scale = _scale(exported, found)
+    if scale is not None:
+        return f"{name} is the lens scaled by {scale:.5g}: write it again as it was exported, in mm"
+    side = max(range(6), key=lambda k: abs(changes[k]))
+    stated, seen = (list(chain(*size.bounds_mm))[side] for size in (exported, found))
+    place = f"{'least' if side < 3 else 'largest'} {'xyz'[side % 3]}"
+    return (
+        f"{name} is another body than the one exported: volume {found.volume_mm3:.5g} mm^3, exported "
+        f"{exported.volume_mm3:.5g}; {place} {seen:.5g} mm, exported {stated:.5g}; correct it, or export again"
+    )
+
+
+# Rays may land as far off as if the lens turned them by so much, rms: 0.1 mm for each metre that the light goes, more
+# where it arrives at a slope (Screen.reach_mm). A lens a few mm wide that is 1 % too large or has a
+# surface displaced by 20 um is at several times that; 200,000 triangles of the roughest lens use a fifth of it.
+DEVIATION_RAD = 1e-4
+FATE_SHARE = FLUX_SHARE  # of rays that end otherwise
+# With the same rays the irradiance may change by a tenth of what other rays would change, or by 1 % rms of itself.
+SAME_RAYS_FLOORS, SAME_RAYS_ALLOWANCE = 0.1, 1e-4
+# The difference from the design's irradiance may be noise only: that of both, if the design has no fewer rays.
+NOISE_FLOORS = 2.5
+FINE_FACETS_UM = 1.0  # rms height of the faces over their facets, 0.34 as exported: such facets land rays right
+
+BREP_RAYS = 1024  # through the STEP file: the CAD kernel casts a few hundred in a second
+# Half of the mesh's limit. The B-rep itself lands rays within 0.1 um at 150 mm of the exact surfaces; the
+# deviation from the design is that of the design's own table: 4 um at draft accuracy, 2 um at standard.
+BREP_DEVIATION_RAD = 5e-5
+BREP_FLUX_SHARE = 1e-4
+BREP_FATE_RAYS = 2  # of 1024: rays that graze an edge or the limit of total reflection may end either way
+
+# 1 mrad, rms: flat facets of a mesh of 200,000 triangles use 0.2 to 0.4 of it. Smaller
+# errors are found by the casts through the curved surface.
+MITSUBA_DEVIATION_RAD = 1e-3
+MITSUBA_FLUX_SHARE = MITSUBA_FATE_SHARE = 2e-3
+
+BALANCE = 1e-9  # shares of flux add up to 1: nothing is drawn at random
+LEAK_SHARE = 1e-3  # light that passes through the mesh at an edge
+DIM_SHARE = 1e-2  # rays below the flux cut-off: the most that they could still change
+
+
+def noise_limit(floor: float) -> float:
+    """Largest NMSE against the design's irradiance that noise explains; ``floor``: that of the part's rays alone."""
+    return NOISE_FLOORS * floor + NOISE_ALLOWANCE
+
+
+def agreement_of(proof: ReceiverProof) -> Agreement:
+    """Agreement of the exported mesh with the design on one receiver, from the fields of its record."""
+    gap = proof.deviation_mm
+    return Agreement(
+        compared=proof.rays_compared,
+        rms=gap.rms,
+        p99=gap.p99,
+        max=gap.max,
+        flux=proof.flux_deviation,
+        fates=proof.fate_disagreements,
+        fates_flux=proof.fate_disagreement_flux,
+        pairs=proof.fate_pairs,
+    )
+
+
+def proof_criteria(proof: Proof) -> tuple[Criterion, ...]:
+    """Acceptance criteria of all casts of a part; those of further receivers carry the receiver's name."""
+    found = [
+        at_most("open_edges", proof.open_edges, 0.0, "edges", "export again: the mesh is not closed"),
+        plain_criterion(proof.plain_cast),
+        *size_criteria(proof.sizes, proof.faults),
+        *([] if proof.emission_apart is None else [emission_criterion(proof.emission_apart)]),
+    ]
+    for number, receiver in enumerate(proof.receivers):
+        own = _receiver_criteria(proof, receiver)
+        found += own if number == 0 else [_named(each, receiver.name) for each in own]
+    return tuple(found)
+
+
+def _named(criterion: Criterion, receiver: str) -> Criterion:
+    return criterion.model_copy(update={"name": f"{receiver}: {criterion.name}"})
+
+
+def _receiver_criteria(proof: Proof, receiver: ReceiverProof) -> list[Criterion]:
+    """Criteria of the casts on one receiver; the reach of its light follows from the limit of the deviation."""
+    brep, mitsuba, reach_mm = receiver.brep, receiver.mitsuba, receiver.deviation_limit_mm / DEVIATION_RAD
+    step_alike = None if brep is None else brep_evidence(brep, reach_mm).lands_alike
+    fault, other = proof.faults.mesh, other_body(proof.sizes, "lens.stl")
+    fine = proof.facet_height_um.rms <= FINE_FACETS_UM
+    evidence = mesh_evidence(receiver, form_of_mesh(proof.open_edges, step_alike, other, fine=fine), fault, fine=fine)
+    return [
+        *_mesh_criteria(receiver, evidence),
+        *([] if brep is None else brep_criteria(brep, reach_mm, _step_fault(proof))),
+        *([] if mitsuba is None else mitsuba_criteria(mitsuba, reach_mm, fault or other, fine=fine)),
+        *([] if receiver.own_rays is None else independent_rays_criteria(receiver.own_rays)),
+    ]
+
+
+def mesh_evidence(receiver: ReceiverProof, form: str = "", fault: str = "", *, fine: bool = False) -> Evidence:
+    """Agreement of the mesh with the design on one receiver, and its limits; ``form``, ``fault``: its remedies.
+
+    ``fine``: its facets are not the cause of what differs.
+    """
+    limit = receiver.deviation_limit_mm
+    return Evidence(agreement_of(receiver), limit, FLUX_SHARE, FATE_SHARE, form, fault, fine)
+
+
+def _step_fault(proof: Proof) -> str:
+    return proof.faults.step or other_body(proof.sizes, "lens.step")
+
+
+def _mesh_criteria(proof: ReceiverProof, found: Evidence) -> Iterator[Criterion]:
+    agreement, floor = found.agreement, proof.noise_floor_nmse
+    same_rays = SAME_RAYS_FLOORS * floor + SAME_RAYS_ALLOWANCE
+    noise = "evaluate the design with more rays and the same filter, or verify with more rays"
+    light = noise if proof.nmse_same_rays <= same_rays else found.of_pixels()
+    limits: tuple[tuple[str, float, float, str, str], ...] = (
+        ("deviation_rms", agreement.rms, found.deviation_mm, "mm", found.of_deviation()),
+        ("flux_deviation", agreement.flux, FLUX_SHARE, "of the flux", found.of_flux()),
+        ("fate_disagreement_flux", agreement.fates_flux, FATE_SHARE, "of the flux", found.of_fates()),
+        ("nmse_same_rays", proof.nmse_same_rays, same_rays, "", found.of_pixels()),
+        ("nmse_vs_design", proof.nmse_vs_design, noise_limit(floor), "", light),
+    )
+    yield from (at_most(*limit) for limit in limits)
+
+
+def plain_criterion(plain: PlainCast) -> Criterion:
+    """Acceptance criterion of the grid's first hits against trimesh's own."""
+    remedy = "do not trust this verification, its casting is broken: please report it"
+    return at_most("plain_cast_disagreements", plain.disagreements, 0.0, "casts", remedy)
+
+
+def brep_criteria(cast: BrepCast, reach_mm: float, fault: str = "") -> list[Criterion]:
+    """Acceptance criteria of a STEP file; ``reach_mm``: of the receiver's light, ``fault``: recognised in the file."""
+    design, seen = cast.against_design, brep_evidence(cast, reach_mm, fault)
+    allowed = BREP_FATE_RAYS * max(1.0, cast.rays / BREP_RAYS)
+    return [
+        at_most("brep_deviation_rms", design.rms, seen.deviation_mm, "mm", seen.of_deviation()),
+        at_most("brep_flux_deviation", design.flux, BREP_FLUX_SHARE, "of the flux", seen.of_flux()),
+        at_most("brep_fate_disagreements", design.fates, allowed, "rays", seen.of_fates()),
+    ]
+
+
+def brep_evidence(cast: BrepCast, reach_mm: float, fault: str = "") -> Evidence:
+    """Agreement of the STEP file with the design, and its limits; ``reach_mm``: of the receiver's light."""
+    form = "export again; if it stays, lens.step is not the lens of lens.json"
+    limit, fates = BREP_DEVIATION_RAD * reach_mm, BREP_FATE_RAYS / BREP_RAYS
+    return Evidence(cast.against_design, limit, BREP_FLUX_SHARE, fates, form, fault, fine=True)
+
+
+def mitsuba_criteria(cast: MitsubaCast, reach_mm: float, fault: str = "", *, fine: bool = False) -> list[Criterion]:
+    """Acceptance criteria of the exported mesh by Mitsuba; ``reach_mm``: of the receiver's light.
+
+    ``fault``: of the mesh; ``fine``: its facets are not the cause of what differs.
+    """
+    design, floor = cast.against_design, noise_limit(cast.noise_floor_nmse)
+    limit, form = MITSUBA_DEVIATION_RAD * reach_mm, form_of_mesh(0, None, fine=fine)
+    seen = Evidence(design, limit, MITSUBA_FLUX_SHARE, MITSUBA_FATE_SHARE, form, fault, fine)
+    fates = design.fates_flux
+    return [
+        at_most("mitsuba_nmse_vs_design", cast.nmse_vs_design, floor, "", seen.of_pixels()),
+        at_most("mitsuba_deviation_rms", design.rms, seen.deviation_mm, "mm", seen.of_deviation()),
+        at_most("mitsuba_flux_deviation", design.flux, MITSUBA_FLUX_SHARE, "of the flux", seen.of_flux()),
+        at_most("mitsuba_fate_disagreement_flux", fates, MITSUBA_FATE_SHARE, "of the flux", seen.of_fates()),
+    ]
+
+
+def balance_error(flux: StrayFlux) -> float:
+    """Distance of the sum of all shares of flux from 1."""
+    return float(abs(sum(flux.model_dump().values()) - 1.0))
+
+
+def stray_criteria(stray: StrayLight) -> tuple[Criterion, ...]:
+    """Acceptance criteria of the flux budget with reflections; it closes on every receiver."""
+    finer = FINER
+    report = "do not trust this flux budget, it does not close: please report it"
+    held = (
+        "light goes round in the part until it is too dim to follow: state lens.absorption_per_mm of the material, or "
+        "blacken the base (verify --stray --base black)"
+    )
+    balance = max(receiver.balance_error for receiver in stray.receivers)
+    return (
+        at_most("stray_balance", balance, BALANCE, "of the flux", report),
+        at_most("stray_leaked", stray.flux.leaked, LEAK_SHARE, "of the flux", finer),
+        at_most("stray_too_dim", stray.flux.too_dim, DIM_SHARE, "of the flux", held),
+    )

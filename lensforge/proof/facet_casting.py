@@ -1,0 +1,140 @@
+"""First hits of many rays on a mesh: places on the triangles by trimesh, which of them is hit by a walk through a grid.
+
+trimesh queries an R-tree for all triangles in the bounding box of the whole ray, half of the mesh for a ray through a
+lens, and traces a few hundred rays per second. Here a compiled walk through the cells of a uniform grid tests the
+triangles of the cells that each ray visits until the first hit.
+"""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+from jaxtyping import Bool, Float, Int
+from trimesh.intersections import planes_lines
+from trimesh.triangles import points_to_barycentric
+
+from lensforge.errors import InputError
+
+CELL_EDGES = 1.0  # edge of a cell in typical triangle edges
+MAX_CELLS = 4e6  # about this many cells at most: bounds the memory
+_BLOCK = 2**18  # cells of boxes tested together: they stay in the cache
+# Bounds for meshes that somebody has changed, whose triangles may span the whole part. The boxes of all triangles of a
+# usual mesh have 3 million cells, and a triangle shares its cells with 70 others; of a lens on a plate of a hundred
+# times its width, with 1,000.
+_BOX_CELLS, _BOX_CELLS_EACH = 2e7, 16
+MOST_TOGETHER = 5000.0
+
+
+@dataclass(frozen=True)
+class FacetHits:
+    """First hits: triangle (-1: none), distance along the ray (mm, infinite: none), barycentric coordinates."""
+
+    triangles: Int[np.ndarray, " n"]
+    distances: Float[np.ndarray, " n"]
+    barycentric: Float[np.ndarray, "n 3"]
+
+    @property
+    def found(self) -> Bool[np.ndarray, " n"]:
+        """True for rays that hit anything."""
+        return self.triangles >= 0
+
+    def take(self, rows: Int[np.ndarray, " k"]) -> "FacetHits":
+        """The hits of some of the rays."""
+        return FacetHits(self.triangles[rows], self.distances[rows], self.barycentric[rows])
+
+
+@dataclass(frozen=True)
+class Leg:
+    """Rays to cast: start (mm), unit direction, and distance (mm) up to which a hit is the surface just left."""
+
+    origins: Float[np.ndarray, "n 3"]
+    directions: Float[np.ndarray, "n 3"]
+    beyond: Float[np.ndarray, " n"]
+
+    def take(self, rows: Int[np.ndarray, " k"]) -> "Leg":
+        """Some of the rays."""
+        return Leg(self.origins[rows], self.directions[rows], self.beyond[rows])
+
+
+class Grid:
+    """Triangles of ``mesh``, listed by the cells of a uniform grid that they touch.
+
+    Raises :class:`InputError` for a mesh whose triangles all lie in each other's way.
+    """
+
+    def __init__(self, mesh: trimesh.Trimesh) -> None:
+        self.triangles = np.asarray(mesh.triangles, dtype=np.float64)
+        self.normals = np.asarray(mesh.face_normals, dtype=np.float64)
+        low, high = self.triangles.min(axis=1), self.triangles.max(axis=1)
+        extent = high.max(axis=0) - low.min(axis=0)
+        edge = float(np.sqrt(2.0 * np.median(mesh.area_faces)))
+        least = float(extent.max()) / MAX_CELLS  # where half of the triangles have no area
+        self.cell = max(CELL_EDGES * edge, float(np.cbrt(extent.prod() / MAX_CELLS)), least)
+        most = max(_BOX_CELLS, _BOX_CELLS_EACH * len(self.triangles))
+        while self.cell < extent.max() and (
+            (extent / self.cell + 2.0).prod() > 2.0 * MAX_CELLS  # a part that is flat, or a line
+            or ((high - low) / self.cell + 2.0).prod(axis=1).sum() > most
+        ):
+            self.cell *= 1.26  # twice the volume
+        self.corner = low.min(axis=0) - 0.5 * self.cell
+        self.shape = np.ceil((extent + self.cell) / self.cell).astype(np.int64)
+        self.strides = np.array([self.shape[1] * self.shape[2], self.shape[2], 1])
+        self._sort_into_cells(low, high)
+        count = np.diff(self.starts).astype(np.float64)
+        together = float(count @ count / count.sum())
+        if together > MOST_TOGETHER:
+            raise InputError(
+                f"STL: each of its triangles lies among {together:.0f} others within {self.cell:.3g} mm, at most "
+                f"{MOST_TOGETHER:.0f} can be cast; it is no mesh of a lens, export it again"
+            )
+
+    def _sort_into_cells(self, low: Float[np.ndarray, "t 3"], high: Float[np.ndarray, "t 3"]) -> None:
+        """List the cells of each triangle's box that its plane crosses, then sort the triangles by cell."""
+        pad = 1e-6 * self.cell
+        first = np.floor((low - self.corner - pad) / self.cell).astype(np.int64)
+        span = np.floor((high - self.corner + pad) / self.cell).astype(np.int64) - first + 1
+        upto = np.cumsum(span.prod(axis=1))
+        reach = 0.5 * self.cell * np.abs(self.normals).sum(axis=1) + pad
+        blocks = np.unique([0, *np.searchsorted(upto, np.arange(_BLOCK, upto[-1], _BLOCK)), len(upto)])
+        crossed = [self._crossed(np.arange(*ends), first, span, reach) for ends in itertools.pairwise(blocks)]
+        keys, owner = (np.concatenate(column) for column in zip(*crossed, strict=True))
+        self.members = owner[np.argsort(keys, kind="stable")]
+        self.starts = np.concatenate([[0], np.cumsum(np.bincount(keys, minlength=int(self.shape.prod())))])
+
+    def _crossed(
+        self,
+        triangles: Int[np.ndarray, " k"],
+        first: Int[np.ndarray, "t 3"],
+        span: Int[np.ndarray, "t 3"],
+        reach: Float[np.ndarray, " t"],
+    ) -> tuple[Int[np.ndarray, " c"], Int[np.ndarray, " c"]]:
+        """Cells that the planes of some triangles cross within their boxes, and the triangle of each.
+
+        The boxes begin at the cells ``first`` and are ``span`` cells wide; ``reach`` (mm): largest distance of a plane
+        from the centre of a cell that it crosses.
+        """
+        count = span[triangles].prod(axis=1)
+        owner = np.repeat(triangles, count)
+        rank = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+        plane, depth = np.divmod(rank, span[owner, 2])
+        cells = first[owner] + np.stack([*np.divmod(plane, span[owner, 1]), depth], axis=1)
+        centres = self.corner + (cells + 0.5) * self.cell
+        height = np.sum((centres - self.triangles[owner, 0]) * self.normals[owner], axis=1)
+        crossed = np.abs(height) <= reach[owner]
+        return (cells @ self.strides)[crossed], owner[crossed]
+
+    def first_hits(self, leg: Leg) -> FacetHits:
+        """First hit of each ray."""
+        from lensforge.proof.grid_walk import walk
+
+        found, distances = np.empty(len(leg.origins), dtype=np.int64), np.empty(len(leg.origins))
+        rays = (np.ascontiguousarray(each, dtype=np.float64) for each in (leg.origins, leg.directions, leg.beyond))
+        mesh = self.triangles, self.normals
+        walk(*rays, self.starts, self.members, *mesh, self.corner, self.cell, self.shape, found, distances)
+        hits = FacetHits(found, distances, np.zeros((len(found), 3)))
+        rows = np.nonzero(hits.found)[0]
+        facets, ways = self.triangles[found[rows]], (leg.origins[rows], leg.directions[rows])
+        points, _, distances[rows] = planes_lines(facets[:, 0], self.normals[found[rows]], *ways, return_distance=True)
+        hits.barycentric[rows] = points_to_barycentric(facets, points)
+        return hits

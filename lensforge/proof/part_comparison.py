@@ -1,0 +1,233 @@
+"""The light of the part against the design's: ray by ray, by its flux budget, and by independent rays.
+
+Most casts take the design's rays: a sampler with a wrong distribution would mislead both sides alike. Independent rays
+come from the description of the source; their noise is known, so that they test the design's sampler.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int, Shaped
+
+from lensforge.errors import InputError
+from lensforge.proof.acceptance import BLOCKS, LEAST_RAYS
+from lensforge.proof.proof_result import Agreement, FatePair, IndependentRays, PartFlux, PartMissed
+from lensforge.proof.receiver_screen import Screen, squared_norm
+from lensforge.proof.sequential_cast import CastFate, LandedRays, Passage
+from lensforge.results import Metric
+from lensforge.sources.ray_bundle import RayBundle
+
+
+@dataclass(frozen=True)
+class Expected:
+    """The design's results for n rays on a screen: its light (W/m^2 or W/sr), landings (NaN if lost), and flux (W).
+
+    ``fates``: name of the fate of each ray; None: those that do not land are "lost".
+    """
+
+    screen: Screen
+    irradiance: Float[np.ndarray, "rows columns"]
+    landings: Float[np.ndarray, "k 2"]
+    flux: Float[np.ndarray, " n"]
+    fates: Shaped[np.ndarray, " n"] | None = None
+
+    @property
+    def fate_names(self) -> Shaped[np.ndarray, " n"]:
+        """Name of the fate of each ray; "landed" for all that reach the receiver's surface."""
+        lost = np.full(len(self.flux), "lost") if self.fates is None else self.fates
+        return np.where(np.isnan(self.landings[:, 0]), lost, "landed")
+
+    def require_shapes(self, count: int) -> None:
+        """Raise :class:`InputError` if the arrays do not belong to ``count`` rays and the screen."""
+        for name, array, shape in (
+            ("irradiance", self.irradiance, (self.screen.rows, self.screen.columns)),
+            ("landings", self.landings, (count, 2)),
+            ("flux", self.flux, (count,)),
+            ("fates", self.fates, (count,)),
+        ):
+            if array is not None and array.shape != shape:
+                raise InputError(
+                    f"expected {name}: shape {array.shape}, must be {shape}; trace the design with the same rays"
+                )
+
+    def take(self, rows: Int[np.ndarray, " k"]) -> "Expected":
+        """Results for some of the rays; the irradiance remains that of all rays."""
+        fates = None if self.fates is None else self.fates[rows]
+        return replace(self, landings=self.landings[rows], flux=self.flux[rows], fates=fates)
+
+
+def drawn(count: int, of: int) -> Int[np.ndarray, " k"]:
+    """Rows of at most ``count`` out of ``of`` rays, drawn at random without replacement, always the same.
+
+    Not at regular intervals: every sixteenth point of a Sobol sequence lies in one sixteenth of the chip.
+    """
+    return np.sort(np.random.default_rng(0).permutation(of)[:count])
+
+
+def compare(rays: RayBundle, landed: LandedRays, expected: Expected) -> Agreement:
+    """Compare landing and flux of every ray; rays that both land outside the receiver do not count."""
+    here, there, apart = landing_gaps(landed, expected)
+    lost_here, lost_there = np.isnan(landed.landings[:, 0]), np.isnan(expected.landings[:, 0])
+    differs = (here & lost_there) | (there & lost_here)
+    both = here & there
+    change = 1.0
+    if both.any():
+        change = float(np.abs(landed.flux[both] - expected.flux[both]).sum() / expected.flux[both].sum())
+    return Agreement(
+        compared=int(both.sum()),
+        rms=float(np.sqrt(np.mean(apart**2))),
+        p99=float(np.quantile(apart, 0.99)),
+        max=float(apart.max()),
+        flux=change,
+        fates=int(differs.sum()),
+        fates_flux=share(rays, rays.flux[differs]),
+        pairs=_fate_pairs(rays, landed, expected, differs),
+    )
+
+
+def _fate_pairs(
+    rays: RayBundle, landed: LandedRays, expected: Expected, differs: Bool[np.ndarray, " n"]
+) -> tuple[FatePair, ...]:
+    """Rays of ``differs`` by their fates in design and part, the largest share of flux first."""
+    design, part = expected.fate_names, landed.fate_names
+    found = []
+    for first, second in sorted(set(zip(design[differs].tolist(), part[differs].tolist(), strict=True))):
+        rows = differs & (design == first) & (part == second)
+        found.append(FatePair(design=first, part=second, rays=int(rows.sum()), flux=share(rays, rays.flux[rows])))
+    return tuple(sorted(found, key=lambda pair: -pair.flux))
+
+
+def landing_gaps(
+    landed: LandedRays, expected: Expected
+) -> tuple[Bool[np.ndarray, " n"], Bool[np.ndarray, " n"], Float[np.ndarray, " k"]]:
+    """Masks of the rays that part and design land on the receiver, and the gaps (mm) of those that both do.
+
+    Those of directions are taken at 1 m. Where no ray lands in both, one gap as long as the receiver's diagonal.
+    """
+    screen = expected.screen
+    here, there = screen.on_pixels(landed.landings), screen.on_pixels(expected.landings)
+    both = here & there
+    if not both.any():
+        return here, there, np.array([screen.diagonal_mm])
+    gaps = np.linalg.norm(landed.landings[both] - expected.landings[both], axis=1)
+    return here, there, screen.mm_per_unit * gaps
+
+
+def gap_quantiles(landed: LandedRays, expected: Expected) -> Float[np.ndarray, " q"]:
+    """Quantiles of the landing gaps (mm) at 0, 0.2 ... 100 % of the rays: enough to draw their distribution."""
+    gaps: Float[np.ndarray, " q"] = np.quantile(landing_gaps(landed, expected)[2], np.linspace(0.0, 1.0, 501))
+    return gaps
+
+
+def flux_budget(rays: RayBundle, landed: LandedRays, screen: Screen) -> tuple[PartFlux, PartMissed]:
+    """Shares of the emitted flux by fate, which add up to 1; and the missed flux by cause.
+
+    ``reflected`` is what rays lose by reflection at the surfaces, ``absorbed`` in the body; the rest of a ray's flux
+    counts by its fate.
+    Rays that reach the receiver's surface outside the window are ``outside``.
+    """
+    reached = landed.fates == CastFate.LANDED
+    inside = reached & screen.in_window(landed.landings)
+    by_fate = {fate: share(rays, landed.flux[landed.fates == fate]) for fate in CastFate}
+    missed = PartMissed(
+        no_hit=by_fate[CastFate.NO_HIT],
+        starts_inside=by_fate[CastFate.STARTS_INSIDE],
+        starts_outside=by_fate[CastFate.STARTS_OUTSIDE],
+        base=by_fate[CastFate.BASE] + by_fate[CastFate.OPENING],
+        back_into_cavity=by_fate[CastFate.BACK_INTO_CAVITY],
+        missed_receiver=by_fate[CastFate.MISSED_RECEIVER],
+    )
+    flux = PartFlux(
+        detected=share(rays, landed.flux[inside]),
+        outside=share(rays, landed.flux[reached & ~inside]),
+        missed=sum(missed.model_dump().values()),
+        total_reflection=by_fate[CastFate.TOTAL_REFLECTION],
+        absorbed=share(rays, landed.absorbed),
+        cover_glass=share(rays, landed.in_glass),
+        reflected=share(rays, rays.flux - landed.flux - landed.absorbed - landed.in_glass),
+    )
+    return flux, missed
+
+
+def share(rays: RayBundle, flux: Float[np.ndarray, " k"]) -> float:
+    """``flux`` (W) of some rays as a share of all that ``rays`` carry."""
+    return float(flux.sum() / rays.flux.sum())
+
+
+_ROUNDING = 1e-9  # relative, of sums of products
+RAYS = 2**14  # as many as the grid casts in the five seconds that this may take on two slow cores
+
+
+@dataclass(frozen=True)
+class DesignLight:
+    """Light of the design on a receiver: its efficiency and the standard error, None if unknown; noise in its map."""
+
+    efficiency: float
+    standard_error: float | None
+    nmse_of_noise: float | None
+
+
+@dataclass(frozen=True)
+class IndependentLight:
+    """Rays (of the same flux each) that verification has drawn, and the design's light on each receiver."""
+
+    rays: RayBundle
+    designs: tuple[DesignLight, ...]
+
+
+def emission_difference(own: RayBundle, design: RayBundle) -> float:
+    """Largest difference of a mean, or of a mean product of two, of start point and direction, in standard errors.
+
+    Both samples as they leave the source, weighted by flux. The design's rays are quasi-random: they have no more noise
+    than is counted here, that of independent rays.
+    """
+    rows, columns = np.triu_indices(7)
+    means, squares = np.zeros(len(rows)), np.zeros(len(rows))
+    for sign, rays in ((1.0, own), (-1.0, design)):
+        table = np.column_stack([np.ones(len(rays)), rays.origins, rays.directions])
+        products, weights = table[:, rows] * table[:, columns], rays.flux / rays.flux.sum()
+        mean = weights @ products
+        means += sign * mean
+        squares += weights**2 @ (products - mean) ** 2
+    scale = 1.0 + float(np.abs(own.origins).max())
+    return float(np.max(np.abs(means) / (np.sqrt(squares) + _ROUNDING * scale**2)))
+
+
+def judge_independent_rays(
+    rays: RayBundle, passage: Passage, expected: Expected, design: DesignLight
+) -> IndependentRays:
+    """Light of ``rays``, all of the same flux, on the screen of ``expected``, against its picture and ``design``."""
+    landed, screen = LandedRays.of(passage, expected.screen), expected.screen
+    flux, missed = flux_budget(rays, landed, screen)
+    detected = np.where(screen.in_window(landed.landings), landed.flux, 0.0) / rays.flux.sum() * len(rays)
+    error = float(np.std(detected, ddof=1)) / np.sqrt(len(rays)) if len(rays) > 1 else None
+    return IndependentRays(
+        rays=len(rays),
+        efficiency=Metric(value=flux.detected, standard_error=error),
+        efficiency_design=Metric(value=design.efficiency, standard_error=design.standard_error),
+        nmse_less_noise=_nmse_less_noise(landed, expected, design.nmse_of_noise),
+        flux=flux,
+        missed_by_cause=missed,
+    )
+
+
+def _nmse_less_noise(landed: LandedRays, expected: Expected, noise: float | None) -> Metric | None:
+    """NMSE of the light behind the rays against the design's picture, whose own NMSE by noise is ``noise``.
+
+    The mean product of the errors of two different blocks of rays has no noise of these rays (Hoeffding 1948); its
+    standard error is by the jackknife over the blocks, up to 1.4 times too large (Efron & Stein 1981).
+    """
+    if noise is None or len(landed.flux) < LEAST_RAYS:
+        return None
+    screen, count = expected.screen, len(landed.flux)
+    pictures = (
+        screen.irradiance(landed.landings[rows], landed.flux[rows] * (count / len(rows)))
+        for rows in np.array_split(np.arange(count), BLOCKS)
+    )
+    errors = np.stack([picture - expected.irradiance for picture in pictures]).reshape(BLOCKS, -1)
+    products = errors @ errors.T / squared_norm(expected.irradiance)
+    np.fill_diagonal(products, 0.0)
+    total = float(products.sum())
+    without = (total - 2.0 * products.sum(axis=1)) / ((BLOCKS - 1) * (BLOCKS - 2))
+    error = np.sqrt((BLOCKS - 1) / BLOCKS * np.sum((without - without.mean()) ** 2))
+    return Metric(value=total / (BLOCKS * (BLOCKS - 1)) - noise, standard_error=float(error))

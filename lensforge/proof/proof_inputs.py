@@ -1,0 +1,171 @@
+"""What verification is given of a spec: plain numbers, of which it makes its own receivers and draws its own rays.
+
+Files are read by the readers of the design; of the code that draws the design's rays nothing is used.
+"""
+
+from dataclasses import astuple, replace
+from math import isfinite
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy.random import Generator
+
+from lensforge import seeds
+from lensforge.errors import InputError
+from lensforge.light.evaluation_result import Light
+from lensforge.optics.image_reading import read_light
+from lensforge.proof import independent_draws
+from lensforge.proof.part_comparison import RAYS, DesignLight, IndependentLight
+from lensforge.proof.receiver_screen import Screen
+from lensforge.scene.lens import Lens
+from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.sources.dispersion import dispersed
+from lensforge.sources.photometric import read_photometric
+from lensforge.sources.radiance_emitter import read_radiance
+from lensforge.sources.ray_bundle import RayBundle, Rays, Source, blocks_of
+from lensforge.sources.ray_set import RaySetEmitter
+from lensforge.sources.source_flux import chip_fluxes
+from lensforge.sources.source_spectrum import spectrum_of
+from lensforge.spec import Spec
+from lensforge.spec.emitter_section import CosineIntensity, IntensitySpec, TableIntensity
+from lensforge.spec.source_sections import (
+    ChipArraySource,
+    ChipsSource,
+    DiscSource,
+    LuminanceSource,
+    RadianceSource,
+    RectangleSource,
+    SourceSpec,
+    SquareSource,
+)
+
+
+def screens_of(spec: Spec, pixels: int | None = None) -> list[Screen]:
+    """Screens with as many pixels as the evaluation's images, by default those of the spec."""
+    screens = []
+    receivers = receivers_of(spec, pixels or spec.evaluate.pixels)
+    for section, receiver in zip(spec.all_receivers, receivers, strict=True):
+        width, height, radius = (side if isfinite(side) else None for side in astuple(receiver.window))
+        grid = receiver.grid
+        screens.append(
+            Screen(
+                kind=section.kind,
+                centre_mm=getattr(section, "centre_mm", (0.0, 0.0, 0.0)),
+                facing=section.facing,
+                rotation_deg=section.rotation_deg,
+                radius_mm=getattr(section, "radius_mm", 0.0),
+                width=grid.width,
+                height=grid.height,
+                columns=grid.columns,
+                rows=grid.rows,
+                window=(width, height, radius),
+                filter_variance=spec.evaluate.filter_variance,
+            )
+        )
+    return screens
+
+
+def independent_light(lens: Lens, source: Source, light: Light, most: int) -> IndependentLight:
+    """Rays of verification's own, at most ``most``, and the ``light`` of ``lens`` that theirs is compared with."""
+    rays = independent_rays(lens.spec, source, min(most, RAYS), seeds.of_own_rays(lens.seed))
+    designs = (
+        DesignLight(lit.efficiency.value, lit.efficiency.standard_error, lit.nmse_of_noise) for lit in light.receivers
+    )
+    return IndependentLight(rays, tuple(designs))
+
+
+def independent_rays(spec: Spec, source: Source, count: int, seed: int) -> RayBundle:
+    """Draw ``count`` rays of the source of ``spec``, independent and of equal flux; ``source``: its flux and its files.
+
+    Rays of a file are chosen one by one, in proportion to their flux.
+    """
+    random, section = np.random.default_rng(seed), spec.source
+    if isinstance(source, RaySetEmitter):
+        chosen = source.rays.take(_by_flux(source.rays, count, random))
+        return replace(chosen, flux=np.full(count, source.flux_w / count))
+    points, directions = _drawn(random, count, section)
+    points = np.column_stack([points, np.zeros(count)])
+    place = (section.rotate_z_deg, section.tilt_deg, section.position_mm)
+    rays = independent_draws.posed(points, directions, source.flux_w, *place)
+    material = spec.lens.dispersion
+    if material is None or section.spectrum is None:
+        return rays
+    table = spectrum_of(section.spectrum)
+    waves = independent_draws.wavelengths(random, count, table.wavelengths_nm, table.power_density)
+    return dispersed(rays, waves, material, "source.spectrum")[0]
+
+
+def _by_flux(rays: Rays, count: int, random: Generator) -> Int[np.ndarray, " n"]:
+    """Numbers of rays chosen one by one in proportion to their flux, those of ``random.choice``; one number in memory
+    for each ray, where that has four."""
+    shares, start = np.empty(len(rays)), 0
+    for block in blocks_of(rays):
+        shares[start : start + len(block)] = block.flux
+        start += len(block)
+    shares /= shares.sum()
+    np.cumsum(shares, out=shares)
+    shares /= shares[-1]
+    return np.searchsorted(shares, random.random(count), side="right")
+
+
+def _drawn(
+    random: Generator, count: int, section: SourceSpec
+) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 3"]]:
+    """Start points (mm) in the plane z = 0, and directions, of an emitter before it is put in its place."""
+    match section:
+        case SquareSource():
+            square = _grid(1, 1, (section.side_mm, section.side_mm), (1.0, 1.0))
+            return independent_draws.in_rectangles(random, count, *square), independent_draws.along_cosine(
+                random, count, 1.0
+            )
+        case RadianceSource():
+            table = read_radiance(section.file)
+            edges = (table.x_mm, table.y_mm)
+            rows = independent_draws.of_radiance(random, count, edges, table.c_deg, table.gamma_deg, table.radiance)
+            return rows[:, :2], rows[:, 2:]
+        case RectangleSource():
+            whole = _grid(1, 1, (section.width_mm, section.height_mm), (1.0, 1.0))
+            points = independent_draws.in_rectangles(random, count, *whole)
+        case ChipArraySource():
+            chips = _grid(section.columns, section.rows, (section.width_mm, section.height_mm), section.pitch_mm)
+            points = independent_draws.in_rectangles(random, count, *chips)
+        case ChipsSource():
+            points = independent_draws.in_rectangles(random, count, *_chips(section))
+        case DiscSource():
+            points = independent_draws.in_disc(random, count, 0.5 * section.diameter_mm)
+        case LuminanceSource():
+            picture = read_light(section.file, section.luminance, missing="give an image file")
+            points = independent_draws.in_picture(random, count, picture, section.width_mm)
+        case _:
+            raise InputError(f"source: {section.kind}: no rays of its own can be drawn of it; please report it")
+    return points, _aimed(random, count, section.intensity)
+
+
+def _aimed(random: Generator, count: int, profile: IntensitySpec) -> Float[np.ndarray, "n 3"]:
+    """Directions of an intensity profile."""
+    if isinstance(profile, CosineIntensity):
+        return independent_draws.along_cosine(random, count, profile.power)
+    if isinstance(profile, TableIntensity):
+        plane = np.array([profile.intensity])
+        return independent_draws.along_table(random, count, np.zeros(1), np.array(profile.gamma_deg), plane)
+    table = read_photometric(profile.file).intensity
+    found = independent_draws.along_table(random, count, table.c_deg, table.gamma_deg, table.values)
+    found[:, 1] *= -1.0  # a luminaire's C = 90 is the lens's -y
+    return found
+
+
+_Rectangles = tuple[Float[np.ndarray, "k 2"], Float[np.ndarray, "k 2"], Float[np.ndarray, " k"]]
+
+
+def _grid(columns: int, rows: int, side_mm: tuple[float, float], pitch_mm: tuple[float, float]) -> _Rectangles:
+    """Centres, sides (mm) and shares of equal rectangles in rows and columns about the axis."""
+    cells = np.array([[column, row] for row in range(rows) for column in range(columns)])
+    centres = (cells - 0.5 * np.array([columns - 1, rows - 1])) * pitch_mm
+    return centres, np.tile(side_mm, (len(cells), 1)), np.ones(len(cells))
+
+
+def _chips(section: ChipsSource) -> _Rectangles:
+    """Centres, sides (mm) and fluxes of the chips."""
+    centres = np.array([[chip.x_mm, chip.y_mm] for chip in section.chips])
+    sides = np.array([[chip.width_mm, chip.height_mm] for chip in section.chips])
+    return centres, sides, np.array([flux.flux_w for flux in chip_fluxes(section)])

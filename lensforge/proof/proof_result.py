@@ -1,0 +1,294 @@
+"""Results of the verification: rays through the exported part against the design, its flux, and its size by file."""
+
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+import numpy as np
+from jaxtyping import Float
+from pydantic import Field
+
+from lensforge.results import (
+    Array,
+    BodySize,
+    Count,
+    Extent,
+    Flag,
+    Irradiance,
+    Metric,
+    NotNegative,
+    Number,
+    Positive,
+    Record,
+    Share,
+    SimulatedResult,
+    Text,
+    stated,
+)
+from lensforge.results.chart import Chart
+from lensforge.results.criteria import Criterion
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+class PartFlux(Record):
+    """The flux budget of the part; shares of the emitted flux."""
+
+    detected: Share
+    outside: Share
+    missed: Share
+    total_reflection: Share
+    absorbed: Share = 0.0
+    cover_glass: Share = 0.0
+    reflected: Share
+
+
+class PartMissed(Record):
+    """Flux that never reaches the receiver's plane, by cause; shares of the emitted flux.
+
+    ``base``: met on the way in or in the body. ``starts_outside``: met the outside of the lens before the inside.
+    """
+
+    no_hit: Share
+    starts_inside: Share
+    starts_outside: Share = 0.0
+    base: Share
+    back_into_cavity: Share
+    missed_receiver: Share
+
+
+class IndependentRays(Record):
+    """Light of rays that verification has drawn from the description of the source, not by the design's sampler.
+
+    Sent through the mesh, against the light of the design: ``efficiency`` in the window, with ``efficiency_design``;
+    ``nmse_less_noise`` of the picture against the design's, without the noise of either, None where that of the
+    design's is not known. Every ray counts in ``flux``, those that are lost by ``missed_by_cause``.
+    """
+
+    rays: Count
+    efficiency: Metric
+    efficiency_design: Metric
+    nmse_less_noise: Metric | None
+    flux: PartFlux
+    missed_by_cause: PartMissed
+
+
+class SizedFile(Record):
+    """Size of the body in one file; what flat facets may change of it: a height (mm), volume and area, 0 for a STEP."""
+
+    size: BodySize
+    chord_mm: NotNegative = 0.0
+    facets_mm3: NotNegative = 0.0
+    facets_mm2: NotNegative = 0.0
+
+
+class Sizes(Record):
+    """Size of the part in its files, and as exported: the box of that within ``chord_mm`` of the solid's."""
+
+    exported: BodySize
+    chord_mm: NotNegative
+    mesh: SizedFile
+    step: SizedFile | None
+
+
+class Faults(Record):
+    """Fault that was recognised in each file where its light is not the design's; empty where none was."""
+
+    mesh: Text = ""
+    step: Text = ""
+
+
+JUDGED_FILES = ("lens.step", "lens.stl")  # of the part: rays go through them
+
+Gaps = Annotated[Float[np.ndarray, " q"], Array("q")]
+
+
+class LandingDeviation(Record):
+    """Distances (mm) between the part's landings and the design's."""
+
+    rms: NotNegative
+    max: NotNegative
+    p99: NotNegative
+
+
+class FatePair(Record):
+    """Rays that design and part give different fates: both by name, their number and share of the emitted flux."""
+
+    design: Text
+    part: Text
+    rays: Count
+    flux: Share
+
+
+class Agreement(Record):
+    """Distances (mm) between landings of part and design, for rays that both land on the receiver.
+
+    ``flux``: sum of the differences of flux over the sum of flux. ``fates``: number of rays that one lands on the
+    receiver and the other loses; ``fates_flux``: their share of the emitted flux; ``pairs``: the same by the fates in
+    both, the largest share first. Where no ray lands in both, the distances are the receiver's diagonal and ``flux``
+    is 1.
+    """
+
+    compared: Count
+    rms: NotNegative
+    p99: NotNegative
+    max: NotNegative
+    flux: NotNegative
+    fates: Count
+    fates_flux: Share
+    pairs: tuple[FatePair, ...] = ()
+
+
+class PlainCast(Record):
+    """First hits (``casts``) by trimesh's own ray cast against those of the grid; ``rate``: its casts per second."""
+
+    rays: Count
+    casts: Count
+    disagreements: Count
+    rate: NotNegative
+
+
+class BrepCast(Record):
+    """Rays through the STEP file itself."""
+
+    rays: Count
+    seconds: NotNegative
+    against_design: Agreement
+    against_mesh: Agreement
+
+
+class MitsubaCast(Record):
+    """Rays through the mesh by Mitsuba, release ``version``."""
+
+    version: Text
+    rays: Count
+    seconds: NotNegative
+    nmse_vs_design: NotNegative
+    noise_floor_nmse: NotNegative
+    nmse_same_rays: NotNegative
+    against_design: Agreement
+
+
+class ReceiverProof(Record):
+    """Rays through the exported part on one receiver, against the same rays through the design.
+
+    ``width``, ``height``: of the receiver's chart. ``irradiance``, ``design_irradiance``: W/m^2 or W/sr [row y, column
+    x]. Distances between landings of part and design are in mm, those of directions at 1 m. ``gaps_*_mm``: their
+    quantiles at 0, 0.2 ... 100 %, by the mesh, the STEP and Mitsuba.
+    """
+
+    name: Text
+    width: Positive
+    height: Positive
+    far_field: Flag
+    nmse_vs_design: NotNegative
+    noise_floor_nmse: NotNegative
+    nmse_same_rays: NotNegative
+    efficiency: Share
+    efficiency_design_same_rays: Share
+    deviation_mm: LandingDeviation
+    deviation_limit_mm: Positive
+    rays_compared: Count
+    flux_deviation: NotNegative
+    fate_disagreements: Count
+    fate_disagreement_flux: Share
+    fate_pairs: tuple[FatePair, ...] = ()
+    flux: PartFlux
+    missed_by_cause: PartMissed
+    brep: BrepCast | None
+    mitsuba: MitsubaCast | None
+    own_rays: IndependentRays | None
+    irradiance: Irradiance
+    design_irradiance: Irradiance
+    gaps_mesh_mm: Gaps
+    gaps_step_mm: Gaps | None = None
+    gaps_mitsuba_mm: Gaps | None = None
+
+    @property
+    def chart(self) -> Chart:
+        """Size of the maps, for figures."""
+        return Chart(self.width, self.height, self.far_field)
+
+
+class Proof(SimulatedResult):
+    """Rays through the exported part, against the same rays through the design, on every receiver.
+
+    Results that are not of the rays or the mesh are those of the first receiver. ``altered_files``: those whose content
+    was not what export.json describes when the rays were cast. ``sizes``: None where no size as exported was given.
+    ``emission_apart``: largest difference of a moment of the design's rays, as they leave the source, from that of rays
+    which verification has drawn, in standard errors; None where it has drawn none.
+    """
+
+    stage: ClassVar[str] = "verify"
+    made_from: ClassVar[tuple[str, ...]] = ("lens", "export", "evaluate")
+
+    receivers: Annotated[tuple[ReceiverProof, ...], Field(min_length=1)]
+    rays: Count
+    seconds: NotNegative
+    cast_seconds: NotNegative
+    triangles: Count
+    open_edges: Count
+    volume_mm3: Number
+    sizes: Sizes | None
+    faults: Faults
+    emission_apart: NotNegative | None
+    facet_height_um: Extent
+    altered_files: tuple[Text, ...] = ()
+    plain_cast: PlainCast
+    criteria: tuple[Criterion, ...]
+
+    @property
+    def first(self) -> ReceiverProof:
+        """The rays on the first receiver."""
+        return self.receivers[0]
+
+    @stated
+    def nmse_vs_design(self) -> float:
+        """NMSE of the part's light on the first receiver against the design's."""
+        return self.first.nmse_vs_design
+
+    @stated
+    def noise_floor_nmse(self) -> float:
+        """NMSE that the noise of the part's rays explains."""
+        return self.first.noise_floor_nmse
+
+    @stated
+    def efficiency(self) -> float:
+        """Share of the emitted flux in the first receiver's window, through the part."""
+        return self.first.efficiency
+
+    @stated
+    def deviation_mm(self) -> LandingDeviation:
+        """Distances between the part's landings on the first receiver and the design's."""
+        return self.first.deviation_mm
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """A sentence for each file that is not as exported: it was judged all the same."""
+        judged = (name for name in self.altered_files if name in JUDGED_FILES)
+        return tuple(f"{name} is not the file that was exported: judged by its geometry and light" for name in judged)
+
+    @property
+    def brep(self) -> BrepCast | None:
+        """Rays through the STEP file, on the first receiver."""
+        return self.first.brep
+
+    @property
+    def mitsuba(self) -> MitsubaCast | None:
+        """Rays through the mesh by Mitsuba, on the first receiver."""
+        return self.first.mitsuba
+
+    def __str__(self) -> str:
+        failed = [str(criterion) for criterion in self.criteria if not criterion.passed]
+        deviation = f"{self.deviation_mm.rms:.3g} mm rms, {self.deviation_mm.max:.3g} mm at most"
+        verdict = "; ".join(failed) or "every criterion is met"
+        found = f"part: {self.rays} rays land {deviation} from where the design sends them; {verdict}"
+        return "; ".join([found, *self.notes])
+
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
+        """Cumulative share of the rays over the distance between their first landings and the design's."""
+        from lensforge.results.plots import plot_curves
+
+        first = self.first
+        named = {"exported mesh": first.gaps_mesh_mm, "STEP": first.gaps_step_mm, "Mitsuba": first.gaps_mitsuba_mm}
+        curves = {name: (gaps, np.linspace(0.0, 1.0, len(gaps))) for name, gaps in named.items() if gaps is not None}
+        return plot_curves(curves, ("distance from the design's landing (mm)", "share of the rays"), axes)

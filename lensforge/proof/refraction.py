@@ -1,0 +1,226 @@
+"""Refraction at the faces of the part and in a cover glass: Snell, Fresnel, coatings, without the design's code.
+
+The polarisation of light goes with each ray as two fields, vectors across it, into which both polarisations of the
+source have turned: after Yun, Crabtree and Chipman, Appl. Opt. 50, 2855 (2011). Any two at right angles will do.
+
+A stack of layers is summed ray by ray, the layer next to the last medium first (Rouard; Macleod, Thin-Film Optical
+Filters, 2.3), a table interpolated as the specification says.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Complex, Float, Int
+from scipy.interpolate import PchipInterpolator
+
+from lensforge.optics.media import Coating, LayerStack, Media, ReflectanceTable
+from lensforge.sources.ray_bundle import RayBundle
+
+PerRay = Float[np.ndarray, " n"]
+Amplitudes = Complex[np.ndarray, " n"]
+
+
+@dataclass(frozen=True)
+class RefractingFace:
+    """Refractive index before and behind a face, the coating between them, and the wavelength (nm), for each ray.
+
+    ``inwards``: the body lies behind it, so that its first layer is met first.
+    """
+
+    before: PerRay
+    behind: PerRay
+    coating: Coating | None
+    wavelengths_nm: PerRay
+    inwards: bool
+
+    @staticmethod
+    def inner(rays: RayBundle, media: Media) -> "RefractingFace":
+        """The face by which ``rays`` enter the body."""
+        cavity = np.full(len(rays), media.cavity_index)
+        return RefractingFace(cavity, rays.indices(media), media.inner_coating, rays.wavelengths(media), True)
+
+    @staticmethod
+    def outer(rays: RayBundle, media: Media) -> "RefractingFace":
+        """The face by which they leave it."""
+        outside = np.full(len(rays), media.outside_index)
+        return RefractingFace(rays.indices(media), outside, media.outer_coating, rays.wavelengths(media), False)
+
+    def take(self, rows: Int[np.ndarray, " k"]) -> "RefractingFace":
+        """The face for some of the rays."""
+        before, behind, waves = (values[rows] for values in (self.before, self.behind, self.wavelengths_nm))
+        return RefractingFace(before, behind, self.coating, waves, self.inwards)
+
+    @property
+    def index_ratio(self) -> PerRay:
+        """n before / n behind."""
+        ratio: PerRay = self.before / self.behind
+        return ratio
+
+    def reflected(self, cosines: PerRay, passes: Bool[np.ndarray, " n"]) -> tuple[Amplitudes, Amplitudes]:
+        """Amplitudes of s and p that rays are reflected with which meet it at ``cosines``; p of opposite sign.
+
+        All light is reflected where it does not pass. A table of unpolarised reflectance holds for s and p alike.
+        """
+        cosines = np.minimum(cosines, 1.0)
+        along = self.before * np.sqrt(1.0 - cosines**2)  # n sin of the angle
+        if isinstance(self.coating, ReflectanceTable):
+            sines = np.minimum(along / np.minimum(self.before, self.behind), 1.0)
+            of_table = _of_table(self.coating, np.sqrt(1.0 - sines**2), self.wavelengths_nm)
+            r_s = np.sqrt(np.maximum(of_table, 0.0)).astype(complex)
+            r_p = -r_s
+        else:
+            r_s, r_p = self._of_layers(self.coating, along, "s"), -self._of_layers(self.coating, along, "p")
+        whole = [each / np.where(each == 0.0, 1.0, np.abs(each)) for each in (r_s, r_p)]
+        return np.where(passes, r_s, whole[0]), np.where(passes, r_p, whole[1])
+
+    def _of_layers(self, stack: LayerStack | None, along: PerRay, polarisation: str) -> Amplitudes:
+        """Without a stack that of the bare face."""
+        own = () if stack is None else stack.layers
+        layers = own if self.inwards else own[::-1]
+        indices = [self.before, *(layer.index.at(self.wavelengths_nm) for layer in layers), self.behind]
+        across = [np.sqrt((index**2 - along**2).astype(complex)) for index in indices]
+        admittances = [a if polarisation == "s" else index**2 / np.where(a == 0.0, 1e-300, a)
+                       for a, index in zip(across, indices, strict=True)]  # fmt: skip
+        amplitude = _step(admittances[-2], admittances[-1])
+        for k in range(len(layers) - 1, -1, -1):
+            turns = across[k + 1] * layers[k].thickness_nm / self.wavelengths_nm
+            returned = amplitude * np.exp(4j * np.pi * turns)
+            first = _step(admittances[k], admittances[k + 1])
+            amplitude = (first + returned) / (1.0 + first * returned)
+        return amplitude
+
+
+def _step(one: Complex[np.ndarray, " n"], other: Complex[np.ndarray, " n"]) -> Complex[np.ndarray, " n"]:
+    """Amplitude reflected between two media."""
+    step: Complex[np.ndarray, " n"] = (one - other) / (one + other)
+    return step
+
+
+def _of_table(table: ReflectanceTable, cosines: PerRay, wavelengths_nm: PerRay) -> PerRay:
+    angles, rows = list(table.angles_deg), [list(row) for row in table.reflectance]
+    if angles[-1] < 90.0:
+        angles.append(90.0)
+        rows = [[*row, 1.0] for row in rows]
+    places = np.sin(np.radians(90.0 - np.array(angles[::-1])))  # the cosines, 0 at 90 degrees
+    by_row: list[PerRay] = [PchipInterpolator(places, row[::-1])(cosines) for row in rows]
+    if len(rows) == 1:
+        return by_row[0]
+    waves = np.clip(wavelengths_nm, table.wavelengths_nm[0], table.wavelengths_nm[-1])
+    found = np.zeros(len(cosines))
+    for k, own in enumerate(by_row):  # each row counts by a hat function about its wavelength
+        found += own * np.interp(waves, table.wavelengths_nm, np.eye(len(rows))[k])
+    return found
+
+
+Fields = Complex[np.ndarray, "n 2 3"]
+
+
+def refract(
+    directions: Float[np.ndarray, "n 3"],
+    normals: Float[np.ndarray, "n 3"],
+    index_ratio: Float[np.ndarray, " n"] | float,
+) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
+    """Unit directions by Snell's law, and unpolarised Fresnel transmittance, 0 where totally reflected.
+
+    ``normals`` may point to either side; ``index_ratio`` is n before / n behind, of each ray or of all. Born and Wolf,
+    section 1.5.
+    """
+    index_ratio = np.broadcast_to(index_ratio, len(directions))
+    along = np.sum(directions * normals, axis=1)
+    before = np.abs(along)
+    squared = 1.0 - index_ratio**2 * (1.0 - before**2)
+    passes = squared > 0.0
+    behind = np.sqrt(np.where(passes, squared, 1.0))
+    facing = np.where(along < 0.0, -1.0, 1.0)[:, None] * normals
+    bent = index_ratio[:, None] * directions + (behind - index_ratio * before)[:, None] * facing
+    r_s = (index_ratio * before - behind) / (index_ratio * before + behind)
+    r_p = (before - index_ratio * behind) / (before + index_ratio * behind)
+    transmittance = np.where(passes, 1.0 - 0.5 * (r_s**2 + r_p**2), 0.0)
+    return bent / np.linalg.norm(bent, axis=1, keepdims=True), transmittance
+
+
+def unpolarised(directions: Float[np.ndarray, "n 3"]) -> Fields:
+    """Two unit fields across each ray and each other: unpolarised light has half of its flux in either."""
+    least = np.eye(3)[np.argmin(np.abs(np.nan_to_num(directions)), axis=1)]
+    one = _unit(np.cross(directions, least))
+    return np.stack([one, np.cross(directions, one)], axis=1).astype(complex)
+
+
+@dataclass(frozen=True)
+class AtFace:
+    """Unpolarised or polarised light at a face: directions, shares of the flux and fields of what passes and returns.
+
+    The fields of a ray have the squared lengths 2 together. Amplitudes are Fresnel's, or the coating's, in total
+    reflection complex; what passes a coating is real: the phases between s and p that it gives to transmitted light,
+    which act on a third face alone, are left out.
+    """
+
+    bent: Float[np.ndarray, "n 3"]
+    mirrored: Float[np.ndarray, "n 3"]
+    transmittance: Float[np.ndarray, " n"]
+    passed: Fields
+    returned: Fields
+
+    @staticmethod
+    def of(
+        face: RefractingFace, directions: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"], fields: Fields
+    ) -> "AtFace":
+        """Split ``fields`` into s across the plane of incidence and p in it; at normal incidence any plane will do."""
+        bent, bare = refract(directions, normals, face.index_ratio)
+        along = np.sum(directions * normals, axis=1)
+        mirrored = directions - 2.0 * along[:, None] * normals
+        across = np.cross(directions, normals)
+        steep = np.linalg.norm(across, axis=1) < 1e-12
+        s = np.where(steep[:, None], unpolarised(directions)[:, 0].real, _unit(across))
+        parts = [np.einsum("nfi,ni->nf", fields, each) for each in (s, np.cross(directions, s))]
+        amplitudes = face.reflected(np.abs(along), bare > 0.0)
+        passed, returned = np.zeros_like(fields), np.zeros_like(fields)
+        for part, amplitude, axes in zip(
+            parts, amplitudes, ((s, s), (np.cross(bent, s), np.cross(mirrored, s))), strict=True
+        ):
+            through = np.sqrt(np.where(bare > 0.0, np.maximum(1.0 - np.abs(amplitude) ** 2, 0.0), 0.0))
+            passed += (through[:, None] * part)[:, :, None] * axes[0][:, None, :]
+            returned += (amplitude[:, None] * part)[:, :, None] * axes[1][:, None, :]
+        share, back = (0.5 * np.sum(np.abs(each) ** 2, axis=(1, 2)) for each in (passed, returned))
+        passed, returned = (
+            each / np.sqrt(np.where(power > 0.0, power, 1.0))[:, None, None]
+            for each, power in ((passed, share), (returned, back))
+        )
+        return AtFace(bent, mirrored, share, passed, returned)
+
+
+def through_glass(
+    points: Float[np.ndarray, "n 3"],
+    directions: Float[np.ndarray, "n 3"],
+    media: Media,
+    wavelengths_nm: Float[np.ndarray, " n"] | None = None,
+    fields: Fields | None = None,
+) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
+    """Points (mm) and directions behind the cover glass, and what it transmits; rays that never meet it go on.
+
+    ``fields`` None: of unpolarised light.
+    """
+    glass, rising = media.cover_glass, directions[:, 2] > 0.0
+    if glass is None:
+        return points, directions, np.ones(len(points))
+    normal = np.tile([0.0, 0.0, 1.0], (int(rising.sum()), 1))
+    waves = np.full(len(points), media.wavelength_nm) if wavelengths_nm is None else wavelengths_nm
+    outside, within = (np.full(len(normal), each) for each in (media.outside_index, glass.refractive_index))
+    one = RefractingFace(outside, within, glass.coating, waves[rising], True)
+    other = RefractingFace(within, outside, glass.coating, waves[rising], False)
+    ahead = directions[rising]
+    near = points[rising] + ((glass.distance_mm - points[rising, 2]) / ahead[:, 2])[:, None] * ahead
+    first = AtFace.of(one, ahead, normal, unpolarised(ahead) if fields is None else fields[rising])
+    inside = first.bent
+    lengths = glass.thickness_mm / inside[:, 2]
+    second = AtFace.of(other, inside, normal, first.passed)
+    ends, ways, share = points.copy(), directions.copy(), np.ones(len(points))
+    ends[rising], ways[rising] = near + lengths[:, None] * inside, second.bent
+    share[rising] = first.transmittance * np.exp(-glass.absorption_per_mm * lengths) * second.transmittance
+    return ends, ways, share
+
+
+def _unit(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    found: Float[np.ndarray, "n 3"] = vectors / np.where(lengths > 0.0, lengths, 1.0)
+    return found

@@ -1,0 +1,118 @@
+"""Remedies of the criteria: each follows the cause that the results show, not the name of the criterion that fails.
+
+Rays that land elsewhere tell of the form; rays that land alike with another flux, of losses; rays that one of both
+loses, of their fates.
+"""
+
+from dataclasses import dataclass
+
+from lensforge.proof.proof_result import Agreement, FatePair
+
+_NAMED = 2  # pairs of fates in one line: the rest is in ``pairs``
+_START = "light that starts there has no way in that both follow: move the source into the cavity; if it stays, report"
+_BY_DESIGN = {
+    "backward": _START,
+    "outside_cavity": _START,
+    "not_converged": "the design's search for a crossing gave up: design with a higher accuracy",
+    "surfaces_intersect": "the surfaces cross: design again with a larger constraints.min_thickness_mm",
+}
+_BY_PART = {
+    "opening": "the base cuts off light from below z = 0: raise the source, or lower the base or widen its opening",
+    "no_hit": "rays slip past the part: it has a hole or is another lens; export again",
+    "starts_inside": "the source is in the part's material: it is inside out or another lens; export again",
+    "starts_outside": "the source is outside the part's cavity: it is another lens; export again",
+}
+FINER = "export with a finer mesh (--rings N)"
+_AT_A_LIMIT = f"this light is near the rim or the limit of total reflection: {FINER}"
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Agreement of a file with the design, and its limits: rms deviation (mm), shares of flux for losses and fates.
+
+    ``form``: what to try where its rays land elsewhere. ``fault``: the fault that was recognised in the file, if any;
+    then all else follows from it. ``fine``: no facets can be the cause, those of a STEP or finer ones than needed.
+    """
+
+    agreement: Agreement
+    deviation_mm: float
+    flux: float
+    fates: float
+    form: str
+    fault: str = ""
+    fine: bool = False
+
+    @property
+    def lands_alike(self) -> bool:
+        """True where the rays that both land keep the limit of the deviation."""
+        return self.agreement.compared > 0 and self.agreement.rms <= self.deviation_mm
+
+    def of_deviation(self) -> str:
+        """Remedy of rays that land elsewhere."""
+        if self.fault:
+            return self.fault
+        if self.agreement.compared == 0:
+            return f"no ray lands on the receiver in both: {self.of_fates()}"
+        return self.form
+
+    def of_flux(self) -> str:
+        """Remedy of rays with another flux: a matter of the form only if they land elsewhere, too."""
+        if self.fault or not self.lands_alike:
+            return self.of_deviation()
+        return (
+            "the rays land where they should, so the mesh is right, but lose other shares at the surfaces: is the "
+            "index that of the design? evaluate and verify again; if it stays, please report it"
+        )
+
+    def of_fates(self) -> str:
+        """Remedy of rays that one lands and the other loses: the largest pairs by name, and the advice for the first.
+
+        Near the rim or a limit angle any error of form decides a fate: then it is that of the form.
+        """
+        pairs = self.agreement.pairs
+        if self.fault or not pairs:
+            return self.fault or self.form
+        named = ", ".join(_said(pair) for pair in pairs[:_NAMED])
+        advice = _BY_PART.get(pairs[0].part) or _BY_DESIGN.get(pairs[0].design)
+        if advice is None:
+            advice = _AT_A_LIMIT if self.lands_alike and not self.fine else self.form
+        return f"{named}; {advice}"
+
+    def of_pixels(self) -> str:
+        """Remedy of other pixels for the same rays: the first of form, fates and losses that fails."""
+        if self.fault or not self.lands_alike:
+            return self.of_deviation()
+        if self.agreement.fates_flux > self.fates:
+            return self.of_fates()
+        if self.agreement.flux > self.flux:
+            return self.of_flux()
+        return self.form if self.fine else f"the landings keep their limit, but cross the borders of pixels: {FINER}"
+
+
+def form_of_mesh(open_edges: int, step_lands_alike: bool | None, other_body: str = "", *, fine: bool = False) -> str:
+    """Remedy of a mesh whose rays land elsewhere; ``step_lands_alike``: those of the STEP file, None: not cast.
+
+    ``other_body``: words on how its size differs from that of the export; empty where it does not. ``fine``: its facets
+    are not the cause.
+    """
+    if open_edges > 0:
+        return "export again: the mesh is not closed"
+    if other_body:
+        return other_body
+    if step_lands_alike is False:
+        return (
+            "lens.step lands its rays elsewhere, too, so the mesh is not the cause: the files are another lens; export"
+        )
+    if fine:
+        return "the facets are fine enough, so a face of lens.stl lies elsewhere, or it has a void: export again"
+    if step_lands_alike is None:
+        return f"{FINER}; if it stays, the file is not the lens of lens.json"
+    return f"lens.step lands its rays right, so {FINER}; if it stays, lens.stl is not this lens"
+
+
+def _said(pair: FatePair) -> str:
+    return f"{pair.flux:.2%} of the flux: design {_words(pair.design)}, part {_words(pair.part)}"
+
+
+def _words(fate: str) -> str:
+    return fate.replace("_", " ")

@@ -1,0 +1,254 @@
+"""Sequential trace of the part, once in and once out.
+
+A ray refracts at the first triangle that it meets, whatever face this belongs to. Reflected light is not followed.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from enum import IntEnum
+
+import numpy as np
+from jaxtyping import Bool, Float, Int, Shaped
+from trimesh.triangles import points_to_barycentric
+
+from lensforge.optics.media import Media
+from lensforge.proof.facet_casting import FacetHits, Grid, Leg
+from lensforge.proof.part_mesh import PartMesh
+from lensforge.proof.receiver_screen import Screen
+from lensforge.proof.refraction import AtFace, Fields, RefractingFace, through_glass, unpolarised
+from lensforge.sources.ray_bundle import RayBundle
+
+_CHUNK = 1024  # rays that a thread casts at a time: their candidates stay in its cache
+# A ray that leaves a curved point may meet the facets just left: hits nearer than this share of an edge are those.
+_SKIN_EDGES = 0.05
+
+
+class CastFate(IntEnum):
+    """Fate of a ray cast through the part."""
+
+    LANDED = 0  # left the lens, and reached the receiver's surface
+    NO_HIT = 1  # met no part of the body
+    STARTS_INSIDE = 2  # its first hit leaves the material: it started in the body, or the mesh is inside out
+    BASE = 3  # met a surface at or below z = 0 in the material, instead of leaving it
+    BACK_INTO_CAVITY = 4  # left the material through the face by which it entered
+    TOTAL_REFLECTION = 5  # totally reflected on the way out
+    MISSED_RECEIVER = 6  # left the lens, but never reaches the receiver's plane
+    OPENING = 7  # met a surface at or below z = 0 on the way in: the wall of the base's opening, or its bottom
+    STARTS_OUTSIDE = 8  # met the outside of the lens first: it started neither in the cavity nor below it
+
+
+@dataclass(frozen=True)
+class Passage:
+    """Ends of ``n`` rays: exit point (mm) and direction, NaN if lost in the lens, flux (W) left in the ray, fate.
+
+    ``absorbed``, ``in_glass``: flux (W) that the body and a cover glass took of it. ``fields``: of its polarisation.
+    ``facets_um``: height of the curved surface over the flat facet at the two hits, 0 where there was none.
+    """
+
+    points: Float[np.ndarray, "n 3"]
+    directions: Float[np.ndarray, "n 3"]
+    flux: Float[np.ndarray, " n"]
+    absorbed: Float[np.ndarray, " n"]
+    in_glass: Float[np.ndarray, " n"]
+    fates: Int[np.ndarray, " n"]
+    facets_um: Float[np.ndarray, "n 2"]
+    fields: Fields
+
+    @staticmethod
+    def of(rays: RayBundle) -> "Passage":
+        """Passage of ``rays`` that have met nothing yet."""
+        return Passage(
+            points=np.full((len(rays), 3), np.nan),
+            directions=np.full((len(rays), 3), np.nan),
+            flux=rays.flux.copy(),
+            absorbed=np.zeros(len(rays)),
+            in_glass=np.zeros(len(rays)),
+            fates=np.full(len(rays), CastFate.NO_HIT, dtype=np.int64),
+            facets_um=np.zeros((len(rays), 2)),
+            fields=unpolarised(rays.directions),
+        )
+
+
+def behind_glass(passage: Passage, rays: RayBundle, media: Media) -> Passage:
+    """Take the rays that left the lens through the faces of the cover glass, one after the other."""
+    glass = media.cover_glass
+    if glass is None:
+        return passage
+    waves = rays.wavelengths(media)
+    points, directions, through = through_glass(passage.points, passage.directions, media, waves, passage.fields)
+    left = passage.flux * through
+    return replace(passage, points=points, directions=directions, flux=left, in_glass=passage.flux - left)
+
+
+@dataclass(frozen=True)
+class LandedRays:
+    """Rays of a passage on a screen: places on its chart (NaN if lost), flux (W) left in the ray, fate.
+
+    ``absorbed``, ``in_glass``: flux (W) that the body and a cover glass took of it.
+    """
+
+    landings: Float[np.ndarray, "n 2"]
+    flux: Float[np.ndarray, " n"]
+    absorbed: Float[np.ndarray, " n"]
+    in_glass: Float[np.ndarray, " n"]
+    fates: Int[np.ndarray, " n"]
+
+    @staticmethod
+    def of(passage: Passage, screen: Screen) -> "LandedRays":
+        """Land the rays that left the lens."""
+        landings, fates = np.full((len(passage.flux), 2), np.nan), passage.fates.copy()
+        left = np.nonzero(passage.fates == CastFate.LANDED)[0]
+        landings[left] = screen.land(passage.points[left], passage.directions[left])
+        fates[left[np.isnan(landings[left, 0])]] = CastFate.MISSED_RECEIVER
+        return LandedRays(landings, passage.flux, passage.absorbed, passage.in_glass, fates)
+
+    @property
+    def fate_names(self) -> Shaped[np.ndarray, " n"]:
+        """Name of the fate of each ray."""
+        names: Shaped[np.ndarray, " n"] = np.array([fate.name.lower() for fate in CastFate])[self.fates]
+        return names
+
+
+@dataclass(frozen=True)
+class RefractedRays:
+    """Rays behind a surface: a new leg, the share of flux and the fields, the height (mm) over the flat facet."""
+
+    leg: Leg
+    transmittance: Float[np.ndarray, " n"]
+    fields: Fields
+    heights: Float[np.ndarray, " n"]
+
+
+def cross(
+    part: PartMesh, leg: Leg, hits: FacetHits, face: RefractingFace, fields: Fields | None = None
+) -> RefractedRays:
+    """Refract rays, all of which hit a facet, at the curved surface over it; ``fields`` None: unpolarised ones."""
+    points, normals = meet(part, leg, hits)
+    light = AtFace.of(face, leg.directions, normals, unpolarised(leg.directions) if fields is None else fields)
+    flat = leg.origins + hits.distances[:, None] * leg.directions
+    heights = np.sum((points - flat) * normals, axis=1)
+    return RefractedRays(Leg(points, light.bent, skin(part, hits)), light.transmittance, light.passed, heights)
+
+
+def meet(part: PartMesh, leg: Leg, hits: FacetHits) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+    """Points (mm) and unit normals at which rays, all of which hit a facet, meet the curved surface over it."""
+    facets = part.mesh.triangles[hits.triangles]
+    points, barycentric = leg.origins + hits.distances[:, None] * leg.directions, hits.barycentric
+    # An oblique ray meets the curved surface not over its flat hit but near it: the second round corrects this.
+    for _ in range(2):
+        curved, normals = part.curved(hits.triangles, barycentric)
+        points = points + _ahead(leg.directions, curved - points, normals)[:, None] * leg.directions
+        barycentric = points_to_barycentric(facets, points)
+    return points, normals
+
+
+def skin(part: PartMesh, hits: FacetHits) -> Float[np.ndarray, " n"]:
+    """Distance (mm) within which a ray that leaves a hit may meet the facets that it just left."""
+    reach: Float[np.ndarray, " n"] = _SKIN_EDGES * np.sqrt(2.0 * part.mesh.area_faces[hits.triangles])
+    return reach
+
+
+def _ahead(
+    directions: Float[np.ndarray, "n 3"], offsets: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, " n"]:
+    """Distance along the ray to the plane at ``offsets``; limited for grazing rays."""
+    cosine = np.sum(directions * normals, axis=1)
+    height = np.sum(offsets * normals, axis=1)
+    ahead: Float[np.ndarray, " n"] = height / np.copysign(np.maximum(np.abs(cosine), 0.05), cosine)
+    return ahead
+
+
+def absorb(
+    passage: Passage, rows: Int[np.ndarray, " k"], lengths: Float[np.ndarray, " k"], per_mm: Float[np.ndarray, " k"]
+) -> None:
+    """Take from rays what the body absorbs of them over ``lengths`` (mm), by the law of Beer and Lambert."""
+    arrived = passage.flux[rows] * np.exp(-per_mm * lengths)
+    passage.absorbed[rows] = passage.flux[rows] - arrived
+    passage.flux[rows] = arrived
+
+
+def outside_leg(rays: RayBundle) -> Leg:
+    """First leg of every ray: from the source towards the part."""
+    return Leg(rays.origins, rays.directions, np.zeros(len(rays)))
+
+
+def send_through(part: PartMesh, grid: Grid, rays: RayBundle, media: Media, threads: int = 1) -> Passage:
+    """Cast every ray into the part and out of it."""
+
+    def send(start: int) -> Passage:
+        return _send(part, grid, rays.take(slice(start, start + _CHUNK)), media)
+
+    with ThreadPoolExecutor(threads) as pool:
+        pieces = list(pool.map(send, range(0, len(rays), _CHUNK)))
+    return Passage(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in Passage.__annotations__))
+
+
+def _send(part: PartMesh, grid: Grid, rays: RayBundle, media: Media) -> Passage:
+    passage = Passage.of(rays)
+    leg, into, out_of = outside_leg(rays), RefractingFace.inner(rays, media), RefractingFace.outer(rays, media)
+    entry = grid.first_hits(leg)
+    rows = np.nonzero(entry.found)[0]
+    passage.fates[rows] = _entry_fates(part, leg.take(rows), entry.take(rows))
+    rows = np.nonzero(passage.fates == CastFate.LANDED)[0]
+    entry = entry.take(rows)
+    entered = cross(part, leg.take(rows), entry, into.take(rows))
+    passage.flux[rows] *= entered.transmittance
+    passage.facets_um[rows, 0] = 1e3 * entered.heights
+
+    exits = grid.first_hits(entered.leg)
+    passage.fates[rows] = _exit_fates(part, entry, exits)
+    reached = np.nonzero(passage.fates[rows] == CastFate.LANDED)[0]
+    rows = rows[reached]
+    left = cross(part, entered.leg.take(reached), exits.take(reached), out_of.take(rows), entered.fields[reached])
+    lengths = np.linalg.norm(left.leg.origins - entered.leg.origins[reached], axis=1)
+    absorb(passage, rows, lengths, rays.absorptions(media)[rows])
+    passage.facets_um[rows, 1] = 1e3 * left.heights
+    leave(passage, rows, left)
+    return behind_glass(passage, rays, media)
+
+
+def _entry_fates(part: PartMesh, leg: Leg, hits: FacetHits) -> Int[np.ndarray, " n"]:
+    """Fates of rays from the source that hit something; LANDED: goes on."""
+    normals = part.mesh.face_normals[hits.triangles]
+    leaving = np.sum(leg.directions * normals, axis=1) > 0.0
+    outside = faces_away(leg.origins + hits.distances[:, None] * leg.directions, normals)
+    return np.select(
+        [leaving, at_base(part, hits), outside],
+        [CastFate.STARTS_INSIDE, CastFate.OPENING, CastFate.STARTS_OUTSIDE],
+        CastFate.LANDED,
+    )
+
+
+def faces_away(points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+    """True where a surface with ``normals`` out of the material faces away from the origin, as the lens's outside does.
+
+    Both surfaces are star-shaped about the origin, and the material lies between them.
+    """
+    away: Bool[np.ndarray, " n"] = np.sum(points * normals, axis=1) > 0.0
+    return away
+
+
+def _exit_fates(part: PartMesh, entry: FacetHits, exits: FacetHits) -> Int[np.ndarray, " n"]:
+    """Fates of rays cast inside the material; LANDED: goes on."""
+    same = part.faces[entry.triangles] == part.faces[exits.triangles]
+    return np.select(
+        [~exits.found, at_base(part, exits), same],
+        [CastFate.NO_HIT, CastFate.BASE, CastFate.BACK_INTO_CAVITY],
+        CastFate.LANDED,
+    )
+
+
+def leave(passage: Passage, rows: Int[np.ndarray, " k"], left: RefractedRays) -> None:
+    """Write where rays refracted at the exit face leave it, or that they are totally reflected."""
+    passes = left.transmittance > 0.0
+    passage.fates[rows] = np.where(passes, CastFate.LANDED, CastFate.TOTAL_REFLECTION)
+    passage.flux[rows] *= np.where(passes, left.transmittance, 1.0)
+    passage.points[rows[passes]] = left.leg.origins[passes]
+    passage.directions[rows[passes]] = left.leg.directions[passes]
+    passage.fields[rows[passes]] = left.fields[passes]
+
+
+def at_base(part: PartMesh, hits: FacetHits) -> Bool[np.ndarray, " n"]:
+    """True where the triangle hit lies at or below z = 0, where no optical surface is."""
+    below: Bool[np.ndarray, " n"] = part.mesh.triangles_center[hits.triangles, 2] <= 0.0
+    return below

@@ -1,0 +1,311 @@
+"""The body in a STEP file, by the CAD kernel: its faces, which need no names, its size, and the first hits of rays.
+
+The kernel's own box of a trimmed face is that of the whole surface beyond the trim, and its distance to a plane takes
+seconds for each side; so the box is that of all edges, and of the tops of the faces, searched from coarse to fine.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.ndimage import maximum_filter, minimum_filter
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from lensforge.errors import InputError
+from lensforge.proof.facet_casting import Leg
+from lensforge.proof.part_mesh import CREASE_RAD, LEVEL_MM, as_box
+from lensforge.results import BodySize
+from lensforge.results.file_bounds import made_here, require_small_step
+from lensforge.results.files import temporary_file
+
+# Relative. The errors are 5e-9 of a lens's volume and 1e-9 of its area; without a setting 1e-4 and 1e-6 where another
+# program has joined the rims to long edges, 1e-7 as exported.
+_VOLUME_PRECISION, _AREA_PRECISION = 1e-6, 1e-4
+_TOP_TOLERANCE_MM = 1e-6  # what the box of a face exceeds that of the edges by rounding
+# Points along u and v: as many as the knots of a spline, whose bumps are three knots wide. About each top of theirs the
+# window shrinks by a factor of 4 each time: a top is then missed by 1e-7 of its height above its neighbours.
+_LEAST_COARSE, _MOST_COARSE, _FINE, _ROUNDS = 48, 400, 9, 6
+
+
+def volume_mm3(shape: Any) -> float:
+    """Volume of a solid, negative where its faces face inwards."""
+    from OCP.BRepGProp import BRepGProp
+    from OCP.GProp import GProp_GProps
+
+    found = GProp_GProps()
+    BRepGProp.VolumeProperties_s(shape, found, _VOLUME_PRECISION)
+    return float(found.Mass())
+
+
+def area_mm2(shape: Any) -> float:
+    """Area of all faces of a solid."""
+    from OCP.BRepGProp import BRepGProp
+    from OCP.GProp import GProp_GProps
+
+    found = GProp_GProps()
+    BRepGProp.SurfaceProperties_s(shape, found, _AREA_PRECISION)
+    return float(found.Mass())
+
+
+def bounds_mm(shape: Any, faces: Sequence[Any]) -> tuple[list[float], list[float]]:
+    """Least and largest corner of the box around ``shape``, whose ``faces`` (TopoDS_Face) are given."""
+    from OCP.Bnd import Bnd_Box
+    from OCP.BRepBndLib import BRepBndLib
+    from OCP.TopAbs import TopAbs_ShapeEnum
+    from OCP.TopExp import TopExp
+    from OCP.TopTools import TopTools_IndexedMapOfShape
+
+    edges, box = TopTools_IndexedMapOfShape(), Bnd_Box()
+    TopExp.MapShapes_s(shape, TopAbs_ShapeEnum.TopAbs_EDGE, edges)
+    for k in range(1, edges.Extent() + 1):
+        BRepBndLib.AddOptimal_s(edges.FindKey(k), box, False, False)
+    box.SetGap(0.0)
+    sides = np.array(box.Get())  # x0, y0, z0, x1, y1, z1
+    for face in faces:
+        around = Bnd_Box()
+        BRepBndLib.Add_s(
+            face, around, False
+        )  # that of a spline's control points, in a thousandth of the exact one's time
+        around.SetGap(0.0)
+        beyond = np.array(around.Get()) - sides
+        for side in np.nonzero(np.r_[-beyond[:3], beyond[3:]] > _TOP_TOLERANCE_MM)[0]:
+            reach = _reach(face, int(side) % 3, 1.0 if side >= 3 else -1.0)
+            sides[side] = max(sides[side], reach) if side >= 3 else min(sides[side], -reach)
+    return sides[:3].tolist(), sides[3:].tolist()
+
+
+def _reach(face: Any, axis: int, sign: float) -> float:
+    """Largest coordinate times ``sign`` along an axis, of the tops of ``face`` inside its trim; -inf: it has none.
+
+    What is not on an edge is highest where the surface has a top. Each is followed: the highest sample of a wavy face
+    may lie beside another top than the highest.
+    """
+    from OCP.BRepAdaptor import BRepAdaptor_Surface
+    from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
+    from OCP.gp import gp_Pnt2d
+    from OCP.TopAbs import TopAbs_State
+
+    surface, trim = BRepAdaptor_Surface(face), BRepTopAdaptor_FClass2d(face, 1e-9)
+    low = np.array([surface.FirstUParameter(), surface.FirstVParameter()])
+    high = np.array([surface.LastUParameter(), surface.LastVParameter()])
+
+    def heights(places: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
+        points = (surface.Value(u, v) for u, v in places.tolist())
+        return np.array([sign * (point.X(), point.Y(), point.Z())[axis] for point in points])
+
+    def inside(place: Float[np.ndarray, " 2"]) -> bool:
+        return bool(trim.Perform(gp_Pnt2d(*place.tolist())) != TopAbs_State.TopAbs_OUT)
+
+    def around(place: Float[np.ndarray, " 2"], half: Float[np.ndarray, " 2"], count: int) -> Float[np.ndarray, "n 2"]:
+        return _grid(np.maximum(place - half, low), np.minimum(place + half, high), count)
+
+    count, best = _samples(surface), -np.inf
+    for place, bound in _tops(heights, low, high, count):
+        half = (high - low) / (count - 1)
+        if bound <= best or not any(map(inside, around(place, half, 3))):
+            continue
+        for _ in range(_ROUNDS):
+            window = around(place, half, _FINE)
+            found = heights(window)
+            place, half = window[np.argmax(found)], 0.25 * half
+        if found.max() > best and inside(place):
+            best = float(found.max())
+    return best
+
+
+def _samples(surface: Any) -> int:
+    """Points along u and v among which no bump of ``surface`` is lost."""
+    from OCP.GeomAbs import GeomAbs_SurfaceType
+
+    if surface.GetType() != GeomAbs_SurfaceType.GeomAbs_BSplineSurface:
+        return _LEAST_COARSE
+    return int(np.clip(max(surface.NbUKnots(), surface.NbVKnots()), _LEAST_COARSE, _MOST_COARSE))
+
+
+def _tops(
+    heights: Callable[[Float[np.ndarray, "n 2"]], Float[np.ndarray, " n"]],
+    low: Float[np.ndarray, " 2"],
+    high: Float[np.ndarray, " 2"],
+    count: int,
+) -> Iterator[tuple[Float[np.ndarray, " 2"], float]]:
+    """Parameters (u, v) of the samples above all of their neighbours, the highest first, and what no top there exceeds.
+
+    A paraboloid rises less from its highest sample to its top than from the lowest neighbour to that sample.
+    """
+    places = _grid(low, high, count)
+    values = heights(places)
+    square = values.reshape(count, count)
+    highest, lowest = (filtered(square, 3, mode="nearest").ravel() for filtered in (maximum_filter, minimum_filter))
+    tops = np.nonzero(values == highest)[0]
+    for top in tops[np.argsort(-values[tops], kind="stable")]:
+        yield places[top], float(2.0 * values[top] - lowest[top])
+
+
+def _grid(low: Float[np.ndarray, " 2"], high: Float[np.ndarray, " 2"], count: int) -> Float[np.ndarray, "n 2"]:
+    """Parameters (u, v) on a grid from ``low`` to ``high``."""
+    u, v = (np.linspace(low[k], high[k], count) for k in (0, 1))
+    return np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+_TOLERANCE_MM = 1e-7  # within which the CAD kernel takes two points as one
+_FAR_MM = 1e6
+_MOST_FACES = 10_000  # every ray is cast at each of them: a lens has 6, one on a clamp with screw holes some hundred
+
+
+@dataclass(frozen=True)
+class BrepHits:
+    """First hits on a body: face (-1: none), point (mm), unit normal of either sign, True where the ray leaves it."""
+
+    faces: Int[np.ndarray, " n"]
+    points: Float[np.ndarray, "n 3"]
+    normals: Float[np.ndarray, "n 3"]
+    leaving: Bool[np.ndarray, " n"]
+
+    def take(self, rows: Int[np.ndarray, " k"]) -> "BrepHits":
+        """The hits of some of the rays."""
+        return BrepHits(self.faces[rows], self.points[rows], self.normals[rows], self.leaving[rows])
+
+
+class StepBody:
+    """The only solid in the bytes of a STEP file, in mm. Raises :class:`InputError` where they hold anything else."""
+
+    def __init__(self, step: bytes) -> None:
+        from OCP.BRepAdaptor import BRepAdaptor_Surface
+        from OCP.IntCurvesFace import IntCurvesFace_Intersector
+        from OCP.TopoDS import TopoDS
+
+        self._solid, faces = _only_solid(step)
+        self._faces = [TopoDS.Face_s(face) for face in faces]
+        self._surfaces = [BRepAdaptor_Surface(face) for face in self._faces]
+        self._intersectors = [IntCurvesFace_Intersector(face, _TOLERANCE_MM) for face in self._faces]
+
+    def size(self) -> BodySize:
+        """Volume, area and box of the solid, by the kernel's integrals and by points on its faces; takes a second."""
+        corners = bounds_mm(self._solid, self._faces)
+        return BodySize(
+            volume_mm3=volume_mm3(self._solid), area_mm2=area_mm2(self._solid), bounds_mm=as_box(np.array(corners))
+        )
+
+    @cached_property
+    def smooth_faces(self) -> Int[np.ndarray, " faces"]:
+        """Number of the smooth face of each face of the file: another program may have split one into several.
+
+        They end at creases, and where lens and base meet, at z = 0 across that plane, as those of a mesh do.
+        """
+        joined = [pair for pair in self._neighbours() if pair[0] != pair[1]]
+        first, second = np.array(joined, dtype=np.int64).reshape(-1, 2).T
+        count = len(self._faces)
+        graph = coo_array((np.ones(len(first)), (first, second)), shape=(count, count))
+        numbers: Int[np.ndarray, " faces"] = connected_components(graph, directed=False)[1].astype(np.int64)
+        return numbers
+
+    def _neighbours(self) -> list[tuple[int, int]]:
+        """Pairs of faces that meet at an edge without a crease there."""
+        from OCP.BRep import BRep_Tool
+        from OCP.TopAbs import TopAbs_ShapeEnum
+        from OCP.TopExp import TopExp
+        from OCP.TopoDS import TopoDS
+        from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape, TopTools_IndexedMapOfShape
+
+        edges, numbers = TopTools_IndexedDataMapOfShapeListOfShape(), TopTools_IndexedMapOfShape()
+        TopExp.MapShapesAndAncestors_s(self._solid, TopAbs_ShapeEnum.TopAbs_EDGE, TopAbs_ShapeEnum.TopAbs_FACE, edges)
+        for face in self._faces:
+            numbers.Add(face)
+        pairs = []
+        for k in range(1, edges.Extent() + 1):
+            edge, faces = TopoDS.Edge_s(edges.FindKey(k)), list(edges.FindFromIndex(k))
+            if len(faces) != 2 or BRep_Tool.Degenerated_s(edge):
+                continue
+            one, other = (numbers.FindIndex(face) - 1 for face in faces)
+            (point, normal), (_, facing) = self._at_edge(edge, one), self._at_edge(edge, other)
+            turned = float(normal @ facing)
+            between = abs(point[2]) <= LEVEL_MM and abs(float(normal[2])) < np.cos(CREASE_RAD)  # of lens and base
+            if turned > np.cos(CREASE_RAD) and not between:
+                pairs.append((one, other))
+        return pairs
+
+    def _at_edge(self, edge: Any, face: int) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
+        """Middle of an edge (mm), and the outward unit normal of one of its faces there."""
+        from OCP.BRepAdaptor import BRepAdaptor_Curve2d
+        from OCP.TopAbs import TopAbs_Orientation
+
+        along = BRepAdaptor_Curve2d(edge, self._faces[face])
+        place = along.Value(0.5 * (along.FirstParameter() + along.LastParameter()))
+        point, normal = self._point_and_normal(face, place.X(), place.Y())
+        outward = 1.0 if self._faces[face].Orientation() == TopAbs_Orientation.TopAbs_FORWARD else -1.0
+        return point, outward * normal
+
+    def first_hits(self, leg: Leg) -> BrepHits:
+        """First hit of each ray, about a millisecond each."""
+        count = len(leg.origins)
+        hits = BrepHits(np.full(count, -1), np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count, dtype=bool))
+        for row in range(count):
+            self._write_first_hit(row, leg, hits)
+        return hits
+
+    def _write_first_hit(self, row: int, leg: Leg, hits: BrepHits) -> None:
+        from OCP.gp import gp_Dir, gp_Lin, gp_Pnt
+        from OCP.IntCurveSurface import IntCurveSurface_TransitionOnCurve
+
+        line = gp_Lin(gp_Pnt(*leg.origins[row].tolist()), gp_Dir(*leg.directions[row].tolist()))
+        nearest, place = np.inf, (0.0, 0.0)
+        for face, found in enumerate(self._intersectors):
+            found.Perform(line, float(leg.beyond[row]), _FAR_MM)
+            for k in range(1, found.NbPnt() + 1):
+                if found.WParameter(k) < nearest:
+                    nearest, place = found.WParameter(k), (found.UParameter(k), found.VParameter(k))
+                    hits.faces[row] = face
+                    out = IntCurveSurface_TransitionOnCurve.IntCurveSurface_Out
+                    hits.leaving[row] = found.Transition(k) == out
+        if np.isfinite(nearest):
+            hits.points[row], hits.normals[row] = self._point_and_normal(int(hits.faces[row]), *place)
+
+    def _point_and_normal(self, face: int, u: float, v: float) -> tuple[np.ndarray, np.ndarray]:
+        from OCP.gp import gp_Pnt, gp_Vec
+
+        point, along_u, along_v = gp_Pnt(), gp_Vec(), gp_Vec()
+        self._surfaces[face].D1(u, v, point, along_u, along_v)
+        normal = along_u.Crossed(along_v)
+        unit = np.array([normal.X(), normal.Y(), normal.Z()]) / normal.Magnitude()
+        return np.array([point.X(), point.Y(), point.Z()]), unit
+
+
+def _only_solid(step: bytes) -> tuple[Any, list[Any]]:
+    """The only solid (TopoDS_Shape) and its faces, read by the CAD kernel, which accepts only a path."""
+    from OCP.IFSelect import IFSelect_ReturnStatus
+    from OCP.STEPControl import STEPControl_Reader
+    from OCP.TopAbs import TopAbs_ShapeEnum
+
+    if not made_here(step):
+        require_small_step(step, "STEP", "export it again")
+    reader = STEPControl_Reader()
+    try:
+        with temporary_file(step, "part.step") as path:
+            read = reader.ReadFile(str(path)) == IFSelect_ReturnStatus.IFSelect_RetDone
+            if not read or reader.TransferRoots() == 0:
+                raise InputError("STEP: not readable; export it again")
+        solids = _parts(reader.OneShape(), TopAbs_ShapeEnum.TopAbs_SOLID)
+        faces = _parts(solids[0], TopAbs_ShapeEnum.TopAbs_FACE) if len(solids) == 1 else []
+    except InputError:
+        raise
+    except Exception as error:  # the kernel raises whatever its parser does
+        raise InputError(f"STEP: not readable ({' '.join(str(error).split())[:120]}); export it again") from error
+    if len(solids) != 1:
+        raise InputError(f"STEP: holds {len(solids)} solids, a lens is one; export it again")
+    if len(faces) > _MOST_FACES:
+        raise InputError(f"STEP: {len(faces)} faces, at most {_MOST_FACES} are cast; export it again")
+    return solids[0], faces
+
+
+def _parts(shape: Any, kind: Any) -> list[Any]:
+    """The different parts of ``shape`` that are of a kind, in their order."""
+    from OCP.TopExp import TopExp
+    from OCP.TopTools import TopTools_IndexedMapOfShape
+
+    found = TopTools_IndexedMapOfShape()
+    TopExp.MapShapes_s(shape, kind, found)
+    return [found.FindKey(k + 1) for k in range(found.Extent())]

@@ -1,0 +1,196 @@
+"""Stray light, which the sequential design leaves out: reflections and the base; its flux, and where it lands.
+
+The non-sequential trace of the part is compared with the sequential trace of the same rays through the same mesh. The
+board and the chip under the lens are not modelled: they absorb all light that comes back to them.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from time import perf_counter
+from typing import get_args
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from lensforge.errors import InputError
+from lensforge.optics.media import Media
+from lensforge.proof.acceptance import balance_error, stray_criteria
+from lensforge.proof.facet_casting import Grid
+from lensforge.proof.nonsequential_trace import Base, Body, Cause, FluxBudget, Limits, follow
+from lensforge.proof.part_mesh import read_part_mesh
+from lensforge.proof.receiver_screen import Screen, nmse
+from lensforge.proof.refraction import through_glass
+from lensforge.proof.sequential_cast import LandedRays, Passage, send_through
+from lensforge.proof.stray_result import ReceiverStray, StrayByCause, StrayFlux, StrayLight, StraySpread
+from lensforge.sources.ray_bundle import RayBundle
+
+
+def trace_stray(
+    stl: bytes,
+    *,
+    rays: RayBundle,
+    media: Media,
+    screens: Sequence[Screen],
+    names: Sequence[str] = ("light",),
+    base: Base = "polished",
+    limits: Limits | None = None,
+    inputs: Mapping[str, str] | None = None,
+) -> StrayLight:
+    """Follow ``rays`` through the part in the bytes of an STL file (mm) until all light has left it.
+
+    Shares are of the emitted flux; "detected" is what lands in the window of each of ``screens``, of ``names``.
+    ``inputs``: hashes of the inputs, by name. Raises :class:`InputError` for bytes that hold no mesh, and for an
+    unknown ``base``.
+    """
+    if base not in get_args(Base):
+        raise InputError(f"base = {base!r}: must be one of {', '.join(get_args(Base))}")
+    start = perf_counter()
+    limits = limits or Limits()
+    part = read_part_mesh(stl)
+    grid = Grid(part.mesh)
+    budget = follow(Body(part, grid, media, base), rays, limits)
+    passage, emitted = send_through(part, grid, rays, media), float(rays.flux.sum())
+    found = StrayLight(
+        inputs=dict(inputs or {}),
+        receivers=tuple(
+            _on_receiver(name, screen, budget, passage, emitted, media)
+            for name, screen in zip(names, screens, strict=True)
+        ),
+        rays=len(rays),
+        base=base,
+        absorption_per_mm=media.absorption_per_mm,
+        cut_off=limits.cut_off,
+        depth=limits.depth,
+        criteria=(),
+        seconds=perf_counter() - start,
+    )
+    return found.model_copy(update={"criteria": stray_criteria(found)})
+
+
+def _on_receiver(
+    name: str, screen: Screen, budget: FluxBudget, passage: Passage, emitted: float, media: Media
+) -> ReceiverStray:
+    """Stray light on one receiver, of ``emitted`` (W)."""
+    sequential, landed = LandedRays.of(passage, screen), _ReceivedLight.of(budget, screen, media)
+    images, flux = _images(landed, sequential, screen), _flux(budget, landed, emitted)
+    misplaced, nmse_vs_sequential = _against_sequential(images, screen, emitted)
+    return ReceiverStray(
+        name=name,
+        width=screen.width,
+        height=screen.height,
+        far_field=screen.kind == "far_field",
+        flux=flux,
+        balance_error=balance_error(flux),
+        detected_stray_by_cause=_by_cause(landed, emitted),
+        misplaced_flux=misplaced,
+        nmse_vs_sequential=nmse_vs_sequential,
+        spread=_spread(landed, images, screen),
+        efficiency=flux.detected_direct + flux.detected_stray,
+        efficiency_sequential=float(sequential.flux[screen.in_window(sequential.landings)].sum()) / emitted,
+        sequential=images.sequential,
+        direct=images.direct,
+        stray=images.stray,
+    )
+
+
+@dataclass(frozen=True)
+class _ReceivedLight:
+    """Light on the receiver's surface: places on its chart, flux (W), causes, in the window; and what missed it (W).
+
+    ``glass_w``: what the cover glass reflected and absorbed of the light that came to it.
+    """
+
+    points: Float[np.ndarray, "n 2"]
+    flux: Float[np.ndarray, " n"]
+    causes: Int[np.ndarray, " n"]
+    in_window: Bool[np.ndarray, " n"]
+    missed_w: float
+    glass_w: float
+
+    @staticmethod
+    def of(budget: FluxBudget, screen: Screen, media: Media) -> "_ReceivedLight":
+        """Land the light that has left the part."""
+        escaped = budget.escaped()
+        ends = escaped.points, escaped.directions
+        points, directions, through = through_glass(*ends, media, escaped.wavelengths_nm, escaped.fields)
+        places, left = screen.land(points, directions), escaped.flux * through
+        reached = ~np.isnan(places[:, 0])
+        missed_w, glass_w = float(left[~reached].sum()), float((escaped.flux - left).sum())
+        places, flux, causes = places[reached], left[reached], escaped.causes[reached]
+        return _ReceivedLight(places, flux, causes, screen.in_window(places), missed_w, glass_w)
+
+    @property
+    def stray(self) -> Bool[np.ndarray, " n"]:
+        """True for light off the sequential path."""
+        stray: Bool[np.ndarray, " n"] = self.causes != Cause.SEQUENTIAL
+        return stray
+
+
+@dataclass(frozen=True)
+class _Images:
+    """Irradiance (W/m^2, [y, x]): by the sequential trace, and by the non-sequential one, direct and stray."""
+
+    sequential: Float[np.ndarray, "p p"]
+    direct: Float[np.ndarray, "p p"]
+    stray: Float[np.ndarray, "p p"]
+
+
+def _images(landed: _ReceivedLight, passage: LandedRays, receiver: Screen) -> _Images:
+    direct, stray = ~landed.stray, landed.stray
+    return _Images(
+        sequential=receiver.irradiance(passage.landings, passage.flux),
+        direct=receiver.irradiance(landed.points[direct], landed.flux[direct]),
+        stray=receiver.irradiance(landed.points[stray], landed.flux[stray]),
+    )
+
+
+def _flux(budget: FluxBudget, landed: _ReceivedLight, emitted: float) -> StrayFlux:
+    flux, inside, stray = landed.flux, landed.in_window, landed.stray
+    return StrayFlux(
+        detected_direct=float(flux[inside & ~stray].sum()) / emitted,
+        detected_stray=float(flux[inside & stray].sum()) / emitted,
+        outside_direct=float(flux[~inside & ~stray].sum()) / emitted,
+        outside_stray=float(flux[~inside & stray].sum()) / emitted,
+        backward=landed.missed_w / emitted,
+        absorbed=budget.absorbed / emitted,
+        cover_glass=landed.glass_w / emitted,
+        base=budget.base / emitted,
+        too_dim=budget.cut_off / emitted,
+        leaked=budget.leaked / emitted,
+    )
+
+
+def _by_cause(landed: _ReceivedLight, emitted: float) -> StrayByCause:
+    inside = landed.in_window
+    stray = [cause for cause in Cause if cause != Cause.SEQUENTIAL]
+    return StrayByCause.model_validate(
+        {cause.name.lower(): float(landed.flux[inside & (landed.causes == cause)].sum()) / emitted for cause in stray}
+    )
+
+
+def _against_sequential(images: _Images, receiver: Screen, emitted: float) -> tuple[float, float | None]:
+    """Difference of the irradiance of all light from that of the sequential trace of the same rays.
+
+    Flux that lands on other pixels, as a share of the emitted flux, and the NMSE; None where the sequential trace lands
+    no light.
+    """
+    whole, sequential = images.direct + images.stray, images.sequential
+    misplaced = float(np.abs(whole - sequential).sum()) * receiver.pixel_measure / emitted
+    return misplaced, nmse(whole, sequential) if sequential.any() else None
+
+
+def _spread(landed: _ReceivedLight, images: _Images, receiver: Screen) -> StraySpread:
+    inside = landed.stray & receiver.on_pixels(landed.points)
+    points, total = landed.points[inside], float(landed.flux[inside].sum())
+    if total <= 0.0:
+        return StraySpread(centroid=None, rms_radius=None, peak_w_m2=0.0, peak_of_mean=0.0)
+    shares = landed.flux[inside] / total
+    centroid = shares @ points
+    radius = np.sqrt(shares @ np.sum((points - centroid) ** 2, axis=1))
+    peak, mean = float(images.stray.max()), float(images.sequential.mean())
+    return StraySpread(
+        centroid=(float(centroid[0]), float(centroid[1])),
+        rms_radius=float(radius),
+        peak_w_m2=peak,
+        peak_of_mean=peak / mean if mean > 0.0 else None,
+    )

@@ -1,0 +1,119 @@
+"""First hits of the grid against trimesh's own ray cast, slow and independent, on a sample of the rays."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from time import perf_counter
+
+import numpy as np
+import trimesh
+from jaxtyping import Float, Int
+from rtree.index import Index, Property
+from trimesh.ray.ray_triangle import ray_bounds, ray_triangle_id
+
+from lensforge.optics.media import Media
+from lensforge.proof.facet_casting import Grid, Leg
+from lensforge.proof.part_mesh import PartMesh
+from lensforge.proof.proof_result import PlainCast
+from lensforge.proof.refraction import RefractingFace
+from lensforge.proof.sequential_cast import cross, outside_leg
+from lensforge.results.second_process import IN_TURN, SecondProcess
+from lensforge.sources.ray_bundle import RayBundle
+
+# The box of a whole ray through a lens holds a sixteenth of its triangles, those of its pieces some hundred together.
+_PIECES = 64
+AGREE_MM = 1e-6  # both compute the same plane intersection; only the last digits may differ
+
+
+def cast_plain(
+    part: PartMesh, grid: Grid, rays: RayBundle, media: Media, count: int, second: SecondProcess = IN_TURN
+) -> Callable[[], PlainCast]:
+    """Begin to cast ``count`` rays, evenly picked, by trimesh and by ``grid``: from the source, and on from their hit.
+
+    trimesh casts them in ``second``, where there is one; the function that is returned waits for it.
+    """
+    rows = np.unique(np.linspace(0, len(rays) - 1, min(count, len(rays))).astype(np.int64))
+    outside, into = outside_leg(rays).take(rows), RefractingFace.inner(rays, media).take(rows)
+    entry = grid.first_hits(outside)
+    entered = np.nonzero(entry.found)[0]
+    inside = cross(part, outside.take(entered), entry.take(entered), into.take(entered)).leg
+    bare = trimesh.Trimesh(part.mesh.vertices, part.mesh.faces, process=False)  # what others have cached stays here
+    legs = outside, inside
+    cast = second.call(_timed_distances, bare, legs)
+
+    def found() -> PlainCast:
+        distances, seconds = cast.result()
+        wrong = sum(_disagreements(plain, grid, leg) for plain, leg in zip(distances, legs, strict=True))
+        casts = len(rows) + len(entered)
+        return PlainCast(rays=len(rows), casts=casts, disagreements=wrong, rate=casts / max(seconds, 1e-9))
+
+    return found
+
+
+def _timed_distances(mesh: trimesh.Trimesh, legs: tuple[Leg, ...]) -> tuple[list[Float[np.ndarray, " n"]], float]:
+    """Distances of the first hits of each leg, and the seconds that they took."""
+    plain = PlainCaster(mesh)
+    plain.tree  # noqa: B018  built here, so that it is not timed as casting
+    start = perf_counter()
+    return [plain.distances(leg) for leg in legs], perf_counter() - start
+
+
+def _disagreements(plain: Float[np.ndarray, " n"], grid: Grid, leg: Leg) -> int:
+    if len(leg.origins) == 0:
+        return 0
+    quick = grid.first_hits(leg).distances
+    both = np.isfinite(plain) & np.isfinite(quick)
+    apart = np.abs(np.where(both, plain, 0.0) - np.where(both, quick, 0.0)) > AGREE_MM
+    return int(np.sum(apart | (np.isfinite(plain) != np.isfinite(quick))))
+
+
+@dataclass(frozen=True)
+class PlainCaster:
+    """trimesh's own ray cast, never Embree, but for its choice of triangles: those near a ray, by an R-tree of boxes.
+
+    trimesh takes all triangles in the box of the whole ray, 31,000 of 500,000. Here the box is cut into pieces along
+    the ray, by trimesh's own function, and the tree is asked for each of them.
+    """
+
+    mesh: trimesh.Trimesh
+
+    @cached_property
+    def tree(self) -> Index:
+        """R-tree of the boxes of all triangles."""
+        corners = self.mesh.triangles
+        numbers = np.arange(len(corners))
+        return Index((numbers, corners.min(axis=1), corners.max(axis=1)), properties=Property(dimension=3))
+
+    def distances(self, leg: Leg) -> Float[np.ndarray, " n"]:
+        """Distance (mm) of each ray's first hit; infinite where there is none."""
+        boxes, nearest = self._boxes(leg), np.full(len(leg.origins), np.inf)
+        for row, own in enumerate(boxes):
+            near = np.unique(self.tree.intersection_v(own[:, :3], own[:, 3:])[0])
+            if not len(near):
+                continue
+            origin, direction = leg.origins[row : row + 1], leg.directions[row : row + 1]
+            corners, normals = self.mesh.triangles[near], self.mesh.face_normals[near]
+            points = ray_triangle_id(corners, origin, direction, normals, _Listed(near, self.mesh.bounds))[2]
+            distance = (np.reshape(points, (-1, 3)) - origin) @ direction[0]
+            nearest[row] = distance[distance > leg.beyond[row]].min(initial=np.inf)
+        return nearest
+
+    def _boxes(self, leg: Leg) -> Float[np.ndarray, "n p 6"]:
+        """Boxes of the pieces of each ray, least and largest corner: those where it passes slices of the mesh's box."""
+        low, high = self.mesh.bounds
+        ends = low + np.linspace(0.0, 1.0, _PIECES + 1)[:, None] * (high - low)
+        pieces = [ray_bounds(leg.origins, leg.directions, ends[k : k + 2]) for k in range(_PIECES)]
+        boxes: Float[np.ndarray, "n p 6"] = np.stack(pieces, axis=1)
+        return boxes
+
+
+@dataclass(frozen=True)
+class _Listed:
+    """Triangles that are candidates already, in the form in which trimesh asks a tree for them."""
+
+    near: Int[np.ndarray, " k"]
+    bounds: Float[np.ndarray, "2 3"]
+
+    def intersection(self, _: Float[np.ndarray, " 6"]) -> Iterable[int]:
+        """All of them."""
+        return range(len(self.near))

@@ -1,0 +1,219 @@
+"""Verification of an exported part: does it send every ray where the design does?
+
+The same rays go through the design and through the part, so the comparison is free of ray noise: landing by landing,
+flux by flux, pixel by pixel. A lens that is scaled by one per cent, or whose surfaces are displaced by 20 um, makes a
+picture that looks the same; its rays land elsewhere.
+"""
+
+from collections.abc import Mapping, Sequence
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from lensforge.errors import InputError
+from lensforge.optics.media import Media
+from lensforge.proof.acceptance import BREP_RAYS, DEVIATION_RAD, brep_evidence, mesh_evidence, proof_criteria
+from lensforge.proof.facet_casting import Grid
+from lensforge.proof.mitsuba_cast import cast_mitsuba
+from lensforge.proof.part_comparison import (
+    Expected,
+    IndependentLight,
+    compare,
+    emission_difference,
+    flux_budget,
+    gap_quantiles,
+    judge_independent_rays,
+    share,
+)
+from lensforge.proof.part_mesh import PartMesh, facet_errors, mesh_size, read_part_mesh
+from lensforge.proof.pose_diagnosis import recognised, through_mesh
+from lensforge.proof.proof_result import (
+    BrepCast,
+    Faults,
+    Gaps,
+    IndependentRays,
+    LandingDeviation,
+    MitsubaCast,
+    Proof,
+    ReceiverProof,
+    SizedFile,
+    Sizes,
+)
+from lensforge.proof.receiver_screen import nmse, squared_norm
+from lensforge.proof.sequential_cast import LandedRays, Passage, send_through
+from lensforge.proof.step_body import StepBody
+from lensforge.proof.step_cast import StepCast, cast_step, judge_brep, through_step
+from lensforge.proof.trimesh_cast import cast_plain
+from lensforge.results import BodySize, Extent
+from lensforge.results.second_process import IN_TURN, SecondProcess
+from lensforge.sources.ray_bundle import RayBundle
+
+
+def verify_part(
+    stl: bytes,
+    *,
+    rays: RayBundle,
+    media: Media,
+    expected: Sequence[Expected],
+    names: Sequence[str] = ("light",),
+    plain_rays: int = 200,
+    step: bytes | None = None,
+    step_rays: int = BREP_RAYS,
+    mitsuba_rays: int = 0,
+    own: IndependentLight | None = None,
+    exported: BodySize | None = None,
+    chord_mm: float = 0.0,
+    threads: int = 1,
+    inputs: Mapping[str, str] | None = None,
+    second: SecondProcess = IN_TURN,
+) -> Proof:
+    """Cast ``rays`` into the part in the bytes of an STL file (mm), and compare with the design.
+
+    ``expected``: the design's light and the landings of the same rays, on each receiver, of ``names``. trimesh's own
+    ray cast traces ``plain_rays`` of the rays, to verify the grid. ``step``: the bytes of the same part's STEP file,
+    through which the CAD kernel casts ``step_rays`` of the rays; without it ``brep`` is None. Mitsuba casts
+    ``mitsuba_rays`` of the rays through the mesh; with 0 it is not loaded, and ``mitsuba`` is None. ``own``: further
+    rays, drawn by other code than the design's, and the light of the design that theirs is compared with. ``exported``:
+    size of the part as exported, its box within ``chord_mm`` of the solid's. The result does not depend on ``threads``.
+    ``inputs``: hashes of the inputs, by name. ``second``: casts by the CAD kernel and by trimesh, where there is one.
+
+    Raises :class:`InputError` for bytes that hold no mesh or no solid and for arrays that do not fit; a wrong part
+    misses its criteria instead.
+    """
+    started = perf_counter()
+    _require_rays(rays, expected)
+    # Here it is read before the casts: a file that is refused costs no more than that.
+    file = step if step is None or second.runs else StepBody(step)
+    through = (
+        None if file is None else cast_step(file, rays, media, step_rays, sized=exported is not None, second=second)
+    )
+    part = read_part_mesh(stl)
+    grid = Grid(part.mesh)
+    plain = cast_plain(part, grid, rays, media, plain_rays, second)
+    casting = perf_counter()
+    passage = send_through(part, grid, rays, media, threads)
+    cast_seconds = perf_counter() - casting
+    none: list[Any] = [None] * len(expected)
+    by_mitsuba = cast_mitsuba(part, rays, media, expected, mitsuba_rays) if mitsuba_rays else none
+    by_own = none if own is None else _own_light(part, grid, own, media, expected, threads)
+    compared = plain()
+    cast = None if through is None else through()
+    by_step = none if cast is None else judge_brep(cast, rays, expected, passage)
+    received = tuple(
+        _on_receiver(name, rays, passage, each, (brep, mitsuba, ours))
+        for name, each, brep, mitsuba, ours in zip(names, expected, by_step, by_mitsuba, by_own, strict=True)
+    )
+    sizes = None if exported is None else _sizes(part, cast, exported, chord_mm)
+    heights = np.abs(passage.facets_um)
+    proof = Proof(
+        inputs=dict(inputs or {}),
+        receivers=received,
+        rays=len(rays),
+        cast_seconds=cast_seconds,
+        triangles=len(part.mesh.faces),
+        open_edges=part.open_edges,
+        volume_mm3=float(part.mesh.volume),
+        sizes=sizes,
+        faults=Faults(),
+        emission_apart=None if own is None else emission_difference(own.rays, rays),
+        facet_height_um=Extent(rms=float(np.sqrt(np.mean(heights**2))), max=float(heights.max())),
+        plain_cast=compared,
+        criteria=(),
+        seconds=perf_counter() - started,
+    )
+    faults = _faults(proof, (part, grid, file), (rays, media, expected[0]))
+    proof = proof.model_copy(update={"faults": faults})
+    return proof.model_copy(update={"criteria": proof_criteria(proof), "seconds": perf_counter() - started})
+
+
+def _own_light(
+    part: PartMesh, grid: Grid, own: IndependentLight, media: Media, expected: Sequence[Expected], threads: int
+) -> list[IndependentRays]:
+    """Light of the rays that verification has drawn, on each receiver."""
+    passage = send_through(part, grid, own.rays, media, threads)
+    pairs = zip(expected, own.designs, strict=True)
+    return [judge_independent_rays(own.rays, passage, each, design) for each, design in pairs]
+
+
+def _sizes(part: PartMesh, cast: StepCast | None, exported: BodySize, chord_mm: float) -> Sizes:
+    """Size of the part in its files, beside that of the export."""
+    facets = facet_errors(part.mesh)
+    mesh = SizedFile(
+        size=mesh_size(part.mesh), chord_mm=facets.chord_mm, facets_mm3=facets.volume_mm3, facets_mm2=facets.area_mm2
+    )
+    step = None if cast is None or cast.size is None else SizedFile(size=cast.size)
+    return Sizes(exported=exported, chord_mm=chord_mm, mesh=mesh, step=step)
+
+
+def _faults(
+    proof: Proof, files: tuple[PartMesh, Grid, StepBody | bytes | None], light: tuple[RayBundle, Media, Expected]
+) -> Faults:
+    """Faults of the files whose light on the first receiver is not the design's, where they can be recognised.
+
+    ``light``: rays, refractive index, and the design's results on the first receiver.
+    """
+    (part, grid, step), first, sizes = files, proof.first, proof.sizes
+    exported = None if sizes is None else sizes.exported
+    seen, found = mesh_evidence(first), Faults()
+    if part.open_edges == 0 and not (seen.lands_alike and seen.agreement.fates_flux <= seen.fates):
+        words = recognised(through_mesh(part, grid), mesh_size(part.mesh), exported, *light)
+        found = found.model_copy(update={"mesh": words})
+    if step is None or first.brep is None or sizes is None or sizes.step is None:
+        return found
+    if not brep_evidence(first.brep, first.deviation_limit_mm / DEVIATION_RAD).lands_alike:
+        body = StepBody(step) if isinstance(step, bytes) else step
+        found = found.model_copy(update={"step": recognised(through_step(body), sizes.step.size, exported, *light)})
+    return found
+
+
+def _require_rays(rays: RayBundle, expected: Sequence[Expected]) -> None:
+    """Raise :class:`InputError` for rays without flux, and for arrays that do not belong to them."""
+    for each in expected:
+        each.require_shapes(len(rays))
+    flux = float(rays.flux.sum())
+    if not flux > 0.0:
+        raise InputError(f"rays: {len(rays)} rays carry {flux:g} W, must be above 0; is the source empty?")
+
+
+def _on_receiver(
+    name: str,
+    rays: RayBundle,
+    passage: Passage,
+    expected: Expected,
+    others: tuple[tuple[BrepCast, Gaps] | None, tuple[MitsubaCast, Gaps] | None, IndependentRays | None],
+) -> ReceiverProof:
+    """The rays of ``passage`` on one receiver against the design's; ``others``: the other casts there."""
+    brep, mitsuba, own_rays = others
+    screen, landed = expected.screen, LandedRays.of(passage, expected.screen)
+    image, variance = (see(landed.landings, landed.flux) for see in (screen.irradiance, screen.noise))
+    agreement = compare(rays, landed, expected)
+    flux, missed = flux_budget(rays, landed, screen)
+    return ReceiverProof(
+        name=name,
+        width=screen.width,
+        height=screen.height,
+        far_field=screen.kind == "far_field",
+        nmse_vs_design=nmse(image, expected.irradiance),
+        noise_floor_nmse=float(variance.sum()) / squared_norm(expected.irradiance),
+        nmse_same_rays=nmse(image, screen.irradiance(expected.landings, expected.flux)),
+        efficiency=flux.detected,
+        efficiency_design_same_rays=share(rays, expected.flux[screen.in_window(expected.landings)]),
+        deviation_mm=LandingDeviation(rms=agreement.rms, max=agreement.max, p99=agreement.p99),
+        deviation_limit_mm=DEVIATION_RAD * screen.reach_mm(expected.irradiance),
+        rays_compared=agreement.compared,
+        flux_deviation=agreement.flux,
+        fate_disagreements=agreement.fates,
+        fate_disagreement_flux=agreement.fates_flux,
+        fate_pairs=agreement.pairs,
+        flux=flux,
+        missed_by_cause=missed,
+        brep=brep[0] if brep else None,
+        mitsuba=mitsuba[0] if mitsuba else None,
+        own_rays=own_rays,
+        irradiance=image,
+        design_irradiance=expected.irradiance,
+        gaps_mesh_mm=gap_quantiles(landed, expected),
+        gaps_step_mm=brep[1] if brep else None,
+        gaps_mitsuba_mm=mitsuba[1] if mitsuba else None,
+    )

@@ -1,1 +1,0 @@
-"""Receivers, on which exit rays become irradiance, and target patterns."""

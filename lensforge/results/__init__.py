@@ -1,0 +1,53 @@
+"""Records: frozen, every field typed, finite and within its range; a stage's result is a record with files."""
+
+from lensforge.results.array_fields import Array, Image, Irradiance, Line, PixelCentres, SquareImage
+from lensforge.results.conditions import Conditions
+from lensforge.results.record import Record, Scalar, stated
+from lensforge.results.record_fields import (
+    BodySize,
+    Box,
+    Count,
+    Extent,
+    Flag,
+    Metric,
+    NotNegative,
+    Number,
+    Point,
+    Positive,
+    Sha256,
+    Share,
+    State,
+    Text,
+)
+from lensforge.results.stage_result import Given, InFile, SimulatedResult, StageResult
+
+__all__ = [
+    "Array",
+    "BodySize",
+    "Box",
+    "Conditions",
+    "Count",
+    "Extent",
+    "Flag",
+    "Given",
+    "Image",
+    "InFile",
+    "Irradiance",
+    "Line",
+    "Metric",
+    "NotNegative",
+    "Number",
+    "PixelCentres",
+    "Point",
+    "Positive",
+    "Record",
+    "Scalar",
+    "Sha256",
+    "Share",
+    "SimulatedResult",
+    "SquareImage",
+    "StageResult",
+    "State",
+    "Text",
+    "stated",
+]

@@ -1,0 +1,118 @@
+"""Bounds on STL, 3MF and STEP files before any work is done on them, and the bytes that need none.
+
+Bytes that this very process made need neither bounds nor a child process. A file that is read from a folder may be
+anybody's, whatever its record states: only this process's own memory counts. The normals in an STL file are not read:
+they may contradict the triangles.
+"""
+
+import hashlib
+import io
+import re
+import zipfile
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.errors import InputError
+
+_OWN: set[bytes] = set()
+
+
+def remembered(content: bytes) -> bytes:
+    """``content``, which this process has just made, and knows again from now on."""
+    _OWN.add(hashlib.sha256(content).digest())
+    return content
+
+
+def made_here(content: bytes) -> bool:
+    """True where this process made ``content``."""
+    return hashlib.sha256(content).digest() in _OWN
+
+
+_MIB = 2**20
+# The 3MF of a mesh with 3 million triangles, the most that is read, has 400 MiB of XML in 4 members.
+MOST_MEMBERS, MOST_UNPACKED_MIB = 64, 512
+# 1 kB of memory for each entity; the STEP file of a lens has 1,500, that of a clamp with 1,000 faces 50,000.
+MOST_STEP_MIB, MOST_ENTITIES = 128, 1_000_000
+
+
+def require_small_3mf(content: bytes, origin: str, remedy: str) -> None:
+    """Raise :class:`InputError` unless ``content`` is a ZIP archive whose directory states few and small members."""
+    if content.count(b"PK\x01\x02") > MOST_MEMBERS:  # before a directory of millions is read
+        raise InputError(f"{origin}: more than {MOST_MEMBERS} members, a 3MF file has about 4; {remedy}")
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            unpacked = sum(member.file_size for member in archive.infolist())
+    except Exception as error:  # zipfile raises many kinds on damaged directories; the cause is always the file
+        raise InputError(f"{origin}: not readable as 3MF ({' '.join(str(error).split())[:120]}); {remedy}") from None
+    if unpacked > MOST_UNPACKED_MIB * _MIB:
+        raise InputError(
+            f"{origin}: {unpacked / _MIB:.0f} MiB when unpacked, at most {MOST_UNPACKED_MIB} MiB are read; {remedy}"
+        )
+
+
+def require_small_step(content: bytes, origin: str, remedy: str) -> None:
+    """Raise :class:`InputError` unless ``content`` begins as a STEP file does and has not too many entities."""
+    if b"ISO-10303-21" not in content[:1024]:
+        raise InputError(f"{origin}: not readable as STEP (it does not begin with ISO-10303-21); {remedy}")
+    if len(content) > MOST_STEP_MIB * _MIB:
+        raise InputError(
+            f"{origin}: {len(content) / _MIB:.0f} MiB, at most {MOST_STEP_MIB} MiB of STEP are read; {remedy}"
+        )
+    entities = content.count(b";")  # each ends with one; texts may hold some more
+    if entities > MOST_ENTITIES:
+        raise InputError(f"{origin}: {entities} entities, at most {MOST_ENTITIES} are read; {remedy}")
+
+
+# No lens or clamping base is 10 m wide, and single precision would be coarser than a micrometre there.
+MOST_MM = 1e4
+# 500 rings on each surface; a mesh for the default tolerance has 0.2 million. Merging the corners takes 1 GiB.
+MOST_TRIANGLES = 3_000_000
+MOST_TEXT_TRIANGLES = 1_000_000  # in text every number is parsed by itself: 4 s
+_HEADER, _RECORD = 84, 50  # bytes
+_RECORDS = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_VERTEX = re.compile(rb"vertex\s+([-+0-9.eE]{1,40})\s+([-+0-9.eE]{1,40})\s+([-+0-9.eE]{1,40})\s")
+
+
+def stl_corners(
+    content: bytes, origin: str, remedy: str, most_triangles: int | None = MOST_TRIANGLES
+) -> Float[np.ndarray, "t 3 3"]:
+    """Corners (mm) of the triangles of an STL file; ``most_triangles``: None for bytes of the program's own.
+
+    Raises :class:`InputError`, in which ``origin`` names the file and ``remedy`` what to try, for other bytes, no
+    triangles or too many, and coordinates that are not finite or beyond ``MOST_MM``.
+    """
+    stated = int.from_bytes(content[_HEADER - 4 : _HEADER], "little")
+    if len(content) >= _HEADER and len(content) == _HEADER + _RECORD * stated:
+        _require_count(stated, most_triangles, origin, remedy)
+        with np.errstate(invalid="ignore"):  # a signalling NaN, which is refused below as any other
+            corners = np.frombuffer(content, _RECORDS, offset=_HEADER)["corners"].astype(np.float64)
+    elif content[:512].lstrip().startswith(b"solid"):
+        corners = _of_text(content, most_triangles, origin, remedy)
+    else:
+        states = f"states {stated} triangles, {_HEADER + _RECORD * stated} bytes, and has {len(content)} bytes"
+        raise InputError(f"{origin}: not readable as STL ({states}); {remedy}")
+    worst = float(np.abs(corners).max())  # NaN where any is
+    if not worst <= MOST_MM:
+        raise InputError(f"{origin}: a vertex lies at {worst:g} mm, at most {MOST_MM:g} mm is read; {remedy}")
+    return corners
+
+
+def _of_text(content: bytes, most_triangles: int | None, origin: str, remedy: str) -> Float[np.ndarray, "t 3 3"]:
+    count = content.count(b"endfacet")
+    _require_count(count, None if most_triangles is None else MOST_TEXT_TRIANGLES, origin, remedy)
+    words = (word for found in _VERTEX.finditer(content) for word in found.groups())
+    try:
+        numbers = np.fromiter((float(word) for word in words), dtype=np.float64)
+    except ValueError as error:
+        raise InputError(f"{origin}: not readable as STL ({error}); {remedy}") from None
+    if len(numbers) != 9 * count:
+        raise InputError(f"{origin}: {count} facets, but {len(numbers) / 3:g} vertices, must be 3 each; {remedy}")
+    return numbers.reshape(-1, 3, 3)
+
+
+def _require_count(count: int, most: int | None, origin: str, remedy: str) -> None:
+    if count == 0:
+        raise InputError(f"{origin}: holds no triangles; {remedy}")
+    if most is not None and count > most:
+        raise InputError(f"{origin}: {count} triangles, at most {most} are read; {remedy}")

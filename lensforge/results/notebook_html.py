@@ -1,0 +1,51 @@
+"""HTML of a result for a notebook (table, section as SVG, plot as image), and plots as files."""
+
+import base64
+import io
+from collections.abc import Callable, Mapping
+from html import escape
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+PLOT_KINDS = ("png", "svg", "pdf")
+_DATE = {"png": "Software", "svg": "Date", "pdf": "CreationDate"}  # metadata that would differ from file to file
+
+
+def table_html(facts: Mapping[str, str]) -> str:
+    """A table with one row for each of ``facts``: name and text."""
+    cells = (f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in facts.items())
+    return f"<table>{''.join(cells)}</table>"
+
+
+def section_html(title: str, outline: Float[np.ndarray, "n 2"], facts: Mapping[str, str]) -> str:
+    """A title, the section with ``outline`` (x, z in mm) to scale, and a table of ``facts``."""
+    return f"<div><strong>{escape(title)}</strong>{_section_svg(outline)}{table_html(facts)}</div>"
+
+
+def plot_html(draw: Callable[..., Any], description: str) -> str:
+    """The plot that ``draw`` makes on new axes, as an image."""
+    encoded = base64.b64encode(plot_file(draw, "png")).decode()
+    return f'<img alt="{description}" style="max-width:30em" src="data:image/png;base64,{encoded}">'
+
+
+def plot_file(draw: Callable[..., Any], kind: str) -> bytes:
+    """The plot that ``draw`` makes on new axes, as a file of ``kind``; the same result gives the same bytes."""
+    from matplotlib.figure import Figure
+
+    figure, file = Figure(figsize=(5.0, 4.0), layout="constrained"), io.BytesIO()
+    draw(axes=figure.add_subplot())
+    figure.savefig(file, format=kind, dpi=150, metadata={_DATE[kind]: None})
+    return file.getvalue()
+
+
+def _section_svg(outline: Float[np.ndarray, "n 2"]) -> str:
+    """The section, outlined in the text colour; y is flipped because in SVG it points downwards."""
+    reach = 1.05 * float(np.abs(outline).max())
+    points = " ".join(f"{x:.4g},{-z:.4g}" for x, z in outline)
+    return (
+        f'<svg role="img" aria-label="section" viewBox="{-reach:.4g} {-reach:.4g} {2 * reach:.4g} {1.05 * reach:.4g}" '
+        f'width="320" style="display:block"><polygon points="{points}" fill="#2f7fd1" fill-opacity="0.2" '
+        f'stroke="currentColor" stroke-width="{0.012 * reach:.4g}"/></svg>'
+    )

@@ -1,0 +1,151 @@
+"""A second process beside this one, for work in which a library holds Python's lock and threads would not help.
+
+It is a fresh Python that imports nothing of the script that called the library, so no script needs a guard around its
+main code. It writes no results and decides nothing: functions travel there, and what they return comes back, with the
+same bits. It is there to be faster, and for nothing else: where it cannot be had, or a function fails in it, this
+process calls the function itself, and raises what the function raises. So it does with a function whose result it needs
+and that has not begun there: waiting for its turn would leave this core idle.
+"""
+
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from typing import IO, Any, Generic, TypeVar, TypeVarTuple, cast
+
+from lensforge.errors import InputError
+from lensforge.results import calls
+from lensforge.results.files import temporary_folder
+from lensforge.results.sandbox import kill_group
+
+_SCRIPT = Path(calls.__file__).resolve()
+_PACKAGES = _SCRIPT.parents[2]
+
+_Given = TypeVarTuple("_Given")
+_Result = TypeVar("_Result")
+_Before = TypeVar("_Before")
+
+
+class Called(Generic[_Result]):
+    """A call that goes on beside this process, or that has yet to begin in it."""
+
+    def __init__(self, here: Callable[[], _Result], there: "Future[tuple[bool, Any]] | None" = None) -> None:
+        self._here, self.there = here, there
+        self._results: list[_Result] = []
+
+    def result(self) -> _Result:
+        """Wait for what the function returns; where the second process has failed or not begun, call it here."""
+        if not self._results:
+            self._results.append(self._taken())
+        return self._results[0]
+
+    def _taken(self) -> _Result:
+        if self.there is None or self.there.cancel():
+            return self._here()
+        done, result = self.there.result()
+        return cast(_Result, result) if done else self._here()
+
+
+class SecondProcess:
+    """Functions called beside this process, one after another; without a process each is called as it is needed."""
+
+    def __init__(
+        self, process: "subprocess.Popen[bytes] | None" = None, thread: ThreadPoolExecutor | None = None
+    ) -> None:
+        self._process, self._thread = process, thread
+
+    @property
+    def runs(self) -> bool:
+        """True where there is a process."""
+        return self._process is not None
+
+    def call(self, function: Callable[[*_Given], _Result], *given: *_Given) -> Called[_Result]:
+        """Call a function of a module there, after those that were called before."""
+
+        def here() -> _Result:
+            return function(*given)
+
+        if self._thread is None:
+            return Called(here)
+        return Called(here, self._thread.submit(self._exchange, (function, given)))
+
+    def call_after(
+        self,
+        before: Called[_Before],
+        given: Callable[[_Before], tuple[*_Given]],
+        function: Callable[[*_Given], _Result],
+    ) -> Called[_Result]:
+        """Call a function of what is ``given`` by the result of a call ``before``, as soon as that is known."""
+
+        def here() -> _Result:
+            return function(*given(before.result()))
+
+        def there() -> tuple[bool, Any]:
+            if before.there is None or before.there.cancelled():
+                return False, None
+            done, result = before.there.result()  # it had its turn before
+            return self._exchange((function, given(result))) if done else (False, None)
+
+        return Called(here, None if self._thread is None else self._thread.submit(there))
+
+    def _exchange(self, call: tuple[Any, ...]) -> tuple[bool, Any]:
+        """Send a call and wait for its answer; False first where there is none, for whatever reason."""
+        process = self._process
+        assert process is not None and process.stdin is not None and process.stdout is not None
+        try:
+            message = calls.packed(call)
+            calls.send(message, process.stdin)
+            done, result = pickle.loads(calls.receive(process.stdout))
+        except Exception:  # it has ended, or what travels cannot: nothing is lost but the time
+            kill_group(process)  # half a message may be left in a pipe
+            return False, None
+        return bool(done), result
+
+
+IN_TURN = SecondProcess()  # none: all in this process
+
+
+@contextmanager
+def second_process(wanted: bool = True) -> Iterator[SecondProcess]:
+    """A second process inside the block; none where it is not ``wanted``, or the system has no room for it.
+
+    It ends with the block, and with this process however that ends.
+    """
+    with ExitStack() as stack:
+        process = _started(stack) if wanted else None
+        if process is None:
+            yield IN_TURN
+            return
+        thread = ThreadPoolExecutor(1)
+        stack.callback(thread.shutdown, cancel_futures=True)
+        stack.callback(kill_group, process)  # before that, as its thread waits for an answer
+        yield SecondProcess(process, thread)
+
+
+def _started(stack: ExitStack) -> "subprocess.Popen[bytes] | None":
+    """The process, with a temporary folder of its own, which goes with the block."""
+    try:
+        folder = stack.enter_context(temporary_folder("second process"))
+        process = subprocess.Popen(
+            [sys.executable, "-P", str(_SCRIPT), str(_PACKAGES), str(os.getpid())],
+            env={**os.environ, **{name: str(folder) for name in ("TMPDIR", "TEMP", "TMP")}},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,  # an interrupt at the terminal is for this process, which ends the other
+        )
+    except (InputError, OSError):  # no room in the temporary folder, too many processes
+        return None
+    for pipe in (process.stdin, process.stdout):
+        stack.callback(_close, pipe)
+    return process
+
+
+def _close(pipe: IO[bytes] | None) -> None:
+    with suppress(OSError):  # of what the process has not read
+        if pipe is not None:
+            pipe.close()

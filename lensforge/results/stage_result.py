@@ -1,0 +1,309 @@
+"""The result of a stage: a record with a name, a version, the hashes of its inputs, and its files.
+
+Arrays are stored in the stage's npz file, fields in its JSON file under a checksum. Every error of reading is one line
+with its remedy.
+"""
+
+import hashlib
+import io
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, ClassVar, Self, TypeVar
+
+import numpy as np
+from pydantic import Field, ValidationError
+
+from lensforge.errors import InputError, OutdatedResult
+from lensforge.results.array_fields import Array
+from lensforge.results.conditions import Conditions
+from lensforge.results.files import MIB, read_file, read_json, replacing
+from lensforge.results.json_npz import arrays_in
+from lensforge.results.notebook_html import PLOT_KINDS, plot_file, plot_html
+from lensforge.results.record import Record, Scalar, arrays_of, excluded_arrays, marker, names_in, with_arrays
+from lensforge.results.record_fields import Sha256, Text
+from lensforge.results.validation import input_error, its_type
+from lensforge.version import __version__
+
+CHECKSUM = "content_sha256"  # the key of the hash of all other entries
+# Three maps of 2048 x 2048 pixels take 100 MiB, ten million measured points 300 MiB; there are up to three copies.
+_MOST_ARRAY_BYTES = 512 * MIB
+
+_Record = TypeVar("_Record", bound=Record)
+
+
+def with_checksum(content: Mapping[str, Any]) -> dict[str, Any]:
+    """``content`` of a JSON file with the hash of all its entries, which :func:`require_checksum` compares."""
+    plain = {key: value for key, value in content.items() if key != CHECKSUM}
+    head = {"schema": plain.pop("schema")} if "schema" in plain else {}
+    return {**head, CHECKSUM: _checksum({**head, **plain}), **plain}
+
+
+def require_checksum(content: Mapping[str, Any], path: Path, remedy: str) -> dict[str, Any]:
+    """``content`` of ``path`` without the hash of its entries. Raises :class:`InputError` where that is of others."""
+    plain = {key: value for key, value in content.items() if key != CHECKSUM}
+    if content.get(CHECKSUM) != _checksum(plain):
+        raise InputError(f"{path}: {CHECKSUM}: of other content: the file is damaged or was edited; {remedy}")
+    return plain
+
+
+def _checksum(content: Mapping[str, Any]) -> str:
+    """SHA-256 of ``content`` in one form of text, however a file lays it out."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+
+
+def read_object(path: Path, schema: str, remedy: str, first: str = "") -> dict[str, Any]:
+    """The object in a JSON file that states ``schema``, without that entry; ``first``: the remedy for a missing file.
+
+    Raises :class:`OutdatedResult` for another version of the schema, :class:`InputError` for any other file.
+    """
+    return without_schema(read_json(path, first or remedy), schema, path, remedy)
+
+
+def without_schema(content: object, schema: str, path: Path, remedy: str) -> dict[str, Any]:
+    """``content`` of a file without its entry "schema", which must be ``schema``; errors as in :func:`read_object`."""
+    if not isinstance(content, dict):
+        raise InputError(f"{path}: holds {its_type(content)}, must be an object; {remedy}")
+    _require_schema(content, schema, path, remedy)
+    return {key: value for key, value in content.items() if key != "schema"}
+
+
+def _require_schema(content: Mapping[str, object], schema: str, path: Path, remedy: str) -> None:
+    found = content.get("schema")
+    if found == schema:
+        return
+    what = "written before version 0.2.0" if found is None else f"schema = {json.dumps(found)[:60]}"
+    of_this_kind = isinstance(found, str) and re.fullmatch(re.escape(schema.rstrip("0123456789")) + r"\d+", found)
+    kind = OutdatedResult if found is None or of_this_kind else InputError
+    raise kind(f"{path}: {what}, must be {schema!r}; {remedy}")
+
+
+def validated(kind: type[_Record], content: Mapping[str, object], path: Path, remedy: str) -> _Record:
+    """``content`` of a file as a record. Raises :class:`InputError`, which names the wrong field."""
+    try:
+        return kind.model_validate(content)
+    except ValidationError as error:
+        raise input_error(error, str(path), remedy=remedy, unions=kind.unions) from None
+
+
+def read_bytes(path: Path, required: bool, most_bytes: int, remedy: str) -> bytes | None:
+    """Content of a file; None where it is missing and not ``required``. Raises :class:`InputError`."""
+    if not required and not path.is_symlink() and not path.exists():
+        return None
+    return read_file(path, missing=remedy, most_bytes=most_bytes)
+
+
+def read_arrays(path: Path, names: Sequence[str], sha256: object, remedy: str) -> dict[str, np.ndarray]:
+    """The arrays ``names`` of an npz file whose hash is ``sha256``; missing arrays are left to the validation."""
+    content = read_file(path, missing=remedy, most_bytes=_MOST_ARRAY_BYTES)
+    if hashlib.sha256(content).hexdigest() != sha256:
+        raise InputError(f"{path}: not the arrays that {path.stem}.json describes; {remedy}")
+    try:
+        return arrays_in(content, names, _MOST_ARRAY_BYTES)
+    except ValueError as error:
+        raise InputError(f"{path}: damaged ({error}); {remedy}") from None
+
+
+SCHEMA_VERSION = 3  # 1: the records of version 0.1.0, which named no schema; 2: of one receiver, a square on the axis
+_MOST_FILE_BYTES = 384 * MIB  # of a CAD file or a mesh: eight million triangles, several times those of a reference run
+_ARRAYS = "arrays_sha256"  # the key of the npz file's hash in the JSON
+_UNHASHED = ("seconds", "cast_seconds", "rate", "version")  # differ between runs with the same result
+
+
+@dataclass(frozen=True)
+class Given:
+    """Marks a field that another file holds."""
+
+
+@dataclass(frozen=True)
+class InFile:
+    """Marks a field of bytes that are the file ``name`` of a result folder, which has at most ``most_bytes``."""
+
+    name: str
+    most_bytes: int = _MOST_FILE_BYTES
+
+    def beside(self, stage: str, stem: str) -> str:
+        """Name of the file that belongs to ``stem``.json: ``lens_x.ies`` to ``photometry_x.json``."""
+        path, end = Path(self.name), stem.removeprefix(stage) if stem.startswith(f"{stage}_") else ""
+        return f"{path.stem}{end}{path.suffix}"
+
+
+class StageResult(Record):
+    """Result of one stage. ``inputs``: SHA-256 of its inputs, by name."""
+
+    stage: ClassVar[str]
+    command: ClassVar[str] = ""  # the command that makes it, where not named like the stage
+    made_from: ClassVar[tuple[str, ...]] = ("lens",)  # inputs whose hashes a record must state
+
+    version: Text = __version__
+    inputs: dict[Text, Sha256] = Field(default_factory=dict)
+
+    @classmethod
+    def schema_name(cls) -> str:
+        """Name and version of the schema, as the JSON file states it."""
+        return f"lensforge-{cls.stage}-{SCHEMA_VERSION}"
+
+    @classmethod
+    def again(cls) -> str:
+        """The remedy for damaged or outdated files: the command that makes them again."""
+        return f"run `lensforge {cls.command or cls.stage}` again"
+
+    @classmethod
+    def stored_elsewhere(cls) -> tuple[str, ...]:
+        """Names of the fields that are not stored in the JSON file."""
+        fields = type_fields(cls).items()
+        return tuple(
+            name for name, info in fields if any(marker(info, mark) is not None for mark in (Given, Array, InFile))
+        )
+
+    def plain(self) -> dict[str, Any]:
+        """Numbers and texts as the JSON file holds them: without arrays, files and parts of other stages' results."""
+        elsewhere = dict.fromkeys(self.stored_elsewhere(), True) | excluded_arrays(type(self))
+        return self.model_dump(mode="json", exclude=elsewhere)
+
+    @cached_property
+    def sha256(self) -> str:
+        """Hash of all fields except computing times and the program's version."""
+        digest = hashlib.sha256()
+        skipped = excluded_arrays(type(self))
+        for name, array in arrays_of(self):
+            digest.update(name.encode() + array.tobytes())
+        for field, info in type(self).model_fields.items():
+            value = getattr(self, field)
+            if marker(info, Given) is not None:
+                skipped[field] = True
+            elif marker(info, InFile) is not None:
+                skipped[field] = True
+                if value is not None:
+                    digest.update(field.encode() + value)
+        hashed = _without_unhashed(self.model_dump(mode="json", exclude=skipped))
+        digest.update(json.dumps(hashed, sort_keys=True).encode())
+        return digest.hexdigest()
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """A copy with the fields of ``update``; values cached from the old fields are dropped."""
+        copy = super().model_copy(update=update, deep=deep)
+        for name in set(copy.__dict__) - set(type(copy).model_fields):
+            del copy.__dict__[name]  # cached from the fields of the original
+        return copy
+
+    def row(self) -> dict[str, Scalar]:
+        """All numbers and texts, keys joined by dots: one row for a table. Lists, arrays and files are left out."""
+        elsewhere = self.stored_elsewhere()
+        return {key: value for key, value in super().row().items() if key.split(".")[0] not in elsewhere}
+
+    def _repr_html_(self) -> str:
+        """HTML for a notebook: the plot, and the row as a table."""
+        draw = getattr(self, "plot", None)
+        return (plot_html(draw, type(self).__name__) if draw else "") + super()._repr_html_()
+
+    def contents(self, stem: str | None = None) -> dict[str, bytes]:
+        """Content of every file of the result, by name: JSON, npz, and the files of marked fields."""
+        name, arrays, files = stem or self.stage, dict(arrays_of(self)), {}
+        for field, info in type(self).model_fields.items():
+            value = getattr(self, field)
+            if (own := marker(info, InFile)) is not None and value is not None:
+                files[own.beside(self.stage, name)] = value
+        head = {"schema": self.schema_name()}
+        if arrays:
+            archive = io.BytesIO()
+            np.savez_compressed(archive, **arrays)  # type: ignore[arg-type]  # its flag has another type
+            files[f"{name}.npz"] = archive.getvalue()
+            head[_ARRAYS] = hashlib.sha256(archive.getvalue()).hexdigest()
+        content = with_checksum({**head, **self.plain()})
+        files[f"{name}.json"] = (json.dumps(content, indent=2, allow_nan=False) + "\n").encode()
+        return files
+
+    def write(self, folder: Path, stem: str | None = None) -> None:
+        """Write all files into a result folder, the JSON file last: it holds the hash of the arrays."""
+        files = self.contents(stem)
+        self._write(folder, files)
+        for info in type(self).model_fields.values():
+            own = marker(info, InFile)
+            name = "" if own is None else own.beside(self.stage, stem or self.stage)
+            if name and name not in files:
+                (Path(folder) / name).unlink(missing_ok=True)  # left by an earlier result; this one has none
+
+    @staticmethod
+    def _write(folder: Path, files: Mapping[str, bytes]) -> None:
+        for name in sorted(files, key=lambda each: each.endswith(".json")):
+            with replacing(Path(folder) / name) as temporary:
+                temporary.write_bytes(files[name])
+
+    def products(self) -> dict[str, bytes]:
+        """Content of the further files that :meth:`save` can write, by suffix; most results have none."""
+        return {}
+
+    def save(self, path: Path | str) -> None:
+        """Write the result in the format given by the suffix of ``path``.
+
+        ``.json``: the record, with its arrays as npz next to it. ``.png``, ``.svg``, ``.pdf``: its plot. Others:
+        :meth:`products`. Raises :class:`InputError` for any other suffix.
+        """
+        path = Path(path)
+        products, draw, suffix = self.products(), getattr(self, "plot", None), path.suffix.lower()
+        if suffix == ".json":
+            kept = {f"{path.stem}.json", f"{path.stem}.npz"}
+            files = {name: content for name, content in self.contents(path.stem).items() if name in kept}
+            self._write(path.parent, files)
+            return
+        if suffix in products:
+            content = products[suffix]
+        elif suffix[1:] in PLOT_KINDS and draw is not None:
+            content = plot_file(draw, suffix[1:])
+        else:
+            kinds = ", ".join([*products, ".json", *(f".{kind}" for kind in (PLOT_KINDS if draw is not None else ()))])
+            raise InputError(f"{path}: {its_type(self)} is saved as one of {kinds}; give such a name")
+        with replacing(path) as temporary:
+            temporary.write_bytes(content)
+
+    @classmethod
+    def read(cls, folder: Path, stem: str | None = None, **given: object) -> Self:
+        """Read what :meth:`write` wrote; ``given``: the fields marked :class:`Given`. Raises :class:`InputError`."""
+        folder, name = Path(folder), stem or cls.stage
+        path = folder / f"{name}.json"
+        first = f"run `lensforge {cls.command or cls.stage}` first"
+        whole = read_object(path, cls.schema_name(), cls.again(), first)
+        content = {key: value for key, value in whole.items() if key != CHECKSUM}
+        for field in cls.stored_elsewhere():
+            if field in content:
+                raise InputError(f"{path}: {field}: does not belong in the JSON file; {cls.again()}")
+        content |= given
+        fields = type_fields(cls)
+        if excluded_arrays(cls):
+            sha256, names = content.pop(_ARRAYS, None), names_in(cls, content)
+            arrays = read_arrays(folder / f"{name}.npz", names, sha256, cls.again())
+            try:
+                content = with_arrays(cls, content, arrays)
+            except ValueError as error:
+                raise InputError(f"{path}: {error}; {cls.again()}") from None
+        for field, info in fields.items():
+            if (own := marker(info, InFile)) is not None:
+                file = folder / own.beside(cls.stage, name)
+                content[field] = read_bytes(file, info.is_required(), own.most_bytes, cls.again())
+        result = validated(cls, content, path, cls.again())
+        missing = next((f"inputs.{name}" for name in cls.made_from if name not in result.inputs), "")
+        if missing:
+            raise InputError(f"{path}: {missing}: missing; {cls.again()}")
+        require_checksum({"schema": cls.schema_name(), **whole}, path, cls.again())
+        return result
+
+
+class SimulatedResult(StageResult):
+    """Result of a simulation. ``conditions``: those that are not the lens's own; None for the lens's own record."""
+
+    conditions: Conditions | None = None
+
+
+def _without_unhashed(content: object) -> object:
+    if isinstance(content, dict):
+        return {key: _without_unhashed(value) for key, value in content.items() if key not in _UNHASHED}
+    return [_without_unhashed(value) for value in content] if isinstance(content, list) else content
+
+
+def type_fields(cls: type[Record]) -> Mapping[str, Any]:
+    """Fields of a record class, by name."""
+    return cls.model_fields

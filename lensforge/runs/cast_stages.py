@@ -1,0 +1,89 @@
+"""Stages that cast rays through the files of the part: the proof, and the stray light."""
+
+from typing import Literal
+
+from lensforge import seeds
+from lensforge.cad.part import Part
+from lensforge.errors import InputError
+from lensforge.light.evaluation_result import Light
+from lensforge.proof.proof_result import Proof
+from lensforge.proof.sandboxed_casts import stray_in_sandbox, verify_in_sandbox
+from lensforge.proof.stray_result import StrayLight
+from lensforge.results.second_process import IN_TURN, SecondProcess
+from lensforge.runs.arguments import count_of, inputs_of, judging_source, preset_of, require, threads_of_torch
+from lensforge.runs.other_conditions import rays_of
+
+_STRAY_RAYS = 2**15  # each splits into about ten; more would take minutes
+
+
+def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | None = None) -> Proof:
+    """Cast rays through the STL and STEP of ``part``, and compare their landings with the design's.
+
+    ``light``: of the same lens. The ray cast shares no code with the design's tracer; further rays are drawn by code
+    that shares nothing with its sampler, and make the light of the design. Both files are measured, and compared with
+    the size as exported.
+    """
+    with threads_of_torch(threads):
+        return verify_with(IN_TURN, part, light, rays)
+
+
+def verify_with(second: SecondProcess, part: Part, light: Light, rays: int | None = None) -> Proof:
+    """Do as :func:`verify` does, with a second process for referees that hold Python's lock; the same bits."""
+    import torch
+
+    from lensforge.light.simulation import TracedLens, design_landings
+    from lensforge.proof.mitsuba_cast import RAYS as MITSUBA_RAYS
+    from lensforge.proof.mitsuba_cast import installed as mitsuba_installed
+    from lensforge.proof.part_comparison import Expected
+    from lensforge.proof.proof_inputs import independent_light, screens_of
+
+    lens, spec = require(part, Part, "verify").lens, part.lens.spec
+    rays = count_of("rays", rays)
+    known, wanted = require(light, Light, "verify").inputs, inputs_of(lens, spec.source)
+    for name, words in (("lens", "another lens than the part"), ("source", "another source than the spec's")):
+        if known.get(name) != wanted[name]:
+            raise InputError(f"verify: the light is that of {words}; evaluate the part's lens with its own source")
+    preset, source = preset_of(lens.accuracy), judging_source(spec)
+    count, conditions = rays_of(rays, preset.verify_rays, source)
+    bundle = source.sample(count, seeds.of_verification(lens.seed))
+    landed = design_landings(TracedLens.of(lens, preset.evaluate_nodes_per_sigma), spec, bundle)
+    parts = zip(screens_of(spec, light.pixels), light.receivers, landed, strict=True)
+    proof = verify_in_sandbox(
+        part.stl,
+        rays=bundle,
+        media=lens.media,
+        expected=[Expected(screen, lit.map, own.hits, own.flux, own.fates) for screen, lit, own in parts],
+        names=[receiver.name for receiver in light.receivers],
+        step=part.step,
+        second=second,
+        mitsuba_rays=MITSUBA_RAYS if mitsuba_installed() else 0,
+        own=independent_light(lens, source, light, count),
+        exported=part.size,
+        chord_mm=1e-3 * part.triangulation.chord_error_um,
+        threads=torch.get_num_threads(),
+        inputs={"lens": lens.sha256, "export": part.sha256, "evaluate": light.sha256},
+    )
+    return proof.model_copy(update={"conditions": conditions, "altered_files": part.altered})
+
+
+def stray_light(
+    part: Part, *, rays: int | None = None, base: Literal["polished", "black"] = "polished", threads: int | None = None
+) -> StrayLight:
+    """Follow rays through the part with reflections and the base, which the sequential design leaves out."""
+    from lensforge.proof.proof_inputs import screens_of
+
+    lens, spec = require(part, Part, "stray_light").lens, part.lens.spec
+    rays = count_of("rays", rays)
+    preset, source = preset_of(lens.accuracy), judging_source(spec)
+    count, conditions = rays_of(rays, min(preset.verify_rays, _STRAY_RAYS), source)
+    with threads_of_torch(threads):
+        stray = stray_in_sandbox(
+            part.stl,
+            rays=source.sample(count, seeds.of_verification(lens.seed)),
+            media=lens.media,
+            screens=screens_of(spec),
+            names=[receiver.name or receiver.kind for receiver in spec.all_receivers],
+            base=base,
+            inputs={"lens": lens.sha256, "export": part.sha256},
+        )
+    return stray.model_copy(update={"conditions": conditions})

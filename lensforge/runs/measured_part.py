@@ -1,0 +1,155 @@
+"""Comparison of the machined part with the design: a photograph of its light, or points on a surface."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, overload
+
+from lensforge.errors import InputError
+from lensforge.light.evaluation_result import Light
+from lensforge.made.measurement_result import PhotoComparison, Registration, Side, SurfaceComparison
+from lensforge.runs.arguments import count_of, judging_source, number_of, path_of, preset_of
+from lensforge.runs.other_conditions import rays_of, unless_own
+from lensforge.scene.lens import Lens
+from lensforge.surfaces.point_cloud import read_cloud
+
+if TYPE_CHECKING:
+    import numpy as np
+    from jaxtyping import Bool
+
+
+@overload
+def compare(
+    measured: Light,
+    *,
+    on: Path | str,
+    off: Path | str | None = None,
+    corners: Sequence[tuple[float, float]] | None = None,
+    target_mm: float | None = None,
+    gamma: float = 1.0,
+    lens: Lens | None = None,
+) -> PhotoComparison: ...
+
+
+@overload
+def compare(
+    measured: Lens,
+    *,
+    points: Path | str,
+    surface: Side,
+    registration: Registration = "rigid",
+    rays: int | None = None,
+) -> SurfaceComparison: ...
+
+
+def compare(
+    measured: Light | Lens,
+    *,
+    on: Path | str | None = None,
+    off: Path | str | None = None,
+    corners: Sequence[tuple[float, float]] | None = None,
+    target_mm: float | None = None,
+    gamma: float = 1.0,
+    lens: Lens | None = None,
+    points: Path | str | None = None,
+    surface: Side | None = None,
+    registration: Registration = "rigid",
+    rays: int | None = None,
+) -> PhotoComparison | SurfaceComparison:
+    """Compare the machined part with the design: a photograph with its light, or measured points with its lens.
+
+    ``on``, ``off``: photographs with the LED on and off of the first receiver, a plane; ``corners``: pixels (column,
+    row) of the target in them, from the top left clockwise, found if None; ``target_mm``: side of the square that they
+    span, by default they are the receiver's own. ``lens``: that of the light; in the region that its spec names,
+    uniformity is compared too. ``points``: a file of x, y, z (mm) on one ``surface``; ``registration``: motion that is
+    fitted to bring them onto the design. Raises :class:`InputError`; its message names the argument, and the command
+    line's option has the same name.
+    """
+    on, off, points = path_of("on", on), path_of("off", off), path_of("points", points)
+    of_points = {"surface": surface, "registration": unless_own(registration, "rigid"), "rays": rays}
+    of_photo = {"off": off, "corners": corners, "target_mm": target_mm, "gamma": unless_own(gamma, 1.0), "lens": lens}
+    if isinstance(measured, Light) and on is not None and points is None:
+        refuse_unused("a photograph", of_points)
+        return _compare_photo(measured, on, off, corners, target_mm, gamma, lens)
+    if isinstance(measured, Lens) and points is not None and on is None:
+        refuse_unused("points", of_photo)
+        return _compare_surface(measured, points, surface, registration, rays)
+    raise InputError("compare: give a Light with on=PHOTO, or a Lens with points=FILE and surface='inner' or 'outer'")
+
+
+def refuse_unused(measurement: str, others: Mapping[str, object]) -> None:
+    """Raise :class:`InputError` for those of ``others``, by name, that are not None and no part of ``measurement``."""
+    given = [name for name, value in others.items() if value is not None]
+    if given:
+        raise InputError(f"compare: {', '.join(given)}: of no use in a comparison with {measurement}; leave it out")
+
+
+def _compare_photo(
+    light: Light,
+    on: Path | str,
+    off: Path | str | None,
+    corners: Sequence[tuple[float, float]] | None,
+    target_mm: float | None,
+    gamma: float,
+    lens: Lens | None,
+) -> PhotoComparison:
+    import numpy as np
+
+    from lensforge.made.photo_comparison import Shot, compare_photo
+    from lensforge.scene.pixel_grid import PixelGrid
+
+    try:
+        given = None if corners is None else np.array(corners, dtype=np.float64)
+    except (TypeError, ValueError):
+        given = np.empty(0)
+    if given is not None and given.shape != (4, 2):
+        raise InputError(f"corners = {corners!r}: must be four pixels (column, row), clockwise from the top left")
+    side, camera = number_of("target_mm", target_mm), number_of("gamma", gamma)
+    shot = Shot(Path(on), None if off is None else Path(off), given, side, 1.0 if camera is None else camera)
+    first, (rows, columns) = light.first, light.map.shape
+    if first.kind != "plane":
+        raise InputError(
+            f"receivers: the first, {first.name!r}, is a {first.kind}, must be a plane for a photograph; give the spec "
+            "a plane as its first receiver, and evaluate again"
+        )
+    grid = PixelGrid(first.width, first.height, columns, rows)
+    found = compare_photo(shot, simulated=light.map, grid=grid, uniform=_uniform(light, lens))
+    return found.model_copy(update={"inputs": {"lens": light.inputs["lens"], "evaluate": light.sha256}})
+
+
+def _uniform(light: Light, lens: Lens | None) -> "Bool[np.ndarray, 'h w'] | None":
+    """Region of uniform light in the map of ``light``, by the spec of its ``lens``; None without one."""
+    from lensforge.scene.receiver_shapes import receivers_of
+    from lensforge.scene.target_region import uniform_region
+
+    if lens is None:
+        return None
+    if lens.sha256 != light.inputs["lens"]:
+        raise InputError("lens: the light is that of another lens; give the lens that was evaluated")
+    return uniform_region(lens.spec.all_receivers[0].targets, receivers_of(lens.spec, light.pixels)[0])
+
+
+def _compare_surface(
+    lens: Lens,
+    points: Path | str,
+    surface: Side | None,
+    registration: Registration,
+    rays: int | None,
+) -> SurfaceComparison:
+    from lensforge.made.measured_surface import compare_surface, default_rays
+
+    if surface not in ("inner", "outer"):
+        raise InputError(
+            f"surface = {surface!r}: must be 'inner' or 'outer', the one on which the points were measured"
+        )
+    preset, source = preset_of(lens.accuracy), judging_source(lens.spec)
+    count, conditions = rays_of(count_of("rays", rays), default_rays(lens, preset), source)
+    found = compare_surface(
+        read_cloud(Path(points)),
+        lens=lens,
+        side=surface,
+        source=source,
+        preset=preset,
+        rays=count,
+        registration=registration,
+    )
+    return found.model_copy(update={"conditions": conditions})

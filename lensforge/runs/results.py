@@ -1,0 +1,229 @@
+"""The results of all stages for one lens, in memory or read from a result folder."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TypeVar
+
+from lensforge.cad.part import Part
+from lensforge.errors import InputError, MissingResult, OutdatedResult
+from lensforge.light.evaluation_result import Light
+from lensforge.light.photometry_result import Photometry
+from lensforge.made.correction_result import Correction
+from lensforge.made.measurement_result import PhotoComparison, SurfaceComparison
+from lensforge.made.tolerance_result import Sensitivity, Yield
+from lensforge.proof.proof_result import Proof
+from lensforge.proof.stray_result import StrayLight
+from lensforge.results import SimulatedResult, StageResult
+from lensforge.results.criteria import Criterion
+from lensforge.runs.verdict import Verdict, verdict_on
+from lensforge.scene.lens import Lens, load_lens
+from lensforge.search.checkpoint import CHECKPOINT, is_checkpoint
+from lensforge.search.design_result import Design
+from lensforge.shop.check_result import Check
+from lensforge.spec import Spec
+from lensforge.surfaces.imported_face import LENS_FILE
+
+REPORT_FILE = "report.html"
+# Results of a whole run, each after those that it is made from.
+STAGES: tuple[type[StageResult], ...] = (Design, Light, Part, Check, Proof, Photometry)
+# Results on request, and of the machined part, by the stem of their files.
+EXTRAS: dict[str, type[StageResult]] = {
+    "stray": StrayLight,
+    "compare": PhotoComparison,
+    "compare_inner": SurfaceComparison,
+    "compare_outer": SurfaceComparison,
+    "correct_inner": Correction,
+    "correct_outer": Correction,
+    "sensitivity": Sensitivity,
+    "yield": Yield,
+}
+_FILES: dict[str, type[StageResult]] = {**{kind.stage: kind for kind in STAGES}, **EXTRAS}
+_HOLD_LENS = (Design, Part)
+
+_Result = TypeVar("_Result", bound=StageResult)
+
+
+@dataclass(frozen=True, eq=False)
+class Results:
+    """A lens and the results of its stages, by the stem of their files.
+
+    ``outdated``: the reason for each stage whose files belong to another lens, part or version; such a stage counts as
+    not run. ``others``: results under other conditions than the lens's own; neither verdict nor any stage uses them.
+    ``seconds``: of the whole command that has made them, where one has, up to its report.
+    """
+
+    lens: Lens
+    found: Mapping[str, StageResult] = field(default_factory=dict)
+    outdated: Mapping[str, str] = field(default_factory=dict)
+    others: Mapping[str, SimulatedResult] = field(default_factory=dict)
+    seconds: float | None = None
+
+    @property
+    def spec(self) -> Spec:
+        """The spec of the lens."""
+        return self.lens.spec
+
+    def find(self, kind: type[_Result], stem: str | None = None) -> _Result | None:
+        """The result of class ``kind``; None where that stage has not run."""
+        result = self.found.get(stem or kind.stage)
+        return result if isinstance(result, kind) else None
+
+    def take(self, kind: type[_Result]) -> _Result:
+        """The result of class ``kind``. Raises :class:`MissingResult` where that stage has not run."""
+        result = self.find(kind)
+        if result is None:
+            why = self.outdated.get(kind.stage, f"there is no result of this stage; run `lensforge {kind.stage}`")
+            raise MissingResult(f"{self.spec.name}: {kind.stage}: {why}")
+        return result
+
+    @property
+    def design(self) -> Design:
+        """The search. Raises :class:`MissingResult` where it has not run, as do the properties below."""
+        return self.take(Design)
+
+    @property
+    def light(self) -> Light:
+        """The light on the receiver."""
+        return self.take(Light)
+
+    @property
+    def part(self) -> Part:
+        """The part and its files."""
+        return self.take(Part)
+
+    @property
+    def check(self) -> Check:
+        """The manufacturing check."""
+        return self.take(Check)
+
+    @property
+    def proof(self) -> Proof:
+        """The rays cast through the exported part."""
+        return self.take(Proof)
+
+    @property
+    def photometry(self) -> Photometry:
+        """The far field, and the files that hold it."""
+        return self.take(Photometry)
+
+    @property
+    def surfaces(self) -> dict[str, SurfaceComparison]:
+        """Comparisons with measured surfaces, by "inner" and "outer"."""
+        measured = (self.find(SurfaceComparison, f"compare_{side}") for side in ("inner", "outer"))
+        return {each.surface: each for each in measured if each is not None}
+
+    @property
+    def corrections(self) -> dict[str, Correction]:
+        """Corrections for a second cut, by "inner" and "outer"."""
+        made = (self.find(Correction, f"correct_{side}") for side in ("inner", "outer"))
+        return {each.surface: each for each in made if each is not None}
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict on light, files and cutting."""
+        return verdict_on(
+            self.lens, self.find(Design), self.find(Light), self.find(Part), self.find(Check), self.find(Proof)
+        )
+
+    @property
+    def missing(self) -> list[str]:
+        """Stages of a whole run that have not run."""
+        return [kind.stage for kind in STAGES if kind.stage not in self.found]
+
+    def criteria(self) -> Iterator[tuple[str, Criterion]]:
+        """Pairs (stem, criterion) of all results."""
+        for stem, result in self.found.items():
+            for criterion in getattr(result, "criteria", ()):
+                yield stem, criterion
+
+    def __eq__(self, other: object) -> bool:
+        """True where lens and results are the same, bit for bit."""
+        if not isinstance(other, Results):
+            return NotImplemented
+        same = self.lens == other.lens and dict(self.found) == dict(other.found)
+        return same and dict(self.others) == dict(other.others)
+
+    __hash__ = None  # type: ignore[assignment]  # results hold arrays
+
+
+def is_own(stem: str) -> bool:
+    """True for the stem of a result under the lens's own conditions."""
+    return stem in _FILES
+
+
+def stem_of(result: StageResult) -> str:
+    """Name of the JSON file of ``result`` in a result folder, without its suffix: its stage, and other conditions."""
+    stem = result.stage
+    if isinstance(result, SurfaceComparison | Correction):
+        stem = f"{result.command.split()[0]}_{result.surface}"
+    conditions = result.conditions if isinstance(result, SimulatedResult) else None
+    return stem if conditions is None else f"{stem}_{conditions.name}"
+
+
+def load_results(folder: Path, *, damaged_too: bool = False) -> Results:
+    """Read all results in ``folder``; only lens.json is required. Raises :class:`InputError` for a damaged file.
+
+    With ``damaged_too`` a damaged record counts as not run, like an outdated one, so that its stage can write it anew.
+    """
+    folder = Path(folder)
+    lens = _lens_in(folder)
+    found: dict[str, StageResult] = {}
+    outdated: dict[str, str] = {}
+    others: dict[str, SimulatedResult] = {}
+    for stem, kind in _files_in(folder):
+        given = {"lens": lens} if kind in _HOLD_LENS else {}
+        try:
+            result = kind.read(folder, stem, **given)
+        except InputError as error:
+            if not (damaged_too or isinstance(error, OutdatedResult)):
+                raise
+            outdated[stem] = str(error)
+            continue
+        why = _mismatch(result, lens, found) or _foreign_conditions(result, stem)
+        if why:
+            outdated[stem] = f"{why}; {kind.again()}"
+        elif stem in _FILES:
+            found[stem] = result
+        elif isinstance(result, SimulatedResult):
+            others[stem] = result
+    return Results(lens, found, outdated, others)
+
+
+def _lens_in(folder: Path) -> Lens:
+    path = folder / LENS_FILE
+    if not path.exists() and is_checkpoint(folder / CHECKPOINT):
+        raise InputError(f"{path}: no such file: the search was interrupted; design with --resume continues it")
+    return load_lens(path)
+
+
+def _files_in(folder: Path) -> Iterator[tuple[str, type[StageResult]]]:
+    """Stem and class of each record in ``folder``: the lens's own first, then those under other conditions."""
+    for stem, kind in _FILES.items():
+        if (folder / f"{stem}.json").exists():
+            yield stem, kind
+    for stem, kind in _FILES.items():
+        if issubclass(kind, SimulatedResult):
+            for path in sorted(folder.glob(f"{stem}_*.json")):
+                yield path.stem, kind
+
+
+def _foreign_conditions(result: StageResult, stem: str) -> str:
+    """The reason why ``result`` is not what its file's name says: the lens's own, of a surface, under conditions."""
+    conditions = result.conditions if isinstance(result, SimulatedResult) else None
+    if stem in _FILES and conditions is not None:
+        return f"it was made under other conditions than the lens's own ({conditions})"
+    if stem not in _FILES and conditions is None:
+        return "it was made under the lens's own conditions, so another file holds it"
+    return "" if stem_of(result) == stem else f"it belongs into {stem_of(result)}.json"
+
+
+def _mismatch(result: StageResult, lens: Lens, found: Mapping[str, StageResult]) -> str:
+    """The reason why ``result`` belongs to another lens, part or light; empty where it does not."""
+    known = {"lens": lens.sha256, **{name: found[name].sha256 for name in ("export", "evaluate") if name in found}}
+    for name in result.made_from:
+        if name in ("export", "evaluate") and name not in known:
+            return f"the {name} that it was made from is missing"
+        if name in known and known[name] != result.inputs[name]:
+            return f"it was made from another {name}"
+    return ""

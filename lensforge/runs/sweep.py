@@ -1,0 +1,261 @@
+"""A sweep: values of a field of the spec, a design for each of them, and the record of all."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
+
+from pydantic import Field, model_validator
+
+from lensforge.errors import InputError
+from lensforge.results import Count, Metric, NotNegative, Number, Positive, Record, Sha256, StageResult, State, Text
+from lensforge.results.criteria import Criterion
+from lensforge.runs.results import Results
+from lensforge.search.design_result import Margins
+from lensforge.spec import Accuracy, Spec
+from lensforge.spec.spec_files import section_sha256
+from lensforge.spec.spec_section import Section
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+MOST_VALUES = 100
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One design of a sweep: the varied field's value, every field that was changed, the spec that results."""
+
+    value: float
+    changes: dict[str, float]
+    spec: Spec
+
+
+@dataclass(frozen=True)
+class Variation:
+    """``field`` takes each of ``values``, in order; every field of ``scaled`` keeps its ratio to it.
+
+    Fields are dotted paths in the spec, such as ``constraints.max_radius_mm``.
+    """
+
+    field: str
+    values: tuple[float, ...]
+    scaled: tuple[str, ...] = ()
+
+    def variants(self, base: Spec) -> list[Variant]:
+        """The designs, smallest value first. Raises :class:`InputError` for values that a spec cannot have."""
+        return [self._variant(base, value) for value in self.values]
+
+    def _variant(self, base: Spec, value: float) -> Variant:
+        for field in (self.field, *self.scaled):
+            _value(base, field)
+        changes = {self.field: value}
+        if self.scaled:
+            before = _number(base, self.field)
+            changes |= {field: _number(base, field) * value / before for field in self.scaled}
+        return Variant(value, changes, base.replace(changes, name=variant_name(base.name, value)))
+
+
+def variation_of(field: str, values: Sequence[float], scaled: Sequence[str] = ()) -> Variation:
+    """``field`` at each of ``values``, sorted, each kept once. Raises :class:`InputError` for an invalid variation."""
+    if not isinstance(field, str) or isinstance(scaled, str) or not all(isinstance(name, str) for name in scaled):
+        raise InputError(
+            f"sweep: field = {field!r}, scale = {scaled!r}: a field's dotted name, and a list of such names"
+        )
+    try:
+        kept = tuple(sorted({float(value) for value in values}))
+    except (TypeError, ValueError):
+        raise InputError(f"{field} = {str(values)[:60]}: give 2 to {MOST_VALUES} numbers") from None
+    if not (2 <= len(kept) <= MOST_VALUES and all(map(isfinite, kept))):
+        raise InputError(f"{field}: {len(kept)} values; give 2 to {MOST_VALUES} finite numbers")
+    if field in scaled:
+        raise InputError(f"{field}: this is the field that varies; name others to be scaled")
+    return Variation(field, kept, tuple(scaled))
+
+
+def parse_variation(text: str, scaled: Sequence[str] = ()) -> Variation:
+    """Parse ``section.field=v1,v2,...``. Raises :class:`InputError` for anything else."""
+    field, _, listed = text.partition("=")
+    try:
+        values = [float(part) for part in listed.split(",")]
+    except ValueError:
+        raise InputError(f"--vary {text}: give section.field=value,value,... with numbers as values") from None
+    return variation_of(field, values, scaled)
+
+
+def variant_name(name: str, value: float) -> str:
+    """Name of a design and of its folder: the spec's name and the value, in characters that a spec's name may have."""
+    shown = f"{value:g}".replace(".", "_").replace("+", "")
+    return f"{name[: 63 - len(shown)]}-{shown}"
+
+
+def _value(spec: Spec, field: str) -> object:
+    """Value of ``field`` in ``spec``. Raises :class:`InputError` where there is no such field."""
+    found: object = spec
+    for part in field.split("."):
+        known = type(found).model_fields if isinstance(found, Section) else {}
+        if part not in known:
+            there = ", ".join(sorted(known)) or "none within it"
+            raise InputError(f"{field}: no such field in this spec; there are: {there}")
+        found = getattr(found, part)
+    return found
+
+
+def _number(spec: Spec, field: str) -> float:
+    value = _value(spec, field)
+    if isinstance(value, bool) or not isinstance(value, int | float) or value == 0.0:
+        raise InputError(f"{field} = {value!r} in the spec: only a number other than 0 can be scaled")
+    return float(value)
+
+
+# A name of a spec, and so never the way out of the sweep's own folder.
+FolderName = Annotated[str, Field(strict=True, pattern=r"^[A-Za-z0-9_-]{1,64}$")]
+SweptMetric = Literal["nmse", "uniformity", "rsd", "efficiency", "share_in_target"]
+
+
+class SweepRow(Record):
+    """One design: the value of the varied field, all changed fields, and the metrics of its own results.
+
+    ``changes``: value of each changed field. ``folder``: the design's name, and its folder next to ``sweep.json``.
+    ``cutting``: the verdict on it.
+    """
+
+    value: Number
+    folder: FolderName
+    changes: dict[Text, Number]
+    nmse: Metric
+    uniformity: Metric | None
+    rsd: Metric | None
+    efficiency: Metric
+    share_in_target: Metric
+    max_radius_mm: Positive
+    height_mm: Positive
+    steps: Count
+    seconds: NotNegative
+    constraints: Margins
+    criteria: tuple[Criterion, ...]
+    cutting: State = "undecided"
+
+
+class Sweep(StageResult):
+    """Designs by the value of the field ``vary``, smallest first; the fields of ``scale`` keep their ratio to it.
+
+    ``spec``: the one that was varied; ``spec_sha256``: its hash, in which every file that it names counts by its
+    content. ``inputs``: the lenses, by folder.
+    """
+
+    stage: ClassVar[str] = "sweep"
+    made_from: ClassVar[tuple[str, ...]] = ()
+
+    spec: Spec
+    spec_sha256: Sha256
+    vary: Text
+    scale: tuple[Text, ...]
+    accuracy: Accuracy
+    seed: Count
+    designs: tuple[SweepRow, ...]
+
+    @model_validator(mode="after")
+    def _every_design_has_its_lens(self) -> "Sweep":
+        folders = [row.folder for row in self.designs]
+        if sorted(self.inputs) != sorted(folders):
+            raise ValueError(f"inputs: must be the lenses of {', '.join(folders)}, one for each of the designs")
+        if any(low >= high for low, high in zip(self.values, self.values[1:], strict=False)):
+            raise ValueError("designs: must have rising values")
+        return self
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """Values of the varied field, smallest first."""
+        return tuple(row.value for row in self.designs)
+
+    @property
+    def criteria(self) -> tuple[Criterion, ...]:
+        """The criteria of all designs, each named by its design too."""
+        return tuple(
+            criterion.model_copy(update={"name": f"{row.folder}: {criterion.name}"})
+            for row in self.designs
+            for criterion in row.criteria
+        )
+
+    def rows(self) -> list[dict[str, float | int | bool | str | None]]:
+        """Table rows, one for each design."""
+        return [row.row() for row in self.designs]
+
+    def joined(self, other: "Sweep") -> "Sweep":
+        """This sweep with the designs of ``other``, else the same sweep; at equal values the designs of this one."""
+        rows = {row.value: row for row in (*other.designs, *self.designs)}
+        content = {name: getattr(self, name) for name in type(self).model_fields}
+        designs, lenses = tuple(rows[value] for value in sorted(rows)), other.inputs | self.inputs
+        content |= {"inputs": {row.folder: lenses[row.folder] for row in designs}, "designs": designs}
+        return type(self).model_validate(content)
+
+    def plot(self, axes: "Axes | None" = None, *, metric: SweptMetric = "nmse") -> "Axes":
+        """Plot ``metric`` over the varied field, with standard errors.
+
+        Raises :class:`InputError` for an unknown metric.
+        """
+        from lensforge.results.plots import new_axes, require_choice
+
+        require_choice("metric", metric, get_args(SweptMetric))
+        axes, curve = new_axes(axes), Curve.of(self, metric)
+        axes.errorbar(curve.x, curve.y, curve.errors, marker="o")
+        axes.set(xlabel=self.vary, ylabel=metric)
+        return axes
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A metric of the designs that have it: ``x``, values of the varied field; ``y``, the metric; standard errors."""
+
+    x: list[float]
+    y: list[float]
+    errors: list[float]
+
+    @staticmethod
+    def of(sweep: Sweep, metric: SweptMetric) -> "Curve":
+        """Curve of ``metric``; an unknown standard error counts as 0."""
+        found = [(row.value, measured) for row in sweep.designs if (measured := getattr(row, metric)) is not None]
+        return Curve(
+            [value for value, _ in found],
+            [measured.value for _, measured in found],
+            [measured.standard_error or 0.0 for _, measured in found],
+        )
+
+
+def sweep_of(spec: Spec, variation: Variation, found: Sequence[tuple[Variant, Results]]) -> Sweep:
+    """The sweep of finished designs: variants of ``spec`` with their results, at least one of them."""
+    lens = found[0][1].lens
+    found = sorted(found, key=lambda pair: pair[0].value)
+    return Sweep(
+        inputs={variant.spec.name: results.lens.sha256 for variant, results in found},
+        spec=spec,
+        spec_sha256=section_sha256(spec),
+        vary=variation.field,
+        scale=variation.scaled,
+        accuracy=lens.accuracy,
+        seed=lens.seed,
+        designs=tuple(_row(variant, results) for variant, results in found),
+    )
+
+
+def _row(variant: Variant, results: Results) -> SweepRow:
+    light, design = results.light, results.design
+    return SweepRow(
+        value=variant.value,
+        folder=variant.spec.name,
+        changes=variant.changes,
+        nmse=light.nmse,
+        uniformity=light.uniformity,
+        rsd=light.rsd,
+        efficiency=light.efficiency,
+        share_in_target=light.share_in_target,
+        max_radius_mm=design.max_radius_mm,
+        height_mm=design.height_mm,
+        steps=design.steps,
+        seconds=design.seconds,
+        constraints=design.constraints,
+        criteria=tuple(criterion for _, criterion in results.criteria()),
+        cutting=results.verdict.cutting,
+    )

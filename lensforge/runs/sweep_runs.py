@@ -1,0 +1,183 @@
+"""The designs of a sweep, each in its own folder, here or on the workers of a cluster.
+
+``sweep.json`` is written after every design, so that an interrupted sweep continues after the last finished one, and
+within a design from its checkpoint.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Protocol
+
+from lensforge.errors import InputError
+from lensforge.report.ownership import require_own
+from lensforge.report.page import write_page
+from lensforge.results.files import replacing
+from lensforge.results.folder_lock import locked
+from lensforge.runs import pipeline
+from lensforge.runs.results import load_results
+from lensforge.runs.sweep import Sweep, Variant, Variation, sweep_of
+from lensforge.runs.sweep_page import sweep_page, sweep_png
+from lensforge.scene.lens import load_lens
+from lensforge.search.checkpoint import CHECKPOINT, is_checkpoint
+from lensforge.search.cluster import connected
+from lensforge.spec import Accuracy, Spec
+from lensforge.spec.spec_files import section_sha256
+from lensforge.surfaces.imported_face import LENS_FILE
+from lensforge.version import __version__
+
+Files = Mapping[str, bytes]
+
+
+def runs_on_workers(
+    specs: Sequence[Spec], accuracy: Accuracy, seed: int, scheduler: str
+) -> Iterator[tuple[int, Files]]:
+    """Make every design, in any order: its number, and the files of its result folder, by name."""
+    with connected(scheduler) as cluster:
+        yield from cluster.map(files_of_run, (accuracy, seed), specs)
+
+
+def files_of_run(settings: tuple[Accuracy, int], spec: Spec) -> Files:
+    """Make one design in a folder of the worker, and return what is in it."""
+    accuracy, seed = settings
+    with TemporaryDirectory(prefix="lensforge_") as name:
+        folder = Path(name) / spec.name
+        pipeline.run(spec, folder, accuracy=accuracy, seed=seed, warn=lambda _: None)
+        return {path.name: path.read_bytes() for path in sorted(folder.iterdir()) if not path.name.startswith(".")}
+
+
+def write_run(files: Files, folder: Path) -> None:
+    """Write the files of a run into its folder, those last that name the hashes of others."""
+    with locked(folder, create=True):
+        for name in sorted(files, key=lambda each: (each == "run.json", each.endswith(".json"))):
+            with replacing(folder / name) as temporary:
+                temporary.write_bytes(files[name])
+
+
+PAGE, PLOT = "sweep.html", "sweep.png"
+
+
+class RunDesign(Protocol):
+    """A run of every stage for one design, with the accuracy and the seed of the sweep."""
+
+    def __call__(self, spec: Spec, folder: Path, resume: bool) -> object:
+        """Write a finished result folder; with ``resume`` continue from the checkpoint there."""
+        ...
+
+
+def run_sweep(
+    spec: Spec,
+    variation: Variation,
+    directory: Path,
+    run_design: RunDesign,
+    *,
+    accuracy: Accuracy = "standard",
+    seed: int = 0,
+    resume: bool = False,
+    scheduler: str | None = None,
+    announce: Callable[[str], None] = lambda _: None,
+) -> Sweep:
+    """Make every design of ``variation`` in ``directory``; write sweep.json, .html and .png; return the sweep.
+
+    ``accuracy`` and ``seed``: those that ``run_design`` uses. ``scheduler``: a Dask cluster, whose workers then make
+    whole runs in its place, several at once, without checkpoints. With ``resume`` designs that sweep.json lists are
+    kept, whatever the values are now. A design that misses a criterion is listed with it, and the sweep continues.
+    Raises :class:`InputError` before the first design for a value that the spec cannot have, for a sweep.json of
+    another sweep, for a page of another program, and where another process writes in ``directory``.
+    """
+    variants = variation.variants(spec)
+    require_own(directory / PAGE)
+    with locked(directory, create=True):
+        sweep = _finished(directory, spec, variation, accuracy, seed) if resume else None
+        wanted = [variant for variant in variants if sweep is None or variant.value not in sweep.values]
+        if scheduler is None:
+            made = _one_by_one(wanted, variation, directory, run_design, resume, announce)
+        else:
+            made = _at_once(wanted, variation, directory, accuracy, seed, scheduler, announce)
+        return _joined(spec, variation, made, directory, sweep)
+
+
+def resumable(directory: Path) -> bool:
+    """True where an interrupted sweep in ``directory`` can be resumed: a design is finished, or was begun."""
+    if (directory / f"{Sweep.stage}.json").is_file():
+        return True
+    return any(is_checkpoint(checkpoint) for checkpoint in directory.glob(f"*/{CHECKPOINT}"))
+
+
+def _one_by_one(
+    wanted: Sequence[Variant],
+    variation: Variation,
+    directory: Path,
+    run_design: RunDesign,
+    resume: bool,
+    announce: Callable[[str], None],
+) -> Iterator[Variant]:
+    """Make every design here; each as soon as its folder is finished."""
+    for number, variant in enumerate(wanted, start=1):
+        announce(f"design {number} of {len(wanted)}: {variation.field} = {variant.value:g}")
+        folder = directory / variant.spec.name
+        run_design(variant.spec, folder, resume and (folder / CHECKPOINT).exists())
+        yield variant
+
+
+def _at_once(
+    wanted: Sequence[Variant],
+    variation: Variation,
+    directory: Path,
+    accuracy: Accuracy,
+    seed: int,
+    scheduler: str,
+    announce: Callable[[str], None],
+) -> Iterator[Variant]:
+    """Make the designs on the workers of a cluster, and write the folder of each as it comes."""
+    found = runs_on_workers([variant.spec for variant in wanted], accuracy, seed, scheduler)
+    for done, (number, files) in enumerate(found, start=1):
+        variant = wanted[number]
+        write_run(files, directory / variant.spec.name)
+        announce(f"design {done} of {len(wanted)}: {variation.field} = {variant.value:g}")
+        yield variant
+
+
+def _joined(spec: Spec, variation: Variation, made: Iterator[Variant], directory: Path, sweep: Sweep | None) -> Sweep:
+    """The sweep with every design that is ``made``, written after each."""
+    for variant in made:
+        one = sweep_of(spec, variation, [(variant, load_results(directory / variant.spec.name))])
+        sweep = one if sweep is None else sweep.joined(one)
+        sweep.write(directory)
+    assert sweep is not None, "a variation has values"
+    _write_page(sweep, directory)
+    return sweep
+
+
+def _write_page(sweep: Sweep, directory: Path) -> None:
+    results = [load_results(directory / row.folder) for row in sweep.designs]
+    write_page(sweep_page(sweep, results), directory / PAGE)
+    with replacing(directory / PLOT) as temporary:
+        temporary.write_bytes(sweep_png(sweep))
+
+
+def _finished(directory: Path, spec: Spec, variation: Variation, accuracy: Accuracy, seed: int) -> Sweep | None:
+    """The designs that an earlier call finished, None without any. Only its values may differ from this call's.
+
+    Raises :class:`InputError` where anything else differs, the content of a file too, and where the folder of one of
+    the designs holds another lens now.
+    """
+    path = directory / f"{Sweep.stage}.json"
+    if not path.exists():
+        return None
+    sweep = Sweep.read(directory)
+    for words, found, wanted in (
+        ("spec, or file that it names", sweep.spec_sha256, section_sha256(spec)),
+        ("field", sweep.vary, variation.field),
+        ("scaled fields", sweep.scale, variation.scaled),
+        ("accuracy", sweep.accuracy, accuracy),
+        ("seed", sweep.seed, seed),
+        ("version of lensforge", sweep.version, __version__),
+    ):
+        if found != wanted:
+            raise InputError(f"{path}: a sweep with another {words}; start again without resume")
+    for row in sweep.designs:
+        folder = directory / row.folder
+        if load_lens(folder / LENS_FILE).sha256 != sweep.inputs[row.folder]:
+            raise InputError(f"{folder}: not the design that {path.name} lists; start again without resume")
+    return sweep

@@ -1,0 +1,48 @@
+"""The light behind the lens: every ray, in the order in which it left the source, with its fate."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int8
+from torch import Tensor
+
+from lensforge.kernels.fate import Fate
+
+
+@dataclass(frozen=True)
+class ExitRays:
+    """Rays as they leave the outer surface; receivers take them on from there.
+
+    ``points``: mm, on the outer surface, and ``directions``: unit vectors behind it; 0 where a ray did not leave the
+    lens. ``flux``: that (W) which reached the last surface met, after Fresnel losses and absorption. ``sin2_exit``:
+    squared sine of the exit angle by Snell's law, above 1 for total reflection, 0 where the outer surface was not
+    reached. ``fates``: values of :class:`~lensforge.kernels.fate.Fate`. ``absorbed``: flux (W) that the body took on
+    the way to the outer surface; None where it takes none. ``axial``: that flux (W) times the squared part of the unit
+    field along z, for a cover glass; None where none reflects. ``lost_in_glass``: what a cover glass reflected and
+    absorbed; points are then those from which rays seem to come behind it.
+    """
+
+    points: Float[Tensor, "n 3"]
+    directions: Float[Tensor, "n 3"]
+    flux: Float[Tensor, " n"]
+    sin2_exit: Float[Tensor, " n"]
+    fates: Int8[Tensor, " n"]
+    absorbed: Float[Tensor, " n"] | None = None
+    lost_in_glass: Float[Tensor, " n"] | None = None
+    axial: Float[Tensor, " n"] | None = None
+
+    @property
+    def left_lens(self) -> Bool[Tensor, " n"]:
+        """The rays that left the lens, in any direction."""
+        return self.fates == Fate.LEFT_LENS
+
+
+class Sensitivities(NamedTuple):
+    """Derivatives of a number with respect to exit rays: to their points (per mm), and to their directions.
+
+    Those to a point have no part along the ray, which is a line in space.
+    """
+
+    by_points: Float[np.ndarray, "n 3"]
+    by_directions: Float[np.ndarray, "n 3"]

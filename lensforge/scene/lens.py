@@ -1,0 +1,214 @@
+"""The lens: two frozen surfaces, the spec that they were designed for, and the settings of the design.
+
+The design stage makes it, the geometry stage builds the part from it; NumPy only. ``lens.json`` holds all of it.
+"""
+
+import hashlib
+import json
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import JsonValue
+
+from lensforge.errors import InputError, WrongFields
+from lensforge.optics.material import Material
+from lensforge.optics.media import Media
+from lensforge.results import Count, Record, Text
+from lensforge.results.files import json_in, read_json_bytes, write_json
+from lensforge.results.notebook_html import section_html
+from lensforge.results.stage_result import CHECKSUM, require_checksum, validated, with_checksum, without_schema
+from lensforge.spec import Accuracy, AnyReceiver, Spec, parse_spec
+from lensforge.surfaces.mirror_group import NAMES, contains
+from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere
+from lensforge.surfaces.surface import Surface
+from lensforge.surfaces.surface_record import SurfaceRecord, surface_record
+from lensforge.version import __version__
+
+SCHEMA = "lensforge-lens-2"
+EARLIER_FORMAT = "lensforge-lens-1"  # stated as "format"; the surfaces are written in the same way
+_REMEDY = "run `lensforge design` again"
+_WORDS = {"Asphere": "asphere", "Biconic": "biconic", "Toroid": "toroid", "XYPolynomial": "polynomial in x and y"}
+_DIRECTIONS, _LARGEST = 200, 10.0  # a lens may miss its largest radius, but not by far; tables of it would not end
+
+
+@dataclass(frozen=True, eq=False)
+class Lens:
+    """A body between two surfaces (mm), freeform or fixed: ``inner`` faces the source, ``outer`` the target.
+
+    ``spec``, ``seed``, ``accuracy`` and ``version`` (of the program) are those of its design.
+    """
+
+    inner: Surface
+    outer: Surface
+    spec: Spec
+    seed: int
+    accuracy: Accuracy
+    version: str = __version__
+
+    @property
+    def refractive_index(self) -> float:
+        """Index of the body at the design wavelength."""
+        return self.spec.lens.refractive_index
+
+    @property
+    def media(self) -> Media:
+        """The body at the design wavelength, and what fills the cavity and surrounds the lens."""
+        return self.spec.lens.media
+
+    @property
+    def dispersion(self) -> Material | None:
+        """Index of the body against wavelength; None for one index."""
+        return self.spec.lens.dispersion
+
+    @property
+    def reach_mm(self) -> float:
+        """Radius of the ball about the origin in which the lens lies, as its spec asks."""
+        return self.spec.constraints.max_radius_mm
+
+    @property
+    def basis(self) -> SrbfBasis:
+        """The radial basis functions of the spec: they shape the free surfaces, and the form errors of both."""
+        return self.spec.lens.basis
+
+    @property
+    def detail_rad(self) -> float:
+        """Sigma (rad) of the narrowest feature of both surfaces, which a common table must resolve."""
+        return min(self.inner.detail_rad, self.outer.detail_rad)
+
+    @property
+    def symmetry(self) -> str:
+        """Largest mirror group of both surfaces, a name of ``surfaces.symmetry``."""
+        own = (self.inner.symmetry, self.outer.symmetry)
+        return next(name for name in reversed(NAMES) if all(contains(each, name) for each in own))
+
+    def to_json(self) -> dict[str, JsonValue]:
+        """The content of ``lens.json``, all digits of every weight."""
+        return {
+            "schema": SCHEMA,
+            "version": self.version,
+            "seed": self.seed,
+            "accuracy": self.accuracy,
+            "units": {"length": "mm", "angle": "rad"},
+            "inner": surface_record(self.inner).model_dump(mode="json"),
+            "outer": surface_record(self.outer).model_dump(mode="json"),
+            "spec": self.spec.model_dump(mode="json"),
+        }
+
+    @cached_property
+    def sha256(self) -> str:
+        """Hash of the lens; results state it to name the lens that they belong to."""
+        return hashlib.sha256(json.dumps(self.to_json(), sort_keys=True).encode()).hexdigest()
+
+    def __eq__(self, other: object) -> bool:
+        """True where ``other`` is the same lens, bit for bit."""
+        return self.to_json() == other.to_json() if isinstance(other, Lens) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self.sha256)
+
+    def save(self, path: Path | str) -> None:
+        """Write ``lens.json``, with the hash of its content; weights are written with all digits."""
+        write_json(Path(path), with_checksum(self.to_json()))
+
+    def _repr_html_(self) -> str:
+        """HTML for a notebook: a section at y = 0, and the facts that identify the lens."""
+        spec = self.spec
+        facts = {
+            "material": f"{spec.lens.material}, n = {self.refractive_index:g}",
+            "source": spec.source.title,
+            "receiver": "; ".join(_where(receiver) for receiver in spec.all_receivers),
+            "surfaces": ", ".join(f"{name}: {_describe(getattr(self, name))}" for name in ("inner", "outer")),
+            "made by": f"lensforge {self.version}, {self.accuracy}, seed {self.seed}",
+        }
+        theta = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 181)
+        u = np.stack([np.sin(theta), np.zeros_like(theta), np.cos(theta)], axis=1)
+        outer, inner = (surface.radius(u)[:, None] * u[:, [0, 2]] for surface in (self.outer, self.inner))
+        return section_html(spec.name, np.concatenate([outer, inner[::-1]]), facts)
+
+
+def _where(receiver: AnyReceiver) -> str:
+    """Size of a receiver, and its place; of the far field and of a sphere the place alone."""
+    if receiver.kind in ("far_field", "sphere"):
+        return receiver.place
+    width, height = receiver.size
+    size = f"{width:g} mm wide" if width == height else f"{width:g} × {height:g} mm"
+    return f"{size} {receiver.place}"
+
+
+def _describe(surface: Surface) -> str:
+    if isinstance(surface, SrbfSurface):
+        basis = surface.basis
+        return f"{basis.size} functions in {len(basis.levels)} levels, symmetry {basis.symmetry}"
+    return f"fixed, {_WORDS.get(type(surface).__name__, 'given')}"
+
+
+def load_lens(path: Path | str) -> Lens:
+    """Read what :meth:`Lens.save` wrote, in this version or in 0.1.0. Raises :class:`InputError` for anything else.
+
+    A lens that another program writes may leave out the hash of its content.
+    """
+    path = Path(path)
+    return _lens_in(read_json_bytes(path), path)
+
+
+@lru_cache(maxsize=4)  # a command reads its lens at every stage; the tables of its basis take half a second
+def _lens_in(file: bytes, path: Path) -> Lens:
+    content = json_in(file, path)
+    hashed = content if isinstance(content, dict) and CHECKSUM in content else None
+    if isinstance(content, dict):
+        content = {key: value for key, value in content.items() if key != CHECKSUM}
+    if isinstance(content, dict) and content.get("format") == EARLIER_FORMAT:
+        content = {"schema": SCHEMA, **{key: value for key, value in content.items() if key != "format"}}
+        for side in ("inner", "outer"):
+            if isinstance(content.get(side), dict):
+                content[side].setdefault("kind", "srbf")
+    record = validated(LensRecord, without_schema(content, SCHEMA, path, _REMEDY), path, _REMEDY)
+    try:
+        spec = parse_spec(record.spec, str(path))
+    except WrongFields as error:  # nobody wrote this spec: the first field says as much as all
+        raise InputError(f"{error.lines[0]}; {_REMEDY}") from None
+    if spec.lens.levels == "auto":
+        raise InputError(f'{path}: spec.lens.levels = "auto", must be the numbers of its lens; {_REMEDY}')
+    try:
+        inner, outer = record.inner.surface(), record.outer.surface()
+        for side, surface in (("inner", inner), ("outer", outer)):
+            _require_size(side, surface, _LARGEST * spec.constraints.max_radius_mm)
+    except InputError as error:
+        raise InputError(f"{path}: {error}; {_REMEDY}") from None
+    if hashed is not None:
+        require_checksum(hashed, path, _REMEDY)
+    return Lens(inner, outer, spec, record.seed, record.accuracy, record.version)
+
+
+def _require_size(side: str, surface: Surface, most_mm: float) -> None:
+    """Raise :class:`InputError` where a surface meets the origin, or is larger than any lens of its spec."""
+    radius = surface.radius(fibonacci_hemisphere(_DIRECTIONS))
+    if not (radius.min() > 0.0 and radius.max() <= most_mm):
+        raise InputError(
+            f"{side}: {radius.min():.4g} to {radius.max():.4g} mm from the origin, must be above 0 and at most "
+            f"{most_mm:.4g}, ten times constraints.max_radius_mm"
+        )
+
+
+class LensUnits(Record):
+    """Units of all numbers in the file."""
+
+    length: Literal["mm"]
+    angle: Literal["rad"]
+
+
+class LensRecord(Record):
+    """``lens.json`` without the name of its schema; the spec is validated by :func:`parse_spec`."""
+
+    unions = ("inner", "outer")
+
+    version: Text
+    seed: Count
+    accuracy: Literal["draft", "standard", "reference"]
+    units: LensUnits
+    inner: SurfaceRecord
+    outer: SurfaceRecord
+    spec: dict[str, object]

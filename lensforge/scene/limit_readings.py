@@ -1,0 +1,196 @@
+"""Limits on the light of a receiver, as readings of its picture: which places count, by which unit, and the bound."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import ceil
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy import sparse
+
+from lensforge.errors import InputError
+from lensforge.results.criteria import Sense
+from lensforge.scene.receiver import PosedReceiver
+from lensforge.scene.target_shapes import in_shape
+from lensforge.spec import Spec
+from lensforge.spec.light_limits import BeamAngleLimit, GlareLimit, LimitSection, LineLimit, PointsLimit, ZoneLimit
+
+Quantity = Literal["light", "relative", "min_over_mean", "min_over_max", "share", "beam_angle"]
+_UNITS = {"w_per_m2": "W/m²", "lx": "lx", "w_per_sr": "W/sr", "cd": "cd", "deg": "°"}
+_PHOTOMETRIC = ("lx", "cd")
+_STEPS_PER_PIXEL = 2  # places along a line or a cut: the light between them is bilinear
+_SAME_PLACE = 1.0 - 1e-9  # cosine between the pixels that two places read
+_SENSES: tuple[Sense, Sense] = (">=", "<=")
+
+
+@dataclass(frozen=True, eq=False)
+class LightLimit:
+    """One bound on the light of ``receiver``, by its index: the ``quantity`` is ``sense`` ``bound``, in ``unit``.
+
+    ``readings``: matrix from the flux (W) on each pixel to the light at each place, in ``unit``; relative light and
+    angles in W/m² or W/sr. ``angles_deg``: of the places of a beam angle, whose half side counts at ``level``.
+    """
+
+    name: str
+    receiver: int
+    quantity: Quantity
+    sense: Sense
+    bound: float
+    unit: str
+    readings: sparse.csr_array
+    angles_deg: Float[np.ndarray, " k"] | None = None
+    level: float = 1.0
+
+    def of(self, images: Float[np.ndarray, "r h w"]) -> Float[np.ndarray, "r k"]:
+        """Readings of pictures of flux (W)."""
+        read: Float[np.ndarray, "r k"] = (self.readings @ images.reshape(len(images), -1).T).T
+        return read
+
+    @property
+    def light_per_flux(self) -> float:
+        """Light on a pixel per W on it: the reading, at any place, of a picture of ones."""
+        return float(self.readings.sum(axis=1).max())
+
+
+def light_limits(
+    spec: Spec, receivers: Sequence[PosedReceiver], lumens_per_watt: float | None, flux_w: float
+) -> tuple[LightLimit, ...]:
+    """The limits of ``spec`` on pictures of ``receivers``; those with two bounds twice. ``flux_w``: of the source.
+
+    Raises :class:`InputError` for lux or candela of a source whose lumens are not known, zones without a pixel, and
+    limits that contradict each other.
+    """
+    names = [section.name for section in spec.all_receivers]
+    found: list[LightLimit] = []
+    for number, limit in enumerate(spec.limits):
+        index = 0 if limit.receiver is None else names.index(limit.receiver)
+        where = f"limits.{number}"
+        found += _bounds_of(limit, where, index, receivers[index], lumens_per_watt, flux_w)
+    _require_consistent(found)
+    return tuple(found)
+
+
+def _bounds_of(
+    limit: LimitSection, where: str, index: int, receiver: PosedReceiver, lumens_per_watt: float | None, flux_w: float
+) -> Iterator[LightLimit]:
+    """One limit for each bound."""
+    readings = _readings(limit, receiver, where) / receiver.pixel_measure
+    name = limit.name or where
+    for quantity in limit.quantities():
+        scale, kind, own = _scale(quantity, where, lumens_per_watt), _kind(quantity), readings
+        if quantity == "share":
+            own = sparse.csr_array(readings.sum(axis=0)[None, :] * (receiver.pixel_measure / flux_w))
+        angles, level = None, 1.0
+        if isinstance(limit, BeamAngleLimit):
+            angles, level = _cut(receiver), limit.level
+        for sense, bound in zip(_SENSES, limit.bounds(quantity), strict=True):
+            if bound is not None:
+                unit = _UNITS.get(quantity, "")
+                yield LightLimit(name, index, kind, sense, bound, unit, sparse.csr_array(scale * own), angles, level)
+
+
+def _kind(quantity: str) -> Quantity:
+    kinds: dict[str, Quantity] = {
+        "deg": "beam_angle", "relative": "relative", "share": "share",
+        "min_over_mean": "min_over_mean", "min_over_max": "min_over_max",
+    }  # fmt: skip
+    return kinds.get(quantity, "light")
+
+
+def _scale(quantity: str, where: str, lumens_per_watt: float | None) -> float:
+    if quantity not in _PHOTOMETRIC:
+        return 1.0
+    if lumens_per_watt is None:
+        raise InputError(
+            f"{where}: its bound is in {quantity}, but the source's lumens are not known; give source.flux_lm, a "
+            "spectrum or luminous_efficacy_lm_per_w, or bounds in W"
+        )
+    return lumens_per_watt
+
+
+def _readings(limit: LimitSection, receiver: PosedReceiver, where: str) -> sparse.csr_array:
+    """Matrix from pixels to the places of ``limit``."""
+    match limit:
+        case PointsLimit():
+            x, y = np.array(limit.points).T
+            return _bilinear(receiver, *receiver.chart_coordinates(x, y))
+        case LineLimit():
+            (x0, y0), (x1, y1) = (receiver.chart_coordinates(*np.array(end)[:, None]) for end in limit.ends)
+            long = np.hypot((x1 - x0) / receiver.grid.pixel[0], (y1 - y0) / receiver.grid.pixel[1])
+            part = np.linspace(0.0, 1.0, max(2, ceil(_STEPS_PER_PIXEL * long.item()) + 1))
+            (xs, ys), (xe, ye) = limit.ends
+            return _bilinear(receiver, *receiver.chart_coordinates(xs + part * (xe - xs), ys + part * (ye - ys)))
+        case BeamAngleLimit():
+            angles, turn = _cut(receiver), np.radians(limit.azimuth_deg)
+            return _bilinear(receiver, *receiver.chart_coordinates(angles * np.cos(turn), angles * np.sin(turn)))
+    inside = _zone(limit, receiver)
+    if not inside.any():
+        raise InputError(f"{where}: no pixel of the receiver lies in it; make it larger, or evaluate.pixels")
+    pixels = np.flatnonzero(inside)
+    ones, shape = np.ones(len(pixels)), (len(pixels), inside.size)
+    return sparse.csr_array((ones, (np.arange(len(pixels)), pixels)), shape=shape)
+
+
+def _zone(limit: LimitSection, receiver: PosedReceiver) -> Bool[np.ndarray, "h w"]:
+    """Pixels whose centres lie in a zone, or in the directions of a glare limit; within the window."""
+    grid = receiver.grid
+    x, y = receiver.target_coordinates(*np.meshgrid(grid.x(), grid.y()))
+    inside = receiver.window.pixels(grid)
+    if isinstance(limit, GlareLimit):
+        inside &= np.hypot(x, y) >= limit.from_deg
+    elif isinstance(limit, ZoneLimit) and limit.zone is not None:
+        inside &= in_shape(limit.zone, *limit.zone.about_centre(x, y))
+    return inside
+
+
+def _cut(receiver: PosedReceiver) -> Float[np.ndarray, " k"]:
+    """Angles (deg) from the axis along a cut through the far field."""
+    half_deg = receiver.target_coordinates(np.array([receiver.window.radius]), np.array([0.0]))[0].item()
+    steps = _STEPS_PER_PIXEL * max(receiver.grid.shape)
+    return np.linspace(-half_deg, half_deg, steps + 1)
+
+
+def _bilinear(receiver: PosedReceiver, x: Float[np.ndarray, " k"], y: Float[np.ndarray, " k"]) -> sparse.csr_array:
+    """Matrix from pixels to places on the chart, bilinear between their centres, as at the edge beyond the last."""
+    grid = receiver.grid
+    column = np.maximum((x / grid.width + 0.5) * grid.columns - 0.5, 0.0)
+    row = np.maximum((y / grid.height + 0.5) * grid.rows - 0.5, 0.0)
+    left, below = column.astype(int), row.astype(int)
+    right, up = column - left, row - below
+    entries, rows, pixels = [], [], []
+    for more_x, share_x in ((0, 1.0 - right), (1, right)):
+        for more_y, share_y in ((0, 1.0 - up), (1, up)):
+            entries.append(share_x * share_y)
+            rows.append(np.arange(len(column)))
+            pixels.append(
+                np.minimum(below + more_y, grid.rows - 1) * grid.columns + np.minimum(left + more_x, grid.columns - 1)
+            )
+    together = np.concatenate(entries), (np.concatenate(rows), np.concatenate(pixels))
+    return sparse.csr_array(together, shape=(len(column), grid.rows * grid.columns))
+
+
+def _require_consistent(limits: Sequence[LightLimit]) -> None:
+    """Raise :class:`InputError` where the light must be more than one limit allows at a place of another."""
+    for least in (limit for limit in limits if limit.sense == ">=" and limit.quantity in ("light", "relative")):
+        for most in limits:
+            alike = (most.receiver, most.quantity, most.unit) == (least.receiver, least.quantity, least.unit)
+            if most.sense != "<=" or not alike or least.bound <= most.bound:
+                continue
+            if _share_a_place(least.readings, most.readings):
+                raise InputError(
+                    f"limits: {least.name} asks for at least {least.bound:g} {least.unit} where {most.name} allows at "
+                    f"most {most.bound:g}: no light is both; change one"
+                )
+
+
+def _share_a_place(some: sparse.csr_array, others: sparse.csr_array) -> bool:
+    """True where a place of ``some`` is one of ``others``, or lies between pixels all of which are."""
+    alone = np.diff(others.indptr) == 1
+    outside = np.ones(some.shape[1])
+    outside[others[alone].indices] = 0.0
+    if ((some != 0.0) @ outside == 0.0).any():
+        return True
+    units = [sparse.diags_array(1.0 / np.sqrt(each.power(2).sum(axis=1))) @ each for each in (some, others)]
+    same = units[0] @ units[1].T
+    return bool(same.nnz and same.max() > _SAME_PLACE)

@@ -1,0 +1,294 @@
+"""Upper bounds of the light that any lens of a given size brings to a receiver: what physics allows.
+
+No optics raises radiance, so that an étendue G holds at most the flux of the brightest light that adds up to G. Where
+the radiance of an emitter is known, a ray stands for the étendue ``flux / radiance``. Otherwise it is estimated. Rays
+are points of phase space: where their lines cross a plane z = const, and their direction cosines along x and y, in
+which an element of étendue is ``dx dy dp dq``. The sample is divided at medians into cells of equally many rays; flux
+over volume is the radiance there, to the noise of 32 rays and as the mean over the cell.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from lensforge.optics.coatings import least_reflectances, whole_span
+from lensforge.optics.fundamental_limits import best_transmittance, cell_solid_angles, cone_around, etendue_from_ball
+from lensforge.optics.media import Media
+from lensforge.scene.receiver import PosedReceiver
+from lensforge.sources.ray_bundle import ChangedSource, RayBundle, Source
+
+_RAYS_PER_CELL = 32  # fewer: the noise of a cell's radiance; more: cells average over radiance that differs
+_LEVEL = 1e-3  # rays closer than this to z = const cross no plane nearby
+
+
+@runtime_checkable
+class KnownRadiance(Protocol):
+    """A source that can say the radiance of each of its rays."""
+
+    def radiances(self, count: int, seed: int) -> Float[np.ndarray, " n"]:
+        """Radiance (W/(mm^2 sr)) where each ray of ``sample(count, seed)`` starts; infinite for a point."""
+        ...
+
+
+@dataclass(frozen=True)
+class EtendueCurve:
+    """Largest share of a source's flux within an étendue: corners of a concave curve, from brightest to darkest light.
+
+    ``share[0]`` at étendue 0 is light without extent, such as that of a point source: it has no bound. ``estimated``:
+    from cells of rays, not from known radiances.
+    """
+
+    etendue_mm2_sr: Float[np.ndarray, " k"]
+    share: Float[np.ndarray, " k"]
+    estimated: bool
+
+    @staticmethod
+    def of_source(source: Source, rays: RayBundle, seed: int) -> "EtendueCurve":
+        """The curve of ``source`` from ``rays``, its sample of that ``seed``: of its radiances where it knows them."""
+        emitter = source
+        while isinstance(emitter, ChangedSource):
+            emitter = emitter.source  # changes move rays and disperse them; none changes a radiance
+        if not isinstance(emitter, KnownRadiance):
+            return EtendueCurve.of(rays)
+        return _curve(rays.flux / emitter.radiances(len(rays), seed), rays.flux, estimated=False)
+
+    @staticmethod
+    def of(rays: RayBundle) -> "EtendueCurve":
+        """The curve of ``rays``; too few for a cell count as light without extent, as do those level with the plane."""
+        rise = rays.directions[:, 2]
+        volume, flux = np.zeros(1), np.array([rays.flux[np.abs(rise) <= _LEVEL].sum()])
+        for side in (rise > _LEVEL, rise < -_LEVEL):
+            own_volume, own_flux = _cells(rays, side)
+            volume, flux = np.concatenate([volume, own_volume]), np.concatenate([flux, own_flux])
+        return _curve(volume, flux, estimated=True)
+
+    def share_within(self, etendue_mm2_sr: float) -> float:
+        """Largest share of the flux that fits into ``etendue_mm2_sr``."""
+        return float(np.interp(etendue_mm2_sr, self.etendue_mm2_sr, self.share))
+
+    def shares_within(self, etendue_mm2_sr: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+        """The same for each of many."""
+        shares: Float[np.ndarray, "*n"] = np.interp(etendue_mm2_sr, self.etendue_mm2_sr, self.share)
+        return shares
+
+
+def _curve(volume: Float[np.ndarray, " c"], flux: Float[np.ndarray, " c"], *, estimated: bool) -> EtendueCurve:
+    """The curve of cells of étendue ``volume``, each with its flux."""
+    without_extent = volume <= 0.0
+    extended, found = volume[~without_extent], flux[~without_extent]
+    order = np.argsort(extended / np.where(found > 0.0, found, np.finfo(float).tiny))
+    first, total = flux[without_extent].sum(), flux.sum()
+    share = np.concatenate([[first], first + np.cumsum(found[order])]) / total
+    return EtendueCurve(np.concatenate([[0.0], np.cumsum(extended[order])]), share, estimated)
+
+
+def _cells(rays: RayBundle, chosen: Bool[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " c"], Float[np.ndarray, " c"]]:
+    """Étendue and flux of cells of the ``chosen`` rays, all on one side of the horizon; 0 where they are too few."""
+    count, flux = int(chosen.sum()), rays.flux[chosen]
+    levels = int(np.log2(max(count / _RAYS_PER_CELL, 1.0)))
+    if count < 2 * _RAYS_PER_CELL:
+        return np.zeros(1), np.array([flux.sum()])
+    points = _phase_space(rays.origins[chosen], rays.directions[chosen], flux)
+    each = count >> levels
+    left_over = flux[each << levels :].sum()  # fewer than there are cells: spread over them
+    members, extent = np.arange(each << levels)[None, :], np.ptp(points, axis=0)
+    scale = np.where(extent > 0.0, extent, 1.0)
+    for _ in range(levels):
+        widest = (np.ptp(points[members], axis=1) / scale).argmax(axis=1)
+        order = np.argsort(points[members, widest[:, None]], axis=1)
+        members = np.take_along_axis(members, order, axis=1).reshape(2 * len(members), -1)
+    # the box of m uniform points is smaller than their cell by (m - 1)/(m + 1) along each side
+    volume = np.prod(np.ptp(points[members], axis=1) * (each + 1) / (each - 1), axis=1)
+    shares = flux[members].sum(axis=1)
+    return volume, shares * (1.0 + left_over / max(float(shares.sum()), np.finfo(float).tiny))
+
+
+def _phase_space(
+    origins: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], flux: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, "n 4"]:
+    """Crossings (mm) of the rays' lines with the plane in which they lie closest together, and direction cosines."""
+    slopes = directions[:, :2] / directions[:, 2:]
+    crossings = origins[:, :2] - origins[:, 2:] * slopes
+    weights = (flux * directions[:, 2] ** 4)[:, None]  # rays near the horizon cross every plane far out
+    total = max(float(weights.sum()), np.finfo(float).tiny)
+    apart, turned = (each - (weights * each).sum(axis=0) / total for each in (crossings, slopes))
+    spread = float((weights * turned**2).sum())
+    z_mm = 0.0 if spread == 0.0 else -float((weights * apart * turned).sum()) / spread
+    return np.concatenate([crossings + z_mm * slopes, directions[:, :2]], axis=1)
+
+
+_RAYS, _SEED = 2**14, 0  # 16 times as many move no bound of a shipped scene by 0.2 %
+_WINDOW_SUBPIXELS = 8  # along a side of a pixel: the share of it that is in a round window
+_BISECTIONS = 60  # of the level that fills a target: to the last digits
+
+Image = Float[np.ndarray, "h w"]
+Region = Bool[np.ndarray, "h w"] | Float[np.ndarray, "h w"]  # pixels, or the share of each that counts
+
+
+@dataclass(frozen=True)
+class LargestShare:
+    """Upper bounds of a share of the source's flux: by étendue, and by what two refractions turn and transmit."""
+
+    by_etendue: float
+    by_refraction: float
+
+    @property
+    def value(self) -> float:
+        """The lower one."""
+        return min(self.by_etendue, self.by_refraction)
+
+    @property
+    def law(self) -> str:
+        """The law that sets it, in words."""
+        return "étendue" if self.by_etendue <= self.by_refraction else "the turn and loss of two refractions"
+
+    def __str__(self) -> str:
+        return f"at most {100.0 * self.value:.3g} % (by {self.law})"
+
+
+@dataclass(frozen=True)
+class SourceLight:
+    """A sample of a source's rays, the étendue that they take outside the lens, and the media that they pass."""
+
+    rays: RayBundle
+    curve: EtendueCurve
+    media: Media
+
+    @staticmethod
+    def of(source: Source, media: Media, count: int = _RAYS) -> "SourceLight":
+        """Sample ``source``; rays without an index of their own have that of ``media``."""
+        count = min(count, source.ray_count or count)
+        rays = source.sample(count, _SEED)
+        return SourceLight.of_rays(rays, EtendueCurve.of_source(source, rays, _SEED), media)
+
+    @staticmethod
+    def of_rays(rays: RayBundle, curve: EtendueCurve, media: Media) -> "SourceLight":
+        """The same of given ``rays``; ``curve``: of the étendue that they have in the cavity."""
+        outside = replace(curve, etendue_mm2_sr=media.etendue_factor * curve.etendue_mm2_sr)
+        return SourceLight(rays, outside, media)
+
+    def best_transmittances(self, turns_rad: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Largest transmittance of two faces that turn each of the rays by at least so much."""
+        media = self.media
+        least = least_reflectances(media, whole_span(self.rays.wavelengths_nm, media))
+        indices = self.rays.indices(media)
+        return best_transmittance(turns_rad, indices, media.cavity_index, media.outside_index, least)
+
+    @cached_property
+    def transmittance(self) -> float:
+        """Transmittance of two faces that need not turn light, for the light that they transmit best."""
+        return float(self.best_transmittances(np.zeros(len(self.rays))).max())
+
+
+@dataclass(frozen=True)
+class PossibleLight:
+    """Light that a lens within ``max_radius_mm`` of the origin can bring to ``receiver`` from a source, at most.
+
+    Étendue: the light comes out of the ball of that radius, so that what reaches a pixel has at most the étendue from
+    the ball to it, and at most the flux of the brightest light of the source of that étendue (Winston, Minano and
+    Benitez, Nonimaging Optics, 2005, chapter 2), times what two faces transmit at normal incidence. Refraction: to
+    reach a region a ray must turn by the angle from its direction to the cone around the region, and two faces that
+    turn it so far transmit :func:`~lensforge.optics.fundamental_limits.best_transmittance` of it.
+    """
+
+    light: SourceLight
+    receiver: PosedReceiver
+    max_radius_mm: float
+
+    @property
+    def _ball_mm(self) -> float:
+        """Radius of the ball from which light seems to come: nearer by the thickness of a cover glass at most."""
+        glass = self.light.media.cover_glass
+        return self.max_radius_mm + (0.0 if glass is None else glass.thickness_mm)
+
+    @cached_property
+    def _corners(self) -> Float[np.ndarray, "m n 3"]:
+        return self.receiver.corners()
+
+    @cached_property
+    def _solid_angles_sr(self) -> Image:
+        return cell_solid_angles(self._corners)
+
+    @cached_property
+    def on_pixels(self) -> Image:
+        """Largest share of the source's flux on each pixel, by étendue: the brightness theorem."""
+        etendue = etendue_from_ball(self._ball_mm, 1.0) * self._solid_angles_sr
+        caps: Image = self.light.transmittance * self.light.curve.shares_within(etendue)
+        return caps
+
+    def in_region(self, pixels: Region) -> LargestShare:
+        """Largest share in ``pixels`` [row y, column x], or in a part of each; without extent by refraction alone."""
+        if not pixels.any():
+            return LargestShare(0.0, 0.0)
+        rays, etendue = self.light.rays, self._etendue_mm2_sr(pixels, self._ball_mm)
+        held = self.light.transmittance * self.light.curve.share_within(etendue)
+        axis, half_rad = cone_around(self._corners, pixels > 0.0)
+        turns = np.arccos(np.clip(rays.directions @ axis, -1.0, 1.0)) - half_rad - self._parallax_rad()
+        passed = rays.flux @ self.light.best_transmittances(turns)
+        return LargestShare(held, float(passed / rays.flux.sum()))
+
+    def in_window(self) -> LargestShare:
+        """Largest share in the receiver's window, which may be wider than its pixels."""
+        window, grid = self.receiver.window, self.receiver.grid
+        width, height = min(window.width, 2.0 * window.radius), min(window.height, 2.0 * window.radius)
+        whole = replace(self.receiver, grid=replace(grid, width=width, height=height))
+        cells = window.pixels(whole.grid.finer(_WINDOW_SUBPIXELS))
+        cells = cells.reshape(grid.rows, _WINDOW_SUBPIXELS, grid.columns, _WINDOW_SUBPIXELS)
+        return replace(self, receiver=whole).in_region(cells.mean(axis=(1, 3)))
+
+    def radius_for(self, pixels: Region, share: float) -> float:
+        """Radius (mm) of the smallest lens whose étendue lets ``share`` into ``pixels``; infinite where none does."""
+        curve = self.light.curve
+        wanted = share / self.light.transmittance
+        if not pixels.any() or wanted > 1.0 + 1e-9:
+            return float("inf")
+        needed = float(np.interp(min(wanted, 1.0), curve.share, curve.etendue_mm2_sr))
+        return float(np.sqrt(needed / self._etendue_mm2_sr(pixels, 1.0)))
+
+    def least_nmse(self, target: Image, in_target: Region, arriving: float) -> float:
+        """Lower bound of the NMSE of a pattern that holds the share ``arriving`` of the source's flux.
+
+        ``target``: with sum 1. Of all patterns that keep the bound of each pixel and that of the region ``in_target``
+        the nearest one: the target raised by one level inside the region, by another one outside, cut at the bounds.
+        """
+        if not arriving > 0.0:
+            return 0.0
+        caps, most = self.on_pixels / arriving, self.in_region(in_target).value / arriving
+        if (target <= caps).all() and target[in_target].sum() <= most:
+            return 0.0  # the target itself is possible
+        nearest = _filled(target, caps, 1.0)
+        if nearest[in_target].sum() > most:
+            nearest = target.copy()
+            nearest[in_target] = _filled(target[in_target], caps[in_target], most)
+            nearest[~in_target] = _filled(target[~in_target], caps[~in_target], 1.0 - most)
+        return float(np.sum((nearest - target) ** 2) / np.sum(target**2))
+
+    def _etendue_mm2_sr(self, pixels: Region, radius_mm: float) -> float:
+        return etendue_from_ball(radius_mm, float((self._solid_angles_sr * pixels).sum()))
+
+    def _parallax_rad(self) -> float:
+        """Most by which a point of the receiver, seen from within the ball, lies off its direction from the origin."""
+        if self.receiver.kind == "far_field":
+            return 0.0
+        nearest_mm = float(np.linalg.norm(self._corners, axis=-1).min())
+        if self.receiver.kind == "plane":  # between the corners it may be nearer
+            pose = self.receiver.pose
+            nearest_mm = abs(float(pose.axes[2] @ pose.centre_mm))
+        return float(np.arcsin(min(1.0, self._ball_mm / nearest_mm)))
+
+
+def _filled(target: Float[np.ndarray, "*n"], caps: Float[np.ndarray, "*n"], total: float) -> Float[np.ndarray, "*n"]:
+    """``target`` plus one level, cut at 0 and at ``caps``, with the sum ``total``; ``caps`` where theirs is less."""
+    if not target.size:
+        return target
+    low, high = -float(target.max()), float(np.max(caps - target))
+    if not np.isfinite(high):
+        high = total
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if np.clip(target + middle, 0.0, caps).sum() < total else (low, middle)
+    found: Float[np.ndarray, "*n"] = np.clip(target + high, 0.0, caps)
+    return found

@@ -1,0 +1,271 @@
+"""Protocol of every receiver, which maps exit rays to hits without knowing the lens, and receivers in a pose.
+
+A pose is a centre, and axes by a normal and a turn about it. Receivers in a pose share what their compiled kernels
+need.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import inf
+from typing import Any, ClassVar, Literal, Protocol, runtime_checkable
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from lensforge.kernels.parallel import in_chunks
+from lensforge.scene.exit_rays import ExitRays, Sensitivities
+from lensforge.scene.pixel_grid import PixelGrid, Window
+
+ReceiverKind = Literal["plane", "far_field", "cylinder", "sphere"]
+
+
+@dataclass(frozen=True)
+class Landings:
+    """Exit rays on a receiver, in their order.
+
+    ``hits``: coordinates on the receiver's chart; ``flux``: W; both 0 where a ray did not land. ``landed``: rays that
+    reach the surface in which the receiver lies. ``missed_receiver``: rays that left the lens and never do.
+    """
+
+    hits: Float[Tensor, "n 2"]
+    flux: Float[Tensor, " n"]
+    landed: Bool[Tensor, " n"]
+    missed_receiver: Bool[Tensor, " n"]
+
+
+@runtime_checkable
+class Receiver(Protocol):
+    """A pixel grid on the chart of some surface, or of all directions; charts keep areas, so that pixels are alike."""
+
+    def __hash__(self) -> int:
+        """Hash of a receiver, which does not change."""
+        ...
+
+    @property
+    def kind(self) -> ReceiverKind:
+        """Kind of the receiver, as a spec names it."""
+        ...
+
+    @property
+    def grid(self) -> PixelGrid:
+        """The pixels, in whose coordinates hits are given."""
+        ...
+
+    @property
+    def window(self) -> Window:
+        """The part in which flux counts as detected."""
+        ...
+
+    @property
+    def pixel_measure(self) -> float:
+        """Measure of a pixel: its area in m^2, or its solid angle in sr."""
+        ...
+
+    def land(self, rays: ExitRays) -> Landings:
+        """Land ``rays``, float64 on the CPU, by a compiled kernel; without a gradient."""
+        ...
+
+    def sensitivities(self, rays: ExitRays, by_hits: Float[np.ndarray, "n 2"]) -> Sensitivities:
+        """Sensitivities to exit rays from those to their hits, which are 0 for rays that missed the receiver."""
+        ...
+
+    def land_in_torch(self, rays: ExitRays) -> Landings:
+        """``land`` in plain torch, on any device and in any precision; differentiable."""
+        ...
+
+    def places(self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:
+        """Points (mm) of the lens's space at places on the chart; of a far field unit directions."""
+        ...
+
+    def target_coordinates(
+        self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]
+    ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
+        """Places on the chart as targets state them: mm, or degrees from the axis of a far field."""
+        ...
+
+    def chart_coordinates(
+        self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]
+    ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
+        """Places as targets state them on the chart: the inverse."""
+        ...
+
+
+@dataclass(frozen=True)
+class Hits:
+    """Hits and flux (W) of rays on a receiver; 0 for rays that did not land."""
+
+    hits: Float[np.ndarray, "n 2"]
+    flux: Float[np.ndarray, " n"]
+
+    @staticmethod
+    def of(landings: Landings) -> "Hits":
+        """The arrays of ``landings``, in float64 and without a gradient."""
+        return Hits(*(tensor.detach().cpu().double().numpy() for tensor in (landings.hits, landings.flux)))
+
+    @property
+    def arrived(self) -> Bool[np.ndarray, " n"]:
+        """Rays that arrived with flux."""
+        return self.flux > 0.0
+
+    def take(self, rows: Int[np.ndarray, " k"] | slice) -> "Hits":
+        """Hits of some of the rays."""
+        return Hits(self.hits[rows], self.flux[rows])
+
+
+@dataclass(frozen=True)
+class ReceiverPose:
+    """A right-handed frame in the lens's coordinates: ``centre_mm``, and its unit axes x, y, z as ``rows``."""
+
+    centre_mm: tuple[float, float, float]
+    rows: tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
+
+    @staticmethod
+    def facing(
+        direction: tuple[float, float, float], centre_mm: tuple[float, float, float], rotation_deg: float = 0.0
+    ) -> "ReceiverPose":
+        """The frame whose z axis is ``direction``: the lens's own, tilted the shortest way, then turned about it.
+
+        A direction along -z, to which all ways are as short, is reached about the y axis.
+        """
+        z = np.array(direction) / np.linalg.norm(direction)
+        axes = _shortest(z) if rotation_deg == 0.0 else _turn(rotation_deg) @ _shortest(z)
+        x, y, z = ((float(row[0]), float(row[1]), float(row[2])) for row in axes)
+        return ReceiverPose(centre_mm, (x, y, z))
+
+    @property
+    def axes(self) -> Float[np.ndarray, "3 3"]:
+        """The unit axes x, y, z as rows."""
+        return np.array(self.rows)
+
+    def packed(self) -> Float[np.ndarray, "4 3"]:
+        """Centre and axes in one array, as the kernels take them."""
+        return np.array([self.centre_mm, *self.rows])
+
+
+def _shortest(z: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
+    """Rows x, y, z of the lens's frame after the shortest rotation that takes its z axis to ``z`` (Rodrigues)."""
+    if z[2] <= -1.0 + 1e-12:
+        return np.diag([-1.0, 1.0, -1.0])
+    cross = np.array([[0.0, 0.0, z[0]], [0.0, 0.0, z[1]], [-z[0], -z[1], 0.0]])
+    rotation: Float[np.ndarray, "3 3"] = np.eye(3) + cross + cross @ cross / (1.0 + z[2])
+    return rotation.T
+
+
+def _turn(degrees: float) -> Float[np.ndarray, "3 3"]:
+    """Rows of a frame turned about its z axis, from x towards y; quarter turns are exact."""
+    cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    if degrees % 90.0 == 0.0:
+        cosine, sine = round(cosine), round(sine)
+    return np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+
+
+Kernel = Callable[..., Any]
+
+
+@dataclass(frozen=True)
+class PosedReceiver(ABC):
+    """A receiver whose chart is given by a pose and, for curved ones, a radius (mm).
+
+    Subclasses name their pair of kernels, and have the same in torch.
+    """
+
+    pose: ReceiverPose
+    grid: PixelGrid
+    window: Window = field(default_factory=Window)
+
+    kind: ClassVar[ReceiverKind]
+    kernels: ClassVar[tuple[Kernel, Kernel]]  # hits and whether they are reached; the adjoint
+    radius_mm: ClassVar[float] = inf
+
+    @property
+    def pixel_measure(self) -> float:
+        """Area of a pixel in m^2, so that flux (W) over it is irradiance (W/m^2)."""
+        width, height = self.grid.pixel
+        return width * height * 1e-6
+
+    def land(self, rays: ExitRays) -> Landings:
+        """Land ``rays``, float64 on the CPU, by a compiled kernel; without a gradient."""
+        points, directions, left = rays.points.numpy(), rays.directions.numpy(), rays.left_lens.numpy()
+        hits, reached, pose = np.empty((len(left), 2)), np.empty(len(left), dtype=bool), self.pose.packed()
+
+        def work(_: int, part: slice) -> None:
+            self.kernels[0](points[part], directions[part], pose, self.radius_mm, hits[part], reached[part])
+            reached[part] &= left[part]  # rays that were lost have no direction
+            hits[part][~reached[part]] = 0.0
+
+        in_chunks(work, len(left))
+        flux = np.where(reached, rays.flux.numpy(), 0.0)
+        return Landings(*(torch.from_numpy(array) for array in (hits, flux, reached, left & ~reached)))
+
+    def sensitivities(self, rays: ExitRays, by_hits: Float[np.ndarray, "n 2"]) -> Sensitivities:
+        """Sensitivities to exit rays from those to their hits, which are 0 for rays that missed the receiver."""
+        points, directions, pose = rays.points.numpy(), rays.directions.numpy(), self.pose.packed()
+        by = Sensitivities(np.empty_like(points), np.empty_like(points))
+
+        def work(_: int, part: slice) -> None:
+            rest = (by_hits[part], by.by_points[part], by.by_directions[part])
+            self.kernels[1](points[part], directions[part], pose, self.radius_mm, *rest)
+
+        in_chunks(work, len(points))
+        return by
+
+    def land_in_torch(self, rays: ExitRays) -> Landings:
+        """``land`` in plain torch, on any device and in any precision; differentiable."""
+        axes = torch.as_tensor(self.pose.axes, dtype=rays.points.dtype, device=rays.points.device)
+        centre = torch.as_tensor(self.pose.centre_mm, dtype=axes.dtype, device=axes.device)
+        points, directions = (rays.points - centre) @ axes.T, rays.directions @ axes.T
+        landed = rays.left_lens & self._reached(points.detach(), directions.detach())
+        rows = torch.nonzero(landed)[:, 0]
+        hits = torch.zeros_like(rays.points[:, :2]).index_put((rows,), self._chart(points[rows], directions[rows]))
+        return Landings(hits, rays.flux * landed, landed, rays.left_lens & ~landed)
+
+    @abstractmethod
+    def _reached(self, points: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Bool[Tensor, " n"]:
+        """True for rays, in the pose, that reach the surface."""
+
+    @abstractmethod
+    def _chart(self, points: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Float[Tensor, "n 2"]:
+        """Hits of rays, in the pose, all of which reach the surface."""
+
+    def places(self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:
+        """Points (mm) of the lens's space at places on the chart; of a far field unit directions."""
+        points: Float[np.ndarray, "*n 3"] = self.pose.centre_mm + self._local(x, y) @ self.pose.axes
+        return points
+
+    @abstractmethod
+    def _local(self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:
+        """The same points in the pose."""
+
+    def corners(self) -> Float[np.ndarray, "k l 3"]:
+        """Points (mm) of the corners of all pixels [row, column]; of a far field unit directions."""
+        grid = self.grid
+        x = grid.width * (np.arange(grid.columns + 1) / grid.columns - 0.5)
+        y = grid.height * (np.arange(grid.rows + 1) / grid.rows - 0.5)
+        return self.places(*np.meshgrid(x, y))
+
+    def target_coordinates(
+        self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]
+    ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
+        """Places on the chart as targets state them: mm, the chart's own."""
+        return x, y
+
+    def chart_coordinates(
+        self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]
+    ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
+        """Places as targets state them on the chart: the same."""
+        return x, y
+
+
+def from_equal_area(x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:
+    """Unit vectors at places on the equal-area chart; beyond its rim, at a radius of 2, the direction -z."""
+    square = np.minimum(x * x + y * y, 4.0)
+    shrunk = np.sqrt(np.maximum(1.0 - 0.25 * square, 0.0))
+    return np.stack([shrunk * x, shrunk * y, 1.0 - 0.5 * square], axis=-1)
+
+
+def equal_area(units: Float[Tensor, "n 3"]) -> Float[Tensor, "n 2"]:
+    """Lambert's azimuthal equal-area chart of unit vectors: circles about z of radius 2 sin(angle / 2)."""
+    return torch.sqrt(2.0 / (1.0 + units[:, 2:])) * units[:, :2]

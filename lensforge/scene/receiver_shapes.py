@@ -1,0 +1,200 @@
+"""Receivers of a spec, as those that rays land on: a plane, a cylinder, a dome, and the far field.
+
+Cylinders are unrolled; the dome and the far field are on charts that keep areas, so that pixels of the far field are
+candela.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import ClassVar
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from lensforge.errors import InputError
+from lensforge.kernels.landing import (
+    LEAST_RISE,
+    POLE,
+    cylinder,
+    cylinder_adjoint,
+    far_field,
+    far_field_adjoint,
+    plane,
+    plane_adjoint,
+    sphere,
+    sphere_adjoint,
+)
+from lensforge.scene.pixel_grid import PixelGrid, Window
+from lensforge.scene.receiver import Kernel, PosedReceiver, ReceiverKind, ReceiverPose, equal_area, from_equal_area
+from lensforge.spec import AnyReceiver, Spec
+from lensforge.spec.receiver_sections import CylinderReceiver, FarFieldReceiver, PlaneReceiver, SphereReceiver
+
+
+@dataclass(frozen=True)
+class Plane(PosedReceiver):
+    """A rectangle in the plane of the pose's x and y axes (mm), about its centre."""
+
+    kind: ClassVar[ReceiverKind] = "plane"
+    kernels: ClassVar[tuple[Kernel, Kernel]] = (plane, plane_adjoint)
+
+    def _reached(self, points: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Bool[Tensor, " n"]:
+        return directions[:, 2] > LEAST_RISE
+
+    def _chart(self, points: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Float[Tensor, "n 2"]:
+        reached = points - (points[:, 2] / directions[:, 2])[:, None] * directions
+        return reached[:, :2]
+
+    def _local(self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:
+        return np.stack([x, y, np.zeros_like(x)], axis=-1)
+
+
+@dataclass(frozen=True)
+class Cylinder(PosedReceiver):
+    """The cylinder of ``radius_mm`` about the pose's y axis: arc length from its z axis, and height (mm)."""
+
+    radius_mm: float = field(kw_only=True)  # type: ignore[misc]  # of planes it has no meaning
+
+    kind: ClassVar[ReceiverKind] = "cylinder"
+    kernels: ClassVar[tuple[Kernel, Kernel]] = (cylinder, cylinder_adjoint)
+
+    def _paths(self, points: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
+        flat, across = points[:, ::2], directions[:, ::2]
+        square, half = (across**2).sum(dim=1), (flat * across).sum(dim=1)
+        root = half**2 - square * ((flat**2).sum(dim=1) - self.radius_mm**2)
+        paths: Float[Tensor, " n"] = (root.clamp(min=0.0).sqrt() - half) / square
+        return paths
+
+    def _reached(self, points: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Bool[Tensor, " n"]:
+        across = directions[:, ::2].norm(dim=1)
+        reached: Bool[Tensor, " n"] = (across > LEAST_RISE) & (self._paths(points, directions) > 0.0)
+        return reached
+
+    def _chart(self, points: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Float[Tensor, "n 2"]:
+        ends = points + self._paths(points, directions)[:, None] * directions
+        return torch.stack([self.radius_mm * torch.atan2(ends[:, 0], ends[:, 2]), ends[:, 1]], dim=1)
+
+    def _local(self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:
+        angle = x / self.radius_mm
+        return np.stack([self.radius_mm * np.sin(angle), y, self.radius_mm * np.cos(angle)], axis=-1)
+
+
+@dataclass(frozen=True)
+class Dome(PosedReceiver):
+    """The sphere of ``radius_mm`` about the pose's centre, charted (mm) about its z axis; the lens is inside."""
+
+    radius_mm: float = field(kw_only=True)  # type: ignore[misc]  # of planes it has no meaning
+
+    kind: ClassVar[ReceiverKind] = "sphere"
+    kernels: ClassVar[tuple[Kernel, Kernel]] = (sphere, sphere_adjoint)
+
+    def _paths(self, points: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
+        half = (points * directions).sum(dim=1)
+        root = half**2 - (points**2).sum(dim=1) + self.radius_mm**2
+        return root.clamp(min=0.0).sqrt() - half
+
+    def _reached(self, points: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Bool[Tensor, " n"]:
+        paths = self._paths(points, directions)
+        return (paths > 0.0) & (1.0 + (points[:, 2] + paths * directions[:, 2]) / self.radius_mm > POLE)
+
+    def _chart(self, points: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Float[Tensor, "n 2"]:
+        ends = points + self._paths(points, directions)[:, None] * directions
+        return self.radius_mm * equal_area(ends / self.radius_mm)
+
+    def _local(self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:
+        return self.radius_mm * from_equal_area(x / self.radius_mm, y / self.radius_mm)
+
+
+@dataclass(frozen=True)
+class FarField(PosedReceiver):
+    """Directions about the pose's z axis, on Lambert's azimuthal equal-area chart: at a radius of 2 sin(gamma / 2).
+
+    Where a ray starts does not count: the lens is a point, seen from far away.
+    """
+
+    kind: ClassVar[ReceiverKind] = "far_field"
+    kernels: ClassVar[tuple[Kernel, Kernel]] = (far_field, far_field_adjoint)
+
+    @property
+    def pixel_measure(self) -> float:
+        """Solid angle of a pixel in sr, so that flux (W) over it is intensity (W/sr)."""
+        width, height = self.grid.pixel
+        return width * height
+
+    def _reached(self, points: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Bool[Tensor, " n"]:
+        return 1.0 + directions[:, 2] > POLE
+
+    def _chart(self, points: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Float[Tensor, "n 2"]:
+        return equal_area(directions)
+
+    def _local(self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:
+        return from_equal_area(x, y)
+
+    def target_coordinates(
+        self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]
+    ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
+        """Degrees from the axis along x and y: gamma times the cosine and the sine of the azimuth."""
+        radius = np.hypot(x, y)
+        scale = np.degrees(2.0 * np.arcsin(np.minimum(0.5 * radius, 1.0))) / np.where(radius > 0.0, radius, np.inf)
+        return scale * x, scale * y
+
+    def chart_coordinates(
+        self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]
+    ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
+        """Chart of degrees from the axis along x and y."""
+        gamma = np.hypot(x, y)
+        scale = 2.0 * np.sin(0.5 * np.radians(gamma)) / np.where(gamma > 0.0, gamma, np.inf)
+        return scale * x, scale * y
+
+
+def chart_radius(gamma_deg: float) -> float:
+    """Radius on the chart of the directions at an angle from the axis."""
+    return 2.0 * float(np.sin(0.5 * np.radians(gamma_deg)))
+
+
+def receivers_of(spec: Spec, pixels: int) -> tuple[PosedReceiver, ...]:
+    """The receivers of ``spec``, with ``pixels`` along the longer side of each."""
+    built = [build_receiver(section, pixels) for section in spec.all_receivers]
+    side = spec.evaluate.window_mm
+    if side is not None and spec.target is not None:
+        built = [replace(built[0], window=Window(side, side))]
+    _require_behind_glass(spec, built)
+    return tuple(built)
+
+
+def _require_behind_glass(spec: Spec, receivers: Sequence[PosedReceiver]) -> None:
+    """Refuse receivers that lie in part before the far face of the cover glass: light meets them first."""
+    glass = spec.lens.cover_glass
+    if glass is None:
+        return
+    end_mm = glass.distance_mm + glass.thickness_mm
+    for receiver in receivers:
+        low_mm = float(receiver.corners()[..., 2].min())
+        if receiver.kind != "far_field" and low_mm < end_mm:
+            raise InputError(
+                f"lens.cover_glass ends at z = {end_mm:g} mm, and a receiver reaches down to z = {low_mm:.4g} mm; "
+                "put all of it behind the glass"
+            )
+
+
+def build_receiver(section: AnyReceiver, pixels: int) -> PosedReceiver:
+    """One receiver; its window is all of it unless the section names one."""
+    width, height = section.size
+    grid = PixelGrid.of(width / section.pixel_aspect, height, pixels)
+    grid = replace(grid, width=width)
+    whole = Window(width, height)
+    match section:
+        case PlaneReceiver():
+            pose = ReceiverPose.facing(section.facing, section.centre_mm, section.rotation_deg)
+            return Plane(pose, grid, whole if section.window_mm is None else Window(*section.window_mm))
+        case FarFieldReceiver():
+            pose = ReceiverPose.facing(section.facing, (0.0, 0.0, 0.0), section.rotation_deg)
+            return FarField(pose, grid, Window(radius=chart_radius(section.half_angle_deg)))
+        case CylinderReceiver():
+            pose = ReceiverPose.facing(section.facing, section.centre_mm, section.rotation_deg)
+            return Cylinder(pose, grid, whole, radius_mm=section.radius_mm)
+        case SphereReceiver():
+            pose = ReceiverPose.facing(section.facing, section.centre_mm, section.rotation_deg)
+            radius = section.radius_mm * chart_radius(section.half_angle_deg)
+            return Dome(pose, grid, Window(radius=radius), radius_mm=section.radius_mm)

@@ -1,0 +1,237 @@
+"""Points of the chart at which constraints hold, and curvature, draft and wall there; differentiable.
+
+The points are the table's nodes, the centres of its cells and the rim: a symmetric lens has its peak on the axis, which
+is a centre when the number of nodes is even, and its thinnest wall is often on the rim, between the nodes.
+
+With ``w = ln(rho)``, its gradient ``g`` and Hessian ``W`` on the unit sphere, and ``v = sqrt(1 + |g|^2)``, the first
+and second fundamental forms of ``rho u`` are ``rho^2 (I + g g')`` and ``rho (I + g g' - W) / v``, so that the principal
+curvatures are the eigenvalues of ``(I - P W P) / (rho v)`` with ``P = (I + g g')^(-1/2)``: symmetric, hence exact at
+umbilics, and ``1/rho`` for a sphere about the origin.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from scipy.sparse import csr_matrix, vstack
+from torch import Tensor
+
+from lensforge.kernels.clearance import nearest_on_table
+from lensforge.kernels.sparse import SparseMatrix
+from lensforge.surfaces import surface
+from lensforge.surfaces.bicubic_table import TableGrid, cubic_basis
+from lensforge.surfaces.mirror_group import first_images
+
+_VALUE = ((0, 0),)
+_JET = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
+_FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class ChartPoints:
+    """``k`` points of the chart: coordinates, and the scale ``2/(1 + X^2 + Y^2)`` from chart to sphere.
+
+    ``spacing``: chart distance from a point to the others of its cell, for which it speaks too; 0: for itself alone.
+    """
+
+    x: Float[Tensor, " k"]
+    y: Float[Tensor, " k"]
+    spacing: float = 0.0
+
+    @staticmethod
+    def of(points: Float[np.ndarray, "k 2"], spacing: float = 0.0) -> "ChartPoints":
+        """The points in the rows of an array."""
+        x, y = torch.from_numpy(np.ascontiguousarray(points.T))
+        return ChartPoints(x, y, spacing)
+
+    @cached_property
+    def scale(self) -> Float[Tensor, " k"]:
+        """Angle (rad) on the sphere for a unit of the chart."""
+        return 2.0 / (1.0 + self.x**2 + self.y**2)
+
+    @cached_property
+    def cosine(self) -> Float[Tensor, " k"]:
+        """Cosine of the polar angle."""
+        return self.scale - 1.0
+
+    @cached_property
+    def directions(self) -> Float[Tensor, "k 3"]:
+        """Unit vectors from the origin."""
+        return torch.stack([self.x * self.scale, self.y * self.scale, self.cosine], dim=1)
+
+
+@dataclass(frozen=True)
+class RadiusJet:
+    """``rho`` (mm) and its derivatives by the chart coordinates at ``k`` points; none where only ``rho`` is needed.
+
+    ``table``: that it was taken from.
+    """
+
+    rho: Float[Tensor, " k"]
+    derivatives: Float[Tensor, "d k"]  # by X, Y, XX, XY, YY
+    table: Float[Tensor, "side side"] | None = None
+
+
+@dataclass(frozen=True)
+class ChartOperator:
+    """A set of chart points, and the matrix from a table's coefficients to radius and derivatives at them."""
+
+    points: ChartPoints
+    operator: SparseMatrix
+
+    @staticmethod
+    def of(
+        grid: TableGrid, points: Float[np.ndarray, "k 2"], derivatives: bool, spacing: float = 0.0
+    ) -> "ChartOperator":
+        """Operator for tables of ``grid``; with ``derivatives`` the first and second ones too."""
+        orders = _JET if derivatives else _VALUE
+        matrix = vstack([_evaluation(grid, points, order) for order in orders], format="csr")
+        return ChartOperator(ChartPoints.of(points, spacing), SparseMatrix(matrix))
+
+    def jets(self, *tables: Float[Tensor, "side side"]) -> list[RadiusJet]:
+        """Radius and derivatives of each table; differentiable by its coefficients."""
+        columns = torch.stack([table.reshape(-1) for table in tables], dim=1)
+        values = (self.operator @ columns).T.reshape(len(tables), -1, len(self.points.x))
+        return [RadiusJet(each[0], each[1:], table) for each, table in zip(values, tables, strict=True)]
+
+
+def constraint_points(grid: TableGrid, symmetry: str, *, every_node: int | None = None) -> Float[np.ndarray, "k 2"]:
+    """Chart points of the nodes and cell centres within the hemisphere, and of the rim at the nodes' spacing.
+
+    With ``every_node`` fewer: each first, second, ... node of a row, and no centres. Of mirror images under the group
+    ``symmetry`` only one is kept.
+    """
+    nodes = surface.grid(grid.nodes)
+    middles = nodes[:-1, :-1] + 0.5 * grid.step
+    if every_node is None:
+        both = np.concatenate([nodes.reshape(-1, 2), middles.reshape(-1, 2)])
+    else:
+        both = nodes[::every_node, ::every_node].reshape(-1, 2)
+    azimuth = np.linspace(0.0, 2.0 * np.pi, 8 * int(np.ceil(0.25 * np.pi / grid.step)), endpoint=False)
+    rim = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
+    points = np.concatenate([both[np.sum(both**2, axis=1) < 1.0], rim])
+    kept: Float[np.ndarray, "k 2"] = points[first_images(points, symmetry)]
+    return kept
+
+
+def _evaluation(grid: TableGrid, points: Float[np.ndarray, "k 2"], order: tuple[int, int]) -> csr_matrix:
+    """Matrix with one row for each point: the mixed derivative ``order`` of the table there."""
+    (at_x, by_x), (at_y, by_y) = (_taps(grid, points[:, axis], order[axis]) for axis in (0, 1))
+    columns = at_x[:, :, None] * grid.side + at_y[:, None, :]
+    factors = by_x[:, :, None] * by_y[:, None, :]
+    rows = np.broadcast_to(np.arange(len(points))[:, None, None], columns.shape)
+    matrix = csr_matrix((factors.ravel(), (rows.ravel(), columns.ravel())), shape=(len(points), grid.side**2))
+    matrix.eliminate_zeros()
+    return matrix
+
+
+def _taps(
+    grid: TableGrid, at: Float[np.ndarray, " k"], order: int
+) -> tuple[Int[np.ndarray, "k t"], Float[np.ndarray, "k t"]]:
+    """Indices of the coefficients, and their factors, of a derivative along one axis.
+
+    At nodes and centres an interpolating cubic's slope is of fourth order, its second derivative of second order: it
+    lacks ``h^2 (1/12 - f(1 - f)/2)`` times the fourth derivative, which the fourth difference of the table supplies.
+    """
+    position = (at - grid.origin) / grid.step
+    cell = np.floor(position + 1e-9).astype(int)  # on the hemisphere all four coefficients are there
+    f = position - cell
+    index = cell[:, None] + np.arange(-1, 3)
+    factors = np.stack(cubic_basis(f, order), axis=1) / grid.step**order
+    if order < 2:
+        return index, factors
+    lack = (1.0 / 12.0 - 0.5 * f * (1.0 - f)) / grid.step**2
+    for centre, share in ((cell, 1.0 - f), (cell + 1, f)):
+        middle = np.clip(centre, 2, grid.side - 3)
+        index = np.concatenate([index, middle[:, None] + np.arange(-2, 3)], axis=1)
+        factors = np.concatenate([factors, (lack * share)[:, None] * _FOURTH_DIFFERENCE], axis=1)
+    return index, factors
+
+
+_EVERY = 2  # node of a table from which a nearest point is looked for: a valley is several nodes wide
+_UMBILIC = 1e-24  # below the rounding of a squared eigenvalue: keeps the derivative of the root finite
+
+
+def least_curvature(jet: RadiusJet, points: ChartPoints, air: int) -> Float[Tensor, " k"]:
+    """The smaller principal curvature (1/mm) seen from the air: negative where concave.
+
+    ``air`` is 1 where the air, and with it the cutter, is outside the surface, and -1 where it is inside.
+    """
+    g_x, g_y = _gradient(jet, points)
+    w_xx, w_xy, w_yy = _hessian(jet, points)
+    v = torch.sqrt(1.0 + g_x**2 + g_y**2)
+    c = 1.0 / (v * (v + 1.0))
+    p_xx, p_xy, p_yy = 1.0 - c * g_x**2, -c * g_x * g_y, 1.0 - c * g_y**2
+    # the columns of W P, and then P W P
+    a_xx, a_xy = w_xx * p_xx + w_xy * p_xy, w_xx * p_xy + w_xy * p_yy
+    a_yx, a_yy = w_xy * p_xx + w_yy * p_xy, w_xy * p_xy + w_yy * p_yy
+    s_xx, s_xy, s_yy = p_xx * a_xx + p_xy * a_yx, p_xx * a_xy + p_xy * a_yy, p_xy * a_xy + p_yy * a_yy
+    deviator = torch.sqrt((0.5 * (s_xx - s_yy)) ** 2 + s_xy**2 + _UMBILIC)
+    return (air * (1.0 - 0.5 * (s_xx + s_yy)) - deviator) / (jet.rho * v)
+
+
+def draft_sine(jet: RadiusJet, points: ChartPoints) -> Float[Tensor, " k"]:
+    """Sine of the draft angle, ``n . z`` of the outward normal; negative in an undercut.
+
+    The same for both faces: the mould half of the outer one opens along +z, the core of the cavity along -z, and their
+    normals are opposite too.
+    """
+    g_x, g_y = _gradient(jet, points)
+    rho_x, rho_y = jet.derivatives[:2]
+    radial = (points.x * rho_x + points.y * rho_y) / jet.rho
+    sine: Tensor = (points.cosine + radial) / torch.sqrt(1.0 + g_x**2 + g_y**2)
+    return sine
+
+
+def wall_mm(inner: RadiusJet, outer: RadiusJet, points: ChartPoints, reach_mm: float) -> Float[Tensor, " k"]:
+    """Distance (mm) from points of the inner surface to the outer one above z = 0; below 0 where the surfaces cross.
+
+    Exact up to ``reach_mm``; where the wall is thicker it may be the longer way along the ray: only thin places bind.
+    As the nearest point moves along the surface the distance stays, so its derivatives are those at fixed directions.
+    """
+    assert outer.table is not None
+    radial = outer.rho - inner.rho
+    table, grid = outer.table.detach().numpy(), TableGrid(len(outer.table) - 2)
+    starts = inner.rho[:, None] * points.directions
+    there = starts.detach().numpy(), radial.detach().numpy(), reach_mm
+    feet = nearest_on_table(table, grid.origin, grid.step, _places(grid, table), _EVERY * grid.step, *there)
+    at, columns, shares = (torch.from_numpy(each) for each in (feet.points, feet.columns, feet.shares))
+    rho = (outer.table.reshape(-1)[columns] * shares).sum(dim=1)
+    ends = rho[:, None] * torch.from_numpy(surface.to_sphere(feet.chart))
+    distance = torch.linalg.norm(ends - starts[at], dim=1) * torch.sign(radial.detach()[at])
+    return radial.index_put((at,), distance)
+
+
+def _places(grid: TableGrid, table: Float[np.ndarray, "side side"]) -> Float[np.ndarray, "n n 3"]:
+    """Points (mm) at every second node of a table; the last node may lie beyond them."""
+    along = (table[:-2] + 4.0 * table[1:-1] + table[2:])[::_EVERY] / 6.0
+    rho = (along[:, :-2] + 4.0 * along[:, 1:-1] + along[:, 2:])[:, ::_EVERY] / 6.0
+    points: Float[np.ndarray, "n n 3"] = rho[:, :, None] * _directions(grid)
+    return points
+
+
+@lru_cache(maxsize=4)
+def _directions(grid: TableGrid) -> Float[np.ndarray, "n n 3"]:
+    return surface.to_sphere(surface.grid(grid.nodes)[::_EVERY, ::_EVERY])
+
+
+def _gradient(jet: RadiusJet, points: ChartPoints) -> tuple[Float[Tensor, " k"], Float[Tensor, " k"]]:
+    """Gradient of ``ln(rho)`` on the unit sphere, along the chart's axes."""
+    rho_x, rho_y = jet.derivatives[:2]
+    per_angle = 1.0 / (jet.rho * points.scale)
+    return rho_x * per_angle, rho_y * per_angle
+
+
+def _hessian(
+    jet: RadiusJet, points: ChartPoints
+) -> tuple[Float[Tensor, " k"], Float[Tensor, " k"], Float[Tensor, " k"]]:
+    """Covariant second derivatives of ``ln(rho)`` on the unit sphere: the chart is conformal with ``points.scale``."""
+    w_x, w_y, r_xx, r_xy, r_yy = jet.derivatives / jet.rho
+    f_x, f_y = -points.scale * points.x, -points.scale * points.y  # gradient of the scale's logarithm
+    turn = f_x * w_x - f_y * w_y
+    w_xx = r_xx - w_x * w_x - turn
+    w_xy = r_xy - w_x * w_y - f_y * w_x - f_x * w_y
+    w_yy = r_yy - w_y * w_y + turn
+    return w_xx / points.scale**2, w_xy / points.scale**2, w_yy / points.scale**2

@@ -1,0 +1,278 @@
+"""Constraints on a lens: the paper's three, Eqs. (10) to (14), and optional ones; their augmented Lagrangian.
+
+The paper's g1 keeps the cavity clear, g2 the wall thick, g3 the lens small; the wall is the distance between the faces,
+not along a ray, which a steep face makes longer. Optionally no concave region is tighter than the ball that mills it
+(curvature alone: the gouge test of ``check`` is global), and each face has a draft, so that a mould opens along the
+axis; the wall is nowhere too thick, the lens not too high, and the cavity clear of a keep-out.
+
+The search is a sequential unconstrained minimisation with multipliers. The paper takes the minimum over the hemisphere,
+whose gradient sees one point. Here every point carries its own multiplier and Eq. (15) is averaged over the
+hemisphere's solid angle: the same feasible set, reached more smoothly.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from math import radians, sqrt
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from scipy.spatial import cKDTree
+from torch import Tensor
+
+from lensforge.search.constraint_points import (
+    ChartOperator,
+    ChartPoints,
+    RadiusJet,
+    constraint_points,
+    draft_sine,
+    least_curvature,
+    wall_mm,
+)
+from lensforge.search.design_result import Limit, limits_of
+from lensforge.search.keep_out_extent import KeepOutExtent
+from lensforge.spec import Spec
+from lensforge.surfaces.bicubic_table import TableGrid
+
+# The search aims this far inside the limits, relative to the cutter's curvature, and in degrees: its last steps still
+# move by that much, and a peak lies between the points. Of lengths: ``ConstraintsSection.margin_mm``.
+_CURVATURE_MARGIN = 0.01
+_DRAFT_MARGIN_DEG = 0.1
+_REACH = 0.01  # of the largest radius: so much above its limit a wall is still followed, where multipliers act
+_STEEP = 0.5  # sine of the draft above which the field is constant: the arcsine's slope is infinite at the apex
+
+WALL = "wall_margin_mm"
+Field = Callable[[RadiusJet, RadiusJet, ChartPoints], Float[Tensor, " k"]]
+
+
+@dataclass(frozen=True)
+class Constraint(Limit):
+    """A field over both surfaces that is at least 0 where the lens is feasible.
+
+    ``key`` ends with the unit of the field, of ``margin`` (how far inside the search aims) and of ``tolerance``. The
+    field times ``factor`` is of order 1 for every constraint: lengths relative to the largest radius; angles and
+    curvatures by the sag that they make over the narrowest function, relative to that radius.
+    """
+
+    field: Field
+    factor: float
+    margin: float
+    derivatives: bool = False
+
+    def tightened(self, by: float) -> "Constraint":
+        """The constraint with a limit that is stricter by ``by`` (unit of the field)."""
+
+        def field(inner: RadiusJet, outer: RadiusJet, points: ChartPoints) -> Float[Tensor, " k"]:
+            return self.field(inner, outer, points) - by
+
+        return replace(self, field=field) if by > 0.0 else self
+
+
+def constraints_of(spec: Spec) -> tuple[Constraint, ...]:
+    """The paper's three, and the optional ones that the spec has."""
+    return (*_of_paper(spec), *_of_cutter(spec), *_of_mould(spec), *_of_envelope(spec))
+
+
+def _of_paper(spec: Spec) -> list[Constraint]:
+    limits = spec.constraints
+    reach_mm = limits.min_thickness_mm + _REACH * limits.max_radius_mm
+
+    def cavity(inner: RadiusJet, outer: RadiusJet, points: ChartPoints) -> Tensor:
+        squared = (inner.rho**2) * (1.0 - points.cosine**2)
+        paraboloid = limits.cavity_height_mm / limits.cavity_radius_mm**2 * squared
+        return paraboloid + inner.rho * points.cosine - limits.cavity_height_mm
+
+    def wall(inner: RadiusJet, outer: RadiusJet, points: ChartPoints) -> Tensor:
+        return wall_mm(inner, outer, points, reach_mm) - limits.min_thickness_mm
+
+    def size(inner: RadiusJet, outer: RadiusJet, points: ChartPoints) -> Tensor:
+        return limits.max_radius_mm - outer.rho
+
+    return _of_lengths(spec, {"cavity_clearance_mm": cavity, WALL: wall, "radius_margin_mm": size})
+
+
+def _of_lengths(spec: Spec, fields: dict[str, Field]) -> list[Constraint]:
+    """Constraints on lengths by the keys of their margins."""
+    known, limits = limits_of(spec), spec.constraints
+    factor, margin = 1.0 / limits.max_radius_mm, limits.margin_mm
+    return [Constraint(**vars(known[key]), field=field, factor=factor, margin=margin) for key, field in fields.items()]
+
+
+def _of_envelope(spec: Spec) -> list[Constraint]:
+    """The largest wall, the largest height and the keep-out, where the spec has them."""
+    limits, fields = spec.constraints, dict[str, Field]()
+    if limits.max_wall_mm is not None:
+        fields["largest_wall_margin_mm"] = partial(_thickness_left, limits.max_wall_mm)
+    if limits.max_height_mm is not None:
+        fields["height_margin_mm"] = partial(_height_left, limits.max_height_mm)
+    if limits.keep_out is not None:
+        fields["keep_out_clearance_mm"] = partial(_beyond_keep_out, KeepOutExtent.of(spec))
+    return _of_lengths(spec, fields)
+
+
+def _thickness_left(limit_mm: float, inner: RadiusJet, outer: RadiusJet, points: ChartPoints) -> Float[Tensor, " k"]:
+    """Thickness (mm) left before the wall is too thick."""
+    return limit_mm - (outer.rho - inner.rho)
+
+
+def _height_left(limit_mm: float, inner: RadiusJet, outer: RadiusJet, points: ChartPoints) -> Float[Tensor, " k"]:
+    """Height (mm) left above the outer surface."""
+    return limit_mm - outer.rho * points.cosine
+
+
+def _beyond_keep_out(
+    extent: KeepOutExtent, inner: RadiusJet, outer: RadiusJet, points: ChartPoints
+) -> Float[Tensor, " k"]:
+    """Length (mm) along the ray from the grown keep-out to the inner surface."""
+    return inner.rho - extent.at(points)
+
+
+def _of_cutter(spec: Spec) -> list[Constraint]:
+    sigma, known = spec.lens.basis.detail_rad, limits_of(spec)
+    found = []
+    for surface, limit_mm in (
+        ("inner", spec.constraints.inner_concave_radius_mm),
+        ("outer", spec.constraints.outer_concave_radius_mm),
+    ):
+        if limit_mm is None:
+            continue
+        # the cutter touches a lens from the air side, a mould insert from the side of the lens body
+        air = (-1 if surface == "inner" else 1) * (1 if spec.manufacture.make == "part" else -1)
+        found.append(
+            Constraint(
+                **vars(known[f"{surface}_curvature_margin_per_mm"]),
+                field=partial(_curvature_margin, surface, air, 1.0 / limit_mm),
+                factor=0.5 * sigma**2 * spec.constraints.max_radius_mm,
+                margin=_CURVATURE_MARGIN / limit_mm,
+                derivatives=True,
+            )
+        )
+    return found
+
+
+def _of_mould(spec: Spec) -> list[Constraint]:
+    sigma, known = spec.lens.basis.detail_rad, limits_of(spec)
+    return [
+        Constraint(
+            **vars(known[f"{surface}_draft_margin_deg"]),
+            field=partial(_draft_margin, surface, limit_deg),
+            factor=radians(sigma),
+            margin=_DRAFT_MARGIN_DEG,
+            derivatives=True,
+        )
+        for surface, limit_deg in (
+            ("inner", spec.constraints.inner_draft_deg),
+            ("outer", spec.constraints.outer_draft_deg),
+        )
+        if limit_deg is not None
+    ]
+
+
+def _curvature_margin(
+    surface: str, air: int, curvature: float, inner: RadiusJet, outer: RadiusJet, points: ChartPoints
+) -> Float[Tensor, " k"]:
+    """Curvature (1/mm) left before a concave region is as tight as the ball."""
+    return curvature + least_curvature(inner if surface == "inner" else outer, points, air)
+
+
+def _draft_margin(
+    surface: str, limit_deg: float, inner: RadiusJet, outer: RadiusJet, points: ChartPoints
+) -> Float[Tensor, " k"]:
+    """Draft (deg) beyond the limit."""
+    sine = torch.clamp(draft_sine(inner if surface == "inner" else outer, points), -1.0 + 1e-6, _STEEP)
+    return torch.rad2deg(torch.asin(sine)) - limit_deg
+
+
+@dataclass
+class AugmentedLagrangian:
+    """Multipliers of ``c`` constraints at ``k`` points; the fields are scaled by each constraint's factor."""
+
+    constraints: tuple[Constraint, ...]
+    chart_operator: ChartOperator
+    penalty: float = 2e4
+    multipliers: Float[Tensor, "c k"] = field(init=False)
+
+    @staticmethod
+    def of(spec: Spec, grid: TableGrid, penalty: float = 2e4, *, sparse: bool = False) -> "AugmentedLagrangian":
+        """The spec's constraints at points of ``grid``.
+
+        ``sparse``: at a quarter of its nodes; at all for curvatures, and for a keep-out, whose outline is sharp.
+        """
+        constraints = constraints_of(spec)
+        derivatives = any(constraint.derivatives for constraint in constraints)
+        detailed = derivatives or spec.constraints.keep_out is not None
+        every = (1 if detailed else 2) if sparse else None
+        points = constraint_points(grid, spec.lens.basis.symmetry, every_node=every)
+        spacing = grid.step * (1.0 if every is None else every * sqrt(2.0))  # with centres: triangles of three points
+        return AugmentedLagrangian(constraints, ChartOperator.of(grid, points, derivatives, spacing), penalty)
+
+    def __post_init__(self) -> None:
+        area = self.chart_operator.points.scale**2
+        self._area = area / area.sum()
+        self._factor, self._margin = (
+            torch.tensor(values, dtype=torch.float64)[:, None]
+            for values in (
+                [constraint.factor for constraint in self.constraints],
+                [constraint.factor * constraint.margin for constraint in self.constraints],
+            )
+        )
+        self.multipliers = torch.zeros(len(self.constraints), len(area), dtype=torch.float64)
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Names of the constraints in the history of a search."""
+        return tuple(constraint.key for constraint in self.constraints)
+
+    def fresh(self, penalty: float) -> "AugmentedLagrangian":
+        """The same constraints with multipliers of 0."""
+        return AugmentedLagrangian(self.constraints, self.chart_operator, penalty)
+
+    def tightened(self, by: Mapping[str, float]) -> "AugmentedLagrangian":
+        """The constraints with limits that are stricter by what ``by`` has under their keys, in the unit of each."""
+        constraints = tuple(each.tightened(by.get(each.key, 0.0)) for each in self.constraints)
+        return AugmentedLagrangian(constraints, self.chart_operator, self.penalty)
+
+    def at_nearest(self, before: "AugmentedLagrangian", multipliers: Float[Tensor, "c j"]) -> Float[Tensor, "c k"]:
+        """``multipliers`` at the points of ``before``, taken to these points: each has that of the nearest one.
+
+        The force on a length, an angle or a curvature stays the same, whatever the factors of both.
+        """
+        here, there = (
+            np.stack([each.points.x.numpy(), each.points.y.numpy()], axis=1)
+            for each in (self.chart_operator, before.chart_operator)
+        )
+        nearest = multipliers[:, torch.from_numpy(cKDTree(there).query(here)[1])]
+        return nearest * before._factor / self._factor
+
+    def fields(self, inner: Float[Tensor, "side side"], outer: Float[Tensor, "side side"]) -> Float[Tensor, "c k"]:
+        """Fields of the constraints at the points of two tables, each times its factor."""
+        at_inner, at_outer = self.chart_operator.jets(inner, outer)
+        values = [each.field(at_inner, at_outer, self.chart_operator.points) for each in self.constraints]
+        return self._factor * torch.stack(values)
+
+    def least(self, fields: Float[Tensor, "c k"]) -> dict[str, float]:
+        """The minimum of each constraint over the points, in its unit, for the history of a search."""
+        least = (fields.detach() / self._factor).amin(dim=1).tolist()
+        return dict(zip(self.keys, least, strict=True))
+
+    def term(self, fields: Float[Tensor, "c k"]) -> Float[Tensor, ""]:
+        """The regularisation term of Eq. (15), averaged over the hemisphere."""
+        updated = self._updated(fields)
+        return torch.sum(self._area * (updated**2 - self.multipliers**2)) / (2.0 * self.penalty)
+
+    def penalty_alone(self, fields: Float[Tensor, "c k"]) -> Float[Tensor, ""]:
+        """The term without multipliers: lenses of different searches are judged alike."""
+        missing = torch.clamp(self._margin - fields, min=0.0)
+        return 0.5 * self.penalty * torch.sum(self._area * missing**2)
+
+    def shortfall(self, fields: Float[Tensor, "c k"]) -> float:
+        """Part of a constraint's margin missing at the worst point: 0 where all margins are kept, 1 at a limit."""
+        return float(torch.clamp(1.0 - fields.detach() / self._margin, min=0.0).max())
+
+    def update(self, fields: Float[Tensor, "c k"]) -> None:
+        """First-order multiplier update; call it between rounds of minimisation."""
+        self.multipliers = self._updated(fields.detach())
+
+    def _updated(self, fields: Float[Tensor, "c k"]) -> Float[Tensor, "c k"]:
+        return torch.clamp(self.multipliers - self.penalty * (fields - self._margin), min=0.0)

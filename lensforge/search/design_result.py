@@ -1,0 +1,254 @@
+"""The result of the design stage: the lens, the history of its search, its constraints, and progress of a search.
+
+Constraints are the paper's three, Eqs. (10) to (14), and for manufacture and assembly those that the spec sets, each by
+name, with its tolerance and the criterion on its margin. No tracer is loaded: a record of a search is held against them
+wherever it is read.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from statistics import stdev
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
+
+from pydantic import Field, model_validator
+
+from lensforge.results import Count, Given, Metric, NotNegative, Number, Point, Positive, Record, StageResult, Text
+from lensforge.results.criteria import Criterion, at_least
+from lensforge.scene.lens import Lens
+from lensforge.sources.source_summary import SourceSummary
+from lensforge.spec import Accuracy, Spec
+from lensforge.surfaces.srbf import MOST_LEVELS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+Quantity = Literal["nmse", "loss", "efficiency"]
+
+
+class Margins(Record):
+    """Margins by which a lens keeps its constraints, Eqs. (10) to (14), at the worst point; negative where it does not.
+
+    ``cavity_clearance_mm``: height of the inner surface above the cavity's paraboloid. ``wall_margin_mm``: wall
+    thickness above the minimum. ``radius_margin_mm``: from the outer surface to the largest radius. Where the spec
+    limits them: curvature left before a concave region is as tight as the ball, and draft above the minimum;
+    ``largest_wall_margin_mm``: wall thickness below the largest; ``height_margin_mm``: from the outer surface up to the
+    largest height; ``keep_out_clearance_mm``: from the keep-out, grown by its margin, outwards to the inner surface
+    along the ray from the origin.
+    """
+
+    cavity_clearance_mm: Number
+    wall_margin_mm: Number
+    radius_margin_mm: Number
+    inner_curvature_margin_per_mm: Number | None = None
+    outer_curvature_margin_per_mm: Number | None = None
+    inner_draft_margin_deg: Number | None = None
+    outer_draft_margin_deg: Number | None = None
+    largest_wall_margin_mm: Number | None = None
+    height_margin_mm: Number | None = None
+    keep_out_clearance_mm: Number | None = None
+
+
+class Level(Record):
+    """History of one level of the search: a value for each step; ``constraints`` by name as in :class:`Margins`."""
+
+    level: Count
+    functions: Count
+    loss: tuple[Number, ...]
+    nmse: tuple[NotNegative, ...]
+    efficiency: tuple[Number, ...]
+    constraints: dict[str, tuple[Number, ...]]
+
+    @model_validator(mode="after")
+    def _one_value_for_each_step(self) -> "Level":
+        for name, values in {"loss": self.loss, "efficiency": self.efficiency, **self.constraints}.items():
+            if len(values) != len(self.nmse):
+                raise ValueError(f"{name}: {len(values)} values, nmse has {len(self.nmse)}; one for each step")
+        return self
+
+
+class Start(Record):
+    """One of several searches, by its seed: the light of its lens on the first receiver.
+
+    ``merit``: mean of the NMSE over all receivers; without noise, so that it may be below 0. ``missed``: number of
+    constraints and limits that the lens misses.
+    """
+
+    seed: Count
+    nmse: Metric
+    efficiency: Metric
+    merit: Number
+    missed: Count
+    seconds: NotNegative
+
+    @property
+    def rank(self) -> tuple[int, float]:
+        """Order of the starts, the best first."""
+        return self.missed, self.merit
+
+    @property
+    def words(self) -> str:
+        """The figures in a line."""
+        missed = f", {self.missed} constraints or limits missed" if self.missed else ""
+        return f"NMSE {self.nmse}, efficiency {self.efficiency}{missed}"
+
+
+class Design(StageResult):
+    """A finished search.
+
+    ``forward_evaluations``: traces of a ray sample, one for each step. ``source_outline_mm``: a polygon around the
+    emitting area. ``max_radius_mm``, ``height_mm``: of the outer surface. ``ended``: why a search that chooses its
+    levels went no further. ``seconds``: of the search, set-up included. ``starts``: all searches of which this was the
+    best, where there were several.
+    """
+
+    stage: ClassVar[str] = "design"
+    made_from: ClassVar[tuple[str, ...]] = ("lens", "spec")
+
+    lens: Annotated[Lens, Given()]
+    steps: Count
+    forward_evaluations: Count
+    rays_per_step: Count
+    seconds: NotNegative
+    max_radius_mm: Positive
+    height_mm: Positive
+    constraints: Margins
+    source: SourceSummary
+    source_outline_mm: tuple[Point, ...]
+    history: Annotated[tuple[Level, ...], Field(max_length=MOST_LEVELS)]
+    ended: Text | None = None
+    starts: tuple[Start, ...] = ()
+    criteria: tuple[Criterion, ...]
+
+    @model_validator(mode="after")
+    def _every_constraint_has_its_history(self) -> "Design":
+        names = set(self.constraints.model_dump(exclude_none=True))
+        for level in self.history:
+            if set(level.constraints) != names:
+                raise ValueError(f"history: level {level.level}: its constraints must be {', '.join(sorted(names))}")
+        return self
+
+    @property
+    def spread(self) -> float | None:
+        """Standard deviation of the merit over the starts; None for a single one."""
+        return stdev(start.merit for start in self.starts) if len(self.starts) > 1 else None
+
+    def plot(self, axes: "Axes | None" = None, *, quantity: Quantity = "nmse") -> "Axes":
+        """``quantity`` at every step of the search, one line for each level.
+
+        Raises :class:`InputError` for an unknown one.
+        """
+        from lensforge.results.plots import plot_curves, require_choice
+
+        require_choice("quantity", quantity, get_args(Quantity))
+        curves, start = {}, 1
+        for level in self.history:
+            values, label = getattr(level, quantity), f"{level.functions} functions"
+            curves[f"{label} again" if label in curves else label] = (range(start, start + len(values)), values)
+            start += len(values)
+        return plot_curves(curves, ("step", quantity), axes, (False, quantity == "nmse"))
+
+
+@dataclass(frozen=True)
+class Progress:
+    """The state of a search; ``lens()`` builds the lens of the current parameters.
+
+    ``level`` counts from 0; ``functions``: number per surface that move in it. ``level_done``: this was its last step,
+    and the level is kept; ``lens()`` is then the best of it. ``steps_total`` of automatic levels: until the end of this
+    stage. ``seconds``: of the search so far, set-up included.
+    """
+
+    level: int
+    step: int
+    steps_done: int
+    steps_total: int
+    nmse: float
+    efficiency: float
+    functions: int
+    level_done: bool
+    seconds: float
+    accuracy: Accuracy
+    lens: Callable[[], Lens]
+
+
+# Called after every gradient step; a search stops where its observer returns False, and at no other value.
+Observer = Callable[[Progress], object]
+
+
+DIRECTIONS = 60_000  # over the hemisphere, at which the lengths of a finished lens are measured
+# What counts as feasible in the finished lens, relative to the cutter's curvature, and in degrees.
+_CURVATURE_TOLERANCE = 1e-3
+_DRAFT_TOLERANCE_DEG = 0.01
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A margin of :class:`Margins` that must be at least 0, but for ``tolerance``; ``key`` ends with its unit."""
+
+    key: str
+    unit: str
+    tolerance: float
+    remedy: str
+
+    @property
+    def name(self) -> str:
+        """Name of its criterion."""
+        return self.key.removesuffix("_per_mm").removesuffix("_mm").removesuffix("_deg").replace("_", " ")
+
+
+def limits_of(spec: Spec) -> dict[str, Limit]:
+    """The limits of ``spec`` by the key of their margin: the paper's three, and the optional ones that it has."""
+    return {limit.key: limit for limit in (*_of_paper(spec), *_of_cutter(spec), *_of_mould(spec), *_of_envelope(spec))}
+
+
+def _of_paper(spec: Spec) -> Iterator[Limit]:
+    for key, remedy in (
+        ("cavity_clearance_mm", "raise lens.inner_offset_mm or lower constraints.cavity_*"),
+        ("wall_margin_mm", "raise lens.outer_offset_mm or lower constraints.min_thickness_mm"),
+        ("radius_margin_mm", "raise constraints.max_radius_mm or lower lens.outer_offset_mm"),
+    ):
+        yield Limit(key, "mm", spec.constraints.tolerance_mm, remedy)
+
+
+def _of_cutter(spec: Spec) -> Iterator[Limit]:
+    limits = spec.constraints
+    for surface, limit_mm in (("inner", limits.inner_concave_radius_mm), ("outer", limits.outer_concave_radius_mm)):
+        if limit_mm is not None:
+            remedy = f"lower constraints.{surface}_concave_radius_mm or raise lens.{surface}_offset_mm"
+            yield Limit(f"{surface}_curvature_margin_per_mm", "1/mm", _CURVATURE_TOLERANCE / limit_mm, remedy)
+
+
+def _of_mould(spec: Spec) -> Iterator[Limit]:
+    limits = spec.constraints
+    for surface, limit_deg in (("inner", limits.inner_draft_deg), ("outer", limits.outer_draft_deg)):
+        if limit_deg is not None:
+            remedy = f"lower constraints.{surface}_draft_deg or take more steps"
+            yield Limit(f"{surface}_draft_margin_deg", "deg", _DRAFT_TOLERANCE_DEG, remedy)
+
+
+def _of_envelope(spec: Spec) -> Iterator[Limit]:
+    limits = spec.constraints
+    for key, given, remedy in (
+        ("largest_wall_margin_mm", limits.max_wall_mm, "raise constraints.max_wall_mm or lens.inner_offset_mm"),
+        ("height_margin_mm", limits.max_height_mm, "raise constraints.max_height_mm or lower lens.outer_offset_mm"),
+        (
+            "keep_out_clearance_mm",
+            limits.keep_out,
+            "raise lens.inner_offset_mm or lower constraints.keep_out_margin_mm",
+        ),
+    ):
+        if given is not None:
+            yield Limit(key, "mm", limits.tolerance_mm, remedy)
+
+
+def constraint_criteria(spec: Spec, measured: Margins) -> tuple[Criterion, ...]:
+    """One criterion for each limit of ``spec``: at least 0 but for its tolerance."""
+    return tuple(
+        at_least(limit.name, _known(getattr(measured, key)), -limit.tolerance, limit.unit, limit.remedy)
+        for key, limit in limits_of(spec).items()
+    )
+
+
+def _known(margin: float | None) -> float:
+    """``margin``, or NaN where it has not been measured."""
+    return float("nan") if margin is None else margin

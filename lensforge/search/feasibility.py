@@ -1,0 +1,199 @@
+"""Feasibility: constraints of a finished lens by the exact sum, and the projection of a search's end onto them.
+
+A search of a few hundred noisy steps ends some micrometres to either side of its limits. Where a limit is missed, the
+parameters are projected to the feasible set, a change too small to affect the light. A search that ended inside its
+limits is left as it is, to the bit.
+"""
+
+import inspect
+from collections.abc import Iterable
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from lensforge.cad.patch import fit_patch
+from lensforge.cad.wall import thinnest
+from lensforge.errors import InputError
+from lensforge.scene.lens import Lens
+from lensforge.search.constraint_points import ChartOperator, ChartPoints, RadiusJet, constraint_points
+from lensforge.search.constraints import WALL, AugmentedLagrangian, Constraint, constraints_of
+from lensforge.search.design_result import DIRECTIONS, Margins
+from lensforge.search.merit import Problem
+from lensforge.search.parameters import Parametrisation
+from lensforge.search.search_state import SearchState
+from lensforge.spec import Accuracy, Spec
+from lensforge.surfaces import surface as chart
+from lensforge.surfaces.bicubic_table import TableGrid, grid_for, tabulate
+from lensforge.surfaces.mirror_group import first_images
+from lensforge.surfaces.srbf import fibonacci_hemisphere
+
+# Curvature and draft come from a table of the exact sum, by differences of fourth order: at 8 nodes across the
+# narrowest function its curvature is off by less than 1e-4, and a window of 21 x 21 points looks between the nodes.
+_NODES_PER_SIGMA = 8.0
+_ZOOM_POINTS = 21
+_ROUNDS, _ITERATIONS, _PENALTY = 12, 40, 1e6
+_CORRECTIONS = 3  # of the limits, by what the measured lens misses: a milled quickstart needs one
+_ACCEPTED = 0.7  # of the margin may be missing: the rest covers peaks between the points
+_STALLED = 0.8  # of the shortfall left by a round: more, and further rounds do not help
+_OF_PAPER = 3  # constraints that every lens has
+_HOPELESS = 10.0  # margins missing after a projection; a search of hundreds of steps finds its way out of fewer
+
+
+def measure_constraints(lens: Lens, directions: int = DIRECTIONS) -> Margins:
+    """Measure the least value of each constraint.
+
+    Lengths: by the exact sum, over a Fibonacci grid of the hemisphere and its rim, one of mirror images each. The wall:
+    between the splines that an export would write.
+    """
+    constraints = constraints_of(lens.spec)
+    points, inner, outer = _exact_radii(lens, directions)
+    wall = thinnest(fit_patch(lens.inner), fit_patch(lens.outer))
+    found = {WALL: wall.thickness_mm - lens.spec.constraints.min_thickness_mm}
+    for each in constraints:
+        if not each.derivatives and each.key != WALL:
+            found[each.key] = float(each.field(inner, outer, points).min())
+    of_shape = [each for each in constraints if each.derivatives]
+    if of_shape:
+        grid = grid_for(lens.detail_rad, _NODES_PER_SIGMA)
+        tables = [torch.from_numpy(tabulate(grid, surface)) for surface in (lens.inner, lens.outer)]
+        everywhere = constraint_points(grid, lens.symmetry)
+        found |= {each.key: _least(each, grid, everywhere, tables) for each in of_shape}
+    return Margins.model_validate(found)
+
+
+def _exact_radii(lens: Lens, directions: int) -> tuple[ChartPoints, RadiusJet, RadiusJet]:
+    azimuth = np.linspace(0.0, 2.0 * np.pi, 2048, endpoint=False)
+    rim = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)], axis=1)
+    u = np.concatenate([fibonacci_hemisphere(directions), rim])
+    u = u[first_images(u, lens.symmetry)]
+    nothing = torch.empty(0, len(u), dtype=torch.float64)
+    inner, outer = (RadiusJet(torch.from_numpy(each.radius(u)), nothing) for each in (lens.inner, lens.outer))
+    return ChartPoints.of(chart.to_chart(u)), inner, outer
+
+
+def _least(
+    constraint: Constraint, grid: TableGrid, points: Float[np.ndarray, "k 2"], tables: list[Float[Tensor, "s s"]]
+) -> float:
+    """Minimum over ``points``, then over finer ones around it."""
+    least, step = np.inf, grid.step
+    for _ in range(2):
+        operator = ChartOperator.of(grid, points, derivatives=True)
+        inner, outer = operator.jets(*tables)
+        field = constraint.field(inner, outer, operator.points)
+        least, at = min(least, float(field.min())), points[int(field.argmin())]
+        window = at + chart.grid(_ZOOM_POINTS, step).reshape(-1, 2)
+        points = window / np.maximum(1.0, np.linalg.norm(window, axis=1, keepdims=True))
+    return least
+
+
+def feasible_lens(problem: Problem, found: SearchState, seed: int, accuracy: Accuracy) -> tuple[Lens, Margins]:
+    """The lens of the parameters that a search ``found``, projected to the feasible set, and its constraints.
+
+    The projection sees curvatures of a table that is coarser than the one that they are measured by: a limit that is
+    missed by the measured lens is made stricter by that much, and the parameters are projected again.
+    """
+    parametrisation, constraints = problem.in_full()
+    stricter: dict[str, float] = {}
+    for left in reversed(range(_CORRECTIONS + 1)):
+        parameters = project_to_feasible(parametrisation, constraints.tightened(stricter), found.weights, found.offsets)
+        lens = problem.parametrisation.lens(*parameters, problem.spec, seed, accuracy)
+        margins = measure_constraints(lens)
+        missed = {each.key: -getattr(margins, each.key) for each in constraints.constraints}
+        missed = {each.key: missed[each.key] for each in constraints.constraints if missed[each.key] > each.tolerance}
+        if not (missed and left):
+            break
+        stricter = {key: stricter.get(key, 0.0) + missed.get(key, 0.0) for key in {*stricter, *missed}}
+    return lens, margins
+
+
+class _LBFGS(torch.optim.LBFGS):
+    """Optimiser of torch without the compiler of torch, whose start would take seconds."""
+
+    add_param_group = inspect.unwrap(torch.optim.Optimizer.add_param_group)
+
+
+def project_to_feasible(
+    parametrisation: Parametrisation,
+    constraints: AugmentedLagrangian,
+    weights: Float[Tensor, "m 2"],
+    offsets: Float[Tensor, "2"],
+) -> tuple[Float[Tensor, "m 2"], Float[Tensor, "2"]]:
+    """Move ``weights`` and ``offsets`` by as little as makes all constraint points feasible, with part of the margin.
+
+    Least squares in the relative parameters, by augmented Lagrangian. Returned unchanged where that does not succeed.
+    """
+    moved, shortfall = _least_move(parametrisation, constraints, weights, offsets, _ACCEPTED)
+    if shortfall > 1.0:
+        return weights, offsets
+    return weights + moved[1:], offsets + moved[0]
+
+
+def require_feasible_start(problems: Iterable[Problem]) -> None:
+    """Raise :class:`InputError` where no lens is found that keeps all limits, before a search for the best of them.
+
+    For optional limits, and fixed surfaces; of the paper's three the spec knows all. The starting lens is projected, at
+    first by the functions of the first level of the first of ``problems``, at last by all functions of the last one.
+    """
+    offsets = torch.ones(2, dtype=torch.float64)
+    for problem in problems:
+        spec, parametrisation, constraints = problem.spec, problem.parametrisation, problem.constraints
+        if spec.lens.fixed == (None, None) and len(constraints.constraints) == _OF_PAPER:
+            return
+        for functions in sorted({parametrisation.basis.levels[0], parametrisation.basis.size}):
+            weights = torch.zeros(functions, 2, dtype=torch.float64)
+            moved, shortfall = _least_move(parametrisation, constraints, weights, offsets, _HOPELESS)
+            if shortfall <= _HOPELESS:
+                return
+    least = constraints.least(constraints.fields(*parametrisation.tables(weights + moved[1:], offsets + moved[0])))
+    given = ", ".join(f"{name} = {value}" for name, value in _given(spec).items())
+    missed = [each for each in constraints.constraints if least[each.key] < -each.tolerance]
+    words = "; ".join(f"{each.name} {least[each.key]:.3g} {each.unit}: {each.remedy}" for each in missed)
+    raise InputError(f"constraints: no lens was found that keeps all of {given}; the nearest one has {words}")
+
+
+def _given(spec: Spec) -> dict[str, str]:
+    """The limits of ``spec`` by name, as text: the paper's, and those that it sets."""
+    limits = spec.constraints
+    values = limits.model_dump(exclude_none=True, exclude={"keep_out_margin_mm"} if limits.keep_out is None else None)
+    return {name: f"{value:g}" if isinstance(value, float) else str(value) for name, value in values.items()}
+
+
+def _least_move(
+    parametrisation: Parametrisation,
+    constraints: AugmentedLagrangian,
+    weights: Float[Tensor, "m 2"],
+    offsets: Float[Tensor, "2"],
+    accepted: float,
+) -> tuple[Float[Tensor, "k 2"], float]:
+    """Least change of offsets (first row) and weights to the feasible set, and the margins that are still missing.
+
+    It ends where no more than ``accepted`` margins are missing.
+    """
+    constraints = constraints.fresh(_PENALTY)
+    moved = torch.zeros(len(weights) + 1, 2, dtype=torch.float64, requires_grad=True)
+
+    def fields() -> Float[Tensor, "c k"]:
+        return constraints.fields(*parametrisation.tables(weights + moved[1:], offsets + moved[0]))
+
+    shortfall = constraints.shortfall(fields())
+    for _ in range(_ROUNDS):
+        if shortfall <= accepted:
+            break
+        optimiser: torch.optim.LBFGS = _LBFGS([moved], max_iter=_ITERATIONS, line_search_fn="strong_wolfe")
+
+        def closure() -> Tensor:
+            moved.grad = None
+            loss = 0.5 * torch.sum(moved**2) + constraints.term(fields())
+            loss.backward()
+            return loss
+
+        optimiser.step(closure)
+        with torch.no_grad():
+            now = fields()
+        constraints.update(now)
+        before, shortfall = shortfall, constraints.shortfall(now)
+        if shortfall > _STALLED * before:
+            break
+    return moved.detach(), shortfall

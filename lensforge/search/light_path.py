@@ -1,0 +1,257 @@
+"""Light of one gradient step: from two tables and fresh rays, through the lens, to sums over each receiver.
+
+On the CPU the compiled kernels trace and sum, and the whole path is one torch operation: the backward pass recomputes
+each exit ray from its path lengths. On another device torch does all, in chunks of rays whose graph is built again in
+the backward pass: only the start and the two crossings of each ray are kept, 84 bytes.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from torch.utils.checkpoint import checkpoint
+
+from lensforge.kernels.image_sums import SAFE_SIN2, SIN2_SCALE, collect, collect_adjoint
+from lensforge.kernels.parallel import CHUNKS, in_chunks
+from lensforge.light.device_trace import DeviceTable, first_crossing, tables_on
+from lensforge.light.sequential_trace import Crossing, TensorRays, trace_sequence
+from lensforge.light.table_trace import Scene, TracedBundle
+from lensforge.scene.exit_rays import Sensitivities
+from lensforge.scene.made_part import MadePart
+from lensforge.scene.pixel_grid import PixelGrid, Window
+from lensforge.scene.receiver import Landings, Receiver
+from lensforge.sources.ray_bundle import RayBundle
+
+
+@dataclass(frozen=True)
+class Collected:
+    """Sums over rays on one receiver, all in W and differentiable in the landings and the exit sines.
+
+    ``image``: flux per pixel by the four-pixel splat. ``in_window``: flux in the receiver's window.
+    ``outside_receiver``: flux off the receiver, each ray times ``e^2/(1+e^2)``, e its distance from it in half
+    widths and heights. ``total_reflection``: flux whose squared exit sine exceeds 0.97, likewise bounded: its gradient
+    brings totally reflected rays back and keeps others from it. The last two count the flux with which a ray left the
+    source, as a constant.
+    """
+
+    image: Float[Tensor, "h w"]
+    in_window: Float[Tensor, ""]
+    outside_receiver: Float[Tensor, ""]
+    total_reflection: Float[Tensor, ""]
+
+
+class _Collect(torch.autograd.Function):
+    @staticmethod
+    def forward(
+        ctx: Any, hits: Tensor, flux: Tensor, sin2_exit: Tensor, landed: Tensor, emitted: Tensor, grid: PixelGrid,
+        window: Window,
+    ) -> Any:  # fmt: skip
+        images, sums = np.zeros((CHUNKS, *grid.shape)), np.zeros((CHUNKS, 3))
+        rays = [tensor.detach().numpy() for tensor in (hits, flux, sin2_exit, landed, emitted)]
+
+        places = grid.size, window.packed()
+
+        def work(chunk: int, part: slice) -> None:
+            collect(*(array[part] for array in rays), *places, images[chunk], sums[chunk])
+
+        in_chunks(work, len(emitted))
+        ctx.rays, ctx.places = rays, places
+        return torch.from_numpy(images.sum(axis=0)), torch.from_numpy(sums.sum(axis=0))
+
+    @staticmethod
+    def backward(ctx: Any, by_image: Tensor, by_sums: Tensor) -> Any:
+        rays = ctx.rays
+        by_hits, by_flux, by_sin2 = (np.empty_like(array) for array in rays[:3])
+        pixels, sums = by_image.contiguous().numpy(), by_sums.contiguous().numpy()
+
+        def work(_: int, part: slice) -> None:
+            collect_adjoint(
+                *(array[part] for array in rays), *ctx.places, pixels, sums,
+                by_hits[part], by_flux[part], by_sin2[part],
+            )  # fmt: skip
+
+        in_chunks(work, len(by_flux))
+        return *(torch.from_numpy(array) for array in (by_hits, by_flux, by_sin2)), None, None, None, None
+
+
+def collected(
+    landings: Landings, sin2_exit: Float[Tensor, " n"], emitted: Float[Tensor, " n"], grid: PixelGrid, window: Window
+) -> Collected:
+    """Collect rays that left the source with ``emitted`` (W); float64, CPU."""
+    image, sums = _Collect.apply(  # type: ignore[no-untyped-call]  # as torch has it
+        landings.hits, landings.flux, sin2_exit, landings.landed, emitted, grid, window
+    )
+    return Collected(image, sums[0], sums[1], sums[2])
+
+
+def collected_on_device(
+    landings: Landings, sin2_exit: Float[Tensor, " n"], emitted: Float[Tensor, " n"], grid: PixelGrid, window: Window
+) -> Collected:
+    """Collect rays that left the source with ``emitted`` (W); all tensors on one device."""
+    landed = landings.landed
+    hits, flux = landings.hits[landed], landings.flux[landed]
+    size, (half_width, half_height, square) = hits.new_tensor(grid.size), window.packed()
+    distance = hits.abs()
+    in_window = (distance[:, 0] <= half_width) & (distance[:, 1] <= half_height) & (hits.square().sum(dim=1) <= square)
+    outside = (distance / (0.5 * size) - 1.0).clamp(min=0.0).square().sum(dim=1)
+    over = (sin2_exit - SAFE_SIN2).clamp(min=0.0) / SIN2_SCALE
+    return Collected(
+        image=_splat(hits, flux, grid),
+        in_window=flux[in_window].sum(),
+        outside_receiver=(emitted[landed] * _bounded(outside)).sum(),
+        total_reflection=(emitted * _bounded(over)).sum(),
+    )
+
+
+def _bounded(excess: Float[Tensor, " n"]) -> Float[Tensor, " n"]:
+    """Bounded excess ``e/(1+e)``: a few outliers cannot outweigh the image."""
+    return excess / (1.0 + excess)
+
+
+def _splat(hits: Float[Tensor, "n 2"], flux: Float[Tensor, " n"], grid: PixelGrid) -> Float[Tensor, "h w"]:
+    """Share each ray's flux among the four nearest pixels; a frame for the shares outside is cut off."""
+    size, pixels = hits.new_tensor(grid.size), hits.new_tensor([float(grid.columns), float(grid.rows)])
+    position = (hits / size + 0.5) * pixels - 0.5
+    near = ((position > -1.0) & (position < pixels)).all(dim=1)
+    position, flux = position[near], flux[near]
+    first = torch.floor(position.detach())
+    (right, up), (column, row) = (position - first).T, (first.to(torch.int64) + 1).T
+    shares = torch.stack(((1.0 - up) * (1.0 - right), (1.0 - up) * right, up * (1.0 - right), up * right))
+    framed = grid.columns + 2
+    corner = torch.tensor([0, 1, framed, framed + 1], device=flux.device)[:, None]
+    # adds in a fixed order, on a GPU too
+    image = flux.new_zeros((grid.rows + 2) * framed)
+    image = image.index_put((row * framed + column + corner,), flux * shares, accumulate=True)
+    return image.reshape(grid.rows + 2, framed)[1:-1, 1:-1]
+
+
+_CHUNK = 2**19  # rays; their graph takes 2.5 GiB
+
+
+@dataclass
+class TableSurface:
+    """A table as a surface for :func:`trace_sequence`, for one set of rays.
+
+    Crossings are searched once, not again when the graph is rebuilt for the backward pass.
+    """
+
+    table: DeviceTable
+    found: Crossing | None = None
+
+    def first_crossing(self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Crossing:
+        """First crossings of rays from inside, at z >= 0; without a gradient."""
+        if self.found is None:
+            self.found = first_crossing(self.table, origins, directions)
+        return self.found
+
+    def gap(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
+        """``F = rho - |p|`` (mm), Eq. (5): positive inside."""
+        return self.table.gap(points)
+
+    def normal(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
+        """Gradient of ``|p| - rho(p/|p|)``: away from the origin, not normalised."""
+        return self.table.normal(points)
+
+
+@dataclass(frozen=True)
+class LightPath:
+    """Path of the light through the lens and to the receivers, each of which sees every exit ray."""
+
+    scene: Scene
+    receivers: tuple[Receiver, ...]
+    device: torch.device | None = None
+    chunk: int = _CHUNK
+
+    def through(
+        self,
+        inner: Float[Tensor, "side side"],
+        outer: Float[Tensor, "side side"],
+        rays: RayBundle,
+        part: MadePart,
+    ) -> tuple[Collected, ...]:
+        """The same for one part of the lens with these tables, whose source has its own flux."""
+        scene = replace(self.scene, media=part.media(self.scene.media), made=part.made)
+        own = part.rays(replace(rays, flux=part.flux * rays.flux))
+        return replace(self, scene=scene).collect(*part.tables(inner, outer), own)
+
+    def collect(
+        self, inner: Float[Tensor, "side side"], outer: Float[Tensor, "side side"], rays: RayBundle
+    ) -> tuple[Collected, ...]:
+        """Trace ``rays`` through two tables on the CPU and collect them there; differentiable in the tables.
+
+        The same rays give the same bits on the same device; on another one they agree to rounding.
+        """
+        if self.device is None:
+            landed, sin2_exit = landed_through(inner, outer, self.scene, rays, self.receivers)
+            emitted = torch.from_numpy(rays.flux)
+            return tuple(
+                collected(landings, sin2_exit, emitted, receiver.grid, receiver.window)
+                for receiver, landings in zip(self.receivers, landed, strict=True)
+            )
+        tables = tables_on(self.device, inner, outer, self.scene)
+        starts = range(0, len(rays), self.chunk)
+        parts = [self._part(tables, rays.take(slice(start, start + self.chunk))) for start in starts]
+        sums = [torch.stack(each).sum(dim=0).cpu() for each in zip(*parts, strict=True)]
+        return tuple(Collected(*sums[first : first + 4]) for first in range(0, len(sums), 4))
+
+    def _part(self, tables: tuple[DeviceTable, DeviceTable], rays: RayBundle) -> tuple[Tensor, ...]:
+        inner, outer = (TableSurface(table) for table in tables)
+        on_device = TensorRays.of(rays, self.scene.media, torch.float64, tables[0].coefficients.device, self.scene.made)
+
+        def light() -> tuple[Tensor, ...]:
+            exit_rays = trace_sequence(inner, outer, on_device, self.scene.fresnel)
+            sums: list[Tensor] = []
+            for receiver in self.receivers:
+                landings, places = receiver.land_in_torch(exit_rays), (receiver.grid, receiver.window)
+                found = collected_on_device(landings, exit_rays.sin2_exit, on_device.flux, *places)
+                sums += (found.image, found.in_window, found.outside_receiver, found.total_reflection)
+            return tuple(sums)
+
+        parts: tuple[Tensor, ...] = checkpoint(light, use_reentrant=False, preserve_rng_state=False)
+        return parts
+
+
+def landed_through(
+    inner: Float[Tensor, "side side"],
+    outer: Float[Tensor, "side side"],
+    scene: Scene,
+    rays: RayBundle,
+    receivers: tuple[Receiver, ...],
+) -> tuple[list[Landings], Float[Tensor, " n"]]:
+    """Landings of ``rays`` on each receiver, and their ``sin2_exit``; differentiable in both tables, float64, CPU.
+
+    Raises :class:`InputError` when a surface has a radius that is not positive.
+    """
+    sin2_exit, *fields = _Landing.apply(  # type: ignore[no-untyped-call]  # as torch has it
+        inner, outer, scene, rays, receivers
+    )
+    return [Landings(*fields[first : first + 4]) for first in range(0, len(fields), 4)], sin2_exit
+
+
+class _Landing(torch.autograd.Function):
+    @staticmethod
+    def forward(
+        ctx: Any, inner: Tensor, outer: Tensor, scene: Scene, rays: RayBundle, receivers: tuple[Receiver, ...]
+    ) -> Any:
+        traced = TracedBundle.of(inner, outer, scene, rays)
+        landed = [receiver.land(traced.exits) for receiver in receivers]
+        ctx.traced, ctx.receivers, ctx.missed = traced, receivers, [each.missed_receiver for each in landed]
+        ctx.mark_non_differentiable(*(flags for each in landed for flags in (each.landed, each.missed_receiver)))
+        fields = [field for each in landed for field in (each.hits, each.flux, each.landed, each.missed_receiver)]
+        return traced.exits.sin2_exit, *fields
+
+    @staticmethod
+    def backward(ctx: Any, by_sin2: Tensor, *by_fields: Tensor) -> Any:
+        exits, total_flux = ctx.traced.exits, np.zeros(len(by_sin2))
+        total: Sensitivities | None = None
+        for k, (receiver, missed) in enumerate(zip(ctx.receivers, ctx.missed, strict=True)):
+            by_hits, by_flux = by_fields[4 * k : 4 * k + 2]
+            if missed.any():  # their hit and flux are constants; those of rays lost in the lens never count
+                by_hits, by_flux = by_hits.masked_fill(missed[:, None], 0.0), by_flux.masked_fill(missed, 0.0)
+            by = receiver.sensitivities(exits, by_hits.contiguous().numpy())
+            total = by if total is None else Sensitivities(*(a + b for a, b in zip(total, by, strict=True)))
+            total_flux = total_flux + by_flux.numpy()
+        return *ctx.traced.gradients(total, total_flux, by_sin2.contiguous().numpy()), None, None, None

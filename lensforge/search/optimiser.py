@@ -1,0 +1,364 @@
+"""The search: from a spec to the lens that lights its target best, with its record.
+
+Its steps are Adam's, with multiplier updates between rounds, stage after stage; resumable at any step.
+"""
+
+import time
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import accumulate
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from lensforge import seeds
+from lensforge.errors import Cancelled, remedy
+from lensforge.scene.lens import Lens
+from lensforge.search.automatic_schedule import AutomaticSchedule, AutomaticStages, UsefulLevels
+from lensforge.search.checkpoint import delete_checkpoint, fingerprint
+from lensforge.search.design_result import Design, Margins, Observer, Progress, constraint_criteria
+from lensforge.search.feasibility import feasible_lens, require_feasible_start
+from lensforge.search.merit import Evaluated, Problem, Problems
+from lensforge.search.robust_parts import Pair
+from lensforge.search.scene_check import SceneCheck
+from lensforge.search.schedule import Outcome, Schedule, Stage, Turn, fixed_schedule, rays_ahead, stages_of
+from lensforge.search.search_state import Adam, Parameters, SearchState, level_of, moments_of, restored, resume_adam
+from lensforge.search.symmetry import settled_symmetry
+from lensforge.search.validation_rays import HeldRays
+from lensforge.sources.build_source import summarise
+from lensforge.sources.measured_rays import searched
+from lensforge.sources.ray_bundle import Source
+from lensforge.spec import Accuracy, Spec
+from lensforge.spec.accuracy import PRESETS, Preset
+from lensforge.spec.spec_files import input_hashes, section_sha256
+from lensforge.surfaces.mirror_group import first_images, group
+from lensforge.surfaces.srbf import fibonacci_hemisphere
+
+_ROUND = 10  # steps between multiplier updates
+_CHECKPOINT_SECONDS = 2.0
+
+
+@dataclass
+class Stopwatch:
+    """Time of a search: all of it, set-up and observers too, and that of before an interrupt."""
+
+    earlier_s: float = 0.0
+    _begun: float = field(default_factory=lambda: time.perf_counter())
+
+    def seconds(self) -> float:
+        """Seconds so far."""
+        return self.earlier_s + time.perf_counter() - self._begun
+
+
+@dataclass
+class Descent:
+    """A search on its way: ``state`` is all that decides its end."""
+
+    source: Source
+    problems: Problems
+    schedule: Schedule
+    held: HeldRays | None
+    seed: int
+    accuracy: Accuracy
+    observer: Observer
+    state: SearchState
+    clock: Stopwatch
+    _judged: tuple[tuple[int, int], Outcome] | None = None
+
+    def run(self, checkpoint: Path | None, key: str) -> Turn:
+        """Run all remaining stages and return the last turn; keep the checkpoint fresh, also at an interrupt."""
+        saved = time.monotonic()
+        if self.held is not None:
+            self._compile_kernels(self.held)
+        try:
+            while (stage := self.schedule.turn(self.state.outcomes).stage) is not None:
+                steps = self._stage_steps(stage)
+                while not self._is_over(stage, self.state):
+                    next(steps)
+                    if checkpoint is not None and time.monotonic() - saved > _CHECKPOINT_SECONDS:
+                        self.state.save(checkpoint, key)
+                        saved = time.monotonic()
+                steps.close()
+                self.state = self._turned(stage)
+        finally:
+            if checkpoint is not None:
+                self.state.save(checkpoint, key)
+        return self.schedule.turn(self.state.outcomes)
+
+    def _compile_kernels(self, held: HeldRays) -> None:
+        """Take a derivative that nobody needs: compiled later, kernels would make the first level look dear."""
+        stage = self.schedule.turn(self.state.outcomes).stage
+        if stage is not None:
+            problem = self.problems.of(stage.levels)
+            weights, offsets = (each.clone().requires_grad_() for each in (self.state.weights, self.state.offsets))
+            one = held.samples[0].take(slice(0, 1))
+            pair = self._pair(problem, 0)
+            problem.merit.evaluate(weights, offsets, one, problem.constraints, stage.uniform, pair).loss.backward()
+
+    def _pair(self, problem: Problem, step: int) -> Pair | None:
+        """Parts of a robust search for ``step``, counted over all levels; None for any other."""
+        return None if problem.parts is None else problem.parts.of_step(self.seed, step)
+
+    def _is_over(self, stage: Stage, state: SearchState) -> bool:
+        """True for ``state`` after the last step of ``stage``, or where the time of the search is up before."""
+        return state.step >= stage.steps or state.seconds >= self.schedule.most_seconds(state.outcomes)
+
+    def _stage_steps(self, stage: Stage) -> Generator[None]:
+        """Take the stage's remaining steps, one for each item; the state is replaced before every yield."""
+        problem = self.problems.of(stage.levels)
+        problem.constraints.multipliers = self.state.multipliers
+        weights = self.state.weights[: stage.functions].clone().requires_grad_()
+        still = self.state.weights[stage.functions :]
+        offsets = self.state.offsets.clone().requires_grad_()
+        optimiser = Adam([weights, offsets], betas=(0.9, 0.99), least_gradient=stage.least_gradient)
+        if self.state.moments is not None:
+            resume_adam(optimiser, self.state.steps_of_moments, self.state.moments)
+        earlier, most_steps = self.state.steps_done - self.state.step, self.schedule.most_steps(self.state.outcomes)
+        steps = range(self.state.step, stage.steps)
+        own_seeds = (seeds.of_step(self.seed, earlier + step) for step in steps)
+        for step, rays in zip(steps, rays_ahead(self.source, stage.rays, own_seeds), strict=True):
+            with remedy("lower optimise.learning_rate, or raise lens.inner_offset_mm or lens.outer_offset_mm"):
+                uniform = step >= stage.uniformity_from
+                every = torch.cat([weights, still]) if still.any() else weights
+                pair = self._pair(problem, earlier + step)
+                result = problem.merit.evaluate(every, offsets, rays, problem.constraints, uniform, pair)
+            optimiser.zero_grad()
+            result.loss.backward()
+            optimiser.step(stage.rate(step))
+            if step % _ROUND == _ROUND - 1:
+                problem.constraints.update(result.fields)
+            following = self._after_step(stage, step, problem, optimiser, result)
+            proceed = self.observer(self._progress(following, stage, most_steps, result))
+            self.state = following  # not earlier: where the observer is interrupted, a resumed search calls it again
+            if proceed is False:
+                raise Cancelled(f"{self.problems.spec.name}: cancelled after step {following.steps_done}")
+            yield
+
+    def _after_step(self, stage: Stage, step: int, problem: Problem, optimiser: Adam, result: Evaluated) -> SearchState:
+        """The state after a step of ``optimiser``, whose parameters are the weights that move and the offsets."""
+        weights, offsets = (each.detach() for each in optimiser.parameters)
+        every_weight = self.state.weights.clone()
+        every_weight[: stage.functions] = weights
+        return replace(
+            self.state,
+            weights=every_weight,
+            offsets=offsets.clone(),
+            multipliers=problem.constraints.multipliers,
+            step=step + 1,
+            moments=moments_of(optimiser),
+            steps_of_moments=self.state.steps_of_moments + 1,
+            history=_extended(self.state.history, stage, self._values(result, problem)),
+            seconds=self.clock.seconds(),
+        )
+
+    def _turned(self, stage: Stage) -> SearchState:
+        """The state at the beginning of what follows ``stage``."""
+        state, problem, outcome = self.state, self.problems.of(stage.levels), self._outcome(stage, self.state)
+        turn = self.schedule.turn((*state.outcomes, outcome))
+        best = Parameters(state.weights, state.offsets) if turn.improved else state.best
+        accepted = best if turn.accepted else state.accepted
+        state = replace(state, outcomes=(*state.outcomes, outcome), step=0, best=best, accepted=accepted)
+        if turn.begin != "current":
+            begin = self._beginning(turn, state)
+            state = replace(state, weights=begin.weights, offsets=begin.offsets, best=begin)
+        if turn.stage is None:
+            return replace(state, moments=None, steps_of_moments=0, seconds=self.clock.seconds())
+        if turn.begin != "current" or (turn.stage.functions, turn.stage.uniform) != (stage.functions, stage.uniform):
+            state = replace(state, moments=None, steps_of_moments=0)
+        return replace(self._for_levels(state, problem, turn.stage), seconds=self.clock.seconds())
+
+    @staticmethod
+    def _beginning(turn: Turn, state: SearchState) -> Parameters:
+        """The parameters with which a search goes on after ``turn``."""
+        now = Parameters(state.weights, state.offsets)
+        best = now if turn.improved else state.best
+        begin = {"current": now, "best": best, "accepted": best if turn.accepted else state.accepted}[turn.begin]
+        assert begin is not None, "it goes back to what it has kept"
+        return begin
+
+    def _outcome(self, stage: Stage, state: SearchState) -> Outcome:
+        """Judgement of ``state`` by held rays, at the end of ``stage``."""
+        key = len(state.outcomes), state.steps_done
+        if self._judged is None or self._judged[0] != key:
+            light = even = None
+            if self.held is not None:
+                problem, uniform = self.problems.of(stage.levels), self.problems.spec.has_uniform_region
+                light, even = self.held.judge(problem, state.weights, state.offsets, uniform)
+            self._judged = key, Outcome(steps=state.step, seconds=self.clock.seconds(), light=light, even=even)
+        return self._judged[1]
+
+    def _ends_level(self, stage: Stage, state: SearchState) -> Parameters | None:
+        """The parameters with which the search leaves the level of ``stage`` for good; None within it.
+
+        None also for a level that is left out.
+        """
+        if not self._is_over(stage, state):
+            return None
+        turn = self.schedule.turn((*state.outcomes, self._outcome(stage, state)))
+        begin = self._beginning(turn, state)
+        within = turn.stage is not None and turn.stage.level == stage.level
+        return None if within or len(begin.weights) != len(state.weights) else begin
+
+    def _for_levels(self, state: SearchState, before: Problem, stage: Stage) -> SearchState:
+        """``state`` with as many weights as ``stage`` has, new ones 0, and multipliers at the points of its grid."""
+        following = self.problems.of(stage.levels)
+        if following is not before:
+            state = replace(state, multipliers=following.multipliers_of(before, state.multipliers))
+        size = following.parametrisation.basis.size
+        if size == len(state.weights):
+            return state
+        weights = torch.zeros(size, 2, dtype=torch.float64)
+        kept = min(size, len(state.weights))
+        weights[:kept] = state.weights[:kept]
+        return replace(state, weights=weights, best=Parameters(weights, state.offsets))
+
+    def _progress(self, state: SearchState, stage: Stage, most_steps: int, result: Evaluated) -> Progress:
+        problem, at_end = self.problems.of(stage.levels), self._ends_level(stage, state)
+        parameters = at_end or Parameters(state.weights, state.offsets)
+
+        def lens() -> Lens:
+            return problem.parametrisation.lens(*parameters, problem.spec, self.seed, self.accuracy)
+
+        return Progress(
+            level=stage.level,
+            step=state.step,
+            steps_done=state.steps_done,
+            steps_total=most_steps,
+            nmse=result.nmse,
+            efficiency=result.efficiency,
+            functions=stage.functions,
+            level_done=at_end is not None,
+            seconds=state.seconds,
+            accuracy=self.accuracy,
+            lens=lens,
+        )
+
+    @staticmethod
+    def _values(result: Evaluated, problem: Problem) -> dict[str, float]:
+        """History of one step."""
+        least = problem.constraints.least(result.fields)
+        return {"loss": result.loss.item(), "nmse": result.nmse, "efficiency": result.efficiency, **least}
+
+
+def _extended(history: Sequence[dict[str, Any]], stage: Stage, values: dict[str, float]) -> list[dict[str, Any]]:
+    """``history`` with one more step, in new lists: the state before it must not change."""
+    if not history or history[-1]["level"] != stage.level:
+        history = [*history, {"level": stage.level, "functions": stage.functions, **{name: [] for name in values}}]
+    last = history[-1]
+    return [*history[:-1], last | {name: [*last[name], value] for name, value in values.items()}]
+
+
+_SIZE_DIRECTIONS = 20_000  # over the hemisphere, at which radius and height are sampled
+
+
+def search(
+    spec: Spec,
+    source: Source,
+    *,
+    accuracy: Accuracy = "standard",
+    seed: int = 0,
+    device: torch.device | None = None,
+    start: Lens | None = None,
+    checkpoint: Path | None = None,
+    resume: bool = False,
+    progress: Observer | None = None,
+    anyway: bool = False,
+) -> Design:
+    """Search for the lens of ``spec``; its rays are traced by the CPU's kernels, or by torch on ``device``.
+
+    ``start``: a lens to begin from instead of two hemispheres; then given levels all move from the first step on, and
+    automatic ones begin with as many as it has, the broad ones first. ``checkpoint`` is written every few seconds and
+    at an interrupt; with ``resume`` the search goes on from it and ends with the same bits as an uninterrupted one,
+    unless ``optimise.seconds`` makes it depend on time. ``progress`` is called after every gradient step; where it
+    returns False, the search raises :class:`Cancelled`. Raises :class:`InputError` for a scene without light in the
+    lens, or a target of which no lens can light half, unless ``anyway``.
+    """
+    clock, scene = Stopwatch(), SceneCheck.of(spec, source, start)
+    scene.require_light(anyway=anyway)
+    preset, spec = PRESETS[accuracy], settled_symmetry(spec, source)
+    schedule = _schedule(spec, source, preset, start)
+    problems = Problems(spec, source, preset.nodes_per_sigma, device)
+    key = fingerprint(spec, seed, accuracy, start, device)
+    if resume and checkpoint is not None:
+        state = restored(checkpoint, key, schedule, problems)
+        clock.earlier_s = state.seconds
+    else:
+        state = _fresh_state(schedule, problems, start)
+    if checkpoint is not None and not resume:
+        delete_checkpoint(checkpoint)  # of an earlier search: an interrupt before the first step leaves none
+    held, of_steps = None, searched(source)
+    if spec.lens.levels == "auto":
+        held, of_steps = HeldRays.of(of_steps, preset.effort.held_rays, seed)
+    descent = Descent(of_steps, problems, schedule, held, seed, accuracy, progress or (lambda _: None), state, clock)
+    descent.run(checkpoint, key)
+    state = descent.state
+    last = stages_of(schedule, state.outcomes)[-1]
+    problem = problems.of(_levels_of(last.levels, len(state.weights)))
+    lens, margins = feasible_lens(problem, state, seed, accuracy)
+    why = schedule.turn(state.outcomes).why or None
+    state = replace(state, seconds=clock.seconds())
+    return _design(lens, margins, source, state, last.rays, why, scene.warnings())
+
+
+def _schedule(spec: Spec, source: Source, preset: Preset, start: Lens | None) -> Schedule:
+    if spec.lens.levels != "auto":
+        return fixed_schedule(spec, preset, last_only=start is not None)
+    effort, settings = preset.effort.with_rays_of(searched(source).ray_count), spec.optimise
+    levels = UsefulLevels.of(spec, source, effort.finest)
+    first = 0 if start is None else levels.resolving(start.detail_rad, spec.lens.sigma_c)
+    # parts of a robust search have no symmetry: the spread of their light is not averaged over mirror images
+    uniform, images = spec.has_uniform_region, 1 if settings.robust else len(group(spec.lens.symmetry))
+    stages = AutomaticStages(levels, effort, settings.learning_rate, images, first)
+    return AutomaticSchedule(stages, uniform, settings.seconds)
+
+
+def _levels_of(levels: tuple[int, ...], weights: int) -> tuple[int, ...]:
+    """The first of ``levels`` that have so many weights: the last one may have been left out at the very end."""
+    return levels[: list(accumulate(levels)).index(weights) + 1]
+
+
+def _design(
+    lens: Lens,
+    margins: Margins,
+    source: Source,
+    state: SearchState,
+    rays_per_step: int,
+    why: str | None,
+    warnings: tuple[str, ...],
+) -> Design:
+    """The record of a finished search; ``warnings`` on its scene go with those on its source."""
+    summary = summarise(source, lens.spec.source)
+    directions = fibonacci_hemisphere(_SIZE_DIRECTIONS)
+    directions = directions[first_images(directions, lens.symmetry)]
+    radius = lens.outer.radius(directions)
+    return Design(
+        inputs={"lens": lens.sha256, "spec": section_sha256(lens.spec), **input_hashes(lens.spec)},
+        lens=lens,
+        steps=state.steps_done,
+        forward_evaluations=state.steps_done,
+        rays_per_step=rays_per_step,
+        seconds=state.seconds,
+        max_radius_mm=float(radius.max()),
+        height_mm=float((radius * directions[:, 2]).max()),
+        constraints=margins,
+        source=summary.model_copy(update={"warnings": (*summary.warnings, *warnings)}),
+        source_outline_mm=tuple((float(x), float(y), float(z)) for x, y, z in source.outline()),
+        ended=why,
+        history=tuple(level_of(level) for level in state.history),
+        criteria=constraint_criteria(lens.spec, margins),
+    )
+
+
+def _fresh_state(schedule: Schedule, problems: Problems, start: Lens | None) -> SearchState:
+    """The state before the first step. Raises :class:`InputError` where no lens is found that keeps the limits."""
+    first = schedule.turn(()).stage
+    assert first is not None, "a spec has levels"
+    problem = problems.of(first.levels)
+    multipliers = problem.constraints.multipliers
+    if start is not None:
+        return SearchState(*problem.parametrisation.parameters_of(start), multipliers)
+    finest = schedule.stages.levels.counts if isinstance(schedule, AutomaticSchedule) else first.levels
+    require_feasible_start(map(problems.of, dict.fromkeys((first.levels, finest))))
+    weights = torch.zeros(problem.parametrisation.basis.size, 2, dtype=torch.float64)
+    return SearchState(weights, torch.ones(2, dtype=torch.float64), multipliers)

@@ -1,0 +1,309 @@
+"""Check of a scene before its search: light that enters the starting lens, and a target that a lens can light at all.
+
+A search cannot start from darkness, and no search helps against étendue. Both are mistakes of a unit, an axis or a
+place that a few thousand rays show at once. Light that targets and limits ask for stands beside the most that any lens
+of the largest radius can bring there.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import isfinite, sqrt
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+
+from lensforge.errors import InputError
+from lensforge.kernels.fate import Fate
+from lensforge.light.table_trace import Scene, trace_tables
+from lensforge.scene.lens import Lens
+from lensforge.scene.limit_readings import LightLimit, light_limits
+from lensforge.scene.possible_light import LargestShare, PossibleLight, SourceLight
+from lensforge.scene.receiver import PosedReceiver
+from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.scene.target_pattern import target_light
+from lensforge.scene.target_region import in_target
+from lensforge.sources.build_source import summarise
+from lensforge.sources.ray_bundle import RayBundle, Source
+from lensforge.spec import Spec
+from lensforge.spec.receiver_sections import PlaneReceiver
+from lensforge.spec.spec_section import rounded_up
+from lensforge.surfaces.asphere import sphere
+from lensforge.surfaces.bicubic_table import grid_for, tabulate
+from lensforge.surfaces.surface import Surface
+
+LEAST_POSSIBLE = 0.5  # of what is asked for: with less, no search comes near it
+
+
+@dataclass(frozen=True)
+class AskedLight:
+    """Light that a limit asks for at its worst place, and the most that is ``possible`` there, in ``unit``.
+
+    ``radius_mm``: of the smallest lens whose étendue suffices. ``estimated``: the source's luminance is an estimate
+    from its rays, which stops no search.
+    """
+
+    name: str
+    asked: float
+    possible: float
+    unit: str
+    radius_mm: float
+    estimated: bool
+
+    @property
+    def met(self) -> float:
+        """Largest part of what is asked."""
+        return self.possible / self.asked
+
+    @property
+    def certain(self) -> bool:
+        """False where the bound is that of an estimated luminance."""
+        return not self.estimated
+
+    @property
+    def possible_words(self) -> str:
+        """The bound in words."""
+        return f"{_about(self.estimated)}at most {self.possible:.3g} {self.unit} (by étendue) can be reached"
+
+    @property
+    def asked_words(self) -> str:
+        """The demand in words."""
+        return f"{self.asked:g} {self.unit} that it asks for"
+
+    def remedies(self) -> str:
+        """Changes that would raise the bound."""
+        return f"{_larger_lens(self.radius_mm)}, a smaller or brighter source, or a lower bound"
+
+
+@dataclass(frozen=True)
+class AskedShare:
+    """Share of the source's flux that a target or a limit asks for, and its ``bounds``; all else as above.
+
+    A target asks for all that two faces transmit into its bright part.
+    """
+
+    name: str
+    asked: float
+    bounds: LargestShare
+    radius_mm: float
+    estimated: bool
+
+    @property
+    def met(self) -> float:
+        """Largest part of what is asked."""
+        return self.bounds.value / self.asked
+
+    @property
+    def certain(self) -> bool:
+        """False where only the bound of an estimated luminance is too low."""
+        return not self.estimated or self.bounds.by_refraction < LEAST_POSSIBLE * self.asked
+
+    @property
+    def possible_words(self) -> str:
+        """The bound in words."""
+        return f"{_about(self.estimated)}{self.bounds} of the light can reach it"
+
+    @property
+    def asked_words(self) -> str:
+        """The demand in words."""
+        return f"{100.0 * self.asked:.3g} % that it asks for"
+
+    def remedies(self) -> str:
+        """Changes that would raise the bound."""
+        if self.bounds.by_etendue <= self.bounds.by_refraction and isfinite(self.radius_mm):
+            return f"{_larger_lens(self.radius_mm)}, a smaller source or a larger target"
+        return "a larger lens.refractive_index, or a target nearer to the source's axis"
+
+
+Asked = AskedLight | AskedShare
+
+
+def asked_light(spec: Spec, source: Source) -> tuple[tuple[AskedShare, ...], tuple[Asked, ...]]:
+    """The light asked for by the targets of each receiver, and by the limits of ``spec``.
+
+    Raises :class:`InputError` for limits that contradict each other, or whose unit the source does not have.
+    """
+    light, receivers = SourceLight.of(source, spec.lens.media), receivers_of(spec, spec.evaluate.pixels)
+    physics = [PossibleLight(light, receiver, spec.constraints.max_radius_mm) for receiver in receivers]
+    wanted = [target_light(section.targets, each) for section, each in zip(spec.all_receivers, receivers, strict=True)]
+    targets = tuple(_of_target(pattern, each) for pattern, each in zip(wanted, physics, strict=True))
+    lumens_per_watt = summarise(source, spec.source).lumens_per_watt if spec.limits else None
+    limits = light_limits(spec, receivers, lumens_per_watt, source.flux_w)
+    found = (_of_limit(limit, physics[limit.receiver], source.flux_w) for limit in limits)
+    return targets, tuple(each for each in found if each is not None)
+
+
+def _of_target(wanted: Float[np.ndarray, "h w"], physics: PossibleLight) -> AskedShare:
+    region = in_target(wanted)
+    return _share("target", physics.light.transmittance * float(wanted[region].sum()), region, physics)
+
+
+def _share(name: str, asked: float, region: Bool[np.ndarray, "h w"], physics: PossibleLight) -> AskedShare:
+    estimated = physics.light.curve.estimated
+    return AskedShare(name, asked, physics.in_region(region), physics.radius_for(region, asked), estimated)
+
+
+def _of_limit(limit: LightLimit, physics: PossibleLight, flux_w: float) -> Asked | None:
+    """The share, or the light at the place at which least of it is possible; None for other limits, and upper ones."""
+    if limit.sense != ">=" or limit.quantity not in ("light", "share"):
+        return None
+    if limit.quantity == "share":
+        region = np.zeros(physics.on_pixels.shape, dtype=bool)
+        region.flat[limit.readings.indices] = True
+        return _share(limit.name, limit.bound, region, physics)
+    possible = float(limit.of(physics.on_pixels[None] * flux_w).min())
+    radius_mm = physics.max_radius_mm * sqrt(limit.bound / max(possible, np.finfo(float).tiny))
+    return AskedLight(limit.name, limit.bound, possible, limit.unit, radius_mm, physics.light.curve.estimated)
+
+
+def _about(estimated: bool) -> str:
+    return "by an estimate of the source's luminance " if estimated else ""
+
+
+def _larger_lens(radius_mm: float) -> str:
+    return f"a larger lens (>= {rounded_up(radius_mm)} mm)"
+
+
+_RAYS, _SEED = 2**14, 0
+_NODES_PER_SIGMA = 4.0  # the starting lens is smooth: its entry is right to the noise of the rays
+_LEAST_ENTERING = 1e-3  # of the flux; the rest of such a search is noise
+_WARN_LOST, _WARN_POSSIBLE = 0.1, 0.7  # shares that a user should know of before waiting for a search
+_STEEP, _PIXELS = 0.7, 64  # a component of an axis along z; pixels along a side
+_MAIN_CAUSE = 0.1  # of the light that is lost: smaller causes need no remedy of their own
+_LOST = {
+    Fate.BACKWARD: "goes backward, towards -z",
+    Fate.OUTSIDE_CAVITY: "starts outside the cavity or misses its opening",
+}
+
+
+@dataclass(frozen=True)
+class SceneCheck:
+    """Shares of the source's flux: ``entering`` the starting lens and ``lost`` before it; the light that is asked for.
+
+    ``targets``: of each receiver. ``limits``: that ask for light. ``mean_direction``: of the flux.
+    """
+
+    spec: Spec
+    entering: float
+    lost: dict[Fate, float]
+    targets: tuple[AskedShare, ...]
+    limits: tuple[Asked, ...]
+    mean_direction: tuple[float, float, float]
+
+    @staticmethod
+    def of(spec: Spec, source: Source, start: Lens | None = None) -> "SceneCheck":
+        """Trace some rays of ``source`` into the starting lens: that of ``spec``, or ``start``."""
+        rays = source.sample(min(_RAYS, source.ray_count or _RAYS), _SEED)
+        by_fate = _shares_by_fate(spec, rays, start)
+        lost = {fate: by_fate.pop(fate) for fate in _LOST}
+        x, y, z = (rays.flux @ rays.directions / rays.flux.sum()).tolist()
+        return SceneCheck(spec, sum(by_fate.values()), lost, *asked_light(spec, source), (x, y, z))
+
+    def require_light(self, *, anyway: bool = False) -> None:
+        """Raise :class:`InputError` where no light enters the lens or, unless ``anyway``, less than half can do.
+
+        That is half of what the target asks for. A luminance that is an estimate refuses nothing.
+        """
+        if self.entering < _LEAST_ENTERING:
+            raise InputError(
+                f"source: {_percent(self.entering)} of the light enters the starting lens, at least "
+                f"{_percent(_LEAST_ENTERING)} must: {self._causes()}; try {', '.join(self._remedies())}"
+            )
+        for field, asked in self._asked():
+            if asked.met < LEAST_POSSIBLE and asked.certain and not anyway:
+                raise InputError(
+                    f"{field}: {asked.possible_words} {self._through()}, less than half of the {asked.asked_words}: "
+                    f"{self._help(asked)}; or design it all the same: --anyway, in a script anyway=True"
+                )
+
+    def warnings(self) -> tuple[str, ...]:
+        """One line for each matter that no search can mend."""
+        return tuple(self._warnings())
+
+    def _warnings(self) -> Iterator[str]:
+        if 1.0 - self.entering > _WARN_LOST:
+            yield (
+                f"{_percent(self.entering)} of the light enters the starting lens: {self._causes()}; "
+                f"try {', '.join(self._remedies())}"
+            )
+        for field, asked in self._asked():
+            if asked.met < _WARN_POSSIBLE:
+                yield f"{field}: {asked.possible_words} {self._through()}; try {asked.remedies()}"
+        for section, receiver in zip(self.spec.all_receivers, receivers_of(self.spec, _PIXELS), strict=True):
+            if isinstance(section, PlaneReceiver):
+                yield from _of_plane(section, receiver)
+
+    def _asked(self) -> Iterator[tuple[str, Asked]]:
+        """Targets and limits by the names of their fields."""
+        for receiver, target in zip(self.spec.all_receivers, self.targets, strict=True):
+            yield "target" if self.spec.target is not None else f"receivers: target on {receiver.name}", target
+        for limit in self.limits:
+            yield f"limits: {limit.name}", limit
+
+    def _help(self, asked: Asked) -> str:
+        """Changes to try: of the source where most of its light is lost before the lens, else lens or target."""
+        if self.entering < LEAST_POSSIBLE:
+            return f"{self._causes()}; try {', '.join(self._remedies())}"
+        return f"try {asked.remedies()}"
+
+    def _causes(self) -> str:
+        return ", ".join(f"{_percent(share)} {_LOST[fate]}" for fate, share in self.lost.items() if share > 0.0)
+
+    def _remedies(self) -> Iterator[str]:
+        """Fields that mend the main causes, the largest first."""
+        fields, main = type(self.spec.source).model_fields, _MAIN_CAUSE * (1.0 - self.entering)
+        for fate, share in sorted(self.lost.items(), key=lambda item: -item[1]):
+            if share > main and fate == Fate.BACKWARD:
+                mean = ", ".join(f"{each:.2f}" for each in self.mean_direction)
+                turn = [f"source.{name}" for name in ("axis", "tilt_deg") if name in fields]
+                yield f"{' or '.join(turn)} (the mean direction is ({mean}) in the lens, it should be near +z)"
+            elif share > main:
+                places = [f"source.{name}" for name in ("scale", "origin", "position_mm") if name in fields]
+                cavity = "lens.inner_offset_mm" if self.spec.lens.fixed_inner is None else "lens.fixed_inner"
+                yield ", ".join([*places, f"or a larger {cavity}"])
+
+    def _through(self) -> str:
+        largest = f"through a lens of constraints.max_radius_mm = {self.spec.constraints.max_radius_mm:g}"
+        if self.spec.target is not None and self.spec.target.distance_mm is not None:
+            return f"{largest} at target.distance_mm = {self.spec.target.distance_mm:g}"
+        return largest
+
+
+def _of_plane(section: PlaneReceiver, receiver: PosedReceiver) -> Iterator[str]:
+    """Lines on a plane that stands steeply, whose axes nobody sees, and on a target behind the plane of the LED."""
+    x, y, _ = receiver.pose.axes
+    if section.rotation_deg == 0.0 and max(abs(x[2]), abs(y[2])) > _STEEP:
+        along = " and ".join(
+            f"{name} along ({', '.join(f'{each + 0.0:.2g}' for each in axis.round(6))})"
+            for name, axis in (("x", x), ("y", y))
+        )
+        yield f"receivers: {section.name}: it has {along} in the lens; rotation_deg turns it about its normal"
+    wanted = target_light(section.targets, receiver)
+    height_mm = receiver.places(*np.meshgrid(receiver.grid.x(), receiver.grid.y()))[..., 2]
+    behind = float(wanted[height_mm < 0.0].sum() / wanted.sum())
+    if behind > 0.0:
+        yield (
+            f"receivers: {section.name}: {_percent(behind)} of its target lies behind the LED's plane z = 0, where "
+            "a lens sends little light; move or shrink the target"
+        )
+
+
+def _shares_by_fate(spec: Spec, rays: RayBundle, start: Lens | None) -> dict[Fate, float]:
+    """Shares of the flux by fate in the starting lens."""
+    inner, outer = starting_surfaces(spec) if start is None else (start.inner, start.outer)
+    grid = grid_for(min(inner.detail_rad, outer.detail_rad), _NODES_PER_SIGMA)
+    inner_table, outer_table = (torch.from_numpy(tabulate(grid, surface)) for surface in (inner, outer))
+    exits = trace_tables(inner_table, outer_table, Scene(spec.lens.media, grid), rays)
+    by_fate = np.bincount(exits.fates.numpy(), rays.flux, minlength=len(Fate)) / rays.flux.sum()
+    return {fate: float(by_fate[fate]) for fate in Fate}
+
+
+def starting_surfaces(spec: Spec) -> tuple[Surface, Surface]:
+    """Inner and outer surface from which a search begins: two spheres, or those that the spec fixes."""
+    inner, outer = (sphere(radius_mm) for radius_mm in spec.lens.start_mm)
+    fixed_inner, fixed_outer = spec.lens.fixed
+    return fixed_inner or inner, fixed_outer or outer
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.3g} %"

@@ -1,0 +1,1 @@
+"""Can it be made, and what does the shop need: check, drawing, point tables."""

@@ -1,0 +1,193 @@
+"""The ball cutter: the largest ball that touches a face without gouging, the height left uncut, and the scallops.
+
+A ball of radius R cuts the point P when its centre ``P + R n`` (n: the air-side normal) is at least R from all of the
+part. Two tests decide: the local one, ``kappa_min >= -1/R``, and the global one, that no other point Q is inside the
+ball. The ball through P that also touches Q has the radius ``|Q - P|^2 / (2 n . (Q - P))``, so the largest ball at P
+is the smallest of these and of ``-1/kappa_min``. Shrinking a ball from the local limit, with the nearest neighbour of
+its centre as the next Q, finds it in a few iterations (J. Ma, S. W. Bae, S. Choi, The Visual Computer 28, 7 (2012)).
+One map of radii then serves every cutter.
+
+The air that a ball sweeps is the union of the balls whose centres are at least R from the part (the opening of the air
+by the ball). The boundary of those centres is the offset face ``P + R n`` over the points that the cutter reaches, so
+the uncut height over an unreached point is its distance to the nearest such centre, minus R.
+
+Only the ball is tested, against the face that it cuts; ``ball_clearance`` tests it against the base, and ``tool_reach``
+the shank and the holder. Q ranges over the samples, so a ball is never too small, and too large by a term that falls
+with the square of their spacing: on random cavities of four levels, 161 nodes against 321, the reachable fraction
+changes by 0.1 % and the residual height by 0.05 um.
+
+Scallops are the cusps between neighbouring passes. They are exact for a face of constant normal curvature ``kappa``
+(1/mm, convex positive) across the passes, a ball of radius R and passes whose contact points are ``s`` apart along the
+face. With ``w`` the squared half chord ``(s/2 sinc(kappa s/4))^2``, the cusp height h solves
+``h^2 - 2 R h + (1 + kappa R)(1 + kappa h) w = 0``; on a plane this is ``h = R - sqrt(R^2 - s^2/4)``, and for small
+steps ``(s^2/8)(1/R + kappa)``. For the light the slope matters more than the height: a cusp of 50 nm from a ball of
+1 mm radius has 10 mrad.
+"""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.spatial import cKDTree
+
+from lensforge.shop.check_result import Scallop
+from lensforge.shop.face_samples import FaceSamples
+
+FIT_TOLERANCE = 1e-6  # relative: 1 nm for a cutter of 1 mm
+_GOUGE_MM = 1e-6  # a ball that is this deep in the part still counts as touching
+_ROUNDS = 60
+# Balls in a cavity are close to very many points at once: scanning large leaves is faster than descending a deep tree.
+LEAF = 256
+_QUERIES = 1024  # in one part: some milliseconds, against which the start of a part counts nothing
+_COARSE = 8  # every eighth obstacle is tested first, which brings the balls close to their final size
+# A ball of this many face radii is as good as a plane.
+_UNLIMITED = 20.0
+
+
+def largest_ball_mm(samples: FaceSamples, part: Float[np.ndarray, "m 3"] | None = None) -> Float[np.ndarray, " k"]:
+    """Radius (mm) of the largest ball that touches the face at each sample only; infinite where any ball does.
+
+    ``part``: the points that must stay outside it, by default the samples themselves.
+    """
+    part = samples.points if part is None else part
+    cap = _UNLIMITED * float(np.linalg.norm(samples.points, axis=1).max())
+    radius = np.minimum(_local_limit(samples), cap)
+    for obstacles in (part[::_COARSE], part):
+        _shrink(radius, samples, obstacles)
+    return np.where(radius < cap, radius, np.inf)
+
+
+def _shrink(radius: Float[np.ndarray, " k"], samples: FaceSamples, obstacles: Float[np.ndarray, "m 3"]) -> None:
+    """Shrink the balls in place until no obstacle is deeper inside than the tolerance."""
+    points, normals = samples.points, samples.normals
+    tree = cKDTree(obstacles, leafsize=LEAF)
+    active = np.arange(len(points))
+    for _ in range(_ROUNDS):
+        centres = points[active] + radius[active, None] * normals[active]
+        distance, nearest = nearest_points(tree, centres)
+        gouging = distance < radius[active] - _GOUGE_MM
+        active, nearest = active[gouging], nearest[gouging]
+        if not len(active):
+            return
+        radius[active] = _touching_radius(points[active], normals[active], obstacles[nearest])
+
+
+def nearest_points(
+    tree: cKDTree, points: Float[np.ndarray, "k 3"]
+) -> tuple[Float[np.ndarray, " k"], Int[np.ndarray, " k"]]:
+    """Distance (mm) and index of the nearest point of ``tree`` for each of ``points``, on all cores.
+
+    As ``tree.query(points, workers=-1)``, whose daemon threads however run on after an interrupt (scipy 1.17), while
+    the interpreter ends and takes their memory away: a segmentation fault. Here an interrupt waits for the parts that
+    are being searched, and those that are not begun are dropped.
+    """
+    parts = [points[start : start + _QUERIES] for start in range(0, len(points), _QUERIES)]
+    if len(parts) < 2:
+        return tree.query(points)  # type: ignore[no-any-return]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        found = list(pool.map(tree.query, parts))
+    return np.concatenate([distance for distance, _ in found]), np.concatenate([index for _, index in found])
+
+
+def local_fit(samples: FaceSamples, cutter_radius_mm: float) -> Bool[np.ndarray, " k"]:
+    """True where the curvature alone admits the cutter: ``kappa_min >= -1/R``."""
+    return _local_limit(samples) >= cutter_radius_mm * (1.0 - FIT_TOLERANCE)
+
+
+def reachable(ball_mm: Float[np.ndarray, " k"], cutter_radius_mm: float) -> Bool[np.ndarray, " k"]:
+    """True where a cutter touches the face without gouging it elsewhere; ``ball_mm`` as of :func:`largest_ball_mm`."""
+    return ball_mm >= cutter_radius_mm * (1.0 - FIT_TOLERANCE)
+
+
+def _local_limit(samples: FaceSamples) -> Float[np.ndarray, " k"]:
+    kappa = samples.curvatures.minimum
+    concave = kappa < 0.0
+    return np.where(concave, -1.0 / np.where(concave, kappa, -1.0), np.inf)
+
+
+def _touching_radius(
+    point: Float[np.ndarray, "n 3"], normal: Float[np.ndarray, "n 3"], other: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, " n"]:
+    chord = other - point
+    radius: Float[np.ndarray, " n"] = np.sum(chord * chord, axis=1) / (2.0 * np.sum(normal * chord, axis=1))
+    return radius
+
+
+def residual_height_mm(
+    samples: FaceSamples, ball_mm: Float[np.ndarray, " k"], cutter_radius_mm: float
+) -> Float[np.ndarray, " k"]:
+    """Uncut height (mm) over each sample, 0 where the cutter reaches; all NaN when it reaches nothing.
+
+    ``ball_mm`` is the map of :func:`largest_ball_mm`. The error is of second order in the sample spacing: the
+    edge of the reached area, where balls rest on two points at once, is located between the samples.
+    """
+    reached = reachable(ball_mm, cutter_radius_mm)
+    height = np.zeros(len(reached))
+    if reached.all():
+        return height
+    if not reached.any():
+        return np.full(len(reached), np.nan)
+    centres = samples.points[reached] + cutter_radius_mm * samples.normals[reached]
+    centres = np.concatenate([centres, _edge_centres(samples, ball_mm, cutter_radius_mm)])
+    distance, _ = cKDTree(centres).query(samples.points[~reached])
+    height[~reached] = np.maximum(distance - cutter_radius_mm, 0.0)
+    return height
+
+
+def _edge_centres(
+    samples: FaceSamples, ball_mm: Float[np.ndarray, " k"], cutter_radius_mm: float
+) -> Float[np.ndarray, "e 3"]:
+    """Ball centres over the edge of the reached area: where a grid line's largest ball passes the cutter's radius."""
+    tightness = samples.grid.to_map(1.0 / ball_mm - 1.0 / cutter_radius_mm)  # finite where a ball is unlimited
+    nodes = samples.grid.to_map(samples.chart)
+    crossings = []
+    for field, chart in ((tightness, nodes), (tightness.T, nodes.transpose(1, 0, 2))):
+        before, after = field[:-1], field[1:]
+        crossed = before * after < 0.0
+        part = (before[crossed] / (before[crossed] - after[crossed]))[:, None]
+        crossings.append((1.0 - part) * chart[:-1][crossed] + part * chart[1:][crossed])
+    jet = samples.face.jet(np.concatenate(crossings))
+    return jet.point + cutter_radius_mm * samples.face.air_normal(jet)
+
+
+def scallop(cutter_radius_mm: float, stepover_mm: float, slope_limit_rad: float, curvature: float) -> Scallop:
+    """Height and slope of the cusps at ``stepover_mm``, and the stepover at which their slope is the limit."""
+    height = scallop_height_mm(cutter_radius_mm, stepover_mm, curvature)
+    slope = scallop_slope_rad(cutter_radius_mm, stepover_mm, curvature)
+    limit = stepover_for_slope_mm(cutter_radius_mm, slope_limit_rad, curvature)
+    return Scallop(
+        height_nm=1e6 * height if np.isfinite(height) else None,
+        slope_mrad=1e3 * slope if np.isfinite(slope) else None,
+        stepover_for_slope_limit_mm=limit if np.isfinite(limit) else None,
+    )
+
+
+def scallop_height_mm(cutter_radius_mm: float, stepover_mm: float, curvature: float = 0.0) -> float:
+    """Height (mm) of the cusps above the face; NaN where the passes do not overlap or the ball does not fit."""
+    excess = 1.0 + curvature * cutter_radius_mm
+    if excess < 0.0:
+        return float("nan")
+    half_chord = stepover_mm / 2.0 * float(np.sinc(curvature * stepover_mm / (4.0 * np.pi)))
+    product = excess * half_chord**2
+    half_sum = cutter_radius_mm - curvature * product / 2.0
+    discriminant = half_sum**2 - product
+    return product / (half_sum + float(np.sqrt(discriminant))) if discriminant >= 0.0 else float("nan")
+
+
+def scallop_slope_rad(cutter_radius_mm: float, stepover_mm: float, curvature: float = 0.0) -> float:
+    """Slope (rad) of the cusps against the face at their crest, ``asin(s/2R)`` on a plane; NaN as for the height."""
+    half = stepover_mm / 2.0 * float(np.sinc(curvature * stepover_mm / (2.0 * np.pi)))
+    sine = (1.0 / cutter_radius_mm + curvature) * half
+    return float(np.arcsin(sine)) if 0.0 <= sine <= 1.0 else float("nan")
+
+
+def stepover_for_slope_mm(cutter_radius_mm: float, slope_rad: float, curvature: float = 0.0) -> float:
+    """The stepover (mm) whose cusps have the given slope; infinite where the face is as concave as the ball."""
+    excess = 1.0 / cutter_radius_mm + curvature
+    if excess <= 0.0:
+        return float("inf")
+    half = float(np.sin(slope_rad)) / excess
+    if curvature == 0.0:
+        return 2.0 * half
+    return 2.0 * float(np.arcsin(np.clip(curvature * half, -1.0, 1.0))) / curvature

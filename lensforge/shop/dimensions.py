@@ -1,0 +1,342 @@
+"""Dimensions and datums of the lens and its base: one list for the drawing, its DXF and the table.
+
+All are of the exact surfaces. A dimension that is drawn has its two ends on the part.
+
+Datums are features that the part has; where it has none, words say so. A is a plane that can be touched: the base's top
+or the rim where it lies in z = 0, else the bottom, on which the part sits. B is the axis of a round base, or the middle
+plane of two sides of a square one; C stops the part from turning. A STEP with tolerances on its faces names its own
+plane A, in z = 0: then that is A here, too.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from math import floor
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.cad.custom_base import read_custom_base, tessellated
+from lensforge.cad.cutter_room import base_with_room
+from lensforge.cad.outline import Outline
+from lensforge.cad.part import Part
+from lensforge.cad.plan import BOTTOM, RIM, SIDE, TOP, lay_out, rim_directions, rim_radius
+from lensforge.cad.section import body_outlines, other_section_deg
+from lensforge.scene.lens import Lens
+from lensforge.spec import BaseSection
+from lensforge.surfaces.srbf import fibonacci_hemisphere
+from lensforge.surfaces.surface import Surface, to_chart, to_sphere
+
+_SAMPLES, _STARTS = 5_000, 8  # samples 1.8 degrees apart; searches from the highest of them
+_RIM_AZIMUTHS = 1440
+_AXIS = np.array([[0.0, 0.0, 1.0]])
+_CHORD_MM = 1e-2  # of the round faces of a base from a file
+
+Measured = Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, " n"]]
+Scope = Literal["axis", "section", "second", "largest", "part", "base", "box"]
+SCOPES: dict[Scope, str] = {
+    "axis": "on the axis",
+    "section": "in the section S–S",
+    "second": "in the section T–T",
+    "largest": "largest about the axis",
+    "part": "of the whole part",
+    "base": "of the base, all around",
+    "box": "of the box around the base",
+}
+View = Literal["S", "T", "base", "dome"]
+Ends = tuple[tuple[float, float], tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """One dimension (mm) with its name, and ``scope``: of which places it is.
+
+    ``ends``: two places in ``view``: (z, across) in a section, (y, x) seen from the base, (-y, x) in the view of the
+    dome; None where it is not drawn. ``upright``: it is measured across the axis in a section. ``sign``: "⌀" or "□"
+    before it. ``tolerance_mm``: either way.
+    """
+
+    name: str
+    value_mm: float
+    scope: Scope
+    ends: Ends | None = None
+    view: View = "S"
+    upright: bool = False
+    sign: str = ""
+    tolerance_mm: float | None = None
+
+    @property
+    def scope_words(self) -> str:
+        """Words on the places of which it is."""
+        return SCOPES[self.scope]
+
+    @property
+    def tolerance(self) -> str:
+        """Its own tolerance, or that it is auxiliary, or that the general one holds."""
+        if self.tolerance_mm is not None:
+            return f"±{self.tolerance_mm:.3f}"
+        return "auxiliary" if self.is_auxiliary else "general"
+
+    @property
+    def is_auxiliary(self) -> bool:
+        """True for a size that others or a freeform face give: it stands in parentheses, and the STEP defines it."""
+        return self.scope not in ("base", "box") and self.tolerance_mm is None
+
+
+def dimensions(lens: Lens) -> list[Dimension]:
+    """Dimensions of the lens, of its base and of the whole part."""
+    return [*_lens_dimensions(lens), *_base_dimensions(lens), *_part_dimensions(lens)]
+
+
+def _lens_dimensions(lens: Lens) -> Iterator[Dimension]:
+    inner, outer = (float(surface.radius(_AXIS)[0]) for surface in (lens.inner, lens.outer))
+    gap = lens.spec.tolerances.of("gap_mm").amount
+    side = -float(rim_radius(lens.outer)(np.array([np.pi]))[0])
+    yield Dimension("outer apex above z = 0", outer, "axis", ((0.0, side), (outer, 0.0)))
+    yield Dimension("highest point above z = 0", highest_point_mm(lens.outer)[2], "largest")
+    yield Dimension("apex of the cavity above z = 0", inner, "axis", ((0.0, side), (inner, 0.0)))
+    ends = (inner, 0.0), (outer, 0.0)
+    yield Dimension("thickness on the axis", outer - inner, "axis", ends, tolerance_mm=gap or None)
+    yield _circle("width of the dome", widest_mm(lens.outer), "largest")
+    second_deg = other_section_deg(lens)
+    for name, surface in (("outer rim", lens.outer), ("opening of the cavity", lens.inner)):
+        yield _rim_in_section(name, surface, 0.0, "S")
+        if second_deg is not None:
+            yield _rim_in_section(name, surface, second_deg, "T")
+        turn = np.linspace(0.0, 2.0 * np.pi, _RIM_AZIMUTHS, endpoint=False)
+        widest = 2.0 * float(surface.radius(rim_directions(turn)).max())
+        yield Dimension(f"{name} in z = 0, circle about the axis that holds it", widest, "largest", sign="⌀")
+
+
+def widest_mm(surface: Surface) -> float:
+    """Diameter (mm) of the cylinder about the axis that holds ``surface``."""
+    return 2.0 * float(np.hypot(*_farthest(surface, lambda points: np.hypot(points[:, 0], points[:, 1]))[:2]))
+
+
+def _circle(name: str, width_mm: float, scope: Scope) -> Dimension:
+    """Diameter (mm) of a circle about the axis in the view of the dome."""
+    half = width_mm / 2.0
+    return Dimension(name, width_mm, scope, ((-half, 0.0), (half, 0.0)), "dome", sign="⌀")
+
+
+def _rim_in_section(name: str, surface: Surface, azimuth_deg: float, view: View) -> Dimension:
+    right, left = rim_radius(surface)(np.radians(azimuth_deg) + np.array([0.0, np.pi])).tolist()
+    along = {0.0: "along x", 90.0: "along y"}.get(azimuth_deg, f"at {azimuth_deg:g}°")
+    scope: Scope = "section" if view == "S" else "second"
+    return Dimension(f"{name} in z = 0, {along}", left + right, scope, ((0.0, -left), (0.0, right)), view, upright=True)
+
+
+def _part_dimensions(lens: Lens) -> Iterator[Dimension]:
+    """Length and width of the part with its base, the length from the bottom to the highest point of the dome."""
+    base, (across, _, highest) = base_with_room(lens), highest_point_mm(lens.outer)
+    bottom, side, wide = 0.0, -float(rim_radius(lens.outer)(np.array([np.pi]))[0]), widest_mm(lens.outer)
+    if base.file is not None:
+        vertices, _ = tessellated(read_custom_base(base.file).solid, _CHORD_MM)
+        lowest = vertices[np.argmin(vertices[:, 2])]
+        bottom, side = float(lowest[2]), float(lowest[0])
+        wide = max(wide, 2.0 * float(np.hypot(vertices[:, 0], vertices[:, 1]).max()))
+    elif base.kind != "none":
+        bottom, side = -base.height_mm, -_half_width(base)
+        wide = max(wide, (2.0**0.5 if base.kind == "square" else 1.0) * 2.0 * _half_width(base))
+        wide = max(wide, base.flange_diameter_mm or 0.0)
+    yield Dimension("overall length", highest - bottom, "part", ((bottom, side), (highest, across)))
+    yield _circle("largest width", wide, "part")
+
+
+def highest_point_mm(surface: Surface) -> tuple[float, float, float]:
+    """Highest point (mm) of ``surface``, which need not be its apex."""
+    x, y, z = _farthest(surface, lambda points: points[:, 2]).tolist()
+    return x, y, z
+
+
+def _farthest(surface: Surface, measured: Measured) -> Float[np.ndarray, " 3"]:
+    """Point (mm) of ``surface``, rim included, with the largest ``measured``, searched for between samples."""
+    from scipy.optimize import minimize
+
+    def point(chart: Float[np.ndarray, "2"]) -> Float[np.ndarray, "1 3"]:
+        direction = to_sphere((chart / max(1.0, float(np.hypot(*chart))))[None, :])  # no farther than the rim
+        return np.asarray(surface.radius(direction)[:, None] * direction)
+
+    def below(chart: Float[np.ndarray, "2"]) -> float:
+        return -float(measured(point(chart))[0])
+
+    samples = np.concatenate([_AXIS, fibonacci_hemisphere(_SAMPLES)])
+    far = np.argsort(measured(surface.radius(samples)[:, None] * samples))[-_STARTS:]
+    charts = [to_chart(_AXIS)[0]]
+    for start in to_chart(samples[far]):
+        charts.append(minimize(below, start, method="Nelder-Mead", options={"xatol": 1e-8, "fatol": 1e-12}).x)
+    return np.asarray(point(min(charts, key=below))[0])
+
+
+def _base_dimensions(lens: Lens) -> list[Dimension]:
+    base = base_with_room(lens)
+    if base.kind == "none":
+        return []
+    if base.file is not None:
+        return [*_in_section_of_file(lens), *_box_of_file(base.file)]
+    return [*_depths(lens, base), *_widths(lens, base)]
+
+
+def _depths(lens: Lens, base: BaseSection) -> Iterator[Dimension]:
+    """Lengths of a built-in base along the axis."""
+    plan, bottom = lay_out(lens.inner, lens.outer, base), -base.height_mm
+    half = _half_width(base)
+    yield Dimension("height of the base below z = 0", base.height_mm, "base", ((bottom, -half), (0.0, -half)))
+    if plan.relief_mm > 0.0:
+        ends = (-plan.relief_mm, -half), (0.0, -half)
+        yield Dimension("depth of the relief step below z = 0", plan.relief_mm, "base", ends)
+    if base.pocket_diameter_mm is not None:
+        side = -base.pocket_diameter_mm / 2.0
+        ends = (bottom, side), (bottom + base.pocket_depth_mm, side)
+        yield Dimension("depth of the pocket", base.pocket_depth_mm, "base", ends)
+    if base.flange_diameter_mm is not None:
+        side = -base.flange_diameter_mm / 2.0
+        ends = (bottom, side), (bottom + base.flange_height_mm, side)
+        yield Dimension("height of the flange", base.flange_height_mm, "base", ends)
+
+
+def _half_width(base: BaseSection) -> float:
+    return (base.side_mm if base.kind == "square" else base.diameter_mm) / 2.0
+
+
+def _widths(lens: Lens, base: BaseSection) -> Iterator[Dimension]:
+    """Widths of a built-in base."""
+    plan, half = lay_out(lens.inner, lens.outer, base), _half_width(base)
+    foot = -plan.shoulder_mm
+    if base.kind == "square":
+        yield Dimension(
+            "side of the base across x", 2.0 * half, "base", ((foot, -half), (foot, half)), upright=True, sign="□"
+        )
+        yield Dimension("side of the base across y", 2.0 * half, "base", ((-half, -half), (half, -half)), "base")
+    elif base.flat_mm is None:
+        yield Dimension(
+            "diameter of the base", 2.0 * half, "base", ((foot, -half), (foot, half)), upright=True, sign="⌀"
+        )
+    else:  # the flat takes a piece from the section
+        yield Dimension("diameter of the base", 2.0 * half, "base", ((-half, 0.0), (half, 0.0)), "base", sign="⌀")
+        ends = (foot, 0.0), (foot, base.flat_mm)
+        yield Dimension("clocking flat across +x, from the axis", base.flat_mm, "base", ends, upright=True)
+    for name, z, circle in (
+        ("diameter of the step's wall", 0.0, plan.ring),
+        ("diameter of the bore", -plan.bore_mm, plan.bore),
+        ("diameter of the pocket", -base.height_mm, plan.pocket),
+        ("diameter of the flange", -base.height_mm, plan.flange),
+    ):
+        if circle is not None:
+            radius = _radius(circle)
+            yield Dimension(name, 2.0 * radius, "base", ((z, -radius), (z, radius)), upright=True, sign="⌀")
+
+
+def _radius(circle: Outline) -> float:
+    return float(circle.radius(np.zeros(1))[0])
+
+
+def _in_section_of_file(lens: Lens) -> Iterator[Dimension]:
+    """Width and height of the base where the section cuts it."""
+    outlines = body_outlines(lens, 0.0)[1:]  # the first is that of the lens
+    if not outlines:
+        return
+    below = np.concatenate(outlines)
+    low = below[np.argmin(below[:, 1])]
+    left, right = below[np.argmin(below[:, 0])], below[np.argmax(below[:, 0])]
+    ends = (float(low[1]), float(low[0])), (0.0, float(low[0]))
+    yield Dimension("base below z = 0, in the section", -ends[0][0], "section", ends)
+    across = (float(left[1]), float(left[0])), (float(right[1]), float(right[0]))
+    yield Dimension("base along x, in the section", across[1][1] - across[0][1], "section", across, upright=True)
+
+
+def _box_of_file(path: Path) -> list[Dimension]:
+    """Bounding box of a base from a STEP file; its round faces are tessellated to a hundredth of a millimetre."""
+    vertices, _ = tessellated(read_custom_base(path).solid, _CHORD_MM)
+    sizes = np.ptp(vertices, axis=0).tolist()
+    names = ("width along x", "width along y", "height below z = 0")
+    return [Dimension(f"base of {path.name}, {name}", size, "box") for name, size in zip(names, sizes, strict=True)]
+
+
+Letter = Literal["A", "B", "C"]
+
+
+@dataclass(frozen=True)
+class Datum:
+    """A datum: its letter, its feature in words, and where the drawing has its symbol.
+
+    ``dimension``: the name of the dimension at whose line the symbol is, for an axis or a middle plane; "" for a plane,
+    at ``z_mm`` in the section, or where that is None at the flat in the view of the end.
+    """
+
+    letter: Letter
+    words: str
+    dimension: str = ""
+    z_mm: float | None = None
+
+
+@dataclass(frozen=True)
+class DatumScheme:
+    """The datums that the part has, and a line on each, or on why there is none."""
+
+    datums: tuple[Datum, ...]
+    lines: tuple[str, ...]
+
+    def find(self, letter: Letter) -> Datum | None:
+        """The datum of that letter; None where the part has none."""
+        return next((datum for datum in self.datums if datum.letter == letter), None)
+
+
+def datum_scheme(lens: Lens, part: Part) -> DatumScheme:
+    """The datums of a lens with its base."""
+    base = base_with_room(lens)
+    found = [datum for datum in (_plane(lens, part, base), _centre(base), _turn(base)) if datum is not None]
+    missing = []
+    if base.kind in ("none", "step"):
+        missing.append("No datum feature for the axis: z through the origin of lens.step, aligned by the optical faces")
+    if len(found) < 3:
+        flat = clocking_flat(lens, base)
+        proposed = f"; base.flat_mm = {flat:g} would, a flat across +x" if flat else ""
+        missing.append(f"Nothing on the part marks the azimuth, which counts from +x of lens.step{proposed}")
+    if base.kind == "step":
+        missing[-1] = "The azimuth is that of the base in its own file"
+    lines = *(f"Datum {datum.letter}: {datum.words}" for datum in found), *missing
+    return DatumScheme(tuple(found), lines)
+
+
+def clocking_flat(lens: Lens, base: BaseSection) -> float | None:
+    """Distance (mm) of a flat that would mark +x of a part that is not round; None where none is missing or fits."""
+    if base.kind != "cylinder" or base.flat_mm is not None or other_section_deg(lens) is None:
+        return None
+    inside, half = widest_mm(lens.outer) / 2.0, base.diameter_mm / 2.0
+    flat = floor(10.0 * (half - 0.25 * (half - inside))) / 10.0
+    return flat if inside < flat < half else None
+
+
+def _plane(lens: Lens, part: Part, base: BaseSection) -> Datum:
+    carried = [name for tolerance in part.form_tolerances for name in tolerance.datum_faces]
+    if carried:
+        faces = " and ".join(dict.fromkeys(carried))
+        return Datum("A", f"plane z = 0, {faces}, as lens.step carries it", z_mm=0.0)
+    if base.kind == "none":
+        return Datum("A", f"plane z = 0, the ring {RIM} between the rims of the optical faces", z_mm=0.0)
+    if base.kind == "step":
+        return Datum("A", "plane z = 0, the top of the base", z_mm=0.0)
+    plan = lay_out(lens.inner, lens.outer, base)
+    if plan.relief_mm == 0.0 and all(arc.relation == "ledge" for arc in plan.arcs):
+        return Datum("A", f"plane z = 0, the top of the base, {TOP}", z_mm=0.0)
+    words = f"bottom of the base, {BOTTOM}, at z = {-base.height_mm:g}; no face to be touched lies in z = 0"
+    return Datum("A", words, z_mm=-base.height_mm)
+
+
+def _centre(base: BaseSection) -> Datum | None:
+    if base.kind == "cylinder":
+        return Datum("B", f"axis of the base's cylinder, {SIDE}; the optical axis z", "diameter of the base")
+    if base.kind == "square":
+        return Datum("B", "middle plane of the base's sides across x", "side of the base across x")
+    return None
+
+
+def _turn(base: BaseSection) -> Datum | None:
+    if base.kind == "square":
+        words = "middle plane of the base's sides across y; B and C meet in the optical axis z; +x is not marked"
+        return Datum("C", words, "side of the base across y")
+    if base.kind == "cylinder" and base.flat_mm is not None:
+        return Datum("C", "clocking flat of the base, across +x")
+    return None

@@ -1,0 +1,233 @@
+"""The drawing of a lens for the shop, drawn once: views, dimensions, datums, notes, title block on one sheet.
+
+Of the scales of ISO 5455 it has the largest at which the views fit; the sheet is A3, unless the spec names A4. Its
+notes say what sizes are, datums, tolerances and their source, edges, polish, and tools.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from lensforge.cad.cutter_room import base_with_room
+from lensforge.cad.part import Part
+from lensforge.cad.section import other_section_deg
+from lensforge.errors import InputError
+from lensforge.scene.lens import Lens
+from lensforge.shop.check_result import Check, FaceResult
+from lensforge.shop.dimensions import DatumScheme, Dimension, clocking_flat, datum_scheme
+from lensforge.shop.findings import advice
+from lensforge.shop.sheet import Box, Place, Sheet
+from lensforge.shop.sheet_tables import (
+    HEIGHT,
+    WIDTH,
+    Rows,
+    TitleBlock,
+    draw_optical_table,
+    draw_title_block,
+    optical_table,
+    sheet_frame,
+    table_height,
+    title_block,
+)
+from lensforge.shop.sheet_text import paragraphs_in
+from lensforge.shop.tolerance_table import ToleranceTable
+from lensforge.shop.view_drawing import ViewContent, Views, draw_views
+from lensforge.shop.view_lines import dome_lines, end_lines, section_view
+from lensforge.spec import DrawingSection
+
+
+def drawing_notes(
+    lens: Lens, check: Check, datums: DatumScheme, tolerances: ToleranceTable, words: DrawingSection
+) -> list[str]:
+    """The notes, a paragraph each; ``words``: what the shop is told beside the design."""
+    return [
+        "Sizes in parentheses are auxiliary: of the whole part, and of the freeform faces OPTICAL_OUTER and "
+        "OPTICAL_INNER"
+        f"{', or of the base in its own file' if lens.spec.base.kind == 'step' else ''}. lens.step alone defines them. "
+        "z = 0 is the plane in which the optical faces end.",
+        *(f"{line}." for line in datums.lines),
+        _sources(lens, tolerances),
+        _general(words),
+        _edges(words),
+        "Optical faces polished, free of marks; all other faces as machined, no roughness stated.",
+        *_mould(lens),
+        *tool_notes(lens, check),
+        "Notation as in ISO 10110 and ISO 1101; conformance is not claimed. A dash: nothing is stated.",
+    ]
+
+
+def tool_notes(lens: Lens, check: Check) -> list[str]:
+    """Tools that the faces take, by the check, and how many of its findings do not hold."""
+    faces = f"{_ball(check.inner)} for the inner face, {_ball(check.outer)} for the outer one{_base(check)}"
+    steepest = max(check.inner.largest_tilt_deg, check.outer.largest_tilt_deg)
+    found = [
+        f"Largest ball that reaches all of a face: {faces}. Tool normal to the faces: tilted up to {steepest:.1f}°."
+    ]
+    missed = [finding for finding in check.verdicts if not finding.holds]
+    if missed:
+        found.append(
+            f"Check: {len(missed)} of {len(check.verdicts)} findings on tools, base and wall do not hold; "
+            "manufacturing.pdf says which, and what to change."
+        )
+    return found
+
+
+def tool_advice(lens: Lens, check: Check) -> list[str]:
+    """Changes of the spec for each finding that does not hold and has any, and a flat where nothing marks +x."""
+    each = ((finding, advice(finding, lens.spec, check)) for finding in check.verdicts)
+    found = [f"{finding.name}, {finding.surface}: {words}" for finding, words in each if words]
+    flat = clocking_flat(lens, base_with_room(lens))
+    return found if flat is None else [*found, f"azimuth, base: base.flat_mm = {flat:g}, a flat across +x"]
+
+
+def _ball(face: FaceResult) -> str:
+    largest = face.cutter.largest_radius_mm
+    return "any" if largest is None else f"R {int(1e3 * largest) / 1e3:.3f}"  # rounded down: it still fits
+
+
+def _base(check: Check) -> str:
+    balls = [(face.cutter.largest_radius_mm, face.cutter.radius_mm) for face in (check.inner, check.outer)]
+    return max(check.relief.beyond_shop(*ball) for ball in balls)  # once, where one of them is larger
+
+
+def _sources(lens: Lens, tolerances: ToleranceTable) -> str:
+    """Sources of the tolerances of the lens itself, and the share of parts that pass, where that is known."""
+    given = [row.name for row in tolerances.lens if row.source == "specification"]
+    preset = f"preset “{lens.spec.tolerances.preset}” of lensforge"
+    if not tolerances.lens:
+        words = "none; the specification sets all of them to 0"
+    elif not given:
+        words = preset
+    elif len(given) == len(tolerances.lens):
+        words = "the specification"
+    else:
+        words = f"the specification ({'; '.join(given)}), the others {preset}"
+    passing = f" {tolerances.passing}." if tolerances.passing else ""
+    return f"Tolerances on the axis, 3/, 4/, n and roughness: {words}.{passing}"
+
+
+def _general(words: DrawingSection) -> str:
+    stated = words.general_tolerances
+    return (
+        f"Sizes “general”: {stated}." if stated else "Sizes “general”: no tolerance stated; agree on one with the shop."
+    )
+
+
+def _edges(words: DrawingSection) -> str:
+    largest = words.edge_break_mm
+    rims = "rims of the optical faces: sharp, without burr or chamfer"
+    if largest is None:
+        return f"Edges as in lens.step, no break stated; {rims}."
+    return f"Edges outside the optical faces: broken, {largest:g} mm at most; {rims}."
+
+
+def _mould(lens: Lens) -> list[str]:
+    shop = lens.spec.manufacture
+    if shop.make == "part":
+        return []
+    return [f"The moulded lens; faces of the mould inserts are these times {shop.scale:.12g} about the origin."]
+
+
+SheetName = Literal["A3", "A4"]
+SIZES: dict[SheetName, tuple[float, float]] = {"A4": (297.0, 210.0), "A3": (420.0, 297.0)}
+_UNITS: dict[SheetName, float] = {"A4": 0.5**0.5, "A3": 1.0}
+# ISO 5455, and its further steps of ten.
+SCALES = tuple(step * 10.0**power for power in (2, 1, 0, -1, -2, -3) for step in (5.0, 2.0, 1.0))
+_BINDING, _BORDER, _GAP = 20.0, 10.0, 4.0  # ISO 5457: borders of every sheet (mm); between blocks, mm on A3
+
+
+@dataclass(frozen=True)
+class DrawingContent:
+    """All that the drawing says."""
+
+    views: ViewContent
+    notes: list[str]
+    table: Rows
+    title: TitleBlock
+
+
+def drawing_content(
+    lens: Lens,
+    part: Part,
+    check: Check,
+    dimensions: list[Dimension],
+    tolerances: ToleranceTable,
+    words: DrawingSection,
+) -> DrawingContent:
+    """Collect what the drawing says, from the results of the lens and from ``words``, those of its title block."""
+    datums, second_deg = datum_scheme(lens, part), other_section_deg(lens)
+    sections = [section_view(lens, "S", 0.0)]
+    if second_deg is not None:
+        sections.append(section_view(lens, "T", second_deg))
+    return DrawingContent(
+        views=ViewContent(sections, end_lines(lens), dome_lines(lens), dimensions, datums),
+        notes=drawing_notes(lens, check, datums, tolerances, words),
+        table=optical_table(lens, part, check, words),
+        title=title_block(lens, part, words),
+    )
+
+
+def make_sheet(content: DrawingContent, name: SheetName = "A3") -> Sheet:
+    """Draw the sheet. Raises :class:`InputError` for a part that does not fit at any scale."""
+    left, bottom, right, top = _views_box(content, name)
+    for scale in SCALES:
+        if scale * content.views.width > right - left:  # not even without dimensions
+            continue
+        box = draw_views(content.views, scale, _UNITS[name], (0.0, 0.0)).box
+        if box[2] - box[0] <= right - left and box[3] - box[1] <= top - bottom:
+            return _sheet(content, name, scale)
+    raise InputError(f"the part fits on {name} at no scale; its drawing is left to a CAD program")
+
+
+def _inside(name: SheetName) -> Box:
+    width, height = SIZES[name]
+    return _BINDING, _BORDER, width - _BORDER, height - _BORDER
+
+
+def _band(content: DrawingContent, name: SheetName) -> float:
+    """Height of notes, table and title block."""
+    return (HEIGHT + _GAP) * _UNITS[name] + table_height(content.table, _UNITS[name])
+
+
+def _views_box(content: DrawingContent, name: SheetName) -> Box:
+    left, bottom, right, top = _inside(name)
+    gap = _GAP * _UNITS[name]
+    return left + gap, bottom + _band(content, name) + gap, right - gap, top - gap
+
+
+def _notes_box(content: DrawingContent, name: SheetName) -> Box:
+    left, bottom, right, _ = _inside(name)
+    unit = _UNITS[name]
+    return (
+        left + _GAP * unit,
+        bottom + 0.5 * _GAP * unit,
+        right - (WIDTH + _GAP) * unit,
+        bottom + _band(content, name),
+    )
+
+
+def _sheet(content: DrawingContent, name: SheetName, scale: float) -> Sheet:
+    unit, inside = _UNITS[name], _inside(name)
+    origin = _centred(draw_views(content.views, scale, unit, (0.0, 0.0)), _views_box(content, name))
+    views = draw_views(content.views, scale, unit, origin)
+    corner = inside[2], inside[1]
+    title = draw_title_block(content.title, corner, unit, scale, name)
+    top = inside[1] + _band(content, name)
+    table = draw_optical_table(content.table, inside[2] - WIDTH * unit, top, unit)
+    notes = paragraphs_in(_notes_box(content, name), content.notes, unit)
+    return Sheet(
+        name=name,
+        size_mm=SIZES[name],
+        unit_mm=unit,
+        scale=scale,
+        title=content.title.title,
+        origin=origin,
+        strokes=(*sheet_frame(SIZES[name], inside), *views.strokes, *title[0], *table[0]),
+        words=(*views.words, *title[1], *table[1], *notes),
+        dimensions=tuple(views.dimensions),
+    )
+
+
+def _centred(views: Views, room: Box) -> Place:
+    """Place of the part's origin at which what is drawn about (0, 0) lies in the middle of ``room``."""
+    box = views.box
+    return tuple(0.5 * (room[k] + room[k + 2] - box[k] - box[k + 2]) for k in range(2))  # type: ignore[return-value]

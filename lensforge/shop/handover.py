@@ -1,0 +1,94 @@
+"""The files that go to the shop with the STEP, as a record."""
+
+from base64 import b64encode
+from html import escape
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, field_serializer
+
+from lensforge.report.ownership import require_own
+from lensforge.results import Count, NotNegative, Positive, Record, Sha256, Share, Text
+from lensforge.results.files import replacing
+from lensforge.shop.check_result import FaceName, Finding
+from lensforge.shop.interpolation import Interpolation
+
+HTML_FILE, PDF_FILE, POINTS_FILE, SAG_FILE = "manufacturing.html", "manufacturing.pdf", "points.csv", "sag.csv"
+DXF_FILE = "drawing.dxf"
+
+
+class PointGrid(Record):
+    """A dense table of ``points`` of one face, the bytes of ``file``.
+
+    ``spacing_mm``: between nodes, of a polar table the widest. ``error_nm``: largest error of the ``interpolation``
+    between nodes, along the normal. ``offset_mm``: of the points from the face, into the air. ``covered``: share of the
+    face's area in complete cells.
+    """
+
+    file: Text
+    face: FaceName
+    kind: Literal["raster", "polar"]
+    spacing_mm: Positive
+    interpolation: Interpolation
+    error_nm: NotNegative
+    offset_mm: NotNegative
+    covered: Share
+    points: Count
+    content: Annotated[bytes, Field(repr=False)]
+
+    @field_serializer("content", when_used="json")
+    def _content_as_text(self, content: bytes) -> str:
+        return b64encode(content).decode("ascii")
+
+
+class Handover(Record):
+    """Drawing and verdicts as page and PDF, the drawing as DXF, tables of points and of sag, as the bytes of files.
+
+    ``points``: number of points in the table for a measuring machine; ``grids``: dense tables for milling and turning;
+    ``clouds``: the same points with normals as plain text, by file.
+    ``sha256``: of the files that go to the shop, by name, except page and PDF, which list them.
+    ``refused``: verdicts of the check that do not hold.
+    """
+
+    name: Text
+    html: bytes
+    pdf: bytes
+    dxf: bytes
+    points_csv: bytes
+    sag_csv: bytes
+    points: Count
+    grids: tuple[PointGrid, ...]
+    clouds: dict[Text, bytes]
+    sha256: dict[Text, Sha256]
+    refused: tuple[Finding, ...]
+
+    @field_serializer("html", "pdf", "dxf", "points_csv", "sag_csv", when_used="json")
+    def _as_text(self, content: bytes) -> str:
+        return b64encode(content).decode("ascii")
+
+    @field_serializer("clouds", when_used="json")
+    def _clouds_as_text(self, clouds: dict[str, bytes]) -> dict[str, str]:
+        return {name: b64encode(content).decode("ascii") for name, content in clouds.items()}
+
+    @property
+    def files(self) -> dict[str, bytes]:
+        """The files by name."""
+        fixed = {HTML_FILE: self.html, PDF_FILE: self.pdf, DXF_FILE: self.dxf}
+        fixed |= {POINTS_FILE: self.points_csv, SAG_FILE: self.sag_csv}
+        return fixed | {grid.file: grid.content for grid in self.grids} | self.clouds
+
+    def save(self, folder: Path | str) -> None:
+        """Write the files into ``folder``.
+
+        Raises :class:`InputError` where they cannot be written, and for a page or a PDF of another program.
+        """
+        for name in (HTML_FILE, PDF_FILE):
+            require_own(Path(folder) / name)
+        for name, content in self.files.items():
+            with replacing(Path(folder) / name) as temporary:
+                temporary.write_bytes(content)
+
+    def _repr_html_(self) -> str:
+        """HTML for a notebook: the page in a frame."""
+        page = escape(self.html.decode("utf-8"))
+        return f'<iframe title="{escape(self.name)}" style="width:100%;height:40em" srcdoc="{page}"></iframe>'

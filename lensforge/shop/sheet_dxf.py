@@ -1,0 +1,168 @@
+"""The sheet as DXF, by ezdxf: the part at its true size in mm, its dimensions as dimensions, the sheet around it.
+
+In model space one unit is a millimetre of the part, and the origin is that of the part in the section: x there is z
+of the part, y is its x. Frame, texts and arrows are divided by the scale. A layout of the sheet's size shows all of it
+at the scale, so that it prints true. Signs that the typefaces of CAD programs lack are written out.
+"""
+
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lensforge.shop.dimension_lines import ARROW, BEYOND, words_of_dimension
+from lensforge.shop.sheet import PENS, LinearDimension, Place, Points, Sheet, Stroke, Words
+
+if TYPE_CHECKING:
+    from ezdxf.document import Drawing
+
+_VERSION, _STYLE, _ALIGN = (
+    "R2010",
+    "LENSFORGE",
+    {"left": "MIDDLE_LEFT", "center": "MIDDLE_CENTER", "right": "MIDDLE_RIGHT"},
+)
+_TEXTS, _DIMENSIONS = "TEXTS", "DIMENSIONS"
+_SIGNS = {"⌀": "%%c", "±": "%%p", "°": "%%d", "□": "SQ ", "…": "...", "–": "-", "“": '"', "”": '"'}
+_WIDTHS = (9, 13, 18, 25, 35, 50, 70)  # of lines, in hundredths of a millimetre; a DXF knows no others
+_DIGITS = 3
+
+
+def sheet_dxf(sheet: Sheet) -> bytes:
+    """The bytes of the DXF file; the same sheet gives the same bytes."""
+    with _without_clock():
+        document, stream = _document(sheet), io.StringIO()
+        document.write(stream)
+    return stream.getvalue().encode(document.output_encoding, errors="dxfreplace")
+
+
+def _document(sheet: Sheet) -> "Drawing":
+    from ezdxf import units
+    from ezdxf.filemanagement import new
+
+    document = new(_VERSION)
+    document.units = units.MM
+    document.header["$MEASUREMENT"] = 1
+    _add_styles(document, sheet)
+    for stroke in sheet.strokes:
+        _add_stroke(document, sheet, stroke)
+    for words in sheet.words:
+        _add_words(document, sheet, words)
+    for dimension in sheet.dimensions:
+        _add_dimension(document, sheet, dimension)
+    _add_layout(document, sheet)
+    for kind in sorted(document.entitydb.dxf_types_in_use()):  # ezdxf would name them in the order of a set
+        document.classes.add_class(kind)
+    return document
+
+
+@contextmanager
+def _without_clock() -> Iterator[None]:
+    """Put neither the time nor new identifiers into a file: ezdxf takes both from the clock as it makes one."""
+    from ezdxf import options  # type: ignore[attr-defined]  # public, but not named in __all__
+
+    before = options.write_fixed_meta_data_for_testing
+    options.write_fixed_meta_data_for_testing = True
+    try:
+        yield
+    finally:
+        options.write_fixed_meta_data_for_testing = before
+
+
+def _add_styles(document: "Drawing", sheet: Sheet) -> None:
+    """Layers for the pens, texts and dimensions, with their line types, and the styles of text and dimensions."""
+    for name, pen in PENS.items():
+        line = "CONTINUOUS"
+        if pen.dashes_mm:
+            line = f"LENSFORGE_{name.upper()}"
+            lengths = [_in_model(sheet, length * sheet.unit_mm) for length in pen.dashes_mm]
+            signed = [length if k % 2 == 0 else -length for k, length in enumerate(lengths)]
+            document.linetypes.add(line, [sum(lengths), *signed], description=line)
+        width = min(_WIDTHS, key=lambda each: abs(each - 100.0 * pen.width_mm * sheet.unit_mm))
+        document.layers.add(name.upper(), linetype=line, lineweight=width)
+    document.layers.add(_TEXTS, lineweight=18)
+    document.layers.add(_DIMENSIONS, lineweight=18)
+    document.styles.add(_STYLE, font="arial.ttf")
+    size = _in_model(sheet, 2.5 * sheet.unit_mm)
+    style = document.dimstyles.add(_STYLE)
+    style.dxf.dimtxsty, style.dxf.dimtxt, style.dxf.dimasz = _STYLE, size, ARROW * size
+    style.dxf.dimexe, style.dxf.dimexo, style.dxf.dimgap = BEYOND * size, 0.0, 0.25 * size
+    style.dxf.dimdec, style.dxf.dimzin, style.dxf.dimtad, style.dxf.dimdsep = _DIGITS, 0, 1, ord(".")
+    style.dxf.dimscale, style.dxf.dimlunit, style.dxf.dimtih, style.dxf.dimtoh = 1.0, 2, 0, 0
+    style.dxf.dimlfac, style.dxf.dimtofl = 1.0, 1
+
+
+def _in_model(sheet: Sheet, length_mm: float) -> float:
+    return length_mm / sheet.scale
+
+
+def _place(sheet: Sheet, at: Place) -> Place:
+    return (at[0] - sheet.origin[0]) / sheet.scale, (at[1] - sheet.origin[1]) / sheet.scale
+
+
+def _places(sheet: Sheet, points: Points) -> list[Place]:
+    return [(x, y) for x, y in ((points - np.array(sheet.origin)) / sheet.scale).tolist()]
+
+
+def _add_stroke(document: "Drawing", sheet: Sheet, stroke: Stroke) -> None:
+    points, attributes = _places(sheet, stroke.points), {"layer": stroke.pen.upper()}
+    space = document.modelspace()
+    if stroke.filled:
+        space.add_solid(points, dxfattribs=attributes)
+    elif len(points) == 2:
+        space.add_line(points[0], points[1], dxfattribs=attributes)
+    else:
+        space.add_lwpolyline(points, close=stroke.closed, dxfattribs=attributes)
+
+
+def _add_words(document: "Drawing", sheet: Sheet, words: Words) -> None:
+    from ezdxf.enums import TextEntityAlignment
+
+    text = document.modelspace().add_text(
+        plain_text(words.text),
+        height=_in_model(sheet, words.height_mm),
+        rotation=words.turned_deg,
+        dxfattribs={"layer": _TEXTS, "style": _STYLE},
+    )
+    text.set_placement(_place(sheet, words.at), align=TextEntityAlignment[_ALIGN[words.anchor]])
+
+
+def plain_text(text: str) -> str:
+    """``text`` with the codes of DXF for signs, and with words for those that typefaces lack."""
+    for sign, code in _SIGNS.items():
+        text = text.replace(sign, code)
+    return text
+
+
+def _add_dimension(document: "Drawing", sheet: Sheet, dimension: LinearDimension) -> None:
+    """A dimension that CAD programs measure themselves: ``<>`` in its text is the length between its ends."""
+    line = dimension.line_mm
+    base = (dimension.text_mm, line) if dimension.turned_deg == 0 else (line, dimension.text_mm)
+    made = document.modelspace().add_linear_dim(
+        base=_place(sheet, base),
+        p1=_place(sheet, dimension.start),
+        p2=_place(sheet, dimension.end),
+        angle=dimension.turned_deg,
+        text=plain_text(f"{dimension.before}<>{dimension.after}"),
+        dimstyle=_STYLE,
+        dxfattribs={"layer": _DIMENSIONS},
+    )
+    made.set_location(_place(sheet, words_of_dimension(dimension).at))
+    made.render()
+
+
+def _add_layout(document: "Drawing", sheet: Sheet) -> None:
+    """A layout of the sheet's size, the whole drawing in it at its scale."""
+    width, height = sheet.size_mm
+    layout = document.paperspace("Layout1")
+    document.layouts.rename("Layout1", sheet.name)
+    layout.page_setup(size=(width, height), margins=(0, 0, 0, 0), units="mm")
+    middle = width / 2.0, height / 2.0
+    layout.add_viewport(
+        center=middle,
+        size=(width, height),
+        view_center_point=_place(sheet, middle),
+        view_height=_in_model(sheet, height),
+        status=2,
+    )

@@ -1,0 +1,149 @@
+"""Sources built from the ``[source]`` of a spec; modules that one kind needs are loaded for that kind only.
+
+The paper's source, a square Lambertian emitter in the plane z = 0, needs none. Around any source lies a smallest cavity
+of usual proportions.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.errors import InputError
+from lensforge.optics.material import Material
+from lensforge.sources.dispersion import DispersedSource
+from lensforge.sources.emitting_area import sobol
+from lensforge.sources.ray_bundle import RayBundle, Source
+from lensforge.sources.source_flux import emitter_flux
+from lensforge.sources.source_pose import PlacedSource, placed_source
+from lensforge.sources.source_spectrum import spectrum_of
+from lensforge.sources.source_summary import SourceSummary
+from lensforge.spec.derived_values import CAVITY_HEIGHT, rounded_length
+from lensforge.spec.source_sections import (
+    RadianceSource,
+    RayfileSource,
+    RayfilesSource,
+    RaySource,
+    SourceSpec,
+    SquareSource,
+)
+
+
+@dataclass(frozen=True)
+class SquareEmitter:
+    """Uniform, Lambertian, ``side_mm`` wide, centred on the axis; total flux ``flux_w``. ``side_mm = 0``: a point."""
+
+    side_mm: float
+    flux_w: float = 1.0
+    symmetry: str = "square"
+    ray_count: int | None = None
+
+    def sample(self, count: int, seed: int) -> RayBundle:
+        """Draw ``count`` rays of equal flux: position uniform, direction cosine-distributed (Malley's method)."""
+        if count < 1:
+            raise InputError(f"{count} rays: at least 1")
+        points = sobol(count, 4, seed)
+        origins = np.zeros((count, 3))
+        for axis in (0, 1):
+            origins[:, axis] = (points[:, axis] - 0.5) * self.side_mm
+        # Owen-scrambled points lie in [0, 1): 1 - u keeps the cosine above zero, so no ray grazes the chip.
+        sine, azimuth = np.sqrt(points[:, 2]), 2.0 * np.pi * points[:, 3]
+        directions = np.empty((count, 3))
+        np.multiply(sine, np.cos(azimuth), out=directions[:, 0])
+        np.multiply(sine, np.sin(azimuth), out=directions[:, 1])
+        np.sqrt(1.0 - points[:, 2], out=directions[:, 2])
+        return RayBundle(origins, directions, np.full(count, self.flux_w / count))
+
+    def radiances(self, count: int, seed: int) -> Float[np.ndarray, " n"]:
+        """Radiance (W/(mm^2 sr)) of each ray of a sample: the same in all places and directions."""
+        area = np.pi * self.side_mm**2
+        return np.full(count, self.flux_w / area if area > 0.0 else np.inf)
+
+    def outline(self) -> Float[np.ndarray, "4 3"]:
+        """Corners (mm) of the square."""
+        half = self.side_mm / 2.0
+        return np.array([[-half, -half, 0.0], [half, -half, 0.0], [half, half, 0.0], [-half, half, 0.0]])
+
+
+def build_source(spec: SourceSpec, material: Material | None = None) -> Source:
+    """Build the emitter that ``spec`` describes. Raises :class:`InputError` for a file that cannot be used.
+
+    ``material``: of the lens if it is dispersive; then rays whose wavelength is known carry their index in it.
+    """
+    match spec:
+        case RayfileSource() | RayfilesSource() | RaySource():
+            from lensforge.sources.ray_set_loading import load_ray_set
+
+            return load_ray_set(spec, material)
+        case SquareSource():
+            emitter: Source = SquareEmitter(spec.side_mm, emitter_flux(spec).flux_w)
+        case RadianceSource():
+            from lensforge.sources.radiance_emitter import radiance_emitter
+
+            emitter = radiance_emitter(spec)
+        case _:
+            from lensforge.sources.planar_emitter import planar_emitter
+
+            emitter = planar_emitter(spec)
+    emitter = placed_source(emitter, spec)
+    if material is None or spec.spectrum is None:
+        return emitter
+    return DispersedSource(emitter, spectrum_of(spec.spectrum), material)
+
+
+def summarise(source: Source, spec: SourceSpec) -> SourceSummary:
+    """Summarise ``source``, built from ``spec``; of a ray set also its files, and all that was done to them."""
+    if isinstance(source, DispersedSource):
+        found, plain = source.index_range, summarise(source.source, spec)
+        warnings = (*plain.warnings, *found.warnings(source.material))
+        return plain.model_copy(update={**found.fields(), "warnings": warnings})
+    known = getattr(source, "summary", None)  # ray sets have one; their module is loaded for them alone
+    if isinstance(known, SourceSummary):
+        return known
+    flux = emitter_flux(spec, source.flux_w)
+    return SourceSummary(
+        title=spec.title,
+        flux_w=source.flux_w,
+        lumens_per_watt=flux.lumens_per_watt,
+        symmetry=source.symmetry,
+        warnings=(*_file_warnings(source), *flux.warnings),
+    )
+
+
+def _file_warnings(source: Source) -> tuple[str, ...]:
+    """Warnings on the file of an intensity profile; none for a source without one."""
+    if isinstance(source, PlacedSource):
+        return _file_warnings(source.source)
+    found: tuple[str, ...] = getattr(source, "warnings", ())  # of a planar emitter; its module is loaded for it alone
+    return found
+
+
+_RAYS, _SEED = 2**16, 0
+_INSIDE = 0.99  # share of the flux; the rest is stray light from package and window
+_ROOM = 1.05  # over the paraboloid that just holds it
+
+
+def cavity_around(spec: SourceSpec) -> dict[str, float]:
+    """Height and radius (mm) of the paraboloid inside which 99 % of the flux starts, as fields of the constraints.
+
+    Raises :class:`InputError` for a file that cannot be used.
+    """
+    radius = cavity_radius(build_source(spec))
+    return {
+        "cavity_height_mm": rounded_length(CAVITY_HEIGHT * radius),
+        "cavity_radius_mm": rounded_length(radius),
+    }
+
+
+def cavity_radius(source: Source) -> float:
+    """Radius (mm) of that paraboloid at z = 0.
+
+    A point (r, z) lies on the paraboloid z = h (1 - r^2/R^2) with h = c R where R = (z/c + sqrt((z/c)^2 + 4 r^2)) / 2.
+    """
+    rays = source.sample(min(_RAYS, source.ray_count or _RAYS), _SEED)
+    x, y, z = rays.origins.T
+    height = np.maximum(z, 0.0) / CAVITY_HEIGHT
+    needed = 0.5 * (height + np.sqrt(height**2 + 4.0 * (x**2 + y**2)))
+    order = np.argsort(needed)
+    inside = np.cumsum(rays.flux[order]) / rays.flux.sum()
+    return _ROOM * float(needed[order[min(int(np.searchsorted(inside, _INSIDE)), len(order) - 1)]])

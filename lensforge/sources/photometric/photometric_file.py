@@ -1,0 +1,165 @@
+"""Record of a photometric file of any format: candela over C and gamma, lamp lumens, luminous opening.
+
+Generation of the data: section 5.13 and table 2 of ANSI/IES LM-63-19, a number 1.XXXXX in the place that LM-63-2002
+keeps for later use. Its digits say: accredited laboratory, interpolated angles, scaled lumens, computer simulation,
+undefined. A program shall show the titles of that table and add nothing to them. The standard is not free: this is the
+table as three programs have it that agree, eulumdat-rs among them; photompy 0.3.1 has the digits in another order.
+
+Orientation: LM-63 (type C) and EULUMDAT count C counterclockwise as seen from above on a luminaire that shines down
+(ANSI/IESNA LM-63-02, section 3; Radiance's ies2rad aims it along -z with C = 0 at +x and C = 90 at +y). A lens here
+shines up, along +z. Turned over about its x axis it shines down: so C = 0 is its x axis and C = 90 its -y axis. With +y
+instead, every pattern without mirror symmetry would appear mirrored in a lighting program.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from lensforge.sources.intensity import TabulatedIntensity
+from lensforge.version import __version__
+
+SIMULATED, UNDEFINED = "Computer Simulation", "Undefined"
+_UNACCREDITED, _ACCREDITED = "Test at an unaccredited lab", "Test at an accredited lab"
+_SCALED, _INTERPOLATED = " that has been lumen scaled", " with interpolated angle set"
+_TITLES = {
+    "1.00001": UNDEFINED,
+    "1.00010": SIMULATED,
+    "1.00000": _UNACCREDITED,
+    "1.00100": _UNACCREDITED + _SCALED,
+    "1.01000": _UNACCREDITED + _INTERPOLATED,
+    "1.01100": _UNACCREDITED + _INTERPOLATED + _SCALED,
+    "1.10000": _ACCREDITED,
+    "1.10100": _ACCREDITED + _SCALED,
+    "1.11000": _ACCREDITED + _INTERPOLATED,
+    "1.11100": _ACCREDITED + _INTERPOLATED + _SCALED,
+}
+_CODES = {title: code for code, title in _TITLES.items()}
+
+
+def generation_title(word: str) -> str:
+    """Title of the number ``word`` of a file of 2019; undefined for what the table does not have.
+
+    A bare 1 is undefined, too: older programs write it there, and mean nothing by it.
+    """
+    whole, _, digits = word.partition(".")
+    if len(digits) < 5 and not digits.strip("0"):
+        return UNDEFINED
+    return _TITLES.get(f"{whole}.{digits.rstrip('0'):0<5}", UNDEFINED)
+
+
+def generation_code(title: str) -> str:
+    """Number by which a file of 2019 says how its data were generated."""
+    return _CODES.get(title, _CODES[UNDEFINED])
+
+
+def turned_over(table: TabulatedIntensity) -> TabulatedIntensity:
+    """Table with C counted the other way: from a file's frame to the lens's, where C runs from +x to +y, or back."""
+    if len(table.c_deg) == 1:
+        return table
+    return TabulatedIntensity(np.ascontiguousarray(360.0 - table.c_deg[::-1]), table.gamma_deg, table.values[::-1])
+
+
+MOST_NUMBERS = 10**6  # of intensities: 721 x 361 is the finest seen; more comes from a damaged header
+MOST_PLANES, MOST_GAMMAS = 3601, 18_001  # in steps of 0.1 and 0.01 degrees, finer than any goniophotometer
+HUGE = 1e12  # above any real candela or lumen; squares of sums stay finite
+SMALLEST = 1e-30  # below any real candela, lumen or watt but 0
+
+
+def stated_or_none(value: float) -> float | None:
+    """A number of lumens or watts, or None where it is a way of writing unknown: 0, negative, absurd."""
+    return value if SMALLEST < value < HUGE else None
+
+
+def number_in(word: str) -> float:
+    """The number that a word of a file is. Raises :class:`ValueError` for what only Python takes for one."""
+    if "_" in word or not word.isascii():
+        raise ValueError(f"{word[:20]!r} is no number")
+    return float(word)
+
+
+@dataclass(frozen=True, eq=False)
+class PhotometricFile:
+    """Far field. ``intensity`` in cd for ``lamp_lumens``; None where the file is absolute and states no lamp flux.
+
+    ``stated_lumens`` is the luminaire's flux by the file itself (EULUMDAT's light output ratio), None where it states
+    none. ``diameter_mm``: of the luminous opening, where it is round; 0 elsewhere. ``photometric_type``: of the angles
+    in the file, C, B or A; ``intensity`` is always over C and gamma. ``warnings``: whatever was not taken as it
+    stands, one line each. ``remarks``: lines on the data, such as its noise, for whoever opens the file; written to
+    LM-63 as [OTHER], not read. ``maker`` of the luminaire, its number in the ``catalogue``, and the ``test`` report
+    that the data come from. ``generated``: by simulation or measurement, in the words of LM-63-2019; ``method``: more
+    on that; ``laboratory``, and the date on which the data were ``issued``, empty where nothing states one: it is never
+    that of the clock. ``edition``: of the standard that the file follows, by its own words.
+    """
+
+    intensity: TabulatedIntensity
+    lamp_lumens: float | None = None
+    stated_lumens: float | None = None
+    title: str = ""
+    diameter_mm: float = 0.0
+    watts: float = 0.0
+    format: str = ""
+    photometric_type: Literal["A", "B", "C"] = "C"
+    warnings: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
+    maker: str = "lensforge"
+    test: str = "none: computed by tracing rays"
+    catalogue: str = ""
+    generated: str = SIMULATED
+    method: str = f"rays traced through the lens by lensforge {__version__}"
+    laboratory: str = "none: not measured, computed by lensforge"
+    issued: str = ""
+    edition: str = ""
+
+
+def single_line(text: str) -> str:
+    """``text`` without line ends, tabs and other characters that no line of a file may hold."""
+    return " ".join("".join(mark if mark.isprintable() else " " for mark in text).split())
+
+
+@dataclass(frozen=True)
+class PhotometricFormat:
+    """A format: ``matches`` a text by its content, ``decode`` a text and its file's name, ``encode`` a far field.
+
+    The texts have "\\n" for line ends, whatever the file has. ``encoding``: of the bytes that are written.
+    """
+
+    suffix: str
+    matches: Callable[[str], bool]
+    decode: Callable[[str, str], PhotometricFile]
+    encode: Callable[[PhotometricFile], str]
+    encoding: str = "latin-1"
+
+
+_FLUX_TOLERANCE = 0.01  # integral and stated flux of real files agree this well
+_CUT_SHARE = 0.01  # of the peak: more than that at the last gamma, and the file has lost light beyond it
+_MOST_LM_PER_W = 683.0
+
+
+def far_field_warnings(found: PhotometricFile) -> tuple[str, ...]:
+    """List what was not taken as it stands in the file, and what contradicts itself there."""
+    return (*found.warnings, *_contradictions(found), *_cut(found))
+
+
+def _contradictions(found: PhotometricFile) -> Iterator[str]:
+    lumens, stated, watts = found.intensity.flux(), found.stated_lumens, found.watts
+    if stated and abs(lumens / stated - 1.0) > _FLUX_TOLERANCE:
+        yield f"its intensities integrate to {lumens:.6g} lm, the file states {stated:.6g} lm"
+    if found.lamp_lumens and lumens > found.lamp_lumens * (1.0 + _FLUX_TOLERANCE):
+        yield f"its light has {lumens:.6g} lm, its lamps only {found.lamp_lumens:.6g} lm: check its factors"
+    if watts > 0.0 and lumens > _MOST_LM_PER_W * watts:
+        yield f"{lumens / watts:.4g} lm per W, no light has more than 683: check its lumens and watts"
+
+
+def _cut(found: PhotometricFile) -> Iterator[str]:
+    table = found.intensity
+    first, last = float(table.gamma_deg[0]), float(table.gamma_deg[-1])
+    at_last = float(table.values[:, -1].max() / table.values.max())
+    if last not in (90.0, 180.0) and at_last > _CUT_SHARE:
+        yield (
+            f"its last gamma is {last:g} degrees, with {100.0 * at_last:.3g} % of the largest intensity: light beyond "
+            "is not in the file"
+        )
+    if first > 0.0:
+        yield f"its first gamma is {first:g} degrees: no light is taken within that"

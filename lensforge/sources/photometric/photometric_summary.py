@@ -1,0 +1,212 @@
+"""Summary of a photometric file: what an engineer checks before using it, and its polar diagram.
+
+The diagram is that of data sheets: gamma = 0 downwards, rings of constant candela. A file of light is inspected by its
+content: rays, or the far field of a photometric file.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+import numpy as np
+from jaxtyping import Float
+from pydantic import PrivateAttr
+
+from lensforge.errors import InputError
+from lensforge.results import Count, NotNegative, Number, Record, Share, StageResult, Text
+from lensforge.sources.intensity import PlaneBeam, TabulatedIntensity, beam_in_plane, plane_profile
+from lensforge.sources.photometric import is_photometric
+from lensforge.sources.photometric.photometric_file import far_field_warnings
+from lensforge.sources.photometric.photometric_io import read_photometric
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from lensforge.sources.rayfiles.ray_file_summary import RayFileSummary
+
+
+_COLOURS = ("#c0392b", "#2f7fd1")
+_RINGS = 5
+_STEP_DEG = 30.0
+
+
+def draw_polar(axes: "Axes", curves: Mapping[str, tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]]) -> None:
+    """Draw each curve, signed angles gamma (deg) and intensities (cd), on ordinary ``axes`` with rings and rays."""
+    largest = max(float(values.max()) for _, values in curves.values())
+    ring = _round_step(largest / _RINGS)
+    rings = ring * np.arange(1, int(np.ceil(largest / ring - 1e-9)) + 1)
+    turn = np.linspace(0.0, 2.0 * np.pi, 361)
+    for radius in rings:
+        axes.plot(radius * np.sin(turn), -radius * np.cos(turn), color="0.85", linewidth=0.7, zorder=0)
+        axes.annotate(f"{radius:g}", (0.0, radius), fontsize=7, color="0.45", ha="center", va="bottom")
+    for angle in np.deg2rad(np.arange(0.0, 360.0, _STEP_DEG)):
+        axes.plot([0.0, rings[-1] * np.sin(angle)], [0.0, -rings[-1] * np.cos(angle)], color="0.9", lw=0.6, zorder=0)
+    for (name, (gamma, values)), colour in zip(curves.items(), _COLOURS, strict=False):
+        angle = np.deg2rad(gamma)
+        axes.plot(values * np.sin(angle), -values * np.cos(angle), color=colour, linewidth=1.8, label=name)
+    axes.set(aspect="equal", title="intensity (cd), gamma = 0 downwards", xticks=[], yticks=[])
+    axes.set_frame_on(False)
+    axes.legend(frameon=False, loc="upper right")
+
+
+def _round_step(step: float) -> float:
+    """The next of 1, 2 and 5 times a power of ten."""
+    power = 10.0 ** np.floor(np.log10(step))
+    return float(next(power * each for each in (1.0, 2.0, 5.0, 10.0) if power * each >= step * (1.0 - 1e-9)))
+
+
+TITLES = {"ies": "IES LM-63", "eulumdat": "EULUMDAT", "tm33": "ANSI/IES TM-33"}
+_PLANES = (0.0, 90.0)  # C 0 - C 180 and C 90 - C 270
+
+
+class FarFieldAngles(Record):
+    """Angles of a table: the number of half-planes C and of angles gamma, and the ends of gamma (deg)."""
+
+    planes: Count
+    gammas: Count
+    first_gamma_deg: Number
+    last_gamma_deg: Number
+
+
+class FarFieldPeak(Record):
+    """Largest intensity (cd), and the direction where the table has it first (deg)."""
+
+    intensity_cd: NotNegative
+    c_deg: Number
+    gamma_deg: Number
+
+
+class PhotometricSummary(StageResult):
+    """Summary of a photometric file.
+
+    ``lumens``: integral of the intensities over all directions. ``stated_lumens``: the luminaire's by the file's own
+    words, ``lamp_lumens``: of its lamps, ``watts`` electric; None where the file states none. ``symmetry``:
+    ``revolution``, or the largest mirror group of the light. ``edition``: of the standard, empty where the format has
+    one only. ``generated``: by simulation or measurement, by the titles of LM-63-2019; "Undefined" where the file does
+    not say. ``laboratory``, and the date on which the data were ``issued``: as the file has them. ``share_above_90``:
+    of the flux, at gamma above 90. ``beam_c0`` and ``beam_c90``: in the planes C 0 - C 180 and C 90 - C 270.
+    """
+
+    stage: ClassVar[str] = "photometric_file"
+    command: ClassVar[str] = "rays"
+    made_from: ClassVar[tuple[str, ...]] = ()
+
+    format: Text
+    title: Text
+    luminaire: Text
+    maker: Text
+    catalogue: Text
+    edition: Text
+    generated: Text
+    laboratory: Text
+    issued: Text
+    photometric_type: Literal["A", "B", "C"]
+    symmetry: Text
+    angles: FarFieldAngles
+    lumens: NotNegative
+    lamp_lumens: NotNegative | None
+    stated_lumens: NotNegative | None
+    share_above_90: Share
+    peak: FarFieldPeak
+    axis_cd: NotNegative
+    beam_c0: PlaneBeam
+    beam_c90: PlaneBeam
+    watts: NotNegative | None
+    lumens_per_electric_watt: NotNegative | None
+    opening_diameter_mm: NotNegative
+    warnings: tuple[Text, ...]
+    _intensity: TabulatedIntensity | None = PrivateAttr(None)
+
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
+        """Draw the polar diagram in both planes, gamma = 0 downwards as in data sheets.
+
+        Raises :class:`InputError` for a summary that was read from a file: it has no intensities.
+        """
+        from lensforge.results.plots import new_axes
+
+        if self._intensity is None:
+            raise InputError("this summary was read back and holds no intensities; read the photometric file again")
+        axes = new_axes(axes)
+        curves = {f"C{c:.0f} - C{c + 180.0:.0f}": plane_profile(self._intensity, c) for c in _PLANES}
+        draw_polar(axes, curves)
+        return axes
+
+    def _repr_html_(self) -> str:
+        """Show the polar diagram and the summary as a table in a notebook."""
+        return Record._repr_html_(self) if self._intensity is None else super()._repr_html_()
+
+
+def summarise_photometric(path: Path) -> PhotometricSummary:
+    """Summarise a photometric file. Raises :class:`InputError` if it cannot be used."""
+    found = read_photometric(path)
+    table, watts = found.intensity, found.watts if found.watts > 0.0 else None
+    lumens, axis = table.flux(), bool(table.gamma_deg[0] == 0.0)
+    plane, angle = np.unravel_index(int(np.argmax(table.values)), table.values.shape)
+    summary = PhotometricSummary(
+        format=found.format,
+        title=TITLES.get(found.format, found.format),
+        luminaire=found.title,
+        maker=found.maker,
+        catalogue=found.catalogue,
+        edition=found.edition,
+        generated=found.generated,
+        laboratory=found.laboratory,
+        issued=found.issued,
+        photometric_type=found.photometric_type,
+        symmetry="revolution" if len(table.c_deg) == 1 else table.symmetry,
+        angles=FarFieldAngles(
+            planes=max(len(table.c_deg) - 1, 1),
+            gammas=len(table.gamma_deg),
+            first_gamma_deg=float(table.gamma_deg[0]),
+            last_gamma_deg=float(table.gamma_deg[-1]),
+        ),
+        lumens=lumens,
+        lamp_lumens=found.lamp_lumens,
+        stated_lumens=found.stated_lumens,
+        share_above_90=min(max(1.0 - _flux_below_90(table) / lumens, 0.0), 1.0) if lumens > 0.0 else 0.0,
+        peak=FarFieldPeak(
+            intensity_cd=float(table.values.max()),
+            c_deg=float(table.c_deg[plane]),
+            gamma_deg=float(table.gamma_deg[angle]),
+        ),
+        axis_cd=float(table.values[:, 0].mean()) if axis else 0.0,
+        beam_c0=beam_in_plane(table, _PLANES[0]),
+        beam_c90=beam_in_plane(table, _PLANES[1]),
+        watts=watts,
+        lumens_per_electric_watt=None if watts is None else lumens / watts,
+        opening_diameter_mm=max(found.diameter_mm, 0.0),
+        warnings=far_field_warnings(found),
+    )
+    summary._intensity = table
+    return summary
+
+
+def _flux_below_90(table: TabulatedIntensity) -> float:
+    """Flux (lm) at gamma up to 90 degrees, exact for the bilinear interpolation."""
+    if table.gamma_deg[0] >= 90.0:
+        return 0.0
+    below = table.gamma_deg < 90.0
+    if below.all():
+        return table.flux()
+    at_90 = np.array([[np.interp(90.0, table.gamma_deg, plane)] for plane in table.values])
+    values = np.concatenate([table.values[:, below], at_90], axis=1)
+    return TabulatedIntensity(table.c_deg, np.append(table.gamma_deg[below], 90.0), values).flux()
+
+
+_SUFFIXES = (".ies", ".ldt", ".iesxml")
+
+
+def holds_far_field(path: Path) -> bool:
+    """True for a photometric file, whatever its name, and for one that is only named so and holds no rays."""
+    from lensforge.sources.rayfiles import is_rayfile
+
+    if not path.is_file() or is_rayfile(path):
+        return False
+    return is_photometric(path) or path.suffix.lower() in _SUFFIXES
+
+
+def inspect(path: Path) -> "RayFileSummary | PhotometricSummary":
+    """Summarise a ray file or a photometric file. Raises :class:`InputError` if it is neither."""
+    from lensforge.sources.rayfiles import describe, read_rayfile
+
+    return summarise_photometric(path) if holds_far_field(path) else describe(read_rayfile(path))

@@ -1,0 +1,277 @@
+"""An emitter whose radiance depends on position and direction together: near-field data of a real LED.
+
+The radiance R(x, y, C, gamma) in the plane z = 0 is a table, and its flux is known in closed form. A surface element
+emits ``R cos(gamma) dA dOmega``, and ``cos(gamma) dOmega = dC d(sin^2 gamma) / 2``. So the table is taken as constant
+in each cell of (x, y) and bilinear in (C, sin^2 gamma): every flux is then a trapezoid, its inverse the root of a
+quadratic, and nothing is approximated but the radiance between the table's nodes.
+
+A file is a NumPy archive (`.npz`) of five arrays, named and shaped as in :class:`RadianceTable`.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from lensforge.errors import InputError, remedy
+from lensforge.results.files import read_file
+from lensforge.results.json_npz import arrays_in
+from lensforge.sources.emitting_area import sobol
+from lensforge.sources.inverse_cdf import choose, choose_each, linear_inverse
+from lensforge.sources.ray_bundle import RayBundle
+from lensforge.sources.source_flux import emitter_flux
+from lensforge.spec.source_sections import RadianceSource
+from lensforge.surfaces.mirror_group import largest_symmetry
+
+_M2_PER_MM2 = 1e-6
+_SAME = 1e-6  # of the largest radiance, and of the width: what differs less is symmetric
+_NAMES = ("x_mm", "y_mm", "c_deg", "gamma_deg", "radiance")
+_LEAST_W, _MOST_W = 1e-30, 1e12  # as of a source in a spec
+_BRIGHTEST = 1e20  # W/m^2/sr; lasers reach 1e16
+_MOST_NODES = 4096  # of an axis: 0.1 degrees in azimuth are 3601, and each block of rays needs rows of that length
+_FARTHEST = 1e9  # mm, as of any coordinate in a spec
+_LARGEST = 2**28  # bytes unpacked, some 30 million nodes; a small archive may claim anything
+
+
+@dataclass(frozen=True, eq=False)
+class RadianceTable:
+    """Table of ``radiance`` (W/m^2/sr) by cell between the edges ``y_mm`` and ``x_mm``, azimuth, and polar angle.
+
+    ``c_deg`` runs from 0 to 360, both included, or is the single number 0 for light of revolution about each point's
+    own normal. There is no light beyond the first and last gamma.
+    """
+
+    x_mm: Float[np.ndarray, " x1"]
+    y_mm: Float[np.ndarray, " y1"]
+    c_deg: Float[np.ndarray, " c"]
+    gamma_deg: Float[np.ndarray, " g"]
+    radiance: Float[np.ndarray, "y x c g"]
+
+    @cached_property
+    def squares(self) -> Float[np.ndarray, " g"]:
+        """Squared sines of gamma at the nodes, never falling."""
+        squares: Float[np.ndarray, " g"] = np.sin(np.deg2rad(self.gamma_deg)) ** 2
+        return squares
+
+    @cached_property
+    def cumulative(self) -> Float[np.ndarray, "y x c g"]:
+        """Integral of ``R cos sin`` up to each gamma: W/m^2 per radian of azimuth."""
+        cells = 0.25 * (self.radiance[..., 1:] + self.radiance[..., :-1]) * np.diff(self.squares)
+        start = np.zeros((*self.radiance.shape[:3], 1))
+        return np.concatenate([start, np.cumsum(cells, axis=3)], axis=3)
+
+    @cached_property
+    def sectors(self) -> Float[np.ndarray, "y x s"]:
+        """Radiant exitance (W/m^2) of each cell into each sector of azimuth."""
+        planes = self.cumulative[..., -1]
+        if len(self.c_deg) == 1:
+            return 2.0 * np.pi * planes
+        exitance: Float[np.ndarray, "y x s"] = (
+            0.5 * (planes[..., 1:] + planes[..., :-1]) * np.diff(np.deg2rad(self.c_deg))
+        )
+        return exitance
+
+    @cached_property
+    def cell_fluxes(self) -> Float[np.ndarray, "y x"]:
+        """Flux (W) of each cell."""
+        areas = np.diff(self.y_mm)[:, None] * np.diff(self.x_mm) * _M2_PER_MM2
+        fluxes: Float[np.ndarray, "y x"] = self.sectors.sum(axis=2) * areas
+        return fluxes
+
+    def flux(self) -> float:
+        """Integral over area and projected solid angle (W), exact for the interpolation."""
+        return float(self.cell_fluxes.sum())
+
+    @property
+    def symmetry(self) -> str:
+        """Largest mirror group found by comparing the table with its mirror images."""
+        return largest_symmetry(self._unchanged)
+
+    def _unchanged(self, mirror: Float[np.ndarray, "3 3"]) -> bool:
+        """True where the mirror image has the same edges, and the same radiance in each cell and direction."""
+        swapped, signs = mirror[0, 0] == 0.0, mirror.sum(axis=1).astype(int)
+        edges = (self.y_mm, self.x_mm) if swapped else (self.x_mm, self.y_mm)
+        width = float(np.ptp(self.x_mm) + np.ptp(self.y_mm))
+        for own, image, sign in zip((self.x_mm, self.y_mm), edges, signs[:2], strict=True):
+            if len(own) != len(image) or np.abs(own - sign * image[::sign]).max() > _SAME * width:
+                return False
+        by_x = np.swapaxes(self._turned(mirror), 0, 1)
+        by_x = (np.swapaxes(by_x, 0, 1) if swapped else by_x)[:: signs[0], :: signs[1]]
+        return bool(np.abs(np.swapaxes(by_x, 0, 1) - self.radiance).max() <= _SAME * self.radiance.max())
+
+    def _turned(self, mirror: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "y x c g"]:
+        """Radiance into the directions whose mirror images are the nodes."""
+        if len(self.c_deg) == 1:
+            return self.radiance
+        angle = np.deg2rad(self.c_deg)
+        before = np.stack([np.cos(angle), np.sin(angle)], axis=1) @ mirror[:2, :2]
+        degrees = np.rad2deg(np.arctan2(before[:, 1], before[:, 0])) % 360.0
+        place = np.interp(degrees, self.c_deg, np.arange(len(self.c_deg)))
+        low = np.minimum(place.astype(int), len(self.c_deg) - 2)
+        turned: Float[np.ndarray, "y x c g"] = self.radiance[:, :, low] + (place - low)[:, None] * (
+            self.radiance[:, :, low + 1] - self.radiance[:, :, low]
+        )
+        return turned
+
+
+def read_radiance(path: Path) -> RadianceTable:
+    """Read ``path``. Raises :class:`InputError`, one line, if it is missing, damaged, or not a radiance table."""
+    arrays = _arrays(path)
+    problem = _problem(arrays)
+    if problem:
+        raise InputError(f"{path}: {problem}")
+    table = RadianceTable(**arrays)
+    if not _LEAST_W < table.flux() < _MOST_W:
+        raise InputError(f"{path}: its flux is {table.flux():g} W: radiances must not be all dark, or huge")
+    return table
+
+
+def _arrays(path: Path) -> dict[str, np.ndarray]:
+    content = read_file(path, missing="give a NumPy archive of a radiance table", most_bytes=_LARGEST)
+    try:
+        found = arrays_in(content, _NAMES, _LARGEST)
+    except ValueError as error:
+        raise InputError(f"{path}: not readable as a NumPy archive ({error})") from None
+    missing = [name for name in _NAMES if name not in found]
+    if missing:
+        raise InputError(f"{path}: no array {missing[0]!r}; it needs {', '.join(_NAMES)}")
+    return {name: found[name].astype(np.float64) for name in _NAMES}
+
+
+def _problem(arrays: dict[str, np.ndarray]) -> str:
+    """Say what is wrong with ``arrays``; empty if nothing is."""
+    x, y, c, gamma, radiance = arrays.values()
+    for name, values in list(arrays.items())[:4]:
+        revolution = name == "c_deg" and values.shape == (1,)
+        if values.ndim != 1 or not np.isfinite(values).all() or (len(values) < 2 and not revolution):
+            return f"{name} must be a list of two finite numbers or more"
+        if not (np.diff(values) > 0.0).all():
+            return f"{name} must rise from each number to the next"
+    for name, values in list(arrays.items())[:4]:
+        if len(values) > _MOST_NODES or np.abs(values).max() > _FARTHEST:
+            return f"{name} has {len(values)} numbers up to {np.abs(values).max():g}: {_MOST_NODES} up to {_FARTHEST:g}"
+    if gamma[0] < 0.0 or gamma[-1] > 90.0:
+        return f"gamma_deg = {gamma[0]:g} to {gamma[-1]:g}: within 0 to 90"
+    if c[0] != 0.0 or (len(c) > 1 and c[-1] != 360.0):
+        return "c_deg must run from 0 to 360, both included, or be the single number 0"
+    wanted = (len(y) - 1, len(x) - 1, len(c), len(gamma))
+    if radiance.shape != wanted:
+        return f"radiance has the shape {radiance.shape}; cells in y and x, azimuths, polar angles make {wanted}"
+    if not 0.0 <= radiance.min() <= radiance.max() < _BRIGHTEST:
+        return f"radiances must be finite, none below 0, and below {_BRIGHTEST:g} W/m^2/sr"
+    if not np.array_equal(radiance[:, :, 0], radiance[:, :, -1]):
+        return "the radiances at c_deg = 360 must be those at 0"
+    return ""
+
+
+_BLOCK, _BLOCK_NUMBERS = 2**14, 2**23  # rays drawn at a time, and numbers: each ray needs rows of the table
+
+Cells = tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]  # row and column of each ray's cell
+
+
+@dataclass(frozen=True, eq=False)
+class RadianceEmitter:
+    """Rays of equal flux, their density in position and direction in proportion to ``table``; total flux ``flux_w``."""
+
+    table: RadianceTable
+    flux_w: float
+    ray_count: int | None = None
+
+    @cached_property
+    def symmetry(self) -> str:
+        """Symmetry of the table."""
+        return self.table.symmetry
+
+    def sample(self, count: int, seed: int) -> RayBundle:
+        """Draw ``count`` rays of equal flux by quasi-Monte-Carlo points in four dimensions."""
+        points = sobol(count, 4, seed)
+        origins, directions = np.empty((count, 3)), np.empty((count, 3))
+        block = max(min(_BLOCK, _BLOCK_NUMBERS // max(self.table.radiance.shape)), 1)
+        for start in range(0, count, block):
+            some = slice(start, start + block)
+            origins[some], directions[some] = self.emit(points[some])
+        return RayBundle(origins, directions, np.full(count, self.flux_w / count))
+
+    def emit(self, points: Float[np.ndarray, "n 4"]) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+        """Map points of the unit cube to start points (mm) and unit directions; equal volumes get equal flux."""
+        cells, origins = self._place(points[:, 0], points[:, 1])
+        low, between = self._turn(cells, points[:, 3])
+        turn = np.deg2rad(self.table.c_deg)
+        azimuth = 2.0 * np.pi * between if len(turn) == 1 else turn[low] + between * (turn[low + 1] - turn[low])
+        square = self._rise(cells, low, between, points[:, 2])
+        sine, cosine = np.sqrt(square), np.sqrt(np.maximum(1.0 - square, 0.0))
+        return origins, np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine], axis=1)
+
+    def outline(self) -> Float[np.ndarray, "4 3"]:
+        """Rectangle (mm) around the cells that emit."""
+        rows, columns = np.nonzero(self.table.cell_fluxes)
+        left, right = self.table.x_mm[columns.min()], self.table.x_mm[columns.max() + 1]
+        bottom, top = self.table.y_mm[rows.min()], self.table.y_mm[rows.max() + 1]
+        return np.array([[left, bottom, 0.0], [right, bottom, 0.0], [right, top, 0.0], [left, top, 0.0]])
+
+    def _place(
+        self, down: Float[np.ndarray, " n"], across: Float[np.ndarray, " n"]
+    ) -> tuple[Cells, Float[np.ndarray, "n 3"]]:
+        """Choose the row by the first number, the column by the second given the row; uniform inside the cell."""
+        rows, y = choose(self._rows, down)
+        columns, x = choose_each(self._columns[rows], across)
+        origins = np.zeros((len(rows), 3))
+        for axis, edges, cell, place in ((0, self.table.x_mm, columns, x), (1, self.table.y_mm, rows, y)):
+            origins[:, axis] = edges[cell] + place * (edges[cell + 1] - edges[cell])
+        return (rows, columns), origins
+
+    def _turn(
+        self, cells: Cells, numbers: Float[np.ndarray, " n"]
+    ) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+        """Choose the sector of azimuth, and the position in it, by each number given the cell."""
+        if len(self.table.c_deg) == 1:
+            return np.zeros(len(numbers), dtype=np.int64), numbers
+        low, rest = choose_each(self._azimuths[cells], numbers)
+        planes = self.table.cumulative[..., -1]
+        return low, linear_inverse(planes[(*cells, low)], planes[(*cells, low + 1)], rest)
+
+    def _rise(
+        self,
+        cells: Cells,
+        low: Int[np.ndarray, " n"],
+        between: Float[np.ndarray, " n"],
+        numbers: Float[np.ndarray, " n"],
+    ) -> Float[np.ndarray, " n"]:
+        """Choose ``sin^2 gamma`` by each number given the cell and the azimuth."""
+        high = np.minimum(low + 1, len(self.table.c_deg) - 1)
+
+        def blend(values: Float[np.ndarray, "y x c g"]) -> Float[np.ndarray, "n g"]:
+            share = between[:, None]
+            mixed: Float[np.ndarray, "n g"] = (1.0 - share) * values[(*cells, low)] + share * values[(*cells, high)]
+            return mixed
+
+        cell, rest = choose_each(blend(self.table.cumulative)[:, 1:], numbers)
+        radiance, each = blend(self.table.radiance), np.arange(len(numbers))
+        place = linear_inverse(radiance[each, cell], radiance[each, cell + 1], rest)
+        squares = self.table.squares
+        squared: Float[np.ndarray, " n"] = squares[cell] + place * (squares[cell + 1] - squares[cell])
+        return squared
+
+    @cached_property
+    def _rows(self) -> Float[np.ndarray, " y"]:
+        return np.cumsum(self.table.cell_fluxes.sum(axis=1))
+
+    @cached_property
+    def _columns(self) -> Float[np.ndarray, "y x"]:
+        return np.cumsum(self.table.cell_fluxes, axis=1)
+
+    @cached_property
+    def _azimuths(self) -> Float[np.ndarray, "y x s"]:
+        return np.cumsum(self.table.sectors, axis=2)
+
+
+def radiance_emitter(spec: RadianceSource) -> RadianceEmitter:
+    """Build the emitter that ``spec`` describes, in the plane z = 0, of the table's flux unless ``spec`` has one.
+
+    Raises :class:`InputError` for a file that cannot be used.
+    """
+    with remedy("correct source.file"):
+        table = read_radiance(spec.file)
+    return RadianceEmitter(table, emitter_flux(spec, table.flux()).flux_w)

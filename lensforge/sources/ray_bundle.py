@@ -1,0 +1,293 @@
+"""Rays as they leave a source, and the interface of every source.
+
+Rays that are too many for the memory are chosen, joined and changed without being read, until some are taken. Sums over
+blocks of a long series do not depend on how it is read.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import accumulate, pairwise
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from lensforge.optics.media import Media
+
+BLOCK_RAYS = 2**18  # rays handled at a time: bounds the memory whatever their number
+
+
+def block_slices(count: int, start: int = 0) -> Iterator[slice]:
+    """Yield consecutive parts of ``count`` numbers: halves of halves, where NumPy's own pairwise sum divides them."""
+    if count <= BLOCK_RAYS:
+        yield slice(start, start + count)
+        return
+    first = _first_half(count)
+    yield from block_slices(first, start)
+    yield from block_slices(count - first, start + first)
+
+
+def total_of(count: int, sums: Sequence[float]) -> float:
+    """Add up the sums over the :func:`block_slices` of ``count`` numbers: what ``np.sum`` has for all at once.
+
+    One sum alone is that of all.
+    """
+    return sums[0] if len(sums) == 1 else _pairwise(count, iter(sums))
+
+
+def _pairwise(count: int, sums: Iterator[float]) -> float:
+    if count <= BLOCK_RAYS:
+        return next(sums)
+    first = _first_half(count)
+    total = _pairwise(first, sums)
+    return total + _pairwise(count - first, sums)
+
+
+def _first_half(count: int) -> int:
+    return count // 2 - count // 2 % 8
+
+
+@dataclass(frozen=True)
+class RayBundle:
+    """Rays: start points ``origins`` (mm), unit directions, and the flux each carries (W). NumPy, float64.
+
+    ``refractive_indices`` and ``absorption_per_mm``: of the lens at the wavelength of each ray, ``wavelengths_nm``;
+    None where that of the spec holds for all.
+    """
+
+    origins: Float[np.ndarray, "n 3"]
+    directions: Float[np.ndarray, "n 3"]
+    flux: Float[np.ndarray, " n"]
+    refractive_indices: Float[np.ndarray, " n"] | None = None
+    absorption_per_mm: Float[np.ndarray, " n"] | None = None
+    wavelengths_nm: Float[np.ndarray, " n"] | None = None
+
+    def __len__(self) -> int:
+        return len(self.flux)
+
+    def take(self, rows: Int[np.ndarray, " k"] | Bool[np.ndarray, " n"] | slice) -> "RayBundle":
+        """Select some of the rays."""
+        own = (None if each is None else each[rows] for each in self._own)
+        return RayBundle(self.origins[rows], self.directions[rows], self.flux[rows], *own)
+
+    def divided(self, parts: int) -> list["RayBundle"]:
+        """Consecutive parts: those of a low-discrepancy sample are such samples themselves."""
+        edges = np.linspace(0, len(self), parts + 1).astype(int)
+        return [self.take(slice(start, stop)) for start, stop in pairwise(edges)]
+
+    @property
+    def _own(self) -> tuple[Float[np.ndarray, " n"] | None, ...]:
+        return self.refractive_indices, self.absorption_per_mm, self.wavelengths_nm
+
+    def indices(self, media: Media) -> Float[np.ndarray, " n"]:
+        """Refractive index of the lens for each ray: its own where it has one, else that of ``media``."""
+        own = self.refractive_indices
+        return np.full(len(self), media.refractive_index) if own is None else own
+
+    def entry_ratios(self, media: Media) -> Float[np.ndarray, " n"]:
+        """Index before over index behind the inner face, for each ray."""
+        ratios: Float[np.ndarray, " n"] = media.cavity_index / self.indices(media)
+        return ratios
+
+    def exit_ratios(self, media: Media) -> Float[np.ndarray, " n"]:
+        """Index before over index behind the outer face, for each ray."""
+        ratios: Float[np.ndarray, " n"] = self.indices(media) / media.outside_index
+        return ratios
+
+    def absorptions(self, media: Media) -> Float[np.ndarray, " n"]:
+        """Absorption (1/mm) of the lens for each ray: its own where it has one, else that of ``media``."""
+        own = self.absorption_per_mm
+        return np.full(len(self), media.absorption_per_mm) if own is None else own
+
+    def wavelengths(self, media: Media) -> Float[np.ndarray, " n"]:
+        """Wavelength (nm) of each ray: its own where it has one, else that of ``media``."""
+        own = self.wavelengths_nm
+        return np.full(len(self), media.wavelength_nm) if own is None else own
+
+    @classmethod
+    def joined(cls, parts: Sequence["RayBundle"]) -> "RayBundle":
+        """Join the rays of all parts in their order; what is of each ray, all of them have, or none."""
+        own = ([each for each in rows if each is not None] for rows in zip(*(part._own for part in parts), strict=True))
+        return cls(
+            np.concatenate([part.origins for part in parts]),
+            np.concatenate([part.directions for part in parts]),
+            np.concatenate([part.flux for part in parts]),
+            *(np.concatenate(rows) if rows else None for rows in own),
+        )
+
+
+@runtime_checkable
+class Rays(Protocol):
+    """Rays in their order, in memory as a :class:`RayBundle` or read from a file when they are taken."""
+
+    def __len__(self) -> int: ...
+
+    def take(self, rows: Int[np.ndarray, " k"] | slice) -> RayBundle:
+        """Some of the rays; a slice has no step."""
+        ...
+
+
+@runtime_checkable
+class Source(Protocol):
+    """An emitter in lens coordinates: the lens axis is +z, the cavity opens at z = 0."""
+
+    @property
+    def flux_w(self) -> float:
+        """Total flux (W) of every sample, so that efficiencies have one denominator."""
+        ...
+
+    @property
+    def symmetry(self) -> str:
+        """Largest mirror group (a name of ``surfaces.symmetry``) that leaves the emission unchanged."""
+        ...
+
+    @property
+    def ray_count(self) -> int | None:
+        """Number of distinct rays of a measured source; None where a sample may be of any size."""
+        ...
+
+    def sample(self, count: int, seed: int) -> RayBundle:
+        """Draw ``count`` rays whose flux adds up to ``flux_w``; the same seed gives the same rays."""
+        ...
+
+    def outline(self) -> Float[np.ndarray, "k 3"]:
+        """Closed polygon (mm) around the emitting area, for drawings to scale."""
+        ...
+
+
+@runtime_checkable
+class DrawsLater(Protocol):
+    """A source that can name the rays of a large sample before it reads them."""
+
+    def drawn(self, count: int, seed: int) -> Rays:
+        """The rays of ``sample(count, seed)``, at most those that the source has."""
+        ...
+
+
+def drawn(source: Source, count: int, seed: int) -> Rays:
+    """The rays of ``source.sample(count, seed)``, at most all; those of a large file are read when they are taken."""
+    return source.drawn(count, seed) if isinstance(source, DrawsLater) else source.sample(count, seed)
+
+
+@dataclass(frozen=True, eq=False)
+class ChangedSource:
+    """A source whose rays are those of ``source``, changed; all else is that of ``source``, unless a subclass says so.
+
+    Subclasses have ``sample``.
+    """
+
+    source: Source
+
+    @property
+    def flux_w(self) -> float:
+        """Flux (W) of the source itself."""
+        return self.source.flux_w
+
+    @property
+    def symmetry(self) -> str:
+        """Symmetry of the source itself."""
+        return self.source.symmetry
+
+    @property
+    def ray_count(self) -> int | None:
+        """Number of distinct rays of the source itself."""
+        return self.source.ray_count
+
+    def outline(self) -> Float[np.ndarray, "k 3"]:
+        """Outline (mm) of the source itself."""
+        return self.source.outline()
+
+
+@dataclass(frozen=True, eq=False)
+class ChangedRays:
+    """``rays``, each changed by ``change``, which treats every ray by itself."""
+
+    rays: Rays
+    change: Callable[[RayBundle], RayBundle]
+
+    def __len__(self) -> int:
+        return len(self.rays)
+
+    def take(self, rows: Int[np.ndarray, " k"] | slice) -> RayBundle:
+        """Read some of the rays, and change them."""
+        return self.change(self.rays.take(rows))
+
+
+@dataclass(frozen=True, eq=False)
+class ChosenRays:
+    """Rays with the ``numbers`` among ``rays``, in that order."""
+
+    rays: Rays
+    numbers: Int[np.ndarray, " n"]
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    def take(self, rows: Int[np.ndarray, " k"] | slice) -> RayBundle:
+        """Read some of the chosen rays."""
+        return self.rays.take(self.numbers[rows].astype(np.int64))
+
+
+@dataclass(frozen=True, eq=False)
+class JoinedRays:
+    """The rays of all ``parts``, one part after the other; what is of each ray, all parts have, or none."""
+
+    parts: Sequence[Rays]
+
+    def __len__(self) -> int:
+        return sum(map(len, self.parts))
+
+    def take(self, rows: Int[np.ndarray, " k"] | slice) -> RayBundle:
+        """Read some of the rays, each from its part."""
+        if isinstance(rows, slice):
+            rows = np.arange(*rows.indices(len(self)))
+        starts = accumulate(map(len, self.parts), initial=0)
+        found, places = [], []
+        for part, start in zip(self.parts, starts, strict=False):  # the last start is the end
+            own = np.flatnonzero((rows >= start) & (rows < start + len(part)))
+            if len(own):
+                found.append(part.take(rows[own] - start))
+                places.append(own)
+        return RayBundle.joined(found).take(np.argsort(np.concatenate(places)))
+
+
+def number_type(count: int) -> type[np.int32] | type[np.int64]:
+    """Type of the numbers of ``count`` rays: half the memory where that is enough."""
+    return np.int32 if count < 2**31 else np.int64
+
+
+def changed(rays: Rays, change: Callable[[RayBundle], RayBundle]) -> Rays:
+    """Change rays, each by itself: at once where they are in memory."""
+    return change(rays) if isinstance(rays, RayBundle) else ChangedRays(rays, change)
+
+
+def chosen(rays: Rays, numbers: Int[np.ndarray, " n"]) -> Rays:
+    """Choose rays by their numbers: at once where they are in memory."""
+    if isinstance(rays, RayBundle):
+        return rays.take(numbers)
+    return ChosenRays(rays, numbers.astype(number_type(len(rays))))
+
+
+def joined(parts: Sequence[Rays]) -> Rays:
+    """Join rays: at once where all are in memory."""
+    loaded = [part for part in parts if isinstance(part, RayBundle)]
+    return RayBundle.joined(loaded) if len(loaded) == len(parts) else JoinedRays(parts)
+
+
+def blocks_of(rays: Rays) -> Iterator[RayBundle]:
+    """Yield all rays in their order: at once where they are in memory, else block by block."""
+    if isinstance(rays, RayBundle):
+        yield rays
+    else:
+        yield from (rays.take(some) for some in block_slices(len(rays)))
+
+
+def total_flux(rays: Rays) -> float:
+    """Sum of the fluxes (W), with the bits of the sum over all at once."""
+    return total_of(len(rays), [float(block.flux.sum()) for block in blocks_of(rays)])
+
+
+def with_flux(rays: Rays, flux_w: float) -> Rays:
+    """Scale the flux of all rays alike, so that it adds up to ``flux_w`` (W)."""
+    factor = flux_w / total_flux(rays)
+    return changed(rays, lambda some: replace(some, flux=some.flux * factor))

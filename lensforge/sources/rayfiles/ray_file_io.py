@@ -1,0 +1,176 @@
+"""Reading, writing and conversion of ray files; the format is recognised by the content, never by the name."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import UInt8
+
+from lensforge.errors import InputError
+from lensforge.results.files import replacing
+from lensforge.sources.rayfiles.formats import FORMATS
+from lensforge.sources.rayfiles.ray_file import HEAD_BYTES, FluxUnit, Format, RayFile
+from lensforge.sources.rayfiles.ray_file_bytes import FileImage, release_pages, scaled
+from lensforge.sources.rayfiles.ray_file_summary import Conversion
+from lensforge.sources.rayfiles.zemax_binary import NM_PER_MICRON
+
+# Suffixes of formats whose layout is not public, and the programs that write them.
+_PRIVATE = {
+    ".fcr": "FRED",
+    ".frbs": "FRED",
+    ".rs8": "SimuLux",
+    ".oml": "TracePro",
+    ".ray": "TracePro, LucidShape, FRED or OPTICAD",
+    ".dat": "OPTICAD or TracePro",
+    ".raydat": "Photopia",
+}
+_MICRONS_BELOW = 100.0  # no light has a wavelength of less than 100 nm here; such a number is in µm
+_COPIED = 2**24  # bytes copied at a time
+_SAME_TOTAL = 1e-5  # totals of float32 numbers that agree this well are the same total
+_SAMPLE = 1000  # wavelengths looked at to tell µm from nm
+
+
+def read_rayfile(path: Path) -> RayFile:
+    """Read ``path``, whatever its format; binary files are mapped, not loaded.
+
+    Raises :class:`InputError`, one line, if the file is missing, damaged, or of no known format.
+    """
+    image = FileImage.open(path)
+    return decode(image)
+
+
+def is_rayfile(path: Path) -> bool:
+    """True where the content of ``path`` is recognised as one of the formats, damaged or not."""
+    try:
+        image = FileImage.open(path)
+    except InputError:
+        return False
+    return _matching(image) is not None
+
+
+def decode(image: FileImage) -> RayFile:
+    """Decode a mapped file, whatever its format."""
+    rayfile = replace(_in_nanometres(_format_of(image).decode(image)), path=str(image.path))
+    object.__setattr__(rayfile, "verbatim", image.data)
+    return rayfile
+
+
+def write_rayfile(path: Path, rayfile: RayFile, format: str | None = None) -> Format:
+    """Write ``rayfile`` as ``format``, or as the format of the suffix of ``path``; return the format used.
+
+    A file that was read and not changed is written to its own format byte for byte. Elsewhere lengths become mm, and
+    fluxes absolute: they are scaled so that the file written means the same total as the file read.
+    Raises :class:`InputError` if the format is unknown or cannot hold these rays, or the path cannot be written.
+    """
+    chosen = _format_named(format) if format else _format_for(Path(path))
+    with replacing(Path(path)) as temporary, temporary.open("wb") as stream:
+        if rayfile.verbatim is not None and rayfile.format == chosen.name:
+            stream.writelines(_bytes(rayfile.verbatim))
+        else:
+            stream.writelines(chosen.encode(rayfile))
+    return chosen
+
+
+def _bytes(content: UInt8[np.ndarray, " bytes"]) -> Iterator[memoryview]:
+    for start in range(0, len(content), _COPIED):
+        yield content[start : start + _COPIED].data
+        release_pages(content)
+
+
+def convert(path_in: Path, path_out: Path, format: str | None = None) -> Conversion:
+    """Convert ``path_in`` to ``path_out``; report the formats, the number of rays, and all that was lost on the way.
+
+    Rays, and the total in their unit, are kept by every format; the total in the other unit, wavelengths and spectra
+    are kept where the new format has a place for them.
+    """
+    rayfile = read_rayfile(path_in)
+    chosen = write_rayfile(path_out, rayfile, format)
+    return Conversion(
+        from_format=rayfile.format,
+        to_format=chosen.name,
+        rays=len(rayfile),
+        bytes=Path(path_out).stat().st_size,
+        lost=tuple(_lost(rayfile, read_rayfile(path_out))),
+        warnings=rayfile.warnings,
+    )
+
+
+def _lost(before: RayFile, after: RayFile) -> Iterator[str]:
+    """List the statements of ``before`` that ``after``, the same rays in another format, does not make."""
+    if after.format == before.format:
+        return  # copied byte for byte
+    units: tuple[FluxUnit, ...] = ("W", "lm")
+    for unit in units:
+        had, has = before.flux_in(unit), after.flux_in(unit)
+        if had and (has is None or abs(has / had - 1.0) > _SAME_TOTAL):
+            yield f"total flux in {unit} ({had:.6g})"
+    if before.wavelengths_nm is not None and after.wavelengths_nm is None:
+        yield "wavelengths"
+    if before.spectral_tables and not after.spectral_tables:
+        yield "spectral tables"
+    if before.spectrum_numbers is not None and after.spectrum_numbers is None:
+        yield "spectral table of each ray"
+    columns = before.header.get("unused_columns")
+    if isinstance(columns, list) and columns:
+        yield f"columns: {', '.join(map(str, columns))}"
+
+
+def _matching(image: FileImage) -> Format | None:
+    head = image.part(0, HEAD_BYTES)
+    return next((entry for entry in FORMATS.values() if entry.matches(head, image.size)), None)
+
+
+def _format_of(image: FileImage) -> Format:
+    found = _matching(image)
+    if found is not None:
+        return found
+    suffix = image.path.suffix.lower()
+    known = ", ".join(entry.title for entry in FORMATS.values())
+    if suffix in _PRIVATE:
+        raise image.refuse(
+            f"none of the known formats; if it is a file of {_PRIVATE[suffix]}, its layout is not public: "
+            f"export TM-25 (.tm25ray), LightTools or Zemax from there"
+        )
+    raise image.refuse(f"its content is none of the known formats ({known}); export one of these")
+
+
+def _format_named(name: str) -> Format:
+    if name not in FORMATS:
+        raise InputError(f"format {name!r}: one of {', '.join(FORMATS)}")
+    return FORMATS[name]
+
+
+def _format_for(path: Path) -> Format:
+    fitting = [entry for entry in FORMATS.values() if path.suffix.lower() in entry.suffixes]
+    if len(fitting) == 1:
+        return fitting[0]
+    if fitting:
+        raise InputError(
+            f"{path}: {path.suffix} may be {' or '.join(entry.name for entry in fitting)}; say which format"
+        )
+    suffixes = sorted({suffix for entry in FORMATS.values() for suffix in entry.suffixes})
+    raise InputError(f"{path}: not the suffix of a ray-file format; one of {', '.join(suffixes)}")
+
+
+def _in_nanometres(rayfile: RayFile) -> RayFile:
+    """Convert wavelengths that can only be µm, whatever their format says, to nm, with a warning."""
+    warnings, header, waves = list(rayfile.warnings), dict(rayfile.header), rayfile.wavelengths_nm
+    if waves is not None:
+        with np.errstate(invalid="ignore"):
+            sample = np.nan_to_num(waves[:_SAMPLE].astype(np.float64), posinf=0.0, neginf=0.0)
+        if 0.0 < sample.max() < _MICRONS_BELOW:
+            warnings.append(f"wavelengths below {_MICRONS_BELOW:g} nm: taken as µm")
+            waves = scaled(waves, NM_PER_MICRON)
+    tables = rayfile.spectral_tables
+    longest = max((float(table.wavelengths_nm.max(initial=0.0)) for table in tables), default=0.0)
+    if 0.0 < longest < _MICRONS_BELOW:
+        warnings.append(f"wavelengths of the spectral tables below {_MICRONS_BELOW:g} nm: taken as µm")
+        header["spectral_tables"] = [
+            {
+                "wavelength_nm": (NM_PER_MICRON * table.wavelengths_nm).tolist(),
+                "weight": (table.power_density / NM_PER_MICRON).tolist(),
+            }
+            for table in tables
+        ]
+    return replace(rayfile, wavelengths_nm=waves, header=header, warnings=tuple(warnings))

@@ -1,0 +1,247 @@
+"""The coatings of a spec by their reflectance, tables of a coating, and the ``[lens.cover_glass]``.
+
+Tables (.csv, .txt) have angle (degrees), wavelength (nm) and reflectance, a row for each pair. Columns are separated by
+commas, semicolons, tabs or blanks, in this order or as a first line names them; comments start with ``#``. The cover
+glass is a plane-parallel plate between the lens and the receivers.
+"""
+
+import re
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BeforeValidator, Field, model_validator
+
+from lensforge.errors import InputError
+from lensforge.optics.material import MATERIALS, Material
+from lensforge.optics.media import Coating, CoatingLayer, CoverGlass, IndexCurve, LayerStack, ReflectanceTable
+from lensforge.results.files import MIB, read_file
+from lensforge.spec.spec_section import FilePath, Label, Millimetres, Section
+
+_MOST_BYTES = 32 * MIB
+_COLUMNS = ("angle_deg", "wavelength_nm", "reflectance")
+
+Rows = list[list[float]]
+
+
+def read_coating(path: Path) -> tuple[list[float], list[float], Rows]:
+    """Angles (degrees), wavelengths (nm), and reflectance [wavelength, angle] of the table at ``path``.
+
+    Raises :class:`InputError`, one line, for a file that is none.
+    """
+    content = read_file(path, missing="give a table of the reflectance", most_bytes=_MOST_BYTES)
+    lines = (line.split("#")[0].strip() for line in content.decode("utf-8-sig", "replace").splitlines())
+    rows = [[word for word in re.split(r"[,;\s]+", line) if word] for line in lines if line]
+    order = [0, 1, 2]
+    if rows and set(rows[0]) == set(_COLUMNS):
+        order = [rows[0].index(name) for name in _COLUMNS]
+        rows = rows[1:]
+    try:
+        table = np.array([[float(row[column]) for column in order] for row in rows])
+    except (ValueError, IndexError):  # words, or too few columns
+        table = np.empty((0, 3))
+    if len(table) == 0 or not np.isfinite(table).all():
+        raise InputError(f"{path}: must be rows of three numbers: {', '.join(_COLUMNS)}")
+    angles, columns = np.unique(table[:, 0], return_inverse=True)
+    waves, places = np.unique(table[:, 1], return_inverse=True)
+    pairs, count = {*zip(columns.tolist(), places.tolist(), strict=True)}, len(angles) * len(waves)
+    if not len(pairs) == len(table) == count:
+        raise InputError(
+            f"{path}: {len(table)} rows for {len(angles)} angles and {len(waves)} wavelengths; must be one a pair"
+        )
+    values = np.empty((len(waves), len(angles)))
+    values[places, columns] = table[:, 2]
+    return angles.tolist(), waves.tolist(), values.tolist()
+
+
+_MOST_ANGLES, _MOST_WAVELENGTHS, _MOST_LAYERS = 1000, 1000, 100
+_LIGHT_NM = 100.0, 20_000.0
+_STEP_NM = 2.0  # of an index by wavelength: linear between, a glass then errs by less than 1e-6 in the visible range
+_SINGLE_ANGLES = (0.0, 90.0)  # of a constant reflectance
+
+_Index = Annotated[float, Field(ge=1.0, le=6.0)]
+_Wavelength = Annotated[float, Field(ge=_LIGHT_NM[0], le=_LIGHT_NM[1])]
+
+
+def _as_rows(value: Any) -> Any:
+    """Rows of a table, of one row or of one number."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return [[value]]
+    if isinstance(value, list | tuple) and value and not any(isinstance(each, list | tuple) for each in value):
+        return [value]
+    return value
+
+
+_Rows = Annotated[
+    tuple[Annotated[tuple[float, ...], Field(min_length=1, max_length=_MOST_ANGLES)], ...],
+    BeforeValidator(_as_rows, json_schema_input_type=float | tuple[float, ...] | tuple[tuple[float, ...], ...]),
+    Field(max_length=_MOST_WAVELENGTHS),
+]
+
+
+class LayerSection(Section):
+    """A layer that absorbs nothing: ``refractive_index`` at all wavelengths, or ``material`` of the catalogue."""
+
+    refractive_index: _Index | None = None
+    """Index at all wavelengths; or give ``material``."""
+    material: Label | None = None
+    """Material of the catalogue, its index by wavelength; or give ``refractive_index``."""
+    thickness_nm: Annotated[float, Field(gt=0.0, le=100_000.0)]
+    """Thickness of the layer."""
+
+    @model_validator(mode="after")
+    def _one_index(self) -> "LayerSection":
+        if (self.refractive_index is None) == (self.material is None):
+            raise ValueError("give one of refractive_index and material")
+        if self.material is not None and self.material not in MATERIALS:
+            raise ValueError(f"material = {self.material!r}: must be one of {', '.join(MATERIALS)}")
+        return self
+
+    @property
+    def title(self) -> str:
+        """Its index or material, and its thickness."""
+        what = self.material or f"n = {self.refractive_index:g}"
+        return f"{what}, {self.thickness_nm:g} nm"
+
+    @property
+    def dispersion(self) -> Material | None:
+        """Material of the catalogue; None for one index."""
+        return None if self.material is None else MATERIALS[self.material]
+
+
+class CoatingSection(Section):
+    """Reflectance of a face below total reflection, in place of Fresnel's; what is not reflected passes.
+
+    One of ``reflectance``, ``file`` and ``layers``. Up to 90 degrees a table goes on to 1.
+    """
+
+    reflectance: _Rows = ()
+    """Share of the light that is reflected: a number for all angles and wavelengths, a row of them at ``angle_deg``, or
+    such a row for each of ``wavelength_nm``.
+    """
+    angle_deg: Annotated[tuple[Annotated[float, Field(ge=0.0, le=90.0)], ...], Field(max_length=_MOST_ANGLES)] = ()
+    """Angles of incidence of the table, rising from 0, in the less dense medium: the air."""
+    wavelength_nm: Annotated[tuple[_Wavelength, ...], Field(max_length=_MOST_WAVELENGTHS)] = ()
+    """Wavelengths of the table's rows, rising."""
+    layers: Annotated[tuple[LayerSection, ...], Field(max_length=_MOST_LAYERS)] = ()
+    """Thin layers, of which the first lies next to what surrounds the body."""
+    file: FilePath | None = None
+    """Table with columns angle_deg, wavelength_nm and reflectance, read into these fields as the spec is."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _table_of_the_file(cls, content: Any) -> Any:
+        if not isinstance(content, dict) or not isinstance(content.get("file"), str | Path):
+            return content
+        if len([value for value in content.values() if value is not None]) > 1:
+            raise ValueError("file: give nothing else beside it")
+        try:
+            angles, waves, rows = read_coating(Path(content["file"]))
+        except InputError as error:
+            raise ValueError(f"file: {error}") from None
+        return {"angle_deg": angles, "wavelength_nm": waves, "reflectance": rows}
+
+    @model_validator(mode="after")
+    def _usable(self) -> "CoatingSection":
+        if bool(self.reflectance) == bool(self.layers):
+            raise ValueError("give one of reflectance (a number, or a table by angle_deg), file, and layers")
+        if self.layers:
+            if self.angle_deg or self.wavelength_nm:
+                raise ValueError("layers have no angle_deg or wavelength_nm: leave them out")
+            low, high = self.range_nm
+            if not low < high:
+                raise ValueError(f"layers: one material is known from {low:g} nm on, another up to {high:g} nm")
+            return self
+        angles, waves = self.angle_deg or _SINGLE_ANGLES[:1], self.wavelength_nm or (0.0,)
+        if len(self.reflectance) != len(waves) or {len(row) for row in self.reflectance} != {len(angles)}:
+            widths = " or ".join(str(count) for count in sorted({len(row) for row in self.reflectance}))
+            raise ValueError(
+                f"reflectance: {len(self.reflectance)} rows of {widths} numbers, must be a row of {len(angles)} "
+                f"(angle_deg) for each of {len(waves)} (wavelength_nm)"
+            )
+        for name, values in (("angle_deg", angles), ("wavelength_nm", waves)):
+            if any(b <= a for a, b in pairwise(values)):
+                raise ValueError(f"{name} must rise")
+        if angles[0] != 0.0 or len(self.angle_deg) == 1:
+            raise ValueError(f"angle_deg = {angles[0]:g} and {len(angles)} in all: must rise from 0, two at least")
+        self._require_shares()
+        return self
+
+    def _require_shares(self) -> None:
+        for row, values in enumerate(self.reflectance):
+            for column, value in enumerate(values):
+                if not 0.0 <= value <= 1.0:
+                    at = f" at {self.angle_deg[column]:g} degrees" if self.angle_deg else ""
+                    at += f" and {self.wavelength_nm[row]:g} nm" if self.wavelength_nm else ""
+                    raise ValueError(
+                        f"reflectance = {value:g}{at}: must be 0 to 1, the share of the light that is reflected; "
+                        "divide percent by 100"
+                    )
+
+    @property
+    def title(self) -> str:
+        """The coating in a few words: its layers from outside to the body, or what it reflects."""
+        if self.layers:
+            return "; ".join(layer.title for layer in self.layers) + ", from outside to the body"
+        low, high = (100.0 * pick(map(pick, self.reflectance)) for pick in (min, max))
+        if low == high:
+            return f"reflects {low:g} %"
+        return f"reflects {low:g} to {high:g} %, up to {self.angle_deg[-1] if self.angle_deg else 90:g}°"
+
+    @property
+    def chromatic(self) -> bool:
+        """True where it depends on the wavelength."""
+        return bool(self.layers or self.wavelength_nm)
+
+    @property
+    def range_nm(self) -> tuple[float, float]:
+        """Wavelengths at which the materials of all layers are known."""
+        known = [_LIGHT_NM, *(layer.dispersion.trusted_nm for layer in self.layers if layer.dispersion is not None)]
+        return max(low for low, _ in known), min(high for _, high in known)
+
+    def coating(self, body: float | Material) -> Coating:
+        """The coating as rays meet it; ``body``: index of what carries it, or its material."""
+        if not self.layers:
+            if not self.angle_deg:
+                return ReflectanceTable(_SINGLE_ANGLES, tuple(row * 2 for row in self.reflectance), self.wavelength_nm)
+            return ReflectanceTable(self.angle_deg, self.reflectance, self.wavelength_nm)
+        layers = tuple(
+            CoatingLayer(_curve(layer.dispersion or layer.refractive_index), layer.thickness_nm)
+            for layer in self.layers
+        )
+        return LayerStack(layers, _curve(body), self.range_nm)
+
+
+def _curve(index: float | Material | None) -> IndexCurve:
+    """Index against wavelength, over the range in which it is known."""
+    if isinstance(index, Material):
+        low, high = index.trusted_nm
+        waves = np.linspace(low, high, int(np.ceil((high - low) / _STEP_NM)) + 1)
+        return IndexCurve(tuple(index.index(waves).tolist()), tuple(waves.tolist()))
+    assert index is not None
+    return IndexCurve((index,))
+
+
+class CoverGlassSection(Section):
+    """A plate across the axis, as wide as the light, in what surrounds the lens.
+
+    What its faces reflect goes back and is followed no further.
+    """
+
+    refractive_index: Annotated[float, Field(ge=1.0, le=4.0)]
+    """Index of the plate at all wavelengths."""
+    thickness_mm: Millimetres
+    """Thickness of the plate."""
+    distance_mm: Millimetres
+    """Height of its near face above z = 0, beyond the whole lens."""
+    absorption_per_mm: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
+    """Absorption of the plate: light loses exp(-absorption times path) (Beer and Lambert)."""
+    coating: CoatingSection | None = None
+    """Coating of both faces, its ``layers`` counted from outside the glass."""
+
+    @property
+    def glass(self) -> CoverGlass:
+        """The plate as rays meet it."""
+        coating = None if self.coating is None else self.coating.coating(self.refractive_index)
+        return CoverGlass(self.refractive_index, self.thickness_mm, self.distance_mm, self.absorption_per_mm, coating)

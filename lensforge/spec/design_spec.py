@@ -1,0 +1,305 @@
+"""The specification of a design, read from TOML: validated once, immutable, every length in mm.
+
+Each wrong field is reported in a line: its name, its value, what is allowed. A spec as nested tables is changed by
+dotted names, and made plain enough for TOML.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tomli_w
+from pydantic import Field, ModelWrapValidatorHandler, ValidationError, model_validator
+
+from lensforge.errors import InputError
+from lensforge.results.files import replacing
+from lensforge.results.validation import its_type
+from lensforge.spec.derived_values import with_derived
+from lensforge.spec.feasible import require_feasible
+from lensforge.spec.lens_section import LensSection
+from lensforge.spec.light_limits import LightLimitSpec, PhotometrySection, require_limit_fits, require_seen_from_afar
+from lensforge.spec.part_section import BaseSection, DrawingSection, ManufactureSection
+from lensforge.spec.receiver_sections import AnyReceiver, Target, implied_receiver, named, require_outside
+from lensforge.spec.search_section import ConstraintsSection, EvaluateSection, OptimiseSection
+from lensforge.spec.source_sections import SourceSpec
+from lensforge.spec.spec_fields import words_of
+from lensforge.spec.spec_files import read_toml, resolve_files
+from lensforge.spec.spec_section import Section, spec_error
+from lensforge.spec.tolerances_section import TolerancesSection
+
+
+def short(value: object) -> str:
+    """The first characters of ``value`` as a text for a message."""
+    return repr(str(value)[:60])
+
+
+def changed(content: dict[str, object], changes: Mapping[str, object]) -> dict[str, object]:
+    """A copy of ``content`` in which dotted names have new values; a table of changes goes into a table."""
+    result = dict(content)
+    for name, value in changes.items():
+        if not isinstance(name, str):
+            raise InputError(
+                f"replace: the name {short(name)} is {its_type(name)}, must be text such as 'target.distance_mm'"
+            )
+        section, _, rest = name.partition(".")
+        before = result.get(section)
+        if rest:
+            result[section] = changed(dict(before) if isinstance(before, Mapping) else {}, {rest: value})
+        elif isinstance(value, Mapping) and isinstance(before, Mapping):
+            result[section] = changed(dict(before), value)
+        else:
+            result[section] = value
+    return result
+
+
+def name_kinds(given: object, everything: object) -> None:
+    """Add each ``kind`` that was left to its class: without it a file could not be read again."""
+    if isinstance(given, dict) and isinstance(everything, dict):
+        if "kind" in everything:
+            given["kind"] = everything["kind"]
+        for key, value in given.items():
+            name_kinds(value, everything.get(key))
+    elif isinstance(given, list | tuple) and isinstance(everything, list | tuple):
+        for one, whole in zip(given, everything, strict=True):
+            name_kinds(one, whole)
+
+
+def table_of(value: object) -> dict[str, object]:
+    """Return ``value``, which is a table."""
+    assert isinstance(value, dict)
+    return value
+
+
+def plain(value: object) -> object:
+    """Convert to what TOML can hold: no None, paths as text."""
+    if isinstance(value, Mapping):
+        return {key: plain(entry) for key, entry in value.items() if entry is not None}
+    if isinstance(value, list | tuple):
+        return [plain(entry) for entry in value]
+    return str(value) if isinstance(value, Path) else value
+
+
+_MOST_RECEIVERS, _MOST_LIMITS = 16, 1000
+_OneReceiver = Annotated[AnyReceiver, Field(discriminator="kind")]
+_OF_GIVEN_LEVELS = ("steps_per_level", "rays", "uniformity_steps")  # fields of optimise
+
+
+class Spec(Section):
+    """One design: source, starting lens, constraints and target, and the settings of every stage."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] = "lens"
+    """Name of the design, by default that of the file; its results go to cad_out/NAME."""
+    source: SourceSpec
+    """The LED: where light starts, how much, and in which directions."""
+    lens: LensSection = Field(default_factory=LensSection)
+    """Material, and the two surfaces from which the search starts."""
+    constraints: ConstraintsSection
+    """Limits that every lens of the search keeps: room for the LED, wall, size, and what can be made."""
+    target: Target | None = None
+    """The light that is wanted, with the receiver that it names; or give ``receivers``."""
+    receivers: Annotated[tuple[_OneReceiver, ...], Field(max_length=_MOST_RECEIVERS)] = ()
+    """Surfaces that the light falls on, each with its targets; or give ``target`` alone."""
+    limits: Annotated[tuple[LightLimitSpec, ...], Field(max_length=_MOST_LIMITS)] = ()
+    """Light that must be at least, or at most, so much."""
+    optimise: OptimiseSection = Field(default_factory=OptimiseSection)
+    """Settings of the search."""
+    evaluate: EvaluateSection = Field(default_factory=EvaluateSection)
+    """Settings of the simulation of the finished lens."""
+    base: BaseSection = Field(default_factory=BaseSection)
+    """The clamping base, which holds the lens below z = 0."""
+    manufacture: ManufactureSection = Field(default_factory=ManufactureSection)
+    """Equipment of the shop, and names for its files."""
+    drawing: DrawingSection = Field(default_factory=DrawingSection)
+    """Title block and notes of the drawing for the shop."""
+    tolerances: TolerancesSection = Field(default_factory=TolerancesSection)
+    """Errors of part, mounting and LED, for ``lensforge yield`` and for a robust search."""
+    photometry: PhotometrySection = Field(default_factory=PhotometrySection)
+    """Lighting that the lens is for: general, of an area, or of a road."""
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _with_derived_values(cls, content: Any, handler: ModelWrapValidatorHandler["Spec"]) -> "Spec":
+        """Derive what is left out; it counts as left out, so that it follows when the spec is changed or saved."""
+        if not isinstance(content, Mapping):
+            return handler(content)
+        filled, names = with_derived(content)
+        spec = handler(filled)
+        for section, name in names:
+            (getattr(spec, section) if section else spec).model_fields_set.discard(name)
+        return spec
+
+    def replace(self, changes: Mapping[str, object] | None = None, /, **sections: object) -> "Spec":
+        """Make another spec: ``spec.replace(target={"distance_mm": 200.0})``, or dotted names in ``changes``.
+
+        A section is replaced by an object of its kind, or changed by a table of fields; all others stay as they
+        were given. Raises :class:`InputError` for an invalid change.
+        """
+        if changes is not None and not isinstance(changes, Mapping):
+            raise InputError(
+                f"replace: {short(changes)} is {its_type(changes)}; give a table of changes or sections by name"
+            )
+        content = self.model_dump(exclude_unset=True)
+        name_kinds(content, self.model_dump())
+        return parse_spec(changed(content, {**(changes or {}), **sections}), f"{self.name}, changed")
+
+    def with_levels(self, levels: tuple[int, ...]) -> "Spec":
+        """The spec of a lens whose ``lens.levels`` a search has chosen: with these numbers, without a time to keep."""
+        if self.lens.levels == levels:
+            return self
+        changes: dict[str, Section] = {"lens": self.lens.model_copy(update={"levels": levels})}
+        if "seconds" in self.optimise.model_fields_set:
+            changes["optimise"] = self._optimise_without({"seconds"})
+        return self.model_copy(update=changes)
+
+    def with_automatic_levels(self) -> "Spec":
+        """The spec of a search that chooses its levels, without the settings that go with given ones."""
+        lens = self.lens.model_copy(update={"levels": "auto"})
+        optimise = self._optimise_without({*_OF_GIVEN_LEVELS, "learning_rate"})
+        return self.model_copy(update={"lens": lens, "optimise": optimise})
+
+    def _optimise_without(self, names: set[str]) -> OptimiseSection:
+        kept = self.optimise.model_fields_set - names
+        return OptimiseSection(**{name: getattr(self.optimise, name) for name in kept})
+
+    def save(self, path: Path | str) -> None:
+        """Write the spec as TOML; :func:`load_spec` reads an equal one. Raises :class:`InputError`."""
+        if not isinstance(path, Path | str):
+            raise InputError(f"save: {short(path)} is {its_type(path)}; give the path of a TOML file")
+        content = self.to_toml()
+        try:
+            with replacing(Path(path)) as temporary:
+                temporary.write_text(content, encoding="utf-8")
+        except ValueError as error:  # a NUL in the path, half a character in a text
+            raise InputError(f"{str(path)!r}: cannot be written ({error}); try another path") from None
+
+    def to_toml(self) -> str:
+        """The spec as TOML: what was given, each kind named."""
+        content = self.model_dump(mode="json", exclude_unset=True)
+        everything = self.model_dump(mode="json")
+        name_kinds(content, everything)
+        return tomli_w.dumps({"name": self.name, **table_of(plain(content))})
+
+    @model_validator(mode="after")
+    def _sizes_are_known(self) -> "Spec":
+        if self.constraints.missing:
+            name = self.constraints.missing[0]
+            raise ValueError(f"constraints.{name}: missing: {words_of(ConstraintsSection, name)}")
+        return self
+
+    @model_validator(mode="after")
+    def _stages_match_levels(self) -> "Spec":
+        steps = self.optimise.steps_per_level
+        if self.lens.levels != "auto" and steps is not None and len(steps) != len(self.lens.levels):
+            raise ValueError(f"optimise.steps_per_level has {len(steps)} numbers, lens.levels {len(self.lens.levels)}")
+        return self
+
+    @model_validator(mode="after")
+    def _receivers_are_outside_the_lens(self) -> "Spec":
+        field = "receivers.centre_mm: distance of the plane" if self.receivers else "target.distance_mm"
+        for receiver in self.all_receivers:
+            require_outside(receiver, self.constraints, field)
+        require_seen_from_afar(self.photometry, self.all_receivers, self.constraints)
+        return self
+
+    @model_validator(mode="after")
+    def _limits_fit_their_receivers(self) -> "Spec":
+        receivers = {receiver.name: receiver for receiver in self.all_receivers}
+        for number, limit in enumerate(self.limits):
+            name = limit.receiver or next(iter(receivers))
+            if name not in receivers:
+                known = ", ".join(str(each) for each in receivers)
+                raise ValueError(f"limits.{number}.receiver = {name!r}: there is none of that name; known: {known}")
+            try:
+                require_limit_fits(limit, receivers[name].unit, receivers[name].extent, f"receiver {name!r}")
+            except ValueError as error:
+                raise ValueError(f"limits.{number}: {error}") from None
+        return self
+
+    @model_validator(mode="after")
+    def _window_is_of_a_plane(self) -> "Spec":
+        if self.evaluate.window_mm is not None and (self.target is None or self.target.distance_mm is None):
+            raise ValueError(
+                f"evaluate.window_mm = {self.evaluate.window_mm:g} goes with a target on a plane, target.distance_mm; "
+                "leave it out, or give a receiver of kind plane its own window_mm"
+            )
+        return self
+
+    @property
+    def all_receivers(self) -> tuple[AnyReceiver, ...]:
+        """The receivers with their names; of a target alone the one that it implies."""
+        if (self.target is None) == (not self.receivers):
+            given = "both are given" if self.receivers else "neither is given"
+            also = (
+                "; limits judge the light, the search needs a target, too" if self.limits and not self.receivers else ""
+            )
+            raise ValueError(f"target or receivers: {given}; give one: what light is wanted, and where{also}")
+        return (implied_receiver(self.target),) if self.target is not None else named(self.receivers)
+
+    def is_cut(self, face: Literal["inner", "outer"]) -> bool:
+        """True for a face that is designed for the cutter of ``[manufacture]``: the base gives it room there.
+
+        Its concave radius is bounded by the cutter's or more, or the whole part is required to be cut.
+        """
+        radius_mm: float | None = getattr(self.constraints, f"{face}_concave_radius_mm")
+        designed = radius_mm is not None and radius_mm >= self.manufacture.cutter_radius_mm
+        return self.manufacture.make == "part" and (designed or self.manufacture.required)
+
+    @property
+    def has_uniform_region(self) -> bool:
+        """True where a target names a region of uniform light."""
+        return any(target.pair("uniform") is not None for each in self.all_receivers for target in each.targets)
+
+    @model_validator(mode="after")
+    def _settings_match_levels(self) -> "Spec":
+        given = self.optimise.model_fields_set
+        if self.lens.levels != "auto":
+            if self.optimise.seconds is not None:
+                raise ValueError('optimise.seconds goes with lens.levels = "auto"; leave out one of the two')
+            return self
+        for name in _OF_GIVEN_LEVELS:
+            if name in given and getattr(self.optimise, name):
+                raise ValueError(f"optimise.{name} goes with numbers in lens.levels; leave it out, or give levels")
+        return self
+
+    @model_validator(mode="after")
+    def _starts_within_the_largest_radius(self) -> "Spec":
+        start, largest = self.lens.outer_offset_mm, self.constraints.max_radius_mm
+        if start is not None and start > largest:
+            raise ValueError(
+                f"lens.outer_offset_mm = {start:g} is beyond constraints.max_radius_mm = {largest:g}, the largest "
+                "lens; lower it, or raise the radius"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _limits_can_be_kept(self) -> "Spec":
+        require_feasible(self.lens, self.constraints, self.manufacture)
+        return self
+
+
+def load_spec(path: Path | str) -> Spec:
+    """Read ``path``; file names inside it are taken relative to its folder. Raises :class:`InputError`."""
+    if not isinstance(path, Path | str):
+        raise InputError(f"load_spec: {short(path)} is {its_type(path)}; give the path of a TOML file")
+    path = Path(path)
+    content = read_toml(path, missing="`lensforge new` writes one, `lensforge examples` lists the shipped ones")
+    content.setdefault("name", path.stem)
+    for section in ("source", "lens", "target", "receivers", "base", "constraints"):
+        resolve_files(content.get(section), path.parent)
+    return parse_spec(content, str(path))
+
+
+def parse_spec(content: Mapping[str, object], origin: str) -> Spec:
+    """Validate ``content``; ``origin`` names it in the error, a line for each wrong field."""
+    try:
+        return Spec.model_validate(content)
+    except ValidationError as error:
+        raise spec_error(error, origin, Spec) from None
+
+
+def require_spec(spec: object, verb: str) -> Spec:
+    """Return ``spec`` if it is one. Raises :class:`InputError` for a path or anything else where a spec belongs."""
+    if isinstance(spec, Spec):
+        return spec
+    advice = "read it with load_spec first" if isinstance(spec, Path | str) else "make one with Spec(...) or load_spec"
+    raise InputError(f"{verb}: {short(spec)} is {its_type(spec)}, no Spec; {advice}")

@@ -1,0 +1,178 @@
+"""Fields of every source: how much light it gives, by which angle and wavelength, and where it sits in the lens."""
+
+from itertools import pairwise
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from lensforge.optics.photopic import LARGEST_LM_PER_W
+from lensforge.spec.spec_section import Coordinate, FilePath, Lumens, Section, Watts, Weight
+
+MOST_ENTRIES = 100_000  # of a table in a spec: 0.01 nm or 0.002 degrees
+_FINEST_DEG, _FINEST_NM = 1e-4, 1e-6  # between two entries; slopes over less are rounding
+LEAST_PEAK = 1e-30  # of a table in any unit: what has less is dark
+Nanometres = Annotated[float, Field(ge=100.0, le=20_000.0)]
+
+
+class CosineIntensity(Section):
+    """Intensity in proportion to ``cos(gamma)^power``; power 1 is Lambertian."""
+
+    kind: Literal["cosine"] = "cosine"
+    power: Annotated[float, Field(ge=0.0, le=1e4)] = 1.0
+    """Power of the cosine; 1 is Lambertian."""
+
+
+class TableIntensity(Section):
+    """Intensity (W/sr or relative) at angles ``gamma_deg`` from the axis, linear in between, none beyond them."""
+
+    kind: Literal["table"] = "table"
+    gamma_deg: Annotated[tuple[Annotated[float, Field(ge=0.0, le=180.0)], ...], Field(max_length=MOST_ENTRIES)]
+    """Angles from the axis, rising."""
+    intensity: Annotated[tuple[Weight, ...], Field(max_length=MOST_ENTRIES)]
+    """Intensity (W/sr or relative) at each of these angles."""
+
+    @model_validator(mode="after")
+    def _is_a_function(self) -> "TableIntensity":
+        angles = self.gamma_deg
+        if len(angles) < 2 or any(b - a < _FINEST_DEG for a, b in pairwise(angles)):
+            raise ValueError(
+                f"gamma_deg must be two angles or more, each larger than the one before, by {_FINEST_DEG:g} at least"
+            )
+        if len(self.intensity) != len(angles) or max(self.intensity) < LEAST_PEAK:
+            raise ValueError(f"intensity must be {len(angles)} numbers, one for each gamma_deg, not all zero")
+        return self
+
+
+class PhotometricIntensity(Section):
+    """The far field in an IES LM-63 or EULUMDAT file; its gamma = 0 is the lens axis, C = 0 +x, C = 90 -y."""
+
+    kind: Literal["photometric"] = "photometric"
+    file: FilePath
+    """IES LM-63 or EULUMDAT file."""
+
+
+IntensitySpec = Annotated[CosineIntensity | TableIntensity | PhotometricIntensity, Field(discriminator="kind")]
+
+
+class LineSpectrum(Section):
+    """Light of one wavelength."""
+
+    kind: Literal["line"] = "line"
+    wavelength_nm: Nanometres
+    """Wavelength of all light."""
+
+
+class TableSpectrum(Section):
+    """Power density (relative, per nm) at each wavelength, linear in between, none beyond them."""
+
+    kind: Literal["table"] = "table"
+    wavelength_nm: Annotated[tuple[Nanometres, ...], Field(max_length=MOST_ENTRIES)]
+    """Wavelengths, rising."""
+    weight: Annotated[tuple[Weight, ...], Field(max_length=MOST_ENTRIES)]
+    """Power density (relative, per nm) at each wavelength."""
+
+    @model_validator(mode="after")
+    def _is_a_function(self) -> "TableSpectrum":
+        waves = self.wavelength_nm
+        if len(waves) < 2 or any(b - a < _FINEST_NM for a, b in pairwise(waves)):
+            raise ValueError(
+                "wavelength_nm must be two wavelengths or more, each longer than the one before, by "
+                f"{_FINEST_NM:g} at least"
+            )
+        if len(self.weight) != len(waves) or max(self.weight) < LEAST_PEAK:
+            raise ValueError(f"weight must be {len(waves)} numbers, one for each wavelength_nm, not all zero")
+        return self
+
+
+class FileSpectrum(Section):
+    """Spectral table as a text file: wavelength (nm) and relative power density in two columns, OPTIS or LightTools."""
+
+    kind: Literal["file"] = "file"
+    file: FilePath
+    """Text file of wavelength (nm) and relative power density in two columns, OPTIS or LightTools."""
+
+
+SpectrumSpec = Annotated[LineSpectrum | TableSpectrum | FileSpectrum, Field(discriminator="kind")]
+
+
+_SAME_EFFICACY = 0.01  # relative: figures of a data sheet, rounded to three digits each, agree this well
+
+Degrees = Annotated[float, Field(ge=-360.0, le=360.0)]
+Turn = Annotated[float, Field(ge=-36_000.0, le=36_000.0)]  # degrees; beyond 100 turns digits of the angle are lost
+LumensPerWatt = Annotated[float, Field(ge=1e-9, le=LARGEST_LM_PER_W)]  # light of 830 nm, where V ends, has 3e-4
+
+
+class FluxSection(Section):
+    """Flux of a source or of a part of it; both fluxes together state its lm/W."""
+
+    flux_w: Watts | None = None
+    """Radiant flux."""
+    flux_lm: Lumens | None = None
+    """Luminous flux."""
+
+    @model_validator(mode="after")
+    def _lumens_fit_the_watts(self) -> "FluxSection":
+        efficacy = self.stated_lm_per_w
+        if efficacy is not None and efficacy > LARGEST_LM_PER_W:
+            raise ValueError(
+                f"flux_lm = {self.flux_lm:g} of flux_w = {self.flux_w:g} is {efficacy:.4g} lm/W: no light has more "
+                f"than {LARGEST_LM_PER_W:g}; correct one of them, or leave out flux_w"
+            )
+        return self
+
+    @property
+    def stated_lm_per_w(self) -> float | None:
+        """Luminous efficacy (lm/W) by both fluxes; None unless both are stated."""
+        return None if self.flux_w is None or self.flux_lm is None else self.flux_lm / self.flux_w
+
+
+class EmitterSection(FluxSection):
+    """Fields of every source.
+
+    ``flux_w``, ``flux_lm``: of the whole source; with neither it has 1 W, or what its file states.
+
+    ``rotate_z_deg``, ``tilt_deg`` and ``position_mm`` say where the source sits, in lens coordinates, and apply in
+    this order: the source is turned about the z axis, then about the x axis by the first angle of ``tilt_deg``, then
+    about the y axis by the second, each about the lens origin by the right-hand rule, and then shifted by
+    ``position_mm`` = (x, y, z). So its axis, +z before, points along (cos a sin b, -sin a, cos a cos b) for
+    ``tilt_deg`` = (a, b), and its centre is at ``position_mm``.
+    """
+
+    luminous_efficacy_lm_per_w: LumensPerWatt | None = None
+    """Luminous efficacy of the light: with it, with both fluxes or with a spectrum reports show lux, without it W/m^2.
+    """
+    spectrum: SpectrumSpec | None = None
+    """Spectrum, used where the lens material is dispersive, and for the luminous efficacy; for a ray file it replaces
+    the file's own.
+    """
+    rotate_z_deg: Turn = 0.0
+    """Turn about the z axis, before the tilt."""
+    tilt_deg: tuple[Degrees, Degrees] = (0.0, 0.0)
+    """Tilt about the x axis, then about the y axis, each about the lens origin by the right-hand rule."""
+    position_mm: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
+    """Shift (x, y, z), after turn and tilt."""
+
+    @model_validator(mode="after")
+    def _efficacy_is_that_of_the_fluxes(self) -> "EmitterSection":
+        stated, efficacy = self.stated_lm_per_w, self.luminous_efficacy_lm_per_w
+        if stated is not None and efficacy is not None and abs(stated / efficacy - 1.0) > _SAME_EFFICACY:
+            raise ValueError(
+                f"luminous_efficacy_lm_per_w = {efficacy:g}, but flux_lm = {self.flux_lm:g} of flux_w = "
+                f"{self.flux_w:g} is {stated:.4g} lm/W; give two of the three"
+            )
+        return self
+
+    @property
+    def description(self) -> str:
+        """The source in a few words, without its place."""
+        raise NotImplementedError
+
+    @property
+    def title(self) -> str:
+        """The source in a few words, and where it sits unless that is at the lens origin."""
+        found = [self.description]
+        if any(self.position_mm):
+            found.append(f"at ({', '.join(f'{value:g}' for value in self.position_mm)}) mm")
+        if any(self.tilt_deg):
+            found.append(f"tilted by ({', '.join(f'{value:g}' for value in self.tilt_deg)})°")
+        return " ".join(found)

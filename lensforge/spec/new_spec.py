@@ -1,0 +1,151 @@
+"""Text of a new spec: sources and targets in a word, and commented TOML of what was asked for.
+
+A word is such as ``disc:1`` or ``rectangle:200x150@300``. Each value that follows from others has its reason beside
+it.
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from lensforge.errors import InputError
+from lensforge.spec.search_section import ConstraintsSection
+from lensforge.spec.spec_fields import words_of
+from lensforge.spec.spec_reference import SCHEMA_FILE
+
+_SOURCE_FIELDS: dict[str, tuple[str, ...]] = {
+    "square": ("side_mm",),
+    "rectangle": ("width_mm", "height_mm"),
+    "disc": ("diameter_mm",),
+}
+_TARGET_FIELDS: dict[str, tuple[str, ...]] = {
+    "rectangle": ("width_mm", "height_mm"),
+    "ellipse": ("width_mm", "height_mm"),
+    "disc": ("diameter_mm",),
+    "cross": ("length_mm", "stroke_mm"),
+    "ring": ("outer_diameter_mm", "inner_diameter_mm"),
+}
+_PHOTOMETRIC = (".ies", ".ldt")
+SOURCE_KINDS, TARGET_KINDS = tuple(_SOURCE_FIELDS), (*_TARGET_FIELDS, "text", "beam")
+
+
+def _shapes(fields: dict[str, tuple[str, ...]], end: str) -> str:
+    """Words of each shape: ``ring:OUTERxINNER@DISTANCE``."""
+    sizes = {
+        kind: "x".join(name.removesuffix("_mm").split("_")[0].upper() for name in names)
+        for kind, names in fields.items()
+    }
+    return ", ".join(f"{kind}:{size}{end}" for kind, size in sizes.items())
+
+
+SOURCES = f"{_shapes(_SOURCE_FIELDS, '')} in mm, or a ray file"
+TARGETS = (
+    f"{_shapes(_TARGET_FIELDS, '@DISTANCE')} or text:STRING:WIDTH@DISTANCE in mm, beam:AxB in degrees, or FILE.ies"
+)
+
+
+def source_in(words: str) -> dict[str, Any]:
+    """The ``[source]`` that ``words`` stand for. Raises :class:`InputError`."""
+    kind, _, size = words.partition(":")
+    if kind in _SOURCE_FIELDS and size:
+        return {"kind": kind, **_sizes("--source", words, size, _SOURCE_FIELDS[kind])}
+    if not Path(words).is_file():
+        raise InputError(f"--source {words}: neither a kind with its size nor a file that is there; give {SOURCES}")
+    return {"kind": "rayfile", "file": words, "origin": "virtual_focus"}
+
+
+def target_in(words: str) -> dict[str, Any]:
+    """The ``[target]`` that ``words`` stand for. Raises :class:`InputError`."""
+    if Path(words).suffix.lower() in _PHOTOMETRIC:
+        if not Path(words).is_file():
+            raise InputError(f"--target {words}: there is no such file; give {TARGETS}")
+        return {"kind": "photometric", "file": words}
+    kind, _, rest = words.partition(":")
+    if kind == "beam":
+        angles = list(_sizes("--target", words, rest, ("A", "B")).values())
+        return {"kind": kind, "fwhm_deg": angles}
+    size, at, distance = rest.rpartition("@")
+    if not at or kind not in (*_TARGET_FIELDS, "text"):
+        raise InputError(f"--target {words}: not understood; give {TARGETS}")
+    away = _sizes("--target", words, distance, ("distance_mm",))
+    if kind != "text":
+        return {"kind": kind, **_sizes("--target", words, size, _TARGET_FIELDS[kind]), **away}
+    text, _, width = size.rpartition(":")
+    if not text:
+        raise InputError(f"--target {words}: give its text and width, such as text:LF:200@150")
+    return {"kind": kind, "text": text, **_sizes("--target", words, width, ("width_mm",)), **away}
+
+
+def _sizes(option: str, words: str, given: str, names: tuple[str, ...]) -> dict[str, float]:
+    """Numbers of ``given``, separated by ``x``; one stands for a width and a height."""
+    numbers = re.split("[x×]", given)
+    if len(numbers) == 1 and names in (("width_mm", "height_mm"), ("A", "B")):
+        numbers *= 2
+    try:
+        values = [float(each) for each in numbers]
+    except ValueError:
+        values = []
+    if len(values) != len(names) or not all(0.0 < value < 1e9 for value in values):
+        expected = "x".join(names).replace("_mm", "")
+        raise InputError(f"{option} {words}: {given!r} must be {expected}, {len(names)} above 0, such as 200x150")
+    return dict(zip(names, values, strict=True))
+
+
+_COLUMN = 36  # of the comments
+_HEAD = """#:schema ./{schema}
+# {title}
+# Lengths in mm, angles in degrees; every field: docs/spec.md, or `lensforge schema --page`.
+# A line such as `# cavity_radius_mm = ...  # derived` is what follows from source, target and size, and goes on
+# following them; without its first # it is fixed.
+# {possible}
+"""
+_OPTIONS = {
+    "source": ["flux_lm = 200.0: of the LED; without it 1 W", "position_mm, tilt_deg: where it sits in the lens"],
+    "lens": ['symmetry = "auto": the largest that source and target share'],
+    "constraints": [
+        "max_height_mm: of the lens; keep_out = \"board.step\": what it stays away from",
+    ],
+    "target": ["edge_mm: soft edges, as no lens makes sharp ones from a source with a size"],
+}  # fmt: skip
+_MEASURED = "measured: 99 % of the ray file's flux starts inside"
+_NOTES = {
+    "lens.levels": "coarse to fine, for as long as each level gains",
+    "lens.material": "its index by wavelength comes from the catalogue",
+    "source.origin": "the file's virtual focus lies at the lens origin",
+    **dict.fromkeys(("constraints.cavity_radius_mm", "constraints.cavity_height_mm"), _MEASURED),
+    "constraints.inner_concave_radius_mm": "no hollow is tighter than the ball that mills it",
+    "constraints.inner_draft_deg": "no undercut, as seen from the tool or the mould's other half",
+    "manufacture.cutter_radius_mm": "of the ball",
+    "manufacture.make": "inserts of a mould are cut, not the lens; shrinkage = 0.005: of its material",
+    "base.diameter_mm": "1.8 x max_radius_mm, around the cavity",
+    "constraints.max_radius_mm": words_of(ConstraintsSection, "max_radius_mm").split(".")[0].lower(),
+}
+
+
+def new_text(content: Mapping[str, Any], derived: Mapping[str, str], title: str, possible: str) -> str:
+    """TOML of ``content``, its ``derived`` values as comments with the reasons under their dotted names."""
+    head = _HEAD.format(schema=SCHEMA_FILE, title=title, possible=possible)
+    return "\n".join([head + _line("name", content["name"], ""), *_sections(content, derived)]) + "\n"
+
+
+def _sections(content: Mapping[str, Any], derived: Mapping[str, str]) -> Iterator[str]:
+    for section, table in content.items():
+        if not isinstance(table, Mapping):
+            continue
+        yield f"\n[{section}]"
+        for field, value in table.items():
+            name = f"{section}.{field}"
+            if name in derived:
+                yield _line(field, value, f"derived: {derived[name]}", "# ")
+            else:
+                yield _line(field, value, _NOTES.get(name, ""))
+        far = section == "target" and "distance_mm" not in table
+        yield from (f"# {words}" for words in _OPTIONS.get(section, ()) if not far)
+
+
+def _line(field: str, value: object, comment: str, before: str = "") -> str:
+    text = before + " ".join(tomli_w.dumps({field: value}).split())
+    return f"{text:<{_COLUMN}} # {comment}" if comment else text

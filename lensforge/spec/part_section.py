@@ -1,0 +1,214 @@
+"""The part and the shop: ``[base]``, which holds the lens below z = 0, ``[manufacture]``, and ``[drawing]``."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, ValidationError, model_validator
+
+from lensforge.errors import InputError
+from lensforge.spec.spec_files import read_toml
+from lensforge.spec.spec_section import (
+    CalendarDate,
+    FilePath,
+    Label,
+    Millimetres,
+    MillimetresOrZero,
+    Section,
+    spec_error,
+)
+
+_MOST_SHRINKAGE = 0.1  # several times that of any optical plastic: PMMA, PC and PS shrink by 0.002 to 0.008
+
+
+class BaseSection(Section):
+    """The clamping base: the paper's one-inch cylinder, a square, a STEP file of one's own, or none.
+
+    The three lengths of relief and bore, left out, are what the cutter needs at a face that is designed for it,
+    and 0 elsewhere. A STEP file has all lengths itself.
+    """
+
+    kind: Literal["cylinder", "square", "step", "none"] = "cylinder"
+    """Shape of the base; "step": that of ``file``."""
+    file: FilePath | None = None
+    """STEP file of one solid in the lens's coordinates, its top in z = 0."""
+    diameter_mm: Millimetres = 25.4
+    """Diameter of a cylinder."""
+    side_mm: Millimetres = 25.4
+    """Side of a square."""
+    height_mm: Millimetres = 2.0
+    """Total height."""
+    relief_step_mm: MillimetresOrZero | None = None
+    """Depth of the base's top below the rim, so that a cutter reaches the rim."""
+    relief_setback_mm: MillimetresOrZero | None = None
+    """Least distance of the step's wall, a circle, inside the rim; with 0 the wall follows the rim straight down."""
+    bore_setback_mm: MillimetresOrZero | None = None
+    """Least distance of the bore, a circle, outside the cavity's rim; with 0 it follows the rim straight down."""
+    flat_mm: Millimetres | None = None
+    """Distance of a clocking flat, across +x, from the axis."""
+    pocket_diameter_mm: Millimetres | None = None
+    """Diameter of a wider bore from below, for the LED."""
+    pocket_depth_mm: Millimetres = 1.0
+    """Depth of that bore."""
+    flange_diameter_mm: Millimetres | None = None
+    """Diameter of a wider ring at the bottom."""
+    flange_height_mm: Millimetres = 0.5
+    """Height of that ring."""
+
+    @model_validator(mode="after")
+    def _file_is_the_whole_base(self) -> "BaseSection":
+        if (self.kind == "step") != (self.file is not None):
+            raise ValueError('kind = "step" and file go together: give both, or neither')
+        room = ("relief_step_mm", "relief_setback_mm", "bore_setback_mm")
+        shapes = (*room, "flat_mm", "pocket_diameter_mm", "flange_diameter_mm")
+        given = [name for name in shapes if getattr(self, name)] + self._given("diameter_mm", "side_mm", "height_mm")
+        if self.kind == "step" and given:
+            stated = f"{given[0]} = {getattr(self, given[0]):g}"
+            raise ValueError(f"{stated} does not go with kind = 'step': the file holds the whole base; leave it out")
+        return self
+
+    @model_validator(mode="after")
+    def _no_length_goes_with_nothing(self) -> "BaseSection":
+        """A length that is not the default has something to be the length of; a stored spec states defaults too."""
+        for width, length in (("pocket_diameter_mm", "pocket_depth_mm"), ("flange_diameter_mm", "flange_height_mm")):
+            if getattr(self, width) is None and self._given(length):
+                raise ValueError(f"{length} = {getattr(self, length):g} goes with {width}; give both, or neither")
+        for kind, other, width in (("cylinder", "square", "side_mm"), ("square", "cylinder", "diameter_mm")):
+            if self.kind == kind and self._given(width):
+                stated = f"{width} = {getattr(self, width):g}"
+                raise ValueError(f'{stated} goes with kind = "{other}", not "{kind}"; leave it out')
+        return self
+
+    def _given(self, *names: str) -> list[str]:
+        """Names of the fields that are not as when left out."""
+        return [name for name in names if getattr(self, name) != type(self).model_fields[name].default]
+
+    @model_validator(mode="after")
+    def _heights_fit(self) -> "BaseSection":
+        flange = 0.0 if self.flange_diameter_mm is None else self.flange_height_mm
+        pocket = 0.0 if self.pocket_diameter_mm is None else self.pocket_depth_mm
+        if self.kind in ("none", "step"):
+            return self
+        if self.relief_setback_mm and not self.step_mm:
+            raise ValueError(
+                f"relief_setback_mm = {self.relief_setback_mm:g} needs a relief_step_mm above 0, not {self.step_mm:g}"
+            )
+        if self.step_mm + flange >= self.height_mm:
+            stated = f"relief_step_mm = {self.step_mm:g} and the flange's height, {flange:g}"
+            raise ValueError(f"{stated}, must together be below height_mm = {self.height_mm:g}")
+        if pocket >= self.height_mm:
+            raise ValueError(f"pocket_depth_mm = {pocket:g} must be below height_mm = {self.height_mm:g}")
+        if self.flat_mm is not None and not (self.kind == "cylinder" and self.flat_mm < self.diameter_mm / 2.0):
+            raise ValueError(f"flat_mm = {self.flat_mm:g}: a flat is cut from a cylinder, below diameter_mm / 2")
+        if self.flange_diameter_mm is not None and self.flange_diameter_mm <= self.widest_mm:
+            stated = f"flange_diameter_mm = {self.flange_diameter_mm:g}"
+            raise ValueError(f"{stated}: must exceed the width of the base, {self.widest_mm:g}")
+        return self
+
+    @property
+    def step_mm(self) -> float:
+        """``relief_step_mm``, 0 where it is left out."""
+        return self.relief_step_mm or 0.0
+
+    @property
+    def seat_mm(self) -> float:
+        """Depth of the bottom, on which the part sits, below z = 0; 0 without a base, and of a file: it is not read."""
+        return self.height_mm if self.kind in ("cylinder", "square") else 0.0
+
+    @property
+    def widest_mm(self) -> float:
+        """Diameter of the smallest cylinder about the axis that holds the base without its flange."""
+        return self.side_mm * 2.0**0.5 if self.kind == "square" else self.diameter_mm
+
+
+class Tool(Section):
+    """A ball-end mill: ball, a cylindrical shank of ``length_mm`` from the ball's centre, then the holder's cone."""
+
+    name: Annotated[Label, Field(min_length=1)]
+    """Name of the tool in verdicts."""
+    radius_mm: Millimetres
+    """Radius of the ball."""
+    shank_radius_mm: Millimetres
+    """Radius of the shank."""
+    length_mm: Millimetres
+    """Length of the shank, from the ball's centre."""
+    holder_half_angle_deg: Annotated[float, Field(ge=0.0, lt=90.0)] = 45.0
+    """Half angle of the holder's cone."""
+
+
+class ManufactureSection(Section):
+    """Equipment of the shop: the paper's ball cutter by default, and any further tools with shank and holder."""
+
+    cutter_radius_mm: Millimetres = 1.0
+    """Radius of the ball cutter."""
+    tools: Annotated[tuple[Tool, ...], Field(max_length=100)] = ()
+    """Further ball-end mills."""
+    make: Literal["part", "insert"] = "part"
+    """Parts that are cut: the lens itself, or the mould inserts of its shape."""
+    shrinkage: Annotated[float, Field(ge=0.0, le=_MOST_SHRINKAGE)] = 0.0
+    """Shrinkage of the moulded lens, as a share; the insert's faces are the lens's times 1 + shrinkage."""
+    form_tolerance_um: Annotated[float, Field(ge=1e-3, le=1e4)] | None = None
+    """Full width of the zone, half of it on each side of the face along its normal, in which every point of an optical
+    face must lie.
+    """
+    required: bool = False
+    """Count a part that cannot be cut as a failure of the run."""
+    max_tilt_deg: Annotated[float, Field(ge=0.0, le=120.0)] = 90.0
+    """Largest angle between a tool's axis and the lens axis."""
+    stepover_mm: Millimetres = 0.02
+    """Distance between passes."""
+    slope_limit_mrad: Annotated[float, Field(gt=0.0, le=500.0)] = 1.0
+    """Largest slope of the cusps that the passes leave."""
+    author: Label = ""
+    """Author of the files for the shop."""
+    organisation: Label = ""
+    """Organisation in the files for the shop."""
+    date: CalendarDate | None = None
+    """Date of the files for the shop, which never take one from the clock."""
+
+    @model_validator(mode="after")
+    def _only_a_mould_shrinks(self) -> "ManufactureSection":
+        if self.shrinkage > 0.0 and self.make != "insert":
+            raise ValueError(f'shrinkage = {self.shrinkage:g} goes with make = "insert"; a lens that is cut has none')
+        return self
+
+    @property
+    def scale(self) -> float:
+        """Factor from the faces of the lens to those that are cut: 1 + shrinkage for an insert, 1 for the lens."""
+        return 1.0 + self.shrinkage
+
+
+class DrawingSection(Section):
+    """Title block and notes of the drawing that ``lensforge handover`` makes; author and date are of [manufacture].
+
+    What is left out is "not stated" on the drawing: nothing is made up.
+    """
+
+    part_name: Label = ""
+    """Name of the part; left out, the name of the design."""
+    part_number: Label = ""
+    """Number of the part or of the drawing."""
+    revision: Label = ""
+    """Revision of the drawing."""
+    checked_by: Label = ""
+    """Name of who has checked the drawing."""
+    sheet: Literal["A3", "A4"] | None = None
+    """Size of the sheet; left out, A3."""
+    general_tolerances: Label = ""
+    """Tolerances of dimensions without one of their own, such as "ISO 2768-m"."""
+    edge_break_mm: Annotated[float, Field(ge=1e-3, le=10.0)] | None = None
+    """Largest break of the edges outside the optical faces."""
+    roughness_nm: Annotated[float, Field(ge=1e-3, le=1e5)] | None = None
+    """Largest roughness of the optical faces, rms of height (Rq)."""
+    imperfections: Label = ""
+    """Imperfections allowed on the optical faces, such as "5 x 0.16": number and grade."""
+
+
+def read_drawing(path: Path) -> DrawingSection:
+    """The ``[drawing]`` of a TOML file, such as a spec. Raises :class:`InputError` where it has none."""
+    content = read_toml(path, "give a TOML file with [drawing]").get("drawing")
+    if not isinstance(content, dict):
+        raise InputError(f"{path}: has no [drawing]; add one, or give another file")
+    try:
+        return DrawingSection.model_validate(content)
+    except ValidationError as error:
+        raise spec_error(error, f"{path}: drawing", DrawingSection) from None

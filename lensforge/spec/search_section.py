@@ -1,0 +1,159 @@
+"""The search: ``[constraints]`` on feasible lenses, ``[optimise]``, and ``[evaluate]`` for the finished lens."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from lensforge.spec.spec_section import (
+    LEFT_OUT,
+    DerivedMillimetres,
+    DerivedMillimetresOrZero,
+    FilePath,
+    Millimetres,
+    MillimetresOrZero,
+    Section,
+    rounded_up,
+)
+from lensforge.surfaces.srbf import MOST_LEVELS
+
+Accuracy = Literal["draft", "standard", "reference"]
+MOST_STEPS = 1_000_000  # of a level; a search of 5000 takes minutes, and its history is kept
+Steps = Annotated[int, Field(ge=1, le=MOST_STEPS)]
+KEEP_OUT_MARGIN_MM = 0.1  # a placed package may be off by 0.05 mm, and so may a lens on its board
+DraftDegrees = Annotated[float, Field(ge=0.0, le=25.0)]
+
+
+class ConstraintsSection(Section):
+    """Feasible lenses, Eqs. (10) to (14); optional limits are for manufacture and assembly."""
+
+    cavity_height_mm: DerivedMillimetres = LEFT_OUT
+    """Height of the paraboloid that stays inside the cavity: room for the LED. A ray file needs it given."""
+    cavity_radius_mm: DerivedMillimetres = LEFT_OUT
+    """Radius of that paraboloid at z = 0. A ray file needs it given."""
+    min_thickness_mm: DerivedMillimetresOrZero = LEFT_OUT
+    """Least wall along the normal: the least distance between the two faces."""
+    max_radius_mm: Millimetres
+    """Largest distance of the outer surface from the origin."""
+    inner_concave_radius_mm: Millimetres | None = None
+    """Least concave radius of the inner face: of the ball that mills it."""
+    outer_concave_radius_mm: Millimetres | None = None
+    """Least concave radius of the outer face: of the ball that mills it."""
+    inner_draft_deg: DraftDegrees | None = None
+    """Least draft of the inner face along the axis, the direction in which its mould opens."""
+    outer_draft_deg: DraftDegrees | None = None
+    """Least draft of the outer face along the axis, the direction in which its mould opens."""
+    max_wall_mm: Millimetres | None = None
+    """Largest wall, along rays from the origin, for sink marks and cycle time."""
+    max_height_mm: Millimetres | None = None
+    """Largest height of the outer face above z = 0."""
+    keep_out: FilePath | None = None
+    """STEP file of solids in the lens's coordinates (LED package, bond wires, board) that lens and base stay away from.
+    """
+    keep_out_margin_mm: MillimetresOrZero = KEEP_OUT_MARGIN_MM
+    """Distance from these solids."""
+
+    @property
+    def tolerance_mm(self) -> float:
+        """Excess over a limit that still counts as feasible: a micrometre for a lens of 14 mm."""
+        return 7e-5 * self.max_radius_mm
+
+    @property
+    def margin_mm(self) -> float:
+        """Distance that the search keeps from each limit: its last steps move by that much, and peaks lie between its
+        points.
+        """
+        return 3e-4 * self.max_radius_mm
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Names of the sizes that are neither given nor derived yet."""
+        sizes = ("cavity_height_mm", "cavity_radius_mm", "min_thickness_mm")
+        return tuple(name for name in sizes if getattr(self, name) is None)
+
+    @model_validator(mode="after")
+    def _cavity_and_wall_fit(self) -> "ConstraintsSection":
+        """Refuse what no lens keeps: the paraboloid is furthest from the origin at its apex or its rim."""
+        if self.missing:
+            return self
+        name = max("cavity_height_mm", "cavity_radius_mm", key=lambda field: float(getattr(self, field)))
+        reach: float = getattr(self, name)
+        needed = reach + self.min_thickness_mm + 3.0 * self.margin_mm  # one for each of the three limits
+        if needed > self.max_radius_mm:
+            least = (reach + self.min_thickness_mm) / (1.0 - 3.0 * self.margin_mm / self.max_radius_mm)
+            raise ValueError(
+                f"{name} = {reach:g} and min_thickness_mm = {self.min_thickness_mm:g} do not fit into max_radius_mm = "
+                f"{self.max_radius_mm:g}: make it at least {rounded_up(least)}, or lower one of the two"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _largest_wall_and_height_leave_room(self) -> "ConstraintsSection":
+        """Refuse a wall or a height that no lens has, its margins included: one for each limit that takes part."""
+        if self.missing:
+            return self
+        wall, margin = self.min_thickness_mm, self.margin_mm
+        for name, least, words in (
+            ("max_wall_mm", wall + 2.0 * margin, f"min_thickness_mm = {wall:g} needs"),
+            (
+                "max_height_mm",
+                self.cavity_height_mm + wall + 3.0 * margin,
+                f"cavity_height_mm = {self.cavity_height_mm:g} and min_thickness_mm = {wall:g} need",
+            ),
+        ):
+            given = getattr(self, name)
+            if given is not None and given < least:
+                raise ValueError(
+                    f"{name} = {given:g}: {words} at least {rounded_up(least)}, of which the margins of the search are "
+                    f"{margin:.3g} mm each; raise it, or lower the other"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _margin_is_of_a_keep_out(self) -> "ConstraintsSection":
+        if self.keep_out is None and self.keep_out_margin_mm != KEEP_OUT_MARGIN_MM:
+            raise ValueError(
+                f"keep_out_margin_mm = {self.keep_out_margin_mm:g} goes with keep_out, a STEP file of what the lens "
+                "stays away from; give both, or neither"
+            )
+        return self
+
+
+class OptimiseSection(Section):
+    """Settings of the search; omitted ones come from the accuracy preset.
+
+    ``steps_per_level``, ``rays`` and ``uniformity_steps`` belong to levels that are given.
+    """
+
+    steps_per_level: Annotated[tuple[Steps, ...], Field(max_length=MOST_LEVELS)] | None = None
+    """Gradient steps of each level."""
+    rays: Annotated[int, Field(ge=64, le=2**24)] | None = None
+    """Rays of a gradient step."""
+    pixels: Annotated[int, Field(ge=4, le=1024)] = 64
+    """Pixels along a side of the receiver in the search."""
+    learning_rate: Annotated[float, Field(gt=0.0, le=1.0)] = 0.004
+    """Learning rate of the optimiser (Adam), which falls along a cosine."""
+    uniformity_steps: Annotated[int, Field(ge=0, le=MOST_STEPS)] = 0
+    """Last steps, in which the merit is the uniformity of the target's region."""
+    seconds: Annotated[float, Field(ge=1.0, le=1e6)] | None = None
+    """Time that the search with automatic levels may take, set-up included; by default it goes on for as long as it
+    gains.
+    """
+    robust: bool = False
+    """Search for the lens whose parts are best on average: every gradient step sees other parts, drawn from the
+    tolerances. Without it they have no effect on the lens.
+    """
+    fresnel: bool = True
+    """Count what both surfaces and a cover glass reflect in the search; the evaluation always does."""
+
+
+class EvaluateSection(Section):
+    """Settings of the evaluation."""
+
+    rays: Annotated[int, Field(ge=1, le=2**28)] | None = None
+    """Rays; by default those of the accuracy preset."""
+    pixels: Annotated[int, Field(ge=1, le=2048)] = 128
+    """Pixels along the longer side of the picture."""
+    window_mm: Millimetres | None = None
+    """Side of the square in which flux counts as detected; by default the whole receiver."""
+    filter_variance: Annotated[float, Field(ge=0.0, le=1e8)] = 1.0
+    """Variance of the Gaussian filter of the picture, in pixels squared; 0: none."""

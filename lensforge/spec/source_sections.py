@@ -1,0 +1,294 @@
+"""The ``[source]`` of a spec: an emitting area, ray files, or given rays; lengths in mm, powers in W or lm."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from jaxtyping import Float
+from numpy.typing import ArrayLike
+from pydantic import Field, model_validator
+
+from lensforge.optics.image import Luminance
+from lensforge.spec.emitter_section import CosineIntensity, EmitterSection, FluxSection, IntensitySpec, SpectrumSpec
+from lensforge.spec.spec_section import Coordinate, FilePath, Millimetres, MillimetresOrZero, Numbers, numbers_of
+
+Scale = Annotated[float, Field(ge=1e-9, le=1e9)]  # from a file in nm or km to mm, with room to spare
+
+
+class Placement(EmitterSection):
+    """Placement of a ray set in lens coordinates; the fields apply in their order, and then those of every source."""
+
+    origin: Literal["file", "virtual_focus"] | tuple[Coordinate, Coordinate, Coordinate] = "file"
+    """Point that is put at the lens origin: the file's own origin, its virtual focus, or a point (mm) of the file."""
+    scale: Scale = 1.0
+    """Factor of all lengths."""
+    axis: Literal["+x", "-x", "+y", "-y", "+z", "-z"] = "+z"
+    """Direction in the file that becomes the lens axis +z."""
+    mirror: Literal["none", "x", "y"] = "none"
+    """Mirror image: "x" maps x to -x."""
+
+
+class RayfileSource(Placement):
+    """Ray file of a vendor."""
+
+    kind: Literal["rayfile"] = "rayfile"
+    file: FilePath
+    """Ray file: TM-25, IES, Zemax, LightTools, SPEOS and others."""
+
+    @property
+    def description(self) -> str:
+        """The source in a few words."""
+        return f"ray file {self.file.name}"
+
+
+class RayfilePart(FluxSection):
+    """One of several ray files: its flux, or that of the file.
+
+    With ``source.flux_w`` or ``source.flux_lm`` only the ratio counts.
+    """
+
+    file: FilePath
+    """Ray file."""
+    spectrum: SpectrumSpec | None = None
+    """Spectrum in place of the file's own."""
+
+
+class RayfilesSource(Placement):
+    """Several ray files in one coordinate system as one source, such as the blue and yellow light of a white LED."""
+
+    kind: Literal["rayfiles"] = "rayfiles"
+    files: Annotated[tuple[RayfilePart, ...], Field(min_length=1, max_length=100)]
+    """The ray files, in one coordinate system."""
+
+    @property
+    def description(self) -> str:
+        """The source in a few words."""
+        return f"ray files {', '.join(part.file.name for part in self.files)}"
+
+
+class RaySource(Placement):
+    """Ray set given as arrays, such as that of another program."""
+
+    positional: ClassVar[str] = "rays"
+
+    kind: Literal["rays"] = "rays"
+    positions_mm: Annotated[Float[np.ndarray, "n 3"], Numbers(2, 3)]
+    """Start points (x, y, z)."""
+    directions: Annotated[Float[np.ndarray, "n 3"], Numbers(2, 3)]
+    """Directions; they need not have length 1."""
+    ray_flux: Annotated[Float[np.ndarray, " n"], Numbers(1)] | None = None
+    """Flux of each ray in W, or relative where ``flux_w`` or ``flux_lm`` says how much all of them carry; without it
+    all rays have the same.
+    """
+    wavelengths_nm: Annotated[Float[np.ndarray, " n"], Numbers(1)] | None = None
+    """Wavelength of each ray, used where the lens material is dispersive, and for the luminous efficacy."""
+
+    if TYPE_CHECKING:  # the arguments of the class; the fields themselves are validated as everywhere
+
+        def __init__(
+            self,
+            rays: ArrayLike | None = None,
+            /,
+            *,
+            positions_mm: ArrayLike | None = None,
+            directions: ArrayLike | None = None,
+            ray_flux: ArrayLike | None = None,
+            wavelengths_nm: ArrayLike | None = None,
+            origin: Literal["file", "virtual_focus"] | tuple[float, float, float] = "file",
+            scale: float = 1.0,
+            axis: Literal["+x", "-x", "+y", "-y", "+z", "-z"] = "+z",
+            mirror: Literal["none", "x", "y"] = "none",
+            rotate_z_deg: float = 0.0,
+            tilt_deg: tuple[float, float] = (0.0, 0.0),
+            position_mm: tuple[float, float, float] = (0.0, 0.0, 0.0),
+            flux_w: float | None = None,
+            flux_lm: float | None = None,
+            luminous_efficacy_lm_per_w: float | None = None,
+            spectrum: SpectrumSpec | None = None,
+        ) -> None: ...
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_row_for_each_ray(cls, content: Any) -> Any:
+        """Split ``rays``, an array (n, 7) of x, y, z (mm), the direction's three components, and flux, into columns."""
+        if not isinstance(content, Mapping) or "rays" not in content:
+            return content
+        try:
+            rows = numbers_of(content["rays"])
+        except ValueError as error:
+            raise ValueError(f"rays: {error}") from None
+        if rows.ndim != 2 or rows.shape[1] not in (6, 7):
+            raise ValueError(f"rays: shape {rows.shape}, must be (n, 7): x, y, z (mm), direction (3), flux; or (n, 6)")
+        columns = {"positions_mm": rows[:, :3], "directions": rows[:, 3:6]}
+        if rows.shape[1] == 7:
+            columns["ray_flux"] = rows[:, 6]
+        twice = [name for name in columns if content.get(name) is not None]
+        if twice:
+            raise ValueError(f"{twice[0]}: rays of {rows.shape[1]} columns hold it already; give one of the two")
+        return {key: value for key, value in content.items() if key != "rays"} | columns
+
+    @model_validator(mode="after")
+    def _as_many_of_each(self) -> "RaySource":
+        count = len(self.positions_mm)
+        for name in ("directions", "ray_flux", "wavelengths_nm"):
+            array = getattr(self, name)
+            if array is not None and len(array) != count:
+                raise ValueError(f"{name}: {len(array)} rows, positions_mm has {count}; one for each ray")
+        if not self.directions.any(axis=1).all():
+            raise ValueError("directions: one of them is (0, 0, 0); leave that ray out")
+        if self.ray_flux is not None and not (self.ray_flux.min() >= 0.0 and self.ray_flux.any()):
+            raise ValueError("ray_flux: must be 0 or above, and not 0 for all rays")
+        if self.ray_flux is None and self.flux_w is None and self.flux_lm is None:
+            raise ValueError("flux_w or flux_lm: of all rays, is needed where ray_flux is not given")
+        return self
+
+    @property
+    def description(self) -> str:
+        """The source in a few words."""
+        return f"{len(self.positions_mm)} given rays"
+
+
+RaySetSource = RayfileSource | RayfilesSource | RaySource
+
+
+class SquareSource(EmitterSection):
+    """A square Lambertian emitter, centred on the axis in the plane z = 0 and emitting towards +z unless placed."""
+
+    kind: Literal["square"] = "square"
+    side_mm: MillimetresOrZero
+    """Side of the square; 0 for a point source."""
+
+    @property
+    def description(self) -> str:
+        """The source in a few words."""
+        return f"{self.side_mm:g} mm square Lambertian source" if self.side_mm else "point source"
+
+
+class _PlanarSource(EmitterSection):
+    """An emitting area, in the plane z = 0 unless placed, the same intensity profile at each of its points."""
+
+    intensity: IntensitySpec = Field(default_factory=CosineIntensity)
+    """Intensity by angle; by default Lambertian."""
+
+
+class RectangleSource(_PlanarSource):
+    """A uniform rectangle, centred on the axis."""
+
+    kind: Literal["rectangle"] = "rectangle"
+    width_mm: Millimetres
+    """Width along x."""
+    height_mm: Millimetres
+    """Height along y."""
+
+    @property
+    def description(self) -> str:
+        """The source in a few words."""
+        return f"{self.width_mm:g} mm × {self.height_mm:g} mm source"
+
+
+class DiscSource(_PlanarSource):
+    """A uniform disc, centred on the axis."""
+
+    kind: Literal["disc"] = "disc"
+    diameter_mm: Millimetres
+    """Diameter."""
+
+    @property
+    def description(self) -> str:
+        """The source in a few words."""
+        return f"{self.diameter_mm:g} mm disc source"
+
+
+class Chip(FluxSection):
+    """A uniform rectangle with its centre at (x, y), of 1 W unless its flux is given.
+
+    With ``source.flux_w`` or ``source.flux_lm`` only the ratio of the chips' fluxes counts.
+    """
+
+    x_mm: Coordinate
+    """Centre along x."""
+    y_mm: Coordinate
+    """Centre along y."""
+    width_mm: Millimetres
+    """Width along x."""
+    height_mm: Millimetres
+    """Height along y."""
+
+
+class ChipsSource(_PlanarSource):
+    """Several chips, each with its position, size and flux; ``flux_w``, ``flux_lm``: of all of them together."""
+
+    kind: Literal["chips"] = "chips"
+    chips: Annotated[tuple[Chip, ...], Field(min_length=1, max_length=10_000)]
+    """The chips."""
+
+    @property
+    def description(self) -> str:
+        """The source in a few words."""
+        return f"source of {len(self.chips)} chips"
+
+
+class ChipArraySource(_PlanarSource):
+    """Equal chips in rows and columns, centred on the axis."""
+
+    kind: Literal["chip_array"] = "chip_array"
+    columns: Annotated[int, Field(ge=1, le=100)]
+    """Chips along x."""
+    rows: Annotated[int, Field(ge=1, le=100)]
+    """Chips along y."""
+    width_mm: Millimetres
+    """Width of a chip."""
+    height_mm: Millimetres
+    """Height of a chip."""
+    pitch_mm: tuple[Millimetres, Millimetres]
+    """Distance of neighbouring centres, in x and y."""
+
+    @property
+    def description(self) -> str:
+        """The source in a few words."""
+        return f"source of {self.columns} × {self.rows} chips"
+
+
+class LuminanceSource(_PlanarSource):
+    """A picture of the lit source, centred on the axis: a pixel's flux follows its light."""
+
+    kind: Literal["luminance"] = "luminance"
+    file: FilePath
+    """PNG, TIFF, JPEG or BMP file."""
+    width_mm: Millimetres
+    """Width of the picture."""
+    luminance: Luminance = "as_stored"
+    """Light that its values stand for, as in a target's picture."""
+
+    @property
+    def description(self) -> str:
+        """The source in a few words."""
+        return f"source of the luminance picture {self.file.name}"
+
+
+class RadianceSource(EmitterSection):
+    """Radiance by position and direction, from a NumPy archive (docs/rayfiles.md); a given flux replaces its own."""
+
+    kind: Literal["radiance"] = "radiance"
+    file: FilePath
+    """NumPy archive (docs/rayfiles.md)."""
+
+    @property
+    def description(self) -> str:
+        """The source in a few words."""
+        return f"source of the radiance table {self.file.name}"
+
+
+SourceSpec = Annotated[
+    SquareSource
+    | RayfileSource
+    | RayfilesSource
+    | RectangleSource
+    | DiscSource
+    | ChipsSource
+    | ChipArraySource
+    | LuminanceSource
+    | RadianceSource
+    | RaySource,
+    Field(discriminator="kind"),
+]

@@ -1,0 +1,147 @@
+"""Fields of the sections of a spec: their words, which stand below each field, their units, and the sections in them.
+
+pydantic can read such words itself (``use_attribute_docstrings``), but reads all of them as the classes are made: a
+second of every start. Here they are read when a page, a schema or a message asks for them.
+"""
+
+import ast
+import inspect
+import sys
+from collections.abc import Iterator
+from functools import cache
+from itertools import pairwise
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
+
+from pydantic import BaseModel
+
+from lensforge.results import Record
+from lensforge.spec.derived_values import WHY
+
+# Units by the end of a field's name, the longest end first.
+_UNITS = {
+    "_lm_per_w": "lm/W", "_w_per_m2": "W/m²", "_w_per_sr": "W/sr", "_g_per_cm3": "g/cm³", "_per_mm": "1/mm",
+    "_per_k": "1/K", "_mrad": "mrad", "_urad": "µrad", "_deg": "°", "_mm": "mm", "_nm": "nm", "_um": "µm",
+    "_lm": "lm", "_cd": "cd", "_lx": "lx", "_m": "m", "_w": "W", "temperature_c": "°C", "seconds": "s",
+}  # fmt: skip
+
+
+def unit_of(name: str) -> str:
+    """Unit of the field ``name``; "" for texts, and for numbers without one."""
+    return next((unit for end, unit in _UNITS.items() if name.endswith(end)), "")
+
+
+def words_of(section: type[BaseModel], name: str) -> str:
+    """Words and unit of a field: ``Side of the square; 0 for a point source. [mm]``."""
+    words = "" if name not in section.model_fields else _words(section).get(name, "")
+    if name == "kind" and not words:
+        words = f"Kind: {_first_line(section)}"
+    unit = unit_of(name)
+    return f"{words} [{unit}]" if unit and words else words
+
+
+def summary_of(section: type[BaseModel]) -> str:
+    """Docstring of a section as one paragraph after another."""
+    return inspect.cleandoc(vars(section)["__doc__"] or "").replace("``", "`")
+
+
+def default_of(section: type[BaseModel], name: str) -> str:
+    """Value of a field that is left out: ``needed``, ``derived: ...``, a value, or "" for nothing."""
+    field = section.model_fields[name]
+    if field.is_required():
+        return "needed"
+    if field.default_factory is not None:
+        return f"default: {getattr(field.default_factory, '__name__', '')}()"
+    if field.default is None:
+        return next((f"derived: {why}" for key, why in WHY.items() if key.rpartition(".")[2] == name), "")
+    return f"default: {field.default!r}"
+
+
+def arguments_of(section: type[BaseModel]) -> list[str]:
+    """Names of a section's fields, the needed ones first, without the kind that the class itself says."""
+    fields = section.model_fields
+    names = [name for name in fields if name != "kind" or kind_of(section) is None]
+    return sorted(names, key=lambda name: not fields[name].is_required())
+
+
+def help_of(section: type[BaseModel]) -> str:
+    """Summary of a section and all of its arguments, with words, unit and default, as ``help`` shows them."""
+    lines = [summary_of(section), "", "Arguments, by name:"]
+    for name in arguments_of(section):
+        default = default_of(section, name)
+        words = words_of(section, name)
+        lines.append(f"    {name}: {words} ({default})" if default else f"    {name}: {words}")
+    return "\n".join(lines)
+
+
+def signature_of(section: type[BaseModel]) -> inspect.Signature:
+    """Fields of a section as arguments by name, without the bounds of their types."""
+    first = getattr(section, "positional", None)
+    types = get_type_hints(section)
+    arguments = []
+    for name in arguments_of(section):
+        field = section.model_fields[name]
+        kind = inspect.Parameter.POSITIONAL_OR_KEYWORD if name == first else inspect.Parameter.KEYWORD_ONLY
+        made = ... if field.default_factory is not None else field.default
+        default = inspect.Parameter.empty if field.is_required() else made
+        arguments.append(inspect.Parameter(name, kind, default=default, annotation=types[name]))
+    return inspect.Signature(sorted(arguments, key=lambda each: each.kind))
+
+
+def kind_of(section: type[BaseModel]) -> str | None:
+    """The ``kind`` that names ``section`` among others; None where it is alone."""
+    field = section.model_fields.get("kind")
+    named = None if field is None else get_args(field.annotation)
+    return named[0] if named and len(named) == 1 else None
+
+
+def sections_in(annotation: Any) -> tuple[type[BaseModel], ...]:
+    """The sections that a field may hold, one or several."""
+    return tuple(dict.fromkeys(_sections(annotation)))
+
+
+def _sections(annotation: Any) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and get_origin(annotation) is None:
+        if issubclass(annotation, BaseModel) and not issubclass(annotation, Record):
+            yield annotation
+        return
+    inner = get_args(annotation)
+    for each in inner[:1] if get_origin(annotation) is Annotated else inner:
+        yield from _sections(each)
+
+
+def all_sections(root: type[BaseModel]) -> tuple[type[BaseModel], ...]:
+    """``root`` and every section within it, however deep."""
+    found = [root]
+    for section in found:  # grows
+        for field in section.model_fields.values():
+            found += [each for each in sections_in(field.annotation) if each not in found]
+    return tuple(found)
+
+
+def _first_line(section: type[BaseModel]) -> str:
+    return summary_of(section).split("\n\n")[0].replace("\n", " ")
+
+
+@cache
+def _words(section: type[BaseModel]) -> dict[str, str]:
+    """Words below the fields of a class and of those that it extends."""
+    found: dict[str, str] = {}
+    for each in reversed(section.__mro__):
+        if issubclass(each, BaseModel) and each.__module__.startswith("lensforge.spec."):
+            found |= _module_words(each.__module__).get(each.__name__, {})
+    return found
+
+
+@cache
+def _module_words(module: str) -> dict[str, dict[str, str]]:
+    """Texts that stand directly below a field, by class and field."""
+    tree = ast.parse(inspect.getsource(sys.modules[module]))
+    classes = (node for node in tree.body if isinstance(node, ast.ClassDef))
+    return {each.name: dict(_below_fields(each.body)) for each in classes}
+
+
+def _below_fields(body: list[ast.stmt]) -> Iterator[tuple[str, str]]:
+    for field, text in pairwise(body):
+        if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name) and isinstance(text, ast.Expr):
+            assert isinstance(text.value, ast.Constant) and isinstance(text.value.value, str), field.target.id
+            yield field.target.id, " ".join(text.value.value.split()).replace("``", "`")

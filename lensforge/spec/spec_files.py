@@ -1,0 +1,159 @@
+"""Files of a spec: TOML read in bounded time and memory, and the files it names, resolved and hashed.
+
+Python's TOML reader takes time in proportion to the square of the parts of a dotted name, and 3 seconds for two million
+characters outside of texts; so both are counted before. Named files are resolved against the folder of the spec, and
+hashed so that a result can name its inputs.
+"""
+
+import hashlib
+import json
+import re
+import tomllib
+from collections.abc import Collection, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from lensforge.errors import InputError
+from lensforge.results.files import MIB, read_file, require_regular_file
+from lensforge.results.json_npz import require_flat
+from lensforge.spec.spec_section import Section
+
+_MOST_BYTES = 32 * MIB  # 400,000 rays as a text, parsed in 5 seconds; more belong into a ray file
+_MOST_CHARACTERS = 2 * MIB  # without texts and comments: a whole spec has 10,000, one of 512 x 512 numbers 2 million
+_MOST_PARTS = 64  # of a dotted name; a spec has three at most
+_MOST_SHOWN = 160  # characters of the reader's own message
+# Possessive, so that time is in proportion to the length of the text; without an end they match no text at all.
+_TEXTS_AND_COMMENTS = re.compile(
+    r"""
+    \"{3} (?: [^"\\]++ | \\. | "{1,2}+(?!") )*+ "{3,5}+
+    | '{3} (?: [^']++ | '{1,2}+(?!') )*+ '{3,5}+
+    | " (?: [^"\\\n]++ | \\. )*+ "
+    | ' [^'\n]*+ '
+    | \# [^\n]*+
+    """,
+    re.VERBOSE | re.DOTALL,
+)
+_LONG_NAME = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{_MOST_PARTS}}}")
+
+
+def read_toml(path: Path, missing: str) -> dict[str, Any]:
+    """The tables of a TOML file in UTF-8, with or without a byte-order mark; ``missing``: the remedy where it is not.
+
+    Raises :class:`InputError`, one line, for anything else, and for a file that no spec needs: too large, names of too
+    many parts, or nested too deep.
+    """
+    content = read_file(path, missing=missing, most_bytes=_MOST_BYTES)
+    try:
+        text = _decoded(content)
+        _require_quickly_read(text)
+        found = tomllib.loads(text)
+        require_flat(found)
+    except RecursionError:
+        raise InputError(f"{path}: not readable as TOML (nested too deep)") from None
+    except ValueError as error:
+        problem = " ".join(str(error).split())[:_MOST_SHOWN]
+        raise InputError(f"{path}: not readable as TOML ({problem})") from None
+    return found
+
+
+def _decoded(content: bytes) -> str:
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in content[:4]:
+        raise ValueError("it is in UTF-16 or UTF-32; save it as UTF-8")
+    return content.decode("utf-8-sig")
+
+
+def _require_quickly_read(text: str) -> None:
+    rest = _TEXTS_AND_COMMENTS.sub("s", text)
+    if len(rest) > _MOST_CHARACTERS:
+        raise ValueError(
+            f"{len(rest)} characters besides texts and comments, at most {_MOST_CHARACTERS} are read; Spec.save writes "
+            "large arrays as texts"
+        )
+    if _LONG_NAME.search(rest):
+        raise ValueError(f"a dotted name of more than {_MOST_PARTS} parts")
+
+
+_NAMED = "the spec names it"
+_FIELDS = ("file", "keep_out", "start", "material_file")  # fields that name a file
+
+
+def resolve_files(table: object, folder: Path) -> None:
+    """Make every field of ``table`` that names a file, however deep, relative to ``folder``."""
+    if isinstance(table, list):
+        for entry in table:
+            resolve_files(entry, folder)
+    elif isinstance(table, dict):
+        for key, value in table.items():
+            if key in _FIELDS and isinstance(value, str):
+                table[key] = _in_folder(value, folder)
+            else:
+                resolve_files(value, folder)
+
+
+def _in_folder(name: str, folder: Path) -> str:
+    """Full path of ``name`` in ``folder``; a name that no file can have stays as it is, for the section to refuse."""
+    try:
+        return name if name.startswith("~") else str((folder / name).resolve())
+    except (OSError, ValueError, RuntimeError):  # too long, a NUL, links in a circle
+        return name
+
+
+def input_hashes(section: Section) -> dict[str, str]:
+    """SHA-256 of each file that ``section`` names, as ``file:NAME``.
+
+    Another file of the same name is ``file:NAME (2)``, and so on, in the order of the section: no folder is part of
+    it. Raises :class:`InputError` for a file that is not there.
+    """
+    found: dict[str, list[str]] = {}
+    for path in dict.fromkeys(_paths(section)):
+        digest, contents = _file_sha256(path), found.setdefault(path.name, [])
+        if digest not in contents:
+            contents.append(digest)
+    return {
+        f"file:{name}" if number == 1 else f"file:{name} ({number})": digest
+        for name, contents in sorted(found.items())
+        for number, digest in enumerate(contents, start=1)
+    }
+
+
+def section_sha256(section: Section, *, without: Collection[str] = ()) -> str:
+    """SHA-256 of the fields of a section, in which a file counts by its name and content, whatever its folder.
+
+    ``without``: fields that do not count. Raises :class:`InputError` for a file that is not there.
+    """
+    content = _by_content(section.model_dump(exclude=set(without)))
+    return hashlib.sha256(json.dumps(content, allow_nan=False).encode()).hexdigest()
+
+
+def _by_content(value: object) -> object:
+    """``value`` with the name and hash of each file in place of its path."""
+    if isinstance(value, Path):
+        return {"name": value.name, "sha256": _file_sha256(value)}
+    if isinstance(value, Mapping):
+        return {key: _by_content(entry) for key, entry in value.items()}
+    if isinstance(value, tuple | list):
+        return [_by_content(entry) for entry in value]
+    return value
+
+
+def _paths(value: object) -> Iterator[Path]:
+    if isinstance(value, Path):
+        yield value
+    elif isinstance(value, Section):
+        for name in type(value).model_fields:
+            yield from _paths(getattr(value, name))
+    elif isinstance(value, Mapping):
+        for entry in value.values():
+            yield from _paths(entry)
+    elif isinstance(value, tuple | list):
+        for entry in value:
+            yield from _paths(entry)
+
+
+def _file_sha256(path: Path) -> str:
+    require_regular_file(path, missing=_NAMED)
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); {_NAMED}") from None

@@ -1,0 +1,189 @@
+"""The reference of a spec: its JSON schema, and a page of every section and field (docs/spec.md).
+
+By the schema editors complete and check a TOML file. The page has unit, range, default and meaning of each field.
+"""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from typing import Any
+
+from pydantic import BaseModel
+
+from lensforge.spec.derived_values import WHY
+from lensforge.spec.design_spec import Spec
+from lensforge.spec.spec_fields import all_sections, kind_of, sections_in, summary_of, unit_of, words_of
+
+SCHEMA_FILE = "lensforge.schema.json"
+
+
+def spec_schema() -> dict[str, Any]:
+    """Schema of what a TOML file may hold: types, ranges, words and units of all fields."""
+    schema = Spec.model_json_schema()
+    objects = {**schema["$defs"], "Spec": schema}
+    for section in all_sections(Spec):
+        found = objects[section.__name__]
+        found["description"] = summary_of(section)
+        for name, field in found["properties"].items():
+            field["description"] = words_of(section, name)
+        if kind_of(section) is not None:  # it chooses among several, so a file has to name it
+            found["required"] = ["kind", *(name for name in found.get("required", ()) if name != "kind")]
+    return {"title": "lensforge spec", **_table(_plain(schema))}
+
+
+def _plain(value: Any) -> Any:
+    """The same without what only Python has: None, and the titles that pydantic makes of the names of fields."""
+    if isinstance(value, list):
+        return [_plain(entry) for entry in value]
+    if not isinstance(value, dict):
+        return value
+    found = {key: _plain(entry) for key, entry in value.items() if not _is_of_python(key, entry)}
+    kinds = [each for each in found.get("anyOf", ()) if each != {"type": "null"}]
+    if len(kinds) == 1:
+        return {**kinds[0], **{key: entry for key, entry in found.items() if key != "anyOf"}}
+    return {**found, "anyOf": kinds} if kinds else found
+
+
+def _is_of_python(key: str, entry: Any) -> bool:
+    return (key == "title" and isinstance(entry, str)) or (key == "default" and entry is None)
+
+
+def _table(value: Any) -> dict[str, Any]:
+    assert isinstance(value, dict)
+    return value
+
+
+def allowed_words(schema: Mapping[str, Any]) -> str:
+    """Words for the values that ``schema`` allows: ``0 to 4``, ``"part" or "insert"``, ``list of ...``."""
+    if "const" in schema:
+        return f'"{schema["const"]}"'
+    if "enum" in schema:
+        return _either([f'"{each}"' for each in schema["enum"]])
+    kinds = schema.get("anyOf") or schema.get("oneOf")
+    if kinds:
+        found = list(dict.fromkeys(allowed_words(each) for each in kinds))
+        return "table of its kind" if len(found) == 1 and found[0] == "table" and len(kinds) > 1 else _either(found)
+    match schema.get("type"):
+        case "number" | "integer":
+            return _number_words(schema)
+        case "boolean":
+            return "true or false"
+        case "string":
+            return "file" if schema.get("format") == "path" else "text"
+        case "array":
+            return _list_words(schema)
+    return "table"
+
+
+def _number_words(schema: Mapping[str, Any]) -> str:
+    kind = "whole number" if schema["type"] == "integer" else "number"
+    low, high = (schema.get(name) for name in ("minimum", "maximum"))
+    above, below = (schema.get(name) for name in ("exclusiveMinimum", "exclusiveMaximum"))
+    start = f"above {above:g}" if above is not None else _short(low)
+    end = f"below {below:g}" if below is not None else _short(high)
+    reach = f"{start} to {end}" if start and end else f"at least {start}" if low is not None else start or end
+    whole = "whole number " if kind == "whole number" else ""
+    return f"{whole}{reach}" if reach else kind
+
+
+def _short(value: float | None) -> str:
+    return "" if value is None else str(value) if isinstance(value, int) else f"{value:g}"
+
+
+def _list_words(schema: Mapping[str, Any]) -> str:
+    entries = [allowed_words(each) for each in schema.get("prefixItems", ())]
+    if entries:
+        alike = len(set(entries)) == 1
+        return f"[{', '.join(entries)}]" if not alike else f"list of {len(entries)}, each {entries[0]}"
+    most = f" up to {schema['maxItems']}" if "maxItems" in schema else ""
+    return f"list of{most}: {allowed_words(schema.get('items', {}))}"
+
+
+def _either(words: list[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} or {words[-1]}"
+
+
+_HEAD = """# The spec, field by field
+
+Written by `lensforge schema --page`, from the same descriptions and ranges as the messages and the JSON schema that
+`lensforge schema` prints. An editor with a TOML language server completes and checks a spec whose first line is
+`#:schema ./lensforge.schema.json`, beside a file of that name; `lensforge new` writes both.
+
+Sections stand in the order of the file. "needed": the section or field has no default;
+"derived": left out, it follows from the sizes of source, target and lens, so that the shortest spec is a source, a
+target and `constraints.max_radius_mm`. What formulas stand behind the
+numbers: [definitions.md](definitions.md).
+"""
+_COLUMNS = "| field | unit | allowed | default | |\n|---|---|---|---|---|"
+
+
+def reference_page() -> str:
+    """The page as Markdown."""
+    parts = [_HEAD, "## The file as a whole\n", _field_table(Spec, list(Spec.model_fields))]
+    for title, sections in _tables(Spec, ""):
+        parts += _section_words(title, sections)
+    return "\n".join(part.rstrip("\n") + "\n" for part in parts)
+
+
+def _tables(section: type[BaseModel], path: str) -> Iterator[tuple[str, tuple[type[BaseModel], ...]]]:
+    """Sections by their dotted names in a file, each once, where it first occurs."""
+    waiting, seen = [(section, path)], set[type[BaseModel]]()
+    while waiting:
+        holder, place = waiting.pop(0)
+        nested = []
+        for name, field in holder.model_fields.items():
+            inside = tuple(each for each in sections_in(field.annotation) if each not in seen)
+            if inside:
+                seen |= set(inside)
+                title = f"{place}{name}"
+                yield title, inside
+                nested += [(each, f"{title}.") for each in inside]
+        waiting = nested + waiting
+
+
+def _section_words(title: str, sections: Sequence[type[BaseModel]]) -> Iterator[str]:
+    """Heading, words and table of what the field ``title`` may hold: of one section, or of several kinds."""
+    yield f"## `{title}`\n"
+    if len(sections) == 1:
+        yield summary_of(sections[0]) + "\n"
+        yield _field_table(sections[0], list(sections[0].model_fields), title)
+        return
+    shared = [name for name in sections[0].model_fields if name != "kind" and _is_shared(name, sections)]
+    yield f"One of the kinds {', '.join(f'`{kind_of(each)}`' for each in sections)}."
+    if shared:
+        yield f"Every kind has these fields:\n\n{_field_table(sections[0], shared, title)}"
+    for each in sections:
+        yield f'### `{title}`, `kind = "{kind_of(each)}"`\n\n{summary_of(each)}\n'
+        own = [name for name in each.model_fields if name not in shared and name != "kind"]
+        if own:
+            yield _field_table(each, own)
+
+
+def _is_shared(name: str, sections: Sequence[type[BaseModel]]) -> bool:
+    """True for a field that means the same in all of ``sections``."""
+    found = {words_of(each, name) for each in sections if name in each.model_fields}
+    return len(found) == 1 and all(name in each.model_fields for each in sections)
+
+
+def _field_table(section: type[BaseModel], names: Sequence[str], place: str = "") -> str:
+    schema = _objects()[section.__name__]
+    rows = [
+        _row(section, name, schema["properties"][name], name in schema.get("required", ()), place) for name in names
+    ]
+    return "\n".join([_COLUMNS, *rows]) + "\n"
+
+
+def _row(section: type[BaseModel], name: str, schema: dict[str, Any], needed: bool, place: str) -> str:
+    unit = unit_of(name)
+    default = f"`{json.dumps(schema['default'], ensure_ascii=False)}`" if "default" in schema else ""
+    derived = WHY.get(f"{place}.{name}")
+    default = f"derived: {derived}" if derived and not default else default
+    words = words_of(section, name).removesuffix(f" [{unit}]")
+    cells = (f"`{name}`", unit, allowed_words(schema), "needed" if needed else default, words)
+    return f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
+
+
+@cache
+def _objects() -> dict[str, Any]:
+    schema = spec_schema()
+    return {**schema["$defs"], "Spec": schema}

@@ -1,0 +1,368 @@
+"""Sampling of a CAD face: the named faces of a file, rays from the origin on them, and the spline through the hits.
+
+All of it is work of a child process. The CAD kernel finds the crossings, Newton steps on its surfaces make them
+exact.
+"""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.interpolate import make_interp_spline
+
+from lensforge.errors import InputError
+from lensforge.results.files import write_json
+from lensforge.results.sandbox import serve
+from lensforge.surfaces.chart_spline import HALF_WIDTH, ChartSpline, bent_radius
+from lensforge.surfaces.imported_face import FOUND, JOB, SPLINE, place_of
+from lensforge.surfaces.srbf import fibonacci_hemisphere
+from lensforge.surfaces.step_file import configure, faces_of, name_of, named_faces, new_document
+from lensforge.surfaces.surface import to_sphere
+
+_REMEDY = "export it again from CAD"
+_MOST_FACES = 10_000
+_UNITS = {"millimetre": "mm", "mm": "mm", "inch": "inches", "in": "inches", "inches": "inches", "metre": "metres"}
+
+
+@dataclass(frozen=True)
+class NamedFace:
+    """A face (TopoDS_Face), its name, "" where it has none, and its number in the file, from 1."""
+
+    face: Any
+    name: str
+    number: int
+
+    @property
+    def words(self) -> str:
+        """Its name, or its number."""
+        return f"face {self.name}" if self.name else f"face {self.number}"
+
+
+def faces_in_step(path: Path, origin: str) -> tuple[list[NamedFace], str]:
+    """Faces of the STEP file at ``path``, and the unit in which it is written."""
+    from OCP.STEPCAFControl import STEPCAFControl_Reader
+    from OCP.TColStd import TColStd_SequenceOfAsciiString
+
+    reader = STEPCAFControl_Reader()
+    configure("", "AP214")
+    reader.SetNameMode(True)
+    faces = _transferred(reader, path, f"{origin}: not readable as STEP; {_REMEDY}")
+    lengths, angles, solid_angles = (TColStd_SequenceOfAsciiString() for _ in range(3))
+    reader.ChangeReader().FileUnits(lengths, angles, solid_angles)
+    unit = lengths.Value(1).ToCString() if lengths.Length() else "mm"
+    return _numbered(faces, origin), _in_words(unit)
+
+
+def faces_in_iges(path: Path, origin: str) -> tuple[list[NamedFace], str]:
+    """Faces of the IGES file at ``path``, and the unit in which it is written."""
+    from OCP.IGESCAFControl import IGESCAFControl_Reader
+
+    reader = IGESCAFControl_Reader()
+    configure("", "AP214")
+    reader.SetNameMode(True)
+    faces = _transferred(reader, path, f"{origin}: not readable as IGES; {_REMEDY}")
+    unit = reader.IGESModel().GlobalSection().UnitName()
+    return _numbered(faces, origin), _in_words("mm" if unit is None else unit.ToCString())
+
+
+def _transferred(reader: Any, path: Path, refusal: str) -> list[tuple[str, Any]]:
+    """Name and face of all that ``reader`` finds."""
+    from OCP.IFSelect import IFSelect_ReturnStatus
+    from OCP.TDF import TDF_LabelSequence
+    from OCP.XCAFDoc import XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
+
+    document, parts = new_document(), TDF_LabelSequence()
+    if reader.ReadFile(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone or not reader.Transfer(document):
+        raise InputError(refusal)
+    XCAFDoc_DocumentTool.ShapeTool_s(document.Main()).GetFreeShapes(parts)
+    found = []
+    for label in [parts.Value(k + 1) for k in range(parts.Length())]:
+        shape, named = XCAFDoc_ShapeTool.GetShape_s(label), named_faces(label)
+        if shape.IsNull():
+            continue
+        every = faces_of(shape)
+        alone = name_of(label) if len(every) == 1 else ""  # a face that is a product of its own
+        for face in every:
+            found.append((next((name for name, one in named.items() if one.IsSame(face)), alone), face))
+    return found
+
+
+def _numbered(faces: list[tuple[str, Any]], origin: str) -> list[NamedFace]:
+    if not faces:
+        raise InputError(f"{origin}: holds no face; {_REMEDY}")
+    if len(faces) > _MOST_FACES:
+        raise InputError(f"{origin}: {len(faces)} faces, at most {_MOST_FACES} are read; export the one alone")
+    return [NamedFace(face, name, number) for number, (name, face) in enumerate(faces, start=1)]
+
+
+def _in_words(unit: str) -> str:
+    return _UNITS.get(unit.strip().lower(), unit.strip().lower())
+
+
+_TOLERANCE_MM = (
+    1e-4  # of a face's edge, to which a ray still meets it: rims lie in z = 0 to the tolerance of their file
+)
+_FAR_MM = 1e6
+_SAME_MM = 1e-3  # two crossings nearer than this are one, on an edge that two faces share
+_NEWTON_STEPS = 3
+_SINGULAR = 1e-12  # of the product of the three lengths: the surface has a pole here
+
+
+class FaceCast:
+    """Rays from the origin, in the coordinates of the lens, on ``faces`` (TopoDS_Face) moved by ``shift_mm``."""
+
+    def __init__(self, faces: list[Any], shift_mm: Float[np.ndarray, "3"]) -> None:
+        from OCP.BRep import BRep_Tool
+        from OCP.gp import gp_Pnt
+        from OCP.IntCurvesFace import IntCurvesFace_Intersector
+
+        self._start = -np.asarray(shift_mm, dtype=np.float64)
+        self._start_point = gp_Pnt(*self._start.tolist())
+        self._casts = [IntCurvesFace_Intersector(face, _TOLERANCE_MM) for face in faces]
+        self._surfaces = [BRep_Tool.Surface_s(face) for face in faces]
+
+    def all_mm(self, directions: Float[np.ndarray, "n 3"]) -> list[list[float]]:
+        """Distances (mm) at which each ray meets a face, rising."""
+        found = []
+        for crossings in self._crossings(directions):
+            distances: list[float] = []
+            for distance in sorted(distance for distance, *_ in crossings):
+                if not distances or distance - distances[-1] > _SAME_MM:
+                    distances.append(distance)
+            found.append(distances)
+        return found
+
+    def nearest_mm(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+        """Distance (mm) of the first crossing of each ray, infinite where there is none."""
+        return np.array([min(distances, default=np.inf) for distances in self.all_mm(directions)])
+
+    def points(self, directions: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3"]]:
+        """Distance (mm) of the first crossing of each ray to rounding, and the unit normal there, outwards.
+
+        NaN where a ray meets no face.
+        """
+        first = [min(crossings, default=None) for crossings in self._crossings(directions)]
+        met = np.array([each is not None for each in first], dtype=bool)
+        radius, normals = np.full(len(directions), np.nan), np.full((len(directions), 3), np.nan)
+        if met.any():
+            crossings = np.array([each for each in first if each is not None])
+            radius[met], normals[met] = self._exact(directions[met], crossings)
+        return radius, normals
+
+    def _exact(
+        self, directions: Float[np.ndarray, "n 3"], crossings: Float[np.ndarray, "n 4"]
+    ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3"]]:
+        """Crossings by Newton steps in both parameters: to where the ray meets the tangent plane."""
+        unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+        distance, parameters, faces = crossings[:, 0].copy(), crossings[:, 1:3].copy(), crossings[:, 3].astype(int)
+        normals = unit.copy()
+        for _ in range(_NEWTON_STEPS):
+            place, along_u, along_v = self._tangents(parameters, faces)
+            across = np.cross(along_u, along_v)
+            size = np.linalg.norm(across, axis=1)
+            regular = size > _SINGULAR * np.linalg.norm(along_u, axis=1) * np.linalg.norm(along_v, axis=1)
+            normals[regular] = across[regular] / size[regular, None]
+            reached = np.sum(normals * place, axis=1) / np.sum(normals * unit, axis=1)
+            distance = np.where(regular, reached, distance)
+            rest = distance[:, None] * unit - place
+            by_u = np.sum(np.cross(rest, along_v) * across, axis=1)
+            by_v = np.sum(np.cross(along_u, rest) * across, axis=1)
+            squared = np.where(regular, size, 1.0) ** 2
+            parameters += np.where(regular[:, None], np.column_stack([by_u, by_v]) / squared[:, None], 0.0)
+        return distance, normals * np.sign(np.sum(normals * unit, axis=1))[:, None]
+
+    def _tangents(
+        self, parameters: Float[np.ndarray, "n 2"], faces: Int[np.ndarray, " n"]
+    ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+        """Point from where the rays start, and its derivatives by both parameters."""
+        from OCP.gp import gp_Pnt, gp_Vec
+
+        point, along_u, along_v = gp_Pnt(), gp_Vec(), gp_Vec()
+        rows = []
+        for (u, v), face in zip(parameters.tolist(), faces.tolist(), strict=True):
+            self._surfaces[face].D1(u, v, point, along_u, along_v)
+            rows.append((point.Coord(), along_u.Coord(), along_v.Coord()))
+        found = np.array(rows).reshape(-1, 3, 3)
+        found[:, 0] -= self._start
+        return found[:, 0], found[:, 1], found[:, 2]
+
+    def _crossings(self, directions: Float[np.ndarray, "n 3"]) -> Iterator[list[tuple[float, float, float, int]]]:
+        """Distance (mm), parameters and number of the face of each crossing, ray by ray."""
+        from OCP.gp import gp_Dir, gp_Lin
+
+        casts, start = list(enumerate(self._casts)), self._start_point
+        for direction in directions.tolist():
+            line, found = gp_Lin(start, gp_Dir(*direction)), []
+            for index, cast in casts:
+                cast.Perform(line, 0.0, _FAR_MM)
+                if cast.IsDone():
+                    for k in range(1, cast.NbPnt() + 1):
+                        found.append((cast.WParameter(k), cast.UParameter(k), cast.VParameter(k), index))
+            yield found
+
+
+FIRST = "first"
+_TESTED, _RIM = 1500, 360  # directions at which the face is tried, and the error of the spline measured
+_NODES, _MOST_NODES = 72, 240  # even: no node lies on the axis, where a surface of revolution has its pole
+# What a spline aims at; an error falls with the sixth power of its nodes, that of the normal with the fifth.
+_AIM_NM, _AIM_URAD = 0.3, 0.5
+_MOST_NM, _MOST_URAD = 1000.0, 1000.0  # a seam, a kink or a wave that no lens is given on purpose
+# Beyond the rim the radius goes on by the polynomial of degree 4 through that many places inside, a step apart.
+_PLACES, _STEP_RAD = 5, 0.002
+_AZIMUTHS = 720
+
+
+@dataclass(frozen=True)
+class SampledFace:
+    """Chart axis and radii (mm) on its grid; the largest errors of the spline through them."""
+
+    axis: Float[np.ndarray, " n"]
+    radius: Float[np.ndarray, "n n"]
+    form_error_nm: float
+    normal_error_urad: float
+
+
+def _sample_face(folder: Path) -> None:
+    job = json.loads((folder / JOB).read_text(encoding="utf-8"))
+    faces, unit = (faces_in_iges if job["iges"] else faces_in_step)(folder / job["file"], job["origin"])
+    shift = np.array(job["shift_mm"])
+    chosen = _selected(faces, job["faces"], job["origin"], shift)
+    cast = FaceCast([each.face for each in chosen], shift)
+    sampled = sampled_face(cast, f"{job['origin']}: {' and '.join(each.words for each in chosen)}")
+    np.savez(folder / SPLINE, axis=sampled.axis, radius=sampled.radius)
+    found = {"unit": unit, "names": [each.words for each in chosen]}
+    errors = {"form_error_nm": sampled.form_error_nm, "normal_error_urad": sampled.normal_error_urad}
+    write_json(folder / FOUND, {**found, **errors})
+
+
+def _selected(
+    faces: list[NamedFace], wanted: list[str | int], origin: str, shift_mm: Float[np.ndarray, "3"]
+) -> list[NamedFace]:
+    names = [each.name for each in faces if each.name]
+    found = []
+    for each in wanted:
+        if each == FIRST:
+            found.append(_first_on_axis(faces, origin, shift_mm))
+        elif isinstance(each, int):
+            if not 1 <= each <= len(faces):
+                raise InputError(f"{origin}: face = {each}: it has faces 1 to {len(faces)}")
+            found.append(faces[each - 1])
+        else:
+            same = [face for face in faces if face.name == each]
+            if len(same) != 1:
+                near = get_close_matches(each, names, 3, 0.3) or names[:5]
+                known = f"names of faces: {', '.join(near)}" if near else "its faces have no names; give a number"
+                count = f"{len(same)} faces have this name" if same else "no such face"
+                raise InputError(f"{origin}: face = {each!r}: {count}; {known}, or 'first'")
+            found.append(same[0])
+    return found
+
+
+def _first_on_axis(faces: list[NamedFace], origin: str, shift_mm: Float[np.ndarray, "3"]) -> NamedFace:
+    """The face that the axis meets first above the origin; tried a little beside it, where no face has its pole."""
+    beside = np.array([[1e-6, 1e-6, 1.0]])
+    met = [(FaceCast([each.face], shift_mm).nearest_mm(beside)[0], each) for each in faces]
+    distance, first = min(met, key=lambda one: one[0])
+    if not np.isfinite(distance):
+        raise InputError(f"{origin}: the axis meets no face above z = 0; move the file by shift_mm, or name the face")
+    return first
+
+
+def sampled_face(cast: FaceCast, words: str) -> SampledFace:
+    """The spline through the faces of ``cast``, with as many nodes as its measured error needs.
+
+    Raises :class:`InputError` where they are not met just once from the origin, and where they are not smooth.
+    """
+    tested = np.concatenate([fibonacci_hemisphere(_TESTED), _around(0.5 * np.pi, _RIM)])
+    radius, normals = _met_once(cast, tested, words)
+    nodes = _NODES
+    while True:
+        axis, values = _on_grid(cast, nodes, words)
+        spline = ChartSpline.through(axis, values)
+        cosine = np.sum(normals * tested, axis=1)
+        form_nm = np.abs(spline.radius(tested) - radius) * cosine * 1e6
+        turned_urad = np.linalg.norm(np.cross(spline.normal(tested), normals), axis=1) * 1e6
+        more = max((form_nm.max() / _AIM_NM) ** (1.0 / 6.0), (turned_urad.max() / _AIM_URAD) ** (1.0 / 5.0))
+        if more <= 1.0 or nodes == _MOST_NODES:
+            break
+        nodes = min(_MOST_NODES, 2 * int(np.ceil(0.5 * nodes * max(more, 1.1))))
+    if form_nm.max() > _MOST_NM or turned_urad.max() > _MOST_URAD:
+        worst = int((form_nm / _MOST_NM + turned_urad / _MOST_URAD).argmax())
+        raise InputError(
+            f"{words}: not smooth {place_of(tested[worst])}: a spline of {nodes} nodes misses it by "
+            f"{form_nm[worst]:.3g} nm and {turned_urad[worst]:.3g} urad, at most {_MOST_NM:g} and {_MOST_URAD:g}; "
+            "close the seam or the kink in CAD"
+        )
+    return SampledFace(axis, values, float(form_nm.max()), float(turned_urad.max()))
+
+
+def _met_once(
+    cast: FaceCast, directions: Float[np.ndarray, "n 3"], words: str
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3"]]:
+    """Radius (mm) and outward normals in ``directions``, each of which must meet the faces once."""
+    met = cast.all_mm(directions)
+    for direction, distances in zip(directions, met, strict=True):
+        if len(distances) != 1:
+            what = f"meets it {len(distances)} times" if distances else "does not meet it: a hole, or its edge"
+            raise InputError(
+                f"{words}: a ray from the origin, {place_of(direction)}, {what}; a face must be star-shaped, and reach "
+                "down to z = 0: take all its parts (face = [...]), or extend it in CAD"
+            )
+    return cast.points(directions)
+
+
+def _on_grid(cast: FaceCast, nodes: int, words: str) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n n"]]:
+    """Chart axis, even in angle, and the radii (mm) on its grid."""
+    half = np.arctan(HALF_WIDTH)
+    axis = np.tan(np.linspace(-half, half, nodes))
+    chart = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
+    distance = np.hypot(chart[:, 0], chart[:, 1])
+    inside = distance <= 1.0
+    values = np.empty(len(chart))
+    values[inside] = cast.points(to_sphere(chart[inside]))[0]
+    beyond = 2.0 * np.arctan(bent_radius(distance[~inside])) - 0.5 * np.pi
+    azimuth = np.arctan2(chart[~inside, 1], chart[~inside, 0])
+    values[~inside] = _continued(cast, azimuth, beyond)
+    if not np.isfinite(values).all():
+        raise InputError(
+            f"{words}: the CAD kernel finds no point {place_of(to_sphere(chart[~np.isfinite(values)])[0])}"
+        )
+    return axis, values.reshape(nodes, nodes)
+
+
+def _continued(
+    cast: FaceCast, azimuth: Float[np.ndarray, " n"], beyond_rad: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, " n"]:
+    """Radius (mm) beyond the rim: on each meridian by a polynomial through places inside."""
+    turn = 2.0 * np.pi * np.arange(_AZIMUTHS + 1) / _AZIMUTHS
+    total = np.zeros(len(azimuth))
+    for weight, inside in _extrapolation(beyond_rad):
+        around = cast.points(_around(0.5 * np.pi - inside, _AZIMUTHS))[0]
+        along = make_interp_spline(turn, np.append(around, around[0]), k=5, bc_type="periodic")
+        total += weight * along(azimuth % (2.0 * np.pi))
+    return total
+
+
+def _extrapolation(beyond_rad: Float[np.ndarray, " n"]) -> Iterator[tuple[Float[np.ndarray, " n"], float]]:
+    """Lagrange's weights of the places inside, and how far inside (rad) each is."""
+    for k in range(_PLACES):
+        weight = np.ones_like(beyond_rad)
+        for j in range(_PLACES):
+            if j != k:
+                weight = weight * (beyond_rad / _STEP_RAD + j) / (j - k)
+        yield weight, k * _STEP_RAD
+
+
+def _around(polar: float, count: int) -> Float[np.ndarray, "n 3"]:
+    azimuth = 2.0 * np.pi * np.arange(count) / count
+    height = np.full(count, max(np.cos(polar), 0.0))
+    return np.column_stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), height])
+
+
+if __name__ == "__main__":
+    serve(_sample_face)

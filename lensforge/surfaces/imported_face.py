@@ -1,0 +1,134 @@
+"""A face that was given: of another result's ``lens.json``, exactly, or of a STEP or IGES file as a spline.
+
+With each stands where it comes from, and how far the surface is from what was given. A CAD file is sampled by the CAD
+kernel in a child process.
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.errors import InputError
+from lensforge.results import Record
+from lensforge.results.file_bounds import MOST_STEP_MIB, require_small_step
+from lensforge.results.files import MIB, read_file, read_json, temporary_folder, write_json
+from lensforge.results.json_npz import arrays_in
+from lensforge.results.sandbox import ChildLimits, work_in_child
+from lensforge.results.stage_result import CHECKSUM, require_checksum, validated
+from lensforge.surfaces.chart_spline import ChartSpline
+from lensforge.surfaces.surface import Surface
+from lensforge.surfaces.surface_record import SurfaceRecord
+
+# Files between the process that samples a CAD face and the one that asks for it.
+JOB, FOUND, SPLINE = "job.json", "found.json", "spline.npz"
+
+
+@dataclass(frozen=True)
+class GivenFace:
+    """``surface``, ``origin`` in words, and its largest errors against what was given: nm along the normal, urad.
+
+    ``unit``: that of the file.
+    """
+
+    surface: Surface
+    origin: str
+    form_error_nm: float
+    normal_error_urad: float
+    unit: str = "mm"
+
+
+def place_of(direction: Float[np.ndarray, "3"]) -> str:
+    """A direction from the origin in words."""
+    polar = np.degrees(np.arccos(np.clip(direction[2], -1.0, 1.0)))
+    azimuth = np.degrees(np.arctan2(direction[1], direction[0])) % 360.0
+    return f"{polar:.1f} degrees from the axis at azimuth {azimuth:.0f} degrees"
+
+
+LENS_FILE = "lens.json"  # in a result folder
+_LENS_REMEDY = "name the folder of a result, or its lens.json"
+
+
+def lens_file(path: Path) -> Path:
+    """The file of the lens in a result folder, or ``path`` itself."""
+    return path / LENS_FILE if path.is_dir() else path
+
+
+class _Face(Record):
+    """The one entry of a lens file that is needed."""
+
+    unions = ("face",)
+
+    face: SurfaceRecord
+
+
+def face_of_lens(path: Path, side: Literal["inner", "outer"]) -> GivenFace:
+    """The ``side`` of the lens in ``path``. Raises :class:`InputError` for any other file."""
+    content = read_json(path, _LENS_REMEDY)
+    if not isinstance(content, dict) or not isinstance(content.get(side), dict):
+        raise InputError(f"{path}: not a lens file; {_LENS_REMEDY}")
+    if CHECKSUM in content:
+        require_checksum(content, path, _LENS_REMEDY)
+    # files of version 0.1.0 state no kind: they knew one
+    record = validated(_Face, {"face": {"kind": "srbf", **content[side]}}, path, _LENS_REMEDY)
+    try:
+        surface = record.face.surface()
+    except InputError as error:
+        raise InputError(f"{path}: {side}: {error}; {_LENS_REMEDY}") from None
+    return GivenFace(surface, f"{side} face of {path.parent.name}/{path.name}", 0.0, 0.0)
+
+
+STEP_SUFFIXES, IGES_SUFFIXES = (".step", ".stp"), (".iges", ".igs")
+_CAD_REMEDY = "repair it in CAD, and export it again"
+_MEMORY_MIB = 1800
+_SECONDS, _SECONDS_PER_MIB = 120.0, 15.0  # up to 60,000 rays of 0.3 ms and the reading, on a slow core
+
+Selection = str | int
+
+
+def face_of_cad(path: Path, faces: Sequence[Selection], shift_mm: tuple[float, float, float]) -> GivenFace:
+    """The named or numbered ``faces`` of ``path`` as one surface, in mm whatever its unit, moved by ``shift_mm``.
+
+    "first": the one that the axis meets first above the origin. Numbers count from 1 in the order of the file.
+    Raises :class:`InputError` for a face that is not there, has a hole, ends above z = 0, or is met twice from the
+    origin, with the place.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in STEP_SUFFIXES + IGES_SUFFIXES:
+        known = ", ".join(STEP_SUFFIXES + IGES_SUFFIXES)
+        raise InputError(f"{path}: {suffix or 'no suffix'}, must be one of {known}; export the face as STEP or IGES")
+    content = read_file(path, missing="give the CAD file of the face", most_bytes=MOST_STEP_MIB * MIB)
+    return _sampled(content, str(path), path.name, suffix in IGES_SUFFIXES, tuple(faces), shift_mm)
+
+
+@lru_cache(maxsize=4)  # a spec is made many times while it is read; the sampling takes seconds
+def _sampled(
+    content: bytes,
+    origin: str,
+    name: str,
+    iges: bool,
+    faces: tuple[Selection, ...],
+    shift_mm: tuple[float, float, float],
+) -> GivenFace:
+    if not iges:
+        require_small_step(content, origin, _CAD_REMEDY)
+    limits = ChildLimits(_MEMORY_MIB, _SECONDS + _SECONDS_PER_MIB * len(content) / MIB)
+    with temporary_folder("face") as folder:
+        file = "face.igs" if iges else "face.step"
+        (folder / file).write_bytes(content)
+        job = {"file": file, "iges": iges, "faces": list(faces), "shift_mm": list(shift_mm), "origin": origin}
+        write_json(folder / JOB, job)
+        script = Path(__file__).with_name("cad_sampling.py").resolve()
+        work_in_child(script, folder, limits, origin=origin, remedy=_CAD_REMEDY)
+        found = json.loads((folder / FOUND).read_text(encoding="utf-8"))
+        arrays = arrays_in((folder / SPLINE).read_bytes(), ("axis", "radius"), 64 * MIB)
+    named = " and ".join(found["names"])
+    surface = ChartSpline.through(np.asarray(arrays["axis"]), np.asarray(arrays["radius"]))
+    return GivenFace(
+        surface, f"{named} of {name}", found["form_error_nm"], found["normal_error_urad"], str(found["unit"])
+    )

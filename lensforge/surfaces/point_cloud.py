@@ -1,0 +1,185 @@
+"""Points on a surface, measured or given: read from a text file, and a face through them.
+
+The face is a spline over the chart in least squares, its error taken at points left out. Between points and beyond the
+last of them the spline bends as little as it can (P-splines: P. H. C. Eilers and B. D. Marx, Statistical Science 11,
+89, 1996).
+"""
+
+import re
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.errors import InputError
+from lensforge.results.files import MIB, read_file
+from lensforge.surfaces.chart_spline import DEGREE, HALF_WIDTH, ChartSpline, detail_of
+from lensforge.surfaces.imported_face import GivenFace, place_of
+from lensforge.surfaces.srbf import fibonacci_hemisphere
+from lensforge.surfaces.surface import to_chart
+
+LEAST_POINTS = 100
+_MOST_BYTES = 128 * MIB  # four million points, which take 1 GiB while they are read; scanners measure a million
+# In a line that begins with a number, a comma between digits beside another mark between numbers: 1,5;2,5;3 or 1,5 2,5.
+_DECIMAL_COMMAS = re.compile(r"^(?=\s*[-+]?\d)(?:[^#]*\d,\d+[;\s]+[-+]?\d+(?:,\d+|[;\s]|$)|[^#]*;.*\d,\d)")
+_FURTHEST_MM = 1e6  # a machine's own zero may be metres away
+
+
+def read_cloud(path: Path, missing: str = "give the file of the measured points") -> Float[np.ndarray, "n 3"]:
+    """Read points (mm) from a text file: x, y, z first in each line, separated by commas, semicolons, tabs or blanks.
+
+    Lines before the first point, lines that begin with # and further columns are skipped. Raises :class:`InputError`,
+    for decimal commas too, which show where another mark separates the numbers.
+    """
+    content = read_file(path, missing=missing, most_bytes=_MOST_BYTES)
+    try:
+        lines = content.decode("utf-8-sig").splitlines()
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not readable as text ({error})") from None
+    points: list[tuple[float, ...]] = []
+    skipped = ""
+    for number, line in enumerate(lines, start=1):
+        fields = line.replace(",", " ").replace(";", " ").split()
+        if not fields or fields[0].startswith("#"):
+            continue
+        if _DECIMAL_COMMAS.search(line):
+            raise InputError(f"{path}: line {number}: decimal commas; write decimal points")
+        try:
+            points.append(tuple(map(float, fields[:3])))
+        except ValueError:
+            if points:
+                raise InputError(f"{path}: line {number}: must be x, y, z in mm") from None
+            skipped = skipped or f"line {number}"
+            continue
+        if len(points[-1]) < 3:
+            raise InputError(f"{path}: line {number}: {len(fields)} numbers, must be x, y, z in mm")
+    if skipped and not points:
+        raise InputError(f"{path}: {skipped}: no line begins with x, y, z in mm; remove names before the numbers")
+    cloud = np.array(points, dtype=np.float64).reshape(-1, 3)
+    if len(cloud) < LEAST_POINTS:
+        raise InputError(f"{path}: {len(cloud)} points, must be at least {LEAST_POINTS}")
+    if not np.isfinite(cloud).all():
+        raise InputError(f"{path}: some points are not finite; remove them")
+    furthest = float(np.abs(cloud).max())
+    if furthest > _FURTHEST_MM:
+        raise InputError(f"{path}: a coordinate of {furthest:.4g} mm, must be at most {_FURTHEST_MM:g}; remove it")
+    return cloud
+
+
+Coordinates = Literal["cartesian", "polar"]
+
+_LEFT_OUT = 10  # one point of so many, to measure the error between points
+_LEAST_CELLS, _MOST_CELLS, _FINER = 12, 160, 1.5  # of the spline across the chart; from one trial to the next
+_ENOUGH_MM = 1e-8  # rms at the points left out
+_BETTER = 0.9  # of the error: a finer spline must be worth its cells
+_SMALLEST_GAP = 4.0  # largest hole, in typical distances between neighbours
+# Weight of the third differences of the control values against that of a point, times the points in a cell: the
+# points decide wherever there are any. Of 1e-6 to 1e-10 the error of a sphere through 10,000 points is the same.
+_STIFFNESS = 1e-8
+_CHECKED = 2000
+_SEED = 0
+
+
+def face_of_points(path: Path, coordinates: Coordinates, shift_mm: tuple[float, float, float]) -> GivenFace:
+    """The face through the points of a text file, moved by ``shift_mm``.
+
+    Cartesian: x, y, z in mm; polar: angle from the axis and azimuth in degrees, and the distance from the origin in
+    mm. Raises :class:`InputError` where points leave a part of the hemisphere open, with the place.
+    """
+    rows = read_cloud(path, missing="give the file of the points on the face")
+    points = (rows if coordinates == "cartesian" else _from_polar(rows, path)) + np.asarray(shift_mm)
+    radius = np.linalg.norm(points, axis=1)
+    if not (radius > 0.0).all():
+        raise InputError(f"{path}: a point lies at the origin, where the source is; remove it, or check shift_mm")
+    directions = points / radius[:, None]
+    _require_covered(directions, path)
+    surface, form_nm, normal_urad = _fitted(directions, radius)
+    return GivenFace(surface, f"{len(points)} points of {path.name}", form_nm, normal_urad)
+
+
+def _from_polar(rows: Float[np.ndarray, "n 3"], path: Path) -> Float[np.ndarray, "n 3"]:
+    polar, azimuth, radius = np.deg2rad(rows[:, 0]), np.deg2rad(rows[:, 1]), rows[:, 2]
+    if polar.min() < 0.0 or polar.max() > np.pi or np.abs(azimuth).max() > 2.0 * np.pi:
+        raise InputError(
+            f"{path}: angles from the axis of {np.rad2deg(polar.min()):.4g} to {np.rad2deg(polar.max()):.4g} degrees, "
+            "must be 0 to 180, azimuths -360 to 360; in each line: angle from the axis, azimuth, distance in mm"
+        )
+    unit = [np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)]
+    points: Float[np.ndarray, "n 3"] = radius[:, None] * np.stack(unit, axis=1)
+    return points
+
+
+def _require_covered(directions: Float[np.ndarray, "n 3"], path: Path) -> None:
+    """Raise :class:`InputError` where a direction of the hemisphere is far from all points."""
+    from scipy.spatial import KDTree
+
+    tree = KDTree(directions)
+    typical = float(np.median(tree.query(directions, 2)[0][:, 1]))
+    typical = max(typical, float(np.sqrt(2.0 * np.pi / len(directions))))  # points that are twice there count once
+    wanted = fibonacci_hemisphere(_CHECKED)  # the lowest lie on the rim to a thirtieth of a degree
+    gap = tree.query(wanted)[0]
+    worst = int(gap.argmax())
+    if gap[worst] > _SMALLEST_GAP * typical:
+        raise InputError(
+            f"{path}: no point within {np.rad2deg(gap[worst]):.3g} degrees of the direction {place_of(wanted[worst])}; "
+            f"neighbours are {np.rad2deg(typical):.2g} degrees apart; add points there, down to z = 0"
+        )
+
+
+def _fitted(directions: Float[np.ndarray, "n 3"], radius: Float[np.ndarray, " n"]) -> tuple[ChartSpline, float, float]:
+    """Spline through all points, and its largest errors (nm, urad), at a tenth of them that a first one left out.
+
+    As fine as it takes: a finer one is tried until the points left out are met no better.
+    """
+    order = np.random.default_rng(_SEED).permutation(len(radius))
+    order = order[directions[order, 2] >= 0.0]  # below z = 0 no surface counts
+    out = order[::_LEFT_OUT]
+    kept = np.setdiff1d(np.arange(len(radius)), out)
+    most = min(_MOST_CELLS, int(2.0 * HALF_WIDTH * np.sqrt(len(radius) / np.pi)))
+    cells, best = _LEAST_CELLS, None
+    while True:
+        trial = _spline(directions[kept], radius[kept], cells)
+        miss = float(np.sqrt(np.mean((trial.radius(directions[out]) - radius[out]) ** 2)))
+        if best is None or miss < _BETTER * best[0]:
+            best = (miss, cells, trial)
+        elif cells > 2 * best[1]:
+            break
+        if cells >= most or miss < _ENOUGH_MM:
+            break
+        cells = min(most, int(np.ceil(_FINER * cells)))
+    surface = _spline(directions, radius, best[1])
+    form_nm = np.abs(best[2].radius(directions[out]) - radius[out]).max() * 1e6
+    turned = np.linalg.norm(np.cross(surface.normal(directions[out]), best[2].normal(directions[out])), axis=1)
+    return surface, float(form_nm), float(turned.max() * 1e6)
+
+
+def _spline(directions: Float[np.ndarray, "n 3"], radius: Float[np.ndarray, " n"], cells: int) -> ChartSpline:
+    """Least squares over a grid of ``cells`` x ``cells``, even in angle."""
+    from scipy.interpolate import NdBSpline
+    from scipy.sparse.linalg import splu
+
+    half = np.arctan(HALF_WIDTH)
+    breaks = np.tan(np.linspace(-half, half, cells + 1))
+    knots = np.concatenate([np.full(DEGREE, breaks[0]), breaks, np.full(DEGREE, breaks[-1])])
+    chart = to_chart(directions)
+    inside = np.abs(chart).max(axis=1) <= HALF_WIDTH
+    design = NdBSpline.design_matrix(chart[inside], (knots, knots), DEGREE)
+    design.resize((inside.sum(), (cells + DEGREE) ** 2))  # scipy leaves out columns after the last one that is used
+    mean = float(radius.mean())
+    stiff = _STIFFNESS * inside.sum() / cells**2 * _differences(cells + DEGREE)
+    control = splu((design.T @ design + stiff).tocsc()).solve(design.T @ (radius[inside] - mean)) + mean
+    table = control.reshape(cells + DEGREE, cells + DEGREE)
+    return ChartSpline(knots, table, detail_of(knots, table))
+
+
+def _differences(side: int) -> Any:
+    """Sum of the squared third differences of a square table along both axes, as a sparse matrix."""
+    from scipy.sparse import diags_array, eye_array, kron
+
+    steps = ((0, -1.0), (1, 3.0), (2, -3.0), (3, 1.0))
+    third = sum(
+        value * diags_array(np.ones(side - 3), offsets=offset, shape=(side - 3, side)) for offset, value in steps
+    )
+    squared, whole = third.T @ third, eye_array(side)
+    return kron(squared, whole) + kron(whole, squared)

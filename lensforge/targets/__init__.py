@@ -1,1 +1,0 @@
-"""Targets: what is wanted on a receiver, as relative light on its pixels."""

@@ -1,1 +1,0 @@
-"""Tracing: a ray bundle becomes the rays that leave the lens, every ray with a fate."""

@@ -1,1 +1,0 @@
-"""Independent verification: rays are cast through the exported part, without any tracing code of the design stage."""

@@ -1,0 +1,204 @@
+import re
+
+import numpy as np
+import pytest
+from geometry_lenses import exact_volume, random_surface
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from nightly import first_by_day, scaled
+
+from lensforge.cad.mesh import build_mesh, check_closed
+from lensforge.cad.patch import fit_patch
+from lensforge.cad.plan import make_plan, rim_directions
+from lensforge.cad.solid import build_solid
+from lensforge.cad.step import parse_step, step_bytes
+from lensforge.errors import InputError
+from lensforge.spec import BaseSection
+
+DISC = np.pi * 25.4**2 / 4.0
+SEGMENT = 12.7**2 * np.arccos(11.0 / 12.7) - 11.0 * np.sqrt(12.7**2 - 11.0**2)
+PLAIN = {"OPTICAL_INNER", "OPTICAL_OUTER", "BASE_SIDE", "BASE_BOTTOM", "BASE_BORE", "BASE_TOP"}
+SQUARE = PLAIN - {"BASE_SIDE"} | {f"BASE_SIDE_{k}" for k in (1, 2, 3, 4)}
+FLANGE, POCKET = {"FLANGE_TOP", "FLANGE_SIDE"}, {"POCKET_TOP", "POCKET_SIDE"}
+RELIEF = {0.0: set(), 0.7: {"BASE_RELIEF"}}
+
+# What each base has instead of, or besides, the plain cylinder: keys of the spec, its faces, volume below z = 0
+# without the bore and the step (mm^3).
+BASES = {
+    "square": ({"kind": "square", "side_mm": 30.0}, SQUARE, 1800.0),
+    "flat": ({"flat_mm": 11.0}, PLAIN | {"CLOCKING_FLAT"}, 2.0 * (DISC - SEGMENT)),
+    "flange": ({"flange_diameter_mm": 32.0}, PLAIN | FLANGE, 1.5 * DISC + 0.5 * np.pi * 16.0**2),
+    "pocket": ({"pocket_diameter_mm": 16.0}, PLAIN | POCKET, 2.0 * DISC - np.pi * 8.0**2),
+    "square, pocket, flange": (
+        {"kind": "square", "side_mm": 26.0, "pocket_diameter_mm": 16.0, "flange_diameter_mm": 40.0},
+        SQUARE | FLANGE | POCKET,
+        1.5 * 26.0**2 + 0.5 * np.pi * 20.0**2 - np.pi * 8.0**2,
+    ),
+}
+
+
+def plan_of(inner, outer, base):
+    return make_plan(fit_patch(inner), fit_patch(outer), base)
+
+
+def _whole(name):
+    """The walls below a rim have a face for each edge of the rim."""
+    return re.sub(r"(BORE|RELIEF|SIDE)_\d+$", r"\1", name)
+
+
+def closed_form(inner, outer, base, below, relief):
+    """Integrals over the surfaces, and prisms: the bore is the inner rim drawn down, the step the outer one."""
+    azimuth = np.linspace(0.0, 2.0 * np.pi, 512, endpoint=False)
+    opening, seat = (np.pi * np.mean(surface.radius(rim_directions(azimuth)) ** 2) for surface in (inner, outer))
+    pocket = 0.0 if base.pocket_diameter_mm is None else base.pocket_depth_mm
+    shell = exact_volume(inner, outer, BaseSection(kind="none"))
+    area = below / 2.0 if base.flange_diameter_mm is None and not pocket else None
+    area = area or {"square": base.side_mm**2, "cylinder": DISC}[base.kind]
+    return shell + below - opening * (base.height_mm - pocket) - relief * (area - seat)
+
+
+# Each base, and the step, by day; all pairs nightly.
+PAIRS = [("square", 0.0), ("flat", 0.7), ("flange", 0.0), ("pocket", 0.7), ("square, pocket, flange", 0.7)]
+PAIRS += [(name, relief) for name in BASES for relief in (0.0, 0.7) if (name, relief) not in PAIRS]
+
+
+@pytest.mark.parametrize(("name", "relief"), first_by_day(5, PAIRS))
+def test_every_base_is_one_closed_named_body_of_its_closed_form(name, relief):
+    keys, faces, below = BASES[name]
+    base = BaseSection(**keys, relief_step_mm=relief)
+    inner, outer = random_surface(6.0, 0.02, 3), random_surface(10.2, 0.01, 4)
+    plan = plan_of(inner, outer, base)
+    volume = closed_form(inner, outer, base, below, relief)
+    solid = build_solid(plan)
+    assert solid.valid
+    assert {_whole(name) for name in solid.faces} == {_whole(name) for name in faces | RELIEF[relief]}
+    assert len(solid.shape.Faces()) == len(solid.faces), "a face without a name"
+    assert solid.volume_mm3 == pytest.approx(volume, rel=2e-9)
+    again = parse_step(step_bytes(solid, name))
+    assert again.valid
+    assert set(again.faces) == set(solid.faces)
+    assert again.volume_mm3 == pytest.approx(solid.volume_mm3, rel=1e-9)
+    coarse, fine = (build_mesh(plan, rings) for rings in (24, 48))
+    closure = check_closed(fine.vertices, fine.triangles)
+    assert (closure.watertight, closure.genus) == (True, 0)
+    assert (4.0 * fine.volume() - coarse.volume()) / 3.0 == pytest.approx(volume, rel=2e-5)
+    # The mesh does not tell the sides of a square apart, nor a flat from the rest of its side.
+    assert {_whole(name) for name in solid.faces} - {"CLOCKING_FLAT"} == set(fine.names)
+
+
+@pytest.mark.parametrize("width", first_by_day(1, [25.4, 15.0]))
+def test_a_step_that_stands_back_from_the_rim_is_a_circle_all_around(width):
+    inner, outer = random_surface(6.0, 0.02, 3), random_surface(10.2, 0.01, 4)
+    base = BaseSection(diameter_mm=width, relief_step_mm=0.7, relief_setback_mm=0.3)
+    plan = plan_of(inner, outer, base)
+    rim = outer.radius(rim_directions(np.linspace(0.0, 2.0 * np.pi, 720)))
+    wall = plan.ring.radius(np.array([0.0, 1.0]))
+    assert wall == pytest.approx(rim.min() - 0.3, abs=1e-5)
+    opening = np.pi * np.mean(inner.radius(rim_directions(np.linspace(0.0, 2.0 * np.pi, 512, endpoint=False))) ** 2)
+    below = 0.7 * np.pi * wall[0] ** 2 + 1.3 * np.pi * width**2 / 4.0 - 2.0 * opening
+    volume = exact_volume(inner, outer, BaseSection(kind="none")) + below
+    solid = build_solid(plan)
+    assert solid.valid
+    assert solid.volume_mm3 == pytest.approx(volume, rel=2e-9)
+    assert {"RIM", "BASE_RELIEF"} < {re.sub(r"_\d+$", "", name) for name in solid.faces}
+    assert parse_step(step_bytes(solid, "ring")).volume_mm3 == pytest.approx(solid.volume_mm3, rel=1e-9)
+    coarse, fine = (build_mesh(plan, rings) for rings in (24, 48))
+    closure = check_closed(fine.vertices, fine.triangles)
+    assert (closure.watertight, closure.genus) == (True, 0)
+    assert (4.0 * fine.volume() - coarse.volume()) / 3.0 == pytest.approx(volume, rel=2e-5)
+
+
+# Each takes a second: a thousand of them nightly.
+@settings(max_examples=min(scaled(12, by_day=5), 1000), deadline=None, derandomize=True)
+@given(
+    seed=st.integers(0, 10_000),
+    outer=st.floats(8.0, 13.7),
+    kind=st.sampled_from(["cylinder", "square"]),
+    width=st.floats(16.5, 30.0),
+    extras=st.sets(st.sampled_from(["flat", "flange", "pocket", "relief", "setback"])),
+)
+def test_random_lenses_on_random_bases_are_valid_and_closed(seed, outer, kind, width, extras):
+    content = {"kind": kind, "side_mm" if kind == "square" else "diameter_mm": width}
+    content |= {"flat_mm": 0.45 * width} if "flat" in extras and kind == "cylinder" else {}
+    content |= {"flange_diameter_mm": 1.6 * width} if "flange" in extras else {}
+    content |= {"pocket_diameter_mm": 14.0} if "pocket" in extras else {}
+    content |= {"relief_step_mm": 0.6} if extras & {"relief", "setback"} else {}
+    content |= {"relief_setback_mm": 0.2} if "setback" in extras else {}
+    try:
+        plan = plan_of(random_surface(5.5, 0.02, seed), random_surface(outer, 0.02, seed + 1), BaseSection(**content))
+    except InputError:  # a step below a rim that crosses the outline: tested below
+        return
+    mesh = build_mesh(plan, 16)
+    closure = check_closed(mesh.vertices, mesh.triangles)
+    assert (closure.status, closure.genus) == ("NoError", 0)
+    solid = build_solid(plan)
+    assert solid.valid
+    assert len(solid.shape.Faces()) == len(solid.faces)
+    assert closure.volume_mm3 == pytest.approx(solid.volume_mm3, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("keys", "word"),
+    [
+        ({"kind": "square", "side_mm": 11.0}, r"base\.side_mm = 11: the cavity opens"),
+        ({"flat_mm": 5.0}, r"base\.flat_mm = 5: the cavity opens.*at least 6\.01"),
+        ({"relief_step_mm": 0.5, "relief_setback_mm": 4.0}, r"base\.relief_setback_mm = 4: .* at most 3\.99"),
+        ({"pocket_diameter_mm": 11.0}, r"base\.pocket_diameter_mm = 11: from 12\.02"),
+        ({"pocket_diameter_mm": 26.0}, r"base\.pocket_diameter_mm = 26: .* to 25\.38"),
+    ],
+)
+def test_a_base_that_does_not_fit_is_refused_by_its_field(keys, word):
+    with pytest.raises(InputError, match=word):
+        plan_of(random_surface(6.0, 0.0, 0), random_surface(10.0, 0.0, 0), BaseSection(**keys))
+
+
+def test_a_step_below_a_rim_that_crosses_the_outline_is_refused():
+    with pytest.raises(InputError, match=r"base\.relief_step_mm = 0\.5: the wall of the step, .* meets"):
+        plan_of(random_surface(6.0, 0.0, 0), random_surface(12.7, 0.02, 51), BaseSection(relief_step_mm=0.5))
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {"relief_step_mm": 2.0},
+        {"relief_setback_mm": 0.1},
+        {"kind": "step"},
+        {"kind": "cylinder", "file": "clamp.step"},
+        {"kind": "step", "file": "clamp.step", "relief_step_mm": 0.5},
+        {"pocket_diameter_mm": 20.0, "pocket_depth_mm": 2.0},
+        {"flat_mm": 13.0},
+        {"kind": "square", "flat_mm": 10.0},
+        {"flange_diameter_mm": 25.0},
+        {"pocket_depth_mm": 0.5},
+        {"flange_height_mm": 0.7},
+        {"side_mm": 20.0},
+        {"kind": "square", "diameter_mm": 20.0},
+        {"kind": "step", "file": "clamp.step", "height_mm": 3.0},
+    ],
+)
+def test_heights_and_widths_that_contradict_each_other_are_refused(keys):
+    with pytest.raises(InputError, match=r"^BaseSection: .*(must|flat|needs|go)"):
+        BaseSection(**keys)
+
+
+@pytest.mark.parametrize(
+    ("keys", "line"),
+    [
+        ({"relief_setback_mm": 0.1}, "relief_setback_mm = 0.1 needs a relief_step_mm above 0, not 0"),
+        (
+            {"relief_step_mm": 1.6, "flange_diameter_mm": 30.0},
+            "relief_step_mm = 1.6 and the flange's height, 0.5, must",
+        ),
+        ({"flange_diameter_mm": 25.0}, "flange_diameter_mm = 25: must exceed the width of the base, 25.4"),
+        ({"kind": "step", "file": "clamp.step", "height_mm": 3.0}, "height_mm = 3 does not go with kind = 'step'"),
+    ],
+)
+def test_a_refusal_states_the_value_and_what_is_allowed(keys, line):
+    with pytest.raises(InputError) as caught:
+        BaseSection(**keys)
+    assert line in str(caught.value)
+
+
+def test_a_base_that_writes_its_defaults_out_is_read_again():
+    for base in (BaseSection(kind="square", side_mm=20.0), BaseSection(kind="none", diameter_mm=20.0)):
+        assert BaseSection(**base.model_dump()) == base

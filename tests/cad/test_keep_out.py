@@ -1,0 +1,202 @@
+"""The keep-out of a part: distances in closed form, what to change, and files that hold none."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from geometry_lenses import make_lens
+from keep_outs import ball, box, step_file
+
+from lensforge.cad import part_export
+from lensforge.cad.form_error import fit_faces
+from lensforge.cad.keep_out import FACET_MM, keep_out_criteria, keep_out_distance, mesh_error_mm, read_keep_out
+from lensforge.cad.mesh import build_mesh
+from lensforge.cad.part import KeepOutDistance, Part
+from lensforge.cad.part_export import build_part
+from lensforge.cad.plan import make_plan
+from lensforge.errors import InputError
+from lensforge.scene.lens import Lens
+from lensforge.spec import BaseSection
+
+INNER_MM, OUTER_MM = 0.8, 2.45
+PROVE, PROOFS = part_export._prove, {}
+HERE = pytest.mark.usefixtures("cad_read_here")
+
+
+def part_with(path: Path, margin_mm: float = 0.1, **base: object) -> Part:
+    """Two hemispheres, and the keep-out of a file."""
+    plain = make_lens(INNER_MM, OUTER_MM, 0.0, base=base or {"kind": "none"})
+    limits = {"constraints.keep_out": str(path), "constraints.keep_out_margin_mm": margin_mm}
+    return built(Lens(plain.inner, plain.outer, plain.spec.replace(limits), 0, "draft"))
+
+
+def built(lens: Lens) -> Part:
+    """The part of two hemispheres, whose files are proved once for each base: they do not depend on the keep-out."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(part_export, "_prove", _proved_once)
+        return build_part(lens, rings=24)
+
+
+def _proved_once(lens: Lens, *files: Any) -> Any:
+    base = lens.spec.base.model_dump_json()
+    if base not in PROOFS:
+        PROOFS[base] = PROVE(lens, *files)
+    return PROOFS[base]
+
+
+def missed(part: Part) -> list[str]:
+    return [str(criterion) for criterion in part.criteria if not criterion.passed]
+
+
+@HERE
+@pytest.mark.parametrize(
+    ("shape", "distance_mm"),
+    [
+        (ball(0.3, (0.2, 0.0, 0.1)), INNER_MM - 0.3 - np.hypot(0.2, 0.1)),
+        (box((0.6, 0.4, 0.5), (0.0, 0.0, 0.0)), INNER_MM - np.hypot(0.3, np.hypot(0.2, 0.25))),
+    ],
+    ids=["ball", "box"],
+)
+def test_the_distance_to_a_spherical_cavity_is_that_of_geometry(
+    tmp_path: Path, shape: object, distance_mm: float
+) -> None:
+    part = part_with(step_file(tmp_path / "led.step", shape))
+    found = part.keep_out
+    assert found is not None
+    assert found.distance_mm == pytest.approx(distance_mm, abs=found.error_mm)
+    assert found.error_mm < 5e-3
+    apart = np.linalg.norm(np.subtract(found.body_point_mm, found.keep_out_point_mm))
+    assert apart == pytest.approx(distance_mm, abs=0.01)
+    assert np.linalg.norm(found.body_point_mm) == pytest.approx(INNER_MM, abs=0.01)
+    assert missed(part) == []
+
+
+@HERE
+def test_a_keep_out_too_close_to_the_cavity_misses_and_says_what_to_raise(tmp_path: Path) -> None:
+    part = part_with(step_file(tmp_path / "led.step", ball(0.3, (0.45, 0.0, 0.1))))
+    (words,) = missed(part)
+    assert "keep_out_distance" in words and "raise lens.inner_offset_mm" in words
+
+
+def test_the_error_of_a_coarse_mesh_is_that_of_the_polygon_of_its_base() -> None:
+    """A hexagon about R has sides at R cos(pi/6)."""
+    base, none = BaseSection(diameter_mm=30.0), BaseSection(kind="none")
+    assert mesh_error_mm(base, 1, 1e-3) == pytest.approx(15.0 * (1.0 - np.sqrt(0.75)) + FACET_MM)
+    flange = base.model_copy(update={"flange_diameter_mm": 40.0})
+    assert mesh_error_mm(flange, 1, 1e-3) == pytest.approx(20.0 * (1.0 - np.sqrt(0.75)) + FACET_MM)
+    assert mesh_error_mm(none, 1, 1e-3) == 1e-3 + FACET_MM
+
+
+@HERE
+def test_a_lens_that_is_not_closed_has_no_distance_and_is_no_fault_of_the_keep_out(tmp_path: Path) -> None:
+    path = step_file(tmp_path / "led.step", ball(0.3, (0.0, 0.0, 0.1)))
+    lens = make_lens(INNER_MM, OUTER_MM, 0.0, base={"kind": "none"})
+    mesh = build_mesh(make_plan(*fit_faces(lens), lens.spec.base), 6)
+    assert keep_out_distance(mesh, read_keep_out(path), 1e-3) is not None
+    torn = replace(mesh, triangles=mesh.triangles[1:], face=mesh.face[1:])
+    assert keep_out_distance(torn, read_keep_out(path), 1e-3) is None
+    (criterion,) = keep_out_criteria(lens.spec.replace({"constraints.keep_out": str(path)}), None)
+    assert criterion.value is None and not criterion.passed and "is not closed" in criterion.remedy
+
+
+@HERE
+def test_a_keep_out_in_the_body_is_at_less_than_no_distance(tmp_path: Path) -> None:
+    """A box of 0.2 mm sides in the wall: 2 V/S = a/3."""
+    part = part_with(step_file(tmp_path / "led.step", box((0.2, 0.2, 0.2), (1.6, 0.0, 0.3))), margin_mm=0.0)
+    assert part.keep_out is not None
+    assert part.keep_out.distance_mm == pytest.approx(-0.2 / 3.0, rel=1e-6)
+    assert len(missed(part)) == 1
+
+
+@HERE
+def test_what_only_touches_is_free_without_a_margin(tmp_path: Path) -> None:
+    """The board on which the base stands."""
+    path = step_file(tmp_path / "board.step", box((8.0, 8.0, 1.0), (0.0, 0.0, -2.5)))
+    part = part_with(path, margin_mm=0.0, diameter_mm=6.0, height_mm=2.0)
+    assert part.keep_out is not None
+    assert part.keep_out.distance_mm == pytest.approx(0.0, abs=1e-9)
+    assert missed(part) == []
+    assert "lower base.height_mm" in missed(part_with(path, diameter_mm=6.0, height_mm=2.0))[0]
+
+
+@HERE
+@pytest.mark.nightly("half a minute")
+def test_a_board_below_z_0_needs_a_pocket_of_its_width(tmp_path: Path) -> None:
+    """Base of 2 mm with a bore as wide as the cavity: a board of 2.4 mm at z from -1.9 to -1.4 needs 2.4 sqrt(2)."""
+    path = step_file(tmp_path / "board.step", box((2.4, 2.4, 0.5), (0.0, 0.0, -1.65)))
+    bored = part_with(path, diameter_mm=6.0, height_mm=2.0)
+    assert bored.keep_out is not None and bored.keep_out.distance_mm < 0.0
+    (words,) = missed(bored)  # up to 1.4 mm below z = 0, its corners 1.7 mm from the axis
+    assert "base.pocket_depth_mm = 0.7 with pocket_diameter_mm = 3.595" in words
+    wide = {"diameter_mm": 6.0, "height_mm": 2.0, "pocket_diameter_mm": 3.8, "pocket_depth_mm": 0.9}
+    pocketed = part_with(path, **wide)
+    assert pocketed.keep_out is not None
+    expected = min(1.9 - np.hypot(1.2, 1.2), 1.4 - (2.0 - 0.9))
+    assert pocketed.keep_out.distance_mm == pytest.approx(expected, abs=pocketed.keep_out.error_mm)
+    assert missed(pocketed) == []
+    shallow = part_with(path, **(wide | {"pocket_depth_mm": 0.65}))
+    assert "base.pocket_depth_mm = 0.7" in missed(shallow)[0]
+
+
+@pytest.mark.parametrize(
+    ("base", "distance_mm", "body", "keep_out", "words"),
+    [
+        ("cylinder", 0.05, (3.0, 0.0, 0.0), (3.05, 0.0, 0.0), "beside the base: lower base.diameter_mm"),
+        ("square", 0.05, (3.0, 0.0, 0.0), (3.05, 0.0, 0.0), "beside the base: lower base.side_mm"),
+        ("cylinder", -0.01, (2.9, 0.0, -1.0), (3.0, 0.0, -0.5), "beside the base: lower base.diameter_mm"),
+        ("cylinder", -0.1, (1.0, 0.0, -2.0), (1.2, 0.0, -1.5), "depth_mm = 0.6 with pocket_diameter_mm = 2.6"),
+        ("cylinder", -0.1, (3.0, 0.0, -2.0), (3.0, 0.0, -1.5), "lower base.height_mm, or move the keep-out"),
+        ("cylinder", 0.05, (0.8, 0.0, 0.0), (0.75, 0.0, 0.0), "raise lens.inner_offset_mm"),
+        ("cylinder", -0.01, (0.8, 0.0, -0.1), (0.9, 0.0, 0.1), "raise lens.inner_offset_mm"),
+    ],
+)  # fmt: skip
+def test_the_remedy_names_the_field_of_the_place(
+    base: str, distance_mm: float, body: tuple[float, ...], keep_out: tuple[float, ...], words: str
+) -> None:
+    """Base 6 mm wide and 2 mm high; its side has vertices at z = 0 and at its bottom alone."""
+    width = "side_mm" if base == "square" else "diameter_mm"
+    plain = make_lens(INNER_MM, OUTER_MM, 0.0, base={"kind": base, width: 6.0, "height_mm": 2.0})
+    spec = plain.spec.replace({"constraints.keep_out": "clamp.step", "constraints.keep_out_margin_mm": 0.1})
+    found = KeepOutDistance(distance_mm=distance_mm, body_point_mm=body, keep_out_point_mm=keep_out, error_mm=1e-3)
+    (criterion,) = keep_out_criteria(spec, found)
+    assert words in criterion.remedy
+
+
+def test_no_keep_out_has_no_distance_and_no_criterion() -> None:
+    part = built(make_lens(INNER_MM, OUTER_MM, 0.0, base={"kind": "none"}))
+    assert part.keep_out is None and part.mass_g is None
+    assert "keep_out_distance" not in {criterion.name for criterion in part.criteria}
+
+
+def test_the_mass_is_that_of_the_volume(tmp_path: Path) -> None:
+    plain = make_lens(INNER_MM, OUTER_MM, 0.0, base={"kind": "none"})
+    spec = plain.spec.replace({"lens.density_g_per_cm3": 1.19})
+    part = built(Lens(plain.inner, plain.outer, spec, 0, "draft"))
+    shell = 2.0 / 3.0 * np.pi * (OUTER_MM**3 - INNER_MM**3)
+    assert part.mass_g == pytest.approx(1.19e-3 * shell, rel=1e-8)
+
+
+def test_an_inch_file_is_read_in_mm(tmp_path: Path) -> None:
+    path = step_file(tmp_path / "led.step", box((1.0, 1.0, 1.0), (0.0, 0.0, 0.0)))
+    text = path.read_text()
+    metre = text.replace("SI_UNIT(.MILLI.,.METRE.)", "SI_UNIT($,.METRE.)")
+    assert metre != text
+    path.write_text(metre)
+    (solid,) = read_keep_out(path).solids
+    assert np.abs(solid.vertices).max() == pytest.approx(500.0)
+
+
+@HERE
+def test_a_file_without_solids_is_refused_in_one_line(tmp_path: Path) -> None:
+    import cadquery as cq
+
+    face = cq.Face.makePlane(1.0, 1.0)
+    cases = {"surface.step": "holds no solid", "absent.step": "no such file", "text.step": "not readable as STEP"}
+    step_file(tmp_path / "surface.step", face)
+    (tmp_path / "text.step").write_text("ISO-10303-21; nothing")
+    for name, message in cases.items():
+        with pytest.raises(InputError, match=message) as refusal:
+            read_keep_out(tmp_path / name)
+        assert name in str(refusal.value) and "\n" not in str(refusal.value)

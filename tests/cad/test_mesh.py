@@ -1,0 +1,230 @@
+import numpy as np
+import pytest
+from geometry_lenses import exact_volume, random_surface
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from nightly import scaled
+
+from lensforge.cad.mesh import build_mesh, check_closed, mesh_error, rim_azimuths, rings_for
+from lensforge.cad.patch import fit_patch
+from lensforge.cad.plan import BORE, BOTTOM, INNER, OUTER, RIM, SIDE, TOP, make_plan, rim_directions
+from lensforge.errors import InputError
+from lensforge.spec import BaseSection
+from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
+from lensforge.surfaces.surface import to_chart
+
+NONE = BaseSection(kind="none")
+
+
+def plan_of(inner, outer, base):
+    return make_plan(fit_patch(inner), fit_patch(outer), base)
+
+
+def edges_pair_up(triangles):
+    """Every directed edge once, and its reverse once: closed, oriented, two-sided; no library asked."""
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    keys, back = edges[:, 0] * 2**32 + edges[:, 1], edges[:, 1] * 2**32 + edges[:, 0]
+    return len(np.unique(keys)) == len(keys) and np.array_equal(np.sort(keys), np.sort(back))
+
+
+def as_stl(mesh):
+    """Vertices in single precision, equal ones merged: what a reader of the STL sees."""
+    vertices, index = np.unique(mesh.vertices.astype(np.float32), axis=0, return_inverse=True)
+    return vertices.astype(float), index.reshape(-1)[mesh.triangles]
+
+
+def part_area_vector(mesh, name):
+    a, b, c = np.moveaxis(mesh.vertices[mesh.part(name)], 1, 0)
+    return np.cross(b - a, c - a).sum(axis=0) / 2.0
+
+
+@pytest.mark.parametrize("base", [NONE, BaseSection()], ids=["no base", "cylinder"])
+@pytest.mark.parametrize("radii", [(0.8, 2.45), (6.0, 12.7), (6.0, 13.7)])
+def test_volume_of_a_shell_converges_to_its_closed_form_with_order_two(radii, base):
+    inner, outer = (random_surface(radius, 0.0, seed=0) for radius in radii)
+    volume = 2.0 * np.pi * (radii[1] ** 3 - radii[0] ** 3) / 3.0
+    volume += base.height_mm * np.pi * (12.7**2 - radii[0] ** 2) if base.kind == "cylinder" else 0.0
+    plan = plan_of(inner, outer, base)
+    coarse, fine = (build_mesh(plan, rings).volume() / volume - 1.0 for rings in (24, 48))
+    assert -2e-3 < fine < 0.0
+    assert np.log2(coarse / fine) == pytest.approx(2.0, abs=0.05)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_volume_of_a_crossing_freeform_matches_the_integral(seed):
+    inner, outer = random_surface(6.0, 0.02, seed), random_surface(12.7, 0.02, seed + 50)
+    plan = plan_of(inner, outer, BaseSection())
+    coarse, fine = (build_mesh(plan, rings).volume() for rings in (32, 64))
+    extrapolated = (4.0 * fine - coarse) / 3.0
+    assert extrapolated == pytest.approx(exact_volume(inner, outer, BaseSection()), rel=2e-6)
+
+
+@settings(max_examples=min(scaled(40, by_day=12), 1000), deadline=None, derandomize=True)
+@given(
+    seed=st.integers(0, 10_000),
+    relative=st.floats(0.0, 0.03),
+    excess=st.floats(-0.05, 0.05),
+    rings=st.integers(3, 24),
+)
+def test_every_body_is_closed_however_the_rim_crosses_the_cylinder(seed, relative, excess, rings):
+    inner, outer = random_surface(1.0, relative, seed), random_surface(2.45, relative, seed + 1)
+    radius = 2.45 * (1.0 + excess * relative / 0.03)
+    for base in (NONE, BaseSection(diameter_mm=2.0 * radius)):
+        mesh = build_mesh(plan_of(inner, outer, base), rings)
+        assert check_closed(mesh.vertices, mesh.triangles).volume_mm3 == pytest.approx(mesh.volume(), rel=1e-9)
+        for vertices, triangles in ((mesh.vertices, mesh.triangles), as_stl(mesh)):
+            closure = check_closed(vertices, triangles)
+            assert edges_pair_up(triangles)
+            assert closure.watertight
+            assert closure.genus == 0
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e-9, 1e-6, 1e-5, 1e-4, -1e-5, -1e-9])
+def test_a_rim_that_almost_touches_the_cylinder_is_still_closed(offset):
+    plan = plan_of(random_surface(6.0, 0.0, seed=0), random_surface(12.7 + offset, 1e-7, seed=4), BaseSection())
+    mesh = build_mesh(plan, 40)
+    for vertices, triangles in ((mesh.vertices, mesh.triangles), as_stl(mesh)):
+        assert (np.diff(np.sort(triangles, axis=1), axis=1) > 0).all()
+        assert edges_pair_up(triangles)
+        assert check_closed(vertices, triangles).watertight
+
+
+def test_names_lie_where_they_should_and_face_outwards():
+    plan = plan_of(random_surface(6.0, 0.02, 1), random_surface(12.7, 0.02, 51), BaseSection())
+    mesh = build_mesh(plan, 48)
+    assert set(mesh.names) == {OUTER, INNER, RIM, TOP, SIDE, BOTTOM, BORE}
+    height = {name: mesh.vertices[np.unique(mesh.part(name)), 2] for name in mesh.names}
+    for name in (TOP, RIM):
+        assert (height[name] == 0.0).all()
+    assert (height[BOTTOM] == -2.0).all()
+    signs = {OUTER: 1, INNER: -1, RIM: -1, TOP: 1, BOTTOM: -1}
+    assert {name: np.sign(part_area_vector(mesh, name)[2]) for name in signs} == signs
+    for name, sign in {SIDE: 1, BORE: -1}.items():
+        corners = mesh.vertices[mesh.part(name)]
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        assert (sign * np.sum(normal * corners.mean(axis=1), axis=1) > 0.0).all()
+
+
+def test_ledge_and_overhang_have_the_areas_between_rim_and_circle():
+    plan = plan_of(random_surface(6.0, 0.0, 1), random_surface(12.7, 0.02, 51), BaseSection())
+    mesh = build_mesh(plan, 100)
+    azimuths = np.linspace(0.0, 2.0 * np.pi, 4096, endpoint=False)
+    excess = (plan.outer.radius(rim_directions(azimuths)) ** 2 - 12.7**2) * np.pi
+    for name, area in ((TOP, -np.minimum(excess, 0.0).mean()), (RIM, -np.maximum(excess, 0.0).mean())):
+        assert part_area_vector(mesh, name)[2] == pytest.approx(area, rel=2e-3)
+
+
+def test_optical_vertices_lie_on_the_exact_surfaces_and_domes_share_their_rims():
+    inner, outer = random_surface(6.0, 0.02, 1), random_surface(12.7, 0.02, 51)
+    mesh = build_mesh(plan_of(inner, outer, BaseSection()), 40)
+    for name, surface in ((OUTER, outer), (INNER, inner)):
+        points = mesh.vertices[np.unique(mesh.part(name))]
+        radius = np.linalg.norm(points, axis=1)
+        assert np.abs(radius - surface.radius(points / radius[:, None])).max() < 1e-6
+    assert set(mesh.part(INNER).ravel()) & set(mesh.part(BORE).ravel())
+
+
+def test_crossings_replace_azimuths_that_almost_coincide():
+    step = 2.0 * np.pi / 60
+    azimuths = rim_azimuths(60, np.array([3.05 * step, 7.5 * step, 59.99 * step]))
+    assert len(azimuths) == 61
+    assert np.diff(azimuths).min() > 0.4 * step
+    assert azimuths[0] == pytest.approx(-0.01 * step)
+
+
+def densely_measured(plan, mesh):
+    """Distance and angle at 45 points of every facet of the optical faces; no search."""
+    distance, angle = 0.0, 0.0
+    for name, patch in ((OUTER, plan.outer), (INNER, plan.inner)):
+        corners = mesh.vertices[mesh.part(name)]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        for i in range(9):
+            for j in range(9 - i):
+                chart = to_chart(np.array([i, j, 8 - i - j]) / 8 @ corners)
+                away = np.sum((patch.points(chart) - corners[:, 0]) * normals, axis=1)
+                sine = np.linalg.norm(np.cross(patch.normals(chart), normals), axis=1)
+                distance, angle = max(distance, np.abs(away).max()), max(angle, np.arcsin(sine.max()))
+    return distance, angle
+
+
+def rough_plan(base=NONE):
+    return plan_of(random_surface(6.0, 0.02, 1), random_surface(13.7, 0.02, 51), base)
+
+
+@pytest.mark.parametrize("chord_mm", [None, 0.02])
+def test_the_errors_of_a_mesh_are_the_largest_anywhere_on_its_facets(chord_mm):
+    plan = rough_plan()
+    mesh = build_mesh(plan, 20, chord_mm)
+    stated = mesh_error(mesh, plan)
+    distance, angle = densely_measured(plan, mesh)
+    assert distance <= stated.chord_mm < 1.02 * distance
+    assert angle * (1.0 - 1e-9) <= stated.normal_rad < 1.02 * angle
+
+
+@pytest.mark.parametrize("base", [NONE, BaseSection()], ids=["no base", "cylinder"])
+@pytest.mark.parametrize("chord_mm", [0.02, 0.008])
+def test_split_facets_keep_the_tolerance_and_the_body_closed(base, chord_mm):
+    plan = rough_plan(base)
+    mesh, equal = build_mesh(plan, 20, chord_mm), build_mesh(plan, 20)
+    assert densely_measured(plan, mesh)[0] <= chord_mm < mesh_error(equal, plan).chord_mm
+    for vertices, triangles in ((mesh.vertices, mesh.triangles), as_stl(mesh)):
+        assert edges_pair_up(triangles)
+        assert check_closed(vertices, triangles).watertight
+    assert set(mesh.names) == set(equal.names)
+
+
+def test_one_rough_place_costs_few_triangles():
+    basis = SrbfBasis((9, 25, 81, 289), 1.75)
+    bump = SrbfSurface(basis, np.where(np.arange(basis.size) == 250, 0.6, 0.0), 13.7)
+    plan = plan_of(random_surface(6.0, 0.0, 1), bump, NONE)
+    mesh, equal = build_mesh(plan, 40, 0.004), build_mesh(plan, 40)
+    rings = 40 * np.sqrt(mesh_error(equal, plan).chord_mm / 0.004)  # the distance falls as rings^-2
+    assert len(mesh.triangles) < 0.5 * len(equal.triangles) * (rings / 40) ** 2
+
+
+def test_splitting_keeps_vertices_on_the_faces_and_angles_from_collapsing():
+    plan = rough_plan()
+    mesh = build_mesh(plan, 20, 0.002)
+    for name, patch in ((OUTER, plan.outer), (INNER, plan.inner)):
+        triangles = mesh.part(name)
+        points = mesh.vertices[np.unique(triangles)]
+        radius = np.linalg.norm(points, axis=1)
+        assert np.abs(radius - patch.radius(points / radius[:, None])).max() < 1e-12
+        corners = mesh.vertices[triangles]
+        sides = np.roll(corners, -1, axis=1) - corners
+        lengths = np.linalg.norm(sides, axis=2)
+        doubled_area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+        assert np.degrees(np.arcsin(doubled_area / (np.sort(lengths, axis=1)[:, 1:].prod(axis=1)))).min() > 8.0
+
+
+def test_the_volume_of_split_hemispheres_is_within_the_tolerance_of_the_closed_form():
+    plan = plan_of(random_surface(1.0, 0.0, 0), random_surface(3.0, 0.0, 1), NONE)
+    mesh = build_mesh(plan, 6, 1e-3)
+    exact = 2.0 * np.pi / 3.0 * (27.0 - 1.0)
+    assert abs(mesh.volume() - exact) < 1e-3 * mesh.area()
+    assert abs(build_mesh(plan, 6).volume() - exact) > 1e-3 * mesh.area()
+
+
+def test_a_tolerance_that_takes_too_many_triangles_is_refused(monkeypatch):
+    monkeypatch.setattr("lensforge.cad.facets.MOST_TRIANGLES", 5000)
+    with pytest.raises(InputError, match=r"with 5000 triangles, the most that are made; export with a number of"):
+        build_mesh(rough_plan(), 20, 1e-4)
+
+
+def test_rings_follow_the_detail_of_the_faces_and_the_width_of_the_base():
+    plan = rough_plan()
+    assert rings_for(plan, 1e-3) == 96
+    fine = make_plan(fit_patch(random_surface(6.0, 0.02, 1), 200), plan.outer, NONE)
+    assert rings_for(fine, 1e-3) == 184
+    wide = plan_of(random_surface(6.0, 0.0, 1), random_surface(13.7, 0.0, 51), BaseSection(diameter_mm=600.0))
+    rings = rings_for(wide, 1e-3)
+    assert rings > 128
+    assert 300.0 * (1.0 - np.cos(np.pi / (6 * rings))) <= 1e-3
+
+
+def test_facets_approach_the_surface_with_order_two():
+    plan = plan_of(random_surface(0.8, 0.01, 1), random_surface(2.45, 0.01, 51), NONE)
+    coarse, fine = (mesh_error(build_mesh(plan, rings), plan) for rings in (40, 80))
+    assert np.log2(coarse.chord_mm / fine.chord_mm) == pytest.approx(2.0, abs=0.15)
+    assert np.log2(coarse.normal_rad / fine.normal_rad) == pytest.approx(1.0, abs=0.15)

@@ -1,0 +1,148 @@
+import re
+
+import numpy as np
+import pytest
+from geometry_lenses import exact_volume, make_lens, random_surface
+from nightly import first_by_day
+
+from lensforge.cad.patch import fit_patch
+from lensforge.cad.plan import make_plan
+from lensforge.cad.solid import build_solid
+from lensforge.cad.step import parse_step, require_schema, solid_of_step, step_bytes
+from lensforge.errors import InputError
+from lensforge.spec import BaseSection
+
+NONE = BaseSection(kind="none")
+OPTICAL = {"OPTICAL_INNER", "OPTICAL_OUTER"}
+BASE = {"BASE_SIDE", "BASE_BOTTOM", "BASE_BORE"}
+
+
+def solid_of(inner, outer, base, nodes=None):
+    return build_solid(make_plan(fit_patch(inner, nodes), fit_patch(outer, nodes), base))
+
+
+@pytest.mark.parametrize(
+    ("radii", "base", "names"),
+    [
+        ((0.8, 2.45), NONE, OPTICAL | {"RIM"}),
+        ((0.8, 2.45), BaseSection(), OPTICAL | BASE | {"BASE_TOP"}),
+        ((6.0, 13.7), BaseSection(), OPTICAL | BASE | {"RIM"}),
+        ((6.0, 12.7), BaseSection(), OPTICAL | BASE),
+    ],
+    ids=["no base", "ledge", "overhang", "flush"],
+)
+def test_a_shell_has_its_faces_and_the_volume_of_its_closed_form(radii, base, names):
+    solid = solid_of(*(random_surface(radius, 0.0, seed=0) for radius in radii), base)
+    volume = 2.0 * np.pi * (radii[1] ** 3 - radii[0] ** 3) / 3.0
+    volume += base.height_mm * np.pi * (12.7**2 - radii[0] ** 2) if base.kind == "cylinder" else 0.0
+    assert {re.sub(r"_\d+$", "", name) for name in solid.faces} == names  # walls below a rim have several faces
+    assert solid.valid
+    assert solid.volume_mm3 == pytest.approx(volume, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", first_by_day(2, range(4)))
+def test_a_rim_that_crosses_the_cylinder_gives_a_valid_solid_of_the_right_volume(seed):
+    inner, outer = random_surface(6.0, 0.02, seed), random_surface(12.7, 0.02, seed + 50)
+    solid = solid_of(inner, outer, BaseSection())
+    assert solid.valid
+    assert sum(name.startswith("OPTICAL") for name in solid.faces) == 2
+    assert solid.volume_mm3 == pytest.approx(exact_volume(inner, outer, BaseSection()), rel=2e-9)
+    again = parse_step(step_bytes(solid, "crossing"))
+    assert again.valid
+    assert again.volume_mm3 == pytest.approx(solid.volume_mm3, rel=1e-9)
+    assert set(again.faces) == set(solid.faces)
+
+
+@pytest.mark.parametrize(("relative", "nodes"), first_by_day(2, [(1e-6, None), (0.02, 50), (1e-3, None)]))
+def test_shallow_crossings_and_coarse_patches_are_valid_too(relative, nodes):
+    outer = random_surface(12.7, relative, 51, levels=(9, 25, 81))
+    solid = solid_of(random_surface(6.0, 0.0, 0), outer, BaseSection(), nodes)
+    assert "BASE_SIDE_2" in solid.faces
+    assert solid.valid
+    assert parse_step(step_bytes(solid, "shallow")).valid
+
+
+@pytest.fixture(scope="module")
+def written():
+    lens = make_lens(0.8, 2.45, 0.01)
+    solid = solid_of(lens.inner, lens.outer, BaseSection())
+    return solid, step_bytes(solid, "small_lens")
+
+
+def test_step_says_millimetres_ap214_and_the_names(written):
+    text = written[1].decode()
+    assert "FILE_SCHEMA(('AUTOMOTIVE_DESIGN" in text
+    assert "LENGTH_UNIT() NAMED_UNIT(*) SI_UNIT(.MILLI.,.METRE.)" in text
+    assert "PRODUCT('small_lens','small_lens'" in text
+    assert text.count("PRODUCT(") == 1
+    assert text.count("MANIFOLD_SOLID_BREP(") == 1
+    for name in (OPTICAL | BASE | {"BASE_TOP", "BASE_BORE_1"}) - {"BASE_BORE"}:
+        assert text.count(f"ADVANCED_FACE('{name}'") == 1
+
+
+def test_optical_faces_are_single_patches_trimmed_by_a_circle(written):
+    text = written[1].decode().replace("\n", "")
+    assert text.count("B_SPLINE_SURFACE_WITH_KNOTS('',5,5") == 2
+    assert text.count("CIRCLE('',") >= 2  # the two trims in parameter space, and the base's own circles
+    for name in OPTICAL:
+        assert len(parse_step(written[1]).faces[name].Wires()) == 1
+
+
+def test_step_round_trip_keeps_solid_and_bounding_box(written):
+    solid, again = written[0], parse_step(written[1])
+    assert again.valid
+    assert again.volume_mm3 == pytest.approx(solid.volume_mm3, rel=1e-12)
+    box = again.shape.BoundingBox()
+    assert (box.zmin, box.xmax, box.ymin) == pytest.approx((-2.0, 12.7, -12.7), abs=1e-3)
+
+
+@pytest.mark.parametrize("base", [BaseSection(), BaseSection(flat_mm=11.0, height_mm=3.0)], ids=["round", "flat"])
+def test_other_cad_programs_find_the_volume_the_centroid_and_the_box(base):
+    """By the kernel's default integration, without a tolerance, and by its box of control points: as they do."""
+    from OCP.BRepGProp import BRepGProp
+    from OCP.GProp import GProp_GProps
+
+    inner, outer = random_surface(6.0, 0.08, 3, (9, 25, 81)), random_surface(11.0, 0.05, 4, (9, 25, 81))
+    part = parse_step(step_bytes(solid_of(inner, outer, base), "read elsewhere"))
+    default, exact = GProp_GProps(), GProp_GProps()
+    BRepGProp.VolumeProperties_s(part.shape.wrapped, default)
+    BRepGProp.VolumeProperties_s(part.shape.wrapped, exact, 1e-10)
+    assert default.Mass() == pytest.approx(exact.Mass(), rel=1e-6)
+    assert default.CentreOfMass().Distance(exact.CentreOfMass()) < 1e-5
+    assert part.shape.BoundingBox().zmin == pytest.approx(-base.height_mm, abs=1e-3)
+
+
+@pytest.mark.nightly("a quarter of a minute")
+def test_the_kernel_s_own_boolean_agrees_in_the_crossing_case():
+    import cadquery as cq
+
+    inner, outer = random_surface(6.0, 0.0, 0), random_surface(12.7, 0.02, 51)
+    dome = solid_of(inner, outer, NONE).shape
+    ring = cq.Workplane("XY").circle(12.7).circle(6.0).extrude(-2.0).val()
+    assert dome.intersect(ring).Volume() == pytest.approx(0.0, abs=1e-3)
+    assert dome.Volume() + ring.Volume() == pytest.approx(solid_of(inner, outer, BaseSection()).volume_mm3, rel=1e-6)
+
+
+@pytest.mark.parametrize("content", [b"", b"ISO-10303-21;", b"\x00\xff" * 50], ids=["empty", "header", "noise"])
+def test_a_damaged_step_is_one_line(content):
+    with pytest.raises(InputError, match=r"^part\.step: (not readable as STEP|holds 0 solids)") as caught:
+        parse_step(content, "part.step")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_truncated_step_is_refused(written):
+    with pytest.raises(InputError, match=r"^lens\.step: "):
+        parse_step(written[1][:200_000])
+
+
+def test_the_bytes_hold_the_solid_itself(written):
+    import cadquery as cq
+
+    solid = solid_of_step(written[1])
+    assert isinstance(solid, cq.Solid)
+    assert solid.Volume() == pytest.approx(written[0].shape.Volume(), rel=1e-12)
+
+
+def test_a_schema_that_is_not_written_is_refused():
+    with pytest.raises(InputError, match=r"^schema = 'AP203': one of AP214, AP242$"):
+        require_schema("AP203")

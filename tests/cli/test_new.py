@@ -1,0 +1,170 @@
+"""``lensforge new``: a commented spec that is valid, its derived values those of a spec without them, and refusals."""
+
+import json
+import sys
+import tomllib
+from contextlib import redirect_stderr, redirect_stdout
+from io import StringIO
+from pathlib import Path
+
+import click
+import pytest
+from click.testing import CliRunner, Result
+
+from lensforge.cli.cli import cli, main
+from lensforge.cli.new import new
+from lensforge.errors import InputError
+from lensforge.spec import load_spec, parse_spec
+from lensforge.spec.derived_values import WHY
+from lensforge.spec.new_spec import source_in, target_in
+from lensforge.spec.spec_reference import spec_schema
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+LAMP = ("--source", "disc:1", "--target", "rectangle:200x150@300", "--max-radius", "14", "--material", "PMMA")
+
+
+def lensforge(*arguments: object) -> tuple[int, str, str]:
+    """Exit code, stdout and stderr of a command in this process."""
+    output, errors, code = StringIO(), StringIO(), 0
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(output), redirect_stderr(errors):
+        patch.setattr(sys, "argv", ["lensforge", *map(str, arguments)])
+        try:
+            main()
+        except SystemExit as exit:
+            code = int(exit.code or 0)
+    return code, output.getvalue(), errors.getvalue()
+
+
+def test_a_new_spec_is_valid_and_says_what_is_derived(tmp_path: Path) -> None:
+    code, _, errors = lensforge("new", tmp_path / "lamp.toml", *LAMP)
+    assert (code, errors) == (0, "")
+    text = (tmp_path / "lamp.toml").read_text(encoding="utf-8")
+    assert text.startswith("#:schema ./lensforge.schema.json\n") and "at most 90" in text
+    assert json.loads((tmp_path / "lensforge.schema.json").read_text(encoding="utf-8")) == spec_schema()
+    spec = load_spec(tmp_path / "lamp.toml")
+    assert spec.name == "lamp" and spec.lens.material == "PMMA" and spec.source.kind == "disc"
+    kept = [line for line in text.splitlines() if "# derived: " not in line]
+    assert len(kept) == len(text.splitlines()) - 6 and "[constraints]\nmax_radius_mm = 14.0 " in text
+    assert not any("_offset_mm" in line or "receiver_mm" in line for line in kept), "derived values are comments"
+    (tmp_path / "lamp.toml").write_text("\n".join(kept), encoding="utf-8")
+    assert load_spec(tmp_path / "lamp.toml") == spec, "a derived value may be left out"
+    for why in ("constraints.cavity_radius_mm", "lens.inner_offset_mm", "target.receiver_mm"):
+        assert f"# derived: {WHY[why]}" in text
+
+
+@pytest.mark.parametrize(
+    ("cutter", "constraints", "manufacture"),
+    [
+        ((), {"concave_radius_mm": 1.0, "draft_deg": 0.0}, {"cutter_radius_mm": 1.0, "make": "part"}),
+        (("--cutter", "0.7"), {"concave_radius_mm": 0.7, "draft_deg": 0.0}, {"cutter_radius_mm": 0.7, "make": "part"}),
+        (("--cutter", "mould"), {"concave_radius_mm": None, "draft_deg": 2.0}, {"make": "insert"}),
+        (("--cutter", "none"), {"concave_radius_mm": None, "draft_deg": None}, {"make": "part"}),
+    ],
+)
+def test_a_new_spec_has_the_limits_of_the_shop(
+    cutter: tuple[str, ...], constraints: dict[str, object], manufacture: dict[str, object]
+) -> None:
+    code, output, _ = lensforge("new", *LAMP, *cutter)
+    spec = parse_spec(tomllib.loads(output), "lamp")
+    assert code == 0
+    for face in ("inner", "outer"):
+        assert {name: getattr(spec.constraints, f"{face}_{name}") for name in constraints} == constraints
+    assert {name: getattr(spec.manufacture, name) for name in manufacture} == manufacture
+
+
+def test_a_cutter_that_is_none_is_refused() -> None:
+    code, output, errors = lensforge("new", *LAMP, "--cutter", "-1")
+    assert (code, output) == (2, "") and "--cutter -1: must be the radius of the shop's ball cutter" in errors
+
+
+def test_the_size_of_a_new_spec_can_be_changed_by_hand() -> None:
+    _, output, _ = lensforge("new", *LAMP)
+    smaller = parse_spec(tomllib.loads(output.replace("max_radius_mm = 14.0", "max_radius_mm = 8.0")), "lamp")
+    assert smaller.lens.start_mm == (3.44, 7.84), "the hemispheres follow"
+
+
+def test_shapes_are_completed() -> None:
+    options = {option.name: option for option in new.params}
+    context = click.Context(new)
+    assert [each.value for each in options["target"].shell_complete(context, "r")] == ["rectangle:", "ring:"]
+    assert [each.type for each in options["source"].shell_complete(context, "led")] == ["file"]
+
+
+def test_a_file_that_is_there_stays(tmp_path: Path) -> None:
+    (tmp_path / "lamp.toml").write_text("mine", encoding="utf-8")
+    code, _, errors = lensforge("new", tmp_path / "lamp.toml", *LAMP)
+    assert code == 2 and "is there already" in errors
+    assert [each.name for each in tmp_path.iterdir()] == ["lamp.toml"]
+    assert (tmp_path / "lamp.toml").read_text(encoding="utf-8") == "mine"
+
+
+def test_what_is_impossible_is_said_at_once_and_not_written(tmp_path: Path) -> None:
+    cob = ("--source", "disc:3", "--target", "rectangle:60x40@500", "--max-radius", "14")
+    code, output, errors = lensforge("new", tmp_path / "cob.toml", *cob)
+    assert (code, output) == (2, "") and not list(tmp_path.iterdir())
+    assert "at most 25.2 % (by étendue) of the light" in errors and "a larger lens (>= 26.81 mm)" in errors
+    assert len(errors.splitlines()) == 1
+    code, output, errors = lensforge("new", *cob, "--anyway")
+    assert code == 0 and parse_spec(tomllib.loads(output), "cob").constraints.max_radius_mm == 14.0
+    assert "25.2 %" in errors
+
+
+def test_a_ray_file_and_a_photometric_file_are_named_from_the_folder_of_the_spec(tmp_path: Path) -> None:
+    led, light = tmp_path / "led.tm25ray", EXAMPLES / "street_light.ies"
+    led.write_bytes((EXAMPLES / "led.tm25ray").read_bytes())
+    code, _, errors = lensforge("new", tmp_path / "a.toml", "--source", led, "--target", light, "--max-radius", 14)
+    assert code == 0, errors
+    text = (tmp_path / "a.toml").read_text(encoding="utf-8")
+    assert 'file = "led.tm25ray"' in text and "measured: 99 %" in text
+    limits = load_spec(tmp_path / "a.toml").constraints
+    shipped = load_spec(EXAMPLES / "led_rayfile.toml").constraints
+    assert limits.cavity_radius_mm == pytest.approx(shipped.cavity_radius_mm, rel=0.25)
+
+
+def answered(answers: str, *arguments: str) -> Result:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("lensforge.cli.new._at_terminal", lambda: True)
+        return CliRunner().invoke(cli, ["new", *arguments], input=answers)
+
+
+def test_a_terminal_is_asked_again_until_the_answer_is_one() -> None:
+    found = answered("disk:1\ndisc:1\nrectangle:200x150@300\n-3\n14\n\n2.5\n")
+    assert found.exit_code == 0, found.output
+    spec = parse_spec(tomllib.loads(found.stdout), "asked")
+    assert spec.source.diameter_mm == 1.0 and spec.manufacture.cutter_radius_mm == 2.5
+    assert all(f"{kind}:" in found.stderr for kind in ("ellipse", "cross", "ring", "text", "beam"))
+    assert "disk:1: neither a kind" in found.stderr and "--max-radius -3: must be" in found.stderr
+
+
+def test_nothing_is_asked_without_a_terminal() -> None:
+    code, output, errors = lensforge("new", *LAMP[2:])
+    assert (code, output) == (2, "")
+    assert errors.startswith("lensforge: --source: is missing; give ") and "square:S" in errors
+
+
+@pytest.mark.parametrize(
+    ("words", "fields"),
+    [
+        ("disc:50@200", {"kind": "disc", "diameter_mm": 50.0, "distance_mm": 200.0}),
+        ("rectangle:9@20", {"kind": "rectangle", "width_mm": 9.0, "height_mm": 9.0, "distance_mm": 20.0}),
+        ("text:a:b@c:90@150", {"kind": "text", "text": "a:b@c", "width_mm": 90.0, "distance_mm": 150.0}),
+        ("beam:60x25", {"kind": "beam", "fwhm_deg": [60.0, 25.0]}),
+        ("cross:200x60@150", {"kind": "cross", "length_mm": 200.0, "stroke_mm": 60.0, "distance_mm": 150.0}),
+    ],
+)
+def test_targets_in_a_word(words: str, fields: dict[str, object]) -> None:
+    assert target_in(words) == fields
+
+
+@pytest.mark.parametrize("words", ["disc:50", "disc:a@3", "star:3@4", "text:5@3", "beam:60x25x3", "no.ies", "disc:0@1"])
+def test_targets_that_are_none_are_refused_with_what_is_allowed(words: str) -> None:
+    with pytest.raises(InputError, match=rf"^--target {words}: ") as refusal:
+        target_in(words)
+    assert "give" in str(refusal.value) or "such as" in str(refusal.value)
+
+
+def test_sources_in_a_word() -> None:
+    assert source_in("rectangle:3x1") == {"kind": "rectangle", "width_mm": 3.0, "height_mm": 1.0}
+    assert source_in("square:2") == {"kind": "square", "side_mm": 2.0}
+    with pytest.raises(InputError, match="nor a file that is there"):
+        source_in("led.ray")

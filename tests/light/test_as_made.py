@@ -1,0 +1,206 @@
+"""Faces, lens and source out of place, shrinkage and roughness: against closed forms, the tracer in torch, differences.
+
+No oracle here but the last uses the frames of the kernels: whole scenes are moved by hand.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from landed import by_kernels, in_torch
+from scenes import random_surface, sphere, table_of
+
+from lensforge.kernels.fate import Fate
+from lensforge.light.exact_trace import ExactSurface, trace_exact
+from lensforge.light.table_trace import Scene, trace_tables
+from lensforge.optics.media import Media
+from lensforge.scene.as_made import AsMade, Displacement
+from lensforge.sources.build_source import SquareEmitter
+from lensforge.sources.ray_bundle import RayBundle
+from lensforge.surfaces.bicubic_table import TableGrid
+
+N, Z = 1.4936, 1000.0
+GRID = TableGrid(121)
+BUMPY = random_surface(1, 0.8, 0.01), random_surface(2, 2.45, 0.008)
+TABLES = [table_of(surface, GRID) for surface in BUMPY]
+RAYS = SquareEmitter(1.1).sample(512, 0)  # its corners lie near the rim of the cavity
+ODD = AsMade(
+    source=Displacement((0.01, -0.02, 0.015), (0.02, -0.01), (0.05, 0.0, 0.0)),
+    lens=Displacement((-0.02, 0.01, -0.03), (-0.015, 0.02)),
+    outer=Displacement((0.03, 0.02, -0.02), (0.01, 0.03)),
+    source_size=1.05,
+    scale=0.98,
+    seat_mm=1.5,
+    inner_slope=2e-3,
+    outer_slope=1e-3,
+)
+
+
+def _scene(made: AsMade | None, media: Media | None = None) -> Scene:
+    return Scene(media or Media(N), GRID, made=made)
+
+
+def _exact() -> list[ExactSurface]:
+    return [
+        ExactSurface(
+            s.basis,
+            torch.tensor(s.weights_mm, requires_grad=True),
+            torch.tensor(s.offset_mm, dtype=torch.float64, requires_grad=True),
+        )
+        for s in BUMPY
+    ]
+
+
+def test_a_lens_as_designed_has_the_same_bits() -> None:
+    plain, same = (trace_tables(*TABLES, _scene(made), RAYS) for made in (None, AsMade()))
+    for name in ("points", "directions", "flux", "sin2_exit", "fates"):
+        assert torch.equal(getattr(plain, name), getattr(same, name))
+
+
+@pytest.mark.parametrize("absorption", [0.0, 0.05])
+def test_the_tracer_in_torch_agrees(absorption: float) -> None:
+    media = Media(N, absorption)
+    exact = trace_exact(*_exact(), media, RAYS, ODD)
+    found = trace_tables(*TABLES, _scene(ODD, media), RAYS)
+    assert torch.equal(found.fates, exact.fates)
+    for name, most in (("points", 3e-5), ("directions", 1e-4), ("flux", 1e-5)):
+        assert (getattr(found, name) - getattr(exact, name)).abs().max() < most
+    assert not found.left_lens.all()
+
+
+def test_a_rigid_motion_of_everything_moves_the_light_and_nothing_else() -> None:
+    whole = Displacement((0.3, -0.2, 0.4), (0.1, 0.05))
+    plain = trace_tables(*TABLES, _scene(None), RAYS)
+    moved = trace_tables(*TABLES, _scene(AsMade(source=whole, lens=whole)), RAYS)
+    assert torch.equal(plain.fates, moved.fates)
+    assert (plain.flux - moved.flux).abs().max() < 1e-15
+    out = plain.left_lens
+    turn, shift = torch.from_numpy(whole.rotation), torch.from_numpy(whole.shift)
+    assert (plain.points[out] @ turn.T + shift - moved.points[out]).abs().max() < 1e-12
+    assert (plain.directions[out] @ turn.T - moved.directions[out]).abs().max() < 1e-12
+
+
+def test_a_source_moved_one_way_is_a_lens_moved_the_other() -> None:
+    by = (0.04, -0.03, 0.02)
+    source = trace_tables(*TABLES, _scene(AsMade(source=Displacement(by))), RAYS)
+    lens = trace_tables(*TABLES, _scene(AsMade(lens=Displacement(tuple(-x for x in by)))), RAYS)
+    by_hand = trace_tables(*TABLES, _scene(None), replace(RAYS, origins=RAYS.origins + np.array(by)))
+    out = source.left_lens
+    assert torch.equal(source.fates, by_hand.fates)
+    assert torch.equal(source.fates, lens.fates)
+    assert (source.points - by_hand.points).abs().max() < 1e-13
+    assert (source.points[out] - torch.tensor(by, dtype=torch.float64) - lens.points[out]).abs().max() < 1e-13
+
+
+def test_a_smaller_lens_on_a_smaller_source_is_the_same_lens_but_for_scale() -> None:
+    scale = 0.9
+    plain = trace_tables(*TABLES, _scene(None), RAYS)
+    small = trace_tables(*TABLES, _scene(AsMade(source_size=scale, scale=scale)), RAYS)
+    assert torch.equal(plain.fates, small.fates)
+    assert (scale * plain.points - small.points).abs().max() < 1e-13
+
+
+def test_a_lens_that_shrinks_keeps_its_seat() -> None:
+    seat, scale = 2.0, 0.95
+    raised = seat * (scale - 1.0)
+    shrunk = trace_tables(*TABLES, _scene(AsMade(scale=scale, seat_mm=seat)), RAYS)
+    up = np.array([0.0, 0.0, raised])
+    by_hand = trace_tables(
+        *(table_of(s, GRID) * scale for s in BUMPY), _scene(None), replace(RAYS, origins=RAYS.origins - up)
+    )
+    out = by_hand.left_lens
+    assert torch.equal(shrunk.fates, by_hand.fates)
+    assert (shrunk.points - by_hand.points - torch.from_numpy(up))[out].abs().max() < 1e-12
+
+
+def test_a_tilt_is_a_turn_about_its_centre() -> None:
+    tilt = Displacement((0.0, 0.0, 0.0), (0.03, 0.04), (1.0, 2.0, 3.0))
+    centre = np.array([1.0, 2.0, 3.0])
+    assert np.allclose(tilt.rotation @ tilt.rotation.T, np.eye(3), atol=1e-15)
+    assert np.allclose(tilt.rotation @ [0.03, 0.04, 0.0], [0.03, 0.04, 0.0], atol=1e-16)
+    assert np.isclose(np.trace(tilt.rotation), 1.0 + 2.0 * np.cos(0.05))
+    assert np.allclose(tilt.rotation @ centre + tilt.shift, centre)
+
+
+def test_spheres_about_another_centre_refract_as_closed_forms_say() -> None:
+    """A ray from the centre of a moved outer sphere goes straight through it; the inner sphere is met at its own."""
+    shift = np.array([0.1, 0.05, 0.2])
+    along = np.array([[0.2, 0.3, 1.0], [0.0, 0.0, 1.0], [-0.5, 0.1, 0.8]])
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    rays = RayBundle(np.repeat(shift[None], 3, axis=0), along, np.ones(3))
+    spheres = [table_of(sphere(r), GRID) for r in (1.0, 3.0)]
+    everything = AsMade(source=Displacement(), lens=Displacement(tuple(shift)))
+    found = trace_tables(*spheres, _scene(everything), rays)
+    assert np.allclose(found.points.numpy(), shift + 3.0 * along, atol=1e-9)
+    only_outer = AsMade(outer=Displacement(tuple(shift)))
+    found = trace_tables(*spheres, Scene(Media(1.0), GRID, made=only_outer), rays)
+    assert np.allclose(found.points.numpy(), shift + 3.0 * along, atol=1e-9)
+
+
+def test_rays_below_the_plane_of_a_raised_outer_face_enter_it_through_that_plane_or_the_base() -> None:
+    spheres = [table_of(sphere(r), GRID) for r in (1.0, 2.0)]
+    raised = Scene(Media(1.0), GRID, made=AsMade(outer=Displacement((0.0, 0.0, 0.3))))
+    along = np.array([[1.0, 0.0, 0.05], [1.0, 0.0, 0.3], [1.0, 0.0, 0.2]])
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    found = trace_tables(*spheres, raised, RayBundle(np.zeros((3, 3)), along, np.ones(3)))
+    assert found.fates.tolist() == [Fate.BASE, Fate.LEFT_LENS, Fate.LEFT_LENS]
+    out = found.points.numpy()[1:] - [0.0, 0.0, 0.3]
+    assert np.allclose(np.linalg.norm(out, axis=1), 2.0)
+
+
+def test_gradients_are_those_of_differences() -> None:
+    scene = _scene(ODD, Media(N, 0.05))
+    tables = [table.clone().requires_grad_() for table in TABLES]
+    rng = np.random.default_rng(0)
+    by = [torch.from_numpy(rng.normal(size=shape)) for shape in ((512, 2), 512, 512)]
+
+    def value(*both: torch.Tensor) -> torch.Tensor:
+        found = by_kernels(list(both), scene, RAYS, Z)
+        kept = found.landed
+        hits = (found.hits / Z * by[0])[kept].sum()
+        return hits + (found.flux * by[1])[kept].sum() * 100 + (found.sin2_exit * by[2])[kept].sum()
+
+    value(*tables).backward()
+    for k in range(2):
+        way = torch.from_numpy(rng.normal(size=tables[k].shape))
+        step = 1e-7
+        ends = []
+        for sign in (1.0, -1.0):
+            both = [table.detach().clone() for table in tables]
+            both[k] += sign * step * way
+            ends.append(float(value(*both)))
+        difference = (ends[0] - ends[1]) / (2.0 * step)
+        assert float((tables[k].grad * way).sum()) == pytest.approx(difference, rel=2e-5)
+
+
+def test_gradients_agree_with_the_tracer_in_torch() -> None:
+    exact = _exact()
+    found = in_torch(trace_exact(*exact, Media(N), RAYS, ODD), Z)
+    kept = found.landed
+    ((found.hits / Z)[kept].sum() + 1000 * found.flux[kept].sum()).backward()
+    tables = [table.clone().requires_grad_() for table in TABLES]
+    by_table = by_kernels(tables, _scene(ODD), RAYS, Z)
+    ((by_table.hits / Z)[kept].sum() + 1000 * by_table.flux[kept].sum()).backward()
+    for surface, table in zip(exact, tables, strict=True):
+        # an offset raises all coefficients by as much
+        assert float(table.grad.sum()) == pytest.approx(float(surface.offset_mm.grad), rel=5e-4)
+
+
+def test_roughness_is_a_convolution_and_loses_no_light() -> None:
+    """A face of small rms slope s spreads rays at normal incidence by s (n - 1) along any line."""
+    slope, count = 1e-3, 100_000
+    up = np.repeat(np.array([[0.0, 0.0, 1.0]]), count, axis=0)
+    rays = RayBundle(np.zeros((count, 3)), up, np.full(count, 1.0 / count))
+    spheres = [table_of(sphere(r), GRID) for r in (1.0, 3.0)]
+    for made, spread in (
+        (AsMade(outer_slope=slope), slope * (N - 1.0)),
+        # the inner face turns the ray by slope (1 - 1/n), at 2 mm from the outer one, which turns it n-fold and back
+        (AsMade(inner_slope=slope), slope * (1.0 - 1.0 / N) * (N - (N - 1.0) * 2.0 / 3.0)),
+    ):
+        found = trace_tables(*spheres, Scene(Media(N), GRID, fresnel=False, made=made), rays)
+        assert (found.fates == Fate.LEFT_LENS).all()
+        assert float(found.flux.sum()) == pytest.approx(1.0, abs=1e-12)
+        across = found.directions[:, :2]
+        assert across.std(dim=0).numpy() == pytest.approx([spread, spread], rel=0.01)
+        assert across.mean(dim=0).abs().max() < 5.0 * spread / np.sqrt(count)

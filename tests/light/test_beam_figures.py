@@ -1,0 +1,150 @@
+"""Beam figures of a cone of light whose intensity falls linearly from its axis: every width is known."""
+
+import numpy as np
+import pytest
+
+from lensforge.light.angular_grid import AngularGrid
+from lensforge.light.angular_resolution import FittedIntensity
+from lensforge.light.photometry_result import CandelaTables, Direction
+from lensforge.results import Metric
+from lensforge.sources.intensity import TabulatedIntensity
+
+PEAK_CD, EDGE_DEG = 100.0, 50.0
+C_DEG = np.linspace(0.0, 360.0, 9)
+SCALES = (0.98, 1.0, 1.03)
+
+
+def cone(scale=1.0, step_deg=10.0):
+    gamma = np.arange(0.0, 90.1, step_deg)
+    falling = PEAK_CD * scale * np.maximum(1.0 - gamma / EDGE_DEG, 0.0)
+    return TabulatedIntensity(C_DEG, gamma, np.tile(falling, (len(C_DEG), 1)))
+
+
+def tables(scales=SCALES, finer=1.0):
+    whole = cone()
+    return CandelaTables(whole, [cone(scale) for scale in scales], np.stack([whole.values] * 3), cone(finer, 5.0))
+
+
+def width(level_cd, scale=1.0):
+    return 2.0 * EDGE_DEG * (1.0 - level_cd / (PEAK_CD * scale))
+
+
+def jackknife(values):
+    values = np.array(values)
+    return np.sqrt((len(values) - 1) ** 2 / len(values) * values.var(ddof=1))
+
+
+def test_the_error_of_a_figure_is_that_of_the_rays_and_of_the_step():
+    axis = tables(finer=1.01).axis_cd
+    assert axis.value == PEAK_CD
+    assert axis.standard_error == pytest.approx(np.hypot(jackknife([PEAK_CD * s for s in SCALES]), 0.01 * PEAK_CD))
+    assert tables(SCALES[:1]).axis_cd.standard_error is None
+    two = tables(SCALES[:2]).axis_cd
+    assert two.standard_error == pytest.approx(jackknife([98.0, 100.0]))
+
+
+@pytest.mark.parametrize("share", [0.5, 0.1])
+def test_the_error_of_a_width_has_that_of_its_level_too(share):
+    peak = Metric(value=PEAK_CD, unit="cd", standard_error=4.0)
+    found = tables()._angle(0.0, peak, share)
+    level = share * PEAK_CD
+    assert found.value == pytest.approx(width(level))
+    by_level = (width(share * 96.0) - width(share * 104.0)) / 2.0
+    by_rays = jackknife([width(level, scale) for scale in SCALES])
+    assert found.standard_error == pytest.approx(np.hypot(by_rays, by_level))
+
+
+def test_a_level_that_noise_may_lift_above_all_light_leaves_a_width_of_zero_there():
+    found = tables((1.0, 1.0))._angle(0.0, Metric(value=PEAK_CD, unit="cd", standard_error=50.0), 0.95)
+    assert found.standard_error == pytest.approx(0.5 * (width(0.95 * 50.0) - 0.0))
+
+
+def test_no_width_errs_by_more_than_the_table_and_by_steps_no_more_than_two_of_them():
+    noisy = Metric(value=PEAK_CD, unit="cd", standard_error=99.9)
+    assert tables((0.6, 1.0, 1.9))._angle(0.0, noisy, 0.5).standard_error == pytest.approx(np.hypot(
+        jackknife([width(50.0, 0.6), width(50.0), width(50.0, 1.9)]), 0.5 * (width(0.05) - width(99.95))
+    ))  # fmt: skip
+    assert tables((0.51, 1.0, 9.0))._angle(0.0, noisy, 0.5).standard_error <= 180.0
+    other_steps = tables((1.0, 1.0), finer=0.6)
+    found = other_steps._angle(0.0, Metric(value=PEAK_CD, unit="cd", standard_error=0.0), 0.5)
+    assert found.standard_error == pytest.approx(min(width(50.0) - width(50.0, 0.6), 2 * 10.0))
+
+
+@pytest.mark.parametrize("error", [100.0, 150.0])
+def test_where_the_peak_may_be_nothing_the_beam_may_be_as_wide_as_the_table(error):
+    """At a level of 0 or below all of the table is brighter: 180 degrees, not a width of 0."""
+    found = tables((1.0, 1.0))._angle(0.0, Metric(value=PEAK_CD, unit="cd", standard_error=error), 0.5)
+    assert found.standard_error == pytest.approx(0.5 * (180.0 - 0.0))
+
+
+def test_without_light_above_the_level_there_is_no_width():
+    assert tables()._angle(0.0, Metric(value=3 * PEAK_CD, unit="cd", standard_error=1.0), 0.5) is None
+
+
+def test_the_peak_is_where_the_table_has_it():
+    values = cone().values.copy()
+    values[3, 2] = 500.0
+    whole = TabulatedIntensity(C_DEG, cone().gamma_deg, values)
+    made = CandelaTables(whole, [], np.stack([values]), whole)
+    assert made.peak_direction == Direction(c_deg=135.0, gamma_deg=20.0)
+    assert tables().peak_direction == Direction(c_deg=0.0, gamma_deg=0.0)
+    values[3, 1] = 600.0
+    whole = TabulatedIntensity(C_DEG, cone().gamma_deg, values)
+    assert CandelaTables(whole, [], values[None], whole).peak_direction == Direction(c_deg=135.0, gamma_deg=10.0)
+    values[3, 0] = 600.0 * (1.0 + 1e-12)  # on the axis, where rounding tells the half-planes apart
+    assert CandelaTables(whole, [], values[None], whole).peak_direction == Direction(c_deg=0.0, gamma_deg=0.0)
+    values[:], values[8, 4] = 0.0, 1.0
+    assert CandelaTables(whole, [], values[None], whole).peak_direction == Direction(c_deg=0.0, gamma_deg=40.0)
+
+
+def samples_of(count):
+    random = np.random.default_rng(3)
+    return random.uniform(1.0, 2.0, (count, 8, 4)) * np.array([4.0, 3.0, 2.0, 0.5])
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_tables_of_all_samples_and_of_all_but_one_are_in_candela_and_turned_over(count):
+    grid, samples = AngularGrid(8, np.array([0.0, 20.0, 50.0, 90.0])), samples_of(count)
+    finer = TabulatedIntensity(np.linspace(0.0, 360.0, 9), grid.gamma_deg, np.arange(36.0).reshape(9, 4))
+    found = CandelaTables.of(FittedIntensity(grid, samples, None, finer), 300.0)
+
+    def expected(some):
+        values = 300.0 * np.mean(some, axis=0)
+        return np.concatenate([values, values[:1]])[::-1]
+
+    np.testing.assert_allclose(found.whole.values, expected(samples), rtol=1e-9)
+    np.testing.assert_allclose(found.whole.c_deg, np.linspace(0.0, 360.0, 9))
+    assert len(found.left_out) == (count if count > 1 else 0)
+    for number, table in enumerate(found.left_out):
+        np.testing.assert_allclose(table.values, expected(np.delete(samples, number, axis=0)), rtol=1e-9)
+    for one, sample in zip(found.samples, samples, strict=True):
+        np.testing.assert_allclose(one, expected(sample[None]), rtol=1e-12)
+    np.testing.assert_allclose(found.finer.values, 300.0 * finer.values[::-1])
+
+
+def test_samples_without_light_but_for_one_leave_no_table_without_that_one():
+    grid, samples = AngularGrid(8, np.array([0.0, 20.0, 50.0, 90.0])), samples_of(3)
+    samples[:2] = 0.0
+    finer = TabulatedIntensity(np.linspace(0.0, 360.0, 9), grid.gamma_deg, np.ones((9, 4)))
+    assert len(CandelaTables.of(FittedIntensity(grid, samples, None, finer), 1.0).left_out) == 2
+
+
+def test_a_plane_has_its_own_peak_and_both_widths():
+    """Twice as bright along C 90 - C 270: the other plane has its own peak, half a level and a tenth of it."""
+    values = cone().values.copy()
+    values[[2, 6]] *= 2.0
+    whole = TabulatedIntensity(C_DEG, cone().gamma_deg, values)
+    made = CandelaTables(whole, [whole, whole], np.stack([values] * 16), whole)
+    for c_deg, peak in ((0.0, PEAK_CD), (90.0, 2.0 * PEAK_CD)):
+        found = made.plane(c_deg)
+        assert found.c_deg == c_deg and found.peak_cd.unit == "cd" and found.beam_angle_deg.unit == "°"
+        assert found.peak_cd.value == pytest.approx(peak)
+        assert found.beam_angle_deg.value == pytest.approx(50.0) and found.field_angle_deg.value == pytest.approx(90.0)
+        assert found.peak_cd.standard_error == pytest.approx(0.0, abs=1e-9)
+        assert found.beam_angle_deg.standard_error == pytest.approx(0.0, abs=1e-9)
+
+
+def test_without_an_error_of_the_peak_that_of_the_width_is_that_of_the_rays():
+    found = tables()._angle(0.0, Metric(value=PEAK_CD, unit="cd"), 0.5)
+    assert found.standard_error == pytest.approx(jackknife([width(50.0, scale) for scale in SCALES]))
+    assert tables(())._angle(0.0, Metric(value=PEAK_CD, unit="cd", standard_error=9.0), 0.5).standard_error is None

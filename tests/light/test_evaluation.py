@@ -1,0 +1,205 @@
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from nightly import NIGHTLY
+from scenes import random_surface, small_spec, sphere
+
+import lensforge as lf
+from lensforge.light.evaluation import evaluate_lens, evaluate_traced
+from lensforge.light.evaluation_result import LightMetrics
+from lensforge.light.metrics import jackknife, nmse, relative_deviation, uniformity
+from lensforge.light.simulation import TracedLens, traced_light
+from lensforge.optics.fundamental_limits import normal_transmittance
+from lensforge.scene.lens import Lens
+from lensforge.sources.build_source import SquareEmitter, build_source
+from lensforge.sources.measured_rays import searched
+from lensforge.sources.ray_set import RaySetEmitter
+from lensforge.sources.rayfiles import RayFile, write_rayfile
+from lensforge.spec.accuracy import PRESETS
+from lensforge.spec.source_sections import RayfileSource
+
+DRAFT = PRESETS["draft"]
+
+
+def _evaluate(lens: Lens, **options):
+    return evaluate_lens(lens, build_source(lens.spec.source), DRAFT, **options)
+
+
+def test_jackknife_of_a_mean_is_the_textbook_standard_error() -> None:
+    values = np.random.default_rng(0).normal(size=(40, 1))
+    mean, error = jackknife(values, lambda m: float(m[0]))
+    assert mean == pytest.approx(values.mean())
+    assert error == pytest.approx(values.std(ddof=1) / np.sqrt(40), rel=1e-12)
+
+
+def test_metrics_of_known_images() -> None:
+    image = np.array([[1.0, 1.0], [1.0, 0.6]])
+    mask = np.ones((2, 2), dtype=bool)
+    assert uniformity(image, mask) == pytest.approx(0.6 / 0.9)
+    assert relative_deviation(image, mask) == pytest.approx(np.std([1, 1, 1, 0.6]) / 0.9)
+    assert nmse(image, 7.0 * image) == pytest.approx(0.0, abs=1e-30)
+
+
+def test_a_point_in_concentric_spheres_shines_like_a_bare_lambertian_point() -> None:
+    """cos^4 on the receiver, weakened by two surfaces at normal incidence: closed form, pixel by pixel."""
+    spec = small_spec(
+        source={"kind": "square", "side_mm": 0.0}, evaluate={"rays": 2**20, "pixels": 16, "filter_variance": 0.0}
+    )
+    result = _evaluate(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft"))
+    fine = np.arange(-100, 100, 0.5) + 0.25
+    x, y = np.meshgrid(fine, fine)
+    irradiance = normal_transmittance(1.4936) ** 2 / np.pi * 100.0**2 / (100.0**2 + x**2 + y**2) ** 2 * 1e6
+    expected = irradiance.reshape(16, 25, 16, 25).mean(axis=(1, 3))
+    difference = result.raw_map / expected - 1.0
+    assert np.abs(difference).max() < 0.04  # some 2,000 rays a pixel
+    assert np.abs(difference).mean() < 0.01
+    window = irradiance.mean() * 0.2**2
+    efficiency = result.efficiency
+    assert efficiency.standard_error is not None
+    assert efficiency.value == pytest.approx(window, abs=5 * efficiency.standard_error + 1e-5)
+
+
+PLANE = {"kind": "plane", "centre_mm": [0.0, 0.0, 100.0], "width_mm": 200.0, "height_mm": 200.0}
+
+
+@pytest.mark.parametrize(
+    ("changes", "width", "height"),
+    [
+        ({"evaluate__window_mm": 60.0}, 60.0, 60.0),
+        ({"evaluate__window_mm": 260.0}, 260.0, 260.0),
+        ({"target": None, "receivers": [{**PLANE, "window_mm": [80.0, 40.0]}]}, 80.0, 40.0),
+        ({"target": None, "receivers": [PLANE]}, 200.0, 200.0),
+    ],
+)
+def test_the_efficiency_is_the_share_of_the_light_in_the_window(changes: dict, width: float, height: float) -> None:
+    """Of a Lambertian point behind two surfaces at normal incidence; the window may be larger than the picture."""
+    targets = [{"kind": "disc", "diameter_mm": 60.0}]
+    if "receivers" in changes:
+        changes = {**changes, "receivers": [{**each, "targets": targets} for each in changes["receivers"]]}
+    spec = small_spec(source={"kind": "square", "side_mm": 0.0}, evaluate__rays=2**14, **changes)
+    found = _evaluate(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft")).efficiency
+    x, y = np.meshgrid(*((np.arange(400) + 0.5) / 400 * side - 0.5 * side for side in (width, height)))
+    share = np.mean(100.0**2 / (100.0**2 + x**2 + y**2) ** 2) * width * height / np.pi
+    expected = normal_transmittance(1.4936) ** 2 * share
+    assert found.standard_error is not None
+    assert found.value == pytest.approx(expected, abs=5.0 * found.standard_error + 1e-4)
+
+
+def test_flux_adds_up_to_one_and_every_cause_is_there() -> None:
+    lens = Lens(random_surface(1, 3.0, 0.1), random_surface(2, 6.0, 0.1), small_spec(), 0, "draft")
+    light = _evaluate(lens)
+    assert sum(light.flux.model_dump().values()) == pytest.approx(1.0, abs=1e-13)
+    assert sum(light.missed_by_cause.model_dump().values()) == pytest.approx(light.flux.missed, abs=1e-15)
+    assert light.flux.total_reflection > 0.0
+    assert light.flux.not_converged == 0.0
+    assert light.efficiency.value == light.flux.detected
+
+
+def test_the_share_in_the_target_is_the_flux_where_it_is_bright() -> None:
+    """A flat top on a receiver that only just holds it: what lands on its bright pixels, counted from the picture."""
+    lens = Lens(sphere(3.0), sphere(6.0), small_spec(evaluate__pixels=64), 0, "draft")
+    light = _evaluate(lens)
+    side_m = 1e-3 * light.first.width / light.pixels
+    x = np.abs(light.first.chart.x(light.pixels)) / 80.0
+    bright = np.exp(-(x[:, None] ** 18) - x[None, :] ** 18) > 0.1
+    assert light.share_in_target.value == pytest.approx(light.raw_map[bright].sum() * side_m**2, rel=0.02)
+    assert 0.3 < light.share_in_target.value / light.efficiency.value < 0.9
+
+
+@pytest.mark.parametrize("variance", [0.0, 0.3, 2.0])
+def test_the_picture_is_that_of_the_rays_under_the_gaussian_asked_for(variance: float) -> None:
+    """Weights of a pixel and its eight neighbours by their distance; the edge is repeated outwards."""
+    spec = small_spec(evaluate__filter_variance=variance)
+    light = _evaluate(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft"))
+    padded, total, weight = np.pad(light.raw_map, 1, mode="edge"), np.zeros((16, 16)), 0.0
+    for row, column in np.ndindex(3, 3):
+        squared = (row - 1) ** 2 + (column - 1) ** 2
+        share = float(np.exp(-squared / (2.0 * variance))) if variance else float(squared == 0)
+        total += share * padded[row : row + 16, column : column + 16]
+        weight += share
+    assert light.map == pytest.approx(total / weight, rel=1e-12)
+
+
+def test_the_light_of_one_lens_among_many_is_that_of_its_evaluation() -> None:
+    """The same rays, pictures and region of uniform light, to the last bits."""
+    spec = small_spec(evaluate__filter_variance=0.5)
+    lens = Lens(random_surface(1, 3.0, 0.02), random_surface(2, 6.0, 0.02), spec, 0, "draft")
+    traced, source = TracedLens.of(lens, DRAFT.evaluate_nodes_per_sigma), build_source(spec.source)
+    own, whole = traced_light(traced, spec, source, 4096, 3), evaluate_traced(traced, spec, source, 4096, 3)
+    assert own.metrics == LightMetrics.of(whole)
+    assert np.array_equal(own.map, whole.map)
+
+
+def test_standard_errors_tell_the_truth() -> None:
+    """Ten evaluations with other seeds scatter as the standard error of one says, within twice: 3 sigma for ten."""
+    spec = small_spec()
+    lenses = [Lens(sphere(3.0), sphere(6.0), spec, seed, "draft") for seed in range(30 if NIGHTLY else 10)]
+    lights = [_evaluate(lens, rays=4096) for lens in lenses]
+    for metric in ("efficiency", "nmse", "share_in_target"):
+        scatter = np.std([getattr(light, metric).value for light in lights], ddof=1)
+        stated = np.mean([getattr(light, metric).standard_error for light in lights])
+        assert 0.5 < stated / scatter < 2.0, metric
+
+
+def test_the_figures_of_few_rays_are_those_of_many_but_for_their_errors() -> None:
+    """With 2^14 rays each pixel has a noise of 0.2; the picture as binned looks worse than the light is."""
+    spec = small_spec(evaluate__pixels=48)
+    lens = Lens(sphere(3.0), sphere(6.0), spec, 0, "draft")
+    few, many = (_evaluate(lens, rays=rays) for rays in (2**14, 2**20))
+    for name, worse_by in (("nmse", 5.0), ("rsd", 5.0), ("uniformity", 1.0)):  # standard errors
+        rough, fine = getattr(few, name), getattr(many, name)
+        error = np.hypot(rough.standard_error, fine.standard_error)
+        assert abs(rough.value - fine.value) < 3.0 * error, name
+        assert abs(getattr(few.raw, name) - fine.value) > worse_by * error, name
+    assert few.nmse_of_noise is not None
+    assert few.raw.nmse == pytest.approx(few.nmse.value + few.nmse_of_noise, abs=0.25 * few.nmse_of_noise)
+
+
+def test_a_single_replicate_has_raw_figures_only() -> None:
+    light = _evaluate(Lens(sphere(3.0), sphere(6.0), small_spec(), 0, "draft"), rays=1)
+    assert light.nmse.value == light.raw.nmse
+    assert light.nmse.standard_error is None
+
+
+def test_qmc_beats_plain_monte_carlo_by_its_order() -> None:
+    """The window is an edge in four dimensions: theory promises N^-5/8 where plain Monte Carlo has N^-1/2."""
+    spec = small_spec()
+    lens = Lens(sphere(3.0), sphere(6.0), spec, 0, "draft")
+    few, many = (_evaluate(lens, rays=rays).efficiency for rays in (2**10, 2**18))
+    errors, share = [few.standard_error, many.standard_error], many.value
+    plain = np.sqrt(share * (1.0 - share) / 2**18)
+    assert errors[1] < 0.3 * plain
+    assert np.log2(errors[0] / errors[1]) / 8 > 0.55
+
+
+@pytest.mark.parametrize(("rays", "pixels"), [(1, 16), (1, 1), (4096, 1)])
+def test_the_smallest_evaluations_are_finite(rays: int, pixels: int) -> None:
+    lens = Lens(sphere(3.0), sphere(6.0), small_spec(), 0, "draft")
+    result = _evaluate(lens, rays=rays, pixels=pixels)
+    assert np.isfinite(result.map).all()
+    assert sum(result.flux.model_dump().values()) == pytest.approx(1.0)
+
+
+def test_a_lens_for_a_ray_file_is_judged_by_the_rays_that_no_search_uses(tmp_path: Path) -> None:
+    """Of the file, the rays for searches go forward, all others backward."""
+    rays = SquareEmitter(1.0).sample(4096, 5)
+    numbered = RaySetEmitter(replace(rays, origins=np.arange(4096.0)[:, None] * np.ones(3)), 1.0)
+    of_search = np.zeros(4096, dtype=bool)
+    of_search[searched(numbered).sample(2867, 0).origins[:, 0].astype(int)] = True
+    turned = np.where(of_search[:, None], rays.directions, rays.directions * [1.0, 1.0, -1.0])
+    files = {name: tmp_path / f"{name}.tm25ray" for name in ("own", "copy", "other")}
+    for name, path in files.items():
+        order = slice(None, None, -1 if name == "other" else 1)
+        columns = (each[order].astype(np.float32) for each in (rays.origins, turned))
+        write_rayfile(path, RayFile(*columns, np.full(4096, 1 / 4096, np.float32), "W", header_flux_w=1.0), "tm25")
+    source = RayfileSource(file=files["own"], flux_w=1.0)
+    lens = Lens(sphere(3.0), sphere(6.0), small_spec().model_copy(update={"source": source}), 0, "draft")
+    light, copied, other = (
+        lf.evaluate(lens, source=source.model_copy(update={"file": files[name]})) for name in ("own", "copy", "other")
+    )
+    assert light.rays == 1229 and light.missed_by_cause.backward == pytest.approx(1.0) and light.efficiency.value == 0.0
+    assert light.fitted is not None and light.fitted.rays == 2867 and light.fitted.efficiency.value > 0.5
+    assert copied.rays == 1229, "the same rays under another name"
+    assert other.rays == 4096 and other.fitted is None, "no search has seen another file"

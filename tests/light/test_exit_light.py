@@ -1,0 +1,236 @@
+"""Light behind a lens, summed by hand over bundles: half of what rises steeply passes, and nothing else."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from lensforge import seeds
+from lensforge.errors import InputError
+from lensforge.kernels.fate import Fate
+from lensforge.light import exit_light
+from lensforge.light.angular_grid import AngularGrid
+from lensforge.light.angular_resolution import FittedIntensity
+from lensforge.light.exit_light import ExitLight, RaysOnSphere, _on_sphere, trace_exit_light
+from lensforge.light.photometry_export import _lost, _remarks, _scaled, _symmetry, _turned_over, _warnings
+from lensforge.light.simulation import ABSORBED, CAUSES, IN_GLASS, MISSED_RECEIVER, TracedLens
+from lensforge.light.source_photometry import SourceLumens
+from lensforge.results import Extent, Metric
+from lensforge.scene.lens import Lens
+from lensforge.sources.build_source import SquareEmitter
+from lensforge.sources.intensity import TabulatedIntensity
+from lensforge.sources.ray_bundle import RayBundle
+from lensforge.sources.ray_set import RaySetEmitter
+
+SEED, PARTS, ROUNDS = 3, 16, 32
+LENS = object.__new__(TracedLens)  # never looked at
+
+
+def light_of(
+    error: Extent | None, peak_error: float | None = None, added: float | None = None, rays: int = 640
+) -> ExitLight:
+    class Stated(FittedIntensity):
+        """A table whose errors are given."""
+
+        node_error = error
+        peak = Metric(value=2.0, unit="W/sr", standard_error=peak_error)
+
+    table = TabulatedIntensity(np.zeros(1), np.array([0.0, 90.0]), np.ones((1, 2)))
+    intensity = Stated(AngularGrid(4, table.gamma_deg), np.ones((1, 4, 2)), added, table)
+    nothing = RayBundle(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+    return ExitLight(rays, intensity, Metric(value=1.0, unit="W"), np.zeros(CAUSES), nothing, np.zeros((1, 2, 4)))
+
+
+def behind(rays: RayBundle) -> RayBundle:
+    steep = rays.take(rays.directions[:, 2] > 0.5)
+    return RayBundle(steep.origins, steep.directions, 0.5 * steep.flux)
+
+
+def by_fate(rays: RayBundle) -> np.ndarray:
+    found = np.zeros(CAUSES)
+    found[Fate.LEFT_LENS] = behind(rays).flux.sum()
+    found[Fate.BASE] = rays.flux.sum() - found[Fate.LEFT_LENS]
+    return found
+
+
+@pytest.fixture(autouse=True)
+def half_transparent(monkeypatch: pytest.MonkeyPatch) -> None:
+    def traced(lens: TracedLens, rays: RayBundle, sphere_mm: float) -> RaysOnSphere:
+        assert lens is LENS and sphere_mm == 7.0
+        return RaysOnSphere(behind(rays), by_fate(rays))
+
+    monkeypatch.setattr(exit_light, "exit_rays", traced)
+
+
+def measured(source, rays: int | None = None, most_rays: int = 4096, symmetry: str = "none") -> ExitLight:
+    options = {"rays": rays, "most_rays": most_rays, "seed": SEED, "sphere_mm": 7.0, "street_deg": 90.0}
+    return trace_exit_light(LENS, source, symmetry, **options)
+
+
+def agrees(found: ExitLight, parts: list[list[RayBundle]]) -> None:
+    """``parts``: of each sample its bundles, each of all the flux; weights are their numbers of rays."""
+    exits, fates = [], []
+    for bundles in parts:
+        weights = np.array([len(bundle) for bundle in bundles], dtype=float)
+        exits.append(weights @ [behind(bundle).flux.sum() for bundle in bundles] / weights.sum())
+        fates.append(weights @ np.array([by_fate(bundle) for bundle in bundles]) / weights.sum())
+    assert found.rays == sum(len(bundle) for bundles in parts for bundle in bundles)
+    assert found.exit_w.value == pytest.approx(np.mean(exits)) and found.exit_w.unit == "W"
+    error = np.sqrt(np.var(exits, ddof=1) / len(exits)) if len(exits) > 1 else None
+    assert found.exit_w.standard_error == pytest.approx(error, abs=1e-15)
+    np.testing.assert_allclose(found.by_fate_w, np.mean(fates, axis=0), atol=1e-15)
+    assert found.sample.flux.sum() == pytest.approx(found.exit_w.value)
+    kept = RayBundle.joined([behind(bundles[0]) for bundles in parts])
+    np.testing.assert_array_equal(found.sample.directions, kept.directions)
+    np.testing.assert_allclose(found.sample.flux / found.sample.flux.sum(), kept.flux / kept.flux.sum())
+    grid = found.intensity.grid
+    flux = (found.intensity.values * grid.solid_angles).sum()
+    assert flux == pytest.approx(np.mean(exits)) and len(found.intensity.samples) == len(parts)
+
+
+def drawn(source: SquareEmitter, counts: list[int]) -> list[list[RayBundle]]:
+    """Bundles of each sample, one for each round of ``counts`` rays, each by a seed of its own."""
+    numbers = ((count, PARTS * number) for number, count in enumerate(counts))
+    rounds = [(count, first) for count, first in numbers]
+    return [
+        [source.sample(count, seeds.of_far_field(SEED, PARTS * ROUNDS, first + part)) for count, first in rounds]
+        for part in range(PARTS)
+    ]
+
+
+@pytest.mark.parametrize(("rays", "each"), [(1, 1), (16, 1), (17, 2), (1000, 63)])
+def test_rays_are_dealt_to_sixteen_samples_of_the_whole_flux(rays: int, each: int) -> None:
+    source = SquareEmitter(1.0, 2.0)
+    agrees(measured(source, rays), drawn(source, [each]))
+
+
+def test_many_rays_are_traced_in_rounds(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(exit_light, "_MOST_AT_ONCE", 8)
+    source = SquareEmitter(1.0, 2.0)
+    agrees(measured(source, 300), drawn(source, [8, 8, 3]))
+
+
+def test_more_rays_are_traced_until_the_noise_is_down_or_there_are_most(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From 256 by doublings: at 2,000 rays at most, 1024 in a second round."""
+    monkeypatch.setattr(exit_light, "_FIRST_RAYS", 256)
+    source = SquareEmitter(1.0, 2.0)
+    agrees(measured(source, most_rays=2000), drawn(source, [16, 48]))
+    agrees(measured(source, most_rays=200), drawn(source, [13]))
+    agrees(measured(source, most_rays=500), drawn(source, [16]))
+
+
+@pytest.mark.parametrize(
+    ("noise", "most_rays", "needed"),
+    [
+        (None, 10**9, 1000), (0.02, 10**9, 1000), (0.0201, 10**9, 2000), (0.0284, 10**9, 4000), (0.04, 10**9, 4000),
+        (0.0401, 10**9, 8000), (0.2, 4000, 4000), (0.2, 3999, 2000), (0.2, 1999, 1000),
+    ],
+)  # fmt: skip
+def test_rays_are_doubled_until_the_noise_is_two_per_cent(noise: float | None, most_rays: int, needed: int) -> None:
+    error = None if noise is None else Extent(max=1.0, rms=noise)
+    assert exit_light._rays_needed(light_of(error, rays=1000), most_rays) == needed
+
+
+def ray_set(count: int) -> RaySetEmitter:
+    rays = SquareEmitter(1.0, 1.0).sample(count, 1)
+    return RaySetEmitter(RayBundle(rays.origins, rays.directions, np.arange(1.0, count + 1.0)), 2.0)
+
+
+@pytest.mark.parametrize(("count", "rays", "taken"), [(60, None, 60), (60, 40, 40), (5, None, 5), (60, 100, 60)])
+def test_the_rays_of_a_measured_source_are_dealt_at_random(count: int, rays: int | None, taken: int) -> None:
+    source = ray_set(count)
+    everything = source.sample(taken, SEED)
+    order = np.random.default_rng(SEED).permutation(taken)
+    parts = [everything.take(rows) for rows in np.array_split(order, min(PARTS, taken))]
+    scaled = [RayBundle(each.origins, each.directions, 2.0 * each.flux / each.flux.sum()) for each in parts]
+    agrees(measured(source, rays), [[each] for each in scaled])
+
+
+def test_the_file_has_rays_of_every_sample_and_all_the_flux(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(exit_light, "_FILE_RAYS", 40)
+    source = SquareEmitter(1.0, 2.0)
+    found = measured(source, 320)
+    kept = [behind(bundles[0]).directions[:2] for bundles in drawn(source, [20])]
+    np.testing.assert_array_equal(found.sample.directions, np.concatenate(kept))
+    assert found.sample.flux.sum() == pytest.approx(found.exit_w.value)
+
+
+def test_the_light_is_the_mean_of_its_mirror_images() -> None:
+    found = measured(SquareEmitter(1.0), 640, symmetry="square").intensity.samples
+    np.testing.assert_allclose(found, np.roll(found, found.shape[1] // 4, axis=1), atol=1e-12)
+    other = measured(SquareEmitter(1.0), 640).intensity.samples
+    assert np.abs(other - np.roll(other, other.shape[1] // 4, axis=1)).max() > 0.01
+
+
+def test_without_light_upwards_there_is_none_to_write() -> None:
+    flat = RayBundle(np.zeros((4, 3)), np.tile([0.8, 0.0, 0.6], (4, 1)) * [1.0, 1.0, -1.0], np.ones(4))
+    with pytest.raises(InputError, match="none of 4 rays leaves the lens upwards"):
+        measured(RaySetEmitter(flat, 1.0))
+
+
+def test_every_fate_has_its_own_loss() -> None:
+    flux = np.arange(1.0, CAUSES + 1.0)
+    found = _lost(flux).model_dump()
+    expected = {fate.name.lower(): fate + 1.0 for fate in Fate if fate != Fate.LEFT_LENS}
+    others = {"missed_receiver": MISSED_RECEIVER, "absorbed": ABSORBED, "cover_glass": IN_GLASS}
+    assert found == expected | {name: place + 1.0 for name, place in others.items()}
+
+
+def test_values_are_closed_and_turned_over_and_scaled_with_their_errors() -> None:
+    assert _turned_over(np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]))[:, 0].tolist() == [1.0, 5.0, 3.0, 1.0]
+    found = _scaled(Metric(value=3.0, unit="W", standard_error=0.5), 4.0, "lm")
+    assert (found.value, found.unit, found.standard_error) == (12.0, "lm", 2.0)
+    assert _scaled(Metric(value=3.0, unit="W"), 4.0, "lm").standard_error is None
+
+
+@pytest.mark.parametrize(
+    ("source", "lens", "both"),
+    [("square", "rectangle", "rectangle"), ("mirror_x", "rectangle", "mirror_x"), ("mirror_x", "mirror_y", "none")],
+)
+def test_light_has_the_mirrors_that_source_and_lens_share(source: str, lens: str, both: str) -> None:
+    class Mirrored(Lens):
+        symmetry = lens
+
+    assert _symmetry(object.__new__(Mirrored), SquareEmitter(1.0, symmetry=source)) == both
+
+
+def noisy(rms: float | None, peak_error: float | None = 0.25, added: float | None = 0.0123) -> ExitLight:
+    return light_of(None if rms is None else Extent(max=0.5, rms=rms), peak_error, added)
+
+
+def words(origin: str, rms: float | None, count: int | None = None) -> Iterator[str]:
+    return _warnings(SourceLumens(1000.0, origin), SquareEmitter(1.0, ray_count=count), noisy(rms))
+
+
+def test_files_say_what_limits_their_use() -> None:
+    assert list(words("given", 0.05)) == []
+    (one,) = words("given", 0.0501)
+    assert one.endswith("it is above a tenth of the peak; take more rays") and "5.0% rms" in one
+    (one,) = words("spec or source file", 0.3, 77)
+    assert one.endswith("the source has 77 rays")
+    (one,) = words("given", None)
+    assert one.startswith("640 ray: too few")
+    relative, few = words("not known", None)
+    assert "1000 lm taken" in relative and few.startswith("640 ray")
+
+
+def test_files_say_how_noisy_they_are() -> None:
+    errors, peak = _remarks(noisy(0.03), 100.0)
+    assert errors.startswith("640 rays;") and "3.00% rms, 50.00% at most; interpolation error 1.23%" in errors
+    assert peak == "peak without noise 200 +- 25 cd"
+    assert len(list(_remarks(noisy(0.03, None), 100.0))) == 1 and list(_remarks(noisy(None), 100.0)) == []
+
+
+def test_rays_inside_a_sphere_leave_it_ahead_of_them() -> None:
+    points, ways = (
+        np.array([[3.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 3.0, 5.0]]),
+        np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]),
+    )
+    found = _on_sphere(points, ways, 5.0)
+    np.testing.assert_allclose(found, [[3.0, 0.0, 4.0], [np.sqrt(24.0), 0.0, 1.0], [0.0, 3.0, -4.0]], atol=1e-12)
+    beside = _on_sphere(np.array([[6.0, 0.0, 2.0]]), np.array([[0.0, 0.0, 1.0]]), 5.0)
+    assert beside.tolist() == [[6.0, 0.0, 0.0]], "no chord: where it is closest"
+
+
+def test_an_intensity_without_an_error_of_interpolation_has_none_in_its_remark() -> None:
+    assert "interpolation error 0.00%" in next(_remarks(noisy(0.03, added=None), 1.0))

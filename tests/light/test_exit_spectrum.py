@@ -1,0 +1,126 @@
+"""Spectrum of the light that leaves the lens: rays counted at wavelengths, and powers of parts that are mixed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rayfile_samples import rays, with_tables
+
+from lensforge.light.exit_light import _reach_deg
+from lensforge.light.source_photometry import _mixed, _of_rays, spectrum_of_source
+from lensforge.sources.build_source import build_source, summarise
+from lensforge.sources.ray_bundle import RayBundle
+from lensforge.sources.rayfiles import write_rayfile
+from lensforge.sources.source_spectrum import Spectrum
+from lensforge.spec.source_sections import RayfileSource, RayfilesSource, RaySource, SquareSource
+
+
+def test_each_ray_counts_at_the_nearest_multiple_of_five_nanometres():
+    waves, flux = np.array([497.6, 500.0, 502.4, 507.6, 531.0]), np.array([1.0, 2.0, 0.5, 7.0, 1.4])
+    found = _of_rays(lambda: [(waves[:2], flux[:2]), (waves[2:], flux[2:])])
+    power = dict(zip(found.wavelengths_nm.tolist(), found.power_density.tolist(), strict=True))
+    lit = {wave: share for wave, share in power.items() if share > 0.0}
+    assert lit == pytest.approx({500.0: 3.5 / 7.0, 510.0: 1.0, 530.0: 0.2})
+    assert power[495.0] == power[535.0] == 0.0, "dark at both ends"
+    np.testing.assert_allclose(np.diff(found.wavelengths_nm), 5.0)
+
+
+def test_rays_of_one_wavelength_are_a_line():
+    found = _of_rays(lambda: [(np.full(3, 621.3), np.ones(3))])
+    assert (found.wavelengths_nm.tolist(), found.power_density.tolist()) == ([621.3], [1.0])
+
+
+def test_parts_have_in_their_mixture_the_powers_that_they_have():
+    """A line of 3 W and a triangle of 1 W, of which the areas are the powers."""
+    line = Spectrum(np.array([450.0]), np.ones(1))
+    table = Spectrum(np.array([550.0, 600.0, 650.0]), np.array([0.0, 4.0, 0.0]))
+    found = _mixed([line, table], [3.0, 1.0])
+    below = found.wavelengths_nm < 500.0
+    areas = [np.trapezoid(found.power_density[part], found.wavelengths_nm[part]) for part in (below, ~below)]
+    assert areas[0] / areas[1] == pytest.approx(3.0)
+    assert found.power_density.max() == 1.0
+    assert found.wavelengths_nm[below].tolist() == [445.0, 450.0, 455.0]
+
+
+def test_the_reach_is_the_angle_that_holds_nearly_all_the_flux():
+    gamma = np.deg2rad([5.0, 60.0, 20.0, 80.0])
+    ways = np.stack([np.sin(gamma), np.zeros(4), np.cos(gamma)], axis=1)
+
+    def reach(*flux):
+        return _reach_deg(RayBundle(np.zeros((4, 3)), ways, np.array(flux)))
+
+    assert reach(0.5, 0.004, 0.496, 0.0) == pytest.approx(20.0)  # within 99.5 % of the flux
+    assert reach(0.5, 0.006, 0.494, 0.0) == pytest.approx(60.0)
+    assert reach(0.5, 0.2, 0.2, 0.1) == pytest.approx(80.0)
+    nothing = RayBundle(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+    assert _reach_deg(nothing) == 90.0
+
+
+def test_the_table_of_rays_ends_in_the_dark_on_both_sides():
+    """From the multiple of 5 nm below the first ray to that above the last one; a ray on an edge counts above it."""
+    for first, last, nodes in (
+        (500.0, 510.0, [495.0, 500.0, 505.0, 510.0, 515.0]),
+        (502.4, 507.6, [495.0, 500.0, 505.0, 510.0, 515.0]),
+        (502.5, 507.4, [500.0, 505.0, 510.0]),
+        (497.6, 503.0, [495.0, 500.0, 505.0, 510.0]),
+    ):
+        found = _of_rays(lambda ends=(first, last): [(np.array(ends), np.array([1.0, 4.0]))])
+        assert found.wavelengths_nm.tolist()[: len(nodes)] == nodes
+        lit = found.wavelengths_nm[found.power_density > 0.0]
+        assert found.power_density[0] == found.power_density[-1] == 0.0 and found.power_density.max() == 1.0
+        assert lit[0] == 5.0 * np.floor(first / 5.0 + 0.5) and lit[-1] == 5.0 * np.floor(last / 5.0 + 0.5)
+
+
+def test_two_tables_are_mixed_at_the_nodes_of_both():
+    one = Spectrum(np.array([400.0, 500.0]), np.array([2.0, 2.0]))
+    two = Spectrum(np.array([450.0, 550.0, 600.0]), np.array([0.0, 1.0, 0.0]))
+    found = _mixed([one, two], [1.0, 3.0])
+    assert found.wavelengths_nm.tolist() == [400.0, 450.0, 500.0, 550.0, 600.0]
+    density = np.array([0.01, 0.01, 0.01 + 0.5 * 3.0 / 75.0, 3.0 / 75.0, 0.0])
+    np.testing.assert_allclose(found.power_density, density / density.max())
+
+
+ROWS = np.column_stack([np.zeros((3, 3)), np.tile([0.0, 0.0, 1.0], (3, 1)), [1.0, 2.0, 5.0]])
+
+
+def spectrum(spec):
+    return spectrum_of_source(spec, summarise(build_source(spec), spec))
+
+
+def test_given_rays_have_the_spectrum_of_their_wavelengths_and_fluxes():
+    waves = [500.0, 500.0, 600.0]
+    found = spectrum(RaySource(ROWS, flux_w=1.0, wavelengths_nm=waves))
+    lit = found.power_density > 0.0
+    assert found.wavelengths_nm[lit].tolist() == [500.0, 600.0]
+    assert found.power_density[lit].tolist() == pytest.approx([0.6, 1.0])
+    even = spectrum(RaySource(ROWS[:, :6], flux_w=1.0, wavelengths_nm=waves))
+    assert even.power_density[even.power_density > 0.0].tolist() == pytest.approx([1.0, 0.5])
+    assert spectrum(RaySource(ROWS, flux_w=1.0)) is None
+    assert spectrum(SquareSource(side_mm=1.0)) is None
+    line = spectrum(SquareSource(side_mm=1.0, spectrum={"kind": "line", "wavelength_nm": 633.0}))
+    assert line.wavelengths_nm.tolist() == [633.0]
+
+
+def test_files_have_the_spectrum_of_their_rays_by_power_or_none_where_one_is_unknown(tmp_path):
+    """Equal lumens at 450 and 555 nm: the blue ray has more power by the ratio of their efficacies."""
+    made = replace(rays(2, unit="lm"), flux=np.ones(2, np.float32), header_flux_lm=2.0)
+    write_rayfile(tmp_path / "seen.csv", replace(made, wavelengths_nm=np.array([450.0, 555.0])), "csv")
+    write_rayfile(tmp_path / "dark.csv", replace(made, wavelengths_nm=np.array([450.0, 900.0])), "csv")
+    write_rayfile(tmp_path / "grey.csv", made, "csv")
+    seen = spectrum(RayfileSource(file=tmp_path / "seen.csv"))
+    power = seen.power_density[seen.power_density > 0.0]
+    assert power.tolist() == pytest.approx([1.0, 0.038], rel=1e-3)
+    assert spectrum(RayfileSource(file=tmp_path / "dark.csv", flux_w=1.0)) is None
+    assert spectrum(RayfileSource(file=tmp_path / "grey.csv")) is None
+    named = {"file": tmp_path / "grey.csv", "flux_w": 3.0, "spectrum": {"kind": "line", "wavelength_nm": 700.0}}
+    both = spectrum(RayfilesSource(files=[{"file": tmp_path / "seen.csv", "flux_w": 1.0}, named]))
+    red = both.wavelengths_nm > 650.0
+    areas = [np.trapezoid(both.power_density[part], both.wavelengths_nm[part]) for part in (~red, red)]
+    assert areas[1] / areas[0] == pytest.approx(3.0)
+    unnamed = {"file": tmp_path / "grey.csv", "flux_w": 3.0}
+    assert spectrum(RayfilesSource(files=[{"file": tmp_path / "seen.csv", "flux_w": 1.0}, unnamed])) is None
+
+
+def test_a_table_in_the_header_of_a_file_is_its_spectrum(tmp_path):
+    write_rayfile(tmp_path / "led.tm25ray", with_tables(rays(8)), "tm25")
+    assert spectrum(RayfileSource(file=tmp_path / "led.tm25ray")).wavelengths_nm.tolist() == [430.0, 450.0, 470.0]

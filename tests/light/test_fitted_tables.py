@@ -1,0 +1,260 @@
+"""Fitted intensity tables against plain calculations: dense matrices, waves one by one, loops over samples."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from lensforge.light.angular_grid import AngularGrid, finest_grid
+from lensforge.light.angular_resolution import (
+    FittedIntensity,
+    _interpolation_error,
+    _mean_square,
+    _Pyramid,
+    _variance,
+    _worthwhile,
+    fit,
+)
+from lensforge.sources.ray_bundle import RayBundle
+
+GAMMA_DEG = np.array([0.0, 4.0, 10.0, 25.0, 40.0, 60.0, 75.0, 90.0])
+
+
+def ways(c_deg, gamma_deg):
+    c, gamma = np.deg2rad(c_deg), np.deg2rad(gamma_deg)
+    return np.stack([np.sin(gamma) * np.cos(c), np.sin(gamma) * np.sin(c), np.cos(gamma)], axis=-1)
+
+
+def hat(node, gamma_deg):
+    return np.interp(gamma_deg, GAMMA_DEG, np.eye(len(GAMMA_DEG))[node])
+
+
+def test_a_ray_is_shared_by_the_four_nodes_around_it():
+    grid = AngularGrid(8, GAMMA_DEG)
+    c_deg, gamma_deg = np.array([10.0, 350.0, 315.0, 200.0, 0.0]), np.array([7.0, 30.0, 90.0, 2.0, 85.0])
+    rays = RayBundle(np.zeros((5, 3)), ways(c_deg, gamma_deg), np.arange(1.0, 6.0))
+    expected = np.zeros((8, 8))
+    for number, (c, gamma) in enumerate(zip(c_deg, gamma_deg, strict=True), start=1):
+        for plane in range(8):
+            around = max(1.0 - abs((c - 45.0 * plane + 180.0) % 360.0 - 180.0) / 45.0, 0.0)
+            expected[plane] += number * around * np.array([hat(node, gamma) for node in range(8)])
+    np.testing.assert_allclose(grid.deposit(rays), expected, atol=1e-12)
+    values = np.random.default_rng(2).random((8, 8))
+    read = grid.readings(c_deg + 360.0 * np.arange(-2, 3), gamma_deg) @ values.ravel()
+    by_hand = [_bilinear(values, *each) for each in zip(c_deg, gamma_deg, strict=True)]
+    np.testing.assert_allclose(read, by_hand, rtol=1e-12)
+
+
+def _bilinear(values, c_deg, gamma_deg):
+    column = [np.interp(c_deg, 45.0 * np.arange(9), [*each, each[0]]) for each in values.T]
+    return np.interp(gamma_deg, GAMMA_DEG, column)
+
+
+def gram():
+    """Integrals of the products of two functions of gamma with its sine, by adaptive quadrature."""
+    found, nodes = np.zeros((8, 8)), range(8)
+    for one in nodes:
+        for other in nodes:
+            edges = [GAMMA_DEG[k] for k in nodes if abs(k - one) <= 1 and abs(k - other) <= 1]
+            found[one, other] = sum(
+                quad(lambda g, i=one, j=other: hat(i, g) * hat(j, g) * np.sin(np.deg2rad(g)), low, high)[0]
+                for low, high in pairwise(edges)
+            )
+    return found * np.deg2rad(1.0)
+
+
+def first_cones(planes):
+    """For each wave around the axis the first cone on which its half length is not below the step of gamma."""
+    gamma = np.deg2rad(GAMMA_DEG)
+    steps = np.gradient(gamma)
+    found = []
+    for wave in range(planes // 2 + 1):
+        fine = [k for k in range(8) if np.pi * np.sin(gamma[k]) >= wave * steps[k]]
+        found.append(fine[0] if fine else 8)
+    return found
+
+
+@pytest.mark.parametrize("planes", [8, 30, 7])
+def test_the_fit_is_the_mean_of_the_nearest_table_and_of_the_averages(planes):
+    """Along C by a circulant matrix, along gamma node by node; each wave from the first cone that resolves it."""
+    grid = AngularGrid(planes, GAMMA_DEG)
+    deposits = np.random.default_rng(planes).uniform(0.5, 1.0, (2, planes, 8))
+    step, mass = 2.0 * np.pi / planes, gram()
+    beside = np.roll(np.eye(planes), 1, axis=0) + np.roll(np.eye(planes), -1, axis=0)
+    around = 0.5 * (np.eye(planes) / step + np.linalg.inv(step / 6.0 * (4.0 * np.eye(planes) + beside)))
+    firsts = first_cones(planes)
+    assert len(set(firsts)) > 2, "waves that begin at several cones"
+    for deposit, found in zip(deposits, grid.fitted(deposits), strict=True):
+        turned = around @ deposit
+        angles, expected = step * np.arange(planes), np.zeros((planes, 8))
+        for wave, first in enumerate(firsts):
+            for part in (np.cos(wave * angles), np.sin(wave * angles)):
+                size = part @ part
+                if size > 1e-9 and first < 8:
+                    expected += np.outer(part, along_gamma(part @ turned / size, mass, first))
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
+
+
+def along_gamma(flux, mass, first):
+    values = np.zeros(8)
+    values[first:] = np.linalg.solve(mass[first:, first:], flux[first:])
+    found = values.copy()
+    for low in range(7):
+        share = 0.5 * min((6 - low) / 4.0, 1.0)
+        flow = share * mass[low, low + 1] * (values[low + 1] - values[low])
+        found[low] += flow / mass[low].sum()
+        found[low + 1] -= flow / mass[low + 1].sum()
+    found[:first] = 0.0
+    return found
+
+
+def test_solid_angles_are_row_sums_and_add_up_to_a_hemisphere():
+    grid = AngularGrid(12, GAMMA_DEG)
+    np.testing.assert_allclose(grid.solid_angles, gram().sum(axis=1) * np.pi / 6.0, rtol=1e-12)
+    assert 12 * grid.solid_angles.sum() == pytest.approx(2.0 * np.pi)
+    assert grid.c_deg.tolist() == [30.0 * k for k in range(12)]
+
+
+def test_cones_of_less_than_no_light_are_made_up_for_by_all_others():
+    grid = AngularGrid(4, np.array([0.0, 30.0, 60.0, 90.0]))
+    values = np.array([[1.0, 2.0, -1.0, 0.0], [1.0, 2.0, 0.5, 0.0], [1.0, 2.0, -1.0, 0.0], [1.0, 2.0, 0.5, 0.0]])
+    table = grid.table(values)
+    flux = (values * grid.solid_angles).sum()
+    scale = flux / (values[:, :2] * grid.solid_angles[:2]).sum()
+    np.testing.assert_allclose(table.values[:4], scale * np.maximum(values, 0.0) * [1.0, 1.0, 0.0, 0.0], atol=1e-15)
+    assert table.c_deg.tolist() == [0.0, 90.0, 180.0, 270.0, 360.0] and (table.values[4] == table.values[0]).all()
+
+
+@pytest.mark.parametrize(
+    ("beam_deg", "reach", "inside"),
+    [
+        (0.0, 2.5, 128), (2.5, 2.5, 128), (2.6, 5.0, 128), (5.0, 5.0, 128), (10.0, 10.0, 128), (20.0, 20.0, 128),
+        (20.1, 30.0, 192), (30.0, 30.0, 192), (61.0, 70.0, 448), (90.0, 90.0, 576), (120.0, 90.0, 576),
+    ],
+)  # fmt: skip
+def test_the_finest_grid_has_its_steps_within_the_beam_and_64_beyond(beam_deg, reach, inside):
+    grid = finest_grid(beam_deg)
+    expected = [*np.linspace(0.0, reach, inside + 1), *(np.linspace(reach, 90.0, 65)[1:] if reach < 90.0 else [])]
+    np.testing.assert_allclose(grid.gamma_deg, expected, atol=1e-12)
+    assert grid.planes == 576
+
+
+SAMPLES = np.random.default_rng(1).uniform(1.0, 2.0, (5, 4, 8)) * np.linspace(1.0, 0.0, 8)
+
+
+def test_errors_of_nodes_are_those_of_the_mean_and_weighted_by_solid_angle():
+    grid = AngularGrid(4, GAMMA_DEG)
+    found = FittedIntensity(grid, SAMPLES, None, grid.table(SAMPLES[0]))
+    mean = sum(SAMPLES) / 5
+    error = np.sqrt(sum((each - mean) ** 2 for each in SAMPLES) / 4 / 5)
+    np.testing.assert_allclose(found.values, mean)
+    np.testing.assert_allclose(found.standard_errors, error)
+    bright = [(k, g) for k, g in np.ndindex(4, 8) if mean[k, g] > 0.1 * mean.max()]
+    ratios = np.array([error[at] / mean[at] for at in bright])
+    weights = np.array([grid.solid_angles[g] for _, g in bright])
+    assert found.node_error.max == pytest.approx(ratios.max())
+    assert found.node_error.rms == pytest.approx(np.sqrt((weights * ratios**2).sum() / weights.sum()))
+    alone = FittedIntensity(grid, SAMPLES[:1], None, grid.table(SAMPLES[0]))
+    assert alone.standard_errors is None and alone.node_error is None
+    assert FittedIntensity(grid, SAMPLES[:2], None, grid.table(SAMPLES[0])).standard_errors is not None
+    assert found.peak.unit == "W/sr"
+
+
+def test_the_square_of_what_samples_have_in_common_is_the_mean_over_pairs():
+    pairs = [SAMPLES[i] * SAMPLES[j] for i in range(5) for j in range(5) if i != j]
+    np.testing.assert_allclose(_mean_square(SAMPLES), np.mean(pairs, axis=0), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(_variance(SAMPLES), SAMPLES.var(axis=0, ddof=1) / 5)
+
+
+def pyramid(samples):
+    """Deposits of a beam off the axis, of which each sample has few rays."""
+    finest, parts = finest_grid(42.0), []
+    for seed in range(samples):
+        some = np.random.default_rng(seed).normal(size=(3000, 3)) * [0.2, 0.1, 0.05] + [0.3, 0.0, 1.0]
+        some /= np.linalg.norm(some, axis=1, keepdims=True)
+        parts.append(finest.deposit(RayBundle(np.zeros((3000, 3)), some, np.full(3000, 1.0 / 3000))))
+    return _Pyramid(finest, np.stack(parts))
+
+
+def test_levels_of_the_pyramid_are_halvings_of_the_finest_grid_and_differ_by_their_tables():
+    made = pyramid(2)
+    fine, coarse = made.grid((2, 3)), made.grid((3, 5))
+    assert (fine.planes, coarse.planes) == (144, 72)
+    np.testing.assert_array_equal(fine.gamma_deg, made.grid((0, 0)).gamma_deg[::8])
+    np.testing.assert_array_equal(coarse.gamma_deg, made.grid((0, 0)).gamma_deg[::32])
+    difference = made.difference((3, 5), (2, 3))
+    for added, own, other in zip(difference, made.table((2, 3)), made.table((3, 5)), strict=True):
+        readings = coarse.readings(*(each.ravel() for each in np.meshgrid(fine.c_deg, fine.gamma_deg, indexing="ij")))
+        np.testing.assert_allclose(added, own - (readings @ other.ravel()).reshape(own.shape), atol=1e-9)
+
+
+@pytest.mark.parametrize("level", [(4, 6), (3, 3), (2, 2), (1, 2), (1, 1)])
+def test_the_finer_level_is_that_which_gains_most_structure_beyond_its_noise(level):
+    made = pyramid(4)
+    gains = {}
+    for finer in ((level[0] - 1, level[1]), (level[0], level[1] - 1), (level[0] - 1, level[1] - 1)):
+        if finer[0] >= 1 and finer[1] >= 1:
+            weights = made.grid(finer).solid_angles
+            gain = (_mean_square(made.difference(level, finer)) * weights).sum()
+            gain -= (_variance(made.table(finer)) * weights).sum()
+            gain += (_variance(made.table(level)) * made.grid(level).solid_angles).sum()
+            gains[finer] = gain
+    best = max(gains, key=gains.get, default=None)
+    assert _worthwhile(made, level) == (best if best and gains[best] > 0.0 else None)
+    assert _worthwhile(pyramid(1), level) is None
+
+
+def test_two_samples_tell_structure_from_noise():
+    assert _worthwhile(pyramid(2), (4, 6)) is not None
+
+
+def test_samples_that_have_nothing_in_common_have_no_error_of_interpolation():
+    """Two pairs of opposite samples: the mean over pairs of different ones is below 0, the same without any of them."""
+
+    class Opposite(_Pyramid):
+        def difference(self, coarse, fine):
+            return added
+
+    made = pyramid(4)
+    opposite = Opposite(made.grid((0, 0)), made._deposits[(0, 0)])
+    grid = opposite.grid((1, 1))
+    added = np.array([1.0, -1.0, 1.0, -1.0])[:, None, None] * np.ones((1, grid.planes, len(grid.gamma_deg)))
+    assert _interpolation_error(opposite, (2, 2)) == 0.0
+
+
+def test_a_fit_ends_where_no_finer_level_is_worth_it():
+    made = pyramid(4)
+    found = fit(made.grid((0, 0)), made._deposits[(0, 0)])
+    level = (4, 6)
+    while (finer := _worthwhile(made, level)) is not None:
+        level = finer
+    assert level != (4, 6)
+    np.testing.assert_array_equal(found.samples, made.table(level))
+    np.testing.assert_array_equal(found.grid.gamma_deg, made.grid(level).gamma_deg)
+    half = (level[0] - 1, level[1] - 1)
+    expected = made.grid(half).table(made.table(half).mean(axis=0))
+    np.testing.assert_array_equal(found.finer.values, expected.values)
+    assert 0.0 < found.interpolation_error < 1.0
+
+
+def test_the_axis_is_as_well_known_as_the_light_beside_it() -> None:
+    """Its cell is the smallest of all: rays of a Lambertian source, few enough for their noise to tell."""
+    grid = AngularGrid(12, np.linspace(0.0, 90.0, 37))
+    rays, random = [], np.random.default_rng(0)
+    for _ in range(16):
+        square, turn = random.random(2**10), 2.0 * np.pi * random.random(2**10)
+        side = np.sqrt(square)
+        directions = np.column_stack([side * np.cos(turn), side * np.sin(turn), np.sqrt(1.0 - square)])
+        rays.append(RayBundle(0.0 * directions, directions, np.full(2**10, 2.0**-10)))
+    samples = grid.fitted(np.stack([grid.deposit(each) for each in rays]))
+    errors = samples.std(axis=0, ddof=1) / 4.0
+    assert (samples[:, 1:, 0] == samples[:, :1, 0]).all()
+    assert errors[0, 0] < 1.5 * errors[:, 8:16].mean()
+    assert abs(samples[:, 0, 0].mean() - 1.0 / np.pi) < 3.0 * errors[0, 0]
+    deposited = sum(each.flux.sum() for each in rays) / 16.0
+    assert (samples.mean(axis=0) * grid.solid_angles).sum() == pytest.approx(deposited, rel=1e-12)
+    spike = samples.mean(axis=0)[None] * np.ones((16, 1, 1))
+    spike[:, :, 0] += np.linspace(4.9, 5.1, 16)[:, None]
+    kept = grid._pooled(spike[:, 0], (spike.mean(axis=0) * grid.solid_angles).sum(axis=0))
+    np.testing.assert_array_equal(kept, spike[:, 0])

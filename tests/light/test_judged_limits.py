@@ -1,0 +1,112 @@
+"""Judgement of limits: the light that decides, against pictures whose noise is made, and the three states."""
+
+import numpy as np
+import pytest
+from scenes import small_spec
+
+from lensforge.errors import InputError
+from lensforge.light.evaluation_result import LimitResult
+from lensforge.light.judged_limits import judged_limits
+from lensforge.results import Metric
+from lensforge.scene.limit_readings import light_limits
+from lensforge.scene.receiver_shapes import receivers_of
+
+BEAM = {"kind": "beam", "fwhm_deg": 30.0, "half_angle_deg": 60.0}
+REPLICATES = 16
+
+
+def judged(limit: dict[str, object], noise: float = 0.0, peak: float = 5.0, seed: int = 0) -> tuple[LimitResult, ...]:
+    """Limits on a Gaussian beam of 30 x 20 degrees, its peak in W/sr, with noise relative to the peak per replicate."""
+    spec = small_spec(target=BEAM).replace(limits=[limit])
+    receivers = receivers_of(spec, 128)
+    x, y = receivers[0].target_coordinates(*np.meshgrid(receivers[0].grid.x(), receivers[0].grid.y()))
+    light = peak * np.exp(-4.0 * np.log(2.0) * ((x / 30.0) ** 2 + (y / 20.0) ** 2))
+    rng = np.random.default_rng(seed)
+    images = light * receivers[0].pixel_measure * (1.0 + noise * rng.normal(size=(REPLICATES, *light.shape)))
+    return judged_limits(light_limits(spec, receivers, None, 1.0), [images], ["sky"])
+
+
+@pytest.mark.parametrize(
+    ("limit", "value"),
+    [
+        ({"kind": "points", "at_deg": [[0, 0], [15, 0]], "at_least_w_per_sr": 1.0}, 2.5),
+        ({"kind": "points", "at_deg": [[0, 0], [15, 0]], "at_most_w_per_sr": 1.0}, 5.0),
+        ({"kind": "points", "at_deg": [[0, 10]], "at_least_relative": 0.3}, 0.5),
+        ({"kind": "line", "from_deg": [-15, 0], "to_deg": [15, 0], "at_least_w_per_sr": 1.0}, 2.5),
+        ({"kind": "glare", "from_deg": 30.0, "at_most_relative": 0.1}, 0.0625),
+        ({"kind": "beam_angle", "at_least_deg": 10.0}, 30.0),
+        ({"kind": "beam_angle", "azimuth_deg": 90.0, "at_least_deg": 10.0}, 20.0),
+        ({"kind": "beam_angle", "level": 0.0625, "at_least_deg": 10.0}, 60.0),
+        ({"kind": "zone", "zone": {"kind": "disc", "diameter_deg": 20.0}, "at_least_min_over_max": 0.1}, 0.5),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+def test_the_value_that_decides_is_the_one_of_the_closed_form(
+    limit: dict[str, object], value: float, noise: float
+) -> None:
+    (found,) = judged(limit, noise)
+    error = found.value.standard_error or 0.0
+    rough = 0.08 if limit["kind"] in ("zone", "glare") else 0.03  # whole pixels at their edge
+    assert found.value.value == pytest.approx(value, rel=rough, abs=4.0 * error)
+    assert found.receiver == "sky" and (noise == 0.0 or 0.0 < error < 0.1 * value)
+
+
+def test_the_darkest_of_many_places_is_not_the_darkest_of_their_noise() -> None:
+    """100 places alike, 10 % of noise in the mean: the least of the mean would be 2.5 deviations too dark."""
+    values = []
+    for seed in range(30):
+        spec = small_spec(target=BEAM).replace(
+            limits=[{"kind": "zone", "zone": {"kind": "disc", "diameter_deg": 9.0}, "at_least_w_per_sr": 0.5}]
+        )
+        receivers = receivers_of(spec, 128)
+        rng = np.random.default_rng(seed)
+        images = receivers[0].pixel_measure * (1.0 + 0.4 * rng.normal(size=(REPLICATES, 128, 128)))
+        (limit,) = light_limits(spec, receivers, None, 1.0)
+        plain = limit.of(images).mean(axis=0).min()
+        (found,) = judged_limits((limit,), [images], ["sky"])
+        values.append((found.value.value - 1.0, plain - 1.0))
+    mean, plain = np.mean(values, axis=0)
+    assert plain < -0.2 and abs(mean) < 0.3 * abs(plain)
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "state"),
+    [
+        (1.21, 0.1, "held"),
+        (1.19, 0.1, "undecided"),
+        (0.81, 0.1, "undecided"),
+        (0.79, 0.1, "missed"),
+        (5.0, None, "undecided"),
+    ],
+)
+@pytest.mark.parametrize("sense", [">=", "<="])
+def test_a_limit_is_decided_beyond_two_standard_errors(
+    value: float, error: float | None, state: str, sense: str
+) -> None:
+    signed = value if sense == ">=" else 2.0 - value
+    content = {"name": "a", "receiver": "sky", "quantity": "light", "sense": sense, "bound": 1.0, "unit": "cd"}
+    found = LimitResult(value=Metric(value=signed, standard_error=error), **content)
+    assert found.state == state
+    with pytest.raises(ValueError, match="state: not what the fields say"):
+        LimitResult.model_validate({**found.model_dump(mode="json"), "state": "held" if state != "held" else "missed"})
+
+
+def test_the_light_of_a_lens_has_its_limits_and_its_verdict_follows_them() -> None:
+    import lensforge as lf
+    from lensforge.runs.verdict import verdict_on
+    from lensforge.scene.lens import Lens
+    from lensforge.surfaces.asphere import sphere
+
+    for bound, state in ((1e-3, "pass"), (1e6, "fail")):
+        spec = small_spec(target=BEAM, source__flux_w=1.0).replace(
+            limits=[{"kind": "points", "name": "axis", "at_deg": [[0, 0]], "at_least_w_per_sr": bound}]
+        )
+        lens = Lens(sphere(3.0), sphere(6.0), spec, 0, "draft")
+        light = lf.evaluate(lens, rays=2**14)
+        assert [limit.name for limit in light.limits] == ["axis"]
+        verdict = verdict_on(lens, None, light, None, None, None)
+        assert verdict.light == state, "limits decide, whatever the pattern"
+        assert state == "pass" or "axis: light" in verdict.reasons.light[0]
+    in_candela = spec.replace(limits=[{"kind": "zone", "at_most_cd": 1.0}])
+    with pytest.raises(InputError, match="lumens"):
+        lf.evaluate(Lens(sphere(3.0), sphere(6.0), in_candela, 0, "draft"))

@@ -1,0 +1,183 @@
+"""Figures that judge the light of a few known pictures: limits, regions, and changes from lens to lens."""
+
+import numpy as np
+import pytest
+from scipy import sparse
+
+from lensforge.light.evaluation_result import LightMetrics, LimitResult, light_criteria
+from lensforge.light.judged_limits import limit_value
+from lensforge.light.least_irradiance import LeastEstimate, least_without_noise
+from lensforge.light.metrics import PairEstimate, RootEstimate, uniformity
+from lensforge.light.receiver_light import LARGEST_NMSE, LEAST_SHARE, Flux, RegionLight, bright_region, inner_region
+from lensforge.light.simulation import ReplicateMetrics, lit_mask
+from lensforge.results import Metric
+from lensforge.scene.limit_readings import LightLimit
+
+IMAGES = np.array([[[1.0, 2.0, 4.0]], [[3.0, 2.0, 2.0]], [[2.0, 2.0, 3.0]]]) / 10.0  # means 0.2, 0.2, 0.3
+PER_FLUX = 0.5
+
+
+def value_of(quantity: str, sense: str = ">=", rows: int = 3, images: np.ndarray = IMAGES) -> Metric:
+    """The value that decides a limit on the first pixels, each with half its flux as light."""
+    readings = sparse.csr_array(PER_FLUX * np.eye(3)[:rows])
+    limit = LightLimit("a", 0, quantity, sense, 0.3, "lx", readings, np.array([-1.0, 0.0, 2.0])[:rows], 0.5)  # type: ignore[arg-type]
+    return limit_value(limit, images)
+
+
+def test_the_value_that_decides_is_the_least_or_the_largest_of_the_mean() -> None:
+    assert value_of("light").value == pytest.approx(0.1) and value_of("light").unit == "lx"
+    assert value_of("light", "<=").value == pytest.approx(0.15)
+    assert value_of("relative", rows=2).value == pytest.approx(0.2 / 0.3), "the maximum is that of the whole picture"
+    assert value_of("relative", "<=", rows=2).value == pytest.approx(0.2 / 0.3)
+    assert value_of("relative", "<=").value == pytest.approx(1.0)
+    for sense in (">=", "<="):
+        assert value_of("min_over_max", sense, rows=2).value == pytest.approx(1.0)
+        assert value_of("min_over_max", sense).value == pytest.approx(0.2 / 0.3)
+    relative = [image[0] / image[0].mean() for image in IMAGES]
+    assert value_of("min_over_mean", "<=").value == pytest.approx(np.mean(relative, axis=0).min())
+    share = value_of("share", rows=1)
+    assert share.value == pytest.approx(PER_FLUX * 0.2)
+    assert share.standard_error == pytest.approx(PER_FLUX * np.std([0.1, 0.3, 0.2], ddof=1) / np.sqrt(3.0))
+
+
+def test_a_beam_angle_is_read_at_its_level_and_is_0_in_the_dark() -> None:
+    """Light of 0.1, 0.1 and 0.15 at -1, 0 and 2 degrees is above half of its maximum everywhere."""
+    assert value_of("beam_angle") == Metric(value=3.0, unit="lx", standard_error=value_of("beam_angle").standard_error)
+    assert value_of("beam_angle", images=0.0 * IMAGES).value == 0.0
+    one_side = np.array([[[0.0, 1.0, 1.0]]] * 2)
+    assert value_of("beam_angle", images=one_side).value == pytest.approx(2.5), "half-way between 0 and the maximum"
+
+
+def test_replicates_without_light_have_no_even_light() -> None:
+    some_dark = IMAGES * np.array([1.0, 0.0, 1.0])[:, None, None]
+    mean = some_dark[:, 0].mean(axis=0)
+    assert value_of("min_over_mean", images=some_dark).value == pytest.approx(mean.min() / mean.mean())
+
+
+def test_a_limit_says_its_value_and_bound_with_their_unit() -> None:
+    def words(unit: str, sense: str = ">=") -> LimitResult:
+        fields = {"name": "axis", "receiver": "sky", "quantity": "light", "bound": 2.0, "unit": unit}
+        return LimitResult(value=Metric(value=3.0), sense=sense, **fields)  # type: ignore[arg-type]
+
+    assert words("cd").words == "3, must be >= 2 cd"
+    assert words("").words == "3, must be >= 2"
+    assert words("°", "<=").words == "3, must be <= 2°"
+    assert str(words("cd")) == "axis: light 3, must be >= 2 cd"
+    assert (words("cd").excess, words("cd", "<=").excess) == (-1.0, 1.0)
+
+
+def test_the_bounds_of_the_verdict_lie_between_the_shipped_scenes_and_useless_lenses() -> None:
+    """An NMSE of 0.08 and 0.2, and a share in the target of 0.8 and 0.66: docs/results.md."""
+    assert 0.08 < LARGEST_NMSE < 0.2 and 0.66 < LEAST_SHARE < 0.8
+
+
+def test_light_of_a_search_that_gave_up_is_not_tolerated() -> None:
+    names = ("detected", "outside", "missed", "total_reflection", "not_converged", "reflected")
+    for lost, passed in ((0.0, True), (1e-12, False), (0.5, False)):
+        flux = Flux(**dict.fromkeys(names, 0.0) | {"not_converged": lost, "detected": 1.0 - lost})
+        (criterion,) = light_criteria(flux)
+        assert criterion.passed == passed
+
+
+def test_a_region_is_bright_above_half_of_the_maximum_and_not_where_it_has_just_half() -> None:
+    assert bright_region(np.array([[1.0, 0.5, 0.5 + 1e-6, 0.4, 0.0]])).tolist() == [[True, False, True, False, False]]
+
+
+def test_light_of_a_region_is_that_of_its_pixels() -> None:
+    images, target = np.array([[[1.0, 2.0, 9.0]], [[2.0, 6.0, 9.0]]]) / 10.0, np.array([[1.0, 0.8, 0.1]])
+    found = RegionLight.of(images, target, None, "lx")
+    assert found is not None and found.mean.value == pytest.approx(0.275) and found.mean.unit == "lx"
+    assert found.mean.standard_error == pytest.approx(np.std([0.15, 0.4], ddof=1) / np.sqrt(2.0))
+    assert found.u0.value == pytest.approx(0.15 / 0.275)
+    assert found.u1.value == pytest.approx(0.15 / 0.4)
+    assert RegionLight.of(images * [[[0.0]], [[1.0]]], target, None, "lx") is None
+    masked = RegionLight.of(images, target, np.array([[False, False, True]]), "lx")
+    assert masked is not None and masked.region == "uniform" and masked.mean.value == pytest.approx(0.9)
+
+
+def box(rows: slice, columns: slice) -> np.ndarray:
+    """A region on 70 x 120 pixels."""
+    found = np.zeros((70, 120), dtype=bool)
+    found[rows, columns] = True
+    return found
+
+
+def test_the_inner_region_is_what_erosion_leaves_of_nine_tenths() -> None:
+    """Of 100 x 60 pixels a rim of 1 leaves 0.947, one of 2 0.896; of 60 x 28 one of 1 0.898, one of 2 0.800."""
+    assert np.array_equal(inner_region(box(slice(7, 67), slice(15, 115))), box(slice(9, 65), slice(17, 113)))
+    at_edge = inner_region(box(slice(10, 70), slice(92, 120)))
+    assert np.array_equal(at_edge, box(slice(11, 69), slice(93, 119))), "all beyond the picture is outside"
+    y, x = np.indices((70, 120)) - np.array([33.3, 71.2])[:, None, None]
+    radius = np.sqrt(0.9) * 30.0
+    disc = inner_region(np.hypot(x, y) <= 30.0)
+    assert disc[np.hypot(x, y) <= radius - 1.0].all() and not disc[np.hypot(x, y) >= radius + 1.0].any()
+    assert disc.sum() == pytest.approx(0.9 * np.pi * 30.0**2, rel=0.02)
+    ring, d = inner_region((np.hypot(x, y) <= 30.0) & (np.hypot(x, y) >= 9.0)), 0.1 * (30.0 - 9.0) / 2.0
+    assert not ring[np.hypot(x, y) <= 9.0 + d - 0.5].any(), "a rim of the hole, as wide: pi (a + b) (a - b - 2 d)"
+    stroke = box(slice(30, 31), slice(5, 100))
+    assert np.array_equal(inner_region(stroke), stroke), "nothing of it is nearer to nine tenths"
+
+
+def test_the_inner_evenness_and_the_peak_are_those_of_known_light() -> None:
+    """Light that falls from 1 by 1 % a row, half of it on the rim of the target, and a stripe of 1.4 beside it."""
+    target = box(slice(7, 67), slice(10, 110)).astype(float)
+    light = np.where(target > 0.0, 1.0 - 0.01 * np.arange(70)[:, None] + 0.07, 0.0)
+    rim = box(slice(7, 67), slice(10, 110)) & ~box(slice(9, 65), slice(12, 108))
+    light[rim] *= 0.5
+    light[2:5, 60:100] = 1.4
+    rows = 1.07 - 0.01 * np.arange(9, 65)
+    truth, peak = rows.min() / rows.mean(), 1.4 / (light.sum() / target.sum())
+    exact = RegionLight.of(np.stack([light] * 16), target, None, "lx")
+    assert exact is not None and exact.inner_share == 96 * 56 / 6000
+    assert exact.inner.value == pytest.approx(truth, rel=1e-12) and exact.peak.value == pytest.approx(peak, rel=1e-12)
+    assert exact.u0.value < 0.6 * truth, "the rim counts there"
+    noisy = np.random.default_rng(1).poisson(200.0 * light, (16, 70, 120)).astype(float)
+    found = RegionLight.of(noisy, 3.0 * target, None, "lx")
+    assert found is not None and found.inner_share == exact.inner_share
+    mean = noisy.mean(axis=0)
+    inside = mean[9:65, 12:108]
+    for metric, value, raw in (
+        (found.inner, truth, inside.min() / inside.mean()), (found.peak, peak, mean.max() / mean.sum() * target.sum()),
+    ):  # fmt: skip
+        assert metric.standard_error and 0.0 < metric.standard_error < 0.05
+        assert abs(metric.value - value) < 3.0 * metric.standard_error
+        assert abs(metric.value - value) <= abs(raw - value)
+
+
+def test_a_mask_needs_pixels_and_light() -> None:
+    some, none, images = np.array([[True, False]]), np.zeros((1, 2), dtype=bool), np.full((2, 1, 2), 0.01)
+    assert lit_mask(some, images) is some
+    assert lit_mask(None, images) is None and lit_mask(none, images) is None and lit_mask(some, 0.0 * images) is None
+
+
+def test_errors_of_a_change_include_that_of_one_ray() -> None:
+    shares = np.array([0.1, 0.2, 0.3, 0.2])
+    apart, even = np.diag(np.full(4, 0.1)), LeastEstimate(0.5, np.full(4, 0.5))
+    before = ReplicateMetrics(PairEstimate(0.1, apart), even, RootEstimate(0.2, 2.0 * apart), shares)
+    after = ReplicateMetrics(PairEstimate(0.4, apart), even, RootEstimate(0.3, 2.0 * apart), shares + 0.1)
+    noise, change = before.metrics(), after.change_from(before, 100)
+    assert isinstance(noise, LightMetrics) and noise.efficiency.value == pytest.approx(0.2)
+    for name, value in (("nmse", 0.3), ("rsd", 0.1), ("efficiency", 0.1)):
+        assert getattr(change, name).value == pytest.approx(value)
+        expected = getattr(noise, name).standard_error / 10.0
+        assert getattr(change, name).standard_error == pytest.approx(expected, abs=1e-15)
+    assert change.uniformity == even.change_from(even)
+    scattered = ReplicateMetrics(PairEstimate(0.4), None, None, shares[::-1] * np.array([1.0, 2.0, 1.0, 1.0]))
+    other = scattered.change_from(before, 100)
+    difference = scattered.efficiency - shares
+    own = difference.std(ddof=1) / 2.0
+    assert other.efficiency.standard_error == pytest.approx(np.hypot(own, noise.efficiency.standard_error / 10.0))  # type: ignore[operator]
+    assert other.nmse.standard_error is None and other.uniformity is None and other.rsd is None
+    assert before.change_from(scattered, 100).nmse == Metric(value=0.1 - 0.4)
+    assert before.change_from(scattered, 100).uniformity is None and before.change_from(scattered, 100).rsd is None
+
+
+def test_metrics_of_replicates_are_those_in_the_mask() -> None:
+    images = np.random.default_rng(1).uniform(0.5, 1.5, (5, 2, 3))
+    mask, target = np.array([[True, True, False], [True, False, False]]), np.ones((2, 3))
+    found = ReplicateMetrics.of(images, target, mask, np.full(5, 0.25)).metrics()
+    assert found.uniformity is not None and found.uniformity.value == uniformity(images.mean(axis=0), mask)
+    assert found.efficiency == Metric(value=0.25, standard_error=0.0)
+    alone = ReplicateMetrics.of(images, target, None, np.full(5, 0.25)).metrics()
+    assert alone.uniformity is None and alone.rsd is None and alone.nmse == found.nmse
+    assert least_without_noise(images[:, mask]).value == pytest.approx(images.mean(axis=0)[mask].min())

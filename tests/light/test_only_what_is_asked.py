@@ -1,0 +1,46 @@
+"""A command loads what its scene asks for, and nothing else: seen in the modules of the process when it is done."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from scenes import random_surface, small_spec
+
+from lensforge.scene.lens import Lens
+
+CAD = ["cadquery", "OCP", "trimesh", "manifold3d", "lib3mf"]
+PICTURES = ["pyvista", "matplotlib", "mitsuba"]
+SOURCES = ["lensforge.sources.ray_set", "lensforge.sources.rayfiles.ray_file_io"]
+PROOFS = ["lensforge.proof.step_cast", "lensforge.proof.stray_analysis", "lensforge.cad.solid"]
+
+
+def _loaded(*commands: tuple[list[str], list[str]]) -> list[str]:
+    """Modules of its list that are loaded after each command, one after another in one process."""
+    code = "import sys; from lensforge.cli.cli import cli\n" + "".join(
+        f"cli.main({arguments!r}, prog_name='lensforge', standalone_mode=False)\n"
+        f"print('loaded:', [name for name in {names!r} if name in sys.modules])\n"
+        for arguments, names in commands
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=True)
+    lines = done.stdout.splitlines()
+    return [line.removeprefix("loaded: ") for line in lines if line.startswith("loaded: ")]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("asked")
+    inner, outer = (random_surface(k, 3.0 * k, 0.01, (9, 25)) for k in (1, 2))
+    Lens(inner, outer, small_spec(base={"kind": "none"}), 0, "draft").save(path / "lens.json")
+    return path
+
+
+def test_a_plain_scene_loads_no_file_reader_no_cad_and_no_pictures_to_be_evaluated_and_checked(folder: Path) -> None:
+    evaluate = (["evaluate", str(folder), "--rays", "64"], [*CAD, *PICTURES, *SOURCES, *PROOFS])
+    check = (["check", str(folder)], ["cadquery", "OCP", *PICTURES, *SOURCES])
+    assert _loaded(evaluate, check) == ["[]", "[]"]
+
+
+def test_help_loads_nothing() -> None:
+    modules = [*CAD, *PICTURES, *SOURCES, *PROOFS, "torch", "scipy", "numba"]
+    assert _loaded((["design", "--help"], modules)) == ["[]"]

@@ -1,0 +1,89 @@
+"""Files of the photometry: who computed them, and when; other readers find the light within its stated error."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from far_fields import flux
+from other_readers import by_element, by_photompy, by_position
+from scenes import small_spec
+from test_photometry import ROUGH, SYMMETRIC, THROUGH, measured
+
+import lensforge as lf
+from lensforge.cli.cli import cli
+from lensforge.errors import InputError
+from lensforge.sources.rayfiles import read_rayfile
+
+DATED = replace(ROUGH, spec=small_spec(manufacture__date="2026-03-01"))
+
+
+@pytest.fixture(scope="module")
+def cosine(tmp_path_factory):
+    """The far field of a point source in concentric spheres, T cos(gamma) / pi, and the folder of its files."""
+    folder = tmp_path_factory.mktemp("cosine")
+    found = measured(replace(SYMMETRIC, spec=small_spec(source__side_mm=0.0)), rays=2**17, lumens=250.0)
+    found.write(folder)
+    return found, folder
+
+
+@pytest.mark.parametrize("suffix", [".ies", ".ldt", ".iesxml"])
+def test_other_readers_find_the_light_within_its_stated_error(suffix, cosine):
+    """The record's candela to the digits written; the closed form within the standard error of each node."""
+    found, folder = cosine
+    read = by_element if suffix == ".iesxml" else by_photompy
+    c, gamma, candela, lumens, _ = read(folder / f"lens{suffix}")
+    assert lumens == 250.0
+    np.testing.assert_allclose(candela, found.candela, rtol=5e-7, atol=1e-9)
+    assert (np.abs(candela - found.candela) <= found.candela_standard_error).all()
+    assert flux(c, gamma, candela) == pytest.approx(found.exit_lm.value, rel=1e-6)
+    truth = 250.0 * THROUGH / np.pi * np.cos(np.deg2rad(gamma))
+    assert (np.abs(candela - truth) < 6.0 * found.candela_standard_error + 0.004 * truth[0]).all()
+    bright = found.candela > 0.1 * found.candela.max()
+    assert np.abs(candela / truth - 1.0)[bright].max() < 6.0 * found.node_error.max
+
+
+def test_every_file_says_that_it_is_computed_and_when():
+    """The date is that of the spec, and none where the spec has none: the same bits on any day."""
+    for lens, date in ((DATED, "2026-03-01"), (ROUGH, "")):
+        found, again = (measured(lens, rays=2**10, lumens=90.0) for _ in range(2))
+        assert found.products() == again.products()
+        ies = found.ies.decode("ascii").split("\r\n")
+        assert ies[0] == "IES:LM-63-2019" and f"[ISSUEDATE] {date or 'not stated'}" in ies
+        assert ies[ies.index("TILT=NONE") + 2].split()[1] == "1.00010"
+        assert found.ldt.decode("ascii").split("\r\n")[11].startswith(date)
+        assert f"<ReportDate>{date or '1970-01-01'}</ReportDate>" in found.tm33.decode("utf-8")
+        assert "<Simulation>true</Simulation>" in found.tm33.decode("utf-8")
+
+
+def test_the_ray_file_has_the_version_of_its_layout_and_says_simulated(tmp_path):
+    """Bytes 4 to 12 of TM-25: the version, 2013 in all public files, and 0 for a simulation; from 28 the date."""
+    measured(DATED, rays=2**10).save(tmp_path / "x.tm25ray")
+    head = (tmp_path / "x.tm25ray").read_bytes()[:56]
+    assert np.frombuffer(head[4:12], "<i4").tolist() == [2013, 0]
+    assert head[28:].rstrip(b"\0") == b"2026-03-01"
+    assert read_rayfile(tmp_path / "x.tm25ray").header["creation_method"] == "simulated"
+
+
+def test_the_ray_file_states_the_wavelengths_of_its_source(tmp_path):
+    spectrum = {"kind": "table", "wavelength_nm": [450, 520, 640], "weight": [1, 3, 1]}
+    lens = replace(ROUGH, spec=small_spec(source__spectrum=spectrum))
+    measured(lens, rays=2**10).save(tmp_path / "x.tm25ray")
+    header = read_rayfile(tmp_path / "x.tm25ray").header
+    assert (header["wavelength_min_nm"], header["wavelength_max_nm"]) == (450.0, 640.0)
+
+
+def test_the_library_and_the_command_write_older_editions(tmp_path):
+    old = lf.photometry(ROUGH, rays=2**10, lumens=90.0, ies_version=1986)
+    assert old.ies.startswith(b"lensforge ")
+    with pytest.raises(InputError, match="ies_version = 2020: 1986, 1991"):
+        lf.photometry(ROUGH, rays=2**10, ies_version=2020)
+    ROUGH.save(tmp_path / "lens.json")
+    words = ["photometry", str(tmp_path), "--rays", "1024", "--lumens", "90", "--ies-version", "2002"]
+    assert CliRunner().invoke(cli, words).exit_code == 0
+    assert (tmp_path / "lens_1024rays.ies").read_bytes().startswith(b"IESNA:LM-63-2002\r\n")
+    np.testing.assert_array_equal(by_position(tmp_path / "lens_1024rays.ies")[2].shape, old.candela.shape)
+    assert (tmp_path / "lens_1024rays.iesxml").is_file()
+    shown = CliRunner().invoke(cli, ["rays", str(tmp_path / "lens_1024rays.iesxml"), "--json"])
+    assert json.loads(shown.output)["generated"] == "Computer Simulation"

@@ -1,0 +1,129 @@
+"""The record of the photometry, field by field, of light that is given: 16 samples without any symmetry."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes import small_spec, sphere
+
+from lensforge.errors import InputError
+from lensforge.kernels.fate import Fate
+from lensforge.light import photometry_export
+from lensforge.light.angular_grid import AngularGrid
+from lensforge.light.angular_resolution import FittedIntensity
+from lensforge.light.exit_light import ExitLight
+from lensforge.light.photometry_export import measure_photometry
+from lensforge.light.photometry_result import CandelaTables, Photometry
+from lensforge.light.simulation import CAUSES
+from lensforge.results import Metric
+from lensforge.scene.lens import Lens
+from lensforge.sources.build_source import build_source
+from lensforge.sources.ray_bundle import RayBundle
+from lensforge.spec.accuracy import PRESETS
+
+GRID = AngularGrid(8, np.array([0.0, 10.0, 30.0, 50.0, 90.0]))
+FALL = np.array([1.0, 0.8, 0.45, 0.2, 0.0])
+FLUX_W, LM_PER_W = 2.0, 300.0
+SPEC = small_spec(source__luminous_efficacy_lm_per_w=LM_PER_W, source__flux_w=FLUX_W, manufacture__date="2026-03-01")
+LENS = Lens(sphere(3.0), sphere(6.0), SPEC, seed=5, accuracy="draft")
+
+
+def light(count: int = 16) -> ExitLight:
+    random = np.random.default_rng(0)
+    around = np.array([1.0, 1.2, 2.0, 0.9, 0.7, 1.1, 0.5, 0.6])[:, None]
+    samples = around * FALL * random.uniform(0.9, 1.1, (count, 8, 5))
+    samples[:, :, 0] = samples[:, :1, 0]
+    flux = (samples * GRID.solid_angles).sum(axis=(1, 2))
+    samples *= 1.5 / flux.mean()
+    finer = GRID.table(samples.mean(axis=0))
+    by_fate = np.arange(1.0, CAUSES + 1.0) * 0.005
+    by_fate[Fate.LEFT_LENS] = 1.5
+    rays = RayBundle(np.tile([0.0, 0.0, 6.0], (4, 1)), np.tile([0.0, 0.6, 0.8], (4, 1)), np.full(4, 1.5 / 4))
+    exit_w = Metric(value=1.5, unit="W", standard_error=0.02 if count > 1 else None)
+    return ExitLight(
+        640, FittedIntensity(GRID, samples, 0.0123, finer), exit_w, by_fate, rays, np.full((count, 2, 4), 1.5 / 8)
+    )
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> dict:
+    """What is asked of the tracing, which returns the given light; ``light`` of it may be replaced."""
+    asked: dict = {"light": light()}
+
+    def traced(lens: object, source: object, symmetry: str, **options: object) -> ExitLight:
+        asked.update(options, symmetry=symmetry)
+        return asked["light"]
+
+    monkeypatch.setattr(photometry_export, "trace_exit_light", traced)
+    return asked
+
+
+def measured(lens: Lens = LENS, **options: object) -> Photometry:
+    return measure_photometry(lens, build_source(lens.spec.source), PRESETS["draft"], **options)
+
+
+def test_every_field_is_that_of_the_light(asked: dict) -> None:
+    found, given = measured(rays=1000), light()
+    assert (asked["rays"], asked["most_rays"], asked["seed"]) == (1000, PRESETS["draft"].photometry_rays, 5)
+    assert asked["sphere_mm"] == pytest.approx(1.001 * 6.0) and asked["symmetry"] == "none"
+    assert found.inputs == {"lens": LENS.sha256} and (found.rays, found.source_w, found.source_lm) == (640, 2.0, 600.0)
+    for metric, factor, unit in (
+        (found.exit_w, 1.0, "W"),
+        (found.exit_lm, 300.0, "lm"),
+        (found.light_output_ratio, 0.5, ""),
+    ):
+        assert (metric.value, metric.standard_error) == pytest.approx((1.5 * factor, 0.02 * factor))
+        assert metric.unit == unit
+    assert found.reflected_w == pytest.approx(FLUX_W - given.by_fate_w.sum())
+    assert found.lost_w.base == given.by_fate_w[Fate.BASE]
+    tables = CandelaTables.of(given.intensity, 300.0)
+    assert found.axis_cd == tables.axis_cd and found.peak_direction == tables.peak_direction
+    assert (found.beam_c0, found.beam_c90) == (tables.plane(0.0), tables.plane(90.0))
+    assert found.beam_c0.peak_cd != found.beam_c90.peak_cd
+    assert found.peak_cd.value == pytest.approx(300.0 * given.intensity.peak.value) and found.peak_cd.unit == "cd"
+    assert found.road is None and found.node_error == given.intensity.node_error and found.interpolation_error == 0.0123
+    np.testing.assert_array_equal(found.candela, tables.whole.values)
+    assert (found.c_deg.tolist(), found.gamma_deg.tolist()) == (
+        np.linspace(0.0, 360.0, 9).tolist(),
+        GRID.gamma_deg.tolist(),
+    )
+    errors = 300.0 * given.intensity.samples.std(axis=0, ddof=1) / 4.0
+    np.testing.assert_allclose(found.candela_standard_error, np.concatenate([errors, errors[:1]])[::-1])
+    assert found.warnings == () and found.seconds < 60.0 and len(found.criteria) == 4
+    text = found.ies.decode("ascii")
+    assert "[ISSUEDATE] 2026-03-01" in text and "640 rays; standard error" in text and "peak without noise" in text
+    sizes = text.split("TILT=NONE")[1].split()
+    assert float(sizes[1]) == 600.0 and sorted(map(float, sizes[7:10]))[:2] == pytest.approx([-0.012, -0.012], abs=2e-4)
+
+
+def test_light_of_one_sample_has_no_errors_and_more_light_than_there_is_reflects_none(asked: dict) -> None:
+    asked["light"] = replace(light(1), by_fate_w=np.full(CAUSES, FLUX_W))
+    found = measured()
+    assert asked["rays"] is None and found.reflected_w == 0.0 and found.node_error is None
+    assert (found.candela_standard_error == 0.0).all() and found.candela_standard_error.shape == found.candela.shape
+    assert found.exit_lm.standard_error is None
+
+
+def test_a_lamp_for_an_area_has_its_road_figures_in_lumens(asked: dict) -> None:
+    lamp = small_spec(target__distance_mm=1000.0, photometry={"use": "area"}, source__flux_w=FLUX_W)
+    found = measured(replace(LENS, spec=lamp), lumens=600.0)
+    zones = sum(each["value"] for each in found.road.bug.zones.model_dump().values())
+    assert zones == pytest.approx(found.exit_lm.value, rel=1e-6) == pytest.approx(450.0)
+    assert found.source_lm_from == "given"
+
+
+def test_any_lumens_above_0_are_taken(asked: dict) -> None:
+    assert measured(lumens=0.5).source_lm == 0.5
+    for lumens in (0.0, -0.5, np.inf, np.nan):
+        with pytest.raises(InputError, match="must be above 0 and finite"):
+            measured(lumens=lumens)
+
+
+def test_a_plot_shows_the_half_planes_nearest_to_0_and_90(asked: dict) -> None:
+    from matplotlib.figure import Figure
+
+    found = measured()
+    axes = found.plot(Figure().add_subplot())
+    for line, row in zip(axes.lines, (0, 2), strict=True):
+        np.testing.assert_array_equal(line.get_ydata(), found.candela[row])
+        np.testing.assert_array_equal(line.get_xdata(), found.gamma_deg)

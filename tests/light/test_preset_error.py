@@ -1,0 +1,129 @@
+"""The exact trace behind the stated errors, and the errors that a preset is said to have on a scene."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from nightly import NIGHTLY
+from scenes import random_surface, small_spec, table_of
+
+from lensforge.light.evaluation import evaluate_lens, measure_preset
+from lensforge.light.exact_trace import ExactSurface, TableScan, exact_surfaces, trace_exact
+from lensforge.light.simulation import TracedLens
+from lensforge.light.table_trace import Scene
+from lensforge.scene.lens import Lens
+from lensforge.scene.receiver import Hits
+from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.sources.build_source import build_source
+from lensforge.sources.ray_bundle import RayBundle
+from lensforge.spec.accuracy import PRESETS
+from lensforge.surfaces.bicubic_table import TableGrid
+
+GRID = TableGrid(100)
+
+
+@pytest.fixture(scope="module")
+def lens():
+    inner, outer = (random_surface(k, 3.0 * k, 0.01, (9, 25)) for k in (1, 2))
+    return Lens(inner, outer, small_spec(), 0, "draft")
+
+
+@pytest.fixture(scope="module")
+def source(lens):
+    return build_source(lens.spec.source)
+
+
+def _tables(lens, grid):
+    return {name: table_of(getattr(lens, name), grid).numpy() for name in ("inner", "outer")}
+
+
+def _traced(lens, grid, **moved):
+    tables = {
+        name: torch.from_numpy(table * (1.0 + moved.get(name, 0.0))) for name, table in _tables(lens, grid).items()
+    }
+    return TracedLens(Scene(lens.media, grid), **tables, table_error_nm={"": 0.0})
+
+
+def _landed(lens, exits):
+    """As arrays: by plain torch, for whichever tracer."""
+    return Hits.of(receivers_of(lens.spec, 16)[0].land_in_torch(exits))
+
+
+def _near_tables(lens, grid, rays):
+    inner, outer = (TableScan(grid, table) for table in _tables(lens, grid).values())
+    return trace_exact(*exact_surfaces(lens, (inner, outer)), lens.media, rays)
+
+
+def test_a_scan_of_the_table_finds_what_a_dense_scan_of_the_surface_finds(lens, source):
+    rays = source.sample(512, 3)
+    exits = _near_tables(lens, GRID, rays)
+    surfaces = [
+        ExactSurface(s.basis, torch.from_numpy(s.weights_mm), torch.tensor(s.offset_mm, dtype=torch.float64))
+        for s in (lens.inner, lens.outer)
+    ]
+    reference = trace_exact(*surfaces, lens.media, rays)
+    ours, theirs = _landed(lens, exits), _landed(lens, reference)
+    assert np.array_equal(ours.arrived, theirs.arrived)
+    assert ours.arrived.mean() > 0.6
+    assert np.abs(ours.hits - theirs.hits)[ours.arrived].max() < 1e-8
+    assert np.abs(ours.flux - theirs.flux).max() < 1e-14
+    assert torch.equal(exits.fates, reference.fates)
+    for name in ("points", "directions", "flux", "sin2_exit"):
+        assert torch.allclose(getattr(exits, name), getattr(reference, name), rtol=0.0, atol=1e-9)
+
+
+def test_rays_from_below_enter_as_the_fused_tracer_lets_them(lens, source):
+    rays = source.sample(512, 3)
+    low = RayBundle(rays.origins - [0.0, 0.0, 0.7], rays.directions, rays.flux)
+    low.directions[:7] = [1.0, 0.0, 1e-310]  # enters nowhere
+    exits, by_kernels = _near_tables(lens, GRID, low), _traced(lens, GRID).trace(low)
+    ours, fused = _landed(lens, exits), _landed(lens, by_kernels)
+    assert torch.equal(exits.fates, by_kernels.fates)
+    assert np.array_equal(ours.arrived, fused.arrived)
+    assert 0.3 < ours.arrived.mean() < 0.99
+    assert np.abs(ours.hits - fused.hits).max() < 0.05
+
+
+def test_the_stated_error_is_that_of_the_tables(lens, source):
+    """A surface that is wrong on purpose, by far more than a table: the error is what moving it does to every ray."""
+    fine = TableGrid(160)
+    moved = 1e-2
+    found = measure_preset(lens, source, _traced(lens, fine, outer=moved), _traced(lens, fine))
+    wrong_hit, right_hit = found.design.hit_mm, found.evaluation.hit_mm
+    rays = source.sample(4096, 9)
+    right, wrong = (_landed(lens, _traced(lens, fine, outer=o).trace(rays)) for o in (0.0, moved))
+    on = right.arrived & wrong.arrived & (np.abs(right.hits) <= 100.0).all(axis=1)
+    away = np.linalg.norm((right.hits - wrong.hits)[on], axis=1)
+    assert wrong_hit.value == pytest.approx(
+        np.sqrt(np.mean(away**2)), abs=5.0 * wrong_hit.standard_error + 2.0 * right_hit.value
+    )
+    assert right_hit.value < 0.2 * wrong_hit.value
+    assert wrong_hit.value < found.design.hit_max_mm
+    assert (wrong_hit.unit, found.design.efficiency.unit) == ("mm", "")
+
+
+def test_the_standard_errors_are_the_scatter_over_seeds(lens, source):
+    grid = TableGrid(40)
+    found = [
+        measure_preset(replace(lens, seed=seed), source, _traced(lens, grid), _traced(lens, grid)).design
+        for seed in range(12 if NIGHTLY else 6)
+    ]
+    for name in ("hit_mm", "irradiance_nmse"):
+        scatter = np.std([getattr(one, name).value for one in found], ddof=1)
+        stated = np.mean([getattr(one, name).standard_error for one in found])
+        assert 0.4 < stated / scatter < 2.5
+
+
+def test_every_evaluation_says_what_its_preset_leaves(lens, source):
+    light = evaluate_lens(lens, source, PRESETS["draft"], rays=2**14)
+    design, evaluation = (getattr(light.preset_error, stage) for stage in ("design", "evaluation"))
+    assert 0.0 < evaluation.irradiance_nmse.value < 0.05 * design.irradiance_nmse.value < 1e-3
+    assert evaluation.irradiance_nmse.value < 0.01 * light.nmse_of_noise
+    assert evaluation.table_error_nm == max(light.table_error_nm.inner, light.table_error_nm.outer)
+
+
+def test_one_replicate_has_no_standard_error(lens, source):
+    light = evaluate_lens(lens, source, PRESETS["draft"], rays=1)
+    assert light.efficiency.standard_error is None
+    assert light.nmse_of_noise is None

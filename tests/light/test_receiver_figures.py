@@ -1,0 +1,157 @@
+"""Light on one receiver, from pictures that are made: every figure of its record, and what the record refuses."""
+
+import numpy as np
+import pytest
+from scenes import small_spec
+
+from lensforge.kernels.fate import Fate
+from lensforge.light.evaluation import _flux_budget, _noise, receiver_light
+from lensforge.light.metrics import nmse, nmse_without_noise, relative_deviation, uniformity
+from lensforge.light.receiver_light import ReceiverLight, possible_share
+from lensforge.light.simulation import ABSORBED, CAUSES, IN_GLASS, MISSED_RECEIVER, ReceivedFlux
+from lensforge.optics.media import Media
+from lensforge.scene.pixel_grid import gaussian3
+from lensforge.scene.possible_light import PossibleLight, SourceLight
+from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.scene.target_pattern import coarser_target, drawn_target
+from lensforge.sources.build_source import SquareEmitter
+from lensforge.spec import Spec
+
+
+def spec_of(**target: object) -> Spec:
+    wall = {"kind": "plane", "centre_mm": [0.0, 0.0, 50.0], "width_mm": 60.0, "height_mm": 40.0}
+    shape = {"kind": "rectangle", "width_mm": 30.0, "height_mm": 20.0} | target
+    return small_spec(target=None, receivers=[{**wall, "window_mm": [30.0, 30.0], "targets": [shape]}])
+
+
+def lit(images: np.ndarray, spec: Spec, emitted_w: float = 2.0) -> tuple[ReceiverLight, np.ndarray]:
+    receiver = receivers_of(spec, 6)[0]
+    by_fate = np.zeros((len(images), CAUSES))
+    by_fate[:, Fate.LEFT_LENS] = images.sum(axis=(1, 2))
+    whole, none = images.sum(axis=(1, 2)), np.zeros((len(images), 2))
+    targets = spec.all_receivers[0].targets
+    drawn = (drawn_target(targets, receiver), coarser_target(targets, receiver))
+    received = ReceivedFlux(images, by_fate, 0.7 * whole, 0.3 * whole, none + [0.4, 0.38] * whole[:, None], drawn)
+    light = SourceLight.of(SquareEmitter(1.0), Media(1.5), 256)
+    found = receiver_light(spec.all_receivers[0], PossibleLight(light, receiver, 7.0), received, 1.0, emitted_w)
+    return found, drawn[0].light
+
+
+@pytest.mark.parametrize("uniform_mm", [None, [30.0, 20.0]])
+def test_the_light_on_a_receiver_is_that_of_its_pictures(uniform_mm: list[float] | None) -> None:
+    spec = spec_of(uniform_mm=uniform_mm)
+    images = np.random.default_rng(0).uniform(0.5, 1.5, (5, 4, 6)) / 40.0
+    smooth = np.stack([gaussian3(image, 1.0) for image in images])
+    found, target = lit(images, spec)
+    measure, mean = 1e-4, smooth.mean(axis=0)  # pixels of 10 mm
+    np.testing.assert_allclose(found.map, mean / measure)
+    np.testing.assert_allclose(found.raw_map, images.mean(axis=0) / measure)
+    np.testing.assert_allclose(found.target_map, target * mean.sum() / measure)
+    inside = np.zeros((4, 6), dtype=bool)
+    inside[1:3, 1:5] = True  # centres at 5 and 15 mm: the target ends on the latter
+    share, spread = 0.4 * images.sum(axis=(1, 2)) / 2.0, 0.02 * images.sum() / 5.0 / 2.0
+    assert found.share_in_target.value == pytest.approx(share.mean())
+    error = np.hypot(share.std(ddof=1) / np.sqrt(5.0), spread)
+    assert found.share_in_target.standard_error == pytest.approx(error)
+    coarse = gaussian3(images.reshape(5, 2, 2, 3, 2).sum(axis=(2, 4)), 1.0)
+    half = nmse_without_noise(coarse, coarser_target(spec.all_receivers[0].targets, receivers_of(spec, 6)[0]).light)
+    assert found.nmse_of_raster == pytest.approx(found.nmse.value - half.value)
+    assert found.efficiency.value == pytest.approx(0.7 * images.sum() / 5.0 / 2.0)
+    assert found.raw.nmse == pytest.approx(nmse(mean, target))
+    noise = np.sum([(image - mean) ** 2 for image in smooth]) / 4.0 / 5.0 / np.sum(mean**2)
+    assert found.nmse_of_noise == pytest.approx(noise)
+    assert (found.name, found.kind, found.width, found.height) == ("plane", "plane", 60.0, 40.0)
+    assert (found.window.width, found.window.height, found.window.radius) == (30.0, 30.0, None)
+    assert found.flux.detected == found.efficiency.value and found.wanted_in_target == pytest.approx(1.0)
+    assert found.flux.outside == pytest.approx(0.3 * images.sum() / 5.0 / 2.0)
+    region = found.in_region
+    assert region is not None and region.region == ("bright" if uniform_mm is None else "uniform")
+    assert region.mean.value == pytest.approx(mean[inside].mean() / measure) and region.mean.unit == "W/m²"
+    if uniform_mm is None:
+        assert found.uniformity is None and found.raw.rsd is None and found.rsd is None
+    else:
+        assert found.raw.uniformity == pytest.approx(uniformity(mean, inside))
+        assert found.raw.rsd == pytest.approx(relative_deviation(mean, inside))
+    physics = found.possible
+    assert physics.efficiency > 0.9 and physics.share_in_target > 0.9 and not physics.luminance_estimated
+
+
+def test_a_receiver_without_light_has_no_figures_that_need_some() -> None:
+    dark = np.zeros((5, 4, 6))
+    found, _ = lit(dark, spec_of(uniform_mm=20.0))
+    assert found.uniformity is None and found.in_region is None and found.nmse_of_noise is None
+    assert found.nmse.value == 1.0 and found.wanted_in_target == 1.0
+    assert found.flux.reflected == 1.0
+
+
+def known_receiver() -> ReceiverLight:
+    """Light whose target has 15 of 16.5 W above a tenth of its maximum."""
+    found, _ = lit(np.ones((2, 4, 6)), spec_of(), 48.0)
+    wanted = np.zeros((4, 6))
+    wanted[0, :4] = 10.0, 5.0, 1.0, 0.5
+    return found.model_copy(update={"target_map": wanted})
+
+
+def test_the_wanted_light_in_the_target_is_that_above_a_tenth_of_the_maximum() -> None:
+    found = known_receiver()
+    assert found.wanted_in_target == pytest.approx(15.0 / 16.5)
+    less = found.model_copy(update={"target_map": 1e-3 * found.target_map})
+    assert less.wanted_in_target == pytest.approx(15.0 / 16.5)
+
+
+def test_the_most_light_in_the_target_is_set_by_the_faces_or_by_the_law_of_physics() -> None:
+    transmitted = 0.5 * 15.0 / 16.5
+    for possible, most in ((0.4, 0.4), (transmitted, transmitted), (0.6, transmitted)):
+        found = known_receiver()
+        physics = found.possible.model_copy(update={"share_in_target": possible})
+        share, law = possible_share(found.model_copy(update={"possible": physics}), 0.5)
+        assert share == pytest.approx(most)
+        faces = possible >= transmitted
+        assert law == ("two faces transmit into the pattern" if faces else f"is possible (by {physics.law})")
+
+
+def test_a_receiver_says_where_its_window_is() -> None:
+    found = known_receiver()
+    assert found.pixels == 6 and found.where == "within 30 × 30 mm"
+    assert (found.chart.width, found.chart.height, found.chart.far_field) == (60.0, 40.0, False)
+    far = found.model_copy(update={"kind": "far_field", "place": "in the far field, to 60°"})
+    assert far.where == "60° from the axis" and far.chart.far_field
+    round_window = found.window.model_copy(update={"radius": 12.0})
+    assert found.model_copy(update={"window": round_window}).where == "within a radius of 12 mm"
+    assert found.model_copy(update={"window": round_window, "kind": "sphere"}).where == "on it"
+
+
+@pytest.mark.parametrize(("more", "right"), [(1e-12, True), (1e-7, False), (-1e-7, False), (0.1, False)])
+def test_a_flux_budget_that_does_not_add_up_is_refused(more: float, right: bool) -> None:
+    content = known_receiver().model_dump()
+    changed = {**content, "flux": {**content["flux"], "missed": content["flux"]["missed"] + max(more, 0.0)}}
+    changed["flux"]["detected"] += min(more, 0.0)
+    if right:
+        ReceiverLight.model_validate(changed)
+    else:
+        with pytest.raises(ValueError, match="its shares add up to"):
+            ReceiverLight.model_validate(changed)
+
+
+def test_every_fate_has_its_share_of_the_budget() -> None:
+    by_fate = np.zeros((2, CAUSES))
+    by_fate[:] = np.arange(1.0, CAUSES + 1.0) / 200.0
+    inside = np.array([0.002, 0.004])
+    landed = by_fate[:, Fate.LEFT_LENS]
+    received = ReceivedFlux(np.zeros((2, 1, 1)), by_fate, inside, landed - inside, np.zeros((2, 0)))
+    flux, missed = _flux_budget(received, 0.5)
+    share = by_fate[0] / 0.5
+    assert (len(Fate), len(Fate) + 1, len(Fate) + 2, len(Fate) + 3) == (MISSED_RECEIVER, ABSORBED, IN_GLASS, CAUSES)
+    expected = {
+        "detected": 0.006, "outside": share[0] - 0.006, "total_reflection": share[4], "not_converged": share[5],
+        "missed": share[[1, 2, 3, 6, 7]].sum(), "absorbed": share[8], "cover_glass": share[9],
+        "reflected": 1.0 - share.sum(),
+    }  # fmt: skip
+    assert flux.model_dump() == pytest.approx(expected)
+    causes = ("backward", "outside_cavity", "base", "surfaces_intersect", "missed_receiver")
+    assert missed.model_dump() == pytest.approx(dict(zip(causes, share[[1, 2, 3, 6, 7]], strict=True)))
+
+
+def test_one_replicate_and_the_dark_tell_nothing_of_noise() -> None:
+    assert _noise(np.ones((1, 2, 2))) is None and _noise(np.zeros((3, 2, 2))) is None
+    assert _noise(np.array([[[1.0]], [[3.0]]])) == pytest.approx(2.0 / 2.0 / 4.0)

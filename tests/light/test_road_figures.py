@@ -1,0 +1,315 @@
+"""Lamps of a closed form on areas and roads: zones, ratings, distribution types, illuminance and its classes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lensforge.errors import InputError
+from lensforge.light.angular_grid import AngularGrid
+from lensforge.light.luminaire_classes import BugRating, LampLight, ZoneLumens, distribution_type, zone_flux
+from lensforge.light.road_lighting import RoadFigures, c_class, glare_intensities, p_class, road_lighting
+from lensforge.results import Metric
+from lensforge.sources.build_source import SquareEmitter
+from lensforge.sources.ray_bundle import RayBundle
+from lensforge.spec.light_limits import PhotometrySection
+
+GRID = AngularGrid(144, np.linspace(0.0, 90.0, 181))
+ROAD = PhotometrySection(use="road", pole_height_m=6.0, pole_spacing_m=30.0, road_width_m=7.0)
+
+
+def _lamp(intensity, noise: float = 0.0, street_deg: float = 90.0) -> LampLight:
+    """Lamp of ``intensity`` (lateral angle, gamma; rad), with relative noise at each node of each of 16 samples."""
+    lateral, gamma = np.meshgrid(np.deg2rad(GRID.c_deg - street_deg), np.deg2rad(GRID.gamma_deg), indexing="ij")
+    values = intensity(lateral, gamma)
+    random = np.random.default_rng(0).normal(size=(16, *values.shape))
+    return LampLight(GRID, values * (1.0 + noise * random), street_deg)
+
+
+def _lambertian(axis_cd: float, **options: float) -> LampLight:
+    return _lamp(lambda lateral, gamma: axis_cd * np.cos(gamma), **options)
+
+
+def _lobes(at_lateral_deg: float, at_gamma_deg: float, width_deg: float = 12.0, back: float = 0.0) -> LampLight:
+    """Two lobes along the road, to both sides of the street's direction."""
+
+    def intensity(lateral, gamma):
+        total = back * 1000.0 * np.cos(gamma)
+        for side in (-1.0, 1.0):
+            turn = (
+                np.cos(lateral - side * np.deg2rad(at_lateral_deg)) * np.sin(gamma) * np.sin(np.deg2rad(at_gamma_deg))
+            )
+            away = np.arccos(np.clip(turn + np.cos(gamma) * np.cos(np.deg2rad(at_gamma_deg)), -1.0, 1.0))
+            total = total + 1000.0 * np.exp(-0.5 * (away / np.deg2rad(width_deg)) ** 2)
+        return total
+
+    return _lamp(intensity)
+
+
+def _lambertian_rays(count: int = 2**16) -> RayBundle:
+    return SquareEmitter(1.0).sample(count, 3)
+
+
+@pytest.mark.parametrize("street_deg", [0.0, 90.0, 37.3, -200.0])
+def test_zones_of_a_lambertian_lamp(street_deg: float) -> None:
+    """Half of sin^2 of the upper angle less that of the lower, in front and at the back."""
+    found = zone_flux(_lambertian_rays(), street_deg, "none")
+    edges = np.sin(np.deg2rad([0.0, 30.0, 60.0, 80.0, 90.0])) ** 2
+    np.testing.assert_allclose(found, np.tile(0.5 * np.diff(edges), (2, 1)), atol=2e-3)
+    zones = ZoneLumens.of(1000.0 * np.stack([found, 1.02 * found]))
+    assert zones.back_mid.value == pytest.approx(1010.0 * found[1, 1])
+    assert zones.back_mid.standard_error == pytest.approx(10.0 * found[1, 1])
+    assert zones.up_low.value == zones.up_high.value == 0.0
+
+
+def test_an_edge_of_light_between_two_zones_is_theirs_by_the_ray() -> None:
+    """A cone of even intensity to 61.7 degrees about the axis, with light to +y alone: no table's step blurs it."""
+    rays, end = _lambertian_rays(2**18), np.deg2rad(61.7)
+    z = 1.0 - (1.0 - np.cos(end)) * (1.0 - rays.directions[:, 2] ** 2)  # even over solid angle
+    side = np.sqrt((1.0 - z**2) / (1.0 - rays.directions[:, 2] ** 2))
+    x, y = (side * rays.directions[:, axis] for axis in (0, 1))
+    cone = RayBundle(rays.origins, np.column_stack([x, np.abs(y), z]), rays.flux)
+    low, mid = 1.0 - np.cos(np.deg2rad(30.0)), np.cos(np.deg2rad(30.0)) - 0.5
+    expected = np.array([low, mid, 0.5 - np.cos(end), 0.0]) / (1.0 - np.cos(end))
+    np.testing.assert_allclose(zone_flux(cone, 90.0, "none"), [expected, np.zeros(4)], atol=1e-4)
+    np.testing.assert_allclose(zone_flux(cone, -90.0, "none"), [np.zeros(4), expected], atol=1e-4)
+    np.testing.assert_allclose(zone_flux(cone, 90.0, "mirror_y"), [0.5 * expected] * 2, atol=1e-4)
+
+
+def _zones(**lumens: float) -> ZoneLumens:
+    return ZoneLumens(
+        **{name: Metric(value=lumens.get(name, 0.0), unit="lm", standard_error=1.0) for name in ZoneLumens.model_fields}
+    )
+
+
+@pytest.mark.parametrize(
+    ("lumens", "rating", "symmetric"),
+    [
+        ({"back_low": 105.0}, "B0 U0 G0", False),
+        ({"back_low": 115.0}, "B1 U0 G0", False),
+        ({"back_mid": 5100.0, "forward_high": 5100.0}, "B4 U0 G3", False),
+        ({"back_high": 600.0}, "B2 U0 G2", False),
+        ({"back_high": 600.0}, "B2 U0 G0", True),
+        ({"forward_very_high": 800.0, "up_low": 55.0}, "B0 U3 G5", False),
+    ],
+)
+def test_ratings_are_those_of_the_tables(lumens: dict[str, float], rating: str, symmetric: bool) -> None:
+    found = BugRating.of(_zones(**{"up_low": -10.0, "up_high": -10.0, **lumens}), symmetric=symmetric)
+    assert str(found) == rating
+
+
+# ANSI/IES TM-15-11, addendum A, tables A-1 to A-3, typed a second time: most lumens of each zone for ratings 0 to 4.
+_TM15 = [
+    ("backlight", "back_low", False, (110, 500, 1000, 2500, 5000)),
+    ("backlight", "back_mid", False, (220, 1000, 2500, 5000, 8500)),
+    ("backlight", "back_high", False, (110, 500, 1000, 2500, 5000)),
+    ("uplight", "up_low", False, (0, 10, 50, 500, 1000)),
+    ("uplight", "up_high", False, (0, 10, 50, 500, 1000)),
+    ("glare", "forward_very_high", False, (10, 100, 225, 500, 750)),
+    ("glare", "forward_very_high", True, (10, 100, 225, 500, 750)),
+    ("glare", "back_very_high", False, (10, 100, 225, 500, 750)),
+    ("glare", "back_very_high", True, (10, 100, 225, 500, 750)),
+    ("glare", "forward_high", False, (660, 1800, 5000, 7500, 12000)),
+    ("glare", "forward_high", True, (660, 1800, 5000, 7500, 12000)),
+    ("glare", "back_high", False, (110, 500, 1000, 2500, 5000)),
+    ("glare", "back_high", True, (660, 1800, 5000, 7500, 12000)),
+]
+
+
+@pytest.mark.parametrize(("rating", "zone", "symmetric", "most"), _TM15)
+def test_every_bound_of_tm_15_is_seen_from_both_sides(
+    rating: str, zone: str, symmetric: bool, most: tuple[float, ...]
+) -> None:
+    for number, lumens in enumerate(most):
+        for given, wanted in ((lumens, number), (lumens + 0.5, number + 1)):
+            assert getattr(BugRating.of(_zones(**{zone: given}), symmetric=symmetric), rating) == wanted, given
+
+
+def test_zones_that_a_rating_does_not_look_at_leave_it() -> None:
+    for rating, zones in (
+        ("backlight", {"back_low", "back_mid", "back_high"}),
+        ("uplight", {"up_low", "up_high"}),
+        ("glare", {"forward_high", "forward_very_high", "back_high", "back_very_high"}),
+    ):
+        others = dict.fromkeys(set(ZoneLumens.model_fields) - zones, 1e5)
+        assert getattr(BugRating.of(_zones(**others), symmetric=False), rating) == 0
+
+
+def test_a_rating_rests_on_a_type_that_is_certain() -> None:
+    """The back light of type V has other bounds: where the type may be another one, so may the rating."""
+    zones = _zones(up_low=-10.0, up_high=-10.0, back_high=600.0)
+    assert BugRating.of(zones, symmetric=True).certain and BugRating.of(zones, symmetric=False).certain
+    assert not BugRating.of(zones, symmetric=True, doubtful=True).certain
+    assert BugRating.of(_zones(up_low=-10.0, up_high=-10.0), symmetric=False, doubtful=True).certain
+
+
+@pytest.mark.parametrize(("gamma", "certain"), [(64.0, True), (66.3, False), (70.0, True)])
+def test_a_type_along_the_road_is_certain_where_the_brightest_direction_is(gamma: float, certain: bool) -> None:
+    """2.25 mounting heights, the border between short and medium, are seen at 66.04 degrees."""
+    lamp = replace(_lobes(90.0, gamma), samples=_noisy(_lobes(90.0, gamma).samples[:1], 0.02))
+    assert distribution_type(lamp).certain is certain
+
+
+def test_what_a_finer_table_changes_is_an_error_of_a_type() -> None:
+    lamp, other = _lobes(90.0, 60.0), _lobes(90.0, 70.0)
+    assert distribution_type(replace(lamp, finer=replace(lamp, samples=lamp.samples[:1]))).certain
+    assert not distribution_type(replace(lamp, finer=replace(other, samples=other.samples[:1]))).certain
+
+
+def _noisy(sample: np.ndarray, noise: float) -> np.ndarray:
+    random = np.random.default_rng(0).normal(size=(16, *sample.shape[1:]))
+    found: np.ndarray = sample * (1.0 + noise * random)
+    return found
+
+
+def test_a_rating_near_its_bound_is_uncertain() -> None:
+    zones = _zones(up_low=-10.0, up_high=-10.0, back_low=109.0)
+    assert str(BugRating.of(zones, symmetric=False)) == "B0 U0 G0 (uncertain)"
+
+
+@pytest.mark.parametrize(
+    ("lateral", "gamma", "wanted"),
+    [
+        (90.0, 60.0, "type I short"),  # along: tan 60 = 1.73 heights, none across
+        (75.0, 70.0, "type II medium"),  # 2.65 along, 0.71 across and the half width of the lobe
+        (55.0, 68.0, "type III short"),
+        (25.0, 70.0, "type IV short"),
+    ],
+)
+def test_types_of_lamps_with_two_lobes(lateral: float, gamma: float, wanted: str) -> None:
+    found = distribution_type(_lobes(lateral, gamma, width_deg=5.0))
+    assert found.along_mh == pytest.approx(np.tan(np.deg2rad(gamma)) * np.sin(np.deg2rad(lateral)), rel=0.02)
+    assert str(found) == wanted
+
+
+def test_a_lamp_that_is_the_same_all_around_is_type_five() -> None:
+    found = distribution_type(_lambertian(100.0))
+    assert str(found) == "type V very short"
+    assert found.roundness.value == pytest.approx(1.0)
+    ring = _lamp(lambda lateral, gamma: np.exp(-(((gamma - 1.2) / 0.1) ** 2)))
+    assert str(distribution_type(ring)) == "type V medium"
+
+
+def test_the_reach_of_half_the_light_is_that_of_the_lobe() -> None:
+    """A lobe of Gaussian shape straight towards the street: half of it is 1.1774 standard deviations out."""
+    found = distribution_type(
+        _lamp(lambda lateral, gamma: np.exp(-0.5 * ((gamma - 0.8) / 0.1) ** 2) * (np.cos(lateral) > 0.9))
+    )
+    assert found.street_mh.value == pytest.approx(np.tan(0.8 + 0.1 * np.sqrt(2.0 * np.log(2.0))), abs=0.02)
+    assert found.house_mh.value == 0.0
+
+
+def test_illuminance_of_a_row_of_lambertian_lamps() -> None:
+    """E = I0 h^2 / (h^2 + x^2 + y^2)^2 of each lamp within five heights."""
+    found = road_lighting(_lambertian(5000.0), ROAD)
+    x, y = np.meshgrid((np.arange(10) + 0.5) * 3.0, (np.arange(5) + 0.5) * 1.4)
+    total = np.zeros_like(x)
+    for lamp in range(-3, 5):
+        square = (x - 30.0 * lamp) ** 2 + y**2
+        total += np.where(square <= 900.0, 5000.0 * 36.0 / (36.0 + square) ** 2, 0.0)
+    assert found.points == 50
+    assert found.mean_lx.value == pytest.approx(total.mean(), rel=1e-3)
+    assert found.least_lx.value == pytest.approx(total.min(), rel=1e-3)
+    assert found.uniformity.value == pytest.approx(total.min() / total.mean(), rel=1e-3)
+
+
+def test_overhang_maintenance_and_long_spacings() -> None:
+    section = ROAD.model_copy(update={"overhang_m": 1.5, "maintenance_factor": 0.8, "pole_spacing_m": 40.0})
+    found = road_lighting(_lambertian(5000.0), section)
+    x, y = np.meshgrid((np.arange(14) + 0.5) * 40.0 / 14, (np.arange(5) + 0.5) * 1.4)
+    total = np.zeros_like(x)
+    for lamp in range(-3, 5):
+        square = (x - 40.0 * lamp) ** 2 + (y - 1.5) ** 2
+        total += np.where(square <= 900.0, 0.8 * 5000.0 * 36.0 / (36.0 + square) ** 2, 0.0)
+    assert found.points == 70
+    assert found.mean_lx.value == pytest.approx(total.mean(), rel=1e-3)
+
+
+def test_noise_is_not_in_the_least_illuminance() -> None:
+    truth = road_lighting(_lambertian(5000.0), ROAD)
+    noisy = road_lighting(_lambertian(5000.0, noise=0.5), ROAD)
+    for name in ("mean_lx", "least_lx", "uniformity"):
+        value, wanted = getattr(noisy, name), getattr(truth, name)
+        assert value.standard_error > 0.0
+        assert abs(value.value - wanted.value) < 4.0 * value.standard_error
+
+
+# EN 13201-2:2015, table 4 (mean and least illuminance in lx), table 2 (mean), typed a second time, the strictest first.
+_P = [("P1", 15.0, 3.0), ("P2", 10.0, 2.0), ("P3", 7.5, 1.5), ("P4", 5.0, 1.0), ("P5", 3.0, 0.6), ("P6", 2.0, 0.4)]
+_C = [("C0", 50.0), ("C1", 30.0), ("C2", 20.0), ("C3", 15.0), ("C4", 10.0), ("C5", 7.5)]
+
+
+@pytest.mark.parametrize(("name", "mean", "least"), _P)
+def test_p_classes(name: str, mean: float, least: float) -> None:
+    """Each figure on both sides of its bound, and the mean at most 1.5 times what the class asks for."""
+    easier = next((other for other, lower, low in _P if lower < mean <= 1.5 * lower and low <= least), "none")
+    assert p_class(mean, least) == name
+    assert p_class(1.5 * mean, least) == name
+    assert p_class(mean - 0.01, least) == easier
+    assert p_class(mean, least - 0.01) == easier
+    assert p_class(1.5 * mean + 0.01, least) == next(
+        (other for other, lower, low in _P if lower < 1.5 * mean + 0.01 <= 1.5 * lower and low <= least), "none"
+    )
+
+
+@pytest.mark.parametrize(("number", "name", "mean"), [(number, *row) for number, row in enumerate(_C)])
+def test_c_classes(number: int, name: str, mean: float) -> None:
+    easier = _C[number + 1][0] if number + 1 < len(_C) else "none"
+    assert c_class(mean, 0.4) == name and c_class(mean - 0.01, 0.4) == easier
+    assert c_class(mean, 0.39) == "none"
+
+
+# EN 13201-2:2015, table A.1, typed a second time: most cd/klm from 70 and from 80 degrees; G*4 to G*6 have the same 80.
+@pytest.mark.parametrize(
+    ("at_70", "at_80", "wanted"),
+    [
+        (349.0, 99.0, "G*6"), (351.0, 99.0, "G*4"), (499.0, 99.0, "G*4"), (501.0, 99.0, "G*3"), (9e3, 99.0, "G*3"),
+        (349.0, 101.0, "G*2"), (9e3, 149.0, "G*2"), (9e3, 151.0, "G*1"), (349.0, 199.0, "G*1"), (9e3, 199.0, "G*1"),
+        (9e3, 201.0, "none"), (349.0, 201.0, "none"),
+    ],
+)  # fmt: skip
+def test_glare_classes_ask_for_both_angles(at_70: float, at_80: float, wanted: str) -> None:
+    lamp = _lamp(lambda lateral, gamma: np.where(gamma < np.deg2rad(79.9), at_70, at_80) + 0.0 * lateral)
+    assert glare_intensities(lamp, 1000.0).glare_class == wanted
+
+
+def test_glare_is_candela_per_thousand_lumens() -> None:
+    """Lambertian: cos(70) 1000/pi = 108.9 cd/klm, cos(80) 1000/pi = 55.3: the strictest class that asks no more."""
+    found = glare_intensities(_lambertian(1000.0), 1000.0 * np.pi)
+    assert found.above_70.value == pytest.approx(1000.0 / np.pi * np.cos(np.deg2rad(70.0)), rel=1e-3)
+    assert found.above_80.value == pytest.approx(1000.0 / np.pi * np.cos(np.deg2rad(80.0)), rel=1e-3)
+    assert found.glare_class == "G*6"
+    assert glare_intensities(_lobes(75.0, 72.0, 8.0), 400.0).glare_class in ("none", "G*1", "G*2", "G*3")
+
+
+def test_a_lamp_of_many_lenses_has_their_light() -> None:
+    lamp, section = _lambertian(10.0), ROAD.model_copy(update={"lenses": 48})
+    one, zones_lm = Metric(value=10.0 * np.pi, unit="lm", standard_error=0.1), np.full((16, 2, 4), 10.0 * np.pi / 8.0)
+    found = RoadFigures.of(section, lamp, one, zones_lm)
+    assert found is not None
+    assert found.lumens.value == pytest.approx(480.0 * np.pi)
+    assert found.lumens.standard_error == pytest.approx(4.8)
+    zones = found.bug.zones.model_dump()
+    assert sum(each["value"] for each in zones.values()) == pytest.approx(480.0 * np.pi, rel=1e-4)
+    assert found.road is not None
+    area = RoadFigures.of(PhotometrySection(use="area"), lamp, one, zones_lm)
+    assert area is not None
+    assert area.road is None
+    assert RoadFigures.of(PhotometrySection(), lamp, one, zones_lm) is None
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"use": "road", "pole_spacing_m": 30.0, "road_width_m": 7.0}, r"needs pole_height_m; give them"),
+        ({"use": "road"}, r"needs pole_height_m, pole_spacing_m, road_width_m"),
+        ({"use": "area", "pole_height_m": 6.0}, r"pole_height_m is of a road"),
+        ({"maintenance_factor": 0.8}, r"maintenance_factor is of a road"),
+        ({"use": "stadium"}, r"use"),
+        ({"use": "road", "pole_height_m": -1.0, "pole_spacing_m": 30.0, "road_width_m": 7.0}, r"pole_height_m"),
+    ],
+)
+def test_bad_sections_are_one_line(fields: dict[str, object], words: str) -> None:
+    with pytest.raises(InputError, match=words) as error:
+        PhotometrySection(**fields)
+    assert "\n" not in str(error.value)

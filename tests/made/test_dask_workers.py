@@ -1,0 +1,158 @@
+"""Parts measured by real processes of a Dask cluster: the same bits on one, on four, and after one was killed."""
+
+import multiprocessing
+import operator
+import os
+import re
+import signal
+import socket
+import sys
+import time
+from multiprocessing import forkserver
+from pathlib import Path
+
+import pytest
+from scenes import random_surface, small_spec
+
+import lensforge as lf
+from lensforge.errors import InputError
+from lensforge.scene.lens import Lens
+from lensforge.search.cluster import connected, require_scheduler, versions
+
+dask = pytest.importorskip("dask")
+distributed = pytest.importorskip("distributed")
+
+
+def small_lens():
+    return Lens(random_surface(1, 3.0, 0.01, (9, 25)), random_surface(2, 6.0, 0.01, (9, 25)), small_spec(), 0, "draft")
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    """One process at first; a test may ask for more.
+
+    They are forked from a process that has loaded what they need, which takes seconds for each that loads it itself.
+    """
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["distributed", "lensforge.made.measured_parts", "lensforge.runs.starts"])
+    forkserver.ensure_running()
+    with (
+        dask.config.set({"distributed.worker.multiprocessing-method": "forkserver"}),
+        distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0", silence_logs=50) as found,
+    ):
+        yield found
+
+
+@pytest.fixture
+def few_rays(monkeypatch):
+    for name, value in {"DESIGNED_RAYS": 2**12, "_WORST_RAYS": 2**12}.items():
+        monkeypatch.setattr(f"lensforge.made.yield_study.{name}", value)
+    monkeypatch.setattr("lensforge.made.measured_parts._CHUNK", 1)
+
+
+def study(**others):
+    found = lf.tolerance(small_lens(), parts=40, rays=2**10, budget=False, **others)
+    return found.model_copy(update={"seconds": 0.0})
+
+
+def one_killed(cluster):
+    """A function for ``progress`` that kills a worker when the first part is there."""
+    killed = []
+
+    def progress(done, expected):
+        if not killed:
+            assert done < expected
+            with distributed.Client(cluster) as client:
+                killed.append(next(iter(client.run(os.getpid).values())))
+            os.kill(killed[0], signal.SIGKILL)
+
+    return progress, killed
+
+
+def test_one_worker_four_and_one_killed_give_the_bits_of_this_process(cluster, few_rays):
+    here, address = study(), cluster.scheduler_address
+    assert study(scheduler=address) == here
+    cluster.scale(4)
+    cluster.wait_for_workers(4)
+    assert study(scheduler=address) == here
+    progress, killed = one_killed(cluster)
+    assert study(scheduler=address, progress=progress) == here
+    assert len(killed) == 1
+
+
+def test_searches_from_several_starts_have_the_bits_of_this_process(cluster):
+    here = lf.best_design(small_spec(), starts=2, accuracy="draft")
+    there = lf.best_design(small_spec(), starts=2, accuracy="draft", scheduler=cluster.scheduler_address)
+    assert there.lens == here.lens
+    assert [(start.nmse, start.missed) for start in there.starts] == [
+        (start.nmse, start.missed) for start in here.starts
+    ]
+
+
+def test_a_worker_with_other_versions_is_named_in_one_line(cluster, few_rays, monkeypatch):
+    other = {**versions(), "numba": "0.1"}
+    monkeypatch.setattr("lensforge.search.cluster.versions", lambda: other)
+    with pytest.raises(InputError, match=r"worker tcp://.*: numba .*, here is 0\.1, which may round differently"):
+        study(scheduler=cluster.scheduler_address)
+
+
+def test_parts_that_were_measured_outlive_a_lost_scheduler(few_rays, tmp_path, monkeypatch):
+    monkeypatch.setattr("lensforge.made.measured_parts._SAVE_SECONDS", 0.0)
+    kept = tmp_path / "parts.npz"
+    lost = distributed.LocalCluster(
+        n_workers=1, processes=False, protocol="tcp", dashboard_address=":0", silence_logs=50
+    )
+
+    def progress(done, expected):
+        if lost.status.name == "running":
+            lost.close()
+
+    with pytest.raises(InputError, match=r"has ended or is out of reach; .* the same command goes on"):
+        study(scheduler=lost.scheduler_address, checkpoint=kept, progress=progress)
+    assert kept.exists()
+    again: list[int] = []
+    assert study(checkpoint=kept, progress=lambda done, _: again.append(done)) == study()
+    assert again[0] > 1
+
+
+def answering_otherwise():
+    """A server that is no scheduler."""
+    server = socket.create_server(("127.0.0.1", 0))
+    return server, f"tcp://127.0.0.1:{server.getsockname()[1]}"
+
+
+def test_what_does_not_answer_as_a_scheduler_is_refused_within_seconds(monkeypatch):
+    monkeypatch.setattr("lensforge.search.cluster._SECONDS", 1.0)
+    server, address = answering_otherwise()
+    with server:
+        started = time.monotonic()
+        with (
+            pytest.raises(InputError, match=f"scheduler = {re.escape(address)}: no Dask scheduler"),
+            connected(address),
+        ):
+            pass
+    with pytest.raises(InputError, match="no Dask scheduler") as found, connected(address):
+        pass
+    assert time.monotonic() - started < 15.0
+    assert "\n" not in str(found.value)
+
+
+@pytest.mark.parametrize("given", ["", "here", "local:0", "local:", "http://a:1", "tcp://a", "local:99999", 4])
+def test_what_is_no_address_is_refused_at_once(given):
+    with pytest.raises(InputError, match="address of a Dask scheduler"):
+        require_scheduler(given)
+
+
+def test_without_dask_one_line_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(InputError, match=r'needs Dask .*; pip install "lensforge\[dask\]"'), connected("local:2"):
+        pass
+
+
+def test_a_local_cluster_is_closed_to_others_and_ends_with_its_use():
+    with connected("local:1") as cluster:
+        assert dict(cluster.map(operator.mul, 2.0, [1.0, 3.0])) == {0: 2.0, 1: 6.0}
+        assert dict(cluster.map(operator.mul, 5.0, [1.0, 3.0])) == {0: 5.0, 1: 15.0}, "what all items share now"
+        assert cluster._client.scheduler.address.startswith("tls://127.0.0.1")
+        process = next(iter(cluster._client.run(os.getpid).values()))
+    assert not Path(f"/proc/{process}").exists()

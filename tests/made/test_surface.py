@@ -1,0 +1,209 @@
+import inspect
+import io
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from measured_lenses import dent, directions, lens, probed
+from nightly import first_by_day
+from PIL import Image
+
+from lensforge.cad.patch import fit_patch
+from lensforge.errors import InputError
+from lensforge.light.evaluation import evaluate_lens
+from lensforge.made.form_deviation import FacePixels, coverage, fit_deviation
+from lensforge.made.measured_surface import compare_surface, measure_form
+from lensforge.made.measurement_result import DeviationExtent, SurfaceComparison, surface_png
+from lensforge.results import Metric
+from lensforge.sources.build_source import build_source
+from lensforge.spec.accuracy import PRESETS
+from lensforge.surfaces.srbf import SrbfSurface
+from lensforge.surfaces.surface import Surface
+
+LENS = lens()
+PATCH = fit_patch(LENS.outer)
+ROTATION, SHIFT = np.array([0.03, -0.05, 0.08]), np.array([0.4, -0.3, 0.2])
+HEIGHT = 0.02
+
+
+def without_motion(u, radial):
+    """``radial`` less the share that a small rigid motion explains: no registration can tell it from a motion."""
+    normals = LENS.outer.normal(u)
+    points = u * LENS.outer.radius(u)[:, None]
+    along = radial * np.sum(normals * u, axis=1)
+    motions = np.concatenate([np.cross(points, normals), normals], axis=1)
+    return along - motions @ np.linalg.lstsq(motions, along, rcond=None)[0]
+
+
+def recovered(cloud):
+    form = measure_form(PATCH, LENS.basis, cloud)
+    u = directions(3000, 99)
+    return form, np.sum(LENS.outer.normal(u) * u, axis=1) * form.deviation.surface.radius(u), u
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.002])
+def test_a_deformation_is_found_in_a_moved_cloud(noise):
+    cloud = probed(LENS.outer, 5000, height_mm=HEIGHT, noise_mm=noise, rotation=ROTATION, shift=SHIFT)
+    form, found, u = recovered(cloud)
+    wanted = without_motion(u, dent(u, HEIGHT))
+    error = np.sqrt(np.mean((found - wanted) ** 2))
+    assert error < 0.02 * HEIGHT + 0.25 * noise
+    assert np.corrcoef(found, wanted)[0, 1] > 0.99
+    assert form.deviation.residual_rms_mm == pytest.approx(noise, abs=2e-4)
+
+
+def test_a_perfect_part_has_no_deviation():
+    form, found, _ = recovered(probed(LENS.outer, rotation=ROTATION, shift=SHIFT))
+    assert np.abs(found).max() < 1e-4
+    assert np.abs(form.distances).max() < 1e-5
+
+
+def test_noise_is_not_believed():
+    """Least squares alone would make half of the noise of 400 points a deformation: it has 115 functions for them."""
+    noise = 0.01 * np.random.default_rng(0).normal(size=400)
+    fitted = fit_deviation(LENS.outer.basis, directions(400, 1), noise)
+    assert np.sqrt(np.mean(fitted.surface.radius(directions(2000, 2)) ** 2)) < 0.003
+
+
+@dataclass(frozen=True)
+class RaisedSphere(Surface):
+    """A sphere of radius 1 whose centre is 1/2 above the origin, times ``size_mm``."""
+
+    size_mm: float
+    detail_rad = 0.3
+
+    def radius(self, directions):
+        z = directions[:, 2]
+        return self.size_mm * (0.5 * z + np.sqrt(0.75 + 0.25 * z**2))
+
+
+def test_the_mean_square_of_the_form_is_over_the_area_of_the_face():
+    """By Archimedes, n_z is uniform over the area of a sphere: the mean of n_z^2 from -1/2 to 1 is 1/4.
+
+    Over solid angle it is 0.205, over the chart 0.162.
+    """
+    sphere = RaisedSphere(8.0)
+
+    class Raised(Surface):
+        detail_rad = 0.3
+
+        def radius(self, directions):
+            normals = directions * sphere.radius(directions)[:, None] / sphere.size_mm - [0.0, 0.0, 0.5]
+            return 4e-3 * normals[:, 2] / np.sum(normals * directions, axis=1)
+
+    pixels = FacePixels.of(fit_patch(sphere))
+    assert np.nansum(pixels.area_mm2) == pytest.approx(3.0 * np.pi * 8.0**2, rel=1e-3)
+    height, inside = pixels.map_um(Raised()), np.isfinite(pixels.area_mm2)
+    extent = DeviationExtent.of(height[inside], pixels.area_mm2[inside])
+    assert extent.rms == pytest.approx(4.0 * np.sqrt(0.25), rel=5e-4)
+    assert (extent.max, extent.pv) == (pytest.approx(4.0, rel=1e-6), pytest.approx(6.0, rel=1e-2))
+
+
+def test_coverage_is_the_share_of_the_hemisphere():
+    u = directions(40_000, 5)
+    assert coverage(u, 0.05) == pytest.approx(1.0, abs=0.01)
+    assert coverage(u[u[:, 0] > 0.0], 0.02) == pytest.approx(0.5, abs=0.02)
+
+
+@pytest.fixture(scope="module")
+def compared():
+    def run(height):
+        cloud = probed(LENS.outer, 3000, height_mm=height, noise_mm=0.0005, rotation=ROTATION, shift=SHIFT)
+        return compare_surface(
+            cloud, lens=LENS, side="outer", source=build_source(LENS.spec.source), preset=PRESETS["draft"], rays=16384
+        )
+
+    return run
+
+
+def test_a_good_part_makes_the_light_of_the_design(compared):
+    found = compared(0.0)
+    assert found.inputs == {"lens": LENS.sha256}
+    assert found.form_deviation_um.pv < 1.0
+    assert found.nmse_between < 1e-4
+    assert found.measured.efficiency.value == pytest.approx(found.design.efficiency.value, abs=1e-3)
+    assert len(found.criteria) == 2 and all(criterion.passed for criterion in found.criteria)
+
+
+def test_a_deformed_part_makes_other_light(compared, tmp_path):
+    found = compared(HEIGHT)
+    found.write(tmp_path, "compare_outer")
+    assert SurfaceComparison.read(tmp_path, "compare_outer") == found
+    assert 0.3 * HEIGHT * 1e3 < found.form_deviation_um.pv < 1.2 * HEIGHT * 1e3
+    assert found.point_deviation_um.rms == pytest.approx(found.form_deviation_um.rms, rel=0.25)
+    assert found.nmse_between > 1e-5
+    assert found.irradiance_measured.shape == (24, 24)
+    assert found.point_count == 3000
+    assert np.nanmax(found.deviation_um) == pytest.approx(found.form_deviation_um.max)
+    square = found.deviation_um**2
+    by_area = np.sqrt(np.nansum(found.area_mm2 * square) / np.nansum(found.area_mm2))
+    assert found.form_deviation_um.rms == pytest.approx(by_area, rel=1e-9)
+    assert by_area != pytest.approx(np.sqrt(np.nanmean(square)), rel=0.02), "a map that could not tell"
+    peak = np.unravel_index(np.nanargmax(found.deviation_um), found.deviation_um.shape)
+    chart = found.chart[peak[1]], found.chart[peak[0]]
+    towards = np.array([0.5, 0.3, 0.8]) / np.linalg.norm([0.5, 0.3, 0.8])
+    np.testing.assert_allclose(chart, towards[:2] / (1.0 + towards[2]), atol=0.15)
+    with Image.open(io.BytesIO(surface_png(found))) as drawn:
+        assert drawn.size == (2025, 630)
+        # Three maps in false colour, not an empty page.
+        assert len(np.unique(np.asarray(drawn.convert("RGB")).reshape(-1, 3), axis=0)) > 500
+
+
+def deformed_part(height):
+    """The lens with a fine random deformation (mm) on its outer surface that holds no rigid motion."""
+    outer, u = LENS.outer, directions(4000, 21)
+    weights = np.zeros(outer.basis.size)
+    weights[-81:] = height * np.random.default_rng(8).normal(size=81)
+    values, normals = outer.basis.evaluate(u), outer.normal(u)
+    cosine = np.sum(normals * u, axis=1)
+    motions = np.concatenate([np.cross(u * outer.radius(u)[:, None], normals), normals], axis=1)
+    share = np.linalg.lstsq(motions, cosine * (values @ weights), rcond=None)[0]
+    weights -= np.linalg.lstsq(values, motions @ share / cosine, rcond=None)[0]
+    return replace(LENS, outer=SrbfSurface(outer.basis, outer.weights_mm + weights, outer.offset_mm))
+
+
+@pytest.mark.parametrize("registration", first_by_day(1, ["rigid", "shift", "none"]))
+def test_the_light_is_that_of_the_deformed_lens(registration):
+    """The oracle is the tracer on the true part."""
+    part, source, preset = deformed_part(0.05), build_source(LENS.spec.source), PRESETS["draft"]
+    true = evaluate_lens(part, source, preset).map
+    motion = {
+        "rigid": {"rotation": ROTATION, "shift": SHIFT},
+        "shift": {"shift": SHIFT},
+        "none": {},
+    }[registration]
+    cloud = probed(part.outer, 3000, noise_mm=0.0005, **motion)
+    found = compare_surface(
+        cloud, lens=LENS, side="outer", source=source, preset=preset, rays=16384, registration=registration
+    )
+    left, before = found.irradiance_measured - true, found.irradiance_design - true
+    assert np.sum(left**2) < 0.05 * np.sum(before**2)
+    assert found.nmse_between > 1e-3
+    assert (found.pose.translation_x_mm == Metric(value=0.0, unit="mm")) == (registration == "none")
+    assert (found.pose.rotation_x_deg.standard_error is None) == (registration != "rigid")
+
+
+def test_a_registration_of_no_kind_is_input_error():
+    given = {
+        "lens": LENS,
+        "side": "outer",
+        "source": build_source(LENS.spec.source),
+        "preset": PRESETS["draft"],
+        "rays": 64,
+    }
+    bare = inspect.unwrap(compare_surface)  # without the types that only the tests check
+    with pytest.raises(InputError, match="registration = 'loose': must be one of rigid, shift, none"):
+        bare(probed(LENS.outer, 200), **given, registration="loose")
+
+
+def test_half_a_surface_fails():
+    cloud = probed(LENS.outer, 2500)
+    found = compare_surface(
+        cloud[cloud[:, 0] > 0.0],
+        lens=LENS,
+        side="outer",
+        source=build_source(LENS.spec.source),
+        preset=PRESETS["draft"],
+        rays=64,
+    )
+    assert {criterion.name for criterion in found.criteria if not criterion.passed} == {"surface_covered"}

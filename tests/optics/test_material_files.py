@@ -1,0 +1,256 @@
+"""Files of materials: Zemax catalogues, refractiveindex.info, tables; read, kept in the spec, refused in one line."""
+
+import json
+import tracemalloc
+import warnings
+from math import exp, pi
+
+import numpy as np
+import pytest
+from scenes import small_spec
+
+from lensforge.errors import InputError
+from lensforge.optics.dispersion_formulas import NAMES, Formula
+from lensforge.optics.material import MATERIALS
+from lensforge.optics.material_files import read_material
+from lensforge.sources.build_source import build_source
+from lensforge.spec import load_spec
+
+AGF = """CC a catalogue for tests
+NM GLASS-A 2 517642.251 1.5168 64.17 0 1
+GC a comment
+ED 7.1 8.3 2.51 -0.0009 0
+CD 1.03961212 0.00600069867 0.231792344 0.0200179144 1.01046945 103.560653 0 0 0 0
+TD 1.86E-6 1.31E-8 -1.37E-11 4.34E-7 6.27E-10 0.17 20
+OD -1 -1 -1 -1 -1 -1
+LD 0.3 2.5
+IT 0.40 0.998 10
+IT 0.55 0.9 5
+IT 0.70 0 25
+IT 0.80 0.99 0
+NM GLASS-B 1 0 1.52308 58.57 0 3
+CD 2.286575 -8.7334582e-3 1.1742884e-2 2.9041756e-4 -1.2506695e-5 9.2646253e-7
+LD 0.33 2.1
+NM BROKEN 14 0 1.5 60
+CD 1 2
+LD 0.3 2
+NM EMPTY 2 0 1.5 60
+"""
+NK = """REFERENCES: |
+    somebody
+DATA:
+  - type: formula 2
+    wavelength_range: 0.4368 1.052
+    coefficients: 0 1.2969 0.011721
+  - type: tabulated k
+    data: |
+        0.400 2.0E-7
+        0.600 1.0E-7
+        0.500 3.0E-7
+"""
+TABLE = "wavelength,index,transmittance of 1 mm\n400, 1.52, 0.99\n500, 1.51, 0.995\n700, 1.50, 1.0\n"
+
+
+def written(folder, name, text):
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_glass_of_a_catalogue_has_its_formula_range_and_absorption(tmp_path):
+    found = read_material(written(tmp_path, "c.agf", AGF), "glass-a")
+    waves = np.linspace(310.0, 2400.0, 50)
+    np.testing.assert_allclose(found.index.index(waves), MATERIALS["N-BK7"].index(waves), rtol=1e-14)
+    assert found.name == "GLASS-A" and found.range_nm == (300.0, 2500.0) and found.source == "c.agf: GLASS-A"
+    assert found.absorption_nm == (400.0, 550.0, 700.0)  # the line without a thickness says nothing
+    for per_mm, (transmittance, thickness) in zip(found.absorption_per_mm, [(0.998, 10), (0.9, 5)], strict=False):
+        assert exp(-per_mm * thickness) == pytest.approx(transmittance, rel=1e-14)
+    assert exp(-found.absorption_per_mm[2] * 25) == pytest.approx(1e-6)
+    again = read_material(written(tmp_path, "wide.AGF", AGF), "GLASS-B")
+    np.testing.assert_allclose(again.index.index(waves), MATERIALS["B270"].dispersion.index(waves), rtol=1e-7)
+    (tmp_path / "u.agf").write_text(AGF, encoding="utf-16")
+    assert read_material(tmp_path / "u.agf", "GLASS-A").index == found.index
+
+
+def test_a_file_of_refractiveindex_info_has_its_index_and_its_absorption(tmp_path):
+    found = read_material(written(tmp_path, "e48r.yml", NK), None)
+    waves = np.linspace(437.0, 1050.0, 50)
+    np.testing.assert_allclose(found.index.index(waves), MATERIALS["COP"].index(waves), rtol=1e-14)
+    assert found.name == "e48r" and found.absorption_nm == (400.0, 500.0, 600.0)
+    assert found.absorption_per_mm[1] == pytest.approx(4 * pi * 3e-7 / 500e-6)
+    table = "DATA:\n  - type: tabulated nk\n    data: |\n        0.4 1.42 1e-7\n        0.5 1.41 2e-7\n"
+    found = read_material(written(tmp_path, "nk.yaml", table), "own")
+    assert (found.name, found.range_nm, found.index.indices) == ("own", (400.0, 500.0), (1.42, 1.41))
+    assert found.absorption_per_mm[0] == pytest.approx(4 * pi * 1e-7 / 400e-6)
+
+
+def test_the_same_file_by_another_program(tmp_path):
+    pytest.importorskip("optiland")
+    from optiland.materials import MaterialFile
+
+    path = written(tmp_path, "e48r.yml", NK.replace("        0.600 1.0E-7\n", "") + "        0.600 1.0E-7\n")
+    found, other = read_material(path, None), MaterialFile(str(path))
+    for nm in np.linspace(440.0, 590.0, 31):
+        assert found.index.index(np.array([nm]))[0] == pytest.approx(np.asarray(other.n(1e-3 * nm)).item(), rel=1e-12)
+        wanted = 4 * pi * np.asarray(other.k(1e-3 * nm)).item() / (1e-6 * nm)
+        k = np.interp(nm, found.absorption_nm, np.array(found.absorption_per_mm) * np.array(found.absorption_nm))
+        assert k / nm == pytest.approx(wanted, rel=1e-12)
+
+
+def test_a_table_has_index_and_transmittance(tmp_path):
+    found = read_material(written(tmp_path, "t.csv", TABLE), None)
+    assert found.index.index(np.array([450.0]))[0] == pytest.approx(1.515)
+    np.testing.assert_allclose(np.exp(-np.array(found.absorption_per_mm)), [0.99, 0.995, 1.0])
+    bare = read_material(written(tmp_path, "bare.txt", "# nm n\n700\t1.50\n400\t1.52\n"), "resin")
+    assert bare.absorption_nm == () and bare.index.indices == (1.52, 1.50)
+
+
+def spec_file(folder, lens):
+    small_spec().save(folder / "small.toml")
+    text = (folder / "small.toml").read_text(encoding="utf-8")
+    assert "[lens]" in text
+    return written(folder, "spec.toml", text.replace("[lens]", f"[lens]\n{lens}"))
+
+
+def test_a_spec_keeps_the_numbers_and_needs_the_file_no_more(tmp_path):
+    written(tmp_path, "c.agf", AGF)
+    spec = load_spec(spec_file(tmp_path, 'material = "glass-a"\nmaterial_file = "c.agf"\ndesign_wavelength_nm = 550.0'))
+    (tmp_path / "c.agf").unlink()
+    assert spec.lens.material == "GLASS-A" and spec.lens.material_file is None
+    assert spec.lens.refractive_index == pytest.approx(MATERIALS["N-BK7"].index_at(550.0), rel=1e-14)
+    assert spec.lens.media.absorption_per_mm == pytest.approx(-np.log(0.9) / 5)
+    spec.save(tmp_path / "again.toml")
+    again = load_spec(tmp_path / "again.toml")
+    assert again == spec and again.lens.dispersion == spec.lens.dispersion
+    assert json.loads(spec.model_dump_json())["lens"]["optical_data"]["source"] == "c.agf: GLASS-A"
+
+
+def test_rays_of_a_spectrum_have_index_and_absorption_at_their_wavelengths(tmp_path):
+    path = written(tmp_path, "t.csv", TABLE)
+    spectrum = {"kind": "table", "wavelength_nm": [450.0, 650.0], "weight": [1.0, 1.0]}
+    spec = small_spec(lens__material_file=str(path), source__spectrum=spectrum)
+    rays = build_source(spec.source, spec.lens.dispersion).sample(2000, 1)
+    waves = np.interp(rays.refractive_indices, [1.50, 1.51, 1.52], [700.0, 500.0, 400.0])
+    assert waves.min() > 449.0 and waves.max() < 651.0 and np.ptp(waves) > 190.0
+    np.testing.assert_allclose(
+        rays.absorption_per_mm, np.interp(waves, [400.0, 500.0, 700.0], -np.log([0.99, 0.995, 1.0])), atol=1e-12
+    )
+    wide = {"kind": "table", "wavelength_nm": [450.0, 900.0], "weight": [1.0, 1.0]}
+    with pytest.raises(InputError, match=r"the index of t is known from 400 to 700 nm, and .* % of"):
+        build_source(small_spec(lens__material_file=str(path), source__spectrum=wide).source, spec.lens.dispersion)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "lens", "message"),
+    [
+        ("c.agf", AGF, {"material": "GLASS-C"}, r"c\.agf: no glass 'GLASS-C' among its 4; closest: GLASS-"),
+        ("c.agf", AGF, {"material": "zzz"}, r"no glass 'zzz' among its 4; lens.material must be one of its names"),
+        ("c.agf", AGF, {}, r"c\.agf: name the glass in it by lens.material"),
+        ("c.agf", AGF, {"material": "broken"}, r"broken has the dispersion formula 14, known are 1 to 13"),
+        ("c.agf", AGF, {"material": "empty"}, r"empty has no line CD"),
+        ("c.agf", AGF.replace("1.03961212", "x1"), {"material": "glass-a"}, r"glass-a has 'x1' where a number must be"),
+        ("c.agf", AGF.replace("0.998", "1.998"), {"material": "glass-a"}, r"an internal transmittance of 1\.998"),
+        ("c.agf", AGF.replace("NM GLASS-A 2", "NM GLASS-A inf"), {"material": "glass-a"}, r"has 'inf' where a number"),
+        ("c.agf", AGF.replace("1.03961212", "1e308"), {"material": "glass-a"}, r"has '1e308' where a number must be"),
+        ("c.agf", AGF.replace("0.17 20", "1e200 20"), {"material": "glass-a"}, r"has '1e200' where a number must be"),
+        ("c.agf", AGF.replace("0.17 20", "1e20 20"), {"material": "glass-a"}, r"schott_coefficients.5 = 1e\+20"),
+        ("c.agf", AGF + "NM X 1\n" * 9 + "NM " + "X" * 300, {"material": "y"}, r"6 glasses, .* names of 60 characters"),
+        ("c.agf", "".join(f"NM G{k} 2\n" for k in range(5001)), {"material": "y"}, r"5001 glasses, at most 5000"),
+        ("a.yml", "a:\n  secret: [", {}, r"a\.yml: not YAML from line 3, column 1 on; download"),
+        ("a.yml", "a: &a secret\nb: *a", {}, r"a\.yml: an alias in line 2, which no material needs"),
+        ("a.yml", "DATA: [" + "1, " * 10_000 + "1]", {}, r"more than 10000 entries, or more than 16 levels"),
+        ("a.yml", "DATA: " + "[" * 17 + "]" * 17, {}, r"more than 10000 entries, or more than 16 levels"),
+        ("a.yml", "DATA: " + ":".join(["1"] * 300_000), {}, r"a\.yml: has no list DATA"),
+        ("a.yml", "DATA: !!python/tuple [1]", {}, r"a\.yml: has no list DATA"),
+        ("a.yml", NK.replace("0.400 2", "0.0 2"), {}, r"its table is not 2 columns of numbers"),
+        ("a.yml", NK.replace("1.2969", "1e308"), {}, r"coefficients.1 = 1e\+308"),
+        ("a.yml", NK.replace("formula 2", "formula 1").replace("0.011721", "1e308"), {}, r"coefficients.2 = 1e\+308"),
+        ("a.yml", "a: 1", {}, r"a\.yml: has no list DATA"),
+        ("a.yml", "DATA:\n  - type: tabulated k\n    data: 1 2\n", {}, r"a\.yml: has no index, only tabulated k"),
+        ("a.yml", NK.replace("0.4368 1.052", "0.4368"), {}, r"wavelength_range must be 2 numbers at least"),
+        ("a.yml", NK.replace("2.0E-7", "two"), {}, r"its table is not 2 columns of numbers"),
+        ("t.csv", TABLE.replace("1.51", "x"), {}, r"must be two rows at least of wavelength \(nm\)"),
+        ("t.csv", TABLE.replace("0.995", "1.2"), {}, r"an internal transmittance must be above 0 and at most 1"),
+        ("t.csv", "0.4, 1.52\n0.7, 1.50\n", {}, r"wavelengths must be in nm, each once; they go from 0\.4 to 0\.7"),
+        ("t.csv", TABLE.replace("1.52", "5.2"), {}, r"its index at 400 nm is 5\.2, must be 1 to 4"),
+        ("t.xml", TABLE, {}, r"a material is read from \.agf, \.yml"),
+        ("t.csv", TABLE, {"absorption_per_mm": 0.1}, r"absorption_per_mm: t has its own absorption"),
+        ("t.csv", TABLE, {"abbe_number": 50.0}, r"abbe_number: t has its own dispersion"),
+        (
+            "t.csv",
+            TABLE,
+            {"design_wavelength_nm": 900.0},
+            r"design_wavelength_nm: wavelength 900 nm: the index of t",
+        ),
+        ("t.csv", TABLE, {"refractive_index": 1.6}, r"refractive_index = 1\.6, but t has 1\.50"),
+    ],
+)
+def test_what_cannot_be_used_is_one_line(tmp_path, name, content, lens, message):
+    path = written(tmp_path, name, content)
+    fields = {f"lens__{key}": value for key, value in lens.items()}
+    with pytest.raises(InputError, match=message) as error:
+        small_spec(lens__material_file=str(path), **fields)
+    assert "\n" not in str(error.value)
+
+
+def test_the_smallest_file_beyond_a_bound_is_refused_and_the_largest_within_is_read(tmp_path):
+    """Values of YAML are texts: 1:30, which a reader of types takes for 90, is no number; neither is a date."""
+    text = NK.replace("somebody", "x").replace("DATA:", "NUMBER: 1:30\nDATE: 2001-01-01\nDATA:")
+    deep = text + "DEEP: " + "[" * 14 + "]" * 14 + "\nLONG: [" + "1, " * 9900 + "1]\n"
+    for name, content in {"plain": text, "deep": deep}.items():
+        assert read_material(written(tmp_path, f"{name}.yml", content), None).absorption_nm == (400.0, 500.0, 600.0)
+    with (tmp_path / "large.yml").open("w", encoding="utf-8") as file:
+        file.truncate(4 * 2**20 + 1)
+    for suffix in ("yml", "agf", "csv"):
+        (tmp_path / f"large.{suffix}").write_bytes((tmp_path / "large.yml").read_bytes())
+        with pytest.raises(InputError, match="4 MiB, must be at most 4 MiB"):
+            read_material(tmp_path / f"large.{suffix}", "x")
+
+
+@pytest.mark.parametrize("levels", [6, 9])
+def test_aliases_of_aliases_take_neither_time_nor_memory(tmp_path, levels):
+    """Nine to the power of ``levels`` entries in 500 bytes."""
+    lists = [f"{chr(98 + k)}: &{chr(98 + k)} [{', '.join(['*' + chr(97 + k)] * 9)}]\n" for k in range(levels)]
+    path = written(tmp_path, "a.yml", "a: &a [x]\n" + "".join(lists) + f"DATA: [{{type: *{chr(97 + levels)}}}]\n")
+    assert path.stat().st_size < 600
+    tracemalloc.start()
+    with pytest.raises(InputError, match="an alias in line 2"):
+        read_material(path, None)
+    assert tracemalloc.get_traced_memory()[1] < 2**20
+    tracemalloc.stop()
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("huge", [1e308, -1e308, 1e-320])
+def test_no_coefficient_ends_in_an_error_of_arithmetic(name, huge):
+    """Each coefficient in turn beyond what its square or power can be: no index there, and the spec refuses it."""
+    for place in range(10):
+        formula = Formula(name, tuple(huge if k == place else 1.5 - 0.1 * k for k in range(10)))
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            found = formula.index(np.array([450.0, 550.0]))
+        assert found.shape == (2,) and found.dtype == np.float64
+
+
+def test_a_missing_file_is_one_line(tmp_path):
+    with pytest.raises(InputError, match=r"none\.agf.*give a glass catalogue"):
+        small_spec(lens__material_file=str(tmp_path / "none.agf"), lens__material="GLASS-A")
+
+
+def test_numbers_in_the_spec_itself():
+    data = {"formula": "sellmeier", "coefficients": [1.2969, 0.011721], "range_nm": [436.8, 1052.0]}
+    spec = small_spec(lens__material="my resin", lens__optical_data=data)
+    assert spec.lens.refractive_index == pytest.approx(MATERIALS["COP"].index_at(587.5618), rel=1e-14)
+    dim = data | {"absorption_nm": [500.0, 700.0], "absorption_per_mm": [0.01, 0.03]}
+    assert small_spec(lens__optical_data=dim).lens.media.absorption_per_mm == pytest.approx(0.018756, rel=1e-4)
+    for wrong, message in (
+        ({"formula": "sellmeier"}, "formula needs coefficients, and range_nm"),
+        ({}, "give formula with coefficients and range_nm, or wavelength_nm with refractive_index"),
+        (data | {"formula": "agf 99"}, "dispersion formula 'agf 99': must be one of"),
+        (data | {"range_nm": [900.0, 500.0]}, r"range_nm = \[900, 500\]: must rise"),
+        (data | {"coefficients": [-3.0, 0.01]}, "its index at 436.8 nm is nan, must be 1 to 4"),
+        ({"wavelength_nm": [400.0, 500.0], "refractive_index": [1.5]}, "2 and 1 numbers, must be as many"),
+        (dim | {"absorption_nm": [700.0, 500.0]}, "absorption_nm must rise"),
+    ):
+        with pytest.raises(InputError, match=message):
+            small_spec(lens__optical_data=wrong)

@@ -1,0 +1,198 @@
+from dataclasses import replace
+from functools import partial
+
+import cadquery as cq
+import numpy as np
+import pytest
+from lens_meshes import lambertian, lens_mesh, oracle, sphere
+
+from lensforge.errors import InputError
+from lensforge.optics.media import CoverGlass, Media, ReflectanceTable
+from lensforge.proof.acceptance import brep_criteria
+from lensforge.proof.facet_casting import Grid
+from lensforge.proof.part_comparison import Expected, flux_budget
+from lensforge.proof.part_mesh import part_mesh_of
+from lensforge.proof.receiver_screen import Screen
+from lensforge.proof.refraction import refract
+from lensforge.proof.sequential_cast import CastFate, LandedRays, send_through
+from lensforge.proof.step_body import StepBody
+from lensforge.proof.step_cast import cast_step, judge_brep, send_through_step
+from lensforge.proof.verification import verify_part
+from lensforge.sources.ray_bundle import RayBundle
+
+INDEX, DISTANCE = 1.4936, 150.0
+SCREEN = Screen.square(DISTANCE, 300.0, 8)
+# Neither centre is on the seam or the pole of the kernel's spheres as rays see them: both lie off the axis.
+INNER, OUTER = sphere(6.0, (0.3, -0.2, 0.0)), sphere(13.0, (-0.4, 0.3, 0.0))
+RAYS = lambertian(300, 2.0, seed=3)
+HITS, WEIGHTS, _ = oracle(INNER, OUTER, RAYS, INDEX, DISTANCE)
+
+
+def ball(surface):
+    return cq.Workplane().sphere(surface.semi_axes[0]).translate(surface.centre)
+
+
+def written(shape, path):
+    cq.exporters.export(shape, str(path))
+    return path.read_bytes()
+
+
+def step(path, outer=OUTER, scale=1.0):
+    """The bytes of a dome with a cavity on a cylindrical base, built by the kernel's booleans."""
+    return written(cq.Workplane(body_of(outer).val().scale(scale)), path)
+
+
+def body_of(outer=OUTER):
+    below = cq.Workplane().box(100.0, 100.0, 50.0).translate((0.0, 0.0, -25.0))
+    bore = cq.Workplane().circle(6.0).extrude(-2.0).translate((INNER.centre[0], INNER.centre[1], 0.0))
+    base = cq.Workplane().circle(16.0).extrude(-2.0)
+    return ball(outer).cut(below).union(base).cut(ball(INNER)).cut(bore)
+
+
+@pytest.fixture(scope="module")
+def lens_step(tmp_path_factory):
+    return step(tmp_path_factory.mktemp("brep") / "lens.step")
+
+
+def cast_of(step_bytes):
+    part = part_mesh_of(lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0)))
+    mesh = send_through(part, Grid(part.mesh), RAYS, Media(INDEX))
+    expected = Expected(SCREEN, np.ones((8, 8)), HITS, WEIGHTS)
+    (found,) = judge_brep(cast_step(step_bytes, RAYS, Media(INDEX))(), RAYS, [expected], mesh)
+    return found
+
+
+def failed(cast):
+    return {criterion.name for criterion in brep_criteria(cast, DISTANCE) if not criterion.passed}
+
+
+@pytest.mark.parametrize("own", [None, np.linspace(0.0, 0.1, len(RAYS))], ids=["one for all", "of each ray"])
+def test_rays_lose_by_their_paths_in_the_body_what_the_law_says(lens_step, own):
+    part, body = part_mesh_of(lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0))), StepBody(lens_step)
+    entered = RAYS.origins + INNER.far_hit(RAYS.origins, RAYS.directions)[:, None] * RAYS.directions
+    once = refract(RAYS.directions, INNER.normal(entered), 1.0 / INDEX)[1]
+    dim = replace(RAYS, absorption_per_mm=own)
+    by_mesh, by_step = partial(send_through, part, Grid(part.mesh)), partial(send_through_step, body)
+    for send, precision in ((by_mesh, 1e-5), (by_step, 1e-9)):
+        clear, found = send(RAYS, Media(INDEX)), send(dim, Media(INDEX, 0.05))
+        left = clear.fates == CastFate.LANDED
+        lost = -np.expm1(-(0.05 if own is None else own) * np.linalg.norm(clear.points - entered, axis=1))
+        np.testing.assert_allclose(found.flux[left], (clear.flux * (1.0 - lost))[left], rtol=precision)
+        np.testing.assert_allclose(found.absorbed[left], (RAYS.flux * once * lost)[left], rtol=1e-4, atol=1e-9)
+        assert not clear.absorbed.any() and not found.absorbed[found.fates == CastFate.BASE].any()
+        assert flux_budget(RAYS, LandedRays.of(found, SCREEN), SCREEN)[0].absorbed == pytest.approx(
+            found.absorbed.sum() / RAYS.flux.sum(), rel=1e-12
+        )
+
+
+def test_gel_and_water_bend_the_rays_as_their_indices_say(lens_step):
+    """Gel of the lens's own index: rays go straight on to the outer face, and are refracted there alone."""
+    part, body = part_mesh_of(lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0))), StepBody(lens_step)
+    media = Media(INDEX, cavity_index=INDEX, outside_index=1.333)
+    ends = RAYS.origins + OUTER.far_hit(RAYS.origins, RAYS.directions)[:, None] * RAYS.directions
+    directions, once = refract(RAYS.directions, OUTER.normal(ends), INDEX / 1.333)
+    by_mesh, by_step = send_through(part, Grid(part.mesh), RAYS, media), send_through_step(body, RAYS, media)
+    for found, precision in ((by_mesh, 1e-5), (by_step, 1e-9)):
+        left = found.fates == CastFate.LANDED
+        assert left.sum() > 250
+        np.testing.assert_allclose(found.points[left], ends[left], atol=20.0 * precision)
+        np.testing.assert_allclose(found.directions[left], directions[left], atol=5.0 * precision)
+        np.testing.assert_allclose(found.flux[left], (RAYS.flux * once)[left], rtol=precision)
+
+
+def test_coated_faces_let_pass_what_they_do_not_reflect(lens_step):
+    """The inner one by its wavelength, the outer one by a constant, the glass by another."""
+    part, body = part_mesh_of(lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0))), StepBody(lens_step)
+    inner = ReflectanceTable((0.0, 90.0), ((0.1, 0.1), (0.3, 0.3)), (400.0, 600.0))
+    outer, of_glass = (ReflectanceTable((0.0, 90.0), ((each, each),)) for each in (0.05, 0.2))
+    glass = CoverGlass(1.5, 2.0, 30.0, coating=of_glass)
+    bare = Media(INDEX, cover_glass=CoverGlass(1.5, 2.0, 30.0))
+    media = replace(bare, inner_coating=inner, outer_coating=outer, cover_glass=glass)
+    waves = np.random.default_rng(1).uniform(400.0, 600.0, len(RAYS))
+    rays = replace(RAYS, wavelengths_nm=waves)
+    at_lens = rays.flux * (0.9 - 0.2 * (waves - 400.0) / 200.0) * 0.95
+    for send in (partial(send_through, part, Grid(part.mesh)), partial(send_through_step, body)):
+        found, was = send(rays, media), send(rays, bare)
+        np.testing.assert_array_equal(found.fates, was.fates)
+        np.testing.assert_array_equal(found.points, was.points)
+        left = found.fates == CastFate.LANDED
+        np.testing.assert_allclose(found.flux[left], (at_lens * 0.8**2)[left], rtol=1e-12)
+        np.testing.assert_allclose(found.in_glass[left], (at_lens * (1.0 - 0.8**2))[left], rtol=1e-12)
+
+
+def test_the_kernel_lands_every_ray_where_the_closed_form_does(lens_step):
+    passage = LandedRays.of(send_through_step(StepBody(lens_step), RAYS, Media(INDEX)), SCREEN)
+    landed = passage.fates == CastFate.LANDED
+    np.testing.assert_array_equal(landed, np.isfinite(HITS[:, 0]))
+    assert landed.sum() > 250
+    np.testing.assert_allclose(passage.landings[landed], HITS[landed], rtol=0.0, atol=1e-8 * DISTANCE)
+    np.testing.assert_allclose(passage.flux[landed], WEIGHTS[landed], rtol=1e-9)
+
+
+def test_the_step_is_nearer_to_the_design_than_the_mesh(lens_step):
+    cast, gaps = cast_of(lens_step)
+    assert cast.rays == len(RAYS)
+    assert failed(cast) == set()
+    assert cast.against_design.rms < 1e-6
+    assert cast.against_mesh.rms > 100.0 * cast.against_design.rms
+    assert gaps[-1] == cast.against_design.max
+
+
+def test_faces_that_another_program_has_split_are_one_smooth_face(tmp_path, lens_step):
+    """Split at y = 0: a ray from one half of the cavity to the other has left the part by the face it came in by."""
+    half = cq.Workplane().box(100.0, 50.0, 100.0)
+    one, other = (body_of().intersect(half.translate((0.0, side, 0.0))) for side in (25.0, -25.0))
+    whole, split = StepBody(lens_step), StepBody(written(one.union(other, clean=False), tmp_path / "split.step"))
+    assert len(split.smooth_faces) > len(whole.smooth_faces)
+    assert len(set(split.smooth_faces.tolist())) == len(set(whole.smooth_faces.tolist()))
+    np.testing.assert_allclose(split.size().volume_mm3, whole.size().volume_mm3, rtol=1e-7)
+    np.testing.assert_allclose(split.size().bounds_mm, whole.size().bounds_mm, rtol=0.0, atol=1e-5)
+    found, wanted = (send_through_step(body, RAYS, Media(INDEX)) for body in (split, whole))
+    np.testing.assert_array_equal(found.fates, wanted.fates)
+
+
+WRONG = {
+    "scaled": {"scale": 1.01},
+    "in inches": {"scale": 1 / 25.4},
+    "outer 20 um to +x": {"outer": sphere(13.0, (-0.38, 0.3, 0.0))},
+    "outer 20 um thicker": {"outer": sphere(13.02, OUTER.centre)},
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_step_fails(tmp_path, name):
+    assert "brep_deviation_rms" in failed(cast_of(step(tmp_path / "lens.step", **WRONG[name]))[0])
+
+
+def test_rays_that_cannot_pass_say_why(lens_step):
+    start = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 9.0], [40.0, 0.0, 0.5], [0.0, 0.0, 20.0], [0.3, 5.3, 0.3]])
+    towards = np.array([[0.999, 0.0, -0.0447], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [0.1, 0.0, -1.0], [1.0, 0.0, -0.1]])
+    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+    passage = send_through_step(StepBody(lens_step), RayBundle(start, towards, np.ones(5)), Media(INDEX))
+    fates = [CastFate.OPENING, CastFate.STARTS_INSIDE, CastFate.NO_HIT, CastFate.STARTS_OUTSIDE, CastFate.BASE]
+    assert passage.fates.tolist() == fates
+
+
+def test_verify_reports_the_step_beside_the_mesh(lens_step):
+    result = verify_part(
+        lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0)).export(file_type="stl"),
+        rays=RAYS,
+        media=Media(INDEX),
+        expected=[Expected(SCREEN, SCREEN.irradiance(HITS, WEIGHTS), HITS, WEIGHTS)],
+        plain_rays=1,
+        step=lens_step,
+        step_rays=50,
+    )
+    assert result.brep.rays == 50
+    assert result.brep.against_design.rms < result.deviation_mm.rms
+    assert result.first.gaps_step_mm[-1] == result.brep.against_design.max
+    assert {criterion.name for criterion in result.criteria} >= {"brep_deviation_rms", "deviation_rms"}
+
+
+def test_what_is_no_solid_is_input_error(tmp_path):
+    for content in (b"", b"not a STEP file"):
+        with pytest.raises(InputError, match=r"STEP: (not readable|holds 0 solids)"):
+            StepBody(content)
+    two = cq.Workplane().box(1, 1, 1).add(cq.Workplane().box(1, 1, 1).translate((5, 0, 0)))
+    with pytest.raises(InputError, match="STEP: holds 2 solids"):
+        StepBody(written(two, tmp_path / "two.step"))

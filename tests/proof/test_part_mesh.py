@@ -1,0 +1,110 @@
+import numpy as np
+import pytest
+import trimesh
+from lens_meshes import Quadric, Rippled, lens_mesh, sphere
+
+from lensforge.errors import InputError
+from lensforge.proof.part_mesh import facet_average, part_mesh_of, read_part_mesh
+
+OUTER = Quadric((-0.4, 0.3, -0.5), (13.7, 13.0, 14.0))
+INNER = Quadric((0.3, -0.2, 0.1), (6.0, 6.5, 5.5))
+
+
+def scattered_on_facets(part, surface, sign, seed=1):
+    """Curved points and normals over random points of the facets of one optical surface."""
+    rng = np.random.default_rng(seed)
+    near = np.abs(np.linalg.norm((part.mesh.triangles_center - surface.centre) * surface.inverse, axis=1) - 1.0)
+    facets = np.nonzero((near < 0.02) & (part.mesh.triangles_center[:, 2] > 0.0))[0]
+    chosen = rng.choice(facets, 4000)
+    points, normals = part.curved(chosen, rng.dirichlet([1.0, 1.0, 1.0], 4000))
+    height = np.linalg.norm((points - surface.centre) * surface.inverse, axis=1) - 1.0
+    angle = np.linalg.norm(normals - sign * surface.normal(points), axis=1)
+    return np.abs(height) * min(surface.semi_axes), angle
+
+
+@pytest.mark.parametrize(("surface", "sign"), [(OUTER, 1.0), (INNER, -1.0)])
+def test_normals_are_third_order_up_to_the_rim(surface, sign):
+    coarse, fine = (part_mesh_of(lens_mesh(INNER.radius, OUTER.radius, count)) for count in (16, 32))
+    (high, tilted), (low, straight) = (scattered_on_facets(part, surface, sign) for part in (coarse, fine))
+    assert straight.max() < 6e-4
+    assert np.sqrt(np.mean(tilted**2) / np.mean(straight**2)) > 2.0**2.6
+    assert np.sqrt(np.mean(high**2) / np.mean(low**2)) > 2.0**2.6
+    assert low.max() < 2e-4
+
+
+def rippled(size, seed):
+    """Ripples of half a radian from crest to crest, as narrow as the narrowest functions of a design allow."""
+    waves = np.random.default_rng(seed).normal(size=(8, 3))
+    return Rippled(size, 12.0 * waves / np.linalg.norm(waves, axis=1, keepdims=True), 0.01)
+
+
+def tilts(part, surface, sign):
+    """Angle (rad) between fitted and exact normals at the vertices of one dome, and which of them are on its rim."""
+    rows, index = np.unique(part.corners, return_index=True)
+    points = part.mesh.vertices[part.mesh.faces.ravel()[index]]
+    directions = points / np.linalg.norm(points, axis=1, keepdims=True)
+    outwards = (part.mesh.triangles_center[index // 3] * part.mesh.face_normals[index // 3]).sum(1) * sign
+    on_dome = np.abs(np.linalg.norm(points, axis=1) - surface.radius(directions)) < 1e-9
+    rows, directions = (some[on_dome & (outwards > 1.0)] for some in (rows, directions))
+    apart = np.linalg.norm(part.fit.normals[rows] - sign * surface.normal(directions), axis=1)
+    return apart, directions[:, 2] < 1e-9
+
+
+@pytest.mark.parametrize(("name", "sign"), [("outer", 1.0), ("inner", -1.0)])
+def test_normals_of_a_rough_lens_owe_little_to_the_mesh_and_hold_at_the_rim(name, sign):
+    surfaces = {"inner": rippled(3.0, 1), "outer": rippled(6.0, 2)}
+    part = part_mesh_of(lens_mesh(surfaces["inner"].radius, surfaces["outer"].radius, 96))
+    angles, on_rim = tilts(part, surfaces[name], sign)
+    assert on_rim.sum() == 6 * 96
+    assert np.sqrt(np.mean(angles**2)) < 1e-5  # a cubic leaves 1e-4
+    assert angles.max() < 1e-4  # on the rim: a quintic that no ridge holds leaves 1e-3 there
+
+
+def test_average_of_facets_is_exact_on_a_sphere_away_from_the_rim():
+    mesh = trimesh.creation.icosphere(subdivisions=3, radius=2.0)
+    normals = facet_average(mesh.vertices, mesh.faces)
+    np.testing.assert_allclose(normals, mesh.vertices / 2.0, atol=1e-12)
+
+
+def test_sharp_edges_are_not_smoothed():
+    part = part_mesh_of(lens_mesh(sphere(6.0).radius, sphere(13.7).radius, 12, (16.0, 2.0)))
+    assert len(np.unique(part.faces)) == 6  # two domes, ledge, cylinder, bottom, bore
+    flat = np.nonzero(np.abs(part.mesh.face_normals[:, 2]) > 1.0 - 1e-9)[0]
+    flat = flat[part.mesh.triangles_center[flat, 2] <= 0.0]
+    normals = part.fit.normals[part.corners[flat]]
+    np.testing.assert_allclose(np.abs(normals[..., 2]), 1.0, atol=1e-9)
+
+
+def test_box_keeps_its_six_faces_and_their_normals():
+    part = part_mesh_of(trimesh.creation.box((1.0, 2.0, 3.0)).apply_translation([0.0, 0.0, 5.0]))
+    assert len(np.unique(part.faces)) == 6
+    expected = np.repeat(part.mesh.face_normals[:, None], 3, axis=1)
+    np.testing.assert_allclose(part.fit.normals[part.corners], expected, atol=1e-12)
+
+
+def test_stl_is_read_as_one_closed_body():
+    mesh = lens_mesh(INNER.radius, OUTER.radius, 20, (16.0, 2.0))
+    part = read_part_mesh(mesh.export(file_type="stl"))
+    assert part.open_edges == 0
+    assert len(part.mesh.vertices) == len(mesh.vertices)
+    assert part.mesh.volume == pytest.approx(mesh.volume, rel=1e-6)
+
+
+def test_open_and_folded_meshes_are_counted(tmp_path):
+    mesh = lens_mesh(INNER.radius, OUTER.radius, 6)
+    holed = trimesh.Trimesh(mesh.vertices, mesh.faces[1:], process=False)
+    assert part_mesh_of(holed).open_edges == 3
+    turned = mesh.faces.copy()
+    turned[5] = turned[5, ::-1]
+    assert part_mesh_of(trimesh.Trimesh(mesh.vertices, turned, process=False)).open_edges > 0
+    doubled = np.concatenate([mesh.faces, mesh.faces[:1]])
+    assert part_mesh_of(trimesh.Trimesh(mesh.vertices, doubled, process=False)).open_edges == 3
+    twice = np.concatenate([mesh.faces, mesh.faces])  # each edge as often forth as back
+    assert part_mesh_of(trimesh.Trimesh(mesh.vertices, twice, process=False)).open_edges == len(mesh.edges)
+
+
+@pytest.mark.parametrize("content", [b"", b"solid nothing\nendsolid nothing\n", b"\x00" * 90])
+def test_bytes_without_a_mesh_are_one_line_of_input_error(content):
+    with pytest.raises(InputError, match=r"STL: .*export") as caught:
+        read_part_mesh(content)
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,185 @@
+import numpy as np
+import pytest
+import trimesh
+from lens_meshes import Quadric, lambertian, lens_mesh, oracle, snell, sphere
+
+from lensforge.optics.media import Media
+from lensforge.proof.facet_casting import Grid
+from lensforge.proof.part_mesh import part_mesh_of
+from lensforge.proof.receiver_screen import Screen
+from lensforge.proof.refraction import refract
+from lensforge.proof.sequential_cast import CastFate, LandedRays, send_through
+from lensforge.sources.ray_bundle import RayBundle
+
+INDEX = 1.4936
+INNER = Quadric((0.3, -0.2, 0.1), (6.0, 6.5, 5.5))
+OUTER = Quadric((-0.4, 0.3, -0.5), (13.7, 13.0, 14.0))
+
+
+def send(mesh, rays, index=INDEX, distance=150.0):
+    part = part_mesh_of(mesh)
+    return LandedRays.of(send_through(part, Grid(part.mesh), rays, Media(index)), Screen.square(distance, 300.0, 8))
+
+
+def one_ray(origin, direction):
+    direction = np.array([direction], dtype=float)
+    return RayBundle(np.array([origin], dtype=float), direction / np.linalg.norm(direction), np.ones(1))
+
+
+@pytest.mark.parametrize("ratio", [1.0 / INDEX, INDEX])
+def test_refraction_obeys_snell_and_fresnel(ratio):
+    rng = np.random.default_rng(2)
+    directions, normals = rng.normal(size=(2, 5000, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    bent, transmitted = refract(directions, normals, ratio)
+    expected, share = snell(directions, normals, ratio)
+    passes = share > 0.0
+    assert (ratio < 1.0) == passes.all()
+    assert np.array_equal(passes, transmitted > 0.0)
+    np.testing.assert_allclose(bent[passes], expected[passes], atol=1e-9)
+    np.testing.assert_allclose(transmitted, share, atol=1e-8)
+
+
+def test_concentric_spheres_bend_no_ray_of_their_centre():
+    rays = lambertian(2000, 0.0)
+    got = send(lens_mesh(sphere(6.0).radius, sphere(13.7).radius, 40), rays)
+    landed = got.fates == CastFate.LANDED
+    assert landed.mean() > 0.995
+    straight = 150.0 * rays.directions[:, :2] / rays.directions[:, 2:]
+    steep = landed & (rays.directions[:, 2] > 0.5)
+    np.testing.assert_allclose(got.landings[steep], straight[steep], atol=5e-3)
+    once = 4.0 * INDEX / (1.0 + INDEX) ** 2
+    np.testing.assert_allclose(got.flux[landed] * 2000, once**2, rtol=1e-7)
+
+
+def test_plane_plate_shifts_a_ray_and_loses_twice_the_same_share():
+    plate = trimesh.creation.box((50.0, 50.0, 3.0)).apply_translation([0.1, 0.2, 6.5])
+    got = send(plate, one_ray([0.0, 0.0, 0.0], [1.0, 0.0, 1.0]), distance=20.0)
+    inside = np.arcsin(np.sin(np.pi / 4) / INDEX)
+    assert got.landings[0] == pytest.approx([17.0 + 3.0 * np.tan(inside), 0.0], abs=1e-9)
+    across = (np.sin(np.pi / 4 - inside) / np.sin(np.pi / 4 + inside)) ** 2
+    within = (np.tan(np.pi / 4 - inside) / np.tan(np.pi / 4 + inside)) ** 2
+    assert got.flux[0] == pytest.approx(0.5 * ((1.0 - across) ** 2 + (1.0 - within) ** 2), rel=1e-9)
+
+
+def test_two_ellipsoids_agree_with_their_closed_forms():
+    rays = lambertian(3000, 2.0)
+    landings, flux, _ = oracle(INNER, OUTER, rays, INDEX, 150.0)
+    errors = []
+    for count in (30, 60):
+        got = send(lens_mesh(INNER.radius, OUTER.radius, count, (16.0, 2.0)), rays)
+        both = np.isfinite(landings[:, 0]) & np.isfinite(got.landings[:, 0])
+        assert np.mean(np.isnan(landings[:, 0]) != np.isnan(got.landings[:, 0])) < 1e-3
+        central = both & (np.abs(landings) < 150.0).all(axis=1)
+        errors.append(np.linalg.norm(got.landings - landings, axis=1)[central])
+        np.testing.assert_allclose(got.flux[central], flux[central], rtol=1e-5)
+    assert np.sqrt(np.mean(errors[1] ** 2)) < 1e-4  # mm; 0.7 urad
+    assert np.sqrt(np.mean(errors[0] ** 2) / np.mean(errors[1] ** 2)) > 2.0**2.6  # third order
+
+
+@pytest.mark.parametrize(("index", "fate"), [(1.40, CastFate.LANDED), (1.42, CastFate.TOTAL_REFLECTION)])
+def test_a_prism_of_45_degrees_reflects_totally_from_the_square_root_of_two_on(index, fate):
+    corners = [[x, y, z] for y in (-20.0, 20.0) for x, z in ((-10.0, 5.0), (10.0, 5.0), (-10.0, 25.0))]
+    got = send(trimesh.convex.convex_hull(np.array(corners)), one_ray([-2.0, 0.3, 0.0], [0.0, 0.0, 1.0]), index)
+    assert got.fates[0] == fate
+    once = 4.0 * index / (1.0 + index) ** 2
+    _, out = snell(np.array([[0.0, 0.0, 1.0]]), np.array([[1.0, 0.0, 1.0]]) / np.sqrt(2.0), index)
+    assert got.flux[0] == pytest.approx(once * (out[0] if fate == CastFate.LANDED else 1.0), rel=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("origin", "direction", "fate"),
+    [
+        ([0.0, 0.0, 0.0], [0.1, 0.0, 1.0], CastFate.LANDED),
+        ([0.0, 0.0, -1.0], [0.2, 0.1, 1.0], CastFate.LANDED),  # from within the opening of the base
+        ([0.0, 0.0, -9.0], [0.0, 0.01, 1.0], CastFate.LANDED),  # from below the part, up through the opening
+        ([0.0, 0.0, -1.0], [1.0, 0.0, 0.05], CastFate.OPENING),  # into the wall of the opening
+        ([9.0, 0.0, -5.0], [0.1, 0.0, 1.0], CastFate.OPENING),  # into the base from below
+        ([0.0, 0.0, 0.5], [0.0, 0.2, -1.0], CastFate.NO_HIT),  # back down through the opening
+        ([0.0, 0.0, 100.0], [0.0, 0.0, 1.0], CastFate.NO_HIT),
+        ([9.0, 0.0, 1.0], [0.0, 0.0, 1.0], CastFate.STARTS_INSIDE),
+        ([0.0, 0.0, 5.0], [1.0, 0.0, -0.05], CastFate.LANDED),  # down to the cavity's wall, which bends it up
+        ([0.0, 0.0, 3.0], [1.0, 0.0, -0.2], CastFate.MISSED_RECEIVER),  # the same, but not enough
+        ([0.0, 0.0, 3.0], [1.0, 0.0, -0.55], CastFate.OPENING),  # down through z = 0 to the wall of the opening
+        ([0.0, 5.5, 0.3], [1.0, 0.0, -0.1], CastFate.BASE),  # through the cavity's wall, and in the body into the base
+        ([40.0, 0.0, 10.0], [-1.0, 0.0, 0.0], CastFate.STARTS_OUTSIDE),  # from beside the lens
+        ([0.0, 0.0, 30.0], [0.1, 0.0, -1.0], CastFate.STARTS_OUTSIDE),  # from above it, down
+        ([0.0, 0.0, 12.0], [0.0, 0.0, -1.0], CastFate.STARTS_INSIDE),
+    ],
+)
+def test_every_start_has_its_fate(origin, direction, fate):
+    mesh = lens_mesh(sphere(6.0).radius, sphere(13.7).radius, 24, (16.0, 2.0))
+    assert send(mesh, one_ray(origin, direction)).fates[0] == fate
+
+
+def test_rays_that_start_high_and_go_down_agree_with_their_closed_form():
+    """Level and downward rays through both surfaces, some of which the lens bends up to the receiver."""
+    rng = np.random.default_rng(4)
+    directions = rng.normal(size=(3000, 3))
+    directions[:, 2] = -0.3 * np.abs(directions[:, 2])
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    origins = rng.uniform(-0.3, 0.3, (3000, 3))
+    origins[:, 2] += 5.0
+    rays = RayBundle(origins, directions, np.full(3000, 1.0 / 3000))
+    landings, flux, _ = oracle(INNER, OUTER, rays, INDEX, 30.0)
+    got = send(lens_mesh(INNER.radius, OUTER.radius, 60, (16.0, 2.0)), rays, distance=30.0)
+    lands = np.isfinite(landings[:, 0])
+    assert 0.2 < lands.mean() < 0.9
+    assert np.mean(lands != np.isfinite(got.landings[:, 0])) < 2e-3
+    central = lands & np.isfinite(got.landings[:, 0]) & (np.abs(landings) < 300.0).all(axis=1)
+    assert central.sum() > 200
+    assert np.sqrt(np.mean(np.sum((got.landings - landings)[central] ** 2, axis=1))) < 2e-3
+    np.testing.assert_allclose(got.flux[central], flux[central], rtol=1e-4)
+    assert set(got.fates.tolist()) >= {CastFate.LANDED, CastFate.OPENING, CastFate.BASE}
+
+
+def test_a_ray_that_leaves_by_the_face_by_which_it_entered_is_back_in_the_cavity():
+    def dented(u):
+        return 6.0 - 2.0 * np.exp(-((np.arctan2(u[:, 0], u[:, 2]) / 0.15) ** 2))  # a furrow of the wall along y
+
+    got = send(lens_mesh(dented, sphere(13.7).radius, 40), one_ray([-3.0, 0.3, 4.5], [1.0, 0.0, 0.0]))
+    assert got.fates[0] == CastFate.BACK_INTO_CAVITY
+
+
+def test_a_ray_that_leaves_downwards_misses_the_receiver():
+    plate = trimesh.creation.box((3.0, 50.0, 50.0)).apply_translation([6.5, 0.0, 26.0])
+    got = send(plate, one_ray([0.0, 0.0, 20.0], [1.0, 0.0, -0.2]))
+    assert got.fates[0] == CastFate.MISSED_RECEIVER
+    assert np.isnan(got.landings).all()
+    assert 0.8 < got.flux[0] < 1.0
+
+
+def test_a_receiver_inside_the_lens_is_never_reached():
+    shell = lens_mesh(sphere(6.0).radius, sphere(13.7).radius, 8)
+    assert send(shell, one_ray([0.0, 0.0, 0.0], [0.0, 0.1, 1.0]), distance=10.0).fates[0] == CastFate.MISSED_RECEIVER
+
+
+def test_flux_never_grows_and_lost_rays_have_no_landing():
+    rays = lambertian(4000, 9.0, height=-1.5)  # wide and low: many ways to get lost
+    got = send(lens_mesh(INNER.radius, OUTER.radius, 24, (16.0, 2.0)), rays)
+    assert len(np.unique(got.fates)) >= 3
+    assert ((got.flux > 0.0) & (got.flux <= rays.flux)).all()
+    assert np.array_equal(np.isfinite(got.landings).all(axis=1), got.fates == CastFate.LANDED)
+
+
+def test_chunks_change_nothing(monkeypatch):
+    rays = lambertian(1000, 2.0)
+    mesh = lens_mesh(INNER.radius, OUTER.radius, 16)
+    whole = send(mesh, rays)
+    monkeypatch.setattr("lensforge.proof.sequential_cast._CHUNK", 137)
+    parts = send(mesh, rays)
+    np.testing.assert_array_equal(whole.landings, parts.landings)
+    np.testing.assert_array_equal(whole.fates, parts.fates)
+
+
+def test_rays_with_an_index_each_go_as_if_the_lens_had_it():
+    part = part_mesh_of(lens_mesh(INNER.radius, OUTER.radius, 24, (16.0, 2.0)))
+    rays, grid = lambertian(400, 2.0, seed=5), Grid(part.mesh)
+    own = np.where(np.arange(400) % 2, 1.45, 1.55)
+    mixed = send_through(part, grid, RayBundle(rays.origins, rays.directions, rays.flux, own), Media(INDEX))
+    for index in (1.45, 1.55):
+        alone, rows = send_through(part, grid, rays, Media(index)), np.nonzero(own == index)[0]
+        np.testing.assert_array_equal(mixed.points[rows], alone.points[rows])
+        np.testing.assert_array_equal(mixed.directions[rows], alone.directions[rows])
+        np.testing.assert_array_equal(mixed.flux[rows], alone.flux[rows])

@@ -1,0 +1,299 @@
+"""The command line as a user meets it: a process, its exit code, one line for every mistake."""
+
+import json
+import shutil
+import signal
+import subprocess
+import sys
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass
+from io import StringIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from click.testing import CliRunner
+from coarse_part import coarse_part
+from foreground import default_signals
+from undrawn import undrawn
+
+import lensforge as lf
+from lensforge.cli.cli import cli, main
+from lensforge.runs.arguments import threads_of_torch
+
+SPEC = """
+[source]
+kind = "square"
+side_mm = 1.0
+[lens]
+levels = [9, 25]
+inner_offset_mm = 3.0
+outer_offset_mm = 6.0
+[constraints]
+cavity_height_mm = 0.5
+cavity_radius_mm = 1.0
+min_thickness_mm = 1.0
+max_radius_mm = 7.0
+[target]
+kind = "flat_top"
+half_width_mm = 80.0
+distance_mm = 100.0
+receiver_mm = 200.0
+uniform_mm = 100.0
+[optimise]
+steps_per_level = [STEPS, STEPS]
+rays = 1024
+pixels = 16
+[evaluate]
+rays = 4096
+pixels = 16
+[base]
+diameter_mm = 16.0
+"""
+
+
+def lensforge(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "lensforge", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, encoding="utf-8", cwd=cwd, timeout=300, check=False)
+
+
+def write_spec(folder: Path, steps: int = 80, **replace: str) -> Path:
+    text = SPEC.replace("STEPS", str(steps))
+    for old, new in replace.items():
+        text = text.replace(old, new)
+    path = folder / "small.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def lensforge_here(*arguments: object) -> subprocess.CompletedProcess[str]:
+    """The same in this process, which has torch and the CAD kernel loaded already."""
+    command, out, err = ["lensforge", *map(str, arguments)], StringIO(), StringIO()
+    code = 0
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
+        patch.setattr(sys, "argv", command)
+        try:
+            main()
+        except SystemExit as exit:
+            code = int(exit.code or 0)
+    return subprocess.CompletedProcess(command, code, out.getvalue(), err.getvalue())
+
+
+@dataclass(frozen=True)
+class Killed:
+    """A design that is interrupted in its second level, and then resumed."""
+
+    folder: Path
+    spec: Path
+    code: int
+    stderr: str
+    resumed: subprocess.CompletedProcess[str]
+
+
+@pytest.fixture(scope="module")
+def killed(tmp_path_factory: pytest.TempPathFactory) -> Killed:
+    """One small design by the command line, which all tests of its folder share."""
+    folder = tmp_path_factory.mktemp("cli")
+    # Two seconds for the second level: the signal comes in time on a busy machine, too.
+    spec = write_spec(folder, steps=400, **{"[400, 400]": "[40, 400]"})
+    process = subprocess.Popen(
+        [sys.executable, "-m", "lensforge", "design", str(spec), "--accuracy", "draft"],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        encoding="utf-8",
+        cwd=folder,
+        preexec_fn=default_signals,
+    )
+    assert process.stderr is not None
+    assert any(line.startswith("level 1/2") for line in process.stderr)
+    process.send_signal(signal.SIGINT)
+    _, stderr = process.communicate(timeout=60)
+    checkpoint = folder / "cad_out" / "small" / "checkpoint.bin"
+    assert checkpoint.exists() and not checkpoint.with_name("lens.json").exists(), "cut during the search"
+    # In this process, and on one thread, which needs no second process: twenty seconds less.
+    with pytest.MonkeyPatch.context() as patch, undrawn(), coarse_part(), threads_of_torch(1):
+        patch.chdir(folder)
+        resumed = lensforge_here("design", spec, "--accuracy", "draft", "--resume")
+    return Killed(folder / "cad_out" / "small", spec, process.returncode, stderr, resumed)
+
+
+@pytest.fixture
+def designed(killed: Killed) -> Path:
+    """The result folder of that design."""
+    assert killed.resumed.returncode == 0, killed.resumed.stderr
+    assert "  Efficiency " in killed.resumed.stdout
+    return killed.folder
+
+
+def test_a_design_leaves_every_file(designed: Path) -> None:
+    for name in ("lens.json", "lens.step", "lens.stl", "report.html"):
+        assert (designed / name).stat().st_size > 1000
+    for name in ("design", "evaluate", "export", "check", "verify"):
+        content = json.loads((designed / f"{name}.json").read_text(encoding="utf-8"))
+        assert all(criterion["passed"] for criterion in content["criteria"]), name
+    verdict = json.loads((designed / "run.json").read_text(encoding="utf-8"))["verdict"]
+    assert (verdict["light"], verdict["files"]) == ("pass", "pass")
+    assert verdict["cutting"] == "fail" and verdict["reasons"]["cutting"], "said, but no failure of the run"
+    assert not list(designed.glob(".writing-*"))
+    assert not (designed / "checkpoint.bin").exists()
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_single_stages_run_again(designed: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "again"
+    shutil.copytree(designed, folder)
+    own_light, page = (folder / "evaluate.json").read_bytes(), (folder / "report.html").stat().st_mtime_ns
+    done = lensforge_here("evaluate", folder, "--rays", 2048, "--pixels", 8, "--json")
+    assert done.returncode == 0, done.stderr
+    values = json.loads(done.stdout)["evaluate_2048rays_8px"]
+    assert (values["rays"], values["pixels"]) == (2048, 8)
+    assert values["nmse"]["value"] > 0.0 and values["nmse"]["standard_error"] > 0.0
+    assert own_light == (folder / "evaluate.json").read_bytes(), "other conditions: beside the lens's own light"
+    assert json.loads((folder / "evaluate_2048rays_8px.json").read_text(encoding="utf-8"))["rays"] == 2048
+    assert (folder / "report.html").stat().st_mtime_ns > page, "a report that is there is renewed"
+    (folder / "report.html").unlink()
+    assert lensforge_here("check", folder).returncode == 0
+    assert not (folder / "report.html").exists()
+    assert lensforge_here("evaluate", folder, "--source", folder / "lens.stl").returncode == 2
+
+
+def test_the_lens_record_rebuilds_the_same_lens(designed: Path, tmp_path: Path) -> None:
+    from lensforge.scene.lens import load_lens
+
+    lens = load_lens(designed / "lens.json")
+    lens.save(tmp_path / "again.json")
+    again = load_lens(tmp_path / "again.json")
+    assert np.array_equal(again.inner.weights_mm, lens.inner.weights_mm)
+    assert (tmp_path / "again.json").read_text(encoding="utf-8") == (designed / "lens.json").read_text(encoding="utf-8")
+
+
+@pytest.mark.usefixtures("designed")
+def test_a_killed_design_says_how_to_go_on_and_goes_on_where_it_was(killed: Killed) -> None:
+    assert killed.code == 130
+    assert "--resume" in killed.stderr
+    assert "Traceback" not in killed.stderr
+    assert "level 2/2" in killed.resumed.stderr and "level 1/2" not in killed.resumed.stderr
+
+
+@pytest.mark.nightly("the whole search again; by day a shorter one resumes to the same bits")
+def test_a_killed_design_resumes_to_the_same_lens(killed: Killed, designed: Path) -> None:
+    straight = lf.design(lf.load_spec(killed.spec), accuracy="draft").lens
+    assert straight == lf.load_lens(designed / "lens.json")
+
+
+@pytest.mark.parametrize(
+    ("replace", "message"),
+    [
+        ({"side_mm = 1.0": "side_mm = -1.0"}, "source.side_mm = -1.0"),
+        ({"min_thickness_mm = 1.0": "min_thickness_mm = -0.1"}, "constraints.min_thickness_mm = -0.1"),
+        ({"distance_mm = 100.0": "distance_mm = 5.0"}, "target.distance_mm = 5 is inside the lens"),
+        ({'kind = "flat_top"': 'kind = "fancy"'}, "target"),
+        ({"half_width_mm = 80.0": "half_width_mm = nan"}, "half_width_mm"),
+        ({"levels = [9, 25]": "levels = []"}, "levels"),
+        ({"levels = [9, 25]": "levels = [9, 25"}, "not readable as TOML"),
+        ({"[lens]": "[lense]"}, "lens"),
+        ({"outer_offset_mm = 6.0": "outer_offset_mm = 2.0"}, "outer_offset_mm = 2.0 must exceed"),
+        ({"rays = 1024": "rays = 1e9"}, "optimise.rays"),
+    ],
+)
+def test_bad_specs_end_in_one_line(tmp_path: Path, replace: dict[str, str], message: str) -> None:
+    result = lensforge_here("design", write_spec(tmp_path, **replace), "--out", tmp_path / "out")
+    assert result.returncode == 2
+    assert message in result.stderr
+    assert result.stderr.startswith("lensforge: ")
+    assert len(result.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["design", "nowhere.toml"],
+        ["design"],
+        ["design", "nowhere.toml", "--accuracy", "perfect"],
+        ["evaluate", "nowhere"],
+        ["export", "nowhere"],
+        ["check", "nowhere"],
+        ["verify", "nowhere"],
+        ["rays", "nowhere.ray"],
+        ["fly"],
+    ],
+)
+def test_bad_commands_end_in_one_line(arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = lensforge_here(*arguments)
+    assert result.returncode == 2
+    assert len(result.stderr.splitlines()) == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_process_ends_in_one_line_too(tmp_path: Path) -> None:
+    """Nothing that is loaded on the way says more."""
+    for bad in (["design", "nowhere.toml"], ["design", write_spec(tmp_path, **{"[lens]": "[lense]"})]):
+        result = lensforge(*bad, cwd=tmp_path)
+        assert result.returncode == 2 and result.stdout == ""
+        assert result.stderr.startswith("lensforge: ") and len(result.stderr.splitlines()) == 1
+
+
+def test_an_unwritable_folder_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way", encoding="utf-8")
+    spec, out = write_spec(tmp_path, steps=1), tmp_path / "file" / "out"
+    result = lensforge_here("design", spec, "--out", out, "--accuracy", "draft")
+    assert result.returncode == 2
+    assert "cannot be written" in result.stderr.splitlines()[-1]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_a_full_disk_is_one_line_and_the_old_file_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from lensforge.errors import InputError
+    from lensforge.search.checkpoint import CheckpointHead, save_checkpoint
+
+    path = tmp_path / "checkpoint.bin"
+    path.write_bytes(b"old")
+
+    def full(self: Path, data: bytes) -> int:
+        with open("/dev/full", "wb", buffering=0) as device:  # noqa: PTH123
+            return device.write(data)
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    head = CheckpointHead(key="0" * 64, made_by={}, outcomes=(), step=1, steps_of_moments=1, seconds=0.0)
+    with pytest.raises(InputError, match="No space left on device"):
+        save_checkpoint(path, head, np.zeros(3))
+    assert path.read_bytes() == b"old"
+    assert not list(tmp_path.glob(".writing-*"))
+
+
+def test_an_old_result_survives_a_failed_run(designed: Path, tmp_path: Path) -> None:
+    before = (designed / "lens.json").read_bytes()
+    bad = write_spec(tmp_path, **{"side_mm = 1.0": "side_mm = -1.0"})
+    assert lensforge("design", bad, "--out", designed).returncode == 2
+    assert (designed / "lens.json").read_bytes() == before
+
+
+def test_rays_describes_and_converts(examples: Path, tmp_path: Path) -> None:
+    runner = CliRunner()
+    described = runner.invoke(cli, ["rays", str(examples / "led.tm25ray"), "--json"])
+    assert described.exit_code == 0
+    assert json.loads(described.stdout)["rays"] == 20_000
+    converted = runner.invoke(cli, ["rays", str(examples / "led.tm25ray"), "--to", str(tmp_path / "led.csv")])
+    assert converted.exit_code == 0
+    again = runner.invoke(cli, ["rays", str(tmp_path / "led.csv"), "--json"])
+    assert json.loads(again.stdout)["format"] == "csv"
+    header = runner.invoke(cli, ["rays", str(examples / "led.tm25ray"), "--json", "--header"])
+    assert json.loads(header.stdout)["flux"]["header_w"] == 1.0
+
+
+def test_help_is_quick_to_ask_for() -> None:
+    help_text = CliRunner().invoke(cli, ["--help"]).stdout
+    for command in ("design", "evaluate", "export", "check", "verify", "rays"):
+        assert command in help_text
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device")
+def test_a_device_that_is_not_there_is_refused_before_anything_is_written(tmp_path: Path) -> None:
+    spec = write_spec(tmp_path)
+    done = lensforge_here("design", spec, "--device", "cuda", "--snapshots", "--out", tmp_path / "out")
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert "device = 'cuda'" in line and "allowed here: cpu" in line and "CUDA build of torch" in line
+    assert list(tmp_path.iterdir()) == [spec]

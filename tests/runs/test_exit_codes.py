@@ -1,0 +1,144 @@
+"""Exit codes by the verdict, and the verdict that every command renews, on a lens whose search was too short."""
+
+import json
+import shutil
+import sys
+from contextlib import redirect_stderr, redirect_stdout
+from io import StringIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+from coarse_part import coarse_part
+from nightly import first_by_day
+from scenes import hemisphere_directions, small_spec
+from undrawn import undrawn
+
+import lensforge as lf
+from lensforge.cad import part_limits
+from lensforge.cli.cli import main
+from lensforge.runs.arguments import threads_of_torch
+from lensforge.spec import FlatTopTarget
+
+TARGET = FlatTopTarget(half_width_mm=20.0, distance_mm=100.0, receiver_mm=200.0)
+
+
+def lensforge(*arguments: object) -> tuple[int, str]:
+    """Exit code and stderr of a command in this process."""
+    errors, code = StringIO(), 0
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(StringIO()), redirect_stderr(errors):
+        patch.setattr(sys, "argv", ["lensforge", *map(str, arguments)])
+        try:
+            main()
+        except SystemExit as exit:
+            code = int(exit.code or 0)
+    return code, errors.getvalue()
+
+
+def verdict_in(folder: Path) -> dict[str, str]:
+    """The states in ``run.json``, which must be those of the results in the folder."""
+    stored = json.loads((folder / "run.json").read_text(encoding="utf-8"))["verdict"]
+    assert stored == lf.load(folder).verdict.model_dump(mode="json")
+    return {name: stored[name] for name in ("light", "files", "cutting")}
+
+
+@pytest.fixture(scope="module")
+def dark(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int, str]:
+    """A design of one step for each level, which spreads its light far beyond the target: folder, exit code, stderr."""
+    folder = tmp_path_factory.mktemp("dark")
+    small_spec(optimise={"steps_per_level": [1, 1], "rays": 1024, "pixels": 16}).replace(target=TARGET).save(
+        folder / "dark.toml"
+    )
+    with undrawn(), coarse_part(), threads_of_torch(1):
+        done = lensforge("design", folder / "dark.toml", "--accuracy", "draft", "--out", folder / "out")
+    return folder / "out", *done
+
+
+@pytest.fixture
+def folder(dark: tuple[Path, int, str], tmp_path: Path) -> Path:
+    """A copy of that result folder."""
+    return Path(shutil.copytree(dark[0], tmp_path / "copy"))
+
+
+def test_a_design_whose_light_fails_writes_everything_and_exits_with_1(dark: tuple[Path, int, str]) -> None:
+    folder, code, stderr = dark
+    assert code == 1
+    assert "light: NMSE = " in stderr.splitlines()[-1] and "share of the light in the target = " in stderr
+    assert "Traceback" not in stderr
+    for name in ("lens.json", "lens.step", "lens.stl", "report.html", "run.json", "verify.json"):
+        assert (folder / name).stat().st_size > 500, name
+    assert verdict_in(folder) == {"light": "fail", "files": "pass", "cutting": "fail"}
+
+
+COMMANDS = [
+    (("evaluate",), 1),
+    (("evaluate", "--rays", 2048), 0),  # other conditions than the lens's own decide nothing
+    (("check",), 0),
+    (("handover",), 0),
+    (("sensitivity", "--rays", 1024), 0),
+    (("export",), 0),
+    (("verify",), 0),
+    (("report",), 0),
+    (("photometry", "--rays", 4096), 0),
+    (("compare", "--surface", "outer", "--points"), 0),
+]
+
+
+@pytest.mark.parametrize(("command", "code"), first_by_day(3, COMMANDS, "five to twenty seconds each"))
+def test_every_command_renews_the_verdict_and_exits_by_what_it_decides(
+    folder: Path, command: tuple[object, ...], code: int
+) -> None:
+    if command[0] != "report":
+        (folder / "report.html").unlink()  # building it again would renew the verdict by itself
+    if command[0] == "compare":
+        directions = hemisphere_directions(800)
+        points = lf.load(folder).design.lens.outer.radius(directions)[:, None] * directions
+        np.savetxt(folder / "points.csv", points, delimiter=",")
+        command = (*command, folder / "points.csv")
+    (folder / "run.json").unlink()
+    name, *options = command
+    found, stderr = lensforge(name, folder, *options)
+    assert found == code, stderr
+    assert verdict_in(folder)["light"] == "fail"
+    assert verdict_in(folder)["files"] in ("pass", "undecided")
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_part_that_cannot_be_cut_exits_with_1_only_where_the_spec_requires_it(folder: Path) -> None:
+    record = json.loads((folder / "lens.json").read_text(encoding="utf-8"))
+    record["spec"]["manufacture"] = {"required": True}
+    del record["content_sha256"]  # of the lens as it was
+    (folder / "lens.json").write_text(json.dumps(record), encoding="utf-8")
+    code, stderr = lensforge("check", folder)  # 0 in the spec as it was, see above
+    assert code == 1 and "cutting: " in stderr
+    assert verdict_in(folder)["cutting"] == "fail"
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_files_that_fail_exit_with_1(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(part_limits, "FORM_LIMIT_NM", 1e-9)  # below rounding: no STEP file is as good
+    code, stderr = lensforge("export", folder)
+    assert code == 1 and "form_error = " in stderr.splitlines()[-1], stderr
+    assert verdict_in(folder)["files"] == "fail"
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("constraints.cavity_height_mm", 9.0, "cavity_height_mm = 9 and min_thickness_mm = 1 do not fit"),
+        ("target.distance_mm", 100_000.0, "étendue"),
+        ("source.position_mm", [9.0, 0.0, 0.0], "source: "),
+        ("base.diameter_mm", 1.5, "base.diameter_mm = 1.5"),
+    ],
+)
+def test_what_cannot_be_exits_with_2_before_anything_is_written(
+    tmp_path: Path, field: str, value: object, message: str
+) -> None:
+    spec = small_spec(name="bad").to_toml()
+    section, name = field.split(".")
+    lines = [line for line in spec.splitlines() if not line.startswith(f"{name} = ")]
+    lines.insert(lines.index(f"[{section}]") + 1, f"{name} = {json.dumps(value)}")
+    (tmp_path / "bad.toml").write_text("\n".join(lines), encoding="utf-8")
+    code, stderr = lensforge("design", tmp_path / "bad.toml", "--out", tmp_path / "out")
+    assert code == 2 and message in stderr.splitlines()[-1], stderr
+    assert "level 1" not in stderr and not (tmp_path / "out" / "lens.json").exists()

@@ -1,0 +1,49 @@
+"""The help, and numbers as the command line takes them."""
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from lensforge.cli.cli import cli
+from lensforge.cli.whole_number import WholeNumber
+
+
+def test_the_bare_command_prints_its_help() -> None:
+    done = CliRunner().invoke(cli, [])
+    assert done.exit_code == 0 and done.stderr == ""
+    assert done.stdout.startswith("Usage: lensforge") or done.stdout.startswith("Usage: cli")
+    assert all(f"\n  {name}" in done.stdout for name in cli.commands)
+    for words in ("lengths in mm", "--accuracy draft", "_LENSFORGE_COMPLETE=bash_source", "2 bad input"):
+        assert words in done.stdout
+    assert max(map(len, done.stdout.splitlines())) <= 80
+
+
+OF_TEXT = ("examples", "new", "schema")  # what they print is a document, and no record
+
+
+@pytest.mark.parametrize("name", sorted(cli.commands))
+def test_every_command_says_what_it_does_in_a_line(name: str) -> None:
+    command = cli.commands[name]
+    assert command.help and command.get_short_help_str(200).endswith(".")
+    done = CliRunner().invoke(cli, [name, "--help"])
+    assert done.exit_code == 0 and max(map(len, done.stdout.splitlines())) <= 80
+    assert name in OF_TEXT or ("--json" in done.stdout and "--quiet" in done.stdout)
+
+
+@pytest.mark.parametrize(("text", "number"), [("1e6", 10**6), ("2.5E3", 2500), ("1_000", 1000), ("65536", 65536)])
+def test_a_whole_number_may_have_an_exponent(text: str, number: int) -> None:
+    found = WholeNumber(1, 10**9).convert(text, None, None)
+    assert found == number and isinstance(found, int)
+
+
+@pytest.mark.parametrize("text", ["1.5", "1e-3", "0", "1e10", "1e999999999", "nan", "inf", "1e6x", "", "-5"])
+def test_other_numbers_are_refused_with_the_range(text: str) -> None:
+    with pytest.raises(click.BadParameter) as refused:
+        WholeNumber(1, 10**9).convert(text, None, None)
+    assert "1,000,000,000" in str(refused.value) or "write 1000000 or 1e6" in str(refused.value)
+
+
+def test_the_shell_completes_the_commands() -> None:
+    environment = {"_LENSFORGE_COMPLETE": "bash_complete", "COMP_WORDS": "lensforge se", "COMP_CWORD": "1"}
+    done = CliRunner().invoke(cli, [], prog_name="lensforge", env=environment)
+    assert done.stdout == "plain,sensitivity\n"

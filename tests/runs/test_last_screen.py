@@ -1,0 +1,148 @@
+"""The screen at the end of a run, and of a check: its size, and every number on it held against the records."""
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+from scenes import small_spec
+
+import lensforge as lf
+from lensforge.cli.cli import cli
+from lensforge.cli.rounded import count, figure
+from lensforge.cli.screen import Block, print_screen
+from lensforge.cli.stage_line import duration
+from lensforge.cli.summary import summary
+
+_NUMBER = re.compile(r"(?<![\w.])-?\d[\d,]*(?:\.\d+)?(?:e[+-]\d+)?")
+
+
+def invoked(*arguments: object) -> Result:
+    return CliRunner().invoke(cli, list(map(str, arguments)))
+
+
+def printed(run: lf.Run, capsys: pytest.CaptureFixture[str]) -> str:
+    print_screen(summary(run))
+    return capsys.readouterr().out
+
+
+def numbers_in(content: object) -> Iterator[float]:
+    """Every number in the plain form of records and spec, also those within its texts."""
+    if isinstance(content, bool) or content is None:
+        return
+    if isinstance(content, int | float):
+        yield float(content)
+    elif isinstance(content, str):
+        yield from (float(each.replace(",", "")) for each in _NUMBER.findall(content))
+    else:
+        for each in content.values() if isinstance(content, dict) else content:  # type: ignore[attr-defined]
+            yield from numbers_in(each)
+
+
+def is_rounded(shown: str, exact: float) -> bool:
+    """True where ``shown`` is ``exact`` rounded to its own digits."""
+    digits, _, exponent = shown.replace(",", "").partition("e")
+    decimals = len(digits.partition(".")[2]) - int(exponent or 0)
+    half = 0.5 * 10.0**-decimals if "." in shown or abs(exact) < 1e4 else 0.5
+    return abs(float(shown.replace(",", "")) - exact) <= half * 1.001
+
+
+def test_a_run_ends_in_one_screen(small_run: lf.Run, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = printed(small_run, capsys).splitlines()
+    assert len(lines) <= 30, "a pipe has each line whole"
+    for title in ("Light: ", "Lens: ", "Files: ", "Cutting: ", "Written: "):
+        assert any(line.startswith(title) for line in lines), title
+    assert f"Light: {small_run.verdict.light}" in lines
+
+
+def test_every_number_on_the_screen_is_one_of_the_records(
+    small_run: lf.Run, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = [*numbers_in([each.plain() for each in small_run.found.values()])]
+    found += numbers_in(small_run.spec.model_dump(mode="json"))
+    # Shares are shown in per cent, lengths in micrometres, light by the lumens of a watt.
+    factors = (1.0, 100.0, 1e3, small_run.light.lumens_per_watt or 1.0)
+    known = [value * factor for value in found for factor in factors]
+    known += [0.1, 0.0, 90.0, len(small_run.design.history), len(list(small_run.criteria()))]
+    first = small_run.light.first
+    known.append(first.nmse.value - (first.nmse_of_raster or 0.0))  # with half as many pixels
+    text = printed(small_run, capsys).partition("Written:")[0]
+    shown = _NUMBER.findall(text.replace(str(small_run.folder), ""))
+    assert len(shown) > 25
+    for each in shown:
+        assert any(is_rounded(each, value) for value in known), f"{each} in\n{text}"
+
+
+def test_the_same_numbers_as_json_with_all_digits(small_run: lf.Run, tmp_path: Path) -> None:
+    done = invoked("rays", Path(__file__).parents[2] / "examples" / "led.tm25ray", "--json", "--header")
+    assert json.loads(done.stdout)["rays"] == 20_000
+    from lensforge.cli.output import document
+
+    content = json.loads(json.dumps(document(small_run, *small_run.found.values())))
+    assert content["verdict"]["light"] == small_run.verdict.light
+    stored = json.loads((small_run.folder / "evaluate.json").read_text(encoding="utf-8"))
+    assert content["evaluate"] == {key: stored[key] for key in content["evaluate"]}
+
+
+def test_quiet_says_nothing_on_success(examples: Path) -> None:
+    done = invoked("rays", examples / "led.tm25ray", "--quiet")
+    assert (done.exit_code, done.output) == (0, "")
+    done = invoked("rays", examples / "led.tm25ray", "--quiet", "--json")
+    assert json.loads(done.stdout)["rays"] == 20_000
+
+
+def test_labels_and_texts_stand_in_columns(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    print_screen([Block("Light: pass", [("NMSE", "0.1\u2009%"), ("A name\x1b[2J", "word " * 30)]), Block("Lens")])
+    first, nmse, name, *rest = capsys.readouterr().out.splitlines()
+    assert (first, rest[-1]) == ("Light: pass", "Lens")
+    assert nmse.index("0.1 %") == name.index("word") == rest[0].index("word")
+    assert "\x1b" not in name
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [(0.04, "0.0 s"), (9.96, "10 s"), (59.6, "1 min 00 s"), (425.0, "7 min 05 s"), (4320.0, "1 h 12 min")],
+)
+def test_a_time_is_shown_in_two_units_at_most(seconds: float, words: str) -> None:
+    assert duration(seconds) == words
+
+
+def test_numbers_keep_the_digits_before_their_point() -> None:
+    assert (figure(2974.81, "mm³"), figure(75696.6), count(8388608)) == ("2975 mm³", "75,697", "8,388,608")
+
+
+def test_a_pipe_is_not_wrapped_and_a_terminal_is(capsys: pytest.CaptureFixture[str]) -> None:
+    words = "word " * 60
+    block = Block("Title", [("Label", words)])
+    print_screen([block])
+    assert capsys.readouterr().out.splitlines() == ["Title", f"  Label  {words.strip()}"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sys.stdout.isatty", lambda: True)
+        print_screen([block])
+    assert max(map(len, capsys.readouterr().out.splitlines())) <= 80
+
+
+def test_a_preview_has_light_and_picture_and_nothing_for_the_shop(tmp_path: Path) -> None:
+    spec = small_spec(constraints__max_radius_mm=7.0)
+    spec.save(tmp_path / "small.toml")
+    opened: list[str] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("click.launch", opened.append)
+        command = ["preview", str(tmp_path / "small.toml"), "--out", str(tmp_path / "first"), "--open"]
+        found = CliRunner().invoke(cli, command)
+    assert found.exit_code == 0, found.output
+    written = {path.name for path in (tmp_path / "first").iterdir()}
+    assert written == {"lens.json", "design.json", "evaluate.json", "evaluate.npz", "light.png", "run.json"}
+    assert opened == [str(tmp_path / "first" / "light.png")] and "NMSE" in found.stdout
+    run = lf.load(tmp_path / "first")
+    assert run.light.rays == 4096 and not hasattr(run, "part")
+
+
+def test_a_preview_takes_fewer_rays_than_a_draft_and_states_them(tmp_path: Path) -> None:
+    small_spec(evaluate__rays=2**20).save(tmp_path / "small.toml")
+    found = CliRunner().invoke(cli, ["preview", str(tmp_path / "small.toml"), "--out", str(tmp_path / "first")])
+    assert found.exit_code == 0, found.output
+    assert "131,072 rays" in found.stdout and " ± " in found.stdout

@@ -1,0 +1,289 @@
+"""One command at a time writes in a folder: another one is refused at once, and a kill frees it."""
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from scenes import small_spec
+
+import lensforge as lf
+from lensforge.errors import InputError
+from lensforge.results import folder_lock
+from lensforge.results.folder_lock import LOCK_FILE, in_locked_folder, locked
+from lensforge.runs import pipeline, toleranced_folder
+from lensforge.runs.compared_folder import run_compare_photo, run_compare_surface
+from lensforge.runs.sweep import parse_variation
+from lensforge.runs.sweep_runs import run_sweep
+from lensforge.runs.tradeoff.measure import run_tradeoff
+from lensforge.search.checkpoint import CHECKPOINT
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="locks of POSIX")
+_HOLD = """
+import sys, time
+from pathlib import Path
+from lensforge.results.folder_lock import locked
+with locked(Path(sys.argv[1]), create=True):
+    print("held", flush=True)
+    time.sleep(60)
+"""
+
+
+@contextmanager
+def holder(folder: Path) -> Iterator[subprocess.Popen[str]]:
+    """A process that holds the lock on ``folder``."""
+    process = subprocess.Popen([sys.executable, "-c", _HOLD, str(folder)], stdout=subprocess.PIPE, encoding="utf-8")
+    try:
+        assert process.stdout is not None and process.stdout.readline() == "held\n"
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+def test_another_process_is_named_and_a_kill_frees_the_folder(tmp_path: Path) -> None:
+    with holder(tmp_path) as process:
+        started = time.perf_counter()
+        with pytest.raises(InputError) as caught, locked(tmp_path):
+            pass
+        assert time.perf_counter() - started < 1.0, "it does not wait"
+        message = str(caught.value)
+        assert message.startswith(f"{tmp_path}: in use by process {process.pid} on ") and "\n" not in message
+        assert "`-c " in message and "since 20" in message and "wait until it has ended" in message
+        content = (tmp_path / LOCK_FILE).read_bytes()
+        with pytest.raises(InputError, match="in use by process"), locked(tmp_path):
+            pass
+        assert (tmp_path / LOCK_FILE).read_bytes() == content, "the holder's text is not touched"
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        with locked(tmp_path):
+            assert json.loads((tmp_path / LOCK_FILE).read_bytes())["process"] == str(os.getpid())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_thread_may_lock_again_and_another_thread_may_not(tmp_path: Path) -> None:
+    said: list[str] = []
+
+    def other() -> None:
+        try:
+            with locked(tmp_path):
+                said.append("locked")
+        except InputError as error:
+            said.append(str(error))
+
+    (tmp_path / "link").symlink_to(tmp_path)
+    with locked(tmp_path):
+        with locked(tmp_path / "link"), locked(tmp_path / "."):
+            assert (tmp_path / LOCK_FILE).exists()
+        thread = threading.Thread(target=other)
+        thread.start()
+        thread.join()
+    thread = threading.Thread(target=other)
+    thread.start()
+    thread.join()
+    assert said == [f"{tmp_path}: in use by another thread of this process; {folder_lock._OTHERS}", "locked"]
+    assert not (tmp_path / LOCK_FILE).exists()
+
+
+def test_an_error_inside_frees_the_folder(tmp_path: Path) -> None:
+    @in_locked_folder
+    def fails(folder: Path, words: str, *, more: str) -> None:
+        assert (folder / LOCK_FILE).exists()
+        raise KeyboardInterrupt(words + more)
+
+    with pytest.raises(KeyboardInterrupt, match="ab"):
+        fails(tmp_path, "a", more="b")
+    assert not (tmp_path / LOCK_FILE).exists()
+    with locked(tmp_path):
+        pass
+
+
+def test_a_folder_is_made_and_an_empty_one_is_removed_again(tmp_path: Path) -> None:
+    with locked(tmp_path / "a" / "b", create=True):
+        assert (tmp_path / "a" / "b").is_dir()
+    assert list(tmp_path.iterdir()) == []
+    with locked(tmp_path / "a" / "b", create=True):
+        (tmp_path / "a" / "result").write_text("kept", encoding="utf-8")
+    assert list(tmp_path.rglob("*")) == [tmp_path / "a", tmp_path / "a" / "result"]
+    with locked(tmp_path / "none"):
+        assert not (tmp_path / "none").exists(), "a stage says itself that there is no such folder"
+
+
+def test_a_lock_file_that_is_left_over_is_taken(tmp_path: Path) -> None:
+    for content in (b"", b"\xff\0", b'{"process": 1}', b"[" * 5000):
+        (tmp_path / LOCK_FILE).write_bytes(content)
+        with locked(tmp_path):
+            pass
+        assert not (tmp_path / LOCK_FILE).exists()
+
+
+def test_what_is_no_file_of_its_own_is_no_lock(tmp_path: Path) -> None:
+    path, other = tmp_path / LOCK_FILE, tmp_path / "lens.json"
+    other.write_text("precious", encoding="utf-8")
+    for plant in (lambda: os.mkfifo(path), lambda: path.symlink_to(other), lambda: path.hardlink_to(other), path.mkdir):
+        plant()
+        started = time.perf_counter()
+        with pytest.raises(InputError, match="delete it") as caught, locked(tmp_path):
+            pass
+        assert time.perf_counter() - started < 1.0 and "\n" not in str(caught.value)
+        path.rmdir() if path.is_dir() else path.unlink()
+    assert other.read_text(encoding="utf-8") == "precious"
+
+
+def test_a_hostile_text_of_a_holder_stays_one_line(tmp_path: Path) -> None:
+    with holder(tmp_path):
+        own = json.loads((tmp_path / LOCK_FILE).read_bytes())
+        for change in ({"command": "a\nb"}, {"command": "x" * 3000}, {"machine": 7}, {"mark": "elsewhere-1-00000000"}):
+            (tmp_path / LOCK_FILE).write_bytes(json.dumps(own | change).encode())
+            with pytest.raises(InputError, match="in use by") as caught, locked(tmp_path):
+                pass
+            assert str(caught.value).isprintable() and len(str(caught.value)) < 600
+        assert "if it is gone, delete" in str(caught.value), "it runs on another machine"
+
+
+def test_a_read_only_folder_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: object, **__: object) -> int:
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr(folder_lock.os, "open", refused)
+    with pytest.raises(InputError, match=r": cannot be written \(Read-only file system\); give another folder"):
+        lf.run(small_spec(), tmp_path)
+
+
+@pytest.mark.parametrize("folder", ["file/inside", "a\0b", "x" * 300])
+def test_a_folder_that_cannot_be_is_said_before_the_search(folder: str, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way", encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        lf.run(small_spec(), tmp_path / folder, progress=lambda _: pytest.fail("searched"))
+    assert "\n" not in str(caught.value)
+
+
+@contextmanager
+def without_locks() -> Iterator[None]:
+    """A file system that knows no locks."""
+
+    def refused(*_: object) -> None:
+        raise OSError(errno.ENOSYS, "Function not implemented")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(folder_lock.fcntl, "flock", refused)
+        yield
+
+
+def test_without_locks_of_the_system_the_text_counts(tmp_path: Path) -> None:
+    with holder(tmp_path) as process:
+        with without_locks(), pytest.raises(InputError, match=f"in use by process {process.pid}"), locked(tmp_path):
+            pass
+        content = (tmp_path / LOCK_FILE).read_bytes()
+        process.kill()
+        process.wait()
+        assert (tmp_path / LOCK_FILE).read_bytes() == content, "left by the kill"
+        with without_locks(), locked(tmp_path):
+            assert json.loads((tmp_path / LOCK_FILE).read_bytes())["process"] == str(os.getpid())
+        assert not (tmp_path / LOCK_FILE).exists()
+    elsewhere = json.loads(content) | {"mark": "00000000-1-00000000", "machine": "elsewhere"}
+    (tmp_path / LOCK_FILE).write_text(json.dumps(elsewhere), encoding="utf-8")
+    with (
+        without_locks(),
+        pytest.raises(InputError, match=r"on elsewhere.*if it is gone, delete"),
+        locked(tmp_path),
+    ):
+        pass
+
+
+def test_every_stage_that_writes_locks_and_reading_does_not(small_run: lf.Run, tmp_path: Path) -> None:
+    folder = small_run.folder
+    calls = {
+        "run": lambda: lf.run(small_spec(), folder),
+        "evaluate": lambda: pipeline.run_evaluate(folder),
+        "export": lambda: pipeline.run_export(folder),
+        "check": lambda: pipeline.run_check(folder),
+        "verify": lambda: pipeline.run_verify(folder),
+        "stray": lambda: pipeline.run_stray(folder),
+        "sensitivity": lambda: toleranced_folder.run_sensitivity(folder),
+        "photometry": lambda: pipeline.run_photometry(folder),
+        "photo": lambda: run_compare_photo(folder, on=tmp_path, off=None, corners=None),
+        "points": lambda: run_compare_surface(folder, points=tmp_path, surface="inner"),
+        "handover": lambda: pipeline.run_handover(folder),
+        "report": lambda: pipeline.run_report(folder),
+        "tradeoff": lambda: run_tradeoff(small_spec(), folder),
+        "sweep": lambda: run_sweep(
+            small_spec(), parse_variation("constraints.max_radius_mm=6.5,7"), folder, lambda *_: pytest.fail("designed")
+        ),
+    }  # fmt: skip
+    with holder(folder):
+        for name, call in calls.items():
+            with pytest.raises(InputError) as caught:
+                call()
+            assert "in use by process" in str(caught.value), name
+        assert lf.load(folder) == small_run
+    with locked(folder):  # the holder was killed
+        pass
+    assert not (folder / LOCK_FILE).exists()
+
+
+def test_two_runs_in_one_folder_from_two_threads(tmp_path: Path) -> None:
+    """The second is refused while the first searches, and takes nothing from it."""
+    said: list[str] = []
+
+    def second() -> None:
+        with pytest.raises(InputError) as caught:
+            lf.run(small_spec(), tmp_path / "made", accuracy="draft", seed=1)
+        said.append(str(caught.value))
+
+    def observe(step: lf.Progress) -> bool:
+        assert (tmp_path / "made" / LOCK_FILE).exists()
+        if not said:
+            thread = threading.Thread(target=second)
+            thread.start()
+            thread.join()
+        return step.steps_done < 3
+
+    with pytest.raises(lf.Cancelled):
+        lf.run(small_spec(), tmp_path / "made", accuracy="draft", progress=observe)
+    assert len(said) == 1 and "another thread of this process" in said[0]
+    assert [path.name for path in (tmp_path / "made").iterdir()] == [CHECKPOINT]
+
+
+_COUNT = """
+import sys
+from pathlib import Path
+from lensforge.errors import InputError
+from lensforge.results.folder_lock import locked
+folder, done = Path(sys.argv[1]), 0
+while done < 60:
+    try:
+        with locked(folder):
+            number = int((folder / "number").read_text())
+            (folder / "number").write_text(str(number + 1))
+            done += 1
+    except InputError as error:
+        assert "in use by" in str(error), error
+"""
+
+
+def test_many_short_holders_never_meet(tmp_path: Path) -> None:
+    """Each deletes the lock's file at its end: who has opened that file meanwhile must not take it for the lock."""
+    (tmp_path / "number").write_text("0", encoding="utf-8")
+    processes = [subprocess.Popen([sys.executable, "-c", _COUNT, str(tmp_path)]) for _ in range(3)]
+    assert [process.wait(timeout=120) for process in processes] == [0, 0, 0]
+    assert (tmp_path / "number").read_text(encoding="utf-8") == "180"
+    assert [path.name for path in tmp_path.iterdir()] == ["number"]
+
+
+def test_no_empty_lock_stays_on_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(handle: int, text: bytes) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(folder_lock, "_write", full)
+    with pytest.raises(InputError, match=r"cannot be written \(No space left"), locked(tmp_path):
+        pass
+    assert list(tmp_path.iterdir()) == []

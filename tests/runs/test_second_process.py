@@ -1,0 +1,167 @@
+"""The second process: the same answers, however it ends, and no process or file that it leaves behind."""
+
+import operator
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import TypeVar
+
+import pytest
+from foreground import default_signals
+
+from lensforge.errors import InputError
+from lensforge.results import second_process as module
+from lensforge.results.second_process import IN_TURN, Called, SecondProcess, second_process
+from lensforge.runs.arguments import preset_of
+
+Result = TypeVar("Result")
+
+
+@pytest.fixture(scope="module")
+def second() -> "SecondProcess":  # type: ignore[misc]
+    with second_process() as process:
+        yield process
+
+
+def there(call: Called[Result]) -> Result:
+    """Result of a call that has had its turn."""
+    assert call.there is not None
+    call.there.result()
+    return call.result()
+
+
+def test_functions_are_called_in_another_process_one_after_another(second: SecondProcess) -> None:
+    assert second.runs
+    numbers = [second.call(os.getpid) for _ in range(3)]
+    assert len({there(number) for number in numbers} - {os.getpid()}) == 1
+
+
+def test_what_has_not_begun_there_is_computed_here() -> None:
+    with second_process() as second:
+        second.call(time.sleep, 300.0)
+        assert [second.call(os.getpid).result() for _ in range(2)] == [os.getpid()] * 2
+
+
+def test_a_call_after_another_gets_its_result(second: SecondProcess) -> None:
+    number = second.call(os.getpid)
+    following = second.call_after(number, lambda found: (found, 1), operator.add)
+    assert there(following) == there(number) + 1
+    wrong = second.call(preset_of, "perfect")
+    after_it = second.call_after(wrong, lambda preset: (preset,), id)
+    for call in (after_it, wrong):
+        with pytest.raises(InputError, match="perfect"):
+            call.result()
+    assert IN_TURN.call_after(IN_TURN.call(abs, -3), lambda found: (found, 4), pow).result() == 81
+
+
+def test_a_call_after_one_that_was_computed_here_is_computed_here() -> None:
+    with second_process() as second:
+        second.call(time.sleep, 300.0)
+        number = second.call(os.getpid)
+        following = second.call_after(number, lambda found: (found, 1), operator.add)
+        assert (number.result(), following.result()) == (os.getpid(), os.getpid() + 1)
+
+
+def test_an_error_is_the_one_that_the_function_raises(second: SecondProcess) -> None:
+    with pytest.raises(InputError) as there:
+        second.call(preset_of, "perfect").result()
+    with pytest.raises(InputError) as here:
+        preset_of("perfect")
+    assert str(there.value) == str(here.value)
+
+
+def test_what_a_library_prints_is_no_answer(second: SecondProcess) -> None:
+    assert there(second.call(os.write, 1, b"printed")) == len(b"printed")
+    assert there(second.call(os.getpid)) != os.getpid(), "it answers still"
+
+
+def test_what_cannot_travel_is_computed_here() -> None:
+    with second_process() as second:
+        assert second.call(lambda: os.getpid()).result() == os.getpid()
+        assert second.call(abs, -3).result() == 3
+
+
+def test_a_process_that_was_killed_costs_time_alone() -> None:
+    with second_process() as second:
+        sleeps = second.call(time.sleep, 60.0)
+        after = second.call(os.getpid)
+        process = second._process
+        assert process is not None
+        process.kill()
+        assert there(after) == os.getpid()
+        del sleeps
+
+
+def test_without_room_for_a_process_all_is_computed_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise BlockingIOError("too many processes")
+
+    monkeypatch.setattr(module.subprocess, "Popen", refuse)
+    with second_process() as second:
+        assert second is IN_TURN and not second.runs
+        assert second.call(os.getpid).result() == os.getpid()
+
+
+# No guard around the main code: a child that imported it would print a second line.
+SCRIPT = """
+import os, sys, time
+from lensforge.results.second_process import second_process
+print("script", flush=True)
+with second_process() as second:
+    number = second.call(os.getpid)
+    number.there.result()
+    print(number.result(), flush=True)
+    asleep = second.call(time.sleep, 300.0)
+    if "wait" in sys.argv:
+        asleep.there.result()
+"""
+
+
+def started(temporary: Path, *arguments: str) -> "subprocess.Popen[str]":
+    return subprocess.Popen(
+        [sys.executable, "-c", SCRIPT, *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        encoding="utf-8",
+        env={**os.environ, "TMPDIR": str(temporary)},
+        preexec_fn=default_signals if os.name == "posix" else None,
+    )
+
+
+def has_ended(number: int) -> bool:
+    """True once no such process runs, within some seconds."""
+    for _ in range(100):
+        try:
+            os.kill(number, 0)
+            if Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[0] == "Z":
+                return True  # its parent has ended, and nobody has collected it yet
+        except (ProcessLookupError, FileNotFoundError):
+            return True
+        time.sleep(0.1)
+    return False
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere it ends with its work")
+def test_a_script_needs_no_guard_and_its_end_is_that_of_the_other_process(tmp_path: Path) -> None:
+    process = started(tmp_path)
+    words, errors = process.communicate(timeout=60)
+    first, number = words.splitlines()
+    assert (first, errors, process.returncode) == ("script", "", 0)
+    assert has_ended(int(number)) and not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere it ends with its work")
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_no_process_is_left_however_the_first_one_ends(how: signal.Signals, tmp_path: Path) -> None:
+    process = started(tmp_path, "wait")
+    assert process.stdout is not None and process.stdout.readline() == "script\n"
+    number = int(process.stdout.readline())
+    time.sleep(0.5)  # until it sleeps, and does not wait for a call: the end of the pipe would end it then
+    process.send_signal(how)
+    process.communicate(timeout=60)
+    assert has_ended(number)
+    if how is signal.SIGINT:
+        assert not list(tmp_path.iterdir()), "its temporary folder, too"

@@ -1,0 +1,96 @@
+"""A whole run of a lens with receivers of two kinds: every stage knows them, and every record is read back."""
+
+import numpy as np
+import pytest
+from coarse_part import coarse_part
+from scenes import random_surface, small_spec
+from scipy.interpolate import RegularGridInterpolator
+
+import lensforge as lf
+from lensforge.runs.pipeline import run_photometry, run_stray
+from lensforge.scene.receiver_shapes import receivers_of
+
+by_night = pytest.mark.nightly("a minute; by day a lens without a search, above")
+
+WALL = {
+    "kind": "plane", "name": "wall", "centre_mm": [80.0, 0.0, 60.0], "normal": [1.0, 0.0, 0.2],
+    "width_mm": 240.0, "height_mm": 160.0, "pixel_aspect": 1.5,
+    "targets": [{"kind": "rectangle", "width_mm": 120.0, "height_mm": 60.0, "uniform_mm": [60.0, 30.0]}],
+}  # fmt: skip
+FAR = {
+    "kind": "far_field", "half_angle_deg": 75.0, "axis": [0.3, 0.0, 1.0], "share": 0.5,
+    "targets": [{"kind": "beam", "fwhm_deg": 60.0}],
+}  # fmt: skip
+
+
+def test_light_and_proof_of_a_lens_have_both_receivers() -> None:
+    spec = small_spec(target=None, receivers=[WALL, FAR], base={"kind": "none"})
+    lens = lf.Lens(random_surface(1, 3.0, 0.005), random_surface(2, 6.0, 0.005), spec, 0, "draft")
+    light = lf.evaluate(lens, rays=2**13)
+    with coarse_part():
+        proof = lf.verify(lf.build(lens), light, rays=2**12)
+    assert [receiver.name for receiver in light.receivers] == ["wall", "far_field"]
+    for own, design in zip(proof.receivers, light.receivers, strict=True):
+        assert own.name == design.name
+        assert own.efficiency == pytest.approx(design.efficiency.value, abs=5.0 * design.efficiency.standard_error)
+        assert (own.width, own.height) == (design.width, design.height)
+    missed = {criterion.name for criterion in proof.criteria if not criterion.passed}
+    assert missed <= {"deviation_rms"}, "the mesh is coarse, and the wall is near"
+    names = {criterion.name for criterion in proof.criteria}
+    assert "far_field: deviation_rms" in names and "deviation_rms" in names
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> lf.Run:
+    folder = tmp_path_factory.mktemp("runs") / "lens"
+    spec = small_spec(target=None, receivers=[WALL, FAR], optimise__steps_per_level=[20, 20], base={"kind": "none"})
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("lensforge.runs.cast_stages._STRAY_RAYS", 512)
+        lf.run(spec, folder, accuracy="draft")
+        run_stray(folder)
+    run_photometry(folder)
+    return lf.load(folder)
+
+
+@by_night
+def test_every_stage_has_both_receivers(run: lf.Run) -> None:
+    stray = run.find(lf.StrayLight)
+    assert stray is not None
+    for result in (run.light, run.proof, stray):
+        assert [receiver.name for receiver in result.receivers] == ["wall", "far_field"]
+    wall, far = run.light.receivers
+    assert wall.map.shape == (16, 16) and far.map.shape == (16, 16), "the wall's pixels are 1.5 times as wide as high"
+    assert run.light.nmse == wall.nmse and wall.uniformity is not None and far.uniformity is None
+    assert far.efficiency.value > wall.efficiency.value > 0.3
+
+
+@by_night
+def test_the_part_lands_its_rays_as_the_design_does_on_both(run: lf.Run) -> None:
+    assert all(criterion.passed for criterion in run.proof.criteria), [str(c) for c in run.proof.criteria]
+    assert any(criterion.name.startswith("far_field: ") for criterion in run.proof.criteria)
+    for receiver in run.proof.receivers:
+        assert receiver.brep is not None and receiver.brep.against_design.compared > 200
+        assert receiver.deviation_mm.rms < receiver.deviation_limit_mm
+
+
+@by_night
+def test_intensity_of_the_far_field_is_that_of_the_photometric_file(run: lf.Run) -> None:
+    """The same candela by two ways: pixels of equal solid angle, and the goniometer's grid of the IES file."""
+    photometry, far = run.find(lf.Photometry), lf.evaluate(run.lens, rays=2**20).receivers[1]
+    assert photometry is not None
+    receiver = receivers_of(run.spec, 16)[1]
+    x, y, z = np.moveaxis(receiver.places(*np.meshgrid(receiver.grid.x(), receiver.grid.y())), -1, 0)
+    c_deg = np.degrees(np.arctan2(-y, x)) % 360.0  # a file's C runs from x to -y
+    table = RegularGridInterpolator((photometry.c_deg, photometry.gamma_deg), photometry.candela)
+    inside = receiver.window.pixels(receiver.grid) & (z > 0.2)
+    stated = table(np.stack([c_deg, np.degrees(np.arccos(z))], axis=-1)[inside])
+    seen = far.raw_map[inside] * photometry.source_lm / photometry.source_w
+    assert seen.sum() == pytest.approx(stated.sum(), rel=0.01)
+    bright = stated > 0.3 * stated.max()
+    assert bright.sum() > 20 and np.allclose(seen[bright], stated[bright], rtol=0.1)
+
+
+@by_night
+def test_the_report_names_both(run: lf.Run) -> None:
+    page = (run.folder / "report.html").read_text(encoding="utf-8")
+    assert "wall" in page and "far_field" in page and "in the far field, to 75°" in page

@@ -1,0 +1,166 @@
+"""The stages after a search give the same files on one thread and on two; what is told of them, and their lines."""
+
+import json
+import shutil
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+import torch
+from coarse_part import RINGS
+from scenes import small_spec
+
+import lensforge as lf
+from lensforge.cli.progress import DesignProgress
+from lensforge.cli.stage_clock import StageClock
+from lensforge.results import second_process
+from lensforge.runs import stages
+from lensforge.runs.arguments import threads_of_torch
+from lensforge.runs.later_stages import Told, process_for_later_stages, run_later_stages
+from lensforge.runs.pipeline import run_check, write_design
+from lensforge.runs.run_folder import renew
+
+TIMES = {"seconds", "cast_seconds", "rate", "content_sha256"}  # computing times, and the checksum that covers them
+LATER = ["evaluate", "export", "check", "verify", "photometry"]
+
+
+def without_times(content: Any) -> Any:
+    if isinstance(content, dict):
+        return {key: without_times(value) for key, value in content.items() if key not in TIMES}
+    return [without_times(value) for value in content] if isinstance(content, list) else content
+
+
+def files(folder: Path) -> dict[str, Any]:
+    """Content of each result file, without computing times."""
+    return {
+        path.name: without_times(json.loads(path.read_text(encoding="utf-8")))
+        if path.suffix == ".json"
+        else path.read_bytes()
+        for path in sorted(folder.iterdir())
+        if path.suffix != ".html"
+    }
+
+
+def in_a_copy(run: lf.Run, folder: Path, threads: int) -> list[tuple[str, str]]:
+    """What is told while the later stages run in ``folder`` on a copy of the lens."""
+    folder.mkdir()
+    for name in ("lens.json", "design.json", "run.json"):
+        shutil.copy(run.folder / name, folder)
+    told: list[tuple[str, str]] = []
+    with threads_of_torch(threads):
+        before = torch.get_num_threads()
+        listener = Told(lambda name: told.append(("begins", name)), lambda name, seconds: told.append(("ended", name)))
+        with process_for_later_stages() as second:
+            run_later_stages(folder, listener, second)
+        assert torch.get_num_threads() == before
+    return told
+
+
+def test_one_thread_and_two_make_the_same_files(
+    small_run: lf.Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Side by side, no stage reads the files as if somebody else had made them: that takes a child, and its limits.
+
+    The small run was made on one thread, with as many rings; its check is made again on all nodes.
+    """
+    monkeypatch.setattr("lensforge.proof.sandboxed_casts._cast_in_child", None)
+    coarse = SimpleNamespace(**vars(stages) | {"build": partial(stages.build, rings=RINGS)})  # in either process
+    monkeypatch.setattr("lensforge.runs.later_stages.stages", coarse)
+    told = in_a_copy(small_run, tmp_path / "two", threads=2)
+    run_check(Path(shutil.copytree(small_run.folder, tmp_path / "one")))
+    assert [name for what, name in told if what == "begins"] == ["export", "evaluate", "photometry", "check", "verify"]
+    assert sorted(name for what, name in told if what == "ended") == sorted(LATER)
+    assert told.index(("ended", "evaluate")) < told.index(("ended", "export")), "beside it"
+
+    one, two = files(tmp_path / "one"), files(tmp_path / "two")
+    assert sorted(one) == sorted(two) and [name for name in one if one[name] != two[name]] == []
+    assert lf.load(tmp_path / "two").verdict == lf.load(tmp_path / "one").verdict
+
+
+def test_on_one_thread_a_stage_begins_when_the_one_before_it_has_ended(
+    small_run: lf.Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(second_process, "_started", None)  # none is asked for
+    done: list[str] = []
+
+    def in_place_of(name: str) -> Callable[..., None]:
+        return lambda *_: done.append(name)
+
+    for place, name in {
+        "stages.evaluate": "evaluate",
+        "stages.build": "export",
+        "stages.check": "check",
+        "verify": "verify",
+        "stages.photometry": "photometry",
+    }.items():
+        monkeypatch.setattr(f"lensforge.runs.later_stages.{place}", in_place_of(name))
+    monkeypatch.setattr("lensforge.runs.later_stages.write_result", lambda result, _: result)
+    told = in_a_copy(small_run, tmp_path / "one", threads=1)
+    assert done == LATER
+    assert told == [(what, name) for name in LATER for what in ("begins", "ended")]
+
+
+def test_the_seconds_of_the_whole_command_stay_until_the_next_design(small_run: lf.Run, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(small_run.folder, tmp_path / "copy"))
+    whole = small_run.seconds
+    assert whole is not None and whole > max(small_run.design.seconds, small_run.part.seconds)
+    renew(folder, "evaluate")
+    assert lf.load(folder).seconds == whole, "a stage that ran again is no whole command"
+    write_design(small_run.design, folder)
+    assert lf.load(folder).seconds is None
+    renew(folder, seconds=12.5)
+    assert lf.load(folder).seconds == 12.5
+
+
+def test_each_stage_has_a_line_with_its_own_time(capsys: pytest.CaptureFixture[str]) -> None:
+    with StageClock("design") as clock:
+        shown = DesignProgress(clock, small_spec())
+        for name in ("export", "evaluate"):
+            shown.on_stage(name)
+        assert "design" in capsys.readouterr().err
+        shown.on_end("evaluate", 12.0)
+        shown.on_stage("photometry")
+        shown.on_end("export", 25.0)
+        shown.on_end("photometry", 5.0)
+        clock.total()
+    lines = [line.split() for line in capsys.readouterr().err.splitlines()]
+    words = [["evaluate", "12", "s"], ["export", "25", "s"], ["photometry", "5.0", "s"], ["in", "all", "0.0", "s"]]
+    assert lines == words, "and none twice"
+
+
+@pytest.fixture
+def terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A terminal in the place of stderr."""
+    for name, value in {"FORCE_COLOR": "1", "COLUMNS": "80", "TERM": "xterm"}.items():
+        monkeypatch.setenv(name, value)
+
+
+def test_a_terminal_shows_what_runs_beside(terminal: None) -> None:
+    with StageClock("design") as clock:
+        shown = DesignProgress(clock, small_spec())
+        for name in ("export", "evaluate"):
+            shown.on_stage(name)
+        assert str(clock._running()).split() == ["export", "0.0", "s", "beside", "evaluate"]
+        shown.on_end("export", 1.0)
+        assert str(clock._running()).split() == ["evaluate", "0.0", "s"]
+
+
+@pytest.mark.parametrize(("levels", "words"), [([9, 25], "22 s left"), ("auto", "at least 22 s left")])
+def test_the_time_left_is_that_of_the_whole_command(levels: list[int] | str, words: str, terminal: None) -> None:
+    """Half of a search took 10 s; the stages after it take 0.6 of its 20 s at standard accuracy: 22 s are left."""
+    with StageClock("design") as clock:
+        spec = small_spec(lens__levels=levels, **({"optimise": {}} if levels == "auto" else {}))
+        shown = DesignProgress(clock, spec)
+        for done in (0, 50, 100):
+            step = lf.Progress(
+                level=0, step=done, steps_done=done, steps_total=100, nmse=0.1, efficiency=0.9, functions=9,
+                level_done=False, seconds=done / 5, accuracy="standard", lens=pytest.fail,
+            )  # fmt: skip
+            shown.on_step(step)
+            if done == 50:
+                assert str(clock._running()).endswith(f"NMSE 0.1000, {words}")
+        shown.on_stage("evaluate")
+        assert str(clock._running()).endswith("s, 12 s left"), "of the later stages"

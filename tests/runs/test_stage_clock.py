@@ -1,0 +1,128 @@
+"""Lines of the stages on stderr: on a terminal with a clock, in a pipe once each has ended."""
+
+import os
+import re
+import subprocess
+import sys
+import time
+
+import pytest
+
+from lensforge.cli import stage_clock
+from lensforge.cli.progress import PartsProgress
+from lensforge.cli.stage_clock import StageClock
+
+
+@pytest.fixture
+def terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A terminal of 60 columns in the place of stderr."""
+    for name, value in {"FORCE_COLOR": "1", "COLUMNS": "60", "TERM": "xterm"}.items():
+        monkeypatch.setenv(name, value)
+
+
+def frames(written: str) -> list[str]:
+    """What the terminal has shown, line by line, without its controls."""
+    return [
+        line
+        for part in re.split(r"\r\n|\n|\r|\x1b\[2K", written)
+        if (line := re.sub(r"\x1b\[[?0-9;]*[A-Za-z]", "", part)).strip()
+    ]
+
+
+def test_a_pipe_gets_a_line_for_each_stage_that_has_ended(capsys: pytest.CaptureFixture[str]) -> None:
+    with StageClock("design") as clock:
+        assert capsys.readouterr().err == "", "it has not ended"
+        clock.begin("evaluate")
+        assert capsys.readouterr().err.split() == ["design", "0.0", "s"]
+        clock.show("half of it")
+    assert capsys.readouterr().err.split() == ["evaluate", "0.0", "s", "half", "of", "it"]
+
+
+def test_a_stage_that_fails_has_no_line(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(ValueError, match="bad"), StageClock("design"):
+        raise ValueError("bad")
+    assert capsys.readouterr().err == "", "the message alone says it"
+
+
+def test_quiet_says_nothing_but_warnings(capsys: pytest.CaptureFixture[str], terminal: None) -> None:
+    with StageClock("yield", quiet=True, study=True) as clock:
+        clock.begin("parts")
+        clock.note("a word")
+        clock.warn("a source without flux")
+    assert frames(capsys.readouterr().err) == ["warning: a source without flux"]
+
+
+def test_the_clock_of_a_terminal_goes_on_by_itself_in_60_columns(
+    capsys: pytest.CaptureFixture[str], terminal: None
+) -> None:
+    with StageClock("design") as clock:
+        clock.show("level 4, NMSE 0.0045, 12 min 05 s left, " + 10 * "and more ")
+        time.sleep(1.2)
+    shown = frames(capsys.readouterr().err)
+    assert max(map(len, shown)) <= 60
+    times = [re.search(r"([\d.]+) s ", line) for line in shown]
+    assert len({found.group(1) for found in times if found}) >= 3, "it stands still"
+    assert "0.0045" in shown[-1], "the line that stays"
+
+
+def test_a_study_is_never_silent_in_a_pipe(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    assert stage_clock._SILENT_SECONDS_OF_STUDY <= 2.0
+    monkeypatch.setattr(stage_clock, "_SILENT_SECONDS_OF_STUDY", 0.05)
+    with StageClock("yield", study=True) as clock:
+        progress = PartsProgress(clock)
+        progress.on_stage("parts")
+        progress.on_parts(3, 40)
+        time.sleep(0.4)
+    lines = capsys.readouterr().err.splitlines()
+    assert len([line for line in lines if line.endswith("3 of 40 parts")]) >= 3
+
+
+def test_a_long_stage_is_not_silent_in_a_pipe(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stage_clock, "_SILENT_SECONDS", 0.05)
+    with StageClock("design") as clock:
+        clock.show("level 3, NMSE 0.0045")
+        time.sleep(0.3)
+    assert len([line for line in capsys.readouterr().err.splitlines() if line.endswith("NMSE 0.0045")]) >= 3
+
+
+def test_the_amounts_of_a_budget_are_one_stage(capsys: pytest.CaptureFixture[str]) -> None:
+    with StageClock("yield") as clock:
+        progress = PartsProgress(clock)
+        for words in ("parts", "budget: source height", "budget: index", "worst parts"):
+            progress.on_stage(words)
+    names = [line[:12].strip() for line in capsys.readouterr().err.splitlines()]
+    assert names == ["yield", "parts", "budget", "worst parts"]
+
+
+_HOLDS_THE_LOCK = """
+import ctypes
+from lensforge.cli.stage_clock import StageClock
+with StageClock("export") as clock:
+    clock.show("faces")
+    ctypes.PyDLL(None).sleep(3)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
+def test_the_clock_goes_on_while_a_library_holds_the_lock_of_python() -> None:
+    import pty
+
+    leader, follower = pty.openpty()
+    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "60"}
+    command = [sys.executable, "-c", _HOLDS_THE_LOCK]
+    with subprocess.Popen(command, stderr=follower, stdin=follower, env=environment) as process:
+        os.close(follower)
+        shown = b""
+        while True:
+            try:
+                shown += os.read(leader, 4096)
+            except OSError:  # the last writer has closed it
+                break
+    os.close(leader)
+    lines = frames(shown.decode())
+    times = {found.group(1) for line in lines if (found := re.search(r"export +([\d.]+) s  faces", line))}
+    assert process.returncode == 0
+    assert len({seconds for seconds in times if 1.2 < float(seconds) < 2.9}) >= 4, lines
+    assert re.fullmatch(r"export +3\.\d s  faces", lines[-1]), "the line that stays"

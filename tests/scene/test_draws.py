@@ -1,0 +1,126 @@
+"""Parts drawn from tolerances: distributions, independence, and the polynomials that are orthonormal over them."""
+
+import numpy as np
+import pytest
+from scipy.stats import kstest, norm, truncnorm, uniform
+
+from lensforge.errors import InputError
+from lensforge.scene.perturbations import Draws, orthonormal, quantiles
+from lensforge.scene.tolerance_factors import Factor, factors_of
+from lensforge.spec.tolerances_section import PRESET_AMOUNTS, TolerancesSection, read_tolerances
+
+NONE = dict.fromkeys(PRESET_AMOUNTS["standard"], 0)
+TRUTHS = {
+    "uniform": uniform(-1.0, 2.0),
+    "normal": norm(0.0, 0.5),
+    "truncated": truncnorm(-2.0, 2.0, 0.0, 0.5),
+}
+
+
+def _factor(distribution: str, kind: str = "spread") -> Factor:
+    return Factor("gap_mm", "gap", "mm", 1.0, 0.1, kind, distribution, 1)
+
+
+@pytest.mark.parametrize("distribution", TRUTHS)
+def test_numbers_have_their_distribution(distribution: str) -> None:
+    levels = np.random.default_rng(0).random(4000)
+    assert kstest(quantiles(_factor(distribution), levels), TRUTHS[distribution].cdf).pvalue > 1e-3
+    one_sided = quantiles(_factor(distribution, "one-sided"), levels)
+    assert kstest(one_sided, lambda x: TRUTHS[distribution].cdf(x) - TRUTHS[distribution].cdf(-x)).pvalue > 1e-3
+    assert one_sided.min() >= 0.0
+
+
+@pytest.mark.parametrize("kind", ["spread", "one-sided"])
+@pytest.mark.parametrize("distribution", TRUTHS)
+def test_polynomials_are_orthonormal_over_the_parts(distribution: str, kind: str) -> None:
+    factor = _factor(distribution, kind)
+    low = 0.0 if kind == "one-sided" else -5.0
+    values = low + (5.0 - low) * (np.arange(200_000) + 0.5) / 200_000
+    shares = TRUTHS[distribution].pdf(values)
+    found = np.column_stack([np.ones(len(values)), orthonormal(factor, values, 4)])
+    assert np.allclose((found.T * shares) @ found / shares.sum(), np.eye(5), atol=1e-3)
+
+
+def test_a_tolerance_has_its_amount_in_the_unit_of_its_name() -> None:
+    section = TolerancesSection(**{**NONE, "gap_mm": 0.3, "outer_tilt_deg": {"amount": 2.0, "distribution": "uniform"}})
+    factors = factors_of(section)
+    assert [factor.name for factor in factors] == ["gap_mm", "outer_tilt_deg"]
+    draws = Draws.of(factors, 512, 0)
+    gap = np.array([draws.deviations(part)["gap_mm"][0] for part in range(512)])
+    tilt = np.array([draws.deviations(part)["outer_tilt_deg"] for part in range(512)])
+    assert np.abs(gap).max() == pytest.approx(0.3, rel=0.03)
+    assert gap.std() == pytest.approx(0.3 * TRUTHS["truncated"].std(), rel=0.01)
+    assert tilt.shape == (512, 2)
+    assert tilt.std(axis=0) == pytest.approx(np.full(2, np.radians(2.0) / np.sqrt(3.0)), rel=0.01)
+    assert abs(np.corrcoef(tilt.T)[0, 1]) < 0.05
+    twice = draws.deviations(7, {"gap_mm": 2.0})
+    assert twice["gap_mm"] == 2.0 * draws.deviations(7)["gap_mm"]
+    assert (twice["outer_tilt_deg"] == draws.deviations(7)["outer_tilt_deg"]).all()
+
+
+def test_every_cause_has_the_amount_of_its_own_tolerance() -> None:
+    amounts = {name: 1e-4 * (1 + number) for number, name in enumerate(NONE)}
+    factors = factors_of(TolerancesSection(**amounts))
+    assert {factor.name: factor.amount for factor in factors} == amounts
+    numbers = Draws.of(factors, 2, 0).numbers
+    for factor in factors:  # in mm, rad or shares
+        unit = {"mm": 1.0, "um": 1e-3, "mrad": 1e-3, "deg": np.pi / 180.0, "": 1.0}[factor.unit]
+        found = Draws.of(factors, 2, 0).deviations(1)[factor.name]
+        assert found == pytest.approx(amounts[factor.name] * unit * numbers[factor.name][1], rel=1e-12)
+
+
+def test_parts_are_the_first_of_an_endless_row_and_other_seeds_give_others() -> None:
+    factors = factors_of(TolerancesSection())
+    few, many, other = Draws.of(factors, 100, 3), Draws.of(factors, 1000, 3), Draws.of(factors, 100, 4)
+    for name, numbers in few.numbers.items():
+        assert (numbers == many.numbers[name][:100]).all()
+        assert not (numbers == other.numbers[name]).any()
+
+
+def test_fields_do_not_depend_on_other_tolerances() -> None:
+    every = Draws.of(factors_of(TolerancesSection()), 10, 0).numbers["outer_form_um"]
+    alone = Draws.of(factors_of(TolerancesSection(**{**NONE, "outer_form_um": 1.0})), 10, 0).numbers["outer_form_um"]
+    assert (every == alone).all()
+
+
+def test_mirrored_parts_are_the_opposite_but_for_roughness() -> None:
+    draws = Draws.of(factors_of(TolerancesSection()), 10, 0)
+    other = draws.mirrored()
+    for factor in draws.factors:
+        sign = 1.0 if factor.kind == "one-sided" else -1.0
+        assert (other.numbers[factor.name] == sign * draws.numbers[factor.name]).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"gap_mm": {"amount": 0, "distribution": "normal"}}, "a distribution has a width"),
+        ({"gap_mm": {"distribution": "normal"}}, "gap_mm.amount: missing"),
+        ({"gap_mm": 9.0}, "gap_mm = 9: must be at most 5"),
+        ({"gap_mm": "wide"}, "must be a number, or a table"),
+        ({"inner_form_um": {"amount": 1.0, "distribution": "normal"}}, "leave out distribution"),
+        ({"waviness_shortest_mm": 8.0}, "must be below waviness_longest_mm = 5"),
+    ],
+)
+def test_a_wrong_tolerance_is_one_line(changes: dict, words: str) -> None:
+    with pytest.raises(InputError, match=words) as error:
+        TolerancesSection(**changes)
+    assert "\n" not in str(error.value)
+
+
+def test_no_tolerance_at_all_is_one_line() -> None:
+    with pytest.raises(InputError, match="all of them are 0"):
+        factors_of(TolerancesSection(**NONE))
+
+
+def test_tolerances_come_from_a_preset_or_a_file(tmp_path) -> None:
+    assert read_tolerances("moulded").of("shrinkage").amount == 0.001
+    file = tmp_path / "own.toml"
+    file.write_text("[tolerances]\npreset = 'precision'\ngap_mm = 0.5\n")
+    found = read_tolerances(str(file))
+    assert (found.of("gap_mm").amount, found.of("outer_shift_mm").amount) == (0.5, 0.005)
+    file.write_text("[lens]\n")
+    with pytest.raises(InputError, match="has no \\[tolerances\\]"):
+        read_tolerances(str(file))
+    with pytest.raises(InputError, match="no such file"):
+        read_tolerances("loose")

@@ -1,0 +1,214 @@
+"""Where rays land, pixels lie and windows end, by hand: frames, charts, corners, limits of both landings."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from lensforge.kernels.fate import Fate
+from lensforge.kernels.landing import LEAST_RISE, POLE
+from lensforge.scene.exit_rays import ExitRays
+from lensforge.scene.pixel_grid import PixelGrid, Window, gaussian3
+from lensforge.scene.receiver import PosedReceiver, ReceiverPose, equal_area, from_equal_area
+from lensforge.scene.receiver_shapes import Cylinder, Dome, FarField, Plane, chart_radius
+
+AWRY, CENTRE = (0.3, -0.5, 0.8), (4.0, -7.0, 9.0)
+POSE = ReceiverPose.facing(AWRY, CENTRE, 33.0)
+GRID = PixelGrid(90.0, 40.0, 6, 4)
+UPRIGHT = ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+
+
+def rotated(vector: np.ndarray, about: np.ndarray, angle: float) -> np.ndarray:
+    """A vector turned about a unit axis by an angle in rad, by its parts along and across it."""
+    along = (vector @ about) * about
+    across = vector - along
+    return along + math.cos(angle) * across + math.sin(angle) * np.cross(about, across)
+
+
+@pytest.mark.parametrize("direction", [AWRY, (1.0, 0.0, 0.0), (0.0, -2.0, 0.0), (0.2, 0.1, -0.9), (1e-4, 2e-4, -1.0)])
+@pytest.mark.parametrize("degrees", [0.0, 33.0, 90.0, -180.0, 270.0])
+def test_a_frame_is_that_of_the_lens_tilted_the_shortest_way_and_then_turned(direction, degrees) -> None:
+    unit = np.array(direction) / np.linalg.norm(direction)
+    about = np.cross([0.0, 0.0, 1.0], unit)
+    sine = np.linalg.norm(about)
+    tilted = [rotated(each, about / sine, math.atan2(sine, unit[2])) for each in np.eye(3)]
+    turned = [rotated(each, unit, math.radians(degrees)) for each in tilted]
+    pose = ReceiverPose.facing(direction, CENTRE, degrees)
+    np.testing.assert_allclose(pose.axes, turned, atol=1e-6 if unit[2] < -0.99 else 1e-13)
+    np.testing.assert_array_equal(pose.packed(), [CENTRE, *pose.axes])
+
+
+def test_straight_back_is_reached_about_the_y_axis_and_quarter_turns_are_exact() -> None:
+    for z in (-1.0, -5.0):
+        back = ReceiverPose.facing((0.0, 0.0, z), CENTRE)
+        assert np.array_equal(back.axes, np.diag([-1.0, 1.0, -1.0]))
+    almost = ReceiverPose.facing((1e-8, 0.0, -1.0), CENTRE)
+    assert np.array_equal(almost.axes, np.diag([-1.0, 1.0, -1.0])), "as straight as numbers of 16 digits can tell"
+    turned = ReceiverPose.facing((0.0, 0.0, 1.0), CENTRE, 270.0)
+    assert np.array_equal(turned.axes, [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+
+
+def by_hand(receiver: PosedReceiver, x: float, y: float) -> np.ndarray:
+    """The point of space at a place on the chart, by arcs and angles."""
+    along_x, along_y, along_z = receiver.pose.axes
+    if receiver.kind == "plane":
+        return np.array(CENTRE) + x * along_x + y * along_y
+    if receiver.kind == "cylinder":
+        arc = x / receiver.radius_mm
+        return np.array(CENTRE) + receiver.radius_mm * (math.sin(arc) * along_x + math.cos(arc) * along_z) + y * along_y
+    radius = receiver.radius_mm if receiver.kind == "sphere" else 1.0
+    polar, azimuth = 2.0 * math.asin(math.hypot(x, y) / (2.0 * radius)), math.atan2(y, x)
+    across = math.cos(azimuth) * along_x + math.sin(azimuth) * along_y
+    unit = math.cos(polar) * along_z + math.sin(polar) * across
+    return unit if receiver.kind == "far_field" else np.array(CENTRE) + radius * unit
+
+
+EVERY = {
+    "plane": Plane(POSE, GRID),
+    "cylinder": Cylinder(POSE, GRID, radius_mm=50.0),
+    "sphere": Dome(POSE, GRID, radius_mm=50.0),
+    "far field": FarField(ReceiverPose.facing(AWRY, (0.0, 0.0, 0.0), 33.0), PixelGrid(1.8, 0.8, 6, 4)),
+}
+each_receiver = pytest.mark.parametrize("receiver", EVERY.values(), ids=list(EVERY))
+
+
+@each_receiver
+def test_corners_of_pixels_lie_on_the_surface_in_rows_from_below(receiver: PosedReceiver) -> None:
+    corners = receiver.corners()
+    assert corners.shape == (5, 7, 3)
+    width, height = receiver.grid.size
+    for row, column in np.ndindex(5, 7):
+        wanted = by_hand(receiver, width * (column / 6 - 0.5), height * (row / 4 - 0.5))
+        np.testing.assert_allclose(corners[row, column], wanted, atol=1e-12)
+
+
+def rays(points: np.ndarray, directions: np.ndarray) -> ExitRays:
+    fates, flux = np.full(len(points), int(Fate.LEFT_LENS), dtype=np.int8), np.ones(len(points))
+    return ExitRays(
+        *(torch.from_numpy(np.ascontiguousarray(each)) for each in (points, directions, flux, 0.0 * flux, fates))
+    )
+
+
+def both_landings(receiver: PosedReceiver, points: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Hits and whether they landed; the compiled landing and that of torch agree."""
+    exits = rays(points, directions)
+    one, other = receiver.land(exits), receiver.land_in_torch(exits)
+    assert torch.equal(one.landed, other.landed) and torch.equal(one.missed_receiver, other.missed_receiver)
+    assert torch.equal(one.missed_receiver, ~one.landed) and torch.equal(one.flux, other.flux)
+    np.testing.assert_allclose(one.hits.numpy(), other.hits.numpy(), rtol=1e-9, atol=1e-9)
+    return one.hits.numpy(), one.landed.numpy()
+
+
+@each_receiver
+def test_a_ray_towards_a_place_lands_there(receiver: PosedReceiver) -> None:
+    chance = np.random.default_rng(0)
+    places = chance.uniform(-0.5, 0.5, (200, 2)) * receiver.grid.size
+    ends = np.array([by_hand(receiver, *place) for place in places])
+    centre = np.zeros(3) if receiver.kind == "far_field" else np.array(CENTRE)
+    starts = (
+        centre
+        + chance.uniform(-3.0, 3.0, (200, 3))
+        - (20.0 * receiver.pose.axes[2] if receiver.kind == "plane" else 0.0)
+    )
+    ways = ends if receiver.kind == "far_field" else ends - starts
+    hits, landed = both_landings(receiver, starts, ways / np.linalg.norm(ways, axis=1, keepdims=True))
+    assert landed.all()
+    np.testing.assert_allclose(hits, places, rtol=1e-9, atol=1e-9)
+
+
+def unit(x: float, y: float, z: float) -> np.ndarray:
+    return np.array([x, y, z]) / math.sqrt(x * x + y * y + z * z)
+
+
+def test_a_plane_is_reached_by_rays_that_rise_towards_it() -> None:
+    plane = Plane(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 5.0)), GRID)
+    rise = np.array([2.0 * LEAST_RISE, LEAST_RISE, 0.5 * LEAST_RISE, 0.0, -0.1, 1.0])
+    directions = np.column_stack([np.sqrt(1.0 - rise**2), 0.0 * rise, rise])
+    _, landed = both_landings(plane, np.zeros((6, 3)), directions)
+    assert landed.tolist() == [True, False, False, False, False, True]
+
+
+def test_a_far_field_is_reached_in_every_direction_but_straight_back() -> None:
+    down = np.array([-1.0, -1.0 + 0.5 * POLE, -1.0 + 2.0 * POLE, -0.9, 0.0, 1.0])
+    directions = np.column_stack([np.sqrt(np.maximum(1.0 - down**2, 0.0)), 0.0 * down, down])
+    hits, landed = both_landings(FarField(UPRIGHT, GRID), np.zeros((6, 3)), directions)
+    assert landed.tolist() == [False, False, True, True, True, True]
+    assert hits[3:, 0] == pytest.approx([2.0 * math.sin(0.5 * math.acos(each)) for each in down[3:]])
+
+
+def test_a_sphere_is_reached_from_inside_and_from_outside_ahead_but_not_at_its_pole() -> None:
+    dome = Dome(UPRIGHT, GRID, radius_mm=10.0)
+    points = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 30.0], [0.0, 0.0, -30.0], [2.0, 0.0, 9.0], [0.0, 3.0, 0.0]]
+    ways = [unit(0.0, 0.0, -1.0), unit(0.0, 1e-3, -1.0), unit(0.0, 0.0, 1.0), unit(0.0, 0.0, 1.0), unit(-1.0, 0.0, 0.0),
+            unit(0.0, 0.0, 1.0)]  # fmt: skip
+    hits, landed = both_landings(dome, np.array(points), np.array(ways))
+    assert landed.tolist() == [False, True, False, True, True, True]
+    z = math.sqrt(10.0**2 - 3.0**2)
+    assert hits[5] == pytest.approx([0.0, 2.0 * 10.0 * math.sin(0.5 * math.acos(z / 10.0))])
+    assert hits[4] == pytest.approx([-2.0 * 10.0 * math.sin(0.5 * math.acos(0.9)), 0.0])
+
+
+def test_a_cylinder_is_reached_across_its_axis_and_not_along_it() -> None:
+    screen = Cylinder(UPRIGHT, GRID, radius_mm=10.0)
+    points = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 2.0, 30.0], [3.0, 1.0, 0.0], [0.0, 0.0, 0.0]])
+    ways = np.array([unit(0.0, 1.0, 0.0), unit(0.0, 1.0, 0.5 * LEAST_RISE), unit(0.0, 0.0, 1.0), unit(0.0, 1.0, 1.0),
+                     unit(0.0, 1.0, 1e-6)])  # fmt: skip
+    hits, landed = both_landings(screen, points, ways)
+    assert landed.tolist() == [False, False, False, True, True]
+    z = math.sqrt(10.0**2 - 3.0**2)
+    assert hits[3] == pytest.approx([10.0 * math.atan2(3.0, z), 1.0 + z])
+    assert hits[4] == pytest.approx([0.0, 1e7])
+
+
+def test_the_equal_area_chart_and_back() -> None:
+    x, y = np.random.default_rng(1).uniform(-1.4, 1.4, (2, 100))
+    units = from_equal_area(x, y)
+    np.testing.assert_allclose(np.linalg.norm(units, axis=1), 1.0, rtol=1e-12)
+    np.testing.assert_allclose(equal_area(torch.from_numpy(units)).numpy(), np.column_stack([x, y]), rtol=1e-9)
+    np.testing.assert_allclose(from_equal_area(np.array([2.0, 1.9, 9.0]), np.array([0.0, 1.9, 0.0])),
+                               np.tile([0.0, 0.0, -1.0], (3, 1)), atol=1e-15)  # fmt: skip
+
+
+def test_angles_of_the_far_field_are_those_of_its_chart_and_back() -> None:
+    far = EVERY["far field"]
+    angles = np.array([[0.0, 0.0], [0.5, 0.0], [0.0, -30.0], [20.0, 40.0], [-120.0, 60.0], [180.0, 0.0]])
+    x, y = far.chart_coordinates(*angles.T)
+    for (one, other), a, b in zip(angles, x, y, strict=True):
+        gamma = math.hypot(one, other)
+        assert math.hypot(a, b) == pytest.approx(2.0 * math.sin(math.radians(0.5 * gamma)), abs=1e-15)
+        assert a * other == pytest.approx(b * one) and a * one >= 0.0 and b * other >= 0.0
+        assert math.hypot(a, b) == pytest.approx(chart_radius(gamma), abs=1e-15)
+    np.testing.assert_allclose(np.column_stack(far.target_coordinates(x, y)), angles, atol=1e-6)
+    assert far.target_coordinates(np.array([5.0]), np.zeros(1))[0] == pytest.approx(180.0), "the rim, and beyond it"
+    for receiver in (EVERY["plane"], EVERY["cylinder"], EVERY["sphere"]):
+        np.testing.assert_array_equal(receiver.chart_coordinates(x, y), [x, y])
+        np.testing.assert_array_equal(receiver.target_coordinates(x, y), [x, y])
+
+
+def test_a_window_holds_its_own_edge() -> None:
+    hits = np.array([[30.0, 40.0], [30.1, 40.0], [3.0, 20.0], [3.0, -20.1], [-15.0, 0.0], [15.1, 0.0]])
+    assert Window(radius=50.0).contains(hits[:2]).tolist() == [True, False]
+    assert Window(30.0, 40.0).contains(hits[2:]).tolist() == [True, False, True, False]
+    assert Window(30.0, 40.0, 5.0).packed() == (15.0, 20.0, 25.0)
+
+
+@pytest.mark.parametrize("variance", [0.3, 1.0, 2.5])
+def test_pictures_are_filtered_one_by_one_with_their_edges_repeated(variance: float) -> None:
+    images = np.random.default_rng(2).random((2, 3, 4))
+    found = gaussian3(images, variance)
+    for image, smooth in zip(images, found, strict=True):
+        padded = np.pad(image, 1, mode="edge")
+        for row, column in np.ndindex(3, 4):
+            weights = np.exp(-np.add.outer(np.arange(-1, 2) ** 2, np.arange(-1, 2) ** 2) / (2.0 * variance))
+            wanted = np.sum(weights * padded[row : row + 3, column : column + 3]) / weights.sum()
+            assert smooth[row, column] == pytest.approx(wanted, rel=1e-12)
+
+
+def test_pixels_of_a_narrow_receiver_are_one_at_least_and_lie_about_its_middle() -> None:
+    grid = PixelGrid.of(100.0, 0.1, 40)
+    assert grid.shape == (1, 40) and grid.x()[0] == pytest.approx(-48.75) and grid.y() == pytest.approx([0.0])
+    assert PixelGrid.of(10.0, 4.4, 5).shape == (2, 5) and PixelGrid.of(4.6, 10.0, 5).shape == (5, 2)
+    assert GRID.x() == pytest.approx([-37.5, -22.5, -7.5, 7.5, 22.5, 37.5]) and GRID.y() == pytest.approx(
+        [-15, -5, 5, 15]
+    )

@@ -1,0 +1,228 @@
+"""Relative light of targets at single places, by their definitions: on edges, just beyond them, and off the axes."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from lensforge.errors import InputError
+from lensforge.results.files import MIB
+from lensforge.scene import target_pattern
+from lensforge.scene.target_pattern import drawn_text, read_table
+from lensforge.scene.target_region import in_target
+from lensforge.scene.target_shapes import batwing, beam, flat_top, in_picture, in_shape, photometric
+from lensforge.sources.intensity import TabulatedIntensity
+from lensforge.spec.shape_targets import (
+    CrossTarget,
+    DiscTarget,
+    EllipseTarget,
+    FlatTopTarget,
+    PolygonTarget,
+    RectangleTarget,
+    RingTarget,
+    SpotsTarget,
+)
+from lensforge.spec.target_sections import BatwingTarget, BeamTarget
+
+NEAR = 1e-9
+
+
+def at(*places: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    x, y = np.array(places, dtype=float).T
+    return x, y
+
+
+ANGLES = at((0.0, 0.0), (0.4, 0.3), (30.0, 0.0), (0.0, 12.5), (-20.0, 7.0), (3.0, -40.0), (60.0, 60.0))
+
+
+def test_a_gaussian_beam_halves_at_its_ellipse() -> None:
+    found = beam(BeamTarget(fwhm_deg=(60.0, 25.0)), *ANGLES)
+    by_hand = [
+        math.exp(-4.0 * math.log(2.0) * ((x / 60.0) ** 2 + (y / 25.0) ** 2)) for x, y in zip(*ANGLES, strict=True)
+    ]
+    np.testing.assert_allclose(found, by_hand, rtol=1e-12)
+    assert found[2] == found[3] == pytest.approx(0.5)
+
+
+def test_a_flat_beam_ends_on_its_ellipse() -> None:
+    edge = at((30.0, 0.0), (30.0 + NEAR, 0.0), (0.0, -12.5), (0.0, -12.5 - NEAR), (24.0, 7.4), (24.0, 7.6))
+    found = beam(BeamTarget(fwhm_deg=(60.0, 25.0), profile="flat"), *edge)
+    assert found.tolist() == [1.0, 0.0, 1.0, 0.0, 1.0, 0.0]
+
+
+@pytest.mark.parametrize("fwhm", [(60.0, 25.0), (170.0, 100.0)])
+def test_a_cosine_beam_is_the_power_of_the_cosine_that_halves_on_the_ellipse_in_each_direction(fwhm) -> None:
+    x, y = at((0.0, 0.0), (0.4, 0.3), (30.0, 0.0), (0.0, 12.5), (-20.0, 7.0), (3.0, -40.0), (0.0, 89.5), (89.5, 0.0))
+    found = beam(BeamTarget(fwhm_deg=fwhm, profile="cosine"), x, y)
+    for light, one, other in zip(found, x, y, strict=True):
+        gamma = math.hypot(one, other)
+        if gamma == 0.0:
+            assert light == 1.0
+            continue
+        reach = 1.0 / math.hypot(2.0 * one / gamma / fwhm[0], 2.0 * other / gamma / fwhm[1])
+        power = math.log(0.5) / math.log(math.cos(math.radians(reach)))
+        assert light == pytest.approx(math.cos(math.radians(gamma)) ** power, rel=1e-9)
+    beyond = at((90.0, 0.0), (0.0, -90.0), (90.5, 0.0), (100.0, 100.0))
+    assert not beam(BeamTarget(fwhm_deg=fwhm, profile="cosine"), *beyond).any()
+
+
+def test_a_batwing_is_even_on_a_plane_up_to_its_edge_and_dark_at_the_horizon() -> None:
+    gammas = np.array([0.0, 0.5, 30.0, 59.9, 60.0, 60.1, 70.0, 88.9, 89.0, 91.0])
+    x, y = -0.6 * gammas, 0.8 * gammas
+    sharp = batwing(BatwingTarget(to_deg=60.0), np.append(x, 60.0), np.append(y, 0.0))
+    soft = batwing(BatwingTarget(to_deg=60.0, edge_deg=8.0), x, y)
+    for gamma, one, other in zip(gammas, sharp, soft, strict=False):
+        even = 0.0 if gamma >= 89.0 else math.cos(math.radians(gamma)) ** -3
+        if gamma != 60.0:  # to the last bit of the place
+            assert one == pytest.approx(even if gamma < 60.0 else 0.0)
+        assert other == pytest.approx(0.5 * math.erfc((gamma - 60.0) / (8.0 * math.sqrt(2.0))) * even, rel=1e-9)
+    assert sharp[-1] == pytest.approx(8.0), "up to its edge, which belongs to it"
+
+
+def by_loops(table: TabulatedIntensity, x: float, y: float) -> float:
+    """Bilinear light of one direction: the sector and the cell in which it lies are looked for."""
+    gamma, azimuth = math.hypot(x, y), math.degrees(math.atan2(y, x)) % 360.0
+    angles, planes = table.gamma_deg, table.c_deg
+    if not angles[0] <= gamma <= angles[-1]:
+        return 0.0
+    row = next(k for k in range(len(angles) - 1) if gamma <= angles[k + 1])
+    up = (gamma - angles[row]) / (angles[row + 1] - angles[row])
+
+    def of(plane: int) -> float:
+        return float((1.0 - up) * table.values[plane, row] + up * table.values[plane, row + 1])
+
+    if len(planes) == 1:
+        return of(0)
+    left = next(k for k in range(len(planes) - 1) if azimuth <= planes[k + 1])
+    part = (azimuth - planes[left]) / (planes[left + 1] - planes[left])
+    return (1.0 - part) * of(left) + part * of(left + 1)
+
+
+@pytest.mark.parametrize("planes", [[0.0], [0.0, 360.0], [0.0, 100.0, 360.0], [0.0, 90.0, 180.0, 270.0, 360.0]])
+@pytest.mark.parametrize("gammas", [[0.0, 40.0], [0.0, 15.0, 40.0, 80.0]])
+def test_a_table_is_read_between_its_planes_and_angles(planes: list[float], gammas: list[float]) -> None:
+    values = np.random.default_rng(0).random((len(planes), len(gammas)))
+    table = TabulatedIntensity(np.array(planes), np.array(gammas), values)
+    azimuth, gamma = (
+        each.ravel() for each in np.meshgrid(np.radians([1.0, 95.0, 181.0, 359.0]), [0.5, 20.0, 39.9, 79.0])
+    )
+    x, y = gamma * np.cos(azimuth), gamma * np.sin(azimuth)
+    by_hand = [by_loops(table, one, other) for one, other in zip(x, y, strict=True)]
+    np.testing.assert_allclose(photometric(table, x, y), by_hand, rtol=1e-9)
+    last = photometric(table, np.array([gammas[-1], 0.0, gammas[-1] + NEAR]), np.zeros(3))
+    np.testing.assert_allclose(last, [values[0, -1], values[0, 0], 0.0])
+
+
+def test_a_flat_top_is_a_super_gaussian_and_dark_far_away() -> None:
+    x, y = at((0.0, 0.0), (3.0, 0.0), (0.0, -2.0), (2.0, 1.5), (-3.5, 2.2), (1e9, 0.0), (0.0, -1e9))
+    found = flat_top(FlatTopTarget(half_width_mm=(3.0, 2.0), exponent=6.0), x, y)
+    by_hand = [math.exp(-((one / 3.0) ** 6) - (other / 2.0) ** 6) for one, other in zip(x[:5], y[:5], strict=True)]
+    np.testing.assert_allclose(found, [*by_hand, 0.0, 0.0], rtol=1e-12)
+    single = flat_top(FlatTopTarget(half_width_mm=3.0, exponent=6.0), *at((0.0, 3.0), (3.0, 0.0)))
+    np.testing.assert_allclose(single, math.exp(-1.0))
+
+
+@pytest.mark.parametrize(
+    ("target", "on_edge", "beyond"),
+    [
+        (RectangleTarget(width_mm=6.0, height_mm=4.0), [(3.0, 2.0), (-3.0, -2.0)],
+         [(3.1, 0.0), (0.0, -2.1), (2.1, 2.1)]),
+        (DiscTarget(diameter_mm=10.0), [(5.0, 0.0), (-3.0, 4.0), (0.0, -5.0)], [(3.6, 3.6), (5.1, 0.0)]),
+        (EllipseTarget(width_mm=8.0, height_mm=4.0), [(4.0, 0.0), (0.0, 2.0)], [(0.0, 2.1), (4.1, 0.0), (3.0, 1.5)]),
+        (RingTarget(outer_diameter_mm=10.0, inner_diameter_mm=4.0), [(5.0, 0.0), (0.0, 2.1)],
+         [(2.0, 0.0), (0.0, -2.0), (5.1, 0.0), (0.0, 0.0)]),
+        (CrossTarget(length_mm=8.0, stroke_mm=2.0), [(4.0, 1.0), (-1.0, 4.0)], [(1.1, 1.1), (4.1, 0.0), (0.0, 4.1)]),
+        (SpotsTarget(columns=4, rows=3, diameter_mm=2.0, pitch_mm=3.0),
+         [(-4.5, 3.0), (4.5, -3.0), (1.5, 0.0), (5.5, 0.0), (-1.5, 1.0)],
+         [(0.0, 0.0), (7.5, 0.0), (-7.5, 0.0), (1.5, 6.0), (1.5, -6.0), (5.6, 0.0), (3.0, 1.5)]),
+        (SpotsTarget(columns=1, diameter_mm=2.0, pitch_mm=3.0), [(0.0, 1.0), (1.0, 0.0)], [(3.0, 0.0), (0.0, 3.0)]),
+    ],
+)  # fmt: skip
+def test_a_shape_holds_its_edge_and_nothing_beyond(target, on_edge, beyond) -> None:
+    assert in_shape(target, *at(*on_edge)).all() and not in_shape(target, *at(*beyond)).any()
+    assert in_shape(target, np.zeros((1, 3)), np.zeros((2, 1))).shape == (2, 3), "columns and rows of places"
+
+
+def test_a_polygon_holds_what_an_odd_number_of_its_edges_lies_beside() -> None:
+    """A star that crosses itself, against angles: the winding number of the outline is odd inside."""
+    corners = tuple(
+        (5.0 * math.sin(4.0 * math.pi * k / 5.0), 5.0 * math.cos(4.0 * math.pi * k / 5.0)) for k in range(5)
+    )
+    x, y = np.random.default_rng(0).uniform(-5.0, 5.0, (2, 400))
+    found = in_shape(PolygonTarget(corners_mm=corners), x, y)
+    for one, other, inside in zip(x, y, found, strict=True):
+        turns = [math.atan2(b - other, a - one) for a, b in (*corners, corners[0])]
+        whole = sum((b - a + math.pi) % (2.0 * math.pi) - math.pi for a, b in pairwise(turns))
+        assert inside == (round(whole / (2.0 * math.pi)) % 2 == 1)
+    assert 0 < found.sum() < 200
+    square = PolygonTarget(corners_mm=((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)))
+    edges = at((0.0, 1.0), (2.0, 1.0), (1.0, 0.0), (1.0, 2.0), (-1.0, 0.0), (-1.0, 2.0))
+    assert in_shape(square, *edges).tolist() == [True, False, True, False, False, False], (
+        "each edge belongs to one side"
+    )
+
+
+def test_a_picture_has_its_pixels_where_they_lie_and_is_dark_around() -> None:
+    picture = np.arange(1.0, 7.0).reshape(2, 3)  # 6 mm wide, 8 mm high: pixels of 2 x 4 mm
+    x, y = at((-2.9, 3.9), (0.0, 3.9), (2.9, 0.1), (-2.9, -0.1), (0.9, -3.9), (1.1, -3.9))
+    np.testing.assert_array_equal(in_picture(picture, (6.0, 8.0), x, y), [1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
+    outside = at(
+        (-3.1, 0.0), (3.1, 0.0), (0.0, 4.1), (0.0, -4.1), (-8.0, 0.0), (9.0, 0.0), (0.0, 99.0), (1e300, -1e300)
+    )
+    assert not in_picture(picture, (6.0, 8.0), *outside).any()
+    rows = in_picture(picture, (6.0, 8.0), np.array([[-2.0, 0.0, 2.0, 4.0]]), np.array([[2.0], [-2.0]]))
+    np.testing.assert_array_equal(rows, [[1.0, 2.0, 3.0, 0.0], [4.0, 5.0, 6.0, 0.0]])
+
+
+def test_light_counts_as_in_the_target_above_a_tenth_of_its_maximum() -> None:
+    light = np.array([[10.0, 1.0, 1.0 + NEAR, 0.9]]) / 50.0
+    assert in_target(light).tolist() == [[True, False, True, False]]
+
+
+@pytest.mark.parametrize("text", ["L", "Wj,.", "' '", "É"])
+def test_text_is_all_of_its_ink_at_1024_pixels_of_size(text: str) -> None:
+    from matplotlib import get_data_path
+    from PIL import Image, ImageDraw, ImageFont
+
+    font = ImageFont.truetype(f"{get_data_path()}/fonts/ttf/DejaVuSans.ttf", 1024)
+    canvas = Image.new("L", (4096, 2048))
+    ImageDraw.Draw(canvas).text((100, 100), text, fill=255, font=font)
+    wanted = np.asarray(canvas, dtype=float) / 255.0
+    rows, columns = np.flatnonzero(wanted.any(axis=1)), np.flatnonzero(wanted.any(axis=0))
+    found = drawn_text(text)
+    np.testing.assert_array_equal(found, wanted[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1])
+    assert found.max() == 1.0
+
+
+@pytest.mark.parametrize(("text", "shape"), [("0.25", (1, 1)), ("0,0.5,0.25", (1, 3)), ("0\n0.5", (2, 1))])
+def test_a_table_may_be_a_row_a_column_or_one_number(tmp_path, text, shape) -> None:
+    (tmp_path / "light.csv").write_text(text)
+    found = read_table(tmp_path / "light.csv")
+    assert found.shape == shape and 0.2 < found.max() < 0.6
+
+
+@pytest.mark.parametrize("values", [np.ones(3), np.ones((1, 2, 3)), np.zeros((0, 3))])
+def test_arrays_of_other_dimensions_and_none_are_refused(tmp_path, values) -> None:
+    np.savez(tmp_path / "light.npz", values)
+    with pytest.raises(InputError, match="must be a table of rows and columns"):
+        read_table(tmp_path / "light.npz")
+
+
+def test_what_is_no_table_is_refused_with_its_place_and_not_its_words(tmp_path) -> None:
+    (tmp_path / "light.csv").write_text("1," + 1000 * "x")
+    with pytest.raises(InputError, match=r"no table of numbers \(no number at row 0, column 2\.\);") as refusal:
+        read_table(tmp_path / "light.csv")
+    assert "xx" not in str(refusal.value)
+
+
+def test_tables_of_64_mib_are_read_and_archives_of_four_times_that(monkeypatch, tmp_path) -> None:
+    asked = []
+    monkeypatch.setattr(
+        target_pattern, "read_file", lambda path, missing, most_bytes: asked.append(most_bytes) or b"PK\x03\x04"
+    )
+    monkeypatch.setattr(
+        target_pattern, "arrays_in", lambda content, names, most: asked.append(most) or {"a": np.ones((2, 2))}
+    )
+    assert (read_table(tmp_path / "light.npz") == 1.0).all()
+    assert asked == [64 * MIB, 256 * MIB]

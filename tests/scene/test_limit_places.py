@@ -1,0 +1,179 @@
+"""Places at which limits read the light, and their weights: by loops on oblong pixels, at edges, and along cuts."""
+
+import numpy as np
+import pytest
+from scenes import small_spec
+
+from lensforge.errors import InputError
+from lensforge.scene.limit_readings import LightLimit, _bilinear, _cut, light_limits
+from lensforge.scene.pixel_grid import PixelGrid
+from lensforge.scene.receiver import PosedReceiver, ReceiverPose
+from lensforge.scene.receiver_shapes import Plane, receivers_of
+
+AXIAL = ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 100.0))
+WALL = {"kind": "plane", "centre_mm": [0.0, 0.0, 100.0], "width_mm": 120.0, "height_mm": 80.0,
+        "targets": [{"kind": "disc", "diameter_mm": 20.0}]}  # fmt: skip
+FAR = {"kind": "far_field", "name": "sky", "half_angle_deg": 50.0, "targets": [{"kind": "beam", "fwhm_deg": 30.0}]}
+
+
+def found(
+    *limits: dict, receivers: tuple = (WALL,), pixels: int = 12
+) -> tuple[tuple[LightLimit, ...], list[PosedReceiver]]:
+    spec = small_spec(target=None, receivers=list(receivers)).replace(limits=limits)
+    built = receivers_of(spec, pixels)
+    return light_limits(spec, built, 250.0, 2.0), list(built)
+
+
+def reading(image: np.ndarray, x: float, y: float, size: tuple[float, float]) -> float:
+    """Light at a place, linear between the centres of four pixels, and as in the last one beyond it."""
+    rows, columns = image.shape
+    place = [min(max((value / length + 0.5) * count - 0.5, 0.0), count - 1.0)
+             for value, length, count in ((x, size[0], columns), (y, size[1], rows))]  # fmt: skip
+    total = 0.0
+    for row in range(rows):
+        for column in range(columns):
+            share = max(0.0, 1.0 - abs(place[0] - column)) * max(0.0, 1.0 - abs(place[1] - row))
+            total += share * image[row, column]
+    return total
+
+
+@pytest.mark.parametrize(("columns", "rows"), [(6, 4), (1, 5), (5, 1), (2, 2), (1, 1)])
+def test_light_between_pixels_is_bilinear_and_beyond_the_last_that_of_the_last(columns: int, rows: int) -> None:
+    receiver = Plane(AXIAL, PixelGrid(120.0, 80.0, columns, rows))
+    image = np.random.default_rng(0).random((rows, columns))
+    x, y = (
+        each.ravel()
+        for each in np.meshgrid([-70.0, -60.0, -49.0, 3.0, 50.0, 60.0, 61.0], [-41.0, -33.0, 1.0, 30.0, 40.0])
+    )
+    read = _bilinear(receiver, x, y) @ image.ravel()
+    by_hand = [reading(image, one, other, (120.0, 80.0)) for one, other in zip(x, y, strict=True)]
+    np.testing.assert_allclose(read, by_hand, atol=1e-12)
+
+
+def test_a_line_is_read_twice_per_pixel_of_either_direction_and_at_both_ends() -> None:
+    """Pixels of 10 mm: 3 of them along x and 4 along y are 5 along the line; a point has two places."""
+    wall = {**WALL, "height_mm": 160.0}
+    for start, end, places in (
+        ((-5.0, 2.0), (25.0, 42.0), 11),
+        ((3.0, 3.0), (3.0, 3.0), 2),
+        ((3.0, 3.0), (3.1, 3.0), 2),
+    ):
+        line = {"kind": "line", "from_mm": start, "to_mm": end, "at_least_w_per_m2": 1.0}
+        (limit,), (receiver,) = found(line, receivers=(wall,), pixels=16)
+        assert receiver.grid.pixel == (10.0, 10.0)
+        x, y = np.meshgrid(receiver.grid.x(), receiver.grid.y())
+        light = 7.0 + 0.02 * x - 0.03 * y
+        read = limit.of((light * receiver.pixel_measure)[None])[0]
+        assert len(read) == places
+        xs, ys = (np.linspace(a, b, places) for a, b in zip(start, end, strict=True))
+        np.testing.assert_allclose(read, 7.0 + 0.02 * xs - 0.03 * ys, rtol=1e-9)
+
+
+def test_a_line_over_oblong_pixels_counts_those_of_each_direction() -> None:
+    """Pixels of 5 x 10 mm: 40 mm along x are 8, 30 mm along y are 3."""
+    wall = {**WALL, "pixel_aspect": 0.5}
+    line = {"kind": "line", "from_mm": [-20.0, -15.0], "to_mm": [20.0, 15.0], "at_least_w_per_m2": 1.0}
+    (limit,), (receiver,) = found(line, receivers=(wall,), pixels=24)
+    assert receiver.grid.pixel == (5.0, 10.0)
+    assert limit.readings.shape[0] == np.ceil(2.0 * np.hypot(8.0, 3.0)) + 1
+
+
+def test_a_cut_goes_from_rim_to_rim_in_half_pixels() -> None:
+    limit = {"kind": "beam_angle", "azimuth_deg": 30.0, "level": 0.25, "at_least_deg": 10.0, "at_most_deg": 90.0}
+    (least, most), (receiver,) = found(limit, receivers=(FAR,), pixels=40)
+    np.testing.assert_allclose(_cut(receiver), np.linspace(-50.0, 50.0, 81), atol=1e-9)
+    assert (least.sense, least.bound, most.sense, most.bound) == (">=", 10.0, "<=", 90.0)
+    for each in (least, most):
+        assert (each.quantity, each.unit, each.level) == ("beam_angle", "°", 0.25)
+        np.testing.assert_allclose(each.angles_deg, np.linspace(-50.0, 50.0, 81), atol=1e-9)
+    x, y = receiver.target_coordinates(*np.meshgrid(receiver.grid.x(), receiver.grid.y()))
+    light = 90.0 + x + 0.5 * y
+    read = least.of((light * receiver.pixel_measure)[None])[0]
+    turn = np.radians(30.0)
+    expected = 90.0 + least.angles_deg * (np.cos(turn) + 0.5 * np.sin(turn))
+    np.testing.assert_allclose(read[8:-8], expected[8:-8], rtol=3e-3)
+
+
+def test_zones_and_glare_are_the_pixels_whose_centres_lie_in_them() -> None:
+    disc = {"kind": "rectangle", "width_mm": 60.0, "height_mm": 20.0, "centre_mm": [10.0, 0.0]}
+    (light, share), (receiver,) = found({"kind": "zone", "zone": disc, "at_most_lx": 5.0, "at_most_share": 0.5})
+    x, y = np.meshgrid(receiver.grid.x(), receiver.grid.y())
+    inside = (np.abs(x - 10.0) <= 30.0) & (np.abs(y) <= 10.0)
+    pixels = np.flatnonzero(inside)
+    np.testing.assert_allclose(light.readings.toarray(), 250.0 / 1e-4 * np.eye(96)[pixels])
+    np.testing.assert_allclose(share.readings.toarray(), inside.ravel()[None] / 2.0)
+    assert light.light_per_flux == pytest.approx(250.0 / 1e-4)
+    assert (light.unit, light.quantity, share.unit, share.quantity) == ("lx", "light", "", "share")
+    assert (light.name, light.receiver, light.angles_deg, light.level) == ("limits.0", 0, None, 1.0)
+    glare = {"kind": "glare", "name": "dazzle", "from_deg": 30.0, "receiver": "sky", "at_most_cd": 4.0}
+    (dazzle,), both = found(glare, receivers=(WALL, FAR))
+    gx, gy = both[1].target_coordinates(*np.meshgrid(both[1].grid.x(), both[1].grid.y()))
+    gamma = np.hypot(gx, gy)
+    pixels = np.flatnonzero((gamma >= 30.0) & (gamma <= 50.0))
+    np.testing.assert_allclose(dazzle.readings.toarray(), 250.0 / both[1].pixel_measure * np.eye(144)[pixels])
+    assert (dazzle.name, dazzle.receiver) == ("dazzle", 1)
+
+
+@pytest.mark.parametrize(
+    ("quantity", "unit", "kind", "scale"),
+    [
+        ("w_per_m2", "W/m²", "light", 1.0),
+        ("lx", "lx", "light", 250.0),
+        ("relative", "", "relative", 1.0),
+        ("min_over_mean", "", "min_over_mean", 1.0),
+        ("min_over_max", "", "min_over_max", 1.0),
+    ],
+)
+def test_each_quantity_has_its_unit_and_only_photometric_ones_the_lumens(quantity, unit, kind, scale) -> None:
+    (limit,), _ = found({"kind": "zone", f"at_least_{quantity}": 0.5})
+    assert (limit.unit, limit.quantity, limit.sense, limit.bound) == (unit, kind, ">=", 0.5)
+    assert limit.light_per_flux == pytest.approx(scale / 1e-4)
+    if kind in ("light", "relative"):
+        (between,), _ = found({"kind": "points", "at_mm": [[1.0, 2.0], [7.0, 3.0]], f"at_least_{quantity}": 0.5})
+        assert between.light_per_flux == pytest.approx(scale / 1e-4), "bilinear weights add up to 1"
+
+
+def points(
+    least: list[list[float]], most: list[list[float]], bounds: tuple[float, float], unit: str = "lx"
+) -> list[dict]:
+    return [
+        {"kind": "points", "at_mm": least, f"at_least_{unit}": bounds[0]},
+        {"kind": "points", "at_mm": most, f"at_most_{unit}": bounds[1]},
+    ]
+
+
+@pytest.mark.parametrize(
+    ("limits", "contradict"),
+    [
+        (points([[3.0, 4.0]], [[3.0, 4.0]], (5.0, 4.0)), True),
+        (points([[3.0, 4.0]], [[3.0, 4.0]], (5.0, 5.0)), False),
+        (points([[3.0, 4.0]], [[3.0 + 1e-9, 4.0]], (5.0, 4.0)), True),
+        (points([[3.0, 4.0]], [[3.1, 4.0]], (5.0, 4.0)), False),
+        (points([[3.0, 4.0], [30.0, 4.0]], [[-20.0, 9.0], [30.0, 4.0]], (5.0, 4.0)), True),
+        (points([[3.0, 4.0]], [[3.0, 4.0]], (0.5, 0.4), "relative"), True),
+        ([points([[3.0, 4.0]], [], (5.0, 0.0))[0], {"kind": "zone", "at_most_w_per_m2": 0.1}], False),
+        ([points([[3.0, 4.0]], [], (5.0, 0.0))[0], {"kind": "zone", "at_most_lx": 0.1}], True),
+        # between four pixels of which the zone has two
+        ([points([[10.0, 10.0]], [], (5.0, 0.0))[0],
+          {"kind": "zone", "zone": {"kind": "rectangle", "width_mm": 10.0, "height_mm": 40.0, "centre_mm": [5.0, 0.0]},
+           "at_most_lx": 0.1}], False),
+        # on the centre of one that the zone has
+        ([points([[5.0, 15.0]], [], (5.0, 0.0))[0],
+          {"kind": "zone", "zone": {"kind": "rectangle", "width_mm": 10.0, "height_mm": 40.0, "centre_mm": [5.0, 0.0]},
+           "at_most_lx": 0.1}], True),
+        ([{"kind": "zone", "at_least_min_over_mean": 0.9}, {"kind": "zone", "at_most_share": 0.1}], False),
+    ],
+)  # fmt: skip
+def test_limits_contradict_each_other_where_they_share_a_place(limits: list[dict], contradict: bool) -> None:
+    if contradict:
+        with pytest.raises(InputError, match="no light is both; change one"):
+            found(*limits)
+    else:
+        assert len(found(*limits)[0]) == 2
+
+
+def test_limits_of_two_receivers_do_not_contradict_each_other() -> None:
+    other = {**WALL, "name": "other"}
+    limits = points([[3.0, 4.0]], [[3.0, 4.0]], (5.0, 4.0))
+    limits[1]["receiver"] = "other"
+    assert [limit.receiver for limit in found(*limits, receivers=(WALL, other))[0]] == [0, 1]

@@ -1,0 +1,143 @@
+"""Irradiance of targets from pictures, text and arrays, against the numbers that were put into them."""
+
+import os
+import unicodedata
+
+import numpy as np
+import pytest
+from handmade_pictures import png, tiff
+from scipy.ndimage import gaussian_filter
+
+from lensforge.errors import InputError
+from lensforge.scene import target_pattern
+from lensforge.scene.pixel_grid import PixelGrid
+from lensforge.scene.receiver import ReceiverPose
+from lensforge.scene.receiver_shapes import Plane
+from lensforge.scene.target_pattern import drawn_text, target_light
+from lensforge.spec import ArrayTarget, ImageTarget, TextTarget
+
+PLANE = Plane(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 100.0)), PixelGrid.square(300.0, 32))
+PLACE = {"distance_mm": 100.0, "receiver_mm": 300.0}
+RNG = np.random.default_rng(2)
+GREY16 = RNG.integers(0, 2**16, (32, 32), dtype=np.uint16)  # a pixel of the picture for each of the receiver's
+
+
+def irradiance(folder, content, **options):
+    (folder / "picture").write_bytes(content)
+    return target_light((ImageTarget(file=folder / "picture", width_mm=300.0, **PLACE, **options),), PLANE)
+
+
+def expected(light):
+    return light[::-1] / light.sum()
+
+
+@pytest.mark.parametrize(
+    ("content", "light"),
+    [
+        (png(GREY16, "grey", 16), GREY16 / 65535),  # was clipped to white above 255
+        (tiff(GREY16), GREY16 / 65535),
+        (tiff(GREY16, ">", deflated=True), GREY16 / 65535),
+        (tiff((GREY16 / 65535).astype(np.float32)), (GREY16 / 65535).astype(np.float32).astype(float)),  # was black
+        (png(np.dstack([GREY16] * 3), "rgb", 16), GREY16 / 65535),
+        (png(np.dstack([np.full_like(GREY16, 65535), GREY16]), "grey_alpha", 16), GREY16 / 65535),  # was a full square
+    ],
+    ids=["png16", "tiff16", "tiff16 deflated", "float", "rgb16", "white on transparent"],
+)
+def test_every_bit_of_a_picture_is_irradiance(tmp_path, content, light):
+    np.testing.assert_allclose(irradiance(tmp_path, content), expected(light), rtol=1e-12)
+
+
+def test_luminance_of_colours_as_stored_and_as_a_screen_shows_them(tmp_path):
+    colours = RNG.integers(0, 256, (32, 32, 3))
+    v = colours / 255
+    linear = np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
+    stored = irradiance(tmp_path, png(colours, "rgb"))
+    np.testing.assert_allclose(stored, expected(v @ [0.299, 0.587, 0.114]), rtol=1e-4)
+    shown = irradiance(tmp_path, png(colours, "rgb"), luminance="srgb")
+    np.testing.assert_allclose(shown, expected(linear @ [0.2126, 0.7152, 0.0722]), rtol=1e-12)
+    with pytest.raises(InputError, match=r"luminance = 'linear': .*'as_stored' or 'srgb'"):
+        irradiance(tmp_path, png(colours, "rgb"), luminance="linear")
+
+
+def test_another_picture_of_the_same_name_is_another_target(tmp_path):
+    one, other = (irradiance(tmp_path, png(grey, "grey", 16)) for grey in (GREY16, GREY16[::-1]))
+    np.testing.assert_array_equal(one, other[::-1])
+
+
+def test_a_pattern_that_is_kept_cannot_be_changed(tmp_path):
+    first = irradiance(tmp_path, png(GREY16, "grey", 16))
+    first[:] = 0.0
+    assert irradiance(tmp_path, png(GREY16, "grey", 16)).sum() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("size", "k", "edge"), [(512, 8, 3.3), (512, 8, 300.0), (96, 1, 5.0), (64, 64, 9.0)])
+def test_many_pixels_are_softened_as_few(monkeypatch, size, k, edge):
+    image = RNG.random((size, size))
+    image[: size // 5], image[:, -size // 3 :] = 0.0, 0.0  # dark around the pattern
+    means = gaussian_filter(image, edge, mode="constant").reshape(size // k, k, size // k, k).mean(axis=(1, 3))
+    np.testing.assert_array_equal(target_pattern._softened(image, (edge, edge), k)[0], means)
+    monkeypatch.setattr(target_pattern, "_MOST_FILTERED", 0)
+    np.testing.assert_allclose(target_pattern._softened(image, (edge, edge), k)[0], means, rtol=1e-13, atol=1e-15)
+
+
+@pytest.mark.parametrize("scale", [1e30, 1e-25])
+def test_large_and_small_numbers_of_an_array_are_the_same_pattern(scale):
+    values = RNG.random((32, 32)) + 0.1
+    one, other = (
+        target_light((ArrayTarget(v, width_mm=300.0, edge_mm=20.0, **PLACE),), PLANE)
+        for v in (values, values * scale * 0.5)
+    )
+    np.testing.assert_allclose(other, one, rtol=1e-12)
+
+
+@pytest.mark.parametrize("value", [1e308, np.inf, np.nan, -1.0])
+def test_numbers_of_no_light_are_refused(value):
+    with pytest.raises(InputError, match="values"):
+        ArrayTarget([[1.0, value]], width_mm=300.0, **PLACE)
+
+
+def test_arrays_that_differ_in_a_number_are_different_targets():
+    one = ArrayTarget(GREY16, width_mm=300.0, **PLACE)
+    same, other = (ArrayTarget(values, width_mm=300.0, **PLACE) for values in (GREY16, GREY16.T))
+    assert one == same and hash(one) == hash(same) and one != other
+
+
+@pytest.mark.parametrize("text", ["a\nb", "a\rb", "a\tb", "\0", "a\u2028b", "a\u202eb", "a\u200bb"])
+def test_text_of_one_line_of_visible_characters(text):
+    with pytest.raises(InputError, match="must be one line of visible characters") as caught:
+        TextTarget(text=text, width_mm=80.0, **PLACE)
+    assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize("text", ["漢", "A🙂", "가"])
+def test_characters_that_the_font_lacks_are_refused(text):
+    with pytest.raises(InputError, match=r"DejaVu Sans, has no .* \(U\+"):
+        target_light((TextTarget(text=text, width_mm=80.0, **PLACE),), PLANE)
+
+
+def test_letters_with_marks_and_from_right_to_left(monkeypatch):
+    from PIL import features
+
+    if features.check("raqm"):
+        # e and an accent are the letter é, one mark at the same place, and Hebrew's first letter is its rightmost
+        assert unicodedata.normalize("NFC", "e\u0301") == "é"
+        np.testing.assert_allclose(drawn_text("e\u0301").mean(), drawn_text("é").mean(), rtol=0.01)
+        first, both = drawn_text("ש"), drawn_text("שו")
+        np.testing.assert_array_equal(both[-first.shape[0] :, -first.shape[1] :], first)
+    plain = drawn_text("LF")
+    monkeypatch.setattr(features, "check", lambda name: False)
+    np.testing.assert_array_equal(drawn_text("LF"), plain)
+    for text in ("e\u0301", "שלום", "سلام"):
+        with pytest.raises(InputError, match="needs the FriBiDi library"):
+            drawn_text(text)
+
+
+def test_special_files_are_refused(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    for path, message in (
+        (tmp_path / "pipe", "a pipe"),
+        (tmp_path, "a folder"),
+        ("/dev/zero", "a device"),
+    ):
+        with pytest.raises(InputError, match=f"{message}.*; correct target.file"):
+            target_light((ImageTarget(file=path, width_mm=80.0, **PLACE),), PLANE)

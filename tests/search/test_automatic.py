@@ -1,0 +1,258 @@
+"""A search that chooses its levels: what follows from the judgement of held rays, by hand and for any judgement."""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from judgements import judged
+
+from lensforge.search.automatic_schedule import AutomaticSchedule, AutomaticStages, UsefulLevels
+from lensforge.search.schedule import SLICES, Judgement, Outcome, Stage, stages_of
+from lensforge.spec.accuracy import SearchEffort
+
+EFFORT = SearchEffort(289, (6, 20), (256, 1024), 4096, 0.1, 0.2)
+LEVELS = UsefulLevels((9, 25, 81), "three levels are enough")
+MOST_STAGES = 1000
+
+
+def schedule(**changes: object) -> AutomaticSchedule:
+    own = {"levels": LEVELS, "effort": EFFORT, "learning_rate": 0.004, "images": 1, "start_level": 0}
+    given = own | changes
+    stages = AutomaticStages(**{name: given.pop(name) for name in own})  # type: ignore[arg-type]
+    return AutomaticSchedule(stages, **({"uniform": False} | given))  # type: ignore[arg-type]
+
+
+class Followed:
+    """A whole search, where ``merit`` says what becomes of a lens of some merit in a stage; 256 rays take a second.
+
+    The merit with the uniformity first is ``even`` times that of the light.
+    """
+
+    def __init__(
+        self, plan: AutomaticSchedule, merit: Callable[[Stage, float], float], even: float = 2.0, noise: float = 0.0
+    ) -> None:
+        self.stages: list[Stage] = []
+        self.outcomes: list[Outcome] = []
+        kept, turn, seconds = dict.fromkeys(("current", "best", "accepted"), (1.0, (9,))), plan.turn([]), 0.0
+        while turn.stage is not None and len(self.stages) < MOST_STAGES:
+            stage = turn.stage
+            self.stages.append(stage)
+            seconds += stage.steps * stage.rays / 256
+            before, _ = kept["current"]
+            value = merit(stage, before) if stage.steps else before
+            kept["current"] = value, stage.levels
+            uniform = judged(even * value) if plan.uniform else None
+            light = judged(value, noise, len(self.outcomes))
+            self.outcomes.append(Outcome(steps=stage.steps, seconds=seconds, light=light, even=uniform))
+            assert plan.accepts(self.outcomes[-1])
+            turn = plan.turn(self.outcomes)
+            kept["best"] = kept["current"] if turn.improved else kept["best"]
+            kept["accepted"] = kept["best"] if turn.accepted else kept["accepted"]
+            kept["current"] = kept[turn.begin]
+            if turn.begin != "current":
+                kept["best"] = kept["current"]
+        self.why, (self.merit, self.levels) = turn.why, kept["current"]
+
+    @property
+    def long(self) -> list[Stage]:
+        return [stage for stage in self.stages if stage.steps == EFFORT.steps[1]]
+
+
+def towards(limits: dict[int, float]) -> Callable[[Stage, float], float]:
+    """Each stage halves the distance to the least merit of its level."""
+    return lambda stage, merit: 0.5 * (merit + min(limits[stage.level], merit))
+
+
+def test_levels_are_added_while_they_gain() -> None:
+    found = Followed(schedule(), towards({0: 0.5, 1: 0.2, 2: 0.05}))
+    assert [(stage.level, stage.steps) for stage in found.stages[:4]] == [(0, 0), (0, 6), (1, 6), (2, 6)]
+    assert found.levels == (9, 25, 81)
+    assert found.why.startswith(f"{LEVELS.why}; the last 20 steps lowered the error by ")
+    assert found.why.endswith(" %, less than 10 %")
+    assert found.merit == min(outcome.light.merit for outcome in found.outcomes if outcome.light)
+
+
+def test_a_level_that_was_led_astray_is_tried_again_with_smaller_steps() -> None:
+    rate = schedule().stages.level_stage(1).learning_rate
+    found = Followed(schedule(), lambda stage, m: m * 1.5 if stage.learning_rate == rate else max(1e-3, 0.5 * m))
+    assert found.levels == (9, 25, 81)
+    assert [stage.level for stage in found.stages[:5]] == [0, 0, 1, 1, 2]
+
+
+def test_a_level_that_gains_too_little_is_left_out() -> None:
+    found = Followed(schedule(), towards({0: 0.5, 1: 0.7, 2: 0.05}))
+    assert {stage.level for stage in found.stages} == {0, 1}, "81 functions are not tried"
+    assert found.levels == (9,)
+    assert re.match(r"25 functions more lower the error by [0-9.]+ %, less than 20 %; the last 20 steps", found.why)
+
+
+def test_a_scene_that_the_first_level_solves_stays_there() -> None:
+    found = Followed(schedule(), lambda stage, merit: 0.1)
+    assert found.levels == (9,)
+    assert [stage.level for stage in found.stages] == [0, 0, 1, 1, 0], "one level more is tried twice, then left out"
+    assert found.stages[3].learning_rate < 0.5 * found.stages[2].learning_rate
+
+
+def test_long_stages_take_ever_smaller_steps_with_more_rays() -> None:
+    found = Followed(schedule(), lambda stage, merit: 0.5 * merit if merit > 1e-3 else merit)
+    long = found.long
+    assert np.allclose([stage.learning_rate for stage in long], long[0].learning_rate * 0.5 ** np.arange(len(long)))
+    assert [stage.rays for stage in long[:3]] == [256, 512, 1024]
+    assert all(stage.steps == EFFORT.steps[1] for stage in long)
+
+
+def test_long_stages_step_further_where_every_ray_has_mirror_images() -> None:
+    alone, mirrored = (schedule(images=images).stages.long_stage(1, 0, None).learning_rate for images in (1, 4))
+    assert np.isclose(mirrored, 2.0 * alone)
+
+
+def test_the_search_ends_when_a_long_stage_gains_too_little() -> None:
+    gains = iter([0.5, 0.5, 0.5, 0.5, 0.95, 0.5])
+    found = Followed(schedule(), lambda stage, merit: next(gains) * merit)
+    assert len(found.stages) == 6
+
+
+def test_uniformity_comes_last_and_is_judged_by_its_own_merit() -> None:
+    image = towards({0: 0.5, 1: 0.2, 2: 0.05})
+    for factor in (1.0, 2.0):
+        found = Followed(schedule(uniform=True), lambda s, m, f=factor: image(s, m) * (f if s.uniform else 1.0))
+        uniform = [stage.uniform for stage in found.stages]
+        first = uniform.index(True)
+        assert all(uniform[first:]) and not any(uniform[:first])
+        before = [each.light.merit for each in found.outcomes[:first] if each.light]
+        assert found.merit == min(before) if factor > 1.0 else found.merit < min(before)
+
+
+def test_only_the_merit_with_the_uniformity_counts_in_its_stages() -> None:
+    plan, outcomes = schedule(uniform=True, levels=UsefulLevels((9,), "one")), list[Outcome]()
+    for light, even in (*[(0.5, 3.0)] * 4, (0.8, 1.0)):
+        outcomes.append(Outcome(steps=1, seconds=1.0, light=judged(light), even=judged(even)))
+    turn = plan.turn(outcomes)
+    assert turn.improved and turn.begin == "current", "it lights the target worse, and more evenly"
+
+
+def test_a_small_gain_of_the_first_level_says_nothing_of_finer_ones() -> None:
+    for first in (0.95, 1.0, 1.3):
+        found = Followed(schedule(), lambda s, m, k=first: k * m if s.level == 0 else max(0.1, 0.5 * m))
+        assert found.levels == (9, 25, 81) and [stage.level for stage in found.stages[:4]] == [0, 0, 1, 2]
+        assert found.outcomes[2].light.merit == 0.5 * min(first, 1.0), "a loss is taken back"
+
+
+def test_a_gain_that_may_be_noise_is_none() -> None:
+    halved = towards({0: 0.1, 1: 0.01, 2: 0.001})
+    assert len(Followed(schedule(), halved).stages) > 5
+    found = Followed(schedule(), halved, noise=1.0)
+    assert {stage.level for stage in found.stages} == {0, 1} and found.levels == (9,)
+    assert "which may be noise: its standard error is" in found.why
+
+
+def from_lens(factor: float) -> Callable[[Stage, float], float]:
+    """What becomes of a lens in each stage: its merit changes by ``factor``, but never below 0.1."""
+    return lambda stage, merit: max(0.1, merit * factor)
+
+
+def test_a_search_from_a_lens_never_ends_worse_than_that_lens() -> None:
+    for worse in (1.5, 0.6):
+        found = Followed(schedule(start_level=1), from_lens(worse))
+        assert found.stages[0].steps == 0 and [stage.level for stage in found.stages[:3]] == [1, 0, 1]
+        assert all(stage.levels == (9, 25) for stage in found.stages[:3]), "all its functions stay"
+        assert [stage.functions for stage in found.stages[:3]] == [34, 9, 34], "the broad ones move first"
+        assert found.merit <= 1.0 and (found.merit == 1.0) == (worse > 1.0)
+        assert found.levels == (9, 25) if worse > 1.0 else found.levels == (9, 25, 81)
+
+
+def test_a_lens_that_its_own_functions_do_not_improve_gets_finer_ones() -> None:
+    """Limits that it touches, or a search that ended: what the next level can do is known when it has been tried."""
+
+    def merit(stage: Stage, merit: float) -> float:
+        return 1.5 * merit if stage.level < 2 else max(0.1, 0.6 * merit)
+
+    found = Followed(schedule(start_level=1), merit)
+    assert [(stage.level, stage.functions) for stage in found.stages[:4]] == [(1, 34), (0, 9), (1, 34), (2, 115)]
+    assert found.levels == (9, 25, 81) and found.merit == 0.1
+
+
+def test_a_budget_is_kept() -> None:
+    for budget_s in (60.0, 110.0):
+        found = Followed(schedule(budget_s=budget_s), lambda stage, merit: 0.7 * merit)
+        assert budget_s - 40.0 <= found.outcomes[-1].seconds <= budget_s, "ten steps of 1024 rays take 40 s"
+        assert f"optimise.seconds = {budget_s:g} are used" in found.why
+    assert (
+        "optimise.seconds = 26 leaves no time for 81 functions"
+        in Followed(schedule(budget_s=26.0), lambda stage, merit: 0.7 * merit).why
+    )
+
+
+def test_a_short_budget_is_shared_among_the_levels() -> None:
+    effort = replace(EFFORT, steps=(60, 200))
+    halved = towards({0: 0.5, 1: 0.2, 2: 0.05})
+    steps = {}
+    for budget_s in (150.0, 250.0, 2000.0):
+        found = Followed(schedule(effort=effort, budget_s=budget_s), halved)
+        assert found.levels == (9, 25, 81) and found.outcomes[-1].seconds <= budget_s
+        steps[budget_s] = [stage.steps for stage in found.stages[1:4]]
+    assert [each[0] for each in steps.values()] == [60] * 3, "how long a step takes is known after the first level"
+    assert 10 <= max(steps[150.0][1:]) < min(steps[250.0][1:]) and steps[2000.0] == [60] * 3
+    assert Followed(schedule(effort=effort, budget_s=90.0), halved).levels == (9,)
+
+
+def test_stages_for_the_uniformity_take_ever_smaller_steps() -> None:
+    found = Followed(schedule(uniform=True), lambda s, m: max(1e-3 if s.uniform else 0.1, 0.5 * m))
+    rates = [stage.learning_rate for stage in found.stages if stage.uniform]
+    assert len(rates) > 2 and np.allclose(rates, rates[0] * 0.5 ** np.arange(len(rates)))
+
+
+def test_some_of_a_budget_is_left_for_the_uniformity() -> None:
+    found = Followed(schedule(uniform=True, budget_s=200.0), lambda stage, merit: 0.7 * merit)
+    assert found.stages[-1].uniform and any(s.steps > EFFORT.steps[0] for s in found.stages)
+    assert found.outcomes[-1].seconds <= 200.0
+
+
+def test_a_budget_for_less_than_the_first_level_ends_after_it() -> None:
+    found = Followed(schedule(budget_s=2.0), lambda stage, merit: 0.5 * merit)
+    assert found.levels == (9,) and len(found.stages) == 2 and found.merit == 0.5
+
+
+@settings(deadline=None)
+@given(st.integers(0, 2**32 - 1), st.booleans(), st.sampled_from([None, 30.0, 80.0]))
+def test_no_search_ends_above_what_held_rays_have_accepted(seed: int, uniform: bool, budget_s: float | None) -> None:
+    draw = np.random.default_rng(seed)
+    factors = (0.5, 0.7, 0.85, 0.97, 1.0, 1.3)
+    found = Followed(schedule(uniform=uniform, budget_s=budget_s), lambda _, merit: merit * float(draw.choice(factors)))
+    assert len(found.stages) < MOST_STAGES, "it ends"
+    assert found.why
+    pairs = list(zip(found.outcomes, found.stages, strict=True))
+    assert found.merit == min(o.light.merit for o, s in pairs if o.light and s.level == len(found.levels) - 1)
+
+
+@settings(deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_the_same_judgements_lead_to_the_same_stages(seed: int) -> None:
+    draw = np.random.default_rng(seed)
+    found = Followed(schedule(), lambda stage, merit: merit * float(draw.uniform(0.6, 1.1)))
+    assert stages_of(schedule(), found.outcomes) == found.stages
+
+
+def test_the_error_of_a_gain_is_that_of_many_pairs_of_samples() -> None:
+    """Of a mean over slices the jackknife's error is the usual one; what both judgements share does not count."""
+    draw = np.random.default_rng(5)
+    shares, errors = [], []
+    for _ in range(2000):
+        shared, own = draw.normal(size=SLICES), 0.01 * draw.normal(size=(2, SLICES))
+        slices = np.array([1.0, 0.8])[:, None] + shared + own
+        before, after = (
+            Judgement(
+                merit=float(each.mean()),
+                image=2.0,
+                without=tuple(((each.sum() - each) / (SLICES - 1)).tolist()),
+            )
+            for each in slices
+        )
+        gain = before.gain_of(after)
+        shares.append(gain.share)
+        errors.append(gain.standard_error)
+    assert np.isclose(np.mean(shares), 0.1, atol=4e-4)
+    assert np.isclose(np.sqrt(np.mean(np.square(errors))), np.std(shares), rtol=0.05)

@@ -1,0 +1,357 @@
+"""Searches that choose their levels: where they stop, how they resume, and how their light is judged."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from judgements import judge_as
+from nightly import first_by_day
+from scenes import small_spec
+
+import lensforge as lf
+from lensforge.errors import InputError
+from lensforge.search import feasibility
+from lensforge.search.automatic_schedule import UsefulLevels
+from lensforge.search.design_result import constraint_criteria
+from lensforge.search.merit import Problems
+from lensforge.search.optimiser import search
+from lensforge.search.parameters import Parametrisation
+from lensforge.search.schedule import Judgement, rays_ahead
+from lensforge.search.search_state import SearchState
+from lensforge.search.validation_rays import HeldRays
+from lensforge.sources.build_source import build_source
+from lensforge.sources.ray_bundle import RayBundle, Source
+from lensforge.sources.ray_set import RaySetEmitter
+from lensforge.spec import Spec, load_spec
+from lensforge.spec.accuracy import PRESETS, SearchEffort
+
+FEW = SearchEffort(25, (4, 6), (256, 512), 512, 0.5, 0.05)
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def automatic(**changes: object) -> Spec:
+    return small_spec(lens__levels="auto", optimise__steps_per_level=None, optimise__rays=None, **changes)
+
+
+@pytest.fixture
+def few_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(PRESETS, "draft", replace(PRESETS["draft"], effort=FEW))
+
+
+def levels_of(spec: Spec, finest: int = 4225) -> UsefulLevels:
+    return UsefulLevels.of(spec, build_source(spec.source), finest)
+
+
+def test_a_level_more_of_zeros_changes_no_bit_of_the_light(few_steps: None) -> None:
+    lens = lf.design(automatic(), accuracy="draft", seed=1).lens
+    levels = (*lens.basis.levels, 289)
+    basis = replace(lens.basis, levels=levels)
+    inner, outer = (
+        replace(surface, basis=basis, weights_mm=np.concatenate([surface.weights_mm, np.zeros(289)]))
+        for surface in (lens.inner, lens.outer)
+    )
+    finer = replace(lens, inner=inner, outer=outer, spec=lens.spec.with_levels(levels))
+    one, other = (lf.evaluate(each, rays=2**14) for each in (lens, finer))
+    assert one.nmse == other.nmse and one.efficiency == other.efficiency
+    assert np.array_equal(one.map, other.map)
+
+
+def square(spec: Spec) -> Source:
+    return build_source(spec.source)
+
+
+def measured(spec: Spec) -> Source:
+    return RaySetEmitter(square(spec).sample(4000, 1), 1.0)
+
+
+@pytest.mark.parametrize(
+    ("light", "changes", "stop_at"),
+    first_by_day(
+        1,
+        [
+            (measured, {}, 9),
+            (square, {"target__uniform_mm": 60.0}, 18),
+            (square, {}, 9),
+            (square, {}, 4),
+            *((square, {}, step) for step in (1, 3, 5, 8, 13, 14)),
+            (square, {"target__uniform_mm": 60.0}, 14),
+        ],
+    ),
+)
+def test_the_same_bits_after_an_interrupt(
+    light: Callable[[Spec], Source], changes: dict[str, object], stop_at: int, tmp_path: Path, few_steps: None
+) -> None:
+    class Stop(KeyboardInterrupt):
+        pass
+
+    def stop(step: lf.Progress) -> None:
+        if step.steps_done == stop_at:
+            raise Stop
+
+    spec, path = automatic(**changes), tmp_path / "checkpoint.bin"
+    source = light(spec)
+    whole = search(spec, source, accuracy="draft")
+    assert whole.ended and whole.steps >= stop_at
+    with pytest.raises(Stop):
+        search(spec, source, accuracy="draft", checkpoint=path, progress=stop)
+    for _ in range(2):  # the second time from the end of the search
+        resumed = search(spec, source, accuracy="draft", checkpoint=path, resume=True)
+        assert resumed.lens.sha256 == whole.lens.sha256
+        assert (resumed.ended, resumed.history) == (whole.ended, whole.history)
+
+
+def test_a_level_that_is_left_out_at_the_very_end_leaves_its_functions_out(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, few_steps: None
+) -> None:
+    seconds = iter(range(0, 10_000, 20))
+    monkeypatch.setattr("lensforge.search.optimiser.time.perf_counter", lambda: float(next(seconds)))
+    spec, path = automatic(optimise__seconds=700.0, target__uniform_mm=None), tmp_path / "checkpoint.bin"
+    for resume in (False, True):
+        judge_as(monkeypatch, 1.0, 0.5, 0.51, 0.49)
+        found = search(spec, build_source(spec.source), accuracy="draft", checkpoint=path, resume=resume)
+        assert found.lens.basis.levels == (9,) and found.steps == 3 * FEW.steps[0]
+        assert "25 functions more lower the error by" in str(found.ended)
+
+
+@pytest.mark.nightly("two long searches, 12 s")
+def test_a_search_from_a_lens_moves_its_broad_functions_first_and_never_ends_worse(
+    monkeypatch: pytest.MonkeyPatch, few_steps: None
+) -> None:
+    spec = automatic(target__uniform_mm=None)
+    start = lf.design(spec, accuracy="draft").lens
+    assert start.basis.levels == (9, 25)
+    steps: list[lf.Progress] = []
+    judge_as(monkeypatch, 0.5, 0.6, 0.7)
+    design = lf.design(spec, accuracy="draft", start=start, progress=steps.append)
+    moved = [step.functions for step in steps]
+    assert moved[0] == 9 and set(moved) == {9, 34} and moved == sorted(moved)
+    for side in ("inner", "outer"):  # all stages were worse; parameters are relative to a radius: one rounding
+        found, before = getattr(design.lens, side), getattr(start, side)
+        np.testing.assert_allclose(found.weights_mm, before.weights_mm, rtol=4e-16)
+        assert found.offset_mm == pytest.approx(before.offset_mm, rel=4e-16)
+    plain = lf.design(spec.with_levels((25,)), accuracy="draft").lens
+    assert search_levels(spec, plain) == (9, 25)
+
+
+def search_levels(spec: Spec, start: lf.Lens) -> tuple[int, ...]:
+    """Levels with which an automatic search from ``start`` begins."""
+    first: list[lf.Progress] = []
+    with pytest.raises(lf.Cancelled):
+        lf.design(spec, accuracy="draft", start=start, progress=lambda step: first.append(step) or False)
+    return first[0].lens().basis.levels
+
+
+def test_limits_that_only_finer_functions_keep_do_not_end_a_search_before_it_begins(
+    monkeypatch: pytest.MonkeyPatch, few_steps: None
+) -> None:
+    """The projection of two hemispheres by 9 functions is given up at once, that by more of them is not."""
+    tried: list[int] = []
+    move = feasibility._least_move
+
+    def noted(parametrisation: Parametrisation, *given: Any) -> Any:
+        tried.append(parametrisation.basis.size)
+        moved, shortfall = move(parametrisation, *given)
+        return moved, (1e3 if parametrisation.basis.size == 9 else shortfall)
+
+    monkeypatch.setattr(feasibility, "_least_move", noted)
+    spec = automatic(constraints__outer_draft_deg=1.0)
+    assert lf.design(spec, accuracy="draft").steps > 0
+    assert tried[:2] == [9, 34]
+
+
+@pytest.mark.parametrize("seed", first_by_day(1, range(4)))
+def test_a_search_by_few_points_still_ends_within_its_limits(seed: int) -> None:
+    """At the nodes of its coarse table this lens is a little smaller than between them."""
+    spec = automatic()
+    problem = Problems(spec, build_source(spec.source), PRESETS["draft"].nodes_per_sigma, None).of((9, 25, 81))
+    weights = torch.from_numpy(np.random.default_rng(seed).normal(size=(115, 2)) * [0.0, 0.02])
+    offsets = torch.ones(2, dtype=torch.float64)
+    fields = problem.constraints.fields(*problem.parametrisation.tables(weights, offsets))
+    largest = 7.0 - problem.constraints.least(fields)["radius_margin_mm"]
+    factor = (7.0 - 1e-3) / largest
+    weights[:, 1] *= factor
+    offsets[1] = factor
+    weights, offsets = feasibility.project_to_feasible(*problem.in_full(), weights, offsets)
+    lens = problem.parametrisation.lens(weights, offsets, problem.spec, 0, "draft")
+    assert all(each.passed for each in constraint_criteria(lens.spec, feasibility.measure_constraints(lens)))
+
+
+def test_a_limit_that_the_coarse_table_keeps_is_kept_by_the_lens_itself() -> None:
+    """Curvatures of a table of 2.5 nodes a sigma are off by more than the margin: one projection is not enough."""
+    problem = Problems(
+        automatic(lens__symmetry="square", constraints__inner_concave_radius_mm=1.0),
+        build_source(small_spec().source),
+        PRESETS["draft"].nodes_per_sigma,
+        None,
+    ).of((9, 25, 81, 289))
+    weights = torch.from_numpy(np.random.default_rng(1).normal(size=(404, 2)) * [0.06, 0.0])
+    state = SearchState(weights, torch.ones(2, dtype=torch.float64), problem.constraints.multipliers)
+    once = feasibility.project_to_feasible(*problem.in_full(), weights, state.offsets)
+    first = feasibility.measure_constraints(problem.parametrisation.lens(*once, problem.spec, 0, "draft"))
+    lens, margins = feasibility.feasible_lens(problem, state, 0, "draft")
+    assert first.inner_curvature_margin_per_mm < -0.005
+    assert margins == feasibility.measure_constraints(lens)
+    assert all(each.passed for each in constraint_criteria(problem.spec, margins))
+
+
+def test_the_force_of_a_constraint_is_the_same_on_the_next_level() -> None:
+    """Curvature and draft are scaled by the width of the narrowest function: their multipliers go the other way."""
+    spec = automatic(
+        constraints__outer_concave_radius_mm=3.0, constraints__outer_draft_deg=5.0, lens__symmetry="square"
+    )
+    problems = Problems(spec, build_source(spec.source), 3.4, None)
+    coarse, fine = problems.of((9, 25)), problems.of((9, 25, 81))
+    before = torch.ones_like(coarse.constraints.multipliers)
+    after = fine.multipliers_of(coarse, before)
+    forces = [c.constraints._factor * m.mean(dim=1, keepdim=True) for c, m in ((coarse, before), (fine, after))]
+    assert torch.allclose(*forces, rtol=1e-12)
+    factors = fine.constraints._factor / coarse.constraints._factor
+    assert torch.allclose(factors[:3], torch.ones(1, dtype=torch.float64)) and (factors[3:] < 0.7).all()
+
+
+def test_a_budget_ends_a_search(monkeypatch: pytest.MonkeyPatch, few_steps: None) -> None:
+    seconds = iter(range(0, 10_000, 20))
+    monkeypatch.setattr("lensforge.search.optimiser.time.perf_counter", lambda: float(next(seconds)))
+    design = lf.design(automatic(optimise__seconds=100.0), accuracy="draft")
+    assert "optimise.seconds" in str(design.ended)
+    assert design.lens.spec.optimise.seconds is None, "the lens of a search is no longer one to be searched for"
+
+
+def test_wide_sources_and_balls_make_fine_levels_useless() -> None:
+    pi, flat_top = (load_spec(EXAMPLES / f"{name}.toml") for name in ("pi", "flat_top"))
+    assert levels_of(pi, 1089).why == "finest level of this accuracy: 1089 functions"
+    assert levels_of(flat_top).counts[-1] == 289
+    assert "a fifth of the angle of the source, 1 mm wide" in levels_of(flat_top).why
+    assert levels_of(pi, 289).why == "finest level of this accuracy: 289 functions"
+    small = pi.replace({"source.side_mm": 0.1})
+    assert levels_of(small).counts[-1] == 4225
+    coarse = small.replace({"constraints.outer_concave_radius_mm": 40.0})
+    assert levels_of(coarse).counts[-1] < 1089 and "a ball of 40 mm" in levels_of(coarse).why
+
+
+def test_held_rays_judge_without_the_noise_of_their_number() -> None:
+    spec = automatic()
+    source = build_source(spec.source)
+    problem = Problems(spec, source, 3.4, None).of((9, 25))
+    weights = torch.from_numpy(np.random.default_rng(0).normal(size=(34, 2)) * 0.01)
+    offsets = torch.ones(2, dtype=torch.float64)
+    few = [HeldRays.of(source, 2**9, seed)[0].judge(problem, weights, offsets, False)[0].image for seed in range(16)]
+    error = np.std(few) / np.sqrt(len(few))
+    many = HeldRays.of(source, 2**16, 99)[0].judge(problem, weights, offsets, False)[0].image
+    assert abs(np.mean(few) - many) < 4.0 * error
+    noisy = problem.merit.evaluate(weights, offsets, source.sample(2**9, 5), problem.constraints, False).nmse
+    assert noisy > many + 4.0 * error, "what the noise of as many rays adds"
+
+
+def judged_again(spec: Spec, design: lf.Design, effort: SearchEffort, seed: int = 0) -> Judgement:
+    """The finished lens, judged by the held rays of its search."""
+    source = build_source(spec.source)
+    problem = Problems(spec, source, PRESETS["draft"].nodes_per_sigma, None).of(design.lens.basis.levels)
+    held, _ = HeldRays.of(source, effort.held_rays, seed)
+    found, _ = held.judge(problem, *problem.parametrisation.parameters_of(design.lens), False)
+    return found
+
+
+@pytest.mark.parametrize("seed", first_by_day(1, range(3)))
+def test_no_search_ends_above_what_held_rays_have_accepted(
+    seed: int, monkeypatch: pytest.MonkeyPatch, few_steps: None
+) -> None:
+    seen: list[float] = []
+    judge = HeldRays.judge
+
+    def noted(self: HeldRays, *given: Any) -> Any:
+        found = judge(self, *given)
+        seen.append(found[0].merit)
+        return found
+
+    monkeypatch.setattr(HeldRays, "judge", noted)
+    spec = automatic(target__uniform_mm=None)
+    design = lf.design(spec, accuracy="draft", seed=seed)
+    assert len(seen) > 2
+    last = judged_again(spec, design, FEW, seed).merit
+    assert last <= min(seen[:-1]) + 1e-4, "a margin of a constraint may still have been missing"
+
+
+@pytest.mark.nightly("a long search, 14 s")
+def test_the_own_pattern_of_a_sphere_needs_no_more_than_spheres() -> None:
+    """Two hemispheres about a small source turn no light, and all of it lands: nothing is left to gain."""
+    near = {"distance_mm": 10.0, "receiver_mm": 80.0}
+    cone = {"kind": "table", "gamma_deg": [0.0, 50.0, 60.0], "intensity": [1.0, 1.0, 0.0]}
+    scene = automatic(
+        source={"kind": "disc", "diameter_mm": 0.2, "intensity": cone},
+        optimise__pixels=32,
+        optimise__fresnel=False,
+        target={"kind": "flat_top", "half_width_mm": 20.0, **near},
+        lens__symmetry="square",
+    )
+    source = build_source(scene.source)
+    problem = Problems(scene, source, PRESETS["draft"].nodes_per_sigma, None).of((9,))
+    with torch.no_grad():
+        tables = problem.parametrisation.tables(torch.zeros(9, 2), torch.ones(2))
+        own = problem.merit.light_of(*tables, source.sample(2**18, 7)).images[0].numpy()
+    target = lf.ArrayTarget(own, width_mm=near["receiver_mm"], **near)
+    design = lf.design(scene.replace(target=target), accuracy="draft")
+    assert design.lens.basis.levels == (9,) and str(design.ended).startswith("25 functions more lower the error by 0 %")
+    assert not design.lens.inner.weights_mm.any() and not design.lens.outer.weights_mm.any()
+
+
+def test_a_budget_counts_all_of_the_search(monkeypatch: pytest.MonkeyPatch, few_steps: None) -> None:
+    """Set-up of every level, judgements and observers take time as steps do."""
+    clock = [0.0]
+    monkeypatch.setattr("lensforge.search.optimiser.time.perf_counter", lambda: clock[0])
+    of = Problems.of
+
+    def slow(self: Problems, levels: tuple[int, ...]) -> Any:
+        clock[0] += 5.0 if self._last is None or self._last.spec.lens.levels != levels else 0.0
+        return of(self, levels)
+
+    def observe(step: lf.Progress) -> None:
+        clock[0] += 1.0
+
+    monkeypatch.setattr(Problems, "of", slow)
+    design = lf.design(automatic(optimise__seconds=40.0), accuracy="draft", progress=observe)
+    assert clock[0] == design.seconds <= 40.0
+    assert design.steps == clock[0] - 5.0 * 2, "two levels are set up, every step takes a second"
+
+
+def test_a_machine_that_becomes_slower_keeps_the_budget(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, few_steps: None
+) -> None:
+    clock, levels = [0.0], []
+    monkeypatch.setattr("lensforge.search.optimiser.time.perf_counter", lambda: clock[0])
+
+    def slow(*given: Any) -> Iterator[RayBundle]:
+        for rays in rays_ahead(*given):
+            clock[0] += 1.0 if clock[0] < FEW.steps[0] else 30.0
+            yield rays
+
+    def observe(step: lf.Progress) -> None:
+        if step.level_done:
+            levels.append(step.functions)
+
+    monkeypatch.setattr("lensforge.search.optimiser.rays_ahead", slow)
+    spec, path = automatic(optimise__seconds=50.0), tmp_path / "checkpoint.bin"
+    found = search(spec, build_source(spec.source), accuracy="draft", progress=observe, checkpoint=path)
+    assert found.seconds == 4.0 + 2 * 30.0, "the step that goes beyond the budget is the last"
+    assert str(found.ended).endswith("optimise.seconds = 50 are used")
+    assert len(levels) == len(found.lens.basis.levels)
+    resumed = search(spec, build_source(spec.source), accuracy="draft", checkpoint=path, resume=True)
+    assert resumed.lens.sha256 == found.lens.sha256 and resumed.steps == found.steps == FEW.steps[0] + 2
+
+
+def test_levels_and_their_settings_go_together() -> None:
+    with pytest.raises(InputError, match=r"optimise.seconds goes with lens.levels"):
+        small_spec(optimise__seconds=10.0)
+    with pytest.raises(InputError, match=r"optimise.rays goes with numbers in lens.levels"):
+        small_spec(lens__levels="auto", optimise__steps_per_level=None, optimise__rays=256)
+
+
+def test_a_lens_holds_the_levels_that_were_found(tmp_path: Path, few_steps: None) -> None:
+    lens = lf.design(automatic(optimise__seconds=1.0), accuracy="draft").lens
+    assert lens.spec.lens.levels == lens.basis.levels
+    lens.save(tmp_path / "lens.json")
+    assert lf.load_lens(tmp_path / "lens.json").sha256 == lens.sha256

@@ -1,0 +1,257 @@
+"""Fields of all constraints by hand, and the terms that a search makes of them, as sums over points."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from scenes import small_spec
+
+from lensforge.search.constraint_points import (
+    ChartOperator,
+    ChartPoints,
+    RadiusJet,
+    constraint_points,
+    draft_sine,
+    least_curvature,
+)
+from lensforge.search.constraints import WALL, AugmentedLagrangian, Constraint, constraints_of
+from lensforge.search.design_result import DIRECTIONS, Margins, constraint_criteria, limits_of
+from lensforge.search.keep_out_extent import KeepOutExtent
+from lensforge.spec import Spec
+from lensforge.surfaces.bicubic_table import TableGrid
+
+SHOP = {
+    "inner_concave_radius_mm": 2.5, "outer_concave_radius_mm": 4.0, "inner_draft_deg": 3.0, "outer_draft_deg": 2.0,
+    "max_wall_mm": 2.5, "max_height_mm": 5.0,
+}  # fmt: skip
+
+
+def shop_spec(**changes: Any) -> Spec:
+    return small_spec(**{f"constraints__{name}": value for name, value in SHOP.items()}, **changes)
+
+
+def jets(count: int = 30) -> tuple[RadiusJet, RadiusJet, ChartPoints]:
+    chance = np.random.default_rng(0)
+    inner, outer = (RadiusJet(torch.from_numpy(chance.uniform(low, low + 1.0, count)),
+                              torch.from_numpy(chance.normal(size=(5, count)))) for low in (2.5, 5.5))  # fmt: skip
+    return inner, outer, ChartPoints.of(chance.uniform(-0.7, 0.7, (count, 2)))
+
+
+@pytest.mark.parametrize("make", ["part", "insert"])
+def test_fields_of_all_constraints_are_their_definitions(make: str) -> None:
+    spec = shop_spec(manufacture={"make": make})
+    inner, outer, points = jets()
+    found = {each.key: each.field(inner, outer, points).numpy() for each in constraints_of(spec) if each.key != WALL}
+    a, b = inner.rho.numpy(), outer.rho.numpy()
+    cosine = points.cosine.numpy()
+    sign = 1 if make == "part" else -1
+    drafts = [np.degrees(np.arcsin(np.clip(draft_sine(each, points).numpy(), -1.0, 0.5))) for each in (inner, outer)]
+    wanted = {
+        "cavity_clearance_mm": 0.5 / 1.0**2 * a**2 * (1.0 - cosine**2) + a * cosine - 0.5,
+        "radius_margin_mm": 7.0 - b,
+        "inner_curvature_margin_per_mm": 1.0 / 2.5 + least_curvature(inner, points, -sign).numpy(),
+        "outer_curvature_margin_per_mm": 1.0 / 4.0 + least_curvature(outer, points, sign).numpy(),
+        "inner_draft_margin_deg": drafts[0] - 3.0,
+        "outer_draft_margin_deg": drafts[1] - 2.0,
+        "largest_wall_margin_mm": 2.5 - (b - a),
+        "height_margin_mm": 5.0 - b * cosine,
+    }
+    assert list(found) == list(wanted)
+    for key, values in wanted.items():
+        np.testing.assert_allclose(found[key], values, atol=1e-9, err_msg=key)
+
+
+def decentred(radius: float, centre: tuple[float, float, float], grid: TableGrid) -> torch.Tensor:
+    """The table of a sphere about another point."""
+    u = grid.sample_directions()
+    along = u @ np.array(centre)
+    rho = along + np.sqrt(along**2 + radius**2 - np.dot(centre, centre))
+    return torch.from_numpy(grid.coefficients(rho[:, None]).reshape(grid.side, grid.side))
+
+
+@pytest.mark.parametrize(("limit_mm", "bound"), [(2.0, True), (0.05, False)])
+def test_the_wall_is_the_distance_to_the_outer_face_where_it_may_bind(limit_mm: float, bound: bool) -> None:
+    """To a sphere of 6 mm about (0.9, 0.4, 0.2); below z = 0 there is no face, and on the ray it is farther."""
+    spec, grid, centre = small_spec(constraints__min_thickness_mm=limit_mm), TableGrid(97), np.array([0.9, 0.4, 0.2])
+    operator = ChartOperator.of(grid, constraint_points(grid, "none", every_node=4), derivatives=False)
+    inner, outer = operator.jets(decentred(4.2, (-0.2, 0.0, 0.1), grid), decentred(6.0, (0.9, 0.4, 0.2), grid))
+    found = constraints_of(spec)[1].field(inner, outer, operator.points).numpy() + limit_mm
+    start = (inner.rho[:, None] * operator.points.directions).numpy()
+    away = start - centre
+    wall, radial = 6.0 - np.linalg.norm(away, axis=1), (outer.rho - inner.rho).numpy()
+    above = (centre + 6.0 * away / np.linalg.norm(away, axis=1, keepdims=True))[:, 2] > 0.01
+    thin = above & (wall < limit_mm)
+    assert thin.any() == bound and (found <= radial + 1e-12).all()
+    np.testing.assert_allclose(found[thin], wall[thin], atol=1e-5)
+    assert bound or np.array_equal(found, radial), "where it does not bind it is not sought"
+    assert not bound or (radial[thin] - found[thin]).max() > 0.03
+
+
+def test_the_wall_has_its_derivative() -> None:
+    grid = TableGrid(40)
+    operator = ChartOperator.of(grid, constraint_points(grid, "none"), derivatives=False)
+    tables = [decentred(4.2, (-0.2, 0.0, 0.1), grid), decentred(6.0, (0.9, 0.4, 0.2), grid)]
+    chance = np.random.default_rng(0)
+    along = [torch.from_numpy(chance.normal(size=(grid.side, grid.side))) for _ in tables]
+    shares = torch.from_numpy(chance.normal(size=len(operator.points.x)))
+
+    def total(*moved: torch.Tensor) -> torch.Tensor:
+        return (shares * constraints_of(small_spec())[1].field(*operator.jets(*moved), operator.points)).sum()
+
+    gradients = torch.autograd.grad(total(*(table.requires_grad_() for table in tables)), tables)
+    ends = [
+        total(*(table.detach() + step * way for table, way in zip(tables, along, strict=True)))
+        for step in (1e-6, -1e-6)
+    ]
+    expected = sum(float((slope * way).sum()) for slope, way in zip(gradients, along, strict=True))
+    assert float(ends[0] - ends[1]) / 2e-6 == pytest.approx(expected, rel=1e-5)
+
+
+def test_the_draft_counts_up_to_30_degrees_and_has_a_slope_at_the_horizon() -> None:
+    """At the apex of a sphere the normal is along the axis, in an undercut against it."""
+    inner, outer, _ = jets(3)
+    draft = next(each for each in constraints_of(shop_spec()) if each.key == "outer_draft_margin_deg")
+    points = ChartPoints.of(np.array([[0.0, 0.0], [1.0 / math.sqrt(3.0), 0.0], [1.0, 0.0]]))
+    flat = RadiusJet(outer.rho, torch.zeros(5, 3, dtype=torch.float64))
+    np.testing.assert_allclose(draft.field(inner, flat, points).numpy(), [28.0, 28.0, -2.0], atol=1e-9)
+    upside = torch.zeros(5, 1, dtype=torch.float64)
+    upside[0] = -1e5
+    steep = RadiusJet(torch.ones(1, dtype=torch.float64), upside.requires_grad_())
+    under = draft.field(steep, steep, ChartPoints.of(np.array([[1.0, 0.0]])))
+    assert -92.0 < under.item() < -91.9, "almost straight down, where the slope of the arcsine is still finite"
+    assert torch.isfinite(torch.autograd.grad(under.sum(), steep.derivatives)[0]).all()
+
+
+def test_margins_factors_and_tolerances_of_all_constraints() -> None:
+    spec = shop_spec()
+    sigma, limits = spec.lens.basis.detail_rad, spec.constraints
+    for each in constraints_of(spec):
+        if each.key.endswith("_per_mm"):
+            radius = 2.5 if "inner" in each.key else 4.0
+            expected = 0.5 * sigma**2 * 7.0, 0.01 / radius, 1e-3 / radius, True
+        elif each.key.endswith("_deg"):
+            expected = math.radians(sigma), 0.1, 0.01, True
+        else:
+            expected = 1.0 / 7.0, limits.margin_mm, limits.tolerance_mm, False
+        assert (each.factor, each.margin, each.tolerance, each.derivatives) == pytest.approx(expected), each.key
+        assert replace(each).unit == {"per_mm": "1/mm", "deg": "deg"}.get(each.key.split("margin_")[-1], "mm")
+    assert DIRECTIONS == 60_000
+
+
+def test_a_stricter_limit_is_less_by_so_much_and_a_looser_one_is_the_same() -> None:
+    one = constraints_of(small_spec())[2]
+    inner, outer, points = jets()
+    stricter = one.tightened(0.25)
+    assert torch.equal(stricter.field(inner, outer, points), one.field(inner, outer, points) - 0.25)
+    small = one.tightened(1e-3)
+    assert torch.equal(small.field(inner, outer, points), one.field(inner, outer, points) - 1e-3)
+    assert one.tightened(0.0) is one and one.tightened(-1.0) is one
+
+
+@pytest.mark.parametrize(("excess", "passed"), [(0.0, True), (0.99, True), (1.01, False)])
+def test_each_limit_may_be_missed_by_its_tolerance(excess: float, passed: bool) -> None:
+    spec = shop_spec()
+    limits = limits_of(spec)
+    margins = Margins.model_validate({key: -excess * each.tolerance for key, each in limits.items()})
+    criteria = constraint_criteria(spec, margins)
+    assert [each.passed for each in criteria] == [passed] * 9
+    assert [each.name for each in criteria] == [each.name for each in limits.values()]
+    assert {each.name for each in limits.values()} >= {"inner curvature margin", "outer draft margin", "height margin"}
+    unknown = Margins(cavity_clearance_mm=0.0, wall_margin_mm=0.0, radius_margin_mm=0.0)
+    assert [each.passed for each in constraint_criteria(spec, unknown)] == [True] * 3 + [False] * 6
+
+
+def known(fields: int = 2) -> tuple[AugmentedLagrangian, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Constraints on three points, with multipliers: also fields, weights of the points, and margins."""
+    places = np.array([[0.0, 0.0], [0.5, 0.1], [-0.2, 0.9]])
+    operator = ChartOperator.of(TableGrid(24), places, derivatives=False)
+    constraints = tuple(
+        Constraint(f"{name}_mm", "mm", 1e-3, "", lambda inner, outer, points: outer.rho, factor, margin)
+        for name, factor, margin in (("a", 0.25, 0.4), ("b", 0.5, 0.6))
+    )
+    own = AugmentedLagrangian(constraints, operator, 40.0)
+    own.multipliers = torch.tensor([[0.0, 2.0, 1.0], [0.5, 0.0, 30.0]], dtype=torch.float64)
+    area = (2.0 / (1.0 + np.sum(places**2, axis=1))) ** 2
+    values = np.array([[0.05, 0.3, 0.1], [-0.2, 0.31, 0.9]])
+    return own, values, area / area.sum(), np.array([[0.1], [0.3]]), own.multipliers.numpy().copy()
+
+
+def test_the_terms_are_means_over_the_solid_angle_of_the_points() -> None:
+    own, values, area, margins, multipliers = known()
+    fields, total, alone = torch.from_numpy(values), 0.0, 0.0
+    updated = np.zeros((2, 3))
+    for c, k in np.ndindex(2, 3):
+        missing = margins[c, 0] - values[c, k]
+        updated[c, k] = max(multipliers[c, k] + 40.0 * missing, 0.0)
+        total += area[k] * (updated[c, k] ** 2 - multipliers[c, k] ** 2) / 80.0
+        alone += 20.0 * area[k] * max(missing, 0.0) ** 2
+    assert own.term(fields).item() == pytest.approx(total, rel=1e-12)
+    assert own.penalty_alone(fields).item() == pytest.approx(alone, rel=1e-12)
+    assert own.shortfall(fields) == pytest.approx(1.0 + 0.2 / 0.3)
+    assert own.shortfall(fields + 0.2) == pytest.approx(1.0)
+    assert own.shortfall(fields + 0.45) == pytest.approx(0.05 / 0.3)
+    assert own.shortfall(fields + 5.0) == 0.0
+    assert own.least(fields) == pytest.approx({"a_mm": 0.05 / 0.25, "b_mm": -0.2 / 0.5})
+    assert own.keys == ("a_mm", "b_mm")
+    own.update(fields)
+    np.testing.assert_allclose(own.multipliers.numpy(), updated, rtol=1e-12)
+    fresh = own.fresh(7.0)
+    assert fresh.penalty == 7.0 and not fresh.multipliers.any() and fresh.multipliers.shape == (2, 3)
+
+
+def test_fields_are_scaled_by_the_factor_of_each() -> None:
+    own, *_ = known()
+    grid = TableGrid(24)
+    inner, outer = (torch.full((grid.side, grid.side), radius, dtype=torch.float64) for radius in (2.0, 3.0))
+    np.testing.assert_allclose(own.fields(inner, outer).numpy(), np.array([[0.25], [0.5]]) * np.full((2, 3), 3.0))
+    stricter = own.tightened({"b_mm": 1.0})
+    np.testing.assert_allclose(stricter.fields(inner, outer).numpy(), [[0.75] * 3, [1.0] * 3])
+    assert stricter.penalty == own.penalty and not stricter.multipliers.any()
+
+
+def test_multipliers_go_to_the_nearest_point_and_keep_the_force_on_a_length() -> None:
+    own, *_ = known()
+    places = np.array([[0.45, 0.0], [-0.1, 0.05], [-0.2, 0.8], [0.5, 0.2]])
+    operator = ChartOperator.of(TableGrid(24), places, derivatives=False)
+    scaled = tuple(replace(each, factor=2.0 * each.factor) for each in own.constraints)
+    here = AugmentedLagrangian(scaled, operator, 40.0)
+    found = here.at_nearest(own, own.multipliers)
+    np.testing.assert_allclose(found.numpy(), 0.5 * own.multipliers.numpy()[:, [1, 0, 2, 1]])
+
+
+@pytest.mark.parametrize(
+    ("changes", "sparse", "every", "spacing"),
+    [
+        ({}, False, None, 1.0),
+        ({}, True, 2, 2.0 * math.sqrt(2.0)),
+        ({"constraints__inner_draft_deg": 3.0}, True, 1, math.sqrt(2.0)),
+        ({"constraints__inner_draft_deg": 3.0}, False, None, 1.0),
+        ({"constraints__max_height_mm": 6.0}, True, 2, 2.0 * math.sqrt(2.0)),
+    ],
+)
+def test_a_search_looks_at_all_points_or_at_few_where_no_shape_is_limited(changes, sparse, every, spacing) -> None:
+    grid = TableGrid(24)
+    own = AugmentedLagrangian.of(small_spec(**changes), grid, sparse=sparse)
+    points = own.chart_operator.points
+    expected = constraint_points(grid, "none", every_node=every)
+    np.testing.assert_array_equal(torch.stack([points.x, points.y], dim=1).numpy(), expected)
+    assert points.spacing == pytest.approx(spacing * grid.step) and own.penalty == 2e4
+    assert AugmentedLagrangian.of(small_spec(), grid).chart_operator.operator.rows.shape[0] == len(
+        constraint_points(grid, "none")
+    )
+    assert AugmentedLagrangian(own.constraints, own.chart_operator).penalty == 2e4
+
+
+def test_a_keep_out_is_looked_at_from_every_node(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(KeepOutExtent, "of", lambda spec: KeepOutExtent)
+    spec = small_spec()
+    limits = spec.constraints.model_copy(update={"keep_out": "led.step"})
+    spec = spec.model_copy(update={"constraints": limits})
+    grid = TableGrid(24)
+    own = AugmentedLagrangian.of(spec, grid, sparse=True)
+    assert len(own.chart_operator.points.x) == len(constraint_points(grid, "none", every_node=1))
+    assert own.chart_operator.points.spacing == pytest.approx(math.sqrt(2.0) * grid.step)
+    assert own.chart_operator.operator.rows.shape[0] == len(own.chart_operator.points.x), "no derivatives"

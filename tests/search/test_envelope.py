@@ -1,0 +1,215 @@
+"""The envelope of a lens: height, largest wall and keep-out as limits of the search."""
+
+import hashlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from keep_outs import ball, box, step_file
+from scenes import hemisphere_directions, random_surface, small_spec, sphere, table_of
+
+import lensforge as lf
+from lensforge.errors import InputError
+from lensforge.scene.lens import Lens
+from lensforge.search.constraint_points import ChartPoints
+from lensforge.search.constraints import AugmentedLagrangian, constraints_of
+from lensforge.search.design_result import constraint_criteria
+from lensforge.search.feasibility import measure_constraints
+from lensforge.search.keep_out_extent import KeepOutExtent, require_keep_out_fits
+from lensforge.search.optimiser import search
+from lensforge.sources.build_source import build_source
+from lensforge.spec import Spec
+from lensforge.surfaces import step_file as step_reading
+from lensforge.surfaces import surface as chart
+from lensforge.surfaces.asphere import Asphere
+from lensforge.surfaces.bicubic_table import TableGrid
+
+BALL_MM, CENTRE, MARGIN_MM = 1.0, np.array([0.5, 0.0, 0.8]), 0.2
+GROWTH_MM = MARGIN_MM + 2e-3  # and the error of the mesh
+
+
+@pytest.fixture(autouse=True)
+def own_files_are_read_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And not in a child process, which loads the CAD kernel for each: they are no strangers'."""
+
+    def read_here(_: Path, folder: Path, *__: Any, **___: Any) -> None:
+        step_reading._write_products(folder)
+
+    monkeypatch.setattr(step_reading, "work_in_child", read_here)
+
+
+@pytest.fixture(scope="module")
+def ball_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return step_file(tmp_path_factory.mktemp("keep_out") / "ball.step", ball(BALL_MM, tuple(CENTRE)))
+
+
+def sphere_at(radius_mm: float, centre_z_mm: float) -> Asphere:
+    return Asphere(centre_z_mm + radius_mm, -radius_mm, 0.0, ())
+
+
+def kept_out(path: Path, margin_mm: float = MARGIN_MM, **changes: Any) -> Spec:
+    return small_spec(constraints__keep_out=str(path), constraints__keep_out_margin_mm=margin_mm, **changes)
+
+
+def ball_extent(u: np.ndarray, growth_mm: float) -> np.ndarray:
+    along = u @ CENTRE
+    under = along**2 - CENTRE @ CENTRE + (BALL_MM + growth_mm) ** 2
+    return np.where(under >= 0.0, along + np.sqrt(np.maximum(under, 0.0)), 0.0)
+
+
+def box_extent(u: np.ndarray, half: np.ndarray, centre: np.ndarray, growth_mm: float) -> np.ndarray:
+    """The last place within the growth of a box, by bisection from afar: the distance is convex along a ray."""
+    found = np.zeros(len(u))
+    for k, direction in enumerate(u):
+        t = np.linspace(0.0, 6.0, 20_001)
+        beyond = np.maximum(np.abs(t[:, None] * direction - centre) - half, 0.0)
+        inside = np.flatnonzero(np.linalg.norm(beyond, axis=1) <= growth_mm)
+        found[k] = t[inside[-1]] if len(inside) else 0.0
+    return found
+
+
+def test_the_extent_of_a_grown_ball_is_a_larger_ball(ball_file: Path) -> None:
+    u = hemisphere_directions(4000)
+    extent = KeepOutExtent.of(kept_out(ball_file)).along(u)
+    assert np.abs(extent - ball_extent(u, GROWTH_MM)).max() < 3e-3
+    assert (extent > ball_extent(u, MARGIN_MM) - 1e-6).all(), "the mesh is grown by its error, too"
+
+
+def test_the_extent_of_a_grown_box_has_round_edges_and_corners(tmp_path: Path) -> None:
+    half, centre = np.array([0.8, 0.5, 0.3]), np.array([0.6, -0.2, 0.7])
+    spec = kept_out(step_file(tmp_path / "led.step", box(tuple(2.0 * half), tuple(centre))), lens__symmetry="none")
+    u = hemisphere_directions(400, seed=3)
+    assert np.abs(KeepOutExtent.of(spec).along(u) - box_extent(u, half, centre, GROWTH_MM)).max() < 1e-3
+    mirrored = KeepOutExtent.of(spec.replace({"lens.symmetry": "mirror_x"})).along(u)
+    both = np.maximum(*(box_extent(u * [s, 1.0, 1.0], half, centre, GROWTH_MM) for s in (1.0, -1.0)))
+    assert np.abs(mirrored - both).max() < 1e-3, "a lens with a mirror stays clear of the mirror image"
+
+
+def test_the_last_solid_along_a_ray_counts_and_one_beside_the_lens_does_not(tmp_path: Path) -> None:
+    wire, beside = box((0.1, 0.1, 0.1), (0.0, 0.0, 2.0)), box((1.0, 1.0, 4.0), (9.0, 0.0, 0.0))
+    path = step_file(tmp_path / "led.step", box((1.0, 1.0, 0.2), (0.0, 0.0, 0.0)), wire, beside)
+    extent = KeepOutExtent.of(kept_out(path, 0.1)).along(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]))
+    assert extent == pytest.approx([2.05 + 0.102, 0.5 + 0.102], abs=1e-9)
+
+
+def test_a_point_of_the_search_speaks_for_its_cell(ball_file: Path) -> None:
+    extent = KeepOutExtent.of(kept_out(ball_file))
+    places = chart.grid(21).reshape(-1, 2)
+    places = places[np.linalg.norm(places, axis=1) < 1.0]
+    alone, around = extent.at(ChartPoints.of(places)), extent.at(points := ChartPoints.of(places, 0.1))
+    assert extent.at(points) is around, "computed once"
+    offsets = 0.099 * np.random.default_rng(0).uniform(-1.0, 1.0, size=(50, 2)) / np.sqrt(2.0)
+    for shift in offsets:
+        near = places + shift
+        near /= np.maximum(1.0, np.linalg.norm(near, axis=1, keepdims=True))
+        close = np.linalg.norm(near - places, axis=1) <= 0.1
+        assert (around.numpy()[close] >= extent.along(chart.to_sphere(near))[close] - 5e-3).all()
+    assert (around >= alone).all()
+
+
+def test_margins_of_spheres_are_those_of_geometry(ball_file: Path) -> None:
+    spec = kept_out(ball_file, constraints__max_wall_mm=2.5, constraints__max_height_mm=5.0)
+    found = measure_constraints(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft"))
+    assert found.largest_wall_margin_mm == pytest.approx(2.5 - 3.0, abs=1e-12)
+    assert found.height_margin_mm == pytest.approx(5.0 - 6.0, abs=1e-3)
+    furthest = np.linalg.norm(CENTRE) + BALL_MM + GROWTH_MM
+    assert found.keep_out_clearance_mm == pytest.approx(3.0 - furthest, abs=2e-3)
+    failed = [criterion.name for criterion in constraint_criteria(spec, found) if not criterion.passed]
+    assert failed == ["largest wall margin", "height margin"]
+
+
+def test_height_and_largest_wall_of_a_freeform_are_those_of_its_points() -> None:
+    spec = small_spec(constraints__max_wall_mm=2.5, constraints__max_height_mm=5.0)
+    lens = Lens(random_surface(1, 3.0, 0.05), random_surface(2, 6.0, 0.05), spec, 0, "draft")
+    u = hemisphere_directions(20_000)
+    inner, outer = lens.inner.radius(u), lens.outer.radius(u)
+    height, wall = float((outer * u[:, 2]).max()), float((outer - inner).max())
+    assert height < outer.max() - 0.1, "the furthest point is not the highest"
+    found = measure_constraints(lens)
+    assert found.height_margin_mm == pytest.approx(5.0 - height, abs=2e-3)
+    assert found.largest_wall_margin_mm == pytest.approx(2.5 - wall, abs=2e-3)
+
+
+def test_all_fields_have_their_derivatives(ball_file: Path) -> None:
+    spec = kept_out(ball_file, constraints__max_wall_mm=2.5, constraints__max_height_mm=5.0)
+    grid = TableGrid(32)
+    constraints = AugmentedLagrangian.of(spec, grid, penalty=100.0)
+    surfaces = random_surface(1, 2.0, 0.03, (9, 25)), random_surface(2, 6.0, 0.03, (9, 25))
+    tables = [table_of(surface, grid).requires_grad_() for surface in surfaces]
+    constraints.update(constraints.fields(*tables))
+    assert (constraints.multipliers[3:].amax(dim=1) > 0.0).all(), "each is violated somewhere"
+    rng = np.random.default_rng(0)
+    along = [torch.from_numpy(rng.normal(size=table.shape)) * 1e-3 for table in tables]
+    gradients = torch.autograd.grad(constraints.term(constraints.fields(*tables)), tables)
+    step = 1e-4
+
+    def moved(sign: float) -> float:
+        with torch.no_grad():
+            shifted = [t + sign * step * a for t, a in zip(tables, along, strict=True)]
+            return float(constraints.term(constraints.fields(*shifted)))
+
+    expected = sum(float((g * a).sum()) for g, a in zip(gradients, along, strict=True))
+    assert (moved(1.0) - moved(-1.0)) / (2.0 * step) == pytest.approx(expected, rel=1e-6)
+
+
+def test_what_is_left_out_is_not_computed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(KeepOutExtent, "of", lambda _: pytest.fail("no keep-out is given"))
+    assert len(constraints_of(small_spec())) == 3
+    keys = [constraint.key for constraint in constraints_of(small_spec(constraints__max_height_mm=5.0))]
+    assert keys[3:] == ["height_margin_mm"]
+
+
+def test_a_search_that_starts_outside_its_envelope_ends_inside(tmp_path: Path) -> None:
+    """The start is a cavity of 3 mm, 3 mm of wall and 6 mm of height; a package reaches 3.2 mm up."""
+    path = step_file(tmp_path / "led.step", box((1.5, 1.0, 3.4), (0.3, 0.0, 1.4)))
+    spec = kept_out(
+        path,
+        0.1,
+        constraints__max_wall_mm=2.6,
+        constraints__max_height_mm=5.7,
+        optimise__steps_per_level=[30, 30],
+        optimise__rays=256,
+        optimise__learning_rate=0.01,
+    )
+    start = constraint_criteria(spec, measure_constraints(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft")))
+    missed = {criterion.name for criterion in start if not criterion.passed}
+    assert missed == {"largest wall margin", "height margin", "keep out clearance"}
+    found = search(spec, build_source(spec.source), accuracy="draft")
+    assert all(criterion.passed for criterion in found.criteria), [str(criterion) for criterion in found.criteria]
+    u = hemisphere_directions(3000)
+    inner, outer = found.lens.inner.radius(u), found.lens.outer.radius(u)
+    assert (outer - inner).max() <= 2.6 and (outer * u[:, 2]).max() <= 5.7
+    beyond = np.maximum(np.abs(inner[:, None] * u - [0.3, 0.0, 1.4]) - [0.75, 0.5, 1.7], 0.0)
+    assert np.linalg.norm(beyond, axis=1).min() >= 0.1
+    assert found.inputs["file:led.step"] == hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def test_the_file_is_found_beside_its_spec(tmp_path: Path) -> None:
+    kept_out(tmp_path / "led.step").save(tmp_path / "spec.toml")
+    text = (tmp_path / "spec.toml").read_text().replace(f"{tmp_path}/", "")
+    (tmp_path / "spec.toml").write_text(text)
+    assert 'keep_out = "led.step"' in text
+    assert lf.load_spec(tmp_path / "spec.toml").constraints.keep_out == tmp_path / "led.step"
+
+
+def test_a_keep_out_that_no_cavity_holds_is_refused_before_the_search(tmp_path: Path) -> None:
+    tall = step_file(tmp_path / "tall.step", box((1.0, 1.0, 5.8), (0.0, 0.0, 2.9)))
+    with pytest.raises(InputError, match=r"reaches \(.*tall|tall.step.* max_radius_mm of at least \d.*, it is 7") as no:
+        lf.design(kept_out(tall), accuracy="draft")
+    assert "\n" not in str(no.value)
+    low = step_file(tmp_path / "low.step", box((1.0, 1.0, 3.0), (0.0, 0.0, 1.5)))
+    require_keep_out_fits(kept_out(low))
+    with pytest.raises(InputError, match=r"max_height_mm of at least 4\.\d+, it is 4"):
+        require_keep_out_fits(kept_out(low, constraints__max_height_mm=4.0))
+    board = step_file(tmp_path / "board.step", box((20.0, 20.0, 1.0), (0.0, 0.0, -0.55)))
+    with pytest.raises(InputError, match="move the solid below z = 0"):
+        require_keep_out_fits(kept_out(board))
+    require_keep_out_fits(kept_out(board, 0.02))
+
+
+def test_a_missing_file_is_named_before_the_search(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"absent\.step: no such file; constraints\.keep_out is relative") as no:
+        lf.design(kept_out(tmp_path / "absent.step"), accuracy="draft")
+    assert "\n" not in str(no.value)

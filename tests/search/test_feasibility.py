@@ -1,0 +1,126 @@
+import inspect
+import sys
+
+import numpy as np
+import pytest
+import torch
+from scenes import small_spec
+
+from lensforge.errors import InputError
+from lensforge.scene.lens import Lens
+from lensforge.search.constraints import AugmentedLagrangian
+from lensforge.search.design_result import constraint_criteria
+from lensforge.search.feasibility import measure_constraints, project_to_feasible, require_feasible_start
+from lensforge.search.merit import Problem, Problems
+from lensforge.search.optimiser import search
+from lensforge.search.parameters import Parametrisation
+from lensforge.sources.build_source import build_source
+from lensforge.spec import Spec
+from lensforge.surfaces.asphere import Asphere
+
+
+def scene(
+    spec: Spec, spread: float, outer: float
+) -> tuple[Parametrisation, AugmentedLagrangian, torch.Tensor, torch.Tensor]:
+    parametrisation = Parametrisation.of(spec, 2.5)
+    weights = np.random.default_rng(1).normal(size=(parametrisation.basis.size, 2)) * spread
+    offsets = torch.tensor([1.0, outer], dtype=torch.float64)
+    return parametrisation, AugmentedLagrangian.of(spec, parametrisation.grid), torch.from_numpy(weights), offsets
+
+
+def problem_of(spec: Spec, levels: tuple[int, ...]) -> Problem:
+    return Problems(spec, build_source(spec.source), 2.5, None).of(levels)
+
+
+def failing(parametrisation: Parametrisation, spec: Spec, weights: torch.Tensor, offsets: torch.Tensor) -> set[str]:
+    criteria = constraint_criteria(spec, measure_constraints(parametrisation.lens(weights, offsets, spec, 0, "draft")))
+    return {criterion.name for criterion in criteria if not criterion.passed}
+
+
+def test_a_feasible_lens_is_left_to_the_bit() -> None:
+    parametrisation, constraints, weights, offsets = scene(small_spec(), 0.001, 1.0)
+    moved = project_to_feasible(parametrisation, constraints, weights, offsets)
+    assert torch.equal(moved[0], weights)
+    assert torch.equal(moved[1], offsets)
+
+
+def test_a_sphere_that_is_too_large_shrinks_to_the_limit_and_no_further() -> None:
+    spec = small_spec(lens__symmetry="square")
+    parametrisation, constraints, weights, offsets = scene(spec, 0.0, 7.05 / 6.0)
+    assert failing(parametrisation, spec, weights, offsets) == {"radius margin"}
+    moved = project_to_feasible(parametrisation, constraints, weights, offsets)
+    lens = parametrisation.lens(*moved, spec, 0, "draft")
+    largest = 7.0 - measure_constraints(lens).radius_margin_mm
+    assert 7.0 * (1.0 - 4e-4) < largest < 7.0
+    assert lens.inner.offset_mm == pytest.approx(3.0, abs=1e-9), "the inner face has nothing to do with it"
+
+
+def test_a_projection_does_not_load_the_compiler_of_torch(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It takes seconds. Where another test has loaded it, torch has kept what it needs of it: that goes, too."""
+    for each in (torch.optim.Optimizer.add_param_group, torch.optim.Optimizer.zero_grad):
+        monkeypatch.delattr(inspect.unwrap(each), "__dynamo_disable", raising=False)
+    monkeypatch.setitem(sys.modules, "torch._dynamo", None)
+    parametrisation, constraints, weights, offsets = scene(small_spec(lens__symmetry="square"), 0.0, 7.05 / 6.0)
+    moved = project_to_feasible(parametrisation, constraints, weights, offsets)
+    assert not torch.equal(moved[1], offsets)
+
+
+def test_every_kind_of_violation_is_mended_with_a_small_step() -> None:
+    spec = small_spec(
+        constraints__inner_concave_radius_mm=2.6, constraints__outer_draft_deg=0.3, lens__symmetry="square"
+    )
+    parametrisation, constraints, weights, offsets = scene(spec, 0.004, 7.0 / 6.0)
+    assert failing(parametrisation, spec, weights, offsets) >= {"radius margin", "outer draft margin"}
+    moved = project_to_feasible(parametrisation, constraints, weights, offsets)
+    assert failing(parametrisation, spec, *moved) == set()
+    assert (moved[0] - weights).abs().max() < 0.02
+
+
+def test_what_cannot_be_mended_still_fails_by_name() -> None:
+    spec = small_spec(lens__symmetry="square")
+    impossible = spec.constraints.model_copy(update={"min_thickness_mm": 6.9})  # refused where a spec is read
+    spec = spec.model_copy(update={"constraints": impossible})
+    parametrisation, constraints, weights, offsets = scene(spec, 0.0, 1.0)
+    moved = project_to_feasible(parametrisation, constraints, weights, offsets)
+    assert torch.equal(moved[0], weights)
+    assert failing(parametrisation, spec, *moved)
+
+
+def test_limits_that_only_a_projection_shows_to_exclude_each_other_are_named_before_the_search() -> None:
+    """A cavity of 5.5 mm nowhere tighter than 5.5 mm, 1 mm of wall and 25 degrees of draft need 6.5 / cos(25 deg)."""
+    limits = {"constraints__cavity_height_mm": 5.5, "constraints__inner_concave_radius_mm": 5.5}
+    spec = small_spec(**limits, constraints__outer_draft_deg=25.0, lens__symmetry="square")
+    with pytest.raises(InputError, match=r"no lens was found that keeps all of .*outer_draft_deg = 25") as refusal:
+        require_feasible_start([problem_of(spec, spec.lens.basis.levels)])
+    assert "keep_out" not in str(refusal.value), "a limit that the spec does not set"
+    assert "constraints." in str(refusal.value).split("nearest")[1] and "\n" not in str(refusal.value)
+    begun: list[object] = []
+    with pytest.raises(InputError, match="no lens was found"):
+        search(spec, build_source(spec.source), accuracy="draft", progress=begun.append)
+    assert not begun
+    wider = small_spec(
+        **limits, constraints__outer_draft_deg=25.0, constraints__max_radius_mm=7.5, lens__symmetry="square"
+    )
+    require_feasible_start([problem_of(wider, wider.lens.basis.levels)])  # 7.17 mm of radius are enough
+
+
+@pytest.mark.parametrize("symmetry", ["mirror_x", "rectangle", "square"])
+def test_one_of_each_mirror_image_has_the_margins_of_all(symmetry: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    spec = small_spec(lens__symmetry=symmetry)
+    parametrisation, _, weights, offsets = scene(spec, 0.01, 1.0)
+    lens = parametrisation.lens(weights, offsets, spec, 0, "draft")
+    some = measure_constraints(lens)
+    monkeypatch.setattr("lensforge.search.feasibility.first_images", lambda u, _: np.ones(len(u), dtype=bool))
+    every = measure_constraints(lens)
+    for name in ("cavity_clearance_mm", "wall_margin_mm", "radius_margin_mm"):
+        assert getattr(every, name) <= getattr(some, name) <= getattr(every, name) + 3e-4
+
+
+@pytest.mark.parametrize(("raised_mm", "wall_mm"), [(1.0, 35.0**0.5 - 3.0), (-0.5, 2.5)])
+def test_a_wall_is_measured_on_the_rim_itself_and_at_the_apex(raised_mm: float, wall_mm: float) -> None:
+    """A sphere of 6 mm about a point on the axis, around a hemisphere of 3 mm; thinnest on the rim, or at the apex."""
+    spec = small_spec(constraints__min_thickness_mm=0.25)
+    lens = Lens(Asphere(3.0, -3.0), Asphere(raised_mm + 6.0, -6.0), spec, 0, "draft")
+    at_rim = raised_mm > 0.0
+    found = measure_constraints(lens).wall_margin_mm
+    assert found == pytest.approx(wall_mm - 0.25, abs=1e-9 if at_rim else 1e-4)

@@ -1,0 +1,132 @@
+"""A design with one surface fixed: only the other moves, and every stage takes the pair."""
+
+import numpy as np
+import pytest
+import torch
+from scenes import small_spec
+
+from lensforge.errors import InputError
+from lensforge.light.simulation import TracedLens
+from lensforge.runs.pipeline import run_check, run_evaluate, run_export, run_verify, write_design
+from lensforge.runs.stages import design
+from lensforge.runs.toleranced_folder import run_sensitivity
+from lensforge.scene.lens import load_lens
+from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.search.optimiser import search
+from lensforge.search.parameters import Parametrisation
+from lensforge.sources.build_source import build_source
+from lensforge.surfaces.asphere import Asphere, sphere
+from lensforge.surfaces.srbf import SrbfSurface
+
+SPHERE = {"kind": "sphere", "radius_mm": 3.0, "centre_z_mm": -1.0}
+DOME = {"kind": "asphere", "vertex_z_mm": 6.5, "radius_mm": -6.0, "conic_constant": -0.2, "coefficients": [-1e-5]}
+FLAT = {"kind": "biconic", "vertex_z_mm": 3.0, "radius_x_mm": -3.0, "radius_y_mm": -3.0}
+NARROW = {"radius_y_mm": -0.5, "conic_y": -5.0 / 6.0}  # 1.22 mm wide in y, 3 mm in x
+LONG = {"kind": "toroid", "vertex_z_mm": 6.0, "radius_mm": -6.0, "rotation_radius_mm": -6.0, "coefficients": [2e-4]}
+FIXED_INNER = {"lens": {"levels": [9, 25], "fixed_inner": SPHERE, "outer_offset_mm": 6.0}}
+FIXED_OUTER = {"lens": {"levels": [9, 25], "inner_offset_mm": 3.0, "fixed_outer": DOME}}
+SURFACES = {"inner": sphere(3.0, -1.0), "outer": Asphere(6.5, -6.0, -0.2, (-1e-5,))}
+
+
+@pytest.mark.parametrize(("changes", "still"), [(FIXED_INNER, "inner"), (FIXED_OUTER, "outer")])
+def test_only_the_free_surface_moves(changes, still) -> None:
+    spec = small_spec(**changes)
+    lens = search(spec, build_source(spec.source), accuracy="draft").lens
+    moved = {"inner": lens.outer, "outer": lens.inner}[still]
+    assert getattr(lens, still) == SURFACES[still]
+    assert isinstance(moved, SrbfSurface)
+    assert np.abs(moved.weights_mm).min() > 0.0
+    assert moved.offset_mm != {"inner": 6.0, "outer": 3.0}[still]
+
+
+def test_the_gradient_of_the_free_surface_is_right_and_that_of_the_fixed_one_nothing() -> None:
+    parametrisation = Parametrisation.of(small_spec(**FIXED_INNER), 2.5)
+    weights = torch.zeros(34, 2, dtype=torch.float64, requires_grad=True)
+    offsets = torch.ones(2, dtype=torch.float64, requires_grad=True)
+    inner, outer = parametrisation.tables(weights, offsets)
+    (inner.sum() + outer.sum()).backward()
+    assert (weights.grad[:, 0] == 0.0).all() and offsets.grad[0] == 0.0
+    assert offsets.grad[1] == pytest.approx(6.0 * outer.numel())
+    grid, basis = parametrisation.grid, parametrisation.basis
+    each = grid.coefficients(basis.evaluate(grid.sample_directions())).sum(axis=0)
+    assert np.allclose(weights.grad[:, 1].numpy(), 6.0 * each, rtol=1e-5)
+
+
+def test_rays_refract_at_the_sphere_itself() -> None:
+    """Snell's law at the fixed sphere and at a concentric one, in closed form."""
+    spec = small_spec(**FIXED_INNER)
+    lens = Parametrisation.of(spec, 2.5).lens(torch.zeros(34, 2).double(), torch.ones(2).double(), spec, 0, "draft")
+    rays = build_source(spec.source).sample(2048, 3)
+    found = receivers_of(spec, 16)[0].land(TracedLens.of(lens, 12.0).trace(rays))
+    at, along = rays.origins, rays.directions
+    for centre, radius, ratio in ((-1.0, 3.0, 1.0 / 1.4936), (0.0, 6.0, 1.4936)):
+        from_centre = at - np.array([0.0, 0.0, centre])
+        half = np.sum(from_centre * along, axis=1)
+        at = at + (np.sqrt(half**2 - np.sum(from_centre**2, axis=1) + radius**2) - half)[:, None] * along
+        normal = (at - np.array([0.0, 0.0, centre])) / radius
+        cosine = np.sum(along * normal, axis=1)[:, None]
+        along = ratio * along + (np.sqrt(1.0 - ratio**2 * (1.0 - cosine**2)) - ratio * cosine) * normal
+    hits = (at + ((100.0 - at[:, 2]) / along[:, 2])[:, None] * along)[:, :2]
+    arrived = found.landed.numpy() & (np.linalg.norm(hits, axis=1) < 1000.0)
+    assert arrived.sum() > 1500
+    assert np.allclose(found.hits.numpy()[arrived], hits[arrived], rtol=1e-6, atol=1e-4)
+
+
+@pytest.mark.nightly("every stage; by day its search, gradients and rays, above")
+def test_every_stage_takes_a_fixed_surface(tmp_path) -> None:
+    spec = small_spec(**FIXED_OUTER, base={"kind": "none"})
+    write_design(design(spec, accuracy="draft"), tmp_path)
+    assert load_lens(tmp_path / "lens.json").outer == SURFACES["outer"]
+    run_evaluate(tmp_path)
+    part = run_export(tmp_path, rings=48)
+    check, proof = run_check(tmp_path), run_verify(tmp_path, rays=512)
+    assert part.watertight and all(criterion.passed for criterion in part.criteria)
+    assert part.form_error_nm.max < 1.0
+    assert check.outer.undercut_fraction == 0.0
+    assert proof.deviation_mm.p99 < 0.1
+    names = [row.name for row in run_sensitivity(tmp_path, rays=256).rows]
+    assert names.count("form, outer face") == 1 and names.count("waviness, outer face") == 1
+
+
+@pytest.mark.parametrize(
+    ("lens", "constraints", "message"),
+    [
+        (
+            {"outer_offset_mm": 6.0, "inner_offset_mm": 3.0, "fixed_inner": SPHERE},
+            {},
+            r"inner_offset_mm.*\[lens.fixed_inner\]",
+        ),
+        ({"fixed_outer": DOME, "fixed_inner": SPHERE}, {}, "one of the surfaces must be free"),
+        ({"outer_offset_mm": 1.5, "fixed_inner": SPHERE}, {}, "outer_offset_mm = 1.5 must exceed"),
+        ({"inner_offset_mm": 6.6, "fixed_outer": DOME}, {}, "the vertex of fixed_outer = 6.5 must exceed"),
+        (
+            {"outer_offset_mm": 6.0, "fixed_inner": SPHERE | {"radius_mm": -1.0}},
+            {},
+            r"lens\.fixed_inner\.radius_mm = -1",
+        ),
+        ({"outer_offset_mm": 6.0, "fixed_inner": SPHERE | {"centre_z_mm": 3.5}}, {}, "lens.fixed_inner: .*star-shaped"),
+        ({"outer_offset_mm": 6.0, "fixed_inner": SPHERE}, {"cavity_height_mm": 2.5}, "fixed_inner cuts 0.5 mm into"),
+        ({"inner_offset_mm": 3.0, "fixed_outer": DOME}, {"max_radius_mm": 6.4}, r"fixed_outer reaches \d"),
+        (
+            {"outer_offset_mm": 6.0, "fixed_inner": FLAT | NARROW},  # along y alone inside the cavity
+            {"cavity_radius_mm": 1.3},
+            r"fixed_inner cuts 0\.\d+ mm into",
+        ),
+        ({"inner_offset_mm": 3.0, "fixed_outer": LONG}, {"max_radius_mm": 6.05}, r"fixed_outer reaches 6\.076\d* mm"),
+        (
+            {"outer_offset_mm": 6.0, "fixed_inner": FLAT},
+            {"inner_concave_radius_mm": 3.2},
+            "has a concave radius of 3 mm",
+        ),
+        (
+            {"inner_offset_mm": 3.0, "fixed_outer": {"kind": "plane"}},
+            {},
+            r"lens\.fixed_outer\.kind.*one of sphere, asphere",
+        ),
+    ],
+)
+def test_fixed_surfaces_that_cannot_be_are_one_line(lens, constraints, message) -> None:
+    limits = {"cavity_height_mm": 0.5, "cavity_radius_mm": 1.0, "min_thickness_mm": 1.0, "max_radius_mm": 7.0}
+    with pytest.raises(InputError, match=message) as caught:
+        small_spec(lens={"levels": [9, 25]} | lens, constraints=limits | constraints)
+    assert "\n" not in str(caught.value)

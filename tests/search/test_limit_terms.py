@@ -1,0 +1,103 @@
+"""Limits in the merit function: nothing where they are held, gradients by finite differences, and a search for them."""
+
+import numpy as np
+import pytest
+import torch
+from scenes import small_spec
+
+import lensforge as lf
+from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.search.merit_terms import limit_terms
+from lensforge.search.symmetry import settled_symmetry
+from lensforge.sources.build_source import build_source
+from lensforge.spec import Spec
+
+BEAM = {"kind": "beam", "fwhm_deg": 30.0, "half_angle_deg": 60.0}
+LIMITS = [
+    {"kind": "points", "at_deg": [[0, 0], [15, 0]], "at_least_w_per_sr": 3.0},
+    {"kind": "points", "at_deg": [[0, 0], [15, 0]], "at_most_w_per_sr": 3.0},
+    {"kind": "glare", "from_deg": 20.0, "at_most_relative": 0.1},
+    {"kind": "zone", "zone": {"kind": "disc", "diameter_deg": 20.0}, "at_least_min_over_mean": 0.9},
+    {"kind": "zone", "zone": {"kind": "disc", "diameter_deg": 20.0}, "at_least_min_over_max": 0.9},
+    {"kind": "zone", "zone": {"kind": "disc", "diameter_deg": 20.0}, "at_least_share": 0.9},
+    {"kind": "beam_angle", "at_least_deg": 40.0},
+    {"kind": "beam_angle", "at_most_deg": 25.0},
+]
+
+
+def scene(*limits: dict[str, object]) -> tuple[Spec, torch.Tensor]:
+    """A spec, and the picture of a beam of 30 degrees with 5 W/sr on its axis."""
+    spec = small_spec(target=BEAM).replace(limits=limits)
+    receiver = receivers_of(spec, 64)[0]
+    x, y = receiver.target_coordinates(*np.meshgrid(receiver.grid.x(), receiver.grid.y()))
+    light = 5.0 * np.exp(-4.0 * np.log(2.0) * ((x / 30.0) ** 2 + (y / 30.0) ** 2)) * receiver.pixel_measure
+    return spec, torch.from_numpy(light)
+
+
+@pytest.mark.parametrize("limit", LIMITS, ids=str)
+def test_an_excess_costs_and_its_gradient_is_that_of_finite_differences(limit: dict[str, object]) -> None:
+    spec, picture = scene(limit)
+    (term,) = limit_terms(spec, receivers_of(spec, 64), None, 1.0)
+    rng = np.random.default_rng(0)
+    picture = (picture * torch.from_numpy(1.0 + 0.05 * rng.random(picture.shape))).requires_grad_()
+    loss = term.loss((picture,))
+    assert loss.item() > 0.0
+    (gradient,) = torch.autograd.grad(loss, picture)
+    way = torch.from_numpy(rng.normal(size=picture.shape)) * picture.detach()
+    if limit.get("at_most_relative") or limit["kind"] == "beam_angle" or "at_least_min_over_max" in limit:
+        way = way * (picture.detach() < 0.8 * picture.detach().max())  # the maximum is a scale, held as a constant
+    step = 1e-6
+    up, down = (term.loss((picture.detach() + sign * step * way,)).item() for sign in (1.0, -1.0))
+    assert (up - down) / (2.0 * step) == pytest.approx(float((gradient * way).sum()), rel=1e-4, abs=1e-9)
+
+
+def test_limits_that_are_held_with_the_margin_cost_nothing() -> None:
+    held = [
+        {"kind": "points", "at_deg": [[0, 0], [15, 0]], "at_least_w_per_sr": 2.3},
+        {"kind": "zone", "at_most_w_per_sr": 5.3},
+        {"kind": "glare", "from_deg": 30.0, "at_most_relative": 0.08},
+        {"kind": "beam_angle", "at_least_deg": 28.0, "at_most_deg": 32.0},
+    ]
+    spec, picture = scene(*held)
+    terms = limit_terms(spec, receivers_of(spec, 64), None, 1.0)
+    assert len(terms) == 5 and [term.loss((picture,)).item() for term in terms] == [0.0] * 5
+
+
+@pytest.mark.parametrize(("sense", "inside", "outside"), [("at_most", 0.96, 0.98), ("at_least", 1.04, 1.02)])
+def test_the_search_aims_three_per_cent_inside_a_bound(sense: str, inside: float, outside: float) -> None:
+    """Light of 3 W/sr everywhere, 4 % and 2 % within the bound: the latter costs as much as it lacks to 3 %."""
+    for share, lacking in ((inside, 0.0), (outside, 0.01)):
+        limit = {"kind": "points", "at_deg": [[0, 0], [15, 0]], f"{sense}_w_per_sr": 3.0 / share}
+        spec = small_spec(target=BEAM).replace(limits=[limit])
+        receiver = receivers_of(spec, 64)[0]
+        (term,) = limit_terms(spec, receivers_of(spec, 64), None, 1.0)
+        x, y = receiver.target_coordinates(*np.meshgrid(receiver.grid.x(), receiver.grid.y()))
+        even = torch.from_numpy(np.full_like(x + y, 3.0) * receiver.pixel_measure)
+        places = 2
+        assert term.factor == pytest.approx(30.0 * places), "each of a few places counts"
+        assert term.loss((even,)).item() == pytest.approx(term.factor * lacking**2 / (1.0 + lacking), rel=0.05)
+
+
+def test_places_of_limits_have_a_part_in_the_symmetry_of_the_scene() -> None:
+    both = {"kind": "points", "at_deg": [[-10, 0], [10, 0]], "at_least_w_per_sr": 1.0}
+    one = {"kind": "points", "at_deg": [[10, 0]], "at_least_w_per_sr": 1.0}
+    for limit, symmetry in ((both, "rectangle"), (one, "mirror_y")):
+        spec = small_spec(target=BEAM, lens__symmetry="auto").replace(limits=[limit])
+        assert settled_symmetry(spec, build_source(spec.source)).lens.symmetry == symmetry
+
+
+@pytest.mark.nightly("two searches, 50 s")
+def test_a_search_holds_a_limit_that_its_target_alone_would_miss() -> None:
+    """A beam of 30 degrees, and at 25 degrees three times the light that it has there."""
+    spec = small_spec(target=BEAM, lens__symmetry="auto", optimise__steps_per_level=[60, 100])
+    plain = lf.evaluate(lf.design(spec, accuracy="draft").lens, rays=2**16)
+    at = [[25, 0], [-25, 0], [0, 25], [0, -25]]
+    limit = {"kind": "points", "at_deg": at, "at_least_w_per_sr": 0.5}
+    asked = spec.replace(limits=[limit])
+    light = lf.evaluate(lf.design(asked, accuracy="draft").lens, rays=2**16)
+    (found,) = light.limits
+    assert found.state == "held", str(found)
+    receiver = receivers_of(asked, plain.pixels)[0]
+    x, y = receiver.target_coordinates(*np.meshgrid(receiver.grid.x(), receiver.grid.y()))
+    ring = np.abs(np.hypot(x, y) - 25.0) < 1.0
+    assert plain.map[ring].mean() < 0.45, "the target alone leaves less there"

@@ -1,0 +1,204 @@
+"""Scenes that no search can serve are refused before it; others are described by their shares."""
+
+import time
+from math import sqrt
+
+import numpy as np
+import pytest
+from scenes import small_spec
+
+import lensforge as lf
+from lensforge.errors import Cancelled, InputError
+from lensforge.kernels.fate import Fate
+from lensforge.optics.fundamental_limits import normal_transmittance
+from lensforge.scene.lens import Lens
+from lensforge.search.optimiser import search
+from lensforge.search.scene_check import SceneCheck
+from lensforge.sources.build_source import build_source
+from lensforge.spec import Spec
+from lensforge.spec.source_sections import RaySource
+from lensforge.surfaces.asphere import sphere
+
+
+def check(spec: Spec, start: Lens | None = None) -> SceneCheck:
+    return SceneCheck.of(spec, build_source(spec.source), start)
+
+
+def beam(direction: tuple[float, float, float], backward: float = 0.0, **more: object) -> RaySource:
+    """Ten thousand parallel rays within 1 mm; a share of them reversed."""
+    rng = np.random.default_rng(1)
+    points = np.column_stack([rng.uniform(-0.5, 0.5, (10_000, 2)), np.zeros(10_000)])
+    directions = np.tile(np.array(direction, dtype=np.float64), (10_000, 1))
+    directions[: round(backward * 10_000)] *= -1.0
+    return RaySource(positions_mm=points, directions=directions, flux_w=1.0, **more)
+
+
+def test_a_source_in_its_cavity_sends_all_its_light_into_the_lens() -> None:
+    found = check(small_spec())
+    assert found.entering == 1.0 and 0.9 < found.targets[0].bounds.value < normal_transmittance(1.4936) ** 2
+    assert found.warnings() == ()
+    found.require_light()
+
+
+def wall(height_mm: float, **more: object) -> tuple[str, ...]:
+    """Warnings on an upright wall at x = 300 mm, whose target's middle is ``height_mm`` above the LED."""
+    plane = {"kind": "plane", "name": "wall", "centre_mm": [300.0, 5.0, height_mm], "normal": [1.0, 0.0, 0.0],
+             "width_mm": 600.0, "height_mm": 400.0,
+             "targets": [{"kind": "rectangle", "width_mm": 200.0, "height_mm": 100.0}], **more}  # fmt: skip
+    spec = small_spec().replace(target=None, receivers=[plane])
+    return check(spec).warnings()
+
+
+def test_a_steep_wall_says_how_its_axes_lie() -> None:
+    said = "receivers: wall: it has x along (0, 0, -1) and y along (0, 1, 0) in the lens; rotation_deg turns it"
+    assert any(words.startswith(said) for words in wall(250.0))
+    assert not any("it has x" in words for words in wall(250.0, rotation_deg=90.0)), "who turns it knows"
+    assert not any("it has x" in words for words in wall(250.0, normal=[1.0, 0.0, 1.2]))
+
+
+def test_a_target_behind_the_plane_of_the_led_is_a_warning() -> None:
+    """The target reaches 100 mm to each side along z: a quarter of it is below z = 0 where its middle is at 50 mm."""
+    (found,) = (words for words in wall(50.0) if "behind the LED's plane z = 0" in words)
+    share = float(found.removeprefix("receivers: wall: ").partition(" %")[0])
+    assert share == pytest.approx(25.0, abs=100.0 * 600.0 / 64 / 200.0), "to a pixel"
+    assert not any("behind the LED" in words for words in wall(120.0)), "only the receiver reaches below"
+
+
+def test_shares_of_a_disc_that_is_wider_than_the_cavity_are_those_of_its_area() -> None:
+    """A square of 6 mm around a cavity of 1.5 mm radius: pi 1.5^2 of its 36 mm^2 starts inside."""
+    spec = small_spec(source__side_mm=6.0, lens__inner_offset_mm=1.5)
+    found = check(spec)
+    inside = np.pi * 1.5**2 / 36.0
+    assert found.entering == pytest.approx(inside, abs=4.0 * sqrt(inside * (1.0 - inside) / 2**14))
+    assert found.lost[Fate.OUTSIDE_CAVITY] == pytest.approx(1.0 - found.entering)
+    assert "a larger lens.inner_offset_mm" in found.warnings()[0]
+    wide = Lens(sphere(5.0), sphere(6.5), spec, 0, "draft")
+    assert check(spec, wide).entering == 1.0, "the lens to begin from decides"
+
+
+def test_light_that_goes_backward_is_a_warning_until_there_is_none_left() -> None:
+    most = check(small_spec().replace(source=beam((0.0, 0.0, 1.0), backward=0.98)))
+    most.require_light(anyway=True)
+    with pytest.raises(InputError, match=r"less than half of the .*98 % goes backward.*anyway"):
+        most.require_light()
+    assert most.lost[Fate.BACKWARD] == pytest.approx(0.98)
+    assert any("2 % of the light enters" in words and "98 % goes backward" in words for words in most.warnings())
+    with pytest.raises(InputError, match=r"0 % of the light enters.*100 % goes backward.*source\.axis") as refusal:
+        check(small_spec().replace(source=beam((0.0, 0.0, -1.0)))).require_light()
+    assert "(0.00, 0.00, -1.00)" in str(refusal.value) and "\n" not in str(refusal.value)
+    with pytest.raises(
+        InputError, match=r"100 % starts outside the cavity or misses its opening; try source\.scale, source\.origin"
+    ):
+        check(small_spec().replace(source=beam((0.0, 0.0, 1.0), position_mm=(10.0, 0.0, 0.0)))).require_light()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"source__tilt_deg": [180.0, 0.0]}, r"100 % goes backward, towards -z; try source\.tilt_deg"),
+        (
+            {"target__distance_mm": 1e5},
+            r"target: at most 0\.0\d+ % \(by étendue\).*target\.distance_mm.*less than half of the",
+        ),
+        (
+            {"target__half_width_mm": 0.08, "target__receiver_mm": 0.2, "target__uniform_mm": 0.1},
+            r"at most 0\.0\d+ % \(by étendue\)",
+        ),
+        (
+            {"lens__refractive_index": 1.0, "lens__material": "nothing", "target__distance_mm": 2000.0},
+            r"by the turn and loss of two refractions",
+        ),
+    ],
+)
+def test_a_wrong_place_or_unit_is_refused_before_the_search(changes: dict[str, object], message: str) -> None:
+    spec = small_spec(**changes)
+    begun = []
+    with pytest.raises(InputError, match=message) as refusal:
+        lf.design(spec, accuracy="draft", progress=begun.append)
+    assert not begun and "\n" not in str(refusal.value)
+
+
+def test_the_search_itself_refuses_too_and_at_once() -> None:
+    spec = small_spec(target__distance_mm=1e5)
+    check(spec)  # kernels compiled
+    started = time.perf_counter()
+    with pytest.raises(InputError, match="étendue"):
+        search(spec, build_source(spec.source), accuracy="draft")
+    assert time.perf_counter() - started < 5.0  # a tenth of a second on an idle machine
+
+
+def test_a_point_source_has_no_etendue_and_so_no_bound() -> None:
+    found = check(small_spec(source__side_mm=0.0, target__distance_mm=1e5)).targets[0]
+    assert found.bounds.by_etendue == pytest.approx(normal_transmittance(1.4936) ** 2) and found.met > 0.8
+
+
+def cob(**changes: object) -> Spec:
+    """A board of chips of 3 mm in a lens of 12 mm, for 60 x 40 mm at 500 mm: étendue allows a fifth of the light."""
+    content = {
+        "source": {"kind": "disc", "diameter_mm": 3.0},
+        "lens": {"inner_offset_mm": 4.0, "outer_offset_mm": 8.0},
+        "constraints": {
+            "cavity_radius_mm": 2.0, "cavity_height_mm": 1.0, "min_thickness_mm": 1.0, "max_radius_mm": 12.0
+        },
+        "target": {
+            "kind": "rectangle", "width_mm": 60.0, "height_mm": 40.0, "distance_mm": 500.0, "receiver_mm": 100.0
+        },
+    }  # fmt: skip
+    return Spec.model_validate(content).replace(changes)
+
+
+def test_a_target_of_which_less_than_half_is_possible_is_refused_with_the_lens_that_would_do() -> None:
+    spec = cob()
+    target = check(spec).targets[0]
+    transmitted = normal_transmittance(spec.lens.refractive_index) ** 2
+    closed_form = transmitted * 12.0**2 * (60.0 * 40.0 / 500.0**2) / (np.pi * 1.5**2)
+    assert target.bounds.by_etendue == pytest.approx(closed_form, rel=0.05)
+    with pytest.raises(InputError) as refusal:
+        lf.design(spec, accuracy="draft")
+    words = str(refusal.value)
+    assert "by étendue" in words and "anyway" in words and "\n" not in words
+    radius_mm = float(words.partition(">= ")[2].split()[0])
+    assert 25.0 < radius_mm < 29.0
+    assert check(spec.replace({"constraints.max_radius_mm": radius_mm})).targets[0].bounds.by_etendue >= 0.92
+    said: list[str] = []
+    with pytest.raises(Cancelled):
+        lf.design(spec, accuracy="draft", anyway=True, progress=lambda _: False, warn=said.append)
+    assert any("by étendue" in each for each in said), "it says so all the same"
+
+
+def test_a_limit_beyond_half_of_what_the_luminance_allows_is_refused_by_its_name() -> None:
+    """A Lambertian square of 1 mm and 1 W: at most L pi R^2 in any direction, times what two faces transmit."""
+    target = {"kind": "beam", "fwhm_deg": 30.0, "half_angle_deg": 60.0}
+    transmitted = normal_transmittance(1.4936) ** 2
+
+    def asking(intensity: float) -> SceneCheck:
+        limit = {"kind": "points", "name": "axis", "at_deg": [[0, 0]], "at_least_w_per_sr": intensity}
+        return check(small_spec(target=target).replace(limits=[limit]))
+
+    radius_mm = small_spec().constraints.max_radius_mm
+    most = transmitted * radius_mm**2 / 1.0
+    assert asking(1.0).limits[0].possible == pytest.approx(most, rel=0.01)
+    asking(1.9 * most).require_light()
+    assert any(words.startswith("limits: axis: at most") for words in asking(1.9 * most).warnings())
+    with pytest.raises(
+        InputError, match=r"limits: axis: at most .* W/sr \(by étendue\).*a larger lens \(>= "
+    ) as refusal:
+        asking(2.1 * most).require_light()
+    assert "\n" not in str(refusal.value)
+
+
+def test_an_estimated_luminance_warns_and_stops_nothing() -> None:
+    rays = build_source(cob().source).sample(20_000, 1)
+    spec = cob().replace(source=RaySource(positions_mm=rays.origins, directions=rays.directions, flux_w=1.0))
+    found = check(spec)
+    assert found.targets[0].estimated and found.targets[0].met < 0.5
+    found.require_light()
+    assert any("estimate of the source's luminance" in words for words in found.warnings())
+
+
+def test_warnings_stand_in_the_record_of_the_design() -> None:
+    spec = small_spec(target__distance_mm=3000.0, target__half_width_mm=150.0, target__receiver_mm=400.0)
+    said: list[str] = []
+    found = lf.design(spec, accuracy="draft", warn=said.append)
+    assert any("étendue" in words for words in said)
+    assert tuple(said) == found.source.warnings

@@ -1,0 +1,164 @@
+"""Terms of pictures and limits in the merit of a search, as sums over pixels and places."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from scenes import small_spec
+from scipy import sparse
+
+from lensforge.scene.limit_readings import LightLimit
+from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.scene.target_pattern import target_light
+from lensforge.search.light_path import Collected
+from lensforge.search.merit_terms import ImageTerms, LimitTerm, nmse_loss, not_dark, shortfall_loss, uniformity_loss
+from lensforge.search.symmetry import chart_mirrors, mirror_mean, mirrored_light
+
+CHANCE = np.random.default_rng(0)
+MASK = torch.zeros((3, 4), dtype=torch.bool)
+MASK[1:, 1:3] = True
+
+
+def tensor(values: Any) -> torch.Tensor:
+    return torch.from_numpy(np.asarray(values, dtype=np.float64))
+
+
+def smooth(image: np.ndarray) -> np.ndarray:
+    padded, weights = np.pad(image, 1, mode="edge"), np.exp(-0.5 * np.add.outer(*2 * (np.array([1.0, 0.0, 1.0]),)))
+    found = [
+        [np.sum(weights * padded[r : r + 3, c : c + 3]) for c in range(image.shape[1])] for r in range(image.shape[0])
+    ]
+    return np.array(found) / weights.sum()
+
+
+PICTURE = np.linspace(0.2, 1.6, 12).reshape(3, 4)[:, ::-1] * CHANCE.uniform(0.9, 1.1, (3, 4))
+READ = CHANCE.uniform(0.0, 1.0, (5, 12))
+
+
+def term(quantity: str, sense: str, bound: float, rows: int = 5, level: float = 1.0) -> LimitTerm:
+    angles = np.array([-8.0, -4.0, 0.0, 4.0, 8.0])[:rows] if quantity == "beam_angle" else None
+    readings = sparse.csr_array(READ[:rows])
+    return LimitTerm.of(LightLimit("a", 0, quantity, sense, bound, "lx", readings, angles, level))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("sense", [">=", "<="])
+@pytest.mark.parametrize("quantity", ["light", "share", "relative", "min_over_mean", "min_over_max", "beam_angle"])
+@pytest.mark.parametrize("dark", [False, True])
+def test_the_cost_of_a_limit_is_a_mean_over_its_places(quantity: str, sense: str, dark: bool) -> None:
+    picture = np.zeros((3, 4)) if dark else PICTURE
+    even = smooth(picture)
+    bounds = {
+        "light": 4.5,
+        "share": 4.5,
+        "beam_angle": 20.0 if sense == ">=" else 8.0,
+        "relative": 0.6 if sense == ">=" else 0.3,
+    }
+    light, bound, level = READ @ even.ravel(), bounds.get(quantity, 0.9), 0.8
+    scale = {
+        "relative": even.max() * READ.sum(axis=1).max(), "min_over_mean": light.mean(), "min_over_max": light.max(),
+        "beam_angle": light.max(),
+    }.get(quantity, 1.0) or 1.0  # fmt: skip
+    total = 0.0
+    for place, angle in zip(light, (-8.0, -4.0, 0.0, 4.0, 8.0), strict=True):
+        relative = place / (scale * (level if quantity == "beam_angle" else bound))
+        excess = max(1.03 - relative if sense == ">=" else relative - 0.97, 0.0)
+        off = abs(angle) - 0.5 * bound
+        if quantity == "beam_angle" and not (off < 0.0 if sense == ">=" else off > 0.0):
+            excess = 0.0
+        total += excess**2 / (1.0 + excess)
+    found = (
+        term(quantity, sense, bound, level=level if quantity == "beam_angle" else 1.0).loss((tensor(picture),)).item()
+    )
+    assert found == pytest.approx(150.0 * total / 5.0, rel=1e-12)
+    assert found > 0.0 or (dark and sense == "<=")
+
+
+def test_many_places_count_together_as_much_as_ten() -> None:
+    assert term("light", ">=", 4.0, rows=2).factor == 60.0
+    readings = sparse.csr_array(np.ones((11, 12)))
+    assert LimitTerm.of(LightLimit("a", 0, "light", ">=", 4.0, "lx", readings)).factor == 300.0
+    other = replace(term("light", ">=", 4.5), limit=replace(term("light", ">=", 4.5).limit, receiver=1))
+    both = other.loss((tensor(np.full((2, 2), 9e9)), tensor(PICTURE)))
+    assert both.item() == term("light", ">=", 4.5).loss((tensor(PICTURE),)).item()
+
+
+def test_losses_of_a_dim_picture_are_sums_over_its_pixels() -> None:
+    image, wanted = 0.01 * PICTURE, np.full((3, 4), 0.012)
+    apart = sum((a - b) ** 2 for a, b in zip(image.flat, wanted.flat, strict=True))
+    assert nmse_loss(tensor(image), tensor(wanted)).item() == pytest.approx(apart / (12 * 0.012**2))
+    inside = image[MASK.numpy()]
+    uneven = sum((each / inside.mean() - 1.0) ** 2 for each in inside) / 4.0
+    assert uniformity_loss(tensor(image), MASK).item() == pytest.approx(uneven)
+    even = smooth(image)[MASK.numpy()]
+    missing = [max(0.95 - each / even.mean(), 0.0) for each in even]
+    short = sum(each**2 for each in missing) / 4.0
+    assert shortfall_loss(tensor(image), MASK, 0.05).item() == pytest.approx(short) and short > 0.0
+    terms = ImageTerms(tensor(wanted), MASK, (), 0.5)
+    in_full = sum(max(0.97 - each / even.mean(), 0.0) ** 2 for each in even) / 4.0
+    nmse = apart / (12 * 0.012**2)
+    assert terms.loss(tensor(image), False).item() == pytest.approx(nmse)
+    assert terms.loss(tensor(image), True).item() == pytest.approx(0.2 * nmse + 10.0 * uneven + 300.0 * in_full)
+    assert replace(terms, mask=None).loss(tensor(image), True).item() == pytest.approx(nmse)
+
+
+def test_a_dark_picture_is_as_bad_as_one_whose_scale_is_1() -> None:
+    dark = tensor(np.zeros((3, 4)))
+    assert (
+        not_dark(tensor(0.0)).item() == not_dark(tensor(-2.0)).item() == 1.0 and not_dark(tensor(0.01)).item() == 0.01
+    )
+    assert uniformity_loss(dark, MASK).item() == 1.0
+    assert shortfall_loss(dark, MASK, 0.05).item() == pytest.approx(0.95**2)
+
+
+def test_two_pictures_are_judged_by_the_product_of_their_errors() -> None:
+    first, second, wanted = PICTURE, PICTURE[::-1].copy(), np.ones((3, 4))
+    terms = ImageTerms(tensor(wanted), MASK, (), 1.0)
+    product = np.sum((first - wanted) * (second - wanted)) / 12.0
+    assert terms.judge(tensor(first), tensor(second), False).item() == pytest.approx(product)
+    ones, others = first[MASK.numpy()], second[MASK.numpy()]
+    uneven = np.mean((ones / ones.mean() - 1.0) * (others / others.mean() - 1.0))
+    short = shortfall_loss(tensor(0.5 * (first + second)), MASK, 0.03).item()
+    judged = terms.judge(tensor(first), tensor(second), True).item()
+    assert judged == pytest.approx(0.2 * product + 10.0 * uneven + 300.0 * short)
+
+
+def test_flux_beside_the_receiver_and_in_its_window_counts_by_fixed_factors() -> None:
+    light = Collected(tensor(PICTURE), tensor(0.7), tensor(0.4), tensor(0.1))
+    assert ImageTerms(tensor(PICTURE), MASK, (), 1.0).flux_term(light).item() == pytest.approx(0.3 * 0.4 - 1.2 * 0.7)
+    assert ImageTerms(tensor(PICTURE), None, (), 1.0).flux_term(light).item() == pytest.approx(0.3 * 0.4 - 0.15 * 0.7)
+
+
+@pytest.mark.parametrize("symmetry", ["none", "mirror_x", "square"])
+def test_the_wanted_light_its_mask_and_its_mirrors_are_those_of_the_scene(symmetry: str) -> None:
+    spec = small_spec(lens__symmetry=symmetry)
+    (receiver,), (section,) = receivers_of(spec, 10), spec.all_receivers
+    terms = ImageTerms.of(section.targets, receiver, 2.5, symmetry, 0.75)
+    np.testing.assert_allclose(terms.wanted.numpy(), 2.5 * target_light(section.targets, receiver))
+    centres = np.abs(receiver.grid.x()) <= 0.5 * (100.0 + 20.0)  # half a pixel of 20 mm more on each side
+    assert terms.mask is not None and np.array_equal(terms.mask.numpy(), np.outer(centres, centres))
+    assert terms.mirrors == chart_mirrors(receiver, symmetry) and terms.share == 0.75
+    image = tensor(CHANCE.random((10, 10)))
+    assert torch.equal(terms.mirrored(image), mirrored_light(image, terms.mirrors))
+    wanted = mirror_mean(image.T, symmetry).T
+    assert torch.allclose(terms.mirrored(image), wanted, atol=1e-15)
+    light = Collected(image, tensor(0.0), tensor(0.0), tensor(0.0))
+    assert torch.equal(terms.image(light), terms.mirrored(image))
+
+
+@pytest.mark.parametrize("name", ["mirror_x", "mirror_y", "rectangle", "square"])
+def test_a_mirror_mean_is_the_mean_over_the_images_of_each_place(name: str) -> None:
+    """First index x, second y."""
+    values = CHANCE.random((5, 5))
+    found = mirror_mean(tensor(values), name).numpy()
+    for i, j in np.ndindex(5, 5):
+        places = {(i, j)}
+        if name != "mirror_y":
+            places |= {(4 - a, b) for a, b in places}
+        if name != "mirror_x":
+            places |= {(a, 4 - b) for a, b in places}
+        if name == "square":
+            places |= {(b, a) for a, b in places}
+        weights = [values[a, b] for a, b in places]
+        assert found[i, j] == pytest.approx(np.mean(weights))

@@ -1,0 +1,107 @@
+"""Dimensions of a lens between two spheres, in closed form; those of its base are the spec's."""
+
+from math import hypot, sqrt
+
+import numpy as np
+import pytest
+from round_surfaces import Ball
+from shop_lenses import BASE, small_lens
+
+from lensforge.scene.lens import Lens
+from lensforge.shop.dimensions import dimensions
+
+INNER, OUTER = Ball((0.3, -0.2, 0.4), 3.0), Ball((-0.5, 0.4, 0.8), 7.0)
+
+
+class OfSpheres(Lens):
+    """A lens that is told from others by itself: no lens file holds its surfaces."""
+
+    __hash__ = object.__hash__
+
+
+def sizes(lens):
+    return {each.name: each.value_mm for each in dimensions(lens)}
+
+
+def apex(ball):
+    x, y, z = ball.centre
+    return z + sqrt(ball.size**2 - x**2 - y**2)
+
+
+def rim(ball):
+    """Distance from the axis, and radius, of the circle in which a sphere meets z = 0."""
+    (x, y, z), size = ball.centre, ball.size
+    return hypot(x, y), sqrt(size**2 - z**2)
+
+
+def test_the_sizes_of_two_spheres_are_in_closed_form():
+    found = sizes(OfSpheres(INNER, OUTER, small_lens({"kind": "none"}).spec, 0, "draft"))
+    inner, outer = (apex(ball) for ball in (INNER, OUTER))
+    assert found.pop("outer apex above z = 0") == pytest.approx(outer, abs=1e-12)
+    assert found.pop("apex of the cavity above z = 0") == pytest.approx(inner, abs=1e-12)
+    assert found.pop("thickness on the axis") == pytest.approx(outer - inner, abs=1e-12)
+    assert found.pop("highest point above z = 0") == pytest.approx(OUTER.centre[2] + OUTER.size, abs=1e-9)
+    widest = 2.0 * (rim(OUTER)[0] + OUTER.size)
+    assert found.pop("width of the dome") == pytest.approx(widest, abs=1e-6)
+    assert found.pop("largest width") == pytest.approx(widest, abs=1e-6)
+    assert found.pop("overall length") == pytest.approx(OUTER.centre[2] + OUTER.size, abs=1e-9)
+    for name, ball in (("outer rim", OUTER), ("opening of the cavity", INNER)):
+        off, radius = rim(ball)
+        assert found.pop(f"{name} in z = 0, along x") == pytest.approx(2.0 * sqrt(radius**2 - ball.centre[1] ** 2))
+        assert found.pop(f"{name} in z = 0, along y") == pytest.approx(2.0 * sqrt(radius**2 - ball.centre[0] ** 2))
+        circle = found.pop(f"{name} in z = 0, circle about the axis that holds it")
+        assert circle == pytest.approx(2.0 * (off + radius), abs=1e-4)
+    assert not found
+
+
+def test_a_size_that_is_drawn_ends_where_the_part_does():
+    """Ends (z, x) of the rims and of the apexes in the section at y = 0 of two spheres off the axis."""
+    lens = OfSpheres(INNER, OUTER, small_lens({"kind": "none"}).spec, 0, "draft")
+    ends = {each.name: each.ends for each in dimensions(lens) if each.ends is not None}
+    for name, ball in (("outer rim", OUTER), ("opening of the cavity", INNER)):
+        half = sqrt(rim(ball)[1] ** 2 - ball.centre[1] ** 2)
+        wanted = ((0.0, ball.centre[0] - half), (0.0, ball.centre[0] + half))
+        assert np.array(ends[f"{name} in z = 0, along x"]) == pytest.approx(np.array(wanted)), name
+    wanted = ((apex(INNER), 0.0), (apex(OUTER), 0.0))
+    assert np.array(ends["thickness on the axis"]) == pytest.approx(np.array(wanted))
+
+
+@pytest.mark.parametrize(
+    ("base", "wanted"),
+    [
+        (
+            BASE | {"diameter_mm": 20.0, "height_mm": 3.0, "flange_diameter_mm": 24.0, "flange_height_mm": 1.25}
+            | {"pocket_depth_mm": 0.75},
+            {"height of the base below z = 0": 3.0, "depth of the relief step below z = 0": 0.4,
+             "depth of the pocket": 0.75, "height of the flange": 1.25, "diameter of the base": 20.0,
+             "diameter of the pocket": 7.0, "diameter of the flange": 24.0},
+        ),
+        ({"kind": "square", "side_mm": 18.0}, {"side of the base across x": 18.0, "side of the base across y": 18.0}),
+        ({"diameter_mm": 20.0, "flat_mm": 9.5}, {"clocking flat across +x, from the axis": 9.5}),
+    ],
+)  # fmt: skip
+def test_the_sizes_of_the_base_are_those_of_the_spec(base, wanted):
+    found = sizes(small_lens(base))
+    assert {name: found[name] for name in wanted} == pytest.approx(wanted)
+
+
+@pytest.mark.parametrize(
+    ("base", "below", "width"),
+    [
+        ({"kind": "square", "side_mm": 18.0, "height_mm": 3.0}, 3.0, 18.0 * sqrt(2.0)),
+        ({"diameter_mm": 20.0, "flange_diameter_mm": 24.0}, 2.0, 24.0),
+        ({"diameter_mm": 11.0}, 2.0, None),
+    ],
+)
+def test_length_and_width_are_those_of_the_whole_part(base, below, width):
+    found = sizes(small_lens(base))
+    assert found["overall length"] == pytest.approx(found["highest point above z = 0"] + below)
+    assert found["largest width"] == pytest.approx(found["width of the dome"] if width is None else width)
+
+
+def test_each_size_has_a_tolerance_or_says_that_the_general_one_holds_or_that_it_is_auxiliary():
+    found = {each.name: each.tolerance for each in dimensions(small_lens({"diameter_mm": 20.0}))}
+    assert found["thickness on the axis"] == "±0.020"
+    assert found["diameter of the base"] == found["height of the base below z = 0"] == "general"
+    others = set(found) - {"thickness on the axis", "diameter of the base", "height of the base below z = 0"}
+    assert {found[name] for name in others} == {"auxiliary"}

@@ -1,0 +1,426 @@
+"""The drawing: drawn once, its sizes those of the part and of the table, read back from the DXF and from the PDF."""
+
+import io
+import re
+import zlib
+from dataclasses import replace
+from itertools import combinations
+
+import ezdxf
+import numpy as np
+import pytest
+from ezdxf.entitydb import EntityDB
+from shop_lenses import BASE, quick_check, small_lens
+
+from lensforge.cad.form_error import fit_faces
+from lensforge.cad.part import Faces
+from lensforge.cad.part_export import build_part, signed_step
+from lensforge.cad.plan import make_plan
+from lensforge.cad.solid import build_solid
+from lensforge.errors import InputError
+from lensforge.shop.dimension_lines import strokes_of, words_of_dimension
+from lensforge.shop.dimensions import clocking_flat, datum_scheme, dimensions, widest_mm
+from lensforge.shop.drawing import SCALES, SIZES, drawing_content, make_sheet
+from lensforge.shop.sheet import shown
+from lensforge.shop.sheet_dxf import sheet_dxf
+from lensforge.shop.sheet_pdf import Table, pdf_of, sheet_figure
+from lensforge.shop.sheet_tables import index_wavelength, scale_words
+from lensforge.shop.sheet_text import box_of, shortened, width_of, wrapped
+from lensforge.shop.tolerance_table import tolerance_table
+from lensforge.spec.part_section import read_drawing
+from lensforge.surfaces.srbf import fibonacci_hemisphere
+
+ROUND = {"diameter_mm": 16.0}
+BASES = {
+    "full": {**BASE, "relief_setback_mm": 0.25, "bore_setback_mm": 0.1},
+    "none": {"kind": "none"},
+    "flat": {**ROUND, "flat_mm": 7.5},
+    "square": {"kind": "square", "side_mm": 15.0, "height_mm": 3.0, "pocket_diameter_mm": 7.5},
+    "below the dome": {"diameter_mm": 11.0},
+}
+
+
+def content_of(lens, part, check, sheet="A3"):
+    content = drawing_content(lens, part, check, dimensions(lens), tolerance_table(lens, None), lens.spec.drawing)
+    return content, make_sheet(content, sheet)
+
+
+@pytest.fixture(scope="module")
+def exported():
+    """The part of one lens, with its files."""
+    return build_part(small_lens(BASES["none"]), rings=16)
+
+
+@pytest.fixture(scope="module")
+def check(exported):
+    """Findings on one of the parts: those of the others differ in their base only."""
+    return quick_check(exported)
+
+
+@pytest.fixture(scope="module")
+def part_of(exported):
+    """Parts as ``build_part`` makes them, as far as a drawing shows it: faces, author, tolerances."""
+
+    def made(lens, schema="AP214"):
+        solid = build_solid(make_plan(*fit_faces(lens), lens.spec.base))
+        signed = signed_step(solid, lens.spec, "shop", schema)
+        faces = Faces(count=len(solid.faces), names=tuple(sorted(solid.faces)))
+        written = {"faces": faces, "signature": signed.signature, "form_tolerances": signed.tolerances}
+        return exported.model_copy(update={"lens": lens, **written})
+
+    return made
+
+
+@pytest.fixture(scope="module")
+def parts(check, part_of):
+    lenses = {name: small_lens(base) for name, base in BASES.items()}
+    return {name: (lens, part_of(lens), check) for name, lens in lenses.items()}
+
+
+@pytest.fixture(scope="module")
+def drawings(parts):
+    return {name: content_of(*results) for name, results in parts.items()}
+
+
+def read_back(sheet):
+    return ezdxf.read(io.StringIO(sheet_dxf(sheet).decode("utf-8")))
+
+
+def all_words(sheet):
+    return [*sheet.words, *(words_of_dimension(each) for each in sheet.dimensions)]
+
+
+@pytest.mark.parametrize("name", BASES)
+def test_the_dxf_read_back_has_no_errors_and_the_sizes_of_the_table(drawings, name):
+    content, sheet = drawings[name]
+    document = read_back(sheet)
+    assert not document.audit().errors
+    assert document.units == ezdxf.units.MM
+    measured = sorted(each.get_measurement() for each in document.modelspace().query("DIMENSION"))
+    table = sorted(each.value_mm for each in content.views.dimensions if each.ends is not None)
+    np.testing.assert_allclose(measured, table, atol=1e-9)
+    for each in document.modelspace().query("DIMENSION"):  # what a reader sees is what it measures
+        texts = [
+            entity.dxf.text if entity.dxftype() == "TEXT" else entity.text
+            for entity in each.virtual_entities()
+            if entity.dxftype() in ("TEXT", "MTEXT")
+        ]
+        assert shown(each.get_measurement()) in "".join(texts)
+
+
+def test_the_same_sheet_is_the_same_dxf_in_whatever_order_a_set_is_walked_through(drawings, monkeypatch):
+    """The order of a set of words is another one in every process."""
+    _, sheet = drawings["full"]
+    used, found = EntityDB.dxf_types_in_use, set()
+    for order in (sorted, lambda names: sorted(names, reverse=True)):
+        monkeypatch.setattr(EntityDB, "dxf_types_in_use", lambda database, order=order: order(used(database)))
+        found.add(sheet_dxf(sheet))
+    assert len(found) == 1
+
+
+@pytest.mark.parametrize("name", BASES)
+def test_the_section_in_the_dxf_is_the_part_at_its_size_in_its_coordinates(parts, drawings, name):
+    lens, _, _ = parts[name]
+    document = read_back(drawings[name][1])
+    chains = [np.array(each.get_points("xy")) for each in document.modelspace().query("LWPOLYLINE[layer=='OUTLINE']")]
+    section = max((chain for chain in chains if np.abs(chain).max() < 30.0), key=len)
+    z, x = section[section[:, 0] > 1e-6].T
+    directions = np.column_stack([x, np.zeros_like(x), z])
+    distance = np.linalg.norm(directions, axis=1)
+    directions /= distance[:, None]
+    off = np.minimum(*(np.abs(face.radius(directions) - distance) for face in (lens.inner, lens.outer)))
+    assert len(z) > 500
+    assert off.max() < 1e-9
+
+
+@pytest.mark.parametrize("name", BASES)
+def test_no_text_meets_another_nor_a_line_of_a_dimension_nor_the_edge(drawings, name):
+    _, sheet = drawings[name]
+    boxes = [(words.text, box_of(words)) for words in all_words(sheet)]
+    for (first, a), (second, b) in combinations(boxes, 2):
+        assert a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1], f"{first!r} and {second!r} collide"
+    lines = [stroke.points for each in sheet.dimensions for stroke in strokes_of(each) if not stroke.filled]
+    for text, (left, bottom, right, top) in boxes:
+        assert left > 20.0 and bottom > 10.0 and right < sheet.size_mm[0] - 10.0 and top < sheet.size_mm[1] - 10.0
+        for (x1, y1), (x2, y2) in lines:
+            apart = max(x1, x2) <= left or min(x1, x2) >= right or max(y1, y2) <= bottom or min(y1, y2) >= top
+            assert apart, f"a line crosses {text!r}"
+
+
+def test_the_scale_is_one_of_iso_5455_and_the_views_have_it(parts, drawings):
+    for name, (content, sheet) in drawings.items():
+        assert sheet.scale in {2.0, 5.0, 10.0}, name
+        points = np.concatenate(content.views.sections[0].outlines)
+        low, high = points[:, 0].min(), points[:, 0].max()
+        lengths = [np.ptp(stroke.points[:, 0]) for stroke in sheet.strokes if stroke.pen == "outline" and stroke.closed]
+        assert any(length == pytest.approx(sheet.scale * (high - low), abs=1e-9) for length in lengths)
+        assert any(words.text == f"Scale: {sheet.scale:g} : 1" for words in sheet.words)
+    content, _ = drawings["full"]
+    for wanted, size in SIZES.items():
+        sheet = make_sheet(content, wanted)
+        assert (sheet.name, sheet.size_mm) == (wanted, size)
+    assert make_sheet(content, "A4").scale <= make_sheet(content, "A3").scale
+
+
+@pytest.mark.parametrize(("scale", "words"), [(10.0, "10 : 1"), (1.0, "1 : 1"), (0.5, "1 : 2"), (0.2, "1 : 5")])
+def test_a_scale_is_written_as_iso_5455_does(scale, words):
+    assert scale_words(scale) == words
+
+
+def test_a_page_of_the_pdf_is_the_sheet_in_vectors_at_its_size(drawings):
+    _, sheet = drawings["square"]
+    content = pdf_of("title", sheet_figure(sheet), [Table("Part", [("a", "b")])], [])
+    width, height = (float(v) for v in re.search(rb"/MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]", content).groups())
+    assert (width / 72.0 * 25.4, height / 72.0 * 25.4) == pytest.approx(sheet.size_mm)
+    assert b"/Subtype /Image" not in content
+    streams = [zlib.decompress(each) for each in re.findall(rb"stream\r?\n(x.*?)\r?\nendstream", content, re.DOTALL)]
+    page = next(each for each in streams if each.count(b" l\n") > 500)
+    # The base, 15 mm square: its lower edge is a straight line of that length times the scale.
+    points = np.array([[float(v) for v in each] for each in re.findall(rb"([\d.-]+) ([\d.-]+) [ml]\n", page)])
+    sides = np.abs(np.diff(points, axis=0)) / 72.0 * 25.4
+    assert np.any(np.abs(sides[:, 0] - 15.0 * sheet.scale) < 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "faces", "absent"),
+    [
+        (
+            "none",
+            ["Datum A: plane z = 0, the ring RIM", "No datum feature for the axis"],
+            ["Datum B", "Datum C", "flat"],
+        ),
+        ("flat", ["Datum A: plane z = 0, the top", "Datum B: axis", "Datum C: clocking flat"], ["Nothing"]),
+        ("square", ["Datum B: middle plane", "Datum C: middle plane", "+x is not marked"], ["flat", "axis of the"]),
+        ("full", ["Datum A: bottom of the base, BASE_BOTTOM, at z = -2", "Nothing on"], ["clocking flat", "Datum C"]),
+        ("below the dome", ["Datum A: bottom of the base", "Datum B: axis of the base's cylinder"], ["Datum C"]),
+    ],
+)
+def test_the_datums_are_features_of_the_part(parts, drawings, name, faces, absent):
+    lens, part, _ = parts[name]
+    scheme = datum_scheme(lens, part)
+    text = "\n".join(scheme.lines)
+    for words in faces:
+        assert words in text
+    for words in absent:
+        assert words not in text
+    for word in re.findall(r"\b(?:BASE|RIM|OPTICAL)[A-Z_]*\b", text):
+        assert any(face.startswith(word) for face in part.faces.names), word
+    letters = [words.text for words in drawings[name][1].words if words.text in ("A", "B", "C")]
+    assert sorted(letters) == sorted(datum.letter for datum in scheme.datums), "each symbol once"
+
+
+def test_the_plane_that_the_step_carries_is_datum_a(parts, part_of):
+    lens = small_lens(BASES["full"], {"form_tolerance_um": 2.0})
+    part = part_of(lens, "AP242")
+    assert part.form_tolerances[0].datum_faces
+    content, _ = content_of(lens, part, parts["full"][2])
+    plane = content.views.datums.find("A")
+    assert plane.z_mm == 0.0 and all(face in plane.words for face in part.form_tolerances[0].datum_faces)
+    assert content.table[4][0] == "Profile of the surface: 0.002 | A"
+
+
+def test_sizes_of_freeform_faces_are_auxiliary_and_the_others_bare(drawings):
+    texts = {each.name: each.text for each in drawings["full"][1].dimensions}
+    assert texts["diameter of the base"] == "⌀16.000 general"
+    assert texts["diameter of the pocket"] == "⌀7.000 general"
+    assert texts["depth of the relief step below z = 0"] == "0.400 general"
+    assert re.fullmatch(r"\(\d+\.\d{3}\)", texts["outer rim in z = 0, along x"])
+    assert re.fullmatch(r"\d+\.\d{3} ±0\.020", texts["thickness on the axis"]), "the preset's gap_mm"
+
+
+def test_the_title_block_and_the_notes_say_what_the_spec_says_and_else_that_it_does_not(check, part_of):
+    words = {
+        "part_name": "Kerbside lens",
+        "part_number": "LF-0042",
+        "revision": "C",
+        "checked_by": "C. Checker",
+        "general_tolerances": "ISO 2768-m",
+        "edge_break_mm": 0.2,
+        "roughness_nm": 4.0,
+        "imperfections": "5 x 0.16",
+        "sheet": "A3",
+    }
+    shop = {"author": "A. Author", "date": "2026-03-31", "organisation": "Works"}
+    tolerances = {"gap_mm": 0.07, "outer_form_um": 0.4}
+    lens = small_lens(ROUND, shop, drawing=words, tolerances=tolerances)
+    content, sheet = content_of(lens, part_of(lens), check, "A3")
+    stated = "\n".join(each.text for each in all_words(sheet)).replace("\n", " ")
+    for text in (
+        "Kerbside lens", "Number: LF-0042", "Revision: C", "Checked: C. Checker", "Drawn: A. Author",
+        "Date: 2026-03-31", "Organisation: Works", "Sizes “general”: ISO 2768-m",
+        "0.2 mm at most", "Rq 4 nm", "5/ 5 x 0.16", "±0.070",
+        "3/ RMS form 0.4 µm", "3/ RMS form 1 µm", "Material: <PMMA> & co", "First angle", "Units: mm",
+        "the specification (outer face against inner, gap; form, outer face), the others preset",
+        "conformance is not claimed",
+    ):  # fmt: skip
+        assert text in stated, text
+    assert content.title.title == "Kerbside lens, LF-0042, revision C"
+    _, bare = content_of(small_lens(ROUND), part_of(small_lens(ROUND)), check)
+    stated = " ".join(each.text for each in all_words(bare))
+    for text in (
+        "Number: not stated",
+        "Date: not stated",
+        "Sizes “general”: no tolerance stated",
+        "Sizes “general”: not stated",
+        "no break stated",
+        "5/ –",
+    ):
+        assert text in stated, text
+
+
+def test_the_notes_name_the_yield_where_it_has_run(parts):
+    lens, part, check = parts["none"]
+    table = replace(tolerance_table(lens, None), passing="93 % of 1000 parts drawn from these amounts pass")
+    content = drawing_content(lens, part, check, dimensions(lens), table, lens.spec.drawing)
+    assert any("preset “standard” of lensforge. 93 % of 1000 parts" in note for note in content.notes)
+
+
+def test_a_face_that_the_spec_gives_is_not_called_freeform(parts):
+    _, part, check = parts["none"]
+    given = {"levels": [9], "inner_offset_mm": 3.0, "fixed_outer": {"kind": "sphere", "radius_mm": 6.0}}
+    content, _ = content_of(small_lens(BASES["none"], lens={**given, "refractive_index": 1.49}), part, check)
+    assert content.table[1][0].startswith("sphere") and "freeform" in content.table[1][2]
+
+
+def test_long_words_are_cut_to_their_cells_and_notes_that_do_not_fit_say_so(check, part_of):
+    long = "x" * 200
+    lens = small_lens(ROUND, {"author": long}, drawing={"part_name": long, "general_tolerances": long})
+    content, _ = content_of(lens, part_of(lens), check)
+    sheet = make_sheet(replace(content, notes=[*content.notes, *[long] * 20]))
+    for words in sheet.words:
+        left, _, right, _ = box_of(words)
+        assert left > 20.0 and right < sheet.size_mm[0] - 10.0, words.text
+    assert any(words.text.endswith("…") and words.text.startswith("Drawn: x") for words in sheet.words)
+    assert sum(words.text.startswith("More notes") for words in sheet.words) == 1
+
+
+@pytest.mark.parametrize("name", ["none", "square"])
+@pytest.mark.parametrize("factor", [0.02, 0.3, 4.0, 60.0])
+def test_parts_of_any_size_have_a_scale_at_which_nothing_collides(drawings, name, factor):
+    content, usual = drawings[name]
+    views = content.views
+    larger = replace(
+        views,
+        sections=[
+            replace(
+                each,
+                outlines=[factor * outline for outline in each.outlines],
+                lines=[replace(line, points=factor * line.points) for line in each.lines],
+            )
+            for each in views.sections
+        ],
+        base=[replace(line, points=factor * line.points) for line in views.base],
+        dome=[replace(line, points=factor * line.points) for line in views.dome],
+        dimensions=[
+            each
+            if each.ends is None
+            else replace(each, value_mm=factor * each.value_mm, ends=(factor * np.array(each.ends)).tolist())
+            for each in views.dimensions
+        ],
+        datums=replace(
+            views.datums,
+            datums=tuple(
+                each if each.z_mm is None else replace(each, z_mm=factor * each.z_mm) for each in views.datums.datums
+            ),
+        ),
+    )
+    sheet = make_sheet(replace(content, views=larger))
+    assert sheet.scale in SCALES
+    assert 0.2 < sheet.scale * factor / usual.scale < 5.0
+    boxes = [box_of(words) for words in all_words(sheet)]
+    for a, b in combinations(boxes, 2):
+        assert a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1]
+    assert min(box[0] for box in boxes) > 20.0 and max(box[2] for box in boxes) < sheet.size_mm[0] - 10.0
+    assert min(box[1] for box in boxes) > 10.0 and max(box[3] for box in boxes) < sheet.size_mm[1] - 10.0
+
+
+def test_another_revision_is_read_from_a_file_and_wrong_ones_are_a_line(tmp_path):
+    path = tmp_path / "revision.toml"
+    path.write_text('[drawing]\nrevision = "D"\n[other]\nx = 1\n', encoding="utf-8")
+    assert read_drawing(path).revision == "D"
+    for content, line in (
+        ("[other]\n", "has no \\[drawing\\]; add one"),
+        ("[drawing]\nrevison = 'D'\n", "drawing: revison.*revision"),
+        ("[drawing]\nroughness_nm = -1\n", "drawing: roughness_nm = -1"),
+    ):
+        path.write_text(content, encoding="utf-8")
+        with pytest.raises(InputError, match=line) as caught:
+            read_drawing(path)
+        assert "\n" not in str(caught.value)
+
+
+def test_letters_are_measured_as_they_are_drawn():
+    assert width_of("AA", 2.0) == pytest.approx(2.0 * width_of("A", 2.0), rel=0.05)
+    assert width_of("A", 4.0) == pytest.approx(2.0 * width_of("A", 2.0))
+    lines = wrapped("one two three " * 9 + "y" * 300, 2.5, 40.0)
+    assert all(width_of(line, 2.5) <= 40.0 for line in lines)
+    assert "".join(lines).count("y") == 300
+    assert width_of(shortened("word " * 30, 2.5, 40.0), 2.5) <= 40.0
+
+
+@pytest.mark.parametrize("name", BASES)
+@pytest.mark.parametrize("size", ["A3", "A4"])
+def test_all_letters_of_a_sheet_are_of_one_height(drawings, name, size):
+    heights = {words.height_mm for words in all_words(make_sheet(drawings[name][0], size))}
+    assert len(heights) == 1 and heights.pop() >= 1.75
+
+
+def test_the_second_section_is_cut_where_the_part_differs_and_named_where_it_is_cut(parts, drawings):
+    lens, _, _ = parts["none"]
+    content, sheet = drawings["none"]
+    first, second = content.views.sections
+    assert (first.azimuth_deg, second.azimuth_deg) == (0.0, 90.0)
+    for section, axis in ((first, 0), (second, 1)):
+        z, across = np.concatenate(section.outlines).T
+        upper = (z > 1e-6) & (across > 0.1)
+        directions = np.zeros((upper.sum(), 3))
+        directions[:, 2], directions[:, axis] = z[upper], across[upper]
+        distance = np.linalg.norm(directions, axis=1)
+        radii = [face.radius(directions / distance[:, None]) for face in (lens.inner, lens.outer)]
+        assert np.minimum(*(np.abs(radius - distance) for radius in radii)).max() < 1e-9
+    texts = [words.text for words in sheet.words]
+    assert texts.count("S") == texts.count("T") == 2 and "S–S" in texts and "T–T" in texts
+    level = [words.at for words in sheet.words if words.text == "T"]
+    assert level[0][1] == pytest.approx(level[1][1]), "the plane x = 0 is level in the view from the base"
+
+
+def test_the_dome_is_seen_from_above_to_the_left_and_its_circle_holds_it(parts, drawings):
+    lens, _, _ = parts["none"]
+    content, sheet = drawings["none"]
+    dome = max(content.views.dome, key=lambda line: len(line.points)).points
+    sizes = {each.name: each.value_mm for each in content.views.dimensions}
+    assert 2.0 * np.hypot(*dome.T).max() == pytest.approx(sizes["width of the dome"], abs=2e-3)
+    turn = np.arctan2(dome[:, 1], -dome[:, 0])  # -y to the right, x up
+    directions = fibonacci_hemisphere(200_000)
+    points = lens.outer.radius(directions)[:, None] * directions
+    at = np.arctan2(points[:, 0], points[:, 1])
+    for k in range(0, 360, 36):
+        near = np.abs(np.angle(np.exp(1j * (at - turn[k])))) < 0.02
+        assert np.hypot(points[near, 0], points[near, 1]).max() == pytest.approx(np.hypot(*dome[k]), abs=0.03)
+    lines = {each.name: each for each in sheet.dimensions}
+    assert lines["width of the dome"].end[0] < lines["outer apex above z = 0"].start[0], "first angle"
+
+
+def test_a_part_without_a_mark_of_its_azimuth_is_told_of_a_flat_that_fits(parts):
+    lens = small_lens(ROUND)
+    flat = clocking_flat(lens, lens.spec.base)
+    assert widest_mm(lens.outer) / 2.0 < flat < 8.0
+    assert f"base.flat_mm = {flat:g} would" in "\n".join(datum_scheme(lens, parts["none"][1]).lines)
+    for base in (BASES["flat"], BASES["none"], BASES["square"], BASES["below the dome"]):
+        other = small_lens(base)
+        assert clocking_flat(other, other.spec.base) is None
+
+
+@pytest.mark.parametrize(
+    ("material", "words"),
+    [
+        ({"material": "PMMA at 564 nm", "refractive_index": 1.49}, "at 564 nm"),
+        ({"material": "PMMA"}, "at 587.56"),
+        ({"material": "PMMA", "design_wavelength_nm": 620.0}, "at 620 nm"),
+        ({"material": "own", "refractive_index": 1.5}, "wavelength not stated"),
+        ({"material": "own", "refractive_index": 1.5, "abbe_number": 50.0}, "at 587.56"),
+    ],
+)
+def test_the_index_has_its_wavelength(material, words):
+    lens = small_lens(lens={"levels": [9], "inner_offset_mm": 3.0, "outer_offset_mm": 6.0, **material})
+    assert index_wavelength(lens).startswith(words)

@@ -1,0 +1,240 @@
+"""Findings of the check one by one: value, limit and words on both sides of every limit, and what is advised."""
+
+import pytest
+from scenes import small_spec
+
+from lensforge.cad.part_limits import NORMAL_LIMIT_MRAD
+from lensforge.shop.check_result import (
+    BallClearance,
+    CustomBaseClearance,
+    Cutter,
+    Draft,
+    FaceResult,
+    InnerClearance,
+    OuterClearance,
+    ToolReach,
+    ToolResult,
+    Wall,
+    Walls,
+)
+from lensforge.shop.findings import (
+    asked_draft_deg,
+    check_findings,
+    clearance_findings,
+    cutter_finding,
+    draft_finding,
+    tilt_finding,
+    tool_findings,
+    wall_criteria,
+    wall_finding,
+)
+from lensforge.spec import BaseSection
+
+NO_BASE = BallClearance(outer=None, inner=None, note="there is no base")
+
+
+def cutter(radius_mm: float, largest_mm: float | None, reached: float = 0.6789) -> Cutter:
+    return Cutter(
+        radius_mm=radius_mm,
+        reachable_fraction=reached,
+        local_ok_fraction=1.0,
+        largest_radius_mm=largest_mm,
+        residual_mm=0.0,
+    )
+
+
+@pytest.mark.parametrize(
+    ("radius_mm", "largest_mm", "holds", "words"),
+    [
+        (0.5, None, True, "a ball of 0.5 mm radius reaches all of the inner face; so does any ball"),
+        (0.5, 0.5, True, "so does any ball of up to 0.5 mm radius"),
+        (0.5 * (1.0 + 0.9e-6), 0.5, True, "so does any ball of up to 0.5 mm"),
+        (0.5 * (1.0 + 1.1e-6), 0.5, False, "67.9 % of the inner face; the largest that reaches all of it has 0.5 mm"),
+    ],
+)
+def test_a_ball_up_to_the_largest_reaches_all_but_for_rounding(radius_mm, largest_mm, holds, words) -> None:
+    found = cutter_finding("inner", cutter(radius_mm, largest_mm), NO_BASE)
+    assert "base" not in found.reason
+    assert found.holds == holds and words in found.reason
+    assert (found.name, found.surface, found.sense, found.unit, found.value) == (
+        "cutter",
+        "inner",
+        "<=",
+        "mm",
+        radius_mm,
+    )
+    assert found.limit == (None if largest_mm is None else pytest.approx(0.5 * (1.0 + 1e-6), rel=1e-12))
+
+
+@pytest.mark.parametrize(("largest_mm", "larger"), [(None, True), (0.51, True), (0.5, False), (0.3, False)])
+def test_a_larger_ball_than_the_shops_names_the_ball_for_which_the_base_is_checked(largest_mm, larger) -> None:
+    words, ball = "; the base is checked for 0.5 mm only", cutter(0.5, largest_mm)
+    for surface, relief in (
+        ("outer", BallClearance(outer=outer(), inner=None)),
+        ("inner", BallClearance(outer=None, inner=inner(0.0, 0.0))),
+    ):
+        assert cutter_finding(surface, ball, relief).reason.endswith(words) == larger, "an older record"
+    assert "base" not in cutter_finding("inner", ball, NO_BASE).reason
+
+
+def test_tilt_has_the_tolerance_of_the_export_and_the_wall_that_of_the_search() -> None:
+    spec = small_spec(constraints__min_thickness_mm=2.0)
+    degrees, mm = 0.0572957795 * NORMAL_LIMIT_MRAD, spec.constraints.tolerance_mm
+    within, beyond = (
+        tilt_finding("outer", 90.0 + 0.99 * degrees, 90.0),
+        tilt_finding("outer", 90.0 + 1.01 * degrees, 90.0),
+    )
+    assert within.holds and "stays within manufacture.max_tilt_deg = 90" in within.reason
+    assert not beyond.holds and "would exceed" in beyond.reason and "the outer face is up to 90.0" in beyond.reason
+    assert (within.surface, within.sense, within.unit) == ("outer", "<=", "deg")
+    thin, enough = wall_finding(2.0 - 1.01 * mm, spec), wall_finding(2.0 - 0.99 * mm, spec)
+    assert not thin.holds and "less than constraints.min_thickness_mm = 2" in thin.reason
+    assert enough.holds and "at least constraints" in enough.reason and enough.sense == ">="
+
+
+WALL = Wall(thickness_mm=1.5, inner_point_mm=(1.0, -1e-9, 0.123456), outer_point_mm=(0.0, 0.0, 2.0))
+THICK = Wall(thickness_mm=2.5, inner_point_mm=(0.0, 1.0, 0.0), outer_point_mm=(0.0, 3.5, 0.0))
+
+
+def test_both_walls_have_the_tolerance_of_the_search() -> None:
+    spec, walls = small_spec(constraints__min_thickness_mm=1.5), Walls(thinnest=WALL, thickest=THICK)
+    allowed = spec.constraints.tolerance_mm
+    (least,) = wall_criteria(spec, walls)
+    assert least.limit == 1.5 - allowed and least.passed and "thinnest at (1, 0, 0.1235) mm" in least.remedy
+    for limit, passed in ((2.5 - 0.99 * allowed, True), (2.5 - 1.01 * allowed, False)):
+        _, most = wall_criteria(spec.replace({"constraints.max_wall_mm": limit}), walls)
+        assert most.limit == limit + allowed and most.value == 2.5 and most.passed == passed
+        assert "raise lens.inner_offset_mm" in most.remedy and "thickest at (0, 1, 0) mm" in most.remedy
+
+
+def face(least_deg: float, undercut: float = 0.0) -> FaceResult:
+    draft = Draft(min=least_deg, area_fraction_below_half=0.1, area_fraction_below_two=0.2)
+    return FaceResult.model_construct(
+        draft_deg=draft, undercut_fraction=undercut, cutter=cutter(0.5, None), largest_tilt_deg=90.0 - least_deg
+    )
+
+
+def test_a_mould_needs_two_degrees_and_a_part_what_its_spec_asks_to_the_error_of_normals() -> None:
+    spec, error = small_spec(), 0.0572957795 * NORMAL_LIMIT_MRAD
+    assert asked_draft_deg("inner", spec) is None
+    assert draft_finding("inner", face(2.0), spec).holds and not draft_finding("inner", face(1.999), spec).holds
+    assert "a mould needs 2 deg" in draft_finding("inner", face(1.0), spec).reason
+    part = small_spec(manufacture__make="part", constraints__inner_draft_deg=3.0)
+    assert asked_draft_deg("inner", part) == 3.0 and asked_draft_deg("outer", part) is None
+    assert draft_finding("inner", face(3.0 - 0.99 * error), part).holds
+    assert not draft_finding("inner", face(3.0 - 1.01 * error), part).holds
+    undercut = draft_finding("outer", face(-1.0, 0.0123), spec)
+    assert undercut.value == -1.0 and undercut.reason.startswith("1.23 % of the outer face is undercut")
+
+
+def outer(step=0.0, wall=0.0, flange=0.0) -> OuterClearance:
+    return OuterClearance(
+        smallest_step_mm=step, step_clearance_mm=wall, flange_clearance_mm=flange, flush_fraction=0.456
+    )
+
+
+def inner(bore: float | None, pocket: float | None) -> InnerClearance:
+    return InnerClearance(bore_clearance_mm=bore, pocket_diameter_mm=pocket, flush_fraction=0.5)
+
+
+BASE = BaseSection(height_mm=3.0)
+FLANGED = BaseSection(height_mm=3.0, flange_diameter_mm=40.0, flange_height_mm=1.0)
+
+
+@pytest.mark.parametrize(
+    ("relief", "base", "value", "words"),
+    [
+        (outer(), BASE, 0.0, "the base clears the ball at the outer face"),
+        (outer(None, None, None), BASE, None, "the ball reaches no part of the outer face, with or without the base"),
+        (outer(0.50001), BASE, 0.50001, "45.6 % of the outer face; base.relief_step_mm = 0.5001 would clear the ball"),
+        (outer(0.5, 0.2), BASE, 0.5, "undercut, and needs base.relief_step_mm = 0.5 and base.relief_setback_mm = 0.2"),
+        (outer(0.0, 0.2), BASE, 0.2, "needs base.relief_setback_mm = 0.2"),
+        (outer(0.5, 0.0, 0.7), FLANGED, 0.7, "base.relief_step_mm = 0.5 and base.height_mm = 3.7 would clear"),
+        (outer(0.0, 0.0, 0.7), FLANGED, 0.7, "; base.height_mm = 3.7 would clear the ball; in place of the height"),
+        (outer(3.0), BASE, 3.0, "base.relief_step_mm = 3 and base.height_mm above 3 would"),
+        (outer(2.9999), BASE, 2.9999, "base.relief_step_mm = 2.9999 would"),
+        (outer(2.0), FLANGED, 2.0, "base.relief_step_mm = 2 and base.height_mm above 3 would"),
+        (outer(1.9999), FLANGED, 1.9999, "base.relief_step_mm = 1.9999 would"),
+        (outer(2.8, 0.0, 0.5), FLANGED, 2.8, "relief_step_mm = 2.8 and base.height_mm above 3.8 would"),
+    ],
+)
+def test_a_base_in_the_way_of_the_dome_is_told_how_to_clear_it(relief, base, value, words) -> None:
+    (found,) = clearance_findings(BallClearance(outer=relief, inner=None), base)
+    assert found.value == value and found.holds == (value == 0.0) and words in found.reason
+    assert (found.name, found.surface, found.sense, found.limit) == ("relief", "outer", "<=", 0.0)
+    assert ("smaller base.flange_diameter_mm" in found.reason) == bool(relief.flange_clearance_mm)
+    assert ("setback" in found.reason) == bool(relief.step_clearance_mm)
+
+
+@pytest.mark.parametrize(
+    ("relief", "value", "words"),
+    [
+        (inner(0.0, 0.0), 0.0, "clears the ball at the inner"),
+        (inner(0.2, 0.0), 0.2, "; base.bore_setback_mm = 0.2 would"),
+        (inner(0.0, 6.0), 6.0, "; base.pocket_diameter_mm = 6 would"),
+        (inner(0.2, 6.0), 6.0, "= 0.2 and base.pocket_diameter_mm = 6"),
+        (inner(None, None), None, "reaches no part of the inner"),
+        (
+            CustomBaseClearance(retreat_mm=0.25, flush_fraction=0.5),
+            0.25,
+            "its file must be cut back by up to 0.25 mm",
+        ),
+        (CustomBaseClearance(retreat_mm=0.0, flush_fraction=0.5), 0.0, "clears the ball"),
+    ],
+)
+def test_a_base_in_the_way_in_the_cavity_is_told_how_to_clear_it(relief, value, words) -> None:
+    (found,) = clearance_findings(BallClearance(outer=None, inner=relief), BASE)
+    assert found.value == value and found.holds == (value == 0.0) and words in found.reason
+    assert found.surface == "inner"
+
+
+def tool(ball: float, whole: float, largest_mm: float | None = 0.456789, name: str = "mill") -> ToolResult:
+    reach = ToolReach(
+        ball_reachable_fraction=ball,
+        reachable_fraction_untilted=0.0,
+        reachable_fraction=whole,
+        largest_radius_mm=largest_mm,
+    )
+    all_of_it = ToolReach(
+        ball_reachable_fraction=1.0, reachable_fraction_untilted=1.0, reachable_fraction=1.0, largest_radius_mm=None
+    )
+    return ToolResult(
+        name=name,
+        radius_mm=0.5,
+        shank_radius_mm=0.5,
+        length_mm=8.0,
+        holder_half_angle_deg=10.0,
+        inner=reach,
+        outer=all_of_it,
+    )
+
+
+@pytest.mark.parametrize(
+    ("ball", "whole", "holds", "collides", "largest"),
+    [
+        (1.0, 1.0, True, False, False),
+        (1.0, 1.0 - 0.5e-9, True, False, False),
+        (1.0, 1.0 - 2e-9, False, True, False),
+        (0.8, 0.8, False, False, True),
+        (0.8, 0.7, False, True, True),
+        (1.0 - 2e-9, 1.0 - 2e-9, False, False, True),
+    ],
+)
+def test_what_limits_a_tool_is_its_ball_or_its_shank(ball, whole, holds, collides, largest) -> None:
+    found, other = tool_findings(tool(ball, whole))
+    assert (found.surface, found.value, found.holds) == ("inner", whole, holds)
+    assert found.reason.startswith(f"mill reaches {100.0 * whole:.1f} % of the inner face")
+    assert (f"its ball alone reaches {100.0 * ball:.1f} %" in found.reason) == collides
+    assert ("has 0.4568 mm radius" in found.reason) == largest
+    assert (other.surface, other.holds, other.reason) == ("outer", True, "mill reaches 100.0 % of the outer face")
+    assert "has" not in tool_findings(tool(0.8, 0.8, None))[0].reason
+
+
+def test_all_findings_are_there_and_each_has_its_own_numbers() -> None:
+    relief = BallClearance(outer=outer(0.5), inner=CustomBaseClearance(retreat_mm=0.1, flush_fraction=0.5))
+    spec = small_spec(manufacture__max_tilt_deg=60.0)
+    found = check_findings(spec, face(1.0), face(5.0), 1.25, relief, (tool(1.0, 1.0), tool(0.5, 0.5, name="drill")))
+    subjects = ["cutter inner", "cutter outer", "relief outer", "relief inner", "tilt inner", "tilt outer", "wall body"]
+    subjects += ["draft inner", "draft outer", "tool inner", "tool outer", "tool inner", "tool outer"]
+    assert [f"{each.name} {each.surface}" for each in found] == subjects
+    assert [each.value for each in found[2:]] == [0.5, 0.1, 89.0, 85.0, 1.25, 1.0, 5.0, 1.0, 1.0, 0.5, 1.0]

@@ -1,0 +1,157 @@
+"""Clearance at the base by a loop over the contacts of the ball, each with plain plane geometry."""
+
+from dataclasses import replace
+from math import hypot, inf, sqrt
+
+import numpy as np
+import pytest
+from known_shapes import exported, sphere
+
+from lensforge.cad.plan import lay_out
+from lensforge.shop.ball_clearance import _turn, check_ball_clearance, wall_retreat_mm
+from lensforge.shop.face_check import FaceCheck, check_face
+from lensforge.shop.face_samples import AirSide
+from lensforge.spec import BaseSection
+
+BALL = 0.7
+CLEAR_MM = 1e-6  # what lacks less than the error of the faces' form clears the ball
+INNER, OUTER = (
+    exported(sphere(1.2, (0.0, 0.0, -0.3)), AirSide.INSIDE),
+    exported(sphere(2.7, (0.0, 0.0, 0.4)), AirSide.OUTSIDE),
+)
+RIM_IN, RIM_OUT = sqrt(1.2**2 - 0.3**2), sqrt(2.7**2 - 0.4**2)
+
+
+@pytest.fixture(scope="module")
+def faces() -> tuple[FaceCheck, FaceCheck]:
+    return check_face("inner", INNER, BALL, 25), check_face("outer", OUTER, BALL, 25)
+
+
+def centres(face: FaceCheck) -> list[tuple[float, float]]:
+    """Distance from the axis and height of the ball that touches each sample."""
+    found = face.samples.points + BALL * face.samples.normals
+    return [(hypot(x, y), z) for x, y, z in found.tolist()]
+
+
+def step(distance: float, height: float, base_mm: float) -> float:
+    """Depth at which a disc of that radius clears the ball."""
+    beside = max(distance - base_mm, 0.0)
+    return -inf if beside >= BALL else sqrt(BALL**2 - beside**2) - height
+
+
+def bore(distance: float, height: float, top_mm: float, bottom_mm: float) -> float:
+    """Radius of a bore between two depths that clears the ball."""
+    away = max(height + top_mm, -height - bottom_mm, 0.0)
+    return 0.0 if away >= BALL else distance + sqrt(BALL**2 - away**2)
+
+
+def wall(distance: float, height: float) -> float:
+    """Radius of a wall from z = 0 down that clears the ball outside of it."""
+    return inf if height >= BALL else distance - sqrt(BALL**2 - max(height, 0.0) ** 2)
+
+
+def beyond(value: float) -> float:
+    return value if value > CLEAR_MM else 0.0
+
+
+def judged(face: FaceCheck, *needs: list[float]) -> tuple[list[float], float]:
+    """The largest of each need over what the ball reaches, and the share of the area that needs nothing."""
+    reached, areas = face.reached, face.samples.areas
+    clear = reached & (np.max(needs, axis=0) == 0.0)
+    assert reached.any()
+    return [max(np.array(need)[reached]) for need in needs], float(areas[clear].sum() / areas.sum())
+
+
+OUTER_BASES = [
+    {"height_mm": 1.2, "diameter_mm": 25.4},
+    {"height_mm": 1.2, "diameter_mm": 5.6, "flange_diameter_mm": 6.4, "flange_height_mm": 0.9},
+    {"height_mm": 3.0, "diameter_mm": 25.4, "relief_step_mm": 0.2},
+    {"height_mm": 3.0, "diameter_mm": 25.4, "relief_step_mm": 0.5, "relief_setback_mm": 0.005},
+    {"height_mm": 3.0, "diameter_mm": 25.4, "relief_step_mm": 0.9, "relief_setback_mm": 0.3},
+]
+
+
+@pytest.mark.parametrize("sizes", OUTER_BASES)
+def test_the_dome_needs_a_step_and_a_wall_and_a_low_flange(sizes: dict[str, float], faces) -> None:
+    plan = lay_out(INNER.patch, OUTER.patch, BaseSection(**sizes))
+    found = check_ball_clearance(plan, None, BALL, *faces).outer
+    present, contacts = sizes.get("relief_step_mm", 0.0), centres(faces[1])
+    steps = [beyond(step(*each, sizes["diameter_mm"] / 2.0) - present) for each in contacts]
+    steps = [each + present if each > 0.0 else 0.0 for each in steps]
+    flange = [0.0] * len(contacts)
+    if "flange_diameter_mm" in sizes:
+        shoulder = sizes["height_mm"] - sizes["flange_height_mm"]
+        flange = [beyond(step(*each, sizes["flange_diameter_mm"] / 2.0) - shoulder) for each in contacts]
+    if "relief_setback_mm" in sizes:
+        at = RIM_OUT - sizes["relief_setback_mm"]
+        set_back = [RIM_OUT - wall(*each) if wall(*each) < at - CLEAR_MM else 0.0 for each in contacts]
+    else:
+        depth = present or (sizes["height_mm"] if sizes["diameter_mm"] / 2.0 > RIM_OUT else 0.0)
+        set_back = wall_retreat_mm(faces[1].samples, BALL, depth).tolist()
+    (one, two, three), clear = judged(faces[1], steps, set_back, flange)
+    assert found.smallest_step_mm == pytest.approx(one, abs=2e-6)
+    assert found.step_clearance_mm == pytest.approx(two, abs=2e-6)
+    assert found.flange_clearance_mm == pytest.approx(three, abs=2e-6)
+    assert found.flush_fraction == pytest.approx(clear, abs=1e-9)
+
+
+INNER_BASES = [
+    {"bore_setback_mm": 0.0},
+    {"bore_setback_mm": 0.01},
+    {"bore_setback_mm": 0.5},
+    {"bore_setback_mm": 0.02, "pocket_diameter_mm": 3.0, "pocket_depth_mm": 2.7},
+    {"bore_setback_mm": 0.0, "pocket_diameter_mm": 2.5, "pocket_depth_mm": 2.9},
+]
+
+
+@pytest.mark.parametrize("sizes", INNER_BASES)
+def test_the_cavity_needs_a_bore_and_a_pocket(sizes: dict[str, float], faces) -> None:
+    plan = lay_out(INNER.patch, OUTER.patch, BaseSection(height_mm=3.0, **sizes))
+    found = check_ball_clearance(plan, None, BALL, *faces).inner
+    contacts, pocket_mm = centres(faces[0]), sizes.get("pocket_diameter_mm")
+    depth = 3.0 - sizes.get("pocket_depth_mm", 0.0)
+    if sizes["bore_setback_mm"] > 0.0:
+        own = RIM_IN + sizes["bore_setback_mm"]
+        radii = [bore(*each, 0.0, depth) for each in contacts]
+        bores = [each - RIM_IN if each > own + CLEAR_MM else 0.0 for each in radii]
+    else:
+        bores = wall_retreat_mm(faces[0].samples, BALL, depth).tolist()
+    pockets = [0.0] * len(contacts)
+    if pocket_mm is not None:
+        radii = [bore(*each, depth, 3.0) for each in contacts]
+        pockets = [2.0 * each if each > pocket_mm / 2.0 + CLEAR_MM else 0.0 for each in radii]
+    (one, two), clear = judged(faces[0], bores, pockets)
+    assert found.bore_clearance_mm == pytest.approx(one, abs=2e-6)
+    assert found.pocket_diameter_mm == pytest.approx(two, abs=4e-6)
+    assert found.flush_fraction == pytest.approx(clear, abs=1e-9)
+
+
+@pytest.mark.parametrize("depth_mm", [0.0, 0.05, 0.3, 10.0])
+def test_a_round_wall_enters_the_ball_by_what_is_missing_across_it(depth_mm: float, faces) -> None:
+    """The rim is a circle: the distance of a centre from it is the difference of two radii."""
+    for face, rim in zip(faces, (RIM_IN, RIM_OUT), strict=True):
+        found = wall_retreat_mm(face.samples, BALL, depth_mm)
+        for retreat, (distance, height) in zip(found, centres(face), strict=True):
+            below = max(-height - depth_mm, 0.0)
+            enters = height < 0.0 and below < BALL
+            expected = sqrt(BALL**2 - below**2) - abs(rim - distance) if enters else 0.0
+            assert retreat == pytest.approx(beyond(expected), abs=1e-5), "4096 points of the rim"
+
+
+def test_without_a_base_there_is_nothing_to_clear_and_a_note_says_why(faces) -> None:
+    insert = check_ball_clearance(None, None, BALL, *faces)
+    assert (insert.outer, insert.inner, insert.note) == (None, None, "a mould insert has no base")
+    none = check_ball_clearance(lay_out(INNER.patch, OUTER.patch, BaseSection(kind="none")), None, BALL, *faces)
+    assert (none.outer, none.inner, none.note) == (None, None, "there is no base")
+
+
+def test_of_a_face_that_the_ball_does_not_reach_nothing_is_known(faces) -> None:
+    both = [replace(face, ball_mm=np.zeros(len(face.ball_mm))) for face in faces]
+    plan = lay_out(INNER.patch, OUTER.patch, BaseSection(height_mm=3.0))
+    found = check_ball_clearance(plan, None, BALL, *both).inner
+    assert (found.bore_clearance_mm, found.pocket_diameter_mm, found.flush_fraction) == (None, None, 0.0)
+
+
+def test_the_rim_is_looked_at_all_around_in_even_steps() -> None:
+    expected = np.exp(2j * np.pi * np.arange(4096) / 4096)
+    np.testing.assert_allclose(_turn() @ [1.0, 1j], expected, atol=1e-12)

@@ -1,0 +1,273 @@
+"""Faces that are given in several ways, against one another and against what was given."""
+
+from pathlib import Path
+
+import cadquery as cq
+import numpy as np
+import pytest
+from cad_shapes import ball, in_inches, shell, write
+from scenes import hemisphere_directions, random_surface, small_spec
+
+import lensforge as lf
+from lensforge.cad.form_error import fit_to_form, form_error
+from lensforge.errors import InputError
+from lensforge.light.exact_trace import DenseScan, exact_surfaces, trace_exact
+from lensforge.light.simulation import TracedLens
+from lensforge.scene.lens import Lens
+from lensforge.sources.ray_bundle import RayBundle
+from lensforge.spec.fixed_surface import (
+    FixedCadFace,
+    FixedLensFace,
+    FixedPoints,
+    FixedSphere,
+    FixedXYPolynomial,
+    FixedZernike,
+    GivenSurface,
+)
+from lensforge.spec.lens_section import LensSection
+from lensforge.surfaces.asphere import sphere
+from lensforge.surfaces.chart_spline import HALF_WIDTH, ChartSpline
+from lensforge.surfaces.srbf import fibonacci_hemisphere
+from lensforge.surfaces.surface import Surface, to_chart, to_sphere
+
+RADIUS, CENTRE = 3.0, 0.4
+HERE = pytest.mark.usefixtures("cad_read_here")
+U = np.concatenate([hemisphere_directions(3000), [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]])
+
+
+def differences(found: Surface, given: Surface) -> tuple[float, float]:
+    """Largest distance (nm) and angle between normals (urad)."""
+    distance = np.abs(found.radius(U) - given.radius(U)).max() * 1e6
+    return float(distance), float(np.linalg.norm(np.cross(found.normal(U), given.normal(U)), axis=1).max() * 1e6)
+
+
+@pytest.fixture(scope="module")
+def step(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = shell(ball(RADIUS, CENTRE), ball(6.0))
+    return write(made, tmp_path_factory.mktemp("cad") / "mould.step")
+
+
+def test_a_sphere_given_in_five_ways_is_one_lens(step: Path, tmp_path: Path) -> None:
+    exact = sphere(RADIUS, CENTRE)
+    directions = 2.0 * fibonacci_hemisphere(20_000) - [0.0, 0.0, 0.6]  # down to 20 degrees below the rim
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    axial = CENTRE * directions[:, 2]
+    distance = axial + np.sqrt(axial**2 + RADIUS**2 - CENTRE**2)
+    np.savetxt(tmp_path / "cloud.txt", directions * distance[:, None], fmt="%.12g")
+    vertex = {"vertex_z_mm": CENTRE + RADIUS, "radius_mm": -RADIUS}
+    ways = {
+        "kind": FixedSphere(radius_mm=RADIUS, centre_z_mm=CENTRE),
+        "step": FixedCadFace(file=step, face="first").resolved(),
+        "points": FixedPoints(file=tmp_path / "cloud.txt").resolved(),
+        "xy": FixedXYPolynomial(**vertex, terms=((2, 0, 0.0),)),
+        "zernike": FixedZernike(**vertex, normalisation_radius_mm=RADIUS, coefficients_mm={4: 0.0, 11: 0.0}),
+    }
+    for name, way in ways.items():
+        nm, urad = differences(way.surface, exact)
+        assert nm < 1.0 and urad < 1.0, name
+
+
+@pytest.mark.parametrize("coordinates", ["cartesian", "polar"])
+def test_points_are_moved_by_their_shift(coordinates: str, tmp_path: Path) -> None:
+    """Points on a sphere whose centre is off in three directions, measured about another origin."""
+    shift = np.array([0.3, -0.2, 0.5])
+    u = 2.0 * fibonacci_hemisphere(8000) - [0.0, 0.0, 0.8]
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    rows = RADIUS * u  # about the sphere's own centre
+    if coordinates == "polar":
+        turn = np.degrees([np.arccos(u[:, 2]), np.arctan2(u[:, 1], u[:, 0])])
+        rows = np.column_stack([*turn, np.full(len(u), RADIUS)])
+    np.savetxt(tmp_path / "cloud.txt", rows, fmt="%.12g")
+    given = FixedPoints(file=tmp_path / "cloud.txt", coordinates=coordinates, shift_mm=tuple(shift)).resolved()
+    points = U * given.surface.radius(U)[:, None]
+    assert np.abs(np.linalg.norm(points - shift, axis=1) - RADIUS).max() < 1e-5
+
+
+def test_a_lens_file_that_was_changed_is_no_given_face(tmp_path: Path) -> None:
+    lens = Lens(random_surface(1, 3.0), random_surface(2, 6.0), small_spec(), 0, "draft")
+    lens.save(tmp_path / "lens.json")
+    text = (tmp_path / "lens.json").read_text(encoding="utf-8")
+    assert text.count('"offset_mm": 3.0') == 1
+    (tmp_path / "lens.json").write_text(text.replace('"offset_mm": 3.0', '"offset_mm": 3.1'), encoding="utf-8")
+    with pytest.raises(InputError, match=r"lens\.json: .*name the folder of a result, or its lens\.json"):
+        FixedLensFace(file=tmp_path, face="inner").resolved()
+
+
+@HERE
+@pytest.mark.nightly("its pole on the axis by day, in the five ways")
+@pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (1.0, 0.0, 0.0)])
+def test_the_pole_of_a_sphere_may_lie_anywhere(axis: tuple[float, float, float], tmp_path: Path) -> None:
+    path = write(shell(ball(RADIUS, CENTRE, axis), ball(6.0)), tmp_path / "turned.step")
+    nm, urad = differences(FixedCadFace(file=path).surface, sphere(RADIUS, CENTRE))
+    assert nm < 1.0 and urad < 1.0
+
+
+@HERE
+def test_a_file_in_inches_is_converted_and_says_so(step: Path, tmp_path: Path) -> None:
+    given = FixedCadFace(file=in_inches(step, tmp_path / "inches.step")).resolved()
+    assert given.unit == "inches" and "in inches, converted to mm" in given.warnings[0]
+    nm, urad = differences(given.surface, sphere(25.4 * RADIUS, 25.4 * CENTRE))
+    assert nm < 25.4 and urad < 1.0
+
+
+@HERE
+def test_a_face_of_a_file_is_moved_by_its_shift(tmp_path: Path) -> None:
+    """A sphere whose file lies beside the lens's axes in all three directions."""
+    beside = write(shell(ball(RADIUS, CENTRE), ball(6.0)).moved(cq.Location((0.1, -0.3, -7.0))), tmp_path / "low.step")
+    nm, urad = differences(FixedCadFace(file=beside, shift_mm=(-0.1, 0.3, 7.0)).surface, sphere(RADIUS, CENTRE))
+    assert nm < 1.0 and urad < 1.0
+
+
+@HERE
+@pytest.mark.nightly("another reader of the same kernel")
+def test_iges(tmp_path: Path) -> None:
+    iges = write(shell(ball(RADIUS, CENTRE), ball(6.0)), tmp_path / "mould.igs")
+    nm, urad = differences(FixedCadFace(file=iges).surface, sphere(RADIUS, CENTRE))
+    assert nm < 1.0 and urad < 1.0
+
+
+def test_the_face_of_a_lens_is_that_face(tmp_path: Path) -> None:
+    lens = Lens(random_surface(1, 3.0, levels=(9, 25)), sphere(6.0), small_spec(), 0, "draft")
+    lens.save(tmp_path / "lens.json")
+    given = FixedLensFace(file=tmp_path, face="inner").resolved()
+    assert np.array_equal(given.surface.radius(U), lens.inner.radius(U))
+    assert FixedLensFace(file=tmp_path / "lens.json", face="outer").surface == lens.outer
+    assert given.title == f"inner face of {tmp_path.name}/lens.json"
+    face = {"kind": "lens", "file": str(tmp_path), "face": "inner"}
+    spec = small_spec(lens={"levels": [9, 25], "fixed_inner": face, "outer_offset_mm": 6.0})
+    changed = spec.replace(name="other")
+    changed.save(tmp_path / "spec.toml")
+    assert lf.load_spec(tmp_path / "spec.toml") == changed and changed.lens == spec.lens
+    assert isinstance(changed.lens.fixed_inner, GivenSurface)
+    assert np.array_equal(changed.lens.fixed_inner.surface.radius(U), lens.inner.radius(U))
+
+
+def test_points_may_be_polar_and_a_grid(tmp_path: Path) -> None:
+    surface = random_surface(2, 3.0, levels=(9, 25))
+    polar, azimuth = np.meshgrid(np.linspace(0.0, 90.0, 91), np.arange(0.0, 360.0, 2.0), indexing="ij")
+    t, p = np.deg2rad(polar.ravel()), np.deg2rad(azimuth.ravel())
+    u = np.stack([np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)], axis=1)
+    np.savetxt(tmp_path / "grid.txt", np.column_stack([polar.ravel(), azimuth.ravel(), surface.radius(u)]), fmt="%.12g")
+    given = FixedPoints(file=tmp_path / "grid.txt", coordinates="polar").resolved()
+    nm, urad = differences(given.surface, surface)
+    assert nm < 5.0 and urad < 50.0
+    assert nm < 3.0 * given.form_error_nm and urad < 3.0 * given.normal_error_urad  # what is stated is so
+
+
+@HERE
+def test_a_spec_needs_the_file_no_more(step: Path, tmp_path: Path) -> None:
+    section = LensSection(levels=(9, 25), fixed_inner={"kind": "cad", "file": step}, outer_offset_mm=6.0)
+    assert isinstance(section.fixed_inner, GivenSurface)
+    away = step.rename(tmp_path / "elsewhere")  # and back, for the other tests, which have sampled it already
+    again = LensSection.model_validate_json(section.model_dump_json())
+    away.rename(step)
+    assert again == section and again.start_mm == (pytest.approx(3.4, abs=1e-9), 6.0)
+    assert "of mould.step, to" in section.fixed_inner.title
+
+
+@HERE
+def test_the_exported_face_is_the_given_one_to_a_nanometre(tmp_path: Path) -> None:
+    """A freeform face written as STEP, given back, and exported again."""
+    from lensforge.cad.solid import untrimmed_faces
+
+    surface = random_surface(4, 3.0, levels=(9, 25))
+    face = untrimmed_faces({"OPTICAL_INNER": fit_to_form(surface)})["OPTICAL_INNER"]
+    given = FixedCadFace(file=write(face, tmp_path / "face.step")).resolved()
+    patch = fit_to_form(given.surface)
+    chart = to_chart(U)
+    error = form_error(surface, patch.points(chart), patch.normals(chart))
+    assert error.form_max_nm < 1.0 and error.normal_max_mrad < 0.02
+    assert given.form_error_nm < 1.0
+
+
+def pierced() -> cq.Shape:
+    hole = cq.Workplane("XZ").center(0.0, 2.0).circle(0.3).extrude(-10.0).val()
+    return shell(ball(RADIUS, CENTRE), ball(6.0)).cut(hole)
+
+
+def cone() -> cq.Shape:
+    """A cavity with an edge all around, halfway up."""
+    cavity = cq.Workplane("XZ").polyline([(0.0, 0.0), (3.0, 0.0), (2.8, 1.5), (0.0, 3.0)]).close().revolve(360.0).val()
+    above = cq.Workplane("XY").box(200.0, 200.0, 100.0, centered=(True, True, False)).val()
+    return ball(6.0).intersect(above).cut(cavity.rotate((0, 0, 0), (1, 0, 0), 0.0))
+
+
+@HERE
+@pytest.mark.parametrize(
+    ("shape", "face", "message"),
+    [
+        (lambda: shell(ball(RADIUS, CENTRE), ball(6.0)), "OPTICAL", "no such face; its faces have no names; give a nu"),
+        (lambda: shell(ball(RADIUS, CENTRE), ball(6.0)), 9, "face = 9: it has faces 1 to 3"),
+        (pierced, "first", r"degrees from the axis at azimuth (8|9)\d degrees, does not meet it: a hole"),
+        (lambda: ball(2.0, 5.0), "first", "meets it 2 times|does not meet it"),
+        (cone, "first", "does not meet it: a hole, or its edge"),
+        (lambda: ball(2.0, -5.0), "first", "the axis meets no face above z = 0"),
+    ],
+)
+def test_a_cad_face_that_is_none_is_one_line(shape, face, message: str, tmp_path: Path) -> None:
+    path = write(shape(), tmp_path / "part.step")
+    with pytest.raises(InputError, match=message) as caught:
+        FixedCadFace(file=path, face=face).resolved()
+    assert "\n" not in str(caught.value) and "part.step" in str(caught.value)
+
+
+@HERE
+def test_several_faces_with_a_kink_between_them_are_refused_with_the_place(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("lensforge.surfaces.cad_sampling._MOST_NODES", 100)  # no number of them follows a kink
+    path = write(cone(), tmp_path / "cone.step")
+    faces = [k for k in range(1, 6) if _is_of_cavity(path, k)]
+    with pytest.raises(InputError, match=r"not smooth \d+\.\d degrees from the axis .* misses it by"):
+        FixedCadFace(file=path, face=tuple(faces)).resolved()
+
+
+def _is_of_cavity(path: Path, number: int) -> bool:
+    faces = cq.importers.importStep(str(path)).faces().vals()
+    return number <= len(faces) and faces[number - 1].geomType() == "CONE"
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"ISO-10303-21;\nnothing", "not readable as STEP"),
+        (b"", "not readable as STEP|is empty"),
+    ],
+)
+def test_what_is_no_step_file_is_one_line(content: bytes, message: str, tmp_path: Path) -> None:
+    (tmp_path / "a.step").write_bytes(content)
+    with pytest.raises(InputError, match=message):
+        FixedCadFace(file=tmp_path / "a.step").resolved()
+
+
+def test_other_files_and_open_clouds_are_one_line(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"must be one of .step, .stp, .iges, .igs"):
+        FixedCadFace(file=tmp_path / "a.sldprt").resolved()
+    u = fibonacci_hemisphere(3000)
+    np.savetxt(tmp_path / "cap.txt", 3.0 * u[u[:, 2] > 0.3])
+    with pytest.raises(InputError, match=r"no point within .* of the direction .* down to z = 0"):
+        FixedPoints(file=tmp_path / "cap.txt").resolved()
+    (tmp_path / "lens.json").write_text("{}")
+    with pytest.raises(InputError, match="not a lens file"):
+        FixedLensFace(file=tmp_path, face="inner").resolved()
+    with pytest.raises(InputError, match=r"fixed_inner.*cap.txt"):
+        LensSection(levels=(9,), fixed_inner={"kind": "points", "file": tmp_path / "cap.txt"}, outer_offset_mm=6.0)
+
+
+def test_rays_from_the_origin_see_the_same_face_in_table_and_exactly() -> None:
+    """A spline over the chart and a sphere: the exact tracer through both, and the tables of both."""
+    half = np.arctan(HALF_WIDTH)
+    axis = np.tan(np.linspace(-half, half, 72))
+    exact = sphere(RADIUS, CENTRE)
+    directions = to_sphere(np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1))
+    given = ChartSpline.through(axis, exact.radius_on_grid(directions))
+    lenses = [Lens(each, sphere(6.0), small_spec(), 0, "draft") for each in (exact, given)]
+    u = hemisphere_directions(64)
+    rays = RayBundle(np.zeros((64, 3)), u, np.full(64, 1.0 / 64))
+    points = [
+        trace_exact(*exact_surfaces(lens, (DenseScan(), DenseScan())), lens.media, rays).points.numpy()
+        for lens in lenses
+    ]
+    by_table = [TracedLens.of(lens, 8.0).trace(rays).points.numpy() for lens in lenses]
+    assert np.isfinite(points[1]).all()
+    assert np.abs(points[0] - points[1]).max() < 1e-6 and np.abs(by_table[0] - by_table[1]).max() < 1e-5
