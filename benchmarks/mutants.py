@@ -32,7 +32,7 @@ def main() -> None:
     options = parser.parse_args()
     from mutation import draw, kept, own_tests, trial
 
-    modules = [name for name in own_tests.TESTS if name.startswith(tuple(options.modules) or "")]
+    modules = [name for name in own_tests.modules() if name.startswith(tuple(options.modules) or "")]
     record = kept.Record.load(options.out, options.seed)
     if options.fill:
         kept.fill(FOLDER / "docs" / "mutants.md", record)

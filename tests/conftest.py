@@ -33,12 +33,9 @@ os.fsync = lambda _: None
 # By default Python searches for garbage at 700 new objects: a seventh of the time in which a page is drawn.
 collect_garbage_seldom()
 
-_PACKAGES = [
-    "surfaces", "optics", "sources", "tracing", "receivers", "targets", "evaluation", "far_field", "optimisation",
-    "geometry", "manufacturing", "verification", "measurement", "pictures",
-]  # fmt: skip
+_PACKAGES = ["surfaces", "optics", "sources", "scene", "light", "search", "cad", "shop", "proof", "made"]
 _FOLDER = Path(lensforge.__file__).parent
-_COMPILED = {_FOLDER / "verification" / "grid_walk.py"}  # by numba, which cannot compile what is wrapped
+_COMPILED = {_FOLDER / "proof" / "grid_walk.py"}  # by numba, which cannot compile what is wrapped
 _MODULES = sorted(path for package in _PACKAGES for path in (_FOLDER / package).rglob("*.py") if path not in _COMPILED)
 array_checks.install([".".join(path.relative_to(_FOLDER.parent).with_suffix("").parts) for path in _MODULES])
 

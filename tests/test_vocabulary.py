@@ -7,7 +7,7 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1] / "lensforge"
 MODULES = sorted(PACKAGE.rglob("*.py"))
-MOST_LINES = 260
+MOST_LINES = 400
 # A docstring begins with a noun or a verb: the thing, or what it does.
 NO_BEGINNING = {
     "What", "Whether", "Where", "Of", "That", "How", "Why", "Which", "As", "By", "From", "In", "Those",

@@ -1,1 +1,1 @@
-"""What is typed: the commands, their options, and the screen that they print."""
+"""Commands, their options, and the screen that they print."""

@@ -1,1 +1,1 @@
-"""What is compiled: first hits of tables, the path of rays and its adjoint, splines, landing on receivers."""
+"""Compiled code: first hits of tables, the path of rays and its adjoint, splines, landing on receivers."""

@@ -11,10 +11,6 @@ from typing import Any
 
 import torch
 
-from lensforge.kernels.compiled import inline, kernel
-
-__all__ = ["CHUNKS", "in_chunks", "in_parallel", "inline", "kernel"]
-
 CHUNKS = 8
 
 

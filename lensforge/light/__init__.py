@@ -1,1 +1,1 @@
-"""What light a lens makes: tracing, metrics, limits, far field and roads."""
+"""The light of a lens: tracing, metrics, limits, far field and roads."""

@@ -1,1 +1,1 @@
-"""What becomes of the light in made parts: yield, sensitivity, measured parts, and a second cut."""
+"""Made parts and their light: yield, sensitivity, measured parts, and a second cut."""

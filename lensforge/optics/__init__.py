@@ -1,1 +1,1 @@
-"""What light meets: media, materials, coatings, the limits that étendue sets, and images as light."""
+"""Matter that light meets: media, materials, coatings, the bounds set by étendue, and images of light."""

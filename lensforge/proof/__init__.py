@@ -1,1 +1,1 @@
-"""Does the exported part do what was designed: casts through its own files, with no tracing code of the design."""
+"""Casts through the exported files, with no tracing code of the design: does the part do what was designed?"""

@@ -1,4 +1,4 @@
-"""What verification is given of a spec: plain numbers, of which it makes its own receivers and draws its own rays.
+"""Inputs of verification from a spec: plain numbers, of which it makes its own receivers and draws its own rays.
 
 Files are read by the readers of the design; of the code that draws the design's rays nothing is used.
 """

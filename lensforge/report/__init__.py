@@ -1,1 +1,1 @@
-"""How results are shown: pages, plots, and the notebook."""
+"""Results as pages and plots, and in a notebook."""

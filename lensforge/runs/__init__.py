@@ -1,1 +1,1 @@
-"""How stages follow one another in a result folder: reading, writing, the verdict, and studies of several designs."""
+"""Stages in a result folder: reading, writing, the verdict, and studies of several designs."""

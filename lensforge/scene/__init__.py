@@ -1,1 +1,1 @@
-"""What a lens stands in: the lens itself, its receivers and targets, and how a made part differs from the design."""
+"""The surroundings of light: the lens, its receivers and targets, and how a made part differs from the design."""

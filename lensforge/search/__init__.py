@@ -1,1 +1,1 @@
-"""How a lens is found: problem, merit, constraints, stages, and the state of a search."""
+"""The way to a lens: problem, merit, constraints, stages, and the state of a search."""

@@ -1,1 +1,1 @@
-"""Can it be made, and what does the shop need: check, drawing, point tables."""
+"""Manufacture: can the part be made, and with what; drawing, tables and point files for the shop."""

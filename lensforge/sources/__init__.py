@@ -1,1 +1,1 @@
-"""Where light begins: emitters, measured ray files and photometric files, as rays with flux and wavelength."""
+"""The beginning of light: emitters, measured ray files and photometric files, as rays with flux and wavelength."""

@@ -1,4 +1,4 @@
-"""What is asked of the light beside targets: ``[[limits]]`` at points, lines, zones and angles, and ``[photometry]``.
+"""Limits of the light beside targets: ``[[limits]]`` at points, lines, zones and angles, and ``[photometry]``.
 
 Limits are compared with the receivers that they are on: their units, and places off the receiver. The photometry names
 which lighting the lens is for, and the road that it lights.

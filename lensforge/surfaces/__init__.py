@@ -1,1 +1,1 @@
-"""Which shape a face has: basis functions, aspheres, imported faces; each a radius over direction."""
+"""Shapes of faces: basis functions, aspheres, imported faces; each a radius over direction."""

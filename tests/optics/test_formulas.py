@@ -122,7 +122,9 @@ def test_another_program_has_the_same_indices(name):
 
 def test_missing_coefficients_are_0_and_unknown_names_are_refused():
     waves = np.array([550.0])
-    short, whole = (Formula("agf 1", each).index(waves)[0] for each in ((2.27, -0.01), (2.27, -0.01, 0, 0, 0, 0)))
+    two, six = (2.27, -0.01), (2.27, -0.01, 0.0, 0.0, 0.0, 0.0)
+    short, whole = (Formula("agf 1", each).index(waves)[0] for each in (two, six))
+    )
     assert short == whole == pytest.approx(sqrt(2.27 - 0.01 * W**2))
     with pytest.raises(InputError, match="dispersion formula 'agf 14': must be one of sellmeier, cauchy, agf 1"):
         Formula("agf 14", (1.0,))
