@@ -124,7 +124,6 @@ def test_missing_coefficients_are_0_and_unknown_names_are_refused():
     waves = np.array([550.0])
     two, six = (2.27, -0.01), (2.27, -0.01, 0.0, 0.0, 0.0, 0.0)
     short, whole = (Formula("agf 1", each).index(waves)[0] for each in (two, six))
-    )
     assert short == whole == pytest.approx(sqrt(2.27 - 0.01 * W**2))
     with pytest.raises(InputError, match="dispersion formula 'agf 14': must be one of sellmeier, cauchy, agf 1"):
         Formula("agf 14", (1.0,))
