@@ -22,10 +22,10 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import torch
+from convergence.reference import directions
+from convergence.tables import table_normals
 from gradient_step import Step, median_seconds
 
-from lensforge.runs.tradeoff.reference import directions
-from lensforge.runs.tradeoff.tables import table_normals
 from lensforge.search.light_path import landed_through
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces import surface as chart

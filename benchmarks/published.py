@@ -27,8 +27,8 @@ from pathlib import Path
 import numpy as np
 from results import shown
 
-from lensforge.light.least_irradiance import uniformity_without_noise
-from lensforge.light.metrics import nmse, nmse_without_noise, relative_deviation, rsd_without_noise, uniformity
+from lensforge.light.least_irradiance import uniformity_estimate
+from lensforge.light.metrics import nmse, nmse_estimate, relative_deviation, rsd_estimate, uniformity
 from lensforge.light.receiver_light import WindowSize
 from lensforge.light.simulation import TracedLens, mean_share, simulate
 from lensforge.runs.pipeline import run_evaluate, write_design
@@ -170,11 +170,11 @@ def region_rows(name: str) -> tuple[tuple[str, ...], ...]:
                 name,
                 words + (f", {less:g} mm less all round" if less else ", with its edge"),
                 shown(mean_share(received.images[:, mask].sum(axis=1) / simulation.emitted_w), 4),
-                shown(rsd_without_noise(images, mask), 4),
+                shown(rsd_estimate(images, mask).metric(), 4),
                 f"{relative_deviation(smooth, mask):.4f}",
-                shown(uniformity_without_noise(images, mask), 3),
+                shown(uniformity_estimate(images, mask).metric(), 3),
                 f"{uniformity(smooth, mask):.3f}",
-                "" if less else shown(nmse_without_noise(images, paper), 5),
+                "" if less else shown(nmse_estimate(images, paper).metric(), 5),
                 "" if less else f"{nmse(cut, paper):.5f}",
             )
         )

@@ -16,15 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lensforge.light.least_irradiance import _Choices, _halves, uniformity_without_noise
-from lensforge.light.metrics import (
-    jackknife_metric,
-    nmse,
-    nmse_without_noise,
-    relative_deviation,
-    rsd_without_noise,
-    uniformity,
-)
+from lensforge.light.least_irradiance import _Choices, _halves, uniformity_estimate
+from lensforge.light.metrics import jackknife_metric, nmse, nmse_estimate, relative_deviation, rsd_estimate, uniformity
 from lensforge.light.simulation import REPLICATES, TracedLens, simulate
 from lensforge.results import Metric
 from lensforge.scene.lens import load_lens
@@ -63,10 +56,10 @@ class Scene:
 
     def metrics(self, found: Replicates) -> dict[str, Metric]:
         """The metrics as ``evaluate`` states them."""
-        metrics = {"NMSE": nmse_without_noise(found.images, self.target)}
+        metrics = {"NMSE": nmse_estimate(found.images, self.target).metric()}
         if self.mask is not None:
-            metrics["RSD"] = rsd_without_noise(found.images, self.mask)
-            metrics["uniformity"] = uniformity_without_noise(found.images, self.mask)
+            metrics["RSD"] = rsd_estimate(found.images, self.mask).metric()
+            metrics["uniformity"] = uniformity_estimate(found.images, self.mask).metric()
         for name, share in found.shares.items():
             metrics[name] = jackknife_metric(share[:, None], lambda mean: float(mean[0]))
         return metrics
@@ -155,7 +148,7 @@ def picture_row(name: str, truth: np.ndarray, noise: float, repeats: int) -> str
     for _ in range(repeats):
         white = rng.normal(size=(REPLICATES, *truth.shape))
         images = truth + scale * np.stack([gaussian3(image, 1.0) for image in white])
-        metric = uniformity_without_noise(images, mask)
+        metric = uniformity_estimate(images, mask).metric()
         relative = images[:, mask] / images.mean()
         halves = _Choices.of(relative, _halves())
         found.append((uniformity(images.mean(axis=0), mask), halves.read, halves.extrapolated(0.5), metric.value))

@@ -13,12 +13,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from convergence.reference import (
+    LIGHT_UNITS,
+    SHAPE_UNITS,
+    SURFACES,
+    directions,
+    landed_exactly,
+)
+from convergence.study import ConvergenceStudy, Meter, orders_of
+from convergence.tables import TableMeasurement
 from jaxtyping import Float
 from scipy.interpolate import NdBSpline, RectBivariateSpline
 
-from lensforge.runs.tradeoff.convergence import ConvergenceStudy, Meter, orders_of
-from lensforge.runs.tradeoff.reference import LIGHT_UNITS, SHAPE_UNITS, SURFACES, directions, landed_exactly
-from lensforge.runs.tradeoff.tables import TableMeasurement
 from lensforge.surfaces import surface as chart
 from lensforge.surfaces.bicubic_table import TableGrid, grid_for
 from lensforge.surfaces.surface import Surface

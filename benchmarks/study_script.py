@@ -1,4 +1,4 @@
-"""Command line shared by precision.py and spline_degrees.py: finished lenses in, Markdown tables out.
+"""Command line of spline_degrees.py: finished lenses in, Markdown tables out.
 
 Not a script itself. With --json the tables are also written with all digits.
 """
@@ -12,10 +12,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import torch
-from accuracy_tables import study_text
+from convergence.study import ConvergenceStudy
+from convergence.tables import SETTINGS, TableMeasurement, table_study
+from convergence.text import study_text
 
-from lensforge.runs.tradeoff.convergence import ConvergenceStudy
-from lensforge.runs.tradeoff.tables import SETTINGS, TableMeasurement, table_study
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.sources.build_source import build_source
 

@@ -47,6 +47,10 @@ class SourceWarning(UserWarning):
     """A doubt about a source, told before its light is traced."""
 
 
+class RenamedWarning(UserWarning):
+    """A field of a spec under an old name, which this version reads for the last time."""
+
+
 class Cancelled(LensforgeError):
     """The caller's ``progress`` returned False; the checkpoint, if there is one, holds the state."""
 

@@ -6,9 +6,8 @@ They follow from the seed of a run, ``seed`` from 0 to ``MOST``; a range is 2^40
 MOST = 2**20  # the largest seed of a run
 _STEPS = 1_000_003  # at most, of a search: every step has a seed of its own, resumed or not
 _RANGE = 2**40
-_EVALUATION, _VERIFICATION, _FAR_FIELD, _CONVERGENCE, _REFERENCE, _PRESET, _HELD, _OWN, _PARTS = (
-    k * _RANGE for k in (1, 2, 4, 8, 16, 32, 64, 128, 256)
-)
+# 8 and 16 are those of benchmarks/convergence
+_EVALUATION, _VERIFICATION, _FAR_FIELD, _PRESET, _HELD, _OWN, _PARTS = (k * _RANGE for k in (1, 2, 4, 32, 64, 128, 256))
 _PARTS_OF_STEPS, _HELD_PARTS, OF_FILE = (k * _RANGE for k in (512, 1024, 2048))  # OF_FILE: divides a file's rays
 
 
@@ -40,16 +39,6 @@ def of_own_rays(seed: int) -> int:
 def of_far_field(seed: int, parts: int, part: int) -> int:
     """Seed for one of the ``parts`` of a far-field intensity."""
     return _FAR_FIELD + seed * parts + part
-
-
-def of_convergence(number: int) -> int:
-    """Seed for one of the independent samples by which the trade-off measures noise."""
-    return _CONVERGENCE + number
-
-
-def of_reference(scramble: int) -> int:
-    """Seed for the rays through the exact surfaces, the reference of the trade-off's convergence studies."""
-    return _REFERENCE + scramble
 
 
 def of_preset_error(seed: int, scrambles: int, scramble: int) -> int:

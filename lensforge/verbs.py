@@ -18,7 +18,7 @@ from lensforge.spec.design_spec import require_spec
 
 if TYPE_CHECKING:
     from lensforge.runs.sweep import Sweep
-    from lensforge.runs.tradeoff.record import Tradeoff
+    from lensforge.runs.tradeoff_result import Tradeoff
     from lensforge.shop.handover import Handover
     from lensforge.sources.photometric.photometric_summary import PhotometricSummary
     from lensforge.sources.rayfiles.ray_file_summary import RayFileSummary
@@ -97,20 +97,20 @@ def tradeoff(
 ) -> "Tradeoff":
     """Measure accuracy against computing time for the scene of ``spec``, on ``lens`` or on a draft designed first.
 
-    ``most_rays``: of the largest sample, 2^12 to 2^24. ``announce`` is called with the name of each study as it starts.
+    ``most_rays``: of the largest sample, 2^12 to 2^24. ``announce`` is called with each series as it starts.
     """
-    from lensforge.runs.tradeoff.measure import Effort, measure, require_same_scene
+    from lensforge.runs.tradeoff_study import LEAST_RAYS, MOST_RAYS, measure, require_same_scene
 
     require_spec(spec, "tradeoff")
-    if not (isinstance(most_rays, int) and 2**12 <= most_rays <= 2**24):
-        raise InputError(f"most_rays = {most_rays!r}: an integer from {2**12} to {2**24}")
+    if not (isinstance(most_rays, int) and LEAST_RAYS <= most_rays <= MOST_RAYS):
+        raise InputError(f"most_rays = {most_rays!r}: an integer from {LEAST_RAYS} to {MOST_RAYS}")
     source = source_of(spec)
     if lens is None:
         lens = stages.design(spec, accuracy="draft", threads=threads).lens
     else:
         require_same_scene(require(lens, Lens, "tradeoff"), spec, source, "tradeoff")
     with threads_of_torch(threads):
-        return measure(lens, source, Effort.up_to(most_rays), announce or (lambda _: None))
+        return measure(lens, source, most_rays, announce or (lambda _: None))
 
 
 def rays(file: Path | str) -> "RayFileSummary | PhotometricSummary":

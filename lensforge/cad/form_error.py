@@ -137,12 +137,6 @@ def fit_to_form(surface: Surface, nodes: int | None = None) -> Patch:
         count = min(MAX_NODES, max(count + 1, int(np.ceil(count * max(by_form, by_normal)))))
 
 
-def patches_error(lens: Lens, inner: Patch, outer: Patch, chart: Float[np.ndarray, "n 2"]) -> FormError:
-    """The worse of both faces' errors at ``chart`` points."""
-    both = ((lens.inner, inner), (lens.outer, outer))
-    return worst([form_error(surface, patch.points(chart), patch.normals(chart)) for surface, patch in both])
-
-
 def face_points(
     face: Any, chart: Float[np.ndarray, "n 2"]
 ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:

@@ -11,6 +11,7 @@ import sys
 import tempfile
 import threading
 import traceback
+import warnings
 from contextlib import suppress
 from typing import Any, NoReturn
 
@@ -22,14 +23,14 @@ from lensforge.cli.examples import examples
 from lensforge.cli.interrupts import Interrupts
 from lensforge.cli.new import new
 from lensforge.cli.part import compare, correct, handover, photometry
-from lensforge.cli.printing import printable
+from lensforge.cli.printing import printable, warning_line
 from lensforge.cli.rays import rays
 from lensforge.cli.schema import schema
 from lensforge.cli.stages import check, evaluate, export, report, verify
 from lensforge.cli.streams import lasting_streams, open_standard_streams
 from lensforge.cli.studies import sweep, tradeoff
 from lensforge.cli.tolerances import sensitivity, yield_
-from lensforge.errors import LensforgeError, WrongFields
+from lensforge.errors import LensforgeError, RenamedWarning, WrongFields
 from lensforge.results.working_folder import ignore_settings_in_working_folder
 from lensforge.version import __version__
 
@@ -88,6 +89,7 @@ def main(interrupts: Interrupts | None = None) -> None:
     """
     ignore_settings_in_working_folder()
     open_standard_streams()
+    _show_renamed_fields_in_a_line()
     own = Interrupts().install() if interrupts is None else interrupts
     try:
         with lasting_streams() as stdout_failure:
@@ -102,6 +104,19 @@ def main(interrupts: Interrupts | None = None) -> None:
     finally:
         own.uninstall(at_exit=interrupts is not None)
     sys.exit(code)
+
+
+def _show_renamed_fields_in_a_line() -> None:
+    """Let a warning of an old name in a spec be a line, as all warnings of a command are."""
+    others = warnings.showwarning
+
+    def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
+        if issubclass(category, RenamedWarning):
+            click.echo(warning_line(str(message)), err=True)
+        else:
+            others(message, category, *place, **more)
+
+    warnings.showwarning = show
 
 
 def _run(interrupts: Interrupts) -> int:

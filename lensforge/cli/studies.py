@@ -87,7 +87,7 @@ def sweep(
     type=WholeNumber(2**12, 2**24),
     default=2**20,
     show_default=True,
-    help="Rays of the longest runs in the convergence study; 2^24 takes a few minutes.",
+    help="Rays of the longest evaluation; 2^24 takes a minute.",
 )
 @THREADS
 @with_output
@@ -101,9 +101,9 @@ def tradeoff(spec: Path, out: Path | None, most_rays: int, threads: int | None, 
 
     from lensforge.cli.progress import StudyProgress
     from lensforge.cli.stage_clock import StageClock
-    from lensforge.runs.tradeoff.measure import Effort, run_tradeoff
+    from lensforge.runs.tradeoff_study import run_tradeoff
 
     with StageClock("tradeoff", quiet=output.quiet, study=True) as clock, threads_of_torch(threads):
         announce = StudyProgress(clock).on_stage
-        found = run_tradeoff(content, directory, effort=Effort.up_to(most_rays), announce=announce)
+        found = run_tradeoff(content, directory, most_rays=most_rays, announce=announce)
     finish_study(output, directory, found, tradeoff_block(found), "tradeoff.html")

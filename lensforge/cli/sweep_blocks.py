@@ -7,7 +7,7 @@ from lensforge.cli.screen import Block, Row
 
 if TYPE_CHECKING:
     from lensforge.runs.sweep import Sweep, SweepRow
-    from lensforge.runs.tradeoff.record import PresetStage, Tradeoff
+    from lensforge.runs.tradeoff_result import Tradeoff
 
 
 def sweep_block(sweep: "Sweep") -> Block:
@@ -27,14 +27,10 @@ def _design(row: "SweepRow") -> Row:
 
 
 def tradeoff_block(found: "Tradeoff") -> Block:
-    """Rays and errors of each preset, in the search and in the evaluation."""
+    """Seconds and errors of each preset's evaluation, and of each stage of a search."""
     rows: list[Row] = []
-    for name, preset in found.presets.items():
-        rows += [(name, f"search: {_preset(preset.design)}"), ("", f"evaluation: {_preset(preset.evaluation)}")]
-    return Block("Error of each preset on this scene", rows)
-
-
-def _preset(stage: "PresetStage") -> str:
-    noise = f"{count(stage.rays)} rays, noise adds an NMSE of {figure(stage.noise_nmse, digits=2)}"
-    tables = stage.table_irradiance_nmse
-    return noise if tables is None else f"{noise}, the tables {measured(tables)}"
+    for row in (*found.series("presets"), *found.series("search")):
+        light = f"NMSE {measured(row.nmse)}, efficiency {in_percent(row.efficiency)}"
+        cost = f"{figure(row.seconds, 's', digits=2)}, {count(row.rays)} rays"
+        rows.append((row.setting, f"{cost}: {light}"))
+    return Block("Accuracy against time on this scene: evaluations, then a search", rows)

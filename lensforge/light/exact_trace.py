@@ -1,14 +1,13 @@
-"""The exact tracer: rays through the surfaces themselves, not through their tables; in plain torch, on any device.
+"""The exact tracer: rays through the surfaces themselves, not through their tables.
 
-It shares no intersection code with the compiled kernels, and ``ExactSurface``, which is differentiable, none of their
-sums either. Crossings are bracketed by a scan, of the exact surface (``DenseScan``, the reference for the kernels) or
-of its table (``TableScan``, 50 times faster), and refined by bisection; the Newton step of
-:func:`~lensforge.light.sequential_trace.trace_sequence` then ends on the exact surface.
+It shares no intersection code with the compiled kernels. Crossings are bracketed by a scan, of the exact surface
+(``DenseScan``, the reference for the kernels) or of its table (``TableScan``, 50 times faster), and refined by
+bisection; the Newton step of :func:`~lensforge.light.sequential_trace.trace_sequence` then ends on the exact surface.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 import torch
@@ -22,13 +21,19 @@ from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.lens import Lens
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid, evaluate_table
-from lensforge.surfaces.mirror_group import group
-from lensforge.surfaces.srbf import SrbfBasis, fibonacci_hemisphere
+from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface
 
-_CHUNK_VALUES = 2**22  # rays times basis functions at a time: some 300 MB
 _SIZE_DIRECTIONS = 1000  # over the hemisphere, at which the reach of a fixed surface is sampled
-_DOUBLE = torch.empty(0, dtype=torch.float64)
+
+
+class BoundedSurface(TracedSurface, Protocol):
+    """A surface that no ray from inside is still within after ``reach_mm``."""
+
+    @property
+    def reach_mm(self) -> float:
+        """Length (mm) of that path."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -43,7 +48,7 @@ class DenseScan:
     reach_mm: float | None = None  # None: as far as the surface may reach
 
     def first_crossing(
-        self, surface: "ExactSurface | FixedSurface", origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]
+        self, surface: BoundedSurface, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]
     ) -> Crossing:
         """First sign change within reach; no search is ever given up."""
 
@@ -128,84 +133,6 @@ def _bracketed(
 
 
 @dataclass(frozen=True)
-class ExactSurface:
-    """``rho(u) = h + sum_j w_j exp(-g^2/sigma_j^2)``, Eq. (2), differentiable in ``weights_mm`` and ``offset_mm``.
-
-    The precision and the device are those of ``weights_mm``.
-    """
-
-    basis: SrbfBasis
-    weights_mm: Float[Tensor, " m"]
-    offset_mm: Float[Tensor, ""]
-    scan: DenseScan | TableScan = DenseScan()
-
-    @cached_property
-    def _constants(self) -> tuple[Tensor, Tensor, list[Tensor]]:
-        like = self.weights_mm
-        centres = torch.as_tensor(self.basis.centres, dtype=like.dtype, device=like.device)
-        sigmas = torch.as_tensor(self.basis.sigmas, dtype=like.dtype, device=like.device)
-        images = [torch.as_tensor(m, dtype=like.dtype, device=like.device) for m in group(self.basis.symmetry)]
-        return centres, sigmas, images
-
-    def radius(self, directions: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
-        """``rho`` (mm); the angle g comes from the chord, which is exact at a centre."""
-        return torch.cat([self._radius(some) for some in directions.split(self._rows)])
-
-    def gradient(self, directions: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
-        """Tangential gradient on the unit sphere (mm/rad)."""
-        return torch.cat([self._gradient(some) for some in directions.split(self._rows)])
-
-    @property
-    def _rows(self) -> int:
-        return max(1, _CHUNK_VALUES // self.basis.size)
-
-    def _radius(self, directions: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
-        centres, sigmas, images = self._constants
-        total = self.offset_mm.expand(len(directions))
-        for image in images:
-            chord = torch.cdist(directions @ image, centres, compute_mode="donot_use_mm_for_euclid_dist")
-            angle = 2.0 * torch.asin(torch.clamp(0.5 * chord, max=1.0))
-            total = total + torch.exp(-((angle / sigmas) ** 2)) @ self.weights_mm / len(images)
-        return total
-
-    def _gradient(self, directions: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
-        centres, sigmas, images = self._constants
-        total = torch.zeros_like(directions)
-        for image in images:
-            turned = directions @ image
-            cosine = turned @ centres.T
-            tangent = centres[None] - cosine[..., None] * turned[:, None]  # from u to the centre; length sin g
-            sine = torch.linalg.norm(tangent, dim=-1)
-            angle = torch.atan2(sine, cosine)
-            ratio = torch.where(sine > 1e-9, angle / torch.where(sine > 1e-9, sine, 1.0), 1.0)
-            slope = self.weights_mm * 2.0 * ratio / sigmas**2 * torch.exp(-((angle / sigmas) ** 2))
-            total = total + torch.einsum("nm,nmk->nk", slope, tangent) @ image.T / len(images)
-        return total
-
-    def normal(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
-        """Gradient of ``|p| - rho(p/|p|)``: away from the origin, not normalised."""
-        distance = torch.linalg.norm(points, dim=1, keepdim=True)
-        directions = points / distance
-        normal: Tensor = directions - self.gradient(directions) / distance
-        return normal
-
-    def gap(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
-        """``F = rho - |p|`` (mm), Eq. (5): positive inside."""
-        distance = torch.linalg.norm(points, dim=1)
-        gap: Tensor = self.radius(points / distance.clamp(min=torch.finfo(points.dtype).tiny)[:, None]) - distance
-        return gap
-
-    def first_crossing(self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Crossing:
-        """First crossing by ``scan``."""
-        return self.scan.first_crossing(self, origins, directions)
-
-    @property
-    def reach_mm(self) -> float:
-        """Twice the largest radius that the sum can have: a ray from inside has left the surface by then."""
-        return 2.0 * float(self.offset_mm + self.weights_mm.abs().sum())
-
-
-@dataclass(frozen=True)
 class FixedSurface:
     """A surface whose shape is constant, by its own radius and gradient: float64 on the CPU."""
 
@@ -248,11 +175,15 @@ def exact_surfaces(
 
 
 def trace_exact(
-    inner: TracedSurface, outer: TracedSurface, media: Media, rays: RayBundle, made: AsMade | None = None
+    inner: TracedSurface,
+    outer: TracedSurface,
+    media: Media,
+    rays: RayBundle,
+    made: AsMade | None = None,
+    dtype: torch.dtype = torch.float64,
 ) -> ExitRays:
-    """Trace ``rays`` through exact surfaces, in their precision; differentiable in their weights and offsets.
+    """Trace ``rays`` through exact surfaces on the CPU; differentiable in what the surfaces are differentiable in.
 
     Slow by design: a dense scan evaluates all functions 300 times for each ray. Rays keep indices of their own.
     """
-    like = next((each.weights_mm for each in (inner, outer) if isinstance(each, ExactSurface)), _DOUBLE)
-    return trace_sequence(inner, outer, TensorRays.of(rays, media, like.dtype, like.device, made))
+    return trace_sequence(inner, outer, TensorRays.of(rays, media, dtype, torch.device("cpu"), made))

@@ -68,11 +68,6 @@ class LeastEstimate:
         return LeastEstimate(value, self.left_out - before.left_out, taken_off).metric()
 
 
-def uniformity_without_noise(images: Float[np.ndarray, "r h w"], mask: Bool[np.ndarray, "h w"]) -> Metric:
-    """:func:`uniformity_estimate` as a record."""
-    return uniformity_estimate(images, mask).metric()
-
-
 def uniformity_estimate(images: Float[np.ndarray, "r h w"], mask: Bool[np.ndarray, "h w"]) -> LeastEstimate:
     """Least over mean irradiance in ``mask``, of the light to which ``images`` are unbiased."""
     return least_over_mean(images[:, mask])

@@ -117,16 +117,6 @@ class RootEstimate(PairEstimate):
         return Metric(value=value - designed, standard_error=float(error))
 
 
-def nmse_without_noise(images: Images, target: Image) -> Metric:
-    """:func:`nmse_estimate` as a record."""
-    return nmse_estimate(images, target).metric()
-
-
-def rsd_without_noise(images: Images, mask: Bool[np.ndarray, "h w"]) -> Metric:
-    """:func:`rsd_estimate` as a record."""
-    return rsd_estimate(images, mask).metric()
-
-
 def nmse_estimate(images: Images, target: Image) -> PairEstimate:
     """NMSE of the light to which ``images`` are unbiased: D_k = I_k - s_k T, with s_k = sum I_k / sum T.
 

@@ -11,7 +11,7 @@ conservation; the projected solid angle of a sphere seen from a small area is ``
 catalogue of view factors, B-42.
 """
 
-from math import acos, pi
+from math import pi
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -24,14 +24,6 @@ Least = tuple[float | None, float | None]  # reflectances of the inner and the o
 _PEAKED = 2.5  # ratio of indices up to which a face transmits the most where it turns no light
 _TURNS, _BETWEEN = 128, 1.0001  # of a face at which others are looked at, and a bound of what lies between those
 _SPLITS = 512  # of a turn among two faces that differ: the bound is less than 3 % above what some split transmits
-
-
-def largest_deviation_rad(refractive_index: float) -> float:
-    """Largest angle by which two refractions turn a ray, into a body and out of it: twice ``acos(1/n)``.
-
-    Each turns it by at most the difference between grazing incidence and the critical angle.
-    """
-    return 2.0 * acos(1.0 / refractive_index)
 
 
 def best_transmittance(
@@ -97,11 +89,6 @@ def face_transmittance(deviation_rad: Turns, refractive_index: float | Turns) ->
         transmitted: Turns = np.sqrt(0.5 * ((1.0 - r_s**2) ** 2 + (1.0 - r_p**2) ** 2))
     turned: Turns = np.where((below > 0.0) | (deviation_rad == 0.0), transmitted, 0.0)
     return turned
-
-
-def normal_transmittance(refractive_index: float) -> float:
-    """Transmittance of one surface at normal incidence, of that ratio of indices; 0.961 from air into PMMA."""
-    return 1.0 - ((refractive_index - 1.0) / (refractive_index + 1.0)) ** 2
 
 
 def transmittance_of(media: Media) -> float:

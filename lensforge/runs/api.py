@@ -1,7 +1,15 @@
 """The names of the library: every verb, and every class that a verb takes or returns."""
 
 from lensforge.cad.part import Part
-from lensforge.errors import Cancelled, CriterionMissed, InputError, LensforgeError, MissingResult, SourceWarning
+from lensforge.errors import (
+    Cancelled,
+    CriterionMissed,
+    InputError,
+    LensforgeError,
+    MissingResult,
+    RenamedWarning,
+    SourceWarning,
+)
 from lensforge.light.evaluation_result import Light, LimitResult
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import Possible
@@ -22,7 +30,7 @@ from lensforge.runs.stages import build, check, design, evaluate, photometry
 from lensforge.runs.starts import best_design
 from lensforge.runs.sweep import Sweep
 from lensforge.runs.tolerance_stages import sensitivity, tolerance
-from lensforge.runs.tradeoff.record import Tradeoff
+from lensforge.runs.tradeoff_result import Tradeoff
 from lensforge.runs.verdict import Verdict
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.search.design_result import Design, Progress
@@ -57,9 +65,6 @@ from lensforge.spec.fixed_surface import (
     FixedLensFace,
     FixedPoints,
     FixedSphere,
-    FixedToroid,
-    FixedXYPolynomial,
-    FixedZernike,
 )
 from lensforge.spec.light_limits import BeamAngleLimit, GlareLimit, LineLimit, PhotometrySection, PointsLimit, ZoneLimit
 from lensforge.spec.receiver_sections import CylinderReceiver, FarFieldReceiver, PlaneReceiver, SphereReceiver
@@ -133,9 +138,6 @@ __all__ = [
     "FixedLensFace",
     "FixedPoints",
     "FixedSphere",
-    "FixedToroid",
-    "FixedXYPolynomial",
-    "FixedZernike",
     "FlatTopTarget",
     "GlareLimit",
     "Handover",
@@ -174,6 +176,7 @@ __all__ = [
     "RayfilesSource",
     "RectangleSource",
     "RectangleTarget",
+    "RenamedWarning",
     "Results",
     "RingTarget",
     "Run",

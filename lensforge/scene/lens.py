@@ -30,7 +30,7 @@ from lensforge.version import __version__
 SCHEMA = "lensforge-lens-2"
 EARLIER_FORMAT = "lensforge-lens-1"  # stated as "format"; the surfaces are written in the same way
 _REMEDY = "run `lensforge design` again"
-_WORDS = {"Asphere": "asphere", "Biconic": "biconic", "Toroid": "toroid", "XYPolynomial": "polynomial in x and y"}
+_WORDS = {"Asphere": "asphere", "Biconic": "biconic"}
 _DIRECTIONS, _LARGEST = 200, 10.0  # a lens may miss its largest radius, but not by far; tables of it would not end
 
 

@@ -106,11 +106,6 @@ class OpticalFace:
         jet = self.jet(points)
         return principal_curvatures(jet, self.air_normal(jet))
 
-    def smallest_curvature(self, start: Float[np.ndarray, "2"], step: float) -> float:
-        """The lowest curvature (1/mm) within ``step`` of chart point ``start`` and the rim."""
-        at = self.curvatures(start[None])
-        return -refined_maximum(lambda points: -self.curvatures(points).minimum, start[None], -at.minimum, step)[1]
-
 
 @dataclass(frozen=True)
 class ChartGrid:

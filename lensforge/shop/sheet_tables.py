@@ -118,11 +118,7 @@ def sheet_frame(size: tuple[float, float], inside: Box) -> list[Stroke]:
 _WIDTHS = (71.0, 38.0, 71.0)  # mm on A3
 _DASH = "–"
 # Faces that the spec gives by a formula; those of files have none.
-_SHAPES = {
-    **{kind: kind for kind in ("sphere", "asphere", "biconic", "toroid")},
-    "xy_polynomial": "polynomial in x, y",
-    "zernike": "Zernike polynomials",
-}
+_SHAPES = {kind: kind for kind in ("sphere", "asphere", "biconic")}
 
 Rows = list[list[str]]
 

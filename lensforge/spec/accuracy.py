@@ -1,9 +1,9 @@
 """Accuracy presets in one table, so that every stage reads the same settings.
 
-The rule, measured by ``lensforge tradeoff`` (docs/accuracy.md): the irradiance error of a preset's tables stays below a
-hundredth of the noise of the rays that are traced with it. On the flat top, the cross and the pi it is 0.0014 of that
-noise at most, so accuracy takes more rays: from one preset to the next the noise (NMSE) of the evaluation falls,
-first to 1/13, then to less than 1/2.
+The rule, measured by benchmarks/convergence_studies.py (docs/accuracy.md): the irradiance error of a preset's tables
+stays below a hundredth of the noise of the rays that are traced with it. On the flat top, the cross and the pi it is
+0.0014 of that noise at most, so accuracy takes more rays: from one preset to the next the noise (NMSE) of the
+evaluation falls, first to 1/13, then to less than 1/2.
 """
 
 from dataclasses import dataclass, replace

@@ -5,11 +5,12 @@ which lighting the lens is for, and the road that it lights.
 """
 
 from collections.abc import Iterator
-from typing import Annotated, ClassVar, Literal, get_args
+from typing import Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import Field, model_validator
 
 from lensforge.spec.receiver_sections import AnyReceiver, FarFieldReceiver, PlaneReceiver
+from lensforge.spec.renamed import with_new_names
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.shape_targets import DiscTarget, EllipseTarget, PolygonTarget, RectangleTarget, RingTarget
 from lensforge.spec.spec_section import Coordinate, Label, Section
@@ -31,8 +32,7 @@ _OF_PICTURES = (
 class LimitSection(Section):
     """Fields of every limit.
 
-    Bounds on the light itself have one unit. Light is that of the evaluation's picture, after its filter, bilinear
-    between pixels.
+    Light is that of the evaluation's picture, after its filter, bilinear between pixels.
     """
 
     others: ClassVar[tuple[str, ...]] = ()  # quantities besides the light that may be bounded
@@ -43,41 +43,31 @@ class LimitSection(Section):
     """Name in records and on pages."""
     receiver: Annotated[str, Field(max_length=64)] | None = None
     """Name of the receiver, by default the first."""
-    at_least_w_per_m2: Amount | None = None
-    """Least irradiance, on surfaces."""
-    at_most_w_per_m2: Amount | None = None
-    """Largest irradiance, on surfaces."""
-    at_least_lx: Amount | None = None
-    """Least illuminance, on surfaces."""
-    at_most_lx: Amount | None = None
-    """Largest illuminance, on surfaces."""
-    at_least_w_per_sr: Amount | None = None
-    """Least radiant intensity, in the far field."""
-    at_most_w_per_sr: Amount | None = None
-    """Largest radiant intensity, in the far field."""
-    at_least_cd: Amount | None = None
-    """Least luminous intensity, in the far field."""
-    at_most_cd: Amount | None = None
-    """Largest luminous intensity, in the far field."""
-    at_least_relative: Fraction | None = None
-    """Least light, relative to the maximum on the receiver."""
-    at_most_relative: Fraction | None = None
-    """Largest light, relative to the maximum on the receiver."""
+    at_least: Amount | None = None
+    """Least light, in ``unit``."""
+    at_most: Amount | None = None
+    """Largest light, in ``unit``."""
+    unit: LightUnitName | None = None
+    """Unit of both: irradiance or illuminance on surfaces, intensity in the far field, or "relative" to the maximum on
+    the receiver.
+    """
+
+    @model_validator(mode="before")
+    @classmethod
+    def _old_names(cls, content: Any) -> Any:
+        return with_new_names("LimitSection", content)
 
     @property
-    def unit(self) -> Unit | None:
+    def place_unit(self) -> Unit | None:
         """Unit of its places; None where it names none."""
         names = [name for name in type(self).model_fields if getattr(self, name) is not None]
         found = {"deg" if name.endswith("_deg") else "mm" for name in names if name in self.places}
         return found.pop() if len(found) == 1 else None  # type: ignore[return-value]  # one of the two
 
-    @property
-    def light_unit(self) -> LightUnitName | None:
-        """Unit of its bounds on the light; None where there are none."""
-        return next((unit for unit in LIGHT_UNITS if any(self.bounds(unit))), None)
-
     def bounds(self, quantity: str) -> tuple[float | None, float | None]:
         """Least and largest value of ``quantity``, a unit of light or one of ``others``; None where it has no bound."""
+        if quantity in LIGHT_UNITS:
+            return (self.at_least, self.at_most) if quantity == self.unit else (None, None)
         return getattr(self, f"at_least_{quantity}", None), getattr(self, f"at_most_{quantity}", None)
 
     def quantities(self) -> Iterator[str]:
@@ -86,21 +76,19 @@ class LimitSection(Section):
 
     @model_validator(mode="after")
     def _bounds_something_once(self) -> "LimitSection":
+        if (self.unit is None) != (self.at_least is None and self.at_most is None):
+            raise ValueError(f"at_least or at_most, and unit go together; unit is one of {', '.join(LIGHT_UNITS)}")
+        if self.unit == "relative" and max(self.at_least or 0.0, self.at_most or 0.0) > 1.0:
+            raise ValueError('unit = "relative" is a share of the maximum on the receiver; no light is above 1')
         bounded = list(self.quantities())
         if not bounded:
-            either = ", ".join(f"at_least_{name}" for name in (*self.others, *LIGHT_UNITS) if self._knows(name))
-            raise ValueError(f"it bounds nothing; give one of {either} or the same as at_most_*")
-        units = [name for name in bounded if name in LIGHT_UNITS]
-        if len(units) > 1:
-            raise ValueError(f"its bounds on the light are in {' and '.join(units)}; give one unit, or two limits")
+            either = ", ".join(("at_least with a unit", *(f"at_least_{name}" for name in self.others)))
+            raise ValueError(f"it bounds nothing; give {either}, or the same as at_most")
         for name in bounded:
             least, most = self.bounds(name)
             if least is not None and most is not None and least > most:
-                raise ValueError(f"at_least_{name} = {least:g} is above at_most_{name} = {most:g}: no light is both")
+                raise ValueError(f"at least {least:g} {name} is above at most {most:g}: no light is both")
         return self
-
-    def _knows(self, quantity: str) -> bool:
-        return f"at_least_{quantity}" in type(self).model_fields
 
 
 class PointsLimit(LimitSection):
@@ -148,7 +136,7 @@ class LineLimit(LimitSection):
     @property
     def ends(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """Both ends, in their unit."""
-        start, end = (self.from_mm, self.to_mm) if self.unit == "mm" else (self.from_deg, self.to_deg)
+        start, end = (self.from_mm, self.to_mm) if self.place_unit == "mm" else (self.from_deg, self.to_deg)
         assert start is not None and end is not None, "validated"
         return start, end
 
@@ -178,7 +166,7 @@ class ZoneLimit(LimitSection):
     """Largest share of the flux of the source."""
 
     @property
-    def unit(self) -> Unit | None:
+    def place_unit(self) -> Unit | None:
         """Unit of the zone; None for the whole window."""
         return None if self.zone is None else self.zone.unit
 
@@ -205,8 +193,8 @@ class GlareLimit(LimitSection):
 
     @model_validator(mode="after")
     def _caps(self) -> "GlareLimit":
-        if any(self.bounds(name)[0] is not None for name in LIGHT_UNITS):
-            raise ValueError("glare has a largest intensity, no least one; give at_most_cd, _w_per_sr or _relative")
+        if self.at_least is not None:
+            raise ValueError("glare has a largest intensity, no least one; give at_most")
         return self
 
 
@@ -230,7 +218,7 @@ class BeamAngleLimit(LimitSection):
 
     @model_validator(mode="after")
     def _bounds_the_angle(self) -> "BeamAngleLimit":
-        if self.light_unit is not None:
+        if self.unit is not None:
             raise ValueError("a beam angle is bounded by at_least_deg and at_most_deg")
         return self
 
@@ -248,10 +236,10 @@ def require_limit_fits(limit: LimitSection, unit: Unit, extent: tuple[float, flo
     far_field = unit == "deg"
     if isinstance(limit, GlareLimit | BeamAngleLimit) and not far_field:
         raise ValueError(f"a {limit.kind} limit is one of the far field, {receiver} is none; name a receiver that is")
-    if limit.unit is not None and limit.unit != unit:
+    if limit.place_unit is not None and limit.place_unit != unit:
         words = "degrees" if far_field else "mm"
-        raise ValueError(f"its places are in {limit.unit}, on {receiver} they are in {words}")
-    light = limit.light_unit
+        raise ValueError(f"its places are in {limit.place_unit}, on {receiver} they are in {words}")
+    light = limit.unit
     if light not in (None, "relative") and (light in OF_FAR_FIELD) != far_field:
         allowed = "w_per_sr, cd" if far_field else "w_per_m2, lx"
         raise ValueError(f"its light is in {light}, on {receiver} it is in one of {allowed}, relative")

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from lensforge.errors import InputError
 from lensforge.results import Number, Record
-from lensforge.surfaces.asphere import Asphere, Biconic, Toroid, XYPolynomial
+from lensforge.surfaces.asphere import Asphere, Biconic
 from lensforge.surfaces.chart_spline import DEGREE, ChartSpline
 from lensforge.surfaces.srbf import MOST_FUNCTIONS, SrbfBasis, SrbfSurface
 from lensforge.surfaces.surface import Surface
@@ -17,7 +17,6 @@ Length = Annotated[Number, Field(ge=1e-6, le=1e9)]  # mm; the ranges of the spec
 Place = Annotated[Number, Field(ge=-1e9, le=1e9)]  # mm
 _Conic = Annotated[Number, Field(ge=-1e3, le=1e3)]
 _Series = Annotated[tuple[Place, ...], Field(max_length=10)]
-_Power = Annotated[int, Field(strict=True, ge=0, le=30)]
 MOST_KNOTS = 512
 
 
@@ -66,36 +65,6 @@ class BiconicRecord(Record):
         return Biconic(self.vertex_mm, self.radius_x_mm, self.radius_y_mm, self.conic_x, self.conic_y)
 
 
-class ToroidRecord(Record):
-    """A fixed surface: a toroid."""
-
-    kind: Literal["toroid"]
-    vertex_mm: Length
-    radius_mm: Place
-    rotation_radius_mm: Place
-    conic: _Conic
-    coefficients: _Series
-
-    def surface(self) -> Toroid:
-        """The surface. Raises :class:`InputError` where it is not star-shaped about the origin."""
-        return Toroid(self.vertex_mm, self.radius_mm, self.rotation_radius_mm, self.conic, self.coefficients)
-
-
-class XYPolynomialRecord(Record):
-    """A fixed surface: a polynomial in x and y on a conic; Zernike polynomials too, by their powers."""
-
-    kind: Literal["xy_polynomial"]
-    vertex_mm: Length
-    radius_mm: Place
-    conic: _Conic
-    terms: Annotated[tuple[tuple[_Power, _Power, Place], ...], Field(max_length=500)]
-    normalisation_mm: Length
-
-    def surface(self) -> XYPolynomial:
-        """The surface. Raises :class:`InputError` where it is not star-shaped about the origin."""
-        return XYPolynomial(self.vertex_mm, self.radius_mm, self.conic, self.terms, self.normalisation_mm)
-
-
 class ChartSplineRecord(Record):
     """A given face: its radius as a quintic spline over the stereographic chart, control values by rows of X."""
 
@@ -116,7 +85,7 @@ class ChartSplineRecord(Record):
 
 
 SurfaceRecord: TypeAlias = Annotated[
-    SrbfRecord | AsphereRecord | BiconicRecord | ToroidRecord | XYPolynomialRecord | ChartSplineRecord,
+    SrbfRecord | AsphereRecord | BiconicRecord | ChartSplineRecord,
     Field(discriminator="kind"),
 ]
 
@@ -136,16 +105,12 @@ def surface_record(surface: Surface) -> SurfaceRecord:
             return AsphereRecord(kind="asphere", **_fields(surface))
         case Biconic():
             return BiconicRecord(kind="biconic", **_fields(surface))
-        case Toroid():
-            return ToroidRecord(kind="toroid", **_fields(surface))
-        case XYPolynomial():
-            return XYPolynomialRecord(kind="xy_polynomial", **_fields(surface))
         case ChartSpline():
             knots, control = tuple(surface.knots.tolist()), tuple(surface.control.ravel().tolist())
             return ChartSplineRecord(kind="chart_spline", knots=knots, control_mm=control, detail_rad=surface.detail)
     raise TypeError(f"{type(surface).__name__} cannot be written to a lens file")
 
 
-def _fields(surface: Asphere | Biconic | Toroid | XYPolynomial) -> dict[str, Any]:
+def _fields(surface: Asphere | Biconic) -> dict[str, Any]:
     """Fields of a surface by its equation; those of its record have the same names."""
     return {field.name: getattr(surface, field.name) for field in fields(surface)}

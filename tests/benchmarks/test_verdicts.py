@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 import verdicts
+from known_refraction import normal_transmittance
 
 import lensforge as lf
 from lensforge.light.receiver_light import LEAST_SHARE
-from lensforge.optics.fundamental_limits import normal_transmittance
 from lensforge.search.scene_check import SceneCheck
 from lensforge.sources.build_source import build_source
 

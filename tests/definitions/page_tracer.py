@@ -132,26 +132,11 @@ def biconic(r, x, y, z):
     return b + a / b * s**2 - 2 * s
 
 
-def toroid(r, x, y, z):
-    t = r["rotation_radius_mm"]
-    s = t - np.sign(t) * np.sqrt(x**2 + (z - r["vertex_mm"] - t) ** 2)
-    s = s - sum(a * y ** (4 + 2 * i) for i, a in enumerate(r["coefficients"]))
-    return ((1 + r["conic"]) * s**2 + y**2) / r["radius_mm"] - 2 * s
-
-
-def xy_polynomial(r, x, y, z):
-    n = r["normalisation_mm"]
-    s = z - r["vertex_mm"] - sum(c * (x / n) ** i * (y / n) ** j for i, j, c in r["terms"])
-    return ((1 + r["conic"]) * s**2 + x**2 + y**2) / r["radius_mm"] - 2 * s
-
-
 class ByEquation:
     """The first root of F from the origin, by bisection; normals by differences."""
 
     def __init__(self, record):
-        self.f = lambda p: {"biconic": biconic, "toroid": toroid, "xy_polynomial": xy_polynomial}[record["kind"]](
-            record, *p.T
-        )
+        self.f = lambda p: biconic(record, *p.T)
         self.reach = 3 * record["vertex_mm"]
 
     def exact(self, u):

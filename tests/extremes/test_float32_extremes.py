@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 import torch
+from exact_surface import ExactSurface
 from extremes import bundle, is_sound
 from landed import Landed, in_torch
 from scenes import hemisphere_directions, random_surface, sphere
 
 from lensforge.kernels.fate import Fate
-from lensforge.light.exact_trace import DenseScan, ExactSurface, trace_exact
+from lensforge.light.exact_trace import DenseScan, trace_exact
 from lensforge.optics.media import Media
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle
@@ -19,16 +20,8 @@ UP = hemisphere_directions(40)
 
 
 def _trace(inner: SrbfSurface, outer: SrbfSurface, rays: RayBundle, index: float = 1.5, far: float = 20.0) -> Landed:
-    surfaces = [
-        ExactSurface(
-            s.basis,
-            torch.tensor(s.weights_mm, dtype=torch.float32, requires_grad=True),
-            torch.tensor(s.offset_mm, dtype=torch.float32, requires_grad=True),
-            DenseScan(64, 30),
-        )
-        for s in (inner, outer)
-    ]
-    arrivals = in_torch(trace_exact(*surfaces, Media(index), rays), far)
+    surfaces = [ExactSurface.of(s, DenseScan(64, 30), torch.float32, requires_grad=True) for s in (inner, outer)]
+    arrivals = in_torch(trace_exact(*surfaces, Media(index), rays, dtype=torch.float32), far)
     assert arrivals.hits.dtype == torch.float32
     is_sound(arrivals, RayBundle(rays.origins, rays.directions, rays.flux * (1.0 + 1e-6)), [
         parameter for s in surfaces for parameter in (s.weights_mm, s.offset_mm)

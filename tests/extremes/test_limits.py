@@ -6,11 +6,11 @@ import torch
 from extremes import bundle, fuzzed, quick_table_of, sound
 from hypothesis import given
 from hypothesis import strategies as st
+from known_refraction import normal_transmittance
 from landed import plane_at
 from scenes import hemisphere_directions, random_surface, sphere
 
 from lensforge.light.table_trace import Scene, trace_tables
-from lensforge.optics.fundamental_limits import normal_transmittance
 from lensforge.optics.media import Media
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid

@@ -3,15 +3,16 @@
 import numpy as np
 import pytest
 import torch
+from exact_surface import ExactSurface
 from extremes import bundle, fuzzed, is_sound
 from hypothesis import given
 from hypothesis import strategies as st
+from known_refraction import normal_transmittance
 from landed import by_kernels, in_torch
 from scenes import hemisphere_directions, random_surface, sphere, table_of
 
-from lensforge.light.exact_trace import ExactSurface, trace_exact
+from lensforge.light.exact_trace import trace_exact
 from lensforge.light.table_trace import Scene
-from lensforge.optics.fundamental_limits import normal_transmittance
 from lensforge.optics.media import Media
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.surfaces.bicubic_table import TableGrid
@@ -21,8 +22,7 @@ DTYPE = st.sampled_from([torch.float32, torch.float64])
 
 
 def _exact(surface: SrbfSurface, dtype: torch.dtype) -> ExactSurface:
-    weights, offset = (torch.tensor(v, dtype=dtype) for v in (surface.weights_mm, surface.offset_mm))
-    return ExactSurface(surface.basis, weights.requires_grad_(), offset.requires_grad_())
+    return ExactSurface.of(surface, dtype=dtype, requires_grad=True)
 
 
 @fuzzed(20, by_day=8)
@@ -41,7 +41,7 @@ def test_any_lens_through_the_exact_tracer(dtype, seed, roughness, index, side, 
         for k, radius in ((0, 1.0), (1, ratio))
     ]
     rays = SquareEmitter(side * size).sample(32, seed)
-    arrivals = in_torch(trace_exact(*surfaces, Media(index), rays), 20.0 * size)
+    arrivals = in_torch(trace_exact(*surfaces, Media(index), rays, dtype=dtype), 20.0 * size)
     assert arrivals.hits.dtype == dtype
     is_sound(arrivals, rays, [p for s in surfaces for p in (s.weights_mm, s.offset_mm)])
 
@@ -52,7 +52,7 @@ def test_concentric_spheres_bend_nothing_in_either_precision(dtype, index, size,
     u = hemisphere_directions(100)
     u = u[u[:, 2] > 0.05]
     surfaces = [_exact(sphere(radius * size), dtype) for radius in (1.0, 2.0)]
-    arrivals = in_torch(trace_exact(*surfaces, Media(index), bundle(np.zeros(3), u)), distance * size)
+    arrivals = in_torch(trace_exact(*surfaces, Media(index), bundle(np.zeros(3), u), dtype=dtype), distance * size)
     assert arrivals.landed.all()
     precision = 400.0 * torch.finfo(dtype).eps
     assert np.allclose(arrivals.hits.detach(), u[:, :2] / u[:, 2:] * distance * size, rtol=precision)
@@ -75,7 +75,7 @@ def test_the_exact_tracer_at_centres_axis_and_rim(dtype: torch.dtype) -> None:
     horizon = [[1.0, 0.0, rise] for rise in (0.1, 1e-3, 1e-6, 1e-12)]
     rays = bundle(np.zeros(3), np.concatenate([basis.centres, [[0.0, 0.0, 1.0]], horizon]))
     rays.origins[-2:, 0] = 0.5
-    arrivals = in_torch(trace_exact(*surfaces, Media(1.4936), rays), 10.0)
+    arrivals = in_torch(trace_exact(*surfaces, Media(1.4936), rays, dtype=dtype), 10.0)
     assert arrivals.hits.dtype == dtype
     outputs = (arrivals.hits, arrivals.carried, arrivals.sin2_exit)
     assert all(torch.isfinite(output).all() for output in outputs)

@@ -6,13 +6,13 @@ import torch
 from extremes import bundle, fuzzed, sound, unit
 from hypothesis import given
 from hypothesis import strategies as st
+from known_refraction import normal_transmittance
 from scenes import hemisphere_directions, random_surface, sphere, table_of
 
 from lensforge.errors import InputError
 from lensforge.kernels.fate import Fate
 from lensforge.kernels.fresnel import transmittances, transmitted_cosine_squared
 from lensforge.light.table_trace import Scene, trace_tables
-from lensforge.optics.fundamental_limits import normal_transmittance
 from lensforge.optics.media import Media
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle

@@ -9,6 +9,7 @@ import torch
 from extremes import fuzzed, quick_table_of, sound
 from hypothesis import given
 from hypothesis import strategies as st
+from known_refraction import normal_transmittance
 from landed import by_kernels
 from nightly import NIGHTLY, first_by_day
 from scenes import random_surface, small_spec, sphere
@@ -18,7 +19,6 @@ from lensforge.light import simulation
 from lensforge.light.evaluation import evaluate_lens
 from lensforge.light.evaluation_result import Light
 from lensforge.light.table_trace import Scene
-from lensforge.optics.fundamental_limits import normal_transmittance
 from lensforge.optics.media import Media
 from lensforge.scene.lens import Lens
 from lensforge.scene.pixel_grid import PixelGrid, Window, bin_flux, flux_in, splat_flux

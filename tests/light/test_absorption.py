@@ -5,6 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 import torch
+from known_refraction import normal_transmittance
 from landed import by_kernels, in_torch
 from scenes import DEVICES, hemisphere_directions, random_surface, small_spec, sphere, table_of
 
@@ -15,7 +16,6 @@ from lensforge.light.exact_trace import DenseScan, exact_surfaces, trace_exact
 from lensforge.light.sequential_trace import TensorRays, trace_sequence
 from lensforge.light.simulation import TracedLens
 from lensforge.light.table_trace import Scene, TracedBundle, trace_tables
-from lensforge.optics.fundamental_limits import normal_transmittance
 from lensforge.optics.media import Media
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.lens import Lens

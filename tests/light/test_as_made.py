@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from exact_surface import ExactSurface
 from landed import by_kernels, in_torch
 from scenes import random_surface, sphere, table_of
 
 from lensforge.kernels.fate import Fate
-from lensforge.light.exact_trace import ExactSurface, trace_exact
+from lensforge.light.exact_trace import trace_exact
 from lensforge.light.table_trace import Scene, trace_tables
 from lensforge.optics.media import Media
 from lensforge.scene.as_made import AsMade, Displacement
@@ -42,14 +43,7 @@ def _scene(made: AsMade | None, media: Media | None = None) -> Scene:
 
 
 def _exact() -> list[ExactSurface]:
-    return [
-        ExactSurface(
-            s.basis,
-            torch.tensor(s.weights_mm, requires_grad=True),
-            torch.tensor(s.offset_mm, dtype=torch.float64, requires_grad=True),
-        )
-        for s in BUMPY
-    ]
+    return [ExactSurface.of(s, requires_grad=True) for s in BUMPY]
 
 
 def test_a_lens_as_designed_has_the_same_bits() -> None:

@@ -6,6 +6,7 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 import torch
+from known_refraction import normal_transmittance
 from landed import by_kernels, in_torch
 from pydantic import TypeAdapter
 from scenes import DEVICES, hemisphere_directions, random_surface, small_spec, sphere, table_of
@@ -18,7 +19,6 @@ from lensforge.light.exact_trace import DenseScan, exact_surfaces, trace_exact
 from lensforge.light.sequential_trace import TensorRays, trace_sequence
 from lensforge.light.simulation import TracedLens
 from lensforge.light.table_trace import Scene, trace_tables
-from lensforge.optics.fundamental_limits import normal_transmittance
 from lensforge.optics.media import Coating, CoatingLayer, CoverGlass, IndexCurve, LayerStack, Media, ReflectanceTable
 from lensforge.proof.refraction import AtFace, RefractingFace, through_glass, unpolarised
 from lensforge.scene.lens import Lens

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 from downward_rays import INDEX, ball_of_light, downward_rays, through_spheres
+from exact_surface import ExactSurface
 from hard_rays import all_hits, gap
 from landed import by_kernels, in_torch, plane_at
 from scenes import random_surface, sphere, table_of
@@ -12,7 +13,7 @@ from lensforge.kernels.bicubic import surface_bounds
 from lensforge.kernels.fate import Fate
 from lensforge.kernels.first_hit import BELOW, FOUND
 from lensforge.light.device_trace import DeviceTable, first_crossing, tables_on
-from lensforge.light.exact_trace import DenseScan, ExactSurface, FixedSurface, TableScan, trace_exact
+from lensforge.light.exact_trace import DenseScan, FixedSurface, TableScan, trace_exact
 from lensforge.light.sequential_trace import TensorRays, trace_sequence
 from lensforge.light.table_trace import Scene, trace_tables
 from lensforge.optics.media import Media
@@ -31,8 +32,7 @@ def _on_device(tables: list[torch.Tensor], scene: Scene, rays: RayBundle) -> Exi
 
 
 def _exact(surface, scan) -> ExactSurface:
-    offset = torch.tensor(surface.offset_mm, dtype=torch.float64)
-    return ExactSurface(surface.basis, torch.from_numpy(surface.weights_mm), offset, scan)
+    return ExactSurface.of(surface, scan)
 
 
 def _by_tracer(tracer: str, surfaces, rays: RayBundle, nodes: int) -> ExitRays:

@@ -3,6 +3,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from known_refraction import normal_transmittance
 from nightly import NIGHTLY
 from scenes import random_surface, small_spec, sphere
 
@@ -11,7 +12,6 @@ from lensforge.light.evaluation import evaluate_lens, evaluate_traced
 from lensforge.light.evaluation_result import LightMetrics
 from lensforge.light.metrics import jackknife, nmse, relative_deviation, uniformity
 from lensforge.light.simulation import TracedLens, traced_light
-from lensforge.optics.fundamental_limits import normal_transmittance
 from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import SquareEmitter, build_source
 from lensforge.sources.measured_rays import searched

@@ -29,11 +29,11 @@ def judged(limit: dict[str, object], noise: float = 0.0, peak: float = 5.0, seed
 @pytest.mark.parametrize(
     ("limit", "value"),
     [
-        ({"kind": "points", "at_deg": [[0, 0], [15, 0]], "at_least_w_per_sr": 1.0}, 2.5),
-        ({"kind": "points", "at_deg": [[0, 0], [15, 0]], "at_most_w_per_sr": 1.0}, 5.0),
-        ({"kind": "points", "at_deg": [[0, 10]], "at_least_relative": 0.3}, 0.5),
-        ({"kind": "line", "from_deg": [-15, 0], "to_deg": [15, 0], "at_least_w_per_sr": 1.0}, 2.5),
-        ({"kind": "glare", "from_deg": 30.0, "at_most_relative": 0.1}, 0.0625),
+        ({"kind": "points", "at_deg": [[0, 0], [15, 0]], "unit": "w_per_sr", "at_least": 1.0}, 2.5),
+        ({"kind": "points", "at_deg": [[0, 0], [15, 0]], "unit": "w_per_sr", "at_most": 1.0}, 5.0),
+        ({"kind": "points", "at_deg": [[0, 10]], "unit": "relative", "at_least": 0.3}, 0.5),
+        ({"kind": "line", "from_deg": [-15, 0], "to_deg": [15, 0], "unit": "w_per_sr", "at_least": 1.0}, 2.5),
+        ({"kind": "glare", "from_deg": 30.0, "unit": "relative", "at_most": 0.1}, 0.0625),
         ({"kind": "beam_angle", "at_least_deg": 10.0}, 30.0),
         ({"kind": "beam_angle", "azimuth_deg": 90.0, "at_least_deg": 10.0}, 20.0),
         ({"kind": "beam_angle", "level": 0.0625, "at_least_deg": 10.0}, 60.0),
@@ -56,7 +56,9 @@ def test_the_darkest_of_many_places_is_not_the_darkest_of_their_noise() -> None:
     values = []
     for seed in range(30):
         spec = small_spec(target=BEAM).replace(
-            limits=[{"kind": "zone", "zone": {"kind": "disc", "diameter_deg": 9.0}, "at_least_w_per_sr": 0.5}]
+            limits=[
+                {"kind": "zone", "zone": {"kind": "disc", "diameter_deg": 9.0}, "unit": "w_per_sr", "at_least": 0.5}
+            ]
         )
         receivers = receivers_of(spec, 128)
         rng = np.random.default_rng(seed)
@@ -99,7 +101,7 @@ def test_the_light_of_a_lens_has_its_limits_and_its_verdict_follows_them() -> No
 
     for bound, state in ((1e-3, "pass"), (1e6, "fail")):
         spec = small_spec(target=BEAM, source__flux_w=1.0).replace(
-            limits=[{"kind": "points", "name": "axis", "at_deg": [[0, 0]], "at_least_w_per_sr": bound}]
+            limits=[{"kind": "points", "name": "axis", "at_deg": [[0, 0]], "unit": "w_per_sr", "at_least": bound}]
         )
         lens = Lens(sphere(3.0), sphere(6.0), spec, 0, "draft")
         light = lf.evaluate(lens, rays=2**14)
@@ -107,6 +109,6 @@ def test_the_light_of_a_lens_has_its_limits_and_its_verdict_follows_them() -> No
         verdict = verdict_on(lens, None, light, None, None, None)
         assert verdict.light == state, "limits decide, whatever the pattern"
         assert state == "pass" or "axis: light" in verdict.reasons.light[0]
-    in_candela = spec.replace(limits=[{"kind": "zone", "at_most_cd": 1.0}])
+    in_candela = spec.replace(limits=[{"kind": "zone", "unit": "cd", "at_most": 1.0}])
     with pytest.raises(InputError, match="lumens"):
         lf.evaluate(Lens(sphere(3.0), sphere(6.0), in_candela, 0, "draft"))

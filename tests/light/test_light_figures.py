@@ -116,8 +116,8 @@ def test_the_verdict_names_the_receiver(several) -> None:
 
 
 LIMITS = [
-    {"kind": "points", "name": "axis", "at_deg": [[0, 0]], "at_least_w_per_sr": 0.01},
-    {"kind": "zone", "at_most_w_per_sr": 9.0, "at_least_share": 0.1},
+    {"kind": "points", "name": "axis", "at_deg": [[0, 0]], "unit": "w_per_sr", "at_least": 0.01},
+    {"kind": "zone", "unit": "w_per_sr", "at_most": 9.0, "at_least_share": 0.1},
     {"kind": "beam_angle", "at_most_deg": 110.0},
 ]
 

@@ -133,7 +133,7 @@ def test_rays_pixels_and_seed_are_those_given_or_those_of_spec_and_lens(
     given, of_spec, wanted, light, monkeypatch
 ) -> None:
     spec = small_spec(target=None, receivers=[WALL, SKY], evaluate={"rays": of_spec, "pixels": 16})
-    limit = {"kind": "points", "at_mm": [[0.0, 0.0]], "at_least_lx": 3.0}
+    limit = {"kind": "points", "at_mm": [[0.0, 0.0]], "unit": "lx", "at_least": 3.0}
     lens = Lens(random_surface(1, 3.0), random_surface(2, 6.0), spec.replace(limits=[limit]), 5, "draft")
     asked: list[Any] = []
     monkeypatch.setattr(evaluation, "evaluate_traced", lambda *own, **named: asked.append((own, named)) or light)

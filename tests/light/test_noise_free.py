@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from noisy_images import bumpy, noisy
 
-from lensforge.light.metrics import nmse, nmse_without_noise, relative_deviation, rsd_without_noise
+from lensforge.light.metrics import nmse, nmse_estimate, relative_deviation, rsd_estimate
 
 SIDE = 24
 EVERYWHERE = np.ones((SIDE, SIDE), dtype=bool)
@@ -18,8 +18,8 @@ def _estimates(truth: np.ndarray, noise: float, repeats: int = 150) -> dict[str,
     for _ in range(repeats):
         images = noisy(truth, noise, rng)
         for name, metric in (
-            ("nmse", nmse_without_noise(images, TARGET)),
-            ("rsd", rsd_without_noise(images, EVERYWHERE)),
+            ("nmse", nmse_estimate(images, TARGET).metric()),
+            ("rsd", rsd_estimate(images, EVERYWHERE).metric()),
         ):
             assert metric.standard_error is not None
             found[name].append((metric.value, metric.standard_error))
@@ -72,18 +72,16 @@ def test_the_estimate_is_the_mean_over_pairs() -> None:
                 below += np.sum(one * two)
                 even += np.mean((first[mask] - first[mask].mean()) * (second[mask] - second[mask].mean()))
                 level += first[mask].mean() * second[mask].mean()
-    assert nmse_without_noise(images, target).value == pytest.approx(above / below, rel=1e-12)
-    assert rsd_without_noise(images, mask).value == pytest.approx(np.sqrt(even / level), rel=1e-12)
+    assert nmse_estimate(images, target).value == pytest.approx(above / below, rel=1e-12)
+    assert rsd_estimate(images, mask).value == pytest.approx(np.sqrt(even / level), rel=1e-12)
 
 
 def test_without_noise_both_are_the_metrics_themselves() -> None:
     truth = bumpy(SIDE, 0.1)
     images = np.repeat(truth[None], 16, axis=0)
-    assert nmse_without_noise(images, TARGET).value == pytest.approx(nmse(truth, TARGET), rel=1e-12)
-    assert rsd_without_noise(images, EVERYWHERE).value == pytest.approx(
-        relative_deviation(truth, EVERYWHERE), rel=1e-12
-    )
-    assert nmse_without_noise(images, TARGET).standard_error == pytest.approx(0.0, abs=1e-12)
+    assert nmse_estimate(images, TARGET).value == pytest.approx(nmse(truth, TARGET), rel=1e-12)
+    assert rsd_estimate(images, EVERYWHERE).value == pytest.approx(relative_deviation(truth, EVERYWHERE), rel=1e-12)
+    assert nmse_estimate(images, TARGET).metric().standard_error == pytest.approx(0.0, abs=1e-12)
 
 
 @pytest.mark.parametrize("lit", [0, 1, 3])
@@ -93,7 +91,7 @@ def test_too_few_replicates_leave_the_noise_in_and_have_no_error(lit: int) -> No
     for few in (images[: max(lit, 1)], np.where(np.arange(16)[:, None, None] < lit, images, 0.0)):
         if lit == 0:
             few = np.zeros_like(few)
-        found, even = nmse_without_noise(few, TARGET), rsd_without_noise(few, EVERYWHERE)
+        found, even = nmse_estimate(few, TARGET).metric(), rsd_estimate(few, EVERYWHERE).metric()
         assert found.value == nmse(few.mean(axis=0), TARGET)
         assert even.value == relative_deviation(few.mean(axis=0), EVERYWHERE)
         assert found.standard_error is None and even.standard_error is None

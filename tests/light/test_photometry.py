@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from known_refraction import normal_transmittance
 from scenes import random_surface, small_spec, sphere
 
 from lensforge.errors import InputError
@@ -12,7 +13,6 @@ from lensforge.light.exit_light import exit_rays
 from lensforge.light.photometry_export import measure_photometry
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.simulation import TracedLens
-from lensforge.optics.fundamental_limits import normal_transmittance
 from lensforge.scene.lens import Lens
 from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver import ReceiverPose

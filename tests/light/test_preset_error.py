@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from exact_surface import ExactSurface
 from nightly import NIGHTLY
 from scenes import random_surface, small_spec, table_of
 
 from lensforge.light.evaluation import evaluate_lens, measure_preset
-from lensforge.light.exact_trace import ExactSurface, TableScan, exact_surfaces, trace_exact
+from lensforge.light.exact_trace import TableScan, exact_surfaces, trace_exact
 from lensforge.light.simulation import TracedLens
 from lensforge.light.table_trace import Scene
 from lensforge.scene.lens import Lens
@@ -58,10 +59,7 @@ def _near_tables(lens, grid, rays):
 def test_a_scan_of_the_table_finds_what_a_dense_scan_of_the_surface_finds(lens, source):
     rays = source.sample(512, 3)
     exits = _near_tables(lens, GRID, rays)
-    surfaces = [
-        ExactSurface(s.basis, torch.from_numpy(s.weights_mm), torch.tensor(s.offset_mm, dtype=torch.float64))
-        for s in (lens.inner, lens.outer)
-    ]
+    surfaces = [ExactSurface.of(s) for s in (lens.inner, lens.outer)]
     reference = trace_exact(*surfaces, lens.media, rays)
     ours, theirs = _landed(lens, exits), _landed(lens, reference)
     assert np.array_equal(ours.arrived, theirs.arrived)

@@ -6,7 +6,7 @@ from scenes import small_spec
 
 from lensforge.kernels.fate import Fate
 from lensforge.light.evaluation import _flux_budget, _noise, receiver_light
-from lensforge.light.metrics import nmse, nmse_without_noise, relative_deviation, uniformity
+from lensforge.light.metrics import nmse, nmse_estimate, relative_deviation, uniformity
 from lensforge.light.receiver_light import ReceiverLight, possible_share
 from lensforge.light.simulation import ABSORBED, CAUSES, IN_GLASS, MISSED_RECEIVER, ReceivedFlux
 from lensforge.optics.media import Media
@@ -54,7 +54,7 @@ def test_the_light_on_a_receiver_is_that_of_its_pictures(uniform_mm: list[float]
     error = np.hypot(share.std(ddof=1) / np.sqrt(5.0), spread)
     assert found.share_in_target.standard_error == pytest.approx(error)
     coarse = gaussian3(images.reshape(5, 2, 2, 3, 2).sum(axis=(2, 4)), 1.0)
-    half = nmse_without_noise(coarse, coarser_target(spec.all_receivers[0].targets, receivers_of(spec, 6)[0]).light)
+    half = nmse_estimate(coarse, coarser_target(spec.all_receivers[0].targets, receivers_of(spec, 6)[0]).light).metric()
     assert found.nmse_of_raster == pytest.approx(found.nmse.value - half.value)
     assert found.efficiency.value == pytest.approx(0.7 * images.sum() / 5.0 / 2.0)
     assert found.raw.nmse == pytest.approx(nmse(mean, target))

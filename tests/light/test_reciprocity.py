@@ -6,11 +6,12 @@ The way back is walked here: from outside of the lens, where neither tracer ever
 import numpy as np
 import pytest
 import torch
+from exact_surface import ExactSurface
 from landed import plane_at
 from scenes import random_surface, table_of
 from scipy.interpolate import NdBSpline
 
-from lensforge.light.exact_trace import DenseScan, ExactSurface, trace_exact
+from lensforge.light.exact_trace import DenseScan, trace_exact
 from lensforge.light.table_trace import Scene, trace_tables
 from lensforge.optics.dielectric import fresnel_transmittances, refract, transmitted_fields, unpolarised_fields
 from lensforge.optics.media import Media
@@ -99,12 +100,7 @@ def test_a_ray_sent_back_arrives_where_it_started(tracer: str) -> None:
         surfaces: tuple[Surface, Surface] = tuple(Tabulated(table.numpy()) for table in tables)
         kept, hits, out, carried = _forth(trace_tables(*tables, Scene(Media(N), GRID), rays))
     else:
-        exact = [
-            ExactSurface(
-                s.basis, torch.tensor(s.weights_mm), torch.tensor(s.offset_mm, dtype=torch.float64), DenseScan(64, 50)
-            )
-            for s in LENS
-        ]
+        exact = [ExactSurface.of(s, DenseScan(64, 50)) for s in LENS]
         surfaces = LENS
         kept, hits, out, carried = _forth(trace_exact(*exact, Media(N), rays))
     assert kept.sum() > 100

@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 import torch
+from exact_surface import ExactSurface
+from known_refraction import normal_transmittance
 from landed import Landed, by_kernels, in_torch
 from scenes import hemisphere_directions, random_surface, sphere, table_of, weight_matrix
 
 from lensforge.errors import InputError
 from lensforge.kernels.fate import Fate
-from lensforge.light.exact_trace import ExactSurface, trace_exact
+from lensforge.light.exact_trace import trace_exact
 from lensforge.light.table_trace import Scene, TracedBundle, trace_tables
-from lensforge.optics.fundamental_limits import normal_transmittance
 from lensforge.optics.media import Media
 from lensforge.scene.exit_rays import Sensitivities
 from lensforge.sources.build_source import SquareEmitter
@@ -21,9 +22,7 @@ N, Z = 1.4936, 1000.0
 
 
 def _exact(surface) -> ExactSurface:
-    weights = torch.tensor(surface.weights_mm, requires_grad=True)
-    offset = torch.tensor(surface.offset_mm, dtype=torch.float64, requires_grad=True)
-    return ExactSurface(surface.basis, weights, offset)
+    return ExactSurface.of(surface, requires_grad=True)
 
 
 def _fused(surfaces, rays: RayBundle, nodes: int, index: float = N, distance: float = Z) -> Landed:

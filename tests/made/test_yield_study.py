@@ -123,7 +123,7 @@ def test_every_tolerance_moves_the_light_of_every_kind_of_ray(source: str) -> No
 
 
 def test_flux_of_the_source_scales_light_and_no_share() -> None:
-    limit = {"kind": "points", "name": "axis", "at_mm": [[0, 0]], "at_least_w_per_m2": 1.0}
+    limit = {"kind": "points", "name": "axis", "at_mm": [[0, 0]], "unit": "w_per_m2", "at_least": 1.0}
     study = PartStudy(Recipe(lens_with({"source_flux": 0.5}, limits=[limit]), 8, 2048, 0, 2048))
     before = {name: metric.value for name, metric in study.of_design.items()}
     for number in range(4):
@@ -261,7 +261,11 @@ def test_rays_are_doubled_until_a_part_is_certain(monkeypatch: pytest.MonkeyPatc
 
 def test_limits_of_the_same_name_are_metrics_of_their_own() -> None:
     at = {"kind": "points", "name": "axis", "at_mm": [[0, 0]]}
-    limits = [{**at, "at_least_w_per_m2": 1.0}, {**at, "at_least_w_per_m2": 2.0}, {**at, "at_most_w_per_m2": 1e6}]
+    limits = [
+        {**at, "unit": "w_per_m2", "at_least": 1.0},
+        {**at, "unit": "w_per_m2", "at_least": 2.0},
+        {**at, "unit": "w_per_m2", "at_most": 1e6},
+    ]
     study = PartStudy(Recipe(lens_with({"gap_mm": 0.1}, limits=limits), 2, 256, 0, 256))
     assert study.names[-3:] == ("axis: light (least)", "axis: light (least) 2", "axis: light (most)")
     assert study.measure(0).shape == (len(study.names), 2)

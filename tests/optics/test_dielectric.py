@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 import torch
+from known_refraction import normal_transmittance
 
 from lensforge.optics.dielectric import fresnel_transmittances, refract, transmitted_cosine_squared
-from lensforge.optics.fundamental_limits import normal_transmittance
 
 N = 1.4936
 

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 import torch
+from known_refraction import largest_deviation_rad
 
 from lensforge.errors import InputError
 from lensforge.optics.coatings import coating_tables, least_reflectances, reflectance_of, stack_reflectances
 from lensforge.optics.dielectric import coated_transmittances, fresnel_transmittances
-from lensforge.optics.fundamental_limits import best_transmittance, largest_deviation_rad, transmittance_of
+from lensforge.optics.fundamental_limits import best_transmittance, transmittance_of
 from lensforge.optics.media import CoatingLayer, IndexCurve, LayerStack, Media, ReflectanceTable
 from lensforge.proof.refraction import RefractingFace
 

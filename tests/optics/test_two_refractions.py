@@ -5,15 +5,10 @@ from math import asin, pi
 import numpy as np
 import pytest
 import torch
+from known_refraction import largest_deviation_rad, normal_transmittance
 
 from lensforge.optics.dielectric import fresnel_transmittances
-from lensforge.optics.fundamental_limits import (
-    best_transmittance,
-    face_transmittance,
-    largest_deviation_rad,
-    normal_transmittance,
-    transmittance_of,
-)
+from lensforge.optics.fundamental_limits import best_transmittance, face_transmittance, transmittance_of
 from lensforge.optics.media import Media
 
 INDICES = [1.0, 1.2, 1.4936, 2.0, 2.62, 3.5]

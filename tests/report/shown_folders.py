@@ -94,7 +94,10 @@ def coated():
 def limits_missed():
     """Limits of the spec, one of them missed, and criteria that are not met or could not be measured."""
     named = {"kind": "points", "at_mm": [[0, 0]]}
-    limits = [{**named, "name": "HV", "at_least_w_per_m2": 60.0}, {**named, "name": "off", "at_most_w_per_m2": 90.0}]
+    limits = [
+        {**named, "name": "HV", "unit": "w_per_m2", "at_least": 60.0},
+        {**named, "name": "off", "unit": "w_per_m2", "at_most": 90.0},
+    ]
     found = tuple(
         LimitResult(
             name=name, receiver="light", quantity="light", sense=sense, bound=bound, unit="W/m²",

@@ -33,7 +33,7 @@ STATES = {"fail": "fail", "undecided": "open", "pass": "pass"}
 
 def limited(state_value: float) -> tuple[Lens, LimitResult]:
     """A lens with a limit of 60 W/m^2 on the axis, and the judgement of a light of ``state_value`` there."""
-    limit = {"kind": "points", "name": "HV", "at_mm": [[0, 0]], "at_least_w_per_m2": 60.0}
+    limit = {"kind": "points", "name": "HV", "at_mm": [[0, 0]], "unit": "w_per_m2", "at_least": 60.0}
     lens = small_lens()
     spec = parse_spec(lens.spec.model_dump(exclude_unset=True) | {"limits": [limit]}, "test")
     result = LimitResult(

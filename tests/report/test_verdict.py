@@ -86,7 +86,7 @@ def test_limits_decide_alone_where_a_spec_has_them() -> None:
     """The pattern is hopeless; what counts is that the one limit is held, missed, or too close to call."""
     spec = parse_spec(
         small_lens().spec.model_dump(exclude_unset=True)
-        | {"limits": [{"kind": "points", "name": "axis", "at_mm": [[0, 0]], "at_least_w_per_m2": 1.0}]},
+        | {"limits": [{"kind": "points", "name": "axis", "at_mm": [[0, 0]], "unit": "w_per_m2", "at_least": 1.0}]},
         "test",
     )
     lens = small_lens()

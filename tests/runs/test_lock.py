@@ -23,7 +23,7 @@ from lensforge.runs import pipeline, toleranced_folder
 from lensforge.runs.compared_folder import run_compare_photo, run_compare_surface
 from lensforge.runs.sweep import parse_variation
 from lensforge.runs.sweep_runs import run_sweep
-from lensforge.runs.tradeoff.measure import run_tradeoff
+from lensforge.runs.tradeoff_study import run_tradeoff
 from lensforge.search.checkpoint import CHECKPOINT
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="locks of POSIX")

@@ -58,7 +58,7 @@ def test_a_line_is_read_twice_per_pixel_of_either_direction_and_at_both_ends() -
         ((3.0, 3.0), (3.0, 3.0), 2),
         ((3.0, 3.0), (3.1, 3.0), 2),
     ):
-        line = {"kind": "line", "from_mm": start, "to_mm": end, "at_least_w_per_m2": 1.0}
+        line = {"kind": "line", "from_mm": start, "to_mm": end, "unit": "w_per_m2", "at_least": 1.0}
         (limit,), (receiver,) = found(line, receivers=(wall,), pixels=16)
         assert receiver.grid.pixel == (10.0, 10.0)
         x, y = np.meshgrid(receiver.grid.x(), receiver.grid.y())
@@ -72,7 +72,7 @@ def test_a_line_is_read_twice_per_pixel_of_either_direction_and_at_both_ends() -
 def test_a_line_over_oblong_pixels_counts_those_of_each_direction() -> None:
     """Pixels of 5 x 10 mm: 40 mm along x are 8, 30 mm along y are 3."""
     wall = {**WALL, "pixel_aspect": 0.5}
-    line = {"kind": "line", "from_mm": [-20.0, -15.0], "to_mm": [20.0, 15.0], "at_least_w_per_m2": 1.0}
+    line = {"kind": "line", "from_mm": [-20.0, -15.0], "to_mm": [20.0, 15.0], "unit": "w_per_m2", "at_least": 1.0}
     (limit,), (receiver,) = found(line, receivers=(wall,), pixels=24)
     assert receiver.grid.pixel == (5.0, 10.0)
     assert limit.readings.shape[0] == np.ceil(2.0 * np.hypot(8.0, 3.0)) + 1
@@ -96,7 +96,9 @@ def test_a_cut_goes_from_rim_to_rim_in_half_pixels() -> None:
 
 def test_zones_and_glare_are_the_pixels_whose_centres_lie_in_them() -> None:
     disc = {"kind": "rectangle", "width_mm": 60.0, "height_mm": 20.0, "centre_mm": [10.0, 0.0]}
-    (light, share), (receiver,) = found({"kind": "zone", "zone": disc, "at_most_lx": 5.0, "at_most_share": 0.5})
+    (light, share), (receiver,) = found(
+        {"kind": "zone", "zone": disc, "unit": "lx", "at_most": 5.0, "at_most_share": 0.5}
+    )
     x, y = np.meshgrid(receiver.grid.x(), receiver.grid.y())
     inside = (np.abs(x - 10.0) <= 30.0) & (np.abs(y) <= 10.0)
     pixels = np.flatnonzero(inside)
@@ -105,7 +107,7 @@ def test_zones_and_glare_are_the_pixels_whose_centres_lie_in_them() -> None:
     assert light.light_per_flux == pytest.approx(250.0 / 1e-4)
     assert (light.unit, light.quantity, share.unit, share.quantity) == ("lx", "light", "", "share")
     assert (light.name, light.receiver, light.angles_deg, light.level) == ("limits.0", 0, None, 1.0)
-    glare = {"kind": "glare", "name": "dazzle", "from_deg": 30.0, "receiver": "sky", "at_most_cd": 4.0}
+    glare = {"kind": "glare", "name": "dazzle", "from_deg": 30.0, "receiver": "sky", "unit": "cd", "at_most": 4.0}
     (dazzle,), both = found(glare, receivers=(WALL, FAR))
     gx, gy = both[1].target_coordinates(*np.meshgrid(both[1].grid.x(), both[1].grid.y()))
     gamma = np.hypot(gx, gy)
@@ -125,11 +127,13 @@ def test_zones_and_glare_are_the_pixels_whose_centres_lie_in_them() -> None:
     ],
 )
 def test_each_quantity_has_its_unit_and_only_photometric_ones_the_lumens(quantity, unit, kind, scale) -> None:
-    (limit,), _ = found({"kind": "zone", f"at_least_{quantity}": 0.5})
+    light = kind in ("light", "relative")
+    bound = {"unit": quantity, "at_least": 0.5} if light else {f"at_least_{quantity}": 0.5}
+    (limit,), _ = found({"kind": "zone", **bound})
     assert (limit.unit, limit.quantity, limit.sense, limit.bound) == (unit, kind, ">=", 0.5)
     assert limit.light_per_flux == pytest.approx(scale / 1e-4)
-    if kind in ("light", "relative"):
-        (between,), _ = found({"kind": "points", "at_mm": [[1.0, 2.0], [7.0, 3.0]], f"at_least_{quantity}": 0.5})
+    if light:
+        (between,), _ = found({"kind": "points", "at_mm": [[1.0, 2.0], [7.0, 3.0]], **bound})
         assert between.light_per_flux == pytest.approx(scale / 1e-4), "bilinear weights add up to 1"
 
 
@@ -137,8 +141,8 @@ def points(
     least: list[list[float]], most: list[list[float]], bounds: tuple[float, float], unit: str = "lx"
 ) -> list[dict]:
     return [
-        {"kind": "points", "at_mm": least, f"at_least_{unit}": bounds[0]},
-        {"kind": "points", "at_mm": most, f"at_most_{unit}": bounds[1]},
+        {"kind": "points", "at_mm": least, "unit": unit, "at_least": bounds[0]},
+        {"kind": "points", "at_mm": most, "unit": unit, "at_most": bounds[1]},
     ]
 
 
@@ -151,16 +155,16 @@ def points(
         (points([[3.0, 4.0]], [[3.1, 4.0]], (5.0, 4.0)), False),
         (points([[3.0, 4.0], [30.0, 4.0]], [[-20.0, 9.0], [30.0, 4.0]], (5.0, 4.0)), True),
         (points([[3.0, 4.0]], [[3.0, 4.0]], (0.5, 0.4), "relative"), True),
-        ([points([[3.0, 4.0]], [], (5.0, 0.0))[0], {"kind": "zone", "at_most_w_per_m2": 0.1}], False),
-        ([points([[3.0, 4.0]], [], (5.0, 0.0))[0], {"kind": "zone", "at_most_lx": 0.1}], True),
+        ([points([[3.0, 4.0]], [], (5.0, 0.0))[0], {"kind": "zone", "unit": "w_per_m2", "at_most": 0.1}], False),
+        ([points([[3.0, 4.0]], [], (5.0, 0.0))[0], {"kind": "zone", "unit": "lx", "at_most": 0.1}], True),
         # between four pixels of which the zone has two
         ([points([[10.0, 10.0]], [], (5.0, 0.0))[0],
           {"kind": "zone", "zone": {"kind": "rectangle", "width_mm": 10.0, "height_mm": 40.0, "centre_mm": [5.0, 0.0]},
-           "at_most_lx": 0.1}], False),
+           "unit": "lx", "at_most": 0.1}], False),
         # on the centre of one that the zone has
         ([points([[5.0, 15.0]], [], (5.0, 0.0))[0],
           {"kind": "zone", "zone": {"kind": "rectangle", "width_mm": 10.0, "height_mm": 40.0, "centre_mm": [5.0, 0.0]},
-           "at_most_lx": 0.1}], True),
+           "unit": "lx", "at_most": 0.1}], True),
         ([{"kind": "zone", "at_least_min_over_mean": 0.9}, {"kind": "zone", "at_most_share": 0.1}], False),
     ],
 )  # fmt: skip

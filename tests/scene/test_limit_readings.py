@@ -29,7 +29,9 @@ def picture(spec: Spec) -> np.ndarray:
 
 
 def test_points_read_the_light_there_in_their_unit() -> None:
-    spec = far({"kind": "points", "at_deg": [[0, 0], [10, 0], [-12.3, 20]], "at_least_cd": 1.0, "at_most_cd": 1e9})
+    spec = far(
+        {"kind": "points", "at_deg": [[0, 0], [10, 0], [-12.3, 20]], "unit": "cd", "at_least": 1.0, "at_most": 1e9}
+    )
     least, most = limits_of(spec)
     expected = LUMENS * np.array([3.0, 4.0, 3.0 - 1.23 - 1.0])
     for limit in (least, most):
@@ -38,7 +40,7 @@ def test_points_read_the_light_there_in_their_unit() -> None:
 
 
 def test_a_line_is_read_more_than_once_per_pixel_from_end_to_end() -> None:
-    spec = far({"kind": "line", "from_deg": [-20, 5], "to_deg": [20, 5], "at_least_w_per_sr": 1.0})
+    spec = far({"kind": "line", "from_deg": [-20, 5], "to_deg": [20, 5], "unit": "w_per_sr", "at_least": 1.0})
     read = limits_of(spec)[0].of(picture(spec)[None])[0]
     assert len(read) >= 2 * 64 * 40 / 120
     assert np.abs(read - (2.75 + 0.1 * np.linspace(-20.0, 20.0, len(read)))).max() < 3e-3
@@ -46,32 +48,32 @@ def test_a_line_is_read_more_than_once_per_pixel_from_end_to_end() -> None:
 
 def test_zones_are_the_pixels_in_them_and_a_share_is_one_of_the_source() -> None:
     disc = {"kind": "disc", "diameter_deg": 40.0, "centre_deg": [10.0, 0.0]}
-    spec = far({"kind": "zone", "zone": disc, "at_most_w_per_sr": 9.0, "at_least_share": 0.1})
+    spec = far({"kind": "zone", "zone": disc, "unit": "w_per_sr", "at_most": 9.0, "at_least_share": 0.1})
     light, share = limits_of(spec)
     read = light.of(picture(spec)[None])[0]
     assert read.max() == pytest.approx(6.0, abs=0.25) and read.min() == pytest.approx(2.0, abs=0.25)
     sr = 2.0 * np.pi * (1.0 - np.cos(np.radians(20.0)))
     assert share.of(picture(spec)[None])[0, 0] == pytest.approx(4.0 * sr / FLUX_W, rel=0.05)
-    whole = limits_of(far({"kind": "zone", "at_most_w_per_sr": 9.0}))[0]
+    whole = limits_of(far({"kind": "zone", "unit": "w_per_sr", "at_most": 9.0}))[0]
     assert whole.readings.shape[0] == pytest.approx(np.pi / 4.0 * 64**2, rel=0.01), "the round window"
 
 
 def test_glare_is_everything_from_an_angle_on() -> None:
-    spec = far({"kind": "glare", "from_deg": 50.0, "at_most_w_per_sr": 1.0})
+    spec = far({"kind": "glare", "from_deg": 50.0, "unit": "w_per_sr", "at_most": 1.0})
     read = limits_of(spec)[0].of(picture(spec)[None])[0]
     assert read.max() == pytest.approx(3.0 + 60.0 * np.hypot(0.1, 0.05), abs=0.2)
     assert read.min() == pytest.approx(3.0 - 60.0 * np.hypot(0.1, 0.05), abs=0.2)
 
 
 def test_irradiance_on_a_plane_is_read_in_lux() -> None:
-    spec = small_spec().replace(limits=[{"kind": "points", "at_mm": [[3.0, -4.0]], "at_least_lx": 1.0}])
+    spec = small_spec().replace(limits=[{"kind": "points", "at_mm": [[3.0, -4.0]], "unit": "lx", "at_least": 1.0}])
     receiver = receivers_of(spec, 64)[0]
     flat = np.full((1, 64, 64), receiver.pixel_measure)
     assert limits_of(spec)[0].of(flat)[0, 0] == pytest.approx(LUMENS)
 
 
 def test_candela_need_lumens() -> None:
-    spec = far({"kind": "points", "at_deg": [[0, 0]], "at_least_cd": 1.0})
+    spec = far({"kind": "points", "at_deg": [[0, 0]], "unit": "cd", "at_least": 1.0})
     with pytest.raises(InputError, match=r"limits\.0.*lumens are not known; give source\.flux_lm"):
         limits_of(spec, None)
 
@@ -79,17 +81,17 @@ def test_candela_need_lumens() -> None:
 @pytest.mark.parametrize(
     ("at_deg", "most", "refused"),
     [
-        ([[5, 5]], {"kind": "zone", "at_most_cd": 10}, True),
-        ([[5, 5]], {"kind": "zone", "at_most_cd": 30}, False),
-        ([[5, 5]], {"kind": "glare", "from_deg": 20, "at_most_cd": 1}, False),
-        ([[0, 0], [5, 5]], {"kind": "points", "at_deg": [[5, 5]], "at_most_cd": 1}, True),
-        ([[5, 5]], {"kind": "zone", "at_most_w_per_sr": 0.001}, False),
+        ([[5, 5]], {"kind": "zone", "unit": "cd", "at_most": 10}, True),
+        ([[5, 5]], {"kind": "zone", "unit": "cd", "at_most": 30}, False),
+        ([[5, 5]], {"kind": "glare", "from_deg": 20, "unit": "cd", "at_most": 1}, False),
+        ([[0, 0], [5, 5]], {"kind": "points", "at_deg": [[5, 5]], "unit": "cd", "at_most": 1}, True),
+        ([[5, 5]], {"kind": "zone", "unit": "w_per_sr", "at_most": 0.001}, False),
     ],
 )  # fmt: skip
 def test_limits_that_contradict_each_other_are_refused(
     at_deg: list[list[float]], most: dict[str, object], refused: bool
 ) -> None:
-    spec = far({"kind": "points", "at_deg": at_deg, "at_least_cd": 20}, most)
+    spec = far({"kind": "points", "at_deg": at_deg, "unit": "cd", "at_least": 20}, most)
     if refused:
         with pytest.raises(InputError, match=r"limits\.0 asks for at least 20 cd where limits\.1 allows at most"):
             limits_of(spec)
@@ -100,4 +102,4 @@ def test_limits_that_contradict_each_other_are_refused(
 def test_a_zone_between_pixels_is_refused() -> None:
     tiny = {"kind": "disc", "diameter_deg": 0.01, "centre_deg": [0.3, 0.3]}
     with pytest.raises(InputError, match="no pixel of the receiver lies in it"):
-        limits_of(far({"kind": "zone", "zone": tiny, "at_most_cd": 1.0}))
+        limits_of(far({"kind": "zone", "zone": tiny, "unit": "cd", "at_most": 1.0}))

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from known_refraction import normal_transmittance
 from scipy.optimize import minimize
 
-from lensforge.optics.fundamental_limits import normal_transmittance, transmittance_of
+from lensforge.optics.fundamental_limits import transmittance_of
 from lensforge.optics.media import Media
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.scene.possible_light import EtendueCurve, LargestShare, PossibleLight, SourceLight

@@ -14,9 +14,9 @@ from lensforge.spec import Spec
 
 BEAM = {"kind": "beam", "fwhm_deg": 30.0, "half_angle_deg": 60.0}
 LIMITS = [
-    {"kind": "points", "at_deg": [[0, 0], [15, 0]], "at_least_w_per_sr": 3.0},
-    {"kind": "points", "at_deg": [[0, 0], [15, 0]], "at_most_w_per_sr": 3.0},
-    {"kind": "glare", "from_deg": 20.0, "at_most_relative": 0.1},
+    {"kind": "points", "at_deg": [[0, 0], [15, 0]], "unit": "w_per_sr", "at_least": 3.0},
+    {"kind": "points", "at_deg": [[0, 0], [15, 0]], "unit": "w_per_sr", "at_most": 3.0},
+    {"kind": "glare", "from_deg": 20.0, "unit": "relative", "at_most": 0.1},
     {"kind": "zone", "zone": {"kind": "disc", "diameter_deg": 20.0}, "at_least_min_over_mean": 0.9},
     {"kind": "zone", "zone": {"kind": "disc", "diameter_deg": 20.0}, "at_least_min_over_max": 0.9},
     {"kind": "zone", "zone": {"kind": "disc", "diameter_deg": 20.0}, "at_least_share": 0.9},
@@ -44,7 +44,7 @@ def test_an_excess_costs_and_its_gradient_is_that_of_finite_differences(limit: d
     assert loss.item() > 0.0
     (gradient,) = torch.autograd.grad(loss, picture)
     way = torch.from_numpy(rng.normal(size=picture.shape)) * picture.detach()
-    if limit.get("at_most_relative") or limit["kind"] == "beam_angle" or "at_least_min_over_max" in limit:
+    if limit.get("unit") == "relative" or limit["kind"] == "beam_angle" or "at_least_min_over_max" in limit:
         way = way * (picture.detach() < 0.8 * picture.detach().max())  # the maximum is a scale, held as a constant
     step = 1e-6
     up, down = (term.loss((picture.detach() + sign * step * way,)).item() for sign in (1.0, -1.0))
@@ -53,9 +53,9 @@ def test_an_excess_costs_and_its_gradient_is_that_of_finite_differences(limit: d
 
 def test_limits_that_are_held_with_the_margin_cost_nothing() -> None:
     held = [
-        {"kind": "points", "at_deg": [[0, 0], [15, 0]], "at_least_w_per_sr": 2.3},
-        {"kind": "zone", "at_most_w_per_sr": 5.3},
-        {"kind": "glare", "from_deg": 30.0, "at_most_relative": 0.08},
+        {"kind": "points", "at_deg": [[0, 0], [15, 0]], "unit": "w_per_sr", "at_least": 2.3},
+        {"kind": "zone", "unit": "w_per_sr", "at_most": 5.3},
+        {"kind": "glare", "from_deg": 30.0, "unit": "relative", "at_most": 0.08},
         {"kind": "beam_angle", "at_least_deg": 28.0, "at_most_deg": 32.0},
     ]
     spec, picture = scene(*held)
@@ -67,7 +67,7 @@ def test_limits_that_are_held_with_the_margin_cost_nothing() -> None:
 def test_the_search_aims_three_per_cent_inside_a_bound(sense: str, inside: float, outside: float) -> None:
     """Light of 3 W/sr everywhere, 4 % and 2 % within the bound: the latter costs as much as it lacks to 3 %."""
     for share, lacking in ((inside, 0.0), (outside, 0.01)):
-        limit = {"kind": "points", "at_deg": [[0, 0], [15, 0]], f"{sense}_w_per_sr": 3.0 / share}
+        limit = {"kind": "points", "at_deg": [[0, 0], [15, 0]], "unit": "w_per_sr", sense: 3.0 / share}
         spec = small_spec(target=BEAM).replace(limits=[limit])
         receiver = receivers_of(spec, 64)[0]
         (term,) = limit_terms(spec, receivers_of(spec, 64), None, 1.0)
@@ -79,8 +79,8 @@ def test_the_search_aims_three_per_cent_inside_a_bound(sense: str, inside: float
 
 
 def test_places_of_limits_have_a_part_in_the_symmetry_of_the_scene() -> None:
-    both = {"kind": "points", "at_deg": [[-10, 0], [10, 0]], "at_least_w_per_sr": 1.0}
-    one = {"kind": "points", "at_deg": [[10, 0]], "at_least_w_per_sr": 1.0}
+    both = {"kind": "points", "at_deg": [[-10, 0], [10, 0]], "unit": "w_per_sr", "at_least": 1.0}
+    one = {"kind": "points", "at_deg": [[10, 0]], "unit": "w_per_sr", "at_least": 1.0}
     for limit, symmetry in ((both, "rectangle"), (one, "mirror_y")):
         spec = small_spec(target=BEAM, lens__symmetry="auto").replace(limits=[limit])
         assert settled_symmetry(spec, build_source(spec.source)).lens.symmetry == symmetry
@@ -92,7 +92,7 @@ def test_a_search_holds_a_limit_that_its_target_alone_would_miss() -> None:
     spec = small_spec(target=BEAM, lens__symmetry="auto", optimise__steps_per_level=[60, 100])
     plain = lf.evaluate(lf.design(spec, accuracy="draft").lens, rays=2**16)
     at = [[25, 0], [-25, 0], [0, 25], [0, -25]]
-    limit = {"kind": "points", "at_deg": at, "at_least_w_per_sr": 0.5}
+    limit = {"kind": "points", "at_deg": at, "unit": "w_per_sr", "at_least": 0.5}
     asked = spec.replace(limits=[limit])
     light = lf.evaluate(lf.design(asked, accuracy="draft").lens, rays=2**16)
     (found,) = light.limits

@@ -113,10 +113,10 @@ def test_light_of_a_step_is_that_of_the_lens_or_the_mean_of_two_parts(even: bool
         np.testing.assert_allclose(both.halves[0][k], 0.5 * (one[k].image - other[k].image))
 
 
-LIMIT = {"kind": "zone", "at_least_w_per_m2": 1e4}
+LIMIT = {"kind": "zone", "unit": "w_per_m2", "at_least": 1e4}
 
 
-@pytest.mark.parametrize("limits", [(), (LIMIT, {**LIMIT, "at_least_w_per_m2": 2e4})])
+@pytest.mark.parametrize("limits", [(), (LIMIT, {**LIMIT, "unit": "w_per_m2", "at_least": 2e4})])
 @pytest.mark.parametrize("robust", [False, True])
 def test_a_merit_is_judged_by_two_samples_of_every_part(limits: tuple[dict[str, Any], ...], robust: bool) -> None:
     made, rays = merit(*limits), SquareEmitter(1.0, flux_w=1.5).sample(64, 0)
@@ -153,7 +153,10 @@ class Free(AugmentedLagrangian):
 def test_a_step_minimises_the_mean_over_its_parts_and_says_their_error_and_efficiency(
     robust: bool, uniform: bool
 ) -> None:
-    made, rays = merit(LIMIT, {**LIMIT, "at_least_w_per_m2": 2e4}), SquareEmitter(1.0, flux_w=1.5).sample(64, 0)
+    made, rays = (
+        merit(LIMIT, {**LIMIT, "unit": "w_per_m2", "at_least": 2e4}),
+        SquareEmitter(1.0, flux_w=1.5).sample(64, 0),
+    )
     object.__setattr__(made, "parametrisation", SimpleNamespace(tables=lambda weights, offsets: (TABLE, TABLE)))
     pair = (part(1), part(2)) if robust else None
     nothing = torch.zeros(1, 2, dtype=torch.float64)

@@ -129,7 +129,7 @@ def test_a_symmetry_that_the_scene_lacks_is_refused(symmetry: str, side: str, wo
 @pytest.mark.parametrize(
     ("limit", "symmetry"),
     [
-        ({"kind": "points", "at_mm": [[20.0, 0.0]], "at_least_lx": 1.0}, "mirror_y"),
+        ({"kind": "points", "at_mm": [[20.0, 0.0]], "unit": "lx", "at_least": 1.0}, "mirror_y"),
         ({"kind": "zone", "at_least_share": 0.5}, "square"),
         ({"kind": "zone", "zone": {"kind": "rectangle", "width_mm": 100.0, "height_mm": 40.0}, "at_least_share": 0.5},
          "rectangle"),

@@ -5,12 +5,12 @@ from math import sqrt
 
 import numpy as np
 import pytest
+from known_refraction import normal_transmittance
 from scenes import small_spec
 
 import lensforge as lf
 from lensforge.errors import Cancelled, InputError
 from lensforge.kernels.fate import Fate
-from lensforge.optics.fundamental_limits import normal_transmittance
 from lensforge.scene.lens import Lens
 from lensforge.search.optimiser import search
 from lensforge.search.scene_check import SceneCheck
@@ -172,7 +172,7 @@ def test_a_limit_beyond_half_of_what_the_luminance_allows_is_refused_by_its_name
     transmitted = normal_transmittance(1.4936) ** 2
 
     def asking(intensity: float) -> SceneCheck:
-        limit = {"kind": "points", "name": "axis", "at_deg": [[0, 0]], "at_least_w_per_sr": intensity}
+        limit = {"kind": "points", "name": "axis", "at_deg": [[0, 0]], "unit": "w_per_sr", "at_least": intensity}
         return check(small_spec(target=target).replace(limits=[limit]))
 
     radius_mm = small_spec().constraints.max_radius_mm

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
+from exact_surface import ExactSurface
 from scenes import small_spec, sphere, table_of
 
-from lensforge.light.exact_trace import ExactSurface, trace_exact
+from lensforge.light.exact_trace import trace_exact
 from lensforge.light.table_trace import Scene, trace_tables
 from lensforge.optics.material import MATERIALS
 from lensforge.optics.media import Media
@@ -47,10 +47,7 @@ def bouguer(rays, index):
 
 
 def exact(rays, index):
-    surfaces = (
-        ExactSurface(s.basis, torch.from_numpy(s.weights_mm), torch.tensor(s.offset_mm, dtype=torch.float64))
-        for s in (sphere(INNER), sphere(OUTER))
-    )
+    surfaces = (ExactSurface.of(s) for s in (sphere(INNER), sphere(OUTER)))
     return Hits.of(RECEIVER.land_in_torch(trace_exact(*surfaces, Media(index), rays)))
 
 

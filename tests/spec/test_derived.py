@@ -99,7 +99,7 @@ def test_a_size_that_no_rule_gives_is_named() -> None:
 def test_limits_alone_say_that_the_search_needs_a_target() -> None:
     content = tomllib.loads(SHORTEST)
     del content["target"]
-    content["limits"] = [{"kind": "points", "at_mm": [[0.0, 0.0]], "at_least_w_per_m2": 1.0}]
+    content["limits"] = [{"kind": "points", "at_mm": [[0.0, 0.0]], "unit": "w_per_m2", "at_least": 1.0}]
     with pytest.raises(lf.InputError, match="limits judge the light, the search needs a target, too") as refusal:
         parse_spec(content, "lamp")
     assert len(str(refusal.value).splitlines()) == 1

@@ -1,11 +1,12 @@
 """Limits in a spec: what they may say, in which units, and where they may lie; each mistake is one line."""
 
+import re
 import tomllib
 
 import pytest
 from scenes import small_spec
 
-from lensforge.errors import InputError
+from lensforge.errors import InputError, RenamedWarning
 from lensforge.spec import Spec, parse_spec
 
 FAR = {"target": {"kind": "beam", "fwhm_deg": 30.0, "half_angle_deg": 60.0}}
@@ -16,12 +17,12 @@ def far(*limits: dict[str, object]) -> Spec:
 
 
 GOOD = [
-    {"kind": "points", "at_deg": [[0, 0], [10, -5]], "at_least_cd": 10.0, "at_most_cd": 20.0},
-    {"kind": "line", "from_deg": [-10, 0], "to_deg": [10, 0], "at_least_relative": 0.5},
-    {"kind": "zone", "at_most_w_per_sr": 3.0},
+    {"kind": "points", "at_deg": [[0, 0], [10, -5]], "unit": "cd", "at_least": 10.0, "at_most": 20.0},
+    {"kind": "line", "from_deg": [-10, 0], "to_deg": [10, 0], "unit": "relative", "at_least": 0.5},
+    {"kind": "zone", "unit": "w_per_sr", "at_most": 3.0},
     {"kind": "zone", "zone": {"kind": "ring", "inner_diameter_deg": 20.0, "outer_diameter_deg": 40.0},
      "at_least_min_over_mean": 0.5, "at_least_share": 0.2},
-    {"kind": "glare", "from_deg": 45.0, "at_most_cd": 2.0, "name": "glare", "receiver": "light"},
+    {"kind": "glare", "from_deg": 45.0, "unit": "cd", "at_most": 2.0, "name": "glare", "receiver": "light"},
     {"kind": "beam_angle", "at_least_deg": 20.0, "at_most_deg": 40.0, "azimuth_deg": 90.0},
 ]  # fmt: skip
 
@@ -37,20 +38,20 @@ def test_a_limit_survives_the_round_trip_through_toml(limit: dict[str, object]) 
     ("limit", "words"),
     [
         ({"kind": "points", "at_deg": [[0, 0]]}, "bounds nothing"),
-        ({"kind": "points", "at_least_cd": 1.0}, "at_mm or at_deg"),
-        ({"kind": "points", "at_deg": [[0, 0]], "at_least_cd": 1.0, "at_most_w_per_sr": 2.0}, "one unit"),
-        ({"kind": "points", "at_deg": [[0, 0]], "at_least_cd": 3.0, "at_most_cd": 2.0}, "no light is both"),
-        ({"kind": "points", "at_deg": [[0, 0]], "at_least_lx": 3.0}, "in one of w_per_sr, cd"),
-        ({"kind": "points", "at_mm": [[0, 0]], "at_least_cd": 3.0}, "they are in degrees"),
-        ({"kind": "points", "at_deg": [[50, 50]], "at_least_cd": 3.0}, "reaches 60 deg"),
-        ({"kind": "line", "from_deg": [0, 0], "at_least_cd": 3.0}, "give both of one unit"),
-        ({"kind": "zone", "zone": {"kind": "disc", "diameter_deg": 5.0, "level": 2.0}, "at_most_cd": 1.0},
+        ({"kind": "points", "unit": "cd", "at_least": 1.0}, "at_mm or at_deg"),
+        ({"kind": "points", "at_deg": [[0, 0]], "at_least_cd": 1.0, "at_most_w_per_sr": 2.0}, "give one of them"),
+        ({"kind": "points", "at_deg": [[0, 0]], "unit": "cd", "at_least": 3.0, "at_most": 2.0}, "no light is both"),
+        ({"kind": "points", "at_deg": [[0, 0]], "unit": "lx", "at_least": 3.0}, "in one of w_per_sr, cd"),
+        ({"kind": "points", "at_mm": [[0, 0]], "unit": "cd", "at_least": 3.0}, "they are in degrees"),
+        ({"kind": "points", "at_deg": [[50, 50]], "unit": "cd", "at_least": 3.0}, "reaches 60 deg"),
+        ({"kind": "line", "from_deg": [0, 0], "unit": "cd", "at_least": 3.0}, "give both of one unit"),
+        ({"kind": "zone", "zone": {"kind": "disc", "diameter_deg": 5.0, "level": 2.0}, "unit": "cd", "at_most": 1.0},
          "zone.level"),
-        ({"kind": "glare", "from_deg": 70.0, "at_most_cd": 1.0}, "reaches 60 deg"),
-        ({"kind": "glare", "from_deg": 50.0, "at_least_cd": 1.0}, "no least one"),
-        ({"kind": "beam_angle", "at_most_cd": 1.0}, "at_least_deg and at_most_deg"),
-        ({"kind": "zone", "at_most_cd": 1.0, "receiver": "wall"}, "none of that name; known: light"),
-        ({"kind": "zone", "at_most_cd": -1.0}, "greater than or equal"),
+        ({"kind": "glare", "from_deg": 70.0, "unit": "cd", "at_most": 1.0}, "reaches 60 deg"),
+        ({"kind": "glare", "from_deg": 50.0, "unit": "cd", "at_least": 1.0}, "no least one"),
+        ({"kind": "beam_angle", "unit": "cd", "at_most": 1.0}, "at_least_deg and at_most_deg"),
+        ({"kind": "zone", "unit": "cd", "at_most": 1.0, "receiver": "wall"}, "none of that name; known: light"),
+        ({"kind": "zone", "unit": "cd", "at_most": -1.0}, "greater than or equal"),
     ],
 )  # fmt: skip
 def test_a_wrong_limit_is_refused_in_one_line(limit: dict[str, object], words: str) -> None:
@@ -62,12 +63,33 @@ def test_a_wrong_limit_is_refused_in_one_line(limit: dict[str, object], words: s
 @pytest.mark.parametrize(
     ("limit", "words"),
     [
-        ({"kind": "glare", "from_deg": 5.0, "at_most_relative": 0.1}, "one of the far field"),
+        ({"kind": "glare", "from_deg": 5.0, "unit": "relative", "at_most": 0.1}, "one of the far field"),
         ({"kind": "beam_angle", "at_least_deg": 5.0}, "one of the far field"),
-        ({"kind": "points", "at_mm": [[0, 0]], "at_least_cd": 3.0}, "in one of w_per_m2, lx"),
-        ({"kind": "points", "at_mm": [[1000, 0]], "at_least_lx": 3.0}, "is off receiver 'light'"),
+        ({"kind": "points", "at_mm": [[0, 0]], "unit": "cd", "at_least": 3.0}, "in one of w_per_m2, lx"),
+        ({"kind": "points", "at_mm": [[1000, 0]], "unit": "lx", "at_least": 3.0}, "is off receiver 'light'"),
     ],
 )
 def test_on_a_plane_light_is_irradiance_and_has_no_angles(limit: dict[str, object], words: str) -> None:
     with pytest.raises(InputError, match=words):
         small_spec().replace(limits=[limit])
+
+
+def test_an_old_name_is_read_and_the_new_one_is_said() -> None:
+    with pytest.warns(RenamedWarning, match=r'at_least_cd is an old name.*write at_least = 3\.0, unit = "cd"$'):
+        old = far({"kind": "zone", "at_least_cd": 3.0, "at_most_lx": None})
+    assert old.limits == far({"kind": "zone", "at_least": 3.0, "unit": "cd"}).limits
+
+
+@pytest.mark.parametrize(
+    ("limit", "words"),
+    [
+        ({"at_least_cd": 3.0, "unit": "lx"}, "at_least_cd = 3.0 does not go with unit = lx; give one of them"),
+        ({"at_least": 3.0}, "at_least or at_most, and unit go together"),
+        ({"unit": "cd", "at_least_share": 0.5}, "at_least or at_most, and unit go together"),
+        ({"unit": "relative", "at_least": 1.5}, "no light is above 1"),
+        ({}, "it bounds nothing; give at_least with a unit, at_least_min_over_mean"),
+    ],
+)
+def test_a_bound_has_one_unit(limit: dict[str, object], words: str) -> None:
+    with pytest.raises(InputError, match=re.escape(words)):
+        far({"kind": "zone", **limit})

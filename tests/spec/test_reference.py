@@ -27,7 +27,7 @@ PURE = {
     "terms", "face", "level", "shrinkage", "holder", "scale", "origin", "columns", "rows", "exponent", "values",
     "directions", "ray_flux", "share", "pixel_aspect", "rotation", "normal", "axis", "facing", "rays", "pixels",
     "learning_rate", "uniformity_steps", "steps_per_level", "filter_variance", "lenses", "maintenance_factor",
-    "amount", "index", "source_flux", "source_size", "waviness_exponent", "at_least_relative", "at_most_relative",
+    "amount", "index", "source_flux", "source_size", "waviness_exponent", "at_least", "at_most",
     "at_least_min_over_mean", "at_least_min_over_max", "at_least_share", "at_most_share",
 }  # fmt: skip
 

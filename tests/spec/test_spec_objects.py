@@ -29,9 +29,6 @@ from lensforge.spec.fixed_surface import (
     FixedPoints,
     FixedSphere,
     FixedSurface,
-    FixedToroid,
-    FixedXYPolynomial,
-    FixedZernike,
     GivenSurface,
 )
 from lensforge.spec.spec_section import Section
@@ -259,9 +256,6 @@ INNER = (
     FixedSphere(radius_mm=3.0),
     FixedAsphere(vertex_z_mm=3.0, radius_mm=-3.0),
     FixedBiconic(vertex_z_mm=3.0, radius_x_mm=-3.0, radius_y_mm=-3.1, conic_y=-0.1),
-    FixedToroid(vertex_z_mm=3.0, radius_mm=-3.0, rotation_radius_mm=-3.1),
-    FixedXYPolynomial(vertex_z_mm=3.0, radius_mm=-3.0, terms=((2, 0, 1e-3), (1, 1, 1e-4))),
-    FixedZernike(vertex_z_mm=3.0, radius_mm=-3.0, normalisation_radius_mm=3.0, coefficients_mm={4: 1e-3, 6: 1e-4}),
     GivenSurface(origin="a mould", face=surface_record(sphere(3.0))),
 )
 OUTER = (FixedSphere(radius_mm=6.0), FixedAsphere(vertex_z_mm=6.0, radius_mm=-6.0, coefficients=(1e-6,)))

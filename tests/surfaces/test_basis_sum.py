@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 import torch
+from exact_surface import ExactSurface
 from scenes import hemisphere_directions, random_surface
 
 from lensforge.kernels.basis_sum import BLOCK, NEAR
-from lensforge.light.exact_trace import ExactSurface
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
 # Widths (rad) of one function: by the series of the angle itself, by that of its quarter, and wider than the sphere.
@@ -55,7 +55,7 @@ def test_both_series_are_tried() -> None:
 
 def test_the_sums_are_those_of_plain_arithmetic() -> None:
     surface = random_surface(6, 6.0, levels=(9, 81, 289, 1089), symmetry="square")
-    plain = ExactSurface(surface.basis, torch.from_numpy(surface.weights_mm), torch.tensor(surface.offset_mm).double())
+    plain = ExactSurface.of(surface)
     u = hemisphere_directions(500)
     assert np.abs(surface.radius(u) - plain.radius(torch.from_numpy(u)).numpy()).max() < 1e-13
     assert np.abs(surface.gradient(u) - plain.gradient(torch.from_numpy(u)).numpy()).max() < 1e-12

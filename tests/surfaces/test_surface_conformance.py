@@ -10,7 +10,7 @@ from scenes import sphere as freeform_sphere
 from lensforge.cad.form_error import chart_samples, fit_to_form, form_error
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.surfaces import surface as chart
-from lensforge.surfaces.asphere import Asphere, Biconic, Toroid, XYPolynomial, sphere, zernike_terms
+from lensforge.surfaces.asphere import Asphere, Biconic, sphere
 from lensforge.surfaces.bicubic_table import grid_for, table_error, tabulate
 from lensforge.surfaces.chart_spline import HALF_WIDTH, ChartSpline
 from lensforge.surfaces.implicit import ImplicitSurface
@@ -29,9 +29,6 @@ CASES = {
     "hyperbolic dome": Asphere(6.0, -3.0, -2.0),
     "dented dome": Asphere(5.0, 30.0, 0.0, (-4e-3,)),
     "biconic": Biconic(8.0, -7.0, -9.0, -0.5, 0.2),
-    "toroid": Toroid(8.0, -7.0, -9.0, -0.3, (-1e-5,)),
-    "xy polynomial": XYPolynomial(8.0, -8.0, -0.2, ((2, 0, 0.1), (1, 2, 0.05), (4, 4, -0.02), (0, 1, 0.1)), 8.0),
-    "zernike": XYPolynomial(8.0, -8.0, 0.0, zernike_terms({4: 0.02, 6: 0.05, 8: 0.03, 11: -0.01, 22: 0.004}), 9.0),
     "given face": ChartSpline.through(AXIS, random_surface(1, 6.0, levels=(9, 25)).radius_on_grid(ON_AXIS)),
     "face of an insert": scaled(random_surface(3, 6.0, levels=(9, 25)), 1.006),
 }

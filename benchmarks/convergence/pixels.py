@@ -10,10 +10,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.light.metrics import Images, jackknife_error, nmse_without_noise
+from convergence.runs import TracedRun
+from convergence.study import ConvergenceStudy, Errors, Meter, RefinementLevel, Setting, orders_of
+from lensforge.light.metrics import Images, jackknife_error, nmse_estimate
 from lensforge.results import Metric
-from lensforge.runs.tradeoff.convergence import ConvergenceStudy, Errors, Meter, RefinementLevel, Setting, orders_of
-from lensforge.runs.tradeoff.runs import TracedRun
 from lensforge.scene.pixel_grid import PixelGrid, bin_flux, gaussian3, splat_flux
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import target_light
@@ -38,7 +38,7 @@ def pixel_study(runs: Sequence[TracedRun], spec: Spec, settings: Sequence[int] =
         with Meter() as meter:
             bins = np.stack([bin_flux(run.hits, run.flux, grid) for run in runs])
         splats = np.stack([_splat(run, grid) for run in runs])
-        found[pixels] = bins, splats, nmse_without_noise(bins, wanted), meter
+        found[pixels] = bins, splats, nmse_estimate(bins, wanted).metric(), meter
     finest = max(settings)
     finest_nmse = found[finest][2].value
     levels = []

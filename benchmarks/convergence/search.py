@@ -6,11 +6,11 @@ as they do in a design.
 
 from dataclasses import dataclass
 
-from lensforge.cad.form_error import FormError, chart_samples, fit_faces, patches_error
+from convergence.study import ConvergenceStudy, RefinementLevel, Setting, reference_level
+from lensforge.cad.form_error import FormError, chart_samples, fit_faces, form_error, worst
 from lensforge.light.evaluation import evaluate_traced
 from lensforge.light.simulation import TracedLens
 from lensforge.results import Metric
-from lensforge.runs.tradeoff.convergence import ConvergenceStudy, RefinementLevel, Setting, reference_level
 from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Progress
 from lensforge.search.optimiser import search
@@ -83,4 +83,5 @@ def _export(lens: Lens) -> tuple[FormError, dict[str, float]]:
     faces = {"inner": OpticalFace(inner, AirSide.INSIDE), "outer": OpticalFace(outer, AirSide.OUTSIDE)}
     lowest = {name: sample_face(face, SAMPLE_NODES).lowest_curvature() for name, face in faces.items()}
     radii = {f"{name}_concave_mm": -1.0 / curvature for name, curvature in lowest.items() if curvature < 0.0}
-    return patches_error(lens, inner, outer, chart_samples()), radii
+    chart, both = chart_samples(), ((lens.inner, inner), (lens.outer, outer))
+    return worst([form_error(face, patch.points(chart), patch.normals(chart)) for face, patch in both]), radii

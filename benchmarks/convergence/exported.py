@@ -6,9 +6,11 @@ import numpy as np
 import trimesh
 from jaxtyping import Float, Int
 
+from convergence.reference import LIGHT_UNITS, ExactReference
+from convergence.study import ConvergenceStudy, Meter, orders_of, reference_level
 from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.facets import CHORD_MM
-from lensforge.cad.form_error import chart_samples, fit_faces, patches_error
+from lensforge.cad.form_error import chart_samples, fit_faces, form_error, worst
 from lensforge.cad.mesh import build_mesh, mesh_error, rings_for
 from lensforge.cad.patch import Patch, fit_patch
 from lensforge.cad.plan import INNER, OUTER, Plan, make_plan
@@ -19,8 +21,6 @@ from lensforge.proof.part_mesh import PartMesh, part_mesh_of
 from lensforge.proof.proof_inputs import screens_of
 from lensforge.proof.sequential_cast import LandedRays, send_through
 from lensforge.results import Metric
-from lensforge.runs.tradeoff.convergence import ConvergenceStudy, Meter, orders_of, reference_level
-from lensforge.runs.tradeoff.reference import LIGHT_UNITS, ExactReference
 from lensforge.scene.lens import Lens
 
 NODES = (36, 48, 72, 96, 128)
@@ -47,7 +47,8 @@ def nurbs_study(
     for nodes in sorted({*settings, *(patch.nodes for patch in chosen.values())}):
         with Meter() as meter:
             patches = {name: fit_patch(getattr(lens, name), nodes) for name in chosen}
-        error = patches_error(lens, patches["inner"], patches["outer"], chart)
+        pairs = [(getattr(lens, name), patch) for name, patch in patches.items()]
+        error = worst([form_error(face, patch.points(chart), patch.normals(chart)) for face, patch in pairs])
         errors = {
             "form": Metric(value=error.form_max_nm, unit="nm"),
             "normal": Metric(value=error.normal_max_mrad, unit="mrad"),

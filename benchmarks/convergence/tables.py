@@ -7,9 +7,7 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from lensforge.light.table_trace import Scene, trace_tables
-from lensforge.runs.tradeoff.convergence import ConvergenceStudy, Meter, orders_of
-from lensforge.runs.tradeoff.reference import (
+from convergence.reference import (
     DIRECTIONS,
     LIGHT_UNITS,
     SHAPE_UNITS,
@@ -19,6 +17,8 @@ from lensforge.runs.tradeoff.reference import (
     design_receiver,
     directions,
 )
+from convergence.study import ConvergenceStudy, Meter, orders_of
+from lensforge.light.table_trace import Scene, trace_tables
 from lensforge.scene.lens import Lens
 from lensforge.scene.receiver import Hits
 from lensforge.sources.ray_bundle import RayBundle, Source

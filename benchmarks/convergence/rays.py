@@ -10,11 +10,11 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.light.metrics import nmse, nmse_without_noise
+from convergence.runs import Cost, RunPicture, TracedRun, long_run, picture_of, resample, trace_run
+from convergence.study import ConvergenceStudy, Errors, RefinementLevel, orders_of
+from lensforge.light.metrics import nmse, nmse_estimate
 from lensforge.light.simulation import REPLICATES, TracedLens
 from lensforge.results import Metric
-from lensforge.runs.tradeoff.convergence import ConvergenceStudy, Errors, RefinementLevel, orders_of
-from lensforge.runs.tradeoff.runs import Cost, RunPicture, TracedRun, long_run, picture_of, resample, trace_run
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import target_light
 from lensforge.sources.ray_bundle import Source
@@ -44,7 +44,7 @@ class _Scores:
         images = np.stack([picture.image for picture in pictures])
         efficiency = np.array([picture.efficiency for picture in pictures])
         to_target = np.array([nmse(image, target) for image in images])
-        return _Scores(efficiency, images, to_target, nmse_without_noise(images, target).value)
+        return _Scores(efficiency, images, to_target, nmse_estimate(images, target).metric().value)
 
 
 _MeasuredLevel = tuple[int, _Scores, TracedRun | Cost]

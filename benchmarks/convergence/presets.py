@@ -2,12 +2,36 @@
 
 import numpy as np
 
+from convergence.rays import PLAIN, QMC
+from convergence.study import ConvergenceStudy, RefinementLevel
 from lensforge.light.simulation import REPLICATES
-from lensforge.runs.tradeoff.convergence import ConvergenceStudy, RefinementLevel
-from lensforge.runs.tradeoff.rays import PLAIN, QMC
-from lensforge.runs.tradeoff.record import PresetAccuracy, PresetStage
+from lensforge.results import Count, Metric, NotNegative, Number, Record
 from lensforge.spec import Accuracy
 from lensforge.spec.accuracy import PRESETS
+
+
+class PresetStage(Record):
+    """Errors of a preset in design or evaluation; ``table_*`` None where its tables were not measured.
+
+    ``noise_nmse``: of the filtered irradiance, by ``rays`` rays; ``table_share``: the table's irradiance NMSE over it.
+    """
+
+    rays: Count
+    noise_nmse: Number
+    table_rho: Metric | None = None
+    table_normal: Metric | None = None
+    table_hit: Metric | None = None
+    table_hit_99_percent: Metric | None = None
+    table_irradiance_nmse: Metric | None = None
+    table_share: Number | None = None
+    efficiency_standard_error: NotNegative | None = None
+
+
+class PresetAccuracy(Record):
+    """Accuracy of a preset in its two stages."""
+
+    design: PresetStage
+    evaluation: PresetStage
 
 
 def accuracy_of_presets(

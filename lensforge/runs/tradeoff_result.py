@@ -1,0 +1,82 @@
+"""Accuracy against computing time on one scene: what each setting costs, and which error it leaves."""
+
+from typing import TYPE_CHECKING, ClassVar, Literal, get_args
+
+from lensforge.results import Count, Metric, NotNegative, Record, StageResult, Text
+from lensforge.spec import Accuracy
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Series = Literal["search", "rays", "presets"]
+TradedError = Literal["nmse", "efficiency"]
+
+
+class TradeoffRow(Record):
+    """One setting of a series: its cost, and the light that it finds on the first receiver.
+
+    ``search``: the lens at the end of a stage of one search, with its ``functions`` a surface and gradient ``steps``.
+    ``rays``: an evaluation with so many rays. ``presets``: the evaluation of an accuracy preset, with at most the rays
+    asked for; ``design_tables_nmse`` and ``tables_nmse``: error of the irradiance by the tables of its search and of
+    its evaluation, as NMSE against the exact surfaces, without noise.
+    ``seconds``: of the search so far, or of the evaluation. ``nmse``, ``efficiency``: noise taken off, with standard
+    errors. ``noise_nmse``: what the noise of the rays adds to the NMSE of the picture.
+    """
+
+    series: Series
+    setting: Text
+    seconds: NotNegative
+    rays: Count
+    nmse: Metric
+    efficiency: Metric
+    noise_nmse: NotNegative | None = None
+    functions: Count | None = None
+    steps: Count | None = None
+    design_tables_nmse: Metric | None = None
+    tables_nmse: Metric | None = None
+
+    def error(self, name: TradedError) -> float:
+        """NMSE, or lost light, of a stage of the search; the standard error of an evaluation, 0 where it is unknown."""
+        metric = self.nmse if name == "nmse" else self.efficiency
+        if self.series != "search":
+            return metric.standard_error or 0.0
+        return metric.value if name == "nmse" else 1.0 - metric.value
+
+
+class Tradeoff(StageResult):
+    """Accuracy against time for one scene: the ``rows`` of all series.
+
+    ``accuracy``: preset by which the measured lens was designed. ``threads``: with which it was measured.
+    """
+
+    stage: ClassVar[str] = "tradeoff"
+
+    name: Text
+    accuracy: Accuracy
+    threads: Count
+    rows: tuple[TradeoffRow, ...]
+    seconds: NotNegative
+
+    def series(self, name: Series) -> tuple[TradeoffRow, ...]:
+        """The rows of a series."""
+        return tuple(row for row in self.rows if row.series == name)
+
+    def plot(self, axes: "Axes | None" = None, *, series: Series = "rays", error: TradedError = "nmse") -> "Axes":
+        """Plot an error of a series over its seconds, both logarithmic.
+
+        Raises :class:`InputError` for an unknown series or error.
+        """
+        from lensforge.results.plots import plot_curves, require_choice
+
+        require_choice("series", series, get_args(Series))
+        require_choice("error", error, get_args(TradedError))
+        shown = [row for row in self.series(series) if row.seconds > 0.0 and row.error(error) > 0.0]
+        curve = [row.seconds for row in shown], [row.error(error) for row in shown]
+        return plot_curves({series: curve}, ("seconds", error_label(series, error)), axes, (True, True))
+
+
+def error_label(series: Series, error: TradedError) -> str:
+    """Name of an error of a series at the axis of a plot."""
+    if series == "search":
+        return "NMSE" if error == "nmse" else "lost light"
+    return f"standard error of the {'NMSE' if error == 'nmse' else error}"

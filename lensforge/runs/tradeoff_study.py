@@ -1,0 +1,168 @@
+"""Measurement of accuracy against time: stages of a search, numbers of rays, and the accuracy presets."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import torch
+
+from lensforge.errors import InputError
+from lensforge.light.evaluation import evaluate_traced, measure_preset
+from lensforge.light.evaluation_result import Light
+from lensforge.light.simulation import TracedLens
+from lensforge.report.ownership import require_own
+from lensforge.report.page import write_page
+from lensforge.results.folder_lock import locked
+from lensforge.runs.pipeline import write_design
+from lensforge.runs.run_folder import open_run
+from lensforge.runs.stages import design
+from lensforge.runs.tradeoff_page import tradeoff_page
+from lensforge.runs.tradeoff_result import Series, Tradeoff, TradeoffRow
+from lensforge.scene.lens import Lens
+from lensforge.search.design_result import Design, Progress
+from lensforge.search.optimiser import search
+from lensforge.search.symmetry import settled_symmetry
+from lensforge.sources.build_source import build_source
+from lensforge.sources.measured_rays import held_back
+from lensforge.sources.ray_bundle import Source
+from lensforge.spec import Accuracy, Spec
+from lensforge.spec.accuracy import PRESETS, Preset
+from lensforge.spec.spec_files import section_sha256
+from lensforge.surfaces.imported_face import LENS_FILE
+
+PAGE = "tradeoff.html"
+LEAST_RAYS, MOST_RAYS = 2**12, 2**24
+_SEARCH: Accuracy = "standard"  # of the search that is followed
+
+
+def run_tradeoff(
+    spec: Spec, directory: Path, *, most_rays: int = 2**20, announce: Callable[[str], None] = lambda _: None
+) -> Tradeoff:
+    """Measure the lens in ``directory`` for the scene ``spec``; without a lens there, a draft is designed first.
+
+    Writes ``tradeoff.json`` and ``tradeoff.html`` there. ``announce`` is called with what is measured next. Raises
+    :class:`InputError` if the lens is that of another scene, for a page of another program, and where another process
+    writes there.
+    """
+    require_own(directory / PAGE)
+    with locked(directory, create=True):
+        source = build_source(spec.source, spec.lens.dispersion)
+        lens = _lens_in(directory, spec, source, announce)
+        measured = measure(lens, source, most_rays, announce)
+        measured.write(directory)
+        write_page(tradeoff_page(measured), directory / PAGE)
+        return measured
+
+
+def _lens_in(directory: Path, spec: Spec, source: Source, announce: Callable[[str], None]) -> Lens:
+    """The lens in ``directory``, or where there is none a draft that is designed and written there."""
+    path = directory / LENS_FILE
+    if not path.exists():
+        announce("no lens yet: a draft is designed")
+        draft = design(spec, accuracy="draft", warn=lambda words: announce(f"warning: {words}"))
+        return write_design(draft, directory).lens
+    results = open_run(directory)
+    require_same_scene(results.lens, spec, source, str(path))
+    made = results.find(Design)
+    if made is not None and made.inputs["spec"] != section_sha256(results.spec):
+        raise InputError(f"{path}: a file that its spec names has changed since; give another folder, or design again")
+    return results.lens
+
+
+def measure(lens: Lens, source: Source, most_rays: int, announce: Callable[[str], None]) -> Tradeoff:
+    """Measure all series for ``lens`` and its ``source``; ``announce`` is called with the next one's name."""
+    started = time.perf_counter()
+    judging = held_back(source)
+    announce("rays of an evaluation")
+    traced = TracedLens.of(lens, PRESETS[lens.accuracy].evaluate_nodes_per_sigma)
+    evaluate_traced(traced, lens.spec, judging, LEAST_RAYS, lens.seed)  # compiles the kernels
+    rows = [
+        _row("rays", f"{count} rays", evaluate_traced(traced, lens.spec, judging, count, lens.seed))
+        for count in ray_counts(most_rays, judging)
+    ]
+    announce("accuracy presets")
+    rows += [_preset_row(name, preset, lens, judging, most_rays) for name, preset in PRESETS.items()]
+    announce("stages of a search")
+    rows += search_rows(lens.spec, source, most_rays)
+    return Tradeoff(
+        inputs={"lens": lens.sha256},
+        name=lens.spec.name,
+        accuracy=lens.accuracy,
+        threads=torch.get_num_threads(),
+        rows=tuple(rows),
+        seconds=time.perf_counter() - started,
+    )
+
+
+def ray_counts(most_rays: int, source: Source) -> tuple[int, ...]:
+    """Numbers of rays in factors of four up to ``most_rays``; a measured source has only so many."""
+    counts = (2**power for power in range(12, 25, 2) if 2**power <= most_rays)
+    return tuple(sorted({min(count, source.ray_count or count) for count in counts}))
+
+
+def _preset_row(name: Accuracy, preset: Preset, lens: Lens, source: Source, most_rays: int) -> TradeoffRow:
+    """The evaluation of a preset, tables included in its time."""
+    started = time.perf_counter()
+    traced = TracedLens.of(lens, preset.evaluate_nodes_per_sigma)
+    light = evaluate_traced(traced, lens.spec, source, min(preset.evaluate_rays, most_rays), lens.seed)
+    seconds = time.perf_counter() - started
+    tables = measure_preset(lens, source, TracedLens.of(lens, preset.nodes_per_sigma), traced)
+    added = {
+        "seconds": seconds,
+        "design_tables_nmse": tables.design.irradiance_nmse,
+        "tables_nmse": tables.evaluation.irradiance_nmse,
+    }
+    return _row("presets", name, light).model_copy(update=added)
+
+
+def search_rows(spec: Spec, source: Source, rays: int, accuracy: Accuracy = _SEARCH) -> list[TradeoffRow]:
+    """The lens after each stage of one search with automatic levels, as functions and steps grow, by ``rays`` rays.
+
+    Stages that the search leaves out again are among them.
+    """
+    stages: list[tuple[Progress, Lens]] = []
+
+    def keep(step: Progress) -> None:
+        if step.steps_done == step.steps_total:
+            stages.append((step, step.lens()))
+
+    search(spec.with_automatic_levels(), source, accuracy=accuracy, progress=keep)
+    rows = []
+    for step, lens in stages:
+        traced = TracedLens.of(lens, PRESETS[accuracy].evaluate_nodes_per_sigma)
+        row = _row("search", f"{step.functions} functions", evaluate_traced(traced, spec, held_back(source), rays, 0))
+        grown = {"seconds": step.seconds, "functions": step.functions, "steps": step.steps_done}
+        rows.append(row.model_copy(update=grown))
+    return rows
+
+
+def _row(series: Series, setting: str, light: Light) -> TradeoffRow:
+    return TradeoffRow(
+        series=series,
+        setting=setting,
+        seconds=light.seconds,
+        rays=light.rays,
+        nmse=light.nmse,
+        efficiency=light.efficiency,
+        noise_nmse=light.nmse_of_noise,
+    )
+
+
+def require_same_scene(lens: Lens, spec: Spec, source: Source, origin: str) -> None:
+    """Raise :class:`InputError` where ``lens`` was designed for another scene than ``spec`` with its ``source``."""
+    wanted = settled_symmetry(spec, source)
+    if wanted.lens.levels == "auto":
+        wanted = wanted.with_levels(lens.spec.lens.basis.levels)
+    for section in ("source", "lens", "target", "receivers"):
+        if _hashes(lens.spec, section) != _hashes(wanted, section):
+            raise InputError(
+                f"{origin}: its lens was designed for another [{section}] than {spec.name!r} has now; "
+                "give another folder, or design it again"
+            )
+
+
+def _hashes(spec: Spec, section: str) -> list[str]:
+    """Hash of a section of ``spec``, or of each of a list of them; empty where it is not given."""
+    content = getattr(spec, section)
+    sections = content if isinstance(content, tuple) else () if content is None else (content,)
+    return [section_sha256(each) for each in sections]

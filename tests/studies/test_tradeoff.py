@@ -1,0 +1,142 @@
+"""Accuracy against time: rows of each series, page, screen and plot; the lens that is measured."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PIL import Image
+from scenes import random_surface, small_spec
+
+import lensforge as lf
+from lensforge.cli.screen import print_screen
+from lensforge.cli.sweep_blocks import tradeoff_block
+from lensforge.errors import InputError
+from lensforge.runs import tradeoff_study
+from lensforge.runs.pipeline import write_design
+from lensforge.runs.stages import design
+from lensforge.runs.tradeoff_page import tradeoff_figure
+from lensforge.runs.tradeoff_result import Tradeoff
+from lensforge.runs.tradeoff_study import _lens_in, run_tradeoff
+from lensforge.scene.lens import Lens, load_lens
+from lensforge.sources.build_source import build_source
+from lensforge.spec.accuracy import PRESETS, SearchEffort
+
+FEW = SearchEffort(25, (4, 6), (256, 512), 512, 0.5, 0.0)
+SPEC = small_spec(base={"kind": "none"}, optimise__uniformity_steps=2)
+RAYS = 2**14
+
+
+def small_lens():
+    return Lens(random_surface(1, 3.0, 0.01, (9, 25)), random_surface(2, 6.0, 0.01, (9, 25)), SPEC, 0, "draft")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    path = tmp_path_factory.mktemp("tradeoff")
+    small_lens().save(path / "lens.json")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(PRESETS, "standard", replace(PRESETS["standard"], effort=FEW))
+        assert run_tradeoff(SPEC, path, most_rays=RAYS) == Tradeoff.read(path)
+    return path
+
+
+def test_an_evaluation_by_rays_is_that_of_the_lens_and_its_error_falls(folder):
+    rows = Tradeoff.read(folder).series("rays")
+    assert [row.rays for row in rows] == [2**12, 2**14]
+    light = lf.evaluate(small_lens(), rays=RAYS)
+    assert (rows[-1].nmse, rows[-1].efficiency) == (light.nmse, light.efficiency)
+    assert rows[0].noise_nmse > 3.0 * rows[1].noise_nmse > 0.0
+    assert rows[0].error("efficiency") > rows[1].error("efficiency") > 0.0
+
+
+def test_finer_presets_have_smaller_errors_of_their_tables(folder):
+    rows = Tradeoff.read(folder).series("presets")
+    assert [row.setting for row in rows] == list(PRESETS)
+    for tables in ([row.design_tables_nmse.value for row in rows], [row.tables_nmse.value for row in rows]):
+        assert tables == sorted(tables, reverse=True) and tables[-1] > 0.0
+    assert all(row.design_tables_nmse.value > row.tables_nmse.value for row in rows)
+
+
+def test_the_stages_of_a_search_are_those_of_the_search(folder, monkeypatch):
+    monkeypatch.setitem(PRESETS, "standard", replace(PRESETS["standard"], effort=FEW))
+    rows = Tradeoff.read(folder).series("search")
+    result = lf.design(SPEC.with_automatic_levels())
+    assert [row.functions for row in rows[:2]] == [9, 34]
+    assert [row.steps for row in rows[:3]] == [4, 8, 14] and rows[-1].steps == result.steps
+    assert [row.seconds for row in rows] == sorted(row.seconds for row in rows)
+    efficiency = lf.evaluate(result.lens, rays=RAYS).efficiency.value
+    assert any(row.efficiency.value == pytest.approx(efficiency, abs=1e-3) for row in rows)
+
+
+def test_page_and_screen_show_every_setting(folder, capsys):
+    found, page = Tradeoff.read(folder), (folder / "tradeoff.html").read_text(encoding="utf-8")
+    assert not re.search(r'(src|href)="(?!data:|#)', page) and page.count("<svg") == 2
+    print_screen([tradeoff_block(found)])
+    screen = capsys.readouterr().out
+    for row in found.rows:
+        assert f"<td>{row.setting}</td>" in page
+        assert row.series == "rays" or f"NMSE {row.nmse}" in " ".join(screen.split())
+
+
+def test_plots_have_errors_over_seconds(folder):
+    found = Tradeoff.read(folder)
+    for series in ("rays", "search"):
+        rows = found.series(series)
+        (line,) = found.plot(series=series, error="nmse").lines
+        drawn = tradeoff_figure(found, series).axes[0].lines[0]
+        for one in (line, drawn):
+            assert one.get_xydata().tolist() == [[row.seconds, row.error("nmse")] for row in rows]
+    with pytest.raises(InputError, match=r"^series = 'foo': must be one of .*rays"):
+        found.plot(series="foo")
+    with pytest.raises(InputError, match=r"^error = 'foo': must be one of .*nmse"):
+        found.plot(error="foo")
+
+
+def test_a_measured_source_has_no_more_rays_than_its_file():
+    class Measured:
+        ray_count = 5000
+
+    assert tradeoff_study.ray_counts(2**16, Measured()) == (4096, 5000)
+
+
+def test_the_lens_of_another_scene_is_refused(folder):
+    other = small_spec(base={"kind": "none"}, target__half_width_mm=70.0)
+    with pytest.raises(InputError, match=r"another \[target\]"):
+        run_tradeoff(other, folder)
+
+
+def test_the_page_of_another_program_is_kept(tmp_path):
+    (tmp_path / "tradeoff.html").write_text("<title>Offer</title>", encoding="utf-8")
+    with pytest.raises(InputError, match=r"tradeoff\.html.*move it away"):
+        run_tradeoff(SPEC, tmp_path, announce=lambda words: pytest.fail(words))
+    assert [path.name for path in tmp_path.iterdir()] == ["tradeoff.html"]
+
+
+@pytest.mark.nightly("a draft; by day a lens is there")
+def test_without_a_lens_a_draft_is_designed(tmp_path):
+    heard = []
+    spec = small_spec(base={"kind": "none"}, lens__symmetry="auto")
+
+    def stop(words: str) -> None:
+        heard.append(words)
+        if words.startswith("rays"):
+            raise StopIteration
+
+    for _ in range(2):  # the second time the lens is there, and is that of its spec, whose symmetry it names
+        with pytest.raises(StopIteration):
+            run_tradeoff(spec, tmp_path, announce=stop)
+    assert load_lens(tmp_path / "lens.json").accuracy == "draft"
+    assert "draft" in heard[0] and len(heard) == 3
+
+
+def test_a_lens_whose_picture_changed_since_is_not_measured(tmp_path):
+    picture, folder = tmp_path / "arrow.png", tmp_path / "made"
+    Image.fromarray(np.tri(32, dtype=np.uint8) * 255).save(picture)
+    target = {"kind": "image", "file": str(picture), "width_mm": 100.0, "distance_mm": 100.0, "receiver_mm": 200.0}
+    spec = small_spec(target=target, optimise={"steps_per_level": [1, 1], "rays": 256, "pixels": 16})
+    lens = write_design(design(spec, accuracy="draft"), folder).lens
+    assert _lens_in(folder, spec, build_source(spec.source), pytest.fail) == lens
+    Image.fromarray(np.tri(32, dtype=np.uint8)[::-1] * 255).save(picture)
+    with pytest.raises(InputError, match="a file that its spec names has changed since"):
+        run_tradeoff(spec, folder)
