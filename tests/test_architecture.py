@@ -22,7 +22,7 @@ ORDER = [
 # What a module may load only when one of its functions is called: each takes a tenth of a second or more.
 HEAVY = {
     "torch", "numba", "scipy", "cadquery", "OCP", "trimesh", "manifold3d", "lib3mf", "pyvista", "matplotlib",
-    "skimage", "PIL", "jinja2", "rich", "mitsuba", "yaml", "dask", "distributed",
+    "skimage", "PIL", "tifffile", "imagecodecs", "jinja2", "rich", "mitsuba", "yaml", "dask", "distributed",
 }  # fmt: skip
 # Rooms of many modules that few scripts need: together they would be a sixth of what importing the library takes.
 SELDOM = ("lensforge.sources.rayfiles", "lensforge.runs.sweep", "lensforge.runs.tradeoff")

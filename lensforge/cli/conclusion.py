@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 Decides = Literal["light", "files", "cutting", ""]
 # The bytes of the files, which lie in the folder.
 _FILES_OF_HANDOVER: dict[str, Any] = {
-    **dict.fromkeys(("html", "pdf", "dxf", "points_csv", "sag_csv", "clouds"), True),
+    **dict.fromkeys(("html", "pdf", "dxf", "points_csv", "sag_csv"), True),
     "grids": {"__all__": {"content"}},
 }
 

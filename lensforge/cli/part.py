@@ -31,7 +31,6 @@ else:
     "--error", type=float, default=10.0, show_default=True, metavar="NM", help="Of interpolation between the points."
 )
 @click.option("--interpolation", type=click.Choice(["bicubic", "linear"]), default="bicubic", show_default=True)
-@click.option("--slope", type=float, default=60.0, show_default=True, metavar="DEG", help="Where the raster ends.")
 @click.option("--offset-inner", type=float, default=0.0, metavar="MM", help="Ball whose centres the tables hold.")
 @click.option("--offset-outer", type=float, default=0.0, metavar="MM", help="The same for the outer face.")
 @click.option(
@@ -46,7 +45,6 @@ def handover(
     spacing: float | None,
     error: float,
     interpolation: Literal["bicubic", "linear"],
-    slope: float,
     offset_inner: float,
     offset_outer: float,
     drawing: Path | None,
@@ -57,10 +55,10 @@ def handover(
     A drawing with the findings of the check (HTML, PDF, DXF), and tables of points.
     """
     from lensforge.cli.stage_clock import StageClock
-    from lensforge.shop.point_grids import GridRequest
+    from lensforge.shop.dense_table import GridRequest
 
     words = None if drawing is None else read_drawing(drawing)
-    request = GridRequest(spacing, error, interpolation, slope, offset_inner, offset_outer)
+    request = GridRequest(spacing, error, interpolation, offset_inner, offset_outer)
     with StageClock("handover", quiet=output.quiet):
         result = pipeline.run_handover(directory, request, words)
     finish_handover(output, directory, result)

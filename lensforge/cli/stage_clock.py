@@ -1,27 +1,26 @@
-"""Progress on stderr: a line for each stage with its time; on a terminal the running stage has a clock.
+"""Progress on stderr: a line for each stage with its time; on a terminal, running stages have a clock.
 
-The clock is drawn by a thread of its own, and by a process where a library keeps all threads waiting. Elsewhere, as in
-a pipe, each stage is written once it has ended; how far it is every two minutes, too, and every two seconds in a study.
+Elsewhere, as in a pipe, each stage is written once it has ended; how far it is every two minutes, too, and every two
+seconds in a study.
 """
 
-import os
-import subprocess
-import sys
 import threading
 import time
-from contextlib import suppress
+from collections.abc import Callable
 from types import TracebackType
 from typing import Any, Self
 
 from rich.console import Console
-from rich.live import Live
+from rich.progress import Progress, ProgressColumn, Task, TaskID
+from rich.table import Column
 from rich.text import Text
 
-from lensforge.cli import stage_line
 from lensforge.cli.printing import printable, warning_line
 
 _FRAMES_PER_SECOND = 4
 _SILENT_SECONDS, _SILENT_SECONDS_OF_STUDY = 120.0, 2.0  # at most, where a pipe is written
+_NAME_COLUMNS, _TIME_COLUMNS = 12, 12
+_CUT: dict[str, Any] = {"no_wrap": True, "overflow": "ellipsis"}  # at the width of a terminal
 
 
 class StageClock:
@@ -34,13 +33,19 @@ class StageClock:
     def __init__(self, name: str, *, quiet: bool = False, study: bool = False) -> None:
         self._console = Console(stderr=True, highlight=False)
         self._quiet, self._silent_seconds = quiet, _SILENT_SECONDS_OF_STUDY if study else _SILENT_SECONDS
-        self._name, self._detail, self._began = name, "", time.monotonic()
+        self._progress = Progress(
+            _StageColumn(self._time_left),
+            console=self._console,
+            refresh_per_second=_FRAMES_PER_SECOND,
+            transient=True,  # each stage that ends has a line above
+            redirect_stdout=False,
+            redirect_stderr=False,
+            disable=not self.live,
+        )
+        self._first = name
+        self._entered = self._written = time.monotonic()
         self._end_expected, self._at_least = 0.0, ""  # of the whole command; no time is left where it is not known
-        self._written = self._entered = self._began
-        self._beside: dict[str, float] = {}  # the beginning of each stage that runs beside the one that is shown
-        self._live: Live | None = None
-        self._drawer: subprocess.Popen[bytes] | None = None
-        self._ended = threading.Event()
+        self._exited = threading.Event()
 
     @property
     def live(self) -> bool:
@@ -48,70 +53,49 @@ class StageClock:
         return self._console.is_terminal and not self._quiet
 
     def __enter__(self) -> Self:
-        self._began = self._entered = time.monotonic()
+        self._entered = self._written = time.monotonic()
+        self.begin(self._first)
         if self.live:
-            self._live = Live(
-                console=self._console,
-                get_renderable=self._running,
-                refresh_per_second=_FRAMES_PER_SECOND,
-                transient=True,
-                redirect_stdout=False,
-                redirect_stderr=False,
-            )
-            self._live.start()
-            self._drawer = _drawer()
-            self._report()
+            self._progress.start()
         elif not self._quiet:
-            threading.Thread(target=self._write_until_ended, daemon=True).start()
+            threading.Thread(target=self._write_until_exit, daemon=True).start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._ended.set()
-        if self._live is not None:
-            self._live.stop()
-        if self._drawer is not None:
-            self._drawer.communicate()
-            self._drawer = None
+        self._exited.set()
+        self._progress.stop()
         if error is None:
-            self._write()
+            for task in self._progress.tasks:
+                self._write(_line(task))
 
     def begin(self, name: str, detail: str = "") -> None:
         """End the stage that runs, and begin ``name``."""
-        self._write()
-        self._name, self._detail, self._began = name, detail, time.monotonic()
-        self._report()
+        self.end()
+        self._progress.add_task(name, total=None, detail=detail)
 
     def begin_beside(self, name: str) -> None:
-        """Begin ``name`` beside the stage that runs; where none runs, it is the one that is shown."""
-        if self._name:
-            self._beside[name] = time.monotonic()
-        else:
-            self.begin(name)
+        """Begin ``name`` beside the stages that run."""
+        self._progress.add_task(name, total=None, detail="")
 
     def end(self, name: str = "", seconds: float | None = None) -> None:
-        """End the stage that runs, or ``name`` beside it, which has taken ``seconds``; of all others none begins."""
-        if name in self._beside:
-            began = self._beside.pop(name)
-            self._write((name, time.monotonic() - began if seconds is None else seconds, ""))
-            return
-        self._write(seconds=seconds)
-        self._name = self._detail = ""
-        if self._beside:
-            self._name = next(iter(self._beside))
-            self._began = self._beside.pop(self._name)
-            self._report()
+        """End the stage ``name``, else the one that has run longest; ``seconds``: its own time, where it is known."""
+        task = next((task for task in self._progress.tasks if name in ("", task.description)), None)
+        if task is not None:
+            self._progress.remove_task(task.id)
+            self._write(_line(task, seconds))
 
     def total(self) -> None:
         """End the stage that runs, and write a line on the time of all: less than their sum where some overlap."""
         self.end()
-        self._write(("in all", time.monotonic() - self._entered, ""))
+        self._write(_worded("in all", time.monotonic() - self._entered, ""))
 
     def show(self, detail: str) -> None:
-        """Show how far the stage is, beside its time."""
-        self._detail = detail
-        self._report()
+        """Show how far the stage is that has run longest, beside its time."""
+        running: list[TaskID] = self._progress.task_ids
+        if running:
+            self._progress.update(running[0], detail=detail)
 
     def expect(self, seconds: float, *, at_least: bool = False) -> None:
         """Show that the whole command will take so many more seconds, or at least so many, until they have passed."""
@@ -131,55 +115,54 @@ class StageClock:
         """Write a warning as one line, also where progress is not asked for."""
         self._console.print(warning_line(words), soft_wrap=True, markup=False)
 
-    def _line(self) -> str:
-        """Stage, its time, and how far it is, or what runs beside it."""
-        return _worded(self._name, time.monotonic() - self._began, self._shown())
-
-    def _shown(self) -> str:
-        return self._detail or (f"beside {', '.join(self._beside)}" if self._beside else "")
-
-    def _running(self) -> Text:
-        """The line of the stage that runs, cut at the width of the terminal."""
-        self._report()
+    def _time_left(self, task: Task) -> str:
+        """Words for the time that is left, in the line of the stage that has run longest."""
         left = self._end_expected - time.monotonic()
-        line = f"{self._line()}, {self._at_least}{stage_line.duration(left)} left" if left > 0.0 else self._line()
-        return Text(line if self._name else "", no_wrap=True, overflow="ellipsis")
+        first = task.id == next(iter(self._progress.task_ids), None)
+        return f", {self._at_least}{duration(left)} left" if first and left > 0.0 else ""
 
-    def _report(self) -> None:
-        """Tell the process that draws in place of this one that there is no need yet."""
-        if self._drawer is not None and self._drawer.stdin is not None:
-            line = printable(self._name), self._began, printable(self._shown()), self._console.width
-            with suppress(OSError, ValueError):  # it has ended: the clock stands now and then
-                stage_line.report(self._drawer.stdin.fileno(), *line)
-
-    def _write(self, stage: tuple[str, float, str] | None = None, *, seconds: float | None = None) -> None:
-        """Write the line of ``stage``, else of the one that runs; on a terminal cut at its width, elsewhere in full."""
+    def _write(self, line: str) -> None:
+        """Write the line of a stage; on a terminal cut at its width, elsewhere in full."""
         self._written = time.monotonic()
-        if stage is None:
-            stage = self._name, self._written - self._began if seconds is None else seconds, self._detail
-        if stage[0] and not self._quiet:
-            cut: dict[str, Any] = {"no_wrap": True, "overflow": "ellipsis"} if self.live else {"soft_wrap": True}
-            self._console.print(_worded(*stage), markup=False, **cut)
+        if not self._quiet:
+            cut = _CUT if self.live else {"soft_wrap": True}
+            self._console.print(line, markup=False, **cut)
 
-    def _write_until_ended(self) -> None:
-        while not self._ended.wait(max(0.01, self._written + self._silent_seconds - time.monotonic())):
+    def _write_until_exit(self) -> None:
+        while not self._exited.wait(max(0.01, self._written + self._silent_seconds - time.monotonic())):
             if time.monotonic() >= self._written + self._silent_seconds:
-                self._write()
+                for task in self._progress.tasks:
+                    self._write(_line(task))
+
+
+class _StageColumn(ProgressColumn):
+    """The line of a stage that runs; ``time_left``: words that end the line of one of them."""
+
+    def __init__(self, time_left: Callable[[Task], str]) -> None:
+        super().__init__(Column(**_CUT))
+        self._time_left = time_left
+
+    def render(self, task: Task) -> Text:
+        return Text(_line(task) + self._time_left(task))
+
+
+def _line(task: Task, seconds: float | None = None) -> str:
+    return _worded(task.description, (task.elapsed or 0.0) if seconds is None else seconds, task.fields["detail"])
 
 
 def _worded(name: str, seconds: float, detail: str) -> str:
-    return stage_line.stage_line(printable(name), seconds, printable(detail))
+    """Format a stage, its time, and how far it is."""
+    words = f"{printable(name):<{_NAME_COLUMNS}} {duration(seconds):>{_TIME_COLUMNS}}  {printable(detail)}"
+    return words.rstrip()
 
 
-def _drawer() -> "subprocess.Popen[bytes] | None":
-    """The process that draws where this one cannot; None where stderr is no terminal."""
-    if sys.platform == "win32" or not sys.stderr.isatty():
-        return None
-    try:
-        command = [sys.executable, "-I", "-S", stage_line.__file__]
-        drawer = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL)
-    except OSError:  # too many processes: a clock is not worth an error
-        return None
-    if drawer.stdin is not None:
-        os.set_blocking(drawer.stdin.fileno(), False)
-    return drawer
+def duration(seconds: float) -> str:
+    """Format a time: "0.8 s", "47 s", "7 min 05 s", "1 h 12 min"."""
+    whole = round(seconds)
+    if seconds < 9.95:
+        return f"{seconds:.1f} s"
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60:02d} s"
+    return f"{whole // 3600} h {whole % 3600 // 60:02d} min"

@@ -19,7 +19,6 @@ from typing import Any
 import numba
 
 from lensforge.errors import InputError
-from lensforge.results.files import FOLDER, own_mark
 
 _LARGEST_BYTES = 2**20  # of a compiled kernel: the largest has 0.15 MB
 
@@ -96,7 +95,7 @@ def cache_folder(kernels: Path) -> Path:
 def _temporary_cache() -> Path:
     """A folder for this process alone, deleted when it ends."""
     try:
-        folder = tempfile.mkdtemp(prefix=f"{FOLDER}{own_mark()}-")
+        folder = tempfile.mkdtemp(prefix="lensforge-")
     except OSError as error:
         place = f"neither ~/.cache nor a temporary folder can be used for the compiled kernels ({error.strerror})"
         raise InputError(f"{place}; make room, or set XDG_CACHE_HOME to a folder that can be written") from None

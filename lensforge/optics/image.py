@@ -4,14 +4,16 @@ Values with a profile pass as sRGB where they agree to half a percent or so: Int
 sections 7, 10.6, 10.18.
 """
 
-import struct
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
+from io import BytesIO
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float, Real, UInt
+from jaxtyping import Float, Real, Shaped, UInt
 
 Luminance = Literal["as_stored", "srgb"]
 """The light that a picture's values stand for.
@@ -23,6 +25,13 @@ colours 0.2126 R + 0.7152 G + 0.0722 B (ITU-R BT.709).
 
 REC709 = np.array([0.2126, 0.7152, 0.0722])  # luminance of linear red, green, blue (ITU-R BT.709)
 _REC601 = np.array([19595.0, 38470.0, 7471.0])  # of 65,536, to which they add up: the luma of a grey is exactly itself
+MOST_PIXELS = 2**26  # 8192 x 8192
+_LONGEST_SIDE = 2**16
+_UNREAD = {"CMYK": "the four inks of print (CMYK)", "SEPARATED": "the four inks of print (CMYK)",
+            "LAB": "CIE L*a*b*", "CIELAB": "CIE L*a*b*"}  # fmt: skip
+_WITHIN_SRGB = 0.01  # of full light; "gamma 2.2" is within 0.008 of sRGB, Display P3's green is 0.025 away
+_GREYS = [[[level] * 3 for level in (26, 64, 128, 191, 230)]]
+_COLOURS = [[[190, 90, 90], [90, 190, 90], [90, 90, 190], *_GREYS[0]]]  # inside the gamut of any display
 _BAND_VALUES = 2**22  # converted at once: 32 MiB, so that a large picture needs little more than its light
 
 
@@ -91,75 +100,73 @@ def srgb_decoded(encoded: Float[np.ndarray, "*shape"]) -> Float[np.ndarray, "*sh
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
-_HEADER = 128
-_MOST_TAGS = 1000  # profiles have 10 to 30
-_SRGB_Y = {b"rXYZ": 0.2225, b"gXYZ": 0.7169, b"bXYZ": 0.0606}  # luminance of the primaries, adapted to D50
-_CURVES = (b"rTRC", b"gTRC", b"bTRC")
-_WITHIN = 0.01  # of full light; "gamma 2.2" is within 0.008 of sRGB, Display P3's green is 0.025 away
-_SAMPLES = np.array([0.1, 0.25, 0.5, 0.75, 0.9])
+def picture_of(
+    values: Shaped[np.ndarray, "h w c"],
+    opacity: UInt[np.ndarray, "h w"] | None,
+    *,
+    not_srgb: str,
+    orientation: int,
+    full_scale: float | None = None,
+) -> Picture:
+    """A picture of ``values``; ``full_scale``: None for the largest number of their type."""
+    if opacity is not None and (opacity == np.iinfo(opacity.dtype).max).all():
+        opacity = None
+    if full_scale is None:
+        full_scale = float(np.iinfo(values.dtype).max)
+    known = orientation if 1 <= orientation <= 8 else 1
+    return Picture(values, full_scale, opacity, not_srgb=not_srgb, orientation=known)
+
+
+class Refused(ValueError):
+    """A picture that is whole, and refused in words of our own."""
+
+
+@contextmanager
+def damage(kind: str) -> Iterator[None]:
+    """Turn whatever a decoder raises on a damaged file into a :class:`ValueError` of one line."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # on tags and chunks that hold no pixels
+            yield
+    except Refused:
+        raise
+    except Exception as error:
+        lines = str(error).splitlines()
+        raise ValueError(f"not readable as {kind}: {lines[0] if lines else type(error).__name__}") from None
+
+
+def require_small(width: int, height: int, most: int = MOST_PIXELS) -> None:
+    """Refuse a picture of more than ``most`` pixels, before any of them is decoded."""
+    if width * height > most or max(width, height) > _LONGEST_SIDE:
+        raise Refused(
+            f"{width} x {height} pixels, must be at most {most / 1e6:.3g} million of them and {_LONGEST_SIDE} on a "
+            "side; make it smaller, or save it as PNG"
+        )
+
+
+def wrong_colours(name: str) -> str:
+    """Words that refuse the colours that a decoder calls ``name``."""
+    return f"its colours are {_UNREAD.get(name, name)}, must be grey or RGB"
 
 
 def not_srgb(profile: bytes) -> str:
-    """Say why a colour profile is not that of sRGB, "" where it is; grey profiles need its curve alone.
+    """Say why a colour profile is not that of sRGB, "" where it is, or where it is empty.
 
-    Raises :class:`ValueError` for a damaged profile.
+    Little CMS converts colours of the profile to sRGB: they stay where it is sRGB's own.
     """
+    if not profile:
+        return ""
+    from PIL import Image, ImageCms
+
     try:
-        tags = _tags(profile)
-        if profile[16:20] == b"GRAY":
-            return "" if _like_srgb(tags[b"kTRC"]) else "its grey profile has another curve"
-        if profile[16:20] != b"RGB " or not all(name in tags for name in (*_SRGB_Y, *_CURVES)):
-            return "its colour profile is not one of red, green and blue by curves"
-        luminances = {name: struct.unpack_from(">i", tags[name], 12)[0] / 65536.0 for name in _SRGB_Y}
-        if any(abs(luminances[name] - wanted) > _WITHIN for name, wanted in _SRGB_Y.items()):
-            return "its colour profile has other primaries"
-        return "" if all(_like_srgb(tags[name]) for name in _CURVES) else "its colour profile has other curves"
-    except (struct.error, KeyError, IndexError, OverflowError):
-        raise ValueError("its colour profile is damaged") from None
-
-
-def _tags(profile: bytes) -> dict[bytes, bytes]:
-    (count,) = struct.unpack_from(">I", profile, _HEADER)
-    if count > _MOST_TAGS:
-        raise ValueError("its colour profile is damaged")
-    entries = (struct.unpack_from(">4sII", profile, _HEADER + 4 + 12 * i) for i in range(count))
-    return {name: profile[start : start + size] for name, start, size in entries}
-
-
-def _like_srgb(curve: bytes) -> bool:
-    with np.errstate(all="ignore"):  # a curve of wild numbers is not like sRGB, and NaN is not within anything
-        return bool((np.abs(_decoded(curve) - srgb_decoded(_SAMPLES)) < _WITHIN).all())
-
-
-def _decoded(curve: bytes) -> Float[np.ndarray, " n"]:
-    """Linear light of the samples by a tone curve: an exponent, a table, or a parametric curve."""
-    if curve[:4] == b"curv":
-        (count,) = struct.unpack_from(">I", curve, 8)
-        if count == 0:
-            return _SAMPLES
-        if 12 + 2 * count > len(curve):
-            raise ValueError("its colour profile is damaged")
-        table = np.frombuffer(curve, ">u2", count, 12)
-        if count == 1:
-            return _SAMPLES ** (int(table[0]) / 256.0)
-        light: Float[np.ndarray, " n"] = np.interp(_SAMPLES, np.linspace(0.0, 1.0, count), table / 65535.0)
-        return light
-    (kind,) = struct.unpack_from(">H", curve, 8)
-    sizes = (1, 3, 4, 5, 7)
-    if curve[:4] != b"para" or kind >= len(sizes):
-        return np.full_like(_SAMPLES, np.nan)
-    p = [number / 65536.0 for number in struct.unpack_from(f">{sizes[kind]}i", curve, 12)]
-    return _parametric(kind, p)
-
-
-def _parametric(kind: int, p: list[float]) -> Float[np.ndarray, " n"]:
-    """ICC.1 table 68: g, then a and b of the power, c and d of the line, e and f added."""
-    g, a, b, c, d, e, f = (*p, *(0.0,) * (7 - len(p)))
-    x = _SAMPLES
-    if kind == 0:
-        return x**g
-    power = np.maximum(a * x + b, 0.0) ** g
-    if kind in (1, 2):
-        added = c if kind == 2 else 0.0
-        return np.where(x >= -b / a, power + added, added) if a else np.full_like(x, np.nan)
-    return np.where(x >= d, power + e, c * x + f)
+        stated = ImageCms.ImageCmsProfile(BytesIO(profile))
+        grey = stated.profile.xcolor_space.strip() == "GRAY"
+        colours = np.array(_GREYS if grey else _COLOURS, dtype=np.uint8)
+        picture = Image.fromarray(colours[:, :, 0] if grey else colours)
+        converted = ImageCms.profileToProfile(
+            picture, stated, ImageCms.createProfile("sRGB"), ImageCms.Intent.RELATIVE_COLORIMETRIC, outputMode="RGB"
+        )
+    except (ImageCms.PyCMSError, OSError, ValueError, TypeError) as error:
+        return f"its colour profile is damaged, or not one of grey or RGB ({str(error).splitlines()[0][:100]})"
+    apart = np.abs(srgb_decoded(np.asarray(converted) / 255.0) - srgb_decoded(colours / 255.0))
+    return "" if float(apart.max()) < _WITHIN_SRGB else "its colour profile is not that of sRGB"

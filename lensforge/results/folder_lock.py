@@ -1,19 +1,15 @@
 """A lock on a result folder: one command at a time writes there, and another one says at once which process does.
 
-The system's own lock (flock) on a hidden file: it is freed when its process ends, killed or not, and holds on network
-file systems that pass locks on. Where a file system knows no locks (some of clusters; Windows), the text in the file
-counts instead: a process of this machine that has ended holds nothing; one of another machine is believed, and the
-message says which file to delete if it is gone.
+The lock is a hidden file, locked by the system (flock, by way of filelock): it is free when its process ends, killed
+or not. Where a file system knows no such locks, as some of clusters, the file's existence counts instead: filelock
+then compares the process that it names with those that run.
 """
 
 import errno
-import json
 import os
 import shlex
 import stat
 import sys
-import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from datetime import datetime
@@ -23,26 +19,18 @@ from platform import node
 from typing import Concatenate, ParamSpec, TypeVar
 
 from lensforge.errors import InputError
-from lensforge.results.files import delete_left_files, delete_left_folders, is_dead, own_mark
-
-try:
-    import fcntl
-except ImportError:  # not on Windows
-    fcntl = None  # type: ignore[assignment]
+from lensforge.results.files import delete_half_written
 
 LOCK_FILE = ".lensforge-lock"
+_MARKER_FILE = f"{LOCK_FILE}-held"  # the lock of file systems without locks
+_NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL)  # of such file systems
+_TRIES_SECONDS = 0.2  # without locks: one try finds that the holder has ended, the next takes its place
 _OTHERS = "wait until it has ended, or give another folder"
-_NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL)  # of file systems without locks
-_MOST_BYTES, _SHOWN = 4096, 160  # of a holder's text; of each of its entries, in characters
-_TRIES = 100  # a holder that ends meanwhile deletes the file that was opened: once in practice
-_SETTLE_SECONDS = 0.05  # without locks: whoever wrote last within this time has the folder
+_MOST_BYTES, _SHOWN = 4096, 160  # of a holder's text; of each of its lines, in characters
 
 _Folder = TypeVar("_Folder", bound=Path)
 _Arguments = ParamSpec("_Arguments")
 _Result = TypeVar("_Result")
-
-_holders: dict[tuple[int, int], tuple[int, int]] = {}  # process and thread, by device and inode of the folder
-_guard = threading.Lock()
 
 
 def in_locked_folder(
@@ -63,22 +51,16 @@ def locked(folder: Path, *, create: bool = False) -> Iterator[None]:
     """Hold the lock on ``folder`` inside the block; free inside a block of the same thread, which holds it already.
 
     ``create``: make a folder that is not there, and remove it again where nothing was written into it; otherwise such
-    a folder needs no lock. What killed processes left in the folder is deleted. Raises :class:`InputError` at once
-    where another process, or another thread of this one, holds the lock, and where the folder cannot be written.
+    a folder needs no lock. Files that killed processes left half written are deleted. Raises :class:`InputError` at
+    once where another process, or another thread of this one, holds the lock, and where the folder cannot be written.
     """
     missing = _make(folder) if create else []
     try:
-        if not folder.is_dir():
-            yield
-            return
-        with _held_by_this_thread(folder) as already:
-            if already:
+        if folder.is_dir():
+            with _held(folder):
                 yield
-            else:
-                with _locked_file(folder):
-                    delete_left_files(folder)
-                    delete_left_folders()
-                    yield
+        else:
+            yield
     finally:
         for made in missing:
             with suppress(OSError):  # not empty: it is used now
@@ -97,154 +79,75 @@ def _make(folder: Path) -> list[Path]:
 
 
 @contextmanager
-def _held_by_this_thread(folder: Path) -> Iterator[bool]:
-    """Reserve ``folder`` for this thread; yield True where it is reserved for it already."""
-    found, owner = folder.stat(), (os.getpid(), threading.get_ident())
-    key = (found.st_dev, found.st_ino)
-    with _guard:
-        holder = _holders.get(key)
-        if holder is not None and holder[0] == owner[0] and holder != owner:
-            raise InputError(f"{folder}: in use by another thread of this process; {_OTHERS}")
-        already = holder == owner
-        _holders[key] = owner  # a holder before a fork was the parent: the lock itself decides
+def _held(folder: Path) -> Iterator[None]:
+    from filelock import FileLock, SoftFileLock, Timeout
+
+    path, marker = (folder.resolve() / name for name in (LOCK_FILE, _MARKER_FILE))
+    _require_own_file(path)
+    lock = FileLock(path, timeout=0, is_singleton=True, fallback_to_soft=False)
+    already = lock.is_locked
     try:
-        yield already
-    finally:
+        try:
+            lock.acquire()
+        except OSError as error:
+            if error.errno not in _NO_LOCKS:
+                raise
+            path.unlink(missing_ok=True)
+            lock, path = SoftFileLock(marker, timeout=_TRIES_SECONDS, is_singleton=True), marker
+            already = lock.is_locked
+            lock.acquire()
+    except Timeout:
+        raise InputError(f"{folder}: in use by {_holder(path)}; {_OTHERS}") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror}); give another folder") from None
+    try:
         if not already:
-            with _guard:
-                del _holders[key]
-
-
-@contextmanager
-def _locked_file(folder: Path) -> Iterator[None]:
-    path = folder / LOCK_FILE
-    handle = _acquire(folder, path)
-    try:
+            if path != marker:
+                _write_holder(path)
+            delete_half_written(folder)
         yield
     finally:
-        with suppress(OSError):
-            if os.path.samestat(os.fstat(handle), path.lstat()):
+        if not already and path != marker:
+            with suppress(OSError):
                 path.unlink()  # before the lock is free: after that it may be another's
-        os.close(handle)
+        lock.release()
 
 
-def _acquire(folder: Path, path: Path) -> int:
-    """Open and lock the file at ``path``, and write into it who holds it; return its handle."""
-    for _ in range(_TRIES):
-        handle = _open(path)
-        try:
-            if not _try_lock(handle):
-                raise InputError(f"{folder}: in use by {_holder(handle)}; {_OTHERS}")
-            if _is_at(handle, path):
-                return handle
-        except OSError as error:
-            _give_up(handle, path)
-            raise InputError(f"{path}: cannot be written ({error.strerror}); give another folder") from None
-        except BaseException:
-            os.close(handle)
-            raise
-        os.close(handle)
-    raise InputError(f"{folder}: in use by other processes, each for a moment; try again")
-
-
-def _give_up(handle: int, path: Path) -> None:
-    """Close a file into which nothing could be written, and delete it where it is empty: on a full disk it stays so."""
+def _require_own_file(path: Path) -> None:
+    """Raise :class:`InputError` for a link, a pipe or a folder in the place of the lock: text is written into it."""
     with suppress(OSError):
-        if os.fstat(handle).st_size == 0 and _is_at(handle, path):
-            path.unlink()
-    os.close(handle)
+        found = path.lstat()
+        if not stat.S_ISREG(found.st_mode) or found.st_nlink > 1:
+            raise InputError(f"{path}: no file of its own, so it cannot be a lock; delete it")
 
 
-def _open(path: Path) -> int:
-    flags = os.O_RDWR | os.O_CREAT
-    for name in ("O_CLOEXEC", "O_NOFOLLOW", "O_NONBLOCK"):  # no links; no waiting for the other end of a pipe
-        flags |= getattr(os, name, 0)
-    try:
-        handle = os.open(path, flags, 0o666)
-    except OSError as error:
-        if not os.path.lexists(path):
-            raise InputError(f"{path.parent}: cannot be written ({error.strerror}); give another folder") from None
-        raise InputError(f"{path}: cannot be opened ({error.strerror}); delete it if no other run uses it") from None
-    found = os.fstat(handle)
-    if not stat.S_ISREG(found.st_mode) or found.st_nlink > 1:
-        os.close(handle)
-        raise InputError(f"{path}: no file of its own, so it cannot be a lock; delete it")
-    return handle
-
-
-def _try_lock(handle: int) -> bool:
-    """Lock the open file and write this process into it; False where another one holds it."""
-    try:
-        if fcntl is None:
-            raise OSError(errno.ENOSYS, "no flock")
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
-        if error.errno not in _NO_LOCKS:
-            return _refused(error)
-        return _try_without_locks(handle)
-    _write(handle, _own_text())
-    return True
-
-
-def _refused(error: OSError) -> bool:
-    if error.errno in (errno.EWOULDBLOCK, errno.EACCES):
-        return False
-    raise error
-
-
-def _try_without_locks(handle: int) -> bool:
-    text = _own_text()
-    mark = _entries(_read(handle)).get("mark", "")
-    if mark and not is_dead(mark):
-        return False
-    _write(handle, text)
-    time.sleep(_SETTLE_SECONDS)
-    return _read(handle) == text
-
-
-def _is_at(handle: int, path: Path) -> bool:
-    """True where the open file is still the one at ``path``: its last holder may have deleted it."""
-    try:
-        return os.path.samestat(os.fstat(handle), path.lstat())
-    except FileNotFoundError:
-        return False
-
-
-def _own_text() -> bytes:
+def _write_holder(path: Path) -> None:
+    """Write into the lock who holds it: process, machine, command and time, a line each."""
     program, *arguments = sys.argv or [""]
     name = "lensforge" if Path(program).name in ("lensforge", "__main__.py") else Path(program).name or "python"
     since = datetime.now().astimezone().isoformat(" ", "seconds")
-    command = "".join(each if each.isprintable() else "?" for each in shlex.join([name, *arguments])[:_SHOWN])
-    content = {"process": str(os.getpid()), "machine": node(), "command": command, "since": since, "mark": own_mark()}
-    return json.dumps(content).encode()
-
-
-def _write(handle: int, text: bytes) -> None:
-    os.ftruncate(handle, 0)
-    os.lseek(handle, 0, os.SEEK_SET)
-    os.write(handle, text)
-
-
-def _read(handle: int) -> bytes:
-    os.lseek(handle, 0, os.SEEK_SET)
-    return os.read(handle, _MOST_BYTES)
-
-
-def _entries(text: bytes) -> dict[str, str]:
-    """The entries of a holder's text; none where it is no such text, as in the moment before it is written."""
+    lines = str(os.getpid()), node(), shlex.join([name, *arguments])[:_SHOWN], since
+    text = "\n".join("".join(each if each.isprintable() else "?" for each in line) for line in lines)
     try:
-        content = json.loads(text)
-    except (ValueError, RecursionError):
-        return {}
-    if not isinstance(content, dict):
-        return {}
-    return {key: value[:_SHOWN] for key, value in content.items() if isinstance(value, str) and value.isprintable()}
+        path.write_text(text, encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror}); give another folder") from None
 
 
-def _holder(handle: int) -> str:
-    found = _entries(_read(handle))
-    if not {"process", "machine", "command", "since", "mark"} <= set(found):
+def _holder(path: Path) -> str:
+    """Words for the process that holds the lock at ``path``; filelock's own marker names process and machine only."""
+    try:
+        with path.open("rb") as file:
+            text = file.read(_MOST_BYTES).decode(errors="replace")
+    except OSError:
+        return "another process"  # it has ended meanwhile
+    lines = ["".join(each if each.isprintable() else "?" for each in line)[:_SHOWN] for line in text.splitlines()]
+    if len(lines) < 2:
         return "another process"
-    words = f"process {found['process']} on {found['machine']} (`{found['command']}`, since {found['since']})"
-    gone = "" if found["mark"][:8] == own_mark()[:8] else f"; if it is gone, delete {LOCK_FILE} there"
-    return words + gone
+    process, machine, *details = lines
+    if (process, machine) == (str(os.getpid()), node()):
+        return "another thread of this process"
+    words = f"process {process} on {machine}"
+    if len(details) == 2:
+        words += f" (`{details[0]}`, since {details[1]})"
+    return words if machine == node() else f"{words}; if it is gone, delete {path.name} there"

@@ -35,8 +35,8 @@ from lensforge.spec.feasible import require_base_around_cavity
 from lensforge.surfaces.imported_face import LENS_FILE
 
 if TYPE_CHECKING:
+    from lensforge.shop.dense_table import GridRequest
     from lensforge.shop.handover import Handover
-    from lensforge.shop.point_grids import GridRequest
 
 
 def run(
@@ -211,7 +211,7 @@ def run_handover(folder: Path, request: "GridRequest | None" = None, words: Draw
 
     ``request``: of the dense tables of points. ``words``: of the drawing's title block; None: those of the spec.
     """
-    from lensforge.shop.handover_files import make_handover
+    from lensforge.shop.shop_files import make_handover
 
     handover = make_handover(load_to_show(folder), request, words)
     handover.save(folder)

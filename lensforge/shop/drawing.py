@@ -7,30 +7,21 @@ notes say what sizes are, datums, tolerances and their source, edges, polish, an
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from lensforge.cad.cutter_room import base_with_room
-from lensforge.cad.part import Part
+from lensforge.cad.part import STEP_FILE, Part
 from lensforge.cad.section import other_section_deg
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
 from lensforge.shop.check_result import Check, FaceResult
 from lensforge.shop.dimensions import DatumScheme, Dimension, clocking_flat, datum_scheme
 from lensforge.shop.findings import advice
-from lensforge.shop.sheet import Box, Place, Sheet
-from lensforge.shop.sheet_tables import (
-    HEIGHT,
-    WIDTH,
-    Rows,
-    TitleBlock,
-    draw_optical_table,
-    draw_title_block,
-    optical_table,
-    sheet_frame,
-    table_height,
-    title_block,
-)
-from lensforge.shop.sheet_text import paragraphs_in
+from lensforge.shop.sheet import Box, Marks, Place, Sheet, Stroke
+from lensforge.shop.sheet_marks import cell, first_angle, frame_of, paragraphs_in
+from lensforge.shop.sheet_tables import Rows, draw_optical_table, optical_table, table_height
 from lensforge.shop.tolerance_table import ToleranceTable
-from lensforge.shop.view_drawing import ViewContent, Views, draw_views
+from lensforge.shop.view_drawing import ViewContent, draw_views, room_of
 from lensforge.shop.view_lines import dome_lines, end_lines, section_view
 from lensforge.spec import DrawingSection
 
@@ -127,6 +118,99 @@ def _mould(lens: Lens) -> list[str]:
     return [f"The moulded lens; faces of the mould inserts are these times {shop.scale:.12g} about the origin."]
 
 
+WIDTH, ROW = 180.0, 5.6  # mm on A3
+HEIGHT = 8.0 * ROW
+_NONE = "not stated"
+
+
+@dataclass(frozen=True)
+class TitleBlock:
+    """Words of the title block."""
+
+    name: str
+    number: str
+    revision: str
+    material: str
+    mass: str
+    author: str
+    date: str
+    checked: str
+    organisation: str
+    step: str
+    general: str
+
+    @property
+    def title(self) -> str:
+        """Name, number and revision in one line."""
+        found = [self.name, *(text for text in (self.number,) if text != _NONE)]
+        return ", ".join([*found, *(f"revision {text}" for text in (self.revision,) if text != _NONE)])
+
+
+def title_block(lens: Lens, part: Part, words: DrawingSection) -> TitleBlock:
+    """Words for the shop, and from the record of the part: author and date are those of its files."""
+    spec, signature = lens.spec, part.signature
+    stamp = part.files[STEP_FILE]
+    return TitleBlock(
+        name=words.part_name or spec.name,
+        number=words.part_number or _NONE,
+        revision=words.revision or _NONE,
+        material=spec.lens.material or _NONE,
+        mass=f"{part.volume_mm3:.1f} mm³" if part.mass_g is None else f"{part.mass_g:.3f} g",
+        author=signature.author or _NONE,
+        date=signature.date or _NONE,
+        checked=words.checked_by or _NONE,
+        organisation=signature.organisation or _NONE,
+        step=f"{STEP_FILE}, SHA-256 {stamp.sha256[:16]}…",
+        general=words.general_tolerances or f"{_NONE}, to be agreed",
+    )
+
+
+def scale_words(scale: float) -> str:
+    """The scale as ISO 5455 writes it."""
+    return f"{scale:g} : 1" if scale >= 1.0 else f"1 : {1.0 / scale:g}"
+
+
+def draw_title_block(words: TitleBlock, corner: tuple[float, float], unit: float, scale: float, sheet: str) -> Marks:
+    """The block, its lower right corner at ``corner``."""
+    left, bottom = corner[0] - WIDTH * unit, corner[1]
+    height = ROW * unit
+    quantity = "Mass" if words.mass.endswith("g") else "Volume"
+    rows = [
+        [words.name],
+        [f"Number: {words.number}", f"Revision: {words.revision}"],
+        [f"Material: {words.material}", f"{quantity}: {words.mass}"],
+        [f"Drawn: {words.author}", f"Date: {words.date}"],
+        [f"Checked: {words.checked}", f"Organisation: {words.organisation}"],
+        [f"Sizes “general”: {words.general}", "Units: mm, degrees"],
+        [f"Scale: {scale_words(scale)}", f"First angle; {sheet}, sheet 1 of 1"],
+        [f"Defined by: {words.step}"],
+    ]
+    top = bottom + HEIGHT * unit
+    marks = Marks()
+    for number, each in enumerate(rows):
+        low, wide = top - (number + 1) * height, WIDTH * unit / len(each)
+        for k, text in enumerate(each):
+            marks.add(cell((left + k * wide, low, left + (k + 1) * wide, low + height), text, unit))
+    marks.add(first_angle((corner[0] - 14.0 * unit, bottom + 1.5 * height), 0.7 * unit))
+    marks.strokes.append(frame_of((left, bottom, corner[0], top), "outline"))
+    return marks
+
+
+def sheet_frame(size: tuple[float, float], inside: Box) -> list[Stroke]:
+    """The frame of the drawing, and the marks at the middle of its sides."""
+    left, bottom, right, top = inside
+    width, height = size
+    found = [frame_of(inside, "outline")]
+    for start, end in (
+        ((width / 2.0, 0.0), (width / 2.0, bottom)),
+        ((width / 2.0, top), (width / 2.0, height)),
+        ((0.0, height / 2.0), (left, height / 2.0)),
+        ((right, height / 2.0), (width, height / 2.0)),
+    ):
+        found.append(Stroke(np.array([start, end]), "outline"))
+    return found
+
+
 SheetName = Literal["A3", "A4"]
 SIZES: dict[SheetName, tuple[float, float]] = {"A4": (297.0, 210.0), "A3": (420.0, 297.0)}
 _UNITS: dict[SheetName, float] = {"A4": 0.5**0.5, "A3": 1.0}
@@ -172,7 +256,7 @@ def make_sheet(content: DrawingContent, name: SheetName = "A3") -> Sheet:
     for scale in SCALES:
         if scale * content.views.width > right - left:  # not even without dimensions
             continue
-        box = draw_views(content.views, scale, _UNITS[name], (0.0, 0.0)).box
+        box = room_of(draw_views(content.views, scale, _UNITS[name], (0.0, 0.0)))
         if box[2] - box[0] <= right - left and box[3] - box[1] <= top - bottom:
             return _sheet(content, name, scale)
     raise InputError(f"the part fits on {name} at no scale; its drawing is left to a CAD program")
@@ -207,27 +291,19 @@ def _notes_box(content: DrawingContent, name: SheetName) -> Box:
 
 def _sheet(content: DrawingContent, name: SheetName, scale: float) -> Sheet:
     unit, inside = _UNITS[name], _inside(name)
-    origin = _centred(draw_views(content.views, scale, unit, (0.0, 0.0)), _views_box(content, name))
-    views = draw_views(content.views, scale, unit, origin)
-    corner = inside[2], inside[1]
-    title = draw_title_block(content.title, corner, unit, scale, name)
-    top = inside[1] + _band(content, name)
-    table = draw_optical_table(content.table, inside[2] - WIDTH * unit, top, unit)
-    notes = paragraphs_in(_notes_box(content, name), content.notes, unit)
-    return Sheet(
-        name=name,
-        size_mm=SIZES[name],
-        unit_mm=unit,
-        scale=scale,
-        title=content.title.title,
-        origin=origin,
-        strokes=(*sheet_frame(SIZES[name], inside), *views.strokes, *title[0], *table[0]),
-        words=(*views.words, *title[1], *table[1], *notes),
-        dimensions=tuple(views.dimensions),
+    origin = _centred(room_of(draw_views(content.views, scale, unit, (0.0, 0.0))), _views_box(content, name))
+    marks, corner, top = (
+        Marks(sheet_frame(SIZES[name], inside)),
+        (inside[2], inside[1]),
+        inside[1] + _band(content, name),
     )
+    marks.add(draw_views(content.views, scale, unit, origin))
+    marks.add(draw_title_block(content.title, corner, unit, scale, name))
+    marks.add(draw_optical_table(content.table, inside[2] - WIDTH * unit, top, unit))
+    marks.words += paragraphs_in(_notes_box(content, name), content.notes, unit)
+    return Sheet(name, SIZES[name], unit, scale, content.title.title, origin, marks)
 
 
-def _centred(views: Views, room: Box) -> Place:
-    """Place of the part's origin at which what is drawn about (0, 0) lies in the middle of ``room``."""
-    box = views.box
+def _centred(box: Box, room: Box) -> Place:
+    """Place of the part's origin at which what has the room ``box`` about (0, 0) lies in the middle of ``room``."""
     return tuple(0.5 * (room[k] + room[k + 2] - box[k] - box[k + 2]) for k in range(2))  # type: ignore[return-value]

@@ -8,31 +8,28 @@ from typing import Annotated, Literal
 from pydantic import Field, field_serializer
 
 from lensforge.report.ownership import require_own
-from lensforge.results import Count, NotNegative, Positive, Record, Sha256, Share, Text
+from lensforge.results import Count, NotNegative, Positive, Record, Sha256, Text
 from lensforge.results.files import replacing
 from lensforge.shop.check_result import FaceName, Finding
-from lensforge.shop.interpolation import Interpolation
 
 HTML_FILE, PDF_FILE, POINTS_FILE, SAG_FILE = "manufacturing.html", "manufacturing.pdf", "points.csv", "sag.csv"
 DXF_FILE = "drawing.dxf"
+Interpolation = Literal["bicubic", "linear"]  # between the nodes of a dense table
 
 
 class PointGrid(Record):
     """A dense table of ``points`` of one face, the bytes of ``file``.
 
-    ``spacing_mm``: between nodes, of a polar table the widest. ``error_nm``: largest error of the ``interpolation``
-    between nodes, along the normal. ``offset_mm``: of the points from the face, into the air. ``covered``: share of the
-    face's area in complete cells.
+    ``spacing_mm``: the widest between nodes. ``error_nm``: largest error of the ``interpolation`` between nodes, along
+    the normal. ``offset_mm``: of the points from the face, into the air.
     """
 
     file: Text
     face: FaceName
-    kind: Literal["raster", "polar"]
     spacing_mm: Positive
     interpolation: Interpolation
     error_nm: NotNegative
     offset_mm: NotNegative
-    covered: Share
     points: Count
     content: Annotated[bytes, Field(repr=False)]
 
@@ -44,8 +41,7 @@ class PointGrid(Record):
 class Handover(Record):
     """Drawing and verdicts as page and PDF, the drawing as DXF, tables of points and of sag, as the bytes of files.
 
-    ``points``: number of points in the table for a measuring machine; ``grids``: dense tables for milling and turning;
-    ``clouds``: the same points with normals as plain text, by file.
+    ``points``: number of points in the table for a measuring machine; ``grids``: dense tables for milling and turning.
     ``sha256``: of the files that go to the shop, by name, except page and PDF, which list them.
     ``refused``: verdicts of the check that do not hold.
     """
@@ -58,7 +54,6 @@ class Handover(Record):
     sag_csv: bytes
     points: Count
     grids: tuple[PointGrid, ...]
-    clouds: dict[Text, bytes]
     sha256: dict[Text, Sha256]
     refused: tuple[Finding, ...]
 
@@ -66,16 +61,12 @@ class Handover(Record):
     def _as_text(self, content: bytes) -> str:
         return b64encode(content).decode("ascii")
 
-    @field_serializer("clouds", when_used="json")
-    def _clouds_as_text(self, clouds: dict[str, bytes]) -> dict[str, str]:
-        return {name: b64encode(content).decode("ascii") for name, content in clouds.items()}
-
     @property
     def files(self) -> dict[str, bytes]:
         """The files by name."""
         fixed = {HTML_FILE: self.html, PDF_FILE: self.pdf, DXF_FILE: self.dxf}
         fixed |= {POINTS_FILE: self.points_csv, SAG_FILE: self.sag_csv}
-        return fixed | {grid.file: grid.content for grid in self.grids} | self.clouds
+        return fixed | {grid.file: grid.content for grid in self.grids}
 
     def save(self, folder: Path | str) -> None:
         """Write the files into ``folder``.

@@ -11,7 +11,7 @@ from functools import cached_property
 from numbers import Real
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from lensforge.cad.form_error import chart_samples, form_error
 from lensforge.cad.patch import Patch, default_nodes, fit_extended
@@ -45,13 +45,12 @@ class OffsetFace:
         centres, normals, _ = self._over(to_chart(directions))
         return centres, normals
 
-    def found(self, wanted: Plane, project: Projection, *, upward: bool = False) -> tuple[Points, Points]:
+    def found(self, wanted: Plane, project: Projection) -> tuple[Points, Points]:
         """Centres and normals where ``project`` of the centre is ``wanted``, to rounding.
 
-        ``upward``: on the part that is seen from above, where an undercut has a second point below the first.
         Raises :class:`InputError` where there is no such centre.
         """
-        chart, scale = self._start(wanted, project, upward), float(np.abs(project(self._samples[1])).max())
+        chart, scale = self._start(wanted, project), float(np.abs(project(self._samples[1])).max())
         for _ in range(_MOST_STEPS):
             centres, normals, slopes = self._over(chart)
             missing = wanted - project(centres)
@@ -84,21 +83,20 @@ class OffsetFace:
         normals = self.air * outward
         return jet.point + self.offset_mm * normals, normals, np.stack(columns, axis=-1)
 
-    def _start(self, wanted: Plane, project: Projection, upward: bool) -> Plane:
+    def _start(self, wanted: Plane, project: Projection) -> Plane:
         from scipy.spatial import cKDTree
 
-        chart, centres, seen = self._samples
-        chart, centres = (chart[seen], centres[seen]) if upward else (chart, centres)
+        chart, centres = self._samples
         _, nearest = cKDTree(project(centres)).query(wanted)
         start: Plane = chart[nearest]
         return start
 
     @cached_property
-    def _samples(self) -> tuple[Plane, Points, Bool[np.ndarray, " n"]]:
-        """Points of the chart, the centres over them, and True where these are seen from above."""
+    def _samples(self) -> tuple[Plane, Points]:
+        """Points of the chart, and the centres over them."""
         chart = grid(_NODES, _HALF_WIDTH).reshape(-1, 2)
         chart = chart[np.linalg.norm(chart, axis=1) <= _HALF_WIDTH]
-        return chart, self._over(chart)[0], self._patch.jet(chart).normal[:, 2] > 0.0
+        return chart, self._over(chart)[0]
 
     @cached_property
     def _patch(self) -> Patch:

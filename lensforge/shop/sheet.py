@@ -6,11 +6,14 @@ Marks are datum symbols, axes, the plane of the section, the symbol of the first
 material.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cache
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
+from matplotlib.font_manager import FontProperties
+from matplotlib.textpath import TextToPath
 
 Points = Float[np.ndarray, "n 2"]
 Place = tuple[float, float]
@@ -93,6 +96,21 @@ class LinearDimension:
         return f"{self.before}{shown(self.length_mm)}{self.after}"
 
 
+@dataclass
+class Marks:
+    """Lines, texts and dimensions of a drawing, to which more can be added."""
+
+    strokes: list[Stroke] = field(default_factory=list)
+    words: list[Words] = field(default_factory=list)
+    dimensions: list[LinearDimension] = field(default_factory=list)
+
+    def add(self, more: "Marks") -> None:
+        """Add all that ``more`` holds."""
+        self.strokes += more.strokes
+        self.words += more.words
+        self.dimensions += more.dimensions
+
+
 @dataclass(frozen=True)
 class Sheet:
     """A drawing: its size (mm) and name, its scale (of the part on paper), and what is on it.
@@ -106,9 +124,7 @@ class Sheet:
     scale: float
     title: str
     origin: Place
-    strokes: tuple[Stroke, ...]
-    words: tuple[Words, ...]
-    dimensions: tuple[LinearDimension, ...]
+    marks: Marks
 
 
 def shown(length_mm: float) -> str:
@@ -116,116 +132,67 @@ def shown(length_mm: float) -> str:
     return f"{length_mm:.3f}"
 
 
-_TRIANGLE, _BOX, _LEADER = 2.6, 5.0, 2.0  # mm on A3
-
-Marks = tuple[list[Stroke], list[Words]]
-
-
-def datum_symbol(at: Place, towards: Place, letter: str, unit: float, further_mm: float = 0.0) -> Marks:
-    """A filled triangle on a line at ``at``, its leader in the unit direction ``towards``, and the letter in a box.
-
-    ``further_mm``: length of the leader beyond the usual one.
-    """
-    foot, out = np.array(at), np.array(towards)
-    along = np.array([-out[1], out[0]])
-    size, half = unit * _TRIANGLE, 0.5 * unit * _BOX
-    triangle = np.array([foot + 0.5 * size * along, foot - 0.5 * size * along, foot + 0.87 * size * out])
-    start, end = foot + 0.87 * size * out, foot + (0.87 * size + unit * _LEADER + further_mm) * out
-    centre = end + half * out
-    corners = centre + half * np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
-    strokes = [
-        Stroke(triangle, closed=True, filled=True),
-        Stroke(np.array([start, end])),
-        Stroke(corners, closed=True),
-    ]
-    return strokes, [Words((float(centre[0]), float(centre[1])), letter, LETTERS * unit, "center")]
+TYPEFACE = "DejaVu Sans"
+CAPITALS = 0.729  # height of its capitals as a share of its size
+MM_PER_POINT = 25.4 / 72.0
+_SIZE = 100.0  # points at which widths are measured
+_ROOM = 1.35  # height of a line's box over that of its capitals: brackets, accents, letters that hang down
 
 
-def axes_mark(at: Place, level: str, up: str, unit: float, towards: float = 1.0) -> Marks:
-    """Two arrows that name the axes of a view, their corner at ``at``; the level one to the right, or left with -1."""
-    corner, length = np.array(at), 7.0 * unit
-    strokes, words = [], []
-    for name, out in ((level, np.array([towards, 0.0])), (up, np.array([0.0, 1.0]))):
-        tip = corner + length * out
-        strokes += [Stroke(np.array([corner, tip])), arrow_head(tip, out, 2.0 * unit)]
-        place = tip + 2.0 * unit * out
-        words.append(Words((float(place[0]), float(place[1])), name, LETTERS * unit, "center"))
-    return strokes, words
+def width_of(text: str, height_mm: float) -> float:
+    """Width (mm) of ``text`` with capitals of ``height_mm``."""
+    return _width_points(text) / _SIZE * height_mm / CAPITALS
 
 
-def turned_mark(at: Place, unit: float) -> Marks:
-    """The sign of a section that is turned anticlockwise from its place (ISO 128): an arc with an arrow."""
-    turn = np.linspace(-0.25 * np.pi, 0.9 * np.pi, 25)
-    arc = np.array(at) + 2.2 * unit * np.column_stack([np.cos(turn), np.sin(turn)])
-    out = np.array([-np.sin(turn[-1]), np.cos(turn[-1])])
-    return [Stroke(arc), arrow_head(arc[-1] + 1.2 * unit * out, out, 2.0 * unit)], []
+@cache  # the same text is tried at many heights
+def _width_points(text: str) -> float:
+    properties = FontProperties(family=TYPEFACE, size=_SIZE)
+    width, _, _ = TextToPath().get_text_width_height_descent(text, properties, ismath=False)
+    return float(width)
 
 
-def arrow_head(tip: np.ndarray, out: np.ndarray, size: float) -> Stroke:
-    """A filled head of ``size`` mm that points along the unit vector ``out``."""
-    along = np.array([-out[1], out[0]])
-    back = tip - size * out
-    return Stroke(np.array([tip, back + size / 6.0 * along, back - size / 6.0 * along]), closed=True, filled=True)
+def points_of(height_mm: float) -> float:
+    """Size of type in points whose capitals are ``height_mm`` high."""
+    return height_mm / CAPITALS / MM_PER_POINT
 
 
-def section_plane(centre: Place, azimuth_deg: float, half_mm: float, letter: str, unit: float) -> Marks:
-    """The plane of a section in the view from the base: a chain line, thick at its ends, with arrows of the sight."""
-    turn = np.radians(azimuth_deg)
-    along, sight = np.array([np.sin(turn), np.cos(turn)]), np.array([-np.cos(turn), np.sin(turn)])
-    middle = np.array(centre)
-    strokes = [Stroke(np.array([middle - half_mm * along, middle + half_mm * along]), "axis")]
-    words = []
-    for way in (1.0, -1.0):
-        end = middle + way * half_mm * along
-        strokes.append(Stroke(np.array([end, end + way * 4.0 * unit * along]), "outline"))
-        tail = end + way * 2.0 * unit * along
-        tip = tail + 7.0 * unit * sight
-        strokes += [Stroke(np.array([tail, tip])), arrow_head(tip, sight, LETTERS * unit)]
-        place = tip + LETTERS * unit * sight
-        words.append(Words((float(place[0]), float(place[1])), letter, LETTERS * unit, "center"))
-    return strokes, words
+def box_of(words: Words) -> Box:
+    """The rectangle on paper (mm) that a text needs."""
+    width, half = width_of(words.text, words.height_mm), 0.5 * _ROOM * words.height_mm
+    start = {"left": 0.0, "center": -0.5 * width, "right": -width}[words.anchor]
+    x, y = words.at
+    if words.turned_deg == 0:
+        return x + start, y - half, x + start + width, y + half
+    return x - half, y + start, x + half, y + start + width
 
 
-def first_angle(at: Place, unit: float) -> Marks:
-    """The symbol of the first-angle projection (ISO 5456-2), its middle at ``at``: a cone, and its view from the left.
-
-    The cone's small end is on the left, so that the view from there, at its right, shows both circles.
-    """
-    x, y = at
-    small, large, length = 1.5 * unit, 3.0 * unit, 6.0 * unit
-    left = x - 8.0 * unit
-    right = left + length
-    cone = np.array([(left, y - small), (right, y - large), (right, y + large), (left, y + small)])
-    centre = x + 4.5 * unit
-    turn = np.linspace(0.0, 2.0 * np.pi, 73)
-    circles = [np.column_stack([centre + r * np.cos(turn), y + r * np.sin(turn)]) for r in (small, large)]
-    strokes = [Stroke(cone, closed=True), *(Stroke(circle, closed=True) for circle in circles)]
-    strokes.append(Stroke(np.array([(left - 1.5 * unit, y), (left + length + 1.5 * unit, y)]), "axis"))
-    strokes.append(Stroke(np.array([(centre - 4.0 * unit, y), (centre + 4.0 * unit, y)]), "axis"))
-    strokes.append(Stroke(np.array([(centre, y - 4.0 * unit), (centre, y + 4.0 * unit)]), "axis"))
-    return strokes, []
+def wrapped(text: str, height_mm: float, width_mm: float) -> list[str]:
+    """``text`` in lines that are no wider than ``width_mm``; a word that is wider is cut."""
+    lines = [""]
+    for word in text.split(" "):
+        longer = f"{lines[-1]} {word}" if lines[-1] else word
+        if width_of(longer, height_mm) <= width_mm:
+            lines[-1] = longer
+            continue
+        *whole, last = _cut(word, height_mm, width_mm)
+        lines += [*whole, last]
+    return [line for line in lines if line]
 
 
-_HATCH_TURN = np.array([[1.0, 1.0], [-1.0, 1.0]]) / np.sqrt(2.0)  # rows: along the lines, and across them
+def shortened(text: str, height_mm: float, width_mm: float) -> str:
+    """``text``, its end replaced by an ellipsis where it is wider than ``width_mm``."""
+    if width_of(text, height_mm) <= width_mm:
+        return text
+    kept = text
+    while kept and width_of(kept + "…", height_mm) > width_mm:
+        kept = kept[:-1]
+    return kept.rstrip() + "…"
 
 
-def hatch(outlines: list[Points], spacing_mm: float) -> list[Stroke]:
-    """Lines ``spacing_mm`` apart inside all ``outlines`` together, inside being what an odd number of them encloses."""
-    chains = [np.vstack([outline, outline[:1]]) @ _HATCH_TURN.T for outline in outlines]
-    across = np.concatenate([chain[:, 1] for chain in chains])
-    first, last = np.ceil(across.min() / spacing_mm), np.floor(across.max() / spacing_mm)
-    found = []
-    for level in spacing_mm * (np.arange(first, last + 1.0) + 0.37):  # off the places where corners are likely
-        cuts = np.sort(np.concatenate([_cuts(chain, level) for chain in chains]))
-        for start, end in zip(cuts[0::2], cuts[1::2], strict=False):
-            found.append(Stroke(np.array([(start, level), (end, level)]) @ _HATCH_TURN, "hatch"))
-    return found
-
-
-def _cuts(chain: Points, level: float) -> np.ndarray:
-    """Places along a level at which a chain crosses it."""
-    above = chain[:, 1] > level
-    changes = np.flatnonzero(above[1:] != above[:-1])
-    start, end = chain[changes], chain[changes + 1]
-    share = (level - start[:, 1]) / (end[:, 1] - start[:, 1])
-    return np.asarray(start[:, 0] + share * (end[:, 0] - start[:, 0]))
+def _cut(word: str, height_mm: float, width_mm: float) -> list[str]:
+    pieces = [""]
+    for letter in word:
+        if pieces[-1] and width_of(pieces[-1] + letter, height_mm) > width_mm:
+            pieces.append("")
+        pieces[-1] += letter
+    return pieces

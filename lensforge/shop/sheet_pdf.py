@@ -4,76 +4,17 @@ matplotlib draws both, so that no browser is needed.
 """
 
 import io
-from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.backends.backend_pdf import PdfPages
-from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from lensforge.report.figure_style import INK, in_report_style
 from lensforge.report.ownership import pdf_mark
-from lensforge.shop.dimension_lines import strokes_of, words_of_dimension
-from lensforge.shop.sheet import LETTERS, PENS, PenName, Points, Sheet, Stroke, Words
-from lensforge.shop.sheet_text import MM_PER_POINT, PITCH, TYPEFACE, points_of, row, row_height, wrapped
-
-_MM_PER_INCH = 25.4
-
-
-@in_report_style
-def sheet_figure(sheet: Sheet) -> Figure:
-    """The sheet at its size; a millimetre on paper is one unit of its axes."""
-    width, height = sheet.size_mm
-    figure = Figure(figsize=(width / _MM_PER_INCH, height / _MM_PER_INCH))
-    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0.0, width), ylim=(0.0, height), aspect="equal")
-    axes.set_axis_off()
-    strokes = [*sheet.strokes, *(stroke for each in sheet.dimensions for stroke in strokes_of(each))]
-    _add_lines(axes, strokes, sheet.unit_mm)
-    for words in (*sheet.words, *(words_of_dimension(each) for each in sheet.dimensions)):
-        _add_words(axes, words)
-    return figure
-
-
-def _add_lines(axes: Axes, strokes: list[Stroke], unit: float) -> None:
-    lines: dict[PenName, list[Points]] = defaultdict(list)
-    for stroke in strokes:
-        if not stroke.filled:
-            lines[stroke.pen].append(_chain(stroke))
-    for name, chains in lines.items():
-        pen = PENS[name]
-        width = pen.width_mm * unit / MM_PER_POINT
-        dashes = (0.0, tuple(length / pen.width_mm for length in pen.dashes_mm)) if pen.dashes_mm else "solid"
-        axes.add_collection(
-            LineCollection(chains, colors=INK, linewidths=width, linestyles=[dashes], capstyle="round", clip_on=False)
-        )
-    filled = [stroke.points for stroke in strokes if stroke.filled]
-    axes.add_collection(PolyCollection(filled, facecolors=INK, edgecolors="none", clip_on=False))
-
-
-def _chain(stroke: Stroke) -> Points:
-    return np.vstack([stroke.points, stroke.points[:1]]) if stroke.closed else stroke.points
-
-
-def _add_words(axes: Axes, words: Words) -> None:
-    """The text; its base line is half of the capitals' height below the middle."""
-    x, y = words.at
-    shift = 0.5 * words.height_mm
-    place = (x, y - shift) if words.turned_deg == 0 else (x + shift, y)
-    axes.text(
-        *place,
-        words.text,
-        size=points_of(words.height_mm),
-        family=TYPEFACE,
-        ha=words.anchor,
-        va="baseline",
-        rotation=words.turned_deg,
-        rotation_mode="anchor",
-    )
-
+from lensforge.shop.sheet import LETTERS, Marks, Sheet, Words, wrapped
+from lensforge.shop.sheet_marks import PITCH, row, row_height
+from lensforge.shop.sheet_writers import sheet_figure
 
 _A4 = (8.27, 11.69)
 _DPI = 300
@@ -105,8 +46,7 @@ class Table:
 class _Page:
     """A page while it is filled from the top."""
 
-    strokes: list[Stroke] = field(default_factory=list)
-    words: list[Words] = field(default_factory=list)
+    marks: Marks = field(default_factory=Marks)
     top: float = _TOP
 
     def has_room(self, height: float) -> bool:
@@ -114,12 +54,11 @@ class _Page:
 
     def add_line(self, text: str) -> None:
         height = PITCH * LETTERS * _UNIT
-        self.words.append(Words((_LEFT, self.top - 0.5 * height), text, LETTERS * _UNIT))
+        self.marks.words.append(Words((_LEFT, self.top - 0.5 * height), text, LETTERS * _UNIT))
         self.top -= height
 
     def add_row(self, texts: Sequence[str], widths: Sequence[float]) -> None:
-        strokes, words = row(_LEFT, self.top, texts, widths, _UNIT)
-        self.strokes, self.words = [*self.strokes, *strokes], [*self.words, *words]
+        self.marks.add(row(_LEFT, self.top, texts, widths, _UNIT))
         self.top -= row_height(texts, widths, _UNIT)
 
 
@@ -129,9 +68,8 @@ def pdf_of(title: str, drawing: Figure, tables: Sequence[Table], pictures: Pictu
     with PdfPages(buffer, metadata={**_NO_DATE, "Title": title}) as pages:
         pages.savefig(drawing)
         for number, page in enumerate(_filled(tables), start=2):
-            foot = Words((_LEFT, 0.5 * _BOTTOM), f"{title}, page {number}", LETTERS * _UNIT)
-            strokes, words = tuple(page.strokes), (*page.words, foot)
-            pages.savefig(sheet_figure(Sheet("A4", _SIZE_MM, _UNIT, 1.0, title, (0.0, 0.0), strokes, words, ())))
+            page.marks.words.append(Words((_LEFT, 0.5 * _BOTTOM), f"{title}, page {number}", LETTERS * _UNIT))
+            pages.savefig(sheet_figure(Sheet("A4", _SIZE_MM, _UNIT, 1.0, title, (0.0, 0.0), page.marks)))
         if pictures:
             pages.savefig(_picture_page(pictures))
     return buffer.getvalue() + pdf_mark()

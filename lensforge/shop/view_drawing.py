@@ -1,10 +1,13 @@
-"""The views on paper at a scale: outlines, hatching, axes, dimensions and datum symbols, and the room they need."""
+"""The views on paper at a scale: outlines, hatching, axes, dimensions and datum symbols, and the room they need.
 
-from dataclasses import dataclass, field
+Dimension lines stand beside a view, the smallest nearest to the part, so that no text meets another or a line.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lensforge.shop.dimension_lines import Side, occupied, placed, words_of_dimension
 from lensforge.shop.dimensions import DatumScheme, Dimension, View
 from lensforge.shop.sheet import (
     LETTERS,
@@ -15,14 +18,22 @@ from lensforge.shop.sheet import (
     Points,
     Stroke,
     Words,
+    box_of,
+    shown,
+    width_of,
+)
+from lensforge.shop.sheet_marks import (
+    ARROW,
+    TAIL,
     axes_mark,
     datum_symbol,
     hatch,
+    occupied,
     section_plane,
-    shown,
+    text_span,
     turned_mark,
+    words_of_dimension,
 )
-from lensforge.shop.sheet_text import box_of
 from lensforge.shop.view_lines import SectionView, ViewLine
 
 _FIRST, _ROW, _GAP = 8.0, 7.0, 14.0  # mm on A3: to the first line, between lines, between views
@@ -72,33 +83,16 @@ class ViewContent:
         return [each for each in self.dimensions if each.ends is not None and each.view == view]
 
 
-@dataclass
-class Views:
-    """The views as drawn; grows while they are."""
-
-    strokes: list[Stroke] = field(default_factory=list)
-    words: list[Words] = field(default_factory=list)
-    dimensions: list[LinearDimension] = field(default_factory=list)
-
-    def add(self, marks: Marks) -> None:
-        """Add strokes and words."""
-        self.strokes += marks[0]
-        self.words += marks[1]
-
-    @property
-    def box(self) -> Box:
-        """The room on paper that all of it needs."""
-        boxes = [_box(stroke.points) for stroke in self.strokes]
-        boxes += [box_of(words) for words in self.words]
-        boxes += [box_of(words_of_dimension(each)) for each in self.dimensions]
-        for each in self.dimensions:
-            low, high = occupied(each)
-            horizontal = each.turned_deg == 0
-            boxes.append(
-                (low, each.line_mm, high, each.line_mm) if horizontal else (each.line_mm, low, each.line_mm, high)
-            )
-        low, high = np.array(boxes)[:, :2].min(axis=0), np.array(boxes)[:, 2:].max(axis=0)
-        return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+def room_of(marks: Marks) -> Box:
+    """The room on paper that all of it needs."""
+    boxes = [_box(stroke.points) for stroke in marks.strokes]
+    boxes += [box_of(words) for words in marks.words]
+    boxes += [box_of(words_of_dimension(each)) for each in marks.dimensions]
+    for each in marks.dimensions:
+        (low, high), line = occupied(each), each.line_mm
+        boxes.append((low, line, high, line) if each.turned_deg == 0 else (line, low, line, high))
+    low, high = np.array(boxes)[:, :2].min(axis=0), np.array(boxes)[:, 2:].max(axis=0)
+    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
 
 def _box(points: Points) -> Box:
@@ -106,26 +100,26 @@ def _box(points: Points) -> Box:
     return float(left), float(bottom), float(right), float(top)
 
 
-def draw_views(content: ViewContent, scale: float, unit: float, origin: Place) -> Views:
+def draw_views(content: ViewContent, scale: float, unit: float, origin: Place) -> Marks:
     """All views, the origin of the part in the section S-S at ``origin`` on paper."""
-    views = Views()
+    views = Marks()
     top = origin[1] + scale * content.half_height
     _draw_section(views, content, content.sections[0], scale, unit, origin, top)
-    lowest = views.box[1]
-    left = views.box[0] - _GAP * unit - scale * content.dome_box[2]
-    right = views.box[2] + _GAP * unit - scale * content.base_box[0]
+    lowest = room_of(views)[1]
+    left = room_of(views)[0] - _GAP * unit - scale * content.dome_box[2]
+    right = room_of(views)[2] + _GAP * unit - scale * content.base_box[0]
     _draw_base(views, content, scale, unit, (right, origin[1]), top, lowest)
     for section in content.sections[1:]:
-        drawn = Views()
+        drawn = Marks()
         _draw_section(drawn, content, section, scale, unit, (0.0, origin[1]), top)
-        at = views.box[2] + _GAP * unit - drawn.box[0]
+        at = room_of(views)[2] + _GAP * unit - room_of(drawn)[0]
         _draw_section(views, content, section, scale, unit, (at, origin[1]), top)
     _draw_dome(views, content, scale, unit, (left, origin[1]), top)
     return views
 
 
 def _draw_section(
-    views: Views, content: ViewContent, section: SectionView, scale: float, unit: float, origin: Place, above: float
+    views: Marks, content: ViewContent, section: SectionView, scale: float, unit: float, origin: Place, above: float
 ) -> None:
     outlines = [scale * outline + origin for outline in section.outlines]
     low, bottom, high, _ = (scale * value for value in content.section_box(section))
@@ -169,7 +163,7 @@ def _rim_is_beside(dimension: Dimension, section: SectionView) -> bool:
 
 
 def _draw_base(
-    views: Views, content: ViewContent, scale: float, unit: float, centre: Place, above: float, lowest: float
+    views: Marks, content: ViewContent, scale: float, unit: float, centre: Place, above: float, lowest: float
 ) -> None:
     views.strokes += [Stroke(scale * line.points + centre, line.pen, closed=line.closed) for line in content.base]
     left, bottom, right, top = (scale * value for value in content.base_box)
@@ -188,7 +182,7 @@ def _draw_base(
     views.add(axes_mark((x + right - 6.0 * unit, above + 12.0 * unit), "y", "x", unit))
 
 
-def _draw_dome(views: Views, content: ViewContent, scale: float, unit: float, centre: Place, above: float) -> None:
+def _draw_dome(views: Marks, content: ViewContent, scale: float, unit: float, centre: Place, above: float) -> None:
     views.strokes += [Stroke(scale * line.points + centre, line.pen, closed=line.closed) for line in content.dome]
     left, bottom, right, top = (scale * value for value in content.dome_box)
     x, y = centre
@@ -202,7 +196,7 @@ def _draw_dome(views: Views, content: ViewContent, scale: float, unit: float, ce
     views.add(axes_mark((x + left + 6.0 * unit, above + 12.0 * unit), "y", "x", unit, towards=-1.0))
 
 
-def _add_axes(views: Views, centre: Place, box: Box, unit: float) -> None:
+def _add_axes(views: Marks, centre: Place, box: Box, unit: float) -> None:
     """Axes of a view along the axis, across all of it."""
     (x, y), (left, bottom, right, top), more = centre, box, 4.0 * unit
     views.strokes.append(Stroke(np.array([(x + left - more, y), (x + right + more, y)]), "axis"))
@@ -238,7 +232,7 @@ def _on_paper(dimension: Dimension, scale: float, unit: float, origin: Place) ->
     )
 
 
-def _add_plane(views: Views, datums: DatumScheme, scale: float, unit: float, foot: Place, lowest: float) -> None:
+def _add_plane(views: Marks, datums: DatumScheme, scale: float, unit: float, foot: Place, lowest: float) -> None:
     """The symbol of a plane across the axis, on a line that extends it below the dimensions."""
     plane = datums.find("A")
     if plane is None or plane.z_mm is None:
@@ -248,7 +242,7 @@ def _add_plane(views: Views, datums: DatumScheme, scale: float, unit: float, foo
     views.add(datum_symbol((x, end + 3.0 * unit), (-1.0, 0.0), "A", unit))
 
 
-def _add_centre(views: Views, datums: DatumScheme, lines: list[LinearDimension], unit: float) -> None:
+def _add_centre(views: Marks, datums: DatumScheme, lines: list[LinearDimension], unit: float) -> None:
     """The symbols of axes and middle planes, in line with the dimensions of their features, beyond all others."""
     far = max((occupied(line)[1] for line in lines), default=0.0)
     for datum in datums.datums:
@@ -261,3 +255,85 @@ def _add_centre(views: Views, datums: DatumScheme, lines: list[LinearDimension],
             else:
                 at, towards = (line.ends_mm[1], line.line_mm), (1.0, 0.0)
             views.add(datum_symbol(at, towards, datum.letter, unit, leader))
+
+
+@dataclass(frozen=True)
+class Side:
+    """A side of a view: the first dimension line there, and from each to the next (mm, negative to left and down).
+
+    ``through_mm``: places along the dimension lines at which other lines cross all of them.
+    """
+
+    first_mm: float
+    step_mm: float
+    through_mm: tuple[float, ...] = ()
+
+
+def placed(dimensions: list[LinearDimension], side: Side) -> list[LinearDimension]:
+    """``dimensions`` at a ``side``, each with its line and the place of its text."""
+    rows: list[list[LinearDimension]] = []
+    waiting = sorted(dimensions, key=lambda each: each.length_mm)
+    while waiting:
+        dimension = waiting.pop(0)
+        ends = [*side.through_mm, *(end for other in waiting for end in other.ends_mm)]  # they will come past it
+        number, found = _best(dimension, rows, side, ends)
+        if number == len(rows):
+            rows.append([])
+        rows[number].append(found)
+    return [dimension for row in rows for dimension in row]
+
+
+def _best(
+    dimension: LinearDimension, rows: list[list[LinearDimension]], side: Side, ends: list[float]
+) -> tuple[int, LinearDimension]:
+    """Row and place: the nearest row in which the text is clear of all lines, also of those to come if possible."""
+    for coming in (ends, []):
+        for number in range(len(rows) + 1):
+            for candidate in _candidates(dimension, side.first_mm + number * side.step_mm, coming):
+                if _is_free(candidate, number, rows, coming):
+                    return number, candidate
+    last = len(rows)
+    return last, next(_candidates(dimension, side.first_mm + last * side.step_mm, []))
+
+
+def _candidates(dimension: LinearDimension, line_mm: float, lines: list[float]) -> Iterator[LinearDimension]:
+    """The dimension with its text in the middle, near an end, outside, or just beyond one of ``lines`` outside."""
+    low, high = dimension.ends_mm
+    size, text = dimension.height_mm, width_of(dimension.text, dimension.height_mm)
+    room = high - low - text - 2.4 * ARROW * size
+    middle, outside = 0.5 * (low + high), 0.5 * text + (ARROW + TAIL) * size
+    places = [middle, middle + 0.45 * room, middle - 0.45 * room] if room > 0.0 else []
+    places += [high + outside, low - outside]
+    past = 0.5 * text + 0.7 * size
+    beyond = [line + past for line in lines if line + past > high + outside]
+    beyond += [line - past for line in lines if line - past < low - outside]
+    for place in (*places, *sorted(beyond, key=lambda each: abs(each - middle))):
+        yield _at(dimension, line_mm, place)
+
+
+def _at(dimension: LinearDimension, line_mm: float, text_mm: float) -> LinearDimension:
+    return replace(dimension, line_mm=line_mm, text_mm=text_mm)
+
+
+def _is_free(candidate: LinearDimension, number: int, rows: list[list[LinearDimension]], coming: list[float]) -> bool:
+    gap = 0.6 * candidate.height_mm
+    own = candidate.ends_mm
+    if any(_within(end, text_span(candidate), gap) for end in coming if end not in own):
+        return False
+    if number < len(rows) and any(_meet(occupied(candidate), occupied(other), gap) for other in rows[number]):
+        return False
+    for k, row in enumerate(rows):
+        for other in row:
+            if k < number and any(_within(end, text_span(other), gap) for end in candidate.ends_mm):
+                return False
+            if k > number and any(_within(end, text_span(candidate), gap) for end in other.ends_mm):
+                return False
+    return True
+
+
+def _meet(one: tuple[float, float], other: tuple[float, float], gap: float) -> bool:
+    return one[0] < other[1] + gap and other[0] < one[1] + gap
+
+
+def _within(place: float, span: tuple[float, float], gap: float) -> bool:
+    return span[0] - gap < place < span[1] + gap

@@ -92,14 +92,11 @@ def test_palette_with_transparency(light):
 )
 @pytest.mark.parametrize("kind", ["uint8", "uint16", "float32"])
 @pytest.mark.parametrize("channels", [1, 3])
-def test_tiff(light, refused, order, options, kind, channels):
+def test_tiff(light, order, options, kind, channels):
     values = numbers(kind, channels)
     file = tiff(values, order, **options)
     if kind == "float32" and "predictor" in options:
         return  # differences are of whole numbers
-    if kind == "float32" and channels == 3:
-        assert "TIFF" in refused(file)
-        return
     stored = values / (np.iinfo(kind).max if kind != "float32" else 1.0)
     expected = stored @ LUMA if channels == 3 else stored[..., 0]
     np.testing.assert_allclose(light(file), expected, rtol=0, atol=1e-5 if channels == 3 else 0.0)
@@ -191,7 +188,7 @@ def test_profiles_count_where_values_are_decoded(light, refused):
         + (int.from_bytes(own[start + 12 : start + 16], "big") + 2000).to_bytes(4, "big")
         + own[start + 16 :]
     )
-    assert "other primaries" in refused(_with_profile(colours, other), "srgb")
+    assert "not that of sRGB" in refused(_with_profile(colours, other), "srgb")
     np.testing.assert_allclose(light(_with_profile(colours, other)), colours / 255 @ LUMA, atol=1e-5)
     lab = ImageCms.ImageCmsProfile(ImageCms.createProfile("LAB")).tobytes()
     assert "colour profile" in refused(_with_profile(colours, lab), "srgb")

@@ -1,6 +1,6 @@
 """Ray files from anywhere, and names that are none: refused in one line, quickly and without memory, or read right.
 
-The broad search is test_fuzz.py.
+The broad search is test_hostile_files.py.
 """
 
 import os

@@ -28,7 +28,7 @@ def test_what_differs_is_seen() -> None:
     again = wanted | {"c.html": pages[1]}
 
     def seen(**change: bytes) -> list[str]:
-        names = {"a": "a.json", "b": "b.npz", "c": "c.html", "left": ".writing-x"}
+        names = {"a": "a.json", "b": "b.npz", "c": "c.html", "left": ".lensforge-writing-x"}
         return differences(wanted | {names[key]: value for key, value in change.items()}, wanted, again)
 
     times = record | {"seconds": 9.0, "content_sha256": "b"}
@@ -40,5 +40,5 @@ def test_what_differs_is_seen() -> None:
     found = b"<p>on 2026-11-23 20:08 UTC, 1.7 s (stages can run side by side)</p>\n<i>1</i>"
     assert differences({"c.html": found}, {"c.html": one}, {"c.html": two}) == []
     assert differences({"c.dxf": b"1"}, {"c.dxf": b"0"}, {"c.dxf": b"1"}) == ["other bits: c.dxf"], "each time another"
-    assert seen(left=b"") == ["left over: .writing-x"]
+    assert seen(left=b"") == ["left over: .lensforge-writing-x"]
     assert differences({}, {"b.npz": b"01"}, {"b.npz": b"01"}) == ["missing: b.npz"]

@@ -13,7 +13,7 @@ import lensforge as lf
 from lensforge.cli.cli import cli
 from lensforge.cli.rounded import count, figure
 from lensforge.cli.screen import Block, print_screen
-from lensforge.cli.stage_line import duration
+from lensforge.cli.stage_clock import duration
 from lensforge.cli.summary import summary
 
 _NUMBER = re.compile(r"(?<![\w.])-?\d[\d,]*(?:\.\d+)?(?:e[+-]\d+)?")

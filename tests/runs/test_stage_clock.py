@@ -1,9 +1,6 @@
 """Lines of the stages on stderr: on a terminal with a clock, in a pipe once each has ended."""
 
-import os
 import re
-import subprocess
-import sys
 import time
 
 import pytest
@@ -94,35 +91,3 @@ def test_the_amounts_of_a_budget_are_one_stage(capsys: pytest.CaptureFixture[str
             progress.on_stage(words)
     names = [line[:12].strip() for line in capsys.readouterr().err.splitlines()]
     assert names == ["yield", "parts", "budget", "worst parts"]
-
-
-_HOLDS_THE_LOCK = """
-import ctypes
-from lensforge.cli.stage_clock import StageClock
-with StageClock("export") as clock:
-    clock.show("faces")
-    ctypes.PyDLL(None).sleep(3)
-"""
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
-def test_the_clock_goes_on_while_a_library_holds_the_lock_of_python() -> None:
-    import pty
-
-    leader, follower = pty.openpty()
-    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "60"}
-    command = [sys.executable, "-c", _HOLDS_THE_LOCK]
-    with subprocess.Popen(command, stderr=follower, stdin=follower, env=environment) as process:
-        os.close(follower)
-        shown = b""
-        while True:
-            try:
-                shown += os.read(leader, 4096)
-            except OSError:  # the last writer has closed it
-                break
-    os.close(leader)
-    lines = frames(shown.decode())
-    times = {found.group(1) for line in lines if (found := re.search(r"export +([\d.]+) s  faces", line))}
-    assert process.returncode == 0
-    assert len({seconds for seconds in times if 1.2 < float(seconds) < 2.9}) >= 4, lines
-    assert re.fullmatch(r"export +3\.\d s  faces", lines[-1]), "the line that stays"

@@ -18,14 +18,13 @@ from lensforge.cad.part_export import build_part, signed_step
 from lensforge.cad.plan import make_plan
 from lensforge.cad.solid import build_solid
 from lensforge.errors import InputError
-from lensforge.shop.dimension_lines import strokes_of, words_of_dimension
 from lensforge.shop.dimensions import clocking_flat, datum_scheme, dimensions, widest_mm
-from lensforge.shop.drawing import SCALES, SIZES, drawing_content, make_sheet
-from lensforge.shop.sheet import shown
-from lensforge.shop.sheet_dxf import sheet_dxf
-from lensforge.shop.sheet_pdf import Table, pdf_of, sheet_figure
-from lensforge.shop.sheet_tables import index_wavelength, scale_words
-from lensforge.shop.sheet_text import box_of, shortened, width_of, wrapped
+from lensforge.shop.drawing import SCALES, SIZES, drawing_content, make_sheet, scale_words
+from lensforge.shop.sheet import box_of, shortened, shown, width_of, wrapped
+from lensforge.shop.sheet_marks import strokes_of, words_of_dimension
+from lensforge.shop.sheet_pdf import Table, pdf_of
+from lensforge.shop.sheet_tables import index_wavelength
+from lensforge.shop.sheet_writers import sheet_dxf, sheet_figure
 from lensforge.shop.tolerance_table import tolerance_table
 from lensforge.spec.part_section import read_drawing
 from lensforge.surfaces.srbf import fibonacci_hemisphere
@@ -87,7 +86,7 @@ def read_back(sheet):
 
 
 def all_words(sheet):
-    return [*sheet.words, *(words_of_dimension(each) for each in sheet.dimensions)]
+    return [*sheet.marks.words, *(words_of_dimension(each) for each in sheet.marks.dimensions)]
 
 
 @pytest.mark.parametrize("name", BASES)
@@ -139,7 +138,7 @@ def test_no_text_meets_another_nor_a_line_of_a_dimension_nor_the_edge(drawings, 
     boxes = [(words.text, box_of(words)) for words in all_words(sheet)]
     for (first, a), (second, b) in combinations(boxes, 2):
         assert a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1], f"{first!r} and {second!r} collide"
-    lines = [stroke.points for each in sheet.dimensions for stroke in strokes_of(each) if not stroke.filled]
+    lines = [stroke.points for each in sheet.marks.dimensions for stroke in strokes_of(each) if not stroke.filled]
     for text, (left, bottom, right, top) in boxes:
         assert left > 20.0 and bottom > 10.0 and right < sheet.size_mm[0] - 10.0 and top < sheet.size_mm[1] - 10.0
         for (x1, y1), (x2, y2) in lines:
@@ -152,9 +151,11 @@ def test_the_scale_is_one_of_iso_5455_and_the_views_have_it(parts, drawings):
         assert sheet.scale in {2.0, 5.0, 10.0}, name
         points = np.concatenate(content.views.sections[0].outlines)
         low, high = points[:, 0].min(), points[:, 0].max()
-        lengths = [np.ptp(stroke.points[:, 0]) for stroke in sheet.strokes if stroke.pen == "outline" and stroke.closed]
+        lengths = [
+            np.ptp(stroke.points[:, 0]) for stroke in sheet.marks.strokes if stroke.pen == "outline" and stroke.closed
+        ]
         assert any(length == pytest.approx(sheet.scale * (high - low), abs=1e-9) for length in lengths)
-        assert any(words.text == f"Scale: {sheet.scale:g} : 1" for words in sheet.words)
+        assert any(words.text == f"Scale: {sheet.scale:g} : 1" for words in sheet.marks.words)
     content, _ = drawings["full"]
     for wanted, size in SIZES.items():
         sheet = make_sheet(content, wanted)
@@ -205,7 +206,7 @@ def test_the_datums_are_features_of_the_part(parts, drawings, name, faces, absen
         assert words not in text
     for word in re.findall(r"\b(?:BASE|RIM|OPTICAL)[A-Z_]*\b", text):
         assert any(face.startswith(word) for face in part.faces.names), word
-    letters = [words.text for words in drawings[name][1].words if words.text in ("A", "B", "C")]
+    letters = [words.text for words in drawings[name][1].marks.words if words.text in ("A", "B", "C")]
     assert sorted(letters) == sorted(datum.letter for datum in scheme.datums), "each symbol once"
 
 
@@ -220,7 +221,7 @@ def test_the_plane_that_the_step_carries_is_datum_a(parts, part_of):
 
 
 def test_sizes_of_freeform_faces_are_auxiliary_and_the_others_bare(drawings):
-    texts = {each.name: each.text for each in drawings["full"][1].dimensions}
+    texts = {each.name: each.text for each in drawings["full"][1].marks.dimensions}
     assert texts["diameter of the base"] == "⌀16.000 general"
     assert texts["diameter of the pocket"] == "⌀7.000 general"
     assert texts["depth of the relief step below z = 0"] == "0.400 general"
@@ -287,11 +288,11 @@ def test_long_words_are_cut_to_their_cells_and_notes_that_do_not_fit_say_so(chec
     lens = small_lens(ROUND, {"author": long}, drawing={"part_name": long, "general_tolerances": long})
     content, _ = content_of(lens, part_of(lens), check)
     sheet = make_sheet(replace(content, notes=[*content.notes, *[long] * 20]))
-    for words in sheet.words:
+    for words in sheet.marks.words:
         left, _, right, _ = box_of(words)
         assert left > 20.0 and right < sheet.size_mm[0] - 10.0, words.text
-    assert any(words.text.endswith("…") and words.text.startswith("Drawn: x") for words in sheet.words)
-    assert sum(words.text.startswith("More notes") for words in sheet.words) == 1
+    assert any(words.text.endswith("…") and words.text.startswith("Drawn: x") for words in sheet.marks.words)
+    assert sum(words.text.startswith("More notes") for words in sheet.marks.words) == 1
 
 
 @pytest.mark.parametrize("name", ["none", "square"])
@@ -378,9 +379,9 @@ def test_the_second_section_is_cut_where_the_part_differs_and_named_where_it_is_
         distance = np.linalg.norm(directions, axis=1)
         radii = [face.radius(directions / distance[:, None]) for face in (lens.inner, lens.outer)]
         assert np.minimum(*(np.abs(radius - distance) for radius in radii)).max() < 1e-9
-    texts = [words.text for words in sheet.words]
+    texts = [words.text for words in sheet.marks.words]
     assert texts.count("S") == texts.count("T") == 2 and "S–S" in texts and "T–T" in texts
-    level = [words.at for words in sheet.words if words.text == "T"]
+    level = [words.at for words in sheet.marks.words if words.text == "T"]
     assert level[0][1] == pytest.approx(level[1][1]), "the plane x = 0 is level in the view from the base"
 
 
@@ -397,7 +398,7 @@ def test_the_dome_is_seen_from_above_to_the_left_and_its_circle_holds_it(parts, 
     for k in range(0, 360, 36):
         near = np.abs(np.angle(np.exp(1j * (at - turn[k])))) < 0.02
         assert np.hypot(points[near, 0], points[near, 1]).max() == pytest.approx(np.hypot(*dome[k]), abs=0.03)
-    lines = {each.name: each for each in sheet.dimensions}
+    lines = {each.name: each for each in sheet.marks.dimensions}
     assert lines["width of the dome"].end[0] < lines["outer apex above z = 0"].start[0], "first angle"
 
 

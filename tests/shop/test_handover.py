@@ -15,9 +15,10 @@ from lensforge.errors import InputError, MissingResult
 from lensforge.results.criteria import Criterion
 from lensforge.runs.results import Results
 from lensforge.shop.check_result import Finding
+from lensforge.shop.dense_table import GridRequest
 from lensforge.shop.dimensions import dimensions, highest_point_mm
-from lensforge.shop.handover_files import face_facts, make_handover
-from lensforge.shop.point_grids import GridRequest
+from lensforge.shop.handover_files import face_facts
+from lensforge.shop.shop_files import make_handover
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 COARSE = GridRequest(spacing_mm=0.4)
@@ -94,18 +95,14 @@ def test_page_and_pdf_say_what_the_shop_must_know(results, handed):
     assert "http" not in re.sub(r"http://www\.w3\.org/[^\"]*", "", page), "one page, nothing fetched"
     for verdict in results.check.verdicts:
         assert f"{verdict.name}, {verdict.surface}" in page
-    content = (
-        {
-            "lens.step": results.part.step,
-            "lens.stl": results.part.stl,
-            "lens.3mf": results.part.threemf,
-            "points.csv": handed.points_csv,
-            "sag.csv": handed.sag_csv,
-            "drawing.dxf": handed.dxf,
-        }
-        | {grid.file: grid.content for grid in handed.grids}
-        | handed.clouds
-    )
+    content = {
+        "lens.step": results.part.step,
+        "lens.stl": results.part.stl,
+        "lens.3mf": results.part.threemf,
+        "points.csv": handed.points_csv,
+        "sag.csv": handed.sag_csv,
+        "drawing.dxf": handed.dxf,
+    } | {grid.file: grid.content for grid in handed.grids}
     assert handed.sha256 == {name: hashlib.sha256(each).hexdigest() for name, each in content.items()}
     for digest in handed.sha256.values():
         assert digest in page
@@ -121,18 +118,13 @@ def test_the_same_results_give_the_same_bytes(results, handed):
 def test_what_is_saved_is_what_the_record_holds(handed, tmp_path):
     handed.save(tmp_path / "to_the_shop")
     written = {path.name: path.read_bytes() for path in (tmp_path / "to_the_shop").iterdir()}
-    assert (
-        written
-        == {
-            "manufacturing.html": handed.html,
-            "manufacturing.pdf": handed.pdf,
-            "drawing.dxf": handed.dxf,
-            "points.csv": handed.points_csv,
-            "sag.csv": handed.sag_csv,
-        }
-        | {grid.file: grid.content for grid in handed.grids}
-        | handed.clouds
-    )
+    assert written == {
+        "manufacturing.html": handed.html,
+        "manufacturing.pdf": handed.pdf,
+        "drawing.dxf": handed.dxf,
+        "points.csv": handed.points_csv,
+        "sag.csv": handed.sag_csv,
+    } | {grid.file: grid.content for grid in handed.grids}
     (tmp_path / "file").write_bytes(b"")
     with pytest.raises(InputError, match="cannot be written"):
         handed.save(tmp_path / "file" / "folder")
@@ -160,7 +152,7 @@ def test_a_notebook_shows_the_page_in_a_frame(handed):
 @pytest.fixture
 def no_pdf(monkeypatch):
     """A handover without its PDF, which takes half of the time: for tests of the page and the tables."""
-    monkeypatch.setattr("lensforge.shop.handover_files.pdf_of", lambda *_: b"")
+    monkeypatch.setattr("lensforge.shop.shop_files.pdf_of", lambda *_: b"")
 
 
 @pytest.mark.usefixtures("no_pdf")
@@ -175,7 +167,7 @@ def test_what_the_shop_cannot_do_and_what_could_not_be_measured_is_said(results)
     assert [verdict.reason for verdict in handed.refused] == ["no ball fits"]
     page = handed.html.decode("utf-8")
     assert '<td class="no">no</td><td>no ball fits</td>' in page
-    assert '<td class="number">not measured</td><td class="number">≥ 1 mm</td><td class="no">no</td>' in page
+    assert '<td>not measured</td><td>≥ 1 mm</td><td class="no">no</td>' in page
 
 
 @pytest.mark.parametrize(("absent", "command"), [("export", "export"), ("check", "check")])

@@ -1,22 +1,98 @@
-"""The sheet as DXF, by ezdxf: the part at its true size in mm, its dimensions as dimensions, the sheet around it.
+"""The sheet as a figure of matplotlib, from which SVG and PDF are made, and as DXF, by ezdxf.
 
-In model space one unit is a millimetre of the part, and the origin is that of the part in the section: x there is z
-of the part, y is its x. Frame, texts and arrows are divided by the scale. A layout of the sheet's size shows all of it
-at the scale, so that it prints true. Signs that the typefaces of CAD programs lack are written out.
+Both are vectors and true to scale. ezdxf's drawing add-on makes SVG and PDF of a DXF, too: its texts are outlines, in a
+typeface of the machine, which nobody can search or copy, and the SVG is seven times as large.
+
+The DXF has the part at its true size: in model space one unit is a millimetre of the part, and the origin is that of
+the part in the section: x there is z of the part, y is its x. Its dimensions are dimensions. Frame, texts and arrows
+are divided by the scale. A layout of the sheet's size shows all of it at the scale, so that it prints true. Signs that
+the typefaces of CAD programs lack are written out.
 """
 
 import io
+from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
 
-from lensforge.shop.dimension_lines import ARROW, BEYOND, words_of_dimension
-from lensforge.shop.sheet import PENS, LinearDimension, Place, Points, Sheet, Stroke, Words
+from lensforge.report.figure_style import INK, in_report_style
+from lensforge.shop.sheet import (
+    MM_PER_POINT,
+    PENS,
+    TYPEFACE,
+    LinearDimension,
+    PenName,
+    Place,
+    Points,
+    Sheet,
+    Stroke,
+    Words,
+    points_of,
+)
+from lensforge.shop.sheet_marks import ARROW, BEYOND, strokes_of, words_of_dimension
 
 if TYPE_CHECKING:
     from ezdxf.document import Drawing
+
+_MM_PER_INCH = 25.4
+
+
+@in_report_style
+def sheet_figure(sheet: Sheet) -> Figure:
+    """The sheet at its size; a millimetre on paper is one unit of its axes."""
+    width, height = sheet.size_mm
+    figure = Figure(figsize=(width / _MM_PER_INCH, height / _MM_PER_INCH))
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0.0, width), ylim=(0.0, height), aspect="equal")
+    axes.set_axis_off()
+    marks = sheet.marks
+    strokes = [*marks.strokes, *(stroke for each in marks.dimensions for stroke in strokes_of(each))]
+    _add_lines(axes, strokes, sheet.unit_mm)
+    for words in (*marks.words, *map(words_of_dimension, marks.dimensions)):
+        _write_words(axes, words)
+    return figure
+
+
+def _add_lines(axes: Axes, strokes: list[Stroke], unit: float) -> None:
+    lines: dict[PenName, list[Points]] = defaultdict(list)
+    for stroke in strokes:
+        if not stroke.filled:
+            lines[stroke.pen].append(_chain(stroke))
+    for name, chains in lines.items():
+        pen = PENS[name]
+        width = pen.width_mm * unit / MM_PER_POINT
+        dashes = (0.0, tuple(length / pen.width_mm for length in pen.dashes_mm)) if pen.dashes_mm else "solid"
+        axes.add_collection(
+            LineCollection(chains, colors=INK, linewidths=width, linestyles=[dashes], capstyle="round", clip_on=False)
+        )
+    filled = [stroke.points for stroke in strokes if stroke.filled]
+    axes.add_collection(PolyCollection(filled, facecolors=INK, edgecolors="none", clip_on=False))
+
+
+def _chain(stroke: Stroke) -> Points:
+    return np.vstack([stroke.points, stroke.points[:1]]) if stroke.closed else stroke.points
+
+
+def _write_words(axes: Axes, words: Words) -> None:
+    """The text; its base line is half of the capitals' height below the middle."""
+    x, y = words.at
+    shift = 0.5 * words.height_mm
+    place = (x, y - shift) if words.turned_deg == 0 else (x + shift, y)
+    axes.text(
+        *place,
+        words.text,
+        size=points_of(words.height_mm),
+        family=TYPEFACE,
+        ha=words.anchor,
+        va="baseline",
+        rotation=words.turned_deg,
+        rotation_mode="anchor",
+    )
+
 
 _VERSION, _STYLE, _ALIGN = (
     "R2010",
@@ -45,11 +121,11 @@ def _document(sheet: Sheet) -> "Drawing":
     document.units = units.MM
     document.header["$MEASUREMENT"] = 1
     _add_styles(document, sheet)
-    for stroke in sheet.strokes:
+    for stroke in sheet.marks.strokes:
         _add_stroke(document, sheet, stroke)
-    for words in sheet.words:
+    for words in sheet.marks.words:
         _add_words(document, sheet, words)
-    for dimension in sheet.dimensions:
+    for dimension in sheet.marks.dimensions:
         _add_dimension(document, sheet, dimension)
     _add_layout(document, sheet)
     for kind in sorted(document.entitydb.dxf_types_in_use()):  # ezdxf would name them in the order of a set

@@ -1,6 +1,5 @@
 """Dense tables of points, read back from their files: nodes, offset, stated interpolation error, refusals."""
 
-import io
 import re
 from dataclasses import replace
 from functools import cache
@@ -13,9 +12,17 @@ from round_surfaces import Ball
 from lensforge.cad.part import Signature
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
+from lensforge.shop.dense_table import (
+    COLUMNS,
+    GridRequest,
+    dense_tables,
+    file_name,
+    make_table,
+    polar_end_deg,
+    table_text,
+)
 from lensforge.shop.offset_face import OffsetFace
-from lensforge.shop.point_files import cloud_name, cloud_text, file_name, grid_text
-from lensforge.shop.point_grids import GridRequest, make_grids, make_polar, make_raster, polar_end_deg, raster_extent
+from lensforge.shop.point_files import origin_lines
 from lensforge.spec import parse_spec
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
@@ -53,17 +60,18 @@ def check_of(inner_mm=None, outer_mm=None):
 def written(lens, request, check=None):
     """Head and rows of every table by the name of its file, as a reader has them."""
     found = {}
-    for measured in make_grids(lens, check or check_of(), request):
-        lines = grid_text(measured, lens, PART, request).splitlines()
+    for measured in dense_tables(lens, check or check_of(), request):
+        lines = table_text(measured, origin_lines(lens, PART), request).splitlines()
         head = [line for line in lines if line.startswith("#")]
+        assert lines[len(head)] == COLUMNS
         rows = np.array([[float(value) for value in line.split(",")] for line in lines[len(head) + 1 :]])
-        found[file_name(measured.grid)] = "\n".join(head), lines[len(head)], rows
+        found[file_name(measured.table)] = "\n".join(head), rows
     return found
 
 
 @cache
 def files_of(scheme, error_nm, offset):
-    """A rough lens, and every table of it as a reader has them: what rasters and rings are tested with."""
+    """A rough lens, and the tables of it as a reader has them."""
     lens = lens_of(rough(3.0, 1), rough(6.0, 2))
     request = GridRequest(error_nm=error_nm, interpolation=scheme, offset_outer_mm=offset, offset_inner_mm=offset)
     return lens, written(lens, request)
@@ -97,66 +105,37 @@ def off_surface_nm(points, surface, offset):
 
 @pytest.mark.parametrize(("scheme", "error_nm"), [("bicubic", 50.0), ("linear", 5000.0)])
 @pytest.mark.parametrize("offset", [0.0, 0.3])
-def test_a_raster_read_back_and_interpolated_is_within_its_stated_error(scheme, error_nm, offset):
+def test_a_table_read_back_and_interpolated_is_within_its_stated_error_down_to_the_rim(scheme, error_nm, offset):
     lens, files = files_of(scheme, error_nm, offset)
     for name, side in (("outer", 1.0), ("inner", -1.0)):
-        head, columns, rows = files[f"grid_raster_{name}.csv"]
-        assert columns == "x_mm,y_mm,z_mm"
-        assert stated_nm(head) <= error_nm
-        surface = getattr(lens, name)
-        assert off_surface_nm(rows, surface, side * offset).max() < 2e-3, "the file rounds to 1e-9 mm"
-        step = float(re.search(r"h = (\S+) mm", head).group(1))
-        covered = float(re.search(r"complete cells: within (\S+) mm", head).group(1))
-        index = np.rint(rows[:, :2] / step).astype(int)
-        assert np.abs(rows[:, :2] - step * index).max() < 1e-9
-        z = {(i, k): value for (i, k), value in zip(map(tuple, index), rows[:, 2], strict=True)}
-        rng, count = np.random.default_rng(3), {"bicubic": 4, "linear": 2}[scheme]
-        radius, turn = covered * rng.random(3000) ** 0.1, 2.0 * np.pi * rng.random(3000)  # most where it is steep
-        places = np.stack([radius * np.cos(turn), radius * np.sin(turn)], axis=-1)
-        cell = np.floor(places / step).astype(int)
-        weight_x, weight_y = (lagrange((places / step - cell)[:, axis], count) for axis in (0, 1))
-        around = range(-(count // 2 - 1), count // 2 + 1)
-        near = np.array([[[z[i + a, k + b] for b in around] for a in around] for i, k in cell])
-        between = np.column_stack([places, np.einsum("nab,na,nb->n", near, weight_x, weight_y)])
-        found = off_surface_nm(between, surface, side * offset).max()
-        assert 0.5 * stated_nm(head) < found <= 1.05 * stated_nm(head)
-
-
-@pytest.mark.parametrize(("scheme", "error_nm"), [("bicubic", 50.0), ("linear", 5000.0)])
-@pytest.mark.parametrize("offset", [0.0, 0.3])
-def test_rings_read_back_and_interpolated_are_within_their_stated_error_down_to_the_rim(scheme, error_nm, offset):
-    lens, files = files_of(scheme, error_nm, offset)
-    for name, side in (("outer", 1.0), ("inner", -1.0)):
-        head, columns, rows = files[f"grid_polar_{name}.csv"]
-        assert columns == "polar_deg,azimuth_deg,r_mm,z_mm"
+        head, rows = files[f"grid_{name}.csv"]
         assert stated_nm(head) <= error_nm
         surface = getattr(lens, name)
         turns, rim = int(re.search(r"; (\d+) azimuths", head).group(1)), int(re.search(r"ring (\d+) is", head).group(1))
-        assert rows[0, :3].tolist() == [0.0, 0.0, 0.0] and rows[1, 0] > 0.0, "the apex first, once"
-        rings = rows[1:].reshape(-1, turns, 4)
-        on_face = rings[: rim if offset else rim + 1].reshape(-1, 4)
-        assert off_surface_nm(cartesian(on_face), surface, side * offset).max() < 2e-3
-        seen = np.degrees(np.arctan2(on_face[:, 2], on_face[:, 3]))
-        assert np.abs(seen - on_face[:, 0]).max() < 1e-6
-        end = rings[rim - 1, 0, 0]
+        assert rows[0, :2].tolist() == [0.0, 0.0] and rows[0, 6:].tolist() == [0.0, 0.0] and rows[1, 6] > 0.0, "once"
+        rings = rows[1:].reshape(-1, turns, 8)
+        on_face = rings[: rim if offset else rim + 1].reshape(-1, 8)
+        assert off_surface_nm(on_face[:, :3], surface, side * offset).max() < 2e-3
+        across = np.linalg.norm(on_face[:, :2], axis=1)
+        assert np.abs(np.degrees(np.arctan2(across, on_face[:, 2])) - on_face[:, 6]).max() < 1e-6
+        turned = np.degrees(np.arctan2(on_face[:, 1], on_face[:, 0])) - on_face[:, 7]
+        assert np.abs((turned + 180.0) % 360.0 - 180.0).max() < 1e-5
+        end = rings[rim - 1, 0, 6]
         assert end >= 90.0 - 1e-9 or offset > 0.0
-        apex = np.tile(rows[0], (1, turns, 1))
-        through = np.roll(rings[:1], turns // 2, axis=1) * [1.0, 1.0, -1.0, 1.0]
-        table = np.concatenate([through, apex, rings])[..., 2:]  # its second ring is the apex
+        values = np.stack([np.linalg.norm(rings[..., :2], axis=-1), rings[..., 2]], axis=-1)
+        apex = np.tile([0.0, rows[0, 2]], (1, turns, 1))
+        through = np.roll(values[:1], turns // 2, axis=1) * [-1.0, 1.0]
+        table = np.concatenate([through, apex, values])  # its second ring is the apex
         rng, count = np.random.default_rng(4), {"bicubic": 4, "linear": 2}[scheme]
         t, turn = rim * rng.random(400) ** 0.5, turns * rng.random(400)
         cell, sector = np.minimum(np.floor(t).astype(int), rim - 1), np.floor(turn).astype(int)
         around = np.arange(count) - (count // 2 - 1)
         near = table[(cell[:, None] + around + 1)[:, :, None], ((sector[:, None] + around) % turns)[:, None, :]]
         r, z = np.einsum("nabc,na,nb->cn", near, lagrange(t - cell, count), lagrange(turn - sector, count))
-        between = cartesian(np.column_stack([t, 360.0 / turns * turn, r, z]))
+        azimuth = 2.0 * np.pi / turns * turn
+        between = np.column_stack([r * np.cos(azimuth), r * np.sin(azimuth), z])
         found = off_surface_nm(between, surface, side * offset).max()
         assert 0.2 * stated_nm(head) < found <= 1.05 * stated_nm(head)
-
-
-def cartesian(rows):
-    turn = np.radians(rows[:, 1])
-    return np.column_stack([rows[:, 2] * np.cos(turn), rows[:, 2] * np.sin(turn), rows[:, 3]])
 
 
 @pytest.mark.parametrize(("air", "size"), [(1, 5.5), (-1, 4.5)])
@@ -164,48 +143,31 @@ def test_the_offset_of_a_sphere_is_a_sphere_larger_or_smaller_by_the_ball(air, s
     """Closed form: centres of a ball of 0.5 mm, outside of a sphere of 5 mm off the axis, or inside."""
     centre = np.array([0.3, -0.2, 0.4])
     face = OffsetFace("outer", Ball(tuple(centre), 5.0), air, 0.5)
-    raster = make_raster(face, raster_extent(face, 60.0), 0.5).rows
-    rings = make_polar(face, polar_end_deg(face), 0.5, "bicubic").rows
-    for points in (raster, cartesian(rings)):
-        assert np.abs(np.linalg.norm(points - centre, axis=1) - size).max() < 1e-9
-
-
-def test_the_raster_of_a_sphere_ends_at_its_slope_and_leaves_out_the_area_beyond():
-    """Slope 60 degrees of a sphere about the origin: at R sin 60; the cap above it is half of the hemisphere."""
-    face = OffsetFace("outer", Ball((0.0, 0.0, 0.0), 5.0), 1, 0.0)
-    extent = raster_extent(face, 60.0)
-    assert extent.steep
-    assert extent.radius_mm == pytest.approx(5.0 * np.sin(np.radians(60.0)), abs=5.0 * 0.01)
-    raster = make_raster(face, extent, 0.05)
-    covered = raster.covered_mm("bicubic")
-    assert covered == pytest.approx(extent.radius_mm - 0.1 * 2.0**0.5)
-    assert raster.covered_share("bicubic") == pytest.approx(1.0 - np.sqrt(1.0 - (covered / 5.0) ** 2), abs=1e-3)
+    points = make_table(face, polar_end_deg(face), 0.5, "bicubic").rows[:, :3]
+    assert np.abs(np.linalg.norm(points - centre, axis=1) - size).max() < 1e-9
 
 
 def test_the_error_falls_with_the_order_of_the_interpolation():
     face = OffsetFace("outer", rough(6.0, 2), 1, 0.2)
-    extent = raster_extent(face, 50.0)
+    end = polar_end_deg(face)
     for scheme, order in (("bicubic", 4.0), ("linear", 2.0)):
-        coarse, fine = (make_raster(face, extent, step).errors_nm(scheme, 10**6).max() for step in (0.3, 0.15))
+        coarse, fine = (make_table(face, end, step, scheme).errors_nm(scheme, 10**6).max() for step in (0.3, 0.15))
         assert np.log2(coarse / fine) == pytest.approx(order, abs=0.7)
 
 
 def test_a_given_spacing_is_kept_and_its_error_stated():
     lens = lens_of(rough(3.0, 1), rough(6.0, 2))
-    for measured in make_grids(lens, check_of(), GridRequest(spacing_mm=0.5, error_nm=1.0)):
+    for measured in dense_tables(lens, check_of(), GridRequest(spacing_mm=0.5, error_nm=1.0)):
         assert measured.error_nm > 1.0, "the spacing decides"
-        if hasattr(measured.grid, "x_mm"):
-            assert measured.grid.spacing_mm == 0.5
-        else:
-            assert 0.3 < measured.grid.spacing_mm < 0.6
+        assert 0.3 < measured.table.spacing_mm < 0.6
 
 
 def test_the_stated_error_is_that_of_the_interpolation_and_of_the_spline(monkeypatch):
     lens, request = lens_of(rough(3.0, 1), rough(6.0, 2)), GridRequest(spacing_mm=0.5, error_nm=1.0)
-    before = make_grids(lens, check_of(), request)
-    splines = [measured.grid.face.spline_error_nm for measured in before]
+    before = dense_tables(lens, check_of(), request)
+    splines = [measured.table.face.spline_error_nm for measured in before]
     monkeypatch.setattr(OffsetFace, "spline_error_nm", property(lambda _: 5e4))
-    for one, other, spline in zip(before, make_grids(lens, check_of(), request), splines, strict=True):
+    for one, other, spline in zip(before, dense_tables(lens, check_of(), request), splines, strict=True):
         assert other.error_nm - one.error_nm == pytest.approx(5e4 - spline)
 
 
@@ -214,9 +176,9 @@ def test_the_tables_of_a_mould_are_scaled_and_their_air_is_where_the_lens_has_ma
     shrunk = replace(plain, spec=plain.spec.replace({"manufacture.shrinkage": 0.005}))
     request = GridRequest(spacing_mm=0.5, offset_inner_mm=0.25, offset_outer_mm=0.25)
     for scale, lens in ((1.0, plain), (1.005, shrunk)):
-        for measured in make_grids(lens, check_of(), request):
-            face = measured.grid.face
-            rows = measured.grid.rows if hasattr(measured.grid, "x_mm") else cartesian(measured.grid.rows)
+        for measured in dense_tables(lens, check_of(), request):
+            face = measured.table.face
+            rows = measured.table.rows[:, :3]
             size = scale * {"inner": 3.0, "outer": 6.0}[face.name] + {"inner": 0.25, "outer": -0.25}[face.name]
             assert np.abs(np.linalg.norm(rows, axis=1) - size).max() < 1e-11
 
@@ -227,11 +189,9 @@ def test_the_tables_of_a_mould_are_scaled_and_their_air_is_where_the_lens_has_ma
         ({"offset_outer_mm": 0.6}, r"^offset of the outer face = 0\.6 mm: the ball does not fit .* has 0\.5 mm$"),
         ({"offset_inner_mm": -0.1}, r"^offset of the inner face = -0\.1: 0, or the radius of a ball"),
         ({"offset_inner_mm": float("nan")}, r"^offset of the inner face = nan"),
-        ({"spacing_mm": 1e-3}, r"^spacing = 0\.001 mm: the raster of the inner face would have .* larger spacing$"),
+        ({"spacing_mm": 1e-3}, r"^spacing = 0\.001 mm: the table of the inner face would have .* larger spacing$"),
         ({"error_nm": 0.01, "interpolation": "linear"}, r"^error = 0\.01 nm: .* larger error, or bicubic"),
-        ({"spacing_mm": 50.0}, r"^spacing = 50 mm: .* has no complete cell; give a smaller spacing$"),
         ({"spacing_mm": 0.0}, r"^spacing = 0\.0: a number of mm from 0\.0001 to 1000$"),
-        ({"slope_deg": 90.0}, r"^slope = 90\.0: a number of degrees from 1 to 85$"),
         ({"error_nm": None}, r"^error = None: a number of nm"),
         ({"interpolation": "spline"}, r"^interpolation = 'spline': one of bicubic, linear$"),
     ],
@@ -239,7 +199,7 @@ def test_the_tables_of_a_mould_are_scaled_and_their_air_is_where_the_lens_has_ma
 def test_a_request_that_cannot_be_met_is_one_line(request_of, line):
     lens = lens_of(Ball((0.0, 0.0, 0.0), 3.0), Ball((0.0, 0.0, 0.0), 6.0))
     with pytest.raises(InputError, match=line) as caught:
-        make_grids(lens, check_of(None, 0.5), GridRequest(**request_of))
+        dense_tables(lens, check_of(None, 0.5), GridRequest(**request_of))
     assert "\n" not in str(caught.value)
 
 
@@ -255,63 +215,34 @@ def test_centres_that_are_all_one_point_are_refused_in_one_line():
     """A ball of the radius of the hollow sphere that it touches: every centre is that of the sphere."""
     face = OffsetFace("inner", Ball((0.0, 0.0, 0.0), 3.0), -1, 3.0)
     with pytest.raises(InputError, match="no smooth surface; give a smaller ball") as caught:
-        face.found(np.array([[0.5, 0.2]]), lambda points: points[:, :2], upward=True)
+        face.found(np.array([[0.5, 0.2]]), lambda points: points[:, :2])
     assert "\n" not in str(caught.value)
-
-
-def test_a_face_that_is_steep_at_its_apex_is_refused_in_one_line():
-    lens = lens_of(Ball((0.0, 0.0, 0.0), 3.0), Ball((5.0, 0.0, 0.0), 5.2))
-    with pytest.raises(InputError, match=r"^slope = 60 degrees: the outer face is steeper .* give a larger slope$"):
-        make_grids(lens, check_of(), GridRequest(spacing_mm=0.5))
-
-
-def test_under_an_overhang_the_raster_takes_the_point_that_is_seen_from_above():
-    """A sphere that bulges: below its widest circle it comes back in, to 0.76 of its radius at the rim."""
-    face = OffsetFace("outer", Ball((0.0, 0.0, 3.0), 4.6), 1, 0.0)
-    raster = make_raster(face, raster_extent(face, 80.0), 0.25)
-    rows = raster.rows
-    assert np.abs(rows[:, 2] - 3.0 - np.sqrt(4.6**2 - rows[:, 0] ** 2 - rows[:, 1] ** 2)).max() < 1e-9
-    assert np.hypot(rows[:, 0], rows[:, 1]).max() > 0.9 * 4.6 * np.sin(np.radians(80.0))
 
 
 def test_a_coarse_polar_table_has_its_run_out_on_the_face():
     """Of 3 mm, 0.8 mm apart: six rings of 15 degrees, of which one more would lie at 105 degrees, beyond the spline."""
     face = OffsetFace("inner", Ball((0.0, 0.0, 0.0), 3.0), -1, 0.0)
-    polar = make_polar(face, polar_end_deg(face), 0.8, "bicubic")
+    polar = make_table(face, polar_end_deg(face), 0.8, "bicubic")
     assert polar.step_deg <= 6.0
     assert np.abs(np.hypot(polar.values[..., 0], polar.values[..., 1]) - 3.0).max() < 1e-9
 
 
-@pytest.mark.parametrize("slope", [30.0, 60.0])
-def test_no_node_of_a_raster_is_steeper_than_asked(slope):
-    face = OffsetFace("outer", rough(6.0, 2), 1, 0.0)
-    raster = make_raster(face, raster_extent(face, slope), 0.2)
-    u = raster.rows / np.linalg.norm(raster.rows, axis=1, keepdims=True)
-    steepest = np.degrees(np.arccos(face.surface.normal(u)[:, 2])).max()
-    assert raster.extent.steep and raster.slope_deg == pytest.approx(steepest, abs=1e-6)
-    assert slope - 3.0 < raster.slope_deg <= slope
-
-
 @pytest.mark.parametrize("offset", [0.0, 0.3])
-def test_a_cloud_is_the_whole_face_with_its_normals_as_plain_numbers(offset):
-    """Read as any program does; normals of a sphere about the origin in closed form, of a rough face by its own."""
+def test_the_table_has_the_whole_face_with_its_normals(offset):
+    """Normals of a sphere about the origin in closed form, of a rough face by its own."""
     rough_lens = lens_of(rough(3.0, 1), rough(6.0, 2))
     round_lens = lens_of(Ball((0.0, 0.0, 0.0), 3.0), Ball((0.0, 0.0, 0.0), 6.0))
     request = GridRequest(spacing_mm=0.3, offset_inner_mm=offset, offset_outer_mm=offset)
     for lens in (rough_lens, round_lens):
-        rings = [measured.grid for measured in make_grids(lens, check_of(), request) if hasattr(measured.grid, "rim")]
-        assert [cloud_name(polar) for polar in rings] == ["cloud_inner.xyz", "cloud_outer.xyz"]
-        for polar in rings:
-            rows = np.loadtxt(io.StringIO(cloud_text(polar)))
-            surface, air = polar.face.surface, polar.face.air
-            assert rows.shape == (1 + polar.rim * len(polar.azimuths_deg), 6)
-            points, normals = rows[:, :3], rows[:, 3:]
+        for table in (measured.table for measured in dense_tables(lens, check_of(), request)):
+            surface, air, turns = table.face.surface, table.face.air, len(table.azimuths_deg)
+            rows = table.rows[: 1 + table.rim * turns]
+            points, normals = rows[:, :3], rows[:, 3:6]
             feet = points - offset * normals
             radius = np.linalg.norm(feet, axis=1)
             assert np.abs(surface.radius(feet / radius[:, None]) - radius).max() < 1e-8
             assert np.abs(air * surface.normal(feet / radius[:, None]) - normals).max() < 1e-6
             if lens is round_lens:
                 assert np.abs(air * points / np.linalg.norm(points, axis=1)[:, None] - normals).max() < 1e-8
-            turns = len(polar.azimuths_deg)
             lowest = feet[-turns:, 2]
             assert lowest.min() <= 1e-9 if offset else np.abs(lowest).max() < 1e-8, "down to the rim"

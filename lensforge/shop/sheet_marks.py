@@ -1,0 +1,268 @@
+"""Pieces of a drawing: symbols, hatching, ruled cells with text, and dimensions as lines and words."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lensforge.shop.sheet import (
+    LETTERS,
+    Box,
+    LinearDimension,
+    Marks,
+    PenName,
+    Place,
+    Points,
+    Stroke,
+    Words,
+    shortened,
+    width_of,
+    wrapped,
+)
+
+_TRIANGLE, _BOX, _LEADER = 2.6, 5.0, 2.0  # mm on A3
+
+
+def datum_symbol(at: Place, towards: Place, letter: str, unit: float, further_mm: float = 0.0) -> Marks:
+    """A filled triangle on a line at ``at``, its leader in the unit direction ``towards``, and the letter in a box.
+
+    ``further_mm``: length of the leader beyond the usual one.
+    """
+    foot, out = np.array(at), np.array(towards)
+    along = np.array([-out[1], out[0]])
+    size, half = unit * _TRIANGLE, 0.5 * unit * _BOX
+    triangle = np.array([foot + 0.5 * size * along, foot - 0.5 * size * along, foot + 0.87 * size * out])
+    start, end = foot + 0.87 * size * out, foot + (0.87 * size + unit * _LEADER + further_mm) * out
+    centre = end + half * out
+    corners = centre + half * np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
+    strokes = [
+        Stroke(triangle, closed=True, filled=True),
+        Stroke(np.array([start, end])),
+        Stroke(corners, closed=True),
+    ]
+    return Marks(strokes, [_letters(centre, letter, unit)])
+
+
+def _letters(at: np.ndarray, text: str, unit: float) -> Words:
+    """``text`` with its middle at ``at``."""
+    return Words((float(at[0]), float(at[1])), text, LETTERS * unit, "center")
+
+
+def axes_mark(at: Place, level: str, up: str, unit: float, towards: float = 1.0) -> Marks:
+    """Two arrows that name the axes of a view, their corner at ``at``; the level one to the right, or left with -1."""
+    corner, length = np.array(at), 7.0 * unit
+    strokes, words = [], []
+    for name, out in ((level, np.array([towards, 0.0])), (up, np.array([0.0, 1.0]))):
+        tip = corner + length * out
+        strokes += [Stroke(np.array([corner, tip])), arrow_head(tip, out, 2.0 * unit)]
+        place = tip + 2.0 * unit * out
+        words.append(_letters(place, name, unit))
+    return Marks(strokes, words)
+
+
+def turned_mark(at: Place, unit: float) -> Marks:
+    """The sign of a section that is turned anticlockwise from its place (ISO 128): an arc with an arrow."""
+    turn = np.linspace(-0.25 * np.pi, 0.9 * np.pi, 25)
+    arc = np.array(at) + 2.2 * unit * np.column_stack([np.cos(turn), np.sin(turn)])
+    out = np.array([-np.sin(turn[-1]), np.cos(turn[-1])])
+    return Marks([Stroke(arc), arrow_head(arc[-1] + 1.2 * unit * out, out, 2.0 * unit)])
+
+
+def arrow_head(tip: np.ndarray, out: np.ndarray, size: float) -> Stroke:
+    """A filled head of ``size`` mm that points along the unit vector ``out``."""
+    along = np.array([-out[1], out[0]])
+    back = tip - size * out
+    return Stroke(np.array([tip, back + size / 6.0 * along, back - size / 6.0 * along]), closed=True, filled=True)
+
+
+def section_plane(centre: Place, azimuth_deg: float, half_mm: float, letter: str, unit: float) -> Marks:
+    """The plane of a section in the view from the base: a chain line, thick at its ends, with arrows of the sight."""
+    turn = np.radians(azimuth_deg)
+    along, sight = np.array([np.sin(turn), np.cos(turn)]), np.array([-np.cos(turn), np.sin(turn)])
+    middle = np.array(centre)
+    strokes = [Stroke(np.array([middle - half_mm * along, middle + half_mm * along]), "axis")]
+    words = []
+    for way in (1.0, -1.0):
+        end = middle + way * half_mm * along
+        strokes.append(Stroke(np.array([end, end + way * 4.0 * unit * along]), "outline"))
+        tail = end + way * 2.0 * unit * along
+        tip = tail + 7.0 * unit * sight
+        strokes += [Stroke(np.array([tail, tip])), arrow_head(tip, sight, LETTERS * unit)]
+        place = tip + LETTERS * unit * sight
+        words.append(_letters(place, letter, unit))
+    return Marks(strokes, words)
+
+
+def first_angle(at: Place, unit: float) -> Marks:
+    """The symbol of the first-angle projection (ISO 5456-2), its middle at ``at``: a cone, and its view from the left.
+
+    The cone's small end is on the left, so that the view from there, at its right, shows both circles.
+    """
+    x, y = at
+    small, large, length = 1.5 * unit, 3.0 * unit, 6.0 * unit
+    left = x - 8.0 * unit
+    right = left + length
+    cone = np.array([(left, y - small), (right, y - large), (right, y + large), (left, y + small)])
+    centre = x + 4.5 * unit
+    turn = np.linspace(0.0, 2.0 * np.pi, 73)
+    circles = [np.column_stack([centre + r * np.cos(turn), y + r * np.sin(turn)]) for r in (small, large)]
+    strokes = [Stroke(cone, closed=True), *(Stroke(circle, closed=True) for circle in circles)]
+    strokes.append(Stroke(np.array([(left - 1.5 * unit, y), (left + length + 1.5 * unit, y)]), "axis"))
+    strokes.append(Stroke(np.array([(centre - 4.0 * unit, y), (centre + 4.0 * unit, y)]), "axis"))
+    strokes.append(Stroke(np.array([(centre, y - 4.0 * unit), (centre, y + 4.0 * unit)]), "axis"))
+    return Marks(strokes)
+
+
+_ALONG_HATCH = np.array([[1.0, 1.0], [-1.0, 1.0]]) / np.sqrt(2.0)  # rows: along the lines, and across them
+
+
+def hatch(outlines: list[Points], spacing_mm: float) -> list[Stroke]:
+    """Lines ``spacing_mm`` apart inside all ``outlines`` together, inside being what an odd number of them encloses."""
+    chains = [np.vstack([outline, outline[:1]]) @ _ALONG_HATCH.T for outline in outlines]
+    across = np.concatenate([chain[:, 1] for chain in chains])
+    first, last = np.ceil(across.min() / spacing_mm), np.floor(across.max() / spacing_mm)
+    found = []
+    for level in spacing_mm * (np.arange(first, last + 1.0) + 0.37):  # off the places where corners are likely
+        cuts = np.sort(np.concatenate([_cuts(chain, level) for chain in chains]))
+        for start, end in zip(cuts[0::2], cuts[1::2], strict=False):
+            found.append(Stroke(np.array([(start, level), (end, level)]) @ _ALONG_HATCH, "hatch"))
+    return found
+
+
+def _cuts(chain: Points, level: float) -> np.ndarray:
+    """Places along a level at which a chain crosses it."""
+    above = chain[:, 1] > level
+    changes = np.flatnonzero(above[1:] != above[:-1])
+    start, end = chain[changes], chain[changes + 1]
+    share = (level - start[:, 1]) / (end[:, 1] - start[:, 1])
+    return np.asarray(start[:, 0] + share * (end[:, 0] - start[:, 0]))
+
+
+PITCH = 1.7  # of the lines of a paragraph, in heights of its letters
+_MARGIN = 1.5  # mm on A3
+
+
+def frame_of(box: Box, pen: PenName = "thin") -> Stroke:
+    """The rectangle ``box``."""
+    left, bottom, right, top = box
+    return Stroke(np.array([(left, bottom), (right, bottom), (right, top), (left, top)]), pen, closed=True)
+
+
+def cell(box: Box, text: str, unit: float) -> Marks:
+    """A ruled cell with a line of text, which ends in an ellipsis where it does not fit."""
+    left, bottom, right, top = box
+    height, room = LETTERS * unit, right - left - 2.0 * _MARGIN * unit
+    words = Words((left + _MARGIN * unit, 0.5 * (bottom + top)), shortened(text, height, room), height)
+    return Marks([frame_of(box)], [words])
+
+
+def folded(texts: Sequence[str], widths: Sequence[float], unit: float) -> list[list[str]]:
+    """Lines of the text of each cell of a row."""
+    return [
+        wrapped(text, LETTERS * unit, width - 2.0 * _MARGIN * unit) for text, width in zip(texts, widths, strict=True)
+    ]
+
+
+def row_height(texts: Sequence[str], widths: Sequence[float], unit: float) -> float:
+    """Height of a row that holds all lines of its cells."""
+    return (PITCH * max([1, *map(len, folded(texts, widths, unit))]) + 0.3) * LETTERS * unit
+
+
+def row(left: float, top: float, texts: Sequence[str], widths: Sequence[float], unit: float) -> Marks:
+    """A row of cells from left to right, as high as its longest text needs."""
+    height, bottom = LETTERS * unit, top - row_height(texts, widths, unit)
+    strokes: list[Stroke] = []
+    words: list[Words] = []
+    x = left
+    for lines, width in zip(folded(texts, widths, unit), widths, strict=True):
+        strokes.append(frame_of((x, bottom, x + width, top)))
+        for number, line in enumerate(lines):
+            words.append(Words((x + _MARGIN * unit, top - ((number + 0.5) * PITCH + 0.15) * height), line, height))
+        x += width
+    return Marks(strokes, words)
+
+
+def paragraph_lines(paragraphs: list[str], height: float, width: float) -> list[tuple[float, str]]:
+    """Indent (mm) and text of each line of numbered paragraphs."""
+    found, indent = [], width_of("00. ", height)
+    for number, paragraph in enumerate(paragraphs, start=1):
+        lines = wrapped(paragraph, height, width - indent)
+        found += [(0.0, f"{number}. {lines[0]}"), *((indent, line) for line in lines[1:])]
+    return found
+
+
+def paragraphs_in(box: Box, paragraphs: list[str], unit: float) -> list[Words]:
+    """Numbered paragraphs from the top of ``box``; what is too long is left out, and the last line says so."""
+    left, bottom, right, top = box
+    height = LETTERS * unit
+    lines, most = paragraph_lines(paragraphs, height, right - left), int((top - bottom) / (PITCH * height))
+    if len(lines) > most:
+        lines = [*lines[: most - 1], (0.0, "More notes: on the following pages.")]
+    return [
+        Words((left + indent, top - (k + 0.6) * PITCH * height), text, height) for k, (indent, text) in enumerate(lines)
+    ]
+
+
+ARROW, BEYOND, ABOVE, TAIL = 1.0, 0.6, 0.85, 2.0  # in heights of the text: head, extension beyond, text above, tail
+
+
+def text_span(dimension: LinearDimension) -> tuple[float, float]:
+    """Ends (mm) of the text along the dimension line."""
+    half = 0.5 * width_of(dimension.text, dimension.height_mm)
+    return dimension.text_mm - half, dimension.text_mm + half
+
+
+def occupied(dimension: LinearDimension) -> tuple[float, float]:
+    """Ends (mm) of all that is drawn along the dimension line."""
+    low, high = dimension.ends_mm
+    tail = 0.0 if is_wide(high - low, dimension.height_mm) else (ARROW + TAIL) * dimension.height_mm
+    first, last = text_span(dimension)
+    return min(low - tail, first), max(high + tail, last)
+
+
+def is_wide(length_mm: float, height_mm: float) -> bool:
+    """True where both arrows fit between the ends."""
+    return length_mm > 2.6 * ARROW * height_mm
+
+
+def words_of_dimension(dimension: LinearDimension) -> Words:
+    """The text, above its line, or left of it where it is read from the right."""
+    away = ABOVE * dimension.height_mm
+    if dimension.turned_deg == 0:
+        return Words(
+            (dimension.text_mm, dimension.line_mm + away), dimension.text, dimension.height_mm, "center", turned_deg=0
+        )
+    return Words(
+        (dimension.line_mm - away, dimension.text_mm), dimension.text, dimension.height_mm, "center", turned_deg=90
+    )
+
+
+def strokes_of(dimension: LinearDimension) -> list[Stroke]:
+    """Extension lines, dimension line and arrows."""
+    size, line = dimension.height_mm, dimension.line_mm
+    low, high = dimension.ends_mm
+    wide = is_wide(high - low, size)
+    first, last = (low, high) if wide else occupied(dimension)
+    text_low, text_high = text_span(dimension)
+    first, last = min(first, text_low), max(last, text_high)  # the line goes on below a text outside
+    found = [_line(dimension, (first, line), (last, line))]
+    for along, across in (_places(dimension, dimension.start), _places(dimension, dimension.end)):
+        past = line + np.sign(line - across) * BEYOND * size
+        found.append(_line(dimension, (along, across), (along, past)))
+    outward = _turned(dimension, np.array([(1.0 if wide else -1.0, 0.0)]))[0]
+    for tip, out in ((low, -outward), (high, outward)):
+        found.append(arrow_head(_turned(dimension, np.array([(tip, line)]))[0], out, ARROW * size))
+    return found
+
+
+def _places(dimension: LinearDimension, place: Place) -> Place:
+    """Along and across the dimension line."""
+    return place if dimension.turned_deg == 0 else (place[1], place[0])
+
+
+def _line(dimension: LinearDimension, first: Place, last: Place) -> Stroke:
+    return Stroke(_turned(dimension, np.array([first, last])))
+
+
+def _turned(dimension: LinearDimension, points: Points) -> Points:
+    turned: Points = points if dimension.turned_deg == 0 else points[:, ::-1]
+    return turned
