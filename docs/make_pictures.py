@@ -13,8 +13,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
 
-from lensforge.report.irradiance_figures import irradiance_map
-from lensforge.report.section_figures import lens_section
+from lensforge.report.lens_figures import lens_section
+from lensforge.report.light_figures import irradiance_map
 from lensforge.report.solid_view import Rendering
 from lensforge.results.chart import light_unit
 from lensforge.results.files import replacing

@@ -2,9 +2,10 @@
 
 from collections.abc import Iterator, Mapping
 
+from lensforge.report.numerals import NOTHING, number, number_with_error
+
 from convergence.presets import PresetAccuracy
 from convergence.study import ConvergenceStudy, Errors, RefinementLevel
-from lensforge.report.numerals import NOTHING, number, number_with_error
 from lensforge.results import Metric
 from lensforge.spec import Accuracy
 

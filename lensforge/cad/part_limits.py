@@ -5,8 +5,8 @@ Every value is measured by reading the files back.
 
 from collections.abc import Mapping
 
-from lensforge.results import Positive, Record, Text
-from lensforge.results.criteria import Criterion, Sense, at_least, at_most
+from lensforge.results import Positive, Record, Sense, Text
+from lensforge.results.criteria import Criterion, at_least, at_most
 from lensforge.spec import Spec
 
 # The largest errors of an exported face.

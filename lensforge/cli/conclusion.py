@@ -6,17 +6,15 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
+from lensforge.cli.blocks import blocks_of, rows_of, summary
 from lensforge.cli.output import Output, document, folder_document, print_json
-from lensforge.cli.part_blocks import handover_rows
 from lensforge.cli.printing import warning_line
 from lensforge.cli.screen import Block, print_screen
-from lensforge.cli.stage_blocks import blocks_of
-from lensforge.cli.summary import summary
 from lensforge.errors import CriterionMissed
 from lensforge.report.headline import headline
-from lensforge.report.ownership import is_free_or_own
 from lensforge.results import SimulatedResult, StageResult
 from lensforge.results.criteria import require
+from lensforge.results.ownership import is_free_or_own
 from lensforge.runs.pipeline import refresh_report
 from lensforge.runs.results import REPORT_FILE, stem_of
 from lensforge.runs.run_folder import Run, open_run
@@ -79,7 +77,9 @@ def finish_handover(output: Output, directory: Path, made: "Handover") -> None:
         content = made.model_dump(mode="json", exclude=_FILES_OF_HANDOVER)
         print_json({**document(run), "handover": {"files": list(made.files), **content}})
     elif output.screen:
-        print_screen([Block(f"For the shop, in {directory}", handover_rows(made)), Block(headline(run).sentence)])
+        print_screen(
+            [Block(f"For the shop, in {directory}", list(rows_of([made.facts]))), Block(headline(run).sentence)]
+        )
     refresh_page(directory)
 
 
@@ -116,6 +116,6 @@ def require_pass(directory: Path, *parts: str) -> None:
     """Raise :class:`CriterionMissed` where the verdict on ``directory`` fails, in ``parts`` or, without them, any."""
     run = open_run(directory)
     try:
-        run.verdict.require(run.spec, parts)
+        run.verdict.require(cutting=run.spec.manufacture.required, parts=parts)
     except CriterionMissed as error:
         raise CriterionMissed(f"{directory}: {error}") from None

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
+from lensforge.cli.blocks import preview_rows
 from lensforge.cli.conclusion import finish_run
-from lensforge.cli.light_blocks import light_rows
 from lensforge.cli.options import (
     ACCURACY,
     DEVICE,
@@ -19,7 +19,6 @@ from lensforge.cli.options import (
     with_rays,
 )
 from lensforge.cli.output import Output, document, print_json, with_output
-from lensforge.cli.part_blocks import lens_rows
 from lensforge.cli.screen import Block, print_screen
 from lensforge.cli.whole_number import WholeNumber
 from lensforge.errors import InputError
@@ -145,9 +144,8 @@ def preview(
     if output.json:
         print_json(document(run, run.design, run.light))
     elif output.screen:
-        rows = [*light_rows(run.light), *lens_rows(run.design, content)]
         picture = ("Picture", str(directory / _PICTURE_FILE))
-        print_screen([Block(f"{content.name}: a draft, {run.design.steps} steps", [*rows, picture])])
+        print_screen([Block(f"{content.name}: a draft, {run.design.steps} steps", [*preview_rows(run), picture])])
 
 
 def run_with_progress(

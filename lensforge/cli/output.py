@@ -47,9 +47,11 @@ def print_json(content: Mapping[str, object]) -> None:
 
 
 def document(run: Run, *results: StageResult) -> dict[str, object]:
-    """Folder and verdict of ``run``, and each of ``results`` as its file holds it, by the stem of that file."""
-    found = {stem_of(each): each.plain() for each in results}
-    return {"folder": str(run.folder), "verdict": run.verdict.model_dump(mode="json"), **found}
+    """Folder and verdict of ``run``, facts of ``results``, and each of them as its file holds it, by its stem."""
+    stems = {stem_of(each): each for each in results}
+    head = {"folder": str(run.folder), "verdict": run.verdict.model_dump(mode="json")}
+    facts = {stem: [group.plain() for group in run.facts(each)] for stem, each in stems.items()}
+    return {**head, "facts": facts, **{stem: each.plain() for stem, each in stems.items()}}
 
 
 def folder_document(folder: Path, *results: StageResult) -> dict[str, object]:

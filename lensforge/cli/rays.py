@@ -6,11 +6,12 @@ import click
 
 from lensforge.cli.options import IES_VERSION
 from lensforge.cli.output import Output, print_json, with_output
-from lensforge.cli.record_rows import record_rows
-from lensforge.cli.screen import Block, print_screen
+from lensforge.cli.screen import Block, Row, print_screen
 from lensforge.errors import InputError
+from lensforge.report.record_tables import TableRow, rows
 from lensforge.results import Record
 from lensforge.results.files import require_regular_file, require_writable
+from lensforge.results.numerals import NOTHING, unit_suffix, with_unit
 from lensforge.sources.photometric.ies import NEWEST, require_ies_version
 from lensforge.sources.photometric.photometric_io import convert_photometric
 from lensforge.sources.photometric.photometric_summary import holds_far_field, summarise_photometric
@@ -62,7 +63,14 @@ def rays(
         print_json(content)
     elif output.screen:
         content.get("header", {}).pop("spectral_tables", None)
-        print_screen([Block(str(file), list(record_rows(content)))])
+        print_screen([Block(str(file), [_row(each) for each in rows(content) if each.value != NOTHING])])
+
+
+def _row(found: TableRow) -> Row:
+    """A value of the record, under its path in words; of a long list the number of its entries."""
+    path = found.path.removesuffix(unit_suffix(found.unit)).replace(".", " ").replace("_", " ")
+    value = f"{len(found.value.split('  '))} entries" if found.block else found.value
+    return path, with_unit(value, found.unit)
 
 
 def _rays(file: Path, only_header: bool, to: Path | None, format_name: str | None, plot: Path | None) -> Record:

@@ -10,9 +10,9 @@ from lensforge.cli.options import FOLDER, RAYS, THREADS
 from lensforge.cli.output import Output, with_output
 from lensforge.cli.whole_number import WholeNumber
 from lensforge.errors import InputError
-from lensforge.report.ownership import is_free_or_own, require_own
 from lensforge.results import StageResult
 from lensforge.results.files import require_writable
+from lensforge.results.ownership import is_free_or_own, require_own
 from lensforge.runs import pipeline
 from lensforge.runs.arguments import threads_of_torch
 from lensforge.runs.results import REPORT_FILE

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import click
 
+from lensforge.cli.blocks import study_block
 from lensforge.cli.conclusion import finish_study
 from lensforge.cli.design import run_with_progress
 from lensforge.cli.options import ACCURACY, RAYS, SCHEDULER, SEED, THREADS, resume_after_interrupt, with_rays
 from lensforge.cli.output import Output, with_output
-from lensforge.cli.sweep_blocks import sweep_block, tradeoff_block
 from lensforge.cli.whole_number import WholeNumber
 from lensforge.results.criteria import require
 from lensforge.runs.arguments import threads_of_torch
@@ -74,7 +74,8 @@ def sweep(
             scheduler=scheduler,
             announce=clock.head,
         )
-    finish_study(output, directory, result, sweep_block(result), "sweep.html")
+    block = study_block(f"{result.vary}, {len(result.designs)} designs", result.facts)
+    finish_study(output, directory, result, block, "sweep.html")
     require(result.criteria)
 
 
@@ -106,4 +107,5 @@ def tradeoff(spec: Path, out: Path | None, most_rays: int, threads: int | None, 
     with StageClock("tradeoff", quiet=output.quiet, study=True) as clock, threads_of_torch(threads):
         announce = StudyProgress(clock).on_stage
         found = run_tradeoff(content, directory, most_rays=most_rays, announce=announce)
-    finish_study(output, directory, found, tradeoff_block(found), "tradeoff.html")
+    block = study_block("Error of each preset on this scene", found.facts)
+    finish_study(output, directory, found, block, "tradeoff.html")

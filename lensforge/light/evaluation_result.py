@@ -5,16 +5,33 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 from pydantic import Field, model_validator
 
 from lensforge.light.receiver_light import Flux, MissedByCause, Picture, Possible, RawMetrics, ReceiverLight
-from lensforge.results import Count, Image, Metric, NotNegative, Number, Positive, Record, SimulatedResult, Text, stated
+from lensforge.results import (
+    Bound,
+    Count,
+    Fact,
+    Image,
+    Metric,
+    NotNegative,
+    Number,
+    Positive,
+    Record,
+    Sense,
+    SimulatedResult,
+    State,
+    Text,
+    stated,
+)
 from lensforge.results.array_fields import MOST_PIXELS
 from lensforge.results.chart import light_unit
-from lensforge.results.criteria import Criterion, Sense, at_most, beyond_doubt
+from lensforge.results.criteria import Criterion, at_most
+from lensforge.runs.verdict import judge
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
 LimitState = Literal["held", "missed", "undecided"]
+_WORDS: dict[State, LimitState] = {"pass": "held", "fail": "missed", "undecided": "undecided"}
 
 
 class LimitResult(Record):
@@ -32,26 +49,29 @@ class LimitResult(Record):
     bound: Number
     unit: Text
 
-    @property
-    def excess(self) -> float:
-        """Distance of the value from the bound, on the wrong side of it; below 0 on the right one."""
-        above = self.value.value - self.bound
-        return above if self.sense == "<=" else -above
-
     @stated
     def state(self) -> LimitState:
         """The judgement, by value, standard error and bound."""
-        missed = beyond_doubt(self.excess, self.value.standard_error)
-        return "undecided" if missed is None else "missed" if missed else "held"
+        return _WORDS[judge(self.value.value, self.sense, self.bound, self.value.standard_error)]
 
-    @property
-    def words(self) -> str:
-        """The value, and what it must be."""
-        unit = f" {self.unit}" if self.unit not in ("", "°") else self.unit
-        return f"{self.value}, must be {self.sense} {self.bound:g}{unit}"
+    def fact(self, note: str = "", possible: Bound | None = None) -> Fact:
+        """The limit as a fact; ``possible``: the most that physics allows."""
+        states: dict[LimitState, State] = {word: state for state, word in _WORDS.items()}
+        return Fact(
+            "limit",
+            self.name,
+            self.value.value,
+            self.unit,
+            self.value.standard_error,
+            Bound(self.sense, self.bound),
+            possible,
+            states[self.state],
+            note,
+        )
 
     def __str__(self) -> str:
-        return f"{self.name}: {self.quantity} {self.words}"
+        fact = self.fact()
+        return f"{self.name}: {self.quantity} {fact.text}, must be {fact.asked}"
 
 
 class TableErrors(Record):

@@ -8,8 +8,7 @@ from jaxtyping import Float
 from lensforge.light.evaluation_result import LimitResult
 from lensforge.light.least_irradiance import largest_without_noise, least_over_mean, least_without_noise, ratio_of
 from lensforge.light.metrics import jackknife_metric
-from lensforge.results import Metric
-from lensforge.results.criteria import Sense
+from lensforge.results import Metric, Sense
 from lensforge.scene.limit_readings import LightLimit
 from lensforge.sources.intensity import width_above
 

@@ -17,8 +17,9 @@ from pydantic import Field, model_validator
 
 from lensforge.light.least_irradiance import largest_without_noise, least_over_mean, least_without_noise, ratio_of
 from lensforge.light.metrics import jackknife_metric
-from lensforge.results import Flag, Image, Irradiance, Metric, NotNegative, Number, Positive, Record, Share, Text
+from lensforge.results import Bound, Flag, Image, Irradiance, Metric, NotNegative, Number, Positive, Record, Share, Text
 from lensforge.results.chart import Chart
+from lensforge.results.numerals import percent
 from lensforge.spec.target_sections import IN_TARGET
 
 Region = Literal["uniform", "bright"]
@@ -245,3 +246,10 @@ def possible_share(receiver: ReceiverLight, transmittance: float) -> tuple[float
     if asked <= possible:
         return asked, "two faces transmit into the pattern"
     return possible, f"is possible (by {receiver.possible.law})"
+
+
+def bounds_on(receiver: ReceiverLight, transmittance: float) -> dict[str, Bound]:
+    """Bounds on the light on ``receiver`` by the names of its metrics; ``transmittance``: of both faces."""
+    share, what = possible_share(receiver, transmittance)
+    least = f"{LEAST_SHARE:g} of the {percent(share)} that {what}"
+    return {"nmse": Bound("<=", LARGEST_NMSE), "share_in_target": Bound(">=", LEAST_SHARE * share, least)}

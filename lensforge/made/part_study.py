@@ -18,7 +18,7 @@ from lensforge.light.evaluation import evaluate_traced
 from lensforge.light.evaluation_result import Light
 from lensforge.light.judged_limits import limit_value
 from lensforge.light.metrics import Images, jackknife_error
-from lensforge.light.receiver_light import LARGEST_NMSE, LEAST_SHARE, ReceiverLight, possible_share
+from lensforge.light.receiver_light import bounds_on
 from lensforge.light.simulation import REPLICATES, ReplicateMetrics, TracedLens, bundles, lit_mask, mean_share
 from lensforge.light.table_trace import trace_tables
 from lensforge.made.tolerance_result import MetricBound
@@ -279,9 +279,8 @@ class PartStudy:
         found = []
         for number, each in enumerate(light.receivers):
             prefix = f"{each.name}: " if number else ""
-            least = LEAST_SHARE * possible_share(each, transmittance_of(lens.media))[0]
-            found.append(MetricBound(metric=f"{prefix}nmse", sense="<=", bound=LARGEST_NMSE, unit=""))
-            found.append(MetricBound(metric=f"{prefix}share_in_target", sense=">=", bound=least, unit=""))
+            for name, limit in bounds_on(each, transmittance_of(lens.media)).items():
+                found.append(MetricBound(metric=f"{prefix}{name}", sense=limit.sense, bound=limit.value, unit=""))
         return tuple(found)
 
     def with_rays(self, rays: int) -> "PartStudy":

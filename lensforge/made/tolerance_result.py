@@ -16,8 +16,19 @@ from pydantic import Field
 
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import LightMetrics
-from lensforge.results import Array, Count, Metric, NotNegative, Number, Record, Share, SimulatedResult, Text, stated
-from lensforge.results.criteria import Sense
+from lensforge.results import (
+    Array,
+    Count,
+    Metric,
+    NotNegative,
+    Number,
+    Record,
+    Sense,
+    Share,
+    SimulatedResult,
+    Text,
+    stated,
+)
 from lensforge.scene.tolerance_factors import Factor
 
 if TYPE_CHECKING:

@@ -1,17 +1,16 @@
-"""The top of a page: the verdict on light, files and cutting, warnings, criteria with remedies."""
+"""The top of a page or a notebook: the verdict, warnings, criteria, and the facts that a reader looks for first."""
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from lensforge.cad.part import Part
 from lensforge.light.evaluation_result import Light
+from lensforge.light.light_facts import LimitBounds
 from lensforge.light.photometry_result import Photometry
 from lensforge.proof.proof_result import Proof
-from lensforge.report.criterion_words import criterion_words
-from lensforge.report.numerals import number
-from lensforge.results import State
-from lensforge.results.criteria import Criterion
+from lensforge.results import Fact, Group, State
+from lensforge.results.numerals import quantity
 from lensforge.runs.results import Results
 from lensforge.search.design_result import Design
 from lensforge.shop.check_result import Check
@@ -38,6 +37,13 @@ _STEMS = {
     "correct_outer": "correction of the outer surface",
 }
 
+_LIGHT = ("nmse", "share_in_target", "efficiency", "uniformity", "rsd", "inner", "peak")
+_SHAPE = ("radius", "height", "cavity", "keep_out", "thinnest", "inner_ball", "outer_ball")
+_IF_ASKED = ("thickest", "inner_draft", "outer_draft")
+_FURTHER = (
+    "form_error", "volume", "mass", "nmse_vs_design", "fitted_nmse", "table_nmse", "detected_stray", "ssim", "form",
+)  # fmt: skip
+
 _REMARKS = {
     "design": "There is no design.json, so the search is not documented; run lensforge design.",
     "evaluate": "There is no evaluate.json: the finished lens has not been simulated; run lensforge evaluate.",
@@ -46,20 +52,6 @@ _REMARKS = {
     "verify": "There is no verify.json: the exported part has not been verified; run lensforge verify.",
     "photometry": "There is no photometry.json: the far field has not been computed; run lensforge photometry.",
 }
-
-
-@dataclass(frozen=True)
-class CriterionRow:
-    """One line of the table of criteria: its name in ``words``, and the short one by which it is known in the files."""
-
-    stage: str
-    words: str
-    name: str
-    value: str
-    limit: str
-    unit: str
-    passed: bool
-    remedy: str
 
 
 @dataclass(frozen=True)
@@ -177,34 +169,39 @@ def stage_name(stem: str) -> str:
     return _STEMS.get(stem, stem)
 
 
-def criterion_rows(results: Results) -> list[CriterionRow]:
-    """A row for every criterion of every stage that has run."""
-    return [_criterion_row(stage_name(stem), criterion) for stem, criterion in results.criteria()]
+def criterion_groups(results: Results, *, missed: bool = False) -> list[Group]:
+    """The criteria of every stage that has run; ``missed``: only those that are not met."""
+    found: dict[str, list[Fact]] = {}
+    for stem, criterion in results.criteria():
+        if not (missed and criterion.passed):
+            found.setdefault(stem, []).append(criterion.fact)
+    return [Group(stem, stage_name(stem), tuple(facts)) for stem, facts in found.items()]
 
 
-def _criterion_row(stage: str, criterion: Criterion) -> CriterionRow:
-    sense = {"<=": "≤", ">=": "≥"}[criterion.sense]
-    return CriterionRow(
-        stage=stage,
-        words=criterion_words(criterion.name),
-        name=criterion.name.replace("_", " "),
-        value=number(criterion.value, 4),
-        limit=f"{sense} {number(criterion.limit, 4)}",
-        unit=criterion.unit,
-        passed=criterion.passed,
-        remedy=criterion.remedy,
-    )
+def asked_facts(results: Results, possible: LimitBounds | None = None) -> list[Fact]:
+    """Facts that were asked for: limits, light on each receiver, size, wall, and the ball mill."""
+    groups = [group for result in results.found.values() for group in results.facts(result, possible)]
+    limits = [fact for group in groups if group.key == "limits" for fact in group.facts]
+    lit = [group for group in groups if group.key == "light"]
+    light = [
+        replace(fact, label=f"{fact.label}, {group.title}") if len(lit) > 1 else fact
+        for group in lit
+        for fact in group.select(*_LIGHT).facts
+    ]
+    return [*limits, *light, *_selected(groups, _SHAPE), *(fact for fact in _selected(groups, _IF_ASKED) if fact.limit)]
 
 
-def missed_rows(results: Results) -> list[CriterionRow]:
-    """Rows of the missed criteria, for the top of the page."""
-    return [row for row in criterion_rows(results) if not row.passed]
+def further_facts(results: Results) -> list[Fact]:
+    """Main figures beside those that were asked for."""
+    groups = [group for result in results.found.values() for group in results.facts(result)]
+    level = next((group for group in groups if group.key == "light"), None)
+    rest = [group for group in groups if group.key not in ("light", "findings")]
+    return [*([] if level is None else level.select("level").facts), *_selected(rest, _FURTHER)]
 
 
-def criteria_state(criteria: Iterable[Criterion], *names: str) -> Literal["pass", "fail", ""]:
-    """``pass`` if all of ``criteria`` called ``names`` are met, else ``fail``; ``""`` where there is none of them."""
-    met = [criterion.passed for criterion in criteria if criterion.name in names]
-    return ("pass" if all(met) else "fail") if met else ""
+def _selected(groups: list[Group], keys: tuple[str, ...]) -> list[Fact]:
+    """The facts called ``keys``, in that order."""
+    return [fact for key in keys for group in groups for fact in group.select(key).facts]
 
 
 def search_end(results: Results) -> str | None:
@@ -216,8 +213,9 @@ def search_end(results: Results) -> str | None:
 def times(results: Results) -> str | None:
     """Sentence on the seconds of each stage and of the whole command, where they ran; None without any."""
     found = [(words, result.seconds) for kind, words in _TIMED if (result := results.find(kind)) is not None]
-    parts = [f"{words} {seconds:.1f} s" for words, seconds in found]
+    parts = [f"{words} {quantity(seconds, 's', digits=3)}" for words, seconds in found]
     if not parts or results.seconds is None:
         return f"Time: {', '.join(parts)}." if parts else None
     beside = " (stages can run side by side)" if sum(seconds for _, seconds in found) > results.seconds else ""
-    return f"Time: {', '.join(parts)}; the whole command, up to this page, {results.seconds:.1f} s{beside}."
+    whole = quantity(results.seconds, "s", digits=3)
+    return f"Time: {', '.join(parts)}; the whole command, up to this page, {whole}{beside}."

@@ -1,4 +1,4 @@
-"""The report on one lens: a self-contained page, from its results."""
+"""The report on one lens: a self-contained page, or the output of a notebook, from its results."""
 
 import base64
 from collections.abc import Sequence
@@ -9,26 +9,26 @@ from pathlib import Path
 
 from lensforge.cad.part import Part
 from lensforge.light.evaluation_result import Light
-from lensforge.proof.proof_result import Proof
-from lensforge.report import headline, pictures, proof
-from lensforge.report.asked_table import asked_rows
-from lensforge.report.cards import further_cards
-from lensforge.report.file_rows import exported_files, folder_files
-from lensforge.report.light_pictures import first_picture, receiver_pictures
-from lensforge.report.measured import measured
-from lensforge.report.other_conditions import light_pictures, light_rows, result_rows
+from lensforge.light.photometry_result import Photometry
+from lensforge.made.measured_facts import FIRST
+from lensforge.made.tolerance_result import Sensitivity, Yield
+from lensforge.made.yield_facts import budget_sentence, pass_sentence
+from lensforge.proof.proof_facts import tracer_groups
+from lensforge.proof.proof_result import Proof, ReceiverProof
+from lensforge.proof.stray_result import StrayLight
+from lensforge.report import headline, light_section, part_section
+from lensforge.report.measured_section import measured_sections
 from lensforge.report.page import template
-from lensforge.report.photometry_section import photometry_section
-from lensforge.report.referees import gap_pictures, referee_rows
-from lensforge.report.sensitivity_rows import change_rows
+from lensforge.report.record_tables import number_tables, spec_tables
 from lensforge.report.snapshots import Snapshot, load_snapshots
 from lensforge.report.solid_view import Rendering, SolidViews
-from lensforge.report.stray_light import stray_pictures, stray_sentence
-from lensforge.report.tables import Row, rows
 from lensforge.report.task import task
-from lensforge.report.yield_section import yield_section
+from lensforge.results import Group, StageResult
+from lensforge.results.numerals import number, percent
 from lensforge.runs.results import REPORT_FILE, Results
 from lensforge.scene.lens import Lens
+from lensforge.search.design_result import Design
+from lensforge.shop.check_facts import finding_groups
 from lensforge.shop.check_result import Check
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.version import __version__
@@ -60,6 +60,8 @@ def _optics_radius_mm(lens: Lens) -> float:
 
 def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, object]:
     lens, taken = results.lens, [] if folder is None else load_snapshots(folder, results.lens)
+    possible = light_section.possible_limits(results.spec)
+    lights = light_section.other_lights(results)
     return {
         "lens": lens,
         "subtitle": task(lens.spec),
@@ -67,50 +69,110 @@ def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, o
         "outdated": headline.outdated(results),
         "altered_files": headline.altered_files(results),
         "warnings": headline.source_warnings(results),
-        "cards": further_cards(results),
-        "criteria": headline.criterion_rows(results),
-        "missed": headline.missed_rows(results),
+        "asked": headline.asked_facts(results, possible),
+        "further": headline.further_facts(results),
+        "criteria": headline.criterion_groups(results),
+        "missed": headline.criterion_groups(results, missed=True),
         "remarks": headline.missing(results),
         "search_end": headline.search_end(results),
         "times": headline.times(results),
-        "check": results.find(Check),
-        "proof": results.find(Proof),
-        "step_facts": proof.step_facts(results),
-        "cast_facts": proof.cast_facts(results),
-        "first": first_picture(results),
-        "asked": asked_rows(results),
-        "photometry": photometry_section(results),
+        "facts": _facts(results),
+        "far_proof": any(each.far_field for each in _proofs(results)),
+        "first": light_section.first_picture(results),
+        "photometry": _photometry_sentence(results),
         "pictures": _pictures(results, taken),
-        "referees": referee_rows(results),
-        "stray_sentence": stray_sentence(results),
-        "measured": measured(results),
-        "changes": change_rows(results),
-        "parts": yield_section(results, folder if beside else None),
-        "other_lights": light_rows(results),
+        "measured": measured_sections(results),
+        "seen_at_once": FIRST,
+        "parts": _yield_sentences(results, folder if beside else None),
+        "other_lights": lights,
         "other_conditions": sum(isinstance(each, Light) for each in results.others.values()),
-        "other_results": result_rows(results),
-        "outline_known": pictures.source_outline(results) is not None,
-        "files": exported_files(results) if folder is None else folder_files(folder, beside),
-        "spec": _spec_tables(results),
-        "numbers": _number_tables(results),
+        "other_results": light_section.other_results(results),
+        "outline_known": part_section.source_outline(results) is not None,
+        "files": part_section.exported_files(results) if folder is None else part_section.folder_files(folder, beside),
+        "spec": spec_tables(results),
+        "numbers": number_tables(results),
         "versions": _versions(),
         "version": __version__,
         "written": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
     }
 
 
+def _facts(results: Results) -> dict[str, list[Group]]:
+    """Groups of facts by the section of the page that shows them; light and size stand in the table at its head."""
+
+    def of(*kinds: type[StageResult]) -> list[Group]:
+        found = (results.find(kind) for kind in kinds)
+        return [group for result in found if result is not None for group in results.facts(result)]
+
+    check, proof = results.find(Check), results.find(Proof)
+    lit = [group for group in of(Light) if group.key != "limits"]
+    return {
+        "light": lit,
+        "photometry": of(Photometry),
+        "lens": of(Design),
+        "findings": [] if check is None else finding_groups(check, results.spec),
+        "faces": [group for group in of(Check) if not group.key.startswith("findings")],
+        "tracers": [] if proof is None else tracer_groups(proof),
+        "proof": of(Part, Proof),
+        "stray": of(StrayLight),
+        "sensitivity": of(Sensitivity),
+        "yield": of(Yield),
+    }
+
+
+def _proofs(results: Results) -> tuple[ReceiverProof, ...]:
+    proof = results.find(Proof)
+    return () if proof is None else proof.receivers
+
+
+def _photometry_sentence(results: Results) -> str:
+    """A sentence on rays and noise of the far field; empty without one."""
+    found = results.find(Photometry)
+    if found is None:
+        return ""
+    basis = "per 1000 lm of the source, whose own are not known" if found.per_1000_lm else "are absolute"
+    noise = "" if found.node_error is None else f"; the table’s noise is {percent(found.node_error.rms)} rms"
+    return f"By {number(found.rays)} rays{noise}. Candela and lumens {basis}."
+
+
+def _yield_sentences(results: Results, folder: Path | None) -> dict[str, str] | None:
+    """Sentences on the yield, and the name of its own page where that lies in ``folder``; None without the study."""
+    found = results.find(Yield)
+    if found is None:
+        return None
+    page = f"{Yield.stage}.html"
+    return {
+        "sentence": pass_sentence(found),
+        "budget": budget_sentence(found),
+        "page": page if folder is not None and (folder / page).is_file() else "",
+    }
+
+
 def _pictures(results: Results, taken: Sequence[Snapshot]) -> dict[str, object]:
     return {
-        "light": receiver_pictures(results),
-        "history": pictures.history_pictures(results),
-        "snapshots": pictures.snapshot_pictures(results, taken),
-        "sections": pictures.section_pictures(results),
-        "surfaces": pictures.surface_pictures(results),
-        "verification": proof.verification_pictures(results),
-        "gaps": gap_pictures(results),
-        "stray": stray_pictures(results),
-        "other": light_pictures(results),
+        "light": light_section.receiver_pictures(results),
+        "photometry": light_section.photometry_pictures(results),
+        "other": light_section.other_pictures(results),
+        "history": part_section.history_pictures(results),
+        "snapshots": part_section.snapshot_pictures(results, taken),
+        "sections": part_section.section_pictures(results),
+        "surfaces": part_section.surface_pictures(results),
+        "verification": part_section.verification_pictures(results),
+        "gaps": part_section.gap_pictures(results),
+        "stray": part_section.stray_pictures(results),
     }
+
+
+def results_html(results: Results) -> str:
+    """``results`` as HTML for the output of a notebook's cell: verdict, main facts, the light and a section."""
+    first = light_section.first_picture(results)
+    shown = [*([first] if first else []), part_section.section_pictures(results)[0]]
+    return template("notebook.html").render(
+        name=results.spec.name,
+        headline=headline.headline(results),
+        facts=[*headline.asked_facts(results), *headline.further_facts(results)],
+        pictures=shown,
+    )
 
 
 def _solid(views: SolidViews) -> dict[str, object]:
@@ -119,29 +181,6 @@ def _solid(views: SolidViews) -> dict[str, object]:
     extent = [high - low for low, high in zip(low_high[::2], low_high[1::2], strict=True)]
     mesh = base64.b64encode(views.mesh).decode()
     return {"views": encoded, "mesh": mesh, "extent_mm": extent, "views_problem": views.problem}
-
-
-def _spec_tables(results: Results) -> dict[str, list[Row]]:
-    """Rows of each section of the spec by name; those of its top-level entries under ``""``.
-
-    Of target and receivers what is given: a target may have many lengths in either of two units.
-    """
-    spec, tables = results.spec, {}
-    content = {key: value for key, value in spec.model_dump().items() if value is not None and key != "receivers"}
-    tables[""] = rows({key: value for key, value in content.items() if not isinstance(value, dict)})
-    for key, value in content.items():
-        if isinstance(value, dict):
-            tables[key] = rows(value if key != "target" else {k: v for k, v in value.items() if v is not None})
-    for receiver in spec.all_receivers if spec.receivers else ():
-        tables[f"receivers.{receiver.name}"] = rows(receiver.model_dump(exclude_none=True))
-    return tables
-
-
-def _number_tables(results: Results) -> dict[str, list[Row]]:
-    """All values of each file, by its name; criteria, verdicts and the spec have their own tables."""
-    records = {stem: result.plain() for stem, result in {**results.found, **results.others}.items()}
-    tables = {"lens": results.lens.to_json(), **records}
-    return {f"{stem}.json": rows(content, without=("criteria", "verdicts", "spec")) for stem, content in tables.items()}
 
 
 def _versions() -> dict[str, str]:

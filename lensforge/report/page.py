@@ -1,17 +1,21 @@
-"""HTML pages: their templates, writing a page to its file, and printing it as PDF by Chromium."""
+"""HTML pages: their templates and pictures, writing a page to its file, and printing it as PDF by Chromium."""
 
 import os
 import re
 import shutil
 import subprocess
+from dataclasses import dataclass
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 from markupsafe import Markup
+from matplotlib.figure import Figure
 
 from lensforge.errors import InputError
-from lensforge.report.ownership import is_free_or_own, pdf_mark, require_own
+from lensforge.results.fact import cells_of, columns_of
+from lensforge.results.figure_style import to_svg
 from lensforge.results.files import replacing, temporary_folder
+from lensforge.results.ownership import is_free_or_own, pdf_mark, require_own
 from lensforge.results.sandbox import kill_group
 
 _TEMPLATES = Path(__file__).with_name("templates")
@@ -26,6 +30,20 @@ _OPTIONS = (
 _LIMIT_SECONDS = 120.0
 
 
+@dataclass(frozen=True)
+class PagePicture:
+    """A figure as SVG, a short title and a caption."""
+
+    svg: str
+    title: str
+    caption: str
+
+
+def picture(name: str, figure: Figure, title: str, caption: str = "") -> PagePicture:
+    """``figure`` for a page; ``name`` must be unique on the page."""
+    return PagePicture(to_svg(figure, name, title), title, caption)
+
+
 def template(name: str) -> Template:
     """The template ``name``; text is escaped, and a variable without a value is an error."""
     environment = Environment(
@@ -36,6 +54,7 @@ def template(name: str) -> Template:
         lstrip_blocks=True,
     )
     environment.filters["breakable"] = _breakable
+    environment.globals.update(columns_of=columns_of, cells_of=cells_of)
     return environment.get_template(name)
 
 

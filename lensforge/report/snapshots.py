@@ -8,10 +8,10 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError, OutdatedResult
-from lensforge.report.figure_style import save_picture
-from lensforge.report.search_figures import snapshot_figure
+from lensforge.report.lens_figures import snapshot_figure
 from lensforge.results import Array, Count, Flag, Irradiance, NotNegative, Number, Positive, StageResult
 from lensforge.results.chart import Chart, light_unit
+from lensforge.results.figure_style import save_picture
 from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Progress
 from lensforge.sources.build_source import build_source, summarise

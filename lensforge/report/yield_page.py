@@ -6,41 +6,35 @@ import numpy as np
 
 from lensforge.light.evaluation_result import Light
 from lensforge.made.tolerance_result import Yield
-from lensforge.report.cards import Card
-from lensforge.report.irradiance_figures import irradiance_map
-from lensforge.report.numerals import number, percent, unit_of_light
-from lensforge.report.page import template
-from lensforge.report.pictures import PagePicture, picture
-from lensforge.report.shown_receivers import top_of
-from lensforge.report.task import task
-from lensforge.report.yield_figures import beyond, cause_bars, distribution
-from lensforge.report.yield_rows import (
-    bound_rows,
+from lensforge.made.yield_facts import (
     bound_words,
-    budget_lines,
     budget_sentence,
     drawn_rows,
+    failing_first,
     is_share,
-    judged,
+    judged_metrics,
     metric_words,
     pass_sentence,
-    share_words,
-    spread_rows,
-    with_unit,
     worst_words,
 )
-from lensforge.results import Metric
+from lensforge.report.light_figures import irradiance_map
+from lensforge.report.light_section import top_of, unit_of_light
+from lensforge.report.page import PagePicture, picture, template
+from lensforge.report.study_figures import beyond, cause_bars, distribution
+from lensforge.report.task import task
+from lensforge.results import Group
 from lensforge.results.chart import Chart
+from lensforge.results.numerals import number, with_unit
 from lensforge.runs.results import Results
 from lensforge.version import __version__
 
 YIELD_PAGE = "yield.html"
-_CERTAIN = 2.0  # standard errors
 _MOST_PLOTS = 9  # of distributions: a spec may have hundreds of limits, all of which are in the tables
 
 
 def render_yield(result: Yield, results: Results, table: str) -> str:
     """One self-contained page on ``result``; ``results``: of its lens; ``table``: name of the file with all parts."""
+    facts = results.facts(result)
     return template(YIELD_PAGE).render(
         name=results.spec.name,
         subtitle=task(results.spec),
@@ -48,13 +42,13 @@ def render_yield(result: Yield, results: Results, table: str) -> str:
         result=result,
         sentence=pass_sentence(result),
         budget_sentence=budget_sentence(result),
-        cards=_cards(result),
-        bounds=bound_rows(result),
+        cards=[fact for fact in facts[0].facts if fact.key not in ("parts", "rays", "wanted")],
+        bounds=_called(facts, "bound"),
         own_limits=bool(results.spec.limits),
-        spreads=spread_rows(result),
+        spreads=_called(facts, "spread"),
         distributions=_distributions(result),
         causes=_cause_pictures(result),
-        budget=budget_lines(result),
+        budget=_called(facts, "budget"),
         worst=_worst_pictures(result, results),
         drawn=drawn_rows(result),
         rays=number(result.rays),
@@ -64,40 +58,13 @@ def render_yield(result: Yield, results: Results, table: str) -> str:
     )
 
 
-def _cards(result: Yield) -> list[Card]:
-    """Main numbers: the parts that pass, what decides, and by how much all tolerances may be scaled."""
-    low, high = percent(result.pass_rate.low), percent(result.pass_rate.high)
-    cards = [Card("Parts that pass", percent(result.pass_rate.value), "", f"95 % confidence: {low} to {high}")]
-    for name in [name for name in _first(result) if name in result.variance][:2]:
-        cause = result.variance[name].causes[0]
-        share = Metric(value=cause.share, standard_error=cause.standard_error)
-        certain = cause.share > _CERTAIN * cause.standard_error
-        note = cause.words if certain else f"{cause.words}; not certain by so few parts"
-        cards.append(Card(f"Main cause, {_within(name)}", share_words(share), "", note))
-    if result.budget is not None:
-        together, wanted = budget_lines(result)[-1], percent(result.budget.pass_rate, 0)
-        note = f"all tolerances by one factor, so that {wanted} pass; {together.interval}"
-        cards.append(Card("Tolerances", together.at_most, "", note))
-    return cards
-
-
-def _first(result: Yield) -> list[str]:
-    """Metrics with bounds, that with the most failing parts first."""
-    failing = dict.fromkeys(judged(result), 0.0)
-    for bound in result.bounds:
-        failing[bound.metric] += float((~bound.kept_by(result.column(bound.metric))).mean())
-    return sorted(failing, key=lambda name: -failing[name])
-
-
-def _within(name: str) -> str:
-    """Name of a metric within a sentence; those of receivers and limits keep their capitals."""
-    words = metric_words(name)
-    return words if ": " in name else words[:1].lower() + words[1:]
+def _called(groups: list[Group], key: str) -> list[Group]:
+    return [group for group in groups if group.key == key]
 
 
 def _shown_metrics(result: Yield) -> list[str]:
     """Metrics that are drawn: those with bounds, then the others."""
-    return list(dict.fromkeys([*_first(result), *result.metrics]))[:_MOST_PLOTS]
+    return list(dict.fromkeys([*failing_first(result), *result.metrics]))[:_MOST_PLOTS]
 
 
 def _distributions(result: Yield) -> list[PagePicture]:
@@ -117,7 +84,7 @@ def _distributions(result: Yield) -> list[PagePicture]:
 
 def _cause_pictures(result: Yield) -> list[PagePicture]:
     names = [name for name in _shown_metrics(result) if name in result.variance]
-    shown = [name for name in names if name in judged(result)] or names
+    shown = [name for name in names if name in judged_metrics(result)] or names
     return [
         picture(f"causes{index}", cause_bars(result.variance[name]), metric_words(name))
         for index, name in enumerate(shown)

@@ -2,6 +2,7 @@
 
 from lensforge.results.array_fields import Array, Image, Irradiance, Line, PixelCentres, SquareImage
 from lensforge.results.conditions import Conditions
+from lensforge.results.fact import Bound, Fact, FactState, Group, Sense
 from lensforge.results.record import Record, Scalar, stated
 from lensforge.results.record_fields import (
     BodySize,
@@ -24,12 +25,16 @@ from lensforge.results.stage_result import Given, InFile, SimulatedResult, Stage
 __all__ = [
     "Array",
     "BodySize",
+    "Bound",
     "Box",
     "Conditions",
     "Count",
     "Extent",
+    "Fact",
+    "FactState",
     "Flag",
     "Given",
+    "Group",
     "Image",
     "InFile",
     "Irradiance",
@@ -42,6 +47,7 @@ __all__ = [
     "Positive",
     "Record",
     "Scalar",
+    "Sense",
     "Sha256",
     "Share",
     "SimulatedResult",

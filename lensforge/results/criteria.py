@@ -1,38 +1,74 @@
-"""Acceptance criteria: numbers of a result, each with the limit that it must keep."""
+"""Acceptance criteria: numbers of a result, each with the limit that it must keep, and their names in words."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from math import isfinite
 from typing import Any, ClassVar, Literal, Self
 
 from pydantic import ModelWrapValidatorHandler, computed_field, model_validator
 
 from lensforge.errors import CriterionMissed
-from lensforge.results import Number, Record, Text
+from lensforge.results import Bound, Fact, Number, Record, Sense, Text
+from lensforge.results.numerals import quantity
+from lensforge.runs.verdict import Reason, judge, within
 
-Sense = Literal["<=", ">="]
-CERTAIN = 2.0  # standard errors; within them of a bound, nothing is decided
-
-
-def within(value: float | None, sense: Sense, limit: float | None) -> bool:
-    """True where ``value`` is ``sense`` ``limit``: the one judgement behind every verdict.
-
-    ``value``: None, not measured, is never within. ``limit``: None, there is none.
-    """
-    if value is None:
-        return False
-    if limit is None:
-        return True
-    return value <= limit if sense == "<=" else value >= limit
-
-
-def beyond_doubt(excess: float, error: float | None) -> bool | None:
-    """True where a value is above its bound by ``excess``, False where below it; None where that is not certain.
-
-    It is not within two standard errors of the bound, nor without a standard ``error``.
-    """
-    if error is None or abs(excess) <= CERTAIN * error:
-        return None
-    return excess > 0.0
+_STL, _STEP = "mesh (lens.stl)", "STEP file"
+_YES = " (1: yes)"  # ends the words of a question
+_WORDS = {
+    "cavity clearance": "free space over the LED, to spare",
+    "wall margin": "wall, above its minimum",
+    "radius margin": "distance from the LED, below its maximum",
+    "inner curvature margin": "hollows of the inner face, wider than the tool",
+    "outer curvature margin": "hollows of the outer face, wider than the tool",
+    "inner draft margin": "draft of the inner face, above its minimum",
+    "outer draft margin": "draft of the outer face, above its minimum",
+    "largest wall margin": "wall, below its maximum",
+    "height margin": "height, below its maximum",
+    "keep out clearance": "distance from the keep-out solid, to spare",
+    "flux not converged": "light that the simulation could not follow",
+    "thinnest wall": "thinnest wall, along the normal",
+    "largest radial wall": "thickest wall, seen from the LED",
+    "form_error": f"form of the optical faces in the {_STEP}",
+    "normal_error": f"slope of the optical faces in the {_STEP}",
+    "step_valid": f"solid of the {_STEP} is valid (1: yes)",
+    "step_volume_change": f"volume of the {_STEP} as read back",
+    "watertight": f"{_STL} is closed (1: yes)",
+    "watertight_3mf": "3MF file is closed (1: yes)",
+    "genus_difference": "handles and holes that the mesh should not have",
+    "mesh_volume_change": f"volume of the {_STL}, against the solid",
+    "surfaces_form_error": "form of the untrimmed faces in their file",
+    "surfaces_normal_error": "slope of the untrimmed faces in their file",
+    "keep_out_distance": "distance of the part from the keep-out solid",
+    "concave_radius": "smallest hollow of the corrected face",
+    "open_edges": f"open edges of the {_STL}",
+    "plain_cast_disagreements": "first hits that a second ray caster finds elsewhere",
+    "volume_change": f"volume of the {_STL}, against the export",
+    "area_change": f"area of the {_STL}, against the export",
+    "box_change": f"outer size of the {_STL}, against the export",
+    "brep_volume_change": f"volume of the {_STEP}, against the export",
+    "brep_area_change": f"area of the {_STEP}, against the export",
+    "brep_box_change": f"outer size of the {_STEP}, against the export",
+    "own_rays_emission": "light of freshly drawn rays as it leaves the LED",
+    "own_rays_efficiency": "efficiency with freshly drawn rays",
+    "own_rays_nmse": "pattern of freshly drawn rays, against the design",
+    "deviation_rms": f"landing of rays through the {_STL}, against the design",
+    "flux_deviation": f"light of each ray through the {_STL}, against the design",
+    "fate_disagreement_flux": f"light that ends elsewhere through the {_STL}",
+    "nmse_same_rays": f"pattern of the {_STL}, against the design, same rays",
+    "nmse_vs_design": f"pattern of the {_STL}, against the design",
+    "brep_deviation_rms": f"landing of rays through the {_STEP}, against the design",
+    "brep_flux_deviation": f"light of each ray through the {_STEP}, against the design",
+    "brep_fate_disagreements": f"rays that end elsewhere through the {_STEP}",
+    "mitsuba_nmse_vs_design": f"pattern of the {_STL} by Mitsuba, against the design",
+    "mitsuba_deviation_rms": f"landing of rays through the {_STL} by Mitsuba",
+    "mitsuba_flux_deviation": f"light of each ray through the {_STL} by Mitsuba",
+    "mitsuba_fate_disagreement_flux": f"light that ends elsewhere through the {_STL} by Mitsuba",
+    "stray_balance": "light that the stray-light budget cannot account for",
+    "stray_leaked": "light that leaks through the edges of the mesh",
+    "stray_too_dim": "light that is still in the part when it is given up",
+    "photo_clipped": "pixels of the photograph that are saturated",
+    "points_used": "measured points that lie on the surface",
+    "surface_covered": "part of the surface that was measured",
+}
 
 
 class Judged(Record):
@@ -73,11 +109,38 @@ class Criterion(Judged):
         """True where the criterion is met; False where the value could not be measured."""
         return within(self.value, self.sense, self.limit)
 
+    @property
+    def words(self) -> str:
+        """Words for its name; the name of a criterion of a further receiver begins with that of the receiver."""
+        receiver, colon, short = self.name.rpartition(": ")
+        return f"{receiver}{colon}{_WORDS.get(short, short.replace('_', ' '))}"
+
+    @property
+    def fact(self) -> Fact:
+        """The criterion as a fact."""
+        state, note = judge(self.value, self.sense, self.limit), self.name.replace("_", " ")
+        question = self.words.removesuffix(_YES)
+        if question != self.words:
+            answer = "yes" if self.passed else "no"
+            return Fact(self.name, question, answer, state=state, note=note, remedy=self.remedy)
+        return Fact(
+            self.name,
+            self.words,
+            self.value,
+            self.unit,
+            limit=Bound(self.sense, self.limit),
+            state=state,
+            note=note,
+            remedy=self.remedy,
+        )
+
     def __str__(self) -> str:
+        limit = f"must be {Bound(self.sense, self.limit).text(self.unit)}"
         if self.value is None:
-            return f"{self.name} could not be measured (must be {self.sense} {self.limit:g} {self.unit}); {self.remedy}"
-        verdict = "met" if self.passed else f"missed by {abs(self.value - self.limit):.3g} {self.unit}; {self.remedy}"
-        return f"{self.name} = {self.value:.6g} {self.unit} (must be {self.sense} {self.limit:g}): {verdict}"
+            return f"{self.name} could not be measured ({limit}); {self.remedy}"
+        missed = quantity(abs(self.value - self.limit), self.unit, digits=3)
+        verdict = "met" if self.passed else f"missed by {missed}; {self.remedy}"
+        return f"{self.name} = {quantity(self.value, self.unit)} ({limit}): {verdict}"
 
 
 def at_most(name: str, value: float, limit: float, unit: str, remedy: str) -> Criterion:
@@ -92,6 +155,27 @@ def at_least(name: str, value: float, limit: float, unit: str, remedy: str) -> C
 
 def _measured(value: float) -> float | None:
     return float(value) if isfinite(value) else None
+
+
+def missed(criteria: Iterable[Criterion]) -> Iterator[Reason]:
+    """A reason against a result for each of its ``criteria`` that is not met."""
+    for criterion in criteria:
+        if not criterion.passed:
+            yield "fail", str(criterion)
+
+
+def state_of(criteria: Iterable[Criterion], *names: str) -> Literal["pass", "fail", ""]:
+    """``pass`` if all of ``criteria`` called ``names`` are met, else ``fail``; ``""`` where there is none of them."""
+    met = [criterion.passed for criterion in criteria if criterion.name in names]
+    return ("pass" if all(met) else "fail") if met else ""
+
+
+def kept(criteria: Iterable[Criterion], name: str) -> dict[str, Any]:
+    """Limit and state of the criterion called ``name``, for the fact on the same value; empty where there is none."""
+    found = next((criterion for criterion in criteria if criterion.name == name), None)
+    if found is None:
+        return {}
+    return {"limit": Bound(found.sense, found.limit), "state": "pass" if found.passed else "fail"}
 
 
 def require(criteria: Iterable[Criterion]) -> None:

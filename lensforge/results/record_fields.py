@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field
 
 from lensforge.results.array_fields import LARGEST
-from lensforge.results.digits import by_error
+from lensforge.results.numerals import quantity
 from lensforge.results.record import Record
 
 _ROUNDING = 1e-9  # sums of shares may leave 0 to 1 by rounding
@@ -59,15 +59,8 @@ class Metric(Record):
         return self.value
 
     def __str__(self) -> str:
-        """Value and standard error, with the digits that the error carries."""
-        value, error = self.digits()
-        return f"{value}{f' ± {error}' if error else ''}{' ' if self.unit else ''}{self.unit}"
-
-    def digits(self) -> tuple[str, str]:
-        """Value and standard error as texts with no more digits than the error carries; "" for none."""
-        if not self.standard_error:
-            return f"{self.value:.6g}", "" if self.standard_error is None else "0"
-        return by_error(self.value, self.standard_error)
+        """Value, standard error and unit, with the digits that the error carries."""
+        return quantity(self.value, self.unit, self.standard_error)
 
 
 class Extent(Record):

@@ -15,8 +15,8 @@ from lensforge.light.evaluation_result import Light
 from lensforge.light.photometry_result import Photometry
 from lensforge.proof.proof_result import Proof
 from lensforge.proof.stray_result import StrayLight
-from lensforge.report.ownership import require_own
 from lensforge.results.folder_lock import in_locked_folder, locked
+from lensforge.results.ownership import require_own
 from lensforge.runs import cast_stages, stages
 from lensforge.runs.arguments import threads_of_torch
 from lensforge.runs.later_stages import Announce, Ended, Told, process_for_later_stages, run_later_stages
@@ -244,7 +244,7 @@ def refresh_report(folder: Path, *, seconds: float | None = None) -> Path:
 
 def run_comparison(folders: Sequence[Path], page: Path) -> Path:
     """Write one page that compares the designs in ``folders``; a PDF of an earlier page is deleted."""
-    from lensforge.report.compare_page import folder_names, render_comparison
+    from lensforge.report.compare import folder_names, render_comparison
     from lensforge.report.page import write_page
 
     names = folder_names(folders)

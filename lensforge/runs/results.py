@@ -6,20 +6,28 @@ from pathlib import Path
 from typing import TypeVar
 
 from lensforge.cad.part import Part
+from lensforge.cad.part_facts import part_facts
 from lensforge.errors import InputError, MissingResult, OutdatedResult
 from lensforge.light.evaluation_result import Light
+from lensforge.light.light_facts import LimitBounds, light_facts, light_reasons
+from lensforge.light.photometry_facts import photometry_facts
 from lensforge.light.photometry_result import Photometry
 from lensforge.made.correction_result import Correction
+from lensforge.made.measured_facts import correction_facts, photo_facts, surface_facts
 from lensforge.made.measurement_result import PhotoComparison, SurfaceComparison
 from lensforge.made.tolerance_result import Sensitivity, Yield
-from lensforge.proof.proof_result import Proof
+from lensforge.made.yield_facts import sensitivity_facts, yield_facts
+from lensforge.proof.proof_facts import proof_facts, stray_facts
+from lensforge.proof.proof_result import JUDGED_FILES, Proof
 from lensforge.proof.stray_result import StrayLight
-from lensforge.results import SimulatedResult, StageResult
-from lensforge.results.criteria import Criterion
-from lensforge.runs.verdict import Verdict, verdict_on
+from lensforge.results import Group, SimulatedResult, StageResult
+from lensforge.results.criteria import Criterion, missed
+from lensforge.runs.verdict import Reason, Verdict
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.search.checkpoint import CHECKPOINT, is_checkpoint
+from lensforge.search.design_facts import design_facts
 from lensforge.search.design_result import Design
+from lensforge.shop.check_facts import check_facts, cutting_reasons
 from lensforge.shop.check_result import Check
 from lensforge.spec import Spec
 from lensforge.surfaces.imported_face import LENS_FILE
@@ -126,6 +134,44 @@ class Results:
             self.lens, self.find(Design), self.find(Light), self.find(Part), self.find(Check), self.find(Proof)
         )
 
+    def facts(self, result: StageResult, possible: LimitBounds | None = None) -> list[Group]:
+        """Facts of one of the results; ``possible``: the most light that physics allows at the limits of the spec."""
+        match result:
+            case Design():
+                return design_facts(result)
+            case Light():
+                return light_facts(result, self.lens, possible)
+            case Part():
+                return part_facts(result)
+            case Check():
+                return check_facts(result, self.spec)
+            case Proof():
+                light = self.find(Light)
+                designed = {} if light is None else {each.name: each.efficiency.value for each in light.receivers}
+                return proof_facts(result, designed)
+            case StrayLight():
+                return stray_facts(result)
+            case Photometry():
+                return photometry_facts(result, self.spec)
+            case Sensitivity():
+                return sensitivity_facts(result)
+            case Yield():
+                return yield_facts(result)
+            case PhotoComparison():
+                return [photo_facts(result)]
+            case SurfaceComparison():
+                return [surface_facts(result)]
+            case Correction():
+                return [correction_facts(result)]
+            case _:
+                return []
+
+    @property
+    def yield_facts(self) -> list[Group]:
+        """Facts of the yield; empty where it has not been computed."""
+        found = self.find(Yield)
+        return [] if found is None else self.facts(found)
+
     @property
     def missing(self) -> list[str]:
         """Stages of a whole run that have not run."""
@@ -145,6 +191,44 @@ class Results:
         return same and dict(self.others) == dict(other.others)
 
     __hash__ = None  # type: ignore[assignment]  # results hold arrays
+
+
+def verdict_on(
+    lens: Lens, design: Design | None, light: Light | None, part: Part | None, check: Check | None, proof: Proof | None
+) -> Verdict:
+    """The verdict from the results of the stages; None, a stage that has not run, leaves its part undecided."""
+    unseen: list[Reason] = [("undecided", "the light has not been evaluated")]
+    unchecked: list[Reason] = [("undecided", "the part has not been checked")]
+    return Verdict.of(
+        light=list(light_reasons(light, lens)) if light else unseen,
+        files=list(_files_reasons(design, part, check, proof)),
+        cutting=list(cutting_reasons(check, lens.spec)) if check else unchecked,
+    )
+
+
+def _files_reasons(
+    design: Design | None, part: Part | None, check: Check | None, proof: Proof | None
+) -> Iterator[Reason]:
+    for result in (design, part, check, proof):
+        if result is not None:
+            yield from missed(result.criteria)
+    if part is None:
+        yield "undecided", "no files have been exported"
+        return
+    for name in unjudged_files(part, proof):
+        verify = "`lensforge verify` judges it as it is, " if name in JUDGED_FILES else ""
+        yield "fail", f"{name} is not the file that was exported: {verify}`lensforge export` writes it again"
+    if proof is None:
+        yield "undecided", "the exported part has not been verified"
+    elif proof.altered_files and not part.altered:
+        names = ", ".join(proof.altered_files)
+        yield "undecided", f"the files that were verified are not those of the export: {names}; verify again"
+
+
+def unjudged_files(part: Part, proof: Proof | None) -> tuple[str, ...]:
+    """Files that are not as exported, and whose geometry and light no verification has judged as they are now."""
+    judged = JUDGED_FILES if proof is not None and proof.altered_files == part.altered else ()
+    return tuple(name for name in part.altered if name not in judged)
 
 
 def is_own(stem: str) -> bool:

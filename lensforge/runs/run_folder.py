@@ -6,9 +6,9 @@ from typing import TypeVar
 
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import Light
-from lensforge.report.ownership import require_own
 from lensforge.results import Conditions, StageResult
 from lensforge.results.files import require_writable
+from lensforge.results.ownership import require_own
 from lensforge.results.validation import its_type
 from lensforge.runs.results import Results, load_results, stem_of
 from lensforge.runs.run_record import (
@@ -64,7 +64,7 @@ class Run(Results):
 
     def _repr_html_(self) -> str:
         """HTML for a notebook: verdict, headline numbers, the light and a section."""
-        from lensforge.report.notebook import results_html
+        from lensforge.report.lens_page import results_html
 
         return results_html(self)
 

@@ -13,8 +13,8 @@ from lensforge.proof.proof_result import JUDGED_FILES, Proof
 from lensforge.results import Count, NotNegative, Record, Sha256, StageResult, Text
 from lensforge.results.files import write_json
 from lensforge.results.stage_result import SCHEMA_VERSION, read_object, require_checksum, validated, with_checksum
-from lensforge.runs.results import Results, is_own
-from lensforge.runs.verdict import Verdict, unjudged_files
+from lensforge.runs.results import Results, is_own, unjudged_files
+from lensforge.runs.verdict import Verdict
 from lensforge.search.design_result import Design
 from lensforge.spec import Accuracy
 from lensforge.version import __version__

@@ -8,7 +8,21 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 from pydantic import Field, model_validator
 
 from lensforge.errors import InputError
-from lensforge.results import Count, Metric, NotNegative, Number, Positive, Record, Sha256, StageResult, State, Text
+from lensforge.light.light_facts import METRICS
+from lensforge.results import (
+    Count,
+    Fact,
+    Group,
+    Metric,
+    NotNegative,
+    Number,
+    Positive,
+    Record,
+    Sha256,
+    StageResult,
+    State,
+    Text,
+)
 from lensforge.results.criteria import Criterion
 from lensforge.runs.results import Results
 from lensforge.search.design_result import Margins
@@ -179,6 +193,25 @@ class Sweep(StageResult):
             for criterion in row.criteria
         )
 
+    @property
+    def facts(self) -> list[Group]:
+        """A row for each design, by the value of the varied field."""
+        return [self._row(row) for row in self.designs]
+
+    def _row(self, row: SweepRow) -> Group:
+        missed = [criterion.name for criterion in row.criteria if not criterion.passed]
+        names = [name for name in METRICS if any(getattr(each, name) is not None for each in self.designs)]
+        facts = (
+            *(Fact(field, field, value) for field, value in row.changes.items()),
+            *(_metric(name, getattr(row, name)) for name in names),
+            Fact("radius", "Largest radius", row.max_radius_mm, "mm"),
+            Fact("height", "Height", row.height_mm, "mm"),
+            Fact("steps", "Steps", row.steps),
+            Fact("criteria", "Criteria", f"missed: {', '.join(missed)}" if missed else "all met"),
+            Fact("cutting", "Cutting", row.cutting),
+        )
+        return Group("design", row.folder, facts)
+
     def rows(self) -> list[dict[str, float | int | bool | str | None]]:
         """Table rows, one for each design."""
         return [row.row() for row in self.designs]
@@ -203,6 +236,11 @@ class Sweep(StageResult):
         axes.errorbar(curve.x, curve.y, curve.errors, marker="o")
         axes.set(xlabel=self.vary, ylabel=metric)
         return axes
+
+
+def _metric(name: str, metric: Metric | None) -> Fact:
+    shares = ("efficiency", "share_in_target")
+    return Fact.share(name, METRICS[name], metric) if name in shares else Fact.measured(name, METRICS[name], metric)
 
 
 @dataclass(frozen=True)

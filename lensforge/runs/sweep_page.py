@@ -5,13 +5,11 @@ from collections.abc import Sequence
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from lensforge.report.compare_pictures import ComparedPictures
-from lensforge.report.figure_style import BLUE, GREEN, GREY, ORANGE, WIDE, in_report_style, new_figure, to_png
-from lensforge.report.numerals import number, number_with_error
-from lensforge.report.page import template
-from lensforge.report.pictures import picture
+from lensforge.report.compare import ComparedPictures
+from lensforge.report.page import picture, template
+from lensforge.results.figure_style import BLUE, GREEN, GREY, ORANGE, WIDE, in_report_style, new_figure, to_png
 from lensforge.runs.results import Results
-from lensforge.runs.sweep import Curve, Sweep, SweepRow, SweptMetric
+from lensforge.runs.sweep import Curve, Sweep
 
 _HEIGHT = 3.2
 _AXES = {
@@ -20,15 +18,10 @@ _AXES = {
     "target.distance_mm": "distance of the target (mm)",
     "source.side_mm": "side of the source (mm)",
 }
-_METRICS: dict[SweptMetric, str] = {"nmse": "NMSE", "uniformity": "uniformity", "efficiency": "efficiency"}
-_HEAD = ("largest radius (mm)", "height (mm)", "steps", "criteria", "cutting")
 
 
 def sweep_page(sweep: Sweep, results: Sequence[Results]) -> str:
     """The page; ``results`` of each design, in the order of the sweep."""
-    metrics: list[SweptMetric] = [
-        name for name in _METRICS if any(getattr(row, name) is not None for row in sweep.designs)
-    ]
     names = [f"{sweep.vary.split('.')[-1]} = {row.value:g}" for row in sweep.designs]
     return template("sweep.html").render(
         name=sweep.spec.name,
@@ -37,8 +30,7 @@ def sweep_page(sweep: Sweep, results: Sequence[Results]) -> str:
         accuracy=sweep.accuracy,
         seed=sweep.seed,
         plot=picture("sweep", sweep_figure(sweep), f"Error and efficiency against {_label(sweep)}"),
-        head=[sweep.vary, *sweep.scale, *(_METRICS[name] for name in metrics), *_HEAD],
-        rows=[(row.folder, _cells(row, metrics)) for row in sweep.designs],
+        designs=sweep.facts,
         pictures=ComparedPictures(names, results),
         version=sweep.version,
     )
@@ -47,19 +39,6 @@ def sweep_page(sweep: Sweep, results: Sequence[Results]) -> str:
 def sweep_png(sweep: Sweep) -> bytes:
     """The plot of the sweep as a PNG file."""
     return to_png(sweep_figure(sweep))
-
-
-def _cells(row: SweepRow, metrics: Sequence[SweptMetric]) -> list[str]:
-    missed = [criterion.name for criterion in row.criteria if not criterion.passed]
-    return [
-        *(number(value, 4) for value in row.changes.values()),
-        *(number_with_error(getattr(row, name), 4) for name in metrics),
-        f"{row.max_radius_mm:.3f}",
-        f"{row.height_mm:.3f}",
-        number(row.steps),
-        f"missed: {', '.join(missed)}" if missed else "all met",
-        row.cutting,
-    ]
 
 
 def _label(sweep: Sweep) -> str:

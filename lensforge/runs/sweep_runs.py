@@ -10,10 +10,10 @@ from tempfile import TemporaryDirectory
 from typing import Protocol
 
 from lensforge.errors import InputError
-from lensforge.report.ownership import require_own
 from lensforge.report.page import write_page
 from lensforge.results.files import replacing
 from lensforge.results.folder_lock import locked
+from lensforge.results.ownership import require_own
 from lensforge.runs import pipeline
 from lensforge.runs.results import load_results
 from lensforge.runs.sweep import Sweep, Variant, Variation, sweep_of

@@ -4,8 +4,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from lensforge.made.tolerance_result import Sensitivity, Yield
-from lensforge.report.ownership import require_own
 from lensforge.results.folder_lock import in_locked_folder
+from lensforge.results.ownership import require_own
 from lensforge.runs import tolerance_stages
 from lensforge.runs.results import stem_of
 from lensforge.runs.run_folder import open_run, write_result

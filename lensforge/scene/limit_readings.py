@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from scipy import sparse
 
 from lensforge.errors import InputError
-from lensforge.results.criteria import Sense
+from lensforge.results import Sense
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.target_shapes import in_shape
 from lensforge.spec import Spec

@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 
 from lensforge.errors import InputError
+from lensforge.results.numerals import percent, quantity
 from lensforge.spec.tolerances_section import Distribution, TolerancesSection
 
 Kind = Literal["spread", "one-sided", "field"]
@@ -30,6 +31,8 @@ class Factor:
     numbers: int
 
 
+_SYMBOLS = {"deg": "°", "um": "µm"}
+_IN_PER_CENT = ("source_flux", "source_size", "shrinkage")
 _BOTH, _ONE = 2, 1
 _SPREAD = {
     "source_shift_mm": ("source, decentre", _BOTH),
@@ -62,6 +65,11 @@ FORM_NUMBERS = 9  # functions over the hemisphere: errors as wide as astigmatism
 # Waviness has hundreds of independent parts; sums of so many prepared fields vary over lenses by a quarter of their
 # mean effect at most, sqrt(2/32), and take 3 ms each.
 WAVINESS_NUMBERS = 32
+
+
+def amount_words(name: str, value: float, unit: str) -> str:
+    """Amount of the tolerance ``name`` with its unit; shares in per cent."""
+    return percent(value) if name in _IN_PER_CENT else quantity(value, _SYMBOLS.get(unit, unit), digits=3)
 
 
 def factors_of(section: TolerancesSection) -> tuple[Factor, ...]:

@@ -8,7 +8,8 @@ from jaxtyping import Float
 from pydantic import computed_field
 
 from lensforge.results import Array, NotNegative, Number, Point, Positive, Record, Share, StageResult, Text
-from lensforge.results.criteria import Criterion, Judged, within
+from lensforge.results.criteria import Criterion, Judged
+from lensforge.runs.verdict import within
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,9 +7,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_serializer
 
-from lensforge.report.ownership import require_own
-from lensforge.results import Count, NotNegative, Positive, Record, Sha256, Text
+from lensforge.results import Count, Fact, Group, NotNegative, Positive, Record, Sha256, Text
 from lensforge.results.files import replacing
+from lensforge.results.ownership import require_own
 from lensforge.shop.check_result import FaceName, Finding
 
 HTML_FILE, PDF_FILE, POINTS_FILE, SAG_FILE = "manufacturing.html", "manufacturing.pdf", "points.csv", "sag.csv"
@@ -67,6 +67,17 @@ class Handover(Record):
         fixed = {HTML_FILE: self.html, PDF_FILE: self.pdf, DXF_FILE: self.dxf}
         fixed |= {POINTS_FILE: self.points_csv, SAG_FILE: self.sag_csv}
         return fixed | {grid.file: grid.content for grid in self.grids}
+
+    @property
+    def facts(self) -> Group:
+        """The files, the points for a measuring machine, the error of each dense table, and what does not hold."""
+        grids = (
+            Fact("grid", grid.file, grid.error_nm, "nm", note="at most, between its nodes", digits=2)
+            for grid in self.grids
+        )
+        refused = (Fact("refused", "Refused", finding.reason) for finding in self.refused)
+        points = Fact("points", "Points", self.points, note="for a measuring machine")
+        return Group("handover", self.name, (Fact("files", "Files", ", ".join(self.files)), points, *grids, *refused))
 
     def save(self, folder: Path | str) -> None:
         """Write the files into ``folder``.

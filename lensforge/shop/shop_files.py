@@ -2,23 +2,23 @@
 
 from hashlib import sha256
 from pathlib import Path
+from typing import Protocol
 
 from jinja2 import Environment, FileSystemLoader
 from markupsafe import Markup
 
-from lensforge.made.tolerance_result import Yield
-from lensforge.report.criterion_words import criterion_words
-from lensforge.report.figure_style import to_svg
-from lensforge.report.numerals import number
-from lensforge.report.surface_figures import curvature_map, sag_map
-from lensforge.results.criteria import Criterion
-from lensforge.runs.results import Results
+from lensforge.cad.part import Part
+from lensforge.results import Group
+from lensforge.results.figure_style import to_svg
+from lensforge.results.surface_figures import curvature_map, sag_map
+from lensforge.scene.lens import Lens
+from lensforge.shop.check_facts import finding_groups
 from lensforge.shop.check_result import Check
 from lensforge.shop.dense_table import GridRequest, MeasuredTable, dense_tables, file_name, table_text
 from lensforge.shop.dimensions import dimensions
 from lensforge.shop.drawing import DrawingContent, drawing_content, make_sheet, scale_words, tool_advice
 from lensforge.shop.handover import DXF_FILE, PDF_FILE, POINTS_FILE, SAG_FILE, Handover, PointGrid
-from lensforge.shop.handover_files import DEFINITION, face_facts, grid_facts, part_facts
+from lensforge.shop.handover_facts import DEFINITION, face_groups, shop_facts, table_facts
 from lensforge.shop.offset_face import offset_faces
 from lensforge.shop.point_files import origin_lines, points_table, ring_angles, sag_table
 from lensforge.shop.sheet import Sheet, shown
@@ -30,8 +30,28 @@ from lensforge.spec import DrawingSection
 _TEMPLATES = Path(__file__).with_name("templates")
 
 
+class HandedOver(Protocol):
+    """Results of a lens that goes to the shop; each property raises :class:`MissingResult` where it is missing."""
+
+    @property
+    def lens(self) -> Lens:
+        """The lens."""
+
+    @property
+    def part(self) -> Part:
+        """The part and its files."""
+
+    @property
+    def check(self) -> Check:
+        """The manufacturing check."""
+
+    @property
+    def yield_facts(self) -> list[Group]:
+        """Facts of the yield; empty where it has not been computed."""
+
+
 def make_handover(
-    results: Results, request: GridRequest | None = None, words: DrawingSection | None = None
+    results: HandedOver, request: GridRequest | None = None, words: DrawingSection | None = None
 ) -> Handover:
     """Make the files that go to the shop with the STEP. Raises :class:`MissingResult` without part or check.
 
@@ -46,7 +66,7 @@ def make_handover(
         SAG_FILE: sag_table(faces, check, head).encode(),
         **{grid.file: grid.content for grid in grids},
     }
-    tolerances, words = tolerance_table(lens, results.find(Yield)), words or lens.spec.drawing
+    tolerances, words = tolerance_table(lens, results.yield_facts), words or lens.spec.drawing
     drawn = drawing_content(lens, part, check, dimensions(lens), tolerances, words)
     sheet = make_sheet(drawn, words.sheet or "A3")
     dxf, figures = sheet_dxf(sheet), _pictures(check)
@@ -83,7 +103,7 @@ def _point_grid(measured: MeasuredTable, head: list[str], request: GridRequest) 
 
 
 def _tables(
-    results: Results,
+    results: HandedOver,
     drawn: DrawingContent,
     words: DrawingSection,
     tolerances: ToleranceTable,
@@ -95,22 +115,27 @@ def _tables(
     datums = [*(f"{line}." for line in drawn.views.datums.lines), DEFINITION]
     sizes = [(size.name, shown(size.value_mm), size.tolerance, size.scope_words) for size in drawn.views.dimensions]
     notes = [f"{number}. {note}" for number, note in enumerate(drawn.notes, 1)]
-    outer, inner = (face_facts(face, check.relief) for face in (check.outer, check.inner))
-    findings = [(f"{each.name}, {each.surface}", _yes(each.holds), each.reason) for each in check.verdicts]
-    changes = tool_advice(lens, check)
-    criteria = [_criterion_row(each) for each in (*part.criteria, *check.criteria)]
+    outer, inner = face_groups(lens, check)
+    findings = [
+        (f"{group.title}: {fact.label.lower()}", fact.text, fact.note)
+        for group in finding_groups(check, lens.spec)
+        for fact in group.facts
+    ]
+    changes, criteria = tool_advice(lens, check), [each.fact for each in (*part.criteria, *check.criteria)]
+    judged = [(fact.label, fact.text, fact.asked, fact.state) for fact in criteria]
+    dense = table_facts(grids)
     return [
-        Table("Part", list(part_facts(lens, part, check, words).items())),
+        Table("Part", _rows(shop_facts(lens, part, check, words))),
         Table("Datums", sentences=datums),
         Table("Sizes", sizes, ("Size", "mm", "Tolerance", "Where"), (0.44, 0.12, 0.14, 0.3)),
         Table("Notes of the drawing", sentences=notes),
         *_tolerance_tables(tolerances),
-        Table("Optical faces", [(name, outer[name], inner[name]) for name in outer],
-              ("Figure", "Outer", "Inner"), (0.5, 0.25, 0.25)),
+        Table("Outer face", _rows(outer)),
+        Table("Inner face", _rows(inner)),
         Table("Can it be cut?", findings, ("Question", "", "Answer"), (0.2, 0.08, 0.72)),
         *([Table("Changes of the specification that would help", sentences=changes)] if changes else []),
-        Table("Criteria on files and shape", criteria, ("Criterion", "Value", "Limit", "Met"), (0.5, 0.2, 0.2, 0.1)),
-        Table("Dense tables of points", [(grid.file, grid_facts(grid)) for grid in grids]),
+        Table("Criteria on files and shape", judged, ("Criterion", "Value", "Limit", "State"), (0.5, 0.2, 0.2, 0.1)),
+        Table(dense.title, _rows(dense)),
         Table("SHA-256", list(hashes.items()), shares=(0.3, 0.7)),
     ]  # fmt: skip
 
@@ -126,20 +151,8 @@ def _tolerance_tables(tolerances: ToleranceTable) -> list[Table]:
     return found
 
 
-def _criterion_row(criterion: Criterion) -> tuple[str, str, str, str]:
-    """A criterion in words, its value, its limit, and whether it is met."""
-    words, sense = criterion_words(criterion.name), {"<=": "≤", ">=": "≥"}[criterion.sense]
-    question = words.removesuffix(" (1: yes)")
-    value, limit = f"{number(criterion.value, 4)} {criterion.unit}", f"{sense} {criterion.limit:g} {criterion.unit}"
-    if question != words:
-        value, limit = "yes" if criterion.value == 1.0 else "no", "yes"
-    if criterion.value is None:
-        value = "not measured"
-    return question, value.strip(), limit.strip(), _yes(criterion.passed)
-
-
-def _yes(holds: bool) -> str:
-    return "yes" if holds else "no"
+def _rows(group: Group) -> list[tuple[str, str]]:
+    return [(fact.label, fact.sentence) for fact in group.facts]
 
 
 def _pictures(check: Check) -> Pictures:

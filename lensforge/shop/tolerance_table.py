@@ -1,13 +1,13 @@
 """Table of tolerances on the drawing: of the lens, and of LED and mounting; each with the largest that may be."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from lensforge.errors import InputError
-from lensforge.made.tolerance_result import BudgetRow, Yield
-from lensforge.report.numerals import percent
-from lensforge.report.yield_rows import amount, budget_line
+from lensforge.results import Group
+from lensforge.results.numerals import NOTHING
 from lensforge.scene.lens import Lens
-from lensforge.scene.tolerance_factors import Factor, factors_of
+from lensforge.scene.tolerance_factors import Factor, amount_words, factors_of
 
 _OF_ASSEMBLY = ("source_", "lens_")
 _RMS, _PEAK = ("_form_um", "_waviness_um"), ("_ripple_um",)
@@ -42,25 +42,26 @@ class ToleranceTable:
         return {title: rows for title, rows in named.items() if rows}
 
 
-def tolerance_table(lens: Lens, found: Yield | None) -> ToleranceTable:
-    """The tolerances of the spec; ``found``: the yield study under them, None where it has not run."""
+def tolerance_table(lens: Lens, studied: Sequence[Group] = ()) -> ToleranceTable:
+    """The tolerances of the spec; ``studied``: facts of the yield under them, none where it has not been computed."""
     section = lens.spec.tolerances
     try:
         factors = factors_of(section)
     except InputError:  # all of them are 0
         factors = ()
-    budget = {} if found is None or found.budget is None else {row.tolerance: row for row in found.budget.alone}
-    rows = {factor.name: _row(lens, factor, budget.get(factor.name)) for factor in factors}
+    budget = {group.title: group for group in studied if group.key == "budget"}
+    rows = {factor.name: _row(lens, factor, budget.get(factor.words)) for factor in factors}
     assembly = tuple(row for name, row in rows.items() if name.startswith(_OF_ASSEMBLY))
     own = tuple(row for name, row in rows.items() if not name.startswith(_OF_ASSEMBLY))
-    sentence = _sentence(found) if rows else "The specification sets no tolerances."
-    return ToleranceTable(sentence, "" if found is None else _passing(found), own, assembly)
+    passing = _passing(studied)
+    sentence = _sentence(studied, passing) if rows else "The specification sets no tolerances."
+    return ToleranceTable(sentence, passing, own, assembly)
 
 
-def _row(lens: Lens, factor: Factor, budget: BudgetRow | None) -> ToleranceRow:
+def _row(lens: Lens, factor: Factor, budget: Group | None) -> ToleranceRow:
     section = lens.spec.tolerances
     given = getattr(section, factor.name) is not None
-    words = amount(factor.name, factor.amount, factor.unit)
+    words = amount_words(factor.name, factor.amount, factor.unit)
     if factor.name.endswith(_RMS):
         words = f"{words} rms"
     elif factor.name.endswith(_PEAK):
@@ -69,23 +70,25 @@ def _row(lens: Lens, factor: Factor, budget: BudgetRow | None) -> ToleranceRow:
         words = f"± {words}"
     at_most = ""
     if budget is not None:
-        line = budget_line(budget)
-        at_most = line.at_most if budget.at_most is not None or budget.unlimited else line.interval
+        most = budget.fact("at_most").text
+        at_most = budget.fact("interval").text if most == NOTHING else most
     return ToleranceRow(factor.words, words, "specification" if given else f"preset “{section.preset}”", at_most)
 
 
-def _sentence(found: Yield | None) -> str:
-    if found is None:
+def _sentence(studied: Sequence[Group], passing: str) -> str:
+    if not passing:
         return (
             "Amounts of the specification and of its preset. How many parts pass with them has not been computed; "
             "`lensforge yield` does."
         )
-    passing = _passing(found)
-    if found.budget is None:
+    wanted = [fact.text for group in studied for fact in group.select("wanted").facts]
+    if not wanted:
         return f"{passing}."
-    wanted = percent(found.budget.pass_rate, 0)
-    return f"{passing}. At most: the amount at which {wanted} of them pass, the other tolerances as they are."
+    return f"{passing}. At most: the amount at which {wanted[0]} of them pass, the other tolerances as they are."
 
 
-def _passing(found: Yield) -> str:
-    return f"{percent(found.pass_rate.value)} of {found.parts} parts drawn from these amounts pass"
+def _passing(studied: Sequence[Group]) -> str:
+    found = next((group for group in studied if group.key == "yield"), None)
+    if found is None:
+        return ""
+    return f"{found.fact('pass_rate').text} of {found.fact('parts').text} parts drawn from these amounts pass"

@@ -6,7 +6,7 @@ from scenes import random_surface, small_spec
 import lensforge as lf
 from lensforge.light.receiver_light import ReceiverLight
 from lensforge.results import Metric
-from lensforge.runs.verdict import verdict_on
+from lensforge.runs.results import verdict_on
 
 RECEIVER_MM = 100.0
 
@@ -106,12 +106,12 @@ def test_the_verdict_names_the_receiver(several) -> None:
         light = changed(light, number, nmse=bad if number == 2 else good, share_in_target=full)
     found = verdict_on(lens, None, light, None, None, None)
     assert found.light == "fail"
-    assert [words.split(" = ")[0] for words in found.reasons.light] == ["NMSE on cylinder"]
+    assert [words.split(" = ")[0] for words in found.reasons.light] == ["Pattern error (NMSE) on cylinder"]
     alone = light.model_copy(update={"receivers": light.receivers[2:3]})
     assert (
         verdict_on(lens, None, alone, None, None, None)
         .reasons.light[0]
-        .startswith("NMSE = 0.50000 ± 0.00010, at most 0.1: ")
+        .startswith("Pattern error (NMSE) = 0.50000 ± 0.00010, must be ≤ 0.1: ")
     )
 
 

@@ -47,7 +47,7 @@ def test_record_and_step_are_written_and_read_again(folder: Path) -> None:
     made = lf.load(folder).corrections["inner"]
     assert made.wavelength_mm == content["wavelength_mm"] == 2.5
     printed = (folder / "printed.txt").read_text("utf-8")
-    assert printed.startswith("Inner surface, corrected for a second cut\n")
+    assert printed.startswith("The inner face, corrected for a second cut\n")
     assert f"{content['correction_um']['rms']:.3g}" in printed
     assert (folder / "lens_corrected_inner.step").read_bytes() == made.step
     assert made.products()[".step"] == made.step
@@ -58,8 +58,8 @@ def test_record_and_step_are_written_and_read_again(folder: Path) -> None:
 
 def test_the_page_shows_it(folder: Path, undrawn: None) -> None:
     page = render_report(lf.load(folder), folder)
-    assert "The inner surface, corrected for a second cut" in page
-    assert "lens_corrected_inner.step" in page and "2.5 mm, given" in page.replace("\u202f", " ")
+    assert "The inner face, corrected for a second cut" in page
+    assert "lens_corrected_inner.step" in page and "longer waves pass; given" in page.replace("\u202f", " ")
 
 
 def test_other_rays_have_files_of_their_own(folder: Path) -> None:

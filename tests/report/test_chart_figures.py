@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from matplotlib.patches import Circle
 
-from lensforge.report import irradiance_figures, line_figures
-from lensforge.report.search_figures import snapshot_figure
+from lensforge.report import light_figures
+from lensforge.report.lens_figures import snapshot_figure
 from lensforge.results.chart import Chart, light_unit
 from lensforge.results.plots import plot_map
 
@@ -23,7 +23,7 @@ def slope(chart, rows, columns):
 
 
 def test_the_far_field_is_labelled_in_degrees_where_they_lie():
-    axes, bar = irradiance_figures.irradiance_map(np.ones((8, 8)), SKY, 1.0, unit=light_unit(None, far_field=True)).axes
+    axes, bar = light_figures.irradiance_map(np.ones((8, 8)), SKY, 1.0, unit=light_unit(None, far_field=True)).axes
     assert (axes.get_xlabel(), axes.get_ylabel(), bar.get_ylabel()) == ("x (°)", "y (°)", "intensity (W/sr)")
     for axis in (axes.xaxis, axes.yaxis):
         found = ticks(axis)
@@ -37,11 +37,11 @@ def test_the_far_field_is_labelled_in_degrees_where_they_lie():
 
 def test_lines_and_circles_in_the_far_field_are_in_degrees():
     image = slope(SKY, 20, 20)
-    (name, line), *_ = line_figures.profile_lines(image, SKY)
-    axes = line_figures.line_comparison(line, image, image, SKY).axes[0]
+    (name, line), *_ = light_figures.profile_lines(image, SKY)
+    axes = light_figures.line_comparison(line, image, image, SKY).axes[0]
     assert name == "y = 0" and axes.get_xlabel() == "position on the line (°)"
     assert ticks(axes.xaxis)["−45"] == pytest.approx(-2.0 * np.sin(np.radians(22.5)))
-    axes = line_figures.encircled_energy(image, image, SKY).axes[0]
+    axes = light_figures.encircled_energy(image, image, SKY).axes[0]
     assert axes.get_xlabel() == "angle from the axis (°)"
     assert ticks(axes.xaxis)["30"] == pytest.approx(2.0 * np.sin(np.radians(15.0)))
     assert axes.get_xlim()[0] == 0.0
@@ -50,8 +50,8 @@ def test_lines_and_circles_in_the_far_field_are_in_degrees():
 def test_the_third_line_in_the_far_field_is_named_by_its_angle_or_ends_at_the_largest():
     bar = np.zeros((20, 20))
     bar[16] = 1.0
-    assert line_figures.profile_lines(bar, SKY)[2][0] == "y = 37.93° (brightest row)"  # 2 asin(0.65 / 2)
-    _, (start, end) = line_figures.profile_lines(np.ones((20, 20)), SKY)[2]
+    assert light_figures.profile_lines(bar, SKY)[2][0] == "y = 37.93° (brightest row)"  # 2 asin(0.65 / 2)
+    _, (start, end) = light_figures.profile_lines(np.ones((20, 20)), SKY)[2]
     assert np.linalg.norm(start) == np.linalg.norm(end) == pytest.approx(1.0)
 
 
@@ -69,9 +69,9 @@ def test_labels_are_round_angles_on_the_chart(half_angle, last):
 def test_a_rectangle_keeps_its_shape():
     image = slope(WIDE, 20, 40)
     for figure in (
-        irradiance_figures.irradiance_map(image, WIDE, float(image.max()), outline=image),
-        irradiance_figures.difference_map(image, WIDE),
-        irradiance_figures.isolines(image, WIDE, float(image.max())),
+        light_figures.irradiance_map(image, WIDE, float(image.max()), outline=image),
+        light_figures.difference_map(image, WIDE),
+        light_figures.isolines(image, WIDE, float(image.max())),
     ):
         axes, bar = figure.axes
         figure.draw_without_rendering()
@@ -83,7 +83,7 @@ def test_a_rectangle_keeps_its_shape():
 
 @pytest.mark.parametrize("chart", [Chart(10.0, 300.0), Chart(300.0, 10.0)])
 def test_a_strip_has_a_scale_that_can_be_read(chart):
-    figure = irradiance_figures.irradiance_map(np.ones((2, 2)), chart, 1.0)
+    figure = light_figures.irradiance_map(np.ones((2, 2)), chart, 1.0)
     figure.draw_without_rendering()
     axes, bar = figure.axes
     box = axes.get_window_extent()
@@ -94,10 +94,10 @@ def test_a_strip_has_a_scale_that_can_be_read(chart):
 
 def test_lines_across_a_rectangle_follow_its_slopes():
     image = slope(WIDE, 20, 40)
-    (_, across), (_, up), (name, diagonal) = line_figures.profile_lines(image[::-1], WIDE)
+    (_, across), (_, up), (name, diagonal) = light_figures.profile_lines(image[::-1], WIDE)
     inside = slice(2, -2)  # between the centres of the outermost pixels
     for (start, end), rise in ((across, 1.0), (up, 2.0)):
-        values = line_figures.along(image, start, end, WIDE)
+        values = light_figures.along(image, start, end, WIDE)
         length = float(np.linalg.norm(end - start))
         expected = 1000.0 + rise * np.linspace(-0.5, 0.5, 80) * length
         assert values[inside] == pytest.approx(expected[inside], abs=1e-9)
@@ -106,7 +106,7 @@ def test_lines_across_a_rectangle_follow_its_slopes():
 
 
 def test_light_on_a_rectangle_gathers_in_circles():
-    radius, share = line_figures.encircled_share(np.ones((200, 400)), WIDE)
+    radius, share = light_figures.encircled_share(np.ones((200, 400)), WIDE)
     inside = (radius > 20.0) & (radius < 75.0)
     assert share[inside] == pytest.approx(np.pi * radius[inside] ** 2 / (300.0 * 150.0), rel=0.01)
     assert radius[-1] == pytest.approx(np.hypot(150.0, 75.0), rel=0.01)
@@ -114,13 +114,13 @@ def test_light_on_a_rectangle_gathers_in_circles():
 
 def test_large_rectangles_are_drawn_as_area_means_of_their_shape():
     image = np.random.default_rng(0).random((512, 1024))
-    drawn = irradiance_figures.drawn(image)
+    drawn = light_figures.drawn(image)
     assert drawn == pytest.approx(image.reshape(128, 4, 256, 4).mean(axis=(1, 3)), abs=1e-6)
-    assert irradiance_figures.drawn(np.ones((2, 2000))).shape == (1, 256)
+    assert light_figures.drawn(np.ones((2, 2000))).shape == (1, 256)
 
 
 def border(mask, chart):
-    axes = irradiance_figures.irradiance_map(np.ones((8, 8)), chart, 1.0, mask=mask).axes[0]
+    axes = light_figures.irradiance_map(np.ones((8, 8)), chart, 1.0, mask=mask).axes[0]
     (contour,) = [item for item in axes.collections if hasattr(item, "levels")]
     assert (axes.get_xlim(), axes.get_ylim()) == (chart.extent[:2], chart.extent[2:])
     return np.concatenate([path.vertices for path in contour.get_paths()])

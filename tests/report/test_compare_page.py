@@ -8,8 +8,14 @@ from result_folders import evaluate_arrays, make_folder, make_results, small_len
 from undrawn import undrawn
 
 from lensforge.errors import InputError
-from lensforge.report.compare_page import difference_lines, folder_names, number_lines, render_comparison, spec_names
-from lensforge.report.compare_pictures import ComparedPictures
+from lensforge.report.compare import (
+    ComparedPictures,
+    difference_lines,
+    folder_names,
+    number_lines,
+    render_comparison,
+    spec_names,
+)
 from lensforge.results import Metric
 
 
@@ -29,7 +35,7 @@ def drawn(monkeypatch, make):
         figures.append(figure)
         return ""
 
-    monkeypatch.setattr("lensforge.report.pictures.to_svg", keep)
+    monkeypatch.setattr("lensforge.report.page.to_svg", keep)
     make()
     return figures
 
@@ -57,8 +63,8 @@ def test_each_design_has_its_verdicts(designs):
 
 def test_numbers_stand_side_by_side_and_the_better_is_marked(designs):
     lines = {line.name: line.cells for line in number_lines(designs)}
-    assert [cell.text for cell in lines["NMSE"]] == ["0.0123", "0.0023"]
-    assert [cell.best for cell in lines["NMSE"]] == [False, True]
+    assert [cell.text for cell in lines["Pattern error (NMSE)"]] == ["0.01230 ± 0.00040", "0.00230 ± 0.00040"]
+    assert [cell.best for cell in lines["Pattern error (NMSE)"]] == [False, True]
     assert [cell.text for cell in lines["Cutting"]] == ["pass", "pass"]
     assert not any(cell.best for cell in lines["Efficiency"]), "they are the same"
     three = number_lines([designs[index] for index in (0, 1, 1)])
@@ -78,8 +84,8 @@ def test_none_is_the_better_of_two_targets(designs):
 
 def test_a_stage_that_one_has_not_run_leaves_a_gap(designs):
     pair = [designs[0], make_results(("design", "export", "check", "verify"))]
-    cells = next(line.cells for line in number_lines(pair) if line.name == "NMSE")
-    assert [cell.text for cell in cells] == ["0.0123", "–"]
+    cells = next(line.cells for line in number_lines(pair) if line.name == "Pattern error (NMSE)")
+    assert [cell.text for cell in cells] == ["0.01230 ± 0.00040", "–"]
     assert len(ComparedPictures(("a", "b"), pair).maps) == 1
 
 

@@ -8,7 +8,7 @@ from result_folders import make_folder, make_results
 from undrawn import undrawn
 
 from lensforge.errors import InputError
-from lensforge.report.file_rows import exported_files, folder_files
+from lensforge.report.part_section import exported_files, folder_files
 from lensforge.runs.results import load_results
 from lensforge.runs.run_folder import open_run
 

@@ -10,8 +10,8 @@ from result_folders import STAGES, make_results, small_lens
 from test_readable_page import SKY, WALL
 from undrawn import without_views
 
+from lensforge.report.lens_figures import lens_section
 from lensforge.report.lens_page import render_report
-from lensforge.report.section_figures import lens_section
 
 TOUCH = 1.0  # pixel: boxes of texts have a margin
 
@@ -72,7 +72,7 @@ def test_labels_are_whole_and_stand_alone(wanted, stages, monkeypatch):
         figures[name] = faults(figure)
         return ""
 
-    monkeypatch.setattr("lensforge.report.pictures.to_svg", keep)
+    monkeypatch.setattr("lensforge.report.page.to_svg", keep)
     with without_views():
         render_report(make_results(stages, small_lens(**wanted), verify=verified()))
     assert len(figures) > (30 if "design" in stages else 20)

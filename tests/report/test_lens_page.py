@@ -15,7 +15,7 @@ from result_folders import (
     small_lens,
 )
 
-from lensforge.report.tables import rows
+from lensforge.report.record_tables import rows
 from lensforge.runs.results import load_results
 from lensforge.spec.source_sections import RayfileSource
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from result_folders import make_results
 
-from lensforge.report import irradiance_figures
-from lensforge.report.light_pictures import first_picture
-from lensforge.report.lit_frame import lit_frame
+from lensforge.report import light_figures
+from lensforge.report.light_figures import lit_frame
+from lensforge.report.light_section import first_picture
 from lensforge.results.chart import Chart
 
 CHART = Chart(400.0, 400.0)
@@ -37,13 +37,13 @@ def test_faint_light_far_away_is_left_out_and_a_lit_receiver_is_shown_whole():
 
 def test_the_first_picture_has_the_scale_and_the_place_of_the_target(monkeypatch):
     seen = {}
-    draw = irradiance_figures.irradiance_map
+    draw = light_figures.irradiance_map
 
     def keep(image, chart, top, outline, **others):
         seen.update(image=image, top=top, outline=outline, figure=draw(image, chart, top, outline, **others))
         return seen["figure"]
 
-    monkeypatch.setattr(irradiance_figures, "irradiance_map", keep)
+    monkeypatch.setattr(light_figures, "irradiance_map", keep)
     target = np.zeros((16, 16))
     target[6:10, 6:10] = 40.0
     first = first_picture(make_results(("evaluate",), evaluate={"map": 3.0 * target, "target_map": target}))

@@ -14,9 +14,8 @@ from result_folders import (
     small_lens,
 )
 
-from lensforge.report.compare_page import number_lines
-from lensforge.report.compare_pictures import ComparedPictures
-from lensforge.report.other_conditions import light_pictures, light_rows, result_rows
+from lensforge.report.compare import ComparedPictures, number_lines
+from lensforge.report.light_section import other_lights, other_pictures, other_results
 from lensforge.results import Conditions, Metric
 from lensforge.runs.results import Results, load_results
 from lensforge.sources.source_summary import SourceSummary
@@ -44,12 +43,16 @@ def dim_light(lens=None, **changes):
 
 def test_light_under_other_conditions_stands_beside_the_own():
     results = with_others(dim_light())
-    own, other = light_rows(results)
-    assert (own.name, own.efficiency, own.state) == ("the lens’s own", "85.0\u2009%", "pass")
-    assert (other.name, other.source, other.rays) == ("cold_64rays", "ray file cold.ray", "64")
-    assert (other.efficiency, other.state, other.shown) == ("0.0\u2009%", "fail", "fail")
-    assert any("share of the light in the target" in note for note in other.notes)
-    assert len(light_pictures(results)) == 2
+    own, other = other_lights(results)
+    assert (own.title, own.fact("efficiency").text, own.state) == ("the lens’s own", "85.000 ± 0.020\u2009%", "pass")
+    assert (other.title, other.fact("source").text, other.fact("rays").text) == (
+        "cold_64rays",
+        "ray file cold.ray",
+        "64",
+    )
+    assert (other.fact("efficiency").text, other.state) == ("0\u2009%", "fail")
+    assert "Light in the target = 0\u2009%, must be" in other.note
+    assert len(other_pictures(results)) == 2
     text = text_of(results)
     section = text[text.index("Under other conditions") :]
     assert section.index("the lens’s own") < section.index("98 % backward") < section.index("ray file cold.ray")
@@ -69,10 +72,10 @@ def test_other_results_say_their_conditions_and_misses():
     proof = proof.model_copy(
         update={"criteria": tuple(each.model_copy(update={"limit": 0.001}) for each in proof.criteria)}
     )
-    (row,) = result_rows(with_others(proof))
-    assert (row.file, row.conditions) == ("verify_64rays.json", "64 rays")
-    assert "efficiency 84.75\u2009%" in row.figures
-    assert row.missed and "deviation_rms" in row.missed[0]
+    (row,) = other_results(with_others(proof))
+    assert (row.title, row.fact("conditions").text) == ("verify_64rays.json", "64 rays")
+    assert "Efficiency of the part 84.75\u2009%" in row.fact("figures").text
+    assert row.note.startswith("missed: deviation_rms")
     text = text_of(with_others(proof))
     assert "All 9 criteria on light and files are met." in text, "those of the lens's own results"
 

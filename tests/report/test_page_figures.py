@@ -7,16 +7,10 @@ import pytest
 from result_folders import check_arrays, make_design, make_light, small_lens
 
 from lensforge.light.receiver_light import Flux, MissedByCause
-from lensforge.report import (
-    flux_figures,
-    irradiance_figures,
-    line_figures,
-    search_figures,
-    section_figures,
-    surface_figures,
-)
-from lensforge.report.figure_style import INK, to_svg
+from lensforge.report import lens_figures, light_figures
+from lensforge.results import surface_figures
 from lensforge.results.chart import WATTS, Chart, LightUnit
+from lensforge.results.figure_style import INK, to_svg
 from lensforge.spec import BaseSection
 
 SIDE = 200.0
@@ -35,11 +29,11 @@ def test_a_line_across_a_plane_is_straight_and_follows_its_slope(pixels):
     share = np.linspace(0.0, 1.0, 2 * pixels)[:, None]
     points = start + (end - start) * share
     expected = 50.0 + 0.1 * points[:, 0] - 0.3 * points[:, 1]
-    assert line_figures.along(image, start, end, CHART) == pytest.approx(expected, abs=1e-10)
+    assert light_figures.along(image, start, end, CHART) == pytest.approx(expected, abs=1e-10)
 
 
 def test_uniform_light_gathers_as_the_area_of_a_circle():
-    radius, share = line_figures.encircled_share(np.ones((400, 400)), CHART)
+    radius, share = light_figures.encircled_share(np.ones((400, 400)), CHART)
     inside = (radius > 10.0) & (radius < 0.5 * SIDE)
     assert share[inside] == pytest.approx(np.pi * radius[inside] ** 2 / SIDE**2, rel=0.01)
     assert share[-1] == 1.0
@@ -47,22 +41,22 @@ def test_uniform_light_gathers_as_the_area_of_a_circle():
 
 
 def test_a_dark_receiver_gathers_nothing():
-    assert not line_figures.encircled_share(np.zeros((8, 8)), CHART)[1].any()
+    assert not light_figures.encircled_share(np.zeros((8, 8)), CHART)[1].any()
 
 
 def test_the_third_line_goes_where_the_target_is_brightest():
     bar = np.zeros((20, 20))
     bar[16] = 1.0
-    (name, (start, end)) = line_figures.profile_lines(bar, CHART)[2]
+    (name, (start, end)) = light_figures.profile_lines(bar, CHART)[2]
     level = CHART.y(20)[16]
     assert start[1] == end[1] == level
     assert f"{level:g} mm" in name
-    assert line_figures.profile_lines(np.ones((20, 20)), CHART)[2][0].startswith("x = y")
+    assert light_figures.profile_lines(np.ones((20, 20)), CHART)[2][0].startswith("x = y")
 
 
 def test_maps_put_y_upwards_and_scales_in_mm_and_watts():
     image = plane(16, 0.0, 0.2)
-    axes, bar = irradiance_figures.irradiance_map(image, CHART, 80.0).axes
+    axes, bar = light_figures.irradiance_map(image, CHART, 80.0).axes
     shown = axes.images[0]
     assert shown.get_extent() == [-100.0, 100.0, -100.0, 100.0]
     assert shown.origin == "lower"
@@ -72,24 +66,24 @@ def test_maps_put_y_upwards_and_scales_in_mm_and_watts():
 
 def test_large_images_are_drawn_as_area_means():
     image = np.random.default_rng(0).random((1024, 1024))
-    drawn = irradiance_figures.drawn(image)
+    drawn = light_figures.drawn(image)
     assert drawn == pytest.approx(image.reshape(256, 4, 256, 4).mean(axis=(1, 3)), abs=1e-6)
-    assert irradiance_figures.drawn(image[:200, :200]).shape == (200, 200)
+    assert light_figures.drawn(image[:200, :200]).shape == (200, 200)
 
 
 @pytest.mark.parametrize("difference", [plane(16, 0.1, 0.2) - 40.0, np.zeros((8, 8))])
 def test_differences_are_centred_on_zero(difference):
-    low, high = irradiance_figures.difference_map(difference, CHART).axes[0].images[0].get_clim()
+    low, high = light_figures.difference_map(difference, CHART).axes[0].images[0].get_clim()
     assert -low == high == (np.abs(difference).max() or 1.0)
 
 
 def test_the_flux_budget_closes():
     light = make_light(small_lens())
     flux, missed = light.flux, light.missed_by_cause
-    lost = flux_figures.losses(flux, missed)
+    lost = light_figures.losses(flux, missed)
     assert sum(share for _, share in lost) + flux.detected == pytest.approx(1.0)
     assert "emitted backwards" not in dict(lost), "a loss of zero is clutter"
-    emitted, *steps, detected = flux_figures.flux_budget(flux, missed).axes[0].patches
+    emitted, *steps, detected = light_figures.flux_budget(flux, missed).axes[0].patches
     edge = emitted.get_width()
     for step in steps:
         assert step.get_x() + step.get_width() == pytest.approx(edge)
@@ -100,18 +94,18 @@ def test_the_flux_budget_closes():
 @pytest.mark.parametrize("unit", [WATTS, LightUnit("illuminance", "lx", 250.0)])
 def test_isolines_lie_where_the_light_has_the_share_that_they_name(unit):
     image = 100.0 * np.tile((np.arange(64) + 0.5) / 64.0, (64, 1))  # 0 to 100 W/m^2 from left to right
-    axes, scale = irradiance_figures.isolines(image, CHART, 80.0, unit).axes
+    axes, scale = light_figures.isolines(image, CHART, 80.0, unit).axes
     (contour,) = [item for item in axes.collections if hasattr(item, "levels")]
-    for path, share in zip(contour.get_paths(), irradiance_figures.ISO_SHARES, strict=True):
+    for path, share in zip(contour.get_paths(), light_figures.ISO_SHARES, strict=True):
         assert path.vertices[:, 0] == pytest.approx(0.8 * share * SIDE - 0.5 * SIDE, abs=1e-6)
     named = [float(text.get_text().split("\n")[1].replace("\u2009", "")) for text in scale.texts[:-1]]
-    assert named == pytest.approx([80.0 * share * unit.per_watt for share in irradiance_figures.ISO_SHARES], rel=5e-3)
+    assert named == pytest.approx([80.0 * share * unit.per_watt for share in light_figures.ISO_SHARES], rel=5e-3)
 
 
 def test_maps_in_lux_show_lux():
     unit = LightUnit("illuminance", "lx", 250.0)
     image = plane(16, 0.0, 0.2)
-    axes, bar = irradiance_figures.irradiance_map(image, CHART, 80.0, unit=unit).axes
+    axes, bar = light_figures.irradiance_map(image, CHART, 80.0, unit=unit).axes
     assert np.asarray(axes.images[0].get_array()) == pytest.approx(250.0 * image)
     assert axes.images[0].get_clim() == (0.0, 20000.0)
     assert bar.get_ylabel() == "illuminance (lx)"
@@ -120,7 +114,7 @@ def test_maps_in_lux_show_lux():
 def test_a_loss_that_is_there_is_never_called_zero():
     nothing = MissedByCause(backward=0.0, outside_cavity=0.0, base=0.0, missed_receiver=0.0, surfaces_intersect=0.0)
     flux = Flux(detected=0.99999, outside=1e-5, missed=0.0, total_reflection=0.0, not_converged=0.0, reflected=0.0)
-    axes = flux_figures.flux_budget(flux, nothing).axes[0]
+    axes = light_figures.flux_budget(flux, nothing).axes[0]
     assert "< 0.01 %" in [text.get_text() for text in axes.texts]
 
 
@@ -130,7 +124,7 @@ def test_every_loss_is_told_in_its_own_words():
         detected=0.4, outside=0.05, missed=0.18, total_reflection=0.06, not_converged=0.07, reflected=0.12,
         absorbed=0.09, cover_glass=0.03,
     )  # fmt: skip
-    lost = flux_figures.losses(flux, missed)
+    lost = light_figures.losses(flux, missed)
     assert sum(share for _, share in lost) == pytest.approx(0.6)
     assert dict(lost) == {
         "emitted backwards": 0.01,
@@ -150,7 +144,7 @@ def test_every_loss_is_told_in_its_own_words():
 @pytest.mark.parametrize("quantity", ["nmse", "efficiency", "loss"])
 def test_history_runs_on_from_level_to_level(quantity):
     levels = make_design(small_lens()).history
-    axes = search_figures.history(levels, quantity).axes[0]
+    axes = lens_figures.history(levels, quantity).axes[0]
     steps = np.concatenate([line.get_xdata() for line in axes.lines])
     values = np.concatenate([line.get_ydata() for line in axes.lines])
     assert steps.tolist() == [1, 2, 3, 4, 5, 6, 7]
@@ -160,7 +154,7 @@ def test_history_runs_on_from_level_to_level(quantity):
 
 def test_constraints_run_on_from_level_to_level_and_what_is_not_allowed_is_shaded():
     levels = make_design(small_lens()).history
-    axes = search_figures.constraint_history(levels).axes[0]
+    axes = lens_figures.constraint_history(levels).axes[0]
     named = {"cavity_clearance_mm": "cavity", "wall_margin_mm": "thickness", "radius_margin_mm": "radius"}
     for name, label in named.items():
         first = next(line for line in axes.lines if line.get_label() == label)
@@ -201,7 +195,7 @@ def labelled(axes):
 def test_the_section_is_to_scale(azimuth):
     lens = small_lens()
     outline = 0.5 * np.array([[-2.0, -3.0, 0.0], [2.0, -3.0, 0.0], [2.0, 3.0, 0.0], [-2.0, 3.0, 0.0]])
-    axes = section_figures.lens_section(lens, azimuth, outline).axes[0]
+    axes = lens_figures.lens_section(lens, azimuth, outline).axes[0]
     drawn = labelled(axes)
     width = {0.0: 2.0, 90.0: 3.0}[azimuth]
     assert drawn["source"].get_xdata().tolist() == [-0.5 * width, 0.5 * width]
@@ -216,14 +210,14 @@ def test_the_section_shows_the_base_as_it_is():
     lens = small_lens()
     base = BaseSection(diameter_mm=30.0, flat_mm=13.0, relief_step_mm=0.5, flange_diameter_mm=34.0)
     lens = replace(lens, spec=lens.spec.model_copy(update={"base": base}))
-    axes = section_figures.lens_section(lens, 0.0, None).axes[0]
+    axes = lens_figures.lens_section(lens, 0.0, None).axes[0]
     corners = {tuple(point) for point in np.round(labelled(axes)["lens"].get_xy(), 9)}
     assert {(13.0, -0.5), (-15.0, -0.5), (17.0, -1.5), (-17.0, -2.0)} <= corners
     assert axes.get_ylim()[0] < -2.0
 
 
 def test_svg_is_well_formed_and_takes_the_colour_of_the_page():
-    figure = irradiance_figures.irradiance_map(plane(16, 0.1, 0.0), CHART, 80.0)
+    figure = light_figures.irradiance_map(plane(16, 0.1, 0.0), CHART, 80.0)
     svg = to_svg(figure, "name", 'less < "more" & more')
     root = ElementTree.fromstring(svg)
     assert root.get("aria-label") == 'less < "more" & more'
@@ -236,6 +230,6 @@ def test_svg_is_well_formed_and_takes_the_colour_of_the_page():
 
 
 def test_the_same_results_make_the_same_picture():
-    draw = irradiance_figures.irradiance_map
+    draw = light_figures.irradiance_map
     first, second = (to_svg(draw(plane(16, 0.1, 0.0), CHART, 80.0), "name", "") for _ in range(2))
     assert first == second

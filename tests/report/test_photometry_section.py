@@ -7,8 +7,7 @@ from page_text import text_of
 from result_folders import make_results, small_lens
 
 from lensforge.light.receiver_light import RegionLight
-from lensforge.report.photometry_figures import ground_diagram, isocandela_diagram, polar_diagram
-from lensforge.report.photometry_section import photometry_section
+from lensforge.report.study_figures import ground_diagram, isocandela_diagram, polar_diagram
 from lensforge.results import Metric
 
 ROAD = {"use": "road", "lenses": 24, "pole_height_m": 8.0, "pole_spacing_m": 30.0, "road_width_m": 7.0}
@@ -20,46 +19,39 @@ def road_lens(**changes):
 
 
 def facts_of(lens, **changes):
-    section = photometry_section(make_results(("photometry",), lens, photometry=make_photometry(lens, **changes)))
-    return {name: value for table in section.tables.values() for name, value in table}, section
+    results = make_results(("photometry",), lens, photometry=make_photometry(lens, **changes))
+    return {fact.label: fact for group in results.facts(results.photometry) for fact in group.facts}
 
 
 def test_numbers_of_the_far_field_are_those_of_the_record():
-    facts, section = facts_of(small_lens())
-    assert facts["light that leaves the lens"] == "1000 ± 0.5 lm"
-    assert facts["peak intensity"] == "318 ± 2 cd"
-    assert facts["direction of the peak"] == "C\u00a00, gamma\u00a00°"
-    assert facts["intensity on the axis"] == "318 ± 2 cd"
-    for plane in ("C 0 – C 180", "C 90 – C 270"):
-        assert facts[f"beam angle (50 %), {plane}"] == "120 ± 0.2°"
-        assert facts[f"field angle (10 %), {plane}"] == "168.5 ± 0.2°"
-    assert section.sentence == "By 1024 rays; the table's noise is 1.0\u2009% rms. Candela and lumens are absolute."
-    assert [each.title for each in section.pictures] == ["Polar diagram", "Isocandela"]
-    assert "Lamp" not in section.tables
+    facts = facts_of(small_lens())
+    assert facts["Luminous flux"].text == "1000.00 ± 0.50 lm"
+    assert facts["Peak intensity"].sentence == "318.3 ± 2.0 cd; at C 0°, gamma 0°"
+    assert facts["Intensity on the axis"].text == "318.3 ± 2.0 cd"
+    for plane in ("C 0", "C 90"):
+        assert facts[f"Beam angle, {plane}"].text == "120.00 ± 0.20°"
+        assert facts[f"Field angle, {plane}"].text == "168.52 ± 0.20°"
+    assert "Lenses" not in facts
 
 
 def test_relative_candela_are_said():
-    _, section = facts_of(small_lens(), per_1000_lm=True)
-    assert "per 1000 lm of the source, whose own are not known" in section.sentence
+    assert "states no flux" in facts_of(small_lens(), per_1000_lm=True)["Luminous flux"].note
 
 
 def test_numbers_of_a_lamp_are_those_of_the_record():
     lens = road_lens()
-    record = make_photometry(lens).road
-    facts, section = facts_of(lens)
-    assert facts["light of the lamp"] == "24\u2009000 ± 12 lm"
-    assert facts["IES distribution"] == "V very short"
-    assert facts["BUG rating"] == str(record.bug) == "B4 U0 G3"
-    assert (
-        facts["forward, 30° to 60°"] == "5999 lm"
-    )  # half of the flux between sin^2 of 30 and 60 degrees: 6000, by a table of 2 degrees
-    assert facts["glare class (EN 13201)"] == record.glare.glare_class == "G*6"
-    assert facts["mean illuminance"].startswith(f"{record.road.mean_lx.value:.4g}")
-    assert facts["classes (EN 13201)"] == f"P: {record.road.p_class}; C: {record.road.c_class}"
-    assert [each.title for each in section.pictures][2:] == ["On the ground"]
+    record, facts = make_photometry(lens).road, facts_of(lens)
+    assert facts["Light of the lamp"].text == "24\u2009000 ± 12 lm"
+    assert facts["IES distribution"].text == "V very short"
+    assert facts["BUG rating"].text == str(record.bug) == "B4 U0 G3"
+    # half of the flux between sin^2 of 30 and 60 degrees: 6000, by a table of 2 degrees
+    assert facts["forward, 30° to 60°"].text == "5999 lm"
+    assert facts["Glare class"].text == record.glare.glare_class == "G*6"
+    assert facts["Mean on the road"].value == record.road.mean_lx.value
+    assert facts["Classes (EN 13201)"].text == f"P: {record.road.p_class}; C: {record.road.c_class}"
 
 
-def test_light_of_every_receiver_in_its_unit():
+def test_light_of_a_receiver_in_its_unit():
     lens = small_lens(lumens_per_watt=200.0)
     region = RegionLight(
         region="bright",
@@ -71,18 +63,14 @@ def test_light_of_every_receiver_in_its_unit():
         peak=Metric(value=1.13, standard_error=0.006),
     )
     results = make_results(("evaluate",), lens, evaluate={"in_region": region, "lumens_per_watt": 200.0})
-    tables = photometry_section(results).tables
-    assert dict(tables["On the receiver"]) == {
-        "region": "where the target is above half of its maximum",
-        "mean illuminance": "500 ± 2 lx",
-        "U0, least over mean": "0.81 ± 0.02",
-        "U1, least over largest": "0.7 ± 0.03",
-    }
+    light = results.facts(results.light)[0]
+    assert light.fact("level").sentence == "500.0 ± 2.0 lx; where the target is above half of its maximum"
+    assert [light.fact(key).text for key in ("u0", "u1")] == ["0.810 ± 0.020", "0.700 ± 0.030"]
 
 
 def test_the_page_has_the_section_and_says_where_it_is_missing():
     page = text_of(make_results())
-    assert "beam angle (50 %), C 0 – C 180" in page
+    assert "Beam angle, C 0" in page
     assert "There is no photometry.json" in text_of(make_results(("evaluate",)))
 
 

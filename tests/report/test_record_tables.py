@@ -4,80 +4,9 @@ import numpy as np
 import pytest
 from part_files import whole_results
 
-from lensforge.report.numerals import anything, number, percent, size, unit_of
-from lensforge.report.tables import rows
+from lensforge.report.record_tables import rows
 from lensforge.results import Metric
 from lensforge.spec import ArrayTarget
-
-
-@pytest.mark.parametrize(
-    ("path", "unit"),
-    [
-        ("form_error_nm.max", "nm"),
-        ("normal_error_mrad.rms", "mrad"),
-        ("volume_mm3", "mm³"),
-        ("inner.area_mm2", "mm²"),
-        ("inner.curvature.kappa_min_per_mm", "1/mm"),
-        ("inner.best_fit_sphere.centre_mm", "mm"),
-        ("inner.draft_deg.min", "°"),
-        ("inner.draft_deg.area_fraction_below_half", ""),
-        ("triangulation.chord_error_um", "µm"),
-        ("seconds", "s"),
-        ("cast_seconds", "s"),
-        ("files.lens.step.bytes", "B"),
-        ("source.flux_w", "W"),
-        ("source.luminous_efficacy_lm_per_w", "lm/W"),
-        ("flux.detected", ""),
-        ("table_error_nm.inner", "nm"),
-        ("rays", ""),
-        ("history.[0].nmse", ""),
-        ("constraints.cavity_clearance_mm", "mm"),
-        ("evaluate.filter_variance", "pixel²"),
-        ("plain_cast.rate", "1/s"),
-        ("peak_cd", "cd"),
-        ("files.lens.ies.lumens", "lm"),
-        ("corners_located.edge_rms_px", "pixel"),
-        ("source_lm", "lm"),
-        ("exit_lm.standard_error", "lm"),
-        ("lumens_per_watt", "lm/W"),
-        ("peak_w_m2", "W/m²"),
-        ("turned_rad", "rad"),
-    ],
-)
-def test_units_follow_the_names(path, unit):
-    assert unit_of(path.split(".")) == unit
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [
-        (0, "0"),
-        (4096, "4096"),
-        (1048576, "1\u2009048\u2009576"),
-        (-1048576, "−1\u2009048\u2009576"),
-        (14.0, "14"),
-        (-0.001, "−0.001"),
-        (0.0052984912, "0.00529849"),
-        (2.9976e-14, "2.9976\u2009×\u200910⁻¹⁴"),
-        (1e9, "1\u2009×\u200910⁹"),
-        (float("nan"), "–"),
-        (None, "–"),
-    ],
-)
-def test_numbers_read_well(value, text):
-    assert number(value) == text
-
-
-def test_few_digits_of_a_large_number_need_no_exponent():
-    assert [number(value, 3) for value in (12822.25, -1234.5, 987.6, 1.5e7 + 0.5)] == [
-        "12\u2009800", "−1230", "988", "1.5\u2009×\u200910⁷",
-    ]  # fmt: skip
-
-
-def test_other_values_read_well():
-    assert [anything(value) for value in (True, False, None, "text", 3)] == ["yes", "no", "–", "text", "3"]
-    assert percent(0.88625, 2) == "88.62\u2009%"
-    assert [size(count) for count in (12, 18494, 10137684)] == ["12\u2009B", "18.5\u2009kB", "10.1\u2009MB"]
 
 
 def leaves(content):

@@ -7,10 +7,10 @@ import re
 import numpy as np
 from PIL import Image
 
-from lensforge.report import figure_style
-from lensforge.report.irradiance_figures import irradiance_map
-from lensforge.report.small_images import with_palettes
+from lensforge.report.light_figures import irradiance_map
+from lensforge.results import figure_style
 from lensforge.results.chart import Chart
+from lensforge.results.figure_style import with_palettes
 
 
 def embedded(svg):

@@ -8,7 +8,7 @@ from result_folders import make_results, page_of, small_lens
 from scenes import small_spec
 
 from lensforge.errors import InputError
-from lensforge.report.search_figures import snapshot_figure
+from lensforge.report.lens_figures import snapshot_figure
 from lensforge.report.snapshots import FOLDER, Snapshots, load_snapshots, outer_slope
 from lensforge.search.optimiser import search
 from lensforge.sources.build_source import build_source

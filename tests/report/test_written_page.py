@@ -6,8 +6,8 @@ from page_text import undrawn_page_of
 from result_folders import make_results, page_of
 
 from lensforge.errors import InputError
-from lensforge.report.ownership import pdf_mark
 from lensforge.report.page import write_page, write_pdf
+from lensforge.results.ownership import pdf_mark
 
 
 @browser.needed

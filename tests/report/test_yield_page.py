@@ -11,10 +11,11 @@ from made_yield import PARTS, make_yield
 from page_text import Page, folded
 from result_folders import make_results, page_of, small_lens
 
-from lensforge.report.numerals import percent
+from lensforge.made.yield_facts import budget_row, budget_rows, cause_rows, metric_words, spread_rows, yield_facts
 from lensforge.report.yield_page import render_yield
-from lensforge.report.yield_rows import amount, budget_line, budget_lines, causes_words, metric_words, shown
+from lensforge.results.numerals import percent
 from lensforge.runs.results import Results
+from lensforge.scene.tolerance_factors import amount_words
 from lensforge.shop.tolerance_table import tolerance_table
 from lensforge.spec.tolerances_section import TolerancesSection
 
@@ -45,45 +46,47 @@ def test_who_passes_is_said_first_with_its_interval(page, found):
     interval = f"{percent(rate.low)} to {percent(rate.high)}".replace("\u2009", " ")
     text = page.text.replace("\u2009", " ")
     assert (
-        f"Of {PARTS} parts drawn from the tolerances 38 keep every bound: 95.0 % (95 % confidence: {interval})." in text
+        f"Of {PARTS} parts drawn from the tolerances 38 keep every bound: 95 % (95 % confidence: {interval})." in text
     )
     assert text.index("keep every bound") < text.index("How far the light scatters")
 
 
 def test_every_percentile_and_bound_is_on_the_page(page, found):
-    for name, spread in found.metrics.items():
-        assert metric_words(name) in page.text
-        for value in (spread.designed.value, spread.p5, spread.p50, spread.p95, spread.spread):
-            assert folded(shown(name, value)) in page.text, (name, value)
+    for row, (name, spread) in zip(spread_rows(found), found.metrics.items(), strict=True):
+        assert row.title == metric_words(name)
+        factor = 100.0 if row.facts[0].unit == "%" else 1.0
+        wanted = (spread.designed.value, spread.p5, spread.p50, spread.p95, spread.spread)
+        assert [fact.value for fact in row.facts] == [factor * value for value in wanted]
+        for words in (row.title, *(fact.text for fact in row.facts)):
+            assert folded(words) in page.text, words
     assert "≤ 0.0985" in page.text
 
 
 def test_every_tolerance_is_on_the_page_with_its_largest_amount(page, found):
-    lines = budget_lines(found)
-    assert len(lines) == len(found.tolerances) + 1
-    for line, row in zip(lines, (*found.budget.alone, found.budget.together), strict=True):
-        assert row.words == line.name
-        for words in (line.name, line.specified, line.at_most, line.interval):
-            assert folded(words) in page.text, words
-    assert [line.at_most for line in lines[:3]] == ["0.075 mm", "above 0.8 mm", "0.75°"]
-    assert [line.tight for line in lines[:3]] == [False, False, False]
-    assert lines[-1].at_most == "× 0.875" and lines[-1].tight
+    rows = budget_rows(found)
+    assert len(rows) == len(found.tolerances) + 1
+    for row, record in zip(rows, (*found.budget.alone, found.budget.together), strict=True):
+        assert row.title == record.words
+        for fact in row.facts:
+            assert folded(fact.text) in page.text, fact
+    assert [row.fact("at_most").text for row in rows[:3]] == ["0.075 mm", "above 0.8 mm", "0.75°"]
+    assert [row.fact("at_most").state for row in rows[:3]] == ["pass", "pass", "pass"]
+    assert (rows[-1].fact("at_most").text, rows[-1].fact("at_most").state) == ("× 0.875", "fail")
 
 
 def test_a_tolerance_of_which_no_amount_is_small_enough_is_named(found):
-    row = found.budget.alone[0].model_copy(update={"at_most": None, "low": None, "high": None})
-    line = budget_line(row)
-    assert line.interval == "none is small enough: the others alone let too few parts pass"
-    assert line.at_most == "–" and line.tight
+    row = budget_row(found.budget.alone[0].model_copy(update={"at_most": None, "low": None, "high": None}))
+    assert row.fact("interval").text == "none is small enough: the others alone let too few parts pass"
+    assert (row.fact("at_most").text, row.fact("at_most").state) == ("–", "fail")
 
 
 def test_shares_are_in_per_cent_and_other_numbers_in_their_unit():
-    assert amount("source_flux", 0.05, "") == "5\u2009%" and amount("index", 0.001, "") == "0.001"
-    assert amount("source_tilt_deg", 0.5, "deg") == "0.5°" and amount("inner_form_um", 1.0, "um") == "1 µm"
+    assert amount_words("source_flux", 0.05, "") == "5\u2009%" and amount_words("index", 0.001, "") == "0.001"
+    assert amount_words("source_tilt_deg", 0.5, "deg") == "0.5°" and amount_words("inner_form_um", 1.0, "um") == "1 µm"
 
 
 def test_causes_worst_parts_and_remarks_are_there_and_text_is_escaped(page, html, found):
-    assert causes_words(found.variance["nmse"]).startswith("source, decentre 50\u2009% ± 6\u2009%; ")
+    assert cause_rows(found)[0].line.startswith("source, decentre 50.0 ± 6.2\u2009%, ")
     assert f"Part {PARTS - 1}: fails" in page.text
     assert "a &lt;remark&gt; of the study" in html and "a <remark>" not in html
     assert html.count("<details") == 2
@@ -116,7 +119,7 @@ def test_the_report_has_a_section_and_a_link_only_where_there_is_a_page(lens, fo
 def test_the_drawing_has_the_tolerances_of_the_spec_and_says_where_they_are_from(lens):
     given = TolerancesSection(preset="precision", gap_mm=0.0123)
     own = lens.spec.model_copy(update={"tolerances": given})
-    table = tolerance_table(type(lens)(lens.inner, lens.outer, own, 0, "draft"), None)
+    table = tolerance_table(type(lens)(lens.inner, lens.outer, own, 0, "draft"))
     rows = {row.name: row for rows in table.groups.values() for row in rows}
     gap, decentre = rows["outer face against inner, gap"], rows["outer face against inner, decentre"]
     assert (gap.amount, gap.source, gap.at_most) == ("± 0.0123 mm", "specification", "")
@@ -127,17 +130,17 @@ def test_the_drawing_has_the_tolerances_of_the_spec_and_says_where_they_are_from
 
 
 def test_the_drawing_has_the_largest_amounts_of_the_yield_study(lens, found):
-    table = tolerance_table(lens, found)
+    table = tolerance_table(lens, yield_facts(found))
     rows = {row.name: row for rows in table.groups.values() for row in rows}
     assert rows["source, decentre"].at_most == "0.075 mm"
     assert rows["source, height"].at_most == "above 0.8 mm"
-    assert table.sentence.startswith("95.0\u2009% of 40 parts")
+    assert table.sentence.startswith("95\u2009% of 40 parts")
 
 
 def test_a_spec_without_tolerances_has_no_table(lens):
     section = TolerancesSection(**dict.fromkeys(_names(), 0.0))
     own = lens.spec.model_copy(update={"tolerances": section})
-    table = tolerance_table(type(lens)(lens.inner, lens.outer, own, 0, "draft"), None)
+    table = tolerance_table(type(lens)(lens.inner, lens.outer, own, 0, "draft"))
     assert table.groups == {} and table.sentence == "The specification sets no tolerances."
 
 

@@ -7,7 +7,7 @@ from scenes import small_spec
 from test_findings import NO_BASE
 
 import lensforge as lf
-from lensforge.cli.check_blocks import check_blocks
+from lensforge.shop.check_facts import finding_groups
 from lensforge.shop.check_result import Cutter, FaceName, Finding
 from lensforge.shop.findings import advice, cutter_finding, tilt_finding
 from lensforge.spec import Spec
@@ -63,9 +63,8 @@ def test_what_holds_needs_no_advice(small_run: lf.Run) -> None:
 
 def test_every_finding_is_a_sentence_on_its_face(small_run: lf.Run) -> None:
     check = small_run.check
-    blocks = {block.title: dict(block.rows) for block in check_blocks(check, small_run.spec, "fail")}
+    facts = [fact for group in finding_groups(check, small_run.spec) for fact in group.facts]
     for finding in check.verdicts:
-        title = "Wall" if finding.surface == "body" else f"{finding.surface.capitalize()} face"
-        shown = [text for text in blocks[title].values() if finding.reason[1:] in text]
+        shown = [fact for fact in facts if fact.note == finding.reason]
         assert len(shown) == (0 if finding.name == "draft" else 1), finding.reason
-        assert all(text.endswith(".") for text in shown)
+        assert all((fact.value, fact.state) == (("yes", "pass") if finding.holds else ("no", "fail")) for fact in shown)

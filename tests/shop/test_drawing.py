@@ -40,7 +40,7 @@ BASES = {
 
 
 def content_of(lens, part, check, sheet="A3"):
-    content = drawing_content(lens, part, check, dimensions(lens), tolerance_table(lens, None), lens.spec.drawing)
+    content = drawing_content(lens, part, check, dimensions(lens), tolerance_table(lens), lens.spec.drawing)
     return content, make_sheet(content, sheet)
 
 
@@ -271,7 +271,7 @@ def test_the_title_block_and_the_notes_say_what_the_spec_says_and_else_that_it_d
 
 def test_the_notes_name_the_yield_where_it_has_run(parts):
     lens, part, check = parts["none"]
-    table = replace(tolerance_table(lens, None), passing="93 % of 1000 parts drawn from these amounts pass")
+    table = replace(tolerance_table(lens), passing="93 % of 1000 parts drawn from these amounts pass")
     content = drawing_content(lens, part, check, dimensions(lens), table, lens.spec.drawing)
     assert any("preset “standard” of lensforge. 93 % of 1000 parts" in note for note in content.notes)
 

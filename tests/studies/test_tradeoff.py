@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from lensforge.cli.sweep_blocks import tradeoff_block
 from PIL import Image
 from scenes import random_surface, small_spec
 
 import lensforge as lf
 from lensforge.cli.screen import print_screen
-from lensforge.cli.sweep_blocks import tradeoff_block
 from lensforge.errors import InputError
 from lensforge.runs import tradeoff_study
 from lensforge.runs.pipeline import write_design

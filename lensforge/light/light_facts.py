@@ -1,0 +1,222 @@
+"""Facts of the light: its figures on each receiver, the limits of the spec, and how it was simulated.
+
+Light is judged by the limits of the spec. Where it sets none, it fails if the pattern is far from the target or too
+little of the light lands there; ``light_bounds`` holds both bounds.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+from lensforge.light.evaluation_result import Light, LightMetrics, LimitResult
+from lensforge.light.receiver_light import REGIONS, ReceiverLight, bounds_on
+from lensforge.optics.fundamental_limits import transmittance_of
+from lensforge.results import Bound, Fact, Group, Metric
+from lensforge.results.chart import LightUnit, light_unit
+from lensforge.results.criteria import missed
+from lensforge.results.numerals import number, percent
+from lensforge.runs.verdict import Reason, judge
+from lensforge.scene.lens import Lens
+from lensforge.spec import Spec
+
+LimitBounds = Mapping[tuple[str, float], Bound]  # what is possible, by a limit's name and bound
+_SMALLER = "a larger lens, a smaller source or"
+_LIGHT = {"cd": "luminous intensity", "W/sr": "radiant intensity", "lx": "illuminance", "W/m²": "irradiance"}
+_QUANTITIES = {
+    "share": "share of the LED’s flux",
+    "beam_angle": "beam angle",
+    "relative": "light relative to the brightest place",
+    "min_over_mean": "least over mean light",
+    "min_over_max": "least over largest light",
+}
+METRICS = {
+    "nmse": "Pattern error (NMSE)",
+    "efficiency": "Efficiency",
+    "share_in_target": "Light in the target",
+    "uniformity": "Uniformity",
+    "rsd": "RSD",
+}
+
+
+def light_facts(light: Light, lens: Lens, possible: LimitBounds | None = None) -> list[Group]:
+    """A group for each receiver, one of the limits, and one of the simulation; ``possible``: light at the limits."""
+    groups = [
+        Group("light", "Light" if len(light.receivers) == 1 else receiver.name, tuple(_figures(light, index, lens)))
+        for index, receiver in enumerate(light.receivers)
+    ]
+    if light.limits:
+        groups.append(Group("limits", "Limits", tuple(limit_facts(light, possible or {}))))
+    return [*groups, Group("simulation", "Simulation", tuple(_simulation(light, lens)))]
+
+
+def light_reasons(light: Light, lens: Lens) -> Iterator[Reason]:
+    """Reasons why the light does not pass; limits of the spec are what it must keep: with any, no others count."""
+    yield from missed(light.criteria)
+    if not lens.spec.limits:
+        for index, receiver in enumerate(light.receivers):
+            where = f" on {receiver.name}" if len(light.receivers) > 1 else ""
+            yield from reasons_of(_figures(light, index, lens), where)
+    elif not light.limits:
+        yield "undecided", "the limits of the spec have not been judged in this light"
+    else:
+        yield from reasons_of(limit_facts(light))
+
+
+def reasons_of(facts: Iterator[Fact] | Sequence[Fact], where: str = "") -> Iterator[Reason]:
+    """A reason for each of ``facts`` that does not pass."""
+    for fact in facts:
+        if fact.state != "pass" and fact.state != "":
+            yield fact.state, replace(fact, label=f"{fact.label}{where}").reason
+
+
+def limit_facts(light: Light, possible: LimitBounds | None = None) -> Iterator[Fact]:
+    """A fact for each limit of the spec."""
+    for limit in light.limits:
+        on = f", on {limit.receiver}" if len(light.receivers) > 1 else ""
+        yield limit.fact(f"{_quantity(limit)}{on}", (possible or {}).get((limit.name, limit.bound)))
+
+
+def metric_facts(metrics: LightMetrics, note: str = "") -> tuple[Fact, ...]:
+    """Facts of the metrics that have a meaning."""
+    found = {"nmse": metrics.nmse, "uniformity": metrics.uniformity, "rsd": metrics.rsd}
+    facts = [Fact.measured(key, METRICS[key], metric, note) for key, metric in found.items() if metric is not None]
+    return (*facts, Fact.share("efficiency", METRICS["efficiency"], metrics.efficiency, note))
+
+
+def change_facts(change: LightMetrics) -> tuple[Fact, ...]:
+    """Facts of the change of every metric from the light as designed, by the same rays."""
+    note = "change from the design, by the same rays"
+    return tuple(
+        replace(fact, key=f"{fact.key}_change", label=f"Change of {METRICS[fact.key]}", note=note)
+        for fact in metric_facts(change)
+    )
+
+
+def window_words(light: ReceiverLight) -> str:
+    """The part of the receiver in which flux counts as detected, after "flux"."""
+    return f"within {light.where}" if light.kind == "far_field" else light.where
+
+
+def mask_words(spec: Spec, index: int) -> str:
+    """Size of the region of uniform light on receiver number ``index``, after "mask"; of several their number."""
+    sections = spec.all_receivers
+    targets = sections[index].targets if index < len(sections) else ()
+    found = [(pair, target.unit) for target in targets if (pair := target.pair("uniform")) is not None]
+    if len(found) != 1:
+        return f"of {len(found)} parts"
+    (width, height), unit = found[0]
+    end = "°" if unit == "deg" else " mm"
+    return f"of {width:g}{end}" if width == height else f"of {width:g} × {height:g}{end}"
+
+
+def unit_on(light: Light, receiver: ReceiverLight) -> LightUnit:
+    """Unit in which the light on ``receiver`` is shown."""
+    return light_unit(light.lumens_per_watt, far_field=receiver.chart.far_field)
+
+
+def _figures(light: Light, index: int, lens: Lens) -> Iterator[Fact]:
+    receiver, mask = light.receivers[index], f"in the mask {mask_words(lens.spec, index)}"
+    yield from _pattern(receiver, {} if lens.spec.limits else bounds_on(receiver, transmittance_of(lens.media)))
+    yield Fact.share(
+        "efficiency",
+        METRICS["efficiency"],
+        receiver.efficiency,
+        f"share of the LED’s flux {window_words(receiver)}",
+        possible=Bound("<=", 100.0 * receiver.possible.efficiency, "two faces transmit no more, and turn no further"),
+    )
+    if receiver.uniformity is not None:
+        yield Fact.measured(
+            "uniformity", METRICS["uniformity"], receiver.uniformity, f"{receiver.evenness_words} {mask}"
+        )
+    if receiver.rsd is not None:
+        yield Fact.measured("rsd", METRICS["rsd"], receiver.rsd, f"standard deviation over mean {mask}")
+    yield from _in_region(receiver, unit_on(light, receiver))
+
+
+def _pattern(receiver: ReceiverLight, bounds: Mapping[str, Bound]) -> Iterator[Fact]:
+    """Error of the pattern and light in the target, judged where there are ``bounds``."""
+    nmse, share, possible = receiver.nmse, receiver.share_in_target, receiver.possible
+    about = "an estimate of the luminance, " if possible.luminance_estimated else ""
+    least = Bound(">=", possible.nmse, f"{about}étendue of each pixel, for the light that arrives")
+    largest, fewest = bounds.get("nmse"), bounds.get("share_in_target")
+    yield Fact.measured(
+        "nmse",
+        METRICS["nmse"],
+        nmse,
+        f"squared distance from the target over the target squared{_by_pixels(receiver)}",
+        limit=largest,
+        possible=least if possible.nmse > 0.0 else None,
+        state="" if largest is None else judge(nmse.value, "<=", largest.value, nmse.standard_error),
+        remedy=f"{_SMALLER} a coarser pattern",
+    )
+    yield Fact.share(
+        "share_in_target",
+        METRICS["share_in_target"],
+        share,
+        "share of the LED’s flux that lands where the target is bright",
+        limit=None if fewest is None else replace(fewest, value=100.0 * fewest.value),
+        possible=Bound("<=", 100.0 * possible.share_in_target, f"{about}{possible.law}"),
+        state="" if fewest is None else judge(share.value, ">=", fewest.value, share.standard_error),
+        remedy=f"{_SMALLER} a wider target",
+    )
+
+
+def _by_pixels(receiver: ReceiverLight) -> str:
+    """Words for the NMSE with half as many pixels, where the change is above its noise."""
+    change, error = receiver.nmse_of_raster, receiver.nmse.standard_error
+    if change is None or abs(change) <= (error or 0.0):
+        return ""
+    return f"; with half as many pixels it is {number(receiver.nmse.value - change, 2)}"
+
+
+def _in_region(receiver: ReceiverLight, unit: LightUnit) -> Iterator[Fact]:
+    """Light in the region of uniform light or where the target is bright; in the dark, the peak of the map."""
+    region = receiver.in_region
+    if region is None:
+        peak = unit.per_watt * float(receiver.map.max())
+        yield Fact(
+            "level", f"Peak {unit.quantity}", peak, unit.symbol, note=f"largest of a pixel, {receiver.place}", digits=3
+        )
+        return
+    error, where = region.mean.standard_error, REGIONS[region.region]
+    scaled = Metric(
+        value=unit.per_watt * region.mean.value,
+        unit=unit.symbol,
+        standard_error=None if error is None else unit.per_watt * error,
+    )
+    yield Fact.measured("level", f"Mean {unit.quantity}", scaled, where)
+    yield Fact.measured("u0", "U0", region.u0, f"least over mean light {where}")
+    yield Fact.measured("u1", "U1", region.u1, f"least over largest light {where}")
+    rim = f"without its rim, which leaves {percent(region.inner_share)} of the area"
+    yield Fact.measured("inner", "Evenness inside", region.inner, f"least over mean light {where}, {rim}")
+    yield Fact.measured(
+        "peak", "Peak to target", region.peak, "largest light over the target’s largest, both with the same flux"
+    )
+
+
+def _quantity(limit: LimitResult) -> str:
+    named = _LIGHT.get(limit.unit) if limit.quantity == "light" else _QUANTITIES.get(limit.quantity)
+    return named or limit.quantity
+
+
+def _simulation(light: Light, lens: Lens) -> Iterator[Fact]:
+    """Rays and pixels of the simulation; error by its tables and its rays, where that was measured."""
+    rows, columns = light.map.shape
+    unused = "which the search has not used" if light.fitted is not None else ""
+    yield Fact("rays", "Rays", light.rays, note=unused)
+    yield Fact("pixels", "Pixels", f"{columns} × {rows}", note=light.filter.replace("pixel^2", "pixel²"))
+    if light.first.nmse.standard_error is not None:
+        yield Fact(
+            "raw_nmse", "NMSE with ray noise", light.raw.nmse, note="of the picture, before the noise is taken off"
+        )
+    if (fitted := light.fitted) is not None:
+        note = f"by the {number(fitted.rays)} rays of the search, to which the lens is fitted"
+        yield Fact.measured("fitted_nmse", "NMSE of fitted rays", fitted.nmse, note)
+        yield Fact.share("fitted_efficiency", "Efficiency, fitted rays", fitted.efficiency, note)
+    if light.preset_error is not None:
+        left, chart = light.preset_error.evaluation, light.first.chart
+        note = f"NMSE that the tables of --accuracy {lens.accuracy} add to the light of the exact surfaces"
+        yield Fact.measured("table_nmse", "Simulation error", left.irradiance_nmse, note)
+        off = chart.labelled(left.hit_mm.value)
+        yield Fact("table_hits", "Hits off by", off, chart.unit, note="rms, by the same tables", digits=2)
+        if light.first.nmse_of_noise is not None:
+            yield Fact("noise_nmse", "NMSE of the ray noise", light.first.nmse_of_noise, digits=2)

@@ -1,0 +1,128 @@
+"""Facts of the machined part: a photograph of its light, its measured faces, and a face corrected for a second cut."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from lensforge.light.evaluation_result import LightMetrics
+from lensforge.light.light_facts import METRICS, change_facts, metric_facts
+from lensforge.made.correction_result import Correction
+from lensforge.made.measurement_result import PhotoComparison, SurfaceComparison
+from lensforge.results import Extent, Fact, Group
+from lensforge.results.criteria import state_of
+from lensforge.results.numerals import percent, quantity
+
+FIRST = 4  # facts of a group that a page shows at once
+
+
+def photo_facts(photo: PhotoComparison) -> Group:
+    """Facts from the photograph of the part's light."""
+    return Group("photo", "A photograph of its light", tuple(_photo(photo)))
+
+
+def surface_facts(surface: SurfaceComparison) -> Group:
+    """Facts from measured points on one face, and the light with it."""
+    light = _against(surface.measured, surface.design, "with this face")
+    facts = (*_points(surface), *light, *change_facts(surface.change))
+    return Group(f"measured_{surface.surface}", f"The {surface.surface} face, measured", facts)
+
+
+def correction_facts(made: Correction) -> Group:
+    """Facts on a corrected face: errors before and after, filter, cutter, and the expected light."""
+    light = _against(made.second_cut, made.design, "expected")
+    facts = (*_cut(made), *light, *change_facts(made.change))
+    return Group(f"corrected_{made.surface}", f"The {made.surface} face, corrected for a second cut", facts)
+
+
+def _photo(photo: PhotoComparison) -> Iterator[Fact]:
+    taken = photo.on if photo.off is None else f"{photo.on} minus {photo.off}"
+    yield Fact("photographs", "Photographs", taken)
+    yield Fact("ssim", "Similarity (SSIM)", photo.ssim, note="to the simulation; 1 is equal", digits=3)
+    yield Fact("photo_nmse", "NMSE to the simulation", photo.nmse, digits=3)
+    place = photo.alignment
+    for key, label, metric in (
+        ("displacement_x_mm", "Displaced along x", place.displacement_x_mm),
+        ("displacement_y_mm", "Displaced along y", place.displacement_y_mm),
+        ("scale", "Size over the simulated", place.scale),
+        ("rotation_deg", "Rotation", place.rotation_deg),
+    ):
+        if metric is not None:
+            yield Fact.measured(key, label, metric, "counter-clockwise" if key == "rotation_deg" else "")
+    yield Fact("aligned_ssim", "SSIM once aligned", photo.aligned.ssim, digits=3)
+    yield Fact("aligned_nmse", "NMSE once aligned", photo.aligned.nmse, digits=3)
+    found, expected = photo.measured_evenness.uniformity, photo.simulated_evenness.uniformity
+    if found is not None:
+        note = f"simulated {quantity(expected, digits=3)}"
+        yield Fact("photo_uniformity", "Uniformity, measured", found, note=note, digits=3)
+    if photo.likely_cause:
+        yield Fact("cause", "Likely cause", photo.likely_cause)
+    state = state_of(photo.criteria, "photo_clipped")
+    yield Fact.share("clipped", "Clipped by the camera", photo.clipped, "of the target", state=state, digits=3)
+    yield Fact("corners", "Target’s corners", *_corners(photo))
+
+
+def _corners(photo: PhotoComparison) -> tuple[str]:
+    located = photo.corners_located
+    if located is None:
+        return ("given",)
+    where = {"on": "the photograph with the LED on", "off": "the photograph with the LED off"}
+    straight = quantity(located.edge_rms_px, "pixels rms", digits=2)
+    return (f"found in {where.get(located.seen_in, located.seen_in)}, edges straight to {straight}",)
+
+
+def _points(surface: SurfaceComparison) -> Iterator[Fact]:
+    form = surface.form_deviation_um
+    on = f"{percent(surface.used_share)} of them on the face"
+    state = state_of(surface.criteria, "points_used", "surface_covered")
+    yield Fact("points", "Points", surface.point_count, note=on)
+    yield Fact.share("covered", "Face measured", surface.covered_share, digits=3)
+    rms = quantity(form.rms, "µm", digits=3)
+    yield Fact("form", "Form deviation", form.pv, "µm", state=state, note=f"PV of the smooth form; {rms} rms", digits=3)
+    yield Fact("residual", "Residual of the points", surface.residual_rms_um, "µm", note="rms", digits=2)
+    yield Fact("registration", "Registration", _registration(surface.registration))
+
+
+def _cut(made: Correction) -> Iterator[Fact]:
+    cutter, chosen = made.cutter, "given" if made.wavelength_given else "by the noise of the points"
+    yield _file(made)
+    yield _extent("first_cut", "Deviation, first cut", made.deviation_um)
+    yield replace(_extent("correction", "Correction", made.correction_um, f"gain {quantity(made.gain, digits=3)}"))
+    yield _extent("second_cut", "Expected, second cut", made.expected_um)
+    yield Fact("filter", "Filter", made.wavelength_mm, "mm", note=f"longer waves pass; {chosen}", digits=3)
+    noise = f"rms; noise of the points {quantity(made.noise_rms_um, 'µm', digits=2)}"
+    yield Fact("left_out", "Left out by the filter", made.residual_rms_um, "µm", note=noise, digits=2)
+    yield Fact("registration", "Registration", _registration(made.registration), note="no part of the correction")
+    concave, before = cutter.concave_radius_mm, cutter.concave_radius_before_mm
+    designed = "none" if before is None else quantity(before, "mm", digits=4)
+    ball = quantity(cutter.cutter_radius_mm, "mm", digits=3)
+    note = f"radius, designed {designed}, cutter {ball}"
+    yield Fact("concave", "Smallest hollow", "none" if concave is None else concave, "mm", note=note)
+    if cutter.smoothed_more_share > 0.0:
+        on = f"on {percent(cutter.smoothed_more_share)} of the face"
+        yield _extent("cut_back", "Cut back for the ball", cutter.cut_back_um, on)
+
+
+def _file(made: Correction) -> Fact:
+    """The file's name and form error, and the scale that a mould insert asks for."""
+    under = "" if made.conditions is None else f"_{made.conditions.name}"
+    error = f"{made.step_schema}, form error {quantity(made.form_error_nm.max, 'nm', digits=2)} as read back"
+    scaled = f"; it is the lens, to be scaled by {quantity(made.scale, digits=12)} for the mould"
+    note = error if made.scale == 1.0 else f"{error}{scaled}"
+    return Fact("file", "File", f"lens_corrected_{made.surface}{under}.step", note=note)
+
+
+def _extent(key: str, label: str, extent: Extent, more: str = "") -> Fact:
+    note = f"rms, {quantity(extent.max, 'µm', digits=3)} at most"
+    return Fact(key, label, extent.rms, "µm", note=f"{note}; {more}" if more else note, digits=3)
+
+
+def _registration(kind: str) -> str:
+    return {"none": "none, by datums"}.get(kind, kind)
+
+
+def _against(light: LightMetrics, design: LightMetrics, how: str) -> Iterator[Fact]:
+    """Metrics of a light beside those as designed."""
+    designed = {fact.key: fact.text for fact in metric_facts(design)}
+    for fact in metric_facts(light):
+        if fact.key != "rsd":
+            note = f"{how}; designed {designed[fact.key]}"
+            yield replace(fact, label=METRICS[fact.key], note=note)

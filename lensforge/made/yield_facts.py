@@ -1,0 +1,251 @@
+"""Facts of the studies of tolerances: who passes, how far the light scatters, by which causes, what each may be."""
+
+from collections.abc import Iterator
+from math import inf
+
+import numpy as np
+
+from lensforge.light.light_facts import METRICS, metric_facts
+from lensforge.made.tolerance_result import FIELD, BudgetRow, ErrorRow, MetricBound, Sensitivity, WorstPart, Yield
+from lensforge.results import Bound, Fact, Group, Metric
+from lensforge.results.numerals import NOTHING, percent, quantity
+from lensforge.runs.verdict import CERTAIN
+from lensforge.scene.tolerance_factors import amount_words
+
+TOGETHER = "several together"
+_SHARES = ("efficiency", "share_in_target")  # shown in per cent
+_UNITS = {"deg": "°", "um": "µm"}
+_LEADING, _LEAST = 3, 0.005  # causes that are named, of no less than this share of the variance
+_DISTRIBUTIONS = {
+    "truncated": ("truncated", "Gaussian, 2 σ = the amount, none beyond it"),
+    "normal": ("normal", "Gaussian, 2 σ = the amount"),
+    "uniform": ("uniform", "anywhere within the amount"),
+    FIELD: ("random shape", "a new shape for each part; the amount is its rms"),
+}
+
+
+def yield_facts(found: Yield) -> list[Group]:
+    """A group of the parts that pass, then rows of bounds, spreads, causes and budget."""
+    return [
+        Group("yield", "Yield", tuple(_passing(found))),
+        *bound_rows(found),
+        *spread_rows(found),
+        *cause_rows(found),
+        *budget_rows(found),
+    ]
+
+
+def sensitivity_facts(found: Sensitivity) -> list[Group]:
+    """The lens as designed, then a row for each tolerance at its end, that with the largest effect first."""
+    designed = (*metric_facts(found.nominal), Fact("rays", "Rays", found.rays))
+    rows = sorted(found.rows, key=_effect, reverse=True)
+    return [Group("nominal", "As designed", designed), *(_change(row) for row in rows)]
+
+
+def bound_rows(found: Yield) -> list[Group]:
+    """A row for each bound that a part must keep."""
+    rows = []
+    for bound in found.bounds:
+        designed = found.metrics[bound.metric].designed.value
+        kept = float(bound.kept_by(found.column(bound.metric)).mean())
+        limit = Fact("bound", "Bound", bound_words(bound))
+        facts = (limit, of_metric("designed", "As designed", bound.metric, designed, bound.unit))
+        rows.append(
+            Group("bound", metric_words(bound.metric), (*facts, Fact.share("kept", "Parts that keep it", kept)))
+        )
+    return rows
+
+
+def spread_rows(found: Yield) -> list[Group]:
+    """A row for each metric over the parts: as designed, its percentiles, its standard deviation."""
+    rows = []
+    for name, each in found.metrics.items():
+        facts = [of_metric("designed", "As designed", name, each.designed.value, each.unit)]
+        for key, label, value in (
+            ("p5", "5 % are below", each.p5),
+            ("p50", "Half", each.p50),
+            ("p95", "95 %", each.p95),
+            ("spread", "Standard deviation", each.spread),
+        ):
+            undecided = Fact(key, label, "undecided")
+            facts.append(undecided if each.undecided else of_metric(key, label, name, value, each.unit))
+        noise = quantity(each.standard_error, each.unit, digits=2)
+        note = f"a part’s ray noise of {noise} outweighs their spread" if each.undecided else ""
+        rows.append(Group("spread", metric_words(name), tuple(facts), note))
+    return rows
+
+
+def cause_rows(found: Yield) -> list[Group]:
+    """The leading causes of each metric that has a bound and that scatters."""
+    return [
+        Group("causes", metric_words(name), tuple(_causes(found, name)))
+        for name in judged_metrics(found)
+        if name in found.variance
+    ]
+
+
+def budget_rows(found: Yield) -> list[Group]:
+    """A row for each tolerance, and last that for all of them together; none where it was not searched for."""
+    budget = found.budget
+    return [] if budget is None else [budget_row(row) for row in (*budget.alone, budget.together)]
+
+
+def budget_row(row: BudgetRow) -> Group:
+    """One tolerance: as specified, and the largest at which enough parts pass, with its interval or why there is none.
+
+    The state fails where the amount that is specified is too large.
+    """
+    factor = row.tolerance == "all"
+
+    def words(value: float) -> str:
+        return f"× {quantity(value, digits=3)}" if factor else amount_words(row.tolerance, value, row.unit)
+
+    specified, times = words(1.0 if factor else row.specified), ""
+    if row.unlimited:
+        if row.specified > 0.0 and not factor:
+            times = f" ({quantity(row.searched_to / row.specified, digits=3)} times)"
+        most, interval = f"above {words(row.searched_to)}", f"not searched beyond{times}"
+    elif row.at_most is None or row.low is None or row.high is None:
+        why = "none is small enough: the others alone let too few parts pass"
+        most, interval = NOTHING, "no factor is small enough" if factor else why
+    else:
+        most, interval = words(row.at_most), f"{words(row.low)} to {words(row.high)}"
+    tight = not row.unlimited and (row.at_most is None or row.at_most < row.specified)
+    facts = (
+        Fact("specified", "Specified", specified),
+        Fact("at_most", "At most", most, state="fail" if tight else "pass"),
+        Fact("interval", "Interval", interval),
+    )
+    return Group("budget", row.words, facts)
+
+
+def tightest_first(found: Yield) -> list[Group]:
+    """The rows of single tolerances, those that leave the least room first."""
+    alone = () if found.budget is None else sorted(found.budget.alone, key=_room)
+    return [budget_row(row) for row in alone]
+
+
+def drawn_rows(found: Yield) -> list[Group]:
+    """A row for each tolerance as it was drawn."""
+    rows = []
+    for each in found.tolerances:
+        name, words = _DISTRIBUTIONS.get(each.distribution, (each.distribution, ""))
+        size = Fact("amount", "Amount", amount_words(each.name, each.amount, each.unit))
+        facts = (size, Fact("distribution", "Distribution", name), Fact("words", "In words", words))
+        rows.append(Group("drawn", each.words, facts))
+    return rows
+
+
+def pass_sentence(found: Yield) -> str:
+    """A sentence on the parts that pass, with the confidence interval of their share."""
+    rate = found.pass_rate
+    passed = quantity(round(rate.value * found.parts))
+    between = f"{percent(rate.low)} to {percent(rate.high)}"
+    share = f"{percent(rate.value)} (95\u2009% confidence: {between})"
+    return f"Of {quantity(found.parts)} parts drawn from the tolerances {passed} keep every bound: {share}."
+
+
+def budget_sentence(found: Yield) -> str:
+    """A sentence on the meaning of the budget; empty where there is none."""
+    if found.budget is None:
+        return ""
+    wanted, parts = percent(found.budget.pass_rate), quantity(found.budget.parts)
+    return (
+        f"The largest amount at which {wanted} of the parts pass, the other tolerances as specified; by {parts} parts. "
+        "The interval is one standard error to either side. Red: less than specified."
+    )
+
+
+def worst_words(found: Yield, worst: WorstPart) -> str:
+    """Judged metrics of one of the worst parts, each with its bound where it misses it."""
+    words = []
+    for name in judged_metrics(found):
+        value = worst.metrics[name]
+        missed = [each for each in found.bounds if each.metric == name and not each.kept_by(np.array(value))]
+        ends = "".join(f", bound {bound_words(bound)}" for bound in missed)
+        fact = of_metric("", metric_words(name), name, value, found.metrics[name].unit)
+        words.append(f"{fact.label} {fact.text}{ends}")
+    return "; ".join(words)
+
+
+def metric_words(name: str) -> str:
+    """Name of a metric for a reader; on a further receiver after that receiver's."""
+    receiver, colon, metric = name.rpartition(": ")
+    words = METRICS.get(metric, metric)
+    return f"{receiver}{colon}{words}" if receiver else f"{words[:1].upper()}{words[1:]}"
+
+
+def is_share(name: str) -> bool:
+    """True for a metric that is shown in per cent."""
+    return name.rpartition(": ")[2] in _SHARES
+
+
+def of_metric(key: str, label: str, name: str, value: float, unit: str) -> Fact:
+    """A value of the metric ``name``."""
+    return Fact.share(key, label, value) if is_share(name) else Fact(key, label, value, unit, digits=3)
+
+
+def bound_words(bound: MetricBound) -> str:
+    """The bound alone: its sense, value and unit."""
+    percents = is_share(bound.metric)
+    value, unit = (100.0 * bound.bound, "%") if percents else (bound.bound, bound.unit)
+    return Bound(bound.sense, value).text(unit)
+
+
+def judged_metrics(found: Yield) -> list[str]:
+    """Metrics that have a bound, in the order of the bounds."""
+    return list(dict.fromkeys(bound.metric for bound in found.bounds))
+
+
+def failing_first(found: Yield) -> list[str]:
+    """Metrics that have a bound, that with the most failing parts first."""
+    failing = dict.fromkeys(judged_metrics(found), 0.0)
+    for bound in found.bounds:
+        failing[bound.metric] += float((~bound.kept_by(found.column(bound.metric))).mean())
+    return sorted(failing, key=lambda name: -failing[name])
+
+
+def _passing(found: Yield) -> Iterator[Fact]:
+    """Main numbers: the parts that pass, what decides, and by how much all tolerances may be scaled."""
+    low, high = percent(found.pass_rate.low), percent(found.pass_rate.high)
+    yield Fact.share("pass_rate", "Parts that pass", found.pass_rate.value, f"95\u2009% confidence: {low} to {high}")
+    yield Fact("parts", "Parts", found.parts)
+    yield Fact("rays", "Rays of each part", found.rays)
+    for name in [name for name in failing_first(found) if name in found.variance][:2]:
+        cause = found.variance[name].causes[0]
+        share = Metric(value=cause.share, standard_error=cause.standard_error)
+        doubt = "" if cause.share > CERTAIN * cause.standard_error else "; not certain by so few parts"
+        note = f"{cause.words}{doubt}"
+        yield Fact.share("main_cause", f"Main cause, {metric_words(name)}", share, note)
+    if found.budget is not None:
+        most, interval = (budget_row(found.budget.together).fact(key) for key in ("at_most", "interval"))
+        note = f"all by one factor, so that {percent(found.budget.pass_rate)} pass; {interval.text}"
+        yield Fact("together", "Tolerances together", most.value, note=note)
+        yield Fact.share("wanted", "Parts that must pass", found.budget.pass_rate)
+
+
+def _causes(found: Yield, name: str) -> Iterator[Fact]:
+    """The leading causes with their shares of the variance, and that of several together."""
+    variance = found.variance[name]
+    for cause in variance.causes[:_LEADING]:
+        if cause.share > _LEAST:
+            share = Metric(value=cause.share, standard_error=cause.standard_error)
+            yield Fact.share(cause.tolerance, cause.words, share)
+    if variance.interactions.value > _LEAST:
+        yield Fact.share("together", TOGETHER, variance.interactions)
+
+
+def _change(row: ErrorRow) -> Group:
+    """The change of every metric by one tolerance at its end."""
+    size = Fact("amount", "Amount", row.amount, _UNITS.get(row.unit, row.unit), digits=3)
+    return Group("error", row.name, (size, *metric_facts(row.change)))
+
+
+def _effect(row: ErrorRow) -> float:
+    return abs(row.change.nmse.value)
+
+
+def _room(row: BudgetRow) -> float:
+    if row.unlimited or row.specified == 0.0:
+        return inf
+    return 0.0 if row.at_most is None else row.at_most / row.specified

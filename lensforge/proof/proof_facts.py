@@ -1,0 +1,206 @@
+"""Facts of the verification: each independent tracer of the exported part against the design, and stray light."""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from lensforge.proof.proof_result import Agreement, BrepCast, IndependentRays, MitsubaCast, Proof, ReceiverProof
+from lensforge.proof.stray_result import ReceiverStray, StrayLight
+from lensforge.results import Fact, FactState, Group
+from lensforge.results.chart import light_unit
+from lensforge.results.criteria import Criterion, state_of
+from lensforge.results.numerals import number, percent, quantity
+
+_CAUSES = {
+    "inner_reflection": "reflected at the cavity",
+    "outer_reflection": "reflected inside the outer face",
+    "total_reflection": "totally reflected",
+    "base": "by the base",
+    "met_again": "met the lens again",
+}
+_ENDS = {
+    "outside_direct": "landed outside the window",
+    "outside_stray": "stray, outside the window",
+    "backward": "back to the board",
+    "absorbed": "absorbed in the lens",
+    "cover_glass": "lost in the cover glass",
+    "base": "absorbed by the base",
+    "too_dim": "below the flux cut-off",
+    "leaked": "leaked at the mesh's edges",
+}
+
+
+def proof_facts(proof: Proof, designed: Mapping[str, float]) -> list[Group]:
+    """A group for each receiver; ``designed``: efficiency of the design's light by the receiver's name."""
+    several = len(proof.receivers) > 1
+    return [
+        Group(
+            "part",
+            f"Exported part{f', {receiver.name}' if several else ''}",
+            tuple(_receiver(proof, index, designed.get(receiver.name))),
+        )
+        for index, receiver in enumerate(proof.receivers)
+    ]
+
+
+def tracer_groups(proof: Proof) -> list[Group]:
+    """A row for every independent tracer that has run, on each receiver; distances are those of the landings."""
+    rows = [row for index in range(len(proof.receivers)) for row in _tracers(proof, index)]
+    return [rows[0], _plain(proof), *rows[1:]]
+
+
+def stray_facts(stray: StrayLight) -> list[Group]:
+    """A group of the stray light on each receiver."""
+    several = len(stray.receivers) > 1
+    return [
+        Group("stray", f"Stray light{f', {each.name}' if several else ''}", tuple(_stray(stray, each)))
+        for each in stray.receivers
+    ]
+
+
+def stray_budget(receiver: ReceiverStray) -> tuple[list[tuple[str, float]], list[tuple[str, float]]]:
+    """Losses by their ends and detected light by its cause: names with shares of the emitted flux above 0."""
+    flux, causes = receiver.flux, receiver.detected_stray_by_cause.model_dump()
+    lost = [(words, getattr(flux, name)) for name, words in _ENDS.items() if getattr(flux, name) > 0.0]
+    stray = [(f"stray: {_CAUSES.get(name, name)}", share) for name, share in causes.items() if share > 0.0]
+    return lost, [("detected as designed", flux.detected_direct), *stray]
+
+
+def suffix(receivers: Sequence[object], index: int) -> str:
+    """End of a title: the name of receiver number ``index``, nothing where it is the only one."""
+    return f", {receivers[index].name}" if len(receivers) > 1 else ""  # type: ignore[attr-defined]
+
+
+def _receiver(proof: Proof, index: int, designed: float | None) -> Iterator[Fact]:
+    receiver = proof.receivers[index]
+    gap, quantity_of_light = receiver.deviation_mm, light_unit(None, far_field=receiver.far_field).quantity
+    at = "at 1 m, " if receiver.far_field else ""
+    yield Fact(
+        "landing",
+        "Rays land apart by",
+        *_length(gap.rms),
+        state=_state(proof.criteria, receiver, index, "deviation_rms"),
+        note=f"rms, {at}part against design; at most {quantity(*_length(gap.max), digits=2)}",
+        digits=2,
+    )
+    yield Fact(
+        "nmse_vs_design",
+        "NMSE against the design",
+        receiver.nmse_vs_design,
+        state=_state(proof.criteria, receiver, index, "nmse_vs_design"),
+        note=f"of the {quantity_of_light}; ray noise alone makes {number(receiver.noise_floor_nmse, 3)}",
+        digits=3,
+    )
+    yield Fact("nmse_same_rays", "NMSE with the same rays", receiver.nmse_same_rays, digits=3)
+    note = "" if designed is None else f"the design has {percent(designed, 4)}"
+    yield Fact.share("part_efficiency", "Efficiency of the part", receiver.efficiency, note)
+    yield Fact("part_rays", "Rays through the part", proof.rays)
+
+
+def _length(mm: float) -> tuple[float, str]:
+    """A length in mm, a small one in µm."""
+    return (1e3 * mm, "µm") if mm < 0.1 else (mm, "mm")
+
+
+def _tracers(proof: Proof, index: int) -> Iterator[Group]:
+    receiver, on = proof.receivers[index], suffix(proof.receivers, index)
+    gap = receiver.deviation_mm
+    noise = f"NMSE {number(receiver.nmse_vs_design, 2)}, ray noise alone {number(receiver.noise_floor_nmse, 2)}"
+    names = ("deviation_rms", "nmse_same_rays", "nmse_vs_design", "flux_deviation")
+    yield Group(
+        "tracer",
+        f"Mesh with smooth normals{on}",
+        (Fact("rays", "Rays", proof.rays), *_gaps(gap.rms, gap.p99, gap.max)),
+        f"lens.stl; {noise}",
+        _state(proof.criteria, receiver, index, *names),
+    )
+    if receiver.brep is not None:
+        yield _brep(proof, receiver.brep, index)
+    if receiver.mitsuba is not None:
+        yield _mitsuba(proof, receiver.mitsuba, index)
+    if receiver.own_rays is not None:
+        yield _independent_rays(proof, receiver.own_rays, index)
+
+
+def _plain(proof: Proof) -> Group:
+    plain = proof.plain_cast
+    says = f"{number(plain.disagreements)} of {number(plain.casts)} first hits differ from those above"
+    state = state_of(proof.criteria, "plain_cast_disagreements")
+    facts = (Fact("rays", "Rays", plain.rays),)
+    return Group("tracer", "Plain ray cast by trimesh", facts, f"lens.stl; {says}", state)
+
+
+def _brep(proof: Proof, brep: BrepCast, index: int) -> Group:
+    fates = brep.against_design.fates
+    ends = "every ray has the same fate" if fates == 0 else f"{number(fates)} rays have another fate"
+    says = f"{quantity(brep.against_mesh.rms, 'mm', digits=2)} rms from the mesh; {ends}"
+    names = ("brep_deviation_rms", "brep_flux_deviation", "brep_fate_disagreements")
+    return Group(
+        "tracer",
+        f"CAD kernel, face by face{suffix(proof.receivers, index)}",
+        (Fact("rays", "Rays", brep.rays), *_gaps_of(brep.against_design)),
+        f"lens.step; {says}",
+        _state(proof.criteria, proof.receivers[index], index, *names),
+    )
+
+
+def _mitsuba(proof: Proof, mitsuba: MitsubaCast, index: int) -> Group:
+    relation = "within" if mitsuba.nmse_vs_design <= mitsuba.noise_floor_nmse else "above"
+    floor = number(mitsuba.noise_floor_nmse, 2)
+    says = f"NMSE {number(mitsuba.nmse_vs_design, 2)}, {relation} the {floor} of ray noise alone"
+    names = ("nmse_vs_design", "deviation_rms", "flux_deviation", "fate_disagreement_flux")
+    return Group(
+        "tracer",
+        f"Mitsuba {mitsuba.version}, flat facets{suffix(proof.receivers, index)}",
+        (Fact("rays", "Rays", mitsuba.rays), *_gaps_of(mitsuba.against_design)),
+        f"lens.stl; {says}",
+        _state(proof.criteria, proof.receivers[index], index, *(f"mitsuba_{name}" for name in names)),
+    )
+
+
+def _independent_rays(proof: Proof, own: IndependentRays, index: int) -> Group:
+    found, expected = (Fact.share("", "", share).text for share in (own.efficiency, own.efficiency_design))
+    says = f"efficiency {found}, the design’s light {expected}"
+    if own.nmse_less_noise is not None:
+        says += f"; NMSE less noise {own.nmse_less_noise}"
+    names = ("own_rays_efficiency", "own_rays_nmse", *(["own_rays_emission"] if index == 0 else []))
+    return Group(
+        "tracer",
+        f"Freshly drawn rays of the LED{suffix(proof.receivers, index)}",
+        (Fact("rays", "Rays", own.rays),),
+        f"lens.stl; {says}",
+        _state(proof.criteria, proof.receivers[index], index, *names),
+    )
+
+
+def _state(criteria: Sequence[Criterion], receiver: ReceiverProof, index: int, *names: str) -> FactState:
+    """State of the criteria of one receiver; those of all but the first carry its name."""
+    start = f"{receiver.name}: " if index else ""
+    return state_of(criteria, *(f"{start}{name}" for name in names))
+
+
+def _gaps_of(agreement: Agreement) -> tuple[Fact, ...]:
+    return _gaps(agreement.rms, agreement.p99, agreement.max)
+
+
+def _gaps(rms: float, p99: float, largest: float) -> tuple[Fact, ...]:
+    named = (("rms", "rms", rms), ("p99", "99 %", p99), ("largest", "largest", largest))
+    return tuple(Fact(key, label, value, "mm", digits=2) for key, label, value in named)
+
+
+def _stray(stray: StrayLight, receiver: ReceiverStray) -> Iterator[Fact]:
+    gain = 100.0 * (receiver.efficiency - receiver.efficiency_sequential)
+    spread, chart = receiver.spread, receiver.chart
+    reflections = f"share of the LED’s flux, by reflections; the base is {stray.base}"
+    yield Fact.share("detected_stray", "Stray in the window", receiver.flux.detected_stray, reflections)
+    yield Fact.share("stray_absorbed", "Absorbed", receiver.flux.absorbed, digits=3)
+    sequential = f"without reflections {percent(receiver.efficiency_sequential, 4)}, {number(gain, 2)} points less"
+    yield Fact.share("stray_efficiency", "With all reflections", receiver.efficiency, f"efficiency; {sequential}")
+    nmse = receiver.nmse_vs_sequential
+    wrong = "" if nmse is None else f"an NMSE of {number(nmse, 2)}"
+    yield Fact.share("misplaced", "Light not as designed", receiver.misplaced_flux, wrong)
+    if spread.rms_radius is not None and spread.peak_of_mean is not None:
+        note = "of the stray light, of the mean light on the receiver"
+        yield Fact.share("stray_peak", "Peak of the stray light", spread.peak_of_mean, note, digits=3)
+        reach = chart.labelled(spread.rms_radius)
+        yield Fact("stray_reach", "Spread of the stray", reach, chart.unit, note="rms about its centroid", digits=3)
+    note = f"absorption {quantity(stray.absorption_per_mm, '1/mm')}"
+    yield Fact("stray_rays", "Rays followed", stray.rays, note=note)

@@ -1,0 +1,316 @@
+"""Designs side by side on one page: their facts, where their specs differ, their light and sections on one scale."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from lensforge.errors import InputError
+from lensforge.light.evaluation_result import Light
+from lensforge.light.receiver_light import ReceiverLight
+from lensforge.made.measurement_result import PhotoComparison
+from lensforge.report.headline import asked_facts, further_facts, headline
+from lensforge.report.lens_figures import lens_section, reach_mm
+from lensforge.report.light_figures import along, encircled_share, irradiance_map, label_positions, label_radii
+from lensforge.report.light_section import receivers_in
+from lensforge.report.measured_section import RELATIVE
+from lensforge.report.page import PagePicture, picture, template
+from lensforge.report.part_section import source_outline
+from lensforge.report.record_tables import rows
+from lensforge.report.task import task
+from lensforge.results import Fact
+from lensforge.results.chart import Chart, LightUnit, light_unit
+from lensforge.results.figure_style import (
+    BLUE,
+    GREEN,
+    GREY,
+    INK,
+    NARROW,
+    ORANGE,
+    RED,
+    WIDE,
+    in_report_style,
+    new_figure,
+)
+from lensforge.results.numerals import NOTHING, number
+from lensforge.runs.results import Results
+from lensforge.version import __version__
+
+_MOST = 8  # columns: more do not fit on a page
+# The better value of the facts for which there is one whatever the spec.
+_BETTER = {"nmse": min, "efficiency": max, "share_in_target": max, "uniformity": max, "rsd": min}
+_COLOURS = (BLUE, ORANGE, GREEN, RED, "#8a5cc9", "#c2569b", GREY, INK)
+_DASHES = ("solid", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))  # curves that coincide remain visible
+_APART = 5.0  # ratio of peaks or of receivers above which there is no common scale
+_DARK = "#000004"  # the darkest of the map's colours, outside the receiver
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One number of one design."""
+
+    text: str
+    state: str = ""
+    best: bool = False
+
+
+@dataclass(frozen=True)
+class Line:
+    """One row of a table: its name, and a cell for each design."""
+
+    name: str
+    cells: tuple[Cell, ...]
+
+
+def render_comparison(designs: Sequence[Results], names: Sequence[str] | None = None) -> str:
+    """One self-contained page on two to eight designs; ``names``: by default those of their specs.
+
+    Raises :class:`InputError` for another number of designs.
+    """
+    if not 2 <= len(designs) <= _MOST:
+        raise InputError(f"report: {len(designs)} designs given; a comparison takes from 2 to {_MOST}")
+    names = spec_names(designs) if names is None else list(names)
+    return template("compare.html").render(
+        names=names,
+        tasks=[task(design.spec) for design in designs],
+        headlines=[headline(design) for design in designs],
+        numbers=number_lines(designs),
+        differences=difference_lines(designs),
+        pictures=ComparedPictures(names, designs),
+        version=__version__,
+    )
+
+
+def spec_names(designs: Sequence[Results]) -> list[str]:
+    """The names of the designs' specs, numbered where two are the same."""
+    names = [design.spec.name for design in designs]
+    if len(set(names)) == len(names):
+        return names
+    return [f"{name} ({index})" for index, name in enumerate(names, start=1)]
+
+
+def folder_names(folders: Sequence[Path]) -> list[str]:
+    """The folders' names, or their whole paths where two names are the same.
+
+    Raises :class:`InputError` where the same folder is given twice.
+    """
+    if len({folder.resolve() for folder in folders}) < len(folders):
+        raise InputError("report: the same folder is given twice; give each design once")
+    short = [folder.resolve().name for folder in folders]
+    return short if len(set(short)) == len(short) else list(map(str, folders))
+
+
+def number_lines(designs: Sequence[Results]) -> list[Line]:
+    """The main facts; the best is marked where one value is better than another and they differ."""
+    found = [{fact.label: fact for fact in (*asked_facts(each), *further_facts(each))} for each in designs]
+    first, *others = (design.spec.all_receivers for design in designs)
+    same_target = all(each == first for each in others)
+    lines = []
+    for label in dict.fromkeys(label for labelled in found for label in labelled):
+        facts = [labelled.get(label) for labelled in found]
+        texts = [NOTHING if fact is None else fact.text for fact in facts]
+        best = _best(facts) if same_target and len(set(texts)) > 1 else None
+        mark = None if best is None else texts[best]  # designs with the same text are equally good
+        states = ["" if fact is None else fact.state for fact in facts]
+        cells = (Cell(text, state, text == mark) for text, state in zip(texts, states, strict=True))
+        lines.append(Line(label, tuple(cells)))
+    judged = [design.verdict.cutting for design in designs]
+    return lines if set(judged) == {"undecided"} else [*lines, Line("Cutting", tuple(map(Cell, judged)))]
+
+
+def _best(facts: Sequence[Fact | None]) -> int | None:
+    """Index of the design with the best value of one fact; None where none is better than another."""
+    known = {index: fact for index, fact in enumerate(facts) if fact is not None and isinstance(fact.value, float)}
+    key = next((fact.key for fact in known.values()), "")
+    if key not in _BETTER:
+        return None
+    values = {index: float(fact.value or 0.0) for index, fact in known.items()}
+    best = _BETTER[key](values.values())
+    return next(index for index, value in values.items() if value == best)
+
+
+def difference_lines(designs: Sequence[Results]) -> list[Line]:
+    """The entries of the specs that are not the same in all designs, with preset and seed."""
+    tables = []
+    for design in designs:
+        content = {"accuracy": design.lens.accuracy, "seed": design.lens.seed, **design.spec.model_dump()}
+        tables.append({row.path: f"{row.value} {row.unit}".strip() for row in rows(content)})
+    lines = []
+    for path in dict.fromkeys(path for table in tables for path in table):
+        texts = [table.get(path, NOTHING) for table in tables]
+        if len(set(texts)) > 1:
+            lines.append(Line(path, tuple(Cell(text) for text in texts)))
+    return lines
+
+
+@dataclass(frozen=True)
+class _Lit:
+    """The light of one design on one of its receivers."""
+
+    name: str
+    light: ReceiverLight
+    unit: LightUnit
+    colour: str
+    dashes: str | tuple[float, tuple[float, ...]]
+    caption: str
+
+    @property
+    def chart(self) -> Chart:
+        return self.light.chart
+
+    @property
+    def peak(self) -> float:
+        """Peak in its unit."""
+        return self.unit.per_watt * float(self.light.map.max())
+
+
+class ComparedPictures:
+    """The pictures of ``designs``, labelled ``names``; of light, only for those that have been simulated.
+
+    Light is that on every receiver; of several it is labelled with their names, too.
+    """
+
+    def __init__(self, names: Sequence[str], designs: Sequence[Results]) -> None:
+        self._designs = list(zip(names, designs, strict=True))
+        found = ((name, design, design.find(Light)) for name, design in self._designs)
+        lights = [(name, design, light) for name, design, light in found if light is not None]
+        lumens_known = all(light.lumens_per_watt is not None for _, _, light in lights)
+        shown = [
+            (f"{name}, {each.light.name}" if each.several else name, each.light, light)
+            for name, design, light in lights
+            for each in receivers_in(light, design.spec)
+        ]
+        self._lit = [
+            _Lit(
+                name,
+                receiver,
+                light_unit(light.lumens_per_watt if lumens_known else None, far_field=receiver.chart.far_field),
+                _COLOURS[index % len(_COLOURS)],
+                _DASHES[index % len(_DASHES)],
+                f"{receiver.place[:1].upper()}{receiver.place[1:]}.",
+            )
+            for index, (name, receiver, light) in enumerate(shown)
+        ]
+
+    @cached_property
+    def one_scale(self) -> bool:
+        """True where the maps of all designs are legible with the same colours and lengths."""
+        if len({lit.light.kind for lit in self._lit}) > 1:
+            return False
+        sides = [max(lit.chart.width, lit.chart.height) for lit in self._lit]
+        return _spread([lit.peak for lit in self._lit]) <= _APART and _spread(sides) <= _APART
+
+    @property
+    def scale_words(self) -> str:
+        """Sentence on the scale of the maps."""
+        lengths = "angles" if self._lit and self._lit[0].chart.far_field else "millimetres"
+        if self.one_scale:
+            return f"All maps have the same colours and the same {lengths}."
+        return f"Each map has its own colours and {lengths}: the designs differ too much for one scale."
+
+    @cached_property
+    def maps(self) -> list[PagePicture]:
+        """Maps of light, all with the same colours and lengths where that is legible."""
+        return [picture(f"map{index}", self._map(lit), lit.name, lit.caption) for index, lit in enumerate(self._lit)]
+
+    def _map(self, lit: _Lit) -> Figure:
+        shown = self._lit if self.one_scale else [lit]
+        frame = Chart(
+            max(each.chart.width for each in shown), max(each.chart.height for each in shown), lit.chart.far_field
+        )
+        top = max(each.peak for each in shown) or 1.0
+        width = WIDE if len(self._lit) <= 2 else NARROW
+        figure = irradiance_map(
+            lit.light.map, lit.chart, top / lit.unit.per_watt, unit=lit.unit, width=width, frame=frame
+        )
+        figure.axes[0].set_facecolor(_DARK)
+        return figure
+
+    @cached_property
+    def curves(self) -> list[PagePicture]:
+        """Lines across the receivers and encircled energy: all designs whose places have one unit in one picture."""
+        groups = [[lit for lit in self._lit if lit.chart.far_field == far_field] for far_field in (False, True)]
+        found: list[PagePicture] = []
+        for lit in groups:
+            if lit:
+                where = ("in the far field" if lit[0].chart.far_field else "at a distance") if all(groups) else ""
+                found += self._curves(lit, "-far" if found else "", f", {where}" if where else "")
+        return found
+
+    def _curves(self, lit: Sequence[_Lit], end: str, where: str) -> list[PagePicture]:
+        share = "Share of each receiver's flux."
+        return [
+            picture(f"across{end}", _lines(lit, (1.0, 0.0)), f"Along y = 0{where}"),
+            picture(f"up{end}", _lines(lit, (0.0, 1.0)), f"Along x = 0{where}"),
+            picture(f"circles{end}", _circles(lit), f"Encircled energy{where}", share),
+        ]
+
+    @cached_property
+    def photographs(self) -> list[PagePicture]:
+        """Photographs of the machined parts' light, each scaled to a mean of 1, on one scale."""
+        found = ((name, design.find(PhotoComparison)) for name, design in self._designs)
+        taken = [(name, photo) for name, photo in found if photo is not None]
+        top = float(max((photo.measured.max() for _, photo in taken), default=1.0)) or 1.0
+        pictures, width = [], WIDE if len(self._designs) == 2 else NARROW
+        for index, (name, photo) in enumerate(taken):
+            figure = irradiance_map(photo.measured, photo.chart, top, unit=RELATIVE, width=width)
+            alike = f"SSIM to the simulation {number(photo.ssim, 3)}, NMSE {number(photo.nmse, 3)}."
+            pictures.append(picture(f"photo{index}", figure, name, alike))
+        return pictures
+
+    @cached_property
+    def sections(self) -> list[PagePicture]:
+        """Sections at 0 deg, all to one scale."""
+        reach = max(reach_mm(design.lens) for _, design in self._designs)
+        return [
+            picture(f"body{index}", lens_section(design.lens, 0.0, source_outline(design), reach), name)
+            for index, (name, design) in enumerate(self._designs)
+        ]
+
+
+@in_report_style
+def _lines(lit: Sequence[_Lit], direction: tuple[float, float]) -> Figure:
+    figure, axes = new_figure(NARROW, 2.6)
+    across, up = direction
+    reaches = []
+    for each in lit:
+        half = 0.5 * (across * each.chart.width + up * each.chart.height)
+        end = half * np.array(direction)
+        values = each.unit.per_watt * along(each.light.map, -end, end, each.chart)
+        axes.plot(np.linspace(-half, half, len(values)), values, color=each.colour)
+        reaches.append(half)
+    label_positions(axes, lit[0].chart, max(reaches))
+    axes.set(ylabel=lit[0].unit.label)
+    axes.set_ylim(bottom=0.0)
+    return _named(figure, axes, lit)
+
+
+@in_report_style
+def _circles(lit: Sequence[_Lit]) -> Figure:
+    figure, axes = new_figure(NARROW, 2.6)
+    reaches = []
+    for each in lit:
+        radius, share = encircled_share(each.light.raw_map, each.chart)
+        axes.plot(radius, share, color=each.colour)
+        reaches.append(float(radius[-1]))
+    right = axes.get_xlim()[1]
+    label_radii(axes, lit[0].chart, max(reaches))
+    axes.set(ylabel="share of the receiver's flux", xlim=(0.0, right), ylim=(0.0, 1.02))
+    return _named(figure, axes, lit)
+
+
+def _named(figure: Figure, axes: Axes, lit: Sequence[_Lit]) -> Figure:
+    axes.grid(True)
+    for line, each in zip(axes.lines, lit, strict=True):
+        line.set(label=each.name, linestyle=each.dashes)
+    figure.legend(loc="outside upper left", ncols=min(2, len(lit)), handlelength=1.3)
+    return figure
+
+
+def _spread(values: Sequence[float]) -> float:
+    """Ratio of the largest to the smallest; 1 for none."""
+    return max(values) / min(values) if values and min(values) > 0.0 else float("inf") if values else 1.0

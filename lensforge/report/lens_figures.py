@@ -1,0 +1,333 @@
+"""Figures of a lens and its search: sections with rays, curves over the steps, snapshots of the levels."""
+
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, PercentFormatter
+from torch import Tensor
+
+from lensforge.cad.section import body_outlines
+from lensforge.light.exact_trace import DenseScan, exact_surfaces
+from lensforge.light.sequential_trace import TracedSurface
+from lensforge.optics.dielectric import refract, transmitted_cosine_squared
+from lensforge.report.light_figures import drawn
+from lensforge.results.chart import WATTS, Chart, LightUnit
+from lensforge.results.figure_style import (
+    BLUE,
+    GREEN,
+    GREY,
+    INK,
+    NARROW,
+    ORANGE,
+    RED,
+    WIDE,
+    add_colour_bar,
+    in_report_style,
+    new_figure,
+)
+from lensforge.scene.lens import Lens
+from lensforge.search.design_result import Level
+from lensforge.sources.source_pose import SourcePose
+from lensforge.surfaces.srbf import fibonacci_hemisphere
+
+_STEPS = 192  # of the search for a first crossing: far finer than a lens's features
+_CAVITY_MM = 1e-9  # a point is in the cavity from this depth on
+
+Points = Float[np.ndarray, "n 3"]
+
+
+def trace_fan(lens: Lens, start_mm: Points, directions: Points, reach_mm: float) -> Float[np.ndarray, "n 4 3"]:
+    """Start, both surfaces' hits, and a point at ``reach_mm`` from the origin; NaN after the end of a ray.
+
+    A ray ends where it meets z = 0, re-enters the cavity, or is totally reflected. One that starts below z = 0 must
+    pass that plane inside the cavity; directions are upwards.
+    """
+    scan, media = DenseScan(_STEPS, reach_mm=2.0 * reach_mm), lens.media
+    inner, outer = exact_surfaces(lens, (scan, scan))
+    start, along = torch.from_numpy(start_mm), torch.from_numpy(directions)
+    entry = start + torch.clamp(-start[:, 2:] / along[:, 2:], min=0.0) * along
+    entry[inner.gap(entry) <= 0.0] = torch.nan
+    at_inner, inside = _crossed(inner, entry, along, media.cavity_index / media.refractive_index)
+    at_outer, behind = _crossed(outer, at_inner, inside, media.refractive_index / media.outside_index)
+    at_outer[_returns(inner, at_inner, at_outer)] = torch.nan
+    path = torch.stack([start, at_inner, at_outer, _at_distance(at_outer, behind, reach_mm)], dim=1)
+    return path.numpy()
+
+
+def _crossed(surface: TracedSurface, origins: Tensor, directions: Tensor, ratio: float) -> tuple[Tensor, Tensor]:
+    """First crossings at z >= 0, and the directions behind them; NaN where there is none.
+
+    ``ratio``: index before over index behind.
+    """
+    points, behind = torch.full_like(origins, torch.nan), torch.full_like(origins, torch.nan)
+    alive = torch.nonzero(~(origins + directions).isnan().any(dim=1))[:, 0]
+    crossing = surface.first_crossing(origins[alive], directions[alive])
+    hits = origins[alive] + crossing.lengths[:, None] * directions[alive]
+    met = crossing.found & (hits[:, 2] >= 0.0)
+    alive, hits = alive[met], hits[met]
+    points[alive] = hits
+    normals = torch.nn.functional.normalize(surface.normal(hits), dim=1)
+    passes = transmitted_cosine_squared(torch.sum(directions[alive] * normals, dim=1), ratio) > 0.0
+    behind[alive[passes]] = refract(directions[alive[passes]], normals[passes], ratio)
+    return points, behind
+
+
+def _returns(cavity: TracedSurface, start: Tensor, end: Tensor) -> Bool[Tensor, " n"]:
+    """True where the segment from ``start`` on the cavity to ``end`` enters the cavity again."""
+    share = torch.linspace(0.0, 1.0, _STEPS, dtype=start.dtype)[1:, None]
+    points = (start[:, None] + share * (end - start)[:, None]).reshape(-1, 3)
+    return (cavity.gap(points) > _CAVITY_MM).reshape(len(start), -1).any(dim=1)
+
+
+def _at_distance(points: Tensor, directions: Tensor, reach_mm: float) -> Tensor:
+    """Points where rays leave the sphere of ``reach_mm`` around the origin."""
+    along = torch.sum(points * directions, dim=1)
+    length = torch.sqrt(along**2 + reach_mm**2 - torch.sum(points**2, dim=1)) - along
+    return points + length[:, None] * directions
+
+
+_FAN_DEG = np.linspace(-75.0, 75.0, 21)
+_MARGIN = 1.3  # half the width of the drawing over the largest radius
+
+
+@in_report_style
+def lens_section(
+    lens: Lens, azimuth_deg: float, outline_mm: Float[np.ndarray, "k 3"] | None, reach: float | None = None
+) -> Figure:
+    """The section at ``azimuth_deg`` as a figure; see :func:`draw_section`."""
+    figure, axes = new_figure(WIDE, 3.3)
+    draw_section(axes, lens, azimuth_deg, outline_mm, reach)
+    figure.legend(loc="outside upper center", ncols=5, handlelength=1.3, columnspacing=1.0)
+    figure.draw_without_rendering()  # the layout's first pass has other ticks, and cuts the label below a high base
+    return figure
+
+
+def draw_section(
+    axes: Axes,
+    lens: Lens,
+    azimuth_deg: float,
+    outline_mm: Float[np.ndarray, "k 3"] | None,
+    reach: float | None = None,
+) -> None:
+    """Draw the section at ``azimuth_deg`` on ``axes``; ``outline_mm`` is the source's, None where it is not known.
+
+    ``reach``: half the width of the drawing (mm), by default from the size of the lens. Also drawn: the paraboloid that
+    must fit into the cavity, and the maximum radius.
+    """
+    across = np.array([np.cos(np.radians(azimuth_deg)), np.sin(np.radians(azimuth_deg)), 0.0])
+    outlines = body_outlines(lens, azimuth_deg)
+    reach = reach or reach_mm(lens)
+    _draw_body(axes, outlines)
+    _draw_fan(axes, lens, across, outline_mm, reach)
+    _draw_constraints(axes, lens)
+    lowest = min(float(outline[:, 1].min()) for outline in outlines)
+    if outline_mm is not None:
+        _draw_source(axes, outline_mm @ across, outline_mm[:, 2])
+        lowest = min(lowest, float(outline_mm[:, 2].min()))
+    axes.set(xlim=(-reach, reach), ylim=(lowest - 0.08 * reach, reach), aspect="equal", anchor="N")
+    axes.set(xlabel=f"{_axis_name(azimuth_deg)} (mm)", ylabel="z (mm)")
+
+
+def reach_mm(lens: Lens) -> float:
+    """Half the width (mm) of a drawing that holds the lens and its maximum radius."""
+    largest = float(lens.outer.radius(fibonacci_hemisphere(2000)).max())
+    return _MARGIN * max(largest, lens.spec.constraints.max_radius_mm)
+
+
+def _axis_name(azimuth_deg: float) -> str:
+    return {0.0: "x", 90.0: "y"}.get(azimuth_deg, f"across, at {azimuth_deg:g}°")
+
+
+def _draw_body(axes: Axes, outlines: list[Float[np.ndarray, "n 2"]]) -> None:
+    for number, outline in enumerate(outlines):
+        label = "lens" if number == 0 else None
+        axes.add_patch(Polygon(outline, facecolor=BLUE, alpha=0.2, linewidth=0.0, label=label))
+        axes.add_patch(Polygon(outline, fill=False, edgecolor=INK, linewidth=1.0, joinstyle="miter"))
+
+
+def _draw_fan(
+    axes: Axes, lens: Lens, across: Float[np.ndarray, " 3"], outline_mm: Float[np.ndarray, "k 3"] | None, reach: float
+) -> None:
+    """Rays from the centre of the source that start in the section, on the side to which its axis points."""
+    theta, axis = np.radians(_FAN_DEG), SourcePose.of(lens.spec.source).rotation[:, 2]
+    directions = np.sin(theta)[:, None] * across + np.cos(theta)[:, None] * np.array([0.0, 0.0, 1.0])
+    directions = directions[directions @ axis > 0.0]
+    centre = np.zeros(3) if outline_mm is None else 0.5 * (outline_mm.min(axis=0) + outline_mm.max(axis=0))
+    paths = trace_fan(lens, np.tile(centre, (len(directions), 1)), directions, 2.0 * reach)
+    for index, path in enumerate(paths):
+        label = "rays" if index == 0 else None
+        axes.plot(path @ across, path[:, 2], color=ORANGE, linewidth=0.6, label=label)
+
+
+def _draw_constraints(axes: Axes, lens: Lens) -> None:
+    limits = lens.spec.constraints
+    position = np.linspace(-limits.cavity_radius_mm, limits.cavity_radius_mm, 121)
+    height = limits.cavity_height_mm * (1.0 - (position / limits.cavity_radius_mm) ** 2)
+    axes.plot(position, height, color=GREEN, linewidth=1.1, label="room for the LED")
+    theta = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 181)
+    circle = limits.max_radius_mm * np.array([np.sin(theta), np.cos(theta)])
+    axes.plot(*circle, color=GREY, linestyle=(0, (3, 2)), linewidth=0.8, label="largest distance")
+
+
+def _draw_source(axes: Axes, position: Float[np.ndarray, " k"], height: Float[np.ndarray, " k"]) -> None:
+    """Silhouette of the emitting area, seen across the section: a line where it is seen edge-on."""
+    if np.ptp(height) > 0.0:
+        corners = np.column_stack([position, height])
+        axes.add_patch(Polygon(corners, facecolor=RED, edgecolor=RED, linewidth=3.0, joinstyle="bevel", label="source"))
+        return
+    ends, level = [position.min(), position.max()], [height[0], height[0]]
+    axes.plot(ends, level, color=RED, linewidth=3.0, solid_capstyle="butt", label="source")
+
+
+_CURVE_HEIGHT = 2.5
+_CONSTRAINT_CURVES = {
+    "cavity_clearance_mm": ("cavity", GREEN),
+    "wall_margin_mm": ("thickness", BLUE),
+    "radius_margin_mm": ("radius", ORANGE),
+    "largest_wall_margin_mm": ("largest wall", INK),
+    "height_margin_mm": ("height", RED),
+    "keep_out_clearance_mm": ("keep-out", GREY),
+}
+_CURVE_COLOURS = {"loss": INK, "nmse": BLUE, "efficiency": GREEN}
+_LINEAR_MM = 0.01  # the scale is linear within, so that it includes 0
+_LEVEL_WIDTH, _LEVEL_HEIGHT = 2.7, 5.0
+_SLOPES, _LIGHT = "coolwarm", "inferno"
+_SHADE = 0.35  # brightness lost by a facet turned away from the light
+_TOWARDS_LIGHT = np.array([0.35, -0.75, 0.56])
+
+
+@in_report_style
+def history(levels: Sequence[Level], quantity: Literal["loss", "nmse", "efficiency"]) -> Figure:
+    """``quantity`` over the steps of all ``levels``; a band for each level with its number of free functions."""
+    figure, axes = new_figure(NARROW, _CURVE_HEIGHT)
+    for start, level in _draw_levels(axes, levels):
+        values = np.array(getattr(level, quantity), dtype=np.float64)
+        axes.plot(_steps(start, values), values, color=_CURVE_COLOURS[quantity])
+    axes.set_ylabel({"nmse": "NMSE", "loss": "merit function"}.get(quantity, quantity))
+    if quantity != "efficiency" and _positive(levels, quantity):
+        axes.set_yscale("log")
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.yaxis.set_minor_formatter(NullFormatter())
+    elif quantity == "efficiency":
+        axes.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0, symbol=" %"))
+    return figure
+
+
+def _positive(levels: Sequence[Level], quantity: str) -> bool:
+    """True where a logarithmic scale can show it: penalties with multipliers may make the merit function negative."""
+    return all(value > 0.0 for level in levels for value in getattr(level, quantity))
+
+
+@in_report_style
+def constraint_history(levels: Sequence[Level]) -> Figure:
+    """The least value (mm) of each constraint over the steps; below 0 it is violated."""
+    figure, axes = new_figure(NARROW, _CURVE_HEIGHT)
+    for start, level in _draw_levels(axes, levels):
+        for name, (label, colour) in _CONSTRAINT_CURVES.items():
+            if name not in level.constraints:
+                continue
+            values = np.array(level.constraints[name], dtype=np.float64)
+            axes.plot(_steps(start, values), values, color=colour, label=label if start == 0 else None)
+    axes.set_yscale("symlog", linthresh=_LINEAR_MM, linscale=0.5)
+    axes.set(ylabel="least margin (mm)")
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}".replace("-", "−")))
+    low, high = axes.get_ylim()
+    low = min(low, -_LINEAR_MM)
+    axes.axhspan(low, 0.0, color=RED, alpha=0.12, linewidth=0)
+    axes.axhline(0.0, color=RED, linewidth=0.8)
+    axes.set_ylim(low, high)
+    figure.legend(loc="outside lower right", ncols=3, handlelength=1.3, columnspacing=1.0)
+    return figure
+
+
+def _steps(start: int, values: np.ndarray) -> np.ndarray:
+    return np.arange(start, start + len(values)) + 1
+
+
+def _draw_levels(axes: Axes, levels: Sequence[Level]) -> list[tuple[int, Level]]:
+    """Bands and numbers of functions; (steps before it, level) for each of ``levels``."""
+    starts, start = [], 0
+    for index, level in enumerate(levels):
+        end = start + len(level.nmse)
+        if index % 2:
+            axes.axvspan(start + 0.5, end + 0.5, color=INK, alpha=0.06, linewidth=0)
+        middle = 0.5 * (start + end + 1)
+        axes.text(middle, 1.02, f"{level.functions}", transform=axes.get_xaxis_transform(), ha="center", va="bottom")
+        starts.append((start, level))
+        start = end
+    axes.set(xlabel="step", xlim=(0.5, max(start, 1) + 0.5))
+    axes.grid(True, axis="y")
+    return starts
+
+
+@in_report_style
+def snapshot_figure(
+    surface_mm: Float[np.ndarray, "i j 3"],
+    slope: Float[np.ndarray, "i j"],
+    irradiance: Float[np.ndarray, "h w"],
+    chart: Chart,
+    unit: LightUnit = WATTS,
+    steepest: float | None = None,
+    top: float | None = None,
+) -> Figure:
+    """Above: ``surface_mm`` coloured by ``slope`` (mm/rad) from -``steepest`` to it. Below: the light, 0 to ``top``.
+
+    ``chart``: of the receiver. ``steepest`` and ``top`` (W/m^2 or W/sr) are by default the largest values; give them to
+    put several levels on one scale.
+    """
+    figure = Figure(figsize=(_LEVEL_WIDTH, _LEVEL_HEIGHT))
+    steepest = steepest or float(np.abs(slope).max()) or 1.0
+    top = top or float(irradiance.max()) or 1.0
+    slopes = ScalarMappable(Normalize(-steepest, steepest), _SLOPES)
+    _draw_surface(figure, surface_mm, slope, slopes)
+    add_colour_bar(_bar(figure, 0.625), slopes, "dρ/dθ (mm/rad)", orientation="horizontal")
+    axes = figure.add_axes((0.15, 0.15, 0.7, 0.7 * _LEVEL_WIDTH / _LEVEL_HEIGHT))
+    light = axes.imshow(
+        unit.per_watt * drawn(irradiance), origin="lower", extent=chart.extent, cmap=_LIGHT, vmin=0.0,
+        vmax=unit.per_watt * top, interpolation="none",
+    )  # fmt: skip
+    axes.set_axis_off()
+    add_colour_bar(_bar(figure, 0.12), light, unit.label, orientation="horizontal")
+    return figure
+
+
+def _bar(figure: Figure, height: float) -> Axes:
+    return figure.add_axes((0.15, height, 0.7, 0.016))
+
+
+def _draw_surface(
+    figure: Figure, points: Float[np.ndarray, "i j 3"], slope: Float[np.ndarray, "i j"], slopes: ScalarMappable
+) -> None:
+    """Draw the surface from above, as one raster image within the vector drawing."""
+    axes: Any = figure.add_axes((0.0, 0.64, 1.0, 0.36), projection="3d", computed_zorder=False)
+    colours = np.asarray(colormaps[_SLOPES](slopes.norm(slope[:-1, :-1])))
+    colours[..., :3] *= _brightness(points)[..., None]
+    x, y, z = np.moveaxis(points, -1, 0)
+    surface = axes.plot_surface(
+        x, y, z, facecolors=colours, rcount=len(x), ccount=x.shape[1], linewidth=0, antialiased=False, shade=False
+    )
+    surface.set_rasterized(True)
+    reach = float(np.abs(points).max())
+    axes.set(xlim=(-reach, reach), ylim=(-reach, reach), zlim=(0.0, reach))
+    axes.set_box_aspect((2.0, 2.0, 1.0), zoom=1.6)
+    axes.view_init(elev=32.0, azim=-60.0)
+    axes.set_axis_off()
+
+
+def _brightness(points: Float[np.ndarray, "i j 3"]) -> Float[np.ndarray, "k l"]:
+    """Brightness of each facet, never so low that its colour is illegible."""
+    down, around = points[1:, :-1] - points[:-1, :-1], points[1:, 1:] - points[1:, :-1]
+    normal = np.cross(down, around)
+    normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)
+    lit: Float[np.ndarray, "k l"] = np.clip(normal @ _TOWARDS_LIGHT, 0.0, 1.0)
+    return 1.0 - _SHADE * (1.0 - lit)

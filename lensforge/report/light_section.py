@@ -1,0 +1,321 @@
+"""Sections of the report on light: pictures of each receiver, photometry, and light under other conditions."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool
+from matplotlib.figure import Figure
+
+from lensforge.light.evaluation_result import Light
+from lensforge.light.light_facts import METRICS, light_reasons, mask_words, unit_on, window_words
+from lensforge.light.photometry_result import Photometry
+from lensforge.light.receiver_light import ReceiverLight
+from lensforge.report import light_figures, study_figures
+from lensforge.report.page import PagePicture, picture
+from lensforge.results import Bound, Fact, Group, SimulatedResult
+from lensforge.results.chart import LightUnit, light_unit
+from lensforge.results.numerals import number
+from lensforge.runs.results import Results
+from lensforge.runs.verdict import worst
+from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.scene.target_region import uniform_region
+from lensforge.search.design_result import Design
+from lensforge.search.scene_check import AskedLight, asked_light
+from lensforge.sources.build_source import build_source
+from lensforge.spec import Spec
+from lensforge.spec.source_sections import ChipArraySource, DiscSource, RectangleSource, SquareSource
+
+OWN = "the lens’s own"
+_FIRST = 4.6  # inches: half of the page
+_ABOVE = 1.1  # of the target's peak: the ripple of a flat target can still be told
+_WITHOUT_FILES = (SquareSource, RectangleSource, DiscSource, ChipArraySource)
+# Groups of facts on a result under other conditions that stand for it in one row, and the keys of these facts.
+_MAIN = {
+    "part": ("landing", "nmse_vs_design", "part_efficiency"),
+    "stray": ("detected_stray", "stray_efficiency"),
+    "nominal": ("nmse", "efficiency"),
+    "yield": ("pass_rate",),
+    "far_field": ("exit_lm", "peak_cd"),
+    "measured_inner": ("form", "nmse"),
+    "measured_outer": ("form", "nmse"),
+    "corrected_inner": ("first_cut", "second_cut", "nmse"),
+    "corrected_outer": ("first_cut", "second_cut", "nmse"),
+}
+
+
+@dataclass(frozen=True)
+class ShownReceiver:
+    """The light on receiver number ``index`` of a spec, in ``unit``; ``several``: it is one of many."""
+
+    light: ReceiverLight
+    unit: LightUnit
+    spec: Spec
+    index: int
+    several: bool
+
+    @property
+    def place(self) -> str:
+        """Place of the receiver; among several with its name."""
+        return f"{self.light.place} ({self.light.name})" if self.several else self.light.place
+
+    @property
+    def heading(self) -> str:
+        """Heading of its pictures; empty where it is the only one."""
+        return f"{self.light.name}, {self.light.place}" if self.several else ""
+
+    def picture_name(self, name: str) -> str:
+        """Name of one of its pictures, unique on the page; that of the first receiver's is ``name`` itself."""
+        return numbered(name, self.index)
+
+    def mask(self, pixels: int) -> Bool[np.ndarray, "h w"] | None:
+        """Its region of uniform light on ``pixels`` along the longer side; None where it has none."""
+        sections = self.spec.all_receivers
+        if self.index >= len(sections):
+            return None
+        return uniform_region(sections[self.index].targets, receivers_of(self.spec, pixels)[self.index])
+
+
+@dataclass(frozen=True)
+class ReceiverPictures:
+    """The pictures of one receiver: those ``seen`` at once, and rows of ``more``, under ``heading``."""
+
+    heading: str
+    seen: list[PagePicture]
+    more: tuple[list[PagePicture], ...]
+
+
+def shown_receivers(results: Results) -> list[ShownReceiver]:
+    """The receivers of the lens's own light; none where it has not been simulated."""
+    light = results.find(Light)
+    return [] if light is None else receivers_in(light, results.spec)
+
+
+def receivers_in(light: Light, spec: Spec) -> list[ShownReceiver]:
+    """The receivers of ``light``."""
+    several = len(light.receivers) > 1
+    return [
+        ShownReceiver(receiver, unit_on(light, receiver), spec, index, several)
+        for index, receiver in enumerate(light.receivers)
+    ]
+
+
+def unit_of_light(results: Results, *, far_field: bool | None = None) -> LightUnit:
+    """Lux or candela where the luminous efficacy of the source is known, else W/m^2 or W/sr.
+
+    ``far_field``: by default as the first receiver is.
+    """
+    light, design = results.find(Light), results.find(Design)
+    if far_field is None:
+        far_field = results.spec.all_receivers[0].kind == "far_field"
+    if light is not None:
+        return light_unit(light.lumens_per_watt, far_field=far_field)
+    return light_unit(None if design is None else design.source.lumens_per_watt, far_field=far_field)
+
+
+def numbered(name: str, index: int) -> str:
+    """Name of a picture of receiver number ``index``, unique on the page; of the first it is ``name`` itself."""
+    return f"{name}-{index + 1}" if index else name
+
+
+def top_of(images: Iterable[np.ndarray]) -> float:
+    """Peak of ``images``, the top of their scale; 1 where all of them are dark."""
+    return max((float(image.max()) for image in images), default=0.0) or 1.0
+
+
+def possible_limits(spec: Spec) -> dict[tuple[str, float], Bound]:
+    """Most light that étendue and two refractions leave for each limit, by its name and bound.
+
+    Empty for a source from a file: a folder need not hold it, so that nothing can be said afterwards.
+    """
+    if not spec.limits or not isinstance(spec.source, _WITHOUT_FILES):
+        return {}
+    _, limits = asked_light(spec, build_source(spec.source))
+    return {
+        (each.name, each.asked): Bound("<=", each.possible, "étendue")
+        if isinstance(each, AskedLight)
+        else Bound("<=", each.bounds.value, each.bounds.law)
+        for each in limits
+    }
+
+
+def first_picture(results: Results) -> PagePicture | None:
+    """The light on the first receiver for the top of the page, in the place and on the scale of the target."""
+    for shown in shown_receivers(results)[:1]:
+        light, unit, target = shown.light, shown.unit, shown.light.target_map
+        frame = light_figures.lit_frame(target, light.map, light.chart)
+        figure = light_figures.irradiance_map(
+            light.map, light.chart, _ABOVE * top_of([target]), target, unit=unit, width=_FIRST, frame=frame
+        )
+        cut = "" if frame == light.chart else " Cut to the lit part of the receiver."
+        caption = f"Simulated {unit.quantity} {shown.place}. Line: the target at half its peak.{cut}"
+        return picture("first", figure, "The light, on the target\u2019s scale", caption)
+    return None
+
+
+def receiver_pictures(results: Results) -> list[ReceiverPictures]:
+    """The pictures of every receiver of the lens's own light."""
+    light = results.find(Light)
+    return [] if light is None else [_of_receiver(shown, light) for shown in shown_receivers(results)]
+
+
+def _of_receiver(shown: ShownReceiver, whole: Light) -> ReceiverPictures:
+    """All maps are seen at once where there is one receiver; of several the light on each: the page stays short."""
+    maps, rest = _maps(shown, whole), (_lines(shown), _flux(shown))
+    if not shown.several:
+        return ReceiverPictures(shown.heading, maps, rest)
+    wanted, lit, difference = maps
+    return ReceiverPictures(shown.heading, [replace(lit, title=shown.heading)], ([wanted, difference], *rest))
+
+
+def _maps(shown: ShownReceiver, whole: Light) -> list[PagePicture]:
+    """Target, simulated light and their difference."""
+    light, chart, unit = shown.light, shown.light.chart, shown.unit
+    target, reached, draw = light.target_map, light.map, light_figures.irradiance_map
+    top, mask = top_of([target, reached]), shown.mask(light_figures.MOST_DRAWN)
+    has_mask = mask is not None and bool(mask.any())
+    dashed = f" Dashed: the mask {mask_words(shown.spec, shown.index)}." if has_mask else ""
+    rows, columns = light.map.shape
+    filtered = whole.filter.replace("pixel^2", "pixel²").replace("3x3", "3 × 3")
+    simulated = f"{number(whole.rays)} rays, {columns} × {rows} pixels. {filtered}.{_as_means(light)}"
+    wanted_map = draw(target, chart, top, target, unit=unit)
+    reached_map = draw(reached, chart, top, target, mask if has_mask else None, unit)
+    difference = light_figures.difference_map(reached - target, chart, unit)
+    name = shown.picture_name
+    return [
+        picture(name("target"), wanted_map, "Target", "Scaled to the simulated flux. Line: half peak."),
+        picture(name("simulated"), reached_map, "Simulated", f"{simulated} Line: the target's.{dashed}"),
+        picture(name("difference"), difference, "Simulated minus target", "Red: too bright. Blue: too dark."),
+    ]
+
+
+def _as_means(light: ReceiverLight) -> str:
+    """A sentence on pixels that are finer than what is drawn; empty where all are drawn."""
+    rows, columns = light.map.shape
+    if max(rows, columns) <= light_figures.MOST_DRAWN:
+        return ""
+    along = "per side" if rows == columns else "along the longer side"
+    return f" Drawn as means on {light_figures.MOST_DRAWN} pixels {along}."
+
+
+def _lines(shown: ShownReceiver) -> list[PagePicture]:
+    """Cross-sections of target and simulation."""
+    light, draw = shown.light, light_figures.line_comparison
+    return [
+        picture(
+            shown.picture_name(f"line{index}"),
+            draw(line, light.target_map, light.map, light.chart, shown.unit),
+            f"Along {name}",
+        )
+        for index, (name, line) in enumerate(light_figures.profile_lines(light.target_map, light.chart))
+    ]
+
+
+def _flux(shown: ShownReceiver) -> list[PagePicture]:
+    """Isolines, encircled energy, and the flux budget."""
+    light, chart, name = shown.light, shown.light.chart, shown.picture_name
+    lines = light_figures.isolines(light.map, chart, top_of([light.target_map]), shown.unit)
+    encircled = light_figures.encircled_energy(light.target_map, light.raw_map, chart)
+    budget = light_figures.flux_budget(light.flux, light.missed_by_cause)
+    window = "all of the receiver" if light.kind == "sphere" else window_words(light).removeprefix("within ")
+    return [
+        picture(name("isolines"), lines, "Isolines", "Of the simulation, in per cent of the target's peak."),
+        picture(name("encircled"), encircled, "Encircled energy", "Around the centre, out to the corners."),
+        picture(name("flux"), budget, "Flux budget", f"Window: {window}."),
+    ]
+
+
+def photometry_pictures(results: Results) -> list[PagePicture]:
+    """Polar and isocandela diagram, and of a lamp for an area or a road the light on the ground."""
+    found, section = results.find(Photometry), results.spec.photometry
+    if found is None:
+        return []
+    polar, isocandela = study_figures.polar_diagram(found), study_figures.isocandela_diagram(found)
+    drawn = [
+        picture("polar", polar, "Polar diagram", "Intensity (cd); gamma = 0 is the axis of the lens."),
+        picture("isocandela", isocandela, "Isocandela", "C around, gamma outwards, as in the files."),
+    ]
+    if found.road is not None:
+        ground = study_figures.ground_diagram(found, section.street_side_deg, section.lenses, section.pole_height_m)
+        caption = "One lamp at the centre; above the line is the street."
+        drawn.append(picture("ground", ground, "On the ground", caption))
+    return drawn
+
+
+def other_lights(results: Results) -> list[Group]:
+    """Rows of the lens's own light and each light under other conditions, by receiver; none where there is no other."""
+    return [row for name, light in _compared(results).items() for row in _light_rows(results, name, light)]
+
+
+def other_pictures(results: Results) -> list[PagePicture]:
+    """The lens's own light and every other, those in one unit on a receiver of one name on one scale."""
+    entries = [
+        (index, name, light, shown)
+        for index, (name, light) in enumerate(_compared(results).items())
+        for shown in receivers_in(light, results.spec)
+    ]
+    return [
+        picture(
+            shown.picture_name(f"other-{index}"),
+            _map(shown, [each for _, _, _, each in entries]),
+            f"{name}, {shown.light.name}" if shown.several else name,
+            "" if light.conditions is None else str(light.conditions),
+        )
+        for index, name, light, shown in entries
+    ]
+
+
+def other_results(results: Results) -> list[Group]:
+    """A row for each result under other conditions that is no light: its file, conditions, main facts, and misses."""
+    rows = []
+    for stem, result in results.others.items():
+        if not isinstance(result, Light):
+            main = [group.select(*_MAIN[group.key]).line for group in results.facts(result) if group.key in _MAIN]
+            missed = [str(each) for each in getattr(result, "criteria", ()) if not each.passed]
+            facts = [
+                Fact("conditions", "Conditions", str(result.conditions)),
+                Fact("figures", "Figures", "; ".join(main)),
+            ]
+            rows.append(Group("other", f"{stem}.json", tuple(facts), "; ".join(f"missed: {each}" for each in missed)))
+    return rows
+
+
+def _compared(results: Results) -> dict[str, Light]:
+    """The lens's own light before every other; none where there is no other."""
+    others = {_name(light): light for light in results.others.values() if isinstance(light, Light)}
+    own = results.find(Light)
+    return others if own is None or not others else {OWN: own, **others}
+
+
+def _name(result: SimulatedResult) -> str:
+    return OWN if result.conditions is None else result.conditions.name
+
+
+def _light_rows(results: Results, name: str, light: Light) -> Iterator[Group]:
+    """A row for each receiver; the notes on the light stand in the first."""
+    reasons = list(light_reasons(light, results.lens))
+    conditions, source, notes = light.conditions, results.spec.source.title, ()
+    if conditions is not None:  # the reasons against the own light stand at the top of the page
+        warm = () if conditions.temperature_c is None else (f"lens at {conditions.temperature_c:g} °C",)
+        notes = (*warm, *(words for _, words in reasons), *(f"warning: {words}" for words in conditions.warnings))
+        source = conditions.source or source
+    lit = [group for group in results.facts(light) if group.key == "light"]
+    simulated = next(group for group in results.facts(light) if group.key == "simulation").select("rays")
+    for index, group in enumerate(lit):
+        columns, rows = light.receivers[index].map.shape[::-1]
+        facts = (
+            Fact("source", "Source", source),
+            *simulated.facts,
+            Fact("pixels", "Pixels", f"{columns} × {rows}"),
+            *group.select(*list(METRICS)[:4]).facts,
+        )
+        title = f"{name}, {group.title}" if len(lit) > 1 else name
+        state = worst(state for state, _ in reasons)
+        yield Group("light", title, facts, "" if index else "; ".join(notes), state)
+
+
+def _map(shown: ShownReceiver, others: Sequence[ShownReceiver]) -> Figure:
+    alike = [each for each in others if each.light.name == shown.light.name]
+    one_unit = len({each.unit for each in alike}) == 1
+    top = top_of(each.light.map for each in (alike if one_unit else [shown]))
+    return light_figures.irradiance_map(shown.light.map, shown.light.chart, top, unit=shown.unit)

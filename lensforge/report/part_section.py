@@ -1,0 +1,239 @@
+"""Sections of the report on the lens and its part: search, sections, faces, verification, stray light, files."""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import quote
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.cad.part import Part
+from lensforge.errors import InputError
+from lensforge.proof.proof_facts import stray_budget, suffix
+from lensforge.proof.proof_result import Proof, ReceiverProof
+from lensforge.proof.stray_result import StrayLight
+from lensforge.report import lens_figures, light_figures, study_figures
+from lensforge.report.light_section import numbered, top_of, unit_of_light
+from lensforge.report.page import PagePicture, picture
+from lensforge.report.snapshots import Snapshot
+from lensforge.results import surface_figures
+from lensforge.results.numerals import number, percent, size
+from lensforge.results.surface_figures import ChartMap
+from lensforge.runs.results import REPORT_FILE, Results
+from lensforge.search.design_result import Design
+from lensforge.shop.check_result import Check, FaceResult
+from lensforge.sources.build_source import build_source
+from lensforge.spec.source_sections import SquareSource
+
+_PURPOSES = {
+    ".step": "solid for CAD and CAM",
+    ".stl": "mesh",
+    ".3mf": "mesh for printers",
+    ".ies": "intensity, IES LM-63",
+    ".iesxml": "intensity, ANSI/IES TM-33",
+    ".ldt": "intensity, EULUMDAT",
+    ".tm25ray": "rays that leave the lens, ANSI/IES TM-25",
+    ".pdf": "page to print",
+    ".html": "page",
+    ".csv": "table",
+}
+
+
+@dataclass(frozen=True)
+class FileRow:
+    """One file: its name, size and SHA-256; ``purpose`` and ``link`` are empty where there is none."""
+
+    name: str
+    size: str
+    sha256: str
+    purpose: str
+    link: str = ""
+
+
+def history_pictures(results: Results) -> list[PagePicture]:
+    """Merit function, pattern error, efficiency and constraints over the search."""
+    design = results.find(Design)
+    if design is None or not any(level.nmse for level in design.history):
+        return []
+    levels, draw = design.history, lens_figures.history
+    total = "Minimised by the optimiser: the error of the pattern plus the penalties of constraints and bounds."
+    free = "Numbers above: free basis functions of each surface."
+    least = "Least clearance of the cavity, thickness and radius over the lens. Below 0 (red) a constraint is violated."
+    return [
+        picture("loss", draw(levels, "loss"), "Merit function by level", total),
+        picture("error", draw(levels, "nmse"), "Pattern error by level", free),
+        picture("efficiency", draw(levels, "efficiency"), "Efficiency by level"),
+        picture("margins", lens_figures.constraint_history(levels), "Constraints by level", least),
+    ]
+
+
+def snapshot_pictures(results: Results, taken: Sequence[Snapshot]) -> list[PagePicture]:
+    """Snapshots of the levels of the search, all on one scale."""
+    unit = unit_of_light(results)
+    steepest = max((float(np.abs(each.slope).max()) for each in taken), default=None)
+    top = max((float(each.irradiance.max()) for each in taken), default=None)
+    return [
+        picture(
+            f"level{each.level}",
+            lens_figures.snapshot_figure(
+                each.surface_mm, each.slope, each.irradiance, each.chart, unit, steepest=steepest, top=top
+            ),
+            f"Level {each.level}: {each.functions} functions",
+            f"After step {each.step}: NMSE {number(each.nmse, 3)}, efficiency {percent(each.efficiency)}.",
+        )
+        for each in taken
+    ]
+
+
+def section_pictures(results: Results) -> list[PagePicture]:
+    """The lens in two sections."""
+    outline = source_outline(results)
+    return [
+        picture(
+            f"section{azimuth:.0f}",
+            lens_figures.lens_section(results.lens, azimuth, outline),
+            f"Section at φ = {azimuth:.0f}°",
+        )
+        for azimuth in (0.0, 90.0)
+    ]
+
+
+def source_outline(results: Results) -> Float[np.ndarray, "k 3"] | None:
+    """A polygon (mm) around the emitting area: from the design's record, or from the spec where that says it."""
+    source, design = results.spec.source, results.find(Design)
+    if design is not None and design.source_outline_mm:
+        return np.array(design.source_outline_mm, dtype=np.float64)
+    return build_source(source).outline() if isinstance(source, SquareSource) else None
+
+
+def surface_pictures(results: Results) -> list[list[PagePicture]]:
+    """Sag, curvature and uncut material, for each face."""
+    check = results.find(Check)
+    if check is None:
+        return []
+    return [
+        _face_pictures("inner", check.inner, check.inner_sag_mm, check.inner_kappa_min, check.inner_residual_mm),
+        _face_pictures("outer", check.outer, check.outer_sag_mm, check.outer_kappa_min, check.outer_residual_mm),
+    ]
+
+
+def _face_pictures(name: str, face: FaceResult, sag: ChartMap, kappa: ChartMap, left: ChartMap) -> list[PagePicture]:
+    face_name, pictures = f"{name.capitalize()} face", []
+    if np.isfinite(sag).any():
+        title = f"{face_name}: departure from a sphere"
+        pictures.append(picture(f"sag-{name}", surface_figures.sag_map(sag), title, "From the best-fit sphere."))
+    if np.isfinite(kappa).any():
+        drawn = surface_figures.curvature_map(kappa, face.cutter.radius_mm)
+        caption = "Concave is negative. Line: −1/R of the mill."
+        pictures.append(picture(f"curvature-{name}", drawn, f"{face_name}: curvature", caption))
+    if (left > 0.0).any():
+        title = f"{face_name}: left uncut by the mill"
+        pictures.append(picture(f"uncut-{name}", surface_figures.uncut_map(left), title, "Grey: reached by the mill."))
+    return pictures
+
+
+def verification_pictures(results: Results) -> list[list[PagePicture]]:
+    """Light of the design, of the part, and their difference, for each receiver."""
+    proof = results.find(Proof)
+    if proof is None:
+        return []
+    return [_receiver_pictures(results, proof, index) for index in range(len(proof.receivers))]
+
+
+def _receiver_pictures(results: Results, proof: Proof, index: int) -> list[PagePicture]:
+    receiver, on = proof.receivers[index], suffix(proof.receivers, index)
+    chart, unit = receiver.chart, unit_of_light(results, far_field=receiver.far_field)
+    design, part = receiver.design_irradiance, receiver.irradiance
+    top = top_of([design, part])
+    rays = f"{number(proof.rays)} rays cast through the exported mesh."
+    noise = "Where the two agree, only the noise of the rays is left."
+    draw, difference = light_figures.irradiance_map, light_figures.difference_map(part - design, chart, unit)
+    return [
+        picture(numbered("design", index), draw(design, chart, top, unit=unit), f"Design{on}"),
+        picture(numbered("part", index), draw(part, chart, top, unit=unit), f"Exported part{on}", rays),
+        picture(numbered("part-minus-design", index), difference, f"Part minus design{on}", noise),
+    ]
+
+
+def gap_pictures(results: Results) -> list[PagePicture]:
+    """Distances between each referee's landings and the design's, as distributions, for each receiver."""
+    proof = results.find(Proof)
+    if proof is None:
+        return []
+    caption = "Share of the rays that land within this distance of the design's landing."
+    return [
+        picture(
+            numbered("gaps", index),
+            study_figures.gap_figure(_quantiles(receiver), receiver.deviation_limit_mm, far_field=receiver.far_field),
+            f"Ray by ray{suffix(proof.receivers, index)}",
+            caption,
+        )
+        for index, receiver in enumerate(proof.receivers)
+    ]
+
+
+def _quantiles(receiver: ReceiverProof) -> dict[str, Float[np.ndarray, " q"]]:
+    """Distances of the referees that have run, by name."""
+    named = {
+        "exported mesh": receiver.gaps_mesh_mm,
+        "STEP file": receiver.gaps_step_mm,
+        "mesh, by Mitsuba": receiver.gaps_mitsuba_mm,
+    }
+    return {name: quantiles for name, quantiles in named.items() if quantiles is not None}
+
+
+def stray_pictures(results: Results) -> list[list[PagePicture]]:
+    """Flux budget with all reflections, stray light, and all light minus the design's model, for each receiver."""
+    stray = results.find(StrayLight)
+    if stray is None:
+        return []
+    return [_stray_on_receiver(results, stray, index) for index in range(len(stray.receivers))]
+
+
+def _stray_on_receiver(results: Results, stray: StrayLight, index: int) -> list[PagePicture]:
+    receiver, on = stray.receivers[index], suffix(stray.receivers, index)
+    chart, unit = receiver.chart, unit_of_light(results, far_field=receiver.far_field)
+    scattered = light_figures.irradiance_map(receiver.stray, chart, top_of([receiver.stray]), unit=unit)
+    difference = light_figures.difference_map(receiver.direct + receiver.stray - receiver.sequential, chart, unit)
+    budget = light_figures.waterfall(*stray_budget(receiver))
+    dark = receiver.spread.rms_radius is None
+    scale = "No stray light lands on the receiver." if dark else "On its own scale."
+    detected, less = "Green: detected in the window.", "Red: the design predicts too little."
+    title = f"All light minus the design's model{on}"
+    return [
+        picture(numbered("stray-budget", index), budget, f"Flux budget with all reflections{on}", detected),
+        picture(numbered("stray-light", index), scattered, f"Stray light on the receiver{on}", scale),
+        picture(numbered("unmodelled", index), difference, title, less),
+    ]
+
+
+def exported_files(results: Results) -> list[FileRow]:
+    """Files of the part, as they were exported."""
+    part = results.find(Part)
+    stamps = {} if part is None else part.files
+    return [FileRow(name, size(stamp.bytes), stamp.sha256, _purpose(name)) for name, stamp in stamps.items()]
+
+
+def folder_files(folder: Path, linked: bool) -> list[FileRow]:
+    """Files in ``folder``, without this report (HTML or PDF) and hidden files; ``linked``: relative to the folder.
+
+    Raises :class:`InputError` for a file that cannot be read.
+    """
+    found = []
+    for path in sorted(folder.iterdir()):
+        if path.is_file() and path.name not in (REPORT_FILE, "report.pdf") and not path.name.startswith("."):
+            try:
+                with path.open("rb") as file:
+                    digest = hashlib.file_digest(file, "sha256").hexdigest()
+                length = size(path.stat().st_size)
+            except OSError as error:
+                raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+            link = quote(path.name) if linked else ""
+            found.append(FileRow(path.name, length, digest, _purpose(path.name), link))
+    return found
+
+
+def _purpose(name: str) -> str:
+    return _PURPOSES.get(Path(name).suffix.lower(), "")

@@ -1,0 +1,182 @@
+"""Style of all figures; a figure as SVG for a page (its ink is the page's text colour), as PNG, or as a file.
+
+Maps have the 256 colours of their scale: as images with a palette they take half the size."""
+
+import base64
+import io
+import re
+from collections.abc import Callable
+from functools import wraps
+from pathlib import Path
+from typing import Any, ParamSpec
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colorbar import Colorbar
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from PIL import Image
+
+from lensforge.results.files import replacing
+
+_EMBEDDED = re.compile(r"(data:image/png;base64,)([A-Za-z0-9+/=\s]+)")
+_MOST_COLOURS = 256  # of a palette
+
+
+def with_palettes(svg: str) -> str:
+    """``svg`` with every embedded PNG that has at most 256 colours replaced by one with a palette, pixel by pixel."""
+    return _EMBEDDED.sub(lambda match: match[1] + _with_palette(match[2]), svg)
+
+
+def _with_palette(encoded: str) -> str:
+    """The same picture in base64; as it was where its colours are too many, or a palette saves nothing."""
+    png = base64.b64decode(encoded)
+    pixels = np.asarray(Image.open(io.BytesIO(png)).convert("RGBA"))
+    colours, indices = np.unique(np.ascontiguousarray(pixels).view("<u4")[..., 0], return_inverse=True)
+    if len(colours) > _MOST_COLOURS:
+        return encoded
+    rgba = colours.view(np.uint8).reshape(-1, 4)
+    picture = Image.fromarray(indices.reshape(pixels.shape[:2]).astype(np.uint8))
+    picture.putpalette(rgba[:, :3].tobytes())  # which makes it one with a palette
+    buffer = io.BytesIO()
+    picture.save(buffer, format="png", optimize=True, transparency=rgba[:, 3].tobytes())
+    small = buffer.getvalue()
+    return base64.b64encode(small).decode() if len(small) < len(png) else encoded
+
+
+# Drawn in this colour, replaced by `currentColor` in the page, so that one picture serves light, dark and print.
+INK = "#0b0b0d"
+# Mid tones, distinct to colour-blind readers, that stand out on white and on black.
+BLUE, ORANGE, GREEN, RED, GREY = "#2f7fd1", "#e07a2f", "#2f9e6e", "#d6453d", "#8b929c"
+
+_FLATTEST, _TALLEST = 0.5, 1.4  # height over width of the axes of a map: between them its scale can be read
+NARROW, WIDE = 3.7, 4.8  # inches: three or two figures side by side in the page
+_EXPECTED_FONT = "DejaVu Sans"  # comes with matplotlib, so every machine lays out the same
+
+_STYLE: dict[Any, Any] = {  # matplotlib types the keys, each version others
+    "font.family": _EXPECTED_FONT,
+    "font.size": 8.5,
+    "axes.titlesize": 8.5,
+    "axes.labelsize": 8.5,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "legend.fontsize": 8.0,
+    "legend.frameon": False,
+    "text.color": INK,
+    "axes.edgecolor": INK,
+    "axes.labelcolor": INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "axes.linewidth": 0.6,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.minor.width": 0.4,
+    "ytick.minor.width": 0.4,
+    "xtick.major.size": 3.0,
+    "ytick.major.size": 3.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": False,
+    "grid.color": INK,
+    "grid.alpha": 0.12,
+    "grid.linewidth": 0.6,
+    "lines.linewidth": 1.3,
+    "hatch.linewidth": 0.5,
+    "text.parse_math": False,
+    "svg.fonttype": "none",
+    "savefig.dpi": 200.0,
+}
+
+_METADATA = ("Date", "Creator", "Format", "Type")  # none of it: the same results make the same picture
+
+_Arguments = ParamSpec("_Arguments")
+
+
+def in_report_style(draw: Callable[_Arguments, Figure]) -> Callable[_Arguments, Figure]:
+    """Make a figure function draw in the report's style, whatever style its caller uses."""
+
+    @wraps(draw)
+    def styled(*args: _Arguments.args, **kwargs: _Arguments.kwargs) -> Figure:
+        with mpl.rc_context(_STYLE):
+            return draw(*args, **kwargs)
+
+    return styled
+
+
+def new_figure(width: float, height: float) -> tuple[Figure, Axes]:
+    """An empty figure of the given size (inches) and its axes."""
+    figure = Figure(figsize=(width, height), layout=ConstrainedLayoutEngine(w_pad=0.03, h_pad=0.03))
+    return figure, figure.add_subplot()
+
+
+def new_map(
+    width: float = NARROW, left: float = 0.6, bottom: float = 0.46, right: float = 0.88, tall: float = 1.0
+) -> tuple[Figure, Axes, Axes]:
+    """A figure with axes and a colour bar of their height, at fixed positions so that neighbours line up.
+
+    ``tall``: height over width of the map; a map that is far from a square lies at the right of its axes.
+    """
+    side, top = width - left - right, 0.1
+    box = side * min(max(tall, _FLATTEST), _TALLEST)
+    height = bottom + box + top
+    figure = Figure(figsize=(width, height))
+    axes = figure.add_axes((left / width, bottom / height, side / width, box / height))
+    axes.set_anchor("E")
+    bar = figure.add_axes(((left + side + 0.1) / width, bottom / height, 0.1 / width, box / height))
+    return figure, axes, bar
+
+
+def add_colour_bar(
+    bar: Axes, mapped: ScalarMappable, label: str, extend: str = "neither", orientation: str = "vertical"
+) -> Colorbar:
+    """The scale of ``mapped`` in the axes ``bar``, one raster image instead of 256 rectangles."""
+    scale = bar.figure.colorbar(mapped, cax=bar, extend=extend, extendfrac=0.03, orientation=orientation)
+    scale.set_label(label, labelpad=5.0 if orientation == "vertical" else 2.0)
+    scale.outline.set_visible(False)
+    if scale.solids is not None:
+        scale.solids.set_rasterized(True)
+    scale.ax.tick_params(length=2.0)
+    return scale
+
+
+def save_picture(figure: Figure, path: Path) -> None:
+    """``figure`` as a file on white; the suffix of ``path`` gives the format."""
+    with replacing(path) as temporary, mpl.rc_context(_STYLE):
+        figure.savefig(temporary, facecolor="white")
+
+
+def to_png(figure: Figure) -> bytes:
+    """``figure`` on white as a PNG file."""
+    buffer = io.BytesIO()
+    with mpl.rc_context(_STYLE):
+        figure.savefig(buffer, format="png", facecolor="white")
+    return buffer.getvalue()
+
+
+def to_svg(figure: Figure, name: str, description: str) -> str:
+    """``figure`` as an SVG element for HTML. ``name`` keeps its ids apart from those of other figures."""
+    buffer = io.StringIO()
+    with mpl.rc_context({**_STYLE, "svg.hashsalt": name}):
+        figure.savefig(buffer, format="svg", transparent=True, metadata=dict.fromkeys(_METADATA))
+    svg = buffer.getvalue()
+    svg = svg[svg.index("<svg") :].strip()
+    svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)
+    svg = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>{name}-", svg)
+    svg = re.sub(r"font: ([\d.]+px) [^;\"]+", r"font-size: \1", svg)
+    svg = re.sub(r"font-family: [^;\"]+;? ?", "", svg)
+    svg = with_palettes(svg.replace(INK, "currentColor"))
+    width = f"{figure.get_figwidth() * 96.0:.0f}"
+    return re.sub(
+        r'<svg ([^>]*?)width="[^"]*"([^>]*?)height="[^"]*"|<svg ([^>]*?)height="[^"]*"([^>]*?)width="[^"]*"',
+        lambda match: _open_tag(match, width, description),
+        svg,
+        count=1,
+    )
+
+
+def _open_tag(match: re.Match[str], width: str, description: str) -> str:
+    attributes = " ".join(part.strip() for part in match.groups() if part)
+    label = description.replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")
+    return f'<svg role="img" aria-label="{label}" width="{width}" {attributes}'

@@ -1,0 +1,153 @@
+"""Numbers as text: the one formatter of pages, screens, drawings and messages, and the unit of a record's value.
+
+A number with a standard error ends at the second digit of that error (GUM 7.2.6), any other has a few significant
+digits. Groups of three are parted by a thin space (ISO 80000-1), which a screen shows as a plain one.
+"""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+NOTHING = "–"  # in the place of a value that is not known
+_THIN_SPACE, _MINUS = "\u2009", "\u2212"
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_LARGEST_PLAIN, _MOST_DECIMALS = 1e6, 7  # beyond them a number is written with an exponent
+
+# The longest suffix first: `_per_mm` ends in `_mm` too, `_lm_per_w` in `_w`.
+_SUFFIXES = (
+    ("_lm_per_w", "lm/W"),
+    ("_per_mm", "1/mm"),
+    ("_seconds", "s"),
+    ("_pixel2", "pixel²"),
+    ("_mrad", "mrad"),
+    ("_w_m2", "W/m²"),
+    ("_mm3", "mm³"),
+    ("_mm2", "mm²"),
+    ("_rad", "rad"),
+    ("_deg", "°"),
+    ("_mm", "mm"),
+    ("_um", "µm"),
+    ("_nm", "nm"),
+    ("_lm", "lm"),
+    ("_cd", "cd"),
+    ("_px", "pixel"),
+    ("_w", "W"),
+)
+_WHOLE_NAMES = {
+    "seconds": "s",
+    "bytes": "B",
+    "filter_variance": "pixel²",
+    "rate": "1/s",
+    "lumens": "lm",
+    "watts": "W",
+    "lumens_per_watt": "lm/W",
+}
+_PURE_NUMBERS = ("fraction", "share", "count", "nmse", "efficiency")
+
+
+def number(value: float | None, digits: int = 6) -> str:
+    """``value`` to ``digits`` significant digits; a whole number in full, in groups of three."""
+    if value is None or math.isnan(value):
+        return NOTHING
+    if isinstance(value, int) or (float(value).is_integer() and abs(value) < _LARGEST_PLAIN):
+        return _grouped(f"{int(value)}")
+    text = f"{value:.{digits}g}"
+    if 10**digits <= abs(float(text)) < _LARGEST_PLAIN:
+        return _grouped(f"{int(float(text))}")
+    return _typeset(text)
+
+
+def quantity(value: float | None, unit: str = "", error: float | None = None, digits: int = 6) -> str:
+    """``value`` with its ``unit`` and, where it is known and not 0, its standard ``error``."""
+    if value is None:
+        return NOTHING
+    if not error:
+        return with_unit(number(value, digits), unit)
+    return with_unit(" ± ".join(by_error(value, error)), unit)
+
+
+def by_error(value: float, error: float) -> tuple[str, str]:
+    """``value`` and ``error`` (above 0) as texts that end at the same decimal, that of the error's second digit.
+
+    "0.0123" and "0.0012"; "1230" and "120".
+    """
+    decimals = 1 - math.floor(math.log10(float(f"{error:.1e}")))
+    kept = round(value, decimals) + 0.0  # no minus zero
+    if decimals <= _MOST_DECIMALS:
+        shown = max(decimals, 0)
+        return _typeset(f"{kept:.{shown}f}"), _typeset(f"{round(error, decimals):.{shown}f}")
+    size = math.floor(math.log10(abs(kept))) if kept else -decimals
+    return _typeset(f"{kept:.{size + decimals}e}"), _typeset(f"{error:.1e}")
+
+
+def with_unit(text: str, unit: str) -> str:
+    """A number's text before its unit."""
+    gap = {"": "", "°": "", "%": _THIN_SPACE}.get(unit, " ")
+    return f"{text}{gap}{unit}"
+
+
+def percent(share: float | None, digits: int = 3) -> str:
+    """``share`` in per cent."""
+    return NOTHING if share is None else quantity(100.0 * share, "%", digits=digits)
+
+
+def size(count: int) -> str:
+    """A file size in decimal units."""
+    for unit, scale in (("MB", 1e6), ("kB", 1e3)):
+        if count >= scale:
+            return f"{count / scale:.3g}{_THIN_SPACE}{unit}"
+    return f"{count}{_THIN_SPACE}B"
+
+
+def anything(value: object) -> str:
+    """Any scalar of a spec or a record; a path by its name."""
+    if value is None:
+        return NOTHING
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, Path):
+        return value.name
+    return number(value) if isinstance(value, int | float) else str(value)
+
+
+def unit_of(names: Sequence[str]) -> str:
+    """The unit of the value at the path ``names``, outermost name first; ``""`` for a pure number.
+
+    The innermost name that implies a unit decides: ``form_error_nm.max`` is in nm, ``draft_deg.min`` in degrees, and
+    ``draft_deg.area_fraction`` is a pure number.
+    """
+    for name in reversed(names):
+        unit = _stated(name)
+        if unit is not None:
+            return unit
+    return ""
+
+
+def unit_suffix(unit: str) -> str:
+    """The end of a field's name that says ``unit``; empty for a pure number."""
+    return next((suffix for suffix, each in _SUFFIXES if each == unit), "")
+
+
+def _stated(name: str) -> str | None:
+    if name in _WHOLE_NAMES:
+        return _WHOLE_NAMES[name]
+    for suffix, unit in _SUFFIXES:
+        if name.endswith(suffix):
+            return unit
+    return "" if any(word in name for word in _PURE_NUMBERS) else None
+
+
+def _typeset(text: str) -> str:
+    """A number as Python writes it, with a real minus, a power of ten, and groups of three from five digits on."""
+    mantissa, _, exponent = text.partition("e")
+    if not exponent:
+        return _grouped(mantissa)
+    power = str(int(exponent)).translate(_SUPERSCRIPTS)
+    return f"{mantissa.replace('-', _MINUS)}{_THIN_SPACE}×{_THIN_SPACE}10{power}"
+
+
+def _grouped(digits: str) -> str:
+    sign, digits = (_MINUS, digits[1:]) if digits.startswith("-") else ("", digits)
+    whole, point, decimals = digits.partition(".")
+    grouped = f"{int(whole):,}".replace(",", _THIN_SPACE) if len(whole) > 4 else whole
+    return f"{sign}{grouped}{point}{decimals}"

@@ -1,0 +1,116 @@
+"""Maps over a face: departure from its best-fit sphere, curvature against the mill, and uncut material.
+
+Maps are on the stereographic chart, [X, Y] over [-1, 1], NaN outside the rim, and are drawn on it: there a face never
+folds over itself, even where it is undercut. The axis is at the centre, the rim (90 deg) is the unit circle.
+"""
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
+from matplotlib.patches import Circle
+from scipy.ndimage import distance_transform_edt
+
+from lensforge.results.figure_style import INK, add_colour_bar, in_report_style, new_map
+
+ChartMap = Float[np.ndarray, "n n"]
+
+_SHOWN_QUANTILE = 0.995  # of |curvature|: a few extreme points at a rim would wash out all other colours
+_PLACE = {"left": 0.1, "bottom": 0.1, "right": 1.34}  # no axes to label
+_REACHED = "#dfe2e6"
+_LINE = "#111111"  # on pale map colours, in light and dark mode
+
+
+@in_report_style
+def sag_map(sag_mm: ChartMap) -> Figure:
+    """Deviation from the best-fit sphere along its normal; positive: farther from the centre than the sphere."""
+    figure, axes, bar = new_map(**_PLACE)
+    unit, scale = _readable(sag_mm)
+    reach = float(np.nanmax(np.abs(sag_mm))) * scale or 1.0
+    shown = _show(axes, sag_mm * scale, "RdBu_r", -reach, reach)
+    add_colour_bar(bar, shown, f"deviation from the sphere ({unit})")
+    return figure
+
+
+@in_report_style
+def form_map(deviation_um: ChartMap) -> Figure:
+    """Deviation (µm) of a measured surface from the design along its normal; positive: away from the origin."""
+    figure, axes, bar = new_map(**_PLACE)
+    reach = float(np.nanmax(np.abs(deviation_um))) or 1.0
+    add_colour_bar(bar, _show(axes, deviation_um, "RdBu_r", -reach, reach), "deviation from the design (µm)")
+    return figure
+
+
+@in_report_style
+def curvature_map(kappa_min: ChartMap, mill_radius_mm: float) -> Figure:
+    """Smaller principal curvature (1/mm, concave is negative), with the line where the ball of the mill just fits."""
+    figure, axes, bar = new_map(**_PLACE)
+    limit = -1.0 / mill_radius_mm
+    inside = kappa_min[np.isfinite(kappa_min)]
+    reach = max(float(np.quantile(np.abs(inside), _SHOWN_QUANTILE)), 1e-9)
+    if inside.min() < limit:
+        reach = max(reach, -1.05 * limit)  # where the limit is exceeded, the scale includes it
+    shown = _show(axes, kappa_min, "PuOr_r", -reach, reach)
+    low, high = bool(inside.min() < -reach), bool(inside.max() > reach)
+    extend = {(True, True): "both", (True, False): "min", (False, True): "max"}.get((low, high), "neither")
+    scale = add_colour_bar(bar, shown, "smaller curvature (1/mm)", extend)
+    if inside.min() < limit:
+        nodes = np.linspace(-1.0, 1.0, len(kappa_min))
+        axes.contour(nodes, nodes, kappa_min.T, levels=[limit], colors=_LINE, linewidths=0.9, linestyles="solid")
+    if limit >= -reach:
+        scale.ax.axhline(limit, color=_LINE, linewidth=1.2)
+    return figure
+
+
+@in_report_style
+def uncut_map(residual_mm: ChartMap) -> Figure:
+    """Height of the material that the cutter leaves; grey where it leaves none."""
+    figure, axes, bar = new_map(**_PLACE)
+    axes.add_patch(Circle((0.0, 0.0), 1.0, color=_REACHED, linewidth=0, zorder=-1.0))
+    unit, scale = _readable(residual_mm)
+    left = np.where(residual_mm > 0.0, residual_mm * scale, np.nan)
+    shown = _show(axes, left, "viridis", 0.0, float(np.nanmax(left)), fill=False)
+    add_colour_bar(bar, shown, f"uncut height ({unit})")
+    return figure
+
+
+def _readable(values_mm: ChartMap) -> tuple[str, float]:
+    """mm, or micrometres where mm would be all zeros."""
+    return ("mm", 1.0) if float(np.nanmax(np.abs(values_mm))) >= 0.05 else ("µm", 1e3)
+
+
+def _show(axes: Axes, values: ChartMap, colours: str, low: float, high: float, fill: bool = True) -> AxesImage:
+    """Draw the map with its rim, and circles every 30 deg from the axis."""
+    half = 1.0 + 1.0 / max(len(values) - 1, 1)
+    shown = axes.imshow(
+        (_filled(values) if fill else values).T,
+        origin="lower",
+        extent=(-half, half, -half, half),
+        cmap=colours,
+        vmin=low,
+        vmax=high,
+        interpolation="none",
+    )
+    shown.set_clip_path(Circle((0.0, 0.0), 1.0, transform=axes.transData))
+    axes.add_patch(Circle((0.0, 0.0), 1.0, fill=False, edgecolor=INK, linewidth=0.7))
+    for degrees in (30.0, 60.0, 90.0):
+        radius = float(np.tan(np.radians(degrees) / 2.0))
+        if degrees < 90.0:
+            axes.add_patch(Circle((0.0, 0.0), radius, fill=False, edgecolor=_LINE, linewidth=0.4, alpha=0.5))
+        where = radius / np.sqrt(2.0)
+        axes.text(
+            where, -where, f" {degrees:.0f}°", color=_LINE if degrees < 90.0 else INK, fontsize=7.0, ha="left", va="top"
+        )
+    axes.text(1.04, 0.0, "x", ha="left", va="center")
+    axes.text(0.0, 1.04, "y", ha="center", va="bottom")
+    axes.set(xlim=(-1.08, 1.14), ylim=(-1.08, 1.14), aspect="equal")
+    axes.set_axis_off()
+    return shown
+
+
+def _filled(values: ChartMap) -> ChartMap:
+    """Values with NaN replaced by the nearest node inside the rim; the picture is clipped at the rim."""
+    nearest = distance_transform_edt(np.isnan(values), return_distances=False, return_indices=True)
+    filled: ChartMap = values[tuple(nearest)]
+    return filled

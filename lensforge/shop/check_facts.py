@@ -1,0 +1,171 @@
+"""Facts of the manufacturing check: each face, the wall, and what the shop can do with them."""
+
+from collections.abc import Iterator, Sequence
+
+from lensforge.results import Bound, Fact, FactState, Group, State
+from lensforge.results.criteria import kept, state_of
+from lensforge.results.numerals import quantity
+from lensforge.runs.verdict import Reason, judge
+from lensforge.shop.check_result import Check, FaceName, FaceResult, Finding
+from lensforge.shop.findings import advice
+from lensforge.spec import Spec
+
+_DRAFT_TOLERANCE_DEG = 0.02  # the check samples the face at other points than the search
+_FACES: tuple[FaceName, FaceName] = ("inner", "outer")
+_SUBJECTS = {
+    "cutter": "Ball reaches it",
+    "relief": "Base is clear",
+    "tilt": "Tilt is allowed",
+    "tool": "Tool reaches it",
+    "draft": "Draft suffices",
+    "wall": "Wall suffices",
+}
+
+
+def check_facts(check: Check, spec: Spec) -> list[Group]:
+    """A group for each face and one for the wall, and the findings on each of them."""
+    faces = [
+        Group(name, f"{name.capitalize()} face", tuple(_face(name, getattr(check, name), check, spec)))
+        for name in _FACES
+    ]
+    return [*faces, Group("wall", "Wall", tuple(_wall(check, spec))), *finding_groups(check, spec)]
+
+
+def finding_groups(check: Check, spec: Spec) -> list[Group]:
+    """The findings that count for this lens, by what they are on: can it be cut?"""
+    named = {"inner": "Inner face", "outer": "Outer face", "body": "Wall"}
+    found = []
+    for surface, title in named.items():
+        counted = [each for each in check.verdicts if each.surface == surface and _counts(each, check, spec)]
+        if counted:
+            facts = tuple(_finding(each, check, spec) for each in counted)
+            found.append(Group(f"findings_{surface}", f"Cutting, {title.lower()}", facts))
+    return found
+
+
+def cutting_reasons(check: Check, spec: Spec) -> Iterator[Reason]:
+    """Reasons why the lens cannot be cut."""
+    mould = spec.manufacture.make == "insert"
+    for finding in check.verdicts:
+        counts = finding.name in ("cutter", "relief", "tilt") or (finding.name == "wall" and not mould)
+        if counts and not finding.holds:
+            yield "fail", finding.reason
+    for name in _FACES:
+        yield from _draft_reasons(name, check, spec)
+    for name in _FACES:  # one tool is enough
+        tools = [each for each in check.verdicts if each.name == "tool" and each.surface == name]
+        if tools and not any(each.holds for each in tools):
+            yield "fail", "; ".join(each.reason for each in tools)
+
+
+def _face(name: FaceName, face: FaceResult, check: Check, spec: Spec) -> Iterator[Fact]:
+    sphere, cutter = face.best_fit_sphere, face.cutter
+    yield from _ball(name, face, check)
+    reached = f"of the face, by a ball of {quantity(cutter.radius_mm, 'mm')} radius"
+    yield Fact.share(f"{name}_reached", "Ball reaches", cutter.reachable_fraction, reached)
+    concave = face.curvature.smallest_concave_radius_mm
+    yield Fact(f"{name}_concave", "Smallest hollow", "none" if concave is None else concave, "mm", note="radius")
+    yield Fact(
+        f"{name}_tilt",
+        "Largest tilt",
+        face.largest_tilt_deg,
+        "°",
+        limit=Bound("<=", spec.manufacture.max_tilt_deg),
+        state=_state(check.verdicts, "tilt", name),
+        note="of a tool that is held normal to the face",
+    )
+    least = getattr(spec.constraints, f"{name}_draft_deg")
+    yield Fact(
+        f"{name}_draft",
+        f"Draft, {name} face",
+        face.draft_deg.min,
+        "°",
+        limit=None if least is None else Bound(">=", least),
+        state="" if least is None else _draft_state(face, least),
+    )
+    yield Fact(f"{name}_sphere", "Best-fit sphere", sphere.radius_mm, "mm", note="radius", digits=5)
+    yield Fact(f"{name}_departure", "Departure from it", 1e3 * sphere.pv_mm, "µm", note="peak to valley")
+    yield Fact(f"{name}_departure_rms", "Departure, rms", 1e3 * sphere.rms_mm, "µm")
+    yield Fact(f"{name}_area", "Area", face.area_mm2, "mm²")
+
+
+def _ball(name: FaceName, face: FaceResult, check: Check) -> Iterator[Fact]:
+    """The largest ball that reaches the whole face, against that of the shop."""
+    cutter = face.cutter
+    largest = cutter.largest_radius_mm
+    note = f"largest radius that reaches all of it{check.relief.beyond_shop(largest, cutter.radius_mm)}"
+    yield Fact(
+        f"{name}_ball",
+        f"Ball mill, {name} face",
+        "any" if largest is None else largest,
+        "mm",
+        limit=Bound(">=", cutter.radius_mm, "that of the shop"),
+        state=_state(check.verdicts, "cutter", name),
+        note=note,
+        digits=3,
+    )
+
+
+def _wall(check: Check, spec: Spec) -> Iterator[Fact]:
+    limits = spec.constraints
+    yield Fact(
+        "thinnest",
+        "Thinnest wall",
+        check.min_wall_mm,
+        "mm",
+        limit=Bound(">=", limits.min_thickness_mm),
+        state=kept(check.criteria, "thinnest wall").get("state", ""),
+        note="along the normal",
+    )
+    yield Fact(
+        "thickest",
+        "Thickest wall",
+        check.wall.thickest.thickness_mm,
+        "mm",
+        limit=None if limits.max_wall_mm is None else Bound("<=", limits.max_wall_mm),
+        state=state_of(check.criteria, "largest radial wall"),
+        note="seen from the LED",
+    )
+
+
+def _finding(finding: Finding, check: Check, spec: Spec) -> Fact:
+    """A finding: its answer, the reason as its note, and what to change in the spec."""
+    change = advice(finding, spec, check)
+    return Fact(
+        finding.name,
+        _SUBJECTS[finding.name],
+        "yes" if finding.holds else "no",
+        state="pass" if finding.holds else "fail",
+        note=finding.reason,
+        remedy=change,
+    )
+
+
+def _counts(finding: Finding, check: Check, spec: Spec) -> bool:
+    """True but for the draft of a part that is cut, where the spec asks for none."""
+    asked = finding.surface == "body" or getattr(spec.constraints, f"{finding.surface}_draft_deg") is not None
+    return finding.name != "draft" or check.make == "insert" or asked
+
+
+def _state(findings: Sequence[Finding], name: str, surface: str) -> FactState:
+    """State of the findings called ``name`` on ``surface``; "" where there is none."""
+    held = [each.holds for each in findings if each.name == name and each.surface == surface]
+    return ("pass" if all(held) else "fail") if held else ""
+
+
+def _draft_state(face: FaceResult, least_deg: float) -> State:
+    return judge(face.draft_deg.min, ">=", least_deg - _DRAFT_TOLERANCE_DEG)
+
+
+def _draft_reasons(name: FaceName, check: Check, spec: Spec) -> Iterator[Reason]:
+    """Reasons against the draft: below the spec's limit or, without one, too little for a mould."""
+    face: FaceResult = getattr(check, name)
+    least = getattr(spec.constraints, f"{name}_draft_deg")
+    if least is not None:
+        if _draft_state(face, least) == "fail":
+            found, asked = quantity(face.draft_deg.min, "°", digits=3), quantity(least, "°")
+            yield "fail", f"the {name} face has a draft of {found}, the spec requires {asked}"
+    elif spec.manufacture.make == "insert":
+        drafts = [each for each in check.verdicts if each.name == "draft" and each.surface == name]
+        if any(not each.holds for each in drafts):
+            yield "fail", "; ".join(each.reason for each in drafts)

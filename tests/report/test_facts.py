@@ -1,0 +1,141 @@
+"""Facts against the records that they are of: label, value, unit, limit and state; and what a fact says of itself."""
+
+import pytest
+from shown_folders import FOLDERS, folder_of
+
+from lensforge.results import Bound, Fact, Group, Metric, Record
+from lensforge.runs.verdict import judge, worst
+
+
+def numbers_of(value):
+    """Every number of a record or a spec, arrays by their peaks."""
+    if isinstance(value, Record):
+        for name in (*type(value).model_fields, *type(value).model_computed_fields):
+            yield from numbers_of(getattr(value, name))
+    elif isinstance(value, dict):
+        for entry in value.values():
+            yield from numbers_of(entry)
+    elif isinstance(value, tuple | list):
+        yield len(value)
+        for entry in value:
+            yield from numbers_of(entry)
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        yield float(value)
+    elif hasattr(value, "max"):
+        yield float(value.max())
+
+
+@pytest.mark.parametrize("name", FOLDERS)
+def test_the_value_of_every_fact_is_one_of_its_record(name):
+    """In a folder no two numbers are alike, so that a fact of another number, or in another unit, is found."""
+    results = folder_of(name)
+    efficacy = (results.light.lumens_per_watt if "evaluate" in results.found else None) or 1.0
+    spec = [*numbers_of(results.spec.model_dump()), results.spec.manufacture.scale, results.spec.photometry.lenses]
+    for result in (*results.found.values(), *results.others.values()):
+        known = [*numbers_of(result), *spec]
+        known += [factor * each for each in known for factor in (100.0, 1e3, efficacy)]
+        if result.stage == "yield":
+            known += [100.0 * float(bound.kept_by(result.column(bound.metric)).mean()) for bound in result.bounds]
+        for group in results.facts(result):
+            for fact in group.facts:
+                limit = None if fact.key == "share_in_target" else fact.limit  # a part of what is possible
+                if fact.key == "stray_reach":  # of directions, an angle by the chart
+                    continue
+                for value in (fact.value, fact.standard_error, limit and limit.value):
+                    if isinstance(value, int | float):
+                        assert any(value == pytest.approx(each, rel=1e-12) for each in known), (group.title, fact)
+
+
+# Key of a fact, its label, its unit, and the number of the record.
+TOLD = (
+    ("nmse", "Pattern error (NMSE)", "", lambda r: r.light.first.nmse.value),
+    ("efficiency", "Efficiency", "%", lambda r: 100.0 * r.light.first.efficiency.value),
+    ("share_in_target", "Light in the target", "%", lambda r: 100.0 * r.light.first.share_in_target.value),
+    ("radius", "Farthest from the LED", "mm", lambda r: r.design.max_radius_mm),
+    ("height", "Height above the LED", "mm", lambda r: r.design.height_mm),
+    ("cavity", "Free space over the LED", "mm", lambda r: r.design.constraints.cavity_clearance_mm),
+    ("form_error", "Form error", "nm", lambda r: r.part.form_error_nm.max),
+    ("normal_error", "Error of the normals", "mrad", lambda r: r.part.normal_error_mrad.max),
+    ("volume", "Volume", "mm³", lambda r: r.part.volume_mm3),
+    ("inner_ball", "Ball mill, inner face", "mm", lambda r: r.check.inner.cutter.largest_radius_mm),
+    ("outer_ball", "Ball mill, outer face", "mm", lambda r: r.check.outer.cutter.largest_radius_mm),
+    ("inner_reached", "Ball reaches", "%", lambda r: 100.0 * r.check.inner.cutter.reachable_fraction),
+    ("inner_concave", "Smallest hollow", "mm", lambda r: r.check.inner.curvature.smallest_concave_radius_mm),
+    ("outer_tilt", "Largest tilt", "°", lambda r: r.check.outer.largest_tilt_deg),
+    ("outer_draft", "Draft, outer face", "°", lambda r: r.check.outer.draft_deg.min),
+    ("outer_sphere", "Best-fit sphere", "mm", lambda r: r.check.outer.best_fit_sphere.radius_mm),
+    ("outer_departure", "Departure from it", "µm", lambda r: 1e3 * r.check.outer.best_fit_sphere.pv_mm),
+    ("thinnest", "Thinnest wall", "mm", lambda r: r.check.min_wall_mm),
+    ("thickest", "Thickest wall", "mm", lambda r: r.check.wall.thickest.thickness_mm),
+    ("landing", "Rays land apart by", "µm", lambda r: 1e3 * r.proof.first.deviation_mm.rms),
+    ("nmse_vs_design", "NMSE against the design", "", lambda r: r.proof.first.nmse_vs_design),
+    ("nmse_same_rays", "NMSE with the same rays", "", lambda r: r.proof.first.nmse_same_rays),
+    ("part_efficiency", "Efficiency of the part", "%", lambda r: 100.0 * r.proof.first.efficiency),
+    ("exit_lm", "Luminous flux", "lm", lambda r: r.photometry.exit_lm.value),
+    ("peak_cd", "Peak intensity", "cd", lambda r: r.photometry.peak_cd.value),
+    ("axis_cd", "Intensity on the axis", "cd", lambda r: r.photometry.axis_cd.value),
+    ("beam_C 90", "Beam angle, C 90", "°", lambda r: r.photometry.beam_c90.beam_angle_deg.value),
+    ("field_C 0", "Field angle, C 0", "°", lambda r: r.photometry.beam_c0.field_angle_deg.value),
+    ("detected_stray", "Stray in the window", "%", lambda r: 100.0 * r.found["stray"].first.flux.detected_stray),
+    ("stray_absorbed", "Absorbed", "%", lambda r: 100.0 * r.found["stray"].first.flux.absorbed),
+    ("misplaced", "Light not as designed", "%", lambda r: 100.0 * r.found["stray"].first.misplaced_flux),
+    ("ssim", "Similarity (SSIM)", "", lambda r: r.found["compare"].ssim),
+    ("clipped", "Clipped by the camera", "%", lambda r: 100.0 * r.found["compare"].clipped),
+    ("form", "Form deviation", "µm", lambda r: r.surfaces["outer"].form_deviation_um.pv),
+    ("residual", "Residual of the points", "µm", lambda r: r.surfaces["outer"].residual_rms_um),
+    ("first_cut", "Deviation, first cut", "µm", lambda r: r.corrections["inner"].deviation_um.rms),
+    ("second_cut", "Expected, second cut", "µm", lambda r: r.corrections["inner"].expected_um.rms),
+    ("pass_rate", "Parts that pass", "%", lambda r: 100.0 * r.found["yield"].pass_rate.value),
+)
+
+
+@pytest.fixture(scope="module")
+def told():
+    results = folder_of("every stage")
+    facts = [fact for each in results.found.values() for group in results.facts(each) for fact in group.facts]
+    return results, facts
+
+
+@pytest.mark.parametrize(("key", "label", "unit", "value"), TOLD, ids=[each[0] for each in TOLD])
+def test_a_fact_has_the_number_that_its_label_names(told, key, label, unit, value):
+    results, facts = told
+    fact = next(each for each in facts if each.key == key)
+    assert (fact.label, fact.unit) == (label, unit)
+    assert fact.value == pytest.approx(value(results), rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "state"),
+    [(0.5, 0.0, "pass"), (1.0, 0.0, "pass"), (1.1, 0.0, "fail"), (0.9, 0.1, "undecided"), (1.1, 0.1, "undecided"),
+     (0.7, 0.1, "pass"), (1.3, 0.1, "fail"), (0.5, None, "undecided"), (None, 0.0, "fail")],
+)  # fmt: skip
+def test_values_are_judged_in_one_place(value, error, state):
+    assert judge(value, "<=", 1.0, error) == state
+    assert judge(None if value is None else -value, ">=", -1.0, error) == state
+
+
+def test_a_failure_outweighs_a_doubt():
+    assert [worst(states) for states in (("pass", "undecided"), ("undecided", "fail"), ())] == [
+        "undecided",
+        "fail",
+        "pass",
+    ]
+
+
+def test_a_fact_says_value_limit_and_reason():
+    metric = Metric(value=0.123, standard_error=0.004)
+    fact = Fact.measured("nmse", "NMSE", metric, "a note", limit=Bound("<=", 0.1), state="fail", remedy="try this")
+    assert (fact.text, fact.asked, fact.bounded_by) == ("0.1230 ± 0.0040", "≤ 0.1", "–")
+    assert fact.sentence == "0.1230 ± 0.0040 (asked ≤ 0.1); a note"
+    assert fact.reason == "NMSE = 0.1230 ± 0.0040, must be ≤ 0.1: try this"
+    assert fact.plain() == {
+        "key": "nmse", "label": "NMSE", "value": 0.123, "unit": "", "standard_error": 0.004, "limit": "<= 0.1",
+        "state": "fail", "note": "a note",
+    }  # fmt: skip
+    assert Fact.share("a", "A", 0.8765, limit=Bound(">=", 90.0)).sentence == "87.65\u2009% (asked ≥ 90\u2009%)"
+    assert Fact("a", "A", None, "mm", limit=Bound("<=", 1.0)).text == "not measured"
+
+
+def test_a_group_selects_in_order_and_fits_in_a_line():
+    group = Group("g", "G", tuple(Fact(key, key.upper(), value, "mm") for key, value in (("a", 1.5), ("b", 2.5))))
+    assert group.select("b", "c", "a").line == "B 2.5 mm, A 1.5 mm"

@@ -1,0 +1,173 @@
+"""Every number on a page, a screen, a notebook or a drawing is one of a fact, as the one formatter writes it."""
+
+import re
+from collections.abc import Iterable, Iterator
+from html import unescape
+from pathlib import Path
+
+import pytest
+from lensforge.runs.tradeoff.page import tradeoff_page
+from lensforge.shop.handover_files import DEFINITION
+from lensforge.shop.point_grids import GridRequest
+from made_tradeoff import make_tradeoff
+from made_yield import make_yield
+from page_text import undrawn_page_of
+from shown_folders import FOLDERS, folder_of, lens_of
+from undrawn import undrawn
+
+from lensforge.cli.blocks import blocks_of, study_block, summary
+from lensforge.cli.screen import print_screen
+from lensforge.made.tolerance_result import Yield
+from lensforge.made.yield_facts import budget_sentence, drawn_rows, pass_sentence, worst_words
+from lensforge.proof.proof_facts import tracer_groups
+from lensforge.report import headline, light_section, part_section
+from lensforge.report.compare import render_comparison
+from lensforge.report.lens_page import results_html
+from lensforge.report.record_tables import number_tables, spec_tables
+from lensforge.report.task import task
+from lensforge.report.yield_page import render_yield
+from lensforge.results import Fact, Group
+from lensforge.runs.results import Results
+from lensforge.runs.run_folder import Run
+from lensforge.shop import handover_files
+
+_NUMBER = re.compile(r"\d+(?:\.\d+)?[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]*")  # groups of three one by one
+_HASH = re.compile(r"\b[0-9a-f]{12,64}\b|\d{4}-\d\d-\d\d \d\d:\d\d UTC")
+TEMPLATES = Path(handover_files.__file__).parents[1] / "report" / "templates"
+
+
+def numbers_in(text: str) -> set[str]:
+    """Numbers of a text, without hashes and the time of writing."""
+    return set(_NUMBER.findall(_HASH.sub("", text)))
+
+
+def seen_in(page: str) -> str:
+    """Text of a page that a reader sees, without pictures and head, each element apart."""
+    body = re.sub(r"<(svg|style|script)\b.*?</\1>", "", page, flags=re.DOTALL).replace("<wbr>", "")
+    return unescape(re.sub(r"<[^>]*>", " ", body[body.find("<body") :]))
+
+
+def texts_of(groups: Iterable[Group]) -> Iterator[str]:
+    """All that facts say."""
+    for group in groups:
+        yield from (group.title, group.note)
+        for fact in group.facts:
+            yield from said_by(fact)
+
+
+def said_by(fact: Fact) -> Iterator[str]:
+    yield from (fact.label, fact.text, fact.asked, fact.bounded_by, fact.note, fact.remedy)
+    yield from (bound.note for bound in (fact.limit, fact.possible) if bound is not None)
+
+
+def known_of(results: Results) -> set[str]:
+    """Numbers of the facts of a folder, of its records and its spec, and of sentences that stand in templates."""
+    found = [*results.found.values(), *results.others.values()]
+    groups = [group for each in found for group in results.facts(each, light_section.possible_limits(results.spec))]
+    groups += [*headline.criterion_groups(results), *light_section.other_lights(results)]
+    groups += [
+        *light_section.other_results(results),
+        *(tracer_groups(results.proof) if "verify" in results.found else ()),
+    ]
+    texts = [*texts_of(groups), task(results.spec), headline.times(results) or "", headline.headline(results).criteria]
+    texts += [reason for name in ("light", "files", "cutting") for reason in results.verdict.reasons_of(name)]
+    texts += [f"{row.path} {row.value}" for table in number_tables(results).values() for row in table]
+    texts += [f"{row.path} {row.value}" for table in spec_tables(results).values() for row in table]
+    texts += [f"{file.name} {file.size}" for file in part_section.exported_files(results)]
+    texts += list(headline.source_warnings(results))
+    texts += [str(result.conditions) for result in results.others.values()]
+    texts += [f"{len(group.facts)} criteria" for group in headline.criterion_groups(results)]
+    if (study := results.find(Yield)) is not None:
+        texts += [pass_sentence(study), budget_sentence(study)]
+    texts += [template.read_text(encoding="utf-8") for template in TEMPLATES.glob("*.html")]
+    return {each for text in texts for each in numbers_in(text)} | {str(len(results.others)), *map(str, range(40))}
+
+
+def unknown(text: str, known: set[str]) -> list[str]:
+    return sorted(numbers_in(text) - known)
+
+
+@pytest.mark.parametrize("name", FOLDERS)
+def test_every_number_of_page_and_notebook_is_one_of_a_fact(name):
+    results = folder_of(name)
+    known = known_of(results)
+    assert unknown(seen_in(undrawn_page_of(results)).partition("Designed with lensforge")[0], known) == []
+    with undrawn():
+        assert unknown(seen_in(f"<body>{results_html(results)}"), known) == []
+
+
+@pytest.mark.parametrize("name", FOLDERS)
+def test_every_number_of_the_screens_is_one_of_a_fact(name, capsys):
+    results = folder_of(name)
+    run, known = (
+        Run(results.lens, results.found, results.outdated, results.others, folder=Path("run")),
+        known_of(results),
+    )
+    print_screen(summary(run))
+    lines = capsys.readouterr().out
+    assert len(lines.splitlines()) <= 32
+    assert unknown(lines, known) == []
+    for stem, result in {**results.found, **results.others}.items():
+        print_screen(blocks_of(result, run))
+        assert unknown(capsys.readouterr().out.replace(f"run/{stem}.json", ""), known) == [], stem
+
+
+def test_every_number_of_the_comparison_is_one_of_a_fact():
+    designs = [folder_of("every stage"), folder_of("uniform region")]
+    known = set.union(*map(known_of, designs))
+    with undrawn():
+        page = render_comparison(designs, ["a", "b"])
+    assert unknown(seen_in(page).partition("Written by")[0], known) == []
+
+
+def test_every_number_of_the_page_on_the_yield_is_one_of_a_fact():
+    lens = lens_of()
+    found = make_yield(lens)
+    results = Results(lens, {"yield": found})
+    with undrawn():
+        page = render_yield(found, results, "yield.csv")
+    texts = [*texts_of(drawn_rows(found)), *(worst_words(found, worst) for worst in found.worst), *found.notes]
+    known = known_of(results) | {each for text in texts for each in numbers_in(text)}
+    assert unknown(seen_in(page).partition("Written by")[0], known) == []
+
+
+def test_every_number_of_the_presets_is_one_of_a_fact(capsys):
+    found = make_tradeoff(lens_of())
+    known = {each for text in texts_of(found.facts) for each in numbers_in(text)} | {"100"}
+    print_screen([study_block("Error of each preset", found.facts)])
+    assert unknown(capsys.readouterr().out, known) == []
+    with undrawn():
+        table = tradeoff_page(found).partition("</table>")[0]
+    assert unknown(seen_in(table[table.index("<table") :].join(("<body>", ""))), known) == []
+
+
+@pytest.mark.parametrize("name", ["every stage", "moulded"])
+def test_every_number_of_the_page_for_the_shop_is_one_of_a_fact(name):
+    results = folder_of(name)
+    kept = {}
+    with pytest.MonkeyPatch.context() as patch:
+        render = handover_files._page
+        patch.setattr(
+            handover_files, "_page", lambda content, *rest: kept.update(content=content) or render(content, *rest)
+        )
+        made = handover_files.make_handover(results, GridRequest(spacing_mm=1.0))
+    content = kept["content"]
+    page = made.html.decode()
+    groups = [content.facts, *content.faces, content.grids, *content.findings]
+    texts = [*texts_of([*groups, Group("", "", tuple(content.criteria))]), DEFINITION, *content.datums, *content.notes]
+    texts += [
+        f"{size.name} {handover_files.shown(size.value_mm)} {size.tolerance} {size.scope_words}"
+        for size in content.dimensions
+    ]
+    rows = [row for rows in content.tolerances.groups.values() for row in rows]
+    texts += [content.tolerances.sentence, *(f"{row.name} {row.amount} {row.source} {row.at_most}" for row in rows)]
+    texts += [content.name, *content.changes, "A3", *content.hashes]
+    caption = page[page.index("<figcaption>") :]
+    known = {each for text in texts for each in numbers_in(text)} | numbers_in(caption.partition("</figcaption>")[0])
+    assert unknown(seen_in(page), known) == []
+
+
+def test_a_number_that_no_fact_has_is_found():
+    known = {"8.5", "1.20"}
+    assert unknown("radius 8.5 mm, ± 1.20", known) == []
+    assert unknown("radius 8.50 mm, 345 rays, 1.2 %", known) == ["1.2", "345", "8.50"]
