@@ -18,7 +18,7 @@ from lensforge.light.evaluation import evaluate_traced
 from lensforge.light.evaluation_result import Light
 from lensforge.light.judged_limits import limit_value
 from lensforge.light.metrics import Images, jackknife_error
-from lensforge.light.receiver_light import bounds_on
+from lensforge.light.receiver_light import ReceiverLight, bounds_on
 from lensforge.light.simulation import REPLICATES, ReplicateMetrics, TracedLens, bundles, lit_mask, mean_share
 from lensforge.light.table_trace import trace_tables
 from lensforge.made.tolerance_result import MetricBound

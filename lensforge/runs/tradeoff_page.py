@@ -2,12 +2,10 @@
 
 from matplotlib.figure import Figure
 
-from lensforge.report.figure_style import BLUE, GREY, ORANGE, WIDE, in_report_style, new_figure
-from lensforge.report.numerals import number, number_with_error
-from lensforge.report.page import template
-from lensforge.report.pictures import picture
-from lensforge.results import Metric
-from lensforge.runs.tradeoff_result import Series, TradedError, Tradeoff, TradeoffRow, error_label
+from lensforge.report.page import picture, template
+from lensforge.results.figure_style import BLUE, GREY, ORANGE, WIDE, in_report_style, new_figure
+from lensforge.results.numerals import number
+from lensforge.runs.tradeoff_result import Series, TradedError, Tradeoff, error_label
 
 _HEIGHT = 3.0
 _SERIES: dict[Series, str] = {
@@ -16,10 +14,6 @@ _SERIES: dict[Series, str] = {
     "search": "Stages of a search",
 }
 _ERRORS: tuple[tuple[TradedError, str, str], ...] = (("nmse", BLUE, "o"), ("efficiency", ORANGE, "s"))
-HEAD = (
-    "setting", "seconds", "rays", "NMSE", "efficiency", "ray noise, NMSE", "tables of the search, NMSE",
-    "tables of the evaluation, NMSE", "steps",
-)  # fmt: skip
 
 
 def tradeoff_page(tradeoff: Tradeoff) -> str:
@@ -29,28 +23,13 @@ def tradeoff_page(tradeoff: Tradeoff) -> str:
         accuracy=tradeoff.accuracy,
         threads=tradeoff.threads,
         seconds=number(tradeoff.seconds, 3),
-        head=HEAD,
-        sections=[(title, [_cells(row) for row in tradeoff.series(name)]) for name, title in _SERIES.items()],
+        sections=[(title, [row.facts for row in tradeoff.series(name)]) for name, title in _SERIES.items()],
         pictures=[
             picture(f"tradeoff-{name}", tradeoff_figure(tradeoff, name), f"{_SERIES[name]}: error against time")
             for name in ("rays", "search")
         ],
         version=tradeoff.version,
     )
-
-
-def _cells(row: TradeoffRow) -> list[str]:
-    costs = [row.setting, number(row.seconds, 2), number(row.rays)]
-    errors: tuple[Metric | None, ...] = (row.nmse, row.efficiency)
-    tables = (row.design_tables_nmse, row.tables_nmse)
-    noise = number(row.noise_nmse, 2)
-    return [
-        *costs,
-        *(number_with_error(metric, 4) for metric in errors),
-        noise,
-        *(number_with_error(metric, 2) for metric in tables),
-        number(row.steps),
-    ]
 
 
 @in_report_style

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
-from lensforge.results import Count, Metric, NotNegative, Record, StageResult, Text
+from lensforge.results import Count, Fact, Group, Metric, NotNegative, Record, StageResult, Text
 from lensforge.spec import Accuracy
 
 if TYPE_CHECKING:
@@ -35,6 +35,21 @@ class TradeoffRow(Record):
     design_tables_nmse: Metric | None = None
     tables_nmse: Metric | None = None
 
+    @property
+    def facts(self) -> Group:
+        """The cost of the setting, and the errors that it leaves."""
+        facts = (
+            Fact("seconds", "Time", self.seconds, "s", digits=2),
+            Fact("rays", "Rays", self.rays),
+            Fact.measured("nmse", "NMSE", self.nmse),
+            Fact.share("efficiency", "Efficiency", self.efficiency),
+            Fact("noise", "Ray noise, NMSE", self.noise_nmse, digits=2),
+            Fact.measured("design_tables", "Tables of the search, NMSE", self.design_tables_nmse),
+            Fact.measured("tables", "Tables of the evaluation, NMSE", self.tables_nmse),
+            Fact("steps", "Steps", self.steps),
+        )
+        return Group(self.setting, self.setting, tuple(fact for fact in facts if fact.value is not None))
+
     def error(self, name: TradedError) -> float:
         """NMSE, or lost light, of a stage of the search; the standard error of an evaluation, 0 where it is unknown."""
         metric = self.nmse if name == "nmse" else self.efficiency
@@ -60,6 +75,11 @@ class Tradeoff(StageResult):
     def series(self, name: Series) -> tuple[TradeoffRow, ...]:
         """The rows of a series."""
         return tuple(row for row in self.rows if row.series == name)
+
+    @property
+    def facts(self) -> list[Group]:
+        """A row for each accuracy preset."""
+        return [row.facts for row in self.series("presets")]
 
     def plot(self, axes: "Axes | None" = None, *, series: Series = "rays", error: TradedError = "nmse") -> "Axes":
         """Plot an error of a series over its seconds, both logarithmic.

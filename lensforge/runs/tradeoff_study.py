@@ -10,9 +10,9 @@ from lensforge.errors import InputError
 from lensforge.light.evaluation import evaluate_traced, measure_preset
 from lensforge.light.evaluation_result import Light
 from lensforge.light.simulation import TracedLens
-from lensforge.report.ownership import require_own
 from lensforge.report.page import write_page
 from lensforge.results.folder_lock import locked
+from lensforge.results.ownership import require_own
 from lensforge.runs.pipeline import write_design
 from lensforge.runs.run_folder import open_run
 from lensforge.runs.stages import design

@@ -111,8 +111,8 @@ def _grid(grid: PointGrid) -> Fact:
     """Points, spacing and error of a dense table."""
     spacing, error = quantity(grid.spacing_mm, "mm", digits=4), with_unit(rounded_up(grid.error_nm, 3), "nm")
     note = (
-        f"{_at(grid.offset_mm)}, up to {spacing} apart; {grid.interpolation} interpolation errs by at most {error} along "
-        "the normal; each node has its normal from the material into the air"
+        f"{_at(grid.offset_mm)}, up to {spacing} apart; {grid.interpolation} interpolation errs by at most {error} "
+        "along the normal; each node has its normal from the material into the air"
     )
     return Fact("grid", grid.file, grid.points, "points", note=note)
 

@@ -20,7 +20,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 
-from lensforge.report.figure_style import INK, in_report_style
+from lensforge.results.figure_style import INK, in_report_style
 from lensforge.shop.sheet import (
     MM_PER_POINT,
     PENS,
