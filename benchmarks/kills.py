@@ -102,9 +102,9 @@ class Chain:
     def again(self, command: tuple[str, ...]) -> tuple[str, ...]:
         """The command as a user gives it after a kill: with ``--resume`` where there is something to resume."""
         from lensforge.runs import sweep_runs
-        from lensforge.runs.pipeline import resumable
+        from lensforge.search.checkpoint import CHECKPOINT, is_checkpoint
 
-        checks = {"design": resumable, "sweep": sweep_runs.resumable}
+        checks = {"design": lambda made: is_checkpoint(made / CHECKPOINT), "sweep": sweep_runs.resumable}
         check = checks.get(command[0])
         return (*command, "--resume") if check is not None and check(self.made) else command
 

@@ -29,11 +29,11 @@ from lensforge.cad.mesh import build_mesh
 from lensforge.cad.plan import make_plan
 from lensforge.light.simulation import TracedLens, design_landings
 from lensforge.optics.media import CoatingLayer, CoverGlass, IndexCurve, LayerStack, Media
+from lensforge.proof.casts import stray_light
 from lensforge.proof.part_comparison import Expected
 from lensforge.proof.proof_inputs import screens_of
 from lensforge.proof.verification import verify_part
-from lensforge.runs.cast_stages import stray_light
-from lensforge.runs.run_folder import Run, load
+from lensforge.runs.folder import Run, load
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.scene.pixel_grid import splat_flux
 from lensforge.scene.receiver_shapes import receivers_of

@@ -31,13 +31,14 @@ from lensforge.light.least_irradiance import uniformity_estimate
 from lensforge.light.metrics import nmse, nmse_estimate, relative_deviation, rsd_estimate, uniformity
 from lensforge.light.receiver_light import WindowSize
 from lensforge.light.simulation import TracedLens, mean_share, simulate
-from lensforge.runs.pipeline import run_evaluate, write_design
+from lensforge.runs.folder import RunFolder
 from lensforge.scene.pixel_grid import gaussian3
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import target_light
 from lensforge.sources.build_source import build_source
 from lensforge.spec.accuracy import PRESETS
 from lensforge.spec.shape_targets import DiscTarget, RectangleTarget
+from lensforge.verbs import EVALUATE
 
 ROOT = Path(__file__).parents[1]
 SPECS, FOLDERS = ROOT / "examples" / "published", ROOT / "cad_out" / "published"
@@ -110,8 +111,8 @@ def design_light(name: str) -> None:
     """The search and the evaluation for one spec; the time of the whole command is then unknown."""
     folder = FOLDERS / name
     folder.mkdir(parents=True, exist_ok=True)
-    write_design(lf.design(lf.load_spec(SPECS / f"{name}.toml")), folder)
-    run_evaluate(folder)
+    RunFolder(folder).write(lf.design(lf.load_spec(SPECS / f"{name}.toml")))
+    EVALUATE.run(folder)
     file = FOLDERS / SECONDS
     seconds = json.loads(file.read_text()) if file.exists() else {}
     file.write_text(json.dumps({each: value for each, value in seconds.items() if each != name}, indent=1))

@@ -120,7 +120,7 @@ def run_shipped(names: Sequence[str]) -> int:
 
 def row(name: str, spec: lf.Spec, expected: str, accuracy: Accuracy) -> tuple[str, ...]:
     """The figures on which the verdict on the light rests, and the verdict."""
-    design = lf.design(spec, accuracy=accuracy, anyway=True)
+    design = lf.design(spec, accuracy=accuracy, force=True)
     light = lf.evaluate(design.lens)
     verdict = verdict_on(design.lens, design, light, None, None, None).light
     figures = (light.nmse.value, light.share_in_target.value, light.efficiency.value)

@@ -66,7 +66,7 @@ def draw(name: str) -> dict[str, object]:
     spec = lf.load_spec(EXAMPLES / f"{name}.toml")
     if spec.optimise.seconds is not None:  # the same draft on every machine, not as much as a time allows
         spec = spec.replace({"optimise.seconds": None})
-    light = lf.evaluate(lf.design(spec, accuracy="draft", anyway=True).lens, rays=RAYS)
+    light = lf.evaluate(lf.design(spec, accuracy="draft", force=True).lens, rays=RAYS)
     panels = []
     for receiver in light.receivers:
         figure = light.plot(receiver=receiver.name).figure

@@ -18,7 +18,7 @@ from lensforge.report.light_figures import irradiance_map
 from lensforge.report.solid_view import Rendering
 from lensforge.results.chart import light_unit
 from lensforge.results.files import replacing
-from lensforge.runs.run_folder import load
+from lensforge.runs.folder import load
 
 HEIGHT, IN_ROW = 420, 5
 WHITE = (255, 255, 255)

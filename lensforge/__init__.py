@@ -2,7 +2,7 @@
 
 Units everywhere: mm, rad, nm, W; float64. The axis of the lens is +z, the source sits at the origin.
 A verb takes objects and returns a frozen result; only :func:`run` writes files, and :func:`load` reads them back.
-All names come from :mod:`lensforge.runs.api`, which is loaded when the first of them is used.
+All names come from :mod:`lensforge.verbs`, which is loaded when the first of them is used.
 
 Import lensforge before torch: the wait policy below has no effect once torch has loaded its OpenMP.
 """
@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 if TYPE_CHECKING:
-    from lensforge.runs.api import *  # noqa: F403
-    from lensforge.runs.api import __all__ as __all__
+    from lensforge.verbs import *  # noqa: F403
+    from lensforge.verbs import __all__ as __all__
 else:
 
     def __getattr__(name: str) -> object:
@@ -24,11 +24,11 @@ else:
         if os.path.exists(own) or os.path.exists(own + ".py"):  # noqa: PTH110
             raise AttributeError(name)  # a module of the package: it has to be imported explicitly
         try:
-            from lensforge.runs.api import NAMES
+            from lensforge.verbs import NAMES
         except ImportError as error:
-            if error.name != "lensforge.runs.api":
+            if error.name != "lensforge.verbs":
                 raise
-            NAMES = {}  # lensforge.runs.api is being loaded and looks for a module of the package
+            NAMES = {}  # lensforge.verbs is being loaded and looks for a module of the package
         if name in NAMES:
             return NAMES[name]
         if name == "__all__":

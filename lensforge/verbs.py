@@ -1,122 +1,270 @@
-"""Verbs beyond the stages of one lens: documents for the shop, studies of several designs, summaries of ray files."""
+"""The names of the library, and the stages of a result folder in one table.
 
-from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+A verb takes objects and returns one frozen result. A stage is declared once: its verb, what it takes from a folder and
+writes there, the options and the help of its command.
+"""
 
-from lensforge.errors import InputError
-from lensforge.results import StageResult
-from lensforge.results.validation import its_type
-from lensforge.runs import cast_stages, stages
-from lensforge.runs.arguments import require, source_of, threads_of_torch
-from lensforge.runs.results import Results
-from lensforge.scene.lens import Lens
-from lensforge.search.design_result import Design, Observer
-from lensforge.sources.photometric.photometric_summary import inspect
-from lensforge.spec import Accuracy, DrawingSection, Spec
-from lensforge.spec.design_spec import require_spec
+from collections.abc import Mapping
+from typing import Any
 
-if TYPE_CHECKING:
-    from lensforge.runs.sweep import Sweep
-    from lensforge.runs.tradeoff_result import Tradeoff
-    from lensforge.shop.handover import Handover
-    from lensforge.sources.photometric.photometric_summary import PhotometricSummary
-    from lensforge.sources.rayfiles.ray_file_summary import RayFileSummary
+from lensforge.cad.part import Part
+from lensforge.errors import Cancelled, CriterionMissed, InputError, LensforgeError, MissingResult, SourceWarning
+from lensforge.light.evaluation_result import Light, LimitResult
+from lensforge.light.lens_light import evaluate
+from lensforge.light.photometry_result import Photometry
+from lensforge.light.receiver_light import Possible
+from lensforge.made.correction_result import Correction
+from lensforge.made.measured_part import compare, correct
+from lensforge.made.measurement_result import PhotoComparison, SurfaceComparison, photo_png, surface_png
+from lensforge.made.tolerance_result import Sensitivity, Yield
+from lensforge.made.tolerance_studies import sensitivity, tolerance
+from lensforge.proof.casts import stray_light, verify
+from lensforge.proof.proof_result import Proof
+from lensforge.proof.stray_result import StrayLight
+from lensforge.results import Conditions, Metric
+from lensforge.results.criteria import Criterion
+from lensforge.results.files import replacing
+from lensforge.results.ownership import require_own
+from lensforge.runs.folder import Run, RunFolder, load
+from lensforge.runs.pipeline import run
+from lensforge.runs.results import Results, stem_of
+from lensforge.runs.stage import FolderStage, build, check, handover, photometry
+from lensforge.runs.study_verbs import sweep, tradeoff
+from lensforge.runs.sweep import Sweep
+from lensforge.runs.tradeoff_result import Tradeoff
+from lensforge.runs.verdict import Verdict
+from lensforge.scene.lens import Lens, load_lens
+from lensforge.search.design_result import Design, Progress
+from lensforge.search.searches import best_design, design
+from lensforge.shop.check_result import Check
+from lensforge.shop.handover import Handover
+from lensforge.sources.photometric.photometric_summary import PhotometricSummary, rays
+from lensforge.sources.rayfiles.ray_file_summary import RayFileSummary
+from lensforge.spec import (
+    BaseSection,
+    ConstraintsSection,
+    DrawingSection,
+    EvaluateSection,
+    LensSection,
+    ManufactureSection,
+    OptimiseSection,
+    Spec,
+    Tool,
+    load_spec,
+)
+from lensforge.spec.emitter_section import (
+    CosineIntensity,
+    FileSpectrum,
+    LineSpectrum,
+    PhotometricIntensity,
+    TableIntensity,
+    TableSpectrum,
+)
+from lensforge.spec.fixed_surface import (
+    FixedAsphere,
+    FixedBiconic,
+    FixedCadFace,
+    FixedLensFace,
+    FixedPoints,
+    FixedSphere,
+    FixedToroid,
+    FixedXYPolynomial,
+    FixedZernike,
+)
+from lensforge.spec.light_limits import BeamAngleLimit, GlareLimit, LineLimit, PhotometrySection, PointsLimit, ZoneLimit
+from lensforge.spec.receiver_sections import CylinderReceiver, FarFieldReceiver, PlaneReceiver, SphereReceiver
+from lensforge.spec.shape_targets import (
+    CrossTarget,
+    DiscTarget,
+    EllipseTarget,
+    FlatTopTarget,
+    PolygonTarget,
+    RectangleTarget,
+    RingTarget,
+    SpotsTarget,
+)
+from lensforge.spec.source_sections import (
+    Chip,
+    ChipArraySource,
+    ChipsSource,
+    DiscSource,
+    LuminanceSource,
+    RadianceSource,
+    RayfilePart,
+    RayfileSource,
+    RayfilesSource,
+    RaySource,
+    RectangleSource,
+    SquareSource,
+)
+from lensforge.spec.target_sections import (
+    ArrayTarget,
+    BatwingTarget,
+    BeamTarget,
+    ImageTarget,
+    PhotometricTarget,
+    TableTarget,
+    TextTarget,
+)
+from lensforge.spec.tolerances_section import ToleranceSpec, TolerancesSection
+from lensforge.version import __version__
+
+__all__ = [
+    "ArrayTarget", "BaseSection", "BatwingTarget", "BeamAngleLimit", "BeamTarget", "Cancelled", "Check", "Chip",
+    "ChipArraySource", "ChipsSource", "Conditions", "ConstraintsSection", "Correction", "CosineIntensity", "Criterion",
+    "CriterionMissed", "CrossTarget", "CylinderReceiver", "Design", "DiscSource", "DiscTarget", "DrawingSection",
+    "EllipseTarget", "EvaluateSection", "FarFieldReceiver", "FileSpectrum", "FixedAsphere", "FixedBiconic",
+    "FixedCadFace", "FixedLensFace", "FixedPoints", "FixedSphere", "FixedToroid", "FixedXYPolynomial", "FixedZernike",
+    "FlatTopTarget", "GlareLimit", "Handover", "ImageTarget", "InputError", "Lens", "LensSection", "LensforgeError",
+    "Light", "LimitResult", "LineLimit", "LineSpectrum", "LuminanceSource", "ManufactureSection", "Metric",
+    "MissingResult", "OptimiseSection", "Part", "PhotoComparison", "PhotometricIntensity", "PhotometricSummary",
+    "PhotometricTarget", "Photometry", "PhotometrySection", "PlaneReceiver", "PointsLimit", "PolygonTarget", "Possible",
+    "Progress", "Proof", "RadianceSource", "RayFileSummary", "RaySource", "RayfilePart", "RayfileSource",
+    "RayfilesSource", "RectangleSource", "RectangleTarget", "Results", "RingTarget", "Run", "Sensitivity",
+    "SourceWarning", "Spec", "SphereReceiver", "SpotsTarget", "SquareSource", "StrayLight", "SurfaceComparison",
+    "Sweep", "TableIntensity", "TableSpectrum", "TableTarget", "TextTarget", "ToleranceSpec", "TolerancesSection",
+    "Tool", "Tradeoff", "Verdict", "Yield", "ZoneLimit", "__version__", "best_design", "build", "check", "compare",
+    "correct", "design", "evaluate", "handover", "load", "load_lens", "load_spec", "photometry", "rays", "run",
+    "sensitivity", "stray_light", "sweep", "tolerance", "tradeoff", "verify",
+]  # fmt: skip
+
+NAMES = {name: globals()[name] for name in __all__}
+
+YIELD_PARTS = "yield_parts.npz"  # parts that an interrupted study has measured
 
 
-def handover(
-    run: Results,
-    *,
-    spacing_mm: float | None = None,
-    error_nm: float = 10.0,
-    interpolation: Literal["bicubic", "linear"] = "bicubic",
-    offset_inner_mm: float = 0.0,
-    offset_outer_mm: float = 0.0,
-    drawing: DrawingSection | None = None,
-) -> "Handover":
-    """Make the documents for the shop: drawing, verdicts, point tables, hashes; ``save(folder)`` writes them.
-
-    ``drawing``: words of its title block and notes, such as another revision; None: those of the spec.
-
-    ``spacing_mm``: of the dense tables; None: as wide as an ``interpolation`` error of ``error_nm`` along the normal
-    allows. ``offset_inner_mm``, ``offset_outer_mm``: radius of a probe or tool whose centres they
-    hold. Raises :class:`InputError` where the ball does not fit, or for too many points.
-    """
-    from lensforge.shop.dense_table import GridRequest
-    from lensforge.shop.shop_files import make_handover
-
-    if not isinstance(run, Results):
-        raise InputError(f"handover: {str(run)[:60]!r} is {its_type(run)}, must be a Run: run(...) or load(...)")
-    request = GridRequest(spacing_mm, error_nm, interpolation, offset_inner_mm, offset_outer_mm)
-    return make_handover(run, request, drawing)
+def _measured(run: Results, options: Mapping[str, Any]) -> tuple[object, ...]:
+    """Part of a run that a measurement is compared with: the light with a photograph, else the lens."""
+    return (run.light,) if options.get("on") is not None else (run.lens,)
 
 
-def sweep(
-    spec: Spec,
-    field: str,
-    values: Sequence[float],
-    *,
-    scale: Sequence[str] = (),
-    accuracy: Accuracy = "standard",
-    seed: int = 0,
-    threads: int | None = None,
-    progress: Observer | None = None,
-) -> "Sweep":
-    """Run every stage for each of ``values`` of ``field`` (dotted, ``constraints.max_radius_mm``), in memory.
-
-    Every field of ``scale`` keeps its ratio to the varied one. Raises :class:`InputError` for a value that the
-    spec does not allow.
-    """
-    from lensforge.runs.sweep import sweep_of, variation_of
-
-    require_spec(spec, "sweep")
-    variation = variation_of(field, values, tuple(scale))
-    found = []
-    for variant in variation.variants(spec):
-        design = stages.design(variant.spec, accuracy=accuracy, seed=seed, threads=threads, progress=progress)
-        found.append((variant, run_in_memory(design, threads)))
-    return sweep_of(spec, variation, found)
+def _lens_of_photo(here: RunFolder, options: Mapping[str, Any]) -> dict[str, object]:
+    return {"lens": here.run.lens} if options.get("on") is not None else {}
 
 
-def run_in_memory(design: Design, threads: int | None = None) -> Results:
-    """Evaluate, build, check and verify the lens of ``design``: the stages of a run, without a folder."""
-    light, part = stages.evaluate(design.lens, threads=threads), stages.build(design.lens)
-    check, proof = stages.check(part), cast_stages.verify(part, light, threads=threads)
-    results: tuple[StageResult, ...] = (design, light, part, check, proof)
-    return Results(design.lens, {result.stage: result for result in results})
+def _draw_comparison(here: RunFolder, found: PhotoComparison | SurfaceComparison) -> None:
+    """Draw the comparison beside its record."""
+    with replacing(here.path / f"{stem_of(found)}.png") as temporary:
+        temporary.write_bytes(photo_png(found) if isinstance(found, PhotoComparison) else surface_png(found))
 
 
-def tradeoff(
-    spec: Spec,
-    *,
-    lens: Lens | None = None,
-    most_rays: int = 2**20,
-    threads: int | None = None,
-    announce: Callable[[str], None] | None = None,
-) -> "Tradeoff":
-    """Measure accuracy against computing time for the scene of ``spec``, on ``lens`` or on a draft designed first.
-
-    ``most_rays``: of the largest sample, 2^12 to 2^24. ``announce`` is called with each series as it starts.
-    """
-    from lensforge.runs.tradeoff_study import LEAST_RAYS, MOST_RAYS, measure, require_same_scene
-
-    require_spec(spec, "tradeoff")
-    if not (isinstance(most_rays, int) and LEAST_RAYS <= most_rays <= MOST_RAYS):
-        raise InputError(f"most_rays = {most_rays!r}: an integer from {LEAST_RAYS} to {MOST_RAYS}")
-    source = source_of(spec)
-    if lens is None:
-        lens = stages.design(spec, accuracy="draft", threads=threads).lens
-    else:
-        require_same_scene(require(lens, Lens, "tradeoff"), spec, source, "tradeoff")
-    with threads_of_torch(threads):
-        return measure(lens, source, most_rays, announce or (lambda _: None))
+def _kept_parts(here: RunFolder, options: Mapping[str, Any]) -> dict[str, object]:
+    """The file of measured parts; a page that is not ours is refused before the study, not after it."""
+    if options.get("tolerances") is None:
+        require_own(here.path / f"{Yield.stage}.html")
+    return {"checkpoint": here.path / YIELD_PARTS}
 
 
-def rays(file: Path | str) -> "RayFileSummary | PhotometricSummary":
-    """Summarise a file of light: header and statistics of a ray file, or beam and flux of a photometric file.
+def _write_parts(here: RunFolder, found: Yield) -> None:
+    """Write the table of parts and the page beside the record; what was kept of an interrupted study goes."""
+    from lensforge.report.page import write_page
+    from lensforge.report.yield_page import render_yield
 
-    The content decides, not the name. Raises :class:`InputError` for a file of no known format.
-    """
-    if not isinstance(file, Path | str):
-        raise InputError(f"rays: {type(file).__name__} given; give the path of a ray file")
-    return inspect(Path(file))
+    stem = stem_of(found)
+    found.save(here.path / f"{stem}.csv")
+    write_page(render_yield(found, here.run, f"{stem}.csv"), here.path / f"{stem}.html")
+    (here.path / YIELD_PARTS).unlink(missing_ok=True)
+
+
+EVALUATE = FolderStage(
+    "evaluate",
+    evaluate,
+    """Simulate the finished lens in DIR again.
+
+    With other --rays, --pixels, --source or --temperature than the lens's own the result is written to
+    evaluate_NAME.json beside evaluate.json, and decides nothing; the report shows it under other conditions.
+    """,
+    options=("rays", "threads", "pixels", "source", "temperature_c", "name"),
+    decides="light",
+)
+EXPORT = FolderStage(
+    "export",
+    build,
+    """Write STEP, STL and 3MF of the lens in DIR.
+
+    Each file is verified by reading it back.
+    """,
+    options=("schema", "runout_deg", "nodes", "rings", "date"),
+    decides="files",
+)
+CHECK = FolderStage(
+    "check",
+    check,
+    """Say if the lens in DIR can be cut, and what to change.
+
+    Each face, each tool, how much of the face it reaches, and the fields of the spec that change it. --json has all
+    measurements: best-fit spheres, curvature, walls, draft, cusps.
+    """,
+    inputs=lambda run, _: (run.part_or_lens,),
+    decides="cutting",
+)
+VERIFY = FolderStage(
+    "verify",
+    verify,
+    """Cast rays through the exported part in DIR.
+
+    The ray cast is independent of the design. With other --rays than the preset's the result is written to
+    verify_NUMBERrays.json beside verify.json.
+    """,
+    options=("rays", "threads"),
+    inputs=lambda run, _: (run.part, run.light),
+    decides="files",
+)
+STRAY = FolderStage(
+    "stray",
+    stray_light,
+    "Follow rays through the exported part with reflections, base and absorption: verify --stray.",
+    options=("rays", "threads", "base"),
+    inputs=lambda run, _: (run.part,),
+)
+PHOTOMETRY = FolderStage(
+    "photometry",
+    photometry,
+    "Compute lumens, candela and beam angles of the lens in DIR; write IES, EULUMDAT, TM-33 and TM-25 files.",
+    options=("rays", "threads", "lumens", "ies_version"),
+)
+SENSITIVITY = FolderStage(
+    "sensitivity",
+    sensitivity,
+    """Change each tolerance of the lens in DIR, one at a time.
+
+    Each is set to its end; the change of the light goes to sensitivity.json.
+    """,
+    options=("rays", "threads"),
+    counts="lenses",
+)
+YIELD = FolderStage(
+    "yield",
+    tolerance,
+    """Draw parts of the lens in DIR from its tolerances.
+
+    The share that passes, which tolerance decides, and how large each may be; writes yield.json, yield.csv and
+    yield.html. An interrupted study goes on where it was.
+    """,
+    options=("parts", "rays", "seed", "tolerances", "budget", "threads", "scheduler"),
+    settings=_kept_parts,
+    after=_write_parts,
+    counts="parts",
+)
+COMPARE = FolderStage(
+    "compare",
+    compare,
+    """Compare the machined part with the design in DIR.
+
+    By a photograph of its light (--on), or by points measured on a surface (--points).
+    """,
+    options=("on", "off", "corners", "target_mm", "gamma", "points", "surface", "registration", "rays"),
+    inputs=_measured,
+    settings=_lens_of_photo,
+    after=_draw_comparison,
+)
+CORRECT = FolderStage(
+    "correct",
+    correct,
+    """Correct a face for its second cut by measured points.
+
+    Writes lens_corrected_inner.step or lens_corrected_outer.step from points measured on the first cut.
+    """,
+    options=("points", "surface", "wavelength_mm", "gain", "registration", "rays", "threads"),
+)
+STAGES = (EVALUATE, EXPORT, CHECK, VERIFY, PHOTOMETRY, SENSITIVITY, YIELD, COMPARE, CORRECT)  # those with a command

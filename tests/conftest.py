@@ -35,8 +35,12 @@ collect_garbage_seldom()
 
 _PACKAGES = ["surfaces", "optics", "sources", "scene", "light", "search", "cad", "shop", "proof", "made"]
 _FOLDER = Path(lensforge.__file__).parent
-_COMPILED = {_FOLDER / "proof" / "grid_walk.py"}  # by numba, which cannot compile what is wrapped
-_MODULES = sorted(path for package in _PACKAGES for path in (_FOLDER / package).rglob("*.py") if path not in _COMPILED)
+_UNCHECKED = {  # compiled by numba, which cannot compile what is wrapped; verbs, which refuse wrong types themselves
+    "grid_walk.py", "lens_light.py", "searches.py", "casts.py", "measured_part.py", "inspection.py",
+}  # fmt: skip
+_MODULES = sorted(
+    path for package in _PACKAGES for path in (_FOLDER / package).rglob("*.py") if path.name not in _UNCHECKED
+)
 array_checks.install([".".join(path.relative_to(_FOLDER.parent).with_suffix("").parts) for path in _MODULES])
 
 
@@ -124,7 +128,7 @@ def small_run(shared: Path) -> lensforge.Run:
     from scenes import small_spec
     from undrawn import undrawn
 
-    from lensforge.runs.arguments import threads_of_torch
+    from lensforge.results.arguments import threads_of_torch
 
     spec = small_spec(optimise__steps_per_level=[40, 40])
     with undrawn(), coarse_part(), threads_of_torch(1):
@@ -140,21 +144,20 @@ def whole_run(small_run: lensforge.Run, shared: Path) -> lensforge.Run:
 def _with_every_result(small_run: lensforge.Run, folder: Path) -> lensforge.Run:
     from undrawn import undrawn
 
-    from lensforge.runs.pipeline import run_photometry, run_stray
-    from lensforge.runs.toleranced_folder import run_sensitivity, run_yield
+    from lensforge.verbs import PHOTOMETRY, SENSITIVITY, STRAY, YIELD
 
     shutil.copytree(small_run.folder, folder)
     with pytest.MonkeyPatch.context() as patch:  # as few rays as tests need, and yet the lens's own conditions
-        patch.setattr("lensforge.runs.cast_stages._STRAY_RAYS", 512)
+        patch.setattr("lensforge.proof.casts._STRAY_RAYS", 512)
         patch.setattr("lensforge.made.sensitivity.RAYS", 512)
-        run_stray(folder)
+        STRAY.run(folder)
         patch.setattr("lensforge.made.yield_study.DESIGNED_RAYS", 2048)
         patch.setattr("lensforge.made.yield_study._WORST_RAYS", 512)
         patch.setattr("lensforge.made.tolerance_budget.MOST_PARTS", 8)
-        run_sensitivity(folder)
+        SENSITIVITY.run(folder)
         with undrawn():
-            run_yield(folder, parts=40, rays=512)
-    run_photometry(folder)
+            YIELD.run(folder, parts=40, rays=512)
+    PHOTOMETRY.run(folder)
     _measure_part(small_run, folder)
     return lensforge.load(folder)
 
@@ -164,15 +167,15 @@ def _measure_part(run: lensforge.Run, folder: Path) -> None:
     from PIL import Image
     from scenes import hemisphere_directions
 
-    from lensforge.runs.compared_folder import run_compare_photo, run_compare_surface, run_correct
+    from lensforge.verbs import COMPARE, CORRECT
 
     light = run.light.map
     seen = np.kron(light[::-1] / light.max(), np.ones((8, 8)))  # 8 pixels of the camera for each, row 0 on top
     photo, cloud = folder.with_name("on.png"), folder.with_name("cloud.csv")
     Image.fromarray(np.round(60000 * np.pad(seen, 10)).astype(np.uint16)).save(photo)
     low, high = 9.5, 9.5 + 8 * len(light)
-    run_compare_photo(folder, on=photo, off=None, corners=[(low, low), (high, low), (high, high), (low, high)])
+    COMPARE.run(folder, on=photo, off=None, corners=[(low, low), (high, low), (high, high), (low, high)])
     u = hemisphere_directions(2000)
     np.savetxt(cloud, u * run.lens.inner.radius(u)[:, None], delimiter=",")
-    run_compare_surface(folder, points=cloud, surface="inner")
-    run_correct(folder, points=cloud, surface="inner", wavelength_mm=1.5)
+    COMPARE.run(folder, points=cloud, surface="inner")
+    CORRECT.run(folder, points=cloud, surface="inner", wavelength_mm=1.5)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scenes import small_spec
 
+from lensforge import design, evaluate
 from lensforge.errors import InputError
 from lensforge.results.validation import same
-from lensforge.runs.stages import design, evaluate
 from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.rayfiles import read_rayfile
 from lensforge.spec.source_sections import RayfileSource, RaySource

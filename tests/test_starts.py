@@ -8,7 +8,7 @@ from scenes import small_spec
 import lensforge as lf
 from lensforge import seeds
 from lensforge.errors import InputError
-from lensforge.runs.results import load_results
+from lensforge.runs.stored import load_results
 from lensforge.search.design_result import Start
 from lensforge.surfaces.imported_face import LENS_FILE
 
@@ -37,7 +37,7 @@ def test_rays_of_a_file_that_judge_the_best_do_not_choose_it(monkeypatch):
     rays = Path(__file__).parents[1] / "examples" / "led.tm25ray"
     spec = small_spec(source={"kind": "rayfile", "file": str(rays), "origin": "virtual_focus"})
     monkeypatch.setattr("lensforge.light.evaluation.held_back", lambda _: pytest.fail("held back"))
-    found = lf.best_design(spec, starts=2, accuracy="draft", anyway=True)
+    found = lf.best_design(spec, starts=2, accuracy="draft", force=True)
     assert len(found.starts) == 2
 
 

@@ -17,22 +17,38 @@ from typing import Any, NoReturn
 
 import click
 
-from lensforge.cli.command_group import NOTES, CommandGroup
 from lensforge.cli.design import design, preview
-from lensforge.cli.examples import examples
+from lensforge.cli.documents import examples, schema
 from lensforge.cli.interrupts import Interrupts
 from lensforge.cli.new import new
-from lensforge.cli.part import compare, correct, handover, photometry
 from lensforge.cli.printing import printable, warning_line
 from lensforge.cli.rays import rays
-from lensforge.cli.schema import schema
-from lensforge.cli.stages import check, evaluate, export, report, verify
+from lensforge.cli.stages import STAGE_COMMANDS, handover, report
 from lensforge.cli.streams import lasting_streams, open_standard_streams
 from lensforge.cli.studies import sweep, tradeoff
-from lensforge.cli.tolerances import sensitivity, yield_
 from lensforge.errors import LensforgeError, RenamedWarning, WrongFields
 from lensforge.results.working_folder import ignore_settings_in_working_folder
 from lensforge.version import __version__
+
+# Commands by what they are for; those of no heading come last.
+_SECTIONS = {
+    "Design": ("new", "preview", "design", "sweep", "tradeoff", "examples", "schema"),
+    "One stage of a result folder again": ("evaluate", "export", "check", "verify", "photometry", "report"),
+    "Tolerances": ("sensitivity", "yield"),
+    "The shop and the machined part": ("handover", "compare", "correct"),
+}
+_REST = "Files"
+_NOTES = """\b
+Units:    lengths in mm, angles in degrees, wavelengths in nm, flux lm or W.
+Numbers:  whole numbers may be written as 1e6.
+Presets:  --accuracy draft, standard (default) or reference: more rays, finer
+          tables and more functions of the surfaces; each takes longer.
+Output:   stdout has one screen; --json all digits, --quiet nothing.
+          Progress, warnings and errors go to stderr.
+Exit:     0 done; 1 light or files failed (cutting, where the spec requires
+          it); 2 bad input. lensforge COMMAND --help has the options.
+Shell:    completion by eval "$(_LENSFORGE_COMPLETE=bash_source lensforge)"
+          in ~/.bashrc; zsh_source for zsh, fish_source for fish."""
 
 # The machine's fault wherever it is met, in a library too; any other error of the system is a bug.
 _FULL_OR_FAILING = {
@@ -50,7 +66,9 @@ class _CutShort(Exception):
     """A file that ends too early on its way through click, which would take :class:`EOFError` for an interrupt."""
 
 
-class _Group(CommandGroup):
+class _Group(click.Group):
+    """The group of all commands, which is called without one, too."""
+
     def invoke(self, context: click.Context) -> Any:
         try:
             return super().invoke(context)
@@ -59,11 +77,23 @@ class _Group(CommandGroup):
         except EOFError as error:
             raise _CutShort from error
 
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the commands under their headings, those of no heading last."""
+        named = {name for names in _SECTIONS.values() for name in names}
+        rest = tuple(name for name in self.list_commands(ctx) if name not in named)
+        for title, names in {**_SECTIONS, _REST: rest}.items():
+            found = [(name, self.get_command(ctx, name)) for name in names]
+            limit = formatter.width - 20
+            rows = [(name, command.get_short_help_str(limit)) for name, command in found if command is not None]
+            if rows:
+                with formatter.section(title):
+                    formatter.write_dl([(name.ljust(11), words) for name, words in rows])
+
 
 @click.group(
     cls=_Group,
-    context_settings={"help_option_names": ["-h", "--help"]},
-    epilog=NOTES,
+    context_settings={"help_option_names": ["-h", "--help"], "show_default": True},
+    epilog=_NOTES,
     no_args_is_help=False,
     invoke_without_command=True,
 )
@@ -75,10 +105,7 @@ def cli(context: click.Context) -> None:
         click.echo(context.get_help())
 
 
-for command in (
-    design, evaluate, export, check, verify, report, rays, tradeoff, sweep, sensitivity, yield_, photometry, handover,
-    compare, correct, schema, new, examples, preview,
-):  # fmt: skip
+for command in (*STAGE_COMMANDS, design, preview, new, sweep, tradeoff, report, handover, rays, schema, examples):
     cli.add_command(command)
 
 

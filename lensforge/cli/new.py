@@ -9,10 +9,11 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem
 
+from lensforge.cli.options import with_force
 from lensforge.errors import InputError
+from lensforge.light.lens_conditions import source_of
 from lensforge.optics.material import MATERIALS
 from lensforge.results.files import replacing, require_writable
-from lensforge.runs.arguments import source_of
 from lensforge.shop.findings import GOOD_DRAFT_DEG
 from lensforge.spec import Spec, parse_spec
 from lensforge.spec.derived_values import WHY, with_derived
@@ -43,7 +44,7 @@ def _completed(kinds: Sequence[str]) -> Callable[[click.Context, click.Parameter
 @click.option("--max-radius", type=click.FloatRange(1e-6, 1e9), help="Largest radius of the lens in mm.")
 @click.option("--material", help=f"One of {', '.join(MATERIALS)}; default: {_MATERIAL}.")
 @click.option("--cutter", metavar="CUTTER", help=f"What the shop needs: {_CUTTERS}; default: {_CUTTER}.")
-@click.option("--anyway", is_flag=True, help="Write it even where less than half of the light is possible.")
+@with_force
 def new(
     spec: Path | None,
     source: str | None,
@@ -51,7 +52,7 @@ def new(
     max_radius: float | None,
     material: str | None,
     cutter: str | None,
-    anyway: bool,
+    force: bool,
 ) -> None:
     """Write a commented SPEC.toml; what is not given is asked for in a terminal. Without SPEC.toml: to stdout."""
     if spec is not None and spec.exists():
@@ -65,7 +66,7 @@ def new(
     shop = cutter or (_asked("--cutter", _CUTTERS, str, _CUTTER) if _at_terminal() else _CUTTER)
     content = _content(_name(spec), sections, radius, named, _made_by(shop))
     folder = Path() if spec is None else spec.parent
-    text = _checked_text(content, folder, anyway)
+    text = _checked_text(content, folder, force)
     if spec is None:
         click.echo(text, nl=False)
         return
@@ -147,7 +148,7 @@ def _content(
     return found
 
 
-def _checked_text(content: dict[str, Any], folder: Path, anyway: bool) -> str:
+def _checked_text(content: dict[str, Any], folder: Path, force: bool) -> str:
     """TOML of ``content`` with derived values, after the check of what is possible. Raises :class:`InputError`."""
     from lensforge.search.scene_check import SceneCheck
     from lensforge.sources.build_source import cavity_around
@@ -160,7 +161,7 @@ def _checked_text(content: dict[str, Any], folder: Path, anyway: bool) -> str:
         resolved["constraints"].update(measured)
     made: Spec = parse_spec(resolved, "new")
     scene = SceneCheck.of(made, source_of(made))
-    scene.require_light(anyway=anyway)
+    scene.require_light(force=force)
     for words in scene.warnings():
         click.echo(f"lensforge: {words}", err=True)
     filled, names = with_derived(content)

@@ -1,18 +1,54 @@
-"""Options that several commands share."""
+"""The options of the commands: one for each keyword of a verb, and those that several commands share."""
 
+import functools
 from collections.abc import Callable
 from pathlib import Path
-from typing import get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 import click
 
 from lensforge import seeds
 from lensforge.cli.interrupts import Interrupts
 from lensforge.cli.whole_number import WholeNumber
+from lensforge.search.searches import RENAMED_ANYWAY
 from lensforge.sources.photometric.ies import NEWEST, IesVersion
 from lensforge.spec import Spec
 
-FOLDER = click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
+if TYPE_CHECKING:
+    _Pixel = click.ParamType[tuple[float, float]]
+else:
+    _Pixel = click.ParamType  # generic from click 8.4 on only
+
+Command = Callable[..., None]
+_FILE = click.Path(path_type=Path)
+_ABOVE_ZERO = click.FloatRange(0.0, min_open=True)
+
+
+class _Corner(_Pixel):
+    """A pixel, written as column,row."""
+
+    name = "x,y"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, float]:
+        try:
+            column, row = (float(part) for part in str(value).split(","))
+        except ValueError:
+            self.fail(f"{value!r}: write column,row in pixels, such as 120.5,88", param, ctx)
+        return column, row
+
+
+def _or_none(_context: click.Context, _option: click.Parameter, given: tuple[Any, ...] | None) -> list[Any] | None:
+    """Several values as a verb takes them; None where none was given."""
+    return list(given) if given else None
+
+
+def _number(_context: click.Context, _option: click.Parameter, year: str | None) -> int | None:
+    return None if year is None else int(year)
+
+
+FOLDER = click.argument("directory", metavar="DIR", type=_FILE)
+SPEC = click.argument("spec", type=_FILE)
+OPEN = click.option("--open", "shown", is_flag=True, help="Open the page or picture in the desktop's own program.")
 RAYS = click.option(
     "--rays", type=WholeNumber(1, 2**28), metavar="N", help="Number of rays, such as 1e6; default: by spec or preset."
 )
@@ -26,32 +62,128 @@ ACCURACY = click.option(
     "--accuracy",
     type=click.Choice(["draft", "standard", "reference"]),
     default="standard",
-    show_default=True,
     help="Preset. draft: for a first look, up to 289 functions a surface, 1 million rays to evaluate; standard: for a "
     "lens to be made, up to 1,089 functions, 8 million rays; reference: up to 4,225 functions, 17 million rays, hours.",
 )
-SEED = click.option(
-    "--seed",
-    metavar="N",
-    type=WholeNumber(0, seeds.MOST),
-    default=0,
-    show_default=True,
-    help="Seed of the random rays.",
-)
+SEED = click.option("--seed", metavar="N", type=WholeNumber(0, seeds.MOST), default=0, help="Seed of the random rays.")
 IES_VERSION = click.option(
     "--ies-version",
     type=click.Choice([str(year) for year in get_args(IesVersion)]),
+    callback=_number,
     help=f"Year of LM-63 that an .ies file follows, for programs that read no newer one; default: {NEWEST}.",
 )
-OPEN = click.option("--open", "shown", is_flag=True, help="Open the page or picture in the desktop's own program.")
 DEVICE = click.option(
     "--device",
     type=click.Choice(["cpu", "cuda"]),
     default="cpu",
-    show_default=True,
     help="Device that traces the rays of the search; cuda is experimental: not yet run on a GPU; all else runs on "
     "the CPU.",
 )
+# By the keyword of the verb; a command has those that its stage names.
+OPTIONS: dict[str, Callable[[Command], Command]] = {
+    "rays": RAYS,
+    "threads": THREADS,
+    "scheduler": SCHEDULER,
+    "seed": SEED,
+    "ies_version": IES_VERSION,
+    "pixels": click.option(
+        "--pixels", metavar="N", type=WholeNumber(1, 2048), help="Pixels across the receiver; default: from the spec."
+    ),
+    "source": click.option("--source", type=_FILE, help="A ray file to use instead of the spec's source."),
+    "temperature_c": click.option(
+        "--temperature",
+        "temperature_c",
+        type=float,
+        metavar="C",
+        help="Temperature (Celsius) of the lens and the air around it.",
+    ),
+    "name": click.option("--name", help="Name of the record under other conditions; default: made from them."),
+    "schema": click.option(
+        "--schema", type=click.Choice(["AP214", "AP242"]), default="AP214", help="Schema of the STEP."
+    ),
+    "runout_deg": click.option(
+        "--runout",
+        "runout_deg",
+        type=float,
+        metavar="DEG",
+        help="Also write the faces untrimmed, extended by DEG degrees.",
+    ),
+    "nodes": click.option(
+        "--nodes",
+        metavar="N",
+        type=WholeNumber(1, 10_000),
+        help="Spline nodes across each optical face; default: as many as the form needs.",
+    ),
+    "rings": click.option(
+        "--rings",
+        metavar="N",
+        type=WholeNumber(1, 100_000),
+        help="Equal rings of the mesh; default: its facets are within 1 um of the faces.",
+    ),
+    "date": click.option(
+        "--date", metavar="YYYY-MM-DD", help="Date of the files for the shop; default: that of the spec."
+    ),
+    "stray": click.option(
+        "--stray", is_flag=True, help="Also trace reflections, the base and absorption; writes stray.json."
+    ),
+    "base": click.option(
+        "--base", type=click.Choice(["polished", "black"]), default="polished", help="Finish of the base under --stray."
+    ),
+    "lumens": click.option(
+        "--lumens",
+        type=click.FloatRange(1e-6, 1e9),
+        help="Flux of the LED (lm); default: the spec's, or relative to 1000.",
+    ),
+    "parts": click.option("--parts", type=WholeNumber(40, 100_000), metavar="N", default=1000, help="Number of parts."),
+    "tolerances": click.option(
+        "--tolerances",
+        metavar="PRESET|FILE",
+        help="Others than the spec's: precision, standard, moulded, or a TOML file with [tolerances].",
+    ),
+    "budget": click.option("--budget/--no-budget", default=True, help="Largest amount of each tolerance."),
+    "on": click.option("--on", type=_FILE, help="Photograph of the target with the LED on."),
+    "off": click.option("--off", type=_FILE, help="The same with the LED off."),
+    "corners": click.option(
+        "--corners",
+        type=_Corner(),
+        nargs=4,
+        callback=_or_none,
+        help="Corners of the target, clockwise from top left; default: found.",
+    ),
+    "target_mm": click.option(
+        "--target-mm", type=_ABOVE_ZERO, help="Side of the target; default: that of the receiver."
+    ),
+    "gamma": click.option("--gamma", type=click.FloatRange(0.2, 5.0), default=1.0, help="Gamma of the camera."),
+    "points": click.option("--points", type=_FILE, help="Points x, y, z in mm, measured on one surface."),
+    "surface": click.option("--surface", type=click.Choice(["inner", "outer"]), help="Surface on which --points lie."),
+    "registration": click.option(
+        "--registration",
+        type=click.Choice(["rigid", "shift", "none"]),
+        default="rigid",
+        help="Motion that fits --points to the design; it is no part of a correction.",
+    ),
+    "wavelength_mm": click.option(
+        "--wavelength",
+        "wavelength_mm",
+        type=_ABOVE_ZERO,
+        help="Shortest wave of the deviation that is corrected (mm); default: by the noise of the points.",
+    ),
+    "gain": click.option("--gain", type=float, default=1.0, help="Share of the deviation that is mirrored."),
+}
+
+
+def with_force(command: Command) -> Command:
+    """Add ``--force`` to ``command``; its earlier name still works, and says the new one."""
+    words = "Go on even where less than half of what a target asks is possible."
+
+    @functools.wraps(command)
+    def called(*, force: bool, anyway: bool, **options: Any) -> None:
+        if anyway:
+            click.echo(f"lensforge: --{RENAMED_ANYWAY.replace('force', '--force')}", err=True)
+        command(force=force or anyway, **options)
+
+    former = click.option("--anyway", is_flag=True, hidden=True)
+    return click.option("--force", is_flag=True, help=words)(former(called))
 
 
 def with_rays(spec: Spec, rays: int | None) -> Spec:

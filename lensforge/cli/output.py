@@ -10,8 +10,8 @@ from typing import Any
 import click
 
 from lensforge.results import StageResult
+from lensforge.runs.folder import Run
 from lensforge.runs.results import stem_of
-from lensforge.runs.run_folder import Run
 
 
 @dataclass(frozen=True)

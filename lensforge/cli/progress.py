@@ -83,6 +83,10 @@ class PartsProgress:
         self._clock, self._parts = clock, parts
         self._stage = ""
 
+    def heard(self, stage: str) -> dict[str, Callable[..., object]]:
+        """Keywords by which the verb of ``stage`` is heard; only the yield has stages of its own."""
+        return {"progress": self.on_parts, **({"announce": self.on_stage} if stage == "yield" else {})}
+
     def on_stage(self, words: str) -> None:
         """Begin a stage; "budget: source height" is a part of "budget"."""
         stage, _, detail = words.partition(": ")

@@ -36,7 +36,7 @@ def rays(
     only_header: bool,
     to: Path | None,
     format_name: str | None,
-    ies_version: str | None,
+    ies_version: int | None,
     plot: Path | None,
     output: Output,
 ) -> None:
@@ -85,7 +85,7 @@ def _rays(file: Path, only_header: bool, to: Path | None, format_name: str | Non
 
 
 def _far_field(
-    file: Path, to: Path | None, format_name: str | None, ies_version: str | None, plot: Path | None
+    file: Path, to: Path | None, format_name: str | None, ies_version: int | None, plot: Path | None
 ) -> Record:
     if format_name:
         raise InputError(
@@ -97,4 +97,4 @@ def _far_field(
         summarise_photometric(file).save(plot)
     if to is None:
         return summarise_photometric(file)
-    return convert_photometric(file, to, ies_version=require_ies_version(int(ies_version or NEWEST)))
+    return convert_photometric(file, to, ies_version=require_ies_version(ies_version or NEWEST))

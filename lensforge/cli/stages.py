@@ -1,152 +1,120 @@
-"""Single stages on a finished lens: evaluate, export, check, verify, report."""
+"""The commands on a result folder: one for each stage of the table, made from its row, and the pages of a folder."""
 
+import functools
+from inspect import signature
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import click
 
-from lensforge.cli.conclusion import finish, finish_page
-from lensforge.cli.options import FOLDER, RAYS, THREADS
+from lensforge.cli.conclusion import finish, finish_handover, finish_page
+from lensforge.cli.options import FOLDER, OPTIONS, Command
 from lensforge.cli.output import Output, with_output
-from lensforge.cli.whole_number import WholeNumber
 from lensforge.errors import InputError
 from lensforge.results import StageResult
 from lensforge.results.files import require_writable
 from lensforge.results.ownership import is_free_or_own, require_own
-from lensforge.runs import pipeline
-from lensforge.runs.arguments import threads_of_torch
+from lensforge.runs.folder import opened
+from lensforge.runs.pipeline import write_comparison, write_report
 from lensforge.runs.results import REPORT_FILE
+from lensforge.runs.stage import FolderStage
+from lensforge.runs.stage import handover as make_handover
+from lensforge.verbs import STAGES, STRAY, VERIFY
+
+
+def _command_of(stage: FolderStage[Any]) -> click.Command:
+    """The command of a stage: DIR, an option for each keyword that the stage names, ``--json`` and ``--quiet``."""
+    command: Command = with_output(functools.partial(_run, stage))
+    for name in reversed((*stage.options, *_FURTHER.get(stage.name, ()))):
+        command = OPTIONS[name](command)
+    made = click.command(stage.name, help=stage.help)(FOLDER(command))
+    keywords = signature(stage.verb).parameters
+    for option in made.params:
+        keyword = keywords.get(option.name or "")
+        option.required = option.required or (keyword is not None and keyword.default is keyword.empty)
+    return made
+
+
+def _run(
+    stage: FolderStage[Any],
+    *,
+    directory: Path,
+    output: Output,
+    stray: bool = False,
+    base: Literal["polished", "black"] = "polished",
+    **options: Any,
+) -> None:
+    """Run ``stage`` in a folder, and say what it found; with ``stray`` the stray light follows.
+
+    An option that is not given leaves the verb its own default.
+    """
+    from lensforge.cli.progress import PartsProgress
+    from lensforge.cli.stage_clock import StageClock
+
+    options = {name: value for name, value in options.items() if value is not None}
+    with opened(directory) as here:
+        with StageClock(stage.name, quiet=output.quiet, study=bool(stage.counts)) as clock:
+            heard = PartsProgress(clock, stage.counts).heard(stage.name) if stage.counts else {}
+            results: list[StageResult] = [stage.run_in(here, **options, **heard)]
+            for words in (*getattr(results[0], "notes", ()), *getattr(results[0], "warnings", ())):
+                clock.warn(words)
+            if stray:
+                clock.begin("stray light")
+                results.append(STRAY.run_in(here, base=base, **options))
+        finish(output, here, *results, decides=stage.decides)
+
+
+_FURTHER = {VERIFY.name: ("stray", "base")}  # options of a second stage
+STAGE_COMMANDS = tuple(_command_of(stage) for stage in STAGES)
 
 
 @click.command()
 @FOLDER
-@RAYS
-@THREADS
+@click.option("--spacing", type=float, metavar="MM", help="Between the points of dense tables; default: by --error.")
+@click.option("--error", type=float, default=10.0, metavar="NM", help="Of interpolation between the points.")
+@click.option("--interpolation", type=click.Choice(["bicubic", "linear"]), default="bicubic")
+@click.option("--slope", type=float, default=60.0, metavar="DEG", help="Where the raster ends.")
+@click.option("--offset-inner", type=float, default=0.0, metavar="MM", help="Ball whose centres the tables hold.")
+@click.option("--offset-outer", type=float, default=0.0, metavar="MM", help="The same for the outer face.")
 @click.option(
-    "--pixels", metavar="N", type=WholeNumber(1, 2048), help="Pixels across the receiver; default: from the spec."
+    "--drawing",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="TOML file whose [drawing] replaces the spec's: another revision.",
 )
-@click.option("--source", type=click.Path(path_type=Path), help="A ray file to use instead of the spec's source.")
-@click.option("--temperature", type=float, metavar="C", help="Temperature (Celsius) of the lens and the air around it.")
-@click.option("--name", help="Name of the record under other conditions; default: made from them.")
 @with_output
-def evaluate(
+def handover(
     directory: Path,
-    rays: int | None,
-    threads: int | None,
-    pixels: int | None,
-    source: Path | None,
-    temperature: float | None,
-    name: str | None,
+    spacing: float | None,
+    error: float,
+    interpolation: Literal["bicubic", "linear"],
+    slope: float,
+    offset_inner: float,
+    offset_outer: float,
+    drawing: Path | None,
     output: Output,
 ) -> None:
-    """Simulate the finished lens in DIR again.
+    """Write the files that go to the shop with the STEP.
 
-    With other --rays, --pixels, --source or --temperature than the lens's own the result is written to
-    evaluate_NAME.json beside evaluate.json, and decides nothing; the report shows it under other conditions.
+    A drawing with the findings of the check (HTML, PDF, DXF), and tables of points.
     """
     from lensforge.cli.stage_clock import StageClock
 
-    with StageClock("evaluate", quiet=output.quiet), threads_of_torch(threads):
-        light = pipeline.run_evaluate(
-            directory, rays=rays, pixels=pixels, source=source, temperature_c=temperature, name=name
-        )
-    finish(output, directory, light, decides="light")
-
-
-@click.command()
-@FOLDER
-@click.option(
-    "--schema", type=click.Choice(["AP214", "AP242"]), default="AP214", show_default=True, help="Schema of the STEP."
-)
-@click.option("--runout", type=float, metavar="DEG", help="Also write the faces untrimmed, extended by DEG degrees.")
-@click.option(
-    "--nodes",
-    metavar="N",
-    type=WholeNumber(1, 10_000),
-    help="Spline nodes across each optical face; default: as many as the form needs.",
-)
-@click.option(
-    "--rings",
-    metavar="N",
-    type=WholeNumber(1, 100_000),
-    help="Equal rings of the mesh; default: its facets are within 1 um of the faces.",
-)
-@click.option("--date", metavar="YYYY-MM-DD", help="Date of the files for the shop; default: that of the spec.")
-@with_output
-def export(
-    directory: Path,
-    schema: Literal["AP214", "AP242"],
-    runout: float | None,
-    nodes: int | None,
-    rings: int | None,
-    date: str | None,
-    output: Output,
-) -> None:
-    """Write STEP, STL and 3MF of the lens in DIR.
-
-    Each file is verified by reading it back.
-    """
-    from lensforge.cli.stage_clock import StageClock
-
-    with StageClock("export", quiet=output.quiet):
-        part = pipeline.run_export(directory, schema=schema, runout_deg=runout, nodes=nodes, rings=rings, date=date)
-    finish(output, directory, part, decides="files")
-
-
-@click.command()
-@FOLDER
-@with_output
-def check(directory: Path, output: Output) -> None:
-    """Say if the lens in DIR can be cut, and what to change.
-
-    Each face, each tool, how much of the face it reaches, and the fields of the spec that change it. --json has all
-    measurements: best-fit spheres, curvature, walls, draft, cusps.
-    """
-    from lensforge.cli.stage_clock import StageClock
-
-    with StageClock("check", quiet=output.quiet):
-        found = pipeline.run_check(directory)
-    finish(output, directory, found, decides="cutting")
-
-
-@click.command()
-@FOLDER
-@RAYS
-@THREADS
-@click.option("--stray", is_flag=True, help="Also trace reflections, the base and absorption; writes stray.json.")
-@click.option(
-    "--base",
-    type=click.Choice(["polished", "black"]),
-    default="polished",
-    show_default=True,
-    help="Finish of the base under --stray.",
-)
-@with_output
-def verify(
-    directory: Path,
-    rays: int | None,
-    threads: int | None,
-    stray: bool,
-    base: Literal["polished", "black"],
-    output: Output,
-) -> None:
-    """Cast rays through the exported part in DIR.
-
-    The ray cast is independent of the design. With other --rays than the preset's the result is written to
-    verify_NUMBERrays.json beside verify.json.
-    """
-    from lensforge.cli.stage_clock import StageClock
-
-    found: list[StageResult] = []
-    with StageClock("verify", quiet=output.quiet) as clock, threads_of_torch(threads):
-        proof = pipeline.run_verify(directory, rays=rays)
-        found.append(proof)
-        for note in proof.notes:
-            clock.warn(note)
-        if stray:
-            clock.begin("stray light")
-            found.append(pipeline.run_stray(directory, rays=rays, base=base))
-    finish(output, directory, *found, decides="files")
+    with opened(directory) as here:
+        with StageClock("handover", quiet=output.quiet):
+            made = make_handover(
+                here.to_show(),
+                spacing_mm=spacing,
+                error_nm=error,
+                interpolation=interpolation,
+                slope_deg=slope,
+                offset_inner_mm=offset_inner,
+                offset_outer_mm=offset_outer,
+                drawing=drawing,
+            )
+            made.save(directory)
+            here.renew()
+        finish_handover(output, here, made)
 
 
 @click.command()
@@ -170,13 +138,13 @@ def report(directories: tuple[Path, ...], out: Path | None, pdf: bool, output: O
         require_own(path)
     if len(directories) > 1:
         require_writable(page)
-    stale = printed.exists() and is_free_or_own(printed)
+    stale, run = printed.exists() and is_free_or_own(printed), None
     with StageClock("report", quiet=output.quiet):
         if len(directories) == 1:
-            pipeline.run_report(directories[0])
+            run = write_report(directories[0])
         else:
-            pipeline.run_comparison(directories, page)
+            write_comparison(directories, page)
         written = {"report": page, **({"pdf": write_pdf(page)} if pdf else {})}
     if stale and not pdf:
         click.echo(f"{printed} showed the earlier page and is removed; --pdf writes a new one", err=True)
-    finish_page(output, directories[0] if len(directories) == 1 else None, written)
+    finish_page(output, run, written)

@@ -10,8 +10,8 @@ from lensforge.cli.design import run_with_progress
 from lensforge.cli.options import ACCURACY, RAYS, SCHEDULER, SEED, THREADS, resume_after_interrupt, with_rays
 from lensforge.cli.output import Output, with_output
 from lensforge.cli.whole_number import WholeNumber
+from lensforge.results.arguments import threads_of_torch
 from lensforge.results.criteria import require
-from lensforge.runs.arguments import threads_of_torch
 from lensforge.spec import Accuracy, Spec, load_spec
 
 

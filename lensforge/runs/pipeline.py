@@ -1,252 +1,184 @@
-"""Runs in a result folder: all stages in turn, or one stage again; each writes its files.
+"""The whole run: a search, and every stage after it, side by side where there are two cores.
 
-A result that misses a criterion is still written; ``run.json`` holds the verdict and is renewed by every stage. A
-result under other conditions than the lens's own, such as another source, goes beside the lens's own one.
+The CAD kernel computes on one core and holds Python's lock. So the part is made in a second process while this one
+simulates the light, and is checked there while this one verifies it with the second one's help. Only this one writes.
+A result that misses a criterion is still written; the verdict says so.
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Unpack
 
 from lensforge.cad.part import Part
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import Light
+from lensforge.light.lens_light import evaluate
 from lensforge.light.photometry_result import Photometry
+from lensforge.proof.casts import verify, verify_with
 from lensforge.proof.proof_result import Proof
-from lensforge.proof.stray_result import StrayLight
-from lensforge.results.folder_lock import in_locked_folder, locked
+from lensforge.results.arguments import threads_of_torch
+from lensforge.results.file_bounds import remembered
+from lensforge.results.freed_memory import return_freed_memory
 from lensforge.results.ownership import require_own
-from lensforge.runs import cast_stages, stages
-from lensforge.runs.arguments import threads_of_torch
-from lensforge.runs.later_stages import Announce, Ended, Told, process_for_later_stages, run_later_stages
-from lensforge.runs.other_conditions import light_conditions, source_with_file
+from lensforge.results.second_process import SecondProcess, second_process
+from lensforge.runs.folder import Run, RunFolder, existing, folder_of, opened
 from lensforge.runs.results import REPORT_FILE
-from lensforge.runs.run_folder import Run, folder_of, load_to_show, open_run, renew, require_free, write_result
-from lensforge.runs.starts import best_design
-from lensforge.scene.lens import Lens, load_lens
-from lensforge.search.checkpoint import CHECKPOINT, delete_checkpoint, is_checkpoint
-from lensforge.search.design_result import Design, Observer
+from lensforge.runs.stage import build, check, photometry
+from lensforge.search.checkpoint import CHECKPOINT, delete_checkpoint
+from lensforge.search.searches import SearchOptions, best_design, design
 from lensforge.shop.check_result import Check
-from lensforge.sources.photometric.ies import NEWEST, IesVersion
-from lensforge.spec import Accuracy, DrawingSection, Spec
+from lensforge.spec import Spec
 from lensforge.spec.design_spec import require_spec
 from lensforge.spec.feasible import require_base_around_cavity
 from lensforge.surfaces.imported_face import LENS_FILE
 
-if TYPE_CHECKING:
-    from lensforge.shop.dense_table import GridRequest
-    from lensforge.shop.handover import Handover
+
+@dataclass(frozen=True)
+class Listener:
+    """Functions that hear of the stages: ``begins`` gets a stage's name, ``ended`` its name and seconds."""
+
+    begins: Callable[[str], None] = lambda _name: None
+    ended: Callable[[str, float], None] = lambda _name, _seconds: None
+
+    @contextmanager
+    def timed(self, name: str) -> Iterator[None]:
+        """Tell of a stage that takes the time of the block."""
+        self.begins(name)
+        started = time.perf_counter()
+        yield
+        self.ended(name, time.perf_counter() - started)
 
 
 def run(
     spec: Spec,
     folder: Path | str,
     *,
-    accuracy: Accuracy = "standard",
-    seed: int = 0,
-    threads: int | None = None,
-    start: Lens | None = None,
-    checkpoint: Path | str | None = None,
-    progress: Observer | None = None,
-    device: Literal["cpu", "cuda"] = "cpu",
-    announce: Announce | None = None,
-    ended: Ended | None = None,
-    warn: Callable[[str], None] | None = None,
-    anyway: bool = False,
     starts: int = 1,
     scheduler: str | None = None,
+    announce: Callable[[str], None] | None = None,
+    ended: Callable[[str, float], None] | None = None,
+    **options: Unpack[SearchOptions],
 ) -> Run:
     """Run every stage and write ``folder``: design, evaluate, photometry, export, check, verify, report.
 
-    Arguments are those of :func:`lensforge.design`. Without ``checkpoint`` the search starts anew and keeps one
+    ``options`` are those of :func:`lensforge.design`. Without ``checkpoint`` the search starts anew and keeps one
     in the folder until the run has ended; a file given as ``checkpoint`` is never deleted. ``announce`` is called with
     the name of every later stage as it begins, ``ended`` with its name and seconds as it ends: where there are two
     cores, some run side by side. A missed criterion raises nothing: see the run's ``verdict``. Raises
-    :class:`InputError` at once where another process or thread writes in ``folder``, as does every stage below.
+    :class:`InputError` at once where another process or thread writes in ``folder``, as does every stage.
     ``starts``, ``scheduler``: as of :func:`best_design`; they keep no checkpoint, and take no ``start``.
     """
     began = time.perf_counter()
     require_spec(spec, "run")
     require_base_around_cavity(spec.lens, spec.constraints, spec.base)  # a run makes the part, its search may be long
-    several = starts != 1 or scheduler is not None
-    if several and (start is not None or checkpoint is not None or device != "cpu"):
-        raise InputError("several starts, or a scheduler: without start, checkpoint (--resume) and device")
-    folder, announce, ended = folder_of(folder), announce or (lambda _: None), ended or (lambda _name, _seconds: None)
+    folder, heard = folder_of(folder), Listener(announce or Listener.begins, ended or Listener.ended)
     if spec.lens.start is not None and spec.lens.start.resolve() == (folder / LENS_FILE).resolve():
         raise InputError(f"lens.start = {spec.lens.start}: the run would overwrite it; give another result folder")
-    with locked(folder, create=True), threads_of_torch(threads):
+    with opened(folder, create=True) as here, threads_of_torch(options.get("threads")):
         require_own(folder / REPORT_FILE)
-        told = Told(announce, ended)
-        with process_for_later_stages() as second:
-            result = (
-                best_design(
-                    spec,
-                    starts=starts,
-                    accuracy=accuracy,
-                    seed=seed,
-                    scheduler=scheduler,
-                    progress=progress,
-                    announce=announce,
-                    warn=warn,
-                    anyway=anyway,
-                )
-                if several
-                else stages.design(
-                    spec,
-                    accuracy=accuracy,
-                    seed=seed,
-                    start=start,
-                    checkpoint=folder / CHECKPOINT if checkpoint is None else checkpoint,
-                    resume=checkpoint is not None,
-                    progress=progress,
-                    device=device,
-                    warn=warn,
-                    anyway=anyway,
-                )
-            )
-            write_design(result, folder)
-            run_later_stages(folder, told, second)
-        with told.timed("report"):
-            refresh_report(folder, seconds=time.perf_counter() - began)
+        with _process_for_later_stages() as second:
+            if starts != 1 or scheduler is not None:
+                made = best_design(spec, starts=starts, scheduler=scheduler, announce=announce, **options)
+            else:
+                resume = options.get("checkpoint") is not None
+                if not resume:
+                    options["checkpoint"] = folder / CHECKPOINT
+                made = design(spec, resume=resume, **options)
+            here.write(made)
+            run_later_stages(here, heard, second)
+        with heard.timed("report"):
+            here.write_report(seconds=time.perf_counter() - began)
         delete_checkpoint(folder / CHECKPOINT)  # not earlier: a run interrupted in any stage resumes from it
-        return open_run(folder)
+        return here.run
 
 
-def resumable(folder: Path) -> bool:
-    """True where an interrupted run in ``folder`` can be resumed."""
-    return is_checkpoint(folder / CHECKPOINT)
+@contextmanager
+def _process_for_later_stages() -> Iterator[SecondProcess]:
+    """A second process where there are two cores, which loads the CAD kernel while this one searches."""
+    import torch
+
+    with second_process(torch.get_num_threads() > 1) as second:
+        if second.runs:
+            second.call(_load_cad_kernel)
+        yield second
 
 
-def write_design(result: Design, folder: Path) -> Design:
-    """Write ``lens.json`` and ``design.json``."""
-    result.lens.save(folder / LENS_FILE)
-    return write_result(result, folder)
+def _load_cad_kernel() -> None:
+    import cadquery  # noqa: F401  two seconds
+
+    import lensforge.cad.part_export  # noqa: F401
 
 
-@in_locked_folder
-def run_evaluate(
-    folder: Path,
-    *,
-    rays: int | None = None,
-    pixels: int | None = None,
-    source: Path | None = None,
-    temperature_c: float | None = None,
-    name: str | None = None,
-) -> Light:
-    """Simulate the finished lens again.
+def run_later_stages(here: RunFolder, heard: Listener, second: SecondProcess) -> None:
+    """Evaluate, export, check, verify and photometry of the lens in a folder; the same bits on one core or more."""
+    import torch
 
-    Where ``rays``, ``pixels``, ``source`` (a ray file in place of the spec's source) or ``temperature_c`` are not the
-    lens's own, the light is written to ``evaluate_<name>.json``; ``name`` is by default made from what differs. Raises
-    :class:`InputError` where that file holds the light under other conditions.
-    """
-    lens = load_lens(folder / LENS_FILE)
-    other = source_with_file(lens.spec, source)
-    conditions = light_conditions(lens, source=other, rays=rays, pixels=pixels, temperature_c=temperature_c)
-    if conditions is not None:
-        conditions = conditions if name is None else conditions.renamed(name)
-        require_free(folder, lens, conditions)
-    elif name is not None:
-        raise InputError(f"name = {name!r}: these are the lens's own conditions; give it with another source or rays")
-    light = stages.evaluate(lens, rays=rays, pixels=pixels, source=other, temperature_c=temperature_c)
-    if conditions is not None and light.conditions is not None:
-        light = light.model_copy(update={"conditions": light.conditions.renamed(conditions.name)})
-    return write_result(light, folder)
+    return_freed_memory()  # of the search: two processes are to need no more than one did
+    if second.runs:
+        with threads_of_torch(max(1, torch.get_num_threads() - 1)):
+            _side_by_side(here, heard, second)
+    else:
+        _one_after_another(here, heard)
 
 
-@in_locked_folder
-def run_export(
-    folder: Path,
-    *,
-    schema: Literal["AP214", "AP242"] = "AP214",
-    runout_deg: float | None = None,
-    nodes: int | None = None,
-    rings: int | None = None,
-    date: str | None = None,
-) -> Part:
-    """Write STEP, STL and 3MF, verified by reading them back."""
-    lens = load_lens(folder / LENS_FILE)
-    part = stages.build(lens, schema=schema, runout_deg=runout_deg, nodes=nodes, rings=rings, date=date)
-    return write_result(part, folder)
+def _one_after_another(here: RunFolder, heard: Listener) -> None:
+    lens = here.run.lens
+    with heard.timed(Light.stage):
+        light = here.write(evaluate(lens))
+    with heard.timed(Part.stage):
+        part = here.write(build(lens))
+    with heard.timed(Check.stage):
+        here.write(check(part))
+    with heard.timed(Proof.stage):
+        here.write(verify(part, light))
+    with heard.timed(Photometry.stage):
+        here.write(photometry(lens))
 
 
-@in_locked_folder
-def run_check(folder: Path) -> Check:
-    """Check whether the part can be cut: the exported one or, before an export, the one to be exported."""
-    from lensforge.shop.check import check_lens, check_part
+def _side_by_side(here: RunFolder, heard: Listener, second: SecondProcess) -> None:
+    """Run the stages with a second process, which has the part to make and to check, and then a share of verify."""
+    from lensforge.shop.check import check_lens
 
-    part = open_run(folder).find(Part)
-    return write_result(check_lens(load_lens(folder / LENS_FILE)) if part is None else check_part(part), folder)
-
-
-@in_locked_folder
-def run_verify(folder: Path, *, rays: int | None = None) -> Proof:
-    """Cast rays through the exported part, and compare their landings with the design's.
-
-    With other ``rays`` than the preset's the proof is written to ``verify_<rays>rays.json``; so are, under their own
-    names, the results of the functions below.
-    """
-    results = open_run(folder)
-    return write_result(cast_stages.verify(results.part, results.light, rays=rays), folder)
-
-
-@in_locked_folder
-def run_stray(folder: Path, *, rays: int | None = None, base: Literal["polished", "black"] = "polished") -> StrayLight:
-    """Follow rays through the exported part with reflections, base and absorption."""
-    return write_result(cast_stages.stray_light(open_run(folder).part, rays=rays, base=base), folder)
-
-
-@in_locked_folder
-def run_photometry(
-    folder: Path, *, rays: int | None = None, lumens: float | None = None, ies_version: IesVersion = NEWEST
-) -> Photometry:
-    """Write the light of the lens as IES, EULUMDAT, TM-33 and TM-25 files."""
-    lens = load_lens(folder / LENS_FILE)
-    return write_result(stages.photometry(lens, rays=rays, lumens=lumens, ies_version=ies_version), folder)
+    lens = here.run.lens
+    made = second.call(build, lens)
+    checked = second.call_after(made, lambda part: (lens, part.nodes), check_lens)
+    heard.begins(Part.stage)
+    with heard.timed(Light.stage):
+        light = here.write(evaluate(lens))
+    with heard.timed(Photometry.stage):
+        here.write(photometry(lens))
+    return_freed_memory()
+    part = made.result()
+    for content in (part.step, part.stl, part.threemf):
+        remembered(content)  # this program made them, if not this process
+    here.write(part)
+    heard.ended(Part.stage, part.seconds)
+    heard.begins(Check.stage)
+    with heard.timed(Proof.stage):
+        proof = verify_with(second, part, light)
+        found = here.write(checked.result())
+        heard.ended(Check.stage, found.seconds)
+        here.write(proof)
 
 
-@in_locked_folder
-def run_handover(folder: Path, request: "GridRequest | None" = None, words: DrawingSection | None = None) -> "Handover":
-    """Write the documents that go to the shop with the STEP file.
-
-    ``request``: of the dense tables of points. ``words``: of the drawing's title block; None: those of the spec.
-    """
-    from lensforge.shop.shop_files import make_handover
-
-    handover = make_handover(load_to_show(folder), request, words)
-    handover.save(folder)
-    renew(folder)
-    return handover
-
-
-@in_locked_folder
-def run_report(folder: Path) -> Path:
-    """Write ``report.html`` from the results in ``folder``; a PDF of an earlier page is deleted.
+def write_report(folder: Path) -> Run:
+    """Write ``report.html`` from the results in ``folder``, and return the run; a PDF of an earlier page is deleted.
 
     Raises :class:`InputError` for a record or a file of other content than the hashes say, before anything is written.
     """
-    load_to_show(folder)
-    return refresh_report(folder)
+    with opened(folder) as here:
+        here.to_show()
+        here.write_report()
+        return here.run
 
 
-def refresh_report(folder: Path, *, seconds: float | None = None) -> Path:
-    """Write ``report.html`` as :func:`run_report` does; a record that it would refuse counts as not run.
-
-    ``seconds``: that a whole run has taken so far.
-    """
-    from lensforge.report.lens_page import render_report
-    from lensforge.report.page import write_page
-
-    renew(folder, seconds=seconds)  # before the page is written: it states the hash of every file
-    write_page(render_report(open_run(folder), folder), folder / REPORT_FILE)
-    return folder / REPORT_FILE
-
-
-def run_comparison(folders: Sequence[Path], page: Path) -> Path:
+def write_comparison(folders: Sequence[Path], page: Path) -> None:
     """Write one page that compares the designs in ``folders``; a PDF of an earlier page is deleted."""
     from lensforge.report.compare import folder_names, render_comparison
     from lensforge.report.page import write_page
 
     names = folder_names(folders)
-    write_page(render_comparison([load_to_show(folder) for folder in folders], names), page)
-    return page
+    write_page(render_comparison([existing(folder).to_show() for folder in folders], names), page)

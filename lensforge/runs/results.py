@@ -1,13 +1,12 @@
-"""The results of all stages for one lens, in memory or read from a result folder."""
+"""The results of all stages for one lens, and the names of their files in a result folder."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TypeVar
 
 from lensforge.cad.part import Part
 from lensforge.cad.part_facts import part_facts
-from lensforge.errors import InputError, MissingResult, OutdatedResult
+from lensforge.errors import MissingResult
 from lensforge.light.evaluation_result import Light
 from lensforge.light.light_facts import LimitBounds, light_facts, light_reasons
 from lensforge.light.photometry_facts import photometry_facts
@@ -20,17 +19,15 @@ from lensforge.made.yield_facts import sensitivity_facts, yield_facts
 from lensforge.proof.proof_facts import proof_facts, stray_facts
 from lensforge.proof.proof_result import JUDGED_FILES, Proof
 from lensforge.proof.stray_result import StrayLight
-from lensforge.results import Group, SimulatedResult, StageResult
+from lensforge.results import Conditions, Group, SimulatedResult, StageResult
 from lensforge.results.criteria import Criterion, missed
 from lensforge.runs.verdict import Reason, Verdict
-from lensforge.scene.lens import Lens, load_lens
-from lensforge.search.checkpoint import CHECKPOINT, is_checkpoint
+from lensforge.scene.lens import Lens
 from lensforge.search.design_facts import design_facts
 from lensforge.search.design_result import Design
 from lensforge.shop.check_facts import check_facts, cutting_reasons
 from lensforge.shop.check_result import Check
 from lensforge.spec import Spec
-from lensforge.surfaces.imported_face import LENS_FILE
 
 REPORT_FILE = "report.html"
 # Results of a whole run, each after those that it is made from.
@@ -46,8 +43,7 @@ EXTRAS: dict[str, type[StageResult]] = {
     "sensitivity": Sensitivity,
     "yield": Yield,
 }
-_FILES: dict[str, type[StageResult]] = {**{kind.stage: kind for kind in STAGES}, **EXTRAS}
-_HOLD_LENS = (Design, Part)
+OF_STEMS: dict[str, type[StageResult]] = {**{kind.stage: kind for kind in STAGES}, **EXTRAS}
 
 _Result = TypeVar("_Result", bound=StageResult)
 
@@ -114,6 +110,11 @@ class Results:
     def photometry(self) -> Photometry:
         """The far field, and the files that hold it."""
         return self.take(Photometry)
+
+    @property
+    def part_or_lens(self) -> Part | Lens:
+        """The part, or before an export the lens."""
+        return self.find(Part) or self.lens
 
     @property
     def surfaces(self) -> dict[str, SurfaceComparison]:
@@ -233,7 +234,7 @@ def unjudged_files(part: Part, proof: Proof | None) -> tuple[str, ...]:
 
 def is_own(stem: str) -> bool:
     """True for the stem of a result under the lens's own conditions."""
-    return stem in _FILES
+    return stem in OF_STEMS
 
 
 def stem_of(result: StageResult) -> str:
@@ -241,73 +242,10 @@ def stem_of(result: StageResult) -> str:
     stem = result.stage
     if isinstance(result, SurfaceComparison | Correction):
         stem = f"{result.command.split()[0]}_{result.surface}"
-    conditions = result.conditions if isinstance(result, SimulatedResult) else None
+    conditions = conditions_of(result)
     return stem if conditions is None else f"{stem}_{conditions.name}"
 
 
-def load_results(folder: Path, *, damaged_too: bool = False) -> Results:
-    """Read all results in ``folder``; only lens.json is required. Raises :class:`InputError` for a damaged file.
-
-    With ``damaged_too`` a damaged record counts as not run, like an outdated one, so that its stage can write it anew.
-    """
-    folder = Path(folder)
-    lens = _lens_in(folder)
-    found: dict[str, StageResult] = {}
-    outdated: dict[str, str] = {}
-    others: dict[str, SimulatedResult] = {}
-    for stem, kind in _files_in(folder):
-        given = {"lens": lens} if kind in _HOLD_LENS else {}
-        try:
-            result = kind.read(folder, stem, **given)
-        except InputError as error:
-            if not (damaged_too or isinstance(error, OutdatedResult)):
-                raise
-            outdated[stem] = str(error)
-            continue
-        why = _mismatch(result, lens, found) or _foreign_conditions(result, stem)
-        if why:
-            outdated[stem] = f"{why}; {kind.again()}"
-        elif stem in _FILES:
-            found[stem] = result
-        elif isinstance(result, SimulatedResult):
-            others[stem] = result
-    return Results(lens, found, outdated, others)
-
-
-def _lens_in(folder: Path) -> Lens:
-    path = folder / LENS_FILE
-    if not path.exists() and is_checkpoint(folder / CHECKPOINT):
-        raise InputError(f"{path}: no such file: the search was interrupted; design with --resume continues it")
-    return load_lens(path)
-
-
-def _files_in(folder: Path) -> Iterator[tuple[str, type[StageResult]]]:
-    """Stem and class of each record in ``folder``: the lens's own first, then those under other conditions."""
-    for stem, kind in _FILES.items():
-        if (folder / f"{stem}.json").exists():
-            yield stem, kind
-    for stem, kind in _FILES.items():
-        if issubclass(kind, SimulatedResult):
-            for path in sorted(folder.glob(f"{stem}_*.json")):
-                yield path.stem, kind
-
-
-def _foreign_conditions(result: StageResult, stem: str) -> str:
-    """The reason why ``result`` is not what its file's name says: the lens's own, of a surface, under conditions."""
-    conditions = result.conditions if isinstance(result, SimulatedResult) else None
-    if stem in _FILES and conditions is not None:
-        return f"it was made under other conditions than the lens's own ({conditions})"
-    if stem not in _FILES and conditions is None:
-        return "it was made under the lens's own conditions, so another file holds it"
-    return "" if stem_of(result) == stem else f"it belongs into {stem_of(result)}.json"
-
-
-def _mismatch(result: StageResult, lens: Lens, found: Mapping[str, StageResult]) -> str:
-    """The reason why ``result`` belongs to another lens, part or light; empty where it does not."""
-    known = {"lens": lens.sha256, **{name: found[name].sha256 for name in ("export", "evaluate") if name in found}}
-    for name in result.made_from:
-        if name in ("export", "evaluate") and name not in known:
-            return f"the {name} that it was made from is missing"
-        if name in known and known[name] != result.inputs[name]:
-            return f"it was made from another {name}"
-    return ""
+def conditions_of(result: StageResult) -> Conditions | None:
+    """Conditions of ``result`` that are not the lens's own; None for the lens's own record."""
+    return result.conditions if isinstance(result, SimulatedResult) else None

@@ -15,7 +15,7 @@ from lensforge.results.files import replacing
 from lensforge.results.folder_lock import locked
 from lensforge.results.ownership import require_own
 from lensforge.runs import pipeline
-from lensforge.runs.results import load_results
+from lensforge.runs.stored import load_results
 from lensforge.runs.sweep import Sweep, Variant, Variation, sweep_of
 from lensforge.runs.sweep_page import sweep_page, sweep_png
 from lensforge.scene.lens import load_lens

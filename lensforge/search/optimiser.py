@@ -21,7 +21,6 @@ from lensforge.search.design_result import Design, Margins, Observer, Progress, 
 from lensforge.search.feasibility import feasible_lens, require_feasible_start
 from lensforge.search.merit import Evaluated, Problem, Problems
 from lensforge.search.robust_parts import Pair
-from lensforge.search.scene_check import SceneCheck
 from lensforge.search.schedule import Outcome, Schedule, Stage, Turn, fixed_schedule, rays_ahead, stages_of
 from lensforge.search.search_state import Adam, Parameters, SearchState, level_of, moments_of, restored, resume_adam
 from lensforge.search.symmetry import settled_symmetry
@@ -263,7 +262,7 @@ def search(
     checkpoint: Path | None = None,
     resume: bool = False,
     progress: Observer | None = None,
-    anyway: bool = False,
+    warnings: tuple[str, ...] = (),
 ) -> Design:
     """Search for the lens of ``spec``; its rays are traced by the CPU's kernels, or by torch on ``device``.
 
@@ -271,11 +270,9 @@ def search(
     automatic ones begin with as many as it has, the broad ones first. ``checkpoint`` is written every few seconds and
     at an interrupt; with ``resume`` the search goes on from it and ends with the same bits as an uninterrupted one,
     unless ``optimise.seconds`` makes it depend on time. ``progress`` is called after every gradient step; where it
-    returns False, the search raises :class:`Cancelled`. Raises :class:`InputError` for a scene without light in the
-    lens, or a target of which no lens can light half, unless ``anyway``.
+    returns False, the search raises :class:`Cancelled`. ``warnings``: on the scene, for the record.
     """
-    clock, scene = Stopwatch(), SceneCheck.of(spec, source, start)
-    scene.require_light(anyway=anyway)
+    clock = Stopwatch()
     preset, spec = PRESETS[accuracy], settled_symmetry(spec, source)
     schedule = _schedule(spec, source, preset, start)
     problems = Problems(spec, source, preset.nodes_per_sigma, device)
@@ -298,7 +295,7 @@ def search(
     lens, margins = feasible_lens(problem, state, seed, accuracy)
     why = schedule.turn(state.outcomes).why or None
     state = replace(state, seconds=clock.seconds())
-    return _design(lens, margins, source, state, last.rays, why, scene.warnings())
+    return _design(lens, margins, source, state, last.rays, why, warnings)
 
 
 def _schedule(spec: Spec, source: Source, preset: Preset, start: Lens | None) -> Schedule:

@@ -199,8 +199,8 @@ class SceneCheck:
         x, y, z = (rays.flux @ rays.directions / rays.flux.sum()).tolist()
         return SceneCheck(spec, sum(by_fate.values()), lost, *asked_light(spec, source), (x, y, z))
 
-    def require_light(self, *, anyway: bool = False) -> None:
-        """Raise :class:`InputError` where no light enters the lens or, unless ``anyway``, less than half can do.
+    def require_light(self, *, force: bool = False) -> None:
+        """Raise :class:`InputError` where no light enters the lens or, unless ``force``, less than half can do.
 
         That is half of what the target asks for. A luminance that is an estimate refuses nothing.
         """
@@ -210,10 +210,10 @@ class SceneCheck:
                 f"{_percent(_LEAST_ENTERING)} must: {self._causes()}; try {', '.join(self._remedies())}"
             )
         for field, asked in self._asked():
-            if asked.met < LEAST_POSSIBLE and asked.certain and not anyway:
+            if asked.met < LEAST_POSSIBLE and asked.certain and not force:
                 raise InputError(
                     f"{field}: {asked.possible_words} {self._through()}, less than half of the {asked.asked_words}: "
-                    f"{self._help(asked)}; or design it all the same: --anyway, in a script anyway=True"
+                    f"{self._help(asked)}; or design it all the same: --force, in a script force=True"
                 )
 
     def warnings(self) -> tuple[str, ...]:

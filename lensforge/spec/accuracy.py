@@ -8,6 +8,7 @@ evaluation falls, first to 1/13, then to less than 1/2.
 
 from dataclasses import dataclass, replace
 
+from lensforge.errors import InputError
 from lensforge.spec import Accuracy
 
 
@@ -77,3 +78,11 @@ PRESETS: dict[Accuracy, Preset] = {
     "standard": Preset(3.4, 8.0, 2**16, 100, 300, 2**23, 2**22, 2**16, _STANDARD),
     "reference": Preset(5.0, 12.0, 2**18, 150, 600, 2**24, 2**24, 2**17, _REFERENCE),
 }
+
+
+def preset_of(accuracy: str) -> Preset:
+    """The settings of an accuracy preset. Raises :class:`InputError` for an unknown name."""
+    for name, preset in PRESETS.items():
+        if name == accuracy:
+            return preset
+    raise InputError(f"accuracy = {accuracy!r}: one of {', '.join(PRESETS)}")

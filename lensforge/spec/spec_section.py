@@ -271,6 +271,14 @@ def iso_date(value: Any) -> str:
     raise ValueError("a date is written as year-month-day, such as 2026-01-31")
 
 
+def date_of(name: str, value: object) -> str | None:
+    """The argument ``name`` as the text of a date; None stays None. Raises :class:`InputError` for anything else."""
+    try:
+        return None if value is None else iso_date(value)
+    except ValueError as error:
+        raise InputError(f"{name} = {str(value)[:60]!r}: {error}") from None
+
+
 # From a nanometre to a kilometre, with room to spare: squares and ratios of lengths stay within floating point.
 Millimetres = Annotated[float, Field(ge=1e-6, le=1e9)]
 MillimetresOrZero = Annotated[float, Field(ge=0.0, le=1e9)]

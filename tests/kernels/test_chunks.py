@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from lensforge.kernels.parallel import CHUNKS, in_chunks, in_parallel
-from lensforge.runs.arguments import threads_of_torch
+from lensforge.results.arguments import threads_of_torch
 
 
 @pytest.mark.parametrize("threads", [1, 2, 5])

@@ -15,8 +15,8 @@ from scenes import small_spec, sphere
 
 import lensforge as lf
 from lensforge.results import SimulatedResult, StageResult
-from lensforge.runs.pipeline import run_evaluate
 from lensforge.runs.results import EXTRAS, STAGES
+from lensforge.verbs import EVALUATE
 
 ROOT = Path(__file__).parents[2]
 
@@ -215,7 +215,7 @@ def test_a_stage_that_is_run_again_mends_a_damaged_record(small_run: lf.Run, tmp
         (folder / "stray.json").write_text("[]")
     with pytest.raises(lf.InputError):
         lf.load(folder)
-    assert run_evaluate(folder).sha256 == small_run.light.sha256
+    assert EVALUATE.run(folder).sha256 == small_run.light.sha256
     (folder / "stray.json").unlink(missing_ok=True)
     assert lf.load(folder).light.sha256 == small_run.light.sha256
 

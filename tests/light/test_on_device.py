@@ -17,9 +17,9 @@ from lensforge.light.device_trace import DeviceTable, first_crossing, tables_on
 from lensforge.light.sequential_trace import TensorRays, trace_sequence
 from lensforge.light.table_trace import Scene
 from lensforge.optics.media import Media
-from lensforge.runs.arguments import device_of
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.search.light_path import TableSurface
+from lensforge.search.searches import device_of
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate

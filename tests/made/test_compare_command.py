@@ -13,7 +13,7 @@ import lensforge as lf
 from lensforge.cli.cli import cli
 from lensforge.errors import CriterionMissed, InputError
 from lensforge.light.evaluation_result import Light
-from lensforge.runs.pipeline import run_evaluate
+from lensforge.verbs import EVALUATE
 
 LENS = lens()
 
@@ -22,7 +22,7 @@ LENS = lens()
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     directory = tmp_path_factory.mktemp("measured")
     LENS.save(directory / "lens.json")
-    run_evaluate(directory)
+    EVALUATE.run(directory)
     return directory
 
 
@@ -107,15 +107,15 @@ def test_a_part_of_the_surface_fails_its_criterion(folder: Path) -> None:
         ([], "--on PHOTO"),
         (["--on", "a.png", "--points", "b.csv"], "--on PHOTO"),
         (["--on", "a.png"], "a.png: no such file"),
-        (["--points", "b.csv"], "--surface"),
+        (["--points", "b.csv"], "surface = None: must be 'inner' or 'outer'"),
         (["--points", "b.csv", "--surface", "outer"], "no such file"),
         (
             ["--points", "b.csv", "--surface", "outer", "--off", "a.png", "--gamma", "2.2"],
-            "compare: --off, --gamma: of no use in a comparison with points; leave it out",
+            "compare: off, gamma: of no use in a comparison with points; leave it out",
         ),
         (
             ["--on", "a.png", "--rays", "64", "--surface", "outer", "--registration", "none"],
-            "compare: --surface, --registration, --rays: of no use in a comparison with a photograph",
+            "compare: surface, registration, rays: of no use in a comparison with a photograph",
         ),
     ],
 )

@@ -34,7 +34,7 @@ def cluster():
     They are forked from a process that has loaded what they need, which takes seconds for each that loads it itself.
     """
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["distributed", "lensforge.made.measured_parts", "lensforge.runs.starts"])
+    context.set_forkserver_preload(["distributed", "lensforge.made.measured_parts", "lensforge.search.searches"])
     forkserver.ensure_running()
     with (
         dask.config.set({"distributed.worker.multiprocessing-method": "forkserver"}),

@@ -13,9 +13,9 @@ from lensforge.errors import InputError
 from lensforge.light.metrics import rsd_estimate
 from lensforge.made.part_study import PartStudy, Recipe
 from lensforge.made.tolerance_result import PassRate, Yield
+from lensforge.made.tolerance_studies import _name_of
 from lensforge.made.yield_facts import metric_words, spread_rows
 from lensforge.made.yield_study import measure_yield
-from lensforge.runs.tolerance_stages import _name_of
 from lensforge.scene.pixel_grid import PixelGrid, splat_flux
 
 SMALL = {

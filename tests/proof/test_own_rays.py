@@ -7,11 +7,11 @@ from nightly import first_by_day
 from scenes import small_spec
 
 import lensforge as lf
+from lensforge.light.lens_conditions import source_of
 from lensforge.proof import independent_draws
 from lensforge.proof.acceptance import MOST_APART, proof_criteria
 from lensforge.proof.part_comparison import RAYS, emission_difference
 from lensforge.proof.proof_inputs import independent_rays
-from lensforge.runs.arguments import source_of
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.ray_set import RaySetEmitter

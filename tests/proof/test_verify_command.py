@@ -8,8 +8,8 @@ from click.testing import CliRunner
 from scenes import random_surface, small_spec
 
 from lensforge.cli.cli import cli
-from lensforge.runs.pipeline import run_evaluate, run_export
 from lensforge.scene.lens import Lens
+from lensforge.verbs import EVALUATE, EXPORT
 
 
 @pytest.fixture(scope="module")
@@ -18,8 +18,8 @@ def verified(tmp_path_factory):
     spec = small_spec(lens__absorption_per_mm=0.002)
     surfaces = [random_surface(seed, offset, 0.002, (9, 25)) for seed, offset in ((1, 3.0), (2, 6.0))]
     Lens(*surfaces, spec, 0, "draft").save(folder / "lens.json")
-    run_evaluate(folder)
-    run_export(folder, rings=32)  # a mesh for the cast, not for the shop
+    EVALUATE.run(folder)
+    EXPORT.run(folder, rings=32)  # a mesh for the cast, not for the shop
     done = CliRunner().invoke(cli, ["verify", str(folder), "--rays", "2048", "--stray", "--base", "black", "--json"])
     assert done.exit_code == 0, (done.output, done.exception)
     return folder, json.loads(done.stdout)

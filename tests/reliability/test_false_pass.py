@@ -15,9 +15,9 @@ import pytest
 
 import lensforge as lf
 from lensforge.results.stage_result import with_checksum
-from lensforge.runs import pipeline
+from lensforge.runs.folder import RunFolder
+from lensforge.runs.pipeline import write_report
 from lensforge.runs.results import EXTRAS, STAGES
-from lensforge.runs.run_folder import open_run, renew
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -101,6 +101,10 @@ def way_of(source: str) -> tuple[str | int, ...]:
     return tuple(int(part) if part.isdigit() else part for part in source.split("."))
 
 
+def handed_over(folder: Path) -> lf.Handover:
+    return lf.handover(RunFolder(folder).to_show())
+
+
 def refusal(command: Any, folder: Path) -> str:
     """Why a command refuses the folder, in one line and with exit code 2; empty where it ends well."""
     try:
@@ -131,7 +135,7 @@ def test_a_changed_record_is_refused_where_run_json_knows_it(folder: Path, stem:
     content = record_in(folder, stem)
     first = next(key for key, value in content["inputs"].items() if isinstance(value, str))
     write(folder, stem, content | {"inputs": content["inputs"] | {first: "0" * 64}})
-    commands = (pipeline.run_report, pipeline.run_handover)
+    commands = (write_report, handed_over)
     for command in commands:
         message = refusal(command, folder)
         assert (stem in message and "again" in message) or "does not count any more" in message, message
@@ -143,12 +147,12 @@ def test_an_outcome_that_its_value_does_not_carry_is_refused_with_or_without_run
     content["criteria"][0]["value"] = 1e9
     write(folder, "export", content)
     for path in ("run.json", "report.html"):
-        for command in (pipeline.run_report, pipeline.run_handover, lf.load):
+        for command in (write_report, handed_over, lf.load):
             assert "passed = True, but its value and limit say False" in refusal(command, folder)
         (folder / path).unlink()
     content["criteria"][0]["passed"] = False
     write(folder, "export", content)
-    pipeline.run_report(folder)
+    write_report(folder)
     assert "form error" in (folder / "report.html").read_text(encoding="utf-8")
     assert lf.load(folder).verdict.files == "fail"
 
@@ -159,7 +163,7 @@ def test_a_file_with_other_bytes_is_refused(folder: Path, name: str) -> None:
     content[len(content) // 2] ^= 1
     (folder / name).write_bytes(bytes(content))
     before = {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
-    for command in (pipeline.run_report, pipeline.run_handover, lf.load):
+    for command in (write_report, handed_over, lf.load):
         assert "run `lensforge" in refusal(command, folder)
     assert before == {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
 
@@ -169,12 +173,12 @@ def test_the_next_command_takes_over_no_result_but_its_own(folder: Path) -> None
     light = lf.load(folder).light
     better = light.model_copy(update={"rays": light.rays + 1})
     better.write(folder)
-    verdict = renew(folder, "check")
-    assert verdict.light == "undecided"
-    assert "whose hash run.json states" in refusal(pipeline.run_report, folder)
-    assert "evaluate" in open_run(folder).outdated and "verify" in open_run(folder).outdated
-    light.write(folder)
-    renew(folder, "evaluate")
+    found = RunFolder(folder)
+    found.write(found.run.check)
+    assert found.run.verdict.light == "undecided"
+    assert "whose hash run.json states" in refusal(write_report, folder)
+    assert "evaluate" in RunFolder(folder).run.outdated and "verify" in RunFolder(folder).run.outdated
+    RunFolder(folder).write(light)
     assert refusal(lf.load, folder) == ""
 
 
@@ -182,9 +186,8 @@ def test_a_command_killed_before_run_json_is_mended_by_running_it_again(folder: 
     found = lf.load(folder)
     sensitivity = found.found["sensitivity"]
     sensitivity.model_copy(update={"rays": 1}).write(folder)
-    assert refusal(pipeline.run_report, folder).endswith("run `lensforge sensitivity` again")
-    sensitivity.write(folder)
-    renew(folder, "sensitivity")
+    assert refusal(write_report, folder).endswith("run `lensforge sensitivity` again")
+    RunFolder(folder).write(sensitivity)
     assert lf.load(folder) == found
 
 
@@ -193,7 +196,7 @@ def test_folders_travel_and_may_lack_run_json(folder: Path, tmp_path: Path) -> N
     moved = Path(shutil.move(folder, tmp_path / "elsewhere"))
     assert lf.load(moved).verdict == whole.verdict
     (moved / "run.json").unlink()
-    assert refusal(pipeline.run_report, moved) == ""
+    assert refusal(write_report, moved) == ""
     assert record_in(moved, "run")["verdict"] == whole.verdict.model_dump(mode="json")
     (moved / "run.json").write_text("{}", encoding="utf-8")
-    assert "delete it" in refusal(pipeline.run_report, moved)
+    assert "delete it" in refusal(write_report, moved)

@@ -8,7 +8,7 @@ from lensforge.errors import InputError
 from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.photometric import read_photometric
 from lensforge.sources.photometric.photometric_io import convert_photometric
-from lensforge.sources.photometric.photometric_summary import inspect
+from lensforge.sources.photometric.photometric_summary import rays
 
 LDT = (
     """maker
@@ -166,7 +166,7 @@ def test_what_contradicts_itself_is_told_in_a_summary_and_in_a_design(text, word
     section = lf.DiscSource(diameter_mm=1.0, intensity={"kind": "photometric", "file": tmp_path / "x.ies"})
     placed = section.model_copy(update={"position_mm": (0.0, 0.0, -1.0)})
     for warnings in (
-        inspect(tmp_path / "x.ies").warnings,
+        rays(tmp_path / "x.ies").warnings,
         summarise(build_source(section), section).warnings,
         summarise(build_source(placed), placed).warnings,
     ):

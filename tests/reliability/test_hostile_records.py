@@ -19,7 +19,7 @@ import lensforge as lf
 from lensforge.light.evaluation_result import Light
 from lensforge.report.snapshots import load_snapshots
 from lensforge.results import Conditions, Record, Text
-from lensforge.runs.results import load_results
+from lensforge.runs.stored import load_results
 from lensforge.search.design_result import Design, Level
 
 pytestmark = pytest.mark.usefixtures("no_warnings")

@@ -16,7 +16,7 @@ from nightly import first_by_day
 
 import lensforge as lf
 from lensforge.cli.cli import cli
-from lensforge.runs.pipeline import run_report
+from lensforge.runs.pipeline import write_report
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -69,7 +69,7 @@ def test_files_written_again_pass_with_a_note(folder: Path) -> None:
     run = lf.load(folder)
     assert run.verdict.files == "pass" and run.proof.altered_files == ("lens.step", "lens.stl")
     assert NOTE.format("lens.step") in str(run.proof)
-    run_report(folder)
+    write_report(folder)
     assert NOTE.format("lens.stl") in (folder / "report.html").read_text(encoding="utf-8")
     (folder / "lens.stl").write_bytes((folder / "lens.stl").read_bytes() + b"\n")
     with pytest.raises(lf.InputError, match=r"lens\.step: not the file"):  # verified were other bytes

@@ -9,8 +9,8 @@ from undrawn import undrawn
 
 from lensforge.errors import InputError
 from lensforge.report.part_section import exported_files, folder_files
-from lensforge.runs.results import load_results
-from lensforge.runs.run_folder import open_run
+from lensforge.runs.folder import RunFolder
+from lensforge.runs.stored import load_results
 
 
 def links(markup):
@@ -29,7 +29,7 @@ def test_every_file_of_the_folder_has_a_link_and_no_other_is_named(tmp_path):
 
 
 def test_a_page_elsewhere_has_no_links_that_lead_nowhere(tmp_path):
-    run = open_run(make_folder(tmp_path / "lens"))
+    run = RunFolder(make_folder(tmp_path / "lens")).run
     with undrawn():
         beside, elsewhere = run.report(tmp_path / "lens" / "page.html"), run.report(tmp_path / "page.html")
     assert links(beside.read_text(encoding="utf-8"))

@@ -17,7 +17,7 @@ from result_folders import (
 
 from lensforge.report.headline import asked_facts, headline
 from lensforge.results import Metric
-from lensforge.runs.results import load_results
+from lensforge.runs.stored import load_results
 
 
 @pytest.fixture(scope="module")

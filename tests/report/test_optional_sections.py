@@ -15,7 +15,7 @@ from lensforge.report.compare import render_comparison
 from lensforge.report.lens_figures import history
 from lensforge.report.record_tables import rows
 from lensforge.results import surface_figures
-from lensforge.runs.results import load_results
+from lensforge.runs.stored import load_results
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,7 @@ from undrawn import undrawn
 
 import lensforge as lf
 from lensforge.cli.cli import cli, main
-from lensforge.runs.arguments import threads_of_torch
+from lensforge.results.arguments import threads_of_torch
 
 SPEC = """
 [source]

@@ -17,7 +17,7 @@ from undrawn import undrawn
 import lensforge as lf
 from lensforge.cad import part_limits
 from lensforge.cli.cli import main
-from lensforge.runs.arguments import threads_of_torch
+from lensforge.results.arguments import threads_of_torch
 from lensforge.spec import FlatTopTarget
 
 TARGET = FlatTopTarget(half_width_mm=20.0, distance_mm=100.0, receiver_mm=200.0)

@@ -17,12 +17,12 @@ from scenes import small_spec
 import lensforge as lf
 from lensforge.errors import InputError
 from lensforge.results.folder_lock import LOCK_FILE, in_locked_folder, locked
-from lensforge.runs import pipeline, toleranced_folder
-from lensforge.runs.compared_folder import run_compare_photo, run_compare_surface
+from lensforge.runs.pipeline import write_report
 from lensforge.runs.sweep import parse_variation
 from lensforge.runs.sweep_runs import run_sweep
 from lensforge.runs.tradeoff_study import run_tradeoff
 from lensforge.search.checkpoint import CHECKPOINT
+from lensforge.verbs import CHECK, COMPARE, EVALUATE, EXPORT, PHOTOMETRY, SENSITIVITY, STRAY, VERIFY
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="locks of POSIX")
 _HOLD = """
@@ -197,17 +197,16 @@ def test_every_stage_that_writes_locks_and_reading_does_not(small_run: lf.Run, t
     folder = small_run.folder
     calls = {
         "run": lambda: lf.run(small_spec(), folder),
-        "evaluate": lambda: pipeline.run_evaluate(folder),
-        "export": lambda: pipeline.run_export(folder),
-        "check": lambda: pipeline.run_check(folder),
-        "verify": lambda: pipeline.run_verify(folder),
-        "stray": lambda: pipeline.run_stray(folder),
-        "sensitivity": lambda: toleranced_folder.run_sensitivity(folder),
-        "photometry": lambda: pipeline.run_photometry(folder),
-        "photo": lambda: run_compare_photo(folder, on=tmp_path, off=None, corners=None),
-        "points": lambda: run_compare_surface(folder, points=tmp_path, surface="inner"),
-        "handover": lambda: pipeline.run_handover(folder),
-        "report": lambda: pipeline.run_report(folder),
+        "evaluate": lambda: EVALUATE.run(folder),
+        "export": lambda: EXPORT.run(folder),
+        "check": lambda: CHECK.run(folder),
+        "verify": lambda: VERIFY.run(folder),
+        "stray": lambda: STRAY.run(folder),
+        "sensitivity": lambda: SENSITIVITY.run(folder),
+        "photometry": lambda: PHOTOMETRY.run(folder),
+        "photo": lambda: COMPARE.run(folder, on=tmp_path, off=None, corners=None),
+        "points": lambda: COMPARE.run(folder, points=tmp_path, surface="inner"),
+        "report": lambda: write_report(folder),
         "tradeoff": lambda: run_tradeoff(small_spec(), folder),
         "sweep": lambda: run_sweep(
             small_spec(), parse_variation("constraints.max_radius_mm=6.5,7"), folder, lambda *_: pytest.fail("designed")

@@ -13,12 +13,12 @@ from undrawn import undrawn
 import lensforge as lf
 from lensforge.cli.cli import cli
 from lensforge.errors import SourceWarning
+from lensforge.light.lens_conditions import photometry_conditions, source_of
 from lensforge.runs import pipeline
-from lensforge.runs.arguments import source_of
-from lensforge.runs.other_conditions import photometry_conditions
-from lensforge.runs.pipeline import run_evaluate, run_report
-from lensforge.runs.run_folder import open_run
+from lensforge.runs.folder import RunFolder
+from lensforge.runs.pipeline import write_report
 from lensforge.scene.lens import Lens
+from lensforge.verbs import EVALUATE
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -49,9 +49,9 @@ def own(tmp_path_factory: pytest.TempPathFactory) -> Path:
     Lens(random_surface(1, 3.0, 0.01, (9,)), random_surface(2, 6.0, 0.01, (9,)), small_spec(), 0, "draft").save(
         folder / "lens.json"
     )
-    run_evaluate(folder)
+    EVALUATE.run(folder)
     with undrawn():
-        run_report(folder)
+        write_report(folder)
     return folder
 
 
@@ -72,7 +72,7 @@ def own_files(folder: Path) -> dict[str, bytes]:
 
 
 def test_another_source_goes_beside_the_own_light(folder: Path, tmp_path: Path) -> None:
-    before, verdict = own_files(folder), open_run(folder).verdict
+    before, verdict = own_files(folder), RunFolder(folder).run.verdict
     led = write_rays(tmp_path / "led cold.csv")
     done = lensforge("evaluate", folder, "--source", led)
     assert done.exit_code == 0
@@ -103,7 +103,7 @@ def test_another_temperature_goes_beside_the_own_light(folder: Path) -> None:
     Lens(random_surface(1, 3.0, 0.01, (9,)), random_surface(2, 6.0, 0.01, (9,)), spec, 0, "draft").save(
         folder / "lens.json"
     )
-    run_evaluate(folder)
+    EVALUATE.run(folder)
     before = own_files(folder)
     done = lensforge("evaluate", folder, "--temperature", 85)
     assert done.exit_code == 0, done.exception
@@ -114,9 +114,9 @@ def test_another_temperature_goes_beside_the_own_light(folder: Path) -> None:
     assert light.efficiency.value != run.light.efficiency.value and own_files(folder) == before
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert "lens at 85 °C" in page[page.index('id="other"') :]
-    run_evaluate(folder, temperature_c=-40.0)
+    EVALUATE.run(folder, temperature_c=-40.0)
     assert "evaluate_minus40C" in lf.load(folder).others
-    assert run_evaluate(folder, temperature_c=20.0).conditions is None
+    assert EVALUATE.run(folder, temperature_c=20.0).conditions is None
     assert set(lf.load(folder).others) == {"evaluate_85C", "evaluate_minus40C"}
 
 
@@ -151,7 +151,7 @@ def test_two_sources_of_one_name_are_not_mixed_up(folder: Path, tmp_path: Path) 
     light = (folder / "evaluate_led.json").read_bytes()
     refused = lensforge("evaluate", folder, "--source", second)
     assert isinstance(refused.exception, lf.InputError)
-    assert "evaluate_led.json: holds the light under other conditions of that name" in str(refused.exception)
+    assert "evaluate_led.json: holds a result under other conditions of that name" in str(refused.exception)
     assert "--name" in str(refused.exception)
     assert (folder / "evaluate_led.json").read_bytes() == light
     assert lensforge("evaluate", folder, "--source", second, "--name", "small").exit_code == 0
@@ -168,15 +168,15 @@ def test_a_name_is_part_of_a_files_name(folder: Path, name: str) -> None:
 
 
 def test_the_own_conditions_by_other_words_are_the_own(folder: Path) -> None:
-    light = run_evaluate(folder, rays=4096, pixels=16)
+    light = EVALUATE.run(folder, rays=4096, pixels=16)
     assert light.conditions is None and not lf.load(folder).others
     assert light.sha256 == lf.load(folder).light.sha256
     with pytest.raises(lf.InputError, match="the lens's own conditions"):
-        run_evaluate(folder, rays=4096, name="mine")
+        EVALUATE.run(folder, rays=4096, name="mine")
 
 
 def test_a_record_under_other_conditions_never_takes_the_place_of_the_own(folder: Path) -> None:
-    run_evaluate(folder, pixels=8)
+    EVALUATE.run(folder, pixels=8)
     for suffix in ("json", "npz"):
         shutil.copy(folder / f"evaluate_8px.{suffix}", folder / f"evaluate.{suffix}")
     run = lf.load(folder)
@@ -192,14 +192,14 @@ def test_an_own_record_is_none_under_other_conditions(folder: Path) -> None:
 
 
 def test_light_of_an_earlier_lens_counts_no_longer(folder: Path) -> None:
-    run_evaluate(folder, rays=64)
+    EVALUATE.run(folder, rays=64)
     Lens(random_surface(3, 3.0, 0.01, (9,)), random_surface(2, 6.0, 0.01, (9,)), small_spec(), 0, "draft").save(
         folder / "lens.json"
     )
-    run = open_run(folder)
+    run = RunFolder(folder).run
     assert not run.others and "another lens" in run.outdated["evaluate_64rays"]
-    run_evaluate(folder, rays=64)
-    assert list(open_run(folder).others) == ["evaluate_64rays"]
+    EVALUATE.run(folder, rays=64)
+    assert list(RunFolder(folder).run.others) == ["evaluate_64rays"]
 
 
 @pytest.mark.nightly("every study; by day the evaluation goes beside, above")
@@ -227,7 +227,7 @@ def test_every_study_with_other_rays_goes_beside(folder: Path, monkeypatch: pyte
     assert set(run.others) == {"sensitivity_512rays", "compare_inner_512rays", "photometry_512rays"}
     found = run.others["photometry_512rays"]
     assert isinstance(found, lf.Photometry) and (folder / "lens_512rays.ies").read_bytes() == found.ies
-    run_report(folder)
+    write_report(folder)
     page = (folder / "report.html").read_text(encoding="utf-8")
     for stem in run.others:
         assert page.count(f"{stem}.json") >= 2, "in the section and among all numbers"

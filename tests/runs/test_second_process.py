@@ -15,7 +15,7 @@ from foreground import default_signals
 from lensforge.errors import InputError
 from lensforge.results import second_process as module
 from lensforge.results.second_process import IN_TURN, Called, SecondProcess, second_process
-from lensforge.runs.arguments import preset_of
+from lensforge.spec.accuracy import preset_of
 
 Result = TypeVar("Result")
 

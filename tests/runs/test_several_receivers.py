@@ -7,8 +7,8 @@ from scenes import random_surface, small_spec
 from scipy.interpolate import RegularGridInterpolator
 
 import lensforge as lf
-from lensforge.runs.pipeline import run_photometry, run_stray
 from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.verbs import PHOTOMETRY, STRAY
 
 by_night = pytest.mark.nightly("a minute; by day a lens without a search, above")
 
@@ -45,10 +45,10 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> lf.Run:
     folder = tmp_path_factory.mktemp("runs") / "lens"
     spec = small_spec(target=None, receivers=[WALL, FAR], optimise__steps_per_level=[20, 20], base={"kind": "none"})
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("lensforge.runs.cast_stages._STRAY_RAYS", 512)
+        patch.setattr("lensforge.proof.casts._STRAY_RAYS", 512)
         lf.run(spec, folder, accuracy="draft")
-        run_stray(folder)
-    run_photometry(folder)
+        STRAY.run(folder)
+    PHOTOMETRY.run(folder)
     return lf.load(folder)
 
 

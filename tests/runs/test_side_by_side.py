@@ -5,7 +5,6 @@ import shutil
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -18,11 +17,11 @@ import lensforge as lf
 from lensforge.cli.progress import DesignProgress
 from lensforge.cli.stage_clock import StageClock
 from lensforge.results import second_process
-from lensforge.runs import stages
-from lensforge.runs.arguments import threads_of_torch
-from lensforge.runs.later_stages import Told, process_for_later_stages, run_later_stages
-from lensforge.runs.pipeline import run_check, write_design
-from lensforge.runs.run_folder import renew
+from lensforge.results.arguments import threads_of_torch
+from lensforge.runs.folder import RunFolder
+from lensforge.runs.pipeline import Listener, _process_for_later_stages, run_later_stages
+from lensforge.runs.stage import build
+from lensforge.verbs import CHECK
 
 TIMES = {"seconds", "cast_seconds", "rate", "content_sha256"}  # computing times, and the checksum that covers them
 LATER = ["evaluate", "export", "check", "verify", "photometry"]
@@ -53,9 +52,9 @@ def in_a_copy(run: lf.Run, folder: Path, threads: int) -> list[tuple[str, str]]:
     told: list[tuple[str, str]] = []
     with threads_of_torch(threads):
         before = torch.get_num_threads()
-        listener = Told(lambda name: told.append(("begins", name)), lambda name, seconds: told.append(("ended", name)))
-        with process_for_later_stages() as second:
-            run_later_stages(folder, listener, second)
+        heard = Listener(lambda name: told.append(("begins", name)), lambda name, _: told.append(("ended", name)))
+        with _process_for_later_stages() as second:
+            run_later_stages(RunFolder(folder), heard, second)
         assert torch.get_num_threads() == before
     return told
 
@@ -68,10 +67,9 @@ def test_one_thread_and_two_make_the_same_files(
     The small run was made on one thread, with as many rings; its check is made again on all nodes.
     """
     monkeypatch.setattr("lensforge.proof.sandboxed_casts._cast_in_child", None)
-    coarse = SimpleNamespace(**vars(stages) | {"build": partial(stages.build, rings=RINGS)})  # in either process
-    monkeypatch.setattr("lensforge.runs.later_stages.stages", coarse)
+    monkeypatch.setattr("lensforge.runs.pipeline.build", partial(build, rings=RINGS))  # in either process
     told = in_a_copy(small_run, tmp_path / "two", threads=2)
-    run_check(Path(shutil.copytree(small_run.folder, tmp_path / "one")))
+    CHECK.run(Path(shutil.copytree(small_run.folder, tmp_path / "one")))
     assert [name for what, name in told if what == "begins"] == ["export", "evaluate", "photometry", "check", "verify"]
     assert sorted(name for what, name in told if what == "ended") == sorted(LATER)
     assert told.index(("ended", "evaluate")) < told.index(("ended", "export")), "beside it"
@@ -90,15 +88,16 @@ def test_on_one_thread_a_stage_begins_when_the_one_before_it_has_ended(
     def in_place_of(name: str) -> Callable[..., None]:
         return lambda *_: done.append(name)
 
-    for place, name in {
-        "stages.evaluate": "evaluate",
-        "stages.build": "export",
-        "stages.check": "check",
+    verbs = {
+        "evaluate": "evaluate",
+        "build": "export",
+        "check": "check",
         "verify": "verify",
-        "stages.photometry": "photometry",
-    }.items():
-        monkeypatch.setattr(f"lensforge.runs.later_stages.{place}", in_place_of(name))
-    monkeypatch.setattr("lensforge.runs.later_stages.write_result", lambda result, _: result)
+        "photometry": "photometry",
+    }
+    for verb, name in verbs.items():
+        monkeypatch.setattr(f"lensforge.runs.pipeline.{verb}", in_place_of(name))
+    monkeypatch.setattr(RunFolder, "write", lambda _, result: result)
     told = in_a_copy(small_run, tmp_path / "one", threads=1)
     assert done == LATER
     assert told == [(what, name) for name in LATER for what in ("begins", "ended")]
@@ -108,11 +107,11 @@ def test_the_seconds_of_the_whole_command_stay_until_the_next_design(small_run: 
     folder = Path(shutil.copytree(small_run.folder, tmp_path / "copy"))
     whole = small_run.seconds
     assert whole is not None and whole > max(small_run.design.seconds, small_run.part.seconds)
-    renew(folder, "evaluate")
+    RunFolder(folder).write(small_run.light)
     assert lf.load(folder).seconds == whole, "a stage that ran again is no whole command"
-    write_design(small_run.design, folder)
+    RunFolder(folder).write(small_run.design)
     assert lf.load(folder).seconds is None
-    renew(folder, seconds=12.5)
+    RunFolder(folder).renew(seconds=12.5)
     assert lf.load(folder).seconds == 12.5
 
 

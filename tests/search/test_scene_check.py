@@ -12,7 +12,6 @@ import lensforge as lf
 from lensforge.errors import Cancelled, InputError
 from lensforge.kernels.fate import Fate
 from lensforge.scene.lens import Lens
-from lensforge.search.optimiser import search
 from lensforge.search.scene_check import SceneCheck
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
@@ -78,8 +77,8 @@ def test_shares_of_a_disc_that_is_wider_than_the_cavity_are_those_of_its_area() 
 
 def test_light_that_goes_backward_is_a_warning_until_there_is_none_left() -> None:
     most = check(small_spec().replace(source=beam((0.0, 0.0, 1.0), backward=0.98)))
-    most.require_light(anyway=True)
-    with pytest.raises(InputError, match=r"less than half of the .*98 % goes backward.*anyway"):
+    most.require_light(force=True)
+    with pytest.raises(InputError, match=r"less than half of the .*98 % goes backward.*force"):
         most.require_light()
     assert most.lost[Fate.BACKWARD] == pytest.approx(0.98)
     assert any("2 % of the light enters" in words and "98 % goes backward" in words for words in most.warnings())
@@ -118,12 +117,12 @@ def test_a_wrong_place_or_unit_is_refused_before_the_search(changes: dict[str, o
     assert not begun and "\n" not in str(refusal.value)
 
 
-def test_the_search_itself_refuses_too_and_at_once() -> None:
+def test_a_scene_without_light_is_refused_at_once() -> None:
     spec = small_spec(target__distance_mm=1e5)
     check(spec)  # kernels compiled
     started = time.perf_counter()
     with pytest.raises(InputError, match="étendue"):
-        search(spec, build_source(spec.source), accuracy="draft")
+        lf.design(spec, accuracy="draft")
     assert time.perf_counter() - started < 5.0  # a tenth of a second on an idle machine
 
 
@@ -156,14 +155,16 @@ def test_a_target_of_which_less_than_half_is_possible_is_refused_with_the_lens_t
     with pytest.raises(InputError) as refusal:
         lf.design(spec, accuracy="draft")
     words = str(refusal.value)
-    assert "by étendue" in words and "anyway" in words and "\n" not in words
+    assert "by étendue" in words and "force" in words and "\n" not in words
     radius_mm = float(words.partition(">= ")[2].split()[0])
     assert 25.0 < radius_mm < 29.0
     assert check(spec.replace({"constraints.max_radius_mm": radius_mm})).targets[0].bounds.by_etendue >= 0.92
     said: list[str] = []
     with pytest.raises(Cancelled):
-        lf.design(spec, accuracy="draft", anyway=True, progress=lambda _: False, warn=said.append)
+        lf.design(spec, accuracy="draft", force=True, progress=lambda _: False, warn=said.append)
     assert any("by étendue" in each for each in said), "it says so all the same"
+    with pytest.warns(FutureWarning, match="anyway is called force now"), pytest.raises(Cancelled):
+        lf.design(spec, accuracy="draft", anyway=True, progress=lambda _: False, warn=said.append)
 
 
 def test_a_limit_beyond_half_of_what_the_luminance_allows_is_refused_by_its_name() -> None:

@@ -5,7 +5,7 @@ import pytest
 from scenes import small_spec
 
 import lensforge as lf
-from lensforge.runs.stages import design
+from lensforge import design
 from lensforge.search.source_clearance import source_clearance_warnings
 from lensforge.sources.build_source import build_source
 

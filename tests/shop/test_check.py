@@ -14,8 +14,7 @@ from lensforge.cad.part_export import build_part
 from lensforge.cad.patch import fit_patch
 from lensforge.cad.plan import INNER, OUTER, lay_out
 from lensforge.cad.step import parse_step
-from lensforge.runs.pipeline import run_check
-from lensforge.runs.run_folder import write_result
+from lensforge.runs.folder import RunFolder
 from lensforge.scene.lens import Lens
 from lensforge.shop.ball_clearance import check_ball_clearance
 from lensforge.shop.best_fit_sphere import VARIANTS
@@ -27,6 +26,7 @@ from lensforge.shop.findings import clearance_findings
 from lensforge.spec import BaseSection, parse_spec
 from lensforge.surfaces import surface as chart
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
+from lensforge.verbs import CHECK
 
 INNER_MM, OUTER_MM = 0.8, 2.45
 
@@ -130,9 +130,9 @@ def test_each_face_has_the_nodes_of_its_own_export(rough):
 def test_a_result_folder_is_checked_with_the_nodes_of_its_export(plain, tmp_path):
     part = build_part(lens(hemisphere(INNER_MM), hemisphere(OUTER_MM), wall_mm=2.0, base="none"), nodes=80, rings=16)
     part.lens.save(tmp_path / "lens.json")
-    assert run_check(tmp_path).sha256 == plain.sha256
-    write_result(part, tmp_path)
-    exported = run_check(tmp_path).sha256
+    assert CHECK.run(tmp_path).sha256 == plain.sha256
+    RunFolder(tmp_path).write(part)
+    exported = CHECK.run(tmp_path).sha256
     assert exported == check_part(part).sha256 != plain.sha256
 
 

@@ -7,8 +7,8 @@ from scenes import small_spec
 
 import lensforge as lf
 from lensforge.errors import InputError
-from lensforge.runs.arguments import date_of
 from lensforge.spec import load_spec
+from lensforge.spec.spec_section import date_of
 
 
 @pytest.mark.parametrize(

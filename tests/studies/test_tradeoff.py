@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from lensforge.cli.sweep_blocks import tradeoff_block
+from lensforge.runs.stages import design
 from PIL import Image
 from scenes import random_surface, small_spec
 
@@ -14,7 +15,6 @@ from lensforge.cli.screen import print_screen
 from lensforge.errors import InputError
 from lensforge.runs import tradeoff_study
 from lensforge.runs.pipeline import write_design
-from lensforge.runs.stages import design
 from lensforge.runs.tradeoff_page import tradeoff_figure
 from lensforge.runs.tradeoff_result import Tradeoff
 from lensforge.runs.tradeoff_study import _lens_in, run_tradeoff

@@ -205,8 +205,14 @@ def holds_far_field(path: Path) -> bool:
     return is_photometric(path) or path.suffix.lower() in _SUFFIXES
 
 
-def inspect(path: Path) -> "RayFileSummary | PhotometricSummary":
-    """Summarise a ray file or a photometric file. Raises :class:`InputError` if it is neither."""
+def rays(file: Path | str) -> "RayFileSummary | PhotometricSummary":
+    """Summarise a file of light: header and statistics of a ray file, or beam and flux of a photometric file.
+
+    The content decides, not the name. Raises :class:`InputError` for a file of no known format.
+    """
     from lensforge.sources.rayfiles import describe, read_rayfile
 
+    if not isinstance(file, Path | str):
+        raise InputError(f"rays: {type(file).__name__} given; give the path of a ray file")
+    path = Path(file)
     return summarise_photometric(path) if holds_far_field(path) else describe(read_rayfile(path))

@@ -1,4 +1,7 @@
-"""Stages that cast rays through the files of the part: the proof, and the stray light."""
+"""Rays cast through the files of the part: the verbs ``verify`` and ``stray_light``.
+
+Here the design and its verification meet: what the casts get of the design are plain numbers.
+"""
 
 from typing import Literal
 
@@ -6,12 +9,13 @@ from lensforge import seeds
 from lensforge.cad.part import Part
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import Light
+from lensforge.light.lens_conditions import inputs_of, judging_source, rays_of
 from lensforge.proof.proof_result import Proof
 from lensforge.proof.sandboxed_casts import stray_in_sandbox, verify_in_sandbox
 from lensforge.proof.stray_result import StrayLight
+from lensforge.results.arguments import count_of, require, threads_of_torch
 from lensforge.results.second_process import IN_TURN, SecondProcess
-from lensforge.runs.arguments import count_of, inputs_of, judging_source, preset_of, require, threads_of_torch
-from lensforge.runs.other_conditions import rays_of
+from lensforge.spec.accuracy import preset_of
 
 _STRAY_RAYS = 2**15  # each splits into about ten; more would take minutes
 

@@ -1,15 +1,20 @@
-"""Comparison of the machined part with the design: a photograph of its light, or points on a surface."""
+"""The machined part: the verbs ``compare``, with the design, and ``correct``, for a second cut.
+
+It is known by a photograph of its light, or by points that were measured on a surface.
+"""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, get_args, overload
 
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import Light
+from lensforge.light.lens_conditions import judging_source, rays_of, unless_own
+from lensforge.made.correction_result import Correction
 from lensforge.made.measurement_result import PhotoComparison, Registration, Side, SurfaceComparison
-from lensforge.runs.arguments import count_of, judging_source, number_of, path_of, preset_of
-from lensforge.runs.other_conditions import rays_of, unless_own
+from lensforge.results.arguments import count_of, number_of, path_of, require, threads_of_torch
 from lensforge.scene.lens import Lens
+from lensforge.spec.accuracy import preset_of
 from lensforge.surfaces.point_cloud import read_cloud
 
 if TYPE_CHECKING:
@@ -68,15 +73,18 @@ def compare(
     of_points = {"surface": surface, "registration": unless_own(registration, "rigid"), "rays": rays}
     of_photo = {"off": off, "corners": corners, "target_mm": target_mm, "gamma": unless_own(gamma, 1.0), "lens": lens}
     if isinstance(measured, Light) and on is not None and points is None:
-        refuse_unused("a photograph", of_points)
+        _refuse_unused("a photograph", of_points)
         return _compare_photo(measured, on, off, corners, target_mm, gamma, lens)
     if isinstance(measured, Lens) and points is not None and on is None:
-        refuse_unused("points", of_photo)
+        _refuse_unused("points", of_photo)
         return _compare_surface(measured, points, surface, registration, rays)
-    raise InputError("compare: give a Light with on=PHOTO, or a Lens with points=FILE and surface='inner' or 'outer'")
+    raise InputError(
+        "compare: give a Light with on=PHOTO (--on PHOTO), or a Lens with points=FILE and surface='inner' or 'outer' "
+        "(--points FILE --surface inner)"
+    )
 
 
-def refuse_unused(measurement: str, others: Mapping[str, object]) -> None:
+def _refuse_unused(measurement: str, others: Mapping[str, object]) -> None:
     """Raise :class:`InputError` for those of ``others``, by name, that are not None and no part of ``measurement``."""
     given = [name for name, value in others.items() if value is not None]
     if given:
@@ -152,4 +160,55 @@ def _compare_surface(
         rays=count,
         registration=registration,
     )
+    return found.model_copy(update={"conditions": conditions})
+
+
+def correct(
+    lens: Lens,
+    *,
+    points: Path | str,
+    surface: Side,
+    wavelength_mm: float | None = None,
+    gain: float = 1.0,
+    registration: Registration = "rigid",
+    rays: int | None = None,
+    threads: int | None = None,
+) -> Correction:
+    """Correct one face for its second cut by points measured on the first, and simulate the light of the second.
+
+    The new nominal face is the design less ``gain`` times the measured deviation, of which only waves longer than about
+    ``wavelength_mm`` pass; None: the longest at which the points show no more than noise of what is left out. Where the
+    face would be concave more tightly than the ball cutter of the spec, the wavelength is longer. ``points``: a file of
+    x, y, z (mm) on one ``surface`` of the part, or of its mould insert in lens coordinates; ``registration``: motion
+    that is fitted to bring them onto the design, which is pose, not form. ``result.step`` is the file for the shop.
+    Raises :class:`InputError`; its message names the argument.
+    """
+    from lensforge.made.correction import correct_face
+    from lensforge.made.first_cut import Request
+    from lensforge.made.measured_surface import default_rays
+
+    require(lens, Lens, "correct")
+    file = path_of("points", points)
+    if file is None:
+        raise InputError("points = None: give the file of the points measured on the first cut")
+    for name, value, allowed in (
+        ("surface", surface, get_args(Side)),
+        ("registration", registration, get_args(Registration)),
+    ):
+        if value not in allowed:
+            raise InputError(f"{name} = {value!r}: must be one of {', '.join(allowed)}")
+    rays, preset, factor = count_of("rays", rays), preset_of(lens.accuracy), number_of("gain", gain)
+    request = Request(number_of("wavelength_mm", wavelength_mm), 1.0 if factor is None else factor, registration)
+    source = judging_source(lens.spec)
+    count, conditions = rays_of(rays, default_rays(lens, preset), source)
+    with threads_of_torch(threads):
+        found = correct_face(
+            read_cloud(file),
+            lens=lens,
+            side=surface,
+            source=source,
+            preset=preset,
+            request=request,
+            rays=count,
+        )
     return found.model_copy(update={"conditions": conditions})

@@ -1,5 +1,6 @@
-"""``examples``: the shipped specs, listed, or copied into the current folder with the files that they name."""
+"""Commands that print a document: ``examples``, the shipped specs, and ``schema``, of all fields of a spec."""
 
+import json
 import re
 import tomllib
 from collections.abc import Iterator
@@ -10,11 +11,19 @@ import click
 import lensforge
 from lensforge.errors import InputError
 from lensforge.results.files import replacing
+from lensforge.spec.spec_reference import reference_page, spec_schema
 
 _PACKAGE = Path(lensforge.__file__).parent
 # The end of a sentence, not of "UN Regulation No. 7", nor of a journal's short name.
 _END = re.compile(r"(?<!\bNo)(?<!\bJ)(?<!\bOpt)(?<!\bUniv)(?<!\bSci)\. ")
 _PLACES = (_PACKAGE / "shipped", _PACKAGE.parent / "examples")  # of an installed package, and of a checkout
+
+
+@click.command()
+@click.option("--page", is_flag=True, help="Print the reference of all fields as Markdown instead (docs/spec.md).")
+def schema(page: bool) -> None:
+    """Print the JSON schema of a spec, by which an editor completes and checks it."""
+    click.echo(reference_page() if page else json.dumps(spec_schema(), indent=1, ensure_ascii=False), nl=not page)
 
 
 @click.command()

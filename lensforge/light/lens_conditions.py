@@ -1,4 +1,4 @@
-"""Conditions under which a verb simulates a lens, where they are not the lens's own."""
+"""Conditions under which a lens is simulated: its own, those of its design, or others that an argument asks for."""
 
 from math import isclose
 from pathlib import Path
@@ -6,10 +6,10 @@ from typing import TypeVar
 
 from lensforge.errors import InputError
 from lensforge.results import Conditions
-from lensforge.runs.arguments import preset_of
 from lensforge.scene.lens import Lens
+from lensforge.sources.measured_rays import held_back
 from lensforge.sources.ray_bundle import Source
-from lensforge.spec import Accuracy, Spec
+from lensforge.spec import Spec
 from lensforge.spec.source_sections import RayfileSource, SourceSpec
 from lensforge.spec.spec_files import input_hashes, section_sha256
 
@@ -18,33 +18,21 @@ _KEPT = ("flux_w", "flux_lm", "luminous_efficacy_lm_per_w", "rotate_z_deg", "til
 _Value = TypeVar("_Value")
 
 
-def light_conditions(
-    lens: Lens,
-    *,
-    accuracy: Accuracy | None = None,
-    source: SourceSpec | None = None,
-    rays: int | None = None,
-    pixels: int | None = None,
-    seed: int | None = None,
-    temperature_c: float | None = None,
-) -> Conditions | None:
-    """Conditions of an evaluation of ``lens``; None where every argument is None or as the lens's own.
+def source_of(spec: Spec) -> Source:
+    """The source of ``spec``, with the dispersion of the lens material."""
+    from lensforge.sources.build_source import build_source
 
-    The warnings on another ``source`` are not among them: they need its rays.
-    """
-    spec = lens.spec
-    other = None if source is None or _same_source(source, spec.source) else source
-    default_rays = spec.evaluate.rays or preset_of(accuracy or lens.accuracy).evaluate_rays
-    return Conditions.of(
-        source_name="" if other is None else _name_of(other),
-        source=None if other is None else other.title,
-        source_sha256=None if other is None else section_sha256(other),
-        accuracy=unless_own(accuracy, lens.accuracy),
-        rays=unless_own(rays, default_rays),
-        pixels=unless_own(pixels, spec.evaluate.pixels),
-        seed=unless_own(seed, lens.seed),
-        temperature_c=unless_own(temperature_c, spec.lens.temperature_law.reference_c),
-    )
+    return build_source(spec.source, spec.lens.dispersion)
+
+
+def judging_source(spec: Spec) -> Source:
+    """The source of ``spec`` as all that judges its lens sees it: of measured rays those that no search uses."""
+    return held_back(source_of(spec))
+
+
+def inputs_of(lens: Lens, source: SourceSpec) -> dict[str, str]:
+    """Hashes of the inputs of an evaluation: the lens, the source, and every file that the source names."""
+    return {"lens": lens.sha256, "source": section_sha256(source), **input_hashes(source)}
 
 
 def rays_of(rays: int | None, own: int, source: Source) -> tuple[int, Conditions | None]:
@@ -72,14 +60,12 @@ def unless_own(value: _Value | None, own: _Value) -> _Value | None:
     return None if value == own else value
 
 
-def source_with_file(spec: Spec, file: Path | None) -> SourceSpec | None:
-    """The source of ``spec`` with ``file`` as its ray file, where it has one; None without ``file``.
+def source_with_file(spec: Spec, file: Path) -> SourceSpec:
+    """The source of ``spec`` with ``file`` as its ray file.
 
     Another source is replaced by the file with its virtual focus at the origin, placed as the source was, and with the
     flux that the spec states.
     """
-    if file is None:
-        return None
     if isinstance(spec.source, RayfileSource):
         return spec.source.model_copy(update={"file": file.absolute()})
     kept = {name: getattr(spec.source, name) for name in _KEPT}
@@ -97,7 +83,7 @@ def has_rays_of(source: SourceSpec, own: SourceSpec) -> bool:
         return False
 
 
-def _same_source(source: SourceSpec, own: SourceSpec) -> bool:
+def is_same_source(source: SourceSpec, own: SourceSpec) -> bool:
     """True where both have the same fields and files; False where the lens's own files are no longer there."""
     if source == own:
         return True
@@ -108,6 +94,6 @@ def _same_source(source: SourceSpec, own: SourceSpec) -> bool:
         return False
 
 
-def _name_of(source: SourceSpec) -> str:
+def name_of_source(source: SourceSpec) -> str:
     """Short name of a source: the names of its files without their ends, or its title."""
     return "_".join(Path(file.removeprefix("file:")).stem for file in input_hashes(source)) or source.title

@@ -1,4 +1,4 @@
-"""Errors of manufacture and mounting as verbs: one at a time, and all together over many parts."""
+"""Errors of manufacture and mounting, one at a time and all together: the verbs ``sensitivity`` and ``tolerance``."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lensforge import seeds
+from lensforge.light.lens_conditions import judging_source, rays_of, unless_own
 from lensforge.made.tolerance_result import MOST_PARTS, Sensitivity, Yield
 from lensforge.results import Conditions
-from lensforge.runs.arguments import count_of, judging_source, path_of, require, threads_of_torch
-from lensforge.runs.other_conditions import rays_of, unless_own
+from lensforge.results.arguments import count_of, path_of, require, threads_of_torch
 from lensforge.scene.lens import Lens
 from lensforge.search.cluster import connected
 from lensforge.spec.spec_files import section_sha256
-from lensforge.spec.tolerances_section import TolerancesSection
+from lensforge.spec.tolerances_section import TolerancesSection, read_tolerances
 
 if TYPE_CHECKING:
     from lensforge.made.measured_parts import ClusterParts
@@ -48,7 +48,7 @@ def tolerance(
     parts: int = 1000,
     rays: int | None = None,
     seed: int = 0,
-    tolerances: TolerancesSection | None = None,
+    tolerances: TolerancesSection | Path | str | None = None,
     budget: bool = True,
     checkpoint: Path | str | None = None,
     threads: int | None = None,
@@ -59,17 +59,19 @@ def tolerance(
     """Draw ``parts`` from the tolerances of the lens's spec: the share that passes, spread of the light, its causes.
 
     ``rays``: of each part; by default as many as keep its standard error below a tenth of the spread over the parts.
-    ``tolerances``: others than those of the spec. ``budget``: also search for the largest amount of each tolerance.
-    ``checkpoint``: a file of measured parts, with which an interrupted study goes on to the same bits. ``scheduler``:
-    a Dask cluster that measures the parts, to the same bits: its address, such as ``tcp://10.0.0.5:8786``, or
-    ``local:4`` for processes of this machine. ``progress`` is called with the number of parts measured and of all, in
-    each stage of the study, and cancels by returning False. Raises :class:`InputError` for tolerances that the part
-    cannot bear, and where no scheduler answers.
+    ``tolerances``: others than those of the spec, by a section, the name of a preset, or a TOML file. ``budget``: also
+    search for the largest amount of each tolerance. ``checkpoint``: a file of measured parts, with which an interrupted
+    study goes on to the same bits. ``scheduler``: a Dask cluster that measures the parts, to the same bits: its
+    address, such as ``tcp://10.0.0.5:8786``, or ``local:4`` for processes of this machine. ``progress`` is called with
+    the number of parts measured and of all, in each stage of the study, and cancels by returning False. Raises
+    :class:`InputError` for tolerances that the part cannot bear, and where no scheduler answers.
     """
     from lensforge.made.yield_study import measure_yield
 
     require(lens, Lens, "tolerance")
-    if tolerances is not None:
+    if isinstance(tolerances, Path | str):
+        tolerances = read_tolerances(str(tolerances))
+    elif tolerances is not None:
         require(tolerances, TolerancesSection, "tolerance")
     parts = count_of("parts", parts, least=_LEAST_PARTS, most=MOST_PARTS) or parts
     count, seed = count_of("rays", rays), count_of("seed", seed, least=0, most=seeds.MOST) or 0

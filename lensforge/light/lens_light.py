@@ -1,0 +1,117 @@
+"""The light of a finished lens: the verb ``evaluate``."""
+
+from pathlib import Path
+from typing import get_args
+
+from lensforge.errors import InputError
+from lensforge.light.evaluation_result import Light
+from lensforge.light.lens_conditions import (
+    has_rays_of,
+    inputs_of,
+    is_same_source,
+    name_of_source,
+    source_with_file,
+    unless_own,
+)
+from lensforge.results import Conditions
+from lensforge.results.arguments import count_of, number_of, require, threads_of_torch
+from lensforge.results.array_fields import MOST_PIXELS
+from lensforge.scene.lens import Lens
+from lensforge.scene.lens_at_temperature import at_temperature
+from lensforge.spec import Accuracy
+from lensforge.spec.accuracy import preset_of
+from lensforge.spec.source_sections import SourceSpec
+from lensforge.spec.spec_files import section_sha256
+
+
+def evaluate(
+    lens: Lens,
+    *,
+    accuracy: Accuracy | None = None,
+    source: SourceSpec | Path | str | None = None,
+    rays: int | None = None,
+    pixels: int | None = None,
+    seed: int | None = None,
+    temperature_c: float | None = None,
+    name: str | None = None,
+    threads: int | None = None,
+) -> Light:
+    """Simulate ``lens``: the light on its receiver, every metric with its standard error.
+
+    None: as in the design (accuracy, seed, source), or as in the spec or the preset (rays, pixels). ``source``: another
+    one, or a ray file in the place of the spec's. ``temperature_c``: of the lens and the air around it, at which its
+    index and its size are others (Celsius). The light names all ``conditions`` that are not the lens's own, and the
+    warnings on another source; ``name``: theirs, by default made from what differs.
+    """
+    from lensforge.light.evaluation import evaluate_lens
+    from lensforge.sources.build_source import build_source, summarise
+
+    require(lens, Lens, "evaluate")
+    other = source_with_file(lens.spec, Path(source)) if isinstance(source, Path | str) else source
+    chosen = lens.spec.source if other is None else other
+    if not isinstance(chosen, get_args(get_args(SourceSpec)[0])):
+        raise InputError(f"source: {type(chosen).__name__} given; give one of the sources, such as SquareSource(...)")
+    rays, pixels, seed = count_of("rays", rays), count_of("pixels", pixels, most=MOST_PIXELS), count_of("seed", seed, 0)
+    temperature_c = number_of("temperature_c", temperature_c)
+    body = lens if temperature_c is None else at_temperature(lens, temperature_c)
+    preset, emitter = preset_of(accuracy or lens.accuracy), build_source(chosen, body.dispersion)
+    summary = summarise(emitter, chosen)
+    conditions = _conditions(
+        lens,
+        other,
+        summary.warnings,
+        name,
+        accuracy=accuracy,
+        rays=rays,
+        pixels=pixels,
+        seed=seed,
+        celsius=temperature_c,
+    )
+    with threads_of_torch(threads):
+        light = evaluate_lens(
+            body,
+            emitter,
+            preset,
+            rays=rays,
+            pixels=pixels,
+            seed=seed,
+            lumens_per_watt=summary.lumens_per_watt,
+            searched_with=has_rays_of(chosen, lens.spec.source),
+        )
+    return light.model_copy(update={"inputs": inputs_of(lens, chosen), "conditions": conditions})
+
+
+def _conditions(
+    lens: Lens,
+    source: SourceSpec | None,
+    warnings: tuple[str, ...],
+    name: str | None,
+    *,
+    accuracy: Accuracy | None,
+    rays: int | None,
+    pixels: int | None,
+    seed: int | None,
+    celsius: float | None,
+) -> Conditions | None:
+    """Conditions that are not those of ``lens``; None where every one is. ``warnings``: on the ``source``."""
+    own, law = lens.spec.evaluate, lens.spec.lens.temperature_law
+    other = None if source is None or is_same_source(source, lens.spec.source) else source
+    conditions = Conditions.of(
+        source_name="" if other is None else name_of_source(other),
+        source=None if other is None else other.title,
+        source_sha256=None if other is None else section_sha256(other),
+        accuracy=unless_own(accuracy, lens.accuracy),
+        rays=unless_own(rays, own.rays or preset_of(accuracy or lens.accuracy).evaluate_rays),
+        pixels=unless_own(pixels, own.pixels),
+        seed=unless_own(seed, lens.seed),
+        temperature_c=unless_own(celsius, law.reference_c),
+    )
+    if conditions is None and name is not None:
+        raise InputError(f"name = {name!r}: these are the lens's own conditions; give it with another source or rays")
+    if conditions is None:
+        return None
+    warned = () if conditions.source is None else warnings
+    if conditions.temperature_c is not None:
+        warned += law.warnings(conditions.temperature_c)
+    named = conditions if name is None else conditions.renamed(name)
+    return named.model_copy(update={"warnings": warned})

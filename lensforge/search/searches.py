@@ -1,0 +1,272 @@
+"""The search for a lens, once or from several starts: the verbs ``design`` and ``best_design``."""
+
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, TypedDict, Unpack
+
+from lensforge import seeds
+from lensforge.errors import InputError, SourceWarning
+from lensforge.light.evaluation_result import Light
+from lensforge.light.lens_conditions import source_of
+from lensforge.light.source_photometry import SourceLumens
+from lensforge.results.arguments import count_of, path_of, require, threads_of_torch
+from lensforge.scene.lens import Lens, load_lens
+from lensforge.search.cluster import connected
+from lensforge.search.design_result import Design, Observer, Start
+from lensforge.search.source_clearance import source_clearance_warnings
+from lensforge.sources.measured_rays import searched, smoothed
+from lensforge.spec import Accuracy, Spec
+from lensforge.spec.accuracy import preset_of
+from lensforge.spec.design_spec import require_spec
+
+if TYPE_CHECKING:
+    import torch
+
+    from lensforge.sources.ray_bundle import Source
+
+Warn = Callable[[str], None]
+MOST_STARTS = 1000
+RENAMED_ANYWAY = "anyway is called force now; the old name goes with the next version"
+
+
+class SearchOptions(TypedDict, total=False):
+    """Keywords of :func:`design`, which :func:`best_design` and :func:`lensforge.run` hand on."""
+
+    accuracy: Accuracy
+    seed: int
+    threads: int | None
+    start: Lens | None
+    checkpoint: Path | str | None
+    progress: Observer | None
+    device: Literal["cpu", "cuda"]
+    warn: Warn | None
+    force: bool
+    anyway: bool | None
+
+
+def design(
+    spec: Spec,
+    *,
+    accuracy: Accuracy = "standard",
+    seed: int = 0,
+    threads: int | None = None,
+    start: Lens | None = None,
+    checkpoint: Path | str | None = None,
+    resume: bool = True,
+    progress: Observer | None = None,
+    device: Literal["cpu", "cuda"] = "cpu",
+    warn: Warn | None = None,
+    force: bool = False,
+    anyway: bool | None = None,
+) -> Design:
+    """Search for the lens of ``spec``, Eq. (15): coarse to fine, constraints by augmented Lagrangian.
+
+    ``seed``: of the rays. ``threads``: by default all cores; the result does not depend on it. ``start``: a lens to
+    begin from; by default that of ``spec.lens.start``, or none. ``checkpoint``: a file that is written every few
+    seconds; where it exists already, the search continues from it and ends with the same bits as an uninterrupted one,
+    unless ``resume`` is False. ``progress`` is called after every gradient step; where it returns False, the search
+    stops with :class:`Cancelled` and leaves its checkpoint. ``device``: where the rays of the search are traced
+    (``cuda`` is experimental). ``warn`` is called with each warning on the source before the search begins; by default
+    they are Python's own, :class:`SourceWarning`. ``force``: search even where less than half of the light that a
+    target asks for can reach it; ``anyway``: its earlier name.
+    Raises :class:`InputError` for invalid arguments.
+    """
+    from lensforge.search.optimiser import search
+
+    require_spec(spec, "design")
+    preset_of(accuracy)
+    seed, path = count_of("seed", seed, 0) or 0, path_of("checkpoint", checkpoint)
+    if progress is not None and not callable(progress):
+        raise InputError(f"progress = {progress!r}: a function that takes a Progress")
+    start = _start_of(spec, start)
+    source, warned = _checked_scene(spec, start, warn, force=force, anyway=anyway)
+    with threads_of_torch(threads):
+        return search(
+            spec,
+            source,
+            accuracy=accuracy,
+            seed=seed,
+            device=device_of(device),
+            start=start,
+            checkpoint=path,
+            resume=resume and path is not None and path.exists(),
+            progress=progress,
+            warnings=warned,
+        )
+
+
+def _start_of(spec: Spec, start: Lens | None = None) -> Lens | None:
+    """The lens from which a search goes on: ``start``, or the one that the spec names; None for hemispheres."""
+    if start is not None:
+        return require(start, Lens, "start")
+    return None if spec.lens.start is None else load_lens(spec.lens.start)
+
+
+def device_of(name: str) -> "torch.device | None":
+    """The device on which torch traces the rays of a search; None for "cpu", where the compiled kernels trace them.
+
+    Raises :class:`InputError` where torch does not find the device.
+    """
+    import torch
+
+    if name == "cpu":
+        return None
+    if name != "cuda" or not torch.cuda.is_available():
+        raise InputError(
+            f"device = {name!r}: torch {torch.__version__} finds no such device; allowed here: cpu; "
+            "for an NVIDIA GPU install a CUDA build of torch"
+        )
+    return torch.device(name)
+
+
+def _checked_scene(
+    spec: Spec, start: Lens | None, warn: Warn | None, *, force: bool, anyway: bool | None
+) -> "tuple[Source, tuple[str, ...]]":
+    """The source of ``spec``, and the warnings on its scene; all that a search would be in vain for is refused.
+
+    ``warn`` is called with each warning, on source and given faces, too. Raises :class:`InputError` for a base or a
+    keep-out that cannot be, where no light enters the lens and, unless ``force``, where less than half of what the
+    targets ask for is possible.
+    """
+    from lensforge.search.scene_check import SceneCheck
+    from lensforge.sources.build_source import summarise
+
+    if anyway is not None:
+        warnings.warn(RENAMED_ANYWAY, FutureWarning, stacklevel=3)
+        force = force or anyway
+    if spec.base.file is not None:
+        from lensforge.cad.custom_base import read_custom_base
+
+        read_custom_base(spec.base.file)
+    if spec.constraints.keep_out is not None:
+        from lensforge.search.keep_out_extent import require_keep_out_fits
+
+        require_keep_out_fits(spec)
+    source = source_of(spec)
+    summary = summarise(source, spec.source)
+    SourceLumens.of(None, summary).require_known(spec.photometry)  # not after a search
+    room = source_clearance_warnings(spec, source)
+    scene = SceneCheck.of(spec, source, start)
+    scene.require_light(force=force)
+    for words in (*spec.lens.warnings, *summary.warnings, *scene.warnings(), *room):
+        if warn is None:
+            warnings.warn(words, SourceWarning, stacklevel=3)
+        else:
+            warn(words)
+    return source, scene.warnings()
+
+
+@dataclass(frozen=True)
+class SeededSearch:
+    """A search but for its seed.
+
+    ``warnings``: on its scene. ``progress`` is called in this process only. ``rays_seed``: of the rays that choose.
+    """
+
+    spec: Spec
+    accuracy: Accuracy
+    warnings: tuple[str, ...]
+    progress: Observer | None
+    rays_seed: int
+
+    def made(self, seed: int) -> tuple[Design, Start]:
+        """One search, and the light of its lens."""
+        from lensforge.search.optimiser import search
+
+        design = search(
+            self.spec,
+            source_of(self.spec),
+            accuracy=self.accuracy,
+            seed=seed,
+            start=_start_of(self.spec),
+            progress=self.progress,
+            warnings=self.warnings,
+        )
+        light = _light_by_other_rays(design.lens, self.rays_seed)
+        missed = sum(not criterion.passed for criterion in design.criteria)
+        missed += sum(limit.state == "missed" for limit in light.limits)
+        errors = [each.nmse.value for each in light.receivers if each.nmse is not None]
+        return design, Start(
+            seed=seed,
+            nmse=light.nmse,
+            efficiency=light.efficiency,
+            merit=sum(errors) / len(errors),
+            missed=missed,
+            seconds=design.seconds,
+        )
+
+
+def best_design(
+    spec: Spec,
+    *,
+    starts: int,
+    scheduler: str | None = None,
+    announce: Callable[[str], None] | None = None,
+    **options: Unpack[SearchOptions],
+) -> Design:
+    """Search ``starts`` times, with the seeds from ``seed`` on, and return the best; its ``starts`` has all of them.
+
+    The best keeps most constraints and limits and, of those, has the smallest NMSE. Rays that judge no lens afterwards,
+    the same for all, choose it: of the figures of many lenses by the rays that judge, the best would be the luckiest.
+    ``scheduler``: a Dask cluster, to the same bits, as of :func:`tolerance`; ``progress`` then hears nothing.
+    ``announce`` is called with a line for each start that has ended. ``options`` as of :func:`design`, but for
+    ``start``, ``checkpoint`` and ``device``.
+    """
+    require_spec(spec, "best_design")
+    if any(options.get(name) not in (None, "cpu") for name in ("start", "checkpoint", "device")):
+        raise InputError("several starts, or a scheduler: without start, checkpoint (--resume) and device")
+    accuracy, given = options.get("accuracy", "standard"), options.get("seed", 0)
+    preset_of(accuracy)
+    count, first = count_of("starts", starts, most=MOST_STARTS) or 1, count_of("seed", given, 0) or 0
+    if first + count - 1 > seeds.MOST:
+        raise InputError(f"seed = {first}: with {count} starts the last seed is above {seeds.MOST}")
+    force, anyway = options.get("force", False), options.get("anyway")
+    _, warned = _checked_scene(spec, _start_of(spec), options.get("warn"), force=force, anyway=anyway)
+    progress = options.get("progress") if scheduler is None else None
+    seeded = SeededSearch(spec, accuracy, warned, progress, seeds.of_choice(first))
+    made: dict[int, tuple[Design, Start]] = {}
+    for number, (found, start) in _all(seeded, tuple(range(first, first + count)), options.get("threads"), scheduler):
+        made[number] = found, start
+        if announce is not None:
+            announce(f"start {len(made)} of {count}: seed {start.seed}, {start.words}")
+    ordered = [made[number] for number in range(count)]
+    best, _ = min(ordered, key=lambda pair: pair[1].rank)  # of equals the first seed
+    return best.model_copy(update={"starts": tuple(start for _, start in ordered)})
+
+
+def _all(
+    search: SeededSearch, numbers: tuple[int, ...], threads: int | None, scheduler: str | None
+) -> Iterator[tuple[int, tuple[Design, Start]]]:
+    """Every search, as it ends: its number from 0 on, and what it found."""
+    if scheduler is not None:
+        with connected(scheduler) as cluster:
+            yield from cluster.map(SeededSearch.made, search, numbers)
+        return
+    with threads_of_torch(threads):
+        for number, seed in enumerate(numbers):
+            yield number, search.made(seed)
+
+
+def _light_by_other_rays(lens: Lens, seed: int) -> Light:
+    """The light of ``lens`` by rays of its source that judge none: measured ones are those of the search, turned."""
+    from lensforge.light.evaluation import evaluate_traced
+    from lensforge.light.simulation import TracedLens
+    from lensforge.scene.limit_readings import light_limits
+    from lensforge.scene.receiver_shapes import receivers_of
+    from lensforge.sources.build_source import build_source, summarise
+
+    spec, preset = lens.spec, preset_of(lens.accuracy)
+    source = build_source(spec.source, lens.dispersion)
+    efficacy = summarise(source, spec.source).lumens_per_watt
+    limits = light_limits(spec, receivers_of(spec, spec.evaluate.pixels), efficacy, source.flux_w)
+    return evaluate_traced(
+        TracedLens.of(lens, preset.evaluate_nodes_per_sigma),
+        spec,
+        smoothed(searched(source)),
+        spec.evaluate.rays or preset.evaluate_rays,
+        seed,
+        limits=limits,
+        bounds_by=source,
+    )
