@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from lensforge.runs.results import verdict_on
+from lensforge.report.results import verdict_on
 from lensforge.spec import Accuracy
 
 sys.path.append(str(Path(__file__).parent))

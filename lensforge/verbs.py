@@ -8,7 +8,14 @@ from collections.abc import Mapping
 from typing import Any
 
 from lensforge.cad.part import Part
-from lensforge.errors import Cancelled, CriterionMissed, InputError, LensforgeError, MissingResult, SourceWarning
+from lensforge.errors import (
+    Cancelled,
+    CriterionMissed,
+    InputError,
+    LensforgeError,
+    MissingResult,
+    SourceWarning,
+)
 from lensforge.light.evaluation_result import Light, LimitResult
 from lensforge.light.lens_light import evaluate
 from lensforge.light.photometry_result import Photometry
@@ -21,18 +28,18 @@ from lensforge.made.tolerance_studies import sensitivity, tolerance
 from lensforge.proof.casts import stray_light, verify
 from lensforge.proof.proof_result import Proof
 from lensforge.proof.stray_result import StrayLight
+from lensforge.report.results import Results, stem_of
 from lensforge.results import Conditions, Metric
 from lensforge.results.criteria import Criterion
 from lensforge.results.files import replacing
 from lensforge.results.ownership import require_own
+from lensforge.results.verdict import Verdict
 from lensforge.runs.folder import Run, RunFolder, load
 from lensforge.runs.pipeline import run
-from lensforge.runs.results import Results, stem_of
 from lensforge.runs.stage import FolderStage, build, check, handover, photometry
 from lensforge.runs.study_verbs import sweep, tradeoff
 from lensforge.runs.sweep import Sweep
 from lensforge.runs.tradeoff_result import Tradeoff
-from lensforge.runs.verdict import Verdict
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.search.design_result import Design, Progress
 from lensforge.search.searches import best_design, design
@@ -67,9 +74,6 @@ from lensforge.spec.fixed_surface import (
     FixedLensFace,
     FixedPoints,
     FixedSphere,
-    FixedToroid,
-    FixedXYPolynomial,
-    FixedZernike,
 )
 from lensforge.spec.light_limits import BeamAngleLimit, GlareLimit, LineLimit, PhotometrySection, PointsLimit, ZoneLimit
 from lensforge.spec.receiver_sections import CylinderReceiver, FarFieldReceiver, PlaneReceiver, SphereReceiver
@@ -111,16 +115,16 @@ from lensforge.version import __version__
 
 __all__ = [
     "ArrayTarget", "BaseSection", "BatwingTarget", "BeamAngleLimit", "BeamTarget", "Cancelled", "Check", "Chip",
-    "ChipArraySource", "ChipsSource", "Conditions", "ConstraintsSection", "Correction", "CosineIntensity", "Criterion",
-    "CriterionMissed", "CrossTarget", "CylinderReceiver", "Design", "DiscSource", "DiscTarget", "DrawingSection",
-    "EllipseTarget", "EvaluateSection", "FarFieldReceiver", "FileSpectrum", "FixedAsphere", "FixedBiconic",
-    "FixedCadFace", "FixedLensFace", "FixedPoints", "FixedSphere", "FixedToroid", "FixedXYPolynomial", "FixedZernike",
-    "FlatTopTarget", "GlareLimit", "Handover", "ImageTarget", "InputError", "Lens", "LensSection", "LensforgeError",
-    "Light", "LimitResult", "LineLimit", "LineSpectrum", "LuminanceSource", "ManufactureSection", "Metric",
-    "MissingResult", "OptimiseSection", "Part", "PhotoComparison", "PhotometricIntensity", "PhotometricSummary",
-    "PhotometricTarget", "Photometry", "PhotometrySection", "PlaneReceiver", "PointsLimit", "PolygonTarget", "Possible",
-    "Progress", "Proof", "RadianceSource", "RayFileSummary", "RaySource", "RayfilePart", "RayfileSource",
-    "RayfilesSource", "RectangleSource", "RectangleTarget", "Results", "RingTarget", "Run", "Sensitivity",
+    "ChipArraySource", "ChipsSource", "Conditions", "ConstraintsSection", "Correction", "CosineIntensity",
+    "Criterion", "CriterionMissed", "CrossTarget", "CylinderReceiver", "Design", "DiscSource", "DiscTarget",
+    "DrawingSection", "EllipseTarget", "EvaluateSection", "FarFieldReceiver", "FileSpectrum", "FixedAsphere",
+    "FixedBiconic", "FixedCadFace", "FixedLensFace", "FixedPoints", "FixedSphere", "FlatTopTarget", "GlareLimit",
+    "Handover", "ImageTarget", "InputError", "Lens", "LensSection", "LensforgeError", "Light", "LimitResult",
+    "LineLimit", "LineSpectrum", "LuminanceSource", "ManufactureSection", "Metric", "MissingResult",
+    "OptimiseSection", "Part", "PhotoComparison", "PhotometricIntensity", "PhotometricSummary", "PhotometricTarget",
+    "Photometry", "PhotometrySection", "PlaneReceiver", "PointsLimit", "PolygonTarget", "Possible", "Progress",
+    "Proof", "RadianceSource", "RayFileSummary", "RaySource", "RayfilePart", "RayfileSource", "RayfilesSource",
+    "RectangleSource", "RectangleTarget", "RenamedWarning", "Results", "RingTarget", "Run", "Sensitivity",
     "SourceWarning", "Spec", "SphereReceiver", "SpotsTarget", "SquareSource", "StrayLight", "SurfaceComparison",
     "Sweep", "TableIntensity", "TableSpectrum", "TableTarget", "TextTarget", "ToleranceSpec", "TolerancesSection",
     "Tool", "Tradeoff", "Verdict", "Yield", "ZoneLimit", "__version__", "best_design", "build", "check", "compare",

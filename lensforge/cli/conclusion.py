@@ -12,10 +12,10 @@ from lensforge.cli.printing import warning_line
 from lensforge.cli.screen import Block, print_screen
 from lensforge.errors import CriterionMissed
 from lensforge.report.headline import headline
+from lensforge.report.results import conditions_of, stem_of
 from lensforge.results import StageResult
 from lensforge.results.criteria import require
 from lensforge.runs.folder import Run, RunFolder
-from lensforge.runs.results import conditions_of, stem_of
 from lensforge.runs.stage import Decides
 
 if TYPE_CHECKING:

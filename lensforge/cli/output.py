@@ -9,9 +9,9 @@ from typing import Any
 
 import click
 
+from lensforge.report.results import stem_of
 from lensforge.results import StageResult
 from lensforge.runs.folder import Run
-from lensforge.runs.results import stem_of
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from lensforge.cli.stage_clock import StageClock
-from lensforge.runs.results import REPORT_FILE, STAGES
+from lensforge.report.results import REPORT_FILE, STAGES
 from lensforge.search.design_result import Progress as Step
 from lensforge.spec import Accuracy, Spec
 

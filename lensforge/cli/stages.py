@@ -11,12 +11,12 @@ from lensforge.cli.conclusion import finish, finish_handover, finish_page
 from lensforge.cli.options import FOLDER, OPTIONS, Command
 from lensforge.cli.output import Output, with_output
 from lensforge.errors import InputError
+from lensforge.report.results import REPORT_FILE
 from lensforge.results import StageResult
 from lensforge.results.files import require_writable
 from lensforge.results.ownership import is_free_or_own, require_own
 from lensforge.runs.folder import opened
 from lensforge.runs.pipeline import write_comparison, write_report
-from lensforge.runs.results import REPORT_FILE
 from lensforge.runs.stage import FolderStage
 from lensforge.runs.stage import handover as make_handover
 from lensforge.verbs import STAGES, STRAY, VERIFY
@@ -73,7 +73,6 @@ STAGE_COMMANDS = tuple(_command_of(stage) for stage in STAGES)
 @click.option("--spacing", type=float, metavar="MM", help="Between the points of dense tables; default: by --error.")
 @click.option("--error", type=float, default=10.0, metavar="NM", help="Of interpolation between the points.")
 @click.option("--interpolation", type=click.Choice(["bicubic", "linear"]), default="bicubic")
-@click.option("--slope", type=float, default=60.0, metavar="DEG", help="Where the raster ends.")
 @click.option("--offset-inner", type=float, default=0.0, metavar="MM", help="Ball whose centres the tables hold.")
 @click.option("--offset-outer", type=float, default=0.0, metavar="MM", help="The same for the outer face.")
 @click.option(
@@ -88,7 +87,6 @@ def handover(
     spacing: float | None,
     error: float,
     interpolation: Literal["bicubic", "linear"],
-    slope: float,
     offset_inner: float,
     offset_outer: float,
     drawing: Path | None,
@@ -107,7 +105,6 @@ def handover(
                 spacing_mm=spacing,
                 error_nm=error,
                 interpolation=interpolation,
-                slope_deg=slope,
                 offset_inner_mm=offset_inner,
                 offset_outer_mm=offset_outer,
                 drawing=drawing,

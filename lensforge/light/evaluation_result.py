@@ -24,7 +24,7 @@ from lensforge.results import (
 from lensforge.results.array_fields import MOST_PIXELS
 from lensforge.results.chart import light_unit
 from lensforge.results.criteria import Criterion, at_most
-from lensforge.runs.verdict import judge
+from lensforge.results.verdict import judge
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -14,7 +14,7 @@ from lensforge.results import Bound, Fact, Group, Metric
 from lensforge.results.chart import LightUnit, light_unit
 from lensforge.results.criteria import missed
 from lensforge.results.numerals import number, percent
-from lensforge.runs.verdict import Reason, judge
+from lensforge.results.verdict import Reason, judge
 from lensforge.scene.lens import Lens
 from lensforge.spec import Spec
 

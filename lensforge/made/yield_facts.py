@@ -9,7 +9,7 @@ from lensforge.light.light_facts import METRICS, metric_facts
 from lensforge.made.tolerance_result import FIELD, BudgetRow, ErrorRow, MetricBound, Sensitivity, WorstPart, Yield
 from lensforge.results import Bound, Fact, Group, Metric
 from lensforge.results.numerals import NOTHING, percent, quantity
-from lensforge.runs.verdict import CERTAIN
+from lensforge.results.verdict import CERTAIN
 from lensforge.scene.tolerance_factors import amount_words
 
 TOGETHER = "several together"

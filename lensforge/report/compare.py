@@ -21,6 +21,7 @@ from lensforge.report.measured_section import RELATIVE
 from lensforge.report.page import PagePicture, picture, template
 from lensforge.report.part_section import source_outline
 from lensforge.report.record_tables import rows
+from lensforge.report.results import Results
 from lensforge.report.task import task
 from lensforge.results import Fact
 from lensforge.results.chart import Chart, LightUnit, light_unit
@@ -37,7 +38,6 @@ from lensforge.results.figure_style import (
     new_figure,
 )
 from lensforge.results.numerals import NOTHING, number
-from lensforge.runs.results import Results
 from lensforge.version import __version__
 
 _MOST = 8  # columns: more do not fit on a page

@@ -9,9 +9,9 @@ from lensforge.light.evaluation_result import Light
 from lensforge.light.light_facts import LimitBounds
 from lensforge.light.photometry_result import Photometry
 from lensforge.proof.proof_result import Proof
+from lensforge.report.results import Results
 from lensforge.results import Fact, Group, State
 from lensforge.results.numerals import quantity
-from lensforge.runs.results import Results
 from lensforge.search.design_result import Design
 from lensforge.shop.check_result import Check
 

@@ -20,12 +20,12 @@ from lensforge.report import headline, light_section, part_section
 from lensforge.report.measured_section import measured_sections
 from lensforge.report.page import template
 from lensforge.report.record_tables import number_tables, spec_tables
+from lensforge.report.results import REPORT_FILE, Results
 from lensforge.report.snapshots import Snapshot, load_snapshots
 from lensforge.report.solid_view import Rendering, SolidViews
 from lensforge.report.task import task
 from lensforge.results import Group, StageResult
 from lensforge.results.numerals import number, percent
-from lensforge.runs.results import REPORT_FILE, Results
 from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Design
 from lensforge.shop.check_facts import finding_groups

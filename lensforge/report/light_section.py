@@ -13,11 +13,11 @@ from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import ReceiverLight
 from lensforge.report import light_figures, study_figures
 from lensforge.report.page import PagePicture, picture
+from lensforge.report.results import Results
 from lensforge.results import Bound, Fact, Group, SimulatedResult
 from lensforge.results.chart import LightUnit, light_unit
 from lensforge.results.numerals import number
-from lensforge.runs.results import Results
-from lensforge.runs.verdict import worst
+from lensforge.results.verdict import worst
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_region import uniform_region
 from lensforge.search.design_result import Design

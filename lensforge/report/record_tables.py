@@ -4,9 +4,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 
+from lensforge.report.results import Results
 from lensforge.results import Metric
 from lensforge.results.numerals import NOTHING, anything, number, quantity, unit_of
-from lensforge.runs.results import Results
 
 _SHORT = 6  # up to so many numbers share a cell; more become a block
 _METRIC = frozenset(Metric.model_fields)

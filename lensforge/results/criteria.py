@@ -9,7 +9,7 @@ from pydantic import ModelWrapValidatorHandler, computed_field, model_validator
 from lensforge.errors import CriterionMissed
 from lensforge.results import Bound, Fact, Number, Record, Sense, Text
 from lensforge.results.numerals import quantity
-from lensforge.runs.verdict import Reason, judge, within
+from lensforge.results.verdict import Reason, judge, within
 
 _STL, _STEP = "mesh (lens.stl)", "STEP file"
 _YES = " (1: yes)"  # ends the words of a question

@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import TypeVar
 
 from lensforge.errors import InputError
+from lensforge.report.results import REPORT_FILE, Results, conditions_of, stem_of
 from lensforge.results import StageResult
 from lensforge.results.files import require_writable
 from lensforge.results.folder_lock import locked
 from lensforge.results.ownership import is_free_or_own, require_own
 from lensforge.results.validation import its_type
-from lensforge.runs.results import REPORT_FILE, Results, conditions_of, stem_of
 from lensforge.runs.run_record import RUN_FILE, RunRecord, require_none_lost, require_recorded, unrecorded
 from lensforge.runs.stored import Stored
 from lensforge.search.design_result import Design
@@ -63,7 +63,7 @@ class Run(Results):
 
     def _repr_html_(self) -> str:
         """HTML for a notebook: verdict, headline numbers, the light and a section."""
-        from lensforge.report.notebook import results_html
+        from lensforge.report.lens_page import results_html
 
         return results_html(self)
 

@@ -19,13 +19,13 @@ from lensforge.light.lens_light import evaluate
 from lensforge.light.photometry_result import Photometry
 from lensforge.proof.casts import verify, verify_with
 from lensforge.proof.proof_result import Proof
+from lensforge.report.results import REPORT_FILE
 from lensforge.results.arguments import threads_of_torch
 from lensforge.results.file_bounds import remembered
 from lensforge.results.freed_memory import return_freed_memory
 from lensforge.results.ownership import require_own
 from lensforge.results.second_process import SecondProcess, second_process
 from lensforge.runs.folder import Run, RunFolder, existing, folder_of, opened
-from lensforge.runs.results import REPORT_FILE
 from lensforge.runs.stage import build, check, photometry
 from lensforge.search.checkpoint import CHECKPOINT, delete_checkpoint
 from lensforge.search.searches import SearchOptions, best_design, design

@@ -10,12 +10,12 @@ from pathlib import Path
 from lensforge.cad.part import Part
 from lensforge.errors import InputError
 from lensforge.proof.proof_result import JUDGED_FILES, Proof
+from lensforge.report.results import Results, is_own, unjudged_files
 from lensforge.results import Count, NotNegative, Record, Sha256, StageResult, Text
 from lensforge.results.files import write_json
 from lensforge.results.stage_result import SCHEMA_VERSION, read_object, require_checksum, validated, with_checksum
-from lensforge.runs.results import Results, is_own, unjudged_files
+from lensforge.results.verdict import Verdict
 from lensforge.runs.stored import Stored
-from lensforge.runs.verdict import Verdict
 from lensforge.spec import Accuracy
 from lensforge.version import __version__
 

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 from lensforge.cad.part import Part
 from lensforge.light.lens_conditions import judging_source, photometry_conditions
 from lensforge.light.photometry_result import Photometry
+from lensforge.report.results import Results
 from lensforge.results import StageResult
 from lensforge.results.arguments import count_of, number_of, require, threads_of_torch
 from lensforge.runs.folder import RunFolder, opened
-from lensforge.runs.results import Results
 from lensforge.scene.lens import Lens
 from lensforge.shop.check_result import Check
 from lensforge.sources.photometric.ies import NEWEST, IesVersion, require_ies_version
@@ -139,7 +139,6 @@ def handover(
     spacing_mm: float | None = None,
     error_nm: float = 10.0,
     interpolation: Literal["bicubic", "linear"] = "bicubic",
-    slope_deg: float = 60.0,
     offset_inner_mm: float = 0.0,
     offset_outer_mm: float = 0.0,
     drawing: DrawingSection | Path | str | None = None,
@@ -150,13 +149,14 @@ def handover(
     of the spec.
 
     ``spacing_mm``: of the dense tables; None: as wide as an ``interpolation`` error of ``error_nm`` along the normal
-    allows. ``slope_deg``: where their raster ends. ``offset_inner_mm``, ``offset_outer_mm``: radius of a probe or tool
-    whose centres they hold. Raises :class:`InputError` where the ball does not fit, or for too many points.
+    allows. ``offset_inner_mm``, ``offset_outer_mm``: radius of a probe or tool whose centres they hold.
+
+    Raises :class:`InputError` where the ball does not fit, or for too many points.
     """
-    from lensforge.shop.handover_files import make_handover
-    from lensforge.shop.point_grids import GridRequest
+    from lensforge.shop.dense_table import GridRequest
+    from lensforge.shop.shop_files import make_handover
 
     require(run, Results, "handover")
     words = read_drawing(Path(drawing)) if isinstance(drawing, Path | str) else drawing
-    request = GridRequest(spacing_mm, error_nm, interpolation, slope_deg, offset_inner_mm, offset_outer_mm)
+    request = GridRequest(spacing_mm, error_nm, interpolation, offset_inner_mm, offset_outer_mm)
     return make_handover(run, request, words)

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from lensforge.cad.part import Part
 from lensforge.errors import InputError, OutdatedResult
+from lensforge.report.results import OF_STEMS, Results, conditions_of, is_own, stem_of
 from lensforge.results import SimulatedResult, StageResult
-from lensforge.runs.results import OF_STEMS, Results, conditions_of, is_own, stem_of
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.search.checkpoint import CHECKPOINT, is_checkpoint
 from lensforge.search.design_result import Design

@@ -6,12 +6,12 @@ from lensforge.errors import InputError
 from lensforge.light.lens_conditions import source_of
 from lensforge.light.lens_light import evaluate
 from lensforge.proof.casts import verify
+from lensforge.report.results import Results
 from lensforge.results import StageResult
 from lensforge.results.arguments import require, threads_of_torch
-from lensforge.runs.results import Results
 from lensforge.runs.stage import build, check
 from lensforge.runs.sweep import Sweep, sweep_of, variation_of
-from lensforge.runs.tradeoff.record import Tradeoff
+from lensforge.runs.tradeoff_result import Tradeoff
 from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Design, Observer
 from lensforge.search.searches import design
@@ -63,7 +63,7 @@ def tradeoff(
 
     ``most_rays``: of the largest sample, 2^12 to 2^24. ``announce`` is called with the name of each study as it starts.
     """
-    from lensforge.runs.tradeoff.measure import Effort, measure, require_same_scene
+    from lensforge.runs.tradeoff_study import measure, require_same_scene
 
     require_spec(spec, "tradeoff")
     if not (isinstance(most_rays, int) and 2**12 <= most_rays <= 2**24):
@@ -74,4 +74,4 @@ def tradeoff(
     else:
         require_same_scene(require(lens, Lens, "tradeoff"), spec, source, "tradeoff")
     with threads_of_torch(threads):
-        return measure(lens, source, Effort.up_to(most_rays), announce or (lambda _: None))
+        return measure(lens, source, most_rays, announce or (lambda _: None))

@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 
 from lensforge.errors import InputError
 from lensforge.light.light_facts import METRICS
+from lensforge.report.results import Results
 from lensforge.results import (
     Count,
     Fact,
@@ -24,7 +25,6 @@ from lensforge.results import (
     Text,
 )
 from lensforge.results.criteria import Criterion
-from lensforge.runs.results import Results
 from lensforge.search.design_result import Margins
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.spec_files import section_sha256

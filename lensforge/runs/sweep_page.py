@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 
 from lensforge.report.compare import ComparedPictures
 from lensforge.report.page import picture, template
+from lensforge.report.results import Results
 from lensforge.results.figure_style import BLUE, GREEN, GREY, ORANGE, WIDE, in_report_style, new_figure, to_png
-from lensforge.runs.results import Results
 from lensforge.runs.sweep import Curve, Sweep
 
 _HEIGHT = 3.2

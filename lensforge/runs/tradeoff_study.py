@@ -13,14 +13,13 @@ from lensforge.light.simulation import TracedLens
 from lensforge.report.page import write_page
 from lensforge.results.folder_lock import locked
 from lensforge.results.ownership import require_own
-from lensforge.runs.pipeline import write_design
-from lensforge.runs.run_folder import open_run
-from lensforge.runs.stages import design
+from lensforge.runs.folder import RunFolder
 from lensforge.runs.tradeoff_page import tradeoff_page
 from lensforge.runs.tradeoff_result import Series, Tradeoff, TradeoffRow
 from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Design, Progress
 from lensforge.search.optimiser import search
+from lensforge.search.searches import design
 from lensforge.search.symmetry import settled_symmetry
 from lensforge.sources.build_source import build_source
 from lensforge.sources.measured_rays import held_back
@@ -60,8 +59,8 @@ def _lens_in(directory: Path, spec: Spec, source: Source, announce: Callable[[st
     if not path.exists():
         announce("no lens yet: a draft is designed")
         draft = design(spec, accuracy="draft", warn=lambda words: announce(f"warning: {words}"))
-        return write_design(draft, directory).lens
-    results = open_run(directory)
+        return RunFolder(directory).write(draft).lens
+    results = RunFolder(directory).run
     require_same_scene(results.lens, spec, source, str(path))
     made = results.find(Design)
     if made is not None and made.inputs["spec"] != section_sha256(results.spec):

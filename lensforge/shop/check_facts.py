@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from lensforge.results import Bound, Fact, FactState, Group, State
 from lensforge.results.criteria import kept, state_of
 from lensforge.results.numerals import quantity
-from lensforge.runs.verdict import Reason, judge
+from lensforge.results.verdict import Reason, judge
 from lensforge.shop.check_result import Check, FaceName, FaceResult, Finding
 from lensforge.shop.findings import advice
 from lensforge.spec import Spec

@@ -9,7 +9,7 @@ from pydantic import computed_field
 
 from lensforge.results import Array, NotNegative, Number, Point, Positive, Record, Share, StageResult, Text
 from lensforge.results.criteria import Criterion, Judged
-from lensforge.runs.verdict import within
+from lensforge.results.verdict import within
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

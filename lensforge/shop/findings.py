@@ -9,7 +9,7 @@ from math import ceil, degrees, floor
 
 from lensforge.cad.part_limits import NORMAL_LIMIT_MRAD
 from lensforge.results.criteria import Criterion, at_least, at_most
-from lensforge.runs.verdict import within
+from lensforge.results.verdict import within
 from lensforge.shop.check_result import (
     BallClearance,
     Check,

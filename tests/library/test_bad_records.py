@@ -14,8 +14,8 @@ from nightly import NIGHTLY
 from pydantic import ValidationError
 
 import lensforge as lf
+from lensforge.report.results import EXTRAS, STAGES, Results
 from lensforge.results import Record
-from lensforge.runs.results import EXTRAS, STAGES, Results
 from lensforge.runs.sweep import sweep_of, variation_of
 
 Where = tuple[str | int, ...]

@@ -14,8 +14,8 @@ from nightly import NIGHTLY
 from scenes import small_spec, sphere
 
 import lensforge as lf
+from lensforge.report.results import EXTRAS, STAGES
 from lensforge.results import SimulatedResult, StageResult
-from lensforge.runs.results import EXTRAS, STAGES
 from lensforge.verbs import EVALUATE
 
 ROOT = Path(__file__).parents[2]

@@ -95,7 +95,7 @@ def test_a_limit_is_decided_beyond_two_standard_errors(
 
 def test_the_light_of_a_lens_has_its_limits_and_its_verdict_follows_them() -> None:
     import lensforge as lf
-    from lensforge.runs.results import verdict_on
+    from lensforge.report.results import verdict_on
     from lensforge.scene.lens import Lens
     from lensforge.surfaces.asphere import sphere
 

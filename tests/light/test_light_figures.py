@@ -5,8 +5,8 @@ from scenes import random_surface, small_spec
 
 import lensforge as lf
 from lensforge.light.receiver_light import ReceiverLight
+from lensforge.report.results import verdict_on
 from lensforge.results import Metric
-from lensforge.runs.results import verdict_on
 
 RECEIVER_MM = 100.0
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from lensforge.report.yield_rows import cause_rows, judged, metric_words, worst_words
 from nightly import scaled
 from parts import lens_with, study_of
 

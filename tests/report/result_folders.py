@@ -22,9 +22,9 @@ from lensforge.proof.proof_result import (
     Sizes,
 )
 from lensforge.report.lens_page import render_report
+from lensforge.report.results import Results
 from lensforge.results import BodySize, Extent, Metric
 from lensforge.results.criteria import Criterion
-from lensforge.runs.results import Results
 from lensforge.scene.lens import Lens
 from lensforge.scene.receiver_shapes import build_receiver
 from lensforge.search.design_result import Design, Level, Margins

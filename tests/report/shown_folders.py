@@ -13,9 +13,9 @@ from lensforge.cad.part import KeepOutDistance
 from lensforge.light.evaluation_result import FittedLight, LightMetrics, LimitResult, PresetError, TableError
 from lensforge.light.receiver_light import Flux, MissedByCause, RegionLight
 from lensforge.made.tolerance_result import ErrorRow, Sensitivity
+from lensforge.report.results import Results
 from lensforge.results import Conditions, Metric
 from lensforge.results.criteria import Criterion
-from lensforge.runs.results import Results
 from lensforge.scene.lens import Lens
 from lensforge.shop.findings import check_findings
 from lensforge.sources.source_summary import SourceSummary

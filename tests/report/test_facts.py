@@ -4,7 +4,7 @@ import pytest
 from shown_folders import FOLDERS, folder_of
 
 from lensforge.results import Bound, Fact, Group, Metric, Record
-from lensforge.runs.verdict import judge, worst
+from lensforge.results.verdict import judge, worst
 
 
 def numbers_of(value):

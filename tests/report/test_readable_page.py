@@ -9,8 +9,8 @@ from part_files import whole_results
 from result_folders import make_light, small_lens
 
 from lensforge.report.lens_page import render_report
+from lensforge.report.results import Results
 from lensforge.results import Conditions
-from lensforge.runs.results import Results
 
 pytestmark = browser.needed
 

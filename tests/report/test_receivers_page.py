@@ -12,9 +12,9 @@ from lensforge.report import light_section
 from lensforge.report.compare import ComparedPictures, render_comparison
 from lensforge.report.headline import asked_facts
 from lensforge.report.light_section import first_picture, other_lights, other_pictures, receiver_pictures, unit_of_light
+from lensforge.report.results import Results
 from lensforge.report.task import task
 from lensforge.results import Conditions, Metric
-from lensforge.runs.results import Results
 
 BEAM = {"kind": "beam", "fwhm_deg": (60.0, 25.0), "uniform_deg": 10.0}
 WALL = {

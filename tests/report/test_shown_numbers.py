@@ -25,10 +25,10 @@ from lensforge.report import headline, light_section, part_section
 from lensforge.report.compare import render_comparison
 from lensforge.report.lens_page import results_html
 from lensforge.report.record_tables import number_tables, spec_tables
+from lensforge.report.results import Results
 from lensforge.report.task import task
 from lensforge.report.yield_page import render_yield
 from lensforge.results import Fact, Group
-from lensforge.runs.results import Results
 from lensforge.shop import handover_files
 
 _NUMBER = re.compile(r"\d+(?:\.\d+)?[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]*")  # groups of three one by one

@@ -9,9 +9,9 @@ from lensforge.errors import CriterionMissed
 from lensforge.light.evaluation_result import LimitResult
 from lensforge.light.receiver_light import LARGEST_NMSE, LEAST_SHARE, Possible
 from lensforge.report.headline import headline
+from lensforge.report.results import Results, verdict_on
 from lensforge.results import Metric
-from lensforge.runs.results import Results, verdict_on
-from lensforge.runs.verdict import Verdict
+from lensforge.results.verdict import Verdict
 from lensforge.scene.lens import Lens
 from lensforge.shop.check_result import Finding
 from lensforge.spec import parse_spec

@@ -12,9 +12,9 @@ from page_text import Page, folded
 from result_folders import make_results, page_of, small_lens
 
 from lensforge.made.yield_facts import budget_row, budget_rows, cause_rows, metric_words, spread_rows, yield_facts
+from lensforge.report.results import Results
 from lensforge.report.yield_page import render_yield
 from lensforge.results.numerals import percent
-from lensforge.runs.results import Results
 from lensforge.scene.tolerance_factors import amount_words
 from lensforge.shop.tolerance_table import tolerance_table
 from lensforge.spec.tolerances_section import TolerancesSection

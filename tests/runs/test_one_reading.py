@@ -11,8 +11,8 @@ from coarse_part import coarse_part
 
 import lensforge as lf
 from lensforge.cli.cli import cli
+from lensforge.report.results import STAGES
 from lensforge.results import files
-from lensforge.runs.results import STAGES
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 

@@ -12,8 +12,8 @@ from shop_lenses import quick_check, small_lens
 
 from lensforge.cad.part_export import build_part
 from lensforge.errors import InputError, MissingResult
+from lensforge.report.results import Results
 from lensforge.results.criteria import Criterion
-from lensforge.runs.results import Results
 from lensforge.shop.check_facts import finding_groups
 from lensforge.shop.check_result import Finding
 from lensforge.shop.dense_table import GridRequest

@@ -10,8 +10,8 @@ from scenes import small_spec
 
 from lensforge import build, check, design, evaluate
 from lensforge.errors import InputError
+from lensforge.report.results import Results
 from lensforge.results.criteria import require
-from lensforge.runs.results import Results
 from lensforge.runs.stored import load_results
 from lensforge.runs.sweep import Sweep, parse_variation, sweep_of, variant_name, variation_of
 from lensforge.runs.sweep_page import sweep_figure

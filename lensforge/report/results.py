@@ -21,7 +21,7 @@ from lensforge.proof.proof_result import JUDGED_FILES, Proof
 from lensforge.proof.stray_result import StrayLight
 from lensforge.results import Conditions, Group, SimulatedResult, StageResult
 from lensforge.results.criteria import Criterion, missed
-from lensforge.runs.verdict import Reason, Verdict
+from lensforge.results.verdict import Reason, Verdict
 from lensforge.scene.lens import Lens
 from lensforge.search.design_facts import design_facts
 from lensforge.search.design_result import Design
