@@ -14,6 +14,7 @@ from lensforge.errors import (
     InputError,
     LensforgeError,
     MissingResult,
+    RenamedWarning,
     SourceWarning,
 )
 from lensforge.light.evaluation_result import Light, LimitResult

@@ -36,7 +36,7 @@ collect_garbage_seldom()
 _PACKAGES = ["surfaces", "optics", "sources", "scene", "light", "search", "cad", "shop", "proof", "made"]
 _FOLDER = Path(lensforge.__file__).parent
 _UNCHECKED = {  # compiled by numba, which cannot compile what is wrapped; verbs, which refuse wrong types themselves
-    "grid_walk.py", "lens_light.py", "searches.py", "casts.py", "measured_part.py", "inspection.py",
+    "grid_walk.py", "lens_light.py", "searches.py", "casts.py", "measured_part.py", "photometric_summary.py",
 }  # fmt: skip
 _MODULES = sorted(
     path for package in _PACKAGES for path in (_FOLDER / package).rglob("*.py") if path.name not in _UNCHECKED

@@ -2,11 +2,10 @@
 
 from collections.abc import Iterator, Mapping
 
-from lensforge.report.numerals import NOTHING, number, number_with_error
-
 from convergence.presets import PresetAccuracy
 from convergence.study import ConvergenceStudy, Errors, RefinementLevel
 from lensforge.results import Metric
+from lensforge.results.numerals import NOTHING, number, quantity
 from lensforge.spec import Accuracy
 
 _NAMES = {
@@ -98,12 +97,16 @@ def _named(error: str) -> str:
 
 
 def _order(series: str, found: Errors) -> str:
-    return f"{series}: " + ", ".join(f"{_named(error)} {number_with_error(order, 3)}" for error, order in found.items())
+    return f"{series}: " + ", ".join(f"{_named(error)} {_metric(order)}" for error, order in found.items())
 
 
 def _cells(level: RefinementLevel, errors: list[str], other: list[str]) -> list[str]:
     setting = NOTHING if level.reference and not level.setting else number(level.setting)
     used = "reference" if level.reference else "; ".join(level.used_by)
     costs = [number(level.seconds, 2), number(level.peak_mb, 2)]
-    found = [number_with_error(level.errors[name], 3) for name in errors]
+    found = [_metric(level.errors[name]) for name in errors]
     return [level.series, setting, *costs, *found, *(number(level.other.get(key), 4) for key in other), used]
+
+
+def _metric(metric: Metric | None) -> str:
+    return NOTHING if metric is None else quantity(metric.value, "", metric.standard_error, 3)

@@ -8,7 +8,7 @@ import verdicts
 from known_refraction import normal_transmittance
 
 import lensforge as lf
-from lensforge.results.verdict import LEAST_SHARE
+from lensforge.light.receiver_light import LEAST_SHARE
 from lensforge.search.scene_check import SceneCheck
 from lensforge.sources.build_source import build_source
 

@@ -28,7 +28,7 @@ from lensforge.sources.build_source import build_source
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric import PhotometricFile
 from lensforge.sources.photometric.photometric_io import _FORMATS as PHOTOMETRIC
-from lensforge.sources.photometric.photometric_summary import inspect
+from lensforge.sources.photometric.photometric_summary import rays
 from lensforge.sources.radiance_emitter import read_radiance
 from lensforge.sources.rayfiles import FORMATS, read_rayfile
 from lensforge.sources.source_spectrum import read_spectrum_file
@@ -125,7 +125,7 @@ def photometric(suffix: str) -> bytes:
 
 def drawn(path: Path) -> None:
     """The rays as a source has them."""
-    inspect(path)
+    rays(path)
     read_rayfile(path)
     bundle = build_source(lf.RayfileSource(file=path)).sample(16, 1)
     assert np.isfinite(bundle.origins).all() and np.isfinite(bundle.flux).all()
@@ -143,7 +143,7 @@ def formats() -> dict[str, tuple[str, bytes, Reader]]:
     return {
         "spec": ("spec.toml", example.read_bytes(), lf.load_spec),
         **{name: ("rays.bin", encoded(name, CASES[name][0]), drawn) for name in FORMATS},
-        **{suffix[1:]: (f"light{suffix}", photometric(suffix), inspect) for suffix in PHOTOMETRIC},
+        **{suffix[1:]: (f"light{suffix}", photometric(suffix), rays) for suffix in PHOTOMETRIC},
         "spectrum": ("spectrum.txt", b"nm value\n400 0.5\n500 1.0\n600 0.25\n", read_spectrum_file),
         "points": ("points.csv", b"x;y;z\n" + b"0.1;0.25;5\n" * 120, read_cloud),
         "radiance": ("radiance.npz", radiance(), read_radiance),

@@ -6,7 +6,6 @@ from html import unescape
 from pathlib import Path
 
 import pytest
-from lensforge.runs.run_folder import Run
 from lensforge.runs.tradeoff.page import tradeoff_page
 from lensforge.shop.handover_files import DEFINITION
 from lensforge.shop.point_grids import GridRequest
@@ -29,6 +28,7 @@ from lensforge.report.results import Results
 from lensforge.report.task import task
 from lensforge.report.yield_page import render_yield
 from lensforge.results import Fact, Group
+from lensforge.runs.folder import Run
 from lensforge.shop import handover_files
 
 _NUMBER = re.compile(r"\d+(?:\.\d+)?[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]*")  # groups of three one by one

@@ -5,16 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from lensforge.cli.sweep_blocks import tradeoff_block
-from lensforge.runs.stages import design
 from PIL import Image
 from scenes import random_surface, small_spec
 
 import lensforge as lf
+from lensforge.cli.blocks import study_block
 from lensforge.cli.screen import print_screen
 from lensforge.errors import InputError
 from lensforge.runs import tradeoff_study
-from lensforge.runs.pipeline import write_design
+from lensforge.runs.folder import RunFolder
 from lensforge.runs.tradeoff_page import tradeoff_figure
 from lensforge.runs.tradeoff_result import Tradeoff
 from lensforge.runs.tradeoff_study import _lens_in, run_tradeoff
@@ -72,7 +71,7 @@ def test_the_stages_of_a_search_are_those_of_the_search(folder, monkeypatch):
 def test_page_and_screen_show_every_setting(folder, capsys):
     found, page = Tradeoff.read(folder), (folder / "tradeoff.html").read_text(encoding="utf-8")
     assert not re.search(r'(src|href)="(?!data:|#)', page) and page.count("<svg") == 2
-    print_screen([tradeoff_block(found)])
+    print_screen([study_block("Error of each preset on this scene", found.facts)])
     screen = capsys.readouterr().out
     for row in found.rows:
         assert f"<td>{row.setting}</td>" in page
@@ -135,7 +134,7 @@ def test_a_lens_whose_picture_changed_since_is_not_measured(tmp_path):
     Image.fromarray(np.tri(32, dtype=np.uint8) * 255).save(picture)
     target = {"kind": "image", "file": str(picture), "width_mm": 100.0, "distance_mm": 100.0, "receiver_mm": 200.0}
     spec = small_spec(target=target, optimise={"steps_per_level": [1, 1], "rays": 256, "pixels": 16})
-    lens = write_design(design(spec, accuracy="draft"), folder).lens
+    lens = RunFolder(folder).write(lf.design(spec, accuracy="draft")).lens
     assert _lens_in(folder, spec, build_source(spec.source), pytest.fail) == lens
     Image.fromarray(np.tri(32, dtype=np.uint8)[::-1] * 255).save(picture)
     with pytest.raises(InputError, match="a file that its spec names has changed since"):
