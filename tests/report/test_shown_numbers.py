@@ -6,10 +6,6 @@ from html import unescape
 from pathlib import Path
 
 import pytest
-from lensforge.runs.tradeoff.page import tradeoff_page
-from lensforge.shop.handover_files import DEFINITION
-from lensforge.shop.point_grids import GridRequest
-from made_tradeoff import make_tradeoff
 from made_yield import make_yield
 from page_text import undrawn_page_of
 from shown_folders import FOLDERS, folder_of, lens_of
@@ -27,13 +23,18 @@ from lensforge.report.record_tables import number_tables, spec_tables
 from lensforge.report.results import Results
 from lensforge.report.task import task
 from lensforge.report.yield_page import render_yield
-from lensforge.results import Fact, Group
+from lensforge.results import Fact, Group, Metric
 from lensforge.runs.folder import Run
-from lensforge.shop import handover_files
+from lensforge.runs.tradeoff_page import tradeoff_page
+from lensforge.runs.tradeoff_result import Tradeoff, TradeoffRow
+from lensforge.shop import shop_files
+from lensforge.shop.check_facts import finding_groups
+from lensforge.shop.dense_table import GridRequest
+from lensforge.shop.handover_facts import DEFINITION, face_groups, shop_facts, table_facts
 
 _NUMBER = re.compile(r"\d+(?:\.\d+)?[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]*")  # groups of three one by one
 _HASH = re.compile(r"\b[0-9a-f]{12,64}\b|\d{4}-\d\d-\d\d \d\d:\d\d UTC")
-TEMPLATES = Path(handover_files.__file__).parents[1] / "report" / "templates"
+TEMPLATES = Path(shop_files.__file__).parents[1] / "report" / "templates"
 
 
 def numbers_in(text: str) -> set[str]:
@@ -131,14 +132,29 @@ def test_every_number_of_the_page_on_the_yield_is_one_of_a_fact():
     assert unknown(seen_in(page).partition("Written by")[0], known) == []
 
 
-def test_every_number_of_the_presets_is_one_of_a_fact(capsys):
+def make_tradeoff(lens):
+    metrics = {"nmse": Metric(value=0.0123, standard_error=0.0004), "efficiency": Metric(value=0.8134)}
+    tables = {"design_tables_nmse": Metric(value=3.2e-6, standard_error=4e-7), "tables_nmse": Metric(value=1.1e-7)}
+    rows = [
+        TradeoffRow(series="presets", setting=name, seconds=seconds, rays=rays, noise_nmse=2.3e-4, **metrics, **tables)
+        for name, seconds, rays in (("draft", 0.51, 65536), ("standard", 3.2, 524288))
+    ]
+    rows += [TradeoffRow(series="search", setting="level 1", seconds=4.5, rays=16384, steps=25, functions=9, **metrics)]
+    return Tradeoff(
+        inputs={"lens": lens.sha256}, name="small", accuracy="draft", threads=2, rows=tuple(rows), seconds=31.5
+    )
+
+
+def test_every_number_of_the_tradeoff_is_one_of_a_fact(capsys):
     found = make_tradeoff(lens_of())
-    known = {each for text in texts_of(found.facts) for each in numbers_in(text)} | {"100"}
+    groups = [row.facts for row in found.rows]
+    known = {each for text in texts_of(groups) for each in numbers_in(text)}
     print_screen([study_block("Error of each preset", found.facts)])
     assert unknown(capsys.readouterr().out, known) == []
     with undrawn():
-        table = tradeoff_page(found).partition("</table>")[0]
-    assert unknown(seen_in(table[table.index("<table") :].join(("<body>", ""))), known) == []
+        page = tradeoff_page(found)
+    tables = re.findall(r"<table.*?</table>", page, flags=re.DOTALL)
+    assert len(tables) == 3 and unknown(seen_in("<body>" + " ".join(tables)), known) == []
 
 
 @pytest.mark.parametrize("name", ["every stage", "moulded"])
@@ -146,24 +162,30 @@ def test_every_number_of_the_page_for_the_shop_is_one_of_a_fact(name):
     results = folder_of(name)
     kept = {}
     with pytest.MonkeyPatch.context() as patch:
-        render = handover_files._page
-        patch.setattr(
-            handover_files, "_page", lambda content, *rest: kept.update(content=content) or render(content, *rest)
-        )
-        made = handover_files.make_handover(results, GridRequest(spacing_mm=1.0))
-    content = kept["content"]
-    page = made.html.decode()
-    groups = [content.facts, *content.faces, content.grids, *content.findings]
-    texts = [*texts_of([*groups, Group("", "", tuple(content.criteria))]), DEFINITION, *content.datums, *content.notes]
-    texts += [
-        f"{size.name} {handover_files.shown(size.value_mm)} {size.tolerance} {size.scope_words}"
-        for size in content.dimensions
+        tables = shop_files._tables
+        patch.setattr(shop_files, "_tables", lambda *given: kept.update(given=given) or tables(*given))
+        made = shop_files.make_handover(results, GridRequest(spacing_mm=1.0))
+    _, drawn, words, tolerances, grids, hashes = kept["given"]
+    lens, part, check = results.lens, results.part, results.check
+    criteria = [each.fact for each in (*part.criteria, *check.criteria)]
+    groups = [shop_facts(lens, part, check, words), *face_groups(lens, check), *finding_groups(check, lens.spec)]
+    texts = [
+        *texts_of([*groups, table_facts(grids), Group("", "", tuple(criteria))]),
+        DEFINITION,
+        *hashes,
+        *drawn.notes,
     ]
-    rows = [row for rows in content.tolerances.groups.values() for row in rows]
-    texts += [content.tolerances.sentence, *(f"{row.name} {row.amount} {row.source} {row.at_most}" for row in rows)]
-    texts += [content.name, *content.changes, "A3", *content.hashes]
-    caption = page[page.index("<figcaption>") :]
-    known = {each for text in texts for each in numbers_in(text)} | numbers_in(caption.partition("</figcaption>")[0])
+    texts += [
+        f"{size.name} {shop_files.shown(size.value_mm)} {size.tolerance} {size.scope_words}"
+        for size in drawn.views.dimensions
+    ]
+    rows = [row for rows in tolerances.groups.values() for row in rows]
+    texts += [tolerances.sentence, *(f"{row.name} {row.amount} {row.source} {row.at_most}" for row in rows)]
+    texts += [*drawn.views.datums.lines, drawn.title.title, *shop_files.tool_advice(lens, check), "A3"]
+    page = made.html.decode()
+    caption = page[page.index("<figcaption>") :].partition("</figcaption>")[0]
+    places = {f"{k}." for k in range(1, len(drawn.notes) + 1)}  # of the notes
+    known = {each for text in (*texts, caption, *places) for each in numbers_in(text)}
     assert unknown(seen_in(page), known) == []
 
 
