@@ -80,7 +80,7 @@ def cause_rows(found: Yield) -> list[Group]:
     return [
         Group("causes", metric_words(name), tuple(_causes(found, name)))
         for name in judged_metrics(found)
-        if name in found.variance
+        if name in found.variance and not found.metrics[name].undecided
     ]
 
 
@@ -164,7 +164,8 @@ def worst_words(found: Yield, worst: WorstPart) -> str:
         missed = [each for each in found.bounds if each.metric == name and not each.kept_by(np.array(value))]
         ends = "".join(f", bound {bound_words(bound)}" for bound in missed)
         fact = of_metric("", metric_words(name), name, value, found.metrics[name].unit)
-        words.append(f"{fact.label} {fact.text}{ends}")
+        state = " (undecided)" if found.metrics[name].undecided else ""
+        words.append(f"{fact.label} {fact.text}{state}{ends}")
     return "; ".join(words)
 
 

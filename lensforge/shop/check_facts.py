@@ -93,7 +93,7 @@ def _ball(name: FaceName, face: FaceResult, check: Check) -> Iterator[Fact]:
     """The largest ball that reaches the whole face, against that of the shop."""
     cutter = face.cutter
     largest = cutter.largest_radius_mm
-    note = f"largest radius that reaches all of it{check.relief.beyond_shop(largest, cutter.radius_mm)}"
+    note = f"largest radius that reaches all of it{check.relief.beyond_shop(largest, cutter.radius_mm, name)}"
     yield Fact(
         f"{name}_ball",
         f"Ball mill, {name} face",
