@@ -1,7 +1,7 @@
 """Names and docstrings, held by walking the syntax trees: a name for each class, modules that fit on a few screens."""
 
 import ast
-from collections import defaultdict
+from collections import Counter, defaultdict
 from functools import cache
 from pathlib import Path
 
@@ -38,3 +38,22 @@ def test_every_class_has_a_name_of_its_own() -> None:
 def test_no_module_is_long() -> None:
     lines = {str(path.relative_to(PACKAGE)): len(path.read_text(encoding="utf-8").splitlines()) for path in MODULES}
     assert {name: count for name, count in lines.items() if count > MOST_LINES} == {}
+
+
+def test_the_house_does_not_grow() -> None:
+    """Its size, as it is: a change that needs more says in its message why, and changes the design first."""
+    texts = [path.read_text(encoding="utf-8") for path in MODULES]
+    rooms = [path for path in PACKAGE.iterdir() if (path / "__init__.py").is_file()]
+    tests = [path.read_text(encoding="utf-8") for path in (PACKAGE.parent / "tests").rglob("*.py")]
+    assert sum(text.count("\n") for text in texts) <= 61_000
+    assert len(MODULES) <= 360
+    assert len(rooms) <= 16
+    assert len(list(PACKAGE.glob("*.py"))) <= 6
+    assert sum(text.count("dict[str, Any]") for text in texts) <= 65
+    assert sum(text.count("\n") for text in tests) <= 50_000
+
+
+def test_every_file_has_a_name_of_its_own() -> None:
+    """One name, one module, in an editor's tabs; formats of files have a folder of their own."""
+    names = Counter(path.name for path in MODULES if path.name != "__init__.py")
+    assert {name: count for name, count in names.items() if count > 1} == {}
