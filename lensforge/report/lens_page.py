@@ -16,7 +16,7 @@ from lensforge.made.yield_facts import budget_sentence, pass_sentence
 from lensforge.proof.proof_facts import tracer_groups
 from lensforge.proof.proof_result import Proof, ReceiverProof
 from lensforge.proof.stray_result import StrayLight
-from lensforge.report import headline, light_section, part_section
+from lensforge.report import exported_part, headline, light_section
 from lensforge.report.measured_section import measured_sections
 from lensforge.report.page import template
 from lensforge.report.record_tables import number_tables, spec_tables
@@ -87,8 +87,10 @@ def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, o
         "other_lights": lights,
         "other_conditions": sum(isinstance(each, Light) for each in results.others.values()),
         "other_results": light_section.other_results(results),
-        "outline_known": part_section.source_outline(results) is not None,
-        "files": part_section.exported_files(results) if folder is None else part_section.folder_files(folder, beside),
+        "outline_known": exported_part.source_outline(results) is not None,
+        "files": exported_part.exported_files(results)
+        if folder is None
+        else exported_part.folder_files(folder, beside),
         "spec": spec_tables(results),
         "numbers": number_tables(results),
         "versions": _versions(),
@@ -153,20 +155,20 @@ def _pictures(results: Results, taken: Sequence[Snapshot]) -> dict[str, object]:
         "light": light_section.receiver_pictures(results),
         "photometry": light_section.photometry_pictures(results),
         "other": light_section.other_pictures(results),
-        "history": part_section.history_pictures(results),
-        "snapshots": part_section.snapshot_pictures(results, taken),
-        "sections": part_section.section_pictures(results),
-        "surfaces": part_section.surface_pictures(results),
-        "verification": part_section.verification_pictures(results),
-        "gaps": part_section.gap_pictures(results),
-        "stray": part_section.stray_pictures(results),
+        "history": exported_part.history_pictures(results),
+        "snapshots": exported_part.snapshot_pictures(results, taken),
+        "sections": exported_part.section_pictures(results),
+        "surfaces": exported_part.surface_pictures(results),
+        "verification": exported_part.verification_pictures(results),
+        "gaps": exported_part.gap_pictures(results),
+        "stray": exported_part.stray_pictures(results),
     }
 
 
 def results_html(results: Results) -> str:
     """``results`` as HTML for the output of a notebook's cell: verdict, main facts, the light and a section."""
     first = light_section.first_picture(results)
-    shown = [*([first] if first else []), part_section.section_pictures(results)[0]]
+    shown = [*([first] if first else []), exported_part.section_pictures(results)[0]]
     return template("notebook.html").render(
         name=results.spec.name,
         headline=headline.headline(results),

@@ -8,7 +8,7 @@ from result_folders import make_folder, make_results
 from undrawn import undrawn
 
 from lensforge.errors import InputError
-from lensforge.report.part_section import exported_files, folder_files
+from lensforge.report.exported_part import exported_files, folder_files
 from lensforge.runs.folder import RunFolder
 from lensforge.runs.stored import load_results
 

@@ -16,7 +16,7 @@ from lensforge.cli.screen import print_screen
 from lensforge.made.tolerance_result import Yield
 from lensforge.made.yield_facts import budget_sentence, drawn_rows, pass_sentence, worst_words
 from lensforge.proof.proof_facts import tracer_groups
-from lensforge.report import headline, light_section, part_section
+from lensforge.report import exported_part, headline, light_section
 from lensforge.report.compare import render_comparison
 from lensforge.report.lens_page import results_html
 from lensforge.report.record_tables import number_tables, spec_tables
@@ -74,7 +74,7 @@ def known_of(results: Results) -> set[str]:
     texts += [reason for name in ("light", "files", "cutting") for reason in results.verdict.reasons_of(name)]
     texts += [f"{row.path} {row.value}" for table in number_tables(results).values() for row in table]
     texts += [f"{row.path} {row.value}" for table in spec_tables(results).values() for row in table]
-    texts += [f"{file.name} {file.size}" for file in part_section.exported_files(results)]
+    texts += [f"{file.name} {file.size}" for file in exported_part.exported_files(results)]
     texts += list(headline.source_warnings(results))
     texts += [str(result.conditions) for result in results.others.values()]
     texts += [f"{len(group.facts)} criteria" for group in headline.criterion_groups(results)]
