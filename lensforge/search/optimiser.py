@@ -15,16 +15,17 @@ import torch
 from lensforge import seeds
 from lensforge.errors import Cancelled, remedy
 from lensforge.scene.lens import Lens
-from lensforge.search.automatic_schedule import AutomaticSchedule, AutomaticStages, UsefulLevels
+from lensforge.search.automatic_schedule import AutomaticSchedule, AutomaticStages
 from lensforge.search.checkpoint import delete_checkpoint, fingerprint
 from lensforge.search.design_result import Design, Margins, Observer, Progress, constraint_criteria
 from lensforge.search.feasibility import feasible_lens, require_feasible_start
 from lensforge.search.merit import Evaluated, Problem, Problems
 from lensforge.search.robust_parts import Pair
 from lensforge.search.scene_check import SceneCheck
-from lensforge.search.schedule import Outcome, Schedule, Stage, Turn, fixed_schedule, rays_ahead, stages_of
+from lensforge.search.schedule import NextStage, Outcome, Schedule, Stage, fixed_schedule, rays_ahead, stages_of
 from lensforge.search.search_state import Adam, Parameters, SearchState, level_of, moments_of, restored, resume_adam
 from lensforge.search.symmetry import settled_symmetry
+from lensforge.search.useful_levels import UsefulLevels
 from lensforge.search.validation_rays import HeldRays
 from lensforge.sources.build_source import summarise
 from lensforge.sources.measured_rays import searched
@@ -66,13 +67,13 @@ class Descent:
     clock: Stopwatch
     _judged: tuple[tuple[int, int], Outcome] | None = None
 
-    def run(self, checkpoint: Path | None, key: str) -> Turn:
+    def run(self, checkpoint: Path | None, key: str) -> NextStage:
         """Run all remaining stages and return the last turn; keep the checkpoint fresh, also at an interrupt."""
         saved = time.monotonic()
         if self.held is not None:
             self._compile_kernels(self.held)
         try:
-            while (stage := self.schedule.turn(self.state.outcomes).stage) is not None:
+            while (stage := self.schedule.next_stage(self.state.outcomes).stage) is not None:
                 steps = self._stage_steps(stage)
                 while not self._is_over(stage, self.state):
                     next(steps)
@@ -84,11 +85,11 @@ class Descent:
         finally:
             if checkpoint is not None:
                 self.state.save(checkpoint, key)
-        return self.schedule.turn(self.state.outcomes)
+        return self.schedule.next_stage(self.state.outcomes)
 
     def _compile_kernels(self, held: HeldRays) -> None:
         """Take a derivative that nobody needs: compiled later, kernels would make the first level look dear."""
-        stage = self.schedule.turn(self.state.outcomes).stage
+        stage = self.schedule.next_stage(self.state.outcomes).stage
         if stage is not None:
             problem = self.problems.of(stage.levels)
             weights, offsets = (each.clone().requires_grad_() for each in (self.state.weights, self.state.offsets))
@@ -155,7 +156,7 @@ class Descent:
     def _turned(self, stage: Stage) -> SearchState:
         """The state at the beginning of what follows ``stage``."""
         state, problem, outcome = self.state, self.problems.of(stage.levels), self._outcome(stage, self.state)
-        turn = self.schedule.turn((*state.outcomes, outcome))
+        turn = self.schedule.next_stage((*state.outcomes, outcome))
         best = Parameters(state.weights, state.offsets) if turn.improved else state.best
         accepted = best if turn.accepted else state.accepted
         state = replace(state, outcomes=(*state.outcomes, outcome), step=0, best=best, accepted=accepted)
@@ -169,7 +170,7 @@ class Descent:
         return replace(self._for_levels(state, problem, turn.stage), seconds=self.clock.seconds())
 
     @staticmethod
-    def _beginning(turn: Turn, state: SearchState) -> Parameters:
+    def _beginning(turn: NextStage, state: SearchState) -> Parameters:
         """The parameters with which a search goes on after ``turn``."""
         now = Parameters(state.weights, state.offsets)
         best = now if turn.improved else state.best
@@ -195,7 +196,7 @@ class Descent:
         """
         if not self._is_over(stage, state):
             return None
-        turn = self.schedule.turn((*state.outcomes, self._outcome(stage, state)))
+        turn = self.schedule.next_stage((*state.outcomes, self._outcome(stage, state)))
         begin = self._beginning(turn, state)
         within = turn.stage is not None and turn.stage.level == stage.level
         return None if within or len(begin.weights) != len(state.weights) else begin
@@ -296,7 +297,7 @@ def search(
     last = stages_of(schedule, state.outcomes)[-1]
     problem = problems.of(_levels_of(last.levels, len(state.weights)))
     lens, margins = feasible_lens(problem, state, seed, accuracy)
-    why = schedule.turn(state.outcomes).why or None
+    why = schedule.next_stage(state.outcomes).why or None
     state = replace(state, seconds=clock.seconds())
     return _design(lens, margins, source, state, last.rays, why, scene.warnings())
 
@@ -352,7 +353,7 @@ def _design(
 
 def _fresh_state(schedule: Schedule, problems: Problems, start: Lens | None) -> SearchState:
     """The state before the first step. Raises :class:`InputError` where no lens is found that keeps the limits."""
-    first = schedule.turn(()).stage
+    first = schedule.next_stage(()).stage
     assert first is not None, "a spec has levels"
     problem = problems.of(first.levels)
     multipliers = problem.constraints.multipliers

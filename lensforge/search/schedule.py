@@ -104,7 +104,7 @@ class Stage:
 
 
 @dataclass(frozen=True)
-class Turn:
+class NextStage:
     """Continuation of a search: ``stage``, None at the end, and the parameters with which it begins.
 
     ``improved``: the last stage ended with the best lens of its level. ``accepted``: so far the best lens of all is the
@@ -122,11 +122,11 @@ class Turn:
 class Schedule(Protocol):
     """The stages of a search, one after another."""
 
-    def turns(self, outcomes: Iterable[Outcome]) -> Iterator[Turn]:
+    def next_stages(self, outcomes: Iterable[Outcome]) -> Iterator[NextStage]:
         """The first turn, and the one that follows each of ``outcomes``, one after another."""
         ...
 
-    def turn(self, outcomes: Sequence[Outcome]) -> Turn:
+    def next_stage(self, outcomes: Sequence[Outcome]) -> NextStage:
         """The turn that follows the stages that had ``outcomes``."""
         ...
 
@@ -145,7 +145,7 @@ class Schedule(Protocol):
 
 def stages_of(schedule: Schedule, outcomes: Sequence[Outcome]) -> list[Stage]:
     """The stages that had ``outcomes``, and the one that follows, if any."""
-    return [turn.stage for turn in schedule.turns(outcomes) if turn.stage is not None]
+    return [turn.stage for turn in schedule.next_stages(outcomes) if turn.stage is not None]
 
 
 @dataclass(frozen=True)
@@ -154,20 +154,20 @@ class FixedSchedule:
 
     stages: tuple[Stage, ...]
 
-    def turns(self, outcomes: Iterable[Outcome]) -> Iterator[Turn]:
+    def next_stages(self, outcomes: Iterable[Outcome]) -> Iterator[NextStage]:
         """All stages in their order, and the end."""
-        yield self.turn(())
+        yield self.next_stage(())
         for done, _ in enumerate(outcomes, 1):
-            yield Turn(self.stages[done] if done < len(self.stages) else None)
+            yield NextStage(self.stages[done] if done < len(self.stages) else None)
 
     def accepts(self, outcome: Outcome) -> bool:
         """True for one without judgements: nothing depends on them."""
         return outcome.light is None and outcome.even is None
 
-    def turn(self, outcomes: Sequence[Outcome]) -> Turn:
+    def next_stage(self, outcomes: Sequence[Outcome]) -> NextStage:
         """The next stage; the current parameters are kept."""
         done = len(outcomes)
-        return Turn(self.stages[done] if done < len(self.stages) else None)
+        return NextStage(self.stages[done] if done < len(self.stages) else None)
 
     def most_steps(self, outcomes: Sequence[Outcome]) -> int:
         """Steps of all stages."""

@@ -185,12 +185,12 @@ class _Past:
 
     @staticmethod
     def of(schedule: Schedule, outcomes: tuple[Outcome, ...], step: int, path: Path) -> "_Past":
-        stage = schedule.turn(()).stage
+        stage = schedule.next_stage(()).stage
         assert stage is not None, "a spec has levels"
         if not all(map(schedule.accepts, outcomes)):
             raise InputError(f"{path}: stages with judgements that are {_ANOTHER}")
         size, best, accepted, levels = sum(stage.levels), 0, 0, list[tuple[int, int, int]]()
-        for count, turn in enumerate(schedule.turns(outcomes)):
+        for count, turn in enumerate(schedule.next_stages(outcomes)):
             best = size if turn.improved else best
             accepted = best if turn.accepted else accepted
             if turn.begin != "current":

@@ -9,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from judgements import judged
 
-from lensforge.search.automatic_schedule import AutomaticSchedule, AutomaticStages, UsefulLevels
+from lensforge.search.automatic_schedule import AutomaticSchedule, AutomaticStages
 from lensforge.search.schedule import SLICES, Judgement, Outcome, Stage, stages_of
+from lensforge.search.useful_levels import UsefulLevels
 from lensforge.spec.accuracy import SearchEffort
 
 EFFORT = SearchEffort(289, (6, 20), (256, 1024), 4096, 0.1, 0.2)
@@ -36,7 +37,7 @@ class Followed:
     ) -> None:
         self.stages: list[Stage] = []
         self.outcomes: list[Outcome] = []
-        kept, turn, seconds = dict.fromkeys(("current", "best", "accepted"), (1.0, (9,))), plan.turn([]), 0.0
+        kept, turn, seconds = dict.fromkeys(("current", "best", "accepted"), (1.0, (9,))), plan.next_stage([]), 0.0
         while turn.stage is not None and len(self.stages) < MOST_STAGES:
             stage = turn.stage
             self.stages.append(stage)
@@ -48,7 +49,7 @@ class Followed:
             light = judged(value, noise, len(self.outcomes))
             self.outcomes.append(Outcome(steps=stage.steps, seconds=seconds, light=light, even=uniform))
             assert plan.accepts(self.outcomes[-1])
-            turn = plan.turn(self.outcomes)
+            turn = plan.next_stage(self.outcomes)
             kept["best"] = kept["current"] if turn.improved else kept["best"]
             kept["accepted"] = kept["best"] if turn.accepted else kept["accepted"]
             kept["current"] = kept[turn.begin]
@@ -130,7 +131,7 @@ def test_only_the_merit_with_the_uniformity_counts_in_its_stages() -> None:
     plan, outcomes = schedule(uniform=True, levels=UsefulLevels((9,), "one")), list[Outcome]()
     for light, even in (*[(0.5, 3.0)] * 4, (0.8, 1.0)):
         outcomes.append(Outcome(steps=1, seconds=1.0, light=judged(light), even=judged(even)))
-    turn = plan.turn(outcomes)
+    turn = plan.next_stage(outcomes)
     assert turn.improved and turn.begin == "current", "it lights the target worse, and more evenly"
 
 

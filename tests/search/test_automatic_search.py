@@ -15,13 +15,13 @@ from scenes import small_spec
 import lensforge as lf
 from lensforge.errors import InputError
 from lensforge.search import feasibility
-from lensforge.search.automatic_schedule import UsefulLevels
 from lensforge.search.design_result import constraint_criteria
 from lensforge.search.merit import Problems
 from lensforge.search.optimiser import search
 from lensforge.search.parameters import Parametrisation
 from lensforge.search.schedule import Judgement, rays_ahead
 from lensforge.search.search_state import SearchState
+from lensforge.search.useful_levels import UsefulLevels
 from lensforge.search.validation_rays import HeldRays
 from lensforge.sources.build_source import build_source
 from lensforge.sources.ray_bundle import RayBundle, Source
