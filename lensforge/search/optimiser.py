@@ -26,7 +26,7 @@ from lensforge.search.schedule import NextStage, Outcome, Schedule, Stage, fixed
 from lensforge.search.search_state import Adam, Parameters, SearchState, level_of, moments_of, restored, resume_adam
 from lensforge.search.symmetry import settled_symmetry
 from lensforge.search.useful_levels import UsefulLevels
-from lensforge.search.validation_rays import HeldRays
+from lensforge.search.validation_rays import ValidationRays
 from lensforge.sources.build_source import summarise
 from lensforge.sources.measured_rays import searched
 from lensforge.sources.ray_bundle import Source
@@ -59,7 +59,7 @@ class Descent:
     source: Source
     problems: Problems
     schedule: Schedule
-    held: HeldRays | None
+    validation: ValidationRays | None
     seed: int
     accuracy: Accuracy
     observer: Observer
@@ -68,10 +68,10 @@ class Descent:
     _judged: tuple[tuple[int, int], Outcome] | None = None
 
     def run(self, checkpoint: Path | None, key: str) -> NextStage:
-        """Run all remaining stages and return the last turn; keep the checkpoint fresh, also at an interrupt."""
+        """Run all remaining stages and return the end; keep the checkpoint fresh, also at an interrupt."""
         saved = time.monotonic()
-        if self.held is not None:
-            self._compile_kernels(self.held)
+        if self.validation is not None:
+            self._compile_kernels(self.validation)
         try:
             while (stage := self.schedule.next_stage(self.state.outcomes).stage) is not None:
                 steps = self._stage_steps(stage)
@@ -81,19 +81,19 @@ class Descent:
                         self.state.save(checkpoint, key)
                         saved = time.monotonic()
                 steps.close()
-                self.state = self._turned(stage)
+                self.state = self._after_stage(stage)
         finally:
             if checkpoint is not None:
                 self.state.save(checkpoint, key)
         return self.schedule.next_stage(self.state.outcomes)
 
-    def _compile_kernels(self, held: HeldRays) -> None:
+    def _compile_kernels(self, validation: ValidationRays) -> None:
         """Take a derivative that nobody needs: compiled later, kernels would make the first level look dear."""
         stage = self.schedule.next_stage(self.state.outcomes).stage
         if stage is not None:
             problem = self.problems.of(stage.levels)
             weights, offsets = (each.clone().requires_grad_() for each in (self.state.weights, self.state.offsets))
-            one = held.samples[0].take(slice(0, 1))
+            one = validation.samples[0].take(slice(0, 1))
             pair = self._pair(problem, 0)
             problem.merit.evaluate(weights, offsets, one, problem.constraints, stage.uniform, pair).loss.backward()
 
@@ -153,39 +153,41 @@ class Descent:
             seconds=self.clock.seconds(),
         )
 
-    def _turned(self, stage: Stage) -> SearchState:
+    def _after_stage(self, stage: Stage) -> SearchState:
         """The state at the beginning of what follows ``stage``."""
         state, problem, outcome = self.state, self.problems.of(stage.levels), self._outcome(stage, self.state)
-        turn = self.schedule.next_stage((*state.outcomes, outcome))
-        best = Parameters(state.weights, state.offsets) if turn.improved else state.best
-        accepted = best if turn.accepted else state.accepted
+        following = self.schedule.next_stage((*state.outcomes, outcome))
+        best = Parameters(state.weights, state.offsets) if following.improved else state.best
+        accepted = best if following.accepted else state.accepted
         state = replace(state, outcomes=(*state.outcomes, outcome), step=0, best=best, accepted=accepted)
-        if turn.begin != "current":
-            begin = self._beginning(turn, state)
+        if following.begin != "current":
+            begin = self._beginning(following, state)
             state = replace(state, weights=begin.weights, offsets=begin.offsets, best=begin)
-        if turn.stage is None:
+        if following.stage is None:
             return replace(state, moments=None, steps_of_moments=0, seconds=self.clock.seconds())
-        if turn.begin != "current" or (turn.stage.functions, turn.stage.uniform) != (stage.functions, stage.uniform):
+        coming = following.stage
+        if following.begin != "current" or (coming.functions, coming.uniform) != (stage.functions, stage.uniform):
             state = replace(state, moments=None, steps_of_moments=0)
-        return replace(self._for_levels(state, problem, turn.stage), seconds=self.clock.seconds())
+        return replace(self._for_levels(state, problem, coming), seconds=self.clock.seconds())
 
     @staticmethod
-    def _beginning(turn: NextStage, state: SearchState) -> Parameters:
-        """The parameters with which a search goes on after ``turn``."""
+    def _beginning(following: NextStage, state: SearchState) -> Parameters:
+        """The parameters with which a search goes on in ``following``."""
         now = Parameters(state.weights, state.offsets)
-        best = now if turn.improved else state.best
-        begin = {"current": now, "best": best, "accepted": best if turn.accepted else state.accepted}[turn.begin]
+        best = now if following.improved else state.best
+        accepted = best if following.accepted else state.accepted
+        begin = {"current": now, "best": best, "accepted": accepted}[following.begin]
         assert begin is not None, "it goes back to what it has kept"
         return begin
 
     def _outcome(self, stage: Stage, state: SearchState) -> Outcome:
-        """Judgement of ``state`` by held rays, at the end of ``stage``."""
+        """Judgement of ``state`` by validation rays, at the end of ``stage``."""
         key = len(state.outcomes), state.steps_done
         if self._judged is None or self._judged[0] != key:
             light = even = None
-            if self.held is not None:
+            if self.validation is not None:
                 problem, uniform = self.problems.of(stage.levels), self.problems.spec.has_uniform_region
-                light, even = self.held.judge(problem, state.weights, state.offsets, uniform)
+                light, even = self.validation.judge(problem, state.weights, state.offsets, uniform)
             self._judged = key, Outcome(steps=state.step, seconds=self.clock.seconds(), light=light, even=even)
         return self._judged[1]
 
@@ -196,9 +198,9 @@ class Descent:
         """
         if not self._is_over(stage, state):
             return None
-        turn = self.schedule.next_stage((*state.outcomes, self._outcome(stage, state)))
-        begin = self._beginning(turn, state)
-        within = turn.stage is not None and turn.stage.level == stage.level
+        following = self.schedule.next_stage((*state.outcomes, self._outcome(stage, state)))
+        begin = self._beginning(following, state)
+        within = following.stage is not None and following.stage.level == stage.level
         return None if within or len(begin.weights) != len(state.weights) else begin
 
     def _for_levels(self, state: SearchState, before: Problem, stage: Stage) -> SearchState:
@@ -288,10 +290,12 @@ def search(
         state = _fresh_state(schedule, problems, start)
     if checkpoint is not None and not resume:
         delete_checkpoint(checkpoint)  # of an earlier search: an interrupt before the first step leaves none
-    held, of_steps = None, searched(source)
+    validation, of_steps = None, searched(source)
     if spec.lens.levels == "auto":
-        held, of_steps = HeldRays.of(of_steps, preset.effort.held_rays, seed)
-    descent = Descent(of_steps, problems, schedule, held, seed, accuracy, progress or (lambda _: None), state, clock)
+        validation, of_steps = ValidationRays.of(of_steps, preset.effort.validation_rays, seed)
+    descent = Descent(
+        of_steps, problems, schedule, validation, seed, accuracy, progress or (lambda _: None), state, clock
+    )
     descent.run(checkpoint, key)
     state = descent.state
     last = stages_of(schedule, state.outcomes)[-1]

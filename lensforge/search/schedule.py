@@ -18,7 +18,7 @@ from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec import Spec
 from lensforge.spec.accuracy import Preset
 
-SLICES = 8  # of the held rays: the error of a gain is then known to a quarter of itself
+SLICES = 8  # of the validation rays: the error of a gain is then known to a quarter of itself
 # Standard errors that a gain must reach: by chance one stage in six would. With two, a level that halves the error of a
 # lens for 20,000 measured rays is left out (led_colours, 53 +- 32 %).
 _ERRORS = 1.0
@@ -36,7 +36,7 @@ class Gain(NamedTuple):
 
 
 class Judgement(Record):
-    """A lens judged by held rays: ``merit``, all terms; ``image``, the error of the image alone.
+    """A lens judged by validation rays: ``merit``, all terms; ``image``, the error of the image alone.
 
     ``without``: the merit without one slice of the rays, for each of them.
     """
@@ -123,11 +123,11 @@ class Schedule(Protocol):
     """The stages of a search, one after another."""
 
     def next_stages(self, outcomes: Iterable[Outcome]) -> Iterator[NextStage]:
-        """The first turn, and the one that follows each of ``outcomes``, one after another."""
+        """The first stage, and what follows each of ``outcomes``, one after another."""
         ...
 
     def next_stage(self, outcomes: Sequence[Outcome]) -> NextStage:
-        """The turn that follows the stages that had ``outcomes``."""
+        """What follows the stages that had ``outcomes``."""
         ...
 
     def accepts(self, outcome: Outcome) -> bool:
@@ -145,7 +145,7 @@ class Schedule(Protocol):
 
 def stages_of(schedule: Schedule, outcomes: Sequence[Outcome]) -> list[Stage]:
     """The stages that had ``outcomes``, and the one that follows, if any."""
-    return [turn.stage for turn in schedule.next_stages(outcomes) if turn.stage is not None]
+    return [following.stage for following in schedule.next_stages(outcomes) if following.stage is not None]
 
 
 @dataclass(frozen=True)

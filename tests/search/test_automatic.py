@@ -1,4 +1,4 @@
-"""A search that chooses its levels: what follows from the judgement of held rays, by hand and for any judgement."""
+"""A search that chooses its levels: what follows from the judgement of validation rays, by hand and for any."""
 
 import re
 from collections.abc import Callable
@@ -37,9 +37,9 @@ class Followed:
     ) -> None:
         self.stages: list[Stage] = []
         self.outcomes: list[Outcome] = []
-        kept, turn, seconds = dict.fromkeys(("current", "best", "accepted"), (1.0, (9,))), plan.next_stage([]), 0.0
-        while turn.stage is not None and len(self.stages) < MOST_STAGES:
-            stage = turn.stage
+        kept, following, seconds = dict.fromkeys(("current", "best", "accepted"), (1.0, (9,))), plan.next_stage([]), 0.0
+        while following.stage is not None and len(self.stages) < MOST_STAGES:
+            stage = following.stage
             self.stages.append(stage)
             seconds += stage.steps * stage.rays / 256
             before, _ = kept["current"]
@@ -49,13 +49,13 @@ class Followed:
             light = judged(value, noise, len(self.outcomes))
             self.outcomes.append(Outcome(steps=stage.steps, seconds=seconds, light=light, even=uniform))
             assert plan.accepts(self.outcomes[-1])
-            turn = plan.next_stage(self.outcomes)
-            kept["best"] = kept["current"] if turn.improved else kept["best"]
-            kept["accepted"] = kept["best"] if turn.accepted else kept["accepted"]
-            kept["current"] = kept[turn.begin]
-            if turn.begin != "current":
+            following = plan.next_stage(self.outcomes)
+            kept["best"] = kept["current"] if following.improved else kept["best"]
+            kept["accepted"] = kept["best"] if following.accepted else kept["accepted"]
+            kept["current"] = kept[following.begin]
+            if following.begin != "current":
                 kept["best"] = kept["current"]
-        self.why, (self.merit, self.levels) = turn.why, kept["current"]
+        self.why, (self.merit, self.levels) = following.why, kept["current"]
 
     @property
     def long(self) -> list[Stage]:
@@ -131,8 +131,8 @@ def test_only_the_merit_with_the_uniformity_counts_in_its_stages() -> None:
     plan, outcomes = schedule(uniform=True, levels=UsefulLevels((9,), "one")), list[Outcome]()
     for light, even in (*[(0.5, 3.0)] * 4, (0.8, 1.0)):
         outcomes.append(Outcome(steps=1, seconds=1.0, light=judged(light), even=judged(even)))
-    turn = plan.next_stage(outcomes)
-    assert turn.improved and turn.begin == "current", "it lights the target worse, and more evenly"
+    following = plan.next_stage(outcomes)
+    assert following.improved and following.begin == "current", "it lights the target worse, and more evenly"
 
 
 def test_a_small_gain_of_the_first_level_says_nothing_of_finer_ones() -> None:
@@ -219,7 +219,9 @@ def test_a_budget_for_less_than_the_first_level_ends_after_it() -> None:
 
 @settings(deadline=None)
 @given(st.integers(0, 2**32 - 1), st.booleans(), st.sampled_from([None, 30.0, 80.0]))
-def test_no_search_ends_above_what_held_rays_have_accepted(seed: int, uniform: bool, budget_s: float | None) -> None:
+def test_no_search_ends_above_what_validation_rays_have_accepted(
+    seed: int, uniform: bool, budget_s: float | None
+) -> None:
     draw = np.random.default_rng(seed)
     factors = (0.5, 0.7, 0.85, 0.97, 1.0, 1.3)
     found = Followed(schedule(uniform=uniform, budget_s=budget_s), lambda _, merit: merit * float(draw.choice(factors)))

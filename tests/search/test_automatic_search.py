@@ -22,7 +22,7 @@ from lensforge.search.parameters import Parametrisation
 from lensforge.search.schedule import Judgement, rays_ahead
 from lensforge.search.search_state import SearchState
 from lensforge.search.useful_levels import UsefulLevels
-from lensforge.search.validation_rays import HeldRays
+from lensforge.search.validation_rays import ValidationRays
 from lensforge.sources.build_source import build_source
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.sources.ray_set import RaySetEmitter
@@ -233,42 +233,44 @@ def test_wide_sources_and_balls_make_fine_levels_useless() -> None:
     assert levels_of(coarse).counts[-1] < 1089 and "a ball of 40 mm" in levels_of(coarse).why
 
 
-def test_held_rays_judge_without_the_noise_of_their_number() -> None:
+def test_validation_rays_judge_without_the_noise_of_their_number() -> None:
     spec = automatic()
     source = build_source(spec.source)
     problem = Problems(spec, source, 3.4, None).of((9, 25))
     weights = torch.from_numpy(np.random.default_rng(0).normal(size=(34, 2)) * 0.01)
     offsets = torch.ones(2, dtype=torch.float64)
-    few = [HeldRays.of(source, 2**9, seed)[0].judge(problem, weights, offsets, False)[0].image for seed in range(16)]
+    few = [
+        ValidationRays.of(source, 2**9, seed)[0].judge(problem, weights, offsets, False)[0].image for seed in range(16)
+    ]
     error = np.std(few) / np.sqrt(len(few))
-    many = HeldRays.of(source, 2**16, 99)[0].judge(problem, weights, offsets, False)[0].image
+    many = ValidationRays.of(source, 2**16, 99)[0].judge(problem, weights, offsets, False)[0].image
     assert abs(np.mean(few) - many) < 4.0 * error
     noisy = problem.merit.evaluate(weights, offsets, source.sample(2**9, 5), problem.constraints, False).nmse
     assert noisy > many + 4.0 * error, "what the noise of as many rays adds"
 
 
 def judged_again(spec: Spec, design: lf.Design, effort: SearchEffort, seed: int = 0) -> Judgement:
-    """The finished lens, judged by the held rays of its search."""
+    """The finished lens, judged by the validation rays of its search."""
     source = build_source(spec.source)
     problem = Problems(spec, source, PRESETS["draft"].nodes_per_sigma, None).of(design.lens.basis.levels)
-    held, _ = HeldRays.of(source, effort.held_rays, seed)
-    found, _ = held.judge(problem, *problem.parametrisation.parameters_of(design.lens), False)
+    validation, _ = ValidationRays.of(source, effort.validation_rays, seed)
+    found, _ = validation.judge(problem, *problem.parametrisation.parameters_of(design.lens), False)
     return found
 
 
 @pytest.mark.parametrize("seed", first_by_day(1, range(3)))
-def test_no_search_ends_above_what_held_rays_have_accepted(
+def test_no_search_ends_above_what_validation_rays_have_accepted(
     seed: int, monkeypatch: pytest.MonkeyPatch, few_steps: None
 ) -> None:
     seen: list[float] = []
-    judge = HeldRays.judge
+    judge = ValidationRays.judge
 
-    def noted(self: HeldRays, *given: Any) -> Any:
+    def noted(self: ValidationRays, *given: Any) -> Any:
         found = judge(self, *given)
         seen.append(found[0].merit)
         return found
 
-    monkeypatch.setattr(HeldRays, "judge", noted)
+    monkeypatch.setattr(ValidationRays, "judge", noted)
     spec = automatic(target__uniform_mm=None)
     design = lf.design(spec, accuracy="draft", seed=seed)
     assert len(seen) > 2

@@ -15,7 +15,7 @@ from lensforge.search.design_result import Progress
 from lensforge.search.merit import MeritFunction, Problem, Problems
 from lensforge.search.optimiser import search
 from lensforge.search.robust_parts import Pair
-from lensforge.search.validation_rays import HeldRays
+from lensforge.search.validation_rays import ValidationRays
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
 from lensforge.spec.accuracy import PRESETS, SearchEffort
@@ -135,7 +135,7 @@ def test_steps_draw_other_parts_and_the_same_again() -> None:
     assert [again.of_step(1, number)[0].made for number in range(3)] == made
     assert again.of_step(1, 5000)[0].made == far
     assert parts.of_step(2, 0)[0].made != made[0]
-    assert parts.held(1, 2)[0][0].made != made[0]
+    assert parts.of_validation(1, 2)[0][0].made != made[0]
     one, other = parts.of_step(1, 0)
     assert np.allclose(np.array(one.made.source.shift_mm), -np.array(other.made.source.shift_mm))
     assert np.allclose(one.outer_error, -other.outer_error) and one.index == -other.index
@@ -210,6 +210,6 @@ def expected_merit(lens: Lens) -> float:
     """Mean merit over parts and rays that no search has seen."""
     spec = lens.spec.replace(optimise={"robust": True})
     problem = problem_of(spec)
-    held, _ = HeldRays.of(build_source(spec.source), 2**15, 77)
-    found, _ = held.judge(problem, *problem.parametrisation.parameters_of(lens), False)
+    validation, _ = ValidationRays.of(build_source(spec.source), 2**15, 77)
+    found, _ = validation.judge(problem, *problem.parametrisation.parameters_of(lens), False)
     return found.merit
