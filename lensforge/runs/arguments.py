@@ -13,7 +13,6 @@ from lensforge.light.source_photometry import SourceLumens
 from lensforge.results.record_fields import LARGEST_COUNT
 from lensforge.results.validation import its_type
 from lensforge.scene.lens import Lens
-from lensforge.search.source_clearance import source_clearance_warnings
 from lensforge.sources.measured_rays import held_back
 from lensforge.spec import Spec
 from lensforge.spec.accuracy import PRESETS, Preset
@@ -55,7 +54,7 @@ def warned_source(
     By default they are Python's own warnings. Raises :class:`InputError` where no search can help and, unless
     ``anyway``, where less than half of what the targets ask for is possible.
     """
-    from lensforge.search.scene_check import SceneCheck
+    from lensforge.search.scene_check import SceneCheck, source_clearance_warnings
     from lensforge.sources.build_source import summarise
 
     source = source_of(spec)

@@ -15,7 +15,8 @@ import torch
 from lensforge import seeds
 from lensforge.errors import Cancelled, remedy
 from lensforge.scene.lens import Lens
-from lensforge.search.automatic_schedule import AutomaticSchedule, AutomaticStages
+from lensforge.search.automatic_schedule import AutomaticSchedule
+from lensforge.search.automatic_stages import AutomaticStages, UsefulLevels
 from lensforge.search.checkpoint import delete_checkpoint, fingerprint
 from lensforge.search.design_result import Design, Margins, Observer, Progress, constraint_criteria
 from lensforge.search.feasibility import feasible_lens, require_feasible_start
@@ -25,7 +26,6 @@ from lensforge.search.scene_check import SceneCheck
 from lensforge.search.schedule import NextStage, Outcome, Schedule, Stage, fixed_schedule, rays_ahead, stages_of
 from lensforge.search.search_state import Adam, Parameters, SearchState, level_of, moments_of, restored, resume_adam
 from lensforge.search.symmetry import settled_symmetry
-from lensforge.search.useful_levels import UsefulLevels
 from lensforge.search.validation_rays import ValidationRays
 from lensforge.sources.build_source import summarise
 from lensforge.sources.measured_rays import searched

@@ -127,7 +127,7 @@ class Schedule(Protocol):
         ...
 
     def next_stage(self, outcomes: Sequence[Outcome]) -> NextStage:
-        """What follows the stages that had ``outcomes``."""
+        """Continuation after the stages that had ``outcomes``."""
         ...
 
     def accepts(self, outcome: Outcome) -> bool:

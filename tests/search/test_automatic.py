@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from judgements import judged
 
-from lensforge.search.automatic_schedule import AutomaticSchedule, AutomaticStages
+from lensforge.search.automatic_schedule import AutomaticSchedule
+from lensforge.search.automatic_stages import AutomaticStages, UsefulLevels
 from lensforge.search.schedule import SLICES, Judgement, Outcome, Stage, stages_of
-from lensforge.search.useful_levels import UsefulLevels
 from lensforge.spec.accuracy import SearchEffort
 
 EFFORT = SearchEffort(289, (6, 20), (256, 1024), 4096, 0.1, 0.2)
