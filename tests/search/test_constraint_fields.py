@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from scenes import small_spec
+from scenes import random_surface, small_spec, table_of
 
 from lensforge.search.constraint_points import (
     ChartOperator,
@@ -30,7 +30,7 @@ SHOP = {
 
 
 def shop_spec(**changes: Any) -> Spec:
-    return small_spec(**{f"constraints__{name}": value for name, value in SHOP.items()}, **changes)
+    return small_spec(**{f"constraints__{name}": value for name, value in SHOP.items()} | changes)
 
 
 def jets(count: int = 30) -> tuple[RadiusJet, RadiusJet, ChartPoints]:
@@ -108,6 +108,28 @@ def test_the_wall_has_its_derivative() -> None:
     ]
     expected = sum(float((slope * way).sum()) for slope, way in zip(gradients, along, strict=True))
     assert float(ends[0] - ends[1]) / 2e-6 == pytest.approx(expected, rel=1e-5)
+
+
+def test_all_constraints_have_their_derivatives() -> None:
+    grid = TableGrid(40)
+    constraints = AugmentedLagrangian.of(shop_spec(constraints__outer_concave_radius_mm=100.0), grid, penalty=100.0)
+    surfaces = random_surface(1, 3.2, 0.02, (9, 25)), random_surface(2, 6.5, 0.05, (9, 25))
+    tables = [table_of(surface, grid).requires_grad_() for surface in surfaces]
+    constraints.update(constraints.fields(*tables))
+    assert (constraints.multipliers[3:].amax(dim=1) > 0.0).all(), "every constraint of the shop is violated somewhere"
+    rng = np.random.default_rng(0)
+    along = [torch.from_numpy(rng.normal(size=table.shape)) * 1e-3 for table in tables]
+    gradients = torch.autograd.grad(constraints.term(constraints.fields(*tables)), tables)
+    step = 1e-4
+
+    def moved(sign: float) -> float:
+        with torch.no_grad():
+            return float(
+                constraints.term(constraints.fields(*(t + sign * step * a for t, a in zip(tables, along, strict=True))))
+            )
+
+    expected = sum(float((g * a).sum()) for g, a in zip(gradients, along, strict=True))
+    assert (moved(1.0) - moved(-1.0)) / (2.0 * step) == pytest.approx(expected, rel=1e-6)
 
 
 def test_the_draft_counts_up_to_30_degrees_and_has_a_slope_at_the_horizon() -> None:

@@ -8,8 +8,6 @@ from scenes import small_spec
 import lensforge as lf
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.search.merit_terms import limit_terms
-from lensforge.search.symmetry import settled_symmetry
-from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
 
 BEAM = {"kind": "beam", "fwhm_deg": 30.0, "half_angle_deg": 60.0}
@@ -76,14 +74,6 @@ def test_the_search_aims_three_per_cent_inside_a_bound(sense: str, inside: float
         places = 2
         assert term.factor == pytest.approx(30.0 * places), "each of a few places counts"
         assert term.loss((even,)).item() == pytest.approx(term.factor * lacking**2 / (1.0 + lacking), rel=0.05)
-
-
-def test_places_of_limits_have_a_part_in_the_symmetry_of_the_scene() -> None:
-    both = {"kind": "points", "at_deg": [[-10, 0], [10, 0]], "at_least_w_per_sr": 1.0}
-    one = {"kind": "points", "at_deg": [[10, 0]], "at_least_w_per_sr": 1.0}
-    for limit, symmetry in ((both, "rectangle"), (one, "mirror_y")):
-        spec = small_spec(target=BEAM, lens__symmetry="auto").replace(limits=[limit])
-        assert settled_symmetry(spec, build_source(spec.source)).lens.symmetry == symmetry
 
 
 @pytest.mark.nightly("two searches, 50 s")
