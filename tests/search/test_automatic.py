@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from judgements import judged
@@ -97,12 +98,15 @@ def test_a_scene_that_the_first_level_solves_stays_there() -> None:
     assert found.stages[3].learning_rate < 0.5 * found.stages[2].learning_rate
 
 
-def test_long_stages_take_ever_smaller_steps_with_more_rays() -> None:
-    found = Followed(schedule(), lambda stage, merit: 0.5 * merit if merit > 1e-3 else merit)
-    long = found.long
+@pytest.mark.parametrize("uniform", [False, True])
+def test_long_stages_take_ever_smaller_steps_with_more_rays(uniform: bool) -> None:
+    found = Followed(
+        schedule(uniform=uniform), lambda s, m: 0.5 * m if m > (1e-3 if s.uniform == uniform else 0.1) else m
+    )
+    long = [stage for stage in found.long if stage.uniform == uniform]
+    assert len(long) > 2 and all(stage.steps == EFFORT.steps[1] for stage in long)
     assert np.allclose([stage.learning_rate for stage in long], long[0].learning_rate * 0.5 ** np.arange(len(long)))
     assert [stage.rays for stage in long[:3]] == [256, 512, 1024]
-    assert all(stage.steps == EFFORT.steps[1] for stage in long)
 
 
 def test_long_stages_step_further_where_every_ray_has_mirror_images() -> None:
@@ -198,12 +202,6 @@ def test_a_short_budget_is_shared_among_the_levels() -> None:
     assert [each[0] for each in steps.values()] == [60] * 3, "how long a step takes is known after the first level"
     assert 10 <= max(steps[150.0][1:]) < min(steps[250.0][1:]) and steps[2000.0] == [60] * 3
     assert Followed(schedule(effort=effort, budget_s=90.0), halved).levels == (9,)
-
-
-def test_stages_for_the_uniformity_take_ever_smaller_steps() -> None:
-    found = Followed(schedule(uniform=True), lambda s, m: max(1e-3 if s.uniform else 0.1, 0.5 * m))
-    rates = [stage.learning_rate for stage in found.stages if stage.uniform]
-    assert len(rates) > 2 and np.allclose(rates, rates[0] * 0.5 ** np.arange(len(rates)))
 
 
 def test_some_of_a_budget_is_left_for_the_uniformity() -> None:

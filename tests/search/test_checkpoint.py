@@ -132,18 +132,11 @@ def test_one_of_another_shape_is_refused_in_one_line(change: dict[str, Any], sav
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    "other",
-    [
-        replace(FRESH, multipliers=numbers(2, 31)),
-        replace(FRESH, multipliers=numbers(3, 30)),
-    ],
-)
-def test_one_of_another_scene_is_refused(other: SearchState, saved: Path) -> None:
-    with pytest.raises(InputError, match="of another shape"):
-        again(saved, other)
-    with pytest.raises(InputError, match="of another shape"):
-        again(saved, FRESH, NAMES[:1])
+@pytest.mark.parametrize("points", [numbers(2, 31), numbers(3, 30)])
+def test_one_of_another_scene_is_refused(points: torch.Tensor, saved: Path) -> None:
+    for fresh, names in ((replace(FRESH, multipliers=points), NAMES), (FRESH, NAMES[:1])):
+        with pytest.raises(InputError, match="of another shape"):
+            again(saved, fresh, names)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e13, -1e308])

@@ -163,6 +163,25 @@ def test_margins_factors_and_tolerances_of_all_constraints() -> None:
     assert DIRECTIONS == 60_000
 
 
+@pytest.mark.parametrize(
+    ("name", "key"),
+    [
+        ("max_height_mm", "height_margin_mm"),
+        ("max_wall_mm", "largest_wall_margin_mm"),
+        ("inner_concave_radius_mm", "inner_curvature_margin_per_mm"),
+        ("outer_draft_deg", "outer_draft_margin_deg"),
+    ],
+)
+def test_what_is_not_asked_for_is_not_computed(name: str, key: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(KeepOutExtent, "of", lambda _: pytest.fail("no keep-out is given"))
+    of_paper = ["cavity_clearance_mm", WALL, "radius_margin_mm"]
+    plain = AugmentedLagrangian.of(small_spec(), TableGrid(24))
+    assert list(plain.keys) == of_paper
+    assert plain.chart_operator.operator.rows.shape[0] == len(plain.chart_operator.points.x), "no row but the radius"
+    asked = small_spec(**{f"constraints__{name}": SHOP[name]})
+    assert [each.key for each in constraints_of(asked)] == [*of_paper, key]
+
+
 def test_a_stricter_limit_is_less_by_so_much_and_a_looser_one_is_the_same() -> None:
     one = constraints_of(small_spec())[2]
     inner, outer, points = jets()
@@ -269,11 +288,10 @@ def test_a_search_looks_at_all_points_or_at_few_where_no_shape_is_limited(change
 
 def test_a_keep_out_is_looked_at_from_every_node(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(KeepOutExtent, "of", lambda spec: KeepOutExtent)
-    spec = small_spec()
+    spec, grid = small_spec(), TableGrid(24)
     limits = spec.constraints.model_copy(update={"keep_out": "led.step"})
-    spec = spec.model_copy(update={"constraints": limits})
-    grid = TableGrid(24)
-    own = AugmentedLagrangian.of(spec, grid, sparse=True)
-    assert len(own.chart_operator.points.x) == len(constraint_points(grid, "none", every_node=1))
-    assert own.chart_operator.points.spacing == pytest.approx(math.sqrt(2.0) * grid.step)
-    assert own.chart_operator.operator.rows.shape[0] == len(own.chart_operator.points.x), "no derivatives"
+    own = AugmentedLagrangian.of(spec.model_copy(update={"constraints": limits}), grid, sparse=True)
+    points = own.chart_operator.points
+    assert len(points.x) == len(constraint_points(grid, "none", every_node=1))
+    assert points.spacing == pytest.approx(math.sqrt(2.0) * grid.step)
+    assert own.chart_operator.operator.rows.shape[0] == len(points.x), "no derivatives"

@@ -12,7 +12,6 @@ from scenes import hemisphere_directions, random_surface, small_spec, sphere
 import lensforge as lf
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
-from lensforge.search.constraints import constraints_of
 from lensforge.search.design_result import constraint_criteria
 from lensforge.search.feasibility import measure_constraints
 from lensforge.search.keep_out_extent import KeepOutExtent, require_keep_out_fits
@@ -101,13 +100,6 @@ def test_height_and_largest_wall_of_a_freeform_are_those_of_its_points() -> None
     found = measure_constraints(lens)
     assert found.height_margin_mm == pytest.approx(5.0 - height, abs=2e-3)
     assert found.largest_wall_margin_mm == pytest.approx(2.5 - wall, abs=2e-3)
-
-
-def test_what_is_left_out_is_not_computed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(KeepOutExtent, "of", lambda _: pytest.fail("no keep-out is given"))
-    assert len(constraints_of(small_spec())) == 3
-    keys = [constraint.key for constraint in constraints_of(small_spec(constraints__max_height_mm=5.0))]
-    assert keys[3:] == ["height_margin_mm"]
 
 
 def test_a_search_that_starts_outside_its_envelope_ends_inside(tmp_path: Path) -> None:

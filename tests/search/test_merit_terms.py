@@ -186,17 +186,6 @@ def test_a_lit_pixel_is_smoothed_to_a_gaussian_of_variance_one_and_even_light_st
     np.testing.assert_allclose(smoothed(torch.full((5, 6), 0.7, dtype=torch.float64)).numpy(), 0.7, rtol=1e-14)
 
 
-def test_the_shortfall_is_that_below_the_margin() -> None:
-    """A slope is smoothed to itself: pixels at 0.7 to 1.3 of the mean fall short of 0.95 by 0.25 and 0.05."""
-    slope = torch.tensor([0.7, 0.9, 1.1, 1.3], dtype=torch.float64).repeat(9, 1)
-    slope = torch.nn.functional.pad(slope, (1, 1))
-    slope[:, 0], slope[:, -1] = 0.5, 1.5
-    mask = torch.zeros((9, 6), dtype=torch.bool)
-    mask[:, 1:-1] = True
-    expected = (0.25**2 + 0.05**2) / 4.0
-    assert shortfall_loss(3.0 * slope, mask, 0.05).item() == pytest.approx(expected)
-
-
 @pytest.mark.parametrize("uniform", [True, False])
 @pytest.mark.parametrize("mask", [INSIDE, None])
 def test_two_equal_pictures_are_judged_as_the_loss_of_one(mask: torch.Tensor | None, uniform: bool) -> None:

@@ -11,7 +11,7 @@ from scenes import random_surface, small_spec, sphere, table_of
 from lensforge.cad.patch import fit_patch
 from lensforge.scene.lens import Lens
 from lensforge.search.constraint_points import ChartOperator, RadiusJet, constraint_points, draft_sine, least_curvature
-from lensforge.search.constraints import AugmentedLagrangian, constraints_of
+from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.design_result import constraint_criteria
 from lensforge.search.feasibility import measure_constraints
 from lensforge.search.optimiser import search
@@ -121,25 +121,6 @@ def test_the_derivative_is_finite_at_umbilics_and_at_the_apex() -> None:
     tables = [table_of(sphere(radius), grid).requires_grad_() for radius in (2.0, 6.0)]
     gradients = torch.autograd.grad(constraints.fields(*tables).sum(), tables)
     assert all(torch.isfinite(gradient).all() for gradient in gradients)
-
-
-def test_what_is_not_asked_for_is_not_computed() -> None:
-    plain = AugmentedLagrangian.of(small_spec(), TableGrid(24))
-    assert [constraint.key for constraint in plain.constraints] == [
-        "cavity_clearance_mm",
-        "wall_margin_mm",
-        "radius_margin_mm",
-    ]
-    assert plain.chart_operator.operator.rows.shape[0] == len(plain.chart_operator.points.x), "no row but the radius"
-    keys = [constraint.key for constraint in constraints_of(shop_spec(constraints__outer_draft_deg=None))]
-    assert keys == [
-        "cavity_clearance_mm",
-        "wall_margin_mm",
-        "radius_margin_mm",
-        "inner_curvature_margin_per_mm",
-        "outer_curvature_margin_per_mm",
-        "inner_draft_margin_deg",
-    ]
 
 
 @pytest.mark.parametrize("symmetry", ["mirror_x", "rectangle", "square"])
