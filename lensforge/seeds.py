@@ -7,8 +7,10 @@ MOST = 2**20  # the largest seed of a run
 _STEPS = 1_000_003  # at most, of a search: every step has a seed of its own, resumed or not
 _RANGE = 2**40
 # 8 and 16 are those of benchmarks/convergence
-_EVALUATION, _VERIFICATION, _FAR_FIELD, _PRESET, _HELD, _OWN, _PARTS = (k * _RANGE for k in (1, 2, 4, 32, 64, 128, 256))
-_PARTS_OF_STEPS, _HELD_PARTS, OF_FILE = (k * _RANGE for k in (512, 1024, 2048))  # OF_FILE: divides a file's rays
+_EVALUATION, _VERIFICATION, _FAR_FIELD, _PRESET, _VALIDATION, _OWN, _PARTS = (
+    k * _RANGE for k in (1, 2, 4, 32, 64, 128, 256)
+)
+_PARTS_OF_STEPS, _VALIDATION_PARTS, OF_FILE = (k * _RANGE for k in (512, 1024, 2048))  # OF_FILE: divides a file's rays
 
 
 def of_step(seed: int, step: int) -> int:
@@ -16,9 +18,9 @@ def of_step(seed: int, step: int) -> int:
     return seed * _STEPS + step
 
 
-def of_held(seed: int, sample: int) -> int:
+def of_validation(seed: int, sample: int) -> int:
     """Seed for one of the two samples by which a search judges its progress."""
-    return _HELD + 2 * seed + sample
+    return _VALIDATION + 2 * seed + sample
 
 
 def of_replicate(seed: int, replicates: int, replicate: int, parts: int, part: int) -> int:
@@ -56,9 +58,9 @@ def of_parts_of_steps(seed: int, block: int) -> int:
     return _PARTS_OF_STEPS + seed * _STEPS + block
 
 
-def of_held_parts(seed: int) -> int:
+def of_validation_parts(seed: int) -> int:
     """Seed for the parts by which a robust search judges its progress."""
-    return _HELD_PARTS + seed
+    return _VALIDATION_PARTS + seed
 
 
 def of_choice(seed: int) -> int:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lensforge.search.schedule import SLICES, Judgement
-from lensforge.search.validation_rays import HeldRays
+from lensforge.search.validation_rays import ValidationRays
 
 
 def judged(merit: float, noise: float = 0.0, seed: int = 0) -> Judgement:
@@ -19,7 +19,7 @@ def judge_as(monkeypatch: pytest.MonkeyPatch, *merits: float) -> None:
     """Let the lenses of all searches from here on have ``merits``, one after another; the last of them for all more."""
     coming = iter(merits)
 
-    def judge(self: HeldRays, *given: Any) -> tuple[Judgement, None]:
+    def judge(self: ValidationRays, *given: Any) -> tuple[Judgement, None]:
         return judged(next(coming, merits[-1])), None
 
-    monkeypatch.setattr(HeldRays, "judge", judge)
+    monkeypatch.setattr(ValidationRays, "judge", judge)

@@ -22,7 +22,7 @@ def test_no_two_purposes_share_a_seed() -> None:
         (seeds.of_preset_error(0, 8, 0), seeds.of_preset_error(most, 8, 7)),
         (seeds.of_parts(0), seeds.of_parts(most)),
         (seeds.of_parts_of_steps(0, 0), seeds.of_parts_of_steps(most, steps)),
-        (seeds.of_held_parts(0), seeds.of_held_parts(most)),
+        (seeds.of_validation_parts(0), seeds.of_validation_parts(most)),
     ]
     for (_, last), (first, _) in pairwise(sorted(ranges)):
         assert last < first

@@ -234,10 +234,7 @@ class Problem:
 
 @dataclass
 class Problems:
-    """The problems of one search, of which the last is kept.
-
-    Automatic levels are traced through patches, and their constraints hold at fewer points.
-    """
+    """The problems of one search, of which the last is kept; constraints of automatic levels hold at fewer points."""
 
     spec: Spec
     source: Source
@@ -250,8 +247,7 @@ class Problems:
         if self._last is None or self._last.spec.lens.levels != levels:
             spec = self.spec.with_levels(levels)
             automatic = self.spec.lens.levels == "auto"
-            make = Parametrisation.patched if automatic else Parametrisation.of
-            parametrisation = make(spec, self.nodes_per_sigma)
+            parametrisation = Parametrisation.of(spec, self.nodes_per_sigma)
             merit = MeritFunction.of(spec, self.source, parametrisation, self.device)
             constraints = AugmentedLagrangian.of(spec, parametrisation.grid, sparse=automatic)
             parts = SearchParts.of(spec, parametrisation) if spec.optimise.robust else None

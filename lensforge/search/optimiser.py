@@ -15,16 +15,17 @@ import torch
 from lensforge import seeds
 from lensforge.errors import Cancelled, remedy
 from lensforge.scene.lens import Lens
-from lensforge.search.automatic_schedule import AutomaticSchedule, AutomaticStages, UsefulLevels
+from lensforge.search.automatic_schedule import AutomaticSchedule
+from lensforge.search.automatic_stages import AutomaticStages, UsefulLevels
 from lensforge.search.checkpoint import delete_checkpoint, fingerprint
 from lensforge.search.design_result import Design, Margins, Observer, Progress, constraint_criteria
 from lensforge.search.feasibility import feasible_lens, require_feasible_start
 from lensforge.search.merit import Evaluated, Problem, Problems
 from lensforge.search.robust_parts import Pair
-from lensforge.search.schedule import Outcome, Schedule, Stage, Turn, fixed_schedule, rays_ahead, stages_of
+from lensforge.search.schedule import NextStage, Outcome, Schedule, Stage, fixed_schedule, rays_ahead, stages_of
 from lensforge.search.search_state import Adam, Parameters, SearchState, level_of, moments_of, restored, resume_adam
 from lensforge.search.symmetry import settled_symmetry
-from lensforge.search.validation_rays import HeldRays
+from lensforge.search.validation_rays import ValidationRays
 from lensforge.sources.build_source import summarise
 from lensforge.sources.measured_rays import searched
 from lensforge.sources.ray_bundle import Source
@@ -57,7 +58,7 @@ class Descent:
     source: Source
     problems: Problems
     schedule: Schedule
-    held: HeldRays | None
+    validation: ValidationRays | None
     seed: int
     accuracy: Accuracy
     observer: Observer
@@ -65,13 +66,13 @@ class Descent:
     clock: Stopwatch
     _judged: tuple[tuple[int, int], Outcome] | None = None
 
-    def run(self, checkpoint: Path | None, key: str) -> Turn:
-        """Run all remaining stages and return the last turn; keep the checkpoint fresh, also at an interrupt."""
+    def run(self, checkpoint: Path | None, key: str) -> NextStage:
+        """Run all remaining stages and return the end; keep the checkpoint fresh, also at an interrupt."""
         saved = time.monotonic()
-        if self.held is not None:
-            self._compile_kernels(self.held)
+        if self.validation is not None:
+            self._compile_kernels(self.validation)
         try:
-            while (stage := self.schedule.turn(self.state.outcomes).stage) is not None:
+            while (stage := self.schedule.next_stage(self.state.outcomes).stage) is not None:
                 steps = self._stage_steps(stage)
                 while not self._is_over(stage, self.state):
                     next(steps)
@@ -79,19 +80,19 @@ class Descent:
                         self.state.save(checkpoint, key)
                         saved = time.monotonic()
                 steps.close()
-                self.state = self._turned(stage)
+                self.state = self._after_stage(stage)
         finally:
             if checkpoint is not None:
                 self.state.save(checkpoint, key)
-        return self.schedule.turn(self.state.outcomes)
+        return self.schedule.next_stage(self.state.outcomes)
 
-    def _compile_kernels(self, held: HeldRays) -> None:
+    def _compile_kernels(self, validation: ValidationRays) -> None:
         """Take a derivative that nobody needs: compiled later, kernels would make the first level look dear."""
-        stage = self.schedule.turn(self.state.outcomes).stage
+        stage = self.schedule.next_stage(self.state.outcomes).stage
         if stage is not None:
             problem = self.problems.of(stage.levels)
             weights, offsets = (each.clone().requires_grad_() for each in (self.state.weights, self.state.offsets))
-            one = held.samples[0].take(slice(0, 1))
+            one = validation.samples[0].take(slice(0, 1))
             pair = self._pair(problem, 0)
             problem.merit.evaluate(weights, offsets, one, problem.constraints, stage.uniform, pair).loss.backward()
 
@@ -151,39 +152,41 @@ class Descent:
             seconds=self.clock.seconds(),
         )
 
-    def _turned(self, stage: Stage) -> SearchState:
+    def _after_stage(self, stage: Stage) -> SearchState:
         """The state at the beginning of what follows ``stage``."""
         state, problem, outcome = self.state, self.problems.of(stage.levels), self._outcome(stage, self.state)
-        turn = self.schedule.turn((*state.outcomes, outcome))
-        best = Parameters(state.weights, state.offsets) if turn.improved else state.best
-        accepted = best if turn.accepted else state.accepted
+        following = self.schedule.next_stage((*state.outcomes, outcome))
+        best = Parameters(state.weights, state.offsets) if following.improved else state.best
+        accepted = best if following.accepted else state.accepted
         state = replace(state, outcomes=(*state.outcomes, outcome), step=0, best=best, accepted=accepted)
-        if turn.begin != "current":
-            begin = self._beginning(turn, state)
+        if following.begin != "current":
+            begin = self._beginning(following, state)
             state = replace(state, weights=begin.weights, offsets=begin.offsets, best=begin)
-        if turn.stage is None:
+        if following.stage is None:
             return replace(state, moments=None, steps_of_moments=0, seconds=self.clock.seconds())
-        if turn.begin != "current" or (turn.stage.functions, turn.stage.uniform) != (stage.functions, stage.uniform):
+        coming = following.stage
+        if following.begin != "current" or (coming.functions, coming.uniform) != (stage.functions, stage.uniform):
             state = replace(state, moments=None, steps_of_moments=0)
-        return replace(self._for_levels(state, problem, turn.stage), seconds=self.clock.seconds())
+        return replace(self._for_levels(state, problem, coming), seconds=self.clock.seconds())
 
     @staticmethod
-    def _beginning(turn: Turn, state: SearchState) -> Parameters:
-        """The parameters with which a search goes on after ``turn``."""
+    def _beginning(following: NextStage, state: SearchState) -> Parameters:
+        """The parameters with which a search goes on in ``following``."""
         now = Parameters(state.weights, state.offsets)
-        best = now if turn.improved else state.best
-        begin = {"current": now, "best": best, "accepted": best if turn.accepted else state.accepted}[turn.begin]
+        best = now if following.improved else state.best
+        accepted = best if following.accepted else state.accepted
+        begin = {"current": now, "best": best, "accepted": accepted}[following.begin]
         assert begin is not None, "it goes back to what it has kept"
         return begin
 
     def _outcome(self, stage: Stage, state: SearchState) -> Outcome:
-        """Judgement of ``state`` by held rays, at the end of ``stage``."""
+        """Judgement of ``state`` by validation rays, at the end of ``stage``."""
         key = len(state.outcomes), state.steps_done
         if self._judged is None or self._judged[0] != key:
             light = even = None
-            if self.held is not None:
+            if self.validation is not None:
                 problem, uniform = self.problems.of(stage.levels), self.problems.spec.has_uniform_region
-                light, even = self.held.judge(problem, state.weights, state.offsets, uniform)
+                light, even = self.validation.judge(problem, state.weights, state.offsets, uniform)
             self._judged = key, Outcome(steps=state.step, seconds=self.clock.seconds(), light=light, even=even)
         return self._judged[1]
 
@@ -194,9 +197,9 @@ class Descent:
         """
         if not self._is_over(stage, state):
             return None
-        turn = self.schedule.turn((*state.outcomes, self._outcome(stage, state)))
-        begin = self._beginning(turn, state)
-        within = turn.stage is not None and turn.stage.level == stage.level
+        following = self.schedule.next_stage((*state.outcomes, self._outcome(stage, state)))
+        begin = self._beginning(following, state)
+        within = following.stage is not None and following.stage.level == stage.level
         return None if within or len(begin.weights) != len(state.weights) else begin
 
     def _for_levels(self, state: SearchState, before: Problem, stage: Stage) -> SearchState:
@@ -284,16 +287,18 @@ def search(
         state = _fresh_state(schedule, problems, start)
     if checkpoint is not None and not resume:
         delete_checkpoint(checkpoint)  # of an earlier search: an interrupt before the first step leaves none
-    held, of_steps = None, searched(source)
+    validation, of_steps = None, searched(source)
     if spec.lens.levels == "auto":
-        held, of_steps = HeldRays.of(of_steps, preset.effort.held_rays, seed)
-    descent = Descent(of_steps, problems, schedule, held, seed, accuracy, progress or (lambda _: None), state, clock)
+        validation, of_steps = ValidationRays.of(of_steps, preset.effort.validation_rays, seed)
+    descent = Descent(
+        of_steps, problems, schedule, validation, seed, accuracy, progress or (lambda _: None), state, clock
+    )
     descent.run(checkpoint, key)
     state = descent.state
     last = stages_of(schedule, state.outcomes)[-1]
     problem = problems.of(_levels_of(last.levels, len(state.weights)))
     lens, margins = feasible_lens(problem, state, seed, accuracy)
-    why = schedule.turn(state.outcomes).why or None
+    why = schedule.next_stage(state.outcomes).why or None
     state = replace(state, seconds=clock.seconds())
     return _design(lens, margins, source, state, last.rays, why, warnings)
 
@@ -349,7 +354,7 @@ def _design(
 
 def _fresh_state(schedule: Schedule, problems: Problems, start: Lens | None) -> SearchState:
     """The state before the first step. Raises :class:`InputError` where no lens is found that keeps the limits."""
-    first = schedule.turn(()).stage
+    first = schedule.next_stage(()).stage
     assert first is not None, "a spec has levels"
     problem = problems.of(first.levels)
     multipliers = problem.constraints.multipliers

@@ -67,9 +67,9 @@ class SearchParts:
             self._drawn = {own_seed: (draws, draws.mirrored())}
         return self._made(self._drawn[own_seed], number)
 
-    def held(self, seed: int, count: int) -> tuple[Pair, ...]:
+    def of_validation(self, seed: int, count: int) -> tuple[Pair, ...]:
         """The ``count`` pairs by which a search with ``seed`` judges its progress."""
-        draws = Draws.seeded(self.factors, count, seeds.of_held_parts(seed))
+        draws = Draws.seeded(self.factors, count, seeds.of_validation_parts(seed))
         return tuple(self._made((draws, draws.mirrored()), number) for number in range(count))
 
     def _made(self, draws: tuple[Draws, Draws], number: int) -> Pair:

@@ -18,7 +18,7 @@ from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec import Spec
 from lensforge.spec.accuracy import Preset
 
-SLICES = 8  # of the held rays: the error of a gain is then known to a quarter of itself
+SLICES = 8  # of the validation rays: the error of a gain is then known to a quarter of itself
 # Standard errors that a gain must reach: by chance one stage in six would. With two, a level that halves the error of a
 # lens for 20,000 measured rays is left out (led_colours, 53 +- 32 %).
 _ERRORS = 1.0
@@ -36,7 +36,7 @@ class Gain(NamedTuple):
 
 
 class Judgement(Record):
-    """A lens judged by held rays: ``merit``, all terms; ``image``, the error of the image alone.
+    """A lens judged by validation rays: ``merit``, all terms; ``image``, the error of the image alone.
 
     ``without``: the merit without one slice of the rays, for each of them.
     """
@@ -104,7 +104,7 @@ class Stage:
 
 
 @dataclass(frozen=True)
-class Turn:
+class NextStage:
     """Continuation of a search: ``stage``, None at the end, and the parameters with which it begins.
 
     ``improved``: the last stage ended with the best lens of its level. ``accepted``: so far the best lens of all is the
@@ -122,12 +122,12 @@ class Turn:
 class Schedule(Protocol):
     """The stages of a search, one after another."""
 
-    def turns(self, outcomes: Iterable[Outcome]) -> Iterator[Turn]:
-        """The first turn, and the one that follows each of ``outcomes``, one after another."""
+    def next_stages(self, outcomes: Iterable[Outcome]) -> Iterator[NextStage]:
+        """The first stage, and what follows each of ``outcomes``, one after another."""
         ...
 
-    def turn(self, outcomes: Sequence[Outcome]) -> Turn:
-        """The turn that follows the stages that had ``outcomes``."""
+    def next_stage(self, outcomes: Sequence[Outcome]) -> NextStage:
+        """Continuation after the stages that had ``outcomes``."""
         ...
 
     def accepts(self, outcome: Outcome) -> bool:
@@ -145,7 +145,7 @@ class Schedule(Protocol):
 
 def stages_of(schedule: Schedule, outcomes: Sequence[Outcome]) -> list[Stage]:
     """The stages that had ``outcomes``, and the one that follows, if any."""
-    return [turn.stage for turn in schedule.turns(outcomes) if turn.stage is not None]
+    return [following.stage for following in schedule.next_stages(outcomes) if following.stage is not None]
 
 
 @dataclass(frozen=True)
@@ -154,20 +154,20 @@ class FixedSchedule:
 
     stages: tuple[Stage, ...]
 
-    def turns(self, outcomes: Iterable[Outcome]) -> Iterator[Turn]:
+    def next_stages(self, outcomes: Iterable[Outcome]) -> Iterator[NextStage]:
         """All stages in their order, and the end."""
-        yield self.turn(())
+        yield self.next_stage(())
         for done, _ in enumerate(outcomes, 1):
-            yield Turn(self.stages[done] if done < len(self.stages) else None)
+            yield NextStage(self.stages[done] if done < len(self.stages) else None)
 
     def accepts(self, outcome: Outcome) -> bool:
         """True for one without judgements: nothing depends on them."""
         return outcome.light is None and outcome.even is None
 
-    def turn(self, outcomes: Sequence[Outcome]) -> Turn:
+    def next_stage(self, outcomes: Sequence[Outcome]) -> NextStage:
         """The next stage; the current parameters are kept."""
         done = len(outcomes)
-        return Turn(self.stages[done] if done < len(self.stages) else None)
+        return NextStage(self.stages[done] if done < len(self.stages) else None)
 
     def most_steps(self, outcomes: Sequence[Outcome]) -> int:
         """Steps of all stages."""

@@ -185,22 +185,22 @@ class _Past:
 
     @staticmethod
     def of(schedule: Schedule, outcomes: tuple[Outcome, ...], step: int, path: Path) -> "_Past":
-        stage = schedule.turn(()).stage
+        stage = schedule.next_stage(()).stage
         assert stage is not None, "a spec has levels"
         if not all(map(schedule.accepts, outcomes)):
             raise InputError(f"{path}: stages with judgements that are {_ANOTHER}")
         size, best, accepted, levels = sum(stage.levels), 0, 0, list[tuple[int, int, int]]()
-        for count, turn in enumerate(schedule.turns(outcomes)):
-            best = size if turn.improved else best
-            accepted = best if turn.accepted else accepted
-            if turn.begin != "current":
-                size = best = best if turn.begin == "best" else accepted
-            if turn.stage is not None and sum(turn.stage.levels) != size:
-                size = best = sum(turn.stage.levels)
-            stage = turn.stage or stage
-            at_hand, most = count == len(outcomes), 0 if turn.stage is None else turn.stage.steps
+        for count, following in enumerate(schedule.next_stages(outcomes)):
+            best = size if following.improved else best
+            accepted = best if following.accepted else accepted
+            if following.begin != "current":
+                size = best = best if following.begin == "best" else accepted
+            if following.stage is not None and sum(following.stage.levels) != size:
+                size = best = sum(following.stage.levels)
+            stage = following.stage or stage
+            at_hand, most = count == len(outcomes), 0 if following.stage is None else following.stage.steps
             steps = step if at_hand else outcomes[count].steps
-            if steps > most or (turn.stage is None and not at_hand):
+            if steps > most or (following.stage is None and not at_hand):
                 raise InputError(f"{path}: stage {len(outcomes)}, step {step}, {_ANOTHER}")
             if steps and levels and levels[-1][0] == stage.level:
                 levels[-1] = (*levels[-1][:2], levels[-1][2] + steps)

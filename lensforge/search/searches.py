@@ -15,7 +15,6 @@ from lensforge.results.arguments import count_of, path_of, require, threads_of_t
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.search.cluster import connected
 from lensforge.search.design_result import Design, Observer, Start
-from lensforge.search.source_clearance import source_clearance_warnings
 from lensforge.sources.measured_rays import searched, smoothed
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.accuracy import preset_of
@@ -130,7 +129,7 @@ def _checked_scene(
     keep-out that cannot be, where no light enters the lens and, unless ``force``, where less than half of what the
     targets ask for is possible.
     """
-    from lensforge.search.scene_check import SceneCheck
+    from lensforge.search.scene_check import SceneCheck, source_clearance_warnings
     from lensforge.sources.build_source import summarise
 
     if anyway is not None:

@@ -24,7 +24,7 @@ _LEAST_IMAGE = 1e-4  # NMSE below which nothing is left to gain: an evaluation i
 
 
 @dataclass(frozen=True)
-class HeldRays:
+class ValidationRays:
     """Two independent samples, the same for every judgement: a gain has less noise than an error.
 
     ``seed``: of the search, whose parts judge a robust one, two for each slice of the rays.
@@ -34,14 +34,14 @@ class HeldRays:
     seed: int = 0
 
     @staticmethod
-    def of(source: Source, rays: int, seed: int) -> tuple["HeldRays", Source]:
+    def of(source: Source, rays: int, seed: int) -> tuple["ValidationRays", Source]:
         """Two samples of ``rays`` rays, from seeds that no step has, and the source of the steps."""
-        steps, numbers = smoothed(source), (seeds.of_held(seed, number) for number in (0, 1))
+        steps, numbers = smoothed(source), (seeds.of_validation(seed, number) for number in (0, 1))
         first, second = (steps.sample(rays, number) for number in numbers)
         if source.ray_count is not None:  # a file may be sorted, the slices of its rays must not be
-            order = np.random.default_rng(seeds.of_held(seed, 0)).permutation(rays)
+            order = np.random.default_rng(seeds.of_validation(seed, 0)).permutation(rays)
             first, second = first.take(order), second.take(order)
-        return HeldRays((first, second), seed), steps
+        return ValidationRays((first, second), seed), steps
 
     def judge(
         self, problem: Problem, weights: Float[Tensor, "k 2"], offsets: Float[Tensor, "2"], even: bool
@@ -64,7 +64,7 @@ def _pairs(problem: Problem, seed: int) -> Sequence[Pair | None]:
     """The pair of parts for each slice in a robust search, the same for both samples."""
     if problem.parts is None:
         return [None] * SLICES
-    return problem.parts.held(seed, SLICES)
+    return problem.parts.of_validation(seed, SLICES)
 
 
 def _judgement(merit: MeritFunction, lights: list[list[SampledLight]], missing: float, uniform: bool) -> Judgement:

@@ -17,15 +17,15 @@ class SearchEffort:
     """Effort of a search that chooses levels and steps itself.
 
     ``finest``: functions of the finest level that it tries. ``steps``: of the stage of each level, and of the long
-    stages that follow. ``rays``: of a gradient step, at first and at most.
-    ``held_rays``: of each of the two samples that judge the lens. ``step_gain``: share by which a long stage must lower
-    the error, else the search ends. ``level_gain``: share by which a level must lower it, else it is left out.
+    stages that follow. ``rays``: of a gradient step, at first and at most. ``validation_rays``: of each of the two
+    samples that judge the lens. ``step_gain``: share by which a long stage must lower the error, else the search ends.
+    ``level_gain``: share by which a level must lower it, else it is left out.
     """
 
     finest: int
     steps: tuple[int, int]
     rays: tuple[int, int]
-    held_rays: int
+    validation_rays: int
     step_gain: float
     level_gain: float
 
@@ -65,12 +65,14 @@ class Preset:
 # The finest level: 289 functions serve a flat top, letters need 1,089, a source of 0.1 mm gains from 4,225. Steps, rays
 # and gains were chosen on pi, cross and flat_top: a standard search takes one to three times as long as one with
 # the given levels of version 0.1.0 on the same machine, the longer the more it still gains; docs/results.md.
-_DRAFT = SearchEffort(finest=289, steps=(40, 80), rays=(2**13, 2**15), held_rays=2**15, step_gain=0.5, level_gain=0.1)
+_DRAFT = SearchEffort(
+    finest=289, steps=(40, 80), rays=(2**13, 2**15), validation_rays=2**15, step_gain=0.5, level_gain=0.1
+)
 _STANDARD = SearchEffort(
-    finest=1089, steps=(60, 200), rays=(2**15, 2**17), held_rays=2**16, step_gain=0.3, level_gain=0.05
+    finest=1089, steps=(60, 200), rays=(2**15, 2**17), validation_rays=2**16, step_gain=0.3, level_gain=0.05
 )
 _REFERENCE = SearchEffort(
-    finest=4225, steps=(80, 300), rays=(2**16, 2**19), held_rays=2**18, step_gain=0.05, level_gain=0.02
+    finest=4225, steps=(80, 300), rays=(2**16, 2**19), validation_rays=2**18, step_gain=0.05, level_gain=0.02
 )
 
 PRESETS: dict[Accuracy, Preset] = {

@@ -1,4 +1,4 @@
-"""Tables from the weights of basis functions: patches of spline coefficients, and maps level by level.
+"""Tables from the weights of basis functions: a patch of spline coefficients for each function.
 
 A function is sampled where it is not negligible, on a grid as fine as its own level needs. The grids are halvings of
 one another, so that a level's spline is carried over to the next finer grid exactly. A step of a search then costs
@@ -6,18 +6,16 @@ little more with thousands of narrow functions than with hundreds: each covers f
 fill a fine grid.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.interpolate import BSpline
 from scipy.ndimage import spline_filter1d
-from scipy.sparse import csr_matrix
-from scipy.spatial import cKDTree
 
-from lensforge.errors import InputError
+from lensforge.kernels.bicubic import add_patches, patch_sums, refine, refine_adjoint
 from lensforge.surfaces import surface
 from lensforge.surfaces.bicubic_table import APRON, TableGrid, grid_for
 from lensforge.surfaces.srbf import SrbfBasis, fibonacci_hemisphere, gaussians, level_sigma
@@ -26,18 +24,18 @@ _NEGLIGIBLE = 1e-5  # coefficient of a function of height 1: a tenth of the erro
 _BEYOND = 0.1  # of the above, to which a function is sampled, and some nodes more: the filter's ends must not be felt
 _MARGIN = 4
 _BEHIND = 0.75 * np.pi  # from the axis: further down a patch would reach towards the chart's singular point
+_BROAD = 0.85  # rad: a function that is as broad is negligible nowhere; its patch is the whole grid
 
 
 @dataclass(frozen=True)
 class LevelPatches:
-    """The ``m`` functions of a level on its ``grid``, which is the table's halved ``halvings`` times.
+    """The ``m`` functions of a level on its ``grid``, which is the table's or one of its halvings.
 
     ``boxes`` (m, 4): first row (X) and column (Y), rows and columns of each patch in a table of the grid. ``values``:
     all patches one after the other, by rows.
     """
 
     grid: TableGrid
-    halvings: int
     boxes: Int[np.ndarray, "m 4"]
     values: Float[np.ndarray, " v"]
 
@@ -61,20 +59,80 @@ def dyadic_grid(details_rad: Sequence[float], nodes_per_sigma: float) -> tuple[T
     return TableGrid(finest + 1), halvings
 
 
-def level_patches(basis: SrbfBasis, grid: TableGrid, halvings: Sequence[int]) -> list[LevelPatches]:
-    """Patches of all levels of ``basis``, coarse first, for tables of ``grid``."""
-    return [
-        _patches(TableGrid((grid.nodes - 1 >> times) + 1), times, count, level_sigma(count, basis.sigma_c))
-        for count, times in zip(basis.levels, halvings, strict=True)
-    ]
+@dataclass(frozen=True)
+class BasisTables:
+    """The linear map from the weights of all levels, coarse first, to the coefficients of a table, and its adjoint.
+
+    A table has ``side`` coefficients a side.
+    """
+
+    levels: tuple[LevelPatches, ...]
+    side: int
+
+    @staticmethod
+    def of(basis: SrbfBasis, grid: TableGrid, halvings: Sequence[int]) -> "BasisTables":
+        """For tables of ``basis`` on ``grid``, which may be halved so often for each level.
+
+        A level that follows a finer one takes that one's grid: tables are carried over to finer grids only.
+        """
+        levels = (
+            _patches(TableGrid((grid.nodes - 1 >> times) + 1), count, level_sigma(count, basis.sigma_c))
+            for count, times in zip(basis.levels, accumulate(halvings, min), strict=True)
+        )
+        return BasisTables(tuple(levels), grid.side)
+
+    def table(self, weights: Float[np.ndarray, " k"]) -> Float[np.ndarray, "side side"]:
+        """The table, first index X, of one surface."""
+        side = self.levels[0].grid.side
+        table = np.zeros((side, side))
+        for level, own in self._moving(len(weights)):
+            table = _finer(table, level.grid.side)
+            add_patches(level.boxes, level.starts, level.values, weights[own], table)
+        return _finer(table, self.side)
+
+    def by_weights(self, by_table: Float[np.ndarray, "side side"], count: int) -> Float[np.ndarray, " k"]:
+        """Adjoint of :meth:`table`: the gradient by the first ``count`` weights."""
+        by_weights = np.empty(count)
+        for level, own in reversed(list(self._moving(count))):
+            by_table = _coarser(by_table, level.grid.side)
+            patch_sums(level.boxes, level.starts, level.values, by_table, by_weights[own])
+        return by_weights
+
+    def _moving(self, count: int) -> Iterator[tuple[LevelPatches, slice]]:
+        """The levels to which the first ``count`` weights belong, whole ones, each with its weights."""
+        first = 0
+        for level in self.levels:
+            if first < count:
+                yield level, slice(first, first + len(level.boxes))
+            first += len(level.boxes)
 
 
-def _patches(grid: TableGrid, halvings: int, count: int, sigma: float) -> LevelPatches:
+def _finer(table: Float[np.ndarray, "s s"], side: int) -> Float[np.ndarray, "t t"]:
+    """The same spline on a grid of ``side``, which is the table's or halves its step once or more."""
+    while len(table) < side:
+        fine = 2 * len(table) - 3  # twice the cells, and a coefficient beyond each end
+        halfway, finer = np.empty((fine, len(table))), np.empty((fine, fine))
+        refine(table, halfway, finer)
+        table = finer
+    return table
+
+
+def _coarser(by_table: Float[np.ndarray, "t t"], side: int) -> Float[np.ndarray, "s s"]:
+    """Adjoint of :func:`_finer`."""
+    while len(by_table) > side:
+        coarse = (len(by_table) + 3) // 2
+        halfway, coarser = np.empty((len(by_table), coarse)), np.empty((coarse, coarse))
+        refine_adjoint(by_table, halfway, coarser)
+        by_table = coarser
+    return by_table
+
+
+def _patches(grid: TableGrid, count: int, sigma: float) -> LevelPatches:
     centres = fibonacci_hemisphere(count)
     reach = sigma * np.sqrt(-np.log(_BEYOND * _NEGLIGIBLE))
     found = [_patch(grid, centre, sigma, reach) for centre in centres]
     boxes = np.array([(row, column, *patch.shape) for row, column, patch in found])
-    return LevelPatches(grid, halvings, boxes, np.concatenate([patch.ravel() for *_, patch in found]))
+    return LevelPatches(grid, boxes, np.concatenate([patch.ravel() for *_, patch in found]))
 
 
 def _patch(
@@ -83,7 +141,7 @@ def _patch(
     """First row and column, and the coefficients of the function at ``centre`` that are not negligible."""
     polar = np.arccos(centre[2])
     radius = np.tan(0.5 * min(polar + reach, _BEHIND)) - np.tan(0.5 * polar)  # on the chart; the largest is outwards
-    nodes = int(np.ceil(radius / grid.step)) + _MARGIN
+    nodes = int(np.ceil(radius / grid.step)) + _MARGIN if sigma < _BROAD else grid.side + APRON
     middle = np.rint((surface.to_chart(centre) - grid.origin) / grid.step).astype(int)
     low, high = np.maximum(middle - nodes, -APRON), np.minimum(middle + nodes, grid.side - 1 + APRON)
     x, y = (grid.origin + grid.step * np.arange(low[axis], high[axis] + 1) for axis in (0, 1))
@@ -97,75 +155,3 @@ def _patch(
     rows, columns = np.nonzero(kept.any(axis=1))[0], np.nonzero(kept.any(axis=0))[0]
     cut = block[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
     return int(low[0] + first[0] + rows[0]), int(low[1] + first[1] + columns[0]), cut
-
-
-_NEGLIGIBLE_IN_MAP = 1e-10  # of a function's peak
-_FAR = 1e-14  # a spline's coefficient depends on a sample by 2 - sqrt(3) less a node: nothing is left after some 24
-_FINER = 1.3  # a coarse level's nodes per sigma over the finest's: its error is then a third of the table's
-_SURVEYED = 128  # functions whose samples are counted, to know how many there will be
-_MOST_BYTES = 8 * 2**30
-_BYTES_PER_SAMPLE = 48  # while the map is built; 12 stay, value and index
-
-
-@dataclass(frozen=True)
-class WeightMap:
-    """One level: ``coefficients = refine @ square(samples @ weights) @ refine.T``, before mirror images are averaged.
-
-    ``samples`` (n^2, m): the functions at the nodes of the level's grid, X slowest. ``refine`` (side, n): along one
-    axis, from those samples to the coefficients of the table; a band.
-    """
-
-    samples: csr_matrix
-    refine: csr_matrix
-
-
-def weight_maps(grid: TableGrid, basis: SrbfBasis) -> list[WeightMap]:
-    """The maps of all levels of ``basis`` to tables on ``grid``, coarse first.
-
-    Raises :class:`InputError` before one level takes more than 8 GiB.
-    """
-    maps = []
-    for count in basis.levels:
-        sigma = level_sigma(count, basis.sigma_c)
-        own = _level_grid(grid, sigma, basis.detail_rad)
-        maps.append(WeightMap(_samples(own, count, sigma), _refinement(own, grid)))
-    return maps
-
-
-def _level_grid(grid: TableGrid, sigma: float, finest: float) -> TableGrid:
-    """The level's own grid where that is coarser than the table's, by enough that its spline covers the apron."""
-    if sigma <= _FINER * finest:
-        return grid
-    own = grid_for(sigma, _FINER * finest / (2.0 * grid.step))
-    return own if (APRON - 1) * own.step >= APRON * grid.step else grid
-
-
-def _samples(grid: TableGrid, count: int, sigma: float) -> csr_matrix:
-    nodes, centres = cKDTree(grid.sample_directions()), cKDTree(fibonacci_hemisphere(count))
-    angle = min(sigma * np.sqrt(-np.log(_NEGLIGIBLE_IN_MAP)), np.pi)
-    chord = 2.0 * np.sin(0.5 * angle)
-    some = centres.data[:: -(-count // _SURVEYED)]
-    needed = _BYTES_PER_SAMPLE * count * float(nodes.query_ball_point(some, chord, return_length=True).mean())
-    if needed > _MOST_BYTES:
-        raise InputError(
-            f"{count} functions on {grid.nodes} x {grid.nodes} nodes would take {needed / 2**30:.0f} GiB, "
-            f"at most {_MOST_BYTES // 2**30}"
-        )
-    near = nodes.sparse_distance_matrix(centres, chord, output_type="coo_matrix")
-    angles = 2.0 * np.arcsin(np.minimum(0.5 * near.data, 1.0))
-    values = np.exp(-((angles / sigma) ** 2))
-    return csr_matrix((values, (near.row, near.col)), shape=near.shape)
-
-
-def _refinement(own: TableGrid, grid: TableGrid) -> csr_matrix:
-    """Matrix from samples on ``own``, by its spline's values at the nodes of ``grid``, to coefficients on ``grid``."""
-    matrix = np.eye(own.nodes + 2 * APRON)
-    if own != grid:
-        coefficients = spline_filter1d(matrix, order=3, axis=0, mode="mirror")
-        first = -surface.HALF_WIDTH - APRON * own.step
-        knots = first + own.step * np.arange(-2, len(matrix) + 2)
-        reach = surface.HALF_WIDTH + APRON * grid.step
-        nodes = np.linspace(-reach, reach, grid.nodes + 2 * APRON)
-        matrix = BSpline.design_matrix(nodes, knots, 3) @ coefficients
-    kept = spline_filter1d(matrix, order=3, axis=0, mode="mirror")[APRON - 1 : APRON + grid.nodes + 1]
-    return csr_matrix(np.where(np.abs(kept) > _FAR, kept, 0.0))

@@ -1,7 +1,7 @@
 """Table of a surface: a uniform bicubic B-spline of ``rho`` over the stereographic chart.
 
-The coefficients are linear in the SRBF weights (``weight_maps`` holds the matrices), and the cost of tracing a
-ray does not depend on the number of functions. The table's error against the exact sum falls as the fourth power
+The coefficients are linear in the SRBF weights (``BasisTables`` is the map), and the cost of tracing a ray does
+not depend on the number of functions. The table's error against the exact sum falls as the fourth power
 of the node spacing (:func:`table_error` measures it).
 """
 

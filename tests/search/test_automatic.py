@@ -1,15 +1,17 @@
-"""A search that chooses its levels: what follows from the judgement of held rays, by hand and for any judgement."""
+"""A search that chooses its levels: what follows from the judgement of validation rays, by hand and for any."""
 
 import re
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from judgements import judged
 
-from lensforge.search.automatic_schedule import AutomaticSchedule, AutomaticStages, UsefulLevels
+from lensforge.search.automatic_schedule import AutomaticSchedule
+from lensforge.search.automatic_stages import AutomaticStages, UsefulLevels
 from lensforge.search.schedule import SLICES, Judgement, Outcome, Stage, stages_of
 from lensforge.spec.accuracy import SearchEffort
 
@@ -36,9 +38,9 @@ class Followed:
     ) -> None:
         self.stages: list[Stage] = []
         self.outcomes: list[Outcome] = []
-        kept, turn, seconds = dict.fromkeys(("current", "best", "accepted"), (1.0, (9,))), plan.turn([]), 0.0
-        while turn.stage is not None and len(self.stages) < MOST_STAGES:
-            stage = turn.stage
+        kept, following, seconds = dict.fromkeys(("current", "best", "accepted"), (1.0, (9,))), plan.next_stage([]), 0.0
+        while following.stage is not None and len(self.stages) < MOST_STAGES:
+            stage = following.stage
             self.stages.append(stage)
             seconds += stage.steps * stage.rays / 256
             before, _ = kept["current"]
@@ -48,13 +50,13 @@ class Followed:
             light = judged(value, noise, len(self.outcomes))
             self.outcomes.append(Outcome(steps=stage.steps, seconds=seconds, light=light, even=uniform))
             assert plan.accepts(self.outcomes[-1])
-            turn = plan.turn(self.outcomes)
-            kept["best"] = kept["current"] if turn.improved else kept["best"]
-            kept["accepted"] = kept["best"] if turn.accepted else kept["accepted"]
-            kept["current"] = kept[turn.begin]
-            if turn.begin != "current":
+            following = plan.next_stage(self.outcomes)
+            kept["best"] = kept["current"] if following.improved else kept["best"]
+            kept["accepted"] = kept["best"] if following.accepted else kept["accepted"]
+            kept["current"] = kept[following.begin]
+            if following.begin != "current":
                 kept["best"] = kept["current"]
-        self.why, (self.merit, self.levels) = turn.why, kept["current"]
+        self.why, (self.merit, self.levels) = following.why, kept["current"]
 
     @property
     def long(self) -> list[Stage]:
@@ -96,12 +98,15 @@ def test_a_scene_that_the_first_level_solves_stays_there() -> None:
     assert found.stages[3].learning_rate < 0.5 * found.stages[2].learning_rate
 
 
-def test_long_stages_take_ever_smaller_steps_with_more_rays() -> None:
-    found = Followed(schedule(), lambda stage, merit: 0.5 * merit if merit > 1e-3 else merit)
-    long = found.long
+@pytest.mark.parametrize("uniform", [False, True])
+def test_long_stages_take_ever_smaller_steps_with_more_rays(uniform: bool) -> None:
+    found = Followed(
+        schedule(uniform=uniform), lambda s, m: 0.5 * m if m > (1e-3 if s.uniform == uniform else 0.1) else m
+    )
+    long = [stage for stage in found.long if stage.uniform == uniform]
+    assert len(long) > 2 and all(stage.steps == EFFORT.steps[1] for stage in long)
     assert np.allclose([stage.learning_rate for stage in long], long[0].learning_rate * 0.5 ** np.arange(len(long)))
     assert [stage.rays for stage in long[:3]] == [256, 512, 1024]
-    assert all(stage.steps == EFFORT.steps[1] for stage in long)
 
 
 def test_long_stages_step_further_where_every_ray_has_mirror_images() -> None:
@@ -130,8 +135,8 @@ def test_only_the_merit_with_the_uniformity_counts_in_its_stages() -> None:
     plan, outcomes = schedule(uniform=True, levels=UsefulLevels((9,), "one")), list[Outcome]()
     for light, even in (*[(0.5, 3.0)] * 4, (0.8, 1.0)):
         outcomes.append(Outcome(steps=1, seconds=1.0, light=judged(light), even=judged(even)))
-    turn = plan.turn(outcomes)
-    assert turn.improved and turn.begin == "current", "it lights the target worse, and more evenly"
+    following = plan.next_stage(outcomes)
+    assert following.improved and following.begin == "current", "it lights the target worse, and more evenly"
 
 
 def test_a_small_gain_of_the_first_level_says_nothing_of_finer_ones() -> None:
@@ -199,12 +204,6 @@ def test_a_short_budget_is_shared_among_the_levels() -> None:
     assert Followed(schedule(effort=effort, budget_s=90.0), halved).levels == (9,)
 
 
-def test_stages_for_the_uniformity_take_ever_smaller_steps() -> None:
-    found = Followed(schedule(uniform=True), lambda s, m: max(1e-3 if s.uniform else 0.1, 0.5 * m))
-    rates = [stage.learning_rate for stage in found.stages if stage.uniform]
-    assert len(rates) > 2 and np.allclose(rates, rates[0] * 0.5 ** np.arange(len(rates)))
-
-
 def test_some_of_a_budget_is_left_for_the_uniformity() -> None:
     found = Followed(schedule(uniform=True, budget_s=200.0), lambda stage, merit: 0.7 * merit)
     assert found.stages[-1].uniform and any(s.steps > EFFORT.steps[0] for s in found.stages)
@@ -218,7 +217,9 @@ def test_a_budget_for_less_than_the_first_level_ends_after_it() -> None:
 
 @settings(deadline=None)
 @given(st.integers(0, 2**32 - 1), st.booleans(), st.sampled_from([None, 30.0, 80.0]))
-def test_no_search_ends_above_what_held_rays_have_accepted(seed: int, uniform: bool, budget_s: float | None) -> None:
+def test_no_search_ends_above_what_validation_rays_have_accepted(
+    seed: int, uniform: bool, budget_s: float | None
+) -> None:
     draw = np.random.default_rng(seed)
     factors = (0.5, 0.7, 0.85, 0.97, 1.0, 1.3)
     found = Followed(schedule(uniform=uniform, budget_s=budget_s), lambda _, merit: merit * float(draw.choice(factors)))

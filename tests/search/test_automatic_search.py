@@ -11,18 +11,19 @@ import torch
 from judgements import judge_as
 from nightly import first_by_day
 from scenes import small_spec
+from search_scenes import require_same_bits_after
 
 import lensforge as lf
 from lensforge.errors import InputError
 from lensforge.search import feasibility
-from lensforge.search.automatic_schedule import UsefulLevels
+from lensforge.search.automatic_stages import UsefulLevels
 from lensforge.search.design_result import constraint_criteria
 from lensforge.search.merit import Problems
 from lensforge.search.optimiser import search
 from lensforge.search.parameters import Parametrisation
 from lensforge.search.schedule import Judgement, rays_ahead
 from lensforge.search.search_state import SearchState
-from lensforge.search.validation_rays import HeldRays
+from lensforge.search.validation_rays import ValidationRays
 from lensforge.sources.build_source import build_source
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.sources.ray_set import RaySetEmitter
@@ -85,23 +86,11 @@ def measured(spec: Spec) -> Source:
 def test_the_same_bits_after_an_interrupt(
     light: Callable[[Spec], Source], changes: dict[str, object], stop_at: int, tmp_path: Path, few_steps: None
 ) -> None:
-    class Stop(KeyboardInterrupt):
-        pass
-
-    def stop(step: lf.Progress) -> None:
-        if step.steps_done == stop_at:
-            raise Stop
-
     spec, path = automatic(**changes), tmp_path / "checkpoint.bin"
     source = light(spec)
     whole = search(spec, source, accuracy="draft")
     assert whole.ended and whole.steps >= stop_at
-    with pytest.raises(Stop):
-        search(spec, source, accuracy="draft", checkpoint=path, progress=stop)
-    for _ in range(2):  # the second time from the end of the search
-        resumed = search(spec, source, accuracy="draft", checkpoint=path, resume=True)
-        assert resumed.lens.sha256 == whole.lens.sha256
-        assert (resumed.ended, resumed.history) == (whole.ended, whole.history)
+    require_same_bits_after(stop_at, spec, source, path, whole)
 
 
 def test_a_level_that_is_left_out_at_the_very_end_leaves_its_functions_out(
@@ -213,14 +202,6 @@ def test_the_force_of_a_constraint_is_the_same_on_the_next_level() -> None:
     assert torch.allclose(factors[:3], torch.ones(1, dtype=torch.float64)) and (factors[3:] < 0.7).all()
 
 
-def test_a_budget_ends_a_search(monkeypatch: pytest.MonkeyPatch, few_steps: None) -> None:
-    seconds = iter(range(0, 10_000, 20))
-    monkeypatch.setattr("lensforge.search.optimiser.time.perf_counter", lambda: float(next(seconds)))
-    design = lf.design(automatic(optimise__seconds=100.0), accuracy="draft")
-    assert "optimise.seconds" in str(design.ended)
-    assert design.lens.spec.optimise.seconds is None, "the lens of a search is no longer one to be searched for"
-
-
 def test_wide_sources_and_balls_make_fine_levels_useless() -> None:
     pi, flat_top = (load_spec(EXAMPLES / f"{name}.toml") for name in ("pi", "flat_top"))
     assert levels_of(pi, 1089).why == "finest level of this accuracy: 1089 functions"
@@ -233,42 +214,44 @@ def test_wide_sources_and_balls_make_fine_levels_useless() -> None:
     assert levels_of(coarse).counts[-1] < 1089 and "a ball of 40 mm" in levels_of(coarse).why
 
 
-def test_held_rays_judge_without_the_noise_of_their_number() -> None:
+def test_validation_rays_judge_without_the_noise_of_their_number() -> None:
     spec = automatic()
     source = build_source(spec.source)
     problem = Problems(spec, source, 3.4, None).of((9, 25))
     weights = torch.from_numpy(np.random.default_rng(0).normal(size=(34, 2)) * 0.01)
     offsets = torch.ones(2, dtype=torch.float64)
-    few = [HeldRays.of(source, 2**9, seed)[0].judge(problem, weights, offsets, False)[0].image for seed in range(16)]
+    few = [
+        ValidationRays.of(source, 2**9, seed)[0].judge(problem, weights, offsets, False)[0].image for seed in range(16)
+    ]
     error = np.std(few) / np.sqrt(len(few))
-    many = HeldRays.of(source, 2**16, 99)[0].judge(problem, weights, offsets, False)[0].image
+    many = ValidationRays.of(source, 2**16, 99)[0].judge(problem, weights, offsets, False)[0].image
     assert abs(np.mean(few) - many) < 4.0 * error
     noisy = problem.merit.evaluate(weights, offsets, source.sample(2**9, 5), problem.constraints, False).nmse
     assert noisy > many + 4.0 * error, "what the noise of as many rays adds"
 
 
 def judged_again(spec: Spec, design: lf.Design, effort: SearchEffort, seed: int = 0) -> Judgement:
-    """The finished lens, judged by the held rays of its search."""
+    """The finished lens, judged by the validation rays of its search."""
     source = build_source(spec.source)
     problem = Problems(spec, source, PRESETS["draft"].nodes_per_sigma, None).of(design.lens.basis.levels)
-    held, _ = HeldRays.of(source, effort.held_rays, seed)
-    found, _ = held.judge(problem, *problem.parametrisation.parameters_of(design.lens), False)
+    validation, _ = ValidationRays.of(source, effort.validation_rays, seed)
+    found, _ = validation.judge(problem, *problem.parametrisation.parameters_of(design.lens), False)
     return found
 
 
 @pytest.mark.parametrize("seed", first_by_day(1, range(3)))
-def test_no_search_ends_above_what_held_rays_have_accepted(
+def test_no_search_ends_above_what_validation_rays_have_accepted(
     seed: int, monkeypatch: pytest.MonkeyPatch, few_steps: None
 ) -> None:
     seen: list[float] = []
-    judge = HeldRays.judge
+    judge = ValidationRays.judge
 
-    def noted(self: HeldRays, *given: Any) -> Any:
+    def noted(self: ValidationRays, *given: Any) -> Any:
         found = judge(self, *given)
         seen.append(found[0].merit)
         return found
 
-    monkeypatch.setattr(HeldRays, "judge", noted)
+    monkeypatch.setattr(ValidationRays, "judge", noted)
     spec = automatic(target__uniform_mm=None)
     design = lf.design(spec, accuracy="draft", seed=seed)
     assert len(seen) > 2
@@ -314,7 +297,8 @@ def test_a_budget_counts_all_of_the_search(monkeypatch: pytest.MonkeyPatch, few_
 
     monkeypatch.setattr(Problems, "of", slow)
     design = lf.design(automatic(optimise__seconds=40.0), accuracy="draft", progress=observe)
-    assert clock[0] == design.seconds <= 40.0
+    assert clock[0] == design.seconds <= 40.0 and "optimise.seconds" in str(design.ended)
+    assert design.lens.spec.optimise.seconds is None, "the lens of a search is no longer one to be searched for"
     assert design.steps == clock[0] - 5.0 * 2, "two levels are set up, every step takes a second"
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from scenes import small_spec
+from scenes import random_surface, small_spec, table_of
 
 from lensforge.search.constraint_points import (
     ChartOperator,
@@ -30,7 +30,7 @@ SHOP = {
 
 
 def shop_spec(**changes: Any) -> Spec:
-    return small_spec(**{f"constraints__{name}": value for name, value in SHOP.items()}, **changes)
+    return small_spec(**{f"constraints__{name}": value for name, value in SHOP.items()} | changes)
 
 
 def jets(count: int = 30) -> tuple[RadiusJet, RadiusJet, ChartPoints]:
@@ -110,6 +110,28 @@ def test_the_wall_has_its_derivative() -> None:
     assert float(ends[0] - ends[1]) / 2e-6 == pytest.approx(expected, rel=1e-5)
 
 
+def test_all_constraints_have_their_derivatives() -> None:
+    grid = TableGrid(40)
+    constraints = AugmentedLagrangian.of(shop_spec(constraints__outer_concave_radius_mm=100.0), grid, penalty=100.0)
+    surfaces = random_surface(1, 3.2, 0.02, (9, 25)), random_surface(2, 6.5, 0.05, (9, 25))
+    tables = [table_of(surface, grid).requires_grad_() for surface in surfaces]
+    constraints.update(constraints.fields(*tables))
+    assert (constraints.multipliers[3:].amax(dim=1) > 0.0).all(), "every constraint of the shop is violated somewhere"
+    rng = np.random.default_rng(0)
+    along = [torch.from_numpy(rng.normal(size=table.shape)) * 1e-3 for table in tables]
+    gradients = torch.autograd.grad(constraints.term(constraints.fields(*tables)), tables)
+    step = 1e-4
+
+    def moved(sign: float) -> float:
+        with torch.no_grad():
+            return float(
+                constraints.term(constraints.fields(*(t + sign * step * a for t, a in zip(tables, along, strict=True))))
+            )
+
+    expected = sum(float((g * a).sum()) for g, a in zip(gradients, along, strict=True))
+    assert (moved(1.0) - moved(-1.0)) / (2.0 * step) == pytest.approx(expected, rel=1e-6)
+
+
 def test_the_draft_counts_up_to_30_degrees_and_has_a_slope_at_the_horizon() -> None:
     """At the apex of a sphere the normal is along the axis, in an undercut against it."""
     inner, outer, _ = jets(3)
@@ -139,6 +161,25 @@ def test_margins_factors_and_tolerances_of_all_constraints() -> None:
         assert (each.factor, each.margin, each.tolerance, each.derivatives) == pytest.approx(expected), each.key
         assert replace(each).unit == {"per_mm": "1/mm", "deg": "deg"}.get(each.key.split("margin_")[-1], "mm")
     assert DIRECTIONS == 60_000
+
+
+@pytest.mark.parametrize(
+    ("name", "key"),
+    [
+        ("max_height_mm", "height_margin_mm"),
+        ("max_wall_mm", "largest_wall_margin_mm"),
+        ("inner_concave_radius_mm", "inner_curvature_margin_per_mm"),
+        ("outer_draft_deg", "outer_draft_margin_deg"),
+    ],
+)
+def test_what_is_not_asked_for_is_not_computed(name: str, key: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(KeepOutExtent, "of", lambda _: pytest.fail("no keep-out is given"))
+    of_paper = ["cavity_clearance_mm", WALL, "radius_margin_mm"]
+    plain = AugmentedLagrangian.of(small_spec(), TableGrid(24))
+    assert list(plain.keys) == of_paper
+    assert plain.chart_operator.operator.rows.shape[0] == len(plain.chart_operator.points.x), "no row but the radius"
+    asked = small_spec(**{f"constraints__{name}": SHOP[name]})
+    assert [each.key for each in constraints_of(asked)] == [*of_paper, key]
 
 
 def test_a_stricter_limit_is_less_by_so_much_and_a_looser_one_is_the_same() -> None:
@@ -247,11 +288,10 @@ def test_a_search_looks_at_all_points_or_at_few_where_no_shape_is_limited(change
 
 def test_a_keep_out_is_looked_at_from_every_node(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(KeepOutExtent, "of", lambda spec: KeepOutExtent)
-    spec = small_spec()
+    spec, grid = small_spec(), TableGrid(24)
     limits = spec.constraints.model_copy(update={"keep_out": "led.step"})
-    spec = spec.model_copy(update={"constraints": limits})
-    grid = TableGrid(24)
-    own = AugmentedLagrangian.of(spec, grid, sparse=True)
-    assert len(own.chart_operator.points.x) == len(constraint_points(grid, "none", every_node=1))
-    assert own.chart_operator.points.spacing == pytest.approx(math.sqrt(2.0) * grid.step)
-    assert own.chart_operator.operator.rows.shape[0] == len(own.chart_operator.points.x), "no derivatives"
+    own = AugmentedLagrangian.of(spec.model_copy(update={"constraints": limits}), grid, sparse=True)
+    points = own.chart_operator.points
+    assert len(points.x) == len(constraint_points(grid, "none", every_node=1))
+    assert points.spacing == pytest.approx(math.sqrt(2.0) * grid.step)
+    assert own.chart_operator.operator.rows.shape[0] == len(points.x), "no derivatives"

@@ -1,4 +1,3 @@
-import numpy as np
 import pytest
 import torch
 from scenes import random_surface, small_spec, sphere, table_of
@@ -20,24 +19,6 @@ def test_spheres_have_the_constraints_that_geometry_gives() -> None:
     assert found.wall_margin_mm == pytest.approx(6.0 - 3.0 - limits.min_thickness_mm, abs=2e-6)
     assert found.radius_margin_mm == pytest.approx(limits.max_radius_mm - 6.0, abs=1e-12)
     assert all(criterion.passed for criterion in constraint_criteria(spec, found))
-
-
-def test_a_violated_constraint_fails_its_criterion_by_name() -> None:
-    spec = small_spec()
-    found = measure_constraints(Lens(sphere(3.0), sphere(7.5), spec, 0, "draft"))
-    failed = [criterion for criterion in constraint_criteria(spec, found) if not criterion.passed]
-    assert [criterion.name for criterion in failed] == ["radius margin"]
-    assert "missed by 0.5 mm" in str(failed[0])
-
-
-def test_what_the_history_keeps_is_the_least_over_the_nodes_in_mm() -> None:
-    spec, grid = small_spec(), TableGrid(64)
-    constraints = AugmentedLagrangian.of(spec, grid)
-    inner, outer = random_surface(1, 3.0), random_surface(2, 6.0)
-    kept = constraints.least(constraints.fields(table_of(inner, grid), table_of(outer, grid)))
-    exact = measure_constraints(Lens(inner, outer, spec, 0, "draft")).model_dump(exclude_none=True)
-    assert list(kept) == list(exact)
-    assert list(kept.values()) == pytest.approx(list(exact.values()), abs=0.02)
 
 
 def test_the_term_vanishes_inside_and_has_the_derivative_of_the_violation() -> None:
@@ -85,15 +66,6 @@ def test_multipliers_drive_a_toy_problem_to_its_bound() -> None:
     assert radius.item() == pytest.approx(7.0 * (1.0 - 3e-4), abs=1e-4)
 
 
-def test_the_nodes_see_what_the_exact_sum_sees() -> None:
-    grid = TableGrid(100)
-    lens = Lens(random_surface(1, 3.0), random_surface(2, 6.0), small_spec(), 0, "draft")
-    constraints = AugmentedLagrangian.of(lens.spec, grid)
-    fields = constraints.fields(table_of(lens.inner, grid), table_of(lens.outer, grid)) * 7.0
-    exact = measure_constraints(lens).model_dump(exclude_none=True)
-    assert np.allclose(fields.min(dim=1).values.numpy(), list(exact.values()), atol=5e-3)
-
-
 @pytest.mark.parametrize("size", [1e-3, 1e4])
 def test_a_criterion_does_not_know_how_long_a_millimetre_is(size: float) -> None:
     """Outside of its limits by half of the tolerance, and by twice of it, at any size."""
@@ -118,3 +90,13 @@ def test_a_criterion_does_not_know_how_long_a_millimetre_is(size: float) -> None
             1.0 / 5.0 + 1.0 / (7.0 * (1.0 + excess)), rel=1e-6
         )
     assert spec.constraints.tolerance_mm <= 1e-3 * size
+
+
+def test_what_the_history_keeps_is_the_least_over_the_points_as_the_exact_sum_has_it() -> None:
+    grid, spec = TableGrid(100), small_spec()
+    lens = Lens(random_surface(1, 3.0), random_surface(2, 6.0), spec, 0, "draft")
+    constraints = AugmentedLagrangian.of(spec, grid)
+    kept = constraints.least(constraints.fields(table_of(lens.inner, grid), table_of(lens.outer, grid)))
+    exact = measure_constraints(lens).model_dump(exclude_none=True)
+    assert list(kept) == list(exact)
+    assert list(kept.values()) == pytest.approx(list(exact.values()), abs=5e-3)

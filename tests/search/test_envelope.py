@@ -6,15 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 from keep_outs import ball, box, step_file
-from scenes import hemisphere_directions, random_surface, small_spec, sphere, table_of
+from scenes import hemisphere_directions, random_surface, small_spec, sphere
 
 import lensforge as lf
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
-from lensforge.search.constraint_points import ChartPoints
-from lensforge.search.constraints import AugmentedLagrangian, constraints_of
 from lensforge.search.design_result import constraint_criteria
 from lensforge.search.feasibility import measure_constraints
 from lensforge.search.keep_out_extent import KeepOutExtent, require_keep_out_fits
@@ -22,9 +19,7 @@ from lensforge.search.optimiser import search
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
 from lensforge.surfaces import step_file as step_reading
-from lensforge.surfaces import surface as chart
 from lensforge.surfaces.asphere import Asphere
-from lensforge.surfaces.bicubic_table import TableGrid
 
 BALL_MM, CENTRE, MARGIN_MM = 1.0, np.array([0.5, 0.0, 0.8]), 0.2
 GROWTH_MM = MARGIN_MM + 2e-3  # and the error of the mesh
@@ -82,31 +77,6 @@ def test_the_extent_of_a_grown_box_has_round_edges_and_corners(tmp_path: Path) -
     spec = kept_out(step_file(tmp_path / "led.step", box(tuple(2.0 * half), tuple(centre))), lens__symmetry="none")
     u = hemisphere_directions(400, seed=3)
     assert np.abs(KeepOutExtent.of(spec).along(u) - box_extent(u, half, centre, GROWTH_MM)).max() < 1e-3
-    mirrored = KeepOutExtent.of(spec.replace({"lens.symmetry": "mirror_x"})).along(u)
-    both = np.maximum(*(box_extent(u * [s, 1.0, 1.0], half, centre, GROWTH_MM) for s in (1.0, -1.0)))
-    assert np.abs(mirrored - both).max() < 1e-3, "a lens with a mirror stays clear of the mirror image"
-
-
-def test_the_last_solid_along_a_ray_counts_and_one_beside_the_lens_does_not(tmp_path: Path) -> None:
-    wire, beside = box((0.1, 0.1, 0.1), (0.0, 0.0, 2.0)), box((1.0, 1.0, 4.0), (9.0, 0.0, 0.0))
-    path = step_file(tmp_path / "led.step", box((1.0, 1.0, 0.2), (0.0, 0.0, 0.0)), wire, beside)
-    extent = KeepOutExtent.of(kept_out(path, 0.1)).along(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]))
-    assert extent == pytest.approx([2.05 + 0.102, 0.5 + 0.102], abs=1e-9)
-
-
-def test_a_point_of_the_search_speaks_for_its_cell(ball_file: Path) -> None:
-    extent = KeepOutExtent.of(kept_out(ball_file))
-    places = chart.grid(21).reshape(-1, 2)
-    places = places[np.linalg.norm(places, axis=1) < 1.0]
-    alone, around = extent.at(ChartPoints.of(places)), extent.at(points := ChartPoints.of(places, 0.1))
-    assert extent.at(points) is around, "computed once"
-    offsets = 0.099 * np.random.default_rng(0).uniform(-1.0, 1.0, size=(50, 2)) / np.sqrt(2.0)
-    for shift in offsets:
-        near = places + shift
-        near /= np.maximum(1.0, np.linalg.norm(near, axis=1, keepdims=True))
-        close = np.linalg.norm(near - places, axis=1) <= 0.1
-        assert (around.numpy()[close] >= extent.along(chart.to_sphere(near))[close] - 5e-3).all()
-    assert (around >= alone).all()
 
 
 def test_margins_of_spheres_are_those_of_geometry(ball_file: Path) -> None:
@@ -130,35 +100,6 @@ def test_height_and_largest_wall_of_a_freeform_are_those_of_its_points() -> None
     found = measure_constraints(lens)
     assert found.height_margin_mm == pytest.approx(5.0 - height, abs=2e-3)
     assert found.largest_wall_margin_mm == pytest.approx(2.5 - wall, abs=2e-3)
-
-
-def test_all_fields_have_their_derivatives(ball_file: Path) -> None:
-    spec = kept_out(ball_file, constraints__max_wall_mm=2.5, constraints__max_height_mm=5.0)
-    grid = TableGrid(32)
-    constraints = AugmentedLagrangian.of(spec, grid, penalty=100.0)
-    surfaces = random_surface(1, 2.0, 0.03, (9, 25)), random_surface(2, 6.0, 0.03, (9, 25))
-    tables = [table_of(surface, grid).requires_grad_() for surface in surfaces]
-    constraints.update(constraints.fields(*tables))
-    assert (constraints.multipliers[3:].amax(dim=1) > 0.0).all(), "each is violated somewhere"
-    rng = np.random.default_rng(0)
-    along = [torch.from_numpy(rng.normal(size=table.shape)) * 1e-3 for table in tables]
-    gradients = torch.autograd.grad(constraints.term(constraints.fields(*tables)), tables)
-    step = 1e-4
-
-    def moved(sign: float) -> float:
-        with torch.no_grad():
-            shifted = [t + sign * step * a for t, a in zip(tables, along, strict=True)]
-            return float(constraints.term(constraints.fields(*shifted)))
-
-    expected = sum(float((g * a).sum()) for g, a in zip(gradients, along, strict=True))
-    assert (moved(1.0) - moved(-1.0)) / (2.0 * step) == pytest.approx(expected, rel=1e-6)
-
-
-def test_what_is_left_out_is_not_computed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(KeepOutExtent, "of", lambda _: pytest.fail("no keep-out is given"))
-    assert len(constraints_of(small_spec())) == 3
-    keys = [constraint.key for constraint in constraints_of(small_spec(constraints__max_height_mm=5.0))]
-    assert keys[3:] == ["height_margin_mm"]
 
 
 def test_a_search_that_starts_outside_its_envelope_ends_inside(tmp_path: Path) -> None:

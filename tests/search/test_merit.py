@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 import torch
 from scenes import small_spec
+from search_scenes import RECEIVERS
 
 from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.merit import MeritFunction
 from lensforge.search.parameters import Parametrisation
-from lensforge.sources.build_source import build_source
+from lensforge.sources.build_source import SquareEmitter, build_source
 
 SIDE, PIXELS, REGION, N = 60.0, 16, 32.0, 1.5
 ROUGHNESS = {"square": 0.8, "none": 0.3}  # of the outer face: some light is reflected totally
@@ -93,3 +94,12 @@ def test_the_merit_is_the_sum_of_its_terms(symmetry: str, uniform: bool, fresnel
             expected += 10.0 * np.mean((even - 1.0) ** 2) + 300.0 * np.mean(shortfall**2) - 0.8 * nmse
     term = constraints.term(found.fields).item()
     assert found.loss.item() - term == pytest.approx(expected, abs=2e-5), "pixels of 64 x 64 points"
+
+
+@pytest.mark.parametrize("fresnel", [True, False])
+def test_the_wanted_light_is_that_of_the_source_less_what_both_faces_reflect_at_least(fresnel: bool) -> None:
+    spec = small_spec(target=None, receivers=[RECEIVERS["sphere"]], optimise__fresnel=fresnel)
+    merit = MeritFunction.of(spec, SquareEmitter(1.0, flux_w=2.5), Parametrisation.of(spec, 4.0))
+    index = spec.lens.refractive_index
+    passed = (4.0 * index / (index + 1.0) ** 2) ** 2 if fresnel else 1.0  # Born and Wolf, 1.5.3
+    assert merit.terms[0].wanted.sum().item() == pytest.approx(2.5 * passed, rel=1e-12)

@@ -1,13 +1,18 @@
-"""Steps of a search, counted over all of its levels: each has rays of its own, every tenth changes the multipliers."""
+"""Steps of a search: rays of their own, multipliers, rates; our Adam against torch's, to the last bit."""
 
+import subprocess
+import sys
 from dataclasses import dataclass, field
 
 import pytest
+import torch
 from scenes import small_spec
 
 from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.design_result import Progress
 from lensforge.search.optimiser import search
+from lensforge.search.schedule import Stage
+from lensforge.search.search_state import Adam, moments_of, resume_adam
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle
 
@@ -55,3 +60,91 @@ def test_no_two_steps_share_their_rays(counted: tuple[Counted, list[int]]) -> No
 def test_multipliers_change_after_every_tenth_step_of_a_level(counted: tuple[Counted, list[int]]) -> None:
     first = [step // 10 for step in range(1, STEPS[0] + 1)]
     assert counted[1] == first + [first[-1] + step // 10 for step in range(1, STEPS[1] + 1)]
+
+
+@pytest.mark.parametrize("steps", [40, 100])
+def test_the_rate_falls_by_half_a_cosine_to_a_twentieth(steps: int) -> None:
+    stage = Stage(0, (9,), 9, steps, 64, 0.2, steps)
+    found = [stage.rate(quarter * steps // 4) for quarter in range(5)]
+    shares = [1.0, 0.05 + 0.95 * (0.5 + 8.0**-0.5), 0.525, 0.05 + 0.95 * (0.5 - 8.0**-0.5), 0.05]
+    assert found == pytest.approx([0.2 * share for share in shares], rel=1e-12)
+
+
+BETAS, EPS = (0.9, 0.99), 1e-7
+ADAM_STEPS = 40
+
+
+def _start() -> list[torch.Tensor]:
+    generator = torch.Generator().manual_seed(3)
+    return [torch.randn(size, dtype=torch.float64, generator=generator).requires_grad_() for size in ((50, 2), (2,))]
+
+
+def _loss(parameters: list[torch.Tensor], step: int) -> torch.Tensor:
+    weights, offsets = parameters
+    return ((weights - 0.1 * step) ** 4).sum() + torch.sin(3.0 * weights[:2] * offsets).sum()
+
+
+def _rate(step: int) -> float:
+    return 0.01 * (1.0 - step / ADAM_STEPS)
+
+
+def test_the_steps_are_those_of_torch_to_the_last_bit() -> None:
+    ours, theirs = _start(), _start()
+    optimiser, reference = Adam(ours, BETAS, EPS), torch.optim.Adam(theirs, betas=BETAS, eps=EPS)
+    for step in range(ADAM_STEPS):
+        for group in reference.param_groups:
+            group["lr"] = _rate(step)
+        for parameters, own in ((ours, optimiser), (theirs, reference)):
+            own.zero_grad()
+            _loss(parameters, step).backward()
+        optimiser.step(_rate(step))
+        reference.step()
+        assert all(torch.equal(a, b) for a, b in zip(ours, theirs, strict=True))
+
+
+@pytest.fixture(scope="module")
+def loaded_by_a_step() -> set[str]:
+    """Modules that are there after a step in a process of its own."""
+    code = (
+        "import sys, torch; from lensforge.search.search_state import Adam; "
+        "x = torch.ones(3, requires_grad=True); own = Adam([x], (0.9, 0.99), 1e-7); "
+        "own.zero_grad(); x.sum().backward(); own.step(0.1); print(*sys.modules)"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=True)
+    return set(run.stdout.split())
+
+
+@pytest.mark.parametrize("unwanted", ["torch._dynamo", "sympy"])
+def test_a_step_does_not_load_the_compiler_of_torch(loaded_by_a_step: set[str], unwanted: str) -> None:
+    assert "lensforge.search.search_state" in loaded_by_a_step
+    assert unwanted not in loaded_by_a_step
+
+
+def test_a_resumed_adam_takes_the_same_steps() -> None:
+    one = _start()
+    whole = Adam(one, BETAS, EPS)
+    _take(3, one, whole)
+    two = [each.detach().clone().requires_grad_() for each in one]
+    resumed = Adam(two, BETAS, EPS)
+    resume_adam(resumed, 3, moments_of(whole))
+    _take(4, one, whole)
+    _take(4, two, resumed)
+    pairs = (*zip(one, two, strict=True), *zip(moments_of(whole), moments_of(resumed), strict=True))
+    assert all(torch.equal(left, right) for left, right in pairs)
+
+
+def _take(count: int, parameters: list[torch.Tensor], optimiser: Adam) -> None:
+    for _ in range(count):
+        optimiser.zero_grad()
+        _loss(parameters, 1).backward()
+        optimiser.step(0.1)
+
+
+def test_moments_of_a_parameter_without_gradient_are_zero() -> None:
+    weights, offsets = _start()
+    optimiser = Adam([weights, offsets], BETAS, EPS)
+    (weights**2).sum().backward()
+    optimiser.step(0.1)
+    found = moments_of(optimiser)
+    assert found.weights.abs().min() > 0.0
+    assert not found.offsets.any() and not found.offsets_squared.any()

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from lensforge import seeds
 from lensforge.errors import InputError
 from lensforge.optics.material import MATERIALS
-from lensforge.search.validation_rays import HeldRays
+from lensforge.search.validation_rays import ValidationRays
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.dispersion import DispersedSource
 from lensforge.sources.measured_rays import TurnedRays, divided, held_back, searched, smoothed
@@ -93,9 +93,9 @@ def test_a_source_of_any_number_of_rays_stays_as_it_is() -> None:
     square = SquareEmitter(1.0, 1.0)
     assert divided(square, 0.8, 1) == (square, square) and held_back(square) is searched(square) is square
     assert smoothed(square) is square
-    held, steps = HeldRays.of(square, 64, 5)
+    held, steps = ValidationRays.of(square, 64, 5)
     assert steps is square
-    assert np.array_equal(held.samples[0].origins, square.sample(64, seeds.of_held(5, 0)).origins)
+    assert np.array_equal(held.samples[0].origins, square.sample(64, seeds.of_validation(5, 0)).origins)
     assert not np.array_equal(held.samples[0].origins, held.samples[1].origins)
 
 
@@ -105,7 +105,7 @@ def test_what_judges_a_lens_is_no_ray_of_any_search() -> None:
     assert (judging.ray_count, search.ray_count) == (300, 700) and judging.flux_w == search.flux_w == 2.0
     rows = {tuple(np.round(row, 9)) for row in crossings(judging.sample(300, 0))}
     for seed in range(3):
-        held, steps = HeldRays.of(search, 80, seed)
+        held, steps = ValidationRays.of(search, 80, seed)
         for sample in (steps.sample(700, seed), *held.samples):
             assert not rows & {tuple(np.round(row, 9)) for row in crossings(sample)}
 
@@ -126,7 +126,7 @@ def test_too_few_rays_to_hold_some_back_are_refused() -> None:
 def test_rays_through_a_dispersive_lens_keep_their_indices() -> None:
     light = Spectrum(np.array([500.0, 600.0]), np.ones(2))
     dispersed = DispersedSource(RaySetEmitter(lambertian(1_000), 1.0), light, MATERIALS["PMMA"])
-    held, steps = HeldRays.of(dispersed, 80, 0)
+    held, steps = ValidationRays.of(dispersed, 80, 0)
     assert all(sample.refractive_indices is not None for sample in held.samples)
     assert steps.sample(100, 0).refractive_indices is not None
     assert isinstance(steps, DispersedSource) and isinstance(steps.source, TurnedRays)

@@ -1,4 +1,4 @@
-"""Terms of pictures and limits in the merit of a search, as sums over pixels and places."""
+"""Terms of pictures and limits in the merit of a search: sums over pixels and places, closed forms, two pictures."""
 
 from dataclasses import replace
 from typing import Any
@@ -13,7 +13,15 @@ from lensforge.scene.limit_readings import LightLimit
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import target_light
 from lensforge.search.light_path import Collected
-from lensforge.search.merit_terms import ImageTerms, LimitTerm, nmse_loss, not_dark, shortfall_loss, uniformity_loss
+from lensforge.search.merit_terms import (
+    ImageTerms,
+    LimitTerm,
+    nmse_loss,
+    not_dark,
+    shortfall_loss,
+    smoothed,
+    uniformity_loss,
+)
 from lensforge.search.symmetry import chart_mirrors, mirror_mean, mirrored_light
 
 CHANCE = np.random.default_rng(0)
@@ -162,3 +170,34 @@ def test_a_mirror_mean_is_the_mean_over_the_images_of_each_place(name: str) -> N
             places |= {(b, a) for a, b in places}
         weights = [values[a, b] for a, b in places]
         assert found[i, j] == pytest.approx(np.mean(weights))
+
+
+BRIGHT = torch.from_numpy(np.random.default_rng(0).uniform(0.5, 1.5, (6, 7)))
+INSIDE = torch.zeros((6, 7), dtype=torch.bool)
+INSIDE[1:4, 2:6] = True
+
+
+def test_a_lit_pixel_is_smoothed_to_a_gaussian_of_variance_one_and_even_light_stays_even() -> None:
+    image = torch.zeros((5, 6), dtype=torch.float64)
+    image[2, 3] = 1.0
+    row, column = np.mgrid[:5, :6]
+    weights = np.exp(-0.5 * ((row - 2.0) ** 2 + (column - 3.0) ** 2)) * (np.maximum(abs(row - 2), abs(column - 3)) < 2)
+    np.testing.assert_allclose(smoothed(image).numpy(), weights / weights.sum(), atol=1e-15)
+    np.testing.assert_allclose(smoothed(torch.full((5, 6), 0.7, dtype=torch.float64)).numpy(), 0.7, rtol=1e-14)
+
+
+@pytest.mark.parametrize("uniform", [True, False])
+@pytest.mark.parametrize("mask", [INSIDE, None])
+def test_two_equal_pictures_are_judged_as_the_loss_of_one(mask: torch.Tensor | None, uniform: bool) -> None:
+    image = torch.from_numpy(np.random.default_rng(1).uniform(0.2, 1.8, BRIGHT.shape))
+    made = ImageTerms(BRIGHT, mask, (), 1.0)
+    assert made.judge(image, image, uniform).item() == pytest.approx(made.loss(image, uniform).item(), rel=1e-13)
+
+
+def test_noise_that_differs_between_two_pictures_leaves_the_mean_of_their_judgements() -> None:
+    """Two signs of noise in either picture: all four pairs have on average the error of the picture without noise."""
+    image, noise = 1.2 * BRIGHT, 0.1 * torch.from_numpy(np.random.default_rng(2).normal(size=BRIGHT.shape))
+    both = (image + noise, image - noise)
+    judged = [ImageTerms(BRIGHT, None, (), 1.0).judge(one, other, False).item() for one in both for other in both]
+    assert np.mean(judged) == pytest.approx(0.2**2)
+    assert judged[1] < 0.2**2 < max(judged)

@@ -1,4 +1,4 @@
-"""Tables from patches of basis functions, level by level, against the exact sum; refinement and gradient."""
+"""Tables from the weights of basis functions, level by level, against the exact sum; refinement and gradient."""
 
 import numpy as np
 import pytest
@@ -7,17 +7,16 @@ from scenes import small_spec
 
 from lensforge.kernels.bicubic import refine, refine_adjoint
 from lensforge.search.parameters import Parametrisation
-from lensforge.surfaces.basis_tables import dyadic_grid
+from lensforge.surfaces.basis_tables import BasisTables, dyadic_grid
 from lensforge.surfaces.bicubic_table import TableGrid, grid_for, table_error, tabulate
-from lensforge.surfaces.srbf import SrbfSurface, level_sigma
+from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, level_sigma
 
 LEVELS = [9, 25, 81, 289]
 
 
 def parametrisation(nodes_per_sigma: float, **changes: object) -> Parametrisation:
-    return Parametrisation.patched(
-        small_spec(lens__levels=LEVELS, optimise__steps_per_level=None, **changes), nodes_per_sigma
-    )
+    spec = small_spec(**{"lens__levels": LEVELS, "optimise__steps_per_level": None} | changes)
+    return Parametrisation.of(spec, nodes_per_sigma)
 
 
 def random_weights(count: int) -> torch.Tensor:
@@ -34,6 +33,19 @@ def test_tables_are_no_worse_than_those_of_the_exact_sum(symmetry: str, nodes_pe
         surface = SrbfSurface(ours.basis, weights[:, face].numpy() * scale, float(offsets[face]) * scale)
         best = table_error(ours.grid, tabulate(ours.grid, surface), surface)
         assert table_error(ours.grid, table.numpy(), surface) < 1.5 * best + 3e-5 * 0.01 * scale
+
+
+@pytest.mark.parametrize("levels", [(1,), (4,), (60,), (1, 9, 49, 200), (49, 9), (81, 25, 1)])
+@pytest.mark.parametrize("sigma_c", [1.0, 1.75, 3.0, 30.0])
+def test_any_levels_of_any_width_in_any_order_are_tables(levels: tuple[int, ...], sigma_c: float) -> None:
+    basis, rng = SrbfBasis(levels, sigma_c), np.random.default_rng(1)
+    grid, halvings = dyadic_grid([level_sigma(count, sigma_c) for count in levels], 3.4)
+    tables, weights = BasisTables.of(basis, grid, halvings), rng.normal(size=basis.size) * 0.01
+    surface, table = SrbfSurface(basis, weights, 1.0), tables.table(weights)
+    assert table_error(grid, 1.0 + table, surface) < 1.5 * table_error(grid, tabulate(grid, surface), surface)
+    by_table = rng.normal(size=table.shape)
+    along = np.sum(tables.by_weights(by_table, basis.size) * weights)
+    assert along == pytest.approx(np.sum(by_table * table), rel=1e-9)
 
 
 @pytest.mark.parametrize("count", [9, 34, 115, 404])

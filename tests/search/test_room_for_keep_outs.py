@@ -1,6 +1,5 @@
-"""Room around a keep-out and a source: extents along rays by hand, and limits that just suffice."""
+"""Room around a keep-out: extents along rays by hand, limits that just suffice, and balls around its triangles."""
 
-import math
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +11,7 @@ from lensforge.cad.keep_out import FACET_MM, KeepOut, KeepOutSolid
 from lensforge.errors import InputError
 from lensforge.search import keep_out_extent
 from lensforge.search.constraint_points import ChartPoints
-from lensforge.search.keep_out_extent import KeepOutExtent, require_keep_out_fits
-from lensforge.search.source_clearance import _above_plane, source_clearance_warnings
+from lensforge.search.keep_out_extent import _GROUP, KeepOutExtent, _in_groups, require_keep_out_fits
 from lensforge.spec import Spec
 from lensforge.surfaces import surface
 from lensforge.surfaces.srbf import fibonacci_hemisphere
@@ -141,54 +139,16 @@ def test_nothing_above_the_plane_needs_no_room(monkeypatch: pytest.MonkeyPatch) 
     require_keep_out_fits(with_limits(small_spec(), keep_out=Path("led.step"), max_radius_mm=0.01))
 
 
-@pytest.mark.parametrize(
-    ("outline", "above"),
-    [
-        ([[1, 0, 2], [3, 0, 2], [2, 0, -2]], [[1, 0, 2], [3, 0, 2], [2.5, 0, 0], [1.5, 0, 0]]),
-        ([[1, 4, 1], [5, 0, -3], [9, 0, -3]], [[1, 4, 1], [2, 3, 0], [3, 3, 0]]),
-        ([[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 0, 0], [1, 1, 0]]),
-        ([[0, 0, 0], [1, 0, -1], [1, 1, -1]], [[0, 0, 0]]),
-        ([[0, 0, -0.5], [1, 0, -1], [1, 1, -1]], []),
-        ([[0, 0, 0.5], [1, 0, 0.25], [1, 1, 0.125]], [[0, 0, 0.5], [1, 0, 0.25], [1, 1, 0.125]]),
-    ],
-)
-def test_the_part_of_a_polygon_above_the_plane_has_the_crossings_of_its_edges(outline, above) -> None:
-    found = _above_plane(np.array(outline, dtype=float))
-    assert found.shape == (len(above), 3)
-    assert {tuple(np.round(each, 12)) for each in found} == {tuple(float(value) for value in each) for each in above}
-
-
-class Outlined:
-    """A source that is no more than its outline."""
-
-    flux_w, symmetry, ray_count = 1.0, "none", None
-
-    def __init__(self, *corners: tuple[float, float, float]) -> None:
-        self.corners = np.array(corners)
-
-    def outline(self) -> np.ndarray:
-        return self.corners
-
-    def sample(self, count: int, seed: int) -> Any:
-        raise NotImplementedError
-
-
-@pytest.mark.parametrize(("beyond", "warned"), [(0.9e-6, False), (1.1e-6, True), (0.1, True), (-0.1, False)])
-@pytest.mark.parametrize("place", [(0.0, 0.0, 0.5), (1.0, 0.0, 0.0), (0.0, -1.0, 0.0)])
-def test_a_source_may_touch_the_boundary_but_for_rounding(place: tuple[float, float, float], beyond, warned) -> None:
-    """The paraboloid of 0.5 mm and 1 mm, on the axis and on the rim; relative to the corner that is farthest away."""
-    corner = tuple((1.0 + beyond) * each for each in place)
-    if place[2] > 0.0:  # half as far away as the rim
-        corner = (0.0, 0.0, 0.5 * (1.0 + beyond))
-    found = source_clearance_warnings(small_spec(), Outlined(corner, (0.0, 0.0, -1.0), (0.0, 0.0, -2.0)))
-    assert bool(found) == warned
-    if warned:
-        x, y, z = corner
-        assert f"it reaches ({x:.4g}, {y:.4g}, {z:.4g}) mm, {math.hypot(x, y):.4g} mm from the axis" in found[0]
-
-
-def test_of_several_corners_the_one_with_least_room_is_named_and_one_below_the_plane_is_not() -> None:
-    corners = [(0.9, 0.0, 0.01), (0.3, 0.3, 0.7), (0.0, 0.2, 0.5), (0.0, 0.0, -9.0)]
-    (found,) = source_clearance_warnings(small_spec(), Outlined(*corners))
-    assert "it reaches (0.3, 0.3, 0.7) mm, 0.4243 mm from the axis" in found
-    assert source_clearance_warnings(small_spec(), Outlined((9.0, 0.0, -1.0), (9.0, 9.0, -1.0), (0.0, 9.0, -2.0))) == ()
+@pytest.mark.parametrize("count", [1, 70])
+def test_each_ball_touches_the_farthest_corner_and_each_group_holds_its_balls(count):
+    chance = np.random.default_rng(4)
+    triangles = chance.uniform(-1.0, 1.0, (count, 1, 3)) + chance.uniform(-2.0, 2.0, (count, 3, 3))
+    corners, balls, groups = _in_groups(triangles, GROWTH)
+    assert {each.tobytes() for each in corners} == {each.tobytes() for each in triangles}
+    distances = np.linalg.norm(corners - balls[:, None, :3], axis=2)
+    np.testing.assert_allclose(distances.max(axis=1) + GROWTH, balls[:, 3], rtol=1e-12)
+    of_group = np.repeat(groups, _GROUP, axis=0)
+    reached = np.linalg.norm(balls[:, :3] - of_group[:, :3], axis=1) + balls[:, 3]
+    np.testing.assert_allclose(reached.reshape(-1, _GROUP).max(axis=1), groups[:, 3], rtol=1e-12)
+    furthest = np.linalg.norm(groups[:, :3], axis=1) + groups[:, 3]
+    assert (np.diff(furthest) <= 0.0).all(), "groups that reach furthest come first"

@@ -1,0 +1,152 @@
+"""Levels of functions that may help a search, and the stages in which they move: steps, rays and rates.
+
+Finer levels help until the source, the receiver or the cutter blurs them.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lensforge.search.schedule import Stage
+from lensforge.sources.ray_bundle import Source
+from lensforge.spec import AnyReceiver, Spec
+from lensforge.spec.accuracy import SearchEffort
+from lensforge.spec.receiver_sections import CylinderReceiver, FarFieldReceiver, PlaneReceiver, SphereReceiver
+from lensforge.surfaces.srbf import level_sigma
+
+_CANDIDATES = (9, 25, 81, 289, 1089, 4225)  # about four times as many functions, of half the width, each time
+# Least width of a function, sigma, relative to the angle under which the outer face sees the source. One 1 mm wide in
+# a lens of 2.45 mm gains from 289 functions (0.36 of it) and loses by 1,089 (0.18). What lies above may still gain too
+# little: the search finds out.
+_OF_SOURCE = 0.2
+
+
+@dataclass(frozen=True)
+class UsefulLevels:
+    """Numbers of functions of the levels that may be tried, and ``why`` there are no finer ones."""
+
+    counts: tuple[int, ...]
+    why: str
+
+    @staticmethod
+    def of(spec: Spec, source: Source, finest: int) -> "UsefulLevels":
+        """Levels for ``spec`` up to ``finest`` functions; at least the first."""
+        narrowest_rad, reason = max(_limits(spec, source))
+        counts = [_CANDIDATES[0]]
+        for count in _CANDIDATES[1:]:
+            if count > finest:
+                return UsefulLevels(tuple(counts), f"finest level of this accuracy: {counts[-1]} functions")
+            if level_sigma(count, spec.lens.sigma_c) < narrowest_rad:
+                words = f"functions narrower than {narrowest_rad:.2g} rad would not show: {reason}"
+                return UsefulLevels(tuple(counts), words)
+            counts.append(count)
+        return UsefulLevels(tuple(counts), f"finest level there is: {counts[-1]} functions")
+
+    def resolving(self, detail_rad: float, sigma_c: float) -> int:
+        """The coarsest level whose functions are as narrow as ``detail_rad``, or the last."""
+        narrow = [level_sigma(count, sigma_c) <= 1.001 * detail_rad for count in self.counts]
+        return narrow.index(True) if any(narrow) else len(narrow) - 1
+
+
+def _limits(spec: Spec, source: Source) -> list[tuple[float, str]]:
+    """Widths (rad) below which a function is useless, each with its reason."""
+    radius_mm, found = spec.constraints.max_radius_mm, []
+    outline = source.outline()
+    width_mm = float(np.ptp(outline[:, :2], axis=0).max()) if len(outline) else 0.0
+    found.append((_OF_SOURCE * width_mm / radius_mm, f"a fifth of the angle of the source, {width_mm:.3g} mm wide"))
+    pixel_rad = min(_pixel_rad(receiver, spec.evaluate.pixels) for receiver in spec.all_receivers)
+    for face in ("inner", "outer"):
+        limit_mm = getattr(spec.constraints, f"{face}_concave_radius_mm")
+        ball_mm = spec.manufacture.cutter_radius_mm if limit_mm is None else limit_mm
+        words = f"what a ball of {ball_mm:g} mm reaches in the {face} face moves the light by less than a pixel"
+        found.append((_width_of_ball(spec, ball_mm, pixel_rad), words))
+    return found
+
+
+def _pixel_rad(receiver: AnyReceiver, pixels: int) -> float:
+    """Angle of a pixel as seen from the lens, where the receiver is nearest."""
+    pixel = max(receiver.size) / pixels
+    match receiver:
+        case FarFieldReceiver():
+            return pixel
+        case PlaneReceiver():
+            return pixel / receiver.distance_mm
+        case CylinderReceiver() | SphereReceiver():
+            return pixel / receiver.radius_mm
+
+
+def _width_of_ball(spec: Spec, ball_mm: float, pixel_rad: float) -> float:
+    """Width (rad) of a function that, hollow as a ball of that radius, moves the light by one pixel.
+
+    Its slope is width over twice the ball's radius, and light turns by ``n - 1`` times that in air.
+    """
+    turn = spec.lens.media.largest_turning_power
+    return 2.0 * ball_mm * pixel_rad / (turn * spec.constraints.max_radius_mm) if turn > 0.0 else 0.0
+
+
+# Measured on pi, cross and flat_top (docs/results.md): further in the first steps than a spec's learning rate,
+# which is for levels that are converged.
+_FIRST_RATE, _LEVEL_RATE = 1.5, 0.65  # of the spec's, and of a level's relative to that of the one before
+_AGAIN_RATE = 0.4  # of a level's, where that gained too little: its steps may have led astray
+_LAST_RATE = 0.75  # of the first long stage, relative to its level's; half of it in each one that follows
+_UNIFORM_RATE = 0.3  # of the first stage for the uniformity, likewise
+_OF_IMAGES = 0.25  # exponent: with a square's 8 images 1.7 times as far, and 2.8 times in long stages; flat_top
+# Levels from this one on take twice the rays: their functions are so narrow that few rays meet each of them. With twice
+# the rays in its long stages, too, flat_top of 404 functions takes 1.4 times as long: three seeds gain 0.1 % of their
+# efficiency and 3 % of NMSE, and deviate from uniform light by 0.80 % for 0.97 %. With half of them cross of 1,493
+# loses 0.2 % and 4 %.
+_TWICE_FROM = 4
+# Gradients of the narrow functions are 1e-2 to 3e-3 where light is, and a tenth of that at the rim, where noise then
+# takes them ten times as far. On cross this brings facets there a quarter to a third nearer to the face.
+_LEAST_GRADIENT = 3e-4
+
+
+@dataclass(frozen=True)
+class AutomaticStages:
+    """Stages for ``levels`` with the steps and rays of ``effort``, from a spec's ``learning_rate``.
+
+    ``images``: mirror images of every ray; their mean has less noise, so that steps may be larger. ``start_level``: of
+    the lens from which it starts, all of whose functions stay while the broad ones move.
+    """
+
+    levels: UsefulLevels
+    effort: SearchEffort
+    learning_rate: float
+    images: int = 1
+    start_level: int = 0
+
+    def level_stage(self, level: int, most_steps: int | None = None, *, again: bool = False) -> Stage:
+        """The stage of one level, cut to ``most_steps``; ``again``: for the second time, with smaller steps."""
+        share = _AGAIN_RATE if again else 1.0
+        return self._stage(level, _cut(self.effort.steps[0], most_steps), 0, share)
+
+    def long_stage(self, level: int, before: int, most_steps: int | None) -> Stage:
+        """A stage after ``before`` other long ones, cut to ``most_steps``."""
+        rate = _LAST_RATE * 0.5**before * self.images**_OF_IMAGES
+        return self._stage(level, _cut(self.effort.steps[1], most_steps), before, rate)
+
+    def uniform_stage(self, level: int, before: int, most_steps: int | None) -> Stage:
+        """A stage for the uniformity after ``before`` others, cut to ``most_steps``."""
+        rate = _UNIFORM_RATE * 0.5**before
+        stage = self._stage(level, _cut(self.effort.steps[1], most_steps), before, rate)
+        return replace(stage, uniformity_from=0)
+
+    def _stage(self, level: int, steps: int, doublings: int, share: float) -> Stage:
+        counts, (first, most) = self.levels.counts, self.effort.rays
+        levels = counts[: max(level, self.start_level) + 1]
+        rate = _FIRST_RATE * self.learning_rate * _LEVEL_RATE**level * share * self.images**_OF_IMAGES
+        rays = min(first * 2 ** (level // _TWICE_FROM + doublings), most)
+        return Stage(
+            level,
+            levels,
+            sum(counts[: level + 1]),
+            steps,
+            rays,
+            rate,
+            uniformity_from=steps,
+            least_gradient=_LEAST_GRADIENT,
+        )
+
+
+def _cut(steps: int, most: int | None) -> int:
+    return steps if most is None else min(steps, most)

@@ -1,0 +1,91 @@
+"""Scenes, steps and interrupts that several tests of a search share."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from scenes import small_spec
+
+from lensforge.search.design_result import Design, Progress
+from lensforge.search.merit import Problems
+from lensforge.search.optimiser import search
+from lensforge.sources.build_source import build_source
+from lensforge.sources.ray_bundle import Source
+from lensforge.spec import Spec
+
+LARGE = {"source_shift_mm": 0.2, "source_height_mm": 0.2, "outer_shift_mm": 0.1, "inner_form_um": 20.0, "index": 0.01}
+WHITE = {"kind": "table", "wavelength_nm": [440.0, 460.0, 550.0, 680.0], "weight": [0.0, 1.0, 0.6, 0.0]}
+RECEIVERS: dict[str, dict[str, Any]] = {
+    "tilted plane": {
+        "kind": "plane", "centre_mm": [60.0, 20.0, 90.0], "tilt_deg": [-12.0, 30.0], "rotation_deg": 20.0,
+        "width_mm": 200.0, "height_mm": 120.0,
+        "targets": [{"kind": "disc", "diameter_mm": 60.0, "edge_mm": 4.0, "uniform_mm": 40.0}],
+    },
+    "far field": {
+        "kind": "far_field", "half_angle_deg": 70.0, "axis": [0.1, 0.0, 1.0],
+        "targets": [{"kind": "beam", "fwhm_deg": [40.0, 30.0]}],
+    },
+    "cylinder": {
+        "kind": "cylinder", "radius_mm": 80.0, "width_mm": 200.0, "height_mm": 120.0, "rotation_deg": 10.0,
+        "targets": [{"kind": "cross", "length_mm": 80.0, "stroke_mm": 30.0}],
+    },
+    "sphere": {
+        "kind": "sphere", "radius_mm": 80.0, "half_angle_deg": 70.0, "centre_mm": [3.0, -4.0, 5.0],
+        "targets": [{"kind": "rectangle", "width_mm": 90.0, "height_mm": 60.0}],
+    },
+}  # fmt: skip
+
+
+class Step:
+    """Merit of one step from a lens that is not round and too large, so that constraints count, too."""
+
+    def __init__(self, changes: dict[str, Any]) -> None:
+        spec, rng = small_spec(**changes), np.random.default_rng(0)
+        source = build_source(spec.source, spec.lens.dispersion)
+        self.problem = Problems(spec, source, 3.0, None).of((9, 25))
+        parts = self.problem.parts
+        self.pair = None if parts is None else parts.of_step(0, 3)
+        weights = torch.from_numpy(rng.normal(size=(34, 2)) * 0.01).requires_grad_()
+        self.parameters = weights, torch.tensor([1.0, 1.2], dtype=torch.float64, requires_grad=True)
+        self.ways = torch.from_numpy(rng.normal(size=(34, 2))), torch.from_numpy(rng.normal(size=2))
+        self.rays = source.sample(2048, 1)
+
+    def loss(self, by: tuple[float, float] = (0.0, 0.0), **light: Any) -> torch.Tensor:
+        """The merit with the parameters moved along their ways; ``light``: changes of the path of the light."""
+        merit = replace(self.problem.merit, light=replace(self.problem.merit.light, **light))
+        moved = (own + step * way for own, step, way in zip(self.parameters, by, self.ways, strict=True))
+        return merit.evaluate(*moved, self.rays, self.problem.constraints, True, self.pair).loss
+
+    def values(self, **light: Any) -> tuple[torch.Tensor, ...]:
+        """The merit and its gradient."""
+        loss = self.loss(**light)
+        return loss.detach(), *torch.autograd.grad(loss, self.parameters)
+
+
+class Stop(KeyboardInterrupt):
+    """An interrupt by the user."""
+
+
+def search_interrupted(spec: Spec, source: Source, checkpoint: Path, stop_at: int, seed: int = 0) -> None:
+    """A search that is interrupted after ``stop_at`` steps, and leaves its checkpoint."""
+
+    def stop(step: Progress) -> None:
+        if step.steps_done == stop_at:
+            raise Stop
+
+    with pytest.raises(Stop):
+        search(spec, source, accuracy="draft", seed=seed, checkpoint=checkpoint, progress=stop)
+
+
+def require_same_bits_after(
+    stop_at: int, spec: Spec, source: Source, checkpoint: Path, whole: Design, seed: int = 0
+) -> None:
+    """Assert that a search interrupted after ``stop_at`` steps goes on to the bits of the ``whole`` one."""
+    search_interrupted(spec, source, checkpoint, stop_at, seed)
+    for _ in range(2):  # the second time from the end of the search
+        resumed = search(spec, source, accuracy="draft", seed=seed, checkpoint=checkpoint, resume=True)
+        assert resumed.lens.sha256 == whole.lens.sha256
+        assert (resumed.ended, resumed.history) == (whole.ended, whole.history)

@@ -1,0 +1,80 @@
+"""The merit of a step in every kind of scene: its gradient by differences, and in torch on a device."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from scenes import DEVICES
+from search_scenes import LARGE, RECEIVERS, WHITE, Step
+
+from lensforge.search import light_path
+
+CPU = torch.device("cpu")
+LED = Path(__file__).parents[2] / "examples" / "led.tm25ray"
+SPHERE = {"kind": "sphere", "radius_mm": 3.0, "centre_z_mm": -1.0}
+DOME = {"kind": "asphere", "vertex_z_mm": 6.5, "radius_mm": -6.0, "conic_constant": -0.2, "coefficients": [-1e-5]}
+DISPERSED = {"source": {"kind": "square", "side_mm": 1.0, "spectrum": WHITE}, "lens__material": "PC"}
+ROBUST = {"optimise__robust": True}
+SPECS: dict[str, dict[str, Any]] = {
+    "free": {},
+    "symmetric": {"lens__symmetry": "square"},
+    "fixed inner": {"lens": {"levels": [9, 25], "fixed_inner": SPHERE, "outer_offset_mm": 6.0}},
+    "fixed outer": {"lens": {"levels": [9, 25], "inner_offset_mm": 3.0, "fixed_outer": DOME}},
+    "ray file": {"source": {"kind": "rayfile", "file": str(LED), "origin": "virtual_focus"}},
+    "dispersed": DISPERSED,
+    "lossless": {"optimise__fresnel": False},
+    **{name: {"target": None, "receivers": [each]} for name, each in RECEIVERS.items()},
+    "all receivers": {"target": None, "receivers": list(RECEIVERS.values())},
+    "robust": ROBUST,
+    "robust, large": ROBUST | {"tolerances": LARGE},
+    "robust, symmetric": ROBUST | {"tolerances": LARGE, "lens__symmetry": "square"},
+    "robust, dispersed": ROBUST | DISPERSED,
+}
+
+
+def close(one: tuple[torch.Tensor, ...], other: tuple[torch.Tensor, ...]) -> bool:
+    return all(torch.linalg.norm(a - b) <= 1e-9 * torch.linalg.norm(b) for a, b in zip(one, other, strict=True))
+
+
+@pytest.mark.parametrize("changes", SPECS.values(), ids=SPECS)
+def test_the_gradient_is_that_of_differences(changes: dict[str, Any]) -> None:
+    """Through constraints, image and tracer, for weights and offsets of both surfaces."""
+    step, by = Step(changes), 1e-8
+    _, *gradients = step.values()
+    for which, (gradient, way) in enumerate(zip(gradients, step.ways, strict=True)):
+        move = (by, 0.0) if which == 0 else (0.0, by)
+        with torch.no_grad():
+            change = (step.loss(move) - step.loss((-move[0], -move[1]))).item() / (2.0 * by)
+        assert change == pytest.approx((gradient * way).sum().item(), rel=2e-4)
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize("changes", SPECS.values(), ids=SPECS)
+def test_loss_and_gradient_on_a_device_are_those_of_the_kernels(changes: dict[str, Any], device: str) -> None:
+    step = Step(changes)
+    assert close(step.values(device=torch.device(device)), step.values())
+
+
+def test_chunks_add_up_and_search_for_each_crossing_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    step = Step({})
+    whole = step.values(device=CPU)
+    searched: list[int] = []
+    search = light_path.first_crossing
+    monkeypatch.setattr(light_path, "first_crossing", lambda t, o, d: (searched.append(len(o)), search(t, o, d))[1])
+    assert close(step.values(device=CPU, chunk=300), whole)
+    assert len(searched) == 2 * 7, "seven chunks, two surfaces, and none again in the backward pass"
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_the_same_rays_give_the_same_bits_on_the_same_device(device: str) -> None:
+    step, where = Step({}), torch.device(device)
+    assert all(torch.equal(a, b) for a, b in zip(step.values(device=where), step.values(device=where), strict=True))
+
+
+def test_receivers_count_by_their_shares() -> None:
+    """Each alone, and both together with shares of 3 to 1; the light near total reflection counts once."""
+    first, second = RECEIVERS["far field"], RECEIVERS["sphere"]
+    alone = [Step({"target": None, "receivers": [each]}).loss().item() for each in (first, second)]
+    both = Step({"target": None, "receivers": [{**first, "share": 3.0}, second]})
+    assert both.loss().item() == pytest.approx(0.75 * alone[0] + 0.25 * alone[1], rel=1e-9)
