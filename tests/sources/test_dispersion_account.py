@@ -51,20 +51,6 @@ def test_one_ray_in_400_outside_the_range_does_not_refuse_the_file(tmp_path):
     assert SourceSummary.model_validate_json(summary.model_dump_json()) == summary
 
 
-def test_shares_are_those_of_the_flux_not_of_the_rays(tmp_path):
-    flux = np.ones(100)
-    flux[0] = 0.2
-    _, summary = emitter(saved(tmp_path, [300.0, *[500.0] * 99], flux))
-    assert summary.clamped_index_share == pytest.approx(0.2 / 99.2)
-    flux[0] = 2.0
-    with pytest.raises(InputError) as caught:
-        emitter(saved(tmp_path, [300.0, *[500.0] * 99], flux))
-    words = str(caught.value)
-    assert words.startswith(f"{tmp_path / 'led.tm25ray'}: wavelengths from 300 to 500 nm")
-    assert "known from 420 to 1620 nm, and extrapolated from 378 to 1782 nm" in words
-    assert "1.98 % of the flux is outside, at most 1 % may be" in words and "\n" not in words
-
-
 def test_the_share_is_that_of_all_files_by_their_power(tmp_path):
     blue = saved(tmp_path, [371.0, *[450.0] * 199], name="blue")["file"]
     red = saved(tmp_path, [600.0] * 50, name="red")["file"]
@@ -117,13 +103,6 @@ def test_an_analytic_source_with_a_tail_is_traced_and_warned_of():
     wide = {**table, "wavelength_nm": [300.0, 470.0, 570.0]}
     with pytest.raises(InputError, match="of the flux is outside"):
         emitter({"kind": "square", "side_mm": 1.0, "spectrum": wide})
-
-
-def test_zeros_of_a_table_are_no_light():
-    """A data sheet's table often runs from 300 nm on with zeros: they take no part."""
-    spectrum = Spectrum(np.array([300.0, 430.0, 450.0, 470.0, 3000.0]), np.array([0.0, 0.0, 1.0, 0.0, 0.0]))
-    found = index_of_spectrum(spectrum, PMMA)
-    assert (found.wavelengths_nm, found.extrapolated_share, found.clamped_share) == ((430.0, 470.0), 0.0, 0.0)
 
 
 def test_the_stated_errors_are_those_of_the_benchmark():

@@ -1,7 +1,5 @@
 """Measured rays to design with: parts of a file, and the same light without the noise of its number of rays."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from jaxtyping import Float
@@ -15,7 +13,6 @@ from lensforge.sources.dispersion import DispersedSource
 from lensforge.sources.measured_rays import TurnedRays, divided, held_back, searched, smoothed
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.ray_set import RaySetEmitter
-from lensforge.sources.source_pose import SourcePose, rotation_about
 from lensforge.sources.source_spectrum import Spectrum
 from lensforge.spec.accuracy import PRESETS
 
@@ -33,60 +30,6 @@ def lambertian(count: int, seed: int = 0) -> RayBundle:
 def crossings(rays: RayBundle) -> Float[np.ndarray, "n 2"]:
     heights = rays.origins[:, 2:] / rays.directions[:, 2:]
     return (rays.origins - heights * rays.directions)[:, :2]
-
-
-def test_rays_are_turned_about_the_source_and_by_the_stated_angle() -> None:
-    whole = RaySetEmitter(lambertian(20_000), 1.0)
-    turned = smoothed(whole)
-    assert isinstance(turned, TurnedRays)
-    assert turned.sigma_rad == pytest.approx(np.sqrt(300.0 / 20_000))
-    before, after = whole.sample(20_000, 3), turned.sample(20_000, 3)
-    assert np.allclose(crossings(after), crossings(before), atol=1e-9)
-    assert np.allclose(after.origins[:, 2], 2.0) and np.allclose(np.linalg.norm(after.directions, axis=1), 1.0)
-    across = np.linalg.norm(np.cross(before.directions, after.directions), axis=1)
-    assert np.sqrt(np.mean(across**2)) == pytest.approx(np.sqrt(2.0) * turned.sigma_rad, rel=0.03)
-    assert np.array_equal(after.flux, before.flux)
-
-
-def test_more_rays_are_turned_less() -> None:
-    few, many = (smoothed(RaySetEmitter(lambertian(count), 1.0)) for count in (2_000, 200_000))
-    assert isinstance(few, TurnedRays) and isinstance(many, TurnedRays)
-    assert few.sigma_rad == pytest.approx(0.15) and many.sigma_rad == pytest.approx(0.0387, rel=1e-3)
-
-
-def test_samples_differ_and_are_the_same_again_by_seed() -> None:
-    turned = smoothed(RaySetEmitter(lambertian(1_000), 1.0))
-    first, again, other = turned.sample(1_000, 1), turned.sample(1_000, 1), turned.sample(1_000, 2)
-    assert np.array_equal(first.directions, again.directions)
-    assert not np.array_equal(first.directions, other.directions)
-
-
-def test_a_tilted_source_is_turned_about_its_own_plane() -> None:
-    pose = SourcePose(rotation_about("x", 0.4), np.array([0.3, -0.2, 1.0]))
-    rays = lambertian(5_000)
-    upright = RaySetEmitter(rays, 1.0)
-    placed = replace(rays, origins=pose.points(rays.origins), directions=pose.directions(rays.directions))
-    tilted = RaySetEmitter(placed, 1.0, pose=pose)
-    expected, found = smoothed(upright).sample(5_000, 4), smoothed(tilted).sample(5_000, 4)
-    assert np.allclose(pose.own_points(found.origins), expected.origins, atol=1e-12)
-    assert np.allclose(pose.own_directions(found.directions), expected.directions, atol=1e-12)
-
-
-def test_flat_and_backward_rays_are_not_turned_upside_down() -> None:
-    directions = np.array([[1.0, 0.0, 0.0], [0.999, 0.0, 0.0447], [0.6, 0.0, -0.8]])
-    rays = RaySetEmitter(RayBundle(np.full((3, 3), 0.1), directions, np.ones(3)), 3.0)
-    turned = TurnedRays(rays, 0.1).sample(3, 0)
-    assert np.array_equal(turned.directions[:2], directions[:2])
-    assert turned.directions[2, 2] < -0.5 and turned.origins[2, 2] == pytest.approx(0.1)
-
-
-def test_the_parts_of_a_file_are_disjoint_and_carry_its_flux() -> None:
-    whole = RaySetEmitter(lambertian(1_000), 2.0)
-    first, second = divided(whole, 0.8, 7)
-    rows = [{tuple(row) for row in part.sample(part.ray_count or 0, 0).origins} for part in (first, second)]
-    assert [len(each) for each in rows] == [800, 200]
-    assert not rows[0] & rows[1] and rows[0] | rows[1] == {tuple(row) for row in whole.rays.origins}
-    assert first.flux_w == second.flux_w == 2.0
 
 
 def test_a_source_of_any_number_of_rays_stays_as_it_is() -> None:

@@ -8,7 +8,7 @@ from rayfile_samples import encoded, image, rays, with_spectrum_numbers
 
 from lensforge.errors import InputError
 from lensforge.sources.ray_set_loading import load_ray_set
-from lensforge.sources.rayfiles import FORMATS, convert, describe, read_rayfile, write_rayfile
+from lensforge.sources.rayfiles import FORMATS, convert, describe, read_rayfile
 from lensforge.sources.rayfiles.ray_file_io import decode
 from lensforge.sources.rayfiles.ray_file_summary import Histograms
 from lensforge.spec.source_sections import RayfileSource
@@ -90,15 +90,6 @@ def test_totals_and_spectrum_survive_any_conversion_or_are_listed(source, target
         own = f"total flux in {before.flux_unit}"
         assert own not in listed and after[own] == pytest.approx(facts[own], rel=1e-5)
     assert held or {source, target} & {"asap", "speos", "speos_text"}
-
-
-@pytest.mark.parametrize("unit", ["W", "lm"])
-def test_tm25_keeps_both_totals_and_the_spectrum(unit, tmp_path):
-    write_rayfile(tmp_path / "led.tm25ray", stated(unit, table=True))
-    back = read_rayfile(tmp_path / "led.tm25ray")
-    assert (back.header_flux_w, back.header_flux_lm) == (2.5, pytest.approx(2.5 * LM_PER_W))
-    np.testing.assert_array_equal(back.header["spectral_tables"][0]["weight"], TABLE["weight"])
-    assert float(np.sum(back.flux, dtype=float)) == pytest.approx(back.flux_in(unit), rel=1e-6)
 
 
 def test_the_table_of_each_ray_is_written_again():

@@ -5,13 +5,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from lensforge.optics.material import MATERIALS
 from lensforge.optics.media import Media
-from lensforge.sources.build_source import SquareEmitter, build_source, summarise
+from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import BLOCK_RAYS, ChangedSource, RayBundle, block_slices, drawn, total_of
-from lensforge.sources.source_pose import PlacedSource, SourcePose, placed_source, rotation_about
+from lensforge.sources.source_pose import SourcePose, rotation_about
 from lensforge.sources.source_summary import AppliedPlacement
-from lensforge.spec.source_sections import RectangleSource, SquareSource
+from lensforge.spec.source_sections import SquareSource
 
 
 @pytest.mark.parametrize(
@@ -46,15 +45,6 @@ def test_a_pose_turns_then_tilts_about_x_then_about_y_then_shifts() -> None:
     np.testing.assert_allclose(pose.own_directions(pose.directions(points)), points, atol=1e-14)
 
 
-@pytest.mark.parametrize("tilt", [(30.0, 0.0), (0.0, 30.0)])
-def test_one_of_two_tilts_alone_moves_the_source(tilt: tuple[float, float]) -> None:
-    spec = SquareSource(side_mm=1.0, tilt_deg=tilt)
-    axis = SourcePose.of(spec).directions(np.array([[0.0, 0.0, 1.0]]))[0]
-    a, b = np.deg2rad(tilt)
-    np.testing.assert_allclose(axis, [np.cos(a) * np.sin(b), -np.sin(a), np.cos(a) * np.cos(b)], atol=1e-15)
-    assert isinstance(placed_source(SquareEmitter(1.0), spec), PlacedSource)
-
-
 @pytest.mark.parametrize(
     ("place", "moves"),
     [
@@ -66,25 +56,6 @@ def test_one_of_two_tilts_alone_moves_the_source(tilt: tuple[float, float]) -> N
 )
 def test_what_stays_where_it_is_does_not_move(place: dict, moves: bool) -> None:
     assert SourcePose.of(SquareSource(side_mm=1.0, **place)).moves == moves
-
-
-def test_a_placed_source_is_the_source_moved() -> None:
-    plain, placed = SquareEmitter(1.0, 3.0), placed_source(SquareEmitter(1.0, 3.0), SLANTED)
-    pose = SourcePose.of(SLANTED)
-    own, found = plain.sample(16, 2), placed.sample(16, 2)
-    np.testing.assert_array_equal(found.origins, pose.points(own.origins))
-    np.testing.assert_array_equal(found.directions, pose.directions(own.directions))
-    np.testing.assert_array_equal(found.flux, own.flux)
-    np.testing.assert_array_equal(placed.outline(), pose.points(plain.outline()))
-    assert (placed.flux_w, placed.ray_count, placed.symmetry) == (3.0, None, "none")
-
-
-@pytest.mark.parametrize(
-    ("turn_deg", "name"), [(45.0, "square"), (45.0 + 1e-9, "none"), (30.0, "none"), (180.0, "square")]
-)
-def test_a_turn_keeps_the_mirrors_that_it_maps_to_others_but_for_rounding(turn_deg: float, name: str) -> None:
-    spec = SquareSource(side_mm=1.0, rotate_z_deg=turn_deg)
-    assert placed_source(SquareEmitter(1.0), spec).symmetry == name
 
 
 BUNDLE = RayBundle(
@@ -135,21 +106,6 @@ def test_blocks_follow_each_other_and_end_at_the_count(count: int) -> None:
     values = np.random.default_rng(1).random(count)
     assert total_of(count, [float(values[each].sum()) for each in slices]) == values.sum()
     assert total_of(count, [7.5]) == 7.5
-
-
-def test_a_spec_makes_the_emitter_in_its_place_with_its_spectrum_and_its_summary() -> None:
-    line = {"kind": "line", "wavelength_nm": 500.0}
-    spec = RectangleSource(width_mm=2.0, height_mm=1.0, flux_w=3.0, position_mm=(0.0, 0.0, 1.0), spectrum=line)
-    plain, dispersed = build_source(spec), build_source(spec, MATERIALS["PMMA"])
-    assert plain.sample(4, 0).refractive_indices is None
-    np.testing.assert_allclose(dispersed.sample(4, 0).refractive_indices, MATERIALS["PMMA"].index_at(500.0))
-    assert (plain.sample(4, 0).origins[:, 2] == 1.0).all()
-    without, with_index = summarise(plain, spec), summarise(dispersed, spec)
-    assert (without.flux_w, without.symmetry, without.wavelengths_nm) == (3.0, "rectangle", None)
-    assert with_index.wavelengths_nm == (500.0, 500.0) and with_index.flux_w == 3.0
-    assert (
-        build_source(spec.model_copy(update={"spectrum": None}), MATERIALS["PMMA"]).sample(1, 0).wavelengths_nm is None
-    )
 
 
 def test_a_record_from_before_poses_has_its_rays_untilted_at_the_origin() -> None:
