@@ -203,6 +203,7 @@ def test_pictures_are_filtered_one_by_one_with_their_edges_repeated(variance: fl
             weights = np.exp(-np.add.outer(np.arange(-1, 2) ** 2, np.arange(-1, 2) ** 2) / (2.0 * variance))
             wanted = np.sum(weights * padded[row : row + 3, column : column + 3]) / weights.sum()
             assert smooth[row, column] == pytest.approx(wanted, rel=1e-12)
+    assert gaussian3(images, 0.0) is images
 
 
 def test_pixels_of_a_narrow_receiver_are_one_at_least_and_lie_about_its_middle() -> None:
