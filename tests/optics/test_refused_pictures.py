@@ -9,12 +9,11 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from handmade_pictures import bmp, chunk, numbers, png, tiff
+from handmade_pictures import chunk, numbers, png, tiff
 from PIL import Image
 
 from lensforge.errors import InputError
 from lensforge.optics.image_decoding import as_errors
-from lensforge.optics.image_reading import read_picture
 
 
 def _saved(mode, kind, **options):
@@ -58,19 +57,6 @@ def test_several_frames_are_refused(light, refused):
             assert "several" in refused(bytes(pages))
 
 
-def test_missing_and_special_files(tmp_path):
-    os.mkfifo(tmp_path / "pipe")
-    for path, message in (
-        (tmp_path / "none.png", "no such file; give one"),
-        (tmp_path / "pipe", "a pipe"),
-        (tmp_path, "a folder"),
-        ("/dev/zero", "a device"),
-        ("a\0b.png", "null"),
-    ):
-        with pytest.raises(InputError, match=message):
-            read_picture(path, missing="give one")
-
-
 def test_large_pictures_are_refused_before_they_are_decoded(refused):
     started = time.process_time()
     header = struct.pack(">IIBBBBB", 2**14, 2**14, 8, 0, 0, 0, 0)
@@ -108,17 +94,6 @@ def test_damage_is_refused(refused, light):
     whole = png(grey)
     for place in range(40, len(whole) - 12, 97):  # inside the pixels, where no decoder looks at the checksum
         assert "damaged" in refused(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
-
-
-@pytest.mark.parametrize("kind", ["png", "tiff", "deflated", "bmp", "jpeg"])
-def test_truncated_files_are_one_line(refused, kind):
-    grey = numbers("uint8", 1, (40, 40))
-    content = {
-        "png": png(grey), "tiff": tiff(grey), "deflated": tiff(grey, deflated=True), "bmp": bmp(grey[..., 0]),
-        "jpeg": _saved("L", "JPEG"),
-    }[kind]  # fmt: skip
-    for size in (0, 1, 2, 3, 8, 20, 33, len(content) // 2, len(content) - 20):
-        refused(content[:size])
 
 
 def test_libtiff_does_not_write_to_the_terminal_and_its_complaints_are_damage(light, capfd):

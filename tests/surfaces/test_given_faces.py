@@ -11,10 +11,7 @@ from scenes import hemisphere_directions, random_surface, small_spec
 import lensforge as lf
 from lensforge.cad.form_error import fit_to_form, form_error
 from lensforge.errors import InputError
-from lensforge.light.exact_trace import DenseScan, exact_surfaces, trace_exact
-from lensforge.light.simulation import TracedLens
 from lensforge.scene.lens import Lens
-from lensforge.sources.ray_bundle import RayBundle
 from lensforge.spec.fixed_surface import (
     FixedCadFace,
     FixedLensFace,
@@ -26,9 +23,8 @@ from lensforge.spec.fixed_surface import (
 )
 from lensforge.spec.lens_section import LensSection
 from lensforge.surfaces.asphere import sphere
-from lensforge.surfaces.chart_spline import HALF_WIDTH, ChartSpline
 from lensforge.surfaces.srbf import fibonacci_hemisphere
-from lensforge.surfaces.surface import Surface, to_chart, to_sphere
+from lensforge.surfaces.surface import Surface, to_chart
 
 RADIUS, CENTRE = 3.0, 0.4
 HERE = pytest.mark.usefixtures("cad_read_here")
@@ -91,15 +87,6 @@ def test_a_lens_file_that_was_changed_is_no_given_face(tmp_path: Path) -> None:
     (tmp_path / "lens.json").write_text(text.replace('"offset_mm": 3.0', '"offset_mm": 3.1'), encoding="utf-8")
     with pytest.raises(InputError, match=r"lens\.json: .*name the folder of a result, or its lens\.json"):
         FixedLensFace(file=tmp_path, face="inner").resolved()
-
-
-@HERE
-@pytest.mark.nightly("its pole on the axis by day, in the five ways")
-@pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (1.0, 0.0, 0.0)])
-def test_the_pole_of_a_sphere_may_lie_anywhere(axis: tuple[float, float, float], tmp_path: Path) -> None:
-    path = write(shell(ball(RADIUS, CENTRE, axis), ball(6.0)), tmp_path / "turned.step")
-    nm, urad = differences(FixedCadFace(file=path).surface, sphere(RADIUS, CENTRE))
-    assert nm < 1.0 and urad < 1.0
 
 
 @HERE
@@ -252,22 +239,3 @@ def test_other_files_and_open_clouds_are_one_line(tmp_path: Path) -> None:
         FixedLensFace(file=tmp_path, face="inner").resolved()
     with pytest.raises(InputError, match=r"fixed_inner.*cap.txt"):
         LensSection(levels=(9,), fixed_inner={"kind": "points", "file": tmp_path / "cap.txt"}, outer_offset_mm=6.0)
-
-
-def test_rays_from_the_origin_see_the_same_face_in_table_and_exactly() -> None:
-    """A spline over the chart and a sphere: the exact tracer through both, and the tables of both."""
-    half = np.arctan(HALF_WIDTH)
-    axis = np.tan(np.linspace(-half, half, 72))
-    exact = sphere(RADIUS, CENTRE)
-    directions = to_sphere(np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1))
-    given = ChartSpline.through(axis, exact.radius_on_grid(directions))
-    lenses = [Lens(each, sphere(6.0), small_spec(), 0, "draft") for each in (exact, given)]
-    u = hemisphere_directions(64)
-    rays = RayBundle(np.zeros((64, 3)), u, np.full(64, 1.0 / 64))
-    points = [
-        trace_exact(*exact_surfaces(lens, (DenseScan(), DenseScan())), lens.media, rays).points.numpy()
-        for lens in lenses
-    ]
-    by_table = [TracedLens.of(lens, 8.0).trace(rays).points.numpy() for lens in lenses]
-    assert np.isfinite(points[1]).all()
-    assert np.abs(points[0] - points[1]).max() < 1e-6 and np.abs(by_table[0] - by_table[1]).max() < 1e-5
