@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-import torch
 from PIL import Image
 
 from lensforge.errors import InputError
@@ -8,8 +7,6 @@ from lensforge.scene.pixel_grid import PixelGrid, Window, bin_flux, flux_in, spl
 from lensforge.scene.receiver import ReceiverPose
 from lensforge.scene.receiver_shapes import Plane
 from lensforge.scene.target_pattern import target_light
-from lensforge.search.merit_terms import nmse_loss, uniformity_loss
-from lensforge.search.symmetry import mirror_mean
 from lensforge.spec import ImageTarget, TextTarget
 
 GRID = PixelGrid.square(300.0, 32)
@@ -84,22 +81,6 @@ def test_pixels_of_a_window_are_those_whose_centres_lie_in_it() -> None:
     circle = Window(radius=70.0).pixels(WIDE)
     assert np.array_equal(circle, np.hypot(x, y) <= 70.0)
     assert circle.sum() * np.prod(WIDE.pixel) == pytest.approx(np.pi * 70.0**2, rel=0.03)
-
-
-def test_losses_at_known_images() -> None:
-    wanted = torch.ones(4, 4, dtype=torch.float64)
-    assert nmse_loss(wanted * 1.5, wanted).item() == pytest.approx(0.25)
-    half = torch.ones(4, 4, dtype=torch.float64)
-    half[:, 2:] = 3.0
-    assert uniformity_loss(half, torch.ones(4, 4, dtype=torch.bool)).item() == pytest.approx(0.25)
-
-
-@pytest.mark.parametrize("name", ["none", "mirror_x", "mirror_y", "rectangle", "square"])
-def test_mirror_mean_is_a_projection_that_keeps_flux(name: str) -> None:
-    image = torch.from_numpy(np.random.default_rng(0).random((8, 8)))
-    once = mirror_mean(image, name)
-    assert torch.allclose(mirror_mean(once, name), once, atol=1e-15)
-    assert once.sum().item() == pytest.approx(image.sum().item())
 
 
 def test_text_stands_upright_and_has_its_width() -> None:
