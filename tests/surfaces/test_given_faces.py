@@ -1,5 +1,6 @@
 """Faces that are given in several ways, against one another and against what was given."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import cadquery as cq
@@ -9,9 +10,10 @@ from cad_shapes import ball, in_inches, shell, write
 from scenes import hemisphere_directions, random_surface, small_spec
 
 import lensforge as lf
-from lensforge.cad.form_error import fit_to_form, form_error
+from lensforge.cad.form_error import chart_samples, fit_to_form, form_error
+from lensforge.cad.solid import untrimmed_faces
 from lensforge.errors import InputError
-from lensforge.scene.lens import Lens
+from lensforge.scene.lens import Lens, load_lens
 from lensforge.spec.fixed_surface import (
     FixedCadFace,
     FixedLensFace,
@@ -239,3 +241,24 @@ def test_other_files_and_open_clouds_are_one_line(tmp_path: Path) -> None:
         FixedLensFace(file=tmp_path, face="inner").resolved()
     with pytest.raises(InputError, match=r"fixed_inner.*cap.txt"):
         LensSection(levels=(9,), fixed_inner={"kind": "points", "file": tmp_path / "cap.txt"}, outer_offset_mm=6.0)
+
+
+LENSES = Path(__file__).parents[1] / "definitions" / "lenses"
+
+
+@pytest.mark.nightly("half a minute; by day a smoother face, above")
+def test_the_inner_face_of_the_pi_given_back(tmp_path: Path) -> None:
+    lens = load_lens(LENSES / "pi.json")
+    patch = fit_to_form(lens.inner)
+    path = write(untrimmed_faces({"OPTICAL_INNER": patch})["OPTICAL_INNER"], tmp_path / "inner.step")
+    given = FixedCadFace(file=path).resolved()
+    assert given.form_error_nm < 1.0
+    chart = chart_samples(4096)
+    again = fit_to_form(given.surface)
+    # nearest distance: the difference along the normal
+    apart = np.abs(np.sum((again.points(chart) - patch.points(chart)) * patch.normals(chart), axis=1)).max() * 1e6
+    assert apart < 1.0
+    before, after = (lf.evaluate(each, rays=2**18) for each in (lens, replace(lens, inner=given.surface)))
+    for name in ("nmse", "efficiency", "share_in_target"):
+        one, other = getattr(before, name), getattr(after, name)
+        assert abs(one.value - other.value) < one.standard_error, name

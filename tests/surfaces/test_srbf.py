@@ -1,11 +1,16 @@
+"""Basis functions, freeform surfaces of them, and their mirror groups."""
+
 import numpy as np
 import pytest
-from scenes import hemisphere_directions, random_surface
+from scenes import hemisphere_directions, random_surface, small_spec, sphere
 
 from lensforge.errors import InputError
+from lensforge.scene.lens import Lens
 from lensforge.surfaces import surface as chart
-from lensforge.surfaces.mirror_group import NAMES, contains, group
+from lensforge.surfaces.asphere import Asphere
+from lensforge.surfaces.mirror_group import NAMES, contains, first_images, group
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere, level_sigma
+from lensforge.surfaces.surface import Surface
 
 
 def test_the_chart_and_its_inverse_cancel() -> None:
@@ -62,3 +67,26 @@ def test_bad_input_is_named() -> None:
         SrbfSurface(SrbfBasis((9,), 1.0), np.zeros(3), 1.0)
     with pytest.raises(InputError, match="not finite"):
         SrbfSurface(SrbfBasis((9,), 1.0), np.full(9, np.nan), 1.0)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_of_mirror_images_one_comes_first(name: str) -> None:
+    u = hemisphere_directions(300)
+    first = np.sum([first_images(u @ image, name) for image in group(name)], axis=0)
+    assert (first == 1).all()
+    on_mirrors = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.0, 0.6, 0.8], [0.48, 0.48, 0.7]])
+    assert all(any(first_images(u[None] @ image, name)[0] for image in group(name)) for u in on_mirrors)
+
+
+@pytest.mark.parametrize(
+    ("inner", "outer", "shared"),
+    [
+        (random_surface(1, 3.0, symmetry="square"), random_surface(2, 6.0, symmetry="square"), "square"),
+        (random_surface(1, 3.0, symmetry="square"), random_surface(2, 6.0, symmetry="mirror_y"), "mirror_y"),
+        (random_surface(1, 3.0, symmetry="mirror_x"), random_surface(2, 6.0, symmetry="mirror_y"), "none"),
+        (Asphere(3.0, -3.0, 0.0, ()), random_surface(2, 6.0, symmetry="rectangle"), "rectangle"),
+        (sphere(3.0), random_surface(2, 6.0, symmetry="square"), "none"),
+    ],
+)
+def test_a_lens_has_the_mirrors_that_both_surfaces_have(inner: Surface, outer: Surface, shared: str) -> None:
+    assert Lens(inner, outer, small_spec(), 0, "draft").symmetry == shared

@@ -1,4 +1,4 @@
-"""Biconic, toroid, polynomial and Zernike surfaces against their formulas."""
+"""Spheres, aspheres, biconic, toroid, polynomial and Zernike surfaces against their formulas."""
 
 import numpy as np
 import pytest
@@ -6,6 +6,74 @@ from scenes import hemisphere_directions
 
 from lensforge.errors import InputError
 from lensforge.surfaces.asphere import Asphere, Biconic, Toroid, XYPolynomial, noll, sphere, zernike_terms
+
+
+@pytest.mark.parametrize("centre", [0.0, 3.0, -4.0, -5.9])
+def test_a_sphere_is_a_sphere(centre: float) -> None:
+    surface, u = sphere(6.0, centre), hemisphere_directions(2000)
+    expected = centre * u[:, 2] + np.sqrt(36.0 - centre**2 * (1.0 - u[:, 2] ** 2))
+    assert np.allclose(surface.radius(u), expected, rtol=1e-13)
+    from_centre = u * surface.radius(u)[:, None] - np.array([0.0, 0.0, centre])
+    assert np.allclose(surface.normal(u), from_centre / 6.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("vertex", "radius", "conic", "coefficients"),
+    [
+        (13.5, -11.0, -0.4, (-2e-5, 1e-8)),
+        (6.0, -3.0, -2.0, ()),
+        (5.0, 30.0, 0.0, (-4e-3,)),
+        (7.0, -9.0, -1.0, (0.0, -1e-6)),
+    ],
+)
+def test_an_asphere_has_the_sag_of_the_standard(vertex, radius, conic, coefficients) -> None:
+    u = hemisphere_directions(2000)
+    x, y, z = (u * Asphere(vertex, radius, conic, coefficients).radius(u)[:, None]).T
+    r = np.hypot(x, y)
+    sag = r**2 / (radius * (1.0 + np.sqrt(1.0 - (1.0 + conic) * (r / radius) ** 2)))
+    sag += sum(a * r ** (4 + 2 * i) for i, a in enumerate(coefficients))
+    assert np.allclose(z, vertex + sag, atol=2e-12)
+    assert np.allclose(Asphere(vertex, radius, conic, coefficients).sag(r), vertex + sag, rtol=1e-14)
+
+
+def test_a_conic_goes_on_below_its_equator_where_the_sag_ends() -> None:
+    surface = Asphere(8.0, -5.0, -0.2)  # an ellipsoid, its equator 1.75 mm above z = 0
+    u = hemisphere_directions(2000)
+    x, y, z = (u * surface.radius(u)[:, None]).T
+    along = -5.0 / 0.8
+    inside = ((z - 8.0 - along) / along) ** 2 + (x**2 + y**2) / (25.0 / 0.8)
+    assert np.allclose(inside, 1.0, atol=1e-13)
+    assert z[np.argmax(np.hypot(x, y))] == pytest.approx(1.75, abs=0.02)
+    assert np.isnan(surface.sag(np.array([5.6]))).all()
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: sphere(5.0, 5.1),  # the origin is outside
+        lambda: Asphere(5.0, 50.0),  # opens upwards
+        lambda: Asphere(13.0, -12.0, 0.0, (1e-3,)),  # turns up before it reaches the horizon
+        lambda: Asphere(13.0, -12.0, 0.0, (1e9, -1e300)),
+        lambda: Asphere(5.0, -8.0, -6.0),  # its cone of directions ends above 120 degrees
+    ],
+)
+def test_what_is_not_star_shaped_is_one_line(make) -> None:
+    with pytest.raises(InputError, match=r"not star-shaped.*degrees from the axis") as caught:
+        make()
+    assert "\n" not in str(caught.value)
+
+
+def test_the_other_sheet_of_a_hyperboloid_is_no_surface() -> None:
+    dented = Asphere(5.0, 1.0, -3.0, (-0.05,))  # the sheet that the sag does not mean begins at z = 4
+    u = hemisphere_directions(500)
+    points = u * dented.radius(u)[:, None]
+    assert np.allclose(points[:, 2], dented.sag(np.hypot(points[:, 0], points[:, 1])), atol=1e-11)
+
+
+def test_a_vertex_at_the_source_is_refused() -> None:
+    with pytest.raises(InputError, match="vertex at 0 mm"):
+        Asphere(0.0, -5.0)
+
 
 U = hemisphere_directions(2000)
 # Noll (1976), table I: radial and angular order of the first fifteen
