@@ -73,13 +73,13 @@ def test_soft_edges_are_drawn_up_to_four_deviations_beyond_the_far_field(monkeyp
 
 
 def test_targets_add_up_by_their_levels_and_one_that_lies_beside_the_receiver_adds_nothing() -> None:
-    left, right = (RectangleTarget(width_mm=20.0, height_mm=20.0, centre_mm=(x, 0.0), level=level)
-                   for x, level in ((-40.0, 2.0), (40.0, 0.5)))  # fmt: skip
+    left, right = (RectangleTarget(width_mm=width, height_mm=20.0, centre_mm=(x, 0.0), level=level)
+                   for width, x, level in ((20.0, -40.0, 2.0), (10.0, 40.0, 0.5)))  # fmt: skip
     beside = RectangleTarget(width_mm=10.0, height_mm=10.0, centre_mm=(500.0, 0.0))
     one, other = (target_light((each,), OBLONG) for each in (left, right))
     for targets in ((left, right), (left, beside, right)):
         both = target_light(targets, OBLONG)
-        np.testing.assert_allclose(both, 0.8 * one + 0.2 * other, atol=1e-15)
+        np.testing.assert_allclose(both, (8.0 * one + other) / 9.0, atol=1e-15)  # by level and area
     with pytest.raises(InputError, match="dark everywhere on the receiver"):
         target_light((beside,), OBLONG)
 
