@@ -56,22 +56,6 @@ def two_files(tmp_path):
     return tmp_path
 
 
-def test_several_files_keep_their_powers_or_the_ratio_of_them(two_files):
-    def parts(*flux):
-        return [{"file": two_files / name, "flux_w": f} for name, f in zip(("blue", "yellow"), flux, strict=True)]
-
-    own = load_ray_set(RayfilesSource(kind="rayfiles", files=parts(None, None)))
-    assert own.flux_w == pytest.approx(rays(40, seed=1).total_flux() + rays(60, seed=2).total_flux(), rel=1e-6)
-    stated = load_ray_set(RayfilesSource(kind="rayfiles", files=parts(0.6, 0.2)))
-    assert stated.flux_w == pytest.approx(0.8)
-    assert stated.rays.flux[:40].sum() == pytest.approx(0.6)
-    scaled = load_ray_set(RayfilesSource(kind="rayfiles", files=parts(3.0, 1.0), flux_w=2.0))
-    assert scaled.rays.flux[:40].sum() == pytest.approx(1.5)
-    assert [part.flux_w for part in scaled.summary.files] == pytest.approx([1.5, 0.5])
-    assert ([part.file for part in scaled.summary.files], scaled.summary.rays) == (["blue", "yellow"], 100)
-    assert scaled.summary.effective_rays < 100
-
-
 def test_watts_and_lumens_are_not_mixed_and_the_field_to_fill_is_named(two_files):
     write_rayfile(two_files / "yellow", rays(60, unit="lm"), "csv")
     files = [{"file": two_files / name} for name in ("blue", "yellow")]

@@ -15,7 +15,6 @@ NAMED_CASES = [(name, index) for name, cases in CASES.items() for index in range
 # LightTools' convention: its ray fluxes add up to the number of rays times the header's flux.
 SCALED_BY_COUNT = ("lighttools_binary", "lighttools_text")
 BINARY = ("tm25", "zemax_binary", "lighttools_binary", "speos", "asap")
-WITH_WAVELENGTHS = [name for name in CASES if name != "asap"]
 
 
 def test_every_format_of_the_folder_has_a_case():
@@ -107,19 +106,6 @@ def refused_in_one_line(content):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("source", WITH_WAVELENGTHS)
-@pytest.mark.parametrize("target", WITH_WAVELENGTHS)
-def test_conversion_between_any_two_formats_keeps_rays_and_total(source, target, tmp_path):
-    original = rays(wavelengths="each")
-    (tmp_path / "in").write_bytes(encoded(source, original))
-    report = convert(tmp_path / "in", tmp_path / "out", target)
-    back = read_rayfile(tmp_path / "out")
-    assert (report.from_format, report.to_format, report.rays, report.lost) == (source, target, len(original), ())
-    np.testing.assert_allclose(back.positions_mm, original.positions_mm, rtol=1e-7)
-    np.testing.assert_allclose(back.wavelengths_nm, original.wavelengths_nm, rtol=3e-7)
-    assert back.total_flux() == pytest.approx(original.total_flux(), rel=1e-6)
-
-
 @pytest.mark.parametrize("target", ["tm25", "zemax_binary", "zemax_text", "csv"])
 def test_fluxes_become_absolute_where_the_rays_are_the_truth(target, tmp_path):
     """SPEOS energies are weights: 12 rays of weight 1, 3 W in the header, are 0.25 W each elsewhere."""
@@ -131,20 +117,6 @@ def test_fluxes_become_absolute_where_the_rays_are_the_truth(target, tmp_path):
     (tmp_path / "in").write_bytes(content)
     convert(tmp_path / "in", tmp_path / "out", target)
     np.testing.assert_allclose(read_rayfile(tmp_path / "out").flux, 0.25, rtol=1e-6)
-
-
-def test_what_a_format_cannot_hold_is_refused_not_guessed(tmp_path):
-    for name, rayfile in (
-        ("speos", rays()),
-        ("speos", rays(unit="lm", wavelengths="each")),
-        ("asap", rays(unit="lm")),
-        ("tm25", rays(unit="lm", wavelengths="each")),
-        ("zemax_binary", rays(unit="lm", wavelengths="each")),
-        ("zemax_text", rays(unit="lm", wavelengths="each")),
-    ):
-        with pytest.raises(InputError, match="convert to"):
-            write_rayfile(tmp_path / "out", rayfile, name)
-        assert not (tmp_path / "out").exists()
 
 
 def test_the_suffix_chooses_a_format_for_writing_only_where_it_is_clear(tmp_path):

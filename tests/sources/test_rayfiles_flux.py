@@ -69,7 +69,7 @@ def cannot_hold(name, unit):
 
 @pytest.mark.parametrize("target", list(FORMATS))
 @pytest.mark.parametrize("source", list(FORMATS))
-def test_totals_and_spectrum_survive_any_conversion_or_are_listed(source, target, tmp_path):
+def test_rays_totals_and_spectrum_survive_any_conversion_or_are_listed(source, target, tmp_path):
     """Every pair of formats, every kind of rays that the first can hold: a fact is in the new file, or in ``lost``."""
     held = 0
     for original in ORIGINALS.values():
@@ -81,7 +81,11 @@ def test_totals_and_spectrum_survive_any_conversion_or_are_listed(source, target
             continue
         report = convert(tmp_path / "in", tmp_path / "out", target)
         held += 1
-        after, facts = known(read_rayfile(tmp_path / "out")), known(before)
+        assert (report.from_format, report.to_format, report.rays) == (source, target, len(original))
+        converted = read_rayfile(tmp_path / "out")
+        np.testing.assert_allclose(converted.positions_mm, original.positions_mm, rtol=1e-7)
+        np.testing.assert_allclose(converted.directions, original.directions, rtol=1e-7)
+        after, facts = known(converted), known(before)
         listed = [words.split(" (")[0] for words in report.lost]
         for name, value in facts.items():
             survives = name in after and np.allclose(after[name], value, rtol=1e-5)
