@@ -51,13 +51,6 @@ def test_transparent_grey_is_dark(light, kind):
     ) if depth == 8 else None
 
 
-def test_white_on_transparent_is_its_shape_alone(light):
-    shape = np.zeros((9, 9, 4), dtype=np.uint8)
-    shape[..., :3] = 255
-    shape[3:6, 2:7, 3] = 255
-    np.testing.assert_array_equal(light(png(shape, "rgb_alpha")), shape[..., 3] / 255)
-
-
 @pytest.mark.parametrize("depth", [1, 2, 4, 8, 16])
 def test_the_one_transparent_grey_is_dark(light, depth):
     values = RNG.integers(0, 2**depth, (16, 16))
@@ -135,14 +128,6 @@ def test_opacity_of_tiff_once_multiplied_and_once_not(light, kind, order):
 def test_bmp(light):
     grey = numbers("uint8", 1)[..., 0]
     np.testing.assert_array_equal(light(bmp(grey)), grey / 255)
-
-
-def test_a_grey_that_is_stored_as_a_colour_is_the_same_to_the_bit(light):
-    for kind, depth in (("uint8", 8), ("uint16", 16)):
-        grey = numbers(kind, 1)
-        np.testing.assert_array_equal(
-            light(png(np.repeat(grey, 3, axis=2), "rgb", depth)), light(png(grey, "grey", depth))
-        )
 
 
 @pytest.mark.parametrize("orientation", range(1, 9))

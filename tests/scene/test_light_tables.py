@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 from lensforge.errors import InputError
+from lensforge.results.files import MIB
 from lensforge.scene import target_pattern
 from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver import ReceiverPose
 from lensforge.scene.receiver_shapes import Plane
 from lensforge.scene.target_pattern import read_table
-from lensforge.scene.target_shapes import photometric
-from lensforge.sources.intensity import TabulatedIntensity
 
 ROWS = np.array([[1.0, 0.5, 0.0], [2.5e1, 3.0, 4.0]])
 
@@ -47,20 +46,34 @@ def test_a_pattern_is_drawn_with_eight_sub_pixels_or_512_in_all_and_no_more_than
     assert target_pattern._subpixels(receiver) == times
 
 
-def test_a_table_of_intensities_is_bilinear_in_every_sector_and_dark_beyond_its_angles():
-    c_deg, gamma_deg = np.array([0.0, 90.0, 200.0, 360.0]), np.array([10.0, 30.0, 70.0])
-    values = np.array([[5.0, 4.0, 3.0], [1.0, 7.0, 2.0], [6.0, 0.0, 9.0], [5.0, 4.0, 3.0]])
-    azimuth, gamma = np.radians([45.0, 145.0, 280.0, 320.0, 0.0]), np.array([20.0, 50.0, 30.0, 60.0, 10.0])
-    by_hand = [
-        0.5 * (4.5 + 4.0),  # half-way between C 0 and C 90, each half-way to its second angle
-        0.5 * (4.5 + 4.5),
-        0.5 * (0.0 + 4.0),  # half-way between C 200 and C 360
-        0.25 * (0.25 * 0.0 + 0.75 * 9.0) + 0.75 * (0.25 * 4.0 + 0.75 * 3.0),
-        5.0,
-    ]
-    table = TabulatedIntensity(c_deg, gamma_deg, values)
-    np.testing.assert_allclose(photometric(table, gamma * np.cos(azimuth), gamma * np.sin(azimuth)), by_hand)
-    outside = np.array([9.9, 70.1])
-    np.testing.assert_array_equal(photometric(table, outside, np.zeros(2)), 0.0)
-    round_table = TabulatedIntensity(np.zeros(1), gamma_deg, values[:1])
-    np.testing.assert_allclose(photometric(round_table, np.zeros(2), np.array([-20.0, 50.0])), [4.5, 3.5])
+@pytest.mark.parametrize(("text", "shape"), [("0.25", (1, 1)), ("0,0.5,0.25", (1, 3)), ("0\n0.5", (2, 1))])
+def test_a_table_may_be_a_row_a_column_or_one_number(tmp_path, text, shape) -> None:
+    (tmp_path / "light.csv").write_text(text)
+    found = read_table(tmp_path / "light.csv")
+    assert found.shape == shape and 0.2 < found.max() < 0.6
+
+
+@pytest.mark.parametrize("values", [np.ones(3), np.ones((1, 2, 3)), np.zeros((0, 3))])
+def test_arrays_of_other_dimensions_and_none_are_refused(tmp_path, values) -> None:
+    np.savez(tmp_path / "light.npz", values)
+    with pytest.raises(InputError, match="must be a table of rows and columns"):
+        read_table(tmp_path / "light.npz")
+
+
+def test_what_is_no_table_is_refused_with_its_place_and_not_its_words(tmp_path) -> None:
+    (tmp_path / "light.csv").write_text("1," + 1000 * "x")
+    with pytest.raises(InputError, match=r"no table of numbers \(no number at row 0, column 2\.\);") as refusal:
+        read_table(tmp_path / "light.csv")
+    assert "xx" not in str(refusal.value)
+
+
+def test_tables_of_64_mib_are_read_and_archives_of_four_times_that(monkeypatch, tmp_path) -> None:
+    asked = []
+    monkeypatch.setattr(
+        target_pattern, "read_file", lambda path, missing, most_bytes: asked.append(most_bytes) or b"PK\x03\x04"
+    )
+    monkeypatch.setattr(
+        target_pattern, "arrays_in", lambda content, names, most: asked.append(most) or {"a": np.ones((2, 2))}
+    )
+    assert (read_table(tmp_path / "light.npz") == 1.0).all()
+    assert asked == [64 * MIB, 256 * MIB]

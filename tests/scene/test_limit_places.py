@@ -17,11 +17,11 @@ FAR = {"kind": "far_field", "name": "sky", "half_angle_deg": 50.0, "targets": [{
 
 
 def found(
-    *limits: dict, receivers: tuple = (WALL,), pixels: int = 12
+    *limits: dict, receivers: tuple = (WALL,), pixels: int = 12, lumens: float | None = 250.0
 ) -> tuple[tuple[LightLimit, ...], list[PosedReceiver]]:
     spec = small_spec(target=None, receivers=list(receivers)).replace(limits=limits)
     built = receivers_of(spec, pixels)
-    return light_limits(spec, built, 250.0, 2.0), list(built)
+    return light_limits(spec, built, lumens, 2.0), list(built)
 
 
 def reading(image: np.ndarray, x: float, y: float, size: tuple[float, float]) -> float:
@@ -114,6 +114,25 @@ def test_zones_and_glare_are_the_pixels_whose_centres_lie_in_them() -> None:
     pixels = np.flatnonzero((gamma >= 30.0) & (gamma <= 50.0))
     np.testing.assert_allclose(dazzle.readings.toarray(), 250.0 / both[1].pixel_measure * np.eye(144)[pixels])
     assert (dazzle.name, dazzle.receiver) == ("dazzle", 1)
+
+
+def test_points_of_the_far_field_read_the_intensity_there_in_candela() -> None:
+    """Of 3 + x/10 - y/20 W/sr, x and y in degrees."""
+    points = {"kind": "points", "at_deg": [[0, 0], [10, 0], [-12.3, 20]], "unit": "cd", "at_least": 1.0, "at_most": 1e9}
+    (least, most), (receiver,) = found(points, receivers=(FAR,), pixels=64)
+    x, y = receiver.target_coordinates(*np.meshgrid(receiver.grid.x(), receiver.grid.y()))
+    flux = (3.0 + 0.1 * x - 0.05 * y) * receiver.pixel_measure
+    for limit in (least, most):
+        np.testing.assert_allclose(limit.of(flux[None])[0], 250.0 * np.array([3.0, 4.0, 3.0 - 1.23 - 1.0]), rtol=1e-3)
+    assert (least.sense, most.sense, least.unit, least.quantity) == (">=", "<=", "cd", "light")
+    with pytest.raises(InputError, match=r"limits\.0.*lumens are not known; give source\.flux_lm"):
+        found(points, receivers=(FAR,), lumens=None)
+
+
+def test_a_zone_between_pixels_is_refused() -> None:
+    tiny = {"kind": "disc", "diameter_deg": 0.01, "centre_deg": [0.3, 0.3]}
+    with pytest.raises(InputError, match="no pixel of the receiver lies in it"):
+        found({"kind": "zone", "zone": tiny, "unit": "cd", "at_most": 1.0}, receivers=(FAR,))
 
 
 @pytest.mark.parametrize(

@@ -1,16 +1,19 @@
-"""Upper bounds of the light in a region: kept by every lens, and closed forms of both laws."""
+"""Upper bounds of the light in a region: closed forms of both laws, and a source whose étendue has three corners."""
+
+import math
 
 import numpy as np
 import pytest
 from known_refraction import normal_transmittance
 from scipy.optimize import minimize
 
-from lensforge.optics.fundamental_limits import transmittance_of
-from lensforge.optics.media import Media
+from lensforge.optics.coatings import least_reflectances, whole_span
+from lensforge.optics.fundamental_limits import best_transmittance
+from lensforge.optics.media import CoverGlass, Media
 from lensforge.scene.pixel_grid import PixelGrid, Window
-from lensforge.scene.possible_light import EtendueCurve, LargestShare, PossibleLight, SourceLight
+from lensforge.scene.possible_light import EtendueCurve, LargestShare, PossibleLight, SourceLight, _filled
 from lensforge.scene.receiver import PosedReceiver, ReceiverPose
-from lensforge.scene.receiver_shapes import Cylinder, FarField, Plane, chart_radius
+from lensforge.scene.receiver_shapes import Cylinder, Dome, FarField, Plane
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle
 
@@ -55,24 +58,6 @@ def test_a_small_far_target_holds_its_share_of_a_lambertian_source() -> None:
     assert "étendue" in str(found)
 
 
-def test_light_in_a_gel_takes_more_room_outside() -> None:
-    """The square of the index times the étendue is conserved: less light fits into the same part of a receiver."""
-    receiver, gel = plane(10.0, 8, 1000.0), Media(1.5, cavity_index=1.41)
-    lights = (SourceLight.of(SQUARE, each) for each in (Media(1.5), gel))
-    air, wet = (PossibleLight(light, receiver, 15.0).in_region(whole(receiver)) for light in lights)
-    lost = transmittance_of(gel) / transmittance_of(Media(1.5))
-    assert wet.by_etendue == pytest.approx(air.by_etendue * lost / 1.41**2, rel=1e-9)
-
-
-def test_only_the_chosen_pixels_count_and_none_hold_nothing() -> None:
-    receiver = plane(10.0, 8, 1000.0)
-    half = whole(receiver)
-    half[:, :4] = False
-    some = largest_share(half, receiver, 15.0, 1.5).by_etendue
-    assert some == pytest.approx(0.5 * largest_share(whole(receiver), receiver, 15.0, 1.5).by_etendue, rel=1e-3)
-    assert largest_share(~whole(receiver), receiver, 15.0, 1.5).value == 0.0
-
-
 def test_without_a_lens_the_bound_is_kept_by_straight_rays() -> None:
     """Index 1: light flies straight. What lands in the region never exceeds either bound, and comes near the second."""
     for side, distance in ((20.0, 30.0), (100.0, 30.0), (30.0, 300.0)):
@@ -103,45 +88,10 @@ def test_light_beside_the_origin_comes_from_where_it_leaves_the_lens() -> None:
     assert largest_share(pixels, plane(2.0, 4, 5.0), 3.0, straight_up(1.0)).by_refraction >= 1.0 / 16.0
 
 
-def test_étendue_into_the_far_field_and_onto_screens_around_the_lens() -> None:
-    """A Lambertian 2 mm square has 4 pi mm^2 sr; a ball of 3 mm sends 9 pi times the solid angle of a cone."""
-    upright = ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
-    gamma = 20.0
-    far = FarField(upright, PixelGrid.square(2.0 * chart_radius(gamma), 64))
-    x, y = np.meshgrid(far.grid.x(), far.grid.y())
-    cone = np.hypot(x, y) <= chart_radius(gamma)
-    share = 9.0 * np.pi * 2.0 * np.pi * (1.0 - np.cos(np.radians(gamma))) / (4.0 * np.pi)
-    share *= normal_transmittance(1.5) ** 2
-    assert largest_share(cone, far, 3.0, 1.5).by_etendue == pytest.approx(share, rel=0.01)
-    assert largest_share(cone, far, 1.0, 1.5).by_etendue == pytest.approx(share / 9.0, rel=0.01)
-    screen = Cylinder(upright, PixelGrid(30.0, 30.0, 32, 32), radius_mm=300.0)
-    assert largest_share(whole(screen), screen, 3.0, 1.5).by_etendue == pytest.approx(
-        normal_transmittance(1.5) ** 2 * 9.0 * 0.01 / 4.0, rel=0.01
-    )
-
-
-def test_irradiance_is_at_most_luminance_times_the_projected_solid_angle_of_the_lens() -> None:
-    """The brightness theorem at each point: L pi (r / D)^2 cos(angle), L = flux / (pi A)."""
-    receiver = Plane(ReceiverPose.facing((0.0, 1.0, 2.0), (0.0, 100.0, 200.0)), PixelGrid.square(80.0, 16))
-    found = possible(receiver, 3.0, 1.5).on_pixels / receiver.pixel_measure  # per W: 1/m^2
-    points = receiver.places(*np.meshgrid(receiver.grid.x(), receiver.grid.y()))
-    away = np.linalg.norm(points, axis=-1)
-    cosine = points @ receiver.pose.axes[2] / away
-    expected = 1.0 / (np.pi * 4.0) * np.pi * (3.0 / away) ** 2 * cosine * 1e6 * normal_transmittance(1.5) ** 2
-    assert np.abs(found / expected - 1.0).max() < 1e-3
-
-
 def test_a_point_source_is_bounded_by_refraction_alone() -> None:
     physics = possible(plane(1.0, 8, 1000.0), 15.0, SourceLight.of(SquareEmitter(0.0), Media(1.5)))
     assert physics.in_region(whole(physics.receiver)).by_etendue == pytest.approx(normal_transmittance(1.5) ** 2)
     assert physics.radius_for(whole(physics.receiver), 0.5) == 0.0 and not physics.light.curve.estimated
-
-
-def test_the_radius_that_suffices_is_the_one_that_lets_the_share_in() -> None:
-    receiver = plane(10.0, 8, 1000.0)
-    radius = possible(receiver, 15.0, 1.5).radius_for(whole(receiver), 0.3)
-    assert possible(receiver, radius, 1.5).in_region(whole(receiver)).by_etendue == pytest.approx(0.3, rel=1e-9)
-    assert possible(receiver, 15.0, 1.5).radius_for(whole(receiver), 0.99) == np.inf, "two faces transmit less"
 
 
 def test_the_least_nmse_is_that_of_the_nearest_pattern_within_the_bounds() -> None:
@@ -169,17 +119,6 @@ def test_the_least_nmse_is_that_of_the_nearest_pattern_within_the_bounds() -> No
     )
 
 
-def test_light_that_cannot_reach_the_target_lies_outside_of_it_in_the_nearest_pattern() -> None:
-    """A source straight up, a target far to its side, and an index that hardly turns: all light lies elsewhere."""
-    receiver = plane(600.0, 8, 100.0)
-    region = np.zeros((8, 8), dtype=bool)
-    region[4, 7] = True
-    physics = possible(receiver, 3.0, straight_up(1.05))
-    target = region.astype(float)
-    assert physics.in_region(region).value == 0.0
-    assert physics.least_nmse(target, region, 0.5) == pytest.approx(1.0 + 1.0 / 63.0, rel=0.05)
-
-
 @pytest.mark.parametrize("width_mm", [50.0, 400.0, 2500.0])
 def test_the_bound_of_a_window_is_that_of_a_receiver_of_its_size(width_mm: float) -> None:
     """Whether the window is narrower than the receiver, or wider and to both sides of what the light can reach."""
@@ -198,3 +137,203 @@ def test_the_bound_of_a_round_window_is_that_of_its_solid_angle() -> None:
     found = possible(receiver, 3.0, 1.5).in_window()
     expected = normal_transmittance(1.5) ** 2 * 9.0 * np.pi * np.sin(np.radians(4.0)) ** 2
     assert found.by_etendue == pytest.approx(expected, rel=3e-3)
+
+
+GRID = PixelGrid(60.0, 40.0, 6, 4)
+AHEAD = ReceiverPose.facing((0.0, 0.6, 0.8), (10.0, 30.0, 50.0))
+RECEIVERS = {
+    "plane": Plane(AHEAD, GRID),
+    "cylinder": Cylinder(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 5.0)), GRID, radius_mm=60.0),
+    "sphere": Dome(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 4.0, 5.0)), GRID, radius_mm=60.0),
+    "far field": FarField(ReceiverPose.facing((0.1, 0.0, 1.0), (0.0, 0.0, 0.0)), PixelGrid(1.2, 0.8, 6, 4)),
+}
+each_receiver = pytest.mark.parametrize("receiver", RECEIVERS.values(), ids=list(RECEIVERS))
+PIXELS = np.zeros((4, 6), dtype=bool)
+PIXELS[1:3, 2:5] = True
+
+
+def rays() -> RayBundle:
+    chance = np.random.default_rng(0)
+    directions = np.column_stack([chance.normal(size=(40, 2)) * 0.4, np.ones(40)])
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return RayBundle(np.zeros((40, 3)), directions, chance.uniform(0.5, 1.0, 40) / 30.0, chance.uniform(1.45, 1.55, 40))
+
+
+def light(media: Media) -> SourceLight:
+    return SourceLight(rays(), EtendueCurve(np.array([0.0, 2.0, 9.0]), np.array([0.1, 0.7, 1.0]), False), media)
+
+
+GLASS = CoverGlass(1.5, 1.5, 300.0)
+MEDIA = {"bare": Media(1.5), "glass": Media(1.5, cover_glass=GLASS)}
+
+
+def best(turn: float, index: float, media: Media) -> float:
+    least = least_reflectances(media, whole_span(rays().wavelengths_nm, media))
+    return float(best_transmittance(np.array([turn]), np.array([index]), 1.0, 1.0, least)[0])
+
+
+def solid_angles(receiver: PosedReceiver) -> np.ndarray:
+    """Of every pixel seen from the origin, by two triangles each (L'Huilier)."""
+    corners = receiver.corners()
+    units = corners / np.linalg.norm(corners, axis=-1, keepdims=True)
+    found = np.zeros(receiver.grid.shape)
+    for row, column in np.ndindex(found.shape):
+        a, b, c, d = (units[row + i, column + j] for i, j in ((0, 0), (0, 1), (1, 1), (1, 0)))
+        for one, other, third in ((a, b, c), (a, c, d)):
+            sides = [
+                2.0 * math.asin(0.5 * np.linalg.norm(p - q)) for p, q in ((one, other), (other, third), (third, one))
+            ]
+            half = sum(sides) / 2.0
+            product = math.prod(math.tan(0.5 * (half - side)) for side in (0.0, *sides))
+            found[row, column] += 4.0 * math.atan(math.sqrt(max(product, 0.0)))
+    return found
+
+
+@each_receiver
+@pytest.mark.parametrize("media", MEDIA.values(), ids=list(MEDIA))
+def test_the_bounds_of_a_region_are_those_of_its_solid_angle_and_of_the_cone_around_it(receiver, media) -> None:
+    physics = PossibleLight(light(media), receiver, 4.0)
+    ball = 4.0 + (1.5 if media.cover_glass else 0.0)
+    at_best = max(best(0.0, index, media) for index in rays().refractive_indices)
+    angles = solid_angles(receiver)
+
+    def share(angle: float) -> float:
+        return at_best * float(np.interp(math.pi * ball**2 * angle, [0.0, 2.0, 9.0], [0.1, 0.7, 1.0]))
+
+    np.testing.assert_allclose(physics.on_pixels, np.vectorize(share)(angles), rtol=1e-6)
+    found = physics.in_region(PIXELS)
+    assert found.by_etendue == pytest.approx(share(angles[PIXELS].sum()), rel=1e-6)
+    corners = receiver.corners()
+    units = corners / np.linalg.norm(corners, axis=-1, keepdims=True)
+    around = [
+        units[row + i, column + j] for row, column in np.argwhere(PIXELS) for i, j in ((0, 0), (0, 1), (1, 1), (1, 0))
+    ]
+    axis = np.mean(around, axis=0) / np.linalg.norm(np.mean(around, axis=0))
+    half = max(math.acos(min(1.0, float(each @ axis))) for each in around)
+    nearest = float(np.linalg.norm(corners, axis=-1).min())
+    if receiver.kind == "plane":
+        nearest = 0.6 * 30.0 + 0.8 * 50.0
+    parallax = 0.0 if receiver.kind == "far_field" else math.asin(ball / nearest)
+    bundle = rays()
+    passed = sum(
+        flux * best(math.acos(min(1.0, float(way @ axis))) - half - parallax, index, media)
+        for flux, way, index in zip(bundle.flux, bundle.directions, bundle.refractive_indices, strict=True)
+    )
+    assert found.by_refraction == pytest.approx(passed / bundle.flux.sum(), rel=1e-9)
+
+
+def test_a_receiver_within_the_ball_is_seen_in_every_direction() -> None:
+    near = Dome(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)), GRID, radius_mm=60.0)
+    inside, outside = (PossibleLight(light(Media(1.5)), near, radius) for radius in (61.0, 30.0))
+    assert inside._parallax_rad() == pytest.approx(0.5 * math.pi)
+    assert outside._parallax_rad() == pytest.approx(math.pi / 6.0, rel=1e-3)
+
+
+def test_no_pixel_holds_nothing_and_needs_no_lens() -> None:
+    physics = PossibleLight(light(Media(1.5)), RECEIVERS["plane"], 4.0)
+    none = np.zeros((4, 6), dtype=bool)
+    assert physics.in_region(none) == LargestShare(0.0, 0.0)
+    assert physics.radius_for(none, 0.1) == math.inf
+
+
+def test_the_radius_for_a_share_is_that_whose_etendue_holds_it() -> None:
+    physics = PossibleLight(light(Media(1.5)), RECEIVERS["plane"], 4.0)
+    transmittance = physics.light.transmittance
+    angle = float(solid_angles(RECEIVERS["plane"])[PIXELS].sum())
+    for share, etendue in ((0.1, 0.0), (0.4, 1.0), (0.7, 2.0), (0.85, 5.5), (1.0, 9.0)):
+        found = physics.radius_for(PIXELS, share * transmittance)
+        assert found == pytest.approx(math.sqrt(etendue / (math.pi * angle)), rel=1e-6)
+    assert physics.radius_for(PIXELS, transmittance * (1.0 + 5e-10)) == pytest.approx(
+        math.sqrt(9.0 / (math.pi * angle))
+    )
+    assert physics.radius_for(PIXELS, transmittance * (1.0 + 2e-9)) == math.inf
+
+
+@pytest.mark.parametrize(("by_etendue", "by_refraction", "law"), [
+    (0.3, 0.4, "étendue"), (0.4, 0.4, "étendue"), (0.4, 0.3, "the turn and loss of two refractions"),
+])  # fmt: skip
+def test_the_lower_bound_is_the_law(by_etendue: float, by_refraction: float, law: str) -> None:
+    share = LargestShare(by_etendue, by_refraction)
+    assert share.value == min(by_etendue, by_refraction) and share.law == law
+    assert str(share) == f"at most {100.0 * share.value:.3g} % (by {law})"
+
+
+def test_a_source_is_sampled_by_16384_rays_or_all_that_it_has() -> None:
+    source = SquareEmitter(1.0)
+    found = SourceLight.of(source, Media(1.5, cavity_index=1.4, outside_index=1.1))
+    np.testing.assert_array_equal(found.rays.directions, source.sample(2**14, 0).directions)
+    inside = EtendueCurve.of_source(source, found.rays, 0)
+    np.testing.assert_allclose(found.curve.etendue_mm2_sr, (1.4 / 1.1) ** 2 * inside.etendue_mm2_sr)
+    np.testing.assert_array_equal(found.curve.share, inside.share)
+
+    measured = SquareEmitter(1.0, ray_count=100)
+    assert len(SourceLight.of(measured, Media(1.5)).rays) == 100
+    assert len(SourceLight.of(measured, Media(1.5), 60).rays) == 60
+
+
+class Known(PossibleLight):
+    """Bounds of 24 pixels, and of a region, that are given."""
+
+    @property
+    def on_pixels(self) -> np.ndarray:
+        return np.where(PIXELS, 0.05, 0.03)
+
+    def in_region(self, pixels: np.ndarray) -> LargestShare:
+        return LargestShare(0.2, 0.9)
+
+
+def test_the_nearest_pattern_is_cut_at_the_bounds_inside_and_outside_of_the_target() -> None:
+    known = Known(light(Media(1.5)), RECEIVERS["plane"], 4.0)
+    target = np.where(PIXELS, 1.0, 0.0) + np.linspace(0.0, 0.05, 24).reshape(4, 6)
+    target /= target.sum()
+
+    def nearest(arriving: float) -> float:
+        caps, most = np.where(PIXELS, 0.05, 0.03) / arriving, 0.2 / arriving
+        if (target <= caps).all() and target[PIXELS].sum() <= most:
+            return 0.0
+        found = _filled(target, caps, 1.0)
+        if found[PIXELS].sum() > most:
+            found = np.zeros_like(target)
+            found[PIXELS] = _filled(target[PIXELS], caps[PIXELS], most)
+            found[~PIXELS] = _filled(target[~PIXELS], caps[~PIXELS], 1.0 - most)
+        return float(np.sum((found - target) ** 2) / np.sum(target**2))
+
+    values = [known.least_nmse(target, PIXELS, arriving) for arriving in (0.1, 0.22, 0.25, 0.3, 0.4)]
+    assert values == pytest.approx([nearest(arriving) for arriving in (0.1, 0.22, 0.25, 0.3, 0.4)], rel=1e-9)
+    assert values[0] == 0.0 and values == sorted(values) and values[-1] > values[-2] > 0.0
+    assert known.least_nmse(target, PIXELS, 0.0) == known.least_nmse(target, PIXELS, -0.1) == 0.0
+    share = 0.2 / float(target[PIXELS].sum())
+    assert known.least_nmse(target, PIXELS, 0.999 * share) == 0.0 < known.least_nmse(target, PIXELS, 1.001 * share)
+
+
+def on_simplex(target: np.ndarray, total: float) -> np.ndarray:
+    """Nearest non-negative numbers of that sum, by sorting (Held, Wolfe and Crowder 1974)."""
+    falling = np.sort(target)[::-1]
+    levels = (np.cumsum(falling) - total) / np.arange(1, len(target) + 1)
+    level = levels[np.flatnonzero(falling > levels)[-1]]
+    return np.maximum(target - level, 0.0)
+
+
+@pytest.mark.parametrize("total", [0.3, 1.0, 7.0])
+def test_without_caps_it_is_the_projection_on_a_simplex(total: float) -> None:
+    target = np.random.default_rng(2).uniform(0.0, 1.0, 9)
+    found = _filled(target, np.full(9, np.inf), total)
+    np.testing.assert_allclose(found, on_simplex(target, total), atol=1e-12)
+
+
+@pytest.mark.parametrize("total", [0.2, 1.0, 2.5])
+def test_under_caps_one_level_is_added_to_all_that_are_neither_dark_nor_full(total: float) -> None:
+    chance = np.random.default_rng(3)
+    target, caps = chance.uniform(0.0, 0.5, 12), chance.uniform(0.1, 0.6, 12)
+    found = _filled(target, caps, total)
+    assert found.sum() == pytest.approx(total, abs=1e-12)
+    between = (found > 1e-12) & (found < caps - 1e-12)
+    assert np.ptp((found - target)[between]) < 1e-12
+    level = (found - target)[between][0]
+    np.testing.assert_allclose(found, np.clip(target + level, 0.0, caps), atol=1e-12)
+
+
+def test_caps_that_hold_less_are_filled() -> None:
+    caps = np.array([0.1, 0.2, 0.3])
+    np.testing.assert_allclose(_filled(np.array([0.5, 0.0, 0.1]), caps, 1.0), caps, atol=1e-12)
+    assert _filled(np.zeros(0), np.zeros(0), 1.0).size == 0

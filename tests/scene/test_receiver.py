@@ -1,16 +1,13 @@
 import numpy as np
 import pytest
-import torch
 from PIL import Image
 
 from lensforge.errors import InputError
-from lensforge.scene.pixel_grid import PixelGrid, Window, bin_flux, flux_in, gaussian3, splat_flux
+from lensforge.scene.pixel_grid import PixelGrid, Window, bin_flux, flux_in, splat_flux
 from lensforge.scene.receiver import ReceiverPose
 from lensforge.scene.receiver_shapes import Plane
 from lensforge.scene.target_pattern import target_light
-from lensforge.search.merit_terms import nmse_loss, uniformity_loss
-from lensforge.search.symmetry import mirror_mean
-from lensforge.spec import CrossTarget, FlatTopTarget, ImageTarget, TextTarget
+from lensforge.spec import ImageTarget, TextTarget
 
 GRID = PixelGrid.square(300.0, 32)
 WIDE = PixelGrid(400.0, 150.0, 48, 10)  # pixels of 8.33 x 15 mm
@@ -53,17 +50,6 @@ def test_bins_agree_with_numpy(grid: PixelGrid) -> None:
     assert 0.0 < expected.sum() < flux.sum()
 
 
-def test_bins_of_a_rectangle_keep_flux_and_its_centroid() -> None:
-    """Hits spread evenly over every pixel have their centroid in its centre."""
-    fine = WIDE.finer(5)
-    hits = np.stack(np.meshgrid(fine.x(), fine.y()), axis=-1).reshape(-1, 2)
-    level = np.kron(np.random.default_rng(1).random(WIDE.shape), np.ones((5, 5))).ravel()
-    image = bin_flux(hits, level, WIDE)
-    assert image.sum() == pytest.approx(level.sum(), rel=1e-13)
-    assert image.sum(0) @ WIDE.x() == pytest.approx((level * hits[:, 0]).sum(), rel=1e-9)
-    assert image.sum(1) @ WIDE.y() == pytest.approx((level * hits[:, 1]).sum(), rel=1e-9)
-
-
 @pytest.mark.parametrize(
     ("size", "pixels", "shape"),
     [
@@ -89,63 +75,12 @@ def test_a_finer_grid_divides_every_pixel() -> None:
     assert np.allclose(fine.y().reshape(-1, 3).mean(axis=1), WIDE.y())
 
 
-def test_windows_are_rectangles_and_circles() -> None:
-    hits = np.array([[0.0, 0.0], [30.0, 0.0], [0.0, 30.0], [-30.0, 20.0], [40.0, -40.0]])
-    assert Window().contains(hits).all()
-    assert Window(60.0, 40.0).contains(hits).tolist() == [True, True, False, True, False]  # its border belongs to it
-    assert Window(radius=36.0).contains(hits).tolist() == [True, True, True, False, False]
-    assert Window(60.0, 40.0, 36.0).contains(hits).tolist() == [True, True, False, False, False]
-    assert flux_in(hits, np.arange(5.0), Window(60.0, 40.0)) == 0.0 + 1.0 + 3.0
-
-
 def test_pixels_of_a_window_are_those_whose_centres_lie_in_it() -> None:
     x, y = np.meshgrid(WIDE.x(), WIDE.y())
     assert np.array_equal(Window(100.0, 60.0).pixels(WIDE), (np.abs(x) <= 50.0) & (np.abs(y) <= 30.0))
     circle = Window(radius=70.0).pixels(WIDE)
     assert np.array_equal(circle, np.hypot(x, y) <= 70.0)
     assert circle.sum() * np.prod(WIDE.pixel) == pytest.approx(np.pi * 70.0**2, rel=0.03)
-
-
-def test_filter_is_the_paper_s_three_by_three_gaussian() -> None:
-    point = np.zeros((9, 9))
-    point[4, 4] = 1.0
-    kernel = np.exp(-0.5 * np.add.outer(np.arange(-1, 2) ** 2, np.arange(-1, 2) ** 2))
-    assert np.allclose(gaussian3(point, 1.0)[3:6, 3:6], kernel / kernel.sum(), atol=1e-15)
-    assert np.allclose(gaussian3(np.ones((5, 5)), 1.0), 1.0)
-    assert gaussian3(point, 0.0) is point
-
-
-def test_losses_at_known_images() -> None:
-    wanted = torch.ones(4, 4, dtype=torch.float64)
-    assert nmse_loss(wanted * 1.5, wanted).item() == pytest.approx(0.25)
-    half = torch.ones(4, 4, dtype=torch.float64)
-    half[:, 2:] = 3.0
-    assert uniformity_loss(half, torch.ones(4, 4, dtype=torch.bool)).item() == pytest.approx(0.25)
-
-
-@pytest.mark.parametrize("name", ["none", "mirror_x", "mirror_y", "rectangle", "square"])
-def test_mirror_mean_is_a_projection_that_keeps_flux(name: str) -> None:
-    image = torch.from_numpy(np.random.default_rng(0).random((8, 8)))
-    once = mirror_mean(image, name)
-    assert torch.allclose(mirror_mean(once, name), once, atol=1e-15)
-    assert once.sum().item() == pytest.approx(image.sum().item())
-
-
-def test_flat_top_is_the_mean_of_the_super_gaussian_over_each_pixel() -> None:
-    target = FlatTopTarget(kind="flat_top", half_width_mm=100.0, exponent=18.0, **PLACE)
-    image = _light(target)
-    fine = np.linspace(-150, 150, 32 * 400 + 1)
-    fine = 0.5 * (fine[1:] + fine[:-1])
-    profile = np.exp(-(np.abs(fine / 100.0) ** 18)).reshape(32, 400).mean(axis=1)
-    expected = np.outer(profile, profile)
-    assert np.allclose(image, expected / expected.sum(), rtol=0, atol=2e-3 * image.max())
-
-
-def test_cross_has_the_area_of_a_cross_and_eight_mirror_images() -> None:
-    target = CrossTarget(kind="cross", length_mm=150.0, stroke_mm=37.5, edge_mm=4.0, **PLACE)
-    image = _light(target)
-    assert 1.0 / image.max() * GRID.pixel[0] ** 2 == pytest.approx(2 * 150 * 37.5 - 37.5**2, rel=1e-3)
-    assert np.allclose(mirror_mean(torch.from_numpy(image), "square").numpy(), image, atol=1e-15)
 
 
 def test_text_stands_upright_and_has_its_width() -> None:

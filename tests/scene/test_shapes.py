@@ -79,32 +79,6 @@ def test_soft_edges_keep_the_flux_and_add_their_variance(
     assert moments(light, receiver) == pytest.approx((0.0, 0.0, xx + 36.0, yy + 36.0), rel=1e-2, abs=0.2)
 
 
-def test_a_turned_polygon_is_its_turned_corners() -> None:
-    angle = np.radians(25.0)
-    corners = np.array([[-50.0, -10.0], [30.0, -30.0], [10.0, 40.0]])
-    turned = corners @ np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
-    one, _ = wanted({"kind": "polygon", "corners_mm": corners.tolist(), "rotation_deg": 25.0})
-    other, _ = wanted({"kind": "polygon", "corners_mm": turned.tolist()})
-    assert np.abs(one - other).max() < 2e-3 * one.max()
-
-
-def test_several_targets_add_up_by_their_levels() -> None:
-    left = {"kind": "disc", "diameter_mm": 50.0, "centre_mm": [-60.0, 0.0]}
-    right = {"kind": "rectangle", "width_mm": 50.0, "height_mm": 50.0, "centre_mm": [60.0, 0.0]}
-    both, receiver = wanted({**left, "level": 3.0}, right)
-    middle = receiver.grid.columns // 2
-    ratio = both[:, :middle].sum() / both[:, middle:].sum()
-    assert ratio == pytest.approx(3.0 * np.pi / 4.0, rel=5e-3)
-    assert both[:, :middle].max() / both[:, middle:].max() == pytest.approx(3.0, rel=1e-9)
-
-
-def test_a_flat_top_has_widths_of_its_own() -> None:
-    light, receiver = wanted({"kind": "flat_top", "half_width_mm": [90.0, 40.0], "exponent": 18.0})
-    x, y = receiver.grid.x(), receiver.grid.y()
-    assert np.abs(x[light[len(y) // 2] > 0.5 * light.max()]).max() == pytest.approx(90.0, abs=3.0)
-    assert np.abs(y[light[:, len(x) // 2] > 0.5 * light.max()]).max() == pytest.approx(40.0, abs=3.0)
-
-
 def test_tables_are_read_row_by_row_from_the_top(tmp_path: Path) -> None:
     values = np.array([[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]])
     np.savez(tmp_path / "light.npz", values=values)
@@ -130,29 +104,6 @@ def along(light: np.ndarray, receiver: Receiver) -> tuple[np.ndarray, np.ndarray
     along_x = receiver.target_coordinates(grid.x(), zero)[0], 0.5 * (light[middle - 1] + light[middle])
     along_y = receiver.target_coordinates(zero, grid.y())[1], 0.5 * (light[:, middle - 1] + light[:, middle])
     return along_x[0], along_x[1] / light.max(), along_y[0], along_y[1] / light.max()
-
-
-@pytest.mark.parametrize("profile", ["gaussian", "cosine", "flat"])
-def test_beams_have_their_widths_at_half_maximum(profile: str) -> None:
-    x, on_x, y, on_y = along(*wanted({"kind": "beam", "fwhm_deg": [60.0, 25.0], "profile": profile}, **FAR))
-    assert 2.0 * np.abs(x[on_x > 0.5]).max() == pytest.approx(60.0, abs=1.5)
-    assert 2.0 * np.abs(y[on_y > 0.5]).max() == pytest.approx(25.0, abs=1.5)
-
-
-def test_a_round_cosine_beam_is_a_power_of_the_cosine() -> None:
-    x, on_x, _, _ = along(*wanted({"kind": "beam", "fwhm_deg": 60.0, "profile": "cosine"}, **FAR))
-    power = np.log(0.5) / np.log(np.cos(np.radians(30.0)))
-    assert np.allclose(on_x, np.cos(np.radians(x)) ** power, atol=2e-3)
-
-
-def test_a_batwing_lights_a_plane_evenly() -> None:
-    x, on_x, _, _ = along(*wanted({"kind": "batwing", "to_deg": 60.0, "edge_deg": 3.0}, **FAR))
-    gamma, inside = np.abs(x), np.abs(x) < 45.0
-    even = on_x * np.cos(np.radians(x)) ** 3
-    assert np.ptp(even[inside]) < 1e-3 * even[inside].mean()
-    edge = np.interp(60.0, gamma[x > 0.0], on_x[x > 0.0])
-    assert edge == pytest.approx(0.5 * 8.0 * even[inside].mean(), rel=0.02)
-    assert on_x[gamma > 72.0].max() < 1e-3
 
 
 def test_a_photometric_file_is_wanted_as_it_stands(tmp_path: Path) -> None:
@@ -181,25 +132,6 @@ def test_shapes_in_the_far_field_are_angles() -> None:
     disc, receiver = wanted({"kind": "disc", "diameter_deg": 60.0}, **FAR)
     solid_angle = receiver.pixel_measure / disc.max()
     assert solid_angle == pytest.approx(2.0 * np.pi * (1.0 - np.cos(np.radians(30.0))), rel=3e-3)
-
-
-def test_a_region_of_uniform_light_lies_about_its_target() -> None:
-    target = {"kind": "disc", "diameter_mm": 20.0, "centre_mm": [50.0, -20.0], "uniform_mm": [60.0, 30.0]}
-    for degrees, width, height in ((0.0, 60.0, 30.0), (90.0, 30.0, 60.0)):
-        spec = small_spec(
-            target=None,
-            receivers=[
-                {
-                    "kind": "plane", "centre_mm": [0.0, 0.0, 150.0], "width_mm": 300.0, "height_mm": 200.0,
-                    "targets": [{**target, "rotation_deg": degrees}],
-                }
-            ],
-        )  # fmt: skip
-        receiver = receivers_of(spec, 300)[0]
-        region = uniform_region(spec.all_receivers[0].targets, receiver)
-        assert region is not None and region.sum() == pytest.approx(width * height, rel=0.05)
-        mx, my, _, _ = moments(region.astype(float), receiver)
-        assert (mx, my) == pytest.approx((50.0, -20.0), abs=0.6)
 
 
 @pytest.mark.parametrize(("wider", "columns", "rows"), [(0.0, 12, 6), (1.0, 12, 8), (3.0, 14, 10)])

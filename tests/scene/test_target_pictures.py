@@ -1,15 +1,13 @@
 """Irradiance of targets from pictures, text and arrays, against the numbers that were put into them."""
 
-import os
 import unicodedata
 
 import numpy as np
 import pytest
 from handmade_pictures import png, tiff
-from scipy.ndimage import gaussian_filter
 
 from lensforge.errors import InputError
-from lensforge.scene import target_pattern
+from lensforge.optics.image_reading import read_light
 from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver import ReceiverPose
 from lensforge.scene.receiver_shapes import Plane
@@ -35,28 +33,24 @@ def expected(light):
     ("content", "light"),
     [
         (png(GREY16, "grey", 16), GREY16 / 65535),  # was clipped to white above 255
-        (tiff(GREY16), GREY16 / 65535),
-        (tiff(GREY16, ">", deflated=True), GREY16 / 65535),
         (tiff((GREY16 / 65535).astype(np.float32)), (GREY16 / 65535).astype(np.float32).astype(float)),  # was black
-        (png(np.dstack([GREY16] * 3), "rgb", 16), GREY16 / 65535),
         (png(np.dstack([np.full_like(GREY16, 65535), GREY16]), "grey_alpha", 16), GREY16 / 65535),  # was a full square
     ],
-    ids=["png16", "tiff16", "tiff16 deflated", "float", "rgb16", "white on transparent"],
+    ids=["png16", "float", "white on transparent"],
 )
 def test_every_bit_of_a_picture_is_irradiance(tmp_path, content, light):
     np.testing.assert_allclose(irradiance(tmp_path, content), expected(light), rtol=1e-12)
 
 
-def test_luminance_of_colours_as_stored_and_as_a_screen_shows_them(tmp_path):
-    colours = RNG.integers(0, 256, (32, 32, 3))
-    v = colours / 255
-    linear = np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
-    stored = irradiance(tmp_path, png(colours, "rgb"))
-    np.testing.assert_allclose(stored, expected(v @ [0.299, 0.587, 0.114]), rtol=1e-4)
-    shown = irradiance(tmp_path, png(colours, "rgb"), luminance="srgb")
-    np.testing.assert_allclose(shown, expected(linear @ [0.2126, 0.7152, 0.0722]), rtol=1e-12)
+def test_luminance_of_colours_is_that_of_the_field(tmp_path):
+    """How each is decoded: tests/optics/test_reading.py."""
+    colours = png(RNG.integers(0, 256, (32, 32, 3)), "rgb")
+    (tmp_path / "colours").write_bytes(colours)
+    for luminance in ("as_stored", "srgb"):
+        light = read_light(tmp_path / "colours", luminance, missing="")
+        np.testing.assert_allclose(irradiance(tmp_path, colours, luminance=luminance), expected(light), rtol=1e-12)
     with pytest.raises(InputError, match=r"luminance = 'linear': .*'as_stored' or 'srgb'"):
-        irradiance(tmp_path, png(colours, "rgb"), luminance="linear")
+        irradiance(tmp_path, colours, luminance="linear")
 
 
 def test_another_picture_of_the_same_name_is_another_target(tmp_path):
@@ -68,16 +62,6 @@ def test_a_pattern_that_is_kept_cannot_be_changed(tmp_path):
     first = irradiance(tmp_path, png(GREY16, "grey", 16))
     first[:] = 0.0
     assert irradiance(tmp_path, png(GREY16, "grey", 16)).sum() == pytest.approx(1.0)
-
-
-@pytest.mark.parametrize(("size", "k", "edge"), [(512, 8, 3.3), (512, 8, 300.0), (96, 1, 5.0), (64, 64, 9.0)])
-def test_many_pixels_are_softened_as_few(monkeypatch, size, k, edge):
-    image = RNG.random((size, size))
-    image[: size // 5], image[:, -size // 3 :] = 0.0, 0.0  # dark around the pattern
-    means = gaussian_filter(image, edge, mode="constant").reshape(size // k, k, size // k, k).mean(axis=(1, 3))
-    np.testing.assert_array_equal(target_pattern._softened(image, (edge, edge), k)[0], means)
-    monkeypatch.setattr(target_pattern, "_MOST_FILTERED", 0)
-    np.testing.assert_allclose(target_pattern._softened(image, (edge, edge), k)[0], means, rtol=1e-13, atol=1e-15)
 
 
 @pytest.mark.parametrize("scale", [1e30, 1e-25])
@@ -130,14 +114,3 @@ def test_letters_with_marks_and_from_right_to_left(monkeypatch):
     for text in ("e\u0301", "שלום", "سلام"):
         with pytest.raises(InputError, match="needs the FriBiDi library"):
             drawn_text(text)
-
-
-def test_special_files_are_refused(tmp_path):
-    os.mkfifo(tmp_path / "pipe")
-    for path, message in (
-        (tmp_path / "pipe", "a pipe"),
-        (tmp_path, "a folder"),
-        ("/dev/zero", "a device"),
-    ):
-        with pytest.raises(InputError, match=f"{message}.*; correct target.file"):
-            target_light((ImageTarget(file=path, width_mm=80.0, **PLACE),), PLANE)

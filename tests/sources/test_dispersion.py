@@ -109,40 +109,12 @@ def test_blue_and_yellow_files_each_keep_their_own_light(tmp_path):
     assert sample(source, None).refractive_indices is None
 
 
-@pytest.mark.parametrize("count", [1, 10, 997])
-def test_drawn_wavelengths_have_the_spectrum_s_distribution(count):
-    """Closed form: the power up to a wavelength of a piecewise linear density, one ray in each equal share of it."""
-    spectrum = Spectrum(np.array(TABLE["wavelength_nm"]), np.array(TABLE["weight"]))
-    drawn = np.sort(spectrum.draw(count, 4))
-    rising, falling = np.minimum(drawn, 450.0) - 440.0, np.maximum(drawn, 450.0) - 450.0
-    power = (rising**2 / 10.0 + 2.0 * falling - falling**2 / 60.0) / 55.0
-    assert (np.floor(power * count + 1e-9) == np.arange(count)).all()
-    assert not np.array_equal(spectrum.draw(count, 5), spectrum.draw(count, 4))
-
-
 def test_colours_tell_nothing_of_place_and_direction():
     bundle = sample({"kind": "rectangle", "width_mm": 2.0, "height_mm": 1.0, "spectrum": TABLE}, count=2**14)
     index = bundle.refractive_indices - bundle.refractive_indices.mean()
     others = np.column_stack([bundle.origins[:, :2], bundle.directions, bundle.directions[:, :2] ** 2])
     others = (others - others.mean(axis=0)) / others.std(axis=0)
     assert np.abs(index @ others / len(index) / index.std()).max() < 5.0 / np.sqrt(len(index))
-
-
-def test_a_spectrum_file_of_a_vendor_is_read(tmp_path):
-    (tmp_path / "led.txt").write_bytes(b"440.0\t0.0\r\n450.0\t2.0\r\n480.0\t1.0\r\n")
-    square = {"kind": "square", "side_mm": 1.0}
-    from_file = sample(square | {"spectrum": {"kind": "file", "file": str(tmp_path / "led.txt")}})
-    np.testing.assert_array_equal(from_file.refractive_indices, sample(square | {"spectrum": TABLE}).refractive_indices)
-    for content, message in (
-        (b"a b\n", "not two columns"),
-        (b"1 2 3\n", "3 columns"),
-        (b"450 1\n450 1\n", "longer than"),
-    ):
-        (tmp_path / "led.txt").write_bytes(content)
-        with pytest.raises(InputError, match=message):
-            sample(square | {"spectrum": {"kind": "file", "file": str(tmp_path / "led.txt")}})
-    with pytest.raises(InputError, match="no such file"):
-        sample(square | {"spectrum": {"kind": "file", "file": str(tmp_path / "none.txt")}})
 
 
 @pytest.mark.parametrize(

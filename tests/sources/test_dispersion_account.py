@@ -1,19 +1,29 @@
 """Light at which the index of the lens is not known: extrapolated, taken at the range's end, or refused; counted."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from extrapolation import difference_by_abbe_number, differences
 from rayfile_samples import rays
 from scenes import small_spec
+from scipy.integrate import quad
 
 from lensforge.errors import InputError
 from lensforge.optics.material import MATERIALS, by_abbe_number
 from lensforge.sources.build_source import build_source, summarise
-from lensforge.sources.dispersion import index_of_spectrum
+from lensforge.sources.dispersion import (
+    IndexAccount,
+    IndexRange,
+    dispersed,
+    in_material,
+    index_of_spectrum,
+    known_or,  # fmt: skip
+)
+from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.rayfiles import write_rayfile
-from lensforge.sources.source_spectrum import Spectrum
+from lensforge.sources.source_spectrum import Spectrum, WavelengthDraw, usable_wavelengths
 from lensforge.sources.source_summary import SourceSummary
 
 PMMA = MATERIALS["PMMA"]
@@ -49,20 +59,6 @@ def test_one_ray_in_400_outside_the_range_does_not_refuse_the_file(tmp_path):
     assert summary.files[0].clamped_index_share == summary.clamped_index_share
     assert words in summary.files[0].warnings
     assert SourceSummary.model_validate_json(summary.model_dump_json()) == summary
-
-
-def test_shares_are_those_of_the_flux_not_of_the_rays(tmp_path):
-    flux = np.ones(100)
-    flux[0] = 0.2
-    _, summary = emitter(saved(tmp_path, [300.0, *[500.0] * 99], flux))
-    assert summary.clamped_index_share == pytest.approx(0.2 / 99.2)
-    flux[0] = 2.0
-    with pytest.raises(InputError) as caught:
-        emitter(saved(tmp_path, [300.0, *[500.0] * 99], flux))
-    words = str(caught.value)
-    assert words.startswith(f"{tmp_path / 'led.tm25ray'}: wavelengths from 300 to 500 nm")
-    assert "known from 420 to 1620 nm, and extrapolated from 378 to 1782 nm" in words
-    assert "1.98 % of the flux is outside, at most 1 % may be" in words and "\n" not in words
 
 
 def test_the_share_is_that_of_all_files_by_their_power(tmp_path):
@@ -119,13 +115,6 @@ def test_an_analytic_source_with_a_tail_is_traced_and_warned_of():
         emitter({"kind": "square", "side_mm": 1.0, "spectrum": wide})
 
 
-def test_zeros_of_a_table_are_no_light():
-    """A data sheet's table often runs from 300 nm on with zeros: they take no part."""
-    spectrum = Spectrum(np.array([300.0, 430.0, 450.0, 470.0, 3000.0]), np.array([0.0, 0.0, 1.0, 0.0, 0.0]))
-    found = index_of_spectrum(spectrum, PMMA)
-    assert (found.wavelengths_nm, found.extrapolated_share, found.clamped_share) == ((430.0, 470.0), 0.0, 0.0)
-
-
 def test_the_stated_errors_are_those_of_the_benchmark():
     by_formula = [material for material in MATERIALS.values() if material.dispersion.name != "cauchy"]
     for material in by_formula:
@@ -142,3 +131,111 @@ def test_the_nearest_index_continues_the_trusted_one():
     assert (found[0], found[5]) == (found[1], found[4])
     with pytest.raises(InputError, match="known from 420 to 1620 nm, and extrapolated from 378 to 1782 nm"):
         PMMA.index(np.array([371.098]))
+
+
+WAVES = np.array([300.0, 378.0, 377.9, 419.9, 420.0, 500.0, 1620.0, 1620.1, 1782.0, 1782.1, np.nan, 0.5])
+FLUX = 2.0 ** -np.arange(12.0)
+
+
+def test_light_is_counted_by_what_is_known_at_its_wavelength_ends_included() -> None:
+    account = IndexAccount(PMMA)
+    for part in (slice(0, 5), slice(5, 12)):
+        account.add(FLUX[part], WAVES[part])
+    assert [*PMMA.range_nm, *PMMA.trusted_nm] == pytest.approx([420.0, 1620.0, 378.0, 1782.0])
+    assert account.flux == pytest.approx(FLUX.sum()) and account.coloured == pytest.approx(FLUX[:10].sum())
+    assert account.clamped == pytest.approx(FLUX[[0, 2, 9, 10, 11]].sum())
+    assert account.extrapolated == pytest.approx(FLUX[[1, 3, 7, 8]].sum())
+    assert (account.low_nm, account.high_nm) == (300.0, 1782.1)
+    assert account.mean_nm == pytest.approx(FLUX[:10] @ WAVES[:10] / FLUX[:10].sum())
+    assert known_or(555.0, WAVES).tolist() == [*WAVES[:10], 555.0, 555.0]
+    with pytest.raises(InputError, match="lamp: no ray has a usable wavelength"):
+        IndexAccount(PMMA).index_range("lamp")
+
+
+@pytest.mark.parametrize(("share", "refused"), [(0.01, False), (0.0101, True)])
+def test_one_per_cent_may_have_the_index_at_the_end_of_the_range(share: float, refused: bool) -> None:
+    flux, waves = np.array([share, 0.2, 0.8 - share]), np.array([1800.0, 400.0, 600.0])
+    rays = RayBundle(np.zeros((3, 3)), np.tile([0.0, 0.0, 1.0], (3, 1)), flux)
+    if refused:
+        with pytest.raises(InputError, match=r"1\.01 % of the flux is outside, at most 1 % may be"):
+            dispersed(rays, waves, PMMA, "lamp")
+        return
+    found, known = dispersed(rays, waves, PMMA, "lamp")
+    assert known.clamped_share == pytest.approx(0.01) and known.extrapolated_share == pytest.approx(0.2)
+    assert known.wavelengths_nm == (400.0, 1800.0)
+    indices = [PMMA.index_at(400.0), float(PMMA.nearest_index(np.array([1800.0]))[0])]
+    assert list(known.refractive_indices) == pytest.approx(indices)
+    assert found.refractive_indices.tolist() == pytest.approx([indices[1], indices[0], PMMA.index_at(600.0)])
+    assert found.wavelengths_nm.tolist() == waves.tolist() and found.flux.tolist() == flux.tolist()
+    assert (in_material(rays, waves, PMMA).absorption_per_mm is None) == (PMMA.absorption is None)
+
+
+@pytest.mark.parametrize(
+    ("extrapolated", "clamped", "words"), [(0.01, 0.0, []), (0.0101, 0.0, ["1.01 %"]), (0.5, 1e-9, ["50 %", "1e-07 %"])]
+)
+def test_more_than_one_per_cent_is_mentioned_and_any_light_beyond_what_is_known(extrapolated, clamped, words) -> None:
+    found = IndexRange((400.0, 600.0), (1.5, 1.49), extrapolated, clamped)
+    assert [each.split(" of the flux")[0] for each in found.warnings(PMMA)] == words
+    assert found.fields() == {
+        "wavelengths_nm": (400.0, 600.0),
+        "refractive_indices": (1.5, 1.49),
+        "extrapolated_index_share": extrapolated,
+        "clamped_index_share": clamped,
+    }
+
+
+@pytest.mark.parametrize(
+    ("waves", "density", "ends"),
+    [
+        ([390.0, 430.0, 500.0, 600.0, 700.0], [0.0, 0.0, 1.0, 0.0, 0.0], (430.0, 600.0)),
+        ([430.0, 500.0, 600.0], [1.0, 2.0, 1.0], (430.0, 600.0)),
+        ([400.0, 430.0, 500.0, 600.0], [0.0, 1.0, 2.0, 0.0], (400.0, 600.0)),
+        ([1500.0, 1600.0, 1640.0], [0.0, 1.0, 0.0], (1500.0, 1640.0)),
+    ],
+)
+def test_a_spectrum_ends_where_its_light_ends_and_is_counted_exactly(waves, density, ends) -> None:
+    found = index_of_spectrum(Spectrum(np.array(waves), np.array(density)), PMMA)
+    assert found.wavelengths_nm == ends and found.clamped_share == 0.0
+
+    def light(low: float, high: float) -> float:
+        edges = [low, *[wave for wave in waves if low < wave < high], high]
+        at = pairwise(edges)
+        return sum(quad(lambda wave: np.interp(wave, waves, density, 0.0, 0.0), *part)[0] for part in at)
+
+    outside = light(378.0, 420.0) + light(1620.0, 1782.0)
+    assert found.extrapolated_share == pytest.approx(outside / light(378.0, 1782.0), abs=1e-12)
+
+
+def test_wavelengths_are_drawn_one_from_each_share_part_by_part() -> None:
+    spectrum = Spectrum(np.array([400.0, 500.0, 700.0]), np.array([1.0, 3.0, 0.5]))
+    random = np.random.default_rng([7, 5])
+    order, numbers = random.permutation(10), [random.random(4), random.random(6)]
+    draw = WavelengthDraw.of(spectrum, 10, 7)
+    parts = [draw.take(4), draw.take(6)]
+    for part, shares, some in zip(parts, (order[:4], order[4:]), numbers, strict=True):
+        for wave, share in zip(part, (shares + some) / 10.0, strict=True):
+            power = quad(lambda x: np.interp(x, [400.0, 500.0, 700.0], [1.0, 3.0, 0.5]), 400.0, wave, points=[500.0])[0]
+            assert power / 550.0 == pytest.approx(share, abs=1e-9)
+            assert spectrum.share_up_to(float(wave)) == pytest.approx(share, abs=1e-12)
+    line = Spectrum(np.array([633.0]), np.ones(1))
+    assert line.at(np.array([0.0, 0.9])).tolist() == [633.0, 633.0]
+    assert (line.share_up_to(633.0), line.share_up_to(632.9)) == (1.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("waves", "density", "accepted"),
+    [
+        ([1.0, 9_999_999.0], [1.0, 1.0], True), ([0.999, 2.0], [1.0, 1.0], False), ([1.0, 1e7], [1.0, 1.0], False),
+        ([500.0, 500.0], [1.0, 1.0], False), ([500.0, 500.0 + 2e-6], [1.0, 1.0], True),
+        ([500.0, 500.0 + 5e-7], [1.0, 1.0], False), ([500.0, 400.0], [1.0, 1.0], False),
+        ([500.0, 600.0], [0.0, 0.0], False), ([500.0, 600.0], [0.0, 1.1e-30], True),
+        ([500.0, 600.0], [0.0, 1e-30], False), ([500.0, 600.0], [0.0, 1e30], False),
+        ([500.0, 600.0], [0.0, 0.99e30], True), ([500.0, 600.0], [-1e-9, 1.0], False),
+    ],
+)  # fmt: skip
+def test_a_spectrum_rises_and_has_finite_light(waves: list[float], density: list[float], accepted: bool) -> None:
+    if accepted:
+        assert usable_wavelengths(Spectrum(np.array(waves), np.array(density)).wavelengths_nm).all()
+    else:
+        with pytest.raises(InputError, match=r"^spectrum: "):
+            Spectrum(np.array(waves), np.array(density))

@@ -1,5 +1,7 @@
 """Directions of intensity profiles, traced back to the numbers that they were drawn by; emitters ray by ray."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -75,11 +77,22 @@ def test_a_half_plane_is_interpolated_at_any_angle(c_deg: float) -> None:
     np.testing.assert_allclose(TABLE.at(c_deg), plane(c_deg % 360.0), atol=1e-12)
 
 
-@pytest.mark.parametrize(("differs", "name"), [(0.5e-6, "square"), (2e-6, "mirror_y")])
-def test_half_planes_that_differ_by_a_millionth_of_the_peak_are_alike(differs: float, name: str) -> None:
-    values = np.tile([40.0, 20.0], (5, 1))
-    values[2, 1] += 40.0 * differs  # at C 180
-    assert TabulatedIntensity(np.linspace(0.0, 360.0, 5), np.array([0.0, 30.0]), values).symmetry == name
+@pytest.mark.parametrize(
+    ("planes", "name"),
+    [
+        ([1, 2, 3, 2, 1], "mirror_y"),
+        ([1, 2, 1, 4, 1], "mirror_x"),
+        ([1, 2, 1, 2, 1], "rectangle"),
+        ([1, 2, 3, 4, 1], "none"),
+        ([1, 1, 1 + 0.5e-6, 1, 1], "square"),  # a millionth of the peak is no difference
+        ([1, 1, 1 + 2e-6, 1, 1], "mirror_y"),
+        ([1], "square"),
+    ],
+)
+def test_symmetry_of_tables(planes: list[float], name: str) -> None:
+    values = np.outer(planes, [1.0, 0.5, 0.0])
+    c_deg = np.linspace(0.0, 360.0, 5)[: len(planes)]
+    assert TabulatedIntensity(c_deg, np.array([0.0, 30.0, 60.0]), values).symmetry == name
 
 
 @pytest.mark.parametrize("power", [0.0, 1.0, 3.0])
@@ -94,6 +107,26 @@ def test_a_power_of_the_cosine_maps_numbers_by_its_closed_form(power: float) -> 
     assert total == pytest.approx(1.0)
     assert profile.intensity(np.array([[0.6, 0.0, 0.8]]))[0] == pytest.approx((power + 1) / (2 * np.pi) * 0.8**power)
     assert profile.symmetry == "square"
+
+
+@pytest.mark.parametrize("planes", [1, 4])
+def test_the_intensity_of_a_table_is_bilinear_and_of_flux_1_over_all_directions(planes: int) -> None:
+    """By Gauss's quadrature within each cell, against the values of the two half-planes beside each direction."""
+    table = TabulatedIntensity(C_DEG if planes == 4 else C_DEG[:1], GAMMA_DEG, VALUES[:planes])
+    nodes, weights = np.polynomial.legendre.leggauss(20)
+    total = 0.0
+    for low, high in pairwise(np.deg2rad(GAMMA_DEG)):
+        for first, last in pairwise(C_DEG):
+            gamma, c = (0.5 * (a + b) + 0.5 * (b - a) * nodes for a, b in ((low, high), (first, last)))
+            turn, rise = np.meshgrid(np.deg2rad(c), gamma, indexing="ij")
+            ways = np.stack([np.sin(rise) * np.cos(turn), np.sin(rise) * np.sin(turn), np.cos(rise)], axis=-1)
+            found = table.intensity(ways.reshape(-1, 3)).reshape(20, 20)
+            for angle, row in zip(c, found, strict=True):
+                values = plane(angle) if planes == 4 else VALUES[0]
+                np.testing.assert_allclose(row * table.flux(), np.interp(gamma, np.deg2rad(GAMMA_DEG), values))
+            width = 0.25 * np.deg2rad(last - first) * (high - low)
+            total += width * float(weights @ found @ (weights * np.sin(gamma)))
+    assert total == pytest.approx(1.0, rel=1e-10)
 
 
 def test_directions_that_rounding_makes_longer_than_1_have_the_intensity_of_the_poles() -> None:

@@ -63,11 +63,24 @@ def test_points_on_one_line_have_their_bounding_box() -> None:
     assert convex_hull(slanted[:1]).tolist() == [[1.0, 5.0]] * 4
 
 
-@pytest.mark.parametrize(("moved_mm", "symmetry"), [(1e-10, "rectangle"), (1e-6, "mirror_y")])
-def test_chips_are_mirror_images_but_for_rounding(moved_mm: float, symmetry: str) -> None:
-    centres = np.array([[1.0, 0.0], [-1.0 + moved_mm, 0.0], [0.0, 2.0], [0.0, -2.0]])
-    chips = Rectangles(centres, np.tile([0.5, 1.0], (4, 1)), np.array([0.25, 0.25, 0.25, 0.25]))
-    assert chips.symmetry == symmetry
+@pytest.mark.parametrize(
+    ("centres", "sides", "shares", "symmetry"),
+    [
+        ([[0, 0]], [[2, 1]], [1.0], "rectangle"),
+        ([[0, 0]], [[1, 1]], [1.0], "square"),
+        ([[1, 0], [-1, 0]], [[1, 1]] * 2, [0.4, 0.6], "mirror_y"),
+        ([[0, 1], [0, -1]], [[1, 1]] * 2, [0.4, 0.6], "mirror_x"),
+        ([[1, 0], [-1, 0], [0, 1], [0, -1]], [[1, 2]] * 2 + [[2, 1]] * 2, [0.25] * 4, "square"),
+        ([[1, 0], [-1, 0], [0, 1], [0, -1]], [[1, 2]] * 4, [0.25] * 4, "rectangle"),
+        ([[0.1, 0.2]], [[1, 1]], [1.0], "none"),
+        ([[1, 0], [-1 + 1e-10, 0], [0, 2], [0, -2]], [[0.5, 1]] * 4, [0.25] * 4, "rectangle"),  # but for rounding
+        ([[1, 0], [-1 + 1e-6, 0], [0, 2], [0, -2]], [[0.5, 1]] * 4, [0.25] * 4, "mirror_y"),
+    ],
+)
+def test_symmetry_of_rectangles(
+    centres: list[list[float]], sides: list[list[float]], shares: list[float], symmetry: str
+) -> None:
+    assert Rectangles(np.array(centres, float), np.array(sides, float), np.array(shares)).symmetry == symmetry
 
 
 PIXELS = np.array([[0.0, 0.0, 0.0, 0.0], [0.0, 3.0, 1.0, 0.0], [0.0, 0.0, 4.0, 0.0]]) / 8.0
@@ -109,9 +122,11 @@ def test_the_corners_of_a_picture_are_those_of_its_lit_pixels() -> None:
         ([[3, 1, 3], [1, 5, 1], [3, 1, 3]], "square"),
         ([[3, 1, 3], [2, 5, 2], [3, 1, 3]], "rectangle"),
         ([[1, 2, 3], [2, 3, 4], [3, 4, 5]], "none"),
+        ([[1, 2, 1], [3, 4, 3]], "mirror_x"),
+        ([[1, 5], [1, 5]], "mirror_y"),
     ],
 )
-def test_symmetry_of_square_pictures(rows: list[list[int]], name: str) -> None:
+def test_symmetry_of_pictures(rows: list[list[int]], name: str) -> None:
     assert LuminanceImage(np.array(rows, dtype=np.float64), 1.0).symmetry == name
 
 

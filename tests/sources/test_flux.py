@@ -14,7 +14,7 @@ from lensforge.optics.photopic import LARGEST_LM_PER_W, efficacy_at, luminous_ef
 from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.radiance_emitter import RadianceTable
 from lensforge.sources.rayfiles import write_rayfile
-from lensforge.sources.source_flux import OwnFlux, joined_flux, settled_flux
+from lensforge.sources.source_flux import OwnFlux, SourceFlux, joined_flux, settled_flux, with_spectrum_compared
 from lensforge.spec.emitter_section import FluxSection
 
 GREEN = lf.LineSpectrum(wavelength_nm=555.0)  # 683.002 lm/W
@@ -68,14 +68,6 @@ def test_lumens_alone_are_exact_and_their_watts_the_least_possible():
     assert len(warnings) == 1 and ALONE in warnings[0]
     _, _, warnings = _square(flux_lm=600.0, rotate_z_deg=10.0, position_mm=(0.1, 0.0, 0.0))
     assert sum(ALONE in warning for warning in warnings) == 1
-
-
-def test_an_efficacy_that_is_not_that_of_the_spectrum_is_a_warning():
-    """Lumens per electric watt, which data sheets state too, are the usual cause."""
-    flux_w, lumens_per_watt, warnings = _square(flux_w=2.0, luminous_efficacy_lm_per_w=130.0, spectrum=BLUE)
-    assert (flux_w, lumens_per_watt) == (2.0, 130.0)
-    assert len(warnings) == 1 and "130 lm/W stated, its spectrum has 25.95 lm/W" in warnings[0]
-    assert _square(luminous_efficacy_lm_per_w=26.5, spectrum=BLUE)[2] == ()
 
 
 @pytest.mark.parametrize(
@@ -290,3 +282,54 @@ def test_a_ray_file_in_lumens_has_the_power_of_each_ray_by_its_wavelength(loaded
     summary = loaded(halves, "led.csv")
     assert summary.lumens_per_watt == pytest.approx(LEAST * 2.0 / (1.0 + 1.0 / 0.038), rel=1e-5)
     assert summary.flux_lm == pytest.approx(2.0, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("efficacy", "in_lumens", "shown"),
+    [(1.0, False, True), (0.999, False, False), (0.999, True, True), (None, True, False), (None, False, False)],
+)
+def test_lumens_are_shown_where_the_light_has_any_or_the_spec_speaks_of_them(efficacy, in_lumens, shown) -> None:
+    found = SourceFlux(2.0, efficacy, in_lumens)
+    assert found.lumens_per_watt == (efficacy if shown else None)
+    assert found.flux_lm == (None if efficacy is None else 2.0 * efficacy)
+
+
+@pytest.mark.parametrize(
+    ("lumens", "efficacy"),
+    [(1e-6, 1e-6), (0.99e-6, None), (683.002, 683.002), (683.002 * 1.00009, 683.002), (683.002 * 1.0002, None)],
+)
+def test_both_totals_of_a_file_have_a_ratio_that_light_can_have(lumens: float, efficacy: float | None) -> None:
+    found = settled_flux(FluxSection(), own=OwnFlux(1.0, lumens))
+    assert found.efficacy == (None if efficacy is None else pytest.approx(efficacy, rel=1e-12))
+    assert found.flux_w == 1.0 and found.in_lumens and len(found.warnings) == (efficacy is None)
+    if efficacy is None:
+        assert ("no light has more than 683" if lumens > 1.0 else "that is no visible light") in found.warnings[0]
+
+
+def test_lumens_of_light_that_is_next_to_invisible_are_refused() -> None:
+    assert settled_flux(FluxSection(flux_lm=2.0), spectral=1e-6).flux_w == pytest.approx(2e6)
+    with pytest.raises(InputError, match="flux of 2 lm, but its spectrum has no visible light"):
+        settled_flux(FluxSection(flux_lm=2.0), spectral=0.99e-6)
+    least = settled_flux(FluxSection(flux_lm=2.0))
+    assert (least.flux_w, least.in_lumens, least.least_power) == (2.0 / LEAST, True, True)
+
+
+@pytest.mark.parametrize(("stated", "warned"), [(104.99, False), (105.01, True), (95.01, False), (94.99, True)])
+def test_a_spectrum_within_five_per_cent_of_the_stated_efficacy_is_taken_for_it(stated: float, warned: bool) -> None:
+    spec = lf.SquareSource(side_mm=1.0, luminous_efficacy_lm_per_w=stated)
+    found = with_spectrum_compared(SourceFlux(1.0, warnings=("before",)), spec, 100.0)
+    assert (len(found.warnings), found.warnings[0]) == (2 if warned else 1, "before")
+    for spectral in (None, 0.0):
+        assert len(with_spectrum_compared(SourceFlux(1.0), spec, spectral).warnings) == 0
+
+
+def test_parts_are_joined_by_their_sums_and_their_warnings_are_told_once() -> None:
+    parts = [SourceFlux(1.0, 100.0, warnings=("a", "b")), SourceFlux(3.0, 300.0, True, warnings=("b",))]
+    found = joined_flux(FluxSection(), parts)
+    assert (found.flux_w, found.efficacy, found.in_lumens, found.warnings) == (4.0, 250.0, True, ("a", "b"))
+    found = joined_flux(FluxSection(), [parts[0], SourceFlux(3.0)])
+    assert (found.flux_w, found.efficacy, found.in_lumens) == (4.0, None, False)
+    assert (
+        joined_flux(FluxSection(), [parts[0]], 120.0).in_lumens
+        and joined_flux(FluxSection(flux_lm=5.0), parts).in_lumens
+    )

@@ -2,11 +2,11 @@
 
 import tracemalloc
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from rayfile_samples import with_spectrum_numbers, with_tables
+from scenes import small_spec
 
 from lensforge.errors import InputError
 from lensforge.light.exit_light import _distributed
@@ -17,8 +17,8 @@ from lensforge.proof.proof_inputs import independent_rays
 from lensforge.sources import ray_bundle
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.measured_rays import divided, smoothed
-from lensforge.sources.ray_bundle import ChosenRays, RayBundle, block_slices, total_of
-from lensforge.sources.ray_set import RaySetEmitter, outline_of
+from lensforge.sources.ray_bundle import RayBundle
+from lensforge.sources.ray_set import RaySetEmitter
 from lensforge.sources.ray_set_loading import load_ray_set
 from lensforge.sources.rayfiles import RayFile, ray_file_bytes, read_rayfile, stored_rays, write_rayfile
 from lensforge.spec.source_sections import RayfilePart, RayfileSource, RayfilesSource, RaySource
@@ -112,7 +112,7 @@ def light(emitter, spec):
             each for _, share, part in evaluated for each in [*arrays(part), np.array(share)]
         ]
     found["far field"] = [each for part in _distributed(emitter, 3000, 3) for each in arrays(part)]
-    found["verification"] = arrays(independent_rays(SimpleNamespace(source=spec), emitter, 1000, 9))
+    found["verification"] = arrays(independent_rays(small_spec(), emitter, 1000, 9))
     return found
 
 
@@ -160,58 +160,13 @@ def test_a_focus_at_the_origin_and_a_tilt_differ_by_rounding_alone(tmp_path, unr
     np.testing.assert_allclose(np.ptp(left.outline(), axis=0), np.ptp(loaded.outline(), axis=0), atol=1e-12)
 
 
-@pytest.mark.parametrize("count", [1, 7, 700, 701, 1400, 4999, 100_003])
-def test_sums_over_blocks_have_the_bits_of_one_sum(count, unread):
-    unread()
-    values = np.random.default_rng(count).random(count)
-    slices = list(block_slices(count))
-    assert [(each.start, each.stop) for each in slices] == list(
-        zip([0, *(each.stop for each in slices[:-1])], [each.stop for each in slices], strict=True)
-    )
-    assert slices[-1].stop == count and max(each.stop - each.start for each in slices) <= 700
-    assert total_of(count, [float(values[each].sum()) for each in slices]) == values.sum()
-
-
 def test_rays_are_chosen_by_flux_as_numpy_chooses_them(tmp_path, unread):
     unread()
     emitter = load_ray_set(RayfileSource(file=saved(tmp_path / "led.tm25ray", led())))
     everything = emitter.sample(len(emitter), 0)
     chosen = np.random.default_rng(4).choice(COUNT, 600, p=everything.flux / everything.flux.sum())
-    own = independent_rays(SimpleNamespace(source=None), emitter, 600, 4)
+    own = independent_rays(small_spec(), emitter, 600, 4)
     np.testing.assert_array_equal(own.origins, everything.origins[chosen])
-
-
-def test_figures_of_a_square_led_are_those_of_its_formulas(tmp_path, unread):
-    """Lambertian, 2 mm wide: focus in its middle, n effective rays; half of the first ray in 97 goes down."""
-    sample = SquareEmitter(2.0).sample(2**14, 1)
-    even = RayFile(sample.origins, sample.directions, np.full(2**14, 1.0 / 2**14), "W")
-    unread()
-    emitter = load_ray_set(RayfileSource(file=saved(tmp_path / "led.tm25ray", even)))
-    assert emitter.summary.effective_rays == pytest.approx(2**14, rel=1e-6)
-    np.testing.assert_allclose(emitter.summary.virtual_focus_mm, 0.0, atol=2e-3)
-    corners = emitter.outline()
-    # 95 % of a square lie within r of its middle: the octagon-like rest is cut off at the corners alone
-    assert np.ptp(corners[:, :2], axis=0) == pytest.approx([2.0, 2.0], abs=0.01)
-    away = np.linalg.norm(corners, axis=1).max()
-    inside = np.linalg.norm(np.random.default_rng(0).uniform(-1.0, 1.0, (2**18, 2)), axis=1) < away
-    assert inside.mean() == pytest.approx(0.95, abs=0.003)
-
-
-@pytest.mark.parametrize("case", ["most of the flux in one ray", "all backward", "parallel to the plane"])
-def test_the_outline_of_odd_light_is_that_of_the_loaded_rays(case, unread):
-    random = np.random.default_rng(2)
-    sample = SquareEmitter(2.0).sample(4096, 5)
-    flux = random.uniform(0.5, 1.5, 4096)
-    if case == "most of the flux in one ray":
-        flux[1234] = 1e7
-    directions = sample.directions * ([1.0, 1.0, -1.0] if case == "all backward" else [1.0, 1.0, 1.0])
-    if case == "parallel to the plane":
-        directions[:] = [1.0, 0.0, 0.0]
-    loaded = RayBundle(sample.origins, directions, flux)
-    expected = outline_of(loaded, None)
-    unread()
-    found = outline_of(ChosenRays(loaded, np.arange(4096)), None)
-    np.testing.assert_allclose(found[np.lexsort(found.T)], expected[np.lexsort(expected.T)], atol=1e-12)
 
 
 def refused(spec, material=None):
@@ -278,7 +233,7 @@ def test_the_memory_of_a_source_does_not_grow_with_its_file(tmp_path):
         smoothed(steps).sample(2**13, 1)
         for _ in bundles(emitter, 2**20, 16, 3):
             pass
-        independent_rays(SimpleNamespace(source=None), emitter, 2**14, 9)
+        independent_rays(small_spec(), emitter, 2**14, 9)
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()

@@ -5,7 +5,7 @@ import pytest
 
 from lensforge.sources import ray_bundle, ray_set
 from lensforge.sources.ray_bundle import ChosenRays, RayBundle
-from lensforge.sources.ray_set import _around, _crossings, _inner_radius, _limits, _Near, _reached, outline_of
+from lensforge.sources.ray_set import _around, _crossings, _inner_radius, _Near, _reached, outline_of
 from lensforge.sources.source_pose import SourcePose, rotation_about
 
 
@@ -119,56 +119,6 @@ def test_only_rays_near_the_limit_are_kept_and_the_flux_of_those_below_is_counte
     assert near.below == 2.25 and np.concatenate(near.values).tolist() == [3.0, 2.0, 2.5]
     assert np.concatenate(near.flux).tolist() == [3.0, 4.0, 0.5]
     assert (near.limit(6.25), near.limit(6.3), near.limit(7.0), near.limit(9.76)) == (2.0, 2.5, 3.0, None)
-
-
-@pytest.mark.parametrize(
-    ("share", "margin", "low", "high"),
-    [
-        (0.5, 0.2, 30.0, 70.0),
-        (0.95, 0.02, 93.0, 97.0),
-        (0.95, 0.2, 75.0, np.inf),
-        (0.5, 0.5, -np.inf, np.inf),
-        (0.5, 1.0, -np.inf, np.inf),
-    ],
-)
-def test_a_limit_is_looked_for_within_a_margin_of_the_flux(
-    share: float, margin: float, low: float, high: float
-) -> None:
-    """Of 100 values of equal flux the one up to which there are as many per cent."""
-    values = np.random.default_rng(0).permutation(np.arange(1.0, 101.0))
-    sample = np.column_stack([values, values]), np.ones(100)
-    found = _Near.to_limit(lambda points: points[:, 1], sample, share, margin)
-    assert abs(found.low - low) <= 1.0 or found.low == low
-    assert abs(found.high - high) <= 1.0 or found.high == high
-
-
-def test_limits_of_several_keys_are_found_at_once_in_blocks() -> None:
-    points, flux = np.random.default_rng(1).normal(size=(300, 2)), np.random.default_rng(2).uniform(0.5, 1.0, 300)
-    parts = [(points[start : start + 70], flux[start : start + 70]) for start in range(0, 300, 70)]
-    keys = [lambda some: some[:, 0], lambda some: some[:, 1]]
-    for share in (0.5, 0.95):
-        found = _limits(lambda: iter(parts), (points[::3], flux[::3]), keys, share)
-        assert found == [reached(list(points[:, axis]), list(flux), share * flux.sum()) for axis in (0, 1)]
-
-
-def test_the_first_margin_is_enough_for_even_light(monkeypatch) -> None:
-    """2 % of the flux on both sides of the limit; where a sample misleads, all rays are read again with more."""
-    passes = []
-    points, flux = np.random.default_rng(1).normal(size=(2000, 2)), np.ones(2000)
-
-    def blocks_() -> object:
-        passes.append(1)
-        return iter([(points, flux)])
-
-    _limits(blocks_, (points, flux), [lambda some: some[:, 0]], 0.5)
-    assert len(passes) == 1
-    near = _Near.to_limit(lambda some: some[:, 0], (points, flux), 0.5, ray_set._MARGINS[0])
-    near.add(points, flux)
-    assert sum(len(each) for each in near.values) == pytest.approx(80, abs=2)
-    elsewhere = (points + 3.0, flux)  # a sample that misleads
-    passes.clear()
-    expected = reached(list(points[:, 0]), [1.0] * 2000, 1000.0)
-    assert _limits(blocks_, elsewhere, [lambda some: some[:, 0]], 0.5) == [expected] and len(passes) == 3
 
 
 def test_the_disc_inside_a_polygon_touches_its_nearest_side() -> None:

@@ -8,23 +8,10 @@ from lensforge.errors import InputError
 from lensforge.sources.build_source import build_source
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric import PhotometricFile, ies, read_photometric, write_photometric
-from lensforge.sources.photometric.eulumdat import encode as encode_ldt
-from lensforge.sources.photometric.tm33 import document as encode_tm33
 from lensforge.spec.source_sections import DiscSource
 
 FILES = SHARED / "photometry"
 real = pytest.mark.skipif(not FILES.is_dir(), reason="../shared/rayfiles is not here")
-
-
-def _file(c=8, revolution=False, lumens=800.0):
-    random = np.random.default_rng(4)
-    gamma = np.linspace(0.0, 90.0, 19)
-    values = random.uniform(1.0, 300.0, (1 if revolution else c, len(gamma)))
-    angles = np.zeros(1) if revolution else np.linspace(0.0, 360.0, c + 1)
-    values = values if revolution else np.concatenate([values, values[:1]])
-    return PhotometricFile(
-        TabulatedIntensity(angles, gamma, values), lumens, title="a lens", diameter_mm=28.0, watts=2.0
-    )
 
 
 @real
@@ -44,22 +31,6 @@ def test_real_ies_files():
     half = read_photometric(FILES / "LLIA001477-002.ies").intensity
     assert half.symmetry == "mirror_y"
     assert (len(half.c_deg), half.values[0, 0], half.values[16, 0]) == (17, 27.55, 27.55)
-
-
-@pytest.mark.parametrize("suffix", [".ies", ".ldt", ".iesxml"])
-@pytest.mark.parametrize("revolution", [False, True])
-def test_what_is_written_is_read(suffix, revolution, tmp_path):
-    original = _file(revolution=revolution)
-    write_photometric(tmp_path / f"lens{suffix}", original)
-    back = read_photometric(tmp_path / f"lens{suffix}")
-    np.testing.assert_allclose(back.intensity.values, original.intensity.values, rtol=1e-6)
-    np.testing.assert_array_equal(back.intensity.c_deg, original.intensity.c_deg)
-    np.testing.assert_array_equal(back.intensity.gamma_deg, original.intensity.gamma_deg)
-    assert (back.lamp_lumens, back.title) == (800.0, "a lens")
-    assert back.intensity.flux() == pytest.approx(original.intensity.flux(), rel=1e-6)
-    if suffix != ".ies":
-        assert back.stated_lumens == pytest.approx(original.intensity.flux(), rel=1e-5)
-    assert (back.diameter_mm, back.watts) == (28.0, 2.0)
 
 
 def _ies(symmetric_to=90, tilt="NONE", kind=1, lumens=-1, multiplier=2, separator=" "):
@@ -121,31 +92,6 @@ def test_eulumdat_symmetries_fill_the_whole_turn(symmetry, planes, tmp_path):
     photometric = read_photometric(tmp_path / "file")
     np.testing.assert_allclose(photometric.intensity.values[:8, 1], [2.0 * (plane + 0.5) for plane in planes])
     assert (photometric.lamp_lumens, photometric.title, photometric.stated_lumens) == (2000.0, "a name", 2000.0)
-
-
-def test_damaged_files_end_in_light_or_in_one_line(tmp_path):
-    random = np.random.default_rng(3)
-    seeds = [encode(_file()).encode() for encode in (ies.encode, encode_ldt, encode_tm33)]
-    seeds += [path.read_bytes() for path in sorted(FILES.glob("*"))]
-    read, lines = 0, []
-    for case in range(400):
-        content = bytearray(seeds[case % len(seeds)])
-        for _ in range(random.integers(1, 4)):
-            reach = len(content) if random.random() < 0.5 else min(600, len(content))
-            at = int(random.integers(0, max(reach, 1)))
-            piece = [b"9", b"-", b"nan", b"\n", b"", b"1e300", b"x", b"\xff", b" "][random.integers(9)]
-            content[at : at + int(random.integers(0, 6))] = piece
-            if random.random() < 0.1:
-                del content[at:]
-        (tmp_path / "file").write_bytes(content)
-        try:
-            photometric = read_photometric(tmp_path / "file")
-            assert photometric.intensity.aim(np.full((2, 2), 0.3)).shape == (2, 3)
-            read += 1
-        except InputError as error:
-            lines.append(str(error))
-    assert 40 < read < 360
-    assert all(line.isprintable() and len(line) < 400 for line in lines)
 
 
 def test_c_90_of_a_file_is_minus_y_of_a_lens_that_shines_up(tmp_path):

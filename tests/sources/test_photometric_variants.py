@@ -77,23 +77,6 @@ def test_types_a_and_b_are_the_far_field_of_type_c(kind, tmp_path):
     assert table.gamma_deg[node] == pytest.approx(np.rad2deg(np.arccos(BEAM[2])), abs=2.5)
 
 
-@pytest.mark.parametrize(("kind", "code"), [("A", 3), ("B", 2)])
-def test_the_axes_of_types_a_and_b(kind, code, tmp_path):
-    """V goes towards C 0 and H, clockwise, towards C 270; away from both they differ as their polar axes do."""
-    angles = np.arange(-60.0, 61.0, 5.0)
-    for v, h, c, gamma in (
-        (40.0, 0.0, 0.0, 40.0),
-        (0.0, 40.0, 270.0, 40.0),
-        (40.0, 40.0, {"A": 322.5498, "B": 307.4502}[kind], 54.0679),
-    ):
-        cd = np.zeros((25, 25))
-        cd[np.searchsorted(angles, h), np.searchsorted(angles, v)] = 100.0
-        table = _read(tmp_path, _ies(angles, angles, cd, kind=code)).intensity
-        plane, node = np.unravel_index(table.values.argmax(), table.values.shape)
-        assert np.cos(np.deg2rad(table.c_deg[plane] - c)) > np.cos(np.deg2rad(1.5))
-        assert table.gamma_deg[node] == pytest.approx(gamma, abs=1.5)
-
-
 def test_half_a_type_b_file_is_mirrored(tmp_path):
     """H from 0: laterally symmetric, as LM-63 has it."""
     across = _intensity(_ways("B", SQUARE, SQUARE))

@@ -1,108 +1,116 @@
-"""Radiance tables: étendue and closed forms, the sources that a separable table must equal, and files that are none."""
+"""Radiance tables: étendue, symmetry and files; rays one by one, traced back to the numbers that they were drawn by."""
 
-from contextlib import suppress
+from pathlib import Path
 
 import numpy as np
 import pytest
 from radiance_samples import write_radiance
 
 from lensforge.errors import InputError
-from lensforge.sources.emitting_area import Rectangles, sobol
-from lensforge.sources.intensity import CosinePower, TabulatedIntensity
-from lensforge.sources.planar_emitter import PlanarEmitter
-from lensforge.sources.radiance_emitter import RadianceEmitter, RadianceTable, read_radiance
+from lensforge.sources.emitting_area import sobol
+from lensforge.sources.radiance_emitter import RadianceEmitter, RadianceTable, _problem, read_radiance
 
-AREA_M2 = 6e-6
-X, Y = np.array([-1.0, 0.5, 2.0]), np.array([0.0, 1.0, 2.0])  # 3 mm x 2 mm in four cells
+X_MM, Y_MM = np.array([-1.0, 0.5, 2.0, 3.0]), np.array([0.0, 0.5, 2.0])
+C_DEG, GAMMA_DEG = np.array([0.0, 90.0, 200.0, 360.0]), np.array([5.0, 20.0, 50.0, 85.0])
 
 
-def table(values, c_deg=(0.0,), gamma_deg=(0.0, 90.0), x=X, y=Y):
-    c, gamma = np.array(c_deg), np.array(gamma_deg)
-    shape = (len(y) - 1, len(x) - 1, len(c), len(gamma))
-    return RadianceTable(x, y, c, gamma, np.broadcast_to(np.asarray(values, dtype=np.float64), shape).copy())
+def made(planes: int = 4) -> RadianceTable:
+    """Random radiances, all cells but the first of the lower row lit; some nodes are dark."""
+    random = np.random.default_rng(7)
+    values = random.uniform(0.2, 1.0, (2, 3, planes, 4)) * (random.random((2, 3, planes, 4)) > 0.2)
+    values[0, 0] = 0.0
+    values[:, :, -1] = values[:, :, 0]
+    return RadianceTable(X_MM, Y_MM, C_DEG if planes == 4 else np.zeros(1), GAMMA_DEG, values)
 
 
-def moments(rays):
-    x, y, _ = rays.origins.T
-    kx, ky, kz = rays.directions.T
-    values = np.array(
-        [x, y, x * x, y * y, x * y, kx, ky, kz, kx * kx, ky * ky, kz * kz, x * kx, y * ky, x * ky, x * kz]
-    )
-    return values @ rays.flux / rays.flux.sum()
+def squares(gamma_deg: np.ndarray) -> np.ndarray:
+    return np.sin(np.deg2rad(gamma_deg)) ** 2
+
+
+def up_to(values: np.ndarray, end: float) -> float:
+    """Integral of values linear between the nodes in sin^2 gamma, up to ``end``; none beyond the last."""
+    nodes = squares(GAMMA_DEG)
+    end = min(end, nodes[-1])
+    inside = np.append(nodes[nodes < end], end)
+    return float(np.trapezoid(np.interp(inside, nodes, values), inside))
+
+
+def cell_of(edges: np.ndarray, place: float) -> int:
+    return min(int(np.searchsorted(edges, place, side="right")) - 1, len(edges) - 2)
+
+
+@pytest.mark.parametrize("planes", [1, 4])
+def test_each_ray_stands_where_the_shares_of_light_before_it_are_its_four_numbers(planes: int) -> None:
+    table = made(planes)
+    points = sobol(64, 4, 3)
+    origins, directions = RadianceEmitter(table, 1.0).emit(points)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0)
+    assert (origins[:, 2] == 0.0).all() and (directions[:, 2] > 0.0).all()
+    widths, heights = np.diff(X_MM), np.diff(Y_MM)
+    by_plane = np.array([[[up_to(plane, 1.0) for plane in cell] for cell in row] for row in table.radiance])
+    turns = np.deg2rad(table.c_deg)
+    around = 0.5 * (by_plane[..., 1:] + by_plane[..., :-1]) * np.diff(turns) if planes > 1 else 2.0 * np.pi * by_plane
+    fluxes = around.sum(axis=2) * heights[:, None] * widths
+    for (down, across, rise, turned), (x, y, _), (kx, ky, kz) in zip(points, origins, directions, strict=True):
+        row, column = cell_of(Y_MM, y), cell_of(X_MM, x)
+        rows = fluxes.sum(axis=1)
+        in_row = (y - Y_MM[row]) / heights[row]
+        assert (rows[:row].sum() + in_row * rows[row]) / rows.sum() == pytest.approx(down, abs=1e-9)
+        cells, part = fluxes[row], (x - X_MM[column]) / widths[column]
+        assert (cells[:column].sum() + part * cells[column]) / cells.sum() == pytest.approx(across, abs=1e-9)
+        turn = np.arctan2(ky, kx) % (2.0 * np.pi)
+        if planes == 1:
+            assert turn / (2.0 * np.pi) == pytest.approx(turned, abs=1e-9)
+            radiance = table.radiance[row, column, 0]
+        else:
+            low = cell_of(turns, turn)
+            share, sectors = (turn - turns[low]) / (turns[low + 1] - turns[low]), around[row, column]
+            first, second = by_plane[row, column, low : low + 2]
+            passed = (turns[low + 1] - turns[low]) * (first * share + 0.5 * (second - first) * share**2)
+            assert (sectors[:low].sum() + passed) / sectors.sum() == pytest.approx(turned, abs=1e-9)
+            radiance = (1.0 - share) * table.radiance[row, column, low] + share * table.radiance[row, column, low + 1]
+        assert up_to(radiance, 1.0 - kz**2) / up_to(radiance, 1.0) == pytest.approx(rise, abs=1e-7)
+
+
+@pytest.mark.parametrize("planes", [1, 4])
+def test_the_flux_of_each_cell_is_that_of_a_loop_over_its_trapezoids(planes: int) -> None:
+    table, nodes = made(planes), squares(GAMMA_DEG)
+    turns = [2.0 * np.pi] if planes == 1 else np.diff(np.deg2rad(C_DEG))
+    for row, column in np.ndindex(2, 3):
+        flux = 0.0
+        for sector, turn in enumerate(turns):
+            beside = table.radiance[row, column, [sector, min(sector + 1, planes - 1)]].mean(axis=0)
+            flux += turn * sum(
+                0.25 * (beside[g] + beside[g + 1]) * (nodes[g + 1] - nodes[g]) for g in range(len(nodes) - 1)
+            )
+        area_m2 = np.diff(Y_MM)[row] * np.diff(X_MM)[column] * 1e-6
+        assert table.cell_fluxes[row, column] == pytest.approx(flux * area_m2, rel=1e-12, abs=1e-30)
+    assert table.flux() == pytest.approx(table.cell_fluxes.sum(), rel=1e-12)
+
+
+def test_a_sample_has_the_flux_and_the_outline_leaves_out_dark_cells() -> None:
+    table = made()
+    rays = RadianceEmitter(table, 3.0).sample(7, 2)
+    np.testing.assert_array_equal(rays.flux, 3.0 / 7)
+    np.testing.assert_array_equal(rays.origins, RadianceEmitter(table, 1.0).emit(sobol(7, 4, 2))[0])
+    assert RadianceEmitter(table, 1.0).ray_count is None
+    radiance = table.radiance.copy()
+    radiance[0], radiance[:, 0] = 0.0, 0.0
+    lit = RadianceEmitter(RadianceTable(X_MM, Y_MM, C_DEG, GAMMA_DEG, radiance), 1.0)
+    assert lit.outline().tolist() == [[0.5, 0.5, 0.0], [3.0, 0.5, 0.0], [3.0, 2.0, 0.0], [0.5, 2.0, 0.0]]
+    radiance[:, 2] = 0.0
+    lit = RadianceEmitter(RadianceTable(X_MM, Y_MM, C_DEG, GAMMA_DEG, radiance), 1.0)
+    assert lit.outline()[:, 0].tolist() == [0.5, 2.0, 2.0, 0.5]
 
 
 @pytest.mark.parametrize("gamma_max", [10.0, 45.0, 90.0])
-def test_flux_over_radiance_is_the_etendue(gamma_max):
+def test_flux_over_radiance_is_the_etendue(gamma_max: float) -> None:
     """pi A sin^2 of the cone's half angle, for any number of nodes."""
     for nodes in (2, 7):
-        cone = table(3.0, gamma_deg=np.linspace(0.0, gamma_max, nodes))
-        assert cone.flux() == pytest.approx(3.0 * np.pi * AREA_M2 * np.sin(np.deg2rad(gamma_max)) ** 2, rel=1e-14)
-
-
-def test_a_constant_table_is_the_lambertian_rectangle_ray_by_ray():
-    flat = RadianceEmitter(table(1.0, c_deg=np.linspace(0.0, 360.0, 9), gamma_deg=np.linspace(0.0, 90.0, 6)), 2.0)
-    rays, points = flat.sample(4096, 5), sobol(4096, 4, 5)
-    np.testing.assert_allclose(rays.directions, CosinePower(1.0).aim(points[:, 2:]), atol=1e-12)
-    np.testing.assert_allclose(rays.origins[:, :2], points[:, [1, 0]] * [3.0, 2.0] + [-1.0, 0.0], atol=1e-12)
-    assert rays.flux.sum() == pytest.approx(2.0, rel=1e-12)
-
-
-def test_a_separable_table_is_area_times_intensity():
-    """Radiance of one profile with a strength for each cell: what PlanarEmitter draws in another way."""
-    strength, gamma = np.array([[1.0, 4.0], [0.0, 2.0]]), np.linspace(0.0, 75.0, 301)
-    c = np.linspace(0.0, 360.0, 25)
-    profile = (1.3 + np.sin(np.deg2rad(c)))[:, None] * np.exp(-((gamma / 40.0) ** 2))
-    centres, sides = [[-0.25, 0.5], [1.25, 0.5], [-0.25, 1.5], [1.25, 1.5]], np.tile([1.5, 1.0], (4, 1))
-    planar = PlanarEmitter(
-        Rectangles(np.array(centres), sides, strength.ravel() / strength.sum()),
-        TabulatedIntensity(c, gamma, profile * np.cos(np.deg2rad(gamma))),
-    )
-    radiant = RadianceEmitter(table(strength[:, :, None, None] * profile, c, gamma), 1.0)
-    np.testing.assert_allclose(moments(radiant.sample(2**15, 1)), moments(planar.sample(2**15, 1)), atol=2e-3)
-
-
-def test_place_and_direction_may_depend_on_each_other():
-    """R = 1 + b sin^2(gamma) with b of each cell: flux pi A (1 + b/2), mean of sin^2 (1/2 + b/3) / (1 + b/2)."""
-    b = np.array([[0.0, -1.0], [2.0, 6.0]])
-    emitter = RadianceEmitter(table(np.stack([np.ones((2, 2)), 1.0 + b], axis=-1)[:, :, None, :]), 1.0)
-    fluxes = np.pi * AREA_M2 / 4.0 * (1.0 + b / 2.0)
-    np.testing.assert_allclose(emitter.table.cell_fluxes, fluxes, rtol=1e-14)
-    rays = emitter.sample(2**16, 2)
-    row, column = rays.origins[:, 1] >= 1.0, rays.origins[:, 0] >= 0.5
-    squares = 1.0 - rays.directions[:, 2] ** 2
-    for i, j in np.ndindex(2, 2):
-        here = (row == i) & (column == j)
-        assert here.mean() == pytest.approx(fluxes[i, j] / fluxes.sum(), abs=1e-4)
-        assert squares[here].mean() == pytest.approx((0.5 + b[i, j] / 3.0) / (1.0 + b[i, j] / 2.0), abs=1e-3)
-
-
-def test_every_bin_of_place_and_direction_gets_its_flux():
-    """Shares of rays against the integral of the interpolated radiance by midpoints, done anew."""
-    random = np.random.default_rng(3)
-    c, gamma = np.array([0.0, 90.0, 200.0, 360.0]), np.array([5.0, 20.0, 50.0, 85.0])
-    values = random.uniform(0.0, 1.0, (2, 2, 4, 4)) * (random.random((2, 2, 4, 4)) > 0.2)
-    values[:, :, 3] = values[:, :, 0]
-    x, y = np.array([-1.0, 0.0, 2.0]), np.array([0.0, 1.5, 2.0])
-    rays = RadianceEmitter(table(values, c, gamma, x, y), 1.0).sample(2**17, 4)
-    turn = np.rad2deg(np.arctan2(rays.directions[:, 1], rays.directions[:, 0])) % 360.0
-    square = 1.0 - rays.directions[:, 2] ** 2
-    nodes = np.sin(np.deg2rad(gamma)) ** 2
-    sample = np.column_stack([rays.origins[:, 1], rays.origins[:, 0], turn, square])
-    found = np.histogramdd(sample, (y, x, c, nodes))[0] / len(rays)
-    sides = np.diff(y)[:, None, None, None] * np.diff(x)[:, None, None] * np.diff(c)[:, None] * np.diff(nodes)
-    corners = values[:, :, 1:] + values[:, :, :-1]
-    expected = 0.25 * (corners[..., 1:] + corners[..., :-1]) * sides
-    np.testing.assert_allclose(found, expected / expected.sum(), atol=4e-4)
-
-
-def test_flux_converges_with_the_square_of_the_node_spacing():
-    """R = cos(gamma): flux 2/3 pi A."""
-    errors = []
-    for nodes in (10, 19, 37):
-        gamma = np.linspace(0.0, 80.0, nodes)
-        exact = 2.0 / 3.0 * np.pi * AREA_M2 * (1.0 - np.cos(np.deg2rad(80.0)) ** 3)
-        errors.append(abs(table(np.cos(np.deg2rad(gamma)), gamma_deg=gamma).flux() / exact - 1.0))
-    assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx(2.0, abs=0.1)
+        cone = RadianceTable(
+            X_MM, Y_MM, np.zeros(1), np.linspace(0.0, gamma_max, nodes), np.full((2, 3, 1, nodes), 3.0)
+        )
+        assert cone.flux() == pytest.approx(3.0 * np.pi * 8e-6 * np.sin(np.deg2rad(gamma_max)) ** 2, rel=1e-14)
 
 
 @pytest.mark.parametrize(
@@ -122,66 +130,137 @@ def test_flux_converges_with_the_square_of_the_node_spacing():
         (lambda x, y, c: 2.0 + x * np.sin(c), "none"),
     ],
 )
-def test_symmetry_is_that_of_the_light_by_place_and_azimuth(light, symmetry):
+def test_symmetry_is_that_of_the_light_by_place_and_azimuth(light, symmetry: str) -> None:
     edges, c_deg = np.array([-1.0, -0.5, 0.5, 1.0]), np.linspace(0.0, 360.0, 17)
+    gamma = np.array([0.0, 90.0])
     middle, azimuth = 0.5 * (edges[1:] + edges[:-1]), np.deg2rad(c_deg)
     radiance = light(middle[None, :, None], middle[:, None, None], azimuth)[..., None] * np.ones((3, 3, 17, 2))
-    assert table(radiance, c_deg=c_deg, x=edges, y=edges).symmetry == symmetry
-    wide = table(radiance[:, :2], c_deg=c_deg, x=edges[1:], y=edges).symmetry
+    assert RadianceTable(edges, edges, c_deg, gamma, radiance).symmetry == symmetry
+    wide = RadianceTable(edges[1:], edges, c_deg, gamma, radiance[:, :2].copy()).symmetry
     assert wide in ("none", "mirror_x", "mirror_y"), "cells beside the axis have no mirror image in x"
 
 
-def test_a_file_comes_back_bit_by_bit(tmp_path):
-    original = table(np.random.default_rng(1).random((2, 2, 1, 3)), gamma_deg=(0.0, 30.0, 70.0))
+@pytest.mark.parametrize(("moved", "name"), [(0.5e-6, "square"), (2e-6, "mirror_x")])
+def test_what_differs_by_a_millionth_is_symmetric(moved: float, name: str) -> None:
+    """Of the width and the height together for an edge, of the largest radiance for the light."""
+    edges, ones = np.array([-1.0, 1.0]), np.ones((1, 1, 1, 2))
+    gamma = np.array([0.0, 60.0])
+    higher = np.array([-1.0, 1.0 + 4.0 * moved])
+    assert RadianceTable(edges, higher, np.zeros(1), gamma, ones).symmetry == name
+    light = np.full((1, 1, 5, 2), 30.0)
+    light[0, 0, 1] += 30.0 * moved  # at C 90
+    assert RadianceTable(edges, edges, np.linspace(0.0, 360.0, 5), gamma, light).symmetry == name
+
+
+def test_the_images_of_uneven_azimuths_are_interpolated() -> None:
+    """Radiance linear in C from 0 to 180 and back: a mirror in y for any nodes that hold the corners."""
+    c_deg = np.array([0.0, 50.0, 180.0, 250.0, 360.0])
+    light = np.minimum(c_deg, 360.0 - c_deg)[None, None, :, None] * np.ones((1, 1, 1, 2)) + 1.0
+    edges, gamma = np.array([-1.0, 1.0]), np.array([0.0, 60.0])
+    assert RadianceTable(edges, edges, c_deg, gamma, light).symmetry == "mirror_y"
+
+
+def good(**changes: np.ndarray) -> dict[str, np.ndarray]:
+    table = {
+        "x_mm": np.array([0.0, 1.0]),
+        "y_mm": np.array([0.0, 1.0, 2.0]),
+        "c_deg": np.zeros(1),
+        "gamma_deg": np.array([0.0, 90.0]),
+        "radiance": np.ones((2, 1, 1, 2)),
+    }
+    return table | changes
+
+
+LONG = np.arange(4097.0)
+
+
+def around(values: list[float]) -> np.ndarray:
+    return np.array(values)[None, None, :, None] * np.ones((2, 1, 1, 2))
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({}, ""),
+        ({"x_mm": LONG[:-1], "radiance": np.ones((2, 4095, 1, 2))}, ""),
+        ({"x_mm": LONG, "radiance": np.ones((2, 4096, 1, 2))}, "x_mm has 4097 numbers"),
+        ({"gamma_deg": LONG / 50.0, "radiance": np.ones((2, 1, 1, 4097))}, "gamma_deg has 4097 numbers"),
+        ({"x_mm": np.array([-1e9, 1e9])}, ""),
+        ({"x_mm": np.array([-1.001e9, 1e9])}, "x_mm has 2 numbers up to 1.001e"),
+        ({"x_mm": np.array([1.0])}, "x_mm must be a list"),
+        ({"x_mm": np.ones((2, 2))}, "x_mm must be a list"),
+        ({"y_mm": np.array([0.0, np.inf, 2.0])}, "y_mm must be a list"),
+        ({"gamma_deg": np.array([45.0])}, "gamma_deg must be a list"),
+        ({"gamma_deg": np.array([0.0, 0.0])}, "gamma_deg must rise"),
+        ({"gamma_deg": np.array([0.0, 90.001])}, "within 0 to 90"),
+        ({"gamma_deg": np.array([-0.001, 60.0])}, "within 0 to 90"),
+        ({"c_deg": np.array([0.001])}, "or be the single number 0"),
+        ({"c_deg": np.array([0.001, 360.0]), "radiance": np.ones((2, 1, 2, 2))}, "c_deg must run"),
+        ({"c_deg": np.array([0.0, 360.0]), "radiance": np.ones((2, 1, 2, 2))}, ""),
+        ({"c_deg": np.array([0.0, 359.0]), "radiance": np.ones((2, 1, 2, 2))}, "c_deg must run"),
+        ({"radiance": np.ones((1, 1, 1, 2))}, "radiance has the shape"),
+        ({"radiance": np.ones((2, 2, 1, 2))}, "radiance has the shape"),
+        ({"radiance": np.ones((2, 1, 1, 3))}, "radiance has the shape"),
+        ({"x_mm": np.array([-1e9 - 0.5, 1e9])}, "x_mm has 2 numbers"),
+        ({"c_deg": np.array([0.0, 90.0, 360.0]), "radiance": around([1.0, 2.0, 1.0])}, ""),
+        ({"c_deg": np.array([0.0, 90.0, 360.0]), "radiance": around([1.0, 1.0, 2.0])}, "at c_deg = 360 must be"),
+        ({"radiance": np.array([[[[0.0, 1.0]]], [[[2.0, 0.0]]]])}, ""),
+        ({"radiance": np.full((2, 1, 1, 2), 0.99e20)}, ""),
+        ({"radiance": np.full((2, 1, 1, 2), 1e20)}, "radiances must be finite"),
+        ({"radiance": np.array([[[[1.0, 0.0]]], [[[2.0, -1e-9]]]])}, "none below 0"),
+    ],
+)
+def test_a_table_is_whole_or_one_line_says_what_it_lacks(changes: dict[str, np.ndarray], words: str) -> None:
+    found = _problem(good(**changes))
+    assert words in found and bool(found) == bool(words)
+
+
+def test_a_file_comes_back_bit_by_bit(tmp_path: Path) -> None:
+    original = made()
     write_radiance(tmp_path / "led.npz", original)
     back = read_radiance(tmp_path / "led.npz")
     for name in ("x_mm", "y_mm", "c_deg", "gamma_deg", "radiance"):
         np.testing.assert_array_equal(getattr(back, name), getattr(original, name))
 
 
-GOOD = {"x_mm": X, "y_mm": Y, "c_deg": [0.0], "gamma_deg": [0.0, 60.0], "radiance": np.ones((2, 2, 1, 2))}
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"x_mm": [0.0]}, "x_mm must be a list of two"),
-        ({"y_mm": [0.0, 2.0, 1.0]}, "y_mm must rise"),
-        ({"gamma_deg": [0.0, 120.0]}, "within 0 to 90"),
-        ({"gamma_deg": [0.0, 90.001]}, "within 0 to 90"),
-        ({"gamma_deg": [-0.001, 60.0]}, "within 0 to 90"),
-        ({"c_deg": [0.001, 360.0], "radiance": np.ones((2, 2, 2, 2))}, "c_deg must run from 0 to 360"),
-        ({"c_deg": [0.001]}, "or be the single number 0"),
-        ({"x_mm": [-1.0, 0.0, 1.001e9]}, "x_mm has 3 numbers up to 1.001e"),
-        ({"c_deg": [0.0, 180.0]}, "c_deg must run from 0 to 360"),
-        ({"radiance": np.ones((2, 2, 2, 2))}, "has the shape"),
-        ({"radiance": -np.ones((2, 2, 1, 2))}, "none below 0"),
-        ({"radiance": np.zeros((2, 2, 1, 2))}, "not be all dark"),
-        ({"radiance": np.full((2, 2, 1, 2), np.nan)}, "must be finite"),
-        ({"radiance": np.array(["a"])}, "not readable as a NumPy archive"),
-        ({"radiance": np.array([{}], dtype=object)}, "not readable as a NumPy archive"),
-        ({"c_deg": [0.0, 360.0], "radiance": np.arange(16.0).reshape(2, 2, 2, 2)}, "c_deg = 360 must be those at 0"),
-    ],
-)
-def test_tables_that_are_none_are_refused_in_one_line(tmp_path, changes, message):
-    np.savez(tmp_path / "led.npz", **GOOD | changes)
-    with pytest.raises(InputError, match=message) as caught:
-        read_radiance(tmp_path / "led.npz")
-    assert "\n" not in str(caught.value)
-
-
-def test_damaged_archives_are_refused_in_one_line(tmp_path):
+def test_files_that_are_no_table_are_refused_in_one_line(tmp_path: Path) -> None:
     path = tmp_path / "led.npz"
-    with pytest.raises(InputError, match="no such file"):
-        read_radiance(path)
-    np.savez_compressed(path, **{name: GOOD[name] for name in ("x_mm", "y_mm")})
-    with pytest.raises(InputError, match="no array 'c_deg'"):
-        read_radiance(path)
-    np.savez_compressed(path, **GOOD | {"radiance": np.random.default_rng(0).random((2, 2, 1, 2))})
-    content, random = path.read_bytes(), np.random.default_rng(1)
-    for _ in range(300):
-        broken = np.frombuffer(content, dtype=np.uint8).copy()
-        broken[random.integers(len(broken), size=3)] = random.integers(256, size=3)
-        path.write_bytes(broken[: random.integers(1, len(broken) + 1)].tobytes())
-        with suppress(InputError):
-            assert np.isfinite(read_radiance(path).flux())
+    named = {name: good()[name] for name in ("x_mm", "y_mm")}
+    words = np.array(["a"]), np.array([{}], dtype=object)
+    for arrays, message in (
+        (None, "no such file"),
+        (named, "no array 'c_deg'"),
+        *((good(radiance=each), "not readable as a NumPy archive") for each in words),
+        (good(gamma_deg=np.array([0.0, 120.0])), r"led\.npz: gamma_deg = 0 to 120: within 0 to 90"),
+    ):
+        if arrays is not None:
+            np.savez(path, **arrays)
+        with pytest.raises(InputError, match=message) as caught:
+            read_radiance(path)
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("nodes", "count", "parts"), [(2, 2**14 + 1, [2**14, 1]), (4096, 2**11 + 1, [2**11, 1])])
+def test_rays_are_drawn_a_block_at_a_time_shorter_for_larger_tables(nodes: int, count: int, parts: list[int]) -> None:
+    """Each ray needs rows of the table: 2^23 numbers at most are in memory at a time."""
+    blocks = []
+
+    class Counted(RadianceEmitter):
+        def emit(self, points):
+            blocks.append(len(points))
+            return np.zeros((len(points), 3)), np.zeros((len(points), 3))
+
+    edges, gamma = np.array([0.0, 1.0]), np.linspace(0.0, 90.0, nodes)
+    table = RadianceTable(edges, edges, np.zeros(1), gamma, np.ones((1, 1, 1, nodes)))
+    assert len(Counted(table, 1.0).sample(count, 0)) == count and blocks == parts
+
+
+@pytest.mark.parametrize(("radiance", "accepted"), [(1e17, True), (1e18, False), (1e-24, True), (1e-25, False)])
+def test_the_flux_of_a_table_has_the_bounds_of_that_of_a_spec(radiance: float, accepted: bool, tmp_path: Path) -> None:
+    """Revolution over a hemisphere: pi times the area times the radiance, 1e-30 to 1e12 W."""
+    np.savez(tmp_path / "led.npz", **good(radiance=np.full((2, 1, 1, 2), radiance)))
+    if accepted:
+        assert read_radiance(tmp_path / "led.npz").flux() == pytest.approx(np.pi * 2e-6 * radiance)
+    else:
+        with pytest.raises(InputError, match="must not be all dark, or huge"):
+            read_radiance(tmp_path / "led.npz")

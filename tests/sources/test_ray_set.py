@@ -11,14 +11,12 @@ from rayfile_samples import SHARED, rays
 from lensforge.errors import InputError
 from lensforge.optics.material import MATERIALS
 from lensforge.sources.build_source import build_source, summarise
-from lensforge.sources.ray_bundle import RayBundle
-from lensforge.sources.ray_set import RaySetEmitter, placed
 from lensforge.sources.ray_set_loading import load_ray_set
 from lensforge.sources.rayfiles import write_rayfile
 from lensforge.sources.rayfiles.ray_file_statistics import virtual_focus
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec import load_spec
-from lensforge.spec.source_sections import Placement, RayfileSource, RayfilesSource, RaySource, SquareSource
+from lensforge.spec.source_sections import RayfileSource, RayfilesSource, RaySource, SquareSource
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -33,18 +31,6 @@ def load(tmp_path):
         return load_ray_set(RayfileSource(kind="rayfile", file=path, **fields), material)
 
     return _load
-
-
-def test_origin_and_rotation(load):
-    original = rays(50)
-    point = np.array([0.25, -0.5, 0.125])
-    emitter = load(original, origin=tuple(point), rotate_z_deg=90.0)
-    moved = original.positions_mm.astype(np.float64) - point
-    np.testing.assert_allclose(emitter.rays.origins, np.column_stack([-moved[:, 1], moved[:, 0], moved[:, 2]]))
-    directions = original.directions.astype(np.float64)
-    expected = np.column_stack([-directions[:, 1], directions[:, 0], directions[:, 2]])
-    np.testing.assert_allclose(emitter.rays.directions, expected, atol=1e-7)
-    np.testing.assert_allclose(load(original).rays.origins, original.positions_mm)
 
 
 @pytest.mark.parametrize("wavelengths_nm", [None, np.full(50, 600.0)])
@@ -62,49 +48,12 @@ def test_rays_bring_an_index_only_where_the_lens_disperses_and_their_wavelengths
     assert one_index is None
 
 
-AXES = {"+x": [1, 0, 0], "-x": [-1, 0, 0], "+y": [0, 1, 0], "-y": [0, -1, 0], "+z": [0, 0, 1], "-z": [0, 0, -1]}
-
-
-@pytest.mark.parametrize("axis", AXES)
-@pytest.mark.parametrize("mirror", ["none", "x", "y"])
-def test_any_axis_becomes_the_lens_axis_and_only_a_mirror_changes_the_handedness(axis, mirror):
-    frame = RayBundle(np.eye(3), np.array([AXES[axis]] * 3, dtype=float), np.ones(3))
-    turned = placed(frame, np.zeros(3), Placement(axis=axis, mirror=mirror, rotate_z_deg=33.0))
-    np.testing.assert_allclose(turned.directions, [[0.0, 0.0, 1.0]] * 3, atol=1e-15)
-    assert np.linalg.det(turned.origins) == pytest.approx(1.0 if mirror == "none" else -1.0)
-    np.testing.assert_allclose(turned.origins @ turned.origins.T, np.eye(3), atol=1e-15)
-
-
-def test_scale_and_mirror_come_before_the_rotation(load):
-    original = rays(20)
-    emitter = load(original, origin=(1.0, 0.0, 0.0), scale=2.0, mirror="x", rotate_z_deg=90.0)
-    moved = 2.0 * (original.positions_mm.astype(np.float64) - [1.0, 0.0, 0.0]) * [-1.0, 1.0, 1.0]
-    np.testing.assert_allclose(emitter.rays.origins, np.column_stack([-moved[:, 1], moved[:, 0], moved[:, 2]]))
-    np.testing.assert_allclose(np.linalg.norm(emitter.rays.directions, axis=1), 1.0)
-
-
 @pytest.fixture
 def two_files(tmp_path):
     """Blue and yellow: 40 and 60 rays; the yellow ones have longer files and other powers."""
     for name, count, seed in (("blue", 40, 1), ("yellow", 60, 2)):
         write_rayfile(tmp_path / name, rays(count, seed=seed), "tm25")
     return tmp_path
-
-
-def test_several_files_keep_their_powers_or_the_ratio_of_them(two_files):
-    def parts(*flux):
-        return [{"file": two_files / name, "flux_w": f} for name, f in zip(("blue", "yellow"), flux, strict=True)]
-
-    own = load_ray_set(RayfilesSource(kind="rayfiles", files=parts(None, None)))
-    assert own.flux_w == pytest.approx(rays(40, seed=1).total_flux() + rays(60, seed=2).total_flux(), rel=1e-6)
-    stated = load_ray_set(RayfilesSource(kind="rayfiles", files=parts(0.6, 0.2)))
-    assert stated.flux_w == pytest.approx(0.8)
-    assert stated.rays.flux[:40].sum() == pytest.approx(0.6)
-    scaled = load_ray_set(RayfilesSource(kind="rayfiles", files=parts(3.0, 1.0), flux_w=2.0))
-    assert scaled.rays.flux[:40].sum() == pytest.approx(1.5)
-    assert [part.flux_w for part in scaled.summary.files] == pytest.approx([1.5, 0.5])
-    assert ([part.file for part in scaled.summary.files], scaled.summary.rays) == (["blue", "yellow"], 100)
-    assert scaled.summary.effective_rays < 100
 
 
 def test_watts_and_lumens_are_not_mixed_and_the_field_to_fill_is_named(two_files):
@@ -165,124 +114,6 @@ def test_parallel_rays_have_no_virtual_focus(load):
     assert load(beam).summary.virtual_focus_mm is None
 
 
-def test_power_comes_from_the_spec_or_from_watts_and_lumens_are_never_taken_for_them(load):
-    assert load(rays()).flux_w == pytest.approx(rays().total_flux(), rel=1e-6)
-    assert load(rays(), flux_w=2.5).flux_w == 2.5
-    alone = load(rays(unit="lm"))
-    assert alone.flux_w == pytest.approx(rays(unit="lm").total_flux() / 683.002, rel=1e-6)
-    assert any("known in lm alone" in warning for warning in alone.summary.warnings)
-    assert load(rays(unit="lm"), flux_w=2.5).rays.flux.sum() == pytest.approx(2.5)
-
-
-@pytest.mark.parametrize("count", [1, 7, 99, 100, 101, 250, 1000])
-def test_every_sample_carries_the_whole_flux_and_is_reproducible(load, count):
-    emitter = load(rays(100), flux_w=3.0)
-    bundle = emitter.sample(count, seed=5)
-    assert len(bundle) == count
-    assert bundle.flux.sum() == pytest.approx(3.0, rel=1e-12)
-    np.testing.assert_allclose(np.linalg.norm(bundle.directions, axis=1), 1.0)
-    again = emitter.sample(count, seed=5)
-    np.testing.assert_array_equal(bundle.origins, again.origins)
-    if count % 100:
-        assert not np.array_equal(bundle.origins, emitter.sample(count, seed=6).origins)
-
-
-def test_fewer_rays_are_chosen_without_replacement_from_the_whole_file(load):
-    emitter = load(rays(1000))
-    index = [
-        np.flatnonzero((emitter.rays.origins == origin).all(axis=1))[0] for origin in emitter.sample(400, 1).origins
-    ]
-    assert len(set(index)) == 400
-    assert 400 < np.mean(index) < 600
-
-
-def test_more_rays_than_the_file_holds_say_what_the_file_says(load):
-    """Splitting rays leaves every mean exactly that of the file."""
-    emitter = load(rays(100), flux_w=1.0)
-    whole = emitter.rays.flux @ emitter.rays.origins
-    for count in (100, 163, 1234):
-        bundle = emitter.sample(count, seed=2)
-        np.testing.assert_allclose(bundle.flux @ bundle.origins, whole, atol=1e-14)
-
-
-def test_a_smaller_sample_has_the_noise_of_a_finite_population(load):
-    """Variance of a mean over m of n rays drawn without replacement: s^2/m (1 - m/n); equal weights."""
-    emitter = load(replace(rays(400), flux=np.ones(400)), flux_w=1.0)
-    values = emitter.rays.origins[:, 0]
-    for count in (50, 300):
-        means = [emitter.sample(count, seed) for seed in range(600)]
-        spread = np.var([bundle.flux @ bundle.origins[:, 0] for bundle in means])
-        assert spread == pytest.approx(values.var(ddof=1) / count * (1.0 - count / 400), rel=0.2)
-
-
-def test_split_shares_no_ray_and_keeps_the_flux(load):
-    emitter = load(rays(100), flux_w=2.0)
-    training, holdout = emitter.split(0.8, seed=3)
-    assert (len(training), len(holdout)) == (80, 20)
-    assert training.rays.flux.sum() == pytest.approx(2.0)
-    assert holdout.rays.flux.sum() == pytest.approx(2.0)
-    together = np.concatenate([training.rays.origins, holdout.rays.origins])
-    np.testing.assert_array_equal(np.sort(together, axis=0), np.sort(emitter.rays.origins, axis=0))
-    for fraction in (0.0, 1.0, 0.001, -1.0):
-        with pytest.raises(InputError, match="fraction"):
-            emitter.split(fraction, seed=3)
-
-
-def share_outside_cavity(emitter: RaySetEmitter, cavity_height_mm: float, cavity_radius_mm: float) -> float:
-    """Share of the flux that starts outside the paraboloid which every feasible cavity contains, Eq. (10).
-
-    A ray that starts below z = 0 is outside if it does not come up through the paraboloid's foot.
-    """
-    start, direction = emitter.rays.origins, emitter.rays.directions
-    rises = direction[:, 2] > 0.0
-    foot = start[:, :2] - (start[:, 2] / np.where(rises, direction[:, 2], 1.0))[:, None] * direction[:, :2]
-    below = start[:, 2] < 0.0
-    squared = np.sum(np.where(below[:, None], foot, start[:, :2]) ** 2, axis=1)
-    height = cavity_height_mm * (1.0 - squared / cavity_radius_mm**2)
-    inside = (~below | rises) & (np.maximum(start[:, 2], 0.0) <= height)
-    return float(emitter.rays.flux[~inside].sum() / emitter.flux_w)
-
-
-def test_backward_and_outlying_rays_are_kept_and_reported(load):
-    directions = np.tile([0.0, 0.0, 1.0], (4, 1))
-    directions[3, 2] = -1.0
-    positions = np.array([[0.0, 0.0, 0.5], [3.0, 0.0, 0.0], [0.5, 0.0, -2.0], [0.0, 0.0, 0.1]])
-    four = replace(rays(4), positions_mm=positions, directions=directions, flux=np.ones(4), header_flux_w=4.0)
-    emitter = load(four)
-    assert len(emitter) == 4
-    assert emitter.summary.placement.backward_share == pytest.approx(0.25)
-    assert emitter.summary.placement.below_plane_share == pytest.approx(0.25)
-    assert share_outside_cavity(emitter, 1.0, 2.0) == pytest.approx(0.25)
-    assert share_outside_cavity(emitter, 0.4, 2.0) == pytest.approx(0.5)
-    assert share_outside_cavity(emitter, 1.0, 4.0) == pytest.approx(0.0)
-
-
-def test_a_ray_below_the_plane_must_come_up_through_the_foot(load):
-    slanted = np.array([[0.6, 0.0, 0.8], [0.0, 0.0, -1.0]])
-    positions = np.array([[0.0, 0.0, -4.0], [0.0, 0.0, -1.0]])
-    two = replace(rays(2), positions_mm=positions, directions=slanted, flux=np.ones(2), header_flux_w=2.0)
-    assert share_outside_cavity(load(two), 1.0, 3.1) == pytest.approx(0.5)
-    assert share_outside_cavity(load(two), 1.0, 2.9) == pytest.approx(1.0)
-
-
-def test_outline_is_the_chip_of_the_example():
-    """2 mm wide with a faint halo of 0.3 mm; the stray light of the window's edge stays out of it."""
-    outline = load_example("led_rayfile").outline()
-    assert (outline[:, 2] == 0.0).all()
-    np.testing.assert_allclose(np.abs(outline[:, :2]).max(axis=0), 1.25, atol=0.15)
-    x, y = outline[:, 0], outline[:, 1]
-    area = 0.5 * abs(x @ np.roll(y, -1) - y @ np.roll(x, -1))
-    assert area == pytest.approx(4.6, abs=0.8)
-
-
-def test_outline_of_rays_on_one_line(load):
-    assert load(rays(1)).outline().shape == (4, 3)
-    line = replace(
-        rays(5), positions_mm=np.outer(np.arange(5.0), [1.0, 1.0, 0.0]), directions=np.tile([0, 0, 1.0], (5, 1))
-    )
-    np.testing.assert_allclose(load(line).outline().max(axis=0), [4.0, 4.0, 0.0])
-
-
 def load_example(name):
     return load_ray_set(load_spec(EXAMPLES / f"{name}.toml").source)
 
@@ -301,17 +132,6 @@ def test_the_example_led_is_off_the_axis_and_below_the_plane():
     assert (summary.flux_w, summary.rays) == (1.0, 20_000)
     assert [warning.split(":")[0] for warning in summary.warnings] == ["20000 effective rays"]
     assert 0.0 < summary.placement.backward_share < 0.005
-
-
-@pytest.mark.parametrize(("name", "share"), [("led_rayfile", 0.005), ("osram_pi", 0.006)])
-def test_the_cavities_of_the_examples_hold_nearly_all_of_the_light(name, share):
-    spec = load_spec(EXAMPLES / f"{name}.toml")
-    if not spec.source.file.exists():
-        pytest.skip("the vendor's file is not here")
-    limits = spec.constraints
-    outside = share_outside_cavity(load_example(name), limits.cavity_height_mm, limits.cavity_radius_mm)
-    assert outside == pytest.approx(share, abs=0.0006)
-    assert limits.cavity_radius_mm < spec.lens.inner_offset_mm
 
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="../shared/rayfiles is not here")

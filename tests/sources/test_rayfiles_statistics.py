@@ -65,11 +65,6 @@ def test_bad_rows_are_dropped_by_cause_and_directions_are_normalised():
     assert any("7 of 10 rays dropped" in warning for warning in summary.warnings)
 
 
-def test_no_usable_ray_is_an_error():
-    with pytest.raises(InputError, match="none of its 12 rays is usable"):
-        describe(replace(rays(), flux=np.zeros(12)))
-
-
 def test_numbers_of_a_small_file():
     directions = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
     rayfile = RayFile(np.eye(3), directions, np.array([2.0, 1.0, 1.0]), "W", np.array([400.0, 500.0, 600.0]))
@@ -139,14 +134,6 @@ def test_parts_add_up_to_the_whole(monkeypatch):
 )
 def test_warnings(changes, message):
     assert any(message in warning for warning in describe(replace(rays(), **changes)).warnings)
-
-
-def test_lumens_are_checked_against_the_spectrum():
-    table = {"wavelength_nm": [549.0, 550.0, 551.0], "weight": [0.0, 1.0, 0.0]}
-    right = replace(rays(), header_flux_lm=679.6 * rays().header_flux_w, header={"spectral_tables": [table]})
-    assert not any("lm/W" in warning for warning in describe(right).warnings)
-    wrong = replace(right, header_flux_lm=right.header_flux_w)
-    assert any("1 lm/W, its spectrum 679" in warning for warning in describe(wrong).warnings)
 
 
 def test_luminous_efficacy_at_its_peak_and_of_equal_energy():

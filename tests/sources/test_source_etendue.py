@@ -1,4 +1,4 @@
-"""Étendue of a source from its rays, against sources whose radiance is known."""
+"""Étendue of a source: cells of its rays by loops, and sources whose radiance is known."""
 
 from math import pi
 from pathlib import Path
@@ -7,9 +7,15 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lensforge.scene.possible_light import EtendueCurve
+from lensforge.optics.material import MATERIALS
+from lensforge.scene.possible_light import EtendueCurve, _cells, _curve, _phase_space
 from lensforge.sources.build_source import SquareEmitter, build_source
+from lensforge.sources.dispersion import (
+    DispersedSource,  # fmt: skip
+)
 from lensforge.sources.ray_bundle import RayBundle
+from lensforge.sources.source_pose import PlacedSource, SourcePose, rotation_about
+from lensforge.sources.source_spectrum import Spectrum
 from lensforge.spec.source_sections import (
     ChipArraySource,
     DiscSource,
@@ -32,13 +38,6 @@ def cosine_power(power: float, side_mm: float = 2.0, seed: int = 0) -> RayBundle
     return RayBundle(origins, directions, np.full(RAYS, 1.0 / RAYS))
 
 
-@pytest.mark.parametrize("share", [0.01, 0.1, 0.3, 0.6])
-def test_a_lambertian_square_has_the_same_radiance_everywhere(share: float) -> None:
-    found = EtendueCurve.of(SquareEmitter(2.0).sample(RAYS, 3)).share_within(share * 4.0 * pi)
-    assert 0.9 * share < found < 1.25 * share
-    assert EtendueCurve.of(SquareEmitter(2.0).sample(RAYS, 3)).share_within(1e9) == pytest.approx(1.0, abs=1e-12)
-
-
 @pytest.mark.parametrize("power", [3.0, 20.0, 200.0])
 def test_a_narrow_beam_is_brightest_on_its_axis(power: float) -> None:
     """The cone that holds a share s of cos^n has cos^(n + 1) = 1 - s at its edge, and pi A sin^2 of étendue."""
@@ -56,29 +55,6 @@ def test_where_along_their_lines_rays_start_does_not_matter() -> None:
         for etendue in (0.1, 1.0, 5.0):
             expected = EtendueCurve.of(rays).share_within(etendue)
             assert EtendueCurve.of(other).share_within(etendue) == pytest.approx(expected, rel=1e-6)
-
-
-def test_both_sides_of_the_horizon_count() -> None:
-    """Half of the light upwards from 4 mm^2, half downwards from the same square: twice the étendue."""
-    up = SquareEmitter(2.0).sample(RAYS, 3)
-    down = RayBundle(up.origins, up.directions * np.array([1.0, 1.0, -1.0]), up.flux)
-    both = EtendueCurve.of(RayBundle.joined([up, down]))
-    one = EtendueCurve.of(up)
-    assert both.share_within(2.0) == pytest.approx(one.share_within(1.0), rel=0.02)
-
-
-def test_light_without_extent_has_no_bound() -> None:
-    assert EtendueCurve.of(SquareEmitter(0.0).sample(RAYS, 1)).share_within(1e-12) == pytest.approx(1.0)
-    assert EtendueCurve.of(SquareEmitter(2.0).sample(40, 1)).share_within(1e-12) == pytest.approx(1.0), "too few rays"
-
-
-def test_weights_of_rays_are_flux() -> None:
-    """A dim square beside a bright small one: the bright one comes first."""
-    bright, dim = SquareEmitter(0.2, 0.5).sample(RAYS, 1), SquareEmitter(2.0, 0.5).sample(RAYS, 2)
-    apart = RayBundle(bright.origins + np.array([5.0, 0.0, 0.0]), bright.directions, bright.flux)
-    curve = EtendueCurve.of(RayBundle.joined([apart, dim]))
-    assert curve.share_within(1.15 * 0.04 * pi) == pytest.approx(0.5, rel=0.1)
-    assert curve.share_within(0.04 * pi + 2.0 * pi) == pytest.approx(0.75, rel=0.1)
 
 
 SOURCES = [
@@ -121,3 +97,99 @@ def test_a_luminance_image_has_the_radiance_of_its_pixels(tmp_path: Path) -> Non
     assert known.share_within(pi) == pytest.approx(200.0 / 350.0, rel=0.01)
     assert known.share_within(2.0 * pi) == pytest.approx(300.0 / 350.0, rel=0.01)
     assert known.etendue_mm2_sr[-1] == pytest.approx(3.0 * pi, rel=0.01)
+
+
+PMMA = MATERIALS["PMMA"]
+
+
+def test_a_curve_of_etendue_begins_with_the_brightest_cells() -> None:
+    """Radiances 4, 1 and 2, a dark cell, and two without extent."""
+    volume, flux = np.array([1.0, 0.0, 2.0, 0.5, 3.0, -0.0]), np.array([4.0, 0.5, 2.0, 1.0, 0.0, 1.5])
+    found = _curve(volume, flux, estimated=True)
+    np.testing.assert_allclose(found.etendue_mm2_sr, [0.0, 1.0, 1.5, 3.5, 6.5])
+    np.testing.assert_allclose(found.share, np.array([2.0, 6.0, 7.0, 9.0, 9.0]) / 9.0)
+    assert found.estimated
+    assert found.share_within(0.25) == pytest.approx(3.0 / 9.0) and found.share_within(99.0) == 1.0
+    np.testing.assert_allclose(found.shares_within(np.array([[0.25, 1.25]])), [[3.0 / 9.0, 6.5 / 9.0]])
+
+
+def cells_by_halving(points: np.ndarray, flux: np.ndarray) -> list[tuple[float, float]]:
+    """Halve at the median of the side that is widest of all rays' own, until a cell has less than 64 rays."""
+    levels = int(np.log2(len(flux) / 32))
+    each = len(flux) >> levels
+    used, left_over = each << levels, flux[each << levels :].sum()
+    scale = np.ptp(points, axis=0)
+    parts = [np.arange(used)]
+    for _ in range(levels):
+        halves = []
+        for part in parts:
+            widest = int(np.argmax(np.ptp(points[part], axis=0) / scale))
+            ordered = part[np.argsort(points[part, widest])]
+            halves += [ordered[: len(part) // 2], ordered[len(part) // 2 :]]
+        parts = halves
+    total = flux[:used].sum()
+    found = []
+    for part in parts:
+        sides = np.ptp(points[part], axis=0) * (each + 1) / (each - 1)
+        found.append((float(np.prod(sides)), float(flux[part].sum() * (1.0 + left_over / total))))
+    return found
+
+
+def slanted(count: int) -> RayBundle:
+    random = np.random.default_rng(count)
+    ways = random.normal(size=(count, 3)) * [0.5, 0.3, 0.2] + [0.2, 0.0, 1.0]
+    ways[:, 2] = np.abs(ways[:, 2]) + 0.05
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    return RayBundle(random.normal(size=(count, 3)), ways, random.uniform(0.5, 2.0, count))
+
+
+@pytest.mark.parametrize("count", [64, 100, 333])
+def test_cells_are_halves_of_halves_of_the_rays(count: int) -> None:
+    rays = slanted(count)
+    volume, flux = _cells(rays, np.ones(count, dtype=bool))
+    expected = cells_by_halving(_phase_space(rays.origins, rays.directions, rays.flux), rays.flux)
+    np.testing.assert_allclose(np.stack([volume, flux], axis=1), expected, rtol=1e-9)
+    assert flux.sum() == pytest.approx(rays.flux.sum())
+
+
+def test_fewer_rays_than_two_cells_have_no_extent() -> None:
+    rays = slanted(64)
+    volume, flux = _cells(rays, np.arange(64) < 63)
+    assert volume.tolist() == [0.0] and flux.tolist() == [pytest.approx(rays.flux[:63].sum())]
+
+
+def test_rays_are_taken_where_they_lie_closest_together() -> None:
+    """Of their crossings of planes z = const, weighted with the fourth power of the cosine: least mean square."""
+    rays = slanted(200)
+    weights = rays.flux * rays.directions[:, 2] ** 4
+
+    def at(z_mm: float) -> np.ndarray:
+        away = (z_mm - rays.origins[:, 2]) / rays.directions[:, 2]
+        return rays.origins[:, :2] + away[:, None] * rays.directions[:, :2]
+
+    def spread(z_mm: float) -> float:
+        found = at(z_mm)
+        return float((weights[:, None] * (found - np.average(found, axis=0, weights=weights)) ** 2).sum())
+
+    fit = np.polyfit([-1.0, 0.0, 1.0], [spread(z) for z in (-1.0, 0.0, 1.0)], 2)
+    points = _phase_space(rays.origins, rays.directions, rays.flux)
+    np.testing.assert_allclose(points[:, :2], at(-fit[1] / (2.0 * fit[0])), atol=1e-9)
+    np.testing.assert_array_equal(points[:, 2:], rays.directions[:, :2])
+    beam = _phase_space(rays.origins, np.tile([0.0, 0.0, 1.0], (200, 1)), rays.flux)
+    np.testing.assert_array_equal(beam[:, :2], rays.origins[:, :2])
+
+
+def test_level_rays_have_no_extent_and_each_side_of_the_horizon_its_own_cells() -> None:
+    rise = np.array([*[1e-3] * 30, *[-1e-3] * 30, 1.1e-3])
+    level = RayBundle(np.zeros((61, 3)), np.stack([np.sqrt(1.0 - rise**2), 0.0 * rise, rise], axis=1), np.ones(61))
+    curve = EtendueCurve.of(RayBundle.joined([level, slanted(128)]))
+    total = 61.0 + slanted(128).flux.sum()
+    assert curve.share[0] == pytest.approx(60.0 / total), "the steepest of them counts with the others"
+    assert len(curve.share) == 1 + 4
+
+
+def test_a_source_that_is_moved_and_dispersed_has_its_own_radiances() -> None:
+    pose = SourcePose(rotation_about("x", 0.3), np.array([1.0, 0.0, 2.0]))
+    source = DispersedSource(PlacedSource(SquareEmitter(2.0, 3.0), pose), Spectrum(np.array([500.0]), np.ones(1)), PMMA)
+    found = EtendueCurve.of_source(source, source.sample(64, 1), 1)
+    assert not found.estimated and found.etendue_mm2_sr[-1] == pytest.approx(4.0 * np.pi)

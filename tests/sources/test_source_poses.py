@@ -1,17 +1,23 @@
-"""Places of sources: rotations by hand and back again; emitters, bundles and blocks of rays, field by field."""
+"""Places of sources: rotations, the symmetry that is left, where the light goes; bundles and blocks of rays."""
 
 from itertools import pairwise
 
 import numpy as np
 import pytest
+import torch
+from landed import by_kernels
+from scenes import small_spec, sphere, table_of
 
-from lensforge.optics.material import MATERIALS
+import lensforge as lf
+from lensforge.kernels.fate import Fate
+from lensforge.light.table_trace import Scene
 from lensforge.optics.media import Media
 from lensforge.sources.build_source import SquareEmitter, build_source, summarise
 from lensforge.sources.ray_bundle import BLOCK_RAYS, ChangedSource, RayBundle, block_slices, drawn, total_of
-from lensforge.sources.source_pose import PlacedSource, SourcePose, placed_source, rotation_about
+from lensforge.sources.source_pose import PlacedSource, SourcePose, rotation_about
 from lensforge.sources.source_summary import AppliedPlacement
-from lensforge.spec.source_sections import RectangleSource, SquareSource
+from lensforge.spec.source_sections import SquareSource
+from lensforge.surfaces.bicubic_table import TableGrid
 
 
 @pytest.mark.parametrize(
@@ -46,15 +52,6 @@ def test_a_pose_turns_then_tilts_about_x_then_about_y_then_shifts() -> None:
     np.testing.assert_allclose(pose.own_directions(pose.directions(points)), points, atol=1e-14)
 
 
-@pytest.mark.parametrize("tilt", [(30.0, 0.0), (0.0, 30.0)])
-def test_one_of_two_tilts_alone_moves_the_source(tilt: tuple[float, float]) -> None:
-    spec = SquareSource(side_mm=1.0, tilt_deg=tilt)
-    axis = SourcePose.of(spec).directions(np.array([[0.0, 0.0, 1.0]]))[0]
-    a, b = np.deg2rad(tilt)
-    np.testing.assert_allclose(axis, [np.cos(a) * np.sin(b), -np.sin(a), np.cos(a) * np.cos(b)], atol=1e-15)
-    assert isinstance(placed_source(SquareEmitter(1.0), spec), PlacedSource)
-
-
 @pytest.mark.parametrize(
     ("place", "moves"),
     [
@@ -66,25 +63,6 @@ def test_one_of_two_tilts_alone_moves_the_source(tilt: tuple[float, float]) -> N
 )
 def test_what_stays_where_it_is_does_not_move(place: dict, moves: bool) -> None:
     assert SourcePose.of(SquareSource(side_mm=1.0, **place)).moves == moves
-
-
-def test_a_placed_source_is_the_source_moved() -> None:
-    plain, placed = SquareEmitter(1.0, 3.0), placed_source(SquareEmitter(1.0, 3.0), SLANTED)
-    pose = SourcePose.of(SLANTED)
-    own, found = plain.sample(16, 2), placed.sample(16, 2)
-    np.testing.assert_array_equal(found.origins, pose.points(own.origins))
-    np.testing.assert_array_equal(found.directions, pose.directions(own.directions))
-    np.testing.assert_array_equal(found.flux, own.flux)
-    np.testing.assert_array_equal(placed.outline(), pose.points(plain.outline()))
-    assert (placed.flux_w, placed.ray_count, placed.symmetry) == (3.0, None, "none")
-
-
-@pytest.mark.parametrize(
-    ("turn_deg", "name"), [(45.0, "square"), (45.0 + 1e-9, "none"), (30.0, "none"), (180.0, "square")]
-)
-def test_a_turn_keeps_the_mirrors_that_it_maps_to_others_but_for_rounding(turn_deg: float, name: str) -> None:
-    spec = SquareSource(side_mm=1.0, rotate_z_deg=turn_deg)
-    assert placed_source(SquareEmitter(1.0), spec).symmetry == name
 
 
 BUNDLE = RayBundle(
@@ -137,22 +115,93 @@ def test_blocks_follow_each_other_and_end_at_the_count(count: int) -> None:
     assert total_of(count, [7.5]) == 7.5
 
 
-def test_a_spec_makes_the_emitter_in_its_place_with_its_spectrum_and_its_summary() -> None:
-    line = {"kind": "line", "wavelength_nm": 500.0}
-    spec = RectangleSource(width_mm=2.0, height_mm=1.0, flux_w=3.0, position_mm=(0.0, 0.0, 1.0), spectrum=line)
-    plain, dispersed = build_source(spec), build_source(spec, MATERIALS["PMMA"])
-    assert plain.sample(4, 0).refractive_indices is None
-    np.testing.assert_allclose(dispersed.sample(4, 0).refractive_indices, MATERIALS["PMMA"].index_at(500.0))
-    assert (plain.sample(4, 0).origins[:, 2] == 1.0).all()
-    without, with_index = summarise(plain, spec), summarise(dispersed, spec)
-    assert (without.flux_w, without.symmetry, without.wavelengths_nm) == (3.0, "rectangle", None)
-    assert with_index.wavelengths_nm == (500.0, 500.0) and with_index.flux_w == 3.0
-    assert (
-        build_source(spec.model_copy(update={"spectrum": None}), MATERIALS["PMMA"]).sample(1, 0).wavelengths_nm is None
-    )
-
-
 def test_a_record_from_before_poses_has_its_rays_untilted_at_the_origin() -> None:
     flat = {"origin_mm": (0.0, 0.0, 1.0), "scale": 1.0, "axis": "+z", "mirror": "none", "rotate_z_deg": 0.0}
     found = AppliedPlacement.model_validate({**flat, "backward_share": 0.0, "below_plane_share": 0.5})
     assert (found.tilt_deg, found.position_mm) == ((0.0, 0.0), (0.0, 0.0, 0.0))
+
+
+GRID = TableGrid(65)
+SPHERES = tuple(table_of(sphere(radius), GRID) for radius in (3.0, 6.0))
+SCENE = Scene(Media(1.5), GRID)
+BEAM = lf.CosineIntensity(power=1e4)
+
+
+def _traced(spec: lf.SquareSource | lf.DiscSource, count: int = 2**14):
+    """Through a lens of two spheres about the origin, onto a plane at 100 mm."""
+    return by_kernels([*SPHERES], SCENE, build_source(spec).sample(count, 3), 100.0)
+
+
+SQUARE, OBLONG = {"kind": "square", "side_mm": 1.0}, {"kind": "rectangle", "width_mm": 2.0, "height_mm": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("source", "symmetry"),
+    [
+        (SQUARE | {"position_mm": [0, 0, -0.5]}, "square"),
+        (SQUARE | {"position_mm": [0.5, 0, 0]}, "mirror_y"),
+        (SQUARE | {"position_mm": [0, 0.5, 1]}, "mirror_x"),
+        (SQUARE | {"position_mm": [0.5, 0.5, 0]}, "none"),
+        (SQUARE | {"tilt_deg": [0, 10]}, "mirror_y"),
+        (SQUARE | {"tilt_deg": [10, 0]}, "mirror_x"),
+        (SQUARE | {"tilt_deg": [10, 10]}, "none"),
+        (SQUARE | {"tilt_deg": [0, 10], "position_mm": [0.5, 0, 0]}, "mirror_y"),
+        (SQUARE | {"tilt_deg": [10, 0], "position_mm": [0.5, 0, 0]}, "none"),
+        (SQUARE | {"rotate_z_deg": 45}, "square"),
+        (SQUARE | {"rotate_z_deg": 45 + 1e-9}, "none"),  # more than rounding
+        (SQUARE | {"rotate_z_deg": 180}, "square"),
+        (SQUARE | {"rotate_z_deg": 30}, "none"),
+        (SQUARE | {"rotate_z_deg": 45, "tilt_deg": [0, 10]}, "mirror_y"),
+        (OBLONG | {"rotate_z_deg": 90}, "rectangle"),
+        (OBLONG | {"rotate_z_deg": 45}, "none"),
+        (OBLONG | {"rotate_z_deg": 90, "tilt_deg": [10, 0]}, "mirror_x"),
+    ],
+)
+def test_the_symmetry_that_its_place_leaves(source, symmetry):
+    spec = small_spec(source=source).source
+    placed = build_source(spec)
+    assert isinstance(placed, PlacedSource) and placed.symmetry == symmetry
+    assert summarise(placed, spec).symmetry == symmetry
+
+
+def test_through_concentric_spheres_a_tilted_beam_lands_where_it_points():
+    """Rays from the common centre are not refracted: a beam tilted about y lands at x = 100 mm tan 15 deg."""
+    landed = _traced(lf.DiscSource(diameter_mm=1e-6, intensity=BEAM, tilt_deg=(0.0, 15.0)))
+    assert bool(landed.landed.all())
+    np.testing.assert_allclose(landed.hits.median(dim=0).values, [100.0 * np.tan(np.deg2rad(15.0)), 0.0], atol=0.05)
+
+
+def test_light_of_a_die_in_its_cup_enters_where_it_passes_the_plane_of_the_base():
+    """Lambertian point 1 mm below z = 0, an opening of 3 mm: sin^2 = 9 / (9 + 1) of the light enters."""
+    landed = _traced(lf.SquareSource(side_mm=0.0, position_mm=(0.0, 0.0, -1.0)), 2**16)
+    outside = float((landed.fates == Fate.OUTSIDE_CAVITY).double().mean())
+    assert outside == pytest.approx(0.1, abs=1e-4)
+    assert float((landed.fates == Fate.BACKWARD).double().mean()) == 0.0
+
+
+def test_of_a_tilted_die_the_rays_below_the_horizon_are_counted():
+    """Lambertian point, tilted by 30 deg: (1 - cos 30) / 2 of its light goes below the horizon, all of it lost."""
+    below = 0.5 * (1.0 - np.cos(np.deg2rad(30.0)))
+    landed = _traced(lf.SquareSource(side_mm=0.0, tilt_deg=(30.0, 0.0)), 2**16)
+    assert float((landed.fates == Fate.BACKWARD).double().mean()) == pytest.approx(below, abs=1e-4)
+    assert float(torch.as_tensor(landed.carried).sum()) > 0.9
+
+
+def test_the_title_says_where_the_source_sits():
+    spec = lf.SquareSource(side_mm=1.0, position_mm=(1.0, 0.0, -0.5), tilt_deg=(0.0, 10.0))
+    assert spec.title == "1 mm square Lambertian source at (1, 0, -0.5) mm tilted by (0, 10)°"
+    assert lf.DiscSource(diameter_mm=1.0).title == "1 mm disc source"
+
+
+@pytest.mark.parametrize(
+    ("place", "message"),
+    [
+        ({"position_mm": [0, 0]}, r"source\.position_mm"),
+        ({"position_mm": [0, 0, 1e10]}, r"source\.position_mm\.2"),
+        ({"tilt_deg": [0, 400]}, r"source\.tilt_deg\.1 = 400"),
+        ({"tilt_deg": 10}, r"source\.tilt_deg"),
+    ],
+)
+def test_a_wrong_place_is_named_as_the_user_wrote_it(place, message):
+    with pytest.raises(lf.InputError, match=message):
+        small_spec(source=SQUARE | place)

@@ -55,13 +55,6 @@ def test_a_wrong_size_is_named_alone() -> None:
         assert len(str(refusal.value).splitlines()) == 2 and "cavity" not in str(refusal.value)
 
 
-def test_a_script_may_leave_them_out_too() -> None:
-    target = {"kind": "disc", "diameter_mm": 100.0, "distance_mm": 200.0}
-    spec = lf.Spec(source=lf.SquareSource(side_mm=1.0), target=target, constraints={"max_radius_mm": 14.0})
-    assert spec.constraints.cavity_radius_mm == pytest.approx(1.2 * 0.5**0.5, rel=2e-3)
-    assert spec.target.receiver_mm == 150.0
-
-
 LAMP = lf.DiscSource(diameter_mm=1.0)
 
 

@@ -58,6 +58,7 @@ def _in_degrees(target: Table) -> Table:
     return {name.replace("_mm", "_deg"): value for name, value in target.items()}
 
 
+KINDS = {kind.model_fields["kind"].default: kind for kind in get_args(get_args(Target)[0])}
 IN_DEGREES = (*map(_in_degrees, IN_MM), *OF_DIRECTIONS)
 
 
@@ -86,9 +87,8 @@ def _require_kept(spec: Spec, folder: Path) -> None:
 
 def test_the_receivers_and_targets_here_are_of_every_kind() -> None:
     assert {type(each) for each in RECEIVERS} == set(get_args(AnyReceiver))
-    kinds = {kind.model_fields["kind"].default for kind in get_args(get_args(Target)[0])}
-    assert {target["kind"] for target in IN_DEGREES} == kinds
-    assert {target["kind"] for target in IN_MM} == kinds - {target["kind"] for target in OF_DIRECTIONS}
+    assert {target["kind"] for target in IN_DEGREES} == set(KINDS)
+    assert {target["kind"] for target in IN_MM} == set(KINDS) - {target["kind"] for target in OF_DIRECTIONS}
 
 
 @pytest.mark.parametrize("receiver", RECEIVERS, ids=lambda receiver: receiver.kind)
@@ -116,6 +116,12 @@ def test_every_target_in_degrees_is_kept_alone_and_on_its_receiver(target: Table
     _require_kept(alone, tmp_path)
     assert alone.receivers == () and alone.all_receivers[0].kind == "far_field"
     assert alone.all_receivers[0].size == inside.all_receivers[0].size
+    given = {name: value for name, value in target.items() if name != "kind"}  # the kind is left to its class
+    made = small_spec().replace(
+        target=KINDS[target["kind"]](**given, half_angle_deg=60.0)
+    )  # its kind left to its class
+    assert made.target == alone.target
+    _require_kept(made, tmp_path)
 
 
 def test_a_target_alone_stands_for_a_square_on_the_axis() -> None:
