@@ -13,9 +13,11 @@ if __name__ == "__main__" and not sys.flags.safe_path:
     sys.path.append(sys.path.pop(0))
 
 from lensforge.cli.interrupts import Interrupts
-from lensforge.results.worker import collect_garbage_seldom
 
 _interrupts = Interrupts().install()
+
+from lensforge.results.worker import collect_garbage_seldom  # noqa: E402
+
 collect_garbage_seldom()
 
 from lensforge.cli.cli import main  # noqa: E402

@@ -15,8 +15,6 @@ from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.optics.photopic import efficacy_at
-from lensforge.sources.rayfiles import read_rayfile
-from lensforge.sources.rayfiles.stored_rays import loaded_or_stored, with_wavelengths
 from lensforge.sources.source_spectrum import Spectrum, spectrum_of
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec.light_limits import PhotometrySection
@@ -87,6 +85,9 @@ def spectrum_of_source(spec: SourceSpec, summary: SourceSummary) -> Spectrum | N
 def _of_file(part: RayfilePart) -> Spectrum | None:
     if part.spectrum is not None:
         return spectrum_of(part.spectrum)
+    from lensforge.sources.rayfiles import read_rayfile  # loaded where a scene asks for it
+    from lensforge.sources.rayfiles.stored_rays import loaded_or_stored, with_wavelengths
+
     rayfile = read_rayfile(part.file)
     tables = rayfile.spectral_tables
     if rayfile.wavelengths_nm is None and len(tables) == 1:

@@ -50,6 +50,13 @@ class TradeoffRow(Record):
         )
         return Group(self.setting, self.setting, tuple(fact for fact in facts if fact.value is not None))
 
+    @property
+    def line(self) -> Fact:
+        """The setting in one line: its NMSE, and behind it efficiency, time and rays."""
+        named = {fact.key: fact.text for fact in self.facts.facts}
+        note = f"efficiency {named['efficiency']}, {named['seconds']}, {named['rays']} rays"
+        return Fact.measured("setting", self.setting, self.nmse, note=note)
+
     def error(self, name: TradedError) -> float:
         """NMSE, or lost light, of a stage of the search; the standard error of an evaluation, 0 where it is unknown."""
         metric = self.nmse if name == "nmse" else self.efficiency
@@ -78,8 +85,9 @@ class Tradeoff(StageResult):
 
     @property
     def facts(self) -> list[Group]:
-        """A row for each accuracy preset."""
-        return [row.facts for row in self.series("presets")]
+        """A line for each accuracy preset, and one for each stage of the search."""
+        lines = tuple(row.line for row in self.rows if row.series != "rays")
+        return [Group("settings", "Presets, and stages of a search", lines)]
 
     def plot(self, axes: "Axes | None" = None, *, series: Series = "rays", error: TradedError = "nmse") -> "Axes":
         """Plot an error of a series over its seconds, both logarithmic.

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from lensforge.light.evaluation_result import LightMetrics, LimitResult, light_criteria
+from lensforge.light.evaluation_result import LightMetrics, light_criteria
 from lensforge.light.judged_limits import limit_value
 from lensforge.light.least_irradiance import LeastEstimate, least_without_noise
 from lensforge.light.metrics import PairEstimate, RootEstimate, uniformity
@@ -52,18 +52,6 @@ def test_replicates_without_light_have_no_even_light() -> None:
     some_dark = IMAGES * np.array([1.0, 0.0, 1.0])[:, None, None]
     mean = some_dark[:, 0].mean(axis=0)
     assert value_of("min_over_mean", images=some_dark).value == pytest.approx(mean.min() / mean.mean())
-
-
-def test_a_limit_says_its_value_and_bound_with_their_unit() -> None:
-    def words(unit: str, sense: str = ">=") -> LimitResult:
-        fields = {"name": "axis", "receiver": "sky", "quantity": "light", "bound": 2.0, "unit": unit}
-        return LimitResult(value=Metric(value=3.0), sense=sense, **fields)  # type: ignore[arg-type]
-
-    assert words("cd").words == "3, must be >= 2 cd"
-    assert words("").words == "3, must be >= 2"
-    assert words("°", "<=").words == "3, must be <= 2°"
-    assert str(words("cd")) == "axis: light 3, must be >= 2 cd"
-    assert (words("cd").excess, words("cd", "<=").excess) == (-1.0, 1.0)
 
 
 def test_the_bounds_of_the_verdict_lie_between_the_shipped_scenes_and_useless_lenses() -> None:

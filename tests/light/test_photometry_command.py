@@ -13,7 +13,7 @@ def test_the_command_writes_and_says_so(tmp_path):
     lens.save(tmp_path / "lens.json")
     result = CliRunner().invoke(cli, ["photometry", str(tmp_path), "--rays", "4096", "--lumens", "90"])
     assert result.exit_code == 0
-    assert " of 90 lm\n" in result.stdout
+    assert "of 90 lm of the source\n" in result.stdout
     assert "luminous flux" not in result.stderr
     assert (tmp_path / "lens_4096rays.ldt").read_text(encoding="utf-8").splitlines()[28] == "90"
     assert Photometry.read(tmp_path, "photometry_4096rays").ldt == (tmp_path / "lens_4096rays.ldt").read_bytes()
@@ -25,4 +25,4 @@ def test_relative_candela_are_said_on_the_terminal(tmp_path):
     result = CliRunner().invoke(cli, ["photometry", str(tmp_path), "--rays", "4096"])
     assert result.exit_code == 0
     assert "warning: luminous flux of the source not known: 1000 lm taken" in result.stderr
-    assert " of 1000 lm (the spec states no flux)\n" in result.stdout
+    assert "of 1000 lm of the source, which states no flux" in result.stdout

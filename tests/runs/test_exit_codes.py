@@ -63,7 +63,7 @@ def folder(dark: tuple[Path, int, str], tmp_path: Path) -> Path:
 def test_a_design_whose_light_fails_writes_everything_and_exits_with_1(dark: tuple[Path, int, str]) -> None:
     folder, code, stderr = dark
     assert code == 1
-    assert "light: NMSE = " in stderr.splitlines()[-1] and "share of the light in the target = " in stderr
+    assert "light: Pattern error (NMSE) = " in stderr.splitlines()[-1] and "Light in the target = " in stderr
     assert "Traceback" not in stderr
     for name in ("lens.json", "lens.step", "lens.stl", "report.html", "run.json", "verify.json"):
         assert (folder / name).stat().st_size > 500, name

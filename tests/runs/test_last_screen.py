@@ -100,4 +100,4 @@ def test_a_preview_takes_fewer_rays_than_a_draft_and_states_them(tmp_path: Path)
     small_spec(evaluate__rays=2**20).save(tmp_path / "small.toml")
     found = CliRunner().invoke(cli, ["preview", str(tmp_path / "small.toml"), "--out", str(tmp_path / "first")])
     assert found.exit_code == 0, found.output
-    assert "131,072 rays" in found.stdout and " ± " in found.stdout
+    assert "131 072" in found.stdout and " ± " in found.stdout

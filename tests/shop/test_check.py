@@ -250,7 +250,7 @@ def test_a_cutter_that_almost_fits_leaves_a_little(rough):
     assert 0.0 < cutter.residual_mm < 0.1
 
 
-@pytest.mark.parametrize(("module", "more"), [("check", ""), ("result", ", 'scipy', 'trimesh', 'matplotlib'")])
+@pytest.mark.parametrize(("module", "more"), [("check", ""), ("check_result", ", 'scipy', 'trimesh', 'matplotlib'")])
 def test_the_check_needs_neither_torch_nor_cad(module, more):
     heavy = f"{{'torch', 'cadquery', 'OCP', 'numba'{more}}}"
     code = f"import sys, lensforge.shop.{module}; print({heavy} & set(sys.modules))"

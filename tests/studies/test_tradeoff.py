@@ -75,7 +75,7 @@ def test_page_and_screen_show_every_setting(folder, capsys):
     screen = capsys.readouterr().out
     for row in found.rows:
         assert f"<td>{row.setting}</td>" in page
-        assert row.series == "rays" or f"NMSE {row.nmse}" in " ".join(screen.split())
+        assert row.series == "rays" or f"{row.setting} {row.nmse}" in " ".join(screen.split())
 
 
 def test_plots_have_errors_over_seconds(folder):
