@@ -17,7 +17,8 @@ import numpy as np
 from watched import Peak, watched
 
 from lensforge.sources.build_source import SquareEmitter
-from lensforge.sources.rayfiles import RayFile, write_rayfile
+from lensforge.sources.rayfiles.ray_file import RayFile
+from lensforge.sources.rayfiles.ray_file_io import write_rayfile
 
 SQUARE = 'kind = "square"\nside_mm = 2.0\nflux_w = 1.0\n'
 SPEC = """

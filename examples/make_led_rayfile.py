@@ -16,7 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lensforge.sources.rayfiles import RayFile, write_rayfile
+from lensforge.sources.rayfiles.ray_file import RayFile
+from lensforge.sources.rayfiles.ray_file_io import write_rayfile
 
 RAYS = 20_000
 SEED = 20240229

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lensforge.sources.rayfiles import FORMATS, RayFile
+from lensforge.sources.rayfiles.formats import FORMATS
+from lensforge.sources.rayfiles.ray_file import RayFile
 from lensforge.sources.rayfiles.ray_file_bytes import FileImage
 
 SHARED = Path(__file__).parents[1] / ".." / "shared" / "rayfiles"

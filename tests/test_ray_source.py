@@ -10,7 +10,7 @@ from lensforge import design, evaluate
 from lensforge.errors import InputError
 from lensforge.results.validation import same
 from lensforge.sources.build_source import build_source, summarise
-from lensforge.sources.rayfiles import read_rayfile
+from lensforge.sources.rayfiles.ray_file_io import read_rayfile
 from lensforge.spec.source_sections import RayfileSource, RaySource
 
 LED = Path(__file__).parents[1] / "examples" / "led.tm25ray"

@@ -40,8 +40,8 @@ from lensforge.sources.build_source import summarise
 from lensforge.sources.photometric import PhotometricFile, read_photometric, write_photometric
 from lensforge.sources.photometric.ies import NEWEST, IesVersion
 from lensforge.sources.ray_bundle import RayBundle, Source
-from lensforge.sources.rayfiles import RayFile, read_rayfile, write_rayfile
-from lensforge.sources.rayfiles.ray_file import HeaderValue, shared_wavelength
+from lensforge.sources.rayfiles.ray_file import HeaderValue, RayFile, shared_wavelength
+from lensforge.sources.rayfiles.ray_file_io import read_rayfile, write_rayfile
 from lensforge.sources.source_spectrum import Spectrum
 from lensforge.spec.accuracy import Preset
 from lensforge.surfaces.mirror_group import NAMES, contains

@@ -85,7 +85,7 @@ def spectrum_of_source(spec: SourceSpec, summary: SourceSummary) -> Spectrum | N
 def _of_file(part: RayfilePart) -> Spectrum | None:
     if part.spectrum is not None:
         return spectrum_of(part.spectrum)
-    from lensforge.sources.rayfiles import read_rayfile  # loaded where a scene asks for it
+    from lensforge.sources.rayfiles.ray_file_io import read_rayfile  # loaded where a scene asks for it
     from lensforge.sources.rayfiles.stored_rays import loaded_or_stored, with_wavelengths
 
     rayfile = read_rayfile(part.file)

@@ -161,7 +161,7 @@ def worst_words(found: Yield, worst: WorstPart) -> str:
     words = []
     for name in judged_metrics(found):
         value = worst.metrics[name]
-        missed = [each for each in found.bounds if each.metric == name and not each.kept_by(np.array(value))]
+        missed = [each for each in found.bounds if each.metric == name and not each.kept_by(np.array([value]))[0]]
         ends = "".join(f", bound {bound_words(bound)}" for bound in missed)
         fact = of_metric("", metric_words(name), name, value, found.metrics[name].unit)
         state = " (undecided)" if found.metrics[name].undecided else ""

@@ -16,7 +16,8 @@ from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import SquareEmitter, build_source
 from lensforge.sources.measured_rays import searched
 from lensforge.sources.ray_set import RaySetEmitter
-from lensforge.sources.rayfiles import RayFile, write_rayfile
+from lensforge.sources.rayfiles.ray_file import RayFile
+from lensforge.sources.rayfiles.ray_file_io import write_rayfile
 from lensforge.spec.accuracy import PRESETS
 from lensforge.spec.source_sections import RayfileSource
 

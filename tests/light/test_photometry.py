@@ -19,7 +19,7 @@ from lensforge.scene.receiver import ReceiverPose
 from lensforge.scene.receiver_shapes import Plane
 from lensforge.sources.build_source import SquareEmitter, build_source
 from lensforge.sources.photometric import read_photometric
-from lensforge.sources.rayfiles import read_rayfile
+from lensforge.sources.rayfiles.ray_file_io import read_rayfile
 from lensforge.spec.accuracy import PRESETS
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 

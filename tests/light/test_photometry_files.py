@@ -14,7 +14,7 @@ from test_photometry import ROUGH, SYMMETRIC, THROUGH, measured
 import lensforge as lf
 from lensforge.cli.cli import cli
 from lensforge.errors import InputError
-from lensforge.sources.rayfiles import read_rayfile
+from lensforge.sources.rayfiles.ray_file_io import read_rayfile
 
 DATED = replace(ROUGH, spec=small_spec(manufacture__date="2026-03-01"))
 

@@ -6,7 +6,8 @@ from measured_lenses import directions, lens
 from second_cuts import measured
 
 import lensforge as lf
-from lensforge.sources.rayfiles import RayFile, write_rayfile
+from lensforge.sources.rayfiles.ray_file import RayFile
+from lensforge.sources.rayfiles.ray_file_io import write_rayfile
 
 MEASURED = 300
 

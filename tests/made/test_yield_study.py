@@ -13,7 +13,7 @@ from lensforge.light.metrics import rsd_estimate
 from lensforge.made.part_study import PartStudy, Recipe
 from lensforge.made.tolerance_result import PassRate, Yield
 from lensforge.made.tolerance_studies import _name_of
-from lensforge.made.yield_facts import metric_words, spread_rows
+from lensforge.made.yield_facts import cause_rows, judged_metrics, metric_words, spread_rows, worst_words
 from lensforge.made.yield_study import measure_yield
 from lensforge.scene.pixel_grid import PixelGrid, splat_flux
 
@@ -192,8 +192,8 @@ def test_few_rays_make_no_impossible_figure_and_noise_keeps_its_state_wherever_i
     assert {name.removesuffix(" (undecided)") for name in header if name.endswith(" (undecided)")} == undecided
     stored = few.model_dump()["metrics"]
     assert {name for name in stored if stored[name]["undecided"]} == undecided >= {"rsd"}
-    assert not {row.name for row in cause_rows(few)} & {metric_words(name) for name in undecided}
-    for name in undecided & set(judged(few)):
+    assert not {row.title for row in cause_rows(few)} & {metric_words(name) for name in undecided}
+    for name in undecided & set(judged_metrics(few)):
         assert f"{metric_words(name)} " in worst_words(few, few.worst[0])
         assert "(undecided)" in worst_words(few, few.worst[0]).split(f"{metric_words(name)} ")[1].split(";")[0]
 

@@ -1,14 +1,18 @@
 """Pictures that are refused in one line: without one luminance, of other formats, too large, or damaged."""
 
 import io
+import os
 import struct
 import time
 import zlib
 
 import numpy as np
 import pytest
-from handmade_pictures import chunk, numbers, png, tiff
+from handmade_pictures import bmp, chunk, numbers, png, tiff
 from PIL import Image
+
+from lensforge.errors import InputError
+from lensforge.optics.image_reading import read_picture
 
 
 def _saved(mode, kind, **options):
@@ -50,6 +54,19 @@ def test_several_frames_are_refused(light, refused):
             np.testing.assert_array_equal(light(bytes(pages)), grey[..., 0] / 255)
         else:
             assert "several" in refused(bytes(pages))
+
+
+def test_missing_and_special_files(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    for path, message in (
+        (tmp_path / "none.png", "no such file; give one"),
+        (tmp_path / "pipe", "a pipe"),
+        (tmp_path, "a folder"),
+        ("/dev/zero", "a device"),
+        ("a\0b.png", "null"),
+    ):
+        with pytest.raises(InputError, match=message):
+            read_picture(path, missing="give one")
 
 
 def test_large_pictures_are_refused_before_they_are_decoded(refused):

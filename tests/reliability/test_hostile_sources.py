@@ -19,7 +19,8 @@ from lensforge.errors import InputError
 from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.photometric import read_photometric
 from lensforge.sources.radiance_emitter import read_radiance
-from lensforge.sources.rayfiles import describe, read_rayfile
+from lensforge.sources.rayfiles.ray_file_io import read_rayfile
+from lensforge.sources.rayfiles.ray_file_statistics import describe
 from lensforge.sources.rayfiles.ray_file_summary import Histograms
 from lensforge.sources.source_spectrum import read_spectrum_file
 

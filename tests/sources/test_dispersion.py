@@ -10,8 +10,7 @@ from scenes import small_spec
 from lensforge.errors import InputError
 from lensforge.optics.material import D_LINE_NM, MATERIALS
 from lensforge.sources.build_source import build_source, summarise
-from lensforge.sources.rayfiles import write_rayfile
-from lensforge.sources.rayfiles.ray_file_io import decode
+from lensforge.sources.rayfiles.ray_file_io import decode, write_rayfile
 from lensforge.sources.source_spectrum import Spectrum
 from lensforge.spec import parse_spec
 

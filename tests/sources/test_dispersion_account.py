@@ -22,7 +22,7 @@ from lensforge.sources.dispersion import (
     known_or,  # fmt: skip
 )
 from lensforge.sources.ray_bundle import RayBundle
-from lensforge.sources.rayfiles import write_rayfile
+from lensforge.sources.rayfiles.ray_file_io import write_rayfile
 from lensforge.sources.source_spectrum import Spectrum, WavelengthDraw, usable_wavelengths
 from lensforge.sources.source_summary import SourceSummary
 

@@ -13,7 +13,7 @@ from lensforge.errors import InputError
 from lensforge.optics.photopic import LARGEST_LM_PER_W, efficacy_at, luminous_efficacy
 from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.radiance_emitter import RadianceTable
-from lensforge.sources.rayfiles import write_rayfile
+from lensforge.sources.rayfiles.ray_file_io import write_rayfile
 from lensforge.sources.source_flux import OwnFlux, SourceFlux, joined_flux, settled_flux, with_spectrum_compared
 from lensforge.spec.emitter_section import FluxSection
 

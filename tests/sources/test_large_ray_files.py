@@ -20,7 +20,9 @@ from lensforge.sources.measured_rays import divided, smoothed
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.ray_set import RaySetEmitter
 from lensforge.sources.ray_set_loading import load_ray_set
-from lensforge.sources.rayfiles import RayFile, ray_file_bytes, read_rayfile, stored_rays, write_rayfile
+from lensforge.sources.rayfiles import ray_file_bytes, stored_rays
+from lensforge.sources.rayfiles.ray_file import RayFile
+from lensforge.sources.rayfiles.ray_file_io import read_rayfile, write_rayfile
 from lensforge.spec.source_sections import RayfilePart, RayfileSource, RayfilesSource, RaySource
 
 COUNT = 5000

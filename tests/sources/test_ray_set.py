@@ -12,7 +12,7 @@ from lensforge.errors import InputError
 from lensforge.optics.material import MATERIALS
 from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.ray_set_loading import load_ray_set
-from lensforge.sources.rayfiles import write_rayfile
+from lensforge.sources.rayfiles.ray_file_io import write_rayfile
 from lensforge.sources.rayfiles.ray_file_statistics import virtual_focus
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec import load_spec

@@ -8,8 +8,8 @@ from rayfile_samples import CASES, encoded, image, rays
 
 from lensforge.errors import InputError
 from lensforge.sources.rayfiles import ray_file as rayfile_module
-from lensforge.sources.rayfiles import ray_file_text, read_rayfile
-from lensforge.sources.rayfiles.ray_file_io import decode
+from lensforge.sources.rayfiles import ray_file_text
+from lensforge.sources.rayfiles.ray_file_io import decode, read_rayfile
 
 
 @pytest.mark.parametrize("name", ["csv", "zemax_text", "lighttools_text", "speos_text"])

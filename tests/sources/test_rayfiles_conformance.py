@@ -7,9 +7,10 @@ import pytest
 from rayfile_samples import CASES, encoded, image, rays
 
 from lensforge.errors import InputError
-from lensforge.sources.rayfiles import FORMATS, convert, describe, read_rayfile, write_rayfile
+from lensforge.sources.rayfiles.formats import FORMATS
 from lensforge.sources.rayfiles.ray_file import HEAD_BYTES
-from lensforge.sources.rayfiles.ray_file_io import decode
+from lensforge.sources.rayfiles.ray_file_io import convert, decode, read_rayfile, write_rayfile
+from lensforge.sources.rayfiles.ray_file_statistics import describe
 
 NAMED_CASES = [(name, index) for name, cases in CASES.items() for index in range(len(cases))]
 # LightTools' convention: its ray fluxes add up to the number of rays times the header's flux.

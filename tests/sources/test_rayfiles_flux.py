@@ -8,8 +8,9 @@ from rayfile_samples import encoded, image, rays, with_spectrum_numbers
 
 from lensforge.errors import InputError
 from lensforge.sources.ray_set_loading import load_ray_set
-from lensforge.sources.rayfiles import FORMATS, convert, describe, read_rayfile
-from lensforge.sources.rayfiles.ray_file_io import decode
+from lensforge.sources.rayfiles.formats import FORMATS
+from lensforge.sources.rayfiles.ray_file_io import convert, decode, read_rayfile
+from lensforge.sources.rayfiles.ray_file_statistics import describe
 from lensforge.sources.rayfiles.ray_file_summary import Histograms
 from lensforge.spec.source_sections import RayfileSource
 

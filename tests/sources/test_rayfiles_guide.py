@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from scenes import small_spec
 
-from lensforge.sources.rayfiles import FORMATS
+from lensforge.sources.rayfiles.formats import FORMATS
 
 GUIDE = (Path(__file__).parents[2] / "docs" / "rayfiles.md").read_text(encoding="utf-8")
 SOURCES = [block.split("```")[0] for block in GUIDE.split("```toml\n")[1:]]

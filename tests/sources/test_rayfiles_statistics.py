@@ -9,10 +9,9 @@ from scipy.optimize import minimize
 
 from lensforge.errors import InputError
 from lensforge.optics.photopic import luminous_efficacy
-from lensforge.sources.rayfiles import RayFile, RayFileSummary, describe, outline
-from lensforge.sources.rayfiles.ray_file import usable_rays
-from lensforge.sources.rayfiles.ray_file_statistics import virtual_focus
-from lensforge.sources.rayfiles.ray_file_summary import Box, WavelengthRange
+from lensforge.sources.rayfiles.ray_file import RayFile, usable_rays
+from lensforge.sources.rayfiles.ray_file_statistics import describe, outline, virtual_focus
+from lensforge.sources.rayfiles.ray_file_summary import Box, RayFileSummary, WavelengthRange
 
 
 def point_source(point, count=500, seed=3):

@@ -9,8 +9,8 @@ from scenes import small_spec
 
 from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.ray_set_loading import load_ray_set
-from lensforge.sources.rayfiles import describe, read_rayfile
-from lensforge.sources.rayfiles.ray_file_statistics import FEWEST_EFFECTIVE_RAYS, ray_set_warnings
+from lensforge.sources.rayfiles.ray_file_io import read_rayfile
+from lensforge.sources.rayfiles.ray_file_statistics import FEWEST_EFFECTIVE_RAYS, describe, ray_set_warnings
 from lensforge.spec.source_sections import RayfilesSource, RaySource
 
 COUNT = FEWEST_EFFECTIVE_RAYS + 2000

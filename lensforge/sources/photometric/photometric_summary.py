@@ -198,7 +198,7 @@ _SUFFIXES = (".ies", ".ldt", ".iesxml")
 
 def holds_far_field(path: Path) -> bool:
     """True for a photometric file, whatever its name, and for one that is only named so and holds no rays."""
-    from lensforge.sources.rayfiles import is_rayfile
+    from lensforge.sources.rayfiles.ray_file_io import is_rayfile
 
     if not path.is_file() or is_rayfile(path):
         return False
@@ -210,7 +210,8 @@ def rays(file: Path | str) -> "RayFileSummary | PhotometricSummary":
 
     The content decides, not the name. Raises :class:`InputError` for a file of no known format.
     """
-    from lensforge.sources.rayfiles import describe, read_rayfile
+    from lensforge.sources.rayfiles.ray_file_io import read_rayfile
+    from lensforge.sources.rayfiles.ray_file_statistics import describe
 
     if not isinstance(file, Path | str):
         raise InputError(f"rays: {type(file).__name__} given; give the path of a ray file")
