@@ -25,7 +25,7 @@ HEAVY = {
     "skimage", "PIL", "tifffile", "imagecodecs", "jinja2", "rich", "mitsuba", "yaml", "dask", "distributed",
 }  # fmt: skip
 # Rooms of many modules that few scripts need: together they would be a sixth of what importing the library takes.
-SELDOM = ("lensforge.sources.rayfiles", "lensforge.runs.sweep", "lensforge.runs.tradeoff")
+SELDOM = ("lensforge.sources.rayfiles", "lensforge.runs.sweep", "lensforge.runs.tradeoff_study")
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
 

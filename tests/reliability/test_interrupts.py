@@ -213,7 +213,7 @@ def test_ctrl_c_while_nearest_points_are_searched_is_no_crash(small_run: lf.Run)
     done = script(
         f"""
         import os, signal, sys, threading
-        from lensforge.shop import cutter
+        from lensforge.shop import ball_cutter as cutter
         search = cutter._shrink
         def interrupted(*arguments):
             threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT)).start()
