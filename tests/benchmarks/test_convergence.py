@@ -27,6 +27,7 @@ def lens():
     return Lens(inner, outer, SPEC, 0, "draft")
 
 
+@pytest.mark.nightly("a benchmark of its own: half a minute")
 def test_plain_monte_carlo_falls_with_the_root_of_the_rays_and_quasi_monte_carlo_faster(lens):
     traced = TracedLens(Scene(lens.media, GRID), table_of(lens.inner, GRID), table_of(lens.outer, GRID), {})
     orders = ray_study(traced, lens.spec, build_source(SPEC.source), (2**10, 2**12, 2**14))[0].order
