@@ -40,6 +40,7 @@ _UNCHECKED = {  # compiled by numba, which cannot compile what is wrapped; verbs
     # and what takes protocols, of which tests give the part that they need
     "luminaire_classes.py", "yield_study.py", "measured_parts.py", "tolerance_budget.py", "part_study.py",
     "sensitivity.py", "tolerance_studies.py", "dense_table.py", "shop_files.py", "proof_inputs.py",
+    "offset_face.py", "point_files.py",
 }  # fmt: skip
 _MODULES = sorted(
     path for package in _PACKAGES for path in (_FOLDER / package).rglob("*.py") if path.name not in _UNCHECKED

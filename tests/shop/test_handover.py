@@ -171,7 +171,7 @@ def test_what_the_shop_cannot_do_and_what_could_not_be_measured_is_said(results)
     handed = make_handover(replace(results, found={**results.found, "check": check}), COARSE)
     assert [verdict.reason for verdict in handed.refused] == ["no ball fits"]
     page = handed.html.decode("utf-8")
-    assert '<td class="no">fail</td><td>no ball fits</td>' in page
+    assert '<td class="no">no</td><td>no ball fits</td>' in page
     assert '<td>not measured</td><td>≥ 1 mm</td><td class="no">fail</td>' in page
 
 
