@@ -142,7 +142,7 @@ def _pattern(receiver: ReceiverLight, bounds: Mapping[str, Bound]) -> Iterator[F
         "nmse",
         METRICS["nmse"],
         nmse,
-        f"squared distance from the target over the target squared{_by_pixels(receiver)}",
+        f"mean square deviation over the target’s mean square{_by_pixels(receiver)}",
         limit=largest,
         possible=least if possible.nmse > 0.0 else None,
         state="" if largest is None else judge(nmse.value, "<=", largest.value, nmse.standard_error),

@@ -1,7 +1,6 @@
 """Facts of the studies of tolerances: who passes, how far the light scatters, by which causes, what each may be."""
 
 from collections.abc import Iterator
-from math import inf
 
 import numpy as np
 
@@ -117,12 +116,6 @@ def budget_row(row: BudgetRow) -> Group:
         Fact("interval", "Interval", interval),
     )
     return Group("budget", row.words, facts)
-
-
-def tightest_first(found: Yield) -> list[Group]:
-    """The rows of single tolerances, those that leave the least room first."""
-    alone = () if found.budget is None else sorted(found.budget.alone, key=_room)
-    return [budget_row(row) for row in alone]
 
 
 def drawn_rows(found: Yield) -> list[Group]:
@@ -244,9 +237,3 @@ def _change(row: ErrorRow) -> Group:
 
 def _effect(row: ErrorRow) -> float:
     return abs(row.change.nmse.value)
-
-
-def _room(row: BudgetRow) -> float:
-    if row.unlimited or row.specified == 0.0:
-        return inf
-    return 0.0 if row.at_most is None else row.at_most / row.specified

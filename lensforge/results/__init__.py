@@ -1,4 +1,4 @@
-"""Records: frozen, every field typed, finite and within its range; a stage's result is a record with files."""
+"""Results and the files that keep them: records, criteria, facts, plots; and the sandbox that reads foreign files."""
 
 from lensforge.results.array_fields import Array, Image, Irradiance, Line, PixelCentres, SquareImage
 from lensforge.results.conditions import Conditions

@@ -10,13 +10,11 @@ import os
 import shlex
 import stat
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from datetime import datetime
-from functools import wraps
 from pathlib import Path
 from platform import node
-from typing import Concatenate, ParamSpec, TypeVar
 
 from lensforge.errors import InputError
 from lensforge.results.files import delete_half_written
@@ -27,23 +25,6 @@ _NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL)  # of s
 _TRIES_SECONDS = 0.2  # without locks: one try finds that the holder has ended, the next takes its place
 _OTHERS = "wait until it has ended, or give another folder"
 _MOST_BYTES, _SHOWN = 4096, 160  # of a holder's text; of each of its lines, in characters
-
-_Folder = TypeVar("_Folder", bound=Path)
-_Arguments = ParamSpec("_Arguments")
-_Result = TypeVar("_Result")
-
-
-def in_locked_folder(
-    stage: Callable[Concatenate[_Folder, _Arguments], _Result],
-) -> Callable[Concatenate[_Folder, _Arguments], _Result]:
-    """Decorator of a function whose first argument is the folder in which it writes."""
-
-    @wraps(stage)
-    def inside(folder: _Folder, /, *args: _Arguments.args, **kwargs: _Arguments.kwargs) -> _Result:
-        with locked(folder):
-            return stage(folder, *args, **kwargs)
-
-    return inside
 
 
 @contextmanager
