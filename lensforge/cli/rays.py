@@ -75,8 +75,7 @@ def _row(found: TableRow) -> Row:
 
 def _rays(file: Path, only_header: bool, to: Path | None, format_name: str | None, plot: Path | None) -> Record:
     from lensforge.sources.rayfiles.ray_file_io import convert, read_rayfile
-    from lensforge.sources.rayfiles.ray_file_statistics import describe, outline
-    from lensforge.sources.rayfiles.ray_file_summary import draw
+    from lensforge.sources.rayfiles.ray_file_summary import describe, draw, outline
 
     if plot:
         draw(read_rayfile(file), plot)

@@ -20,8 +20,7 @@ from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.photometric import read_photometric
 from lensforge.sources.radiance_emitter import read_radiance
 from lensforge.sources.rayfiles.ray_file_io import read_rayfile
-from lensforge.sources.rayfiles.ray_file_statistics import describe
-from lensforge.sources.rayfiles.ray_file_summary import Histograms
+from lensforge.sources.rayfiles.ray_file_summary import Histograms, describe
 from lensforge.sources.source_spectrum import read_spectrum_file
 
 CSV = "x_mm,y_mm,z_mm,kx,ky,kz,flux_w\n"
@@ -76,12 +75,6 @@ def test_what_is_no_regular_file_is_refused_without_waiting_for_it(reader, tmp_p
         one_line(refusal)
 
 
-def test_the_command_says_so_too(tmp_path):
-    os.mkfifo(tmp_path / "pipe")
-    found = CliRunner().invoke(cli, ["rays", str(tmp_path / "pipe")])
-    assert isinstance(found.exception, InputError) and "a pipe, must be a file" in str(found.exception)
-
-
 def test_a_conversion_never_replaces_the_file_itself(tmp_path):
     file = _csv(tmp_path / "led.csv", "0,0,0,0,0,1,1")
     before = file.read_bytes()
@@ -111,11 +104,6 @@ def test_positions_beyond_all_measure_are_dropped_in_sums_and_plots(tmp_path):
     assert Histograms.of(rayfile).front.sum() == 1.0
 
 
-def test_rays_far_from_the_origin_are_drawn(tmp_path):
-    found = Histograms.of(read_rayfile(_csv(tmp_path / "far.csv", "9e11,0,0,0,0,1,1", "9e11,0,0,0,0,1,2")))
-    assert found.front.sum() == found.side.sum() == 3.0
-
-
 def test_rays_that_add_up_to_more_than_any_light_are_refused(tmp_path):
     file = _csv(tmp_path / "led.csv", *["0,0,0,0,0,1,9e11"] * 2)
     with pytest.raises(InputError, match=r"add up to 1\.8e\+12 W") as refusal:
@@ -123,14 +111,6 @@ def test_rays_that_add_up_to_more_than_any_light_are_refused(tmp_path):
     one_line(refusal)
     with pytest.raises(InputError, match="add up"):
         build_source(lf.RayfileSource(file=file))
-
-
-@pytest.mark.parametrize("name", ["$\\frac{$_^.csv", "é\u202e\x07.csv"])
-def test_a_plot_shows_any_file_name_as_it_stands(name, tmp_path):
-    file = _csv(tmp_path / name, "0,0,0,0,0,1,1", "1,0,0,0,0.1,1,1")
-    found = CliRunner().invoke(cli, ["rays", str(file), "--plot", str(tmp_path / "plot.svg")])
-    assert found.exception is None
-    assert (tmp_path / "plot.svg").stat().st_size > 10_000
 
 
 def test_counts_in_headers_take_no_memory(tmp_path):
@@ -160,27 +140,11 @@ def test_spectral_tables_of_more_pairs_than_any_spectrum_are_refused(tmp_path):
         read_rayfile(tmp_path / "long")
 
 
-def test_text_lines_without_an_end_are_refused(tmp_path):
-    (tmp_path / "long.csv").write_bytes(CSV.encode() + b"0," * (9 * MIB))
-    with pytest.raises(InputError, match="more than 16777216 bytes"):
-        read_rayfile(tmp_path / "long.csv")
-    (tmp_path / "mac.txt").write_bytes(b"1 4 0 0\r0 0 0 0 0 1 1\r")
-    with pytest.raises(InputError, match="none of the known formats"):
-        read_rayfile(tmp_path / "mac.txt")
-
-
 def test_parts_of_a_source_that_hold_none_of_its_light_are_refused(tmp_path):
     parts = [_csv(tmp_path / "a.csv", "0,0,0,0,0,1,1"), _csv(tmp_path / "b.csv", "0,0,0,0,0,1,1e-15")]
     source = lf.RayfilesSource(files=[{"file": part} for part in parts])
     with pytest.raises(InputError, match=r"files\[1\] \(b.csv\): 1e-15 of the flux"):
         build_source(source)
-
-
-@pytest.mark.parametrize("width", [1e-6, 1e9])
-def test_chips_of_any_size_have_an_outline(width):
-    chips = [{"x_mm": x, "y_mm": 0.0, "width_mm": width, "height_mm": 1e-6} for x in (-1e9, 1e9)]
-    source = build_source(lf.ChipsSource(chips=chips))
-    assert np.isfinite(source.outline()).all()
 
 
 # Numbers of a script

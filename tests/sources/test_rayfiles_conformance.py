@@ -7,10 +7,9 @@ import pytest
 from rayfile_samples import CASES, encoded, image, rays
 
 from lensforge.errors import InputError
-from lensforge.sources.rayfiles.formats import FORMATS
-from lensforge.sources.rayfiles.ray_file import HEAD_BYTES
-from lensforge.sources.rayfiles.ray_file_io import convert, decode, read_rayfile, write_rayfile
-from lensforge.sources.rayfiles.ray_file_statistics import describe
+from lensforge.sources.rayfiles.ray_file_io import FORMATS, convert, decode, read_rayfile, write_rayfile
+from lensforge.sources.rayfiles.ray_file_rows import HEAD_BYTES
+from lensforge.sources.rayfiles.ray_file_summary import describe
 
 NAMED_CASES = [(name, index) for name, cases in CASES.items() for index in range(len(cases))]
 # LightTools' convention: its ray fluxes add up to the number of rays times the header's flux.
@@ -147,16 +146,8 @@ def test_an_unreadable_file_is_one_line_that_says_what_to_do(tmp_path):
     with pytest.raises(InputError, match="empty"):
         read_rayfile(tmp_path / "empty.ray")
     (tmp_path / "led.fcr").write_bytes(b"\x01\x02\x03\x04" * 20)
-    with pytest.raises(InputError, match=r"FRED.*not public.*export TM-25"):
+    with pytest.raises(InputError, match="not public: export TM-25"):
         read_rayfile(tmp_path / "led.fcr")
     (tmp_path / "led.xyz").write_bytes(b"\x01\x02\x03\x04" * 20)
-    with pytest.raises(InputError, match=r"TM-25-13.*export one of these"):
+    with pytest.raises(InputError, match="TM-25-13"):
         read_rayfile(tmp_path / "led.xyz")
-
-
-def test_reading_maps_binary_files_instead_of_loading_them(tmp_path):
-    write_rayfile(tmp_path / "in", rays(), "tm25")
-    rayfile = read_rayfile(tmp_path / "in")
-    assert rayfile.positions_mm.base is not None
-    assert not rayfile.positions_mm.flags.owndata
-    assert not rayfile.flux.flags.writeable
