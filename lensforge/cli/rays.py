@@ -75,7 +75,8 @@ def _row(found: TableRow) -> Row:
 
 def _rays(file: Path, only_header: bool, to: Path | None, format_name: str | None, plot: Path | None) -> Record:
     from lensforge.sources.rayfiles.ray_file_io import convert, read_rayfile
-    from lensforge.sources.rayfiles.ray_file_summary import describe, draw, outline
+    from lensforge.sources.rayfiles.ray_file_statistics import describe, outline
+    from lensforge.sources.rayfiles.ray_file_summary import draw
 
     if plot:
         draw(read_rayfile(file), plot)

@@ -98,16 +98,17 @@ def _of_file(part: RayfilePart) -> Spectrum | None:
         return None
     rays = stored.loaded()
 
-    def blocks() -> Iterator[_Light]:
+    def light() -> Iterator[_Light]:
         for block in blocks_of(rays):
             assert block.wavelengths_nm is not None
-            waves = block.wavelengths_nm
-            yield waves, block.flux / efficacy_at(waves) if in_lumens else block.flux
+            yield block.wavelengths_nm, block.flux
 
+    if not in_lumens:
+        return _of_rays(light)
     # of lumens: power is not known where the eye sees nothing
-    if in_lumens and not np.isfinite(sum(float(power.sum()) for _, power in blocks())):
+    if not all(efficacy_at(waves).all() for waves, _ in light()):
         return None
-    return _of_rays(blocks)
+    return _of_rays(lambda: ((waves, flux / efficacy_at(waves)) for waves, flux in light()))
 
 
 def _of_rays(blocks: Callable[[], Iterable[_Light]]) -> Spectrum:

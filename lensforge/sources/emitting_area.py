@@ -5,7 +5,6 @@ The points are scrambled Sobol sequences (Owen 1998; Matousek's linear scramble)
 
 import warnings
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
@@ -13,8 +12,6 @@ from jaxtyping import Float
 from scipy.spatial import ConvexHull, QhullError
 from scipy.stats import qmc
 
-from lensforge.errors import InputError
-from lensforge.optics.image import Luminance
 from lensforge.sources.inverse_cdf import choose
 from lensforge.surfaces.mirror_group import largest_symmetry
 
@@ -107,13 +104,8 @@ class LuminanceImage:
     pitch_mm: float
 
     @classmethod
-    def read(cls, path: Path, width_mm: float, luminance: Luminance = "as_stored") -> "LuminanceImage":
-        """Read an image file, colours and values by ``luminance``. Raises :class:`InputError` if it cannot be used."""
-        from lensforge.optics.image_reading import read_light  # loaded for images alone
-
-        values = read_light(path, luminance, missing="give an image file")
-        if not values.max() > 0.0:
-            raise InputError(f"{path}: pixels must not be all dark")
+    def of(cls, values: Float[np.ndarray, "h w"], width_mm: float) -> "LuminanceImage":
+        """Image of ``values``, not all 0, that is ``width_mm`` wide."""
         return cls(values / values.sum(), width_mm / values.shape[1])
 
     @property

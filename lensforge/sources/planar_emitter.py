@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.errors import remedy
+from lensforge.errors import InputError, remedy
+from lensforge.optics.image_reading import read_light
 from lensforge.sources.emitting_area import Area, Disc, LuminanceImage, Rectangles, sobol
 from lensforge.sources.intensity import CosinePower, TabulatedIntensity
 from lensforge.sources.photometric import read_photometric
@@ -70,7 +71,10 @@ def planar_emitter(spec: PlanarSource) -> PlanarEmitter:
             area = Disc(0.5 * spec.diameter_mm)
         case LuminanceSource():
             with remedy("correct source.file"):
-                area = LuminanceImage.read(spec.file, spec.width_mm, spec.luminance)
+                values = read_light(spec.file, spec.luminance, missing="give an image file")
+                if not values.max() > 0.0:
+                    raise InputError(f"{spec.file}: pixels must not be all dark")
+            area = LuminanceImage.of(values, spec.width_mm)
         case ChipsSource():
             area = _chips(spec)
     return PlanarEmitter(area, profile, emitter_flux(spec).flux_w, warnings=warnings)

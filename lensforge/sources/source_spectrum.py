@@ -45,9 +45,9 @@ def read_spectrum_file(path: Path) -> Columns:
             )
     if first == len(lines):
         raise InputError(f"{path}: not two columns of numbers: it has none; wavelength (nm) and relative power density")
-    announced = re.fullmatch(r"[0-9]{1,9}", lines[first - 1].text) if first else None
-    if announced and int(announced[0]) != len(lines) - first:
-        raise InputError(f"{path}: {announced[0]} samples announced, {len(lines) - first} found; export it again")
+    announced = re.fullmatch(r"0*([0-9]+)", lines[first - 1].text) if first else None
+    if announced and announced[1] != str(len(lines) - first):
+        raise InputError(f"{path}: {announced[0][:9]} samples announced, {len(lines) - first} found; export it again")
     found = np.array([_row(line, path) for line in lines[first:]])
     if (np.diff(found[:, 0]) < 0.0).all():
         found = found[::-1]  # from red to blue
@@ -83,7 +83,9 @@ def _row(line: _Line, path: Path) -> list[float]:
     if numbers is None:
         raise InputError(f"{path}, line {line.number}: not two columns of numbers; wavelength (nm) and power")
     if not all(abs(number) < _HUGE for number in numbers):
-        raise InputError(f"{path}, line {line.number}: its numbers are not all below {_HUGE:g}; export it again")
+        raise InputError(
+            f"{path}, line {line.number}: its numbers are not all finite and below {_HUGE:g}; export it again"
+        )
     return numbers
 
 

@@ -20,7 +20,8 @@ from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.photometric import read_photometric
 from lensforge.sources.radiance_emitter import read_radiance
 from lensforge.sources.rayfiles.ray_file_io import read_rayfile
-from lensforge.sources.rayfiles.ray_file_summary import Histograms, describe
+from lensforge.sources.rayfiles.ray_file_statistics import describe
+from lensforge.sources.rayfiles.ray_file_summary import Histograms
 from lensforge.sources.source_spectrum import read_spectrum_file
 
 CSV = "x_mm,y_mm,z_mm,kx,ky,kz,flux_w\n"

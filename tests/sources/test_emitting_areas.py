@@ -7,12 +7,9 @@ import pytest
 from PIL import Image
 
 from lensforge.errors import InputError
-from lensforge.sources.emitting_area import Disc, Rectangles
-from lensforge.sources.planar_emitter import LuminanceImage
-
-
-def as_set(corners: np.ndarray) -> set[tuple[float, ...]]:
-    return {tuple(np.round(corner, 9) + 0.0) for corner in corners}
+from lensforge.sources.emitting_area import Disc, LuminanceImage, Rectangles
+from lensforge.sources.planar_emitter import planar_emitter
+from lensforge.spec.source_sections import LuminanceSource
 
 
 def test_a_disc_is_filled_by_the_root_of_the_first_number_and_the_turn_of_the_second() -> None:
@@ -71,8 +68,8 @@ def test_the_density_of_a_picture_is_that_of_the_pixel_at_a_point() -> None:
 
 def test_a_picture_is_as_wide_as_stated_and_all_of_it_has_the_flux(tmp_path: Path) -> None:
     Image.fromarray(np.array([[50, 0, 0, 100], [0, 0, 0, 50]], dtype=np.uint8)).save(tmp_path / "led.png")
-    found = LuminanceImage.read(tmp_path / "led.png", 6.0)
+    found = planar_emitter(LuminanceSource(file=tmp_path / "led.png", width_mm=6.0)).area
     assert found.pitch_mm == 1.5 and found.values.tolist() == [[0.25, 0.0, 0.0, 0.5], [0.0, 0.0, 0.0, 0.25]]
     Image.new("L", (4, 4)).save(tmp_path / "dark.png")
     with pytest.raises(InputError, match="must not be all dark"):
-        LuminanceImage.read(tmp_path / "dark.png", 6.0)
+        planar_emitter(LuminanceSource(file=tmp_path / "dark.png", width_mm=6.0))

@@ -10,8 +10,8 @@ from scipy.optimize import minimize
 from lensforge.errors import InputError
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.rayfiles.ray_file import RayFile
-from lensforge.sources.rayfiles.ray_file_statistics import RaySums
-from lensforge.sources.rayfiles.ray_file_summary import Box, RayFileSummary, WavelengthRange, describe, outline
+from lensforge.sources.rayfiles.ray_file_statistics import RaySums, describe, outline
+from lensforge.sources.rayfiles.ray_file_summary import Box, RayFileSummary, WavelengthRange
 from lensforge.sources.rayfiles.stored_rays import StoredRays
 
 

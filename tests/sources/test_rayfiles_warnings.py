@@ -9,8 +9,7 @@ from scenes import small_spec
 
 from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.rayfiles.ray_file_io import read_rayfile
-from lensforge.sources.rayfiles.ray_file_statistics import FEWEST_EFFECTIVE_RAYS, RaySums, ray_set_warnings
-from lensforge.sources.rayfiles.ray_file_summary import describe
+from lensforge.sources.rayfiles.ray_file_statistics import FEWEST_EFFECTIVE_RAYS, RaySums, describe, ray_set_warnings
 
 COUNT = FEWEST_EFFECTIVE_RAYS + 2000
 

@@ -64,7 +64,7 @@ def test_rows_are_read_from_every_dress_from_blue_to_red(content, rows, tmp_path
         (LIGHTTOOLS.replace("continuous", "discrete"), "line 5: 'discrete': only continuous, radiometric"),
         (LIGHTTOOLS.replace("radiometric", "photometric"), "'photometric': only continuous"),
         ("OPTIS - Material file v13\n\n0\n", "only continuous, radiometric spectra"),
-        ("440 1\n450 1e12\n", "line 2: its numbers are not all below 1e"),
+        ("440 1\n450 1e12\n", "line 2: its numbers are not all finite and below 1e"),
         ("98 1\n99.9 2\n", "wavelengths from 98 to 99.9: nm are expected"),
     ],
 )

@@ -209,7 +209,7 @@ def rays(file: Path | str) -> "RayFileSummary | PhotometricSummary":
     The content decides, not the name. Raises :class:`InputError` for a file of no known format.
     """
     from lensforge.sources.rayfiles.ray_file_io import read_rayfile
-    from lensforge.sources.rayfiles.ray_file_summary import describe
+    from lensforge.sources.rayfiles.ray_file_statistics import describe
 
     if not isinstance(file, Path | str):
         raise InputError(f"rays: {type(file).__name__} given; give the path of a ray file")

@@ -17,9 +17,11 @@ from lensforge.optics.photopic import LARGEST_LM_PER_W, luminous_efficacy
 from lensforge.results import Point
 from lensforge.sources.ray_bundle import RayBundle, Rays, blocks_of, total_of
 from lensforge.sources.rayfiles.ray_file import RayFile, causes, no_usable_ray, usable_blocks
+from lensforge.sources.rayfiles.ray_file_io import FORMATS
 from lensforge.sources.rayfiles.ray_file_rows import HUGE
+from lensforge.sources.rayfiles.ray_file_summary import Box, FileFlux, FileUnits, RayFileSummary, WavelengthRange
 from lensforge.sources.source_spectrum import ColourSums
-from lensforge.sources.source_summary import as_point
+from lensforge.sources.source_summary import RaysDropped, as_point
 
 _PARALLEL = 1e-9  # smallest over largest eigenvalue below which rays count as parallel
 
@@ -221,3 +223,65 @@ def ray_set_warnings(sums: RaySums, placed: bool) -> Iterator[str]:
             f"{sums.effective_rays:.0f} effective rays: a lens fits the noise of fewer than {FEWEST_EFFECTIVE_RAYS} "
             "and is worse in other light than in that of the rays it is designed with; ask for a larger file"
         )
+
+
+def outline(rayfile: RayFile) -> RayFileSummary:
+    """Describe the header without reading the rays: at once, whatever the size of the file."""
+    length = rayfile.header.get("mm_per_unit")
+    return RayFileSummary(
+        format=rayfile.format,
+        title=FORMATS[rayfile.format].title if rayfile.format in FORMATS else None,
+        rays=len(rayfile),
+        units=FileUnits(length_in_file_mm=length if isinstance(length, float | int) else 1.0, flux=rayfile.flux_unit),
+        flux=FileFlux(unit=rayfile.flux_unit, header_w=rayfile.header_flux_w, header_lm=rayfile.header_flux_lm),
+        wavelengths_nm=_header_wavelengths(rayfile),
+        header=dict(rayfile.header),
+        warnings=rayfile.warnings,
+    )
+
+
+def describe(rayfile: RayFile) -> RayFileSummary:
+    """Summarise header and usable rays: lengths in mm, flux in the file's unit, wavelengths in nm.
+
+    One pass in parts, so that memory stays bounded. Raises :class:`InputError` if no ray is usable.
+    """
+    sums, header = RaySums.of_file(rayfile), outline(rayfile)
+    flux = {
+        "total": rayfile.total_flux(sums.flux),
+        "total_from": "header" if rayfile.stated_flux else "rays",
+        "ray_sum": sums.flux,
+        "ray_sum_over_header": sums.flux / rayfile.header_flux if rayfile.header_flux else None,
+        "backward_share": sums.backward / sums.flux,
+    }
+    colours, mean_nm = sums.colours, sums.colours.mean_nm
+    of_rays = None if mean_nm is None else WavelengthRange(min=colours.low_nm, max=colours.high_nm, mean=mean_nm)
+    summary = header.model_copy(
+        update={
+            "rays_used": sums.rays,
+            "rays_dropped": RaysDropped.model_validate(sums.dropped),
+            "effective_rays": sums.effective_rays,
+            "flux": header.flux.model_copy(update=flux),
+            "bounding_box_mm": Box(min=as_point(sums.low), max=as_point(sums.high)),
+            "virtual_focus_mm": sums.focus_mm,
+            "mean_direction": as_point(sums.direction / sums.flux),
+            "wavelengths_nm": of_rays or header.wavelengths_nm,
+            "warnings": (*file_warnings(rayfile, sums), *ray_set_warnings(sums, placed=False)),
+        }
+    )
+    summary._rayfile = rayfile  # for its plot: neither compared nor saved
+    return summary
+
+
+def _header_wavelengths(rayfile: RayFile) -> WavelengthRange | None:
+    """Range of the wavelength that all rays share, or of all spectral tables; the mean where there is one table."""
+    shared, tables = rayfile.single_wavelength, rayfile.spectral_tables
+    if shared is not None:
+        return WavelengthRange(min=shared, max=shared, mean=shared)
+    if not tables:
+        return None
+    waves = np.concatenate([table.wavelengths_nm for table in tables])
+    power = np.trapezoid(tables[0].power_density, tables[0].wavelengths_nm)
+    mean = None
+    if len(tables) == 1 and power > 0.0:
+        mean = float(np.trapezoid(tables[0].power_density * tables[0].wavelengths_nm, tables[0].wavelengths_nm) / power)
+    return WavelengthRange(min=float(waves.min()), max=float(waves.max()), mean=mean)
