@@ -89,14 +89,6 @@ def test_a_conversion_never_replaces_the_file_itself(tmp_path):
 # Ray files
 
 
-def test_fluxes_that_are_next_to_nothing_are_dropped_and_counted(tmp_path):
-    file = _csv(tmp_path / "led.csv", "0,0,0,0,0,1,1e-320", "0,0,0,0,0,1,2.4e-38", "0,0,0,0,0,1,2")
-    summary = describe(read_rayfile(file))
-    assert (summary.rays_dropped.no_flux, summary.rays_used, summary.flux.total) == (2, 1, 2.0)
-    with pytest.raises(InputError, match="none of its 1 rays is usable \\(1 no flux\\)"):
-        describe(read_rayfile(_csv(tmp_path / "dark.csv", "0,0,0,0,0,1,1e-320")))
-
-
 def test_positions_beyond_all_measure_are_dropped_in_sums_and_plots(tmp_path):
     file = _csv(tmp_path / "led.csv", "1e308,0,0,0,0,1,1", "-1e308,0,0,0,0,1,1", "0,0,0,0,1e308,1,1", "1,2,0,0,0,1,1")
     rayfile = read_rayfile(file)

@@ -113,33 +113,6 @@ def test_flux_over_radiance_is_the_etendue(gamma_max: float) -> None:
         assert cone.flux() == pytest.approx(3.0 * np.pi * 8e-6 * np.sin(np.deg2rad(gamma_max)) ** 2, rel=1e-14)
 
 
-@pytest.mark.parametrize(
-    ("light", "symmetry"),
-    [
-        (lambda x, y, c: 1.0 + 0.0 * c, "square"),
-        (lambda x, y, c: 2.0 + np.cos(4.0 * c), "square"),
-        (lambda x, y, c: 2.0 + np.cos(2.0 * c), "rectangle"),
-        (lambda x, y, c: 2.0 + np.cos(c), "mirror_y"),
-        (lambda x, y, c: 2.0 + np.sin(c), "mirror_x"),
-        (lambda x, y, c: 2.0 + np.sin(2.0 * c), "none"),
-        (lambda x, y, c: 2.0 + x + 0.0 * c, "mirror_y"),
-        (lambda x, y, c: 2.0 + y + 0.0 * c, "mirror_x"),
-        (lambda x, y, c: 2.0 + x * np.cos(c) + y * np.sin(c), "square"),
-        (lambda x, y, c: 2.0 + x * np.cos(c) - y * np.sin(c), "rectangle"),
-        (lambda x, y, c: 2.0 + x * np.cos(c), "rectangle"),
-        (lambda x, y, c: 2.0 + x * np.sin(c), "none"),
-    ],
-)
-def test_symmetry_is_that_of_the_light_by_place_and_azimuth(light, symmetry: str) -> None:
-    edges, c_deg = np.array([-1.0, -0.5, 0.5, 1.0]), np.linspace(0.0, 360.0, 17)
-    gamma = np.array([0.0, 90.0])
-    middle, azimuth = 0.5 * (edges[1:] + edges[:-1]), np.deg2rad(c_deg)
-    radiance = light(middle[None, :, None], middle[:, None, None], azimuth)[..., None] * np.ones((3, 3, 17, 2))
-    assert RadianceTable(edges, edges, c_deg, gamma, radiance).symmetry == symmetry
-    wide = RadianceTable(edges[1:], edges, c_deg, gamma, radiance[:, :2].copy()).symmetry
-    assert wide in ("none", "mirror_x", "mirror_y"), "cells beside the axis have no mirror image in x"
-
-
 def good(**changes: np.ndarray) -> dict[str, np.ndarray]:
     table = {
         "x_mm": np.array([0.0, 1.0]),

@@ -7,7 +7,7 @@ import pytest
 from rayfile_samples import CASES, encoded, image, rays
 
 from lensforge.errors import InputError
-from lensforge.sources.rayfiles.ray_file_io import FORMATS, convert, decode, read_rayfile, write_rayfile
+from lensforge.sources.rayfiles.ray_file_io import FORMATS, decode, read_rayfile, write_rayfile
 from lensforge.sources.rayfiles.ray_file_rows import HEAD_BYTES
 from lensforge.sources.rayfiles.ray_file_statistics import describe
 
@@ -104,19 +104,6 @@ def refused_in_one_line(content):
     with pytest.raises(InputError) as caught:
         describe(decode(image(content)))
     assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize("target", ["tm25", "zemax_binary", "zemax_text", "csv"])
-def test_fluxes_become_absolute_where_the_rays_are_the_truth(target, tmp_path):
-    """SPEOS energies are weights: 12 rays of weight 1, 3 W in the header, are 0.25 W each elsewhere."""
-    content = bytearray(encoded("speos", rays(wavelengths="each")))
-    rows = np.frombuffer(content, dtype="<f4", offset=28).reshape(-1, 8).copy()
-    rows[:, 7] = 1.0
-    content[28:] = rows.tobytes()
-    content[:4] = np.float32(3.0).tobytes()
-    (tmp_path / "in").write_bytes(content)
-    convert(tmp_path / "in", tmp_path / "out", target)
-    np.testing.assert_allclose(read_rayfile(tmp_path / "out").flux, 0.25, rtol=1e-6)
 
 
 def test_the_suffix_chooses_a_format_for_writing_only_where_it_is_clear(tmp_path):

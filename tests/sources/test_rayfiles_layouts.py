@@ -81,11 +81,6 @@ def test_tm25_lumens_come_from_the_luminous_column():
     assert rayfile.header_flux is None
 
 
-@pytest.mark.parametrize("bits", [0x7F800001, 0x0100807F, 0x7FC00000, 0])
-def test_tm25_all_ways_of_an_unknown_wavelength(bits):
-    assert decode(image(tm25(spectral=1, wavelength_bits=bits))).wavelengths_nm is None
-
-
 def test_tm25_single_wavelength_is_shared():
     bits = struct.unpack("<I", struct.pack("<f", 450.0))[0]
     rayfile = decode(image(tm25(spectral=1, wavelength_bits=bits)))
