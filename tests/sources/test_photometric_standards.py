@@ -49,10 +49,12 @@ def test_an_edition_has_its_first_line_its_keywords_and_its_lengths(version, tmp
 
 @pytest.mark.parametrize("version", VERSIONS)
 def test_an_edition_is_read_for_what_it_says(version, tmp_path):
-    path, _ = written(tmp_path, version, title="Leuchte " * 30, issued="2026-03-01", remarks=(LONG,))
+    fields = {"title": "Leuchte " * 30, "issued": "2026-03-01", "remarks": (LONG,), "diameter_mm": 20.0}
+    path, _ = written(tmp_path, version, **fields)
     found, file = read_photometric(path), far_field("none", 417.25)
     np.testing.assert_allclose(found.intensity.values, file.intensity.values, rtol=5e-7)
     assert found.edition == f"LM-63-{version}" and found.warnings == ()
+    assert found.diameter_mm == pytest.approx(20.0)
     assert found.generated == (SIMULATED if version == 2019 else UNDEFINED)
     if version > 1986:
         assert (found.title, found.catalogue, found.maker) == (("Leuchte " * 30).strip(), "L 1", "lensforge")
@@ -72,6 +74,8 @@ def test_a_file_of_1986_has_no_first_line_and_a_factor(tmp_path):
         assert found.intensity.values[0, 0] == pytest.approx(first)
         assert len(found.warnings) == (1 if first == 270.0 else 0)
         assert found.title == ("" if head else "A luminaire of 1987")
+    (tmp_path / "x.ies").write_text(OLD.format("1").replace("1 1 1 0 0 0", "1 1 1 -0.1 0 0"), encoding="ascii")
+    assert read_photometric(tmp_path / "x.ies").diameter_mm == pytest.approx(30.48)  # a tenth of a foot
 
 
 def test_the_table_of_file_generation_types():
