@@ -216,6 +216,7 @@ def test_speos_weights_are_scaled_by_the_header():
     rows = struct.pack("<16f", *ROW[:6], 550.0, 1.0, *ROW[:6], 450.0, 3.0)
     rayfile = decode(image(struct.pack("<7f", 8.0, *(2.0,) * 5, 100.0) + rows))
     assert (rayfile.flux_unit, rayfile.total_flux(), rayfile.header_flux_lm) == ("W", 8.0, 100.0)
+    assert rayfile.header_role == "scale"  # weights that disagree with the header are no fault of the file
     np.testing.assert_allclose(next(rayfile.absolute_blocks(8.0)).flux, [2.0, 6.0])
 
 
