@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from lensforge.sources.rayfiles.formats import FORMATS
 from lensforge.sources.rayfiles.ray_file import RayFile
-from lensforge.sources.rayfiles.ray_file_bytes import FileImage
+from lensforge.sources.rayfiles.ray_file_io import FORMATS
+from lensforge.sources.rayfiles.ray_file_rows import FileImage
 
 SHARED = Path(__file__).parents[1] / ".." / "shared" / "rayfiles"
 

@@ -6,9 +6,6 @@ import numpy as np
 import pytest
 from scenes import small_spec
 
-from lensforge import design, evaluate
-from lensforge.errors import InputError
-from lensforge.results.validation import same
 from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.rayfiles.ray_file_io import read_rayfile
 from lensforge.spec.source_sections import RayfileSource, RaySource
@@ -29,19 +26,6 @@ def test_given_rays_are_placed_as_those_of_a_file(rays, placement):
     for name in ("origins", "directions", "flux"):
         assert np.array_equal(getattr(given.rays, name), getattr(read.rays, name))
     assert given.ray_count == len(rays) and given.flux_w == 2.0
-
-
-def test_the_light_of_given_rays_is_that_of_the_file(rays):
-    spec = small_spec(source={"kind": "rayfile", "file": str(LED), "flux_w": 1.0, "origin": "virtual_focus"})
-    given = spec.replace(source=RaySource(rays, flux_w=1.0, origin="virtual_focus"))
-    short = {"optimise.steps_per_level": [2, 2], "optimise.rays": 512}
-    found, again = (design(each.replace(short), accuracy="draft") for each in (spec, given))
-    assert np.array_equal(found.lens.outer.weights_mm, again.lens.outer.weights_mm)
-    light, light_of_given = (evaluate(each.lens, rays=4096) for each in (found, again))
-    for name in ("map", "raw_map", "target_map", "nmse", "efficiency", "share_in_target", "flux", "missed_by_cause"):
-        assert same(getattr(light, name), getattr(light_of_given, name)), name
-    assert again.source.title == "20000 given rays" and again.source.files == ()
-    assert again.source.placement == found.source.placement
 
 
 def test_without_a_power_the_rays_add_up_to_it_and_without_their_flux_they_are_alike(rays):
@@ -69,18 +53,3 @@ def test_each_ray_has_the_index_at_its_own_wavelength(rays):
     summary = summarise(source, given)
     assert summary.wavelengths_nm == (450.0, 650.0)
     assert summary.refractive_indices == tuple(spec.lens.dispersion.index(np.array([450.0, 650.0])))
-
-
-def test_parallel_rays_have_no_virtual_focus(rays):
-    beam = rays[:5].copy()
-    beam[:, 3:6] = [0.0, 0.0, 1.0]
-    with pytest.raises(InputError, match=r"source\.rays: its rays are parallel"):
-        build_source(RaySource(beam, origin="virtual_focus"))
-    assert summarise(build_source(RaySource(beam)), RaySource(beam)).virtual_focus_mm is None
-
-
-def test_rays_of_which_none_is_usable_are_one_line(rays):
-    far = rays[:4].copy()
-    far[:, 0] = 1e13
-    with pytest.raises(InputError, match="none of the 4 rays is usable"):
-        build_source(RaySource(far))

@@ -15,6 +15,7 @@ from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.optics.photopic import efficacy_at
+from lensforge.sources.ray_bundle import blocks_of
 from lensforge.sources.source_spectrum import Spectrum, spectrum_of
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec.light_limits import PhotometrySection
@@ -86,24 +87,28 @@ def _of_file(part: RayfilePart) -> Spectrum | None:
     if part.spectrum is not None:
         return spectrum_of(part.spectrum)
     from lensforge.sources.rayfiles.ray_file_io import read_rayfile  # loaded where a scene asks for it
-    from lensforge.sources.rayfiles.stored_rays import loaded_or_stored, with_wavelengths
+    from lensforge.sources.rayfiles.stored_rays import StoredRays
 
     rayfile = read_rayfile(part.file)
     tables = rayfile.spectral_tables
     if rayfile.wavelengths_nm is None and len(tables) == 1:
         return Spectrum(tables[0].wavelengths_nm, tables[0].power_density, f"{part.file}: spectral table 1")
-    rays, in_lumens = loaded_or_stored(rayfile), rayfile.flux_unit == "lm"
-    if with_wavelengths(rayfile, rays) is None:
+    stored, in_lumens = StoredRays.of(rayfile).coloured(), rayfile.flux_unit == "lm"
+    if not stored.has_wavelengths:
         return None
+    rays = stored.loaded()
 
-    def blocks() -> Iterator[_Light]:
-        for block, waves in with_wavelengths(rayfile, rays) or ():
-            yield waves, block.flux / efficacy_at(waves) if in_lumens else block.flux
+    def light() -> Iterator[_Light]:
+        for block in blocks_of(rays):
+            assert block.wavelengths_nm is not None
+            yield block.wavelengths_nm, block.flux
 
+    if not in_lumens:
+        return _of_rays(light)
     # of lumens: power is not known where the eye sees nothing
-    if in_lumens and not all(efficacy_at(waves).all() for _, waves in with_wavelengths(rayfile, rays) or ()):
+    if not all(efficacy_at(waves).all() for waves, _ in light()):
         return None
-    return _of_rays(blocks)
+    return _of_rays(lambda: ((waves, flux / efficacy_at(waves)) for waves, flux in light()))
 
 
 def _of_rays(blocks: Callable[[], Iterable[_Light]]) -> Spectrum:

@@ -19,7 +19,7 @@ from lensforge.proof.part_comparison import RAYS, DesignLight, IndependentLight
 from lensforge.proof.receiver_screen import Screen
 from lensforge.scene.lens import Lens
 from lensforge.scene.receiver_shapes import receivers_of
-from lensforge.sources.dispersion import dispersed
+from lensforge.sources.dispersion import in_material
 from lensforge.sources.photometric import read_photometric
 from lensforge.sources.radiance_emitter import read_radiance
 from lensforge.sources.ray_bundle import RayBundle, Rays, Source, blocks_of
@@ -92,7 +92,7 @@ def independent_rays(spec: Spec, source: Source, count: int, seed: int) -> RayBu
         return rays
     table = spectrum_of(section.spectrum)
     waves = independent_draws.wavelengths(random, count, table.wavelengths_nm, table.power_density)
-    return dispersed(rays, waves, material, "source.spectrum")[0]
+    return in_material(rays, waves, material)
 
 
 def _by_flux(rays: Rays, count: int, random: Generator) -> Int[np.ndarray, " n"]:

@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.optics.material import Material
-from lensforge.sources.dispersion import DispersedSource
+from lensforge.sources.dispersion import DispersedSource, index_warnings
 from lensforge.sources.emitting_area import sobol
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.sources.source_flux import emitter_flux
@@ -95,7 +95,7 @@ def summarise(source: Source, spec: SourceSpec) -> SourceSummary:
     """Summarise ``source``, built from ``spec``; of a ray set also its files, and all that was done to them."""
     if isinstance(source, DispersedSource):
         found, plain = source.index_range, summarise(source.source, spec)
-        warnings = (*plain.warnings, *found.warnings(source.material))
+        warnings = (*plain.warnings, *index_warnings(found, source.material))
         return plain.model_copy(update={**found.fields(), "warnings": warnings})
     known = getattr(source, "summary", None)  # ray sets have one; their module is loaded for them alone
     if isinstance(known, SourceSummary):

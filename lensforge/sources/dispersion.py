@@ -1,5 +1,6 @@
 """Index of a dispersive lens at the wavelengths of a source, with an account of the light at which it is not known."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -8,9 +9,9 @@ from jaxtyping import Bool, Float
 
 from lensforge.errors import InputError
 from lensforge.optics.material import Material
-from lensforge.sources.ray_bundle import ChangedSource, RayBundle
-from lensforge.sources.source_spectrum import Spectrum, usable_wavelengths
-from lensforge.sources.source_summary import Range
+from lensforge.sources.ray_bundle import ChangedSource, RayBundle, Rays, blocks_of, changed
+from lensforge.sources.source_spectrum import ColourSums, Spectrum, usable_wavelengths
+from lensforge.sources.source_summary import IndexRange
 
 _MOST_CLAMPED = 0.01
 """Largest share of the flux whose index may be taken at the end of the range: it bounds the error of the efficiency by
@@ -18,108 +19,60 @@ as much, and a design is not decided by it; measured LEDs have less than that in
 _MENTIONED = 0.01  # share of the flux with an extrapolated index above which a warning says so
 
 
-@dataclass(frozen=True)
-class IndexRange:
-    """Least and largest wavelength (nm) of some light, and the refractive index of the lens at each.
-
-    ``extrapolated_share`` of the flux has wavelengths beyond those at which the index was measured, ``clamped_share``
-    even beyond the trusted range, or none that is usable; its rays have the index at the end of that range, or at the
-    mean wavelength.
-    """
-
-    wavelengths_nm: Range
-    refractive_indices: Range
-    extrapolated_share: float = 0.0
-    clamped_share: float = 0.0
-
-    @classmethod
-    def of(cls, low_nm: float, high_nm: float, material: Material, extrapolated: float, clamped: float) -> "IndexRange":
-        """Look up the indices of ``material`` at the ends, for light of the given shares."""
-        low, high = material.nearest_index(np.array([low_nm, high_nm])).tolist()
-        return cls((low_nm, high_nm), (low, high), extrapolated, clamped)
-
-    def fields(self) -> dict[str, Range | float]:
-        """Fields of a record about the light, by name."""
-        return {
-            "wavelengths_nm": self.wavelengths_nm,
-            "refractive_indices": self.refractive_indices,
-            "extrapolated_index_share": self.extrapolated_share,
-            "clamped_index_share": self.clamped_share,
-        }
-
-    def warnings(self, material: Material) -> tuple[str, ...]:
-        """Say how much of the flux has an index that is not one of the measured range."""
-        found = []
-        if self.extrapolated_share > _MENTIONED:
-            low, high = material.range_nm
-            found.append(
-                f"{100.0 * self.extrapolated_share:.3g} % of the flux is outside {low:g} to {high:g} nm, where the "
-                f"index of {material.name} was measured: it is extrapolated, to about {material.extrapolation_error:g}"
-            )
-        if self.clamped_share > 0.0:
-            low, high = material.trusted_nm
-            found.append(
-                f"{100.0 * self.clamped_share:.3g} % of the flux is outside {low:g} to {high:g} nm, where the index "
-                f"of {material.name} is known: it is traced with the index at the end of that range"
-            )
-        return tuple(found)
+def index_range_of(
+    low_nm: float, high_nm: float, material: Material, extrapolated: float = 0.0, clamped: float = 0.0
+) -> IndexRange:
+    """Look up the indices of ``material`` at the ends of the wavelengths of light with the given shares."""
+    low, high = material.nearest_index(np.array([low_nm, high_nm])).tolist()
+    return IndexRange(
+        wavelengths_nm=(low_nm, high_nm),
+        refractive_indices=(low, high),
+        extrapolated_index_share=extrapolated,
+        clamped_index_share=clamped,
+    )
 
 
-@dataclass
-class IndexAccount:
-    """Account of the light of rays by what is known of ``material`` at their wavelengths, part by part of the rays."""
-
-    material: Material
-    flux: float = 0.0
-    coloured: float = 0.0
-    flux_nm: float = 0.0
-    clamped: float = 0.0
-    extrapolated: float = 0.0
-    low_nm: float = np.inf
-    high_nm: float = -np.inf
-
-    def add(self, flux: Float[np.ndarray, " n"], wavelengths_nm: Float[np.ndarray, " n"]) -> None:
-        """Count some of the rays."""
-        usable = usable_wavelengths(wavelengths_nm)
-        waves, power = wavelengths_nm[usable], flux[usable]
-        outside = ~_within(wavelengths_nm, self.material.trusted_nm) | ~usable
-        self.flux += float(flux.sum())
-        self.clamped += float(flux[outside].sum())
-        self.extrapolated += float(flux[~outside & ~_within(wavelengths_nm, self.material.range_nm)].sum())
-        self.coloured += float(power.sum())
-        self.flux_nm += float((waves * power).sum())
-        self.low_nm = min(self.low_nm, float(waves.min(initial=np.inf)))
-        self.high_nm = max(self.high_nm, float(waves.max(initial=-np.inf)))
-
-    @property
-    def mean_nm(self) -> float:
-        """Mean wavelength by flux, of the rays that have a usable one."""
-        return self.flux_nm / self.coloured
-
-    def index_range(self, name: str) -> IndexRange:
-        """Ends of the wavelengths and shares of the light; ``name`` is the source in errors.
-
-        Raises :class:`InputError` where more than 1 % of the flux is beyond the material's trusted range.
-        """
-        if not self.low_nm <= self.high_nm:
-            raise InputError(f"{name}: no ray has a usable wavelength; give a spectrum, or a constant refractive index")
-        clamped = self.clamped / self.flux
-        _require_few(clamped, self.low_nm, self.high_nm, self.material, name)
-        extrapolated = self.extrapolated / self.flux
-        return IndexRange.of(self.low_nm, self.high_nm, self.material, extrapolated, clamped)
+def index_warnings(found: IndexRange, material: Material) -> Iterator[str]:
+    """Say how much of the flux has an index that is not one of the measured range."""
+    extrapolated, clamped = found.extrapolated_index_share or 0.0, found.clamped_index_share or 0.0
+    if extrapolated > _MENTIONED:
+        low, high = material.range_nm
+        yield (
+            f"{100.0 * extrapolated:.3g} % of the flux is outside {low:g} to {high:g} nm, where the "
+            f"index of {material.name} was measured: it is extrapolated, to about {material.extrapolation_error:g}"
+        )
+    if clamped > 0.0:
+        low, high = material.trusted_nm
+        yield (
+            f"{100.0 * clamped:.3g} % of the flux is outside {low:g} to {high:g} nm, where the index "
+            f"of {material.name} is known: it is traced with the index at the end of that range"
+        )
 
 
-def dispersed(
-    rays: RayBundle, wavelengths_nm: Float[np.ndarray, " n"], material: Material, name: str
-) -> tuple[RayBundle, IndexRange]:
+def dispersed(rays: Rays, material: Material, name: str) -> tuple[Rays, IndexRange]:
     """Give each of ``rays`` what ``material`` has at its wavelength; ``name`` is the source in errors.
 
     Raises :class:`InputError` where more than 1 % of the flux is beyond the material's trusted range.
     """
-    account = IndexAccount(material)
-    account.add(rays.flux, wavelengths_nm)
-    found = account.index_range(name)
-    return in_material(rays, known_or(account.mean_nm, wavelengths_nm), material), found
+    sums, flux, clamped, extrapolated = ColourSums(), 0.0, 0.0, 0.0
+    for block in blocks_of(rays):
+        waves = _wavelengths(block)
+        outside = ~_within(waves, material.trusted_nm) | ~usable_wavelengths(waves)
+        sums.add(block.flux, waves)
+        flux += float(block.flux.sum())
+        clamped += float(block.flux[outside].sum())
+        extrapolated += float(block.flux[~outside & ~_within(waves, material.range_nm)].sum())
+    mean_nm = sums.mean_nm
+    if mean_nm is None:
+        raise InputError(f"{name}: no ray has a usable wavelength; give a spectrum, or a constant refractive index")
+    _require_few(clamped / flux, sums.low_nm, sums.high_nm, material, name)
+    found = index_range_of(sums.low_nm, sums.high_nm, material, extrapolated / flux, clamped / flux)
+    return changed(rays, lambda some: in_material(some, known_or(mean_nm, _wavelengths(some)), material)), found
+
+
+def _wavelengths(rays: RayBundle) -> Float[np.ndarray, " n"]:
+    assert rays.wavelengths_nm is not None
+    return rays.wavelengths_nm
 
 
 def known_or(mean_nm: float, wavelengths_nm: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
@@ -143,7 +96,7 @@ def index_of_spectrum(spectrum: Spectrum, material: Material) -> IndexRange:
     clamped = max(1.0 - trusted, 0.0) if not _all_within(low, high, material.trusted_nm) else 0.0
     extrapolated = max(trusted - measured, 0.0) if not _all_within(low, high, material.range_nm) else 0.0
     _require_few(clamped, low, high, material, spectrum.name)
-    return IndexRange.of(low, high, material, extrapolated, clamped)
+    return index_range_of(low, high, material, extrapolated, clamped)
 
 
 def _within(waves: Float[np.ndarray, " n"], ends: tuple[float, float]) -> Bool[np.ndarray, " n"]:

@@ -5,7 +5,7 @@ The points are scrambled Sobol sequences (Owen 1998; Matousek's linear scramble)
 
 import warnings
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Float
@@ -27,31 +27,12 @@ def sobol(count: int, dimensions: int, seed: int) -> Float[np.ndarray, "n d"]:
 _SAME_MM = 1e-9
 
 
-@runtime_checkable
-class Area(Protocol):
-    """An emitting area."""
-
-    @property
-    def symmetry(self) -> str:
-        """Largest mirror group that leaves the area and its flux as they are."""
-        ...
-
-    def place(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
-        """Map points of the unit square to start points (mm); equal areas get equal flux."""
-        ...
-
-    def density(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
-        """Share of the flux per mm^2 at ``points`` (mm) of the area; infinite where it has no extent."""
-        ...
-
-    def corners(self) -> Float[np.ndarray, "k 2"]:
-        """A convex polygon (mm) around the area."""
-        ...
-
-
 @dataclass(frozen=True)
 class Disc:
-    """A uniform disc about the axis."""
+    """A uniform disc about the axis.
+
+    As every area, it has its ``symmetry``, the largest mirror group that leaves it as it is.
+    """
 
     radius_mm: float
     symmetry: str = "square"
@@ -113,6 +94,62 @@ class Rectangles:
         signs = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
         points = (self.centres[:, None] + signs * self.sides[:, None]).reshape(-1, 2)
         return convex_hull(points)
+
+
+@dataclass(frozen=True, eq=False)
+class LuminanceImage:
+    """Image centred on the axis, row 0 at its top (+y); each pixel uniform, ``values`` relative luminance."""
+
+    values: Float[np.ndarray, "h w"]
+    pitch_mm: float
+
+    @classmethod
+    def of(cls, values: Float[np.ndarray, "h w"], width_mm: float) -> "LuminanceImage":
+        """Image of ``values``, not all 0, that is ``width_mm`` wide."""
+        return cls(values / values.sum(), width_mm / values.shape[1])
+
+    @property
+    def symmetry(self) -> str:
+        """Largest mirror group found by comparing the image with its mirror images, bit by bit."""
+        return largest_symmetry(lambda mirror: np.array_equal(self._mirrored(mirror), self.values))
+
+    def _mirrored(self, mirror: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "a b"]:
+        upright = self.values[::-1].T  # first index x, second y
+        turned = upright.T if mirror[0, 0] == 0.0 else upright
+        signs = mirror.sum(axis=1)
+        return turned[:: int(signs[0]), :: int(signs[1])].T[::-1]
+
+    def place(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
+        """Choose the row by the first number, the column by the second given the row; uniform inside the pixel."""
+        height, width = self.values.shape
+        row, down = choose(np.cumsum(self.values.sum(axis=1)), points[:, 0])
+        cumulative = np.cumsum(self.values)  # flat: a row's own distribution is a stretch of it
+        first = np.where(row > 0, cumulative[row * width - 1], 0.0)
+        last = cumulative[row * width + width - 1]
+        flat, across = choose(cumulative, (first + points[:, 1] * (last - first)) / cumulative[-1])
+        column = np.clip(flat - row * width, 0, width - 1)
+        x = (column + across) - 0.5 * width
+        y = 0.5 * height - (row + down)
+        return self.pitch_mm * np.stack([x, y], axis=1)
+
+    def density(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
+        """Share of the flux per mm^2 in the pixel in which each point (mm) lies."""
+        height, width = self.values.shape
+        column = np.clip(np.floor(points[:, 0] / self.pitch_mm + 0.5 * width), 0, width - 1).astype(int)
+        row = np.clip(np.floor(0.5 * height - points[:, 1] / self.pitch_mm), 0, height - 1).astype(int)
+        found: Float[np.ndarray, " n"] = self.values[row, column] / self.pitch_mm**2
+        return found
+
+    def corners(self) -> Float[np.ndarray, "4 2"]:
+        """Rectangle (mm) around the pixels that emit."""
+        height, width = self.values.shape
+        rows, columns = np.nonzero(self.values)
+        left, right = columns.min() - 0.5 * width, columns.max() + 1 - 0.5 * width
+        top, bottom = 0.5 * height - rows.min(), 0.5 * height - rows.max() - 1
+        return self.pitch_mm * np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
+
+
+Area: TypeAlias = Disc | Rectangles | LuminanceImage
 
 
 def convex_hull(points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "k 2"]:

@@ -6,7 +6,6 @@ axis a profile has a beam angle and a field angle.
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -16,24 +15,6 @@ from lensforge.sources.inverse_cdf import choose, linear_inverse
 from lensforge.surfaces.mirror_group import largest_symmetry
 
 _FINE = np.deg2rad(0.25)  # cells of gamma in which rays are drawn at constant intensity; the flux of each cell is exact
-
-
-@runtime_checkable
-class IntensityProfile(Protocol):
-    """An angular distribution."""
-
-    @property
-    def symmetry(self) -> str:
-        """Largest mirror group that leaves the distribution as it is."""
-        ...
-
-    def aim(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:
-        """Map points of the unit square to unit directions; equal areas get equal flux."""
-        ...
-
-    def intensity(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
-        """Share of the flux per sr in each of the unit ``directions``, all of which the profile lights."""
-        ...
 
 
 @dataclass(frozen=True)

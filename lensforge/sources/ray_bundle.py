@@ -199,48 +199,30 @@ class ChangedSource:
 
 
 @dataclass(frozen=True, eq=False)
-class ChangedRays:
-    """``rays``, each changed by ``change``, which treats every ray by itself."""
+class UnreadRays:
+    """The rays of all ``parts``, one part after the other, read and changed when they are taken.
 
-    rays: Rays
-    change: Callable[[RayBundle], RayBundle]
-
-    def __len__(self) -> int:
-        return len(self.rays)
-
-    def take(self, rows: Int[np.ndarray, " k"] | slice) -> RayBundle:
-        """Read some of the rays, and change them."""
-        return self.change(self.rays.take(rows))
-
-
-@dataclass(frozen=True, eq=False)
-class ChosenRays:
-    """Rays with the ``numbers`` among ``rays``, in that order."""
-
-    rays: Rays
-    numbers: Int[np.ndarray, " n"]
-
-    def __len__(self) -> int:
-        return len(self.numbers)
-
-    def take(self, rows: Int[np.ndarray, " k"] | slice) -> RayBundle:
-        """Read some of the chosen rays."""
-        return self.rays.take(self.numbers[rows].astype(np.int64))
-
-
-@dataclass(frozen=True, eq=False)
-class JoinedRays:
-    """The rays of all ``parts``, one part after the other; what is of each ray, all parts have, or none."""
+    ``numbers``: those chosen among them, in that order; None for all. ``change`` treats every ray by itself. What is
+    of each ray, all parts have, or none.
+    """
 
     parts: Sequence[Rays]
+    numbers: Int[np.ndarray, " n"] | None = None
+    change: Callable[[RayBundle], RayBundle] | None = None
 
     def __len__(self) -> int:
-        return sum(map(len, self.parts))
+        return sum(map(len, self.parts)) if self.numbers is None else len(self.numbers)
 
     def take(self, rows: Int[np.ndarray, " k"] | slice) -> RayBundle:
-        """Read some of the rays, each from its part."""
+        """Read some of the rays, each from its part, and change them."""
+        if self.numbers is not None:
+            rows = self.numbers[rows].astype(np.int64)
+        found = self.parts[0].take(rows) if len(self.parts) == 1 else self._from_parts(rows)
+        return found if self.change is None else self.change(found)
+
+    def _from_parts(self, rows: Int[np.ndarray, " k"] | slice) -> RayBundle:
         if isinstance(rows, slice):
-            rows = np.arange(*rows.indices(len(self)))
+            rows = np.arange(*rows.indices(sum(map(len, self.parts))))
         starts = accumulate(map(len, self.parts), initial=0)
         found, places = [], []
         for part, start in zip(self.parts, starts, strict=False):  # the last start is the end
@@ -258,20 +240,20 @@ def number_type(count: int) -> type[np.int32] | type[np.int64]:
 
 def changed(rays: Rays, change: Callable[[RayBundle], RayBundle]) -> Rays:
     """Change rays, each by itself: at once where they are in memory."""
-    return change(rays) if isinstance(rays, RayBundle) else ChangedRays(rays, change)
+    return change(rays) if isinstance(rays, RayBundle) else UnreadRays([rays], change=change)
 
 
 def chosen(rays: Rays, numbers: Int[np.ndarray, " n"]) -> Rays:
     """Choose rays by their numbers: at once where they are in memory."""
     if isinstance(rays, RayBundle):
         return rays.take(numbers)
-    return ChosenRays(rays, numbers.astype(number_type(len(rays))))
+    return UnreadRays([rays], numbers.astype(number_type(len(rays))))
 
 
 def joined(parts: Sequence[Rays]) -> Rays:
     """Join rays: at once where all are in memory."""
     loaded = [part for part in parts if isinstance(part, RayBundle)]
-    return RayBundle.joined(loaded) if len(loaded) == len(parts) else JoinedRays(parts)
+    return RayBundle.joined(loaded) if len(loaded) == len(parts) else UnreadRays(parts)
 
 
 def blocks_of(rays: Rays) -> Iterator[RayBundle]:

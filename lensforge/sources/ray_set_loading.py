@@ -4,28 +4,42 @@ Rays of a large file stay in it: they are in W, and have what the lens's materia
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from lensforge.errors import InputError, remedy
 from lensforge.optics.material import Material
 from lensforge.results import Point
-from lensforge.sources.dispersion import IndexAccount, IndexRange, dispersed, in_material, known_or
-from lensforge.sources.ray_bundle import RayBundle, Rays, blocks_of, changed, joined
+from lensforge.sources.dispersion import dispersed, index_warnings
+from lensforge.sources.ray_bundle import Rays, changed, joined
 from lensforge.sources.ray_set import RaySetEmitter, placed
-from lensforge.sources.ray_set_figures import LightFigures, PlacedFigures, part_flux
-from lensforge.sources.rayfiles.ray_file import RayFile, UsableRays, as_float64, causes, no_usable_ray
+from lensforge.sources.rayfiles.ray_file import RayFile, no_usable_ray
 from lensforge.sources.rayfiles.ray_file_io import read_rayfile
-from lensforge.sources.rayfiles.ray_file_statistics import RaySums, file_warnings, ray_set_warnings
-from lensforge.sources.rayfiles.stored_rays import StoredRays, drawn_wavelengths, loaded_or_stored, wavelengths_of
-from lensforge.sources.source_flux import SourceFlux, joined_flux, spectral_efficacy, with_spectrum_compared
+from lensforge.sources.rayfiles.ray_file_statistics import RaySums, efficacy_of, file_warnings, ray_set_warnings
+from lensforge.sources.rayfiles.stored_rays import StoredRays
+from lensforge.sources.source_flux import (
+    OwnFlux,
+    SourceFlux,
+    joined_flux,
+    settled_flux,
+    spectral_efficacy,
+    with_spectrum_compared,
+)
 from lensforge.sources.source_pose import SourcePose
 from lensforge.sources.source_spectrum import spectrum_of
-from lensforge.sources.source_summary import AppliedPlacement, LoadedRayFile, RaysDropped, SourceSummary, as_point
-from lensforge.spec.emitter_section import FluxSection, SpectrumSpec
+from lensforge.sources.source_summary import (
+    AppliedPlacement,
+    IndexRange,
+    LoadedRayFile,
+    RaysDropped,
+    SourceSummary,
+    as_point,
+)
+from lensforge.spec.emitter_section import EmitterSection, FluxSection, SpectrumSpec
 from lensforge.spec.source_sections import (
     Placement,
     RayfilePart,
@@ -35,61 +49,20 @@ from lensforge.spec.source_sections import (
     RaySource,
 )
 
-
-@dataclass(frozen=True, eq=False)
-class Colours:
-    """Wavelengths (nm) of rays, ``mean_nm`` for those without a usable one, and the ``material`` of the lens."""
-
-    wavelengths_nm: Float[np.ndarray, " n"]
-    mean_nm: float
-    material: Material
-
-
-@dataclass(frozen=True, eq=False)
-class RaysOfFile:
-    """The ``stored`` rays of a file, ``factor`` times their flux; with ``colours`` each has its index in a lens."""
-
-    stored: StoredRays
-    factor: float
-    colours: Colours | None = None
-
-    def __len__(self) -> int:
-        return len(self.stored)
-
-    def take(self, rows: Int[np.ndarray, " k"] | slice) -> RayBundle:
-        """Read some of the rays."""
-        found, colours = self.stored.take(rows), self.colours
-        rays = RayBundle(found.positions_mm, found.directions, found.flux * self.factor)
-        if colours is None:
-            return rays
-        waves = known_or(colours.mean_nm, as_float64(colours.wavelengths_nm[rows]))
-        return in_material(rays, waves, colours.material)
-
-    def dispersed(
-        self, wavelengths_nm: Float[np.ndarray, " n"], material: Material, name: str
-    ) -> tuple["RaysOfFile", IndexRange]:
-        """The same rays with their index in ``material``; ``name`` is the source in errors.
-
-        Raises :class:`InputError` where more than 1 % of the flux is beyond the material's trusted range.
-        """
-        account, start = IndexAccount(material), 0
-        for block in blocks_of(self):
-            account.add(block.flux, as_float64(wavelengths_nm[start : start + len(block)]))
-            start += len(block)
-        found = account.index_range(name)
-        return RaysOfFile(self.stored, self.factor, Colours(wavelengths_nm, account.mean_nm, material)), found
-
-
 _LEAST_SHARE = 1e-9  # of the flux of several files; one with less is mistaken, such as W beside lm
 
 
 @dataclass(frozen=True, eq=False)
 class _Loaded:
-    """Usable rays of one file or array in its coordinates (mm), flux in W; ``count`` includes unusable ones."""
+    """Usable rays of one file or array in its coordinates (mm), flux in W; ``count`` includes unusable ones.
+
+    ``sums``: over the rays as stored, ``figures``: over these.
+    """
 
     rays: Rays
     flux: SourceFlux
-    figures: LightFigures
+    sums: RaySums
+    figures: RaySums
     count: int
     index_range: IndexRange | None
     warnings: tuple[str, ...]
@@ -119,80 +92,85 @@ def load_ray_set(spec: RaySetSource, material: Material | None = None) -> RaySet
 
 
 def _load_file(part: RayfilePart, spec: RaySetSource, material: Material | None) -> _Loaded:
-    rayfile, spectrum = read_rayfile(part.file), part.spectrum or spec.spectrum
-    rays = loaded_or_stored(rayfile)
-    if len(rays) == 0:
-        raise no_usable_ray(rayfile, rays.dropped)
-    sums = RaySums.of_rays(rays).possible(rayfile)
-    flux = part_flux(part, spec, spectrum, rayfile, rays, sums.flux)
-    bundle, index_range = _bundle(rayfile, rays, flux.flux_w / sums.flux, spectrum, material)
-    figures = LightFigures.of(bundle)
-    warnings = _warnings(rayfile, sums, part, index_range, material)
+    rayfile = read_rayfile(part.file)
+    found = _loaded(rayfile, part, spec, part.spectrum or spec.spectrum, material)
     file = LoadedRayFile(
         file=Path(part.file).name,
         format=rayfile.format,
-        rays=len(rayfile),
-        rays_dropped=RaysDropped.model_validate(rays.dropped),
-        effective_rays=figures.effective_rays,
-        file_flux=rayfile.total_flux(sums.flux),
-        file_ray_sum=sums.flux,
+        rays=found.count,
+        rays_dropped=RaysDropped.model_validate(found.sums.dropped),
+        effective_rays=found.figures.effective_rays,
+        file_flux=rayfile.total_flux(found.sums.flux),
+        file_ray_sum=found.sums.flux,
         file_flux_unit=rayfile.flux_unit,
-        flux_w=flux.flux_w,
-        virtual_focus_mm=figures.focus_mm,
-        warnings=warnings,
+        flux_w=found.flux.flux_w,
+        virtual_focus_mm=found.figures.focus_mm,
+        warnings=found.warnings,
+        **({} if found.index_range is None else found.index_range.fields()),
     )
-    if index_range is not None:
-        file = file.model_copy(update=index_range.fields())
-    return _Loaded(bundle, flux, figures, len(rayfile), index_range, warnings, file)
+    return replace(found, file=file)
 
 
 def _load_arrays(spec: RaySource, material: Material | None) -> _Loaded:
-    count = len(spec.positions_mm)
-    relative = np.ones(count) if spec.ray_flux is None else spec.ray_flux
+    relative = np.ones(len(spec.positions_mm)) if spec.ray_flux is None else spec.ray_flux
     given = RayFile(spec.positions_mm, spec.directions, relative, "W", spec.wavelengths_nm, path="source.rays")
-    rays = loaded_or_stored(given)
-    if len(rays) == 0:
-        raise InputError(f"source: none of the {count} rays is usable ({causes(rays.dropped)}); give others")
-    sums = RaySums.of_rays(rays)
-    flux = part_flux(spec, spec, spec.spectrum, given, rays, sums.flux)
-    bundle, index_range = _bundle(given, rays, flux.flux_w / sums.flux, spec.spectrum, material)
-    warnings = _warnings(given, sums.possible(given), spec, index_range, material)
-    return _Loaded(bundle, flux, LightFigures.of(bundle), count, index_range, warnings)
+    return _loaded(given, spec, spec, spec.spectrum, material)
 
 
-def _warnings(
-    rayfile: RayFile, sums: RaySums, stated: FluxSection, found: IndexRange | None, material: Material | None
-) -> tuple[str, ...]:
-    """Warnings on one file or array, apart from its place in the lens."""
-    given_flux = stated.flux_w is not None or stated.flux_lm is not None
-    dispersion = () if found is None or material is None else found.warnings(material)
-    return (*file_warnings(rayfile, sums, given_flux), *dispersion)
+def _loaded(
+    rayfile: RayFile, stated: FluxSection, spec: RaySetSource, spectrum: SpectrumSpec | None, material: Material | None
+) -> _Loaded:
+    """Load the usable rays of a file, in W, and with their index in ``material``.
 
-
-def _bundle(
-    rayfile: RayFile,
-    rays: UsableRays | StoredRays,
-    factor: float,
-    spectrum: SpectrumSpec | None,
-    material: Material | None,
-) -> tuple[Rays, IndexRange | None]:
-    """Scale the flux by ``factor`` and look up the index of each ray; ``spectrum`` replaces the file's wavelengths."""
-    wavelengths_nm, name = None, rayfile.path if spectrum is None else "source.spectrum"
-    if material is not None and spectrum is not None:
-        wavelengths_nm = drawn_wavelengths(spectrum_of(spectrum), rays)
-    elif material is not None:
+    ``stated``: the flux by the spec. ``spectrum``: of the spec, in place of the file's own.
+    """
+    stored = StoredRays.of(rayfile)
+    if len(stored) == 0:
+        raise no_usable_ray(rayfile, stored.dropped)
+    rays = stored.loaded()
+    sums = replace(RaySums.of(rays), dropped=stored.dropped).possible(rayfile)
+    flux = _flux(rayfile, stored, sums, stated, spec, spectrum)
+    factor = flux.flux_w / sums.flux
+    rays = changed(rays, lambda some: replace(some, flux=some.flux * factor, wavelengths_nm=None))
+    figures, index_range, dispersion = RaySums.of(rays), None, tuple[str, ...]()
+    if material is not None:
         with remedy("give source.spectrum"):
-            wavelengths_nm = wavelengths_of(rayfile, rays)
-    found: RaysOfFile | RayBundle
-    if isinstance(rays, StoredRays):
-        found = RaysOfFile(rays, factor)
+            stored = stored.coloured(None if spectrum is None else spectrum_of(spectrum))
+        if stored.has_wavelengths:
+            rays = changed(stored.loaded(), lambda some: replace(some, flux=some.flux * factor))
+            rays, index_range = dispersed(rays, material, rayfile.path if spectrum is None else "source.spectrum")
+            dispersion = tuple(index_warnings(index_range, material))
+    given_flux = stated.flux_w is not None or stated.flux_lm is not None
+    warnings = (*file_warnings(rayfile, sums, given_flux), *dispersion)
+    return _Loaded(rays, flux, sums, figures, len(rayfile), index_range, warnings)
+
+
+def _flux(
+    rayfile: RayFile,
+    stored: StoredRays,
+    sums: RaySums,
+    stated: FluxSection,
+    spec: EmitterSection,
+    spectrum: SpectrumSpec | None,
+) -> SourceFlux:
+    """Settle the flux of ``rayfile``, a part or all of the source ``spec``.
+
+    The luminous efficacy of a source of several files is that of their light together; it is taken for a single one
+    only where nothing else is known of it.
+    """
+    colours = sums.colours
+    if rayfile.spectrum_numbers is not None:
+        with suppress(InputError):  # tables that cannot be used are an error where the material is dispersive
+            colours = RaySums.of(stored.coloured().loaded()).colours
+    file_lm_per_w, efficacy = efficacy_of(rayfile, colours), spec.luminous_efficacy_lm_per_w
+    total, trusted = rayfile.stated_flux or sums.flux, rayfile.header_role != "ignored"
+    if rayfile.flux_unit == "W":
+        own = OwnFlux(total, rayfile.header_flux_lm if trusted else None, file_lm_per_w)
     else:
-        found = RayBundle(rays.positions_mm, rays.directions, rays.flux * factor)
-    if material is None or wavelengths_nm is None:
-        return found, None
-    if isinstance(found, RaysOfFile):
-        return found.dispersed(wavelengths_nm, material, name)
-    return dispersed(found, wavelengths_nm, material, name)
+        own = OwnFlux(rayfile.header_flux_w if trusted else None, total, file_lm_per_w)
+    spectral = spectral_efficacy(spectrum)
+    found = settled_flux(stated, None if isinstance(spec, RayfilesSource) else efficacy, spectral, own)
+    return settled_flux(stated, efficacy, spectral, own) if found.efficacy is None or found.least_power else found
 
 
 def _with_name(part: _Loaded) -> tuple[str, ...]:
@@ -219,10 +197,10 @@ def _emitter(parts: Sequence[_Loaded], spec: RaySetSource) -> RaySetEmitter:
         if part.flux.flux_w < _LEAST_SHARE * total:
             raise InputError(f"{name}: {part.flux.flux_w / total:.3g} of the flux of all: correct it, or leave it out")
     rays = parts[0].rays if len(parts) == 1 else _joined(parts, flux_w / total)
-    figures = parts[0].figures if len(parts) == 1 else LightFigures.of(rays)
+    figures = parts[0].figures if len(parts) == 1 else RaySums.of(rays)
     origin_mm = _origin_mm(spec, figures.focus_mm, ", ".join(part.name for part in parts))
     rays = changed(rays, lambda some: placed(some, origin_mm, spec))
-    at_place = PlacedFigures.of(rays)
+    at_place = RaySums.of(rays)
     index_range = _whole_range(parts)
     files = [part.file for part in parts if part.file is not None]
     summary = SourceSummary(
@@ -236,7 +214,7 @@ def _emitter(parts: Sequence[_Loaded], spec: RaySetSource) -> RaySetEmitter:
         warnings=(
             *(warning for part in parts for warning in part.warnings),
             *flux.warnings,
-            *_placed_warnings(at_place, figures.effective_rays),
+            *ray_set_warnings(at_place, placed=True),
         ),
         files=tuple(file.model_copy(update={"flux_w": file.flux_w * (flux_w / total)}) for file in files),
         placement=_applied(at_place, flux_w, spec, origin_mm),
@@ -256,18 +234,17 @@ def _whole_range(parts: Sequence[_Loaded]) -> IndexRange | None:
     known = [(part.index_range, part.flux.flux_w) for part in parts if part.index_range is not None]
     if not known:
         return None
-    ends = sorted(end for each, _ in known for end in zip(each.wavelengths_nm, each.refractive_indices, strict=True))
-    (low, at_low), (high, at_high) = ends[0], ends[-1]
+    ranges = [each for each, _ in known]
+    ends = sorted(
+        end for each in ranges for end in zip(each.wavelengths_nm or (), each.refractive_indices or (), strict=True)
+    )
     total = sum(flux for _, flux in known)
-    extrapolated = sum(each.extrapolated_share * flux for each, flux in known) / total
-    clamped = sum(each.clamped_share * flux for each, flux in known) / total
-    return IndexRange((low, high), (at_low, at_high), extrapolated, clamped)
-
-
-def _placed_warnings(found: PlacedFigures, effective_rays: float) -> tuple[str, ...]:
-    """Warnings on the rays of a whole source at their place in the lens."""
-    shares = found.backward / found.flux, effective_rays, found.lost / found.flux
-    return tuple(ray_set_warnings(found.side_mm, *shares))
+    return IndexRange(
+        wavelengths_nm=(ends[0][0], ends[-1][0]),
+        refractive_indices=(ends[0][1], ends[-1][1]),
+        extrapolated_index_share=sum((each.extrapolated_index_share or 0.0) * flux for each, flux in known) / total,
+        clamped_index_share=sum((each.clamped_index_share or 0.0) * flux for each, flux in known) / total,
+    )
 
 
 def _origin_mm(spec: Placement, focus_mm: Point | None, name: str) -> Float[np.ndarray, " 3"]:
@@ -281,9 +258,7 @@ def _origin_mm(spec: Placement, focus_mm: Point | None, name: str) -> Float[np.n
     return np.array(focus_mm)
 
 
-def _applied(
-    found: PlacedFigures, flux_w: float, spec: Placement, origin_mm: Float[np.ndarray, " 3"]
-) -> AppliedPlacement:
+def _applied(found: RaySums, flux_w: float, spec: Placement, origin_mm: Float[np.ndarray, " 3"]) -> AppliedPlacement:
     return AppliedPlacement(
         origin_mm=as_point(origin_mm),
         scale=spec.scale,

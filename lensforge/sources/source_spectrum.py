@@ -1,14 +1,9 @@
 """Spectrum of a source: a density of power over wavelength, wavelengths drawn from it, and its text files.
 
-- Two columns, wavelength (nm) and relative power density, separated by blanks, tabs, semicolons, or commas; comments
-  start with ``#``, and one line of column names may come first. Verified with two files of OSRAM.
-- OPTIS spectrum (``.spectrum``): a line ``OPTIS - Spectrum file v1.0``, a line of text, the number of samples, and a
-  row of wavelength (nm) and value for each. SPEOS itself reads a misspelt ``fie``; values are percent, here relative.
-- LightTools spectrum (``.sre``): comments, ``dfat 1.0``, ``dataname: ...``, ``continuous`` or ``discrete``,
-  ``radiometric``, and rows of wavelength (nm) and value.
-
-Of the last two the layouts are those of public programs that read and write them; no file of their makers was at
-hand.
+A file is rows of two columns, wavelength (nm) and relative power density, separated by blanks, tabs, semicolons, or
+commas. Comments start with ``#``. Lines of text before the rows are a header: names of the columns, that of an OPTIS
+spectrum (``.spectrum``, with the number of its samples as last line), or that of LightTools (``.sre``). Verified with
+two files of OSRAM; the layouts of the others are those of public programs that read and write them.
 """
 
 import re
@@ -22,14 +17,13 @@ from jaxtyping import Bool, Float, Int
 from numpy.random import Generator
 
 from lensforge.errors import InputError, remedy
+from lensforge.optics.photopic import efficacy_at
 from lensforge.results.files import MIB, read_file
 from lensforge.sources.inverse_cdf import choose, linear_inverse
 from lensforge.sources.photometric.photometric_file import number_in
 from lensforge.spec.emitter_section import FileSpectrum, LineSpectrum, SpectrumSpec, TableSpectrum
 
-_COUNT = re.compile(r"[0-9]{1,9}")
-_OPTIS = re.compile(r"OPTIS\s*-\s*Spectrum\b", re.IGNORECASE)
-_LIGHTTOOLS = re.compile(r"(dfat|dataname|continuous|discrete|radiometric|photometric)\b", re.IGNORECASE)
+_ANOTHER_KIND = re.compile(r"OPTIS\s*-(?!\s*Spectrum\b)|discrete\b|photometric\b", re.IGNORECASE)
 _MOST_BYTES = 8 * MIB  # a spectrum of 0.01 nm from 200 to 3000 nm has 6 MB
 _HUGE = 1e12  # no wavelength in nm, no power density: what is larger comes from a damaged file
 _MOST_LINES = 500_000
@@ -38,25 +32,23 @@ _LEAST_NM = 100.0  # below that are µm: no light here is shorter
 Columns = tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]
 
 
-class _Line(NamedTuple):
-    """A line that is not empty, without the blanks around it, and its ``number`` in the file, from 1 on."""
-
-    number: int
-    text: str
-
-
 def read_spectrum_file(path: Path) -> Columns:
     """Read wavelengths (nm), rising, and relative power densities. Raises :class:`InputError`, one line."""
     lines = _lines(Path(path))
-    if lines and _OPTIS.match(lines[0].text):
-        rows = _optis_rows(lines, path)
-    elif lines and lines[0].text.upper().startswith("OPTIS -"):
-        raise InputError(f"{path}: {_shown(lines[0].text)!r}: an OPTIS file, but not a spectrum; export the spectrum")
-    elif any(_LIGHTTOOLS.match(line.text) for line in _uncommented(lines)):
-        rows = _lighttools_rows(lines, path)
-    else:
-        rows = _plain_rows(lines, path)
-    found = np.array(rows)
+    first = next((place for place, (_, text) in enumerate(lines) if _numbers(text) is not None), len(lines))
+    for number, text in lines[:first]:
+        if len(text.split()) > 1 and all(map(_is_number, text.split())):
+            raise InputError(f"{path}, line {number}: not two columns of numbers; wavelength (nm) and power")
+        if _ANOTHER_KIND.match(text):
+            raise InputError(
+                f"{path}, line {number}: {_shown(text)!r}: only continuous, radiometric spectra are read; export it so"
+            )
+    if first == len(lines):
+        raise InputError(f"{path}: not two columns of numbers: it has none; wavelength (nm) and relative power density")
+    announced = re.fullmatch(r"0*([0-9]+)", lines[first - 1].text) if first else None
+    if announced and announced[1] != str(len(lines) - first):
+        raise InputError(f"{path}: {announced[0][:9]} samples announced, {len(lines) - first} found; export it again")
+    found = np.array([_row(line, path) for line in lines[first:]])
     if (np.diff(found[:, 0]) < 0.0).all():
         found = found[::-1]  # from red to blue
     if found[:, 0].max() < _LEAST_NM:
@@ -67,69 +59,51 @@ def read_spectrum_file(path: Path) -> Columns:
     return found[:, 0], found[:, 1]
 
 
+class _Line(NamedTuple):
+    """A line that is neither empty nor a comment, without the blanks around it, and its ``number`` in the file."""
+
+    number: int
+    text: str
+
+
 def _lines(path: Path) -> list[_Line]:
     raw = read_file(path, missing="give the file of a spectrum", most_bytes=_MOST_BYTES)
     if b"\0" in raw:
         raise InputError(f"{path}: not a text file; export the spectrum as text, two columns")
     text = raw.removeprefix(b"\xef\xbb\xbf").decode("latin-1")
     numbered = (_Line(number, line.strip()) for number, line in enumerate(re.split(r"\r\n|\r|\n", text), start=1))
-    lines = [line for line in numbered if line.text]
+    lines = [line for line in numbered if line.text and not line.text.startswith("#")]
     if len(lines) > _MOST_LINES:
         raise InputError(f"{path}: {len(lines)} lines, at most {_MOST_LINES} are read; export it coarser")
     return lines
 
 
-def _uncommented(lines: list[_Line]) -> list[_Line]:
-    return [line for line in lines if not line.text.startswith("#")]
-
-
-def _optis_rows(lines: list[_Line], path: Path) -> list[list[float]]:
-    """Rows below the count, which is the second line where the line of text is empty."""
-    at = next((place for place in (1, 2) if place < len(lines) and _COUNT.fullmatch(lines[place].text)), 0)
-    if at == 0:
-        raise InputError(f"{path}: line 3 of an OPTIS spectrum is the number of its samples; export it again")
-    count, rows = int(lines[at].text), [_row(line, path) for line in lines[at + 1 :]]
-    if len(rows) != count or not rows:
-        where = f"{path}, line {lines[at].number}"
-        raise InputError(f"{where}: {count} samples announced, {len(rows)} found; export it again")
-    return rows
-
-
-def _lighttools_rows(lines: list[_Line], path: Path) -> list[list[float]]:
-    kept = _uncommented(lines)
-    for number, text in kept:
-        if text.lower().startswith(("discrete", "photometric")):
-            where = f"{path}, line {number}"
-            raise InputError(f"{where}: {text.split()[0]}: only continuous, radiometric spectra are read; export it so")
-    rows = [_row(line, path) for line in kept if not _LIGHTTOOLS.match(line.text)]
-    if not rows:
-        raise InputError(f"{path}: no rows of wavelength and value below its header; export it again")
-    return rows
-
-
-def _plain_rows(lines: list[_Line], path: Path) -> list[list[float]]:
-    kept = _uncommented(lines)
-    if kept and not any(character.isdigit() for character in kept[0].text.split()[0]):
-        kept = kept[1:]  # names of the columns
-    if not kept:
-        raise InputError(f"{path}: not two columns of numbers: it has none; wavelength (nm) and relative power density")
-    return [_row(line, path) for line in kept]
-
-
 def _row(line: _Line, path: Path) -> list[float]:
+    numbers = _numbers(line.text)
+    if numbers is None:
+        raise InputError(f"{path}, line {line.number}: not two columns of numbers; wavelength (nm) and power")
+    if not all(abs(number) < _HUGE for number in numbers):
+        raise InputError(
+            f"{path}, line {line.number}: its numbers are not all finite and below {_HUGE:g}; export it again"
+        )
+    return numbers
+
+
+def _numbers(text: str) -> list[float] | None:
     """Two numbers separated by blanks or a semicolon, then with a point or a comma as decimal sign, or by a comma."""
-    where = f"{path}, line {line.number}"
-    words = [word.strip(",") for word in re.split(r"[\s;]+", line.text) if word.strip(",")]
-    words = [word.replace(",", ".") for word in words] if len(words) > 1 else line.text.split(",")
-    if len(words) != 2:
-        raise InputError(f"{where}: {len(words)} columns, must be two: wavelength (nm) and relative power")
+    words = [word.strip(",") for word in re.split(r"[\s;]+", text) if word.strip(",")]
+    words = [word.replace(",", ".") for word in words] if len(words) > 1 else text.split(",")
     try:
-        row = [number_in(word) for word in words]
+        return [number_in(word) for word in words] if len(words) == 2 else None
     except ValueError:
-        raise InputError(f"{where}: not two columns of numbers; wavelength (nm) and power") from None
-    if not all(abs(number) < _HUGE for number in row):
-        raise InputError(f"{where}: its numbers are not all finite and below {_HUGE:g}; export it again")
-    return row
+        return None
+
+
+def _is_number(word: str) -> bool:
+    try:
+        return bool(np.isfinite(number_in(word)))
+    except ValueError:
+        return False
 
 
 def _shown(line: str) -> str:
@@ -220,6 +194,45 @@ def usable_wavelengths(wavelengths_nm: Float[np.ndarray, " n"]) -> Bool[np.ndarr
     with np.errstate(invalid="ignore"):
         usable: Bool[np.ndarray, " n"] = (wavelengths_nm >= _LIGHT_NM[0]) & (wavelengths_nm < _LIGHT_NM[1])
         return usable
+
+
+@dataclass
+class ColourSums:
+    """Sums over rays by their wavelengths (nm): the ends, and ``coloured``, the flux of those that have a usable one.
+
+    ``as_lumens``: that flux times the lm/W of each ray, ``as_watts``: divided by it, infinite where a ray is invisible.
+    """
+
+    low_nm: float = np.inf
+    high_nm: float = -np.inf
+    coloured: float = 0.0
+    flux_nm: float = 0.0
+    as_lumens: float = 0.0
+    as_watts: float = 0.0
+
+    def add(self, flux: Float[np.ndarray, " n"], wavelengths_nm: Float[np.ndarray, " n"]) -> None:
+        """Count some of the rays."""
+        usable = usable_wavelengths(wavelengths_nm)
+        waves, power = wavelengths_nm[usable], flux[usable]
+        self.low_nm = min(self.low_nm, float(waves.min(initial=np.inf)))
+        self.high_nm = max(self.high_nm, float(waves.max(initial=-np.inf)))
+        self.coloured += float(power.sum())
+        self.flux_nm += float((waves * power).sum())
+        efficacy = efficacy_at(waves)
+        self.as_lumens += float((power * efficacy).sum())
+        with np.errstate(divide="ignore"):
+            self.as_watts += float((power * (1.0 / efficacy)).sum())
+
+    @property
+    def mean_nm(self) -> float | None:
+        """Mean wavelength by flux; None where no ray has a usable one."""
+        return self.flux_nm / self.coloured if self.coloured > 0.0 else None
+
+    def luminous_efficacy(self, in_watts: bool) -> float | None:
+        """The lm/W of rays whose flux is in W, or in lm; None without wavelengths, and for lumens that nobody sees."""
+        if not self.coloured > 0.0 or not (in_watts or np.isfinite(self.as_watts)):
+            return None
+        return self.as_lumens / self.coloured if in_watts else 1.0 / (self.as_watts / self.coloured)
 
 
 def spectrum_of(spec: SpectrumSpec) -> Spectrum:

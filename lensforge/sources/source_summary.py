@@ -10,6 +10,24 @@ from lensforge.results import Count, NotNegative, Number, Point, Positive, Recor
 Range = tuple[Positive, Positive]
 
 
+class IndexRange(Record):
+    """Least and largest wavelength (nm) of some light, and the refractive index of the lens at each.
+
+    None where one index is taken for all light. ``extrapolated_index_share`` of the flux has wavelengths beyond those
+    at which the index was measured, ``clamped_index_share`` even beyond the trusted range, or none that is usable; its
+    rays have the index at the end of that range, or at the mean wavelength.
+    """
+
+    wavelengths_nm: Range | None = None
+    refractive_indices: Range | None = None
+    extrapolated_index_share: Share | None = None
+    clamped_index_share: Share | None = None
+
+    def fields(self) -> dict[str, object]:
+        """The four fields, by name."""
+        return {name: getattr(self, name) for name in IndexRange.model_fields}
+
+
 class RaysDropped(Record):
     """Rows of a file that are no rays, by cause."""
 
@@ -18,14 +36,8 @@ class RaysDropped(Record):
     no_flux: Count
 
 
-class LoadedRayFile(Record):
-    """Ray file as loaded: rays in the file, rays dropped, and the power ``flux_w`` that its rays carry.
-
-    ``wavelengths_nm``: the least and the largest, ``refractive_indices``: of the lens there; None where one index is
-    taken for all light. Shares of the flux: ``extrapolated_index_share`` has wavelengths beyond those at which the
-    index was measured, ``clamped_index_share`` even beyond those at which its formula is used, and the index at their
-    end.
-    """
+class LoadedRayFile(IndexRange):
+    """Ray file as loaded: rays in the file, rays dropped, and the power ``flux_w`` that its rays carry."""
 
     file: Text
     format: Text
@@ -38,10 +50,6 @@ class LoadedRayFile(Record):
     flux_w: Positive
     virtual_focus_mm: Point | None
     warnings: tuple[Text, ...] = ()
-    wavelengths_nm: Range | None = None
-    refractive_indices: Range | None = None
-    extrapolated_index_share: Share | None = None
-    clamped_index_share: Share | None = None
 
 
 class AppliedPlacement(Record):
@@ -62,12 +70,11 @@ class AppliedPlacement(Record):
     below_plane_share: Share
 
 
-class SourceSummary(Record):
+class SourceSummary(IndexRange):
     """Source of a design: its power, its mirror symmetry, and for a ray set the files and their placement.
 
     ``lumens_per_watt``: its luminous efficacy, None where that is not known.
     ``rays``: of all files, dropped ones included; None where a sample may be of any size.
-    ``wavelengths_nm`` to ``clamped_index_share`` as in :class:`LoadedRayFile`, of all light.
     """
 
     title: Text
@@ -78,10 +85,6 @@ class SourceSummary(Record):
     effective_rays: NotNegative | None = None
     virtual_focus_mm: Point | None = None
     warnings: tuple[Text, ...] = ()
-    wavelengths_nm: Range | None = None
-    refractive_indices: Range | None = None
-    extrapolated_index_share: Share | None = None
-    clamped_index_share: Share | None = None
     files: tuple[LoadedRayFile, ...] = ()
     placement: AppliedPlacement | None = None
 

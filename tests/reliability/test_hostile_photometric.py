@@ -7,7 +7,6 @@ import lensforge as lf
 from lensforge.errors import InputError
 from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.photometric import read_photometric
-from lensforge.sources.photometric.photometric_io import convert_photometric
 from lensforge.sources.photometric.photometric_summary import rays
 
 LDT = (
@@ -76,11 +75,6 @@ def test_eulumdat_that_lies_is_refused(text, words, tmp_path):
     one_line(refusal)
 
 
-def test_eulumdat_is_read_where_it_is_sound(tmp_path):
-    (tmp_path / "x.ldt").write_text(_ldt())
-    assert read_photometric(tmp_path / "x.ldt").intensity.values.tolist() == [[300.0, 200.0, 0.0]]
-
-
 def _ies(head="1 1000 1 3 1 1 2 0 0 0 1 1 10", angles="0 45 90 0", candela="300 200 0", tilt="NONE") -> str:
     return f"IESNA:LM-63-2002\nTILT={tilt}\n{head}\n{angles}\n{candela}\n"
 
@@ -138,11 +132,6 @@ def test_tm_33_that_lies_is_refused(text, words, tmp_path):
     one_line(refusal)
 
 
-def test_tm_33_is_read_where_it_is_sound(tmp_path):
-    (tmp_path / "x.xml").write_text(_tm33(), encoding="utf-8")
-    assert read_photometric(tmp_path / "x.xml").intensity.values.tolist() == [[300.0, 0.0]]
-
-
 @pytest.mark.parametrize("tilt", ["x.ies", "/dev/zero", "../../secret", "~/.ssh/id_rsa"])
 def test_the_file_that_tilt_names_is_never_opened(tilt, tmp_path):
     (tmp_path / "x.ies").write_text(_ies(tilt=tilt))
@@ -171,17 +160,3 @@ def test_what_contradicts_itself_is_told_in_a_summary_and_in_a_design(text, word
         summarise(build_source(placed), placed).warnings,
     ):
         assert any(words in warning for warning in warnings), warnings
-
-
-def test_one_half_plane_at_0_and_360_is_light_of_revolution(tmp_path):
-    text = _ies(head="1 1000 1 3 2 1 2 0 0 0 1 1 10", angles="0 45 90 0 360", candela="300 200 0 300 200 0")
-    (tmp_path / "x.ies").write_text(text)
-    assert read_photometric(tmp_path / "x.ies").intensity.c_deg.tolist() == [0.0]
-    convert_photometric(tmp_path / "x.ies", tmp_path / "x.ldt")
-
-
-def test_a_line_break_in_the_name_of_a_file_adds_no_line_to_another(tmp_path):
-    file = tmp_path / "a\nTILT=NONE\n1 1.ies"
-    file.write_text(_ies())
-    convert_photometric(file, tmp_path / "x.ldt")
-    assert read_photometric(tmp_path / "x.ldt").intensity.values.shape == (1, 3)

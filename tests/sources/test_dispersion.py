@@ -8,11 +8,10 @@ from rayfile_samples import image, rays, with_spectrum_numbers, with_tables
 from scenes import small_spec
 
 from lensforge.errors import InputError
-from lensforge.optics.material import D_LINE_NM, MATERIALS
+from lensforge.optics.material import MATERIALS
 from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.rayfiles.ray_file_io import decode, write_rayfile
 from lensforge.sources.source_spectrum import Spectrum
-from lensforge.spec import parse_spec
 
 PMMA = MATERIALS["PMMA"]
 LINE = {"kind": "line", "wavelength_nm": 450.0}
@@ -54,12 +53,6 @@ def test_rays_of_a_file_have_the_index_at_their_own_wavelength(tmp_path):
         assert [by_place[tuple(origin)] for origin in part.origins] == part.refractive_indices.tolist()
 
 
-def test_placement_leaves_every_ray_its_index(tmp_path):
-    source = saved(tmp_path, rays(60, wavelengths="one"))
-    turned = sample({**source, "axis": "+x", "mirror": "y", "origin": "virtual_focus", "scale": 2.0}, count=60)
-    np.testing.assert_allclose(turned.refractive_indices, PMMA.index_at(450.0), rtol=1e-15)
-
-
 def test_a_common_table_of_the_header_is_drawn_from_and_belongs_to_the_rays(tmp_path):
     spec = small_spec(source=saved(tmp_path, with_tables(rays(4000))), lens__material="PMMA")
     emitter = build_source(spec.source, spec.lens.dispersion)
@@ -92,11 +85,6 @@ def test_several_tables_that_nobody_claims_are_refused(tmp_path):
     assert sample(source | {"spectrum": LINE}).refractive_indices is not None
 
 
-def test_the_spectrum_of_the_spec_takes_the_place_of_the_file_s(tmp_path):
-    source = saved(tmp_path, rays(30, wavelengths="each")) | {"spectrum": LINE}
-    np.testing.assert_array_equal(sample(source).refractive_indices, np.full(1000, PMMA.index_at(450.0)))
-
-
 def test_blue_and_yellow_files_each_keep_their_own_light(tmp_path):
     blue, yellow = (saved(tmp_path, rays(40, seed=seed), f"{seed}.tm25ray")["file"] for seed in (1, 2))
     source = {"kind": "rayfiles", "files": [{"file": blue, "spectrum": LINE}, {"file": yellow}]}
@@ -114,34 +102,3 @@ def test_colours_tell_nothing_of_place_and_direction():
     others = np.column_stack([bundle.origins[:, :2], bundle.directions, bundle.directions[:, :2] ** 2])
     others = (others - others.mean(axis=0)) / others.std(axis=0)
     assert np.abs(index @ others / len(index) / index.std()).max() < 5.0 / np.sqrt(len(index))
-
-
-@pytest.mark.parametrize(
-    ("lens", "message"),
-    [
-        ({"material": "PMAM"}, "material = 'PMAM': one of PMMA, PC"),
-        ({"material": "PMMA", "refractive_index": 1.5}, "PMMA has 1.49253 at 587.562 nm; leave out refractive_index"),
-        ({"material": "PC", "abbe_number": 30.0}, "PC has its own dispersion"),
-        ({"abbe_number": 30.0}, "abbe_number needs refractive_index"),
-        ({"material": "PC", "design_wavelength_nm": 250.0}, "250 nm: the index of PC is known from"),
-        ({"refractive_index": 1.5, "design_wavelength_nm": 450.0}, "goes with a material of PMMA"),
-    ],
-)
-def test_the_index_comes_from_one_place(lens, message):
-    with pytest.raises(InputError, match=message):
-        small_spec(**{f"lens__{name}": value for name, value in lens.items()})
-
-
-def test_a_material_gives_the_index_at_the_design_wavelength_and_comes_back_from_json():
-    for lens, index in (
-        ({"material": "PMMA"}, PMMA.index_at(D_LINE_NM)),
-        ({"material": "PMMA", "design_wavelength_nm": 450.0}, PMMA.index_at(450.0)),
-        ({"refractive_index": 1.53, "abbe_number": 56.0}, 1.53),
-        ({"refractive_index": 1.53, "material": "a label"}, 1.53),
-        ({}, 1.4936),
-    ):
-        spec = small_spec(**{f"lens__{name}": value for name, value in lens.items()})
-        assert spec.lens.refractive_index == index
-        again = parse_spec(spec.model_dump(mode="json"), "again")
-        assert again.lens == spec.lens
-        assert again.lens.dispersion == spec.lens.dispersion

@@ -8,11 +8,10 @@ from scipy.integrate import quad
 
 from lensforge.errors import InputError
 from lensforge.sources.build_source import SquareEmitter
-from lensforge.sources.emitting_area import Disc, Rectangles, sobol
-from lensforge.sources.intensity import CosinePower, TabulatedIntensity, flux_up_to
+from lensforge.sources.emitting_area import Rectangles, sobol
+from lensforge.sources.intensity import CosinePower, TabulatedIntensity
 from lensforge.sources.planar_emitter import PlanarEmitter, planar_emitter
-from lensforge.spec.emitter_section import TableIntensity
-from lensforge.spec.source_sections import Chip, ChipArraySource, ChipsSource, DiscSource, RectangleSource
+from lensforge.spec.source_sections import ChipArraySource, RectangleSource
 
 C_DEG, GAMMA_DEG = np.array([0.0, 70.0, 200.0, 360.0]), np.array([10.0, 40.0, 60.0, 80.0, 110.0])
 # dark between 60 and 80 degrees; the planes differ in flux and in shape
@@ -66,35 +65,6 @@ def test_a_table_of_revolution_is_turned_by_the_second_number_alone() -> None:
     np.testing.assert_array_equal(table.at(123.0), VALUES[0])
 
 
-def test_no_ray_is_drawn_in_the_dark() -> None:
-    c_deg, gamma_deg = angles(TABLE.aim(sobol(4096, 2, 1)))
-    assert not ((gamma_deg > 60.3) & (gamma_deg < 79.7)).any()
-    assert gamma_deg.min() >= 10.0 and gamma_deg.max() <= 110.0 and c_deg.max() > 350.0
-
-
-@pytest.mark.parametrize("c_deg", [0.0, 35.0, 70.0, 100.0, 280.0, 359.0, 360.0, -80.0, 430.0, -360.0])
-def test_a_half_plane_is_interpolated_at_any_angle(c_deg: float) -> None:
-    np.testing.assert_allclose(TABLE.at(c_deg), plane(c_deg % 360.0), atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("planes", "name"),
-    [
-        ([1, 2, 3, 2, 1], "mirror_y"),
-        ([1, 2, 1, 4, 1], "mirror_x"),
-        ([1, 2, 1, 2, 1], "rectangle"),
-        ([1, 2, 3, 4, 1], "none"),
-        ([1, 1, 1 + 0.5e-6, 1, 1], "square"),  # a millionth of the peak is no difference
-        ([1, 1, 1 + 2e-6, 1, 1], "mirror_y"),
-        ([1], "square"),
-    ],
-)
-def test_symmetry_of_tables(planes: list[float], name: str) -> None:
-    values = np.outer(planes, [1.0, 0.5, 0.0])
-    c_deg = np.linspace(0.0, 360.0, 5)[: len(planes)]
-    assert TabulatedIntensity(c_deg, np.array([0.0, 30.0, 60.0]), values).symmetry == name
-
-
 @pytest.mark.parametrize("power", [0.0, 1.0, 3.0])
 def test_a_power_of_the_cosine_maps_numbers_by_its_closed_form(power: float) -> None:
     profile = CosinePower(power)
@@ -129,19 +99,6 @@ def test_the_intensity_of_a_table_is_bilinear_and_of_flux_1_over_all_directions(
     assert total == pytest.approx(1.0, rel=1e-10)
 
 
-def test_directions_that_rounding_makes_longer_than_1_have_the_intensity_of_the_poles() -> None:
-    ends = np.array([[0.0, 0.0, 1.0 + 1e-15], [0.0, 0.0, -1.0 - 1e-15], [0.0, 0.6, -0.8]])
-    table = TabulatedIntensity(np.zeros(1), np.array([0.0, 180.0]), np.array([[4.0, 1.0]]))
-    gamma = np.rad2deg(np.arccos(-0.8))
-    np.testing.assert_allclose(table.intensity(ends) * table.flux(), [4.0, 1.0, 4.0 - 3.0 * gamma / 180.0])
-
-
-def test_the_flux_up_to_an_angle_never_falls_by_rounding() -> None:
-    random = np.random.default_rng(0)
-    gamma = np.cumsum(random.uniform(1e-12, 1e-9, 2000))
-    assert (np.diff(flux_up_to(gamma, random.uniform(0.0, 1.0, (1, 2000)))[0]) >= 0.0).all()
-
-
 def test_a_planar_emitter_places_by_two_numbers_and_aims_by_two_others() -> None:
     area = Rectangles(np.array([[1.0, -2.0]]), np.array([[0.5, 3.0]]), np.ones(1))
     emitter, points = PlanarEmitter(area, TABLE, 2.0), sobol(32, 4, 9)
@@ -156,14 +113,6 @@ def test_a_planar_emitter_places_by_two_numbers_and_aims_by_two_others() -> None
     assert emitter.ray_count is None and emitter.symmetry == "none"
 
 
-@pytest.mark.parametrize(("side", "turns", "name"), [(2.0, 4, "rectangle"), (1.0, 2, "mirror_x"), (1.0, 4, "square")])
-def test_a_planar_emitter_has_the_symmetry_of_both_its_parts(side: float, turns: int, name: str) -> None:
-    planes = {4: np.ones(5), 2: np.array([1.0, 2.0, 1.0, 3.0, 1.0])}[turns]
-    profile = TabulatedIntensity(np.linspace(0.0, 360.0, 5), np.array([0.0, 30.0]), np.outer(planes, [1.0, 1.0]))
-    area = Rectangles(np.zeros((1, 2)), np.array([[side, 1.0]]), np.ones(1))
-    assert PlanarEmitter(area, profile).symmetry == name
-
-
 def test_an_array_of_chips_is_centred_on_the_axis() -> None:
     area = planar_emitter(ChipArraySource(columns=3, rows=2, width_mm=0.5, height_mm=0.4, pitch_mm=(0.7, 0.6))).area
     by_hand = [[-0.7, -0.3], [0.0, -0.3], [0.7, -0.3], [-0.7, 0.3], [0.0, 0.3], [0.7, 0.3]]
@@ -173,21 +122,6 @@ def test_an_array_of_chips_is_centred_on_the_axis() -> None:
     alone = planar_emitter(RectangleSource(width_mm=2.0, height_mm=1.0))
     assert (alone.area.centres.tolist(), alone.area.sides.tolist()) == ([[0.0, 0.0]], [[2.0, 1.0]])
     assert alone.profile == CosinePower(1.0) and alone.flux_w == 1.0
-
-
-def test_chips_and_discs_and_tables_of_the_spec_are_those_of_the_emitter() -> None:
-    chips = (
-        Chip(x_mm=1.0, y_mm=2.0, width_mm=0.5, height_mm=0.25, flux_w=1.0),
-        Chip(x_mm=-1.0, y_mm=0.5, width_mm=0.75, height_mm=1.5, flux_w=3.0),
-    )
-    area = planar_emitter(ChipsSource(chips=chips)).area
-    assert area.centres.tolist() == [[1.0, 2.0], [-1.0, 0.5]] and area.shares.tolist() == [0.25, 0.75]
-    assert area.sides.tolist() == [[0.5, 0.25], [0.75, 1.5]]
-    profile = TableIntensity(kind="table", gamma_deg=[0.0, 20.0], intensity=[2.0, 1.0])
-    disc = planar_emitter(DiscSource(diameter_mm=3.0, flux_w=4.0, intensity=profile))
-    assert disc.area == Disc(1.5) and disc.flux_w == 4.0 and disc.warnings == ()
-    assert disc.profile.c_deg.tolist() == [0.0] and disc.profile.gamma_deg.tolist() == [0.0, 20.0]
-    assert disc.profile.values.tolist() == [[2.0, 1.0]]
 
 
 @pytest.mark.parametrize("count", [1, 8])
@@ -200,12 +134,3 @@ def test_a_square_emitter_maps_four_numbers_by_malley_s_method(count: int) -> No
     assert rays.flux.tolist() == [5.0 / count] * count
     with pytest.raises(InputError, match="0 rays: at least 1"):
         SquareEmitter(3.0).sample(0, 4)
-
-
-def test_a_square_emitter_has_its_radiance_and_its_corners() -> None:
-    square = SquareEmitter(2.0, 3.0)
-    assert square.radiances(2, 0).tolist() == pytest.approx([3.0 / (np.pi * 4.0)] * 2)
-    assert SquareEmitter(0.0).radiances(1, 0).tolist() == [np.inf]
-    corners = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]]
-    assert square.outline().tolist() == corners
-    assert (square.symmetry, square.ray_count, SquareEmitter(2.0).flux_w) == ("square", None, 1.0)

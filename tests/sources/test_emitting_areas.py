@@ -7,12 +7,9 @@ import pytest
 from PIL import Image
 
 from lensforge.errors import InputError
-from lensforge.sources.emitting_area import Disc, Rectangles, convex_hull
-from lensforge.sources.planar_emitter import LuminanceImage
-
-
-def as_set(corners: np.ndarray) -> set[tuple[float, ...]]:
-    return {tuple(np.round(corner, 9) + 0.0) for corner in corners}
+from lensforge.sources.emitting_area import Disc, LuminanceImage, Rectangles
+from lensforge.sources.planar_emitter import planar_emitter
+from lensforge.spec.source_sections import LuminanceSource
 
 
 def test_a_disc_is_filled_by_the_root_of_the_first_number_and_the_turn_of_the_second() -> None:
@@ -22,15 +19,6 @@ def test_a_disc_is_filled_by_the_root_of_the_first_number_and_the_turn_of_the_se
     np.testing.assert_allclose(placed, [[1.0, 0.0], [0.0, 1.4], [-half, -half]], atol=1e-12)
     np.testing.assert_allclose(disc.density(placed), 1.0 / (4.0 * np.pi))
     assert disc.symmetry == "square"
-
-
-def test_the_corners_of_a_disc_are_those_of_a_polygon_that_touches_it() -> None:
-    corners = Disc(2.0).corners()
-    middles = 0.5 * (corners + np.roll(corners, -1, axis=0))
-    np.testing.assert_allclose(np.linalg.norm(middles, axis=1), 2.0, rtol=1e-12)
-    turns = np.unwrap(np.arctan2(corners[:, 1], corners[:, 0]))
-    np.testing.assert_allclose(np.diff(turns), 2.0 * np.pi / 64)
-    assert len(corners) == 64
 
 
 CHIPS = Rectangles(np.array([[1.0, 0.0], [-2.0, 0.5]]), np.array([[0.5, 1.0], [2.0, 3.0]]), np.array([0.25, 0.75]))
@@ -50,37 +38,6 @@ def test_the_density_is_the_share_over_the_area_of_each_rectangle_at_a_point() -
     np.testing.assert_allclose(found, [inside, inside, inside, 0.0, 0.0, outside, outside, 0.0], atol=1e-15)
     twice = Rectangles(np.zeros((2, 2)), np.array([[2.0, 2.0], [1.0, 1.0]]), np.array([0.4, 0.6]))
     np.testing.assert_allclose(twice.density(np.array([[0.9, 0.0], [0.1, 0.2]])), [0.1, 0.7])
-
-
-def test_the_corners_of_rectangles_are_their_convex_hull() -> None:
-    expected = {(1.25, -0.5), (1.25, 0.5), (-1.0, 2.0), (-3.0, 2.0), (-3.0, -1.0), (-1.0, -1.0)}
-    assert as_set(CHIPS.corners()) == expected
-
-
-def test_points_on_one_line_have_their_bounding_box() -> None:
-    slanted = np.array([[1.0, 5.0], [2.0, 6.0], [4.0, 8.0], [3.0, 7.0]])
-    assert convex_hull(slanted).tolist() == [[1.0, 5.0], [4.0, 5.0], [4.0, 8.0], [1.0, 8.0]]
-    assert convex_hull(slanted[:1]).tolist() == [[1.0, 5.0]] * 4
-
-
-@pytest.mark.parametrize(
-    ("centres", "sides", "shares", "symmetry"),
-    [
-        ([[0, 0]], [[2, 1]], [1.0], "rectangle"),
-        ([[0, 0]], [[1, 1]], [1.0], "square"),
-        ([[1, 0], [-1, 0]], [[1, 1]] * 2, [0.4, 0.6], "mirror_y"),
-        ([[0, 1], [0, -1]], [[1, 1]] * 2, [0.4, 0.6], "mirror_x"),
-        ([[1, 0], [-1, 0], [0, 1], [0, -1]], [[1, 2]] * 2 + [[2, 1]] * 2, [0.25] * 4, "square"),
-        ([[1, 0], [-1, 0], [0, 1], [0, -1]], [[1, 2]] * 4, [0.25] * 4, "rectangle"),
-        ([[0.1, 0.2]], [[1, 1]], [1.0], "none"),
-        ([[1, 0], [-1 + 1e-10, 0], [0, 2], [0, -2]], [[0.5, 1]] * 4, [0.25] * 4, "rectangle"),  # but for rounding
-        ([[1, 0], [-1 + 1e-6, 0], [0, 2], [0, -2]], [[0.5, 1]] * 4, [0.25] * 4, "mirror_y"),
-    ],
-)
-def test_symmetry_of_rectangles(
-    centres: list[list[float]], sides: list[list[float]], shares: list[float], symmetry: str
-) -> None:
-    assert Rectangles(np.array(centres, float), np.array(sides, float), np.array(shares)).symmetry == symmetry
 
 
 PIXELS = np.array([[0.0, 0.0, 0.0, 0.0], [0.0, 3.0, 1.0, 0.0], [0.0, 0.0, 4.0, 0.0]]) / 8.0
@@ -109,31 +66,10 @@ def test_the_density_of_a_picture_is_that_of_the_pixel_at_a_point() -> None:
     np.testing.assert_allclose(full.density(corners), [0.1, 0.2, 0.3, 0.4])
 
 
-def test_the_corners_of_a_picture_are_those_of_its_lit_pixels() -> None:
-    assert PICTURE.corners().tolist() == [[-0.5, -0.75], [0.5, -0.75], [0.5, 0.25], [-0.5, 0.25]]
-    top_left = LuminanceImage(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]), 2.0)
-    assert top_left.corners().tolist() == [[-3.0, 0.0], [-1.0, 0.0], [-1.0, 2.0], [-3.0, 2.0]]
-
-
-@pytest.mark.parametrize(
-    ("rows", "name"),
-    [
-        ([[1, 2], [2, 3]], "none"),  # the same about the other diagonal, which is no mirror of these groups
-        ([[3, 1, 3], [1, 5, 1], [3, 1, 3]], "square"),
-        ([[3, 1, 3], [2, 5, 2], [3, 1, 3]], "rectangle"),
-        ([[1, 2, 3], [2, 3, 4], [3, 4, 5]], "none"),
-        ([[1, 2, 1], [3, 4, 3]], "mirror_x"),
-        ([[1, 5], [1, 5]], "mirror_y"),
-    ],
-)
-def test_symmetry_of_pictures(rows: list[list[int]], name: str) -> None:
-    assert LuminanceImage(np.array(rows, dtype=np.float64), 1.0).symmetry == name
-
-
 def test_a_picture_is_as_wide_as_stated_and_all_of_it_has_the_flux(tmp_path: Path) -> None:
     Image.fromarray(np.array([[50, 0, 0, 100], [0, 0, 0, 50]], dtype=np.uint8)).save(tmp_path / "led.png")
-    found = LuminanceImage.read(tmp_path / "led.png", 6.0)
+    found = planar_emitter(LuminanceSource(file=tmp_path / "led.png", width_mm=6.0)).area
     assert found.pitch_mm == 1.5 and found.values.tolist() == [[0.25, 0.0, 0.0, 0.5], [0.0, 0.0, 0.0, 0.25]]
     Image.new("L", (4, 4)).save(tmp_path / "dark.png")
     with pytest.raises(InputError, match="must not be all dark"):
-        LuminanceImage.read(tmp_path / "dark.png", 6.0)
+        planar_emitter(LuminanceSource(file=tmp_path / "dark.png", width_mm=6.0))

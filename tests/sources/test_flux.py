@@ -6,15 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rayfile_samples import rays
-from scenes import small_spec, sphere
 
 import lensforge as lf
 from lensforge.errors import InputError
-from lensforge.optics.photopic import LARGEST_LM_PER_W, efficacy_at, luminous_efficacy
 from lensforge.sources.build_source import build_source, summarise
-from lensforge.sources.radiance_emitter import RadianceTable
 from lensforge.sources.rayfiles.ray_file_io import write_rayfile
-from lensforge.sources.source_flux import OwnFlux, SourceFlux, joined_flux, settled_flux, with_spectrum_compared
+from lensforge.sources.source_flux import OwnFlux, SourceFlux, joined_flux, settled_flux
 from lensforge.spec.emitter_section import FluxSection
 
 GREEN = lf.LineSpectrum(wavelength_nm=555.0)  # 683.002 lm/W
@@ -120,12 +117,6 @@ def test_chips_add_up_or_keep_their_ratio(first, second, fields, expected):
     assert lumens_per_watt == (None if expected[1] is None else pytest.approx(expected[1], rel=1e-12))
 
 
-def test_chips_of_lumens_alone_are_the_least_power_and_say_so_once():
-    flux_w, lumens_per_watt, right, warnings = _chips({"flux_lm": 100.0}, {"flux_lm": 300.0})
-    assert (flux_w, lumens_per_watt, right) == (pytest.approx(400.0 / LEAST), LEAST, 0.75)
-    assert len(warnings) == 1 and ALONE in warnings[0]
-
-
 def test_watts_of_one_chip_and_lumens_of_another_have_no_ratio():
     with pytest.raises(InputError, match=r"source\.chips\[1\]: flux known in lm alone, .* give its flux_w"):
         _chips({"flux_w": 1.0}, {"flux_lm": 300.0})
@@ -195,12 +186,6 @@ def test_a_ray_file_in_lumens_alone_is_the_least_power_and_says_so(loaded, field
     assert sum(ALONE in warning for warning in summary.warnings) == 1
 
 
-def test_totals_of_a_file_that_no_light_can_have_are_not_used(loaded):
-    summary = loaded(_file(1.0, 700.0))
-    assert (summary.flux_w, summary.lumens_per_watt) == (pytest.approx(1.0), None)
-    assert any("700 lm and 1 W, 700 lm/W" in warning for warning in summary.warnings)
-
-
 def test_two_files_keep_the_ratio_of_their_power_and_share_the_lumens(tmp_path):
     """Blue of 1 W and 20 lm, yellow of 3 W and 1380 lm: 350 lm/W together."""
     parts = []
@@ -226,55 +211,6 @@ def test_given_rays_have_lumens_by_their_wavelengths():
     assert build_source(lf.RaySource(rows[:, :6], flux_lm=LEAST)).flux_w == pytest.approx(1.0)
 
 
-def test_a_radiance_table_has_its_own_watts(tmp_path):
-    edges, gamma = np.array([-1.0, 1.0]), np.linspace(0.0, 90.0, 46)
-    table = RadianceTable(edges, edges, np.zeros(1), gamma, np.ones((1, 1, 1, 46)))
-    np.savez(tmp_path / "led.npz", x_mm=edges, y_mm=edges, c_deg=np.zeros(1), gamma_deg=gamma, radiance=table.radiance)
-    for fields, flux_w, lumens in (
-        ({}, 4e-6 * np.pi, None),
-        ({"flux_lm": 50.0, "spectrum": GREEN}, 50.0 / LEAST, 50.0),
-    ):
-        spec = lf.RadianceSource(file=tmp_path / "led.npz", **fields)
-        summary = summarise(build_source(spec), spec)
-        assert summary.flux_w == pytest.approx(flux_w, rel=1e-3)
-        assert summary.flux_lm == (None if lumens is None else pytest.approx(lumens))
-
-
-def test_efficacy_of_a_coarse_table_is_the_integral_of_its_straight_lines():
-    waves, density = np.array([430.0, 460.0, 550.0, 680.0]), np.array([0.0, 1.0, 0.6, 0.0])
-
-    nm = np.linspace(430.0, 680.0, 250_001)
-    power = np.interp(nm, waves, density)
-    seen = np.trapezoid(power * efficacy_at(nm), nm) / np.trapezoid(power, nm)
-    assert luminous_efficacy(waves, density) == pytest.approx(seen, rel=1e-4)
-    assert luminous_efficacy(np.array([555.0]), np.ones(1)) == LARGEST_LM_PER_W
-    assert luminous_efficacy(np.array([800.0, 900.0]), np.ones(2)) == 0.0
-    assert luminous_efficacy(np.array([500.0]), np.zeros(1)) is None
-
-
-def test_own_totals_count_only_where_the_spec_is_silent():
-    own = OwnFlux(2.0, 500.0, 400.0)
-    assert settled_flux(FluxSection(), own=own).efficacy == 250.0
-    assert settled_flux(FluxSection(), spectral=300.0, own=own).efficacy == 300.0
-    assert settled_flux(FluxSection(), 320.0, 300.0, own).efficacy == 320.0
-    assert settled_flux(FluxSection(flux_w=1.0, flux_lm=340.0), 320.0, 300.0, own).efficacy == 340.0
-    assert settled_flux(FluxSection(), own=OwnFlux(2.0, None, 400.0)).efficacy == 400.0
-
-
-@pytest.mark.parametrize("lumens", [{"flux_w": 2.0, "flux_lm": 500.0}, {"flux_lm": 500.0}])
-def test_light_and_photometry_have_the_lumens_of_the_rule(lumens):
-    spec = small_spec(source={"kind": "square", "side_mm": 0.5, **lumens})
-    lens = lf.Lens(sphere(3.0), sphere(6.0), spec, 0, "draft")
-    emitter = build_source(spec.source)
-    light = lf.evaluate(lens, rays=4096)
-    assert light.lumens_per_watt == pytest.approx(500.0 / emitter.flux_w, rel=1e-12)
-    landed_lm = light.lumens_per_watt * light.map.mean() * (1e-3 * light.first.width) ** 2
-    assert landed_lm == pytest.approx(500.0 * light.flux.detected, rel=0.02)  # the filter moves light over the edge
-    assert lf.photometry(lens, rays=4096).source_lm == pytest.approx(500.0, rel=1e-12)
-    other = lf.evaluate(lens, source=lf.SquareSource(side_mm=0.5, flux_w=1.0), rays=4096)
-    assert other.lumens_per_watt is None
-
-
 def test_a_ray_file_in_lumens_has_the_power_of_each_ray_by_its_wavelength(loaded):
     """Equal lumens at 450 and 555 nm: lm/W is the harmonic mean, for the blue rays carry nearly all of the power."""
     made = rays(count=2, unit="lm")
@@ -282,16 +218,6 @@ def test_a_ray_file_in_lumens_has_the_power_of_each_ray_by_its_wavelength(loaded
     summary = loaded(halves, "led.csv")
     assert summary.lumens_per_watt == pytest.approx(LEAST * 2.0 / (1.0 + 1.0 / 0.038), rel=1e-5)
     assert summary.flux_lm == pytest.approx(2.0, rel=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("efficacy", "in_lumens", "shown"),
-    [(1.0, False, True), (0.999, False, False), (0.999, True, True), (None, True, False), (None, False, False)],
-)
-def test_lumens_are_shown_where_the_light_has_any_or_the_spec_speaks_of_them(efficacy, in_lumens, shown) -> None:
-    found = SourceFlux(2.0, efficacy, in_lumens)
-    assert found.lumens_per_watt == (efficacy if shown else None)
-    assert found.flux_lm == (None if efficacy is None else 2.0 * efficacy)
 
 
 @pytest.mark.parametrize(
@@ -304,23 +230,6 @@ def test_both_totals_of_a_file_have_a_ratio_that_light_can_have(lumens: float, e
     assert found.flux_w == 1.0 and found.in_lumens and len(found.warnings) == (efficacy is None)
     if efficacy is None:
         assert ("no light has more than 683" if lumens > 1.0 else "that is no visible light") in found.warnings[0]
-
-
-def test_lumens_of_light_that_is_next_to_invisible_are_refused() -> None:
-    assert settled_flux(FluxSection(flux_lm=2.0), spectral=1e-6).flux_w == pytest.approx(2e6)
-    with pytest.raises(InputError, match="flux of 2 lm, but its spectrum has no visible light"):
-        settled_flux(FluxSection(flux_lm=2.0), spectral=0.99e-6)
-    least = settled_flux(FluxSection(flux_lm=2.0))
-    assert (least.flux_w, least.in_lumens, least.least_power) == (2.0 / LEAST, True, True)
-
-
-@pytest.mark.parametrize(("stated", "warned"), [(104.99, False), (105.01, True), (95.01, False), (94.99, True)])
-def test_a_spectrum_within_five_per_cent_of_the_stated_efficacy_is_taken_for_it(stated: float, warned: bool) -> None:
-    spec = lf.SquareSource(side_mm=1.0, luminous_efficacy_lm_per_w=stated)
-    found = with_spectrum_compared(SourceFlux(1.0, warnings=("before",)), spec, 100.0)
-    assert (len(found.warnings), found.warnings[0]) == (2 if warned else 1, "before")
-    for spectral in (None, 0.0):
-        assert len(with_spectrum_compared(SourceFlux(1.0), spec, spectral).warnings) == 0
 
 
 def test_parts_are_joined_by_their_sums_and_their_warnings_are_told_once() -> None:

@@ -37,15 +37,6 @@ def test_each_number_may_have_a_distribution_of_its_own() -> None:
         np.testing.assert_allclose(rest, [part for _, part in expected], atol=1e-12)
 
 
-def test_a_number_that_rounding_takes_past_the_end_stays_in_the_last_cell() -> None:
-    beyond = np.array([1.0, 1.0 + 1e-9])
-    lit = np.array([2.0, 3.0, 5.0])
-    for cells, rest in (choose(lit, beyond), choose_each(np.stack([lit, lit]), beyond)):
-        assert cells.tolist() == [2, 2] and rest.tolist() == [1.0, 1.0]
-    for cells, rest in (choose(ENDS, beyond), choose_each(np.stack([ENDS, ENDS]), beyond)):
-        assert cells.tolist() == [4, 4] and rest.tolist() == [0.0, 0.0], "dark: no position in it"
-
-
 @pytest.mark.parametrize(("first", "second"), [(1.0, 1.0), (0.0, 2.0), (3.0, 0.0), (0.5, 4.0), (7.0, 2.0)])
 def test_the_area_of_a_trapezoid_up_to_the_position_is_the_share(first: float, second: float) -> None:
     share = np.array([0.0, 0.1, 0.5, 0.75, 1.0])
@@ -53,12 +44,3 @@ def test_the_area_of_a_trapezoid_up_to_the_position_is_the_share(first: float, s
     area = first * place + 0.5 * (second - first) * place**2
     np.testing.assert_allclose(area, share * 0.5 * (first + second), atol=1e-14)
     assert place[0] == 0.0 and place[-1] == pytest.approx(1.0)
-
-
-def test_positions_of_dark_and_of_nearly_dark_ends_are_numbers_from_0_to_1() -> None:
-    """The root of a difference of nearly equal squares may be that of a number below 0 by rounding."""
-    assert linear_inverse(np.zeros(2), np.zeros(2), np.array([0.0, 0.7])).tolist() == [0.0, 0.0]
-    random = np.random.default_rng(0)
-    first = random.uniform(0.1, 1.0, 20_000)
-    place = linear_inverse(first, first * random.uniform(0.0, 1e-9, 20_000), np.ones(20_000))
-    assert (first**2 > 0.0).all() and place.max() == 1.0 and place.min() > 1.0 - 1e-7

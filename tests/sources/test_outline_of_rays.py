@@ -1,11 +1,10 @@
-"""The outline of a ray set by loops over its rays: crossings, the middle, the farthest of 95 %, and rays in blocks."""
+"""The outline of a ray set by loops over its rays: crossings, the middle, and the farthest of 95 %."""
 
 import numpy as np
 import pytest
 
-from lensforge.sources import ray_bundle, ray_set
-from lensforge.sources.ray_bundle import ChosenRays, RayBundle
-from lensforge.sources.ray_set import _around, _crossings, _inner_radius, _Near, _reached, outline_of
+from lensforge.sources.ray_bundle import RayBundle, UnreadRays
+from lensforge.sources.ray_set import _around, _crossings, outline_of
 from lensforge.sources.source_pose import SourcePose, rotation_about
 
 
@@ -55,27 +54,11 @@ def agrees(outline: np.ndarray, points: set[tuple[float, float]]) -> None:
 
 @pytest.mark.parametrize("unread", [False, True])
 @pytest.mark.parametrize(("down", "forward"), [(0.1, True), (1.0, False)])
-def test_the_outline_is_around_the_nearest_of_the_crossings(
-    unread: bool, down: float, forward: bool, monkeypatch
-) -> None:
-    """Of rays that go up, or, where none does, of those that go down; in memory, and in blocks of 100."""
+def test_the_outline_is_around_the_nearest_of_the_crossings(unread: bool, down: float, forward: bool) -> None:
+    """Of rays that go up, or, where none does, of those that go down."""
     found = rays(900, down=down)
     assert (found.directions[:, 2] > 0.0).any() == forward
-    if unread:
-        monkeypatch.setattr(ray_bundle, "BLOCK_RAYS", 100)
-        monkeypatch.setattr(ray_set, "_SAMPLE", 300)
-    outline = outline_of(ChosenRays(found, np.arange(900)) if unread else found, None)
-    agrees(outline, by_loop(found, forward)[0])
-
-
-@pytest.mark.parametrize("heavy", [0, 400, 899])
-def test_where_few_rays_have_most_of_the_flux_the_outline_is_the_same(heavy: int, monkeypatch) -> None:
-    """A sample of 50 rays says little of where the limit is: the search widens until it is found."""
-    found = rays(900, seed=2)
-    found.flux[heavy], found.directions[heavy] = 500.0, [0.0, 0.0, 1.0]
-    monkeypatch.setattr(ray_bundle, "BLOCK_RAYS", 128)
-    monkeypatch.setattr(ray_set, "_SAMPLE", 50)
-    agrees(outline_of(ChosenRays(found, np.arange(900)), None), by_loop(found)[0])
+    agrees(outline_of(UnreadRays([found]) if unread else found, None), by_loop(found, forward)[0])
 
 
 def test_the_outline_of_a_posed_source_is_that_of_the_source_posed() -> None:
@@ -89,48 +72,9 @@ def test_the_outline_of_a_posed_source_is_that_of_the_source_posed() -> None:
 
 def test_rays_along_the_plane_stay_where_they_start() -> None:
     ways = np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 0.9e-9], [1.0, 0.0, 1.1e-9], [0.6, 0.0, -0.8], [0.0, 0.6, 0.8]])
-    some = RayBundle(np.tile([1.0, 2.0, 4.0], (5, 1)), ways, np.arange(1.0, 6.0))
-    points, flux = _crossings(some, None, True)
+    points, flux = _crossings(RayBundle(np.tile([1.0, 2.0, 4.0], (5, 1)), ways, np.arange(1.0, 6.0)), None)
     np.testing.assert_allclose(points, [[1.0, 2.0], [1.0 - 4.0 / 1.1e-9, 2.0], [1.0, -1.0]])
     assert flux.tolist() == [2.0, 3.0, 5.0]
-    points, flux = _crossings(some, None, False)
-    np.testing.assert_allclose(points, [[1.0, 2.0], [4.0, 2.0]])
-    assert flux.tolist() == [1.0, 4.0]
-
-
-VALUES, FLUX = np.array([5.0, 1.0, 3.0, 2.0]), np.array([1.0, 2.0, 3.0, 4.0])  # up to 1, 2, 3, 5: 2, 6, 9, 10
-
-
-@pytest.mark.parametrize(
-    ("wanted", "below", "value"),
-    [
-        (1.0, 0.0, 1.0), (2.0, 0.0, 1.0), (2.001, 0.0, 2.0), (6.0, 0.0, 2.0), (9.5, 0.0, 5.0), (10.0, 0.0, 5.0),
-        (10.001, 0.0, None), (3.5, 1.0, 2.0), (3.0, 1.0, 1.0), (1.0, 1.0, None), (0.5, 1.0, None), (0.0, 0.0, None),
-    ],
-)  # fmt: skip
-def test_the_value_up_to_which_there_is_a_flux_is_one_of_the_values_or_none(wanted, below, value) -> None:
-    assert _reached(VALUES, FLUX, wanted, below) == value
-
-
-def test_only_rays_near_the_limit_are_kept_and_the_flux_of_those_below_is_counted() -> None:
-    near = _Near(lambda points: points[:, 0], 2.0, 3.0)
-    near.add(np.column_stack([VALUES, VALUES]), FLUX)
-    near.add(np.array([[2.5, 0.0], [1.999, 0.0]]), np.array([0.5, 0.25]))
-    assert near.below == 2.25 and np.concatenate(near.values).tolist() == [3.0, 2.0, 2.5]
-    assert np.concatenate(near.flux).tolist() == [3.0, 4.0, 0.5]
-    assert (near.limit(6.25), near.limit(6.3), near.limit(7.0), near.limit(9.76)) == (2.0, 2.5, 3.0, None)
-
-
-def test_the_disc_inside_a_polygon_touches_its_nearest_side() -> None:
-    square = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]])
-    assert _inner_radius(square, np.array([1.0, 1.5])) == pytest.approx(1.0, rel=1e-8)
-    assert _inner_radius(square, np.array([1.0, 1.5])) < 1.0
-    assert _inner_radius(square, np.array([-0.5, 1.0])) == pytest.approx(-0.5, rel=1e-8)
-    slanted = np.array([[0.0, 0.0], [4.0, 3.0], [0.0, 3.0]])
-    assert _inner_radius(slanted, np.array([1.0, 2.0])) == pytest.approx(1.0, rel=1e-8)
-    assert _inner_radius(square[:2], np.array([1.0, 0.0])) == -1.0
-    twice = np.array([[0.0, 0.0], [0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]])
-    assert np.isfinite(_inner_radius(twice, np.array([1.0, 1.0])))
 
 
 def test_around_leaves_out_the_rays_beyond_95_per_cent() -> None:

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from PIL import Image
-from rayfile_samples import SHARED, encoded, rays
+from rayfile_samples import SHARED
 
 import lensforge as lf
 from lensforge.cli.cli import cli
 from lensforge.errors import InputError
 from lensforge.sources.intensity import TabulatedIntensity
-from lensforge.sources.photometric import PhotometricFile, read_photometric, write_photometric
+from lensforge.sources.photometric import PhotometricFile, write_photometric
 from lensforge.sources.photometric.photometric_io import convert_photometric
 from lensforge.sources.photometric.photometric_summary import PhotometricSummary
 
@@ -91,30 +91,6 @@ def test_odd_files_are_warned_of(tmp_path):
     assert warning.startswith("its intensities integrate to 3141.") and warning.endswith("the file states 2000 lm")
 
 
-def test_there_and_back_the_light_is_the_same(tmp_path):
-    path = saved(tmp_path / "a.ldt", lambertian, 3500.0, title="t", maker="m", watts=30.0, diameter_mm=80.0)
-    there = convert_photometric(path, tmp_path / "b.ies")
-    back = convert_photometric(tmp_path / "b.ies", tmp_path / "c.ldt")
-    assert (there.from_format, there.to_format, back.to_format) == ("eulumdat", "ies", "eulumdat")
-    assert [words.split(" (")[0] for words in there.lost] == ["stated lumens of the luminaire"]
-    assert (back.lost, back.warnings) == ((), ())
-    first, last = read_photometric(path), read_photometric(tmp_path / "c.ldt")
-    np.testing.assert_allclose(last.intensity.values, first.intensity.values, rtol=0.0, atol=1e-6 * 1000.0)
-    for name in ("lamp_lumens", "title", "maker", "watts", "diameter_mm"):
-        assert getattr(last, name) == getattr(first, name), name
-    assert "converted from a.ldt" in (tmp_path / "b.ies").read_text(encoding="latin-1")
-
-
-def test_absolute_photometry_becomes_eulumdat_with_the_lumens_of_the_light(tmp_path):
-    """Not of 1000 lm: EULUMDAT holds cd per 1000 lm, and the lamps, -1 of them, have what the luminaire has."""
-    found = convert_photometric(saved(tmp_path / "a.ies", lambertian), tmp_path / "a.ldt")
-    assert "absolute photometry" in found.warnings[0]
-    assert lf.rays(tmp_path / "a.ldt").lumens == pytest.approx(1000.0 * np.pi, rel=1e-4)
-    lines = (tmp_path / "a.ldt").read_text(encoding="ascii").splitlines()
-    assert lines[26] == "-1" and float(lines[28]) == pytest.approx(1000.0 * np.pi, rel=1e-4)
-    assert lf.rays(tmp_path / "a.ldt").lamp_lumens is None
-
-
 def invoked(*words):
     return CliRunner().invoke(cli, ["rays", *map(str, words)])
 
@@ -130,37 +106,6 @@ def test_the_command_summarises_draws_and_converts(tmp_path):
     with Image.open(tmp_path / "polar.png") as picture:
         assert len(picture.convert("RGB").getcolors(10**6)) > 10
     assert json.loads(invoked(path, "--to", tmp_path / "led.ldt", "--json").output)["to_format"] == "eulumdat"
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("led.ies", "--to", "led.tm25ray"), r"its suffix must be one of \.ies, \.ldt, \.iesxml, \.xml"),
-        (("led.ies", "--plot", "led.txt"), r"its suffix must be one of \.png, \.svg, \.pdf"),
-        (("led.ies", "--to", "x.ldt", "--format", "tm25"), "is photometric"),
-        (("rays.tm25ray", "--to", "x.ies"), "not the suffix of a ray-file format"),
-        (("none.ies",), "no such file"),
-        (("broken.ies",), "neither IES LM-63 nor EULUMDAT nor TM-33"),
-        (("broken.xyz",), "none of the known formats"),
-    ],
-)
-def test_what_cannot_be_done_is_one_line(words, message, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    saved(tmp_path / "led.ies", lambertian)
-    (tmp_path / "rays.tm25ray").write_bytes(encoded("tm25", rays()))
-    for name in ("broken.ies", "broken.xyz"):
-        (tmp_path / name).write_text("neither\nnor\n", encoding="utf-8")
-    before = sorted(tmp_path.iterdir())
-    found = invoked(*words)
-    assert isinstance(found.exception, InputError)
-    with pytest.raises(InputError, match=message):
-        raise found.exception
-    assert "\n" not in str(found.exception) and sorted(tmp_path.iterdir()) == before
-
-
-def test_rays_keep_their_summary_whatever_the_name_of_the_file(tmp_path):
-    (tmp_path / "led.ies").write_bytes(encoded("tm25", rays(200)))
-    assert isinstance(lf.rays(tmp_path / "led.ies"), lf.RayFileSummary)
 
 
 def test_a_summary_is_saved_and_read_back_without_its_intensities(tmp_path):

@@ -5,15 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from far_fields import far_field
 
 import lensforge as lf
-from lensforge.cli.cli import cli
-from lensforge.errors import InputError
 from lensforge.sources.build_source import build_source
 from lensforge.sources.photometric import read_photometric, write_photometric
-from lensforge.sources.photometric.ies import require_ies_version
 from lensforge.sources.photometric.photometric_file import SIMULATED, UNDEFINED, generation_code, generation_title
 from lensforge.sources.photometric.photometric_io import convert_photometric
 
@@ -51,24 +47,14 @@ def test_an_edition_has_its_first_line_its_keywords_and_its_lengths(version, tmp
     assert numbers[1].split() == ["1", "1.00010" if version == 2019 else "1", "2.5"]
 
 
-def test_our_files_of_2019_say_that_they_are_computed_and_by_what(tmp_path):
-    path, lines = written(tmp_path, 2019)
-    assert "[TEST] none: computed by tracing rays" in lines
-    assert "[TESTLAB] none: not measured, computed by lensforge" in lines
-    assert "[ISSUEDATE] not stated" in lines
-    assert f"[FILEGENINFO] rays traced through the lens by lensforge {lf.__version__}" in lines
-    found = lf.rays(path)
-    assert (found.generated, found.edition, found.issued) == (SIMULATED, "LM-63-2019", "")
-    dated, _ = written(tmp_path, 2019, issued="2026-03-01")
-    assert lf.rays(dated).issued == "2026-03-01"
-
-
 @pytest.mark.parametrize("version", VERSIONS)
 def test_an_edition_is_read_for_what_it_says(version, tmp_path):
-    path, _ = written(tmp_path, version, title="Leuchte " * 30, issued="2026-03-01", remarks=(LONG,))
+    fields = {"title": "Leuchte " * 30, "issued": "2026-03-01", "remarks": (LONG,), "diameter_mm": 20.0}
+    path, _ = written(tmp_path, version, **fields)
     found, file = read_photometric(path), far_field("none", 417.25)
     np.testing.assert_allclose(found.intensity.values, file.intensity.values, rtol=5e-7)
     assert found.edition == f"LM-63-{version}" and found.warnings == ()
+    assert found.diameter_mm == pytest.approx(20.0)
     assert found.generated == (SIMULATED if version == 2019 else UNDEFINED)
     if version > 1986:
         assert (found.title, found.catalogue, found.maker) == (("Leuchte " * 30).strip(), "L 1", "lensforge")
@@ -88,6 +74,8 @@ def test_a_file_of_1986_has_no_first_line_and_a_factor(tmp_path):
         assert found.intensity.values[0, 0] == pytest.approx(first)
         assert len(found.warnings) == (1 if first == 270.0 else 0)
         assert found.title == ("" if head else "A luminaire of 1987")
+    (tmp_path / "x.ies").write_text(OLD.format("1").replace("1 1 1 0 0 0", "1 1 1 -0.1 0 0"), encoding="ascii")
+    assert read_photometric(tmp_path / "x.ies").diameter_mm == pytest.approx(30.48)  # a tenth of a foot
 
 
 def test_the_table_of_file_generation_types():
@@ -198,18 +186,6 @@ def test_the_elements_of_tm_33_are_those_of_its_schema_in_their_order(lumens, tm
     np.testing.assert_allclose(back.intensity.values, file.intensity.values, rtol=5e-7)
 
 
-def test_a_date_that_tm_33_cannot_hold_is_a_comment(tmp_path):
-    for issued, date in (("", "1970-01-01"), ("7/8/2021", "1970-01-01"), ("2026-03-01", "2026-03-01")):
-        write_photometric(tmp_path / "x.iesxml", replace(far_field("revolution", None), issued=issued))
-        root = ET.parse(tmp_path / "x.iesxml").getroot()
-        assert root.findtext("Header/ReportDate") == date
-        stands = [each.text for each in root.iter("Comment") if "stands for none" in each.text]
-        assert stands == (
-            [] if issued == date else [f"date of the report: {issued or 'not stated'}; {date} stands for none"]
-        )
-        assert read_photometric(tmp_path / "x.iesxml").issued == (issued if issued == date else "")
-
-
 @pytest.mark.parametrize(("word", "is_true"), [("true", True), ("1", True), ("false", False), ("0", False)])
 def test_both_spellings_of_an_xml_boolean_are_read(word, is_true, tmp_path):
     """xs:boolean: absolute photometry has no lamp lumens, a simulation says so."""
@@ -260,14 +236,3 @@ def test_every_format_becomes_every_other(origin, target, lumens, tmp_path):
     back = read_photometric(tmp_path / f"b{target}")
     np.testing.assert_allclose(back.intensity.values, file.intensity.values, rtol=2e-6)
     assert (back.lamp_lumens, back.title, back.catalogue) == (lumens, "a lens", "L 1")
-
-
-def test_the_version_is_asked_for_and_refused_by_its_name(tmp_path):
-    path, _ = written(tmp_path, 2019)
-    run = CliRunner().invoke(cli, ["rays", str(path), "--to", str(tmp_path / "b.ies"), "--ies-version", "1991"])
-    assert run.exit_code == 0 and (tmp_path / "b.ies").read_text(encoding="ascii").startswith("IESNA91\n")
-    for words in (("--to", "b.ldt", "--ies-version", "1991"), ("--ies-version", "1991")):
-        refused = CliRunner().invoke(cli, ["rays", str(path), *words]).exception
-        assert isinstance(refused, InputError) and "give --to FILE.ies with it" in str(refused)
-    with pytest.raises(InputError, match=r"ies_version = 2020: 1986, 1991, 1995, 2002, 2019; leave it out for 2019"):
-        require_ies_version(2020)

@@ -77,15 +77,6 @@ def test_types_a_and_b_are_the_far_field_of_type_c(kind, tmp_path):
     assert table.gamma_deg[node] == pytest.approx(np.rad2deg(np.arccos(BEAM[2])), abs=2.5)
 
 
-def test_half_a_type_b_file_is_mirrored(tmp_path):
-    """H from 0: laterally symmetric, as LM-63 has it."""
-    across = _intensity(_ways("B", SQUARE, SQUARE))
-    even = across + across[::-1]
-    whole = _read(tmp_path, _ies(SQUARE, SQUARE, even, kind=2)).intensity
-    half = _read(tmp_path, _ies(SQUARE[45:], SQUARE, even[45:], kind=2)).intensity
-    np.testing.assert_array_equal(half.values, whole.values)
-
-
 def test_angles_that_a_type_b_file_cannot_have(tmp_path):
     with pytest.raises(InputError, match="type B: its V angles must rise within -90 to 90"):
         _read(tmp_path, _ies([-10.0, 10.0], [0.0, 120.0], np.ones((2, 2)), kind=2))
@@ -115,11 +106,6 @@ def test_end_marks_and_padding_after_the_last_number(text, tail, tmp_path):
     assert marked.warnings == ()
 
 
-def test_what_follows_the_end_mark_is_left_out_and_said(tmp_path):
-    found = _read(tmp_path, PLAIN + "\x1a 7 8 9")
-    assert found.warnings == ("5 characters after its end mark (Ctrl-Z) are left out",)
-
-
 @pytest.mark.parametrize("text", [PLAIN, _ldt()], ids=["ies", "ldt"])
 @pytest.mark.parametrize("end", ["\n", "\r", "\r\n", "\r\r\n"])
 @pytest.mark.parametrize(
@@ -135,12 +121,6 @@ def test_encodings_and_line_ends(text, end, mark, encoding, tmp_path):
     assert found.title == "Leuchte für außen"
 
 
-def test_byte_85_in_a_header_ends_no_line(tmp_path):
-    """An ellipsis in Windows-1252; Python's own division into lines has one line more and all numbers shifted."""
-    raw = _ldt().encode("cp1252").replace(b"maker", b"maker\x85 and \x0c more\x81")
-    np.testing.assert_array_equal(_read(tmp_path, raw).intensity.values, _read(tmp_path, _ldt()).intensity.values)
-
-
 def test_intensities_slightly_below_0_are_0(tmp_path):
     cd = 100.0 + np.zeros((7, 10))
     cd[2:4, 9] = -0.02
@@ -154,12 +134,6 @@ def test_intensities_slightly_below_0_are_0(tmp_path):
         _read(tmp_path, _ies(C, GAMMA, cd))
     kind_b = _read(tmp_path, _ies([-10.0, 0.0, 10.0], [-5.0, 5.0], [[9.0, 9.0], [9.0, -0.01], [9.0, 9.0]], kind=2))
     assert len(kind_b.warnings) == 2
-
-
-def test_surplus_numbers_are_refused(tmp_path):
-    for text in (PLAIN + "12 13\n", _ldt(extra="\r\n12\r\n13")):
-        with pytest.raises(InputError, match=r"header promises \d+: 2 too many"):
-            _read(tmp_path, text)
 
 
 def test_decimal_commas_in_lm_63_are_refused_with_their_remedy(tmp_path):

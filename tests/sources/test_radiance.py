@@ -113,53 +113,6 @@ def test_flux_over_radiance_is_the_etendue(gamma_max: float) -> None:
         assert cone.flux() == pytest.approx(3.0 * np.pi * 8e-6 * np.sin(np.deg2rad(gamma_max)) ** 2, rel=1e-14)
 
 
-@pytest.mark.parametrize(
-    ("light", "symmetry"),
-    [
-        (lambda x, y, c: 1.0 + 0.0 * c, "square"),
-        (lambda x, y, c: 2.0 + np.cos(4.0 * c), "square"),
-        (lambda x, y, c: 2.0 + np.cos(2.0 * c), "rectangle"),
-        (lambda x, y, c: 2.0 + np.cos(c), "mirror_y"),
-        (lambda x, y, c: 2.0 + np.sin(c), "mirror_x"),
-        (lambda x, y, c: 2.0 + np.sin(2.0 * c), "none"),
-        (lambda x, y, c: 2.0 + x + 0.0 * c, "mirror_y"),
-        (lambda x, y, c: 2.0 + y + 0.0 * c, "mirror_x"),
-        (lambda x, y, c: 2.0 + x * np.cos(c) + y * np.sin(c), "square"),
-        (lambda x, y, c: 2.0 + x * np.cos(c) - y * np.sin(c), "rectangle"),
-        (lambda x, y, c: 2.0 + x * np.cos(c), "rectangle"),
-        (lambda x, y, c: 2.0 + x * np.sin(c), "none"),
-    ],
-)
-def test_symmetry_is_that_of_the_light_by_place_and_azimuth(light, symmetry: str) -> None:
-    edges, c_deg = np.array([-1.0, -0.5, 0.5, 1.0]), np.linspace(0.0, 360.0, 17)
-    gamma = np.array([0.0, 90.0])
-    middle, azimuth = 0.5 * (edges[1:] + edges[:-1]), np.deg2rad(c_deg)
-    radiance = light(middle[None, :, None], middle[:, None, None], azimuth)[..., None] * np.ones((3, 3, 17, 2))
-    assert RadianceTable(edges, edges, c_deg, gamma, radiance).symmetry == symmetry
-    wide = RadianceTable(edges[1:], edges, c_deg, gamma, radiance[:, :2].copy()).symmetry
-    assert wide in ("none", "mirror_x", "mirror_y"), "cells beside the axis have no mirror image in x"
-
-
-@pytest.mark.parametrize(("moved", "name"), [(0.5e-6, "square"), (2e-6, "mirror_x")])
-def test_what_differs_by_a_millionth_is_symmetric(moved: float, name: str) -> None:
-    """Of the width and the height together for an edge, of the largest radiance for the light."""
-    edges, ones = np.array([-1.0, 1.0]), np.ones((1, 1, 1, 2))
-    gamma = np.array([0.0, 60.0])
-    higher = np.array([-1.0, 1.0 + 4.0 * moved])
-    assert RadianceTable(edges, higher, np.zeros(1), gamma, ones).symmetry == name
-    light = np.full((1, 1, 5, 2), 30.0)
-    light[0, 0, 1] += 30.0 * moved  # at C 90
-    assert RadianceTable(edges, edges, np.linspace(0.0, 360.0, 5), gamma, light).symmetry == name
-
-
-def test_the_images_of_uneven_azimuths_are_interpolated() -> None:
-    """Radiance linear in C from 0 to 180 and back: a mirror in y for any nodes that hold the corners."""
-    c_deg = np.array([0.0, 50.0, 180.0, 250.0, 360.0])
-    light = np.minimum(c_deg, 360.0 - c_deg)[None, None, :, None] * np.ones((1, 1, 1, 2)) + 1.0
-    edges, gamma = np.array([-1.0, 1.0]), np.array([0.0, 60.0])
-    assert RadianceTable(edges, edges, c_deg, gamma, light).symmetry == "mirror_y"
-
-
 def good(**changes: np.ndarray) -> dict[str, np.ndarray]:
     table = {
         "x_mm": np.array([0.0, 1.0]),
@@ -238,29 +191,3 @@ def test_files_that_are_no_table_are_refused_in_one_line(tmp_path: Path) -> None
         with pytest.raises(InputError, match=message) as caught:
             read_radiance(path)
         assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize(("nodes", "count", "parts"), [(2, 2**14 + 1, [2**14, 1]), (4096, 2**11 + 1, [2**11, 1])])
-def test_rays_are_drawn_a_block_at_a_time_shorter_for_larger_tables(nodes: int, count: int, parts: list[int]) -> None:
-    """Each ray needs rows of the table: 2^23 numbers at most are in memory at a time."""
-    blocks = []
-
-    class Counted(RadianceEmitter):
-        def emit(self, points):
-            blocks.append(len(points))
-            return np.zeros((len(points), 3)), np.zeros((len(points), 3))
-
-    edges, gamma = np.array([0.0, 1.0]), np.linspace(0.0, 90.0, nodes)
-    table = RadianceTable(edges, edges, np.zeros(1), gamma, np.ones((1, 1, 1, nodes)))
-    assert len(Counted(table, 1.0).sample(count, 0)) == count and blocks == parts
-
-
-@pytest.mark.parametrize(("radiance", "accepted"), [(1e17, True), (1e18, False), (1e-24, True), (1e-25, False)])
-def test_the_flux_of_a_table_has_the_bounds_of_that_of_a_spec(radiance: float, accepted: bool, tmp_path: Path) -> None:
-    """Revolution over a hemisphere: pi times the area times the radiance, 1e-30 to 1e12 W."""
-    np.savez(tmp_path / "led.npz", **good(radiance=np.full((2, 1, 1, 2), radiance)))
-    if accepted:
-        assert read_radiance(tmp_path / "led.npz").flux() == pytest.approx(np.pi * 2e-6 * radiance)
-    else:
-        with pytest.raises(InputError, match="must not be all dark, or huge"):
-            read_radiance(tmp_path / "led.npz")

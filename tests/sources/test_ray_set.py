@@ -10,13 +10,11 @@ from rayfile_samples import SHARED, rays
 
 from lensforge.errors import InputError
 from lensforge.optics.material import MATERIALS
-from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.ray_set_loading import load_ray_set
 from lensforge.sources.rayfiles.ray_file_io import write_rayfile
-from lensforge.sources.rayfiles.ray_file_statistics import virtual_focus
-from lensforge.sources.source_summary import SourceSummary
+from lensforge.sources.rayfiles.ray_file_statistics import RaySums
 from lensforge.spec import load_spec
-from lensforge.spec.source_sections import RayfileSource, RayfilesSource, RaySource, SquareSource
+from lensforge.spec.source_sections import RayfileSource, RayfilesSource, RaySource
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -65,44 +63,19 @@ def test_watts_and_lumens_are_not_mixed_and_the_field_to_fill_is_named(two_files
     assert mended.flux_w == pytest.approx(rays(40, seed=1).total_flux() + 0.25, rel=1e-6)
 
 
-def test_the_summary_names_every_file_and_comes_back_from_json(two_files):
-    spec = RayfilesSource(kind="rayfiles", files=[{"file": two_files / name} for name in ("blue", "yellow")])
-    summary = summarise(load_ray_set(spec), spec)
-    assert SourceSummary.model_validate_json(summary.model_dump_json()) == summary
-    assert summary.title == "ray files blue, yellow"
-    assert [part.rays for part in summary.files] == [40, 60]
-    assert sum(part.flux_w for part in summary.files) == pytest.approx(summary.flux_w)
-    point = SquareSource(kind="square", side_mm=0.0)
-    assert summarise(build_source(point), point) == SourceSummary(title="point source", flux_w=1.0, symmetry="square")
-
-
 def test_several_files_share_one_origin_the_focus_of_all_their_light(two_files):
     files = [{"file": two_files / name} for name in ("blue", "yellow")]
     emitter = load_ray_set(RayfilesSource(kind="rayfiles", files=files, origin="virtual_focus"))
-    focus = virtual_focus(emitter.rays.origins, emitter.rays.directions, emitter.rays.flux)
+    focus = RaySums.of(emitter.rays).focus_mm
     np.testing.assert_allclose(focus, 0.0, atol=1e-12)
     together = np.concatenate([rays(40, seed=1).positions_mm, rays(60, seed=2).positions_mm]).astype(np.float64)
     shifts = emitter.rays.origins - together
     np.testing.assert_allclose(shifts, np.broadcast_to(shifts[0], shifts.shape), atol=1e-12)
 
 
-def test_a_spec_names_several_files_relative_to_itself(two_files, examples):
-    text = (examples / "led_rayfile.toml").read_text(encoding="utf-8")
-    text = text.replace('kind = "rayfile"', 'kind = "rayfiles"').replace(
-        'file = "led.tm25ray"', 'files = [{file = "blue", flux_w = 0.6}, {file = "yellow", flux_w = 0.4}]'
-    )
-    (two_files / "led_rayfile.toml").write_text(text, encoding="utf-8")
-    spec = load_spec(two_files / "led_rayfile.toml")
-    assert spec.source.title == "ray files blue, yellow"
-    assert build_source(spec.source).flux_w == pytest.approx(1.0)
-    (two_files / "led_rayfile.toml").write_text(text.replace("flux_w = 0.6", "flux_w = -0.6"), encoding="utf-8")
-    with pytest.raises(InputError, match=r"source\.files\.0\.flux_w = -0\.6"):
-        load_spec(two_files / "led_rayfile.toml")
-
-
 def test_the_virtual_focus_goes_to_the_lens_origin(load):
     emitter = load(rays(500), origin="virtual_focus", rotate_z_deg=17.0)
-    placed = virtual_focus(emitter.rays.origins, emitter.rays.directions, emitter.rays.flux)
+    placed = RaySums.of(emitter.rays).focus_mm
     np.testing.assert_allclose(placed, 0.0, atol=1e-12)
     assert emitter.summary.placement.origin_mm == emitter.summary.virtual_focus_mm
 

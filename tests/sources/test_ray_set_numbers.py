@@ -6,30 +6,23 @@ from jaxtyping import Float
 
 from lensforge import seeds
 from lensforge.errors import InputError
-from lensforge.optics.material import MATERIALS
 from lensforge.search.validation_rays import ValidationRays
 from lensforge.sources.build_source import SquareEmitter
-from lensforge.sources.dispersion import DispersedSource
 from lensforge.sources.measured_rays import TurnedRays, divided, held_back, searched, smoothed
 from lensforge.sources.ray_bundle import (
-    ChangedRays,
     ChangedSource,
-    ChosenRays,
-    JoinedRays,
     RayBundle,
+    UnreadRays,
     blocks_of,
     changed,
     chosen,
     joined,
-    number_type,
     total_flux,
     with_flux,  # fmt: skip
 )
 from lensforge.sources.ray_set import RaySetEmitter, placed
-from lensforge.sources.ray_set_figures import LightFigures, PlacedFigures
+from lensforge.sources.rayfiles.ray_file_statistics import RaySums
 from lensforge.sources.source_pose import SourcePose, rotation_about
-from lensforge.sources.source_spectrum import Spectrum
-from lensforge.spec.accuracy import PRESETS
 from lensforge.spec.source_sections import Placement
 
 COUNT = 7
@@ -50,7 +43,7 @@ RAYS = bundle()
 @pytest.mark.parametrize("in_memory", [True, False])
 def test_a_sample_has_each_ray_as_often_as_the_count_goes_round(count: int, in_memory: bool) -> None:
     """The rest is drawn without replacement; the parts of a ray share its flux."""
-    rays = RAYS if in_memory else ChosenRays(RAYS, np.arange(COUNT))
+    rays = RAYS if in_memory else UnreadRays([RAYS])
     emitter, times = RaySetEmitter(rays, 5.0), [count // COUNT] * COUNT
     for number in np.random.default_rng(9).choice(COUNT, count % COUNT, replace=False):
         times[number] += 1
@@ -62,13 +55,6 @@ def test_a_sample_has_each_ray_as_often_as_the_count_goes_round(count: int, in_m
         np.testing.assert_array_equal(taken.directions, RAYS.directions[expected])
         np.testing.assert_allclose(taken.flux, 5.0 * flux / flux.sum())
     assert len(emitter) == emitter.ray_count == COUNT
-
-
-def test_no_ray_at_all_is_refused() -> None:
-    emitter = RaySetEmitter(ChosenRays(RAYS, np.arange(COUNT)), 5.0)
-    for draw in (emitter.sample, emitter.drawn):
-        with pytest.raises(InputError, match="0 rays: at least 1"):
-            draw(0, 1)
 
 
 @pytest.mark.parametrize(("fraction", "training"), [(0.1, 1), (0.5, 4), (0.9, 6), (0.07, None), (0.93, None)])
@@ -112,59 +98,37 @@ def test_rays_are_shifted_scaled_turned_to_the_axis_mirrored_and_posed(axis: str
     np.testing.assert_array_equal(mirrored.directions, RAYS.directions * [-1.0, 1.0, 1.0])
 
 
-def test_zeros_of_a_file_have_no_sign() -> None:
-    zero = RayBundle(np.full((1, 3), -0.0), np.array([[-0.0, 0.0, 1.0]]), np.ones(1))
-    found = placed(zero, np.zeros(3), Placement())
-    assert not np.signbit(found.origins).any() and not np.signbit(found.directions).any()
-
-
-def test_figures_are_those_of_sums_over_rays() -> None:
-    found = LightFigures.of(RAYS)
+def test_sums_over_rays() -> None:
+    found = RaySums.of(RAYS)
     assert found.effective_rays == pytest.approx(FLUX.sum() ** 2 / (FLUX**2).sum())
-    up = np.array([0.0, 0.0, 1.0])
-    assert LightFigures.of(RayBundle(RAYS.origins, np.tile(up, (COUNT, 1)), RAYS.flux)).focus_mm is None
     directions = np.array(
         [[0, 0, 1.0], [0, 0, -1.0], [0, 0, -1.0], [0, 0, -1.0], [1.0, 0, 0], [0, 0, -1.0], [0, 0, 1.0]]
     )
-    origins = np.array(
-        [[0, 5, 0.0], [1, 0, 2.0], [0, 0, 0.0], [-3, 0, -1.0], [0, 2, -1e-9], [0, 0, 1e-9], [0, 0, -2.0]]
-    )
-    some = PlacedFigures.of(RayBundle(origins, directions, FLUX))
+    heights = [0.0, 2.0, 0.0, -1.0, -1e-9, 1e-9, -2.0]
+    some = RaySums.of(RayBundle(np.outer(heights, [0.0, 0.0, 1.0]), directions, FLUX))
     assert (some.flux, some.backward) == (FLUX.sum(), FLUX[[1, 2, 3, 5]].sum())
     assert (some.lost, some.below) == (FLUX[[2, 3]].sum(), FLUX[[3, 4, 6]].sum())
-    assert some.side_mm == 5.0
-    assert PlacedFigures.of(RayBundle(origins[:, [2, 0, 1]], directions, FLUX)).side_mm == 5.0
 
 
 def test_rays_that_are_not_in_memory_are_those_that_are() -> None:
     """Changed, chosen, joined and scaled, taken by a slice or by numbers in any order."""
-    unread, double = ChosenRays(RAYS, np.arange(COUNT)), bundle(3)
-    numbers = np.array([5, 0, 6, 2])
+    unread, double, numbers = UnreadRays([RAYS]), bundle(3), np.array([5, 0, 6, 2])
 
     def twice(rays: RayBundle) -> RayBundle:
         return RayBundle(rays.origins, rays.directions, 2.0 * rays.flux)
 
-    pairs = [
-        (changed(unread, twice), changed(RAYS, twice), ChangedRays),
-        (chosen(unread, numbers), chosen(RAYS, numbers), ChosenRays),
-        (joined([double, unread]), joined([double, RAYS]), JoinedRays),
-        (joined([unread, double, unread]), joined([RAYS, double, RAYS]), JoinedRays),
-        (with_flux(unread, 3.0), with_flux(RAYS, 3.0), ChangedRays),
-    ]
-    for left, loaded, kind in pairs:
-        assert isinstance(left, kind) and isinstance(loaded, RayBundle) and len(left) == len(loaded)
+    for left, loaded in (
+        (changed(unread, twice), changed(RAYS, twice)),
+        (chosen(unread, numbers), chosen(RAYS, numbers)),
+        (joined([unread, double, unread]), joined([RAYS, double, RAYS])),
+        (with_flux(unread, 3.0), with_flux(RAYS, 3.0)),
+    ):
+        assert isinstance(left, UnreadRays) and isinstance(loaded, RayBundle) and len(left) == len(loaded)
         for rows in (slice(0, len(loaded)), slice(1, 4), np.array([3, 0, 2, 2])):
-            one, other = left.take(rows), loaded.take(rows)
-            np.testing.assert_array_equal(one.origins, other.origins)
-            np.testing.assert_array_equal(one.flux, other.flux)
+            np.testing.assert_array_equal(left.take(rows).origins, loaded.take(rows).origins)
+            np.testing.assert_array_equal(left.take(rows).flux, loaded.take(rows).flux)
         assert total_flux(left) == total_flux(loaded) == pytest.approx(loaded.flux.sum())
         assert sum(len(block) for block in blocks_of(left)) == len(loaded)
-    assert with_flux(RAYS, 3.0).flux.sum() == pytest.approx(3.0)
-    np.testing.assert_allclose(with_flux(RAYS, 3.0).flux, 3.0 * FLUX / FLUX.sum())
-
-
-def test_numbers_of_rays_are_as_short_as_they_may_be() -> None:
-    assert (number_type(2**31 - 1), number_type(2**31)) == (np.int32, np.int64)
 
 
 def turned_by_hand(rays: RayBundle, turns: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -195,18 +159,10 @@ def test_each_ray_is_turned_by_a_normal_number_for_each_coordinate(posed: bool) 
     np.testing.assert_allclose(found.directions, ways, atol=1e-12)
 
 
-def test_rays_at_the_limit_of_flatness_stay() -> None:
-    rise = np.array([0.1, 0.1 + 1e-12, -0.1, -0.1 - 1e-12])
-    ways = np.stack([np.sqrt(1.0 - rise**2), np.zeros(4), rise], axis=1)
-    rays = RayBundle(np.ones((4, 3)), ways, np.ones(4))
-    found = TurnedRays(RaySetEmitter(rays, 1.0), 1e-6).sample(4, 0)
-    assert (found.directions == ways).all(axis=1).tolist() == [True, False, True, False]
-
-
 @pytest.mark.parametrize(("count", "sigma"), [(13_000, 0.15), (30_000, 0.1), (120_000, 0.05)])
 def test_rays_are_turned_by_an_angle_within_which_600_of_them_are(count: int, sigma: float) -> None:
     """600 / n = 2 sigma^2 for n rays over a hemisphere, at most 0.15 rad."""
-    few = RaySetEmitter(ChosenRays(RAYS, np.zeros(count, dtype=int)), 1.0)
+    few = RaySetEmitter(UnreadRays([RAYS], np.zeros(count, dtype=int)), 1.0)
     turned = smoothed(few)
     assert turned.sigma_rad == pytest.approx(sigma) and turned.ray_count is None
     assert turned.flux_w == 1.0 and turned.symmetry == "none"
@@ -257,23 +213,7 @@ def test_what_judges_a_lens_is_no_ray_of_any_search() -> None:
             assert not rows & {tuple(np.round(row, 9)) for row in crossings(sample)}
 
 
-def test_of_a_large_file_all_is_held_back_but_what_a_step_takes() -> None:
-    assert max(preset.effort.rays[1] for preset in PRESETS.values()) * 2 == 2**20
-    one = RayBundle(np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), np.ones(1))
-    whole = RaySetEmitter(one.take(np.zeros(5_000_000, dtype=np.int8)), 1.0)
-    assert searched(whole).ray_count == 2**20 and held_back(whole).ray_count == 5_000_000 - 2**20
-
-
 def test_too_few_rays_to_hold_some_back_are_refused() -> None:
     assert held_back(RaySetEmitter(lambertian(54), 1.0)).ray_count == 16
     with pytest.raises(InputError, match=r"source: 53 rays are too few .* at least 54"):
         held_back(RaySetEmitter(lambertian(53), 1.0))
-
-
-def test_rays_through_a_dispersive_lens_keep_their_indices() -> None:
-    light = Spectrum(np.array([500.0, 600.0]), np.ones(2))
-    dispersed = DispersedSource(RaySetEmitter(lambertian(1_000), 1.0), light, MATERIALS["PMMA"])
-    held, steps = ValidationRays.of(dispersed, 80, 0)
-    assert all(sample.refractive_indices is not None for sample in held.samples)
-    assert steps.sample(100, 0).refractive_indices is not None
-    assert isinstance(steps, DispersedSource) and isinstance(steps.source, TurnedRays)

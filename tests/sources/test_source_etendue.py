@@ -38,25 +38,6 @@ def cosine_power(power: float, side_mm: float = 2.0, seed: int = 0) -> RayBundle
     return RayBundle(origins, directions, np.full(RAYS, 1.0 / RAYS))
 
 
-@pytest.mark.parametrize("power", [3.0, 20.0, 200.0])
-def test_a_narrow_beam_is_brightest_on_its_axis(power: float) -> None:
-    """The cone that holds a share s of cos^n has cos^(n + 1) = 1 - s at its edge, and pi A sin^2 of étendue."""
-    curve = EtendueCurve.of(cosine_power(power))
-    for share in (0.1, 0.3, 0.6):
-        squared = (1.0 - share) ** (2.0 / (power + 1.0))
-        assert 0.9 * share < curve.share_within(4.0 * pi * (1.0 - squared)) < 1.25 * share
-
-
-def test_where_along_their_lines_rays_start_does_not_matter() -> None:
-    rays = SquareEmitter(2.0).sample(RAYS, 3)
-    moved = RayBundle(rays.origins + 30.0 * rays.directions, rays.directions, rays.flux)
-    sideways = RayBundle(rays.origins + np.array([50.0, 0.0, 9.0]), -rays.directions, rays.flux)
-    for other in (moved, sideways):
-        for etendue in (0.1, 1.0, 5.0):
-            expected = EtendueCurve.of(rays).share_within(etendue)
-            assert EtendueCurve.of(other).share_within(etendue) == pytest.approx(expected, rel=1e-6)
-
-
 SOURCES = [
     SquareSource(side_mm=2.0),
     RectangleSource(width_mm=2.0, height_mm=1.0, intensity={"kind": "cosine", "power": 3.0}, tilt_deg=(20.0, 0.0)),
@@ -152,12 +133,6 @@ def test_cells_are_halves_of_halves_of_the_rays(count: int) -> None:
     assert flux.sum() == pytest.approx(rays.flux.sum())
 
 
-def test_fewer_rays_than_two_cells_have_no_extent() -> None:
-    rays = slanted(64)
-    volume, flux = _cells(rays, np.arange(64) < 63)
-    assert volume.tolist() == [0.0] and flux.tolist() == [pytest.approx(rays.flux[:63].sum())]
-
-
 def test_rays_are_taken_where_they_lie_closest_together() -> None:
     """Of their crossings of planes z = const, weighted with the fourth power of the cosine: least mean square."""
     rays = slanted(200)
@@ -177,15 +152,6 @@ def test_rays_are_taken_where_they_lie_closest_together() -> None:
     np.testing.assert_array_equal(points[:, 2:], rays.directions[:, :2])
     beam = _phase_space(rays.origins, np.tile([0.0, 0.0, 1.0], (200, 1)), rays.flux)
     np.testing.assert_array_equal(beam[:, :2], rays.origins[:, :2])
-
-
-def test_level_rays_have_no_extent_and_each_side_of_the_horizon_its_own_cells() -> None:
-    rise = np.array([*[1e-3] * 30, *[-1e-3] * 30, 1.1e-3])
-    level = RayBundle(np.zeros((61, 3)), np.stack([np.sqrt(1.0 - rise**2), 0.0 * rise, rise], axis=1), np.ones(61))
-    curve = EtendueCurve.of(RayBundle.joined([level, slanted(128)]))
-    total = 61.0 + slanted(128).flux.sum()
-    assert curve.share[0] == pytest.approx(60.0 / total), "the steepest of them counts with the others"
-    assert len(curve.share) == 1 + 4
 
 
 def test_a_source_that_is_moved_and_dispersed_has_its_own_radiances() -> None:

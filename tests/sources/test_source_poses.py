@@ -15,7 +15,6 @@ from lensforge.optics.media import Media
 from lensforge.sources.build_source import SquareEmitter, build_source, summarise
 from lensforge.sources.ray_bundle import BLOCK_RAYS, ChangedSource, RayBundle, block_slices, drawn, total_of
 from lensforge.sources.source_pose import PlacedSource, SourcePose, rotation_about
-from lensforge.sources.source_summary import AppliedPlacement
 from lensforge.spec.source_sections import SquareSource
 from lensforge.surfaces.bicubic_table import TableGrid
 
@@ -50,19 +49,6 @@ def test_a_pose_turns_then_tilts_about_x_then_about_y_then_shifts() -> None:
         np.testing.assert_allclose(placed, expected + np.array([0.5, -1.0, 2.0]), atol=1e-14)
     np.testing.assert_allclose(pose.own_points(pose.points(points)), points, atol=1e-14)
     np.testing.assert_allclose(pose.own_directions(pose.directions(points)), points, atol=1e-14)
-
-
-@pytest.mark.parametrize(
-    ("place", "moves"),
-    [
-        ({}, False),
-        ({"position_mm": (0.0, 0.0, 1e-9)}, True),
-        ({"rotate_z_deg": 1e-6}, True),
-        ({"tilt_deg": (0.0, 1.0)}, True),
-    ],
-)
-def test_what_stays_where_it_is_does_not_move(place: dict, moves: bool) -> None:
-    assert SourcePose.of(SquareSource(side_mm=1.0, **place)).moves == moves
 
 
 BUNDLE = RayBundle(
@@ -113,12 +99,6 @@ def test_blocks_follow_each_other_and_end_at_the_count(count: int) -> None:
     values = np.random.default_rng(1).random(count)
     assert total_of(count, [float(values[each].sum()) for each in slices]) == values.sum()
     assert total_of(count, [7.5]) == 7.5
-
-
-def test_a_record_from_before_poses_has_its_rays_untilted_at_the_origin() -> None:
-    flat = {"origin_mm": (0.0, 0.0, 1.0), "scale": 1.0, "axis": "+z", "mirror": "none", "rotate_z_deg": 0.0}
-    found = AppliedPlacement.model_validate({**flat, "backward_share": 0.0, "below_plane_share": 0.5})
-    assert (found.tilt_deg, found.position_mm) == ((0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 GRID = TableGrid(65)
@@ -185,23 +165,3 @@ def test_of_a_tilted_die_the_rays_below_the_horizon_are_counted():
     landed = _traced(lf.SquareSource(side_mm=0.0, tilt_deg=(30.0, 0.0)), 2**16)
     assert float((landed.fates == Fate.BACKWARD).double().mean()) == pytest.approx(below, abs=1e-4)
     assert float(torch.as_tensor(landed.carried).sum()) > 0.9
-
-
-def test_the_title_says_where_the_source_sits():
-    spec = lf.SquareSource(side_mm=1.0, position_mm=(1.0, 0.0, -0.5), tilt_deg=(0.0, 10.0))
-    assert spec.title == "1 mm square Lambertian source at (1, 0, -0.5) mm tilted by (0, 10)°"
-    assert lf.DiscSource(diameter_mm=1.0).title == "1 mm disc source"
-
-
-@pytest.mark.parametrize(
-    ("place", "message"),
-    [
-        ({"position_mm": [0, 0]}, r"source\.position_mm"),
-        ({"position_mm": [0, 0, 1e10]}, r"source\.position_mm\.2"),
-        ({"tilt_deg": [0, 400]}, r"source\.tilt_deg\.1 = 400"),
-        ({"tilt_deg": 10}, r"source\.tilt_deg"),
-    ],
-)
-def test_a_wrong_place_is_named_as_the_user_wrote_it(place, message):
-    with pytest.raises(lf.InputError, match=message):
-        small_spec(source=SQUARE | place)

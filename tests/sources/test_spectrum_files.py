@@ -37,23 +37,12 @@ def read(folder, content):
         ("440.5, 0\n450, 2\n480.25, 1.0\n", ROWS),
         ("480.25 1\n450 2\n440.5 0\n", ROWS),
         (OPTIS, ROWS),
-        (OPTIS.replace("file", "fie"), ROWS),
-        (OPTIS.replace("v1.0", "v1").replace("Blue LED, 20 mA", ""), ROWS),
-        (OPTIS.replace("\n", "\r\n") + "\r\n", ROWS),
-        (LIGHTTOOLS, ROWS),
+        (OPTIS.replace("file", "fie").replace("v1.0", "v1").replace("Blue LED, 20 mA", ""), ROWS),
         (LIGHTTOOLS.replace("\n", "\r\n"), ROWS),
-        ("dfat 1.0\t\ndataname:\t led\ncontinuous\t\nradiometric\t\n" + TABBED, ROWS),
-        ("wavelength_nm power20mA\n450 1\n460 2\n", [[450.0, 1.0], [460.0, 2.0]]),  # no number in the first word
         ("# 1 2\n450 1\n# 3 4\n460 2\n", [[450.0, 1.0], [460.0, 2.0]]),
         ("450 1\n", [[450.0, 1.0]]),
-        ("460 2\n450 1\n", [[450.0, 1.0], [460.0, 2.0]]),
         ("460 2\n450 1\n470 3\n", [[460.0, 2.0], [450.0, 1.0], [470.0, 3.0]]),  # for the spectrum to refuse
-        ("460 2\n450 1\n450 3\n", [[460.0, 2.0], [450.0, 1.0], [450.0, 3.0]]),
         ("99.9 1\n100 2\n", [[99.9, 1.0], [100.0, 2.0]]),
-        ("450 0.999e12\n", [[450.0, 0.999e12]]),
-        ("OPTIS-Spectrum file\n2\n450 1\n460 2\n", [[450.0, 1.0], [460.0, 2.0]]),  # its line of text is empty
-        ("optis - spectrum file\nLED\n1\n450 1\n", [[450.0, 1.0]]),
-        ("# c\nDFAT 1.0\nContinuous\nRadiometric\n450 1\n# d\n460 2\n", [[450.0, 1.0], [460.0, 2.0]]),
     ],
 )
 def test_rows_are_read_from_every_dress_from_blue_to_red(content, rows, tmp_path):
@@ -65,27 +54,18 @@ def test_rows_are_read_from_every_dress_from_blue_to_red(content, rows, tmp_path
     [
         ("", "it has none"),
         ("a b\n", "not two columns"),
-        ("450 1 2\n", "line 1: 3 columns"),
-        ("# c\r\n\r\n440 1\r\n450\r\n", "line 4: 1 columns"),
+        ("450 1 2\n", "line 1: not two columns"),
+        ("# c\r\n\r\n440 1\r\n450\r\n", "line 4: not two columns"),
         ("450 1\n\n460 x\n", "line 3: not two columns of numbers"),
         ("0.44 0\n0.45 1\n0.46 0\n", "nm are expected, µm"),
         (b"450 1\0\n", "not a text file"),
-        (OPTIS.replace("\n3\n", "\n4\n"), "line 3: 4 samples announced, 3 found"),
-        (OPTIS.replace("\n3\n", "\n2\n"), "2 samples announced, 3 found"),
-        (OPTIS.replace("\n3\n", "\n"), "the number of its samples"),
-        ("OPTIS - Spectrum file v1.0\n", "the number of its samples"),
-        (LIGHTTOOLS.replace("continuous", "discrete"), "line 5: discrete: only continuous, radiometric"),
-        (LIGHTTOOLS.replace("radiometric", "photometric"), "photometric: only continuous"),
-        ("dfat 1.0\ndataname: led\ncontinuous\n", "no rows"),
-        ("OPTIS - Material file v13\n\n0\n", "an OPTIS file, but not a spectrum"),
+        (OPTIS.replace("\n3\n", "\n4\n"), "4 samples announced, 3 found"),
+        ("OPTIS - Spectrum file v1.0\n", "it has none"),
+        (LIGHTTOOLS.replace("continuous", "discrete"), "line 5: 'discrete': only continuous, radiometric"),
+        (LIGHTTOOLS.replace("radiometric", "photometric"), "'photometric': only continuous"),
+        ("OPTIS - Material file v13\n\n0\n", "only continuous, radiometric spectra"),
         ("440 1\n450 1e12\n", "line 2: its numbers are not all finite and below 1e"),
-        ("450 -1e12\n", "not all finite and below 1e"),
         ("98 1\n99.9 2\n", "wavelengths from 98 to 99.9: nm are expected"),
-        ("450 1\nnm power\n", "not two columns of numbers; wavelength"),
-        ("OPTIS - Spectrum file v1.0\nLED\n0\n", "0 samples announced, 0 found"),
-        ("OPTIS - Spectrum file v1.0\nLED\nmore\n3\n450 1\n", "line 3 of an OPTIS spectrum"),
-        ("450 \x011 2\n", "line 1: 3 columns"),
-        ("450 0\n" + "x" * 60 + " 1 2\n", "line 2: 3 columns"),
     ],
 )
 def test_what_is_no_spectrum_is_one_line(content, message, tmp_path):
@@ -111,13 +91,3 @@ def test_the_published_spectra_of_a_white_led():
         words = [float(word) for word in path.read_text(encoding="latin-1").split()]
         np.testing.assert_array_equal((waves, power), (words[::2], words[1::2]))
         assert abs(float(waves[np.argmax(power)]) - peak_nm) < 8.0
-
-
-@pytest.mark.parametrize(("lines", "accepted"), [(500_000, True), (500_001, False)])
-def test_half_a_million_lines_are_read(lines, accepted, tmp_path, monkeypatch):
-    monkeypatch.setattr("lensforge.sources.source_spectrum._row", lambda line, path: [500.0, 1.0])
-    if accepted:
-        assert len(read(tmp_path, "5\n" * lines)[0]) == lines
-    else:
-        with pytest.raises(InputError, match="500001 lines, at most 500000 are read"):
-            read(tmp_path, "5\n" * lines)

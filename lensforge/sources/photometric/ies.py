@@ -17,7 +17,7 @@ the authors of Radiance's ies2rad, and for 2019 the programs named in ``photomet
 import re
 from collections.abc import Iterator
 from textwrap import wrap
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -50,6 +50,12 @@ _SHORT, _LONG = 78, 254  # characters of a line, without those of its end
 _EDITION = re.compile(r"IES(?:NA)?:\s*LM-63-(\d{4})|IESNA(91)\s*$", re.IGNORECASE)
 _LABEL = re.compile(r"\[\s*(\w+)\s*\][ \t]*(.*)$")
 _NOT_STATED = "not stated"  # in labels that a file must have
+_FIELDS = {
+    "test": "TEST", "laboratory": "TESTLAB", "issued": "ISSUEDATE", "maker": "MANUFAC", "catalogue": "LUMCAT",
+    "title": "LUMINAIRE", "method": "FILEGENINFO",
+}  # fmt: skip
+_SINCE = {"TESTLAB": 2002, "ISSUEDATE": 2002, "FILEGENINFO": 2019}  # editions before have no such label
+_REQUIRED = ("TEST", "TESTLAB", "ISSUEDATE", "MANUFAC")
 
 
 def require_ies_version(version: int) -> IesVersion:
@@ -76,17 +82,11 @@ def label_lines(photometric: PhotometricFile, version: IesVersion) -> list[str]:
 
 
 def _labels(photometric: PhotometricFile, version: IesVersion) -> Iterator[tuple[str, str]]:
-    """Keywords and their texts, those that ``version`` requires before the others."""
-    yield "TEST", photometric.test or _NOT_STATED
-    if version >= 2002:
-        yield "TESTLAB", photometric.laboratory or _NOT_STATED
-        yield "ISSUEDATE", photometric.issued or _NOT_STATED
-    yield "MANUFAC", photometric.maker or _NOT_STATED
-    if photometric.catalogue:
-        yield "LUMCAT", photometric.catalogue
-    yield "LUMINAIRE", photometric.title
-    if version >= 2019 and photometric.method:
-        yield "FILEGENINFO", photometric.method
+    """Keywords and their texts, those that ``version`` requires first."""
+    for field, keyword in _FIELDS.items():
+        text = getattr(photometric, field)
+        if version >= _SINCE.get(keyword, 0) and (text or keyword in _REQUIRED):
+            yield keyword, text or _NOT_STATED
     for remark in photometric.remarks:
         yield "OTHER", remark
 
@@ -171,16 +171,10 @@ def _decode_numbers(body: str, tilt: str, name: str, head: str) -> PhotometricFi
     lamp_lumens = stated_or_none(lamps * lumens) if lumens > 0.0 else None
     if lamp_lumens is None and lumens != _ABSOLUTE:
         more = (*more, f"{lamps:g} lamps of {lumens:g} lm: taken as absolute photometry, which says -1 there")
+    stated: dict[str, Any] = {field: labels.get(keyword, "") for field, keyword in _FIELDS.items()}
     return PhotometricFile(
         intensity=intensity,
         lamp_lumens=lamp_lumens,
-        title=labels.get("LUMINAIRE", ""),
-        maker=labels.get("MANUFAC", ""),
-        test=labels.get("TEST", ""),
-        catalogue=labels.get("LUMCAT", ""),
-        laboratory=labels.get("TESTLAB", ""),
-        issued=labels.get("ISSUEDATE", ""),
-        method=labels.get("FILEGENINFO", ""),
         generated=generation_title(words[_CHANGED]) if year >= NEWEST else UNDEFINED,
         edition=f"LM-63-{year}",
         diameter_mm=-width * (1000.0 if unit == _METRES else 304.8) if width < 0.0 else 0.0,
@@ -188,6 +182,7 @@ def _decode_numbers(body: str, tilt: str, name: str, head: str) -> PhotometricFi
         format="ies",
         photometric_type=_TYPES[kind],
         warnings=(*warnings, *more),
+        **stated,
     )
 
 

@@ -136,6 +136,12 @@ class PhotometricSummary(StageResult):
         return Record._repr_html_(self) if self._intensity is None else super()._repr_html_()
 
 
+_AS_STATED = (
+    "maker", "catalogue", "edition", "generated", "laboratory", "issued", "photometric_type", "lamp_lumens",
+    "stated_lumens",
+)  # fmt: skip
+
+
 def summarise_photometric(path: Path) -> PhotometricSummary:
     """Summarise a photometric file. Raises :class:`InputError` if it cannot be used."""
     found = read_photometric(path)
@@ -146,13 +152,6 @@ def summarise_photometric(path: Path) -> PhotometricSummary:
         format=found.format,
         title=TITLES.get(found.format, found.format),
         luminaire=found.title,
-        maker=found.maker,
-        catalogue=found.catalogue,
-        edition=found.edition,
-        generated=found.generated,
-        laboratory=found.laboratory,
-        issued=found.issued,
-        photometric_type=found.photometric_type,
         symmetry="revolution" if len(table.c_deg) == 1 else table.symmetry,
         angles=FarFieldAngles(
             planes=max(len(table.c_deg) - 1, 1),
@@ -161,8 +160,6 @@ def summarise_photometric(path: Path) -> PhotometricSummary:
             last_gamma_deg=float(table.gamma_deg[-1]),
         ),
         lumens=lumens,
-        lamp_lumens=found.lamp_lumens,
-        stated_lumens=found.stated_lumens,
         share_above_90=min(max(1.0 - _flux_below_90(table) / lumens, 0.0), 1.0) if lumens > 0.0 else 0.0,
         peak=FarFieldPeak(
             intensity_cd=float(table.values.max()),
@@ -176,6 +173,7 @@ def summarise_photometric(path: Path) -> PhotometricSummary:
         lumens_per_electric_watt=None if watts is None else lumens / watts,
         opening_diameter_mm=max(found.diameter_mm, 0.0),
         warnings=far_field_warnings(found),
+        **{name: getattr(found, name) for name in _AS_STATED},
     )
     summary._intensity = table
     return summary

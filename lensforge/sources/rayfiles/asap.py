@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 from lensforge.errors import InputError
 from lensforge.sources.rayfiles.ray_file import Format, RayFile
-from lensforge.sources.rayfiles.ray_file_bytes import FileImage, float_rows, plain_text
+from lensforge.sources.rayfiles.ray_file_rows import FileImage, float_rows, plain_text
 
 _HEADER = struct.Struct("<i24x24s4x28x24xi28x")
 _WORDS = 7  # of a ray, and of each record of the header
@@ -30,7 +30,7 @@ def _decode(image: FileImage) -> RayFile:
         directions=rows[:, 3:6],
         flux=rows[:, 6],
         flux_unit="W",
-        format=FORMAT.name,
+        format=BINARY.name,
         header={"name": plain_text(title, "latin-1")},
         warnings=("ASAP is experimental: lengths are taken as mm and fluxes as W, check both",),
     )
@@ -38,13 +38,13 @@ def _decode(image: FileImage) -> RayFile:
 
 def _encode(rayfile: RayFile) -> Iterator[bytes]:
     if rayfile.flux_unit != "W":
-        raise InputError(f"{FORMAT.title} files name no unit, and these rays are in lm; convert to tm25 instead")
+        raise InputError(f"{BINARY.title} files name no unit, and these rays are in lm; convert to tm25 instead")
     if len(rayfile) >= 2**31:
-        raise InputError(f"{FORMAT.title} files count to {2**31 - 1} rays, these are {len(rayfile)}; convert to tm25")
+        raise InputError(f"{BINARY.title} files count to {2**31 - 1} rays, these are {len(rayfile)}; convert to tm25")
     title = str(rayfile.header.get("name") or rayfile.header.get("description") or "")
     yield _HEADER.pack(_MARK, title.encode("latin-1", "replace")[:24].ljust(24), -len(rayfile))
     for block in rayfile.absolute_blocks():
         yield float_rows(block.positions_mm, block.directions, block.flux)
 
 
-FORMAT = Format("asap", "ASAP binary (experimental)", (".dis",), _matches, _decode, _encode)
+BINARY = Format("asap", "ASAP binary (experimental)", (".dis",), _matches, _decode, _encode)

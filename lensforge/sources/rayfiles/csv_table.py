@@ -7,9 +7,15 @@ Lines that start with `#` before the names are comments.
 from collections.abc import Iterator
 from itertools import takewhile
 
-from lensforge.sources.rayfiles.ray_file import HEAD_BYTES, FluxUnit, Format, RayFile
-from lensforge.sources.rayfiles.ray_file_bytes import FileImage, plain_text
-from lensforge.sources.rayfiles.ray_file_text import cut_warnings, parse_rows, print_rows
+from lensforge.sources.rayfiles.ray_file import FluxUnit, Format, RayFile
+from lensforge.sources.rayfiles.ray_file_rows import (
+    HEAD_BYTES,
+    FileImage,
+    cut_warnings,
+    parse_rows,
+    plain_text,
+    print_rows,
+)
 
 _POSITION = ("x_mm", "y_mm", "z_mm")
 _DIRECTION = ("kx", "ky", "kz")
@@ -46,7 +52,7 @@ def _decode(image: FileImage) -> RayFile:
         flux=rows[:, 6],
         flux_unit=_FLUX[flux_names[0]],
         wavelengths_nm=rows[:, 7] if _WAVELENGTH in names else None,
-        format=FORMAT.name,
+        format=TEXT.name,
         header={"columns": [plain_text(name.encode("latin-1"), "latin-1") for name in names]},
         warnings=cut_warnings(image),
     )
@@ -60,4 +66,4 @@ def _encode(rayfile: RayFile) -> Iterator[bytes]:
         yield print_rows(block.positions_mm, block.directions, block.flux, block.wavelengths_nm, delimiter=",")
 
 
-FORMAT = Format("csv", "comma-separated values", (".csv",), _matches, _decode, _encode)
+TEXT = Format("csv", "comma-separated values", (".csv",), _matches, _decode, _encode)

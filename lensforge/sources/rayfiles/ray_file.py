@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from lensforge.errors import InputError
-from lensforge.sources.rayfiles.ray_file_bytes import CHUNK_ROWS, HUGE, SMALLEST, FileImage, release_pages
+from lensforge.sources.ray_bundle import RayBundle
+from lensforge.sources.rayfiles.ray_file_rows import CHUNK_ROWS, HUGE, SMALLEST, FileImage, as_float64, release_pages
 
 FluxUnit = Literal["W", "lm"]
 # Value of a header field: a number, a text, or lists of them, such as spectral tables.
@@ -35,8 +36,7 @@ class RayFile:
 
     ``positions_mm`` are start points, ``directions`` of any length; ``flux`` is in ``flux_unit`` or, by
     ``header_role``, relative; ``spectrum_numbers`` count the header's ``spectral_tables`` from 1. The arrays are
-    read-only float32 views of the mapped file wherever its layout allows, so that a file of any size opens at once;
-    :func:`usable_rays` copies them as float64.
+    read-only float32 views of the mapped file wherever its layout allows, so that a file of any size opens at once.
 
     ``header_flux_w`` and ``header_flux_lm`` are the totals that the header states, None where it states none.
     ``header_role`` says what such a total is: the ``total`` that ray fluxes should add up to (it outranks their sum,
@@ -161,12 +161,6 @@ class RayFile:
         return float(self.wavelengths_nm[0])
 
 
-def as_float64(values: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """Copy as float64; signalling NaNs, which vendors write, pass without a warning."""
-    with np.errstate(invalid="ignore"):
-        return values.astype(np.float64)
-
-
 def column_product(one: Float[np.ndarray, "n k"], other: Float[np.ndarray, "n k"]) -> Float[np.ndarray, " n"]:
     """Scalar products of the rows, summed from left to right; five times as fast as a sum along the short axis."""
     products: Float[np.ndarray, " n"] = one[:, 0] * other[:, 0]
@@ -180,37 +174,12 @@ def shared_wavelength(nanometres: float, count: int) -> Float[np.ndarray, " n"]:
     return np.broadcast_to(np.float32(nanometres), (count,))
 
 
-@dataclass(frozen=True)
-class UsableRays:
-    """Rays that can be traced, float64: unit directions, flux in the file's unit; and the others, counted by cause."""
-
-    positions_mm: Float[np.ndarray, "n 3"]
-    directions: Float[np.ndarray, "n 3"]
-    flux: Float[np.ndarray, " n"]
-    wavelengths_nm: Float[np.ndarray, " n"] | None
-    spectrum_numbers: Float[np.ndarray, " n"] | None
-    dropped: dict[str, int]
-
-    def __len__(self) -> int:
-        return len(self.flux)
-
-    def blocks(self) -> Iterator["UsableRays"]:
-        """Yield these rays, which are in memory, at once."""
-        yield self
-
-
-def usable_rays(rayfile: RayFile) -> UsableRays:
-    """Select the rays that can be traced and normalise their directions.
+def usable_rows(rayfile: RayFile) -> tuple[Rows, dict[str, int]]:
+    """Mask of the rays that can be traced, and the number of the others by cause.
 
     Dropped, each ray for the first cause that applies: ``not_finite`` (a NaN or an absurd number), ``zero_direction``,
     ``no_flux`` (zero, negative, or so little that it is a damaged number).
     """
-    keep, dropped = usable_rows(rayfile)
-    return as_usable(rayfile.rows(keep), dropped)
-
-
-def usable_rows(rayfile: RayFile) -> tuple[Rows, dict[str, int]]:
-    """Mask of the rays that can be traced, and the number of the others by cause."""
     finite, directed, bright = _faultless(rayfile)
     return finite & directed & bright, {
         "not_finite": int(np.count_nonzero(~finite)),
@@ -219,17 +188,22 @@ def usable_rows(rayfile: RayFile) -> tuple[Rows, dict[str, int]]:
     }
 
 
-def as_usable(rayfile: RayFile, dropped: dict[str, int]) -> UsableRays:
-    """Copy rays of which each can be traced as float64, their directions normalised."""
+def as_bundle(rayfile: RayFile) -> RayBundle:
+    """Copy rays that can all be traced as float64, directions normalised; their flux is that stored, in its unit."""
     directions = as_float64(rayfile.directions)
-    return UsableRays(
-        positions_mm=as_float64(rayfile.positions_mm),
+    return RayBundle(
+        origins=as_float64(rayfile.positions_mm),
         directions=directions / np.sqrt(column_product(directions, directions))[:, None],
         flux=as_float64(rayfile.flux),
         wavelengths_nm=None if rayfile.wavelengths_nm is None else as_float64(rayfile.wavelengths_nm),
-        spectrum_numbers=None if rayfile.spectrum_numbers is None else as_float64(rayfile.spectrum_numbers),
-        dropped=dropped,
     )
+
+
+def usable_blocks(rayfile: RayFile) -> Iterator[tuple[RayBundle, dict[str, int]]]:
+    """Yield the usable rays block by block, and the number of the others by cause."""
+    for block in rayfile.blocks():
+        keep, dropped = usable_rows(block)
+        yield as_bundle(block.rows(keep)), dropped
 
 
 def _faultless(rayfile: RayFile) -> tuple[Rows, Rows, Rows]:
@@ -244,12 +218,6 @@ def _faultless(rayfile: RayFile) -> tuple[Rows, Rows, Rows]:
         return finite, squared > _NO_DIRECTION**2, rayfile.flux > SMALLEST
 
 
-def usable_chunks(rayfile: RayFile) -> Iterator[UsableRays]:
-    """Yield the usable rays block by block, so that a file of any size needs little memory."""
-    for block in rayfile.blocks():
-        yield usable_rays(block)
-
-
 def no_usable_ray(rayfile: RayFile, dropped: dict[str, int]) -> InputError:
     """Error for a file without a usable ray."""
     return InputError(f"{rayfile.path}: none of its {len(rayfile)} rays is usable ({causes(dropped)}); export it again")
@@ -258,9 +226,6 @@ def no_usable_ray(rayfile: RayFile, dropped: dict[str, int]) -> InputError:
 def causes(dropped: dict[str, int]) -> str:
     """List counts and causes in words."""
     return ", ".join(f"{count} {cause.replace('_', ' ')}" for cause, count in dropped.items() if count)
-
-
-HEAD_BYTES = 2**14  # what ``matches`` gets to see
 
 
 @dataclass(frozen=True)

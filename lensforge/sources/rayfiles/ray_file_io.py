@@ -1,6 +1,6 @@
 """Reading, writing and conversion of ray files; the format is recognised by the content, never by the name."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,23 +8,22 @@ import numpy as np
 from jaxtyping import UInt8
 
 from lensforge.errors import InputError
+from lensforge.results import Count, Record, Text
 from lensforge.results.files import replacing
-from lensforge.sources.rayfiles.formats import FORMATS
-from lensforge.sources.rayfiles.ray_file import HEAD_BYTES, FluxUnit, Format, RayFile
-from lensforge.sources.rayfiles.ray_file_bytes import FileImage, release_pages, scaled
-from lensforge.sources.rayfiles.ray_file_summary import Conversion
-from lensforge.sources.rayfiles.zemax_binary import NM_PER_MICRON
+from lensforge.sources.rayfiles import asap, csv_table, lighttools, speos, tm25, zemax
+from lensforge.sources.rayfiles.ray_file import FluxUnit, Format, RayFile
+from lensforge.sources.rayfiles.ray_file_rows import HEAD_BYTES, FileImage, release_pages, scaled
+from lensforge.sources.rayfiles.zemax import NM_PER_MICRON
 
-# Suffixes of formats whose layout is not public, and the programs that write them.
-_PRIVATE = {
-    ".fcr": "FRED",
-    ".frbs": "FRED",
-    ".rs8": "SimuLux",
-    ".oml": "TracePro",
-    ".ray": "TracePro, LucidShape, FRED or OPTICAD",
-    ".dat": "OPTICAD or TracePro",
-    ".raydat": "Photopia",
-}
+FORMATS: Mapping[str, Format] = {
+    entry.name: entry
+    for entry in (
+        asap.BINARY, csv_table.TEXT, lighttools.BINARY, lighttools.TEXT, speos.BINARY, speos.TEXT, tm25.BINARY,
+        zemax.BINARY, zemax.TEXT,
+    )
+}  # fmt: skip
+"""All formats by name: a new one is a module and an entry here. Files are offered to them in this order."""
+
 _MICRONS_BELOW = 100.0  # no light has a wavelength of less than 100 nm here; such a number is in µm
 _COPIED = 2**24  # bytes copied at a time
 _SAME_TOTAL = 1e-5  # totals of float32 numbers that agree this well are the same total
@@ -78,6 +77,17 @@ def _bytes(content: UInt8[np.ndarray, " bytes"]) -> Iterator[memoryview]:
         release_pages(content)
 
 
+class Conversion(Record):
+    """Conversion of a ray file: formats, size, and the data that the new format could not hold."""
+
+    from_format: Text
+    to_format: Text
+    rays: Count
+    bytes: Count
+    lost: tuple[Text, ...]
+    warnings: tuple[Text, ...]
+
+
 def convert(path_in: Path, path_out: Path, format: str | None = None) -> Conversion:
     """Convert ``path_in`` to ``path_out``; report the formats, the number of rays, and all that was lost on the way.
 
@@ -125,14 +135,11 @@ def _format_of(image: FileImage) -> Format:
     found = _matching(image)
     if found is not None:
         return found
-    suffix = image.path.suffix.lower()
     known = ", ".join(entry.title for entry in FORMATS.values())
-    if suffix in _PRIVATE:
-        raise image.refuse(
-            f"none of the known formats; if it is a file of {_PRIVATE[suffix]}, its layout is not public: "
-            f"export TM-25 (.tm25ray), LightTools or Zemax from there"
-        )
-    raise image.refuse(f"its content is none of the known formats ({known}); export one of these")
+    raise image.refuse(
+        f"its content is none of the known formats ({known}); the layouts of other programs are not public: export "
+        "TM-25 (.tm25ray), LightTools or Zemax from there"
+    )
 
 
 def _format_named(name: str) -> Format:

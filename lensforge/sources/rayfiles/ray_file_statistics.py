@@ -13,22 +13,14 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.optics.photopic import LARGEST_LM_PER_W, efficacy_at, luminous_efficacy
-from lensforge.sources.ray_bundle import total_of
-from lensforge.sources.rayfiles.formats import FORMATS
-from lensforge.sources.rayfiles.ray_file import FluxUnit, RayFile, UsableRays, causes, no_usable_ray, usable_chunks
-from lensforge.sources.rayfiles.ray_file_bytes import HUGE
-from lensforge.sources.rayfiles.ray_file_summary import (
-    Box,
-    FileFlux,
-    FileUnits,
-    HeaderFlux,
-    RayFileHeader,
-    RayFileSummary,
-    WavelengthRange,
-)
-from lensforge.sources.rayfiles.stored_rays import StoredRays
-from lensforge.sources.source_spectrum import usable_wavelengths
+from lensforge.optics.photopic import LARGEST_LM_PER_W, luminous_efficacy
+from lensforge.results import Point
+from lensforge.sources.ray_bundle import RayBundle, Rays, blocks_of, total_of
+from lensforge.sources.rayfiles.ray_file import RayFile, causes, no_usable_ray, usable_blocks
+from lensforge.sources.rayfiles.ray_file_io import FORMATS
+from lensforge.sources.rayfiles.ray_file_rows import HUGE
+from lensforge.sources.rayfiles.ray_file_summary import Box, FileFlux, FileUnits, RayFileSummary, WavelengthRange
+from lensforge.sources.source_spectrum import ColourSums
 from lensforge.sources.source_summary import RaysDropped, as_point
 
 _PARALLEL = 1e-9  # smallest over largest eigenvalue below which rays count as parallel
@@ -68,23 +60,11 @@ class FocusFit:
         return np.linalg.solve(self.matrix, self.moment)
 
 
-def virtual_focus(
-    positions: Float[np.ndarray, "n 3"],
-    directions: Float[np.ndarray, "n 3"],
-    flux: Float[np.ndarray, " n"],
-) -> Float[np.ndarray, " 3"] | None:
-    """Compute the virtual focus (mm) of rays with unit directions; None where they are parallel."""
-    fit = FocusFit()
-    fit.add(positions, directions, flux)
-    return fit.point()
-
-
 @dataclass
 class RaySums:
-    """Sums of usable rays: fluxes as stored, lengths in mm, wavelengths in nm; ``dropped``: the others by cause.
+    """Sums over usable rays, lengths in mm, fluxes in the unit of the rays; ``dropped``: the others by cause.
 
-    ``backward``: flux towards -z. ``coloured``: flux of the rays that have a wavelength; ``as_lumens``: that flux times
-    the lm/W of each, ``as_watts``: divided by it, infinite where a ray is invisible.
+    ``backward``: flux towards -z; ``lost``: of that, what starts at z = 0 or below; ``below``: starts below z = 0.
     """
 
     rays: int = 0
@@ -92,29 +72,38 @@ class RaySums:
     flux: float = 0.0
     flux_squared: float = 0.0
     backward: float = 0.0
+    lost: float = 0.0
+    below: float = 0.0
     direction: np.ndarray = field(default_factory=lambda: np.zeros(3))
     low: np.ndarray = field(default_factory=lambda: np.full(3, np.inf))
     high: np.ndarray = field(default_factory=lambda: np.full(3, -np.inf))
     focus: FocusFit = field(default_factory=FocusFit)
-    wavelength_low: float = np.inf
-    wavelength_high: float = -np.inf
-    wavelength_flux: float = 0.0
-    coloured: float = 0.0
-    as_lumens: float = 0.0
-    as_watts: float = 0.0
+    colours: ColourSums = field(default_factory=ColourSums)
 
     @classmethod
-    def of(cls, rayfile: RayFile) -> "RaySums":
-        """Gather the rays of a file block by block. Raises :class:`InputError` if none is usable."""
+    def of_file(cls, rayfile: RayFile) -> "RaySums":
+        """Gather the rays of a file in one pass, flux as stored. Raises :class:`InputError` if none is usable."""
         sums = cls()
-        for part in usable_chunks(rayfile):
-            sums.add(part)
-        if sums.rays == 0:
-            raise no_usable_ray(rayfile, sums.dropped)
+        for block, dropped in usable_blocks(rayfile):
+            for cause, count in dropped.items():
+                sums.dropped[cause] = sums.dropped.get(cause, 0) + count
+            sums.add(block)
         return sums.possible(rayfile)
 
+    @classmethod
+    def of(cls, rays: Rays) -> "RaySums":
+        """Gather rays; their flux has the bits of the sum over all at once."""
+        sums, fluxes = cls(), []
+        for block in blocks_of(rays):
+            sums.add(block)
+            fluxes.append(float(block.flux.sum()))
+        sums.flux = total_of(len(rays), fluxes)
+        return sums
+
     def possible(self, rayfile: RayFile) -> "RaySums":
-        """Return these sums. Raises :class:`InputError` where the rays add up to more than any light has."""
+        """Return these sums. Raises :class:`InputError` for no ray at all, and for more flux than any light has."""
+        if self.rays == 0:
+            raise no_usable_ray(rayfile, self.dropped)
         if self.flux > HUGE:
             raise InputError(
                 f"{rayfile.path}: its rays add up to {self.flux:.3g} {rayfile.flux_unit}, must be at most {HUGE:g}; "
@@ -122,48 +111,24 @@ class RaySums:
             )
         return self
 
-    @classmethod
-    def of_rays(cls, rays: UsableRays | StoredRays) -> "RaySums":
-        """Gather the usable rays of a file; their flux has the bits of the sum over all at once."""
-        sums, fluxes = cls(), []
-        for block in rays.blocks():
-            sums.add(block)
-            fluxes.append(float(block.flux.sum()))
-        sums.dropped = dict(rays.dropped)
-        sums.flux = total_of(len(rays), fluxes)
-        return sums
-
-    def add(self, rays: UsableRays) -> None:
-        """Add the rays of one part."""
-        for cause, count in rays.dropped.items():
-            self.dropped[cause] = self.dropped.get(cause, 0) + count
+    def add(self, rays: RayBundle) -> None:
+        """Add some rays."""
         if len(rays) == 0:
             return
         self.rays += len(rays)
         self.flux += float(rays.flux.sum())
         self.flux_squared += float(np.square(rays.flux).sum())
-        self.backward += float(rays.flux[rays.directions[:, 2] < 0.0].sum())
+        down, height = rays.directions[:, 2] < 0.0, rays.origins[:, 2]
+        self.backward += float(rays.flux[down].sum())
+        self.lost += float(rays.flux[down & (height <= 0.0)].sum())
+        self.below += float(rays.flux[height < 0.0].sum())
         for axis in range(3):  # sums of columns: three times as fast as along the long axis of both
             self.direction[axis] += float((rays.flux * rays.directions[:, axis]).sum())
-            self.low[axis] = min(self.low[axis], rays.positions_mm[:, axis].min())
-            self.high[axis] = max(self.high[axis], rays.positions_mm[:, axis].max())
-        self.focus.add(rays.positions_mm, rays.directions, rays.flux)
+            self.low[axis] = min(self.low[axis], rays.origins[:, axis].min())
+            self.high[axis] = max(self.high[axis], rays.origins[:, axis].max())
+        self.focus.add(rays.origins, rays.directions, rays.flux)
         if rays.wavelengths_nm is not None:
-            self._add_wavelengths(rays.wavelengths_nm, rays.flux)
-
-    def _add_wavelengths(self, wavelengths: np.ndarray, flux: np.ndarray) -> None:
-        usable = usable_wavelengths(wavelengths)
-        if not usable.any():
-            return
-        waves, power = wavelengths[usable], flux[usable]
-        self.wavelength_low = min(self.wavelength_low, float(waves.min()))
-        self.wavelength_high = max(self.wavelength_high, float(waves.max()))
-        self.wavelength_flux += float((power * waves).sum())
-        self.coloured += float(power.sum())
-        efficacy = efficacy_at(waves)
-        self.as_lumens += float((power * efficacy).sum())
-        with np.errstate(divide="ignore"):
-            self.as_watts += float((power / efficacy).sum())
+            self.colours.add(rays.flux, rays.wavelengths_nm)
 
     @property
     def effective_rays(self) -> float:
@@ -171,15 +136,10 @@ class RaySums:
         return self.flux**2 / self.flux_squared
 
     @property
-    def mean_wavelength_nm(self) -> float | None:
-        """Mean by flux of the rays that have a wavelength; None where none has."""
-        return self.wavelength_flux / self.coloured if self.coloured > 0.0 else None
-
-    def luminous_efficacy(self, unit: FluxUnit) -> float | None:
-        """Compute the lm/W of the rays by their wavelengths, their flux being in ``unit``; None without wavelengths."""
-        if not self.coloured > 0.0:
-            return None
-        return self.as_lumens / self.coloured if unit == "W" else self.coloured / self.as_watts
+    def focus_mm(self) -> Point | None:
+        """Virtual focus; None where the rays are parallel."""
+        point = self.focus.point()
+        return None if point is None else as_point(point)
 
 
 FEWEST_EFFECTIVE_RAYS = 25_000
@@ -210,11 +170,11 @@ def _content_warnings(rayfile: RayFile, sums: RaySums, given_flux: bool) -> Iter
 
 
 def _wavelength_warnings(rayfile: RayFile, sums: RaySums) -> Iterator[str]:
-    if rayfile.wavelengths_nm is not None and sums.coloured < sums.flux * (1.0 - 1e-12):
-        yield f"{100.0 * (1.0 - sums.coloured / sums.flux):.3g} % of the flux has no usable wavelength"
+    if rayfile.wavelengths_nm is not None and sums.colours.coloured < sums.flux * (1.0 - 1e-12):
+        yield f"{100.0 * (1.0 - sums.colours.coloured / sums.flux):.3g} % of the flux has no usable wavelength"
     tables = np.concatenate([np.zeros(0), *(table.wavelengths_nm for table in rayfile.spectral_tables)])
-    low = min([sums.wavelength_low, *tables])
-    high = max([sums.wavelength_high, *tables])
+    low = min([sums.colours.low_nm, *tables])
+    high = max([sums.colours.high_nm, *tables])
     if low <= high and not _PLAUSIBLE_NM[0] <= low <= high <= _PLAUSIBLE_NM[1]:
         yield f"wavelengths from {low:.6g} to {high:.6g} nm: check their unit"
 
@@ -224,57 +184,56 @@ def _efficacy_warnings(rayfile: RayFile, sums: RaySums) -> Iterator[str]:
     watts, lumens = rayfile.flux_in("W", sums.flux), rayfile.flux_in("lm", sums.flux)
     if not watts or not lumens:
         return
-    stated, expected = lumens / watts, efficacy_of(rayfile, sums)
+    stated, expected = lumens / watts, efficacy_of(rayfile, sums.colours)
     if expected is not None and abs(stated - expected) > _EFFICACY_TOLERANCE * max(expected, 1.0):
         yield f"the header has {stated:.4g} lm/W, its spectrum {expected:.4g} lm/W: check W and lm"
     elif stated > LARGEST_LM_PER_W * (1.0 + _EFFICACY_TOLERANCE):
         yield f"the header has {stated:.4g} lm/W, light has {LARGEST_LM_PER_W:.0f} lm/W at most: check W and lm"
 
 
-def efficacy_of(rayfile: RayFile, sums: RaySums) -> float | None:
+def efficacy_of(rayfile: RayFile, colours: ColourSums) -> float | None:
     """Compute the lm/W of the light of a file: by the wavelengths of its rays, or by its one common table."""
     tables = rayfile.spectral_tables
-    if sums.coloured > 0.0:
-        return sums.luminous_efficacy(rayfile.flux_unit)
+    if colours.coloured > 0.0:
+        return colours.luminous_efficacy(rayfile.flux_unit == "W")
     if len(tables) != 1 or len(tables[0].wavelengths_nm) == 0 or not (np.diff(tables[0].wavelengths_nm) > 0.0).all():
         return None
     return luminous_efficacy(tables[0].wavelengths_nm, tables[0].power_density)
 
 
-def ray_set_warnings(
-    side_mm: float, backward_share: float, effective_rays: float, lost_share: float | None = None
-) -> Iterator[str]:
+def ray_set_warnings(sums: RaySums, placed: bool) -> Iterator[str]:
     """List what is odd in the rays of a source: largest side of the box of their start points, flux towards -z, noise.
 
-    ``lost_share``: of the flux that goes towards -z from z = 0 or below in the lens; None in the file's coordinates,
-    where that says nothing.
+    ``placed``: in the lens; in the file's coordinates it says nothing whether light is lost below z = 0.
     """
-    placed = lost_share is not None
+    side_mm = float((sums.high - sums.low).max())
     if side_mm == 0.0:
         yield "all rays start at one point: no file of an LED does, unless it is of its far field alone"
     elif not _PLAUSIBLE_MM[0] <= side_mm <= _PLAUSIBLE_MM[1]:
         yield f"rays start within {side_mm:.3g} mm: check the length unit{', source.scale' if placed else ''}"
-    if backward_share > _BACKWARD_SHARE:
-        words = f"{100.0 * backward_share:.3g} % of the flux goes towards -z"
-        if lost_share is not None:
-            yield f"{words}, {100.0 * lost_share:.3g} % from z = 0 or below and so lost: check source.axis"
+    if sums.backward > _BACKWARD_SHARE * sums.flux:
+        words = f"{100.0 * sums.backward / sums.flux:.3g} % of the flux goes towards -z"
+        if placed:
+            lost = 100.0 * sums.lost / sums.flux
+            yield f"{words}, {lost:.3g} % from z = 0 or below and so lost: check source.axis"
         else:
             yield f"{words}, away from a lens on +z: check the axes"
-    if effective_rays < FEWEST_EFFECTIVE_RAYS:
+    if sums.effective_rays < FEWEST_EFFECTIVE_RAYS:
         yield (
-            f"{effective_rays:.0f} effective rays: a lens fits the noise of fewer than {FEWEST_EFFECTIVE_RAYS} and is "
-            "worse in other light than in that of the rays it is designed with; ask for a larger file"
+            f"{sums.effective_rays:.0f} effective rays: a lens fits the noise of fewer than {FEWEST_EFFECTIVE_RAYS} "
+            "and is worse in other light than in that of the rays it is designed with; ask for a larger file"
         )
 
 
-def outline(rayfile: RayFile) -> RayFileHeader:
+def outline(rayfile: RayFile) -> RayFileSummary:
     """Describe the header without reading the rays: at once, whatever the size of the file."""
-    return RayFileHeader(
+    length = rayfile.header.get("mm_per_unit")
+    return RayFileSummary(
         format=rayfile.format,
-        title=_title(rayfile),
+        title=FORMATS[rayfile.format].title if rayfile.format in FORMATS else None,
         rays=len(rayfile),
-        units=_units(rayfile),
-        flux=HeaderFlux(unit=rayfile.flux_unit, header_w=rayfile.header_flux_w, header_lm=rayfile.header_flux_lm),
+        units=FileUnits(length_in_file_mm=length if isinstance(length, float | int) else 1.0, flux=rayfile.flux_unit),
+        flux=FileFlux(unit=rayfile.flux_unit, header_w=rayfile.header_flux_w, header_lm=rayfile.header_flux_lm),
         wavelengths_nm=_header_wavelengths(rayfile),
         header=dict(rayfile.header),
         warnings=rayfile.warnings,
@@ -282,72 +241,42 @@ def outline(rayfile: RayFile) -> RayFileHeader:
 
 
 def describe(rayfile: RayFile) -> RayFileSummary:
-    """Summarise the usable rays: lengths in mm, flux in the file's unit, wavelengths in nm.
+    """Summarise header and usable rays: lengths in mm, flux in the file's unit, wavelengths in nm.
 
     One pass in parts, so that memory stays bounded. Raises :class:`InputError` if no ray is usable.
     """
-    sums = RaySums.of(rayfile)
-    focus = sums.focus.point()
-    summary = RayFileSummary(
-        format=rayfile.format,
-        title=_title(rayfile),
-        rays=len(rayfile),
-        units=_units(rayfile),
-        rays_used=sums.rays,
-        rays_dropped=RaysDropped.model_validate(sums.dropped),
-        effective_rays=sums.effective_rays,
-        flux=_flux(rayfile, sums),
-        bounding_box_mm=Box(min=as_point(sums.low), max=as_point(sums.high)),
-        virtual_focus_mm=None if focus is None else as_point(focus),
-        mean_direction=as_point(sums.direction / sums.flux),
-        wavelengths_nm=_wavelengths(sums) or _header_wavelengths(rayfile),
-        header=dict(rayfile.header),
-        warnings=(*file_warnings(rayfile, sums), *_as_stored(sums)),
+    sums, header = RaySums.of_file(rayfile), outline(rayfile)
+    flux = {
+        "total": rayfile.total_flux(sums.flux),
+        "total_from": "header" if rayfile.stated_flux else "rays",
+        "ray_sum": sums.flux,
+        "ray_sum_over_header": sums.flux / rayfile.header_flux if rayfile.header_flux else None,
+        "backward_share": sums.backward / sums.flux,
+    }
+    colours, mean_nm = sums.colours, sums.colours.mean_nm
+    of_rays = None if mean_nm is None else WavelengthRange(min=colours.low_nm, max=colours.high_nm, mean=mean_nm)
+    summary = header.model_copy(
+        update={
+            "rays_used": sums.rays,
+            "rays_dropped": RaysDropped.model_validate(sums.dropped),
+            "effective_rays": sums.effective_rays,
+            "flux": header.flux.model_copy(update=flux),
+            "bounding_box_mm": Box(min=as_point(sums.low), max=as_point(sums.high)),
+            "virtual_focus_mm": sums.focus_mm,
+            "mean_direction": as_point(sums.direction / sums.flux),
+            "wavelengths_nm": of_rays or header.wavelengths_nm,
+            "warnings": (*file_warnings(rayfile, sums), *ray_set_warnings(sums, placed=False)),
+        }
     )
-    return summary.holding(rayfile)
-
-
-def _as_stored(sums: RaySums) -> tuple[str, ...]:
-    """Warnings on the rays in the coordinates of the file."""
-    side_mm = float((sums.high - sums.low).max())
-    return tuple(ray_set_warnings(side_mm, sums.backward / sums.flux, sums.effective_rays))
-
-
-def _title(rayfile: RayFile) -> str | None:
-    return FORMATS[rayfile.format].title if rayfile.format in FORMATS else None
-
-
-def _units(rayfile: RayFile) -> FileUnits:
-    length = rayfile.header.get("mm_per_unit")
-    return FileUnits(length_in_file_mm=length if isinstance(length, float | int) else 1.0, flux=rayfile.flux_unit)
-
-
-def _flux(rayfile: RayFile, sums: RaySums) -> FileFlux:
-    return FileFlux(
-        unit=rayfile.flux_unit,
-        header_w=rayfile.header_flux_w,
-        header_lm=rayfile.header_flux_lm,
-        total=rayfile.total_flux(sums.flux),
-        total_from="header" if rayfile.stated_flux else "rays",
-        ray_sum=sums.flux,
-        ray_sum_over_header=sums.flux / rayfile.header_flux if rayfile.header_flux else None,
-        backward_share=sums.backward / sums.flux,
-    )
-
-
-def _wavelengths(sums: RaySums) -> WavelengthRange | None:
-    mean = sums.mean_wavelength_nm
-    if mean is None:
-        return None
-    return WavelengthRange(min=sums.wavelength_low, max=sums.wavelength_high, mean=mean)
+    summary._rayfile = rayfile  # for its plot: neither compared nor saved
+    return summary
 
 
 def _header_wavelengths(rayfile: RayFile) -> WavelengthRange | None:
     """Range of the wavelength that all rays share, or of all spectral tables; the mean where there is one table."""
-    shared = rayfile.single_wavelength
+    shared, tables = rayfile.single_wavelength, rayfile.spectral_tables
     if shared is not None:
         return WavelengthRange(min=shared, max=shared, mean=shared)
-    tables = rayfile.spectral_tables
     if not tables:
         return None
     waves = np.concatenate([table.wavelengths_nm for table in tables])

@@ -15,8 +15,9 @@ from lensforge.errors import InputError
 from lensforge.results import Count, NotNegative, Number, Point, Record, Share, StageResult, Text
 from lensforge.results.files import replacing
 from lensforge.results.validation import shortened
-from lensforge.sources.rayfiles.ray_file import FluxUnit, HeaderValue, RayFile, as_float64, no_usable_ray, usable_chunks
-from lensforge.sources.rayfiles.ray_file_bytes import HUGE
+from lensforge.sources.ray_bundle import RayBundle
+from lensforge.sources.rayfiles.ray_file import FluxUnit, HeaderValue, RayFile, no_usable_ray, usable_blocks
+from lensforge.sources.rayfiles.ray_file_rows import HUGE, as_float64
 from lensforge.sources.source_summary import RaysDropped
 
 if TYPE_CHECKING:
@@ -63,23 +64,21 @@ class Histograms:
         middle = 0.5 * (low + high)
         half = max(0.55 * float((high - low).max()), _LEAST_FRAME_MM, _LEAST_FRAME * float(np.abs(middle).max()))
         histograms = cls(middle - half, middle + half)
-        for part in usable_chunks(rayfile):
-            histograms.add(part.positions_mm, part.directions, part.flux)
+        for block, _ in usable_blocks(rayfile):
+            histograms.add(block)
         return histograms.scaled(rayfile.flux_factor(float(histograms.rings.sum())))
 
-    def add(
-        self,
-        positions: Float[np.ndarray, "n 3"],
-        directions: Float[np.ndarray, "n 3"],
-        flux: Float[np.ndarray, " n"],
-    ) -> None:
-        """Bin ``n`` rays into all four histograms."""
+    def add(self, rays: RayBundle) -> None:
+        """Bin some rays into all four histograms."""
+        positions, directions, flux = rays.origins, rays.directions, rays.flux
         frame = list(zip(self.low, self.high, strict=True))
-        self.front += _binned(positions[:, 0], positions[:, 1], frame[:2], _PIXELS, flux)
-        self.side += _binned(positions[:, 0], positions[:, 2], frame[::2], _PIXELS, flux)
         forward = directions[:, 2] > 0.0
-        unit_disc = [(-1.0, 1.0), (-1.0, 1.0)]
-        self.cosines += _binned(directions[forward, 0], directions[forward, 1], unit_disc, _COSINES, flux[forward])
+        for image, x, y, part, ends in (
+            (self.front, positions[:, 0], positions[:, 1], flux, frame[:2]),
+            (self.side, positions[:, 0], positions[:, 2], flux, frame[::2]),
+            (self.cosines, directions[forward, 0], directions[forward, 1], flux[forward], [(-1.0, 1.0)] * 2),
+        ):
+            image += np.histogram2d(x, y, len(image), ends, weights=part)[0]
         gamma = np.rad2deg(np.arccos(np.clip(directions[:, 2], -1.0, 1.0)))
         self.rings += np.histogram(gamma, _RINGS, (0.0, 180.0), weights=flux)[0]
 
@@ -92,17 +91,6 @@ class Histograms:
         """Flux per steradian of each ring (mean over azimuth)."""
         edges = np.cos(np.deg2rad(np.linspace(0.0, 180.0, _RINGS + 1)))
         return self.rings / (2.0 * np.pi * (edges[:-1] - edges[1:]))
-
-
-def _binned(
-    x: Float[np.ndarray, " n"],
-    y: Float[np.ndarray, " n"],
-    frame: list[tuple[float, float]],
-    pixels: int,
-    flux: Float[np.ndarray, " n"],
-) -> Float[np.ndarray, "p p"]:
-    binned: Float[np.ndarray, "p p"] = np.histogram2d(x, y, pixels, frame, weights=flux)[0]
-    return binned
 
 
 def draw(rayfile: RayFile, path: Path) -> None:
@@ -124,26 +112,23 @@ def draw(rayfile: RayFile, path: Path) -> None:
 
 def draw_panel(axes: "Axes", histograms: Histograms, which: Panel, unit: str) -> None:
     """Draw one of the four panels on ``axes``; ``unit`` of the flux."""
-    match which:
-        case "front":
-            _draw_starts(axes, histograms, "y", histograms.front, 1)
-        case "side":
-            _draw_starts(axes, histograms, "z", histograms.side, 2)
-        case "directions":
-            _draw_cosines(axes, histograms.cosines)
-        case "intensity":
-            _draw_intensity(axes, histograms.intensity(), float(histograms.rings.sum()), unit)
-
-
-def _draw_starts(axes: "Axes", of: Histograms, name: str, image: np.ndarray, axis: int) -> None:
-    frame = (of.low[0], of.high[0], of.low[axis], of.high[axis])
-    _show(axes, image, frame)
-    axes.set(title=f"where rays start, x and {name}", xlabel="x (mm)", ylabel=f"{name} (mm)")
-
-
-def _draw_cosines(axes: "Axes", image: np.ndarray) -> None:
-    _show(axes, image, (-1.0, 1.0, -1.0, 1.0))
-    axes.set(title="forward directions: flux per area of the unit disc", xlabel="kx", ylabel="ky")
+    if which == "intensity":
+        _draw_intensity(axes, histograms.intensity(), float(histograms.rings.sum()), unit)
+        return
+    (x, y, z), (far_x, far_y, far_z) = histograms.low, histograms.high
+    image, frame, title, xlabel, ylabel = {
+        "front": (histograms.front, (x, far_x, y, far_y), "where rays start, x and y", "x (mm)", "y (mm)"),
+        "side": (histograms.side, (x, far_x, z, far_z), "where rays start, x and z", "x (mm)", "z (mm)"),
+        "directions": (
+            histograms.cosines,
+            (-1.0, 1.0) * 2,
+            "forward directions: flux per area of the unit disc",
+            "kx",
+            "ky",
+        ),
+    }[which]
+    axes.imshow(image.T, origin="lower", extent=frame, cmap="inferno", interpolation="nearest")
+    axes.set(title=title, xlabel=xlabel, ylabel=ylabel, aspect="equal")
 
 
 def _draw_intensity(axes: "Axes", intensity: Float[np.ndarray, " r"], flux: float, unit: str) -> None:
@@ -157,11 +142,6 @@ def _draw_intensity(axes: "Axes", intensity: Float[np.ndarray, " r"], flux: floa
     axes.legend(frameon=False)
 
 
-def _show(axes: "Axes", image: np.ndarray, frame: tuple[float, float, float, float]) -> None:
-    axes.imshow(image.T, origin="lower", extent=frame, cmap="inferno", interpolation="nearest")
-    axes.set_aspect("equal")
-
-
 class FileUnits(Record):
     """Units of the summary; ``length_in_file_mm``: the file's own unit of length in mm."""
 
@@ -170,22 +150,17 @@ class FileUnits(Record):
     flux: FluxUnit
 
 
-class HeaderFlux(Record):
-    """Totals that a header states; ``unit`` is that of the rays."""
+class FileFlux(Record):
+    """Flux of the source by header and by rays, in ``unit``; ``total_from``: the one that ``total`` is."""
 
     unit: FluxUnit
     header_w: Number | None
     header_lm: Number | None
-
-
-class FileFlux(HeaderFlux):
-    """Flux of the source by header and by rays, in ``unit``; ``total_from``: the one that ``total`` is."""
-
-    total: Number
-    total_from: Literal["header", "rays"]
-    ray_sum: Number
-    ray_sum_over_header: Number | None
-    backward_share: Share
+    total: Number | None = None
+    total_from: Literal["header", "rays"] | None = None
+    ray_sum: Number | None = None
+    ray_sum_over_header: Number | None = None
+    backward_share: Share | None = None
 
 
 class WavelengthRange(Record):
@@ -203,23 +178,11 @@ class Box(Record):
     max: Point
 
 
-class RayFileHeader(Record):
-    """Header of a ray file alone. ``header``: its fields by the names of its format."""
-
-    format: Text
-    title: Text | None
-    rays: Count
-    units: FileUnits
-    flux: HeaderFlux
-    wavelengths_nm: WavelengthRange | None
-    header: dict[Text, HeaderValue]
-    warnings: tuple[Text, ...]
-
-
 class RayFileSummary(StageResult):
     """Summary of a ray file: header, counts, and statistics of the usable rays; lengths in mm, wavelengths in nm.
 
-    ``effective_rays``: number of rays of equal flux that would have the same noise.
+    ``header``: its fields by the names of its format. ``effective_rays``: number of rays of equal flux that would have
+    the same noise. What only the rays can say is None where the header alone was read.
     """
 
     stage: ClassVar[str] = "rays"
@@ -229,22 +192,17 @@ class RayFileSummary(StageResult):
     title: Text | None
     rays: Count
     units: FileUnits
-    rays_used: Count
-    rays_dropped: RaysDropped
-    effective_rays: NotNegative
+    rays_used: Count | None = None
+    rays_dropped: RaysDropped | None = None
+    effective_rays: NotNegative | None = None
     flux: FileFlux
-    bounding_box_mm: Box
-    virtual_focus_mm: Point | None
-    mean_direction: Point
+    bounding_box_mm: Box | None = None
+    virtual_focus_mm: Point | None = None
+    mean_direction: Point | None = None
     wavelengths_nm: WavelengthRange | None
     header: dict[Text, HeaderValue]
     warnings: tuple[Text, ...]
     _rayfile: RayFile | None = PrivateAttr(None)
-
-    def holding(self, rayfile: RayFile) -> "RayFileSummary":
-        """Attach the rays for :meth:`plot`; they are neither compared nor saved."""
-        self._rayfile = rayfile
-        return self
 
     def plot(self, axes: "Axes | None" = None, *, which: Panel = "front") -> "Axes":
         """Plot start points from the front (x, y) or the side (x, z), the forward directions, or the intensity.
@@ -263,14 +221,3 @@ class RayFileSummary(StageResult):
     def _repr_html_(self) -> str:
         """Show start points and the summary as a table in a notebook."""
         return Record._repr_html_(self) if self._rayfile is None else super()._repr_html_()
-
-
-class Conversion(Record):
-    """Conversion of a ray file: formats, size, and the data that the new format could not hold."""
-
-    from_format: Text
-    to_format: Text
-    rays: Count
-    bytes: Count
-    lost: tuple[Text, ...]
-    warnings: tuple[Text, ...]

@@ -1,11 +1,11 @@
-"""Usable rays of a file, loaded or left in it and read when they are needed, and the wavelength of each.
+"""Usable rays of a file, left in it and read when they are needed, and the wavelength of each.
 
 A wavelength is the ray's own, or drawn from a table.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeAlias
 
@@ -13,30 +13,36 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from lensforge.errors import InputError
-from lensforge.sources.ray_bundle import BLOCK_RAYS, block_slices
-from lensforge.sources.rayfiles.ray_file import RayFile, SpectralTable, UsableRays, as_usable, usable_rays, usable_rows
-from lensforge.sources.rayfiles.ray_file_bytes import FileState, spooled
+from lensforge.sources.ray_bundle import BLOCK_RAYS, RayBundle, Rays, block_slices
+from lensforge.sources.rayfiles.ray_file import RayFile, SpectralTable, as_bundle, usable_rows
+from lensforge.sources.rayfiles.ray_file_rows import FileState, as_float64
 from lensforge.sources.source_spectrum import Spectrum, WavelengthDraw
 
 LOADED_RAYS = 2**20  # rays of a file that are loaded (60 MB); those of a larger one stay in it
+WAVELENGTH_SEED = 11  # of the wavelengths drawn: they belong to the rays, whatever is then sampled from these
+# Wavelengths (nm) of the next rays of a file, by their numbers; called with part after part of them, in their order.
+_NextWavelengths: TypeAlias = Callable[[slice], Float[np.ndarray, " n"]]
 
 
 @dataclass(frozen=True, eq=False)
 class StoredRays:
     """Rays of ``rayfile`` that can be traced, in its order; ``skipped``: rows of the others, ``dropped``: by cause.
 
-    ``state``: of a file whose numbers are mapped; None where they are copies.
+    ``state``: of a file whose numbers are mapped; None where they are copies. ``drawn_nm``: a wavelength for each ray
+    in place of the file's own.
     """
 
     rayfile: RayFile
     skipped: Int[np.ndarray, " k"]
     dropped: dict[str, int]
     state: FileState | None = None
+    drawn_nm: Float[np.ndarray, " n"] | None = None
 
     @staticmethod
     def of(rayfile: RayFile) -> "StoredRays":
         """Find the rays of a file that can be traced, block by block."""
-        state = FileState.of(Path(rayfile.path)) if _is_mapped(rayfile) else None
+        mapped = rayfile.verbatim is not None and np.may_share_memory(rayfile.verbatim, rayfile.directions)
+        state = FileState.of(Path(rayfile.path)) if mapped else None
         skipped, dropped, start = [np.zeros(0, dtype=np.int64)], dict[str, int](), 0
         for block in rayfile.blocks():
             keep, counts = usable_rows(block)
@@ -48,135 +54,90 @@ class StoredRays:
     def __len__(self) -> int:
         return len(self.rayfile) - len(self.skipped)
 
-    def blocks(self) -> Iterator[UsableRays]:
-        """Yield the rays block by block, in their order."""
-        for some in block_slices(len(self)):
-            yield self.take(some)
+    @property
+    def has_wavelengths(self) -> bool:
+        """True where each ray has a wavelength, its own or a drawn one."""
+        return self.drawn_nm is not None or self.rayfile.wavelengths_nm is not None
 
-    def take(self, chosen: slice | Int[np.ndarray, " k"]) -> UsableRays:
-        """Read some of the rays: from one to another without a step, or any by their numbers.
+    def take(self, chosen: slice | Int[np.ndarray, " k"]) -> RayBundle:
+        """Read some of the rays, flux as stored: from one to another without a step, or any by their numbers.
 
         Raises :class:`InputError` where the file was written to since it was opened.
         """
         if self.state is not None:
             self.state.require_same()
-        if isinstance(chosen, slice):
-            chosen = self._rows_between(*chosen.indices(len(self))[:2])
-        else:
-            chosen = self._rows_of(chosen)
-        found = as_usable(self.rayfile.rows(chosen), {})
+        found = as_bundle(self.rayfile.rows(self._rows_of(chosen)))
         if len(found) >= BLOCK_RAYS // 2:  # of so many nearly every page was read
             self.rayfile.release_pages()
-        return found
+        return found if self.drawn_nm is None else replace(found, wavelengths_nm=self.drawn_nm[chosen])
 
-    def _rows_between(self, start: int, stop: int) -> slice | Int[np.ndarray, " k"]:
-        first, last = self._rows_of(np.array([start, stop - 1]))
-        if last - first == stop - 1 - start:
-            return slice(first, last + 1)
-        return self._rows_of(np.arange(start, stop))
+    def loaded(self) -> Rays:
+        """The rays in memory if they are few."""
+        return self.take(slice(None)) if len(self.rayfile) <= LOADED_RAYS else self
 
-    def _rows_of(self, numbers: Int[np.ndarray, " k"]) -> Int[np.ndarray, " k"]:
+    def coloured(self, spectrum: Spectrum | None = None) -> "StoredRays":
+        """The same rays with a wavelength drawn from ``spectrum`` for each; without it their own, or by the file.
+
+        A file's spectral table is drawn from evenly over its power. Rays of a file that states no wavelengths have
+        none. Raises :class:`InputError` for an invalid spectral table, and for several tables without a valid spectrum
+        number for each ray.
+        """
+        following = self._of_file() if spectrum is None else _from_table(spectrum, len(self))
+        if following is None:
+            return self
+        return replace(self, drawn_nm=np.concatenate([following(part) for part in block_slices(len(self))]))
+
+    def _rows_of(self, chosen: slice | Int[np.ndarray, " k"]) -> slice | Int[np.ndarray, " k"]:
         """Rows of the file in which the usable rays of these numbers are."""
         if len(self.skipped) == 0:
-            return numbers
+            return chosen
         before = self.skipped - np.arange(len(self.skipped))  # usable rays in front of each row that is skipped
-        return numbers + np.searchsorted(before, numbers, side="right")
+        numbers = np.arange(*chosen.indices(len(self))) if isinstance(chosen, slice) else chosen
+        rows: Int[np.ndarray, " k"] = numbers + np.searchsorted(before, numbers, side="right")
+        return rows
 
+    def _of_file(self) -> _NextWavelengths | None:
+        """Wavelengths drawn from the tables of the file; None where the rays have their own, or there are no tables."""
+        rayfile, tables = self.rayfile, self.rayfile.spectral_tables
+        if rayfile.wavelengths_nm is not None:
+            return None
+        if rayfile.spectrum_numbers is not None and tables:
+            return self._by_number(tables)
+        if len(tables) > 1:
+            raise InputError(f"{rayfile.path}: {len(tables)} spectral tables, and no spectrum number for each ray")
+        return _from_table(_table(rayfile.path, tables[0], 1), len(self)) if tables else None
 
-def _is_mapped(rayfile: RayFile) -> bool:
-    return rayfile.verbatim is not None and np.may_share_memory(rayfile.verbatim, rayfile.directions)
+    def _by_number(self, tables: list[SpectralTable]) -> _NextWavelengths:
+        path, counts = self.rayfile.path, Counter[float]()
+        for part in block_slices(len(self)):
+            numbers = self._spectrum_numbers(part)
+            wrong = ~np.isin(numbers, np.arange(1, len(tables) + 1))
+            if wrong.any():
+                raise InputError(f"{path}: spectrum number {numbers[wrong][0]:g} of a ray: 1 to {len(tables)}")
+            counts.update(numbers.tolist())
+        draws = {
+            number: WavelengthDraw.of(_table(path, tables[int(number) - 1], int(number)), count, WAVELENGTH_SEED)
+            for number, count in sorted(counts.items())
+        }
 
+        def following(part: slice) -> Float[np.ndarray, " n"]:
+            numbers = self._spectrum_numbers(part)
+            wavelengths = np.zeros(len(numbers))
+            for number, draw in draws.items():
+                those = numbers == number
+                wavelengths[those] = draw.take(int(np.count_nonzero(those)))
+            return wavelengths
 
-def loaded_or_stored(rayfile: RayFile) -> UsableRays | StoredRays:
-    """The usable rays of a file: in memory if they are few."""
-    return usable_rays(rayfile) if len(rayfile) <= LOADED_RAYS else StoredRays.of(rayfile)
+        return following
 
-
-WAVELENGTH_SEED = 11  # of the wavelengths drawn: they belong to the rays, whatever is then sampled from these
-# Wavelengths (nm) of the next rays of a file; called with block after block of them, in their order.
-_NextWavelengths: TypeAlias = Callable[[UsableRays], Float[np.ndarray, " n"]]
-
-
-def wavelengths_of(rayfile: RayFile, rays: UsableRays | StoredRays) -> Float[np.ndarray, " n"] | None:
-    """Wavelengths (nm) of ``rays``, the usable ones of ``rayfile``; None where the file states none.
-
-    They are the rays' own, or drawn from the file's spectral table, evenly over its power. Raises :class:`InputError`
-    for an invalid spectral table, and for several tables without a valid spectrum number for each ray.
-    """
-    following = _next_wavelengths(rayfile, rays)
-    return None if following is None else _each(rays, following)
-
-
-def drawn_wavelengths(spectrum: Spectrum, rays: UsableRays | StoredRays) -> Float[np.ndarray, " n"]:
-    """Draw a wavelength (nm) from ``spectrum`` for each of ``rays``."""
-    return _each(rays, _from_table(spectrum, len(rays)))
-
-
-def with_wavelengths(
-    rayfile: RayFile, rays: UsableRays | StoredRays
-) -> Iterator[tuple[UsableRays, Float[np.ndarray, " n"]]] | None:
-    """Blocks of ``rays`` with their wavelengths (nm), as :func:`wavelengths_of` has them for all."""
-    following = _next_wavelengths(rayfile, rays)
-    return None if following is None else ((block, following(block)) for block in rays.blocks())
-
-
-def _each(rays: UsableRays | StoredRays, following: _NextWavelengths) -> Float[np.ndarray, " n"]:
-    """Gather them where the rays are: in memory, or in a file, a temporary one unless they are that file's own."""
-    if isinstance(rays, UsableRays):
-        return following(rays)
-    if following is _own and len(rays.skipped) == 0:
-        assert rays.rayfile.wavelengths_nm is not None
-        return rays.rayfile.wavelengths_nm
-    return spooled((following(block) for block in rays.blocks()), rays.rayfile.path)
-
-
-def _next_wavelengths(rayfile: RayFile, rays: UsableRays | StoredRays) -> _NextWavelengths | None:
-    if rayfile.wavelengths_nm is not None:
-        return _own
-    tables = rayfile.spectral_tables
-    if rayfile.spectrum_numbers is not None and tables:
-        return _by_number(rayfile.path, rays, tables)
-    if len(tables) > 1:
-        raise InputError(f"{rayfile.path}: {len(tables)} spectral tables, and no spectrum number for each ray")
-    return _from_table(_table(rayfile.path, tables[0], 1), len(rays)) if tables else None
-
-
-def _own(rays: UsableRays) -> Float[np.ndarray, " n"]:
-    assert rays.wavelengths_nm is not None
-    return rays.wavelengths_nm
+    def _spectrum_numbers(self, part: slice) -> Float[np.ndarray, " n"]:
+        assert self.rayfile.spectrum_numbers is not None
+        return as_float64(self.rayfile.spectrum_numbers[self._rows_of(part)])
 
 
 def _from_table(spectrum: Spectrum, count: int) -> _NextWavelengths:
     draw = WavelengthDraw.of(spectrum, count, WAVELENGTH_SEED)
-    return lambda rays: draw.take(len(rays))
-
-
-def _by_number(path: str, rays: UsableRays | StoredRays, tables: list[SpectralTable]) -> _NextWavelengths:
-    counts = Counter[int]()
-    for block in rays.blocks():
-        numbers = _numbers(block)
-        wrong = ~np.isin(numbers, np.arange(1, len(tables) + 1))
-        if wrong.any():
-            raise InputError(f"{path}: spectrum number {numbers[wrong][0]:g} of a ray: 1 to {len(tables)}")
-        counts.update(dict(zip(*(each.tolist() for each in np.unique(numbers, return_counts=True)), strict=True)))
-    draws = {
-        number: WavelengthDraw.of(_table(path, tables[int(number) - 1], int(number)), count, WAVELENGTH_SEED)
-        for number, count in sorted(counts.items())
-    }
-
-    def following(block: UsableRays) -> Float[np.ndarray, " n"]:
-        wavelengths, numbers = np.zeros(len(block)), _numbers(block)
-        for number, draw in draws.items():
-            those = numbers == number
-            wavelengths[those] = draw.take(int(np.count_nonzero(those)))
-        return wavelengths
-
-    return following
-
-
-def _numbers(rays: UsableRays) -> Float[np.ndarray, " n"]:
-    assert rays.spectrum_numbers is not None
-    return rays.spectrum_numbers
+    return lambda part: draw.take(part.stop - part.start)
 
 
 def _table(path: str, table: SpectralTable, number: int) -> Spectrum:

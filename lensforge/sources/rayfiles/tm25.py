@@ -17,11 +17,10 @@ from lensforge.sources.rayfiles.ray_file import (
     HeaderValue,
     RayFile,
     SpectralTable,
-    as_float64,
     require_watts_with_wavelengths,
     shared_wavelength,
 )
-from lensforge.sources.rayfiles.ray_file_bytes import HUGE, FileImage, float_rows, known, plain_text
+from lensforge.sources.rayfiles.ray_file_rows import HUGE, FileImage, as_float64, float_rows, known, plain_text
 
 _FIXED = struct.Struct("<4s2i2fQ28s2i3f3i168x8i")
 _COUNT = struct.Struct("<i")
@@ -99,7 +98,7 @@ def _decode(image: FileImage) -> RayFile:
         flux_unit="W" if unit == "W" else "lm",
         wavelengths_nm=_wavelengths(fields, rows),
         spectrum_numbers=rows[:, fields.column("spectrum_index")] if fields.flags["spectrum_index"] else None,
-        format=FORMAT.name,
+        format=BINARY.name,
         header_flux_w=known(fields.radiant_w),
         header_flux_lm=known(fields.luminous_lm),
         header=_describe(image, fields, tables, labels, plain_text(image.part(labels_end, shown_end), "utf-32-le")),
@@ -172,12 +171,6 @@ def _warnings(fields: _Fields) -> Iterator[str]:
         yield f"columns not used here, and lost when converted: {', '.join(unused)}"
     if fields.flags["radiant"] and fields.flags["luminous"]:
         yield "holds radiant and luminous flux for each ray: the radiant flux (W) is used"
-    if fields.spectral_id in (2, 4) and (fields.flags["luminous"] or not fields.flags["radiant"]):
-        yield f"spectral identifier {fields.spectral_id} needs radiant flux and no luminous flux"
-    if fields.flags["spectrum_index"] != (fields.spectral_id == 4):
-        yield "the spectrum-index column and spectral identifier 4 go together; this file has only one of them"
-    if fields.flags["wavelength"] != (fields.spectral_id == 2):
-        yield "the wavelength column and spectral identifier 2 go together; this file has only one of them"
 
 
 def _unused(fields: _Fields) -> list[str]:
@@ -207,9 +200,9 @@ def _describe(
 
 
 def _encode(rayfile: RayFile) -> Iterator[bytes]:
-    require_watts_with_wavelengths(_without_shared_wavelength(rayfile), FORMAT.title)
+    require_watts_with_wavelengths(_without_shared_wavelength(rayfile), BINARY.title)
     if rayfile.spectrum_numbers is not None and rayfile.flux_unit == "lm":
-        raise InputError(f"{FORMAT.title} holds a spectrum for each ray only with W, these rays are in lm; give W")
+        raise InputError(f"{BINARY.title} holds a spectrum for each ray only with W, these rays are in lm; give W")
     header = rayfile.header
     tables = rayfile.spectral_tables
     per_ray = rayfile.wavelengths_nm is not None and rayfile.single_wavelength is None
@@ -258,4 +251,4 @@ def _table_bytes(table: SpectralTable) -> bytes:
     return _COUNT.pack(len(pairs)) + pairs.tobytes()
 
 
-FORMAT = Format("tm25", "TM-25-13", (".tm25ray",), _matches, _decode, _encode)
+BINARY = Format("tm25", "TM-25-13", (".tm25ray",), _matches, _decode, _encode)

@@ -1,14 +1,14 @@
-"""Bytes of a ray file: read through a bounds-checked memory map, written as rows of little-endian float32.
+"""Rows of numbers in a ray file: little-endian float32 through a bounds-checked memory map, or text.
 
-Numbers too many for the memory are written to a temporary file, and mapped from there like those of a ray file.
+Text is written with enough digits to read back the same.
 """
 
+import io
 import mmap
 import struct
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryFile, gettempdir
 from typing import Any
 
 import numpy as np
@@ -16,27 +16,9 @@ from jaxtyping import Float, UInt8
 
 from lensforge.errors import InputError
 from lensforge.results.files import require_regular_file
+from lensforge.results.validation import unquoted
 
-IN_MEMORY = 2**27  # bytes of numbers that stay in memory
-
-
-def spooled(blocks: Iterable[Float[np.ndarray, "m ..."]], name: str) -> Float[np.ndarray, "n ..."]:
-    """Join ``blocks`` of float64 along their first axis as a read-only map of a file that is gone when Python ends.
-
-    Raises :class:`InputError`, ``name`` in front, where the temporary folder has no room.
-    """
-    shape: tuple[int, ...] = ()
-    try:
-        with TemporaryFile() as spool:
-            for block in blocks:
-                shape = block.shape[1:]
-                spool.write(np.ascontiguousarray(block).data)
-            spool.flush()
-            return np.asarray(np.memmap(spool, dtype=np.float64, mode="r")).reshape(-1, *shape)
-    except OSError as error:
-        raise InputError(f"{name}: no room for its numbers in {gettempdir()} ({error.strerror}); set TMPDIR") from error
-
-
+HEAD_BYTES = 2**14  # what tells the format of a file, and holds the header of a text
 CHUNK_ROWS = 2**18  # rays handled at a time: bounds the memory whatever the size of the file
 HUGE = 1e12  # no length in mm, no flux: what is larger comes from a damaged file
 SMALLEST = 1e-30  # no flux: 0x7F800001 byte-swapped reads as 2.4e-38: a NaN of a writer that mixed its byte orders
@@ -141,6 +123,12 @@ class FileState:
             )
 
 
+def as_float64(values: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    """Copy as float64; signalling NaNs, which vendors write, pass without a warning."""
+    with np.errstate(invalid="ignore"):
+        return values.astype(np.float64)
+
+
 def known(value: float) -> float | None:
     """A header number, or None where it is a way of writing unknown: 0, negative, absurd, NaN, byte-swapped NaN."""
     return float(value) if _LEAST_KNOWN < value < HUGE else None
@@ -153,23 +141,12 @@ def plain_text(raw: bytes, encoding: str) -> str:
 
 
 def scaled(values: Float[np.ndarray, "*n"], factor: float) -> Float[np.ndarray, "*n"]:
-    """Multiply ``values`` by ``factor`` in float64; where the factor is 1 return the view itself, still mapped.
-
-    What would fill the memory goes to a temporary file. Raises :class:`InputError` where that has no room.
-    """
+    """Multiply ``values`` by ``factor`` in float64; where the factor is 1 return the view itself, still mapped."""
     if factor == 1.0:
         return values
-    products = _products(values, factor)
-    if 8 * values.size > IN_MEMORY:
-        return spooled(products, "a ray file in another unit than mm or nm")
-    return np.concatenate(list(products)) if len(values) else np.zeros(values.shape)
-
-
-def _products(values: Float[np.ndarray, "*n"], factor: float) -> Iterator[Float[np.ndarray, "*n"]]:
-    for start in range(0, len(values), CHUNK_ROWS):
-        with np.errstate(invalid="ignore", over="ignore"):
-            yield np.multiply(values[start : start + CHUNK_ROWS], factor, dtype=np.float64)
-        release_pages(values)
+    with np.errstate(invalid="ignore", over="ignore"):
+        product: Float[np.ndarray, "*n"] = np.multiply(values, factor, dtype=np.float64)
+    return product
 
 
 def float_rows(*columns: Float[np.ndarray, "n ..."] | None) -> bytes:
@@ -197,3 +174,111 @@ def _owner(array: np.ndarray | None) -> object:
     while isinstance(owner, np.ndarray):
         owner = owner.base
     return owner
+
+
+_BLOCK = 2**24  # bytes of text parsed at a time
+
+
+def parse_rows(
+    image: FileImage,
+    begin: int,
+    end: int,
+    first_line: int,
+    delimiter: str | None = None,
+    columns: Sequence[int] | None = None,
+    width: int | None = None,
+) -> Float[np.ndarray, "n columns"]:
+    """Parse the numbers between two bytes as float64 rows of one length; ``first_line`` is the first row's in the file.
+
+    Block by block. ``columns``: those to keep, in their order, of ``width``.
+    """
+    blocks = _parsed(image, begin, end, first_line, delimiter, width)
+    if columns is not None:
+        blocks = (block[:, columns] for block in blocks)
+    every = list(blocks)
+    if not every:
+        raise image.refuse("holds no rays below its header; export it again")
+    rows = np.concatenate(every)
+    rows.flags.writeable = False
+    return rows
+
+
+def _parsed(
+    image: FileImage, begin: int, end: int, line: int, delimiter: str | None, width: int | None
+) -> Iterator[Float[np.ndarray, "n columns"]]:
+    while begin < end:
+        body = image.part(begin, min(begin + _BLOCK, end))
+        if begin + len(body) < end:
+            body = body[: body.rfind(b"\n") + 1]
+        if not body:
+            raise image.refuse(f"line {line} has more than {_BLOCK} bytes: no rays; export it again")
+        if body.strip():
+            rows = _numbers(image, body, line, delimiter)
+            width = width or rows.shape[1]
+            if rows.shape[1] != width:
+                raise image.refuse(f"line {line}: {rows.shape[1]} numbers, {width} expected; export it again")
+            yield rows
+        begin, line = begin + len(body), line + body.count(b"\n")
+        release_pages(image.data)
+
+
+def _numbers(image: FileImage, body: bytes, line: int, delimiter: str | None) -> Float[np.ndarray, "n columns"]:
+    try:
+        rows: Float[np.ndarray, "n columns"] = np.loadtxt(
+            io.BytesIO(body), ndmin=2, comments=None, delimiter=delimiter, encoding="latin-1"
+        )
+    except ValueError as error:
+        raise image.refuse(f"rows from line {line} on cannot be read as numbers ({unquoted(error)})") from None
+    return rows
+
+
+def cut_warnings(image: FileImage) -> tuple[str, ...]:
+    """A warning if the last line has no end: nothing else shows that its last number lost digits."""
+    if image.part(image.size - 1, image.size) == b"\n":
+        return ()
+    return ("its last line has no line end: if the file was cut there, its last number is wrong",)
+
+
+def print_rows(*columns: Float[np.ndarray, "n ..."] | None, delimiter: str = " ") -> bytes:
+    """Print the given columns side by side: 9 digits for float32, 17 for float64; None is left out."""
+    blocks = [column if column.ndim == 2 else column[:, None] for column in columns if column is not None]
+    styles = ["%.9g" if block.dtype == np.float32 else "%.17g" for block in blocks for _ in block.T]
+    rows = np.concatenate([as_float64(block) for block in blocks], axis=1)
+    line = delimiter.join(styles) + "\n"
+    return "".join(line % tuple(row) for row in rows.tolist()).encode("ascii")
+
+
+def numbers(line: str) -> list[float] | None:
+    """The numbers of one line separated by blanks, or None if any word is not a number."""
+    try:
+        return [float(word) for word in line.split()]
+    except ValueError:
+        return None
+
+
+def is_counted_text(head: bytes, counts: tuple[int, int], widths: Sequence[int]) -> bool:
+    """True for a file of text whose first line is its number of rays and other counts, and its second line a ray.
+
+    ``counts``: fewest and most numbers of the first line, ``widths``: numbers that a ray may have.
+    """
+    lines = head.decode("latin-1").split("\n")
+    if any(byte < 9 for byte in head) or len(lines) < 2:
+        return False
+    first, ray = numbers(lines[0]) or [], numbers(lines[1]) or []
+    whole = all(number.is_integer() for number in first)
+    return counts[0] <= len(first) <= counts[1] and whole and first[0] >= 1.0 and len(ray) in widths
+
+
+def counted_rows(image: FileImage, widths: tuple[int, int]) -> tuple[list[float], Float[np.ndarray, "n columns"]]:
+    """Numbers of the first line, and the rows below it, as many as its first number promises."""
+    line = image.part(0, HEAD_BYTES).partition(b"\n")[0]
+    first = numbers(line.decode("latin-1")) or [0.0]
+    rows = parse_rows(image, len(line) + 1, image.size, first_line=2)
+    if rows.shape[1] not in widths:
+        raise image.refuse(f"line 2: {rows.shape[1]} numbers, a ray has {widths[0]} or {widths[1]}; export it again")
+    if len(rows) != first[0]:
+        fault = "truncated" if len(rows) < first[0] else "more than that"
+        raise image.refuse(
+            f"line 1 promises {first[0]:.15g} rays, the file holds {len(rows)} ({fault}); fetch it again"
+        )
+    return first, rows
