@@ -11,8 +11,9 @@ import numpy as np
 import torch
 
 from lensforge.errors import InputError
-from lensforge.search.merit import Evaluated, Problem, Problems
-from lensforge.search.symmetry import settled_symmetry
+from lensforge.search.merit import Evaluated
+from lensforge.search.parameters import settled_symmetry
+from lensforge.search.problem import Problem, Problems
 from lensforge.sources.build_source import build_source
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec import Spec

@@ -13,11 +13,10 @@ Its phases, in this order:
 """
 
 import math
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
 
-from lensforge.search.automatic_stages import AutomaticStages
-from lensforge.search.schedule import Gain, NextStage, Outcome, Stage
+from lensforge.search.schedule import AutomaticStages, Gain, NextStage, Outcome, Schedule, Stage
 
 _OF_BUDGET = 0.7  # for all levels, each of which gains more than a long stage; the rest is for those
 _FOR_UNIFORMITY = 0.3  # of the budget, in a scene with a region of uniform light
@@ -123,7 +122,7 @@ _MakeStage = Callable[[int, int, int | None], Stage]  # of a level, after so man
 
 
 @dataclass(frozen=True)
-class AutomaticSchedule:
+class AutomaticSchedule(Schedule):
     """``budget_s``: seconds of the whole search, None for as long as it gains.
 
     ``uniform``: the scene has a region of uniform light.
@@ -257,27 +256,6 @@ class AutomaticSchedule:
         if not at_start and self._budget.is_up(last):
             return f"{self._budget.words} leaves no time for {more}"
         return f"{more} lower the error by {_judged(gain, self.stages.effort.level_gain)}"
-
-    def next_stages(self, outcomes: Iterable[Outcome]) -> Iterator[NextStage]:
-        """The first stage, and what follows each of ``outcomes``."""
-        phases = self.phases()
-        yield next(phases)
-        for outcome in outcomes:
-            yield phases.send(outcome)
-
-    def next_stage(self, outcomes: Sequence[Outcome]) -> NextStage:
-        """Decide what follows the stages that had ``outcomes``."""
-        *_, last = self.next_stages(outcomes)
-        return last
-
-    def accepts(self, outcome: Outcome) -> bool:
-        """True for one with judgements of its light, and of its uniformity in a scene that asks for it."""
-        return outcome.light is not None and (outcome.even is not None) == self.uniform
-
-    def most_steps(self, outcomes: Sequence[Outcome]) -> int:
-        """Steps so far, and those of the stage that follows."""
-        stage = self.next_stage(outcomes).stage
-        return sum(outcome.steps for outcome in outcomes) + (0 if stage is None else stage.steps)
 
     def most_seconds(self, outcomes: Sequence[Outcome]) -> float:
         """Nearly the budget, but the first level has all its steps."""

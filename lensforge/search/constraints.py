@@ -24,6 +24,7 @@ from torch import Tensor
 from lensforge.search.constraint_points import (
     ChartOperator,
     ChartPoints,
+    KeepOutExtent,
     RadiusJet,
     constraint_points,
     draft_sine,
@@ -31,7 +32,6 @@ from lensforge.search.constraint_points import (
     wall_mm,
 )
 from lensforge.search.design_result import Limit, limits_of
-from lensforge.search.keep_out_extent import KeepOutExtent
 from lensforge.spec import Spec
 from lensforge.surfaces.bicubic_table import TableGrid
 

@@ -12,8 +12,8 @@ from lensforge.light.evaluation_result import Light
 from lensforge.light.lens_conditions import source_of
 from lensforge.light.source_photometry import SourceLumens
 from lensforge.results.arguments import count_of, path_of, require, threads_of_torch
+from lensforge.results.cluster import connected
 from lensforge.scene.lens import Lens, load_lens
-from lensforge.search.cluster import connected
 from lensforge.search.design_result import Design, Observer, Start
 from lensforge.sources.measured_rays import searched, smoothed
 from lensforge.spec import Accuracy, Spec
@@ -140,7 +140,7 @@ def _checked_scene(
 
         read_custom_base(spec.base.file)
     if spec.constraints.keep_out is not None:
-        from lensforge.search.keep_out_extent import require_keep_out_fits
+        from lensforge.search.constraint_points import require_keep_out_fits
 
         require_keep_out_fits(spec)
     source = source_of(spec)

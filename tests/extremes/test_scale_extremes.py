@@ -26,9 +26,9 @@ from lensforge.scene.receiver import Landings, ReceiverPose
 from lensforge.scene.receiver_shapes import Plane
 from lensforge.scene.target_pattern import target_light
 from lensforge.search.light_path import Collected, collected
-from lensforge.search.merit_terms import nmse_loss, shortfall_loss, uniformity_loss
+from lensforge.search.merit import nmse_loss, shortfall_loss, uniformity_loss
 from lensforge.search.optimiser import search
-from lensforge.search.symmetry import mirror_mean
+from lensforge.search.parameters import mirror_mean
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.ray_set import RaySetEmitter

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from judgements import judged
 
 from lensforge.search.automatic_schedule import AutomaticSchedule
-from lensforge.search.automatic_stages import AutomaticStages, UsefulLevels
-from lensforge.search.schedule import SLICES, Judgement, Outcome, Stage, stages_of
+from lensforge.search.schedule import SLICES, AutomaticStages, Judgement, Outcome, Stage, UsefulLevels, stages_of
 from lensforge.spec.accuracy import SearchEffort
 
 EFFORT = SearchEffort(289, (6, 20), (256, 1024), 4096, 0.1, 0.2)

@@ -16,14 +16,12 @@ from search_scenes import require_same_bits_after
 import lensforge as lf
 from lensforge.errors import InputError
 from lensforge.search import feasibility
-from lensforge.search.automatic_stages import UsefulLevels
 from lensforge.search.design_result import constraint_criteria
-from lensforge.search.merit import Problems
 from lensforge.search.optimiser import search
 from lensforge.search.parameters import Parametrisation
-from lensforge.search.schedule import Judgement, rays_ahead
+from lensforge.search.problem import Problems, ValidationRays
+from lensforge.search.schedule import Judgement, UsefulLevels, rays_ahead
 from lensforge.search.search_state import SearchState
-from lensforge.search.validation_rays import ValidationRays
 from lensforge.sources.build_source import build_source
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.sources.ray_set import RaySetEmitter

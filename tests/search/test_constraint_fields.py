@@ -12,6 +12,7 @@ from scenes import random_surface, small_spec, table_of
 from lensforge.search.constraint_points import (
     ChartOperator,
     ChartPoints,
+    KeepOutExtent,
     RadiusJet,
     constraint_points,
     draft_sine,
@@ -19,7 +20,6 @@ from lensforge.search.constraint_points import (
 )
 from lensforge.search.constraints import WALL, AugmentedLagrangian, Constraint, constraints_of
 from lensforge.search.design_result import DIRECTIONS, Margins, constraint_criteria, limits_of
-from lensforge.search.keep_out_extent import KeepOutExtent
 from lensforge.spec import Spec
 from lensforge.surfaces.bicubic_table import TableGrid
 

@@ -12,9 +12,9 @@ from scenes import hemisphere_directions, random_surface, small_spec, sphere
 import lensforge as lf
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
+from lensforge.search.constraint_points import KeepOutExtent, require_keep_out_fits
 from lensforge.search.design_result import constraint_criteria
 from lensforge.search.feasibility import measure_constraints
-from lensforge.search.keep_out_extent import KeepOutExtent, require_keep_out_fits
 from lensforge.search.optimiser import search
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec

@@ -11,9 +11,9 @@ from lensforge.scene.lens import Lens
 from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.design_result import constraint_criteria
 from lensforge.search.feasibility import measure_constraints, project_to_feasible, require_feasible_start
-from lensforge.search.merit import Problem, Problems
 from lensforge.search.optimiser import search
 from lensforge.search.parameters import Parametrisation
+from lensforge.search.problem import Problem, Problems
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
 from lensforge.surfaces.asphere import Asphere

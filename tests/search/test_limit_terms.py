@@ -7,7 +7,7 @@ from scenes import small_spec
 
 import lensforge as lf
 from lensforge.scene.receiver_shapes import receivers_of
-from lensforge.search.merit_terms import limit_terms
+from lensforge.search.merit import limit_terms
 from lensforge.spec import Spec
 
 BEAM = {"kind": "beam", "fwhm_deg": 30.0, "half_angle_deg": 60.0}

@@ -14,8 +14,7 @@ from lensforge.scene.made_part import MadePart
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.light_path import Collected, LightPath
-from lensforge.search.merit import MeritFunction, SampledLight
-from lensforge.search.merit_terms import ImageTerms, limit_terms, nmse_loss
+from lensforge.search.merit import ImageTerms, MeritFunction, SampledLight, limit_terms, nmse_loss
 from lensforge.sources.build_source import SquareEmitter
 
 

@@ -13,7 +13,7 @@ from lensforge.scene.limit_readings import LightLimit
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import target_light
 from lensforge.search.light_path import Collected
-from lensforge.search.merit_terms import (
+from lensforge.search.merit import (
     ImageTerms,
     LimitTerm,
     nmse_loss,
@@ -22,7 +22,7 @@ from lensforge.search.merit_terms import (
     smoothed,
     uniformity_loss,
 )
-from lensforge.search.symmetry import chart_mirrors, mirror_mean, mirrored_light
+from lensforge.search.parameters import chart_mirrors, mirror_mean, mirrored_light
 
 CHANCE = np.random.default_rng(0)
 MASK = torch.zeros((3, 4), dtype=torch.bool)

@@ -15,8 +15,8 @@ from lensforge.search import feasibility
 from lensforge.search.constraint_points import ChartPoints, RadiusJet, constraint_points
 from lensforge.search.constraints import AugmentedLagrangian, Constraint, constraints_of
 from lensforge.search.design_result import Margins
-from lensforge.search.merit import Problem
 from lensforge.search.parameters import Parametrisation
+from lensforge.search.problem import Problem
 from lensforge.search.search_state import SearchState
 from lensforge.spec import Spec
 from lensforge.surfaces import surface

@@ -12,9 +12,8 @@ from search_scenes import LARGE, Step, require_same_bits_after
 
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
-from lensforge.search.merit import Problem, Problems
 from lensforge.search.optimiser import search
-from lensforge.search.validation_rays import ValidationRays
+from lensforge.search.problem import Problem, Problems, ValidationRays
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
 from lensforge.spec.accuracy import PRESETS, SearchEffort

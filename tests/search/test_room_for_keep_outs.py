@@ -10,8 +10,7 @@ from scenes import small_spec
 from lensforge.cad.keep_out import FACET_MM, KeepOut, KeepOutSolid
 from lensforge.errors import InputError
 from lensforge.search import keep_out_extent
-from lensforge.search.constraint_points import ChartPoints
-from lensforge.search.keep_out_extent import _GROUP, KeepOutExtent, _in_groups, require_keep_out_fits
+from lensforge.search.constraint_points import _GROUP, ChartPoints, KeepOutExtent, _in_groups, require_keep_out_fits
 from lensforge.spec import Spec
 from lensforge.surfaces import surface
 from lensforge.surfaces.srbf import fibonacci_hemisphere

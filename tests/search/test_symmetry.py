@@ -13,7 +13,7 @@ from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver import PosedReceiver, ReceiverPose
 from lensforge.scene.receiver_shapes import Cylinder, Dome, FarField, Plane
 from lensforge.search.optimiser import search
-from lensforge.search.symmetry import _has_mirrors, chart_mirrors, mirrored_light, settled_symmetry
+from lensforge.search.parameters import _has_mirrors, chart_mirrors, mirrored_light, settled_symmetry
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.planar_emitter import planar_emitter
 from lensforge.spec import Spec
