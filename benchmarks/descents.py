@@ -60,7 +60,7 @@ class SearchInProgress:
             more = torch.zeros(sum(levels) - len(self.parameters[0]), 2, dtype=torch.float64)
             self.parameters[0] = torch.cat([self.parameters[0], more])
             if before is not None:
-                multipliers = self.problem.multipliers_of(before, before.constraints.multipliers)
+                multipliers = self.problem.constraints.at_nearest(before.constraints, before.constraints.multipliers)
                 self.problem.constraints.multipliers = multipliers
 
     def fresh_rays(self, count: int) -> RayBundle:

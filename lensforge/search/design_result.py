@@ -7,6 +7,7 @@ wherever it is read.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from math import nan
 from statistics import stdev
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
@@ -198,12 +199,16 @@ _DRAFT_TOLERANCE_DEG = 0.01
 
 @dataclass(frozen=True)
 class Limit:
-    """A margin of :class:`Margins` that must be at least 0, but for ``tolerance``; ``key`` ends with its unit."""
+    """A margin of :class:`Margins` that must be at least 0, but for ``tolerance``; ``key`` ends with its unit.
+
+    ``given``: the value of the spec (mm or degrees), of a keep-out its margin.
+    """
 
     key: str
     unit: str
     tolerance: float
     remedy: str
+    given: float
 
     @property
     def name(self) -> str:
@@ -211,62 +216,57 @@ class Limit:
         return self.key.removesuffix("_per_mm").removesuffix("_mm").removesuffix("_deg").replace("_", " ")
 
 
+# Key of a margin, the field of ``constraints`` that sets it, and what to do where it is missed.
+_LIMITS = (
+    ("cavity_clearance_mm", "cavity_height_mm", "raise lens.inner_offset_mm or lower constraints.cavity_*"),
+    ("wall_margin_mm", "min_thickness_mm", "raise lens.outer_offset_mm or lower constraints.min_thickness_mm"),
+    ("radius_margin_mm", "max_radius_mm", "raise constraints.max_radius_mm or lower lens.outer_offset_mm"),
+    *(
+        (
+            f"{face}_curvature_margin_per_mm",
+            f"{face}_concave_radius_mm",
+            f"lower constraints.{face}_concave_radius_mm or raise lens.{face}_offset_mm",
+        )
+        for face in ("inner", "outer")
+    ),
+    *(
+        (
+            f"{face}_draft_margin_deg",
+            f"{face}_draft_deg",
+            f"lower constraints.{face}_draft_deg or take more steps",
+        )
+        for face in ("inner", "outer")
+    ),
+    ("largest_wall_margin_mm", "max_wall_mm", "raise constraints.max_wall_mm or lens.inner_offset_mm"),
+    ("height_margin_mm", "max_height_mm", "raise constraints.max_height_mm or lower lens.outer_offset_mm"),
+    ("keep_out_clearance_mm", "keep_out", "raise lens.inner_offset_mm or lower constraints.keep_out_margin_mm"),
+)
+
+
 def limits_of(spec: Spec) -> dict[str, Limit]:
     """The limits of ``spec`` by the key of their margin: the paper's three, and the optional ones that it has."""
-    return {limit.key: limit for limit in (*_of_paper(spec), *_of_cutter(spec), *_of_mould(spec), *_of_envelope(spec))}
-
-
-def _of_paper(spec: Spec) -> Iterator[Limit]:
-    for key, remedy in (
-        ("cavity_clearance_mm", "raise lens.inner_offset_mm or lower constraints.cavity_*"),
-        ("wall_margin_mm", "raise lens.outer_offset_mm or lower constraints.min_thickness_mm"),
-        ("radius_margin_mm", "raise constraints.max_radius_mm or lower lens.outer_offset_mm"),
-    ):
-        yield Limit(key, "mm", spec.constraints.tolerance_mm, remedy)
-
-
-def _of_cutter(spec: Spec) -> Iterator[Limit]:
-    limits = spec.constraints
-    for surface, limit_mm in (("inner", limits.inner_concave_radius_mm), ("outer", limits.outer_concave_radius_mm)):
-        if limit_mm is not None:
-            remedy = f"lower constraints.{surface}_concave_radius_mm or raise lens.{surface}_offset_mm"
-            yield Limit(f"{surface}_curvature_margin_per_mm", "1/mm", _CURVATURE_TOLERANCE / limit_mm, remedy)
-
-
-def _of_mould(spec: Spec) -> Iterator[Limit]:
-    limits = spec.constraints
-    for surface, limit_deg in (("inner", limits.inner_draft_deg), ("outer", limits.outer_draft_deg)):
-        if limit_deg is not None:
-            remedy = f"lower constraints.{surface}_draft_deg or take more steps"
-            yield Limit(f"{surface}_draft_margin_deg", "deg", _DRAFT_TOLERANCE_DEG, remedy)
-
-
-def _of_envelope(spec: Spec) -> Iterator[Limit]:
-    limits = spec.constraints
-    for key, given, remedy in (
-        ("largest_wall_margin_mm", limits.max_wall_mm, "raise constraints.max_wall_mm or lens.inner_offset_mm"),
-        ("height_margin_mm", limits.max_height_mm, "raise constraints.max_height_mm or lower lens.outer_offset_mm"),
-        (
-            "keep_out_clearance_mm",
-            limits.keep_out,
-            "raise lens.inner_offset_mm or lower constraints.keep_out_margin_mm",
-        ),
-    ):
-        if given is not None:
-            yield Limit(key, "mm", limits.tolerance_mm, remedy)
+    limits = {}
+    for key, field, remedy in _LIMITS:
+        given = getattr(spec.constraints, field)
+        if given is None:
+            continue
+        unit, tolerance = "mm", spec.constraints.tolerance_mm
+        if key.endswith("_per_mm"):
+            unit, tolerance = "1/mm", _CURVATURE_TOLERANCE / given
+        elif key.endswith("_deg"):
+            unit, tolerance = "deg", _DRAFT_TOLERANCE_DEG
+        value = spec.constraints.keep_out_margin_mm if field == "keep_out" else given
+        limits[key] = Limit(key, unit, tolerance, remedy, value)
+    return limits
 
 
 def constraint_criteria(spec: Spec, measured: Margins) -> tuple[Criterion, ...]:
-    """One criterion for each limit of ``spec``: at least 0 but for its tolerance."""
+    """One criterion for each limit of ``spec``: at least 0 but for its tolerance; NaN where it was not measured."""
+    margins = ((limit, getattr(measured, key)) for key, limit in limits_of(spec).items())
     return tuple(
-        at_least(limit.name, _known(getattr(measured, key)), -limit.tolerance, limit.unit, limit.remedy)
-        for key, limit in limits_of(spec).items()
+        at_least(limit.name, nan if margin is None else margin, -limit.tolerance, limit.unit, limit.remedy)
+        for limit, margin in margins
     )
-
-
-def _known(margin: float | None) -> float:
-    """``margin``, or NaN where it has not been measured."""
-    return float("nan") if margin is None else margin
 
 
 def design_facts(design: Design) -> list[Group]:

@@ -19,7 +19,6 @@ from lensforge.search.optimiser import search
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
 from lensforge.surfaces import step_file as step_reading
-from lensforge.surfaces.asphere import Asphere
 
 BALL_MM, CENTRE, MARGIN_MM = 1.0, np.array([0.5, 0.0, 0.8]), 0.2
 GROWTH_MM = MARGIN_MM + 2e-3  # and the error of the mesh
@@ -38,10 +37,6 @@ def own_files_are_read_here(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture(scope="module")
 def ball_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return step_file(tmp_path_factory.mktemp("keep_out") / "ball.step", ball(BALL_MM, tuple(CENTRE)))
-
-
-def sphere_at(radius_mm: float, centre_z_mm: float) -> Asphere:
-    return Asphere(centre_z_mm + radius_mm, -radius_mm, 0.0, ())
 
 
 def kept_out(path: Path, margin_mm: float = MARGIN_MM, **changes: Any) -> Spec:
@@ -125,14 +120,6 @@ def test_a_search_that_starts_outside_its_envelope_ends_inside(tmp_path: Path) -
     beyond = np.maximum(np.abs(inner[:, None] * u - [0.3, 0.0, 1.4]) - [0.75, 0.5, 1.7], 0.0)
     assert np.linalg.norm(beyond, axis=1).min() >= 0.1
     assert found.inputs["file:led.step"] == hashlib.sha256(path.read_bytes()).hexdigest()
-
-
-def test_the_file_is_found_beside_its_spec(tmp_path: Path) -> None:
-    kept_out(tmp_path / "led.step").save(tmp_path / "spec.toml")
-    text = (tmp_path / "spec.toml").read_text().replace(f"{tmp_path}/", "")
-    (tmp_path / "spec.toml").write_text(text)
-    assert 'keep_out = "led.step"' in text
-    assert lf.load_spec(tmp_path / "spec.toml").constraints.keep_out == tmp_path / "led.step"
 
 
 def test_a_keep_out_that_no_cavity_holds_is_refused_before_the_search(tmp_path: Path) -> None:

@@ -76,16 +76,6 @@ def test_every_kind_of_violation_is_mended_with_a_small_step() -> None:
     assert (moved[0] - weights).abs().max() < 0.02
 
 
-def test_what_cannot_be_mended_still_fails_by_name() -> None:
-    spec = small_spec(lens__symmetry="square")
-    impossible = spec.constraints.model_copy(update={"min_thickness_mm": 6.9})  # refused where a spec is read
-    spec = spec.model_copy(update={"constraints": impossible})
-    parametrisation, constraints, weights, offsets = scene(spec, 0.0, 1.0)
-    moved = project_to_feasible(parametrisation, constraints, weights, offsets)
-    assert torch.equal(moved[0], weights)
-    assert failing(parametrisation, spec, *moved)
-
-
 def test_limits_that_only_a_projection_shows_to_exclude_each_other_are_named_before_the_search() -> None:
     """A cavity of 5.5 mm nowhere tighter than 5.5 mm, 1 mm of wall and 25 degrees of draft need 6.5 / cos(25 deg)."""
     limits = {"constraints__cavity_height_mm": 5.5, "constraints__inner_concave_radius_mm": 5.5}

@@ -1,6 +1,5 @@
 """Light of samples, parts and halves, and the merit by two of them, from pictures that are given."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -92,49 +91,7 @@ def merit(*limits: dict[str, Any], even: bool = True) -> MeritFunction:
 TABLE = torch.ones(4, 4, dtype=torch.float64)
 
 
-@pytest.mark.parametrize("even", [True, False])
-def test_light_of_a_step_is_that_of_the_lens_or_the_mean_of_two_parts(even: bool) -> None:
-    made, rays = merit(even=even), SquareEmitter(1.0, flux_w=1.5).sample(64, 0)
-
-    def flux_term(light: tuple[Collected, ...]) -> float:
-        own = [terms.share * terms.flux_term(each).item() for terms, each in zip(made.terms, light, strict=True)]
-        return (0.1 if even else 0.3) * light[0].total_reflection.item() + sum(own)
-
-    alone = made.light_of(TABLE, TABLE, rays)
-    assert alone.emitted_w == pytest.approx(1.5) and alone.halves == ()
-    assert alone.terms.item() == pytest.approx(flux_term(known(5)))
-    assert all(torch.equal(image, each.image) for image, each in zip(alone.images, known(5), strict=True))
-    both = made.light_of(TABLE, TABLE, rays, (part(1), part(2)))
-    one, other = known(1), known(2)
-    assert both.terms.item() == pytest.approx(0.5 * (flux_term(one) + flux_term(other)))
-    for k in range(2):
-        np.testing.assert_allclose(both.images[k], 0.5 * (one[k].image + other[k].image))
-        np.testing.assert_allclose(both.halves[0][k], 0.5 * (one[k].image - other[k].image))
-
-
 LIMIT = {"kind": "zone", "unit": "w_per_m2", "at_least": 1e4}
-
-
-@pytest.mark.parametrize("limits", [(), (LIMIT, {**LIMIT, "unit": "w_per_m2", "at_least": 2e4})])
-@pytest.mark.parametrize("robust", [False, True])
-def test_a_merit_is_judged_by_two_samples_of_every_part(limits: tuple[dict[str, Any], ...], robust: bool) -> None:
-    made, rays = merit(*limits), SquareEmitter(1.0, flux_w=1.5).sample(64, 0)
-    pairs = ((part(1), part(2)), (part(3), part(4))) if robust else (None, None)
-    first, second = (made.light_of(TABLE, TABLE, rays, pair) for pair in pairs)
-    second = replace(second, terms=second.terms + 0.5, emitted_w=2.0)
-
-    def judged(images: Any, others: Any) -> float:
-        total = sum(terms.share * terms.judge(a, b, True).item()
-                    for terms, a, b in zip(made.terms, images, others, strict=True))  # fmt: skip
-        mean = tuple(0.5 * (a + b) for a, b in zip(images, others, strict=True))
-        return float(total + sum(limit.loss(mean).item() for limit in made.limits))
-
-    errors = [judged(a, b) for a, b in zip(first.of_parts(), second.of_parts(), strict=True)]
-    of_flux = 0.5 * (first.terms.item() / 1.5 + second.terms.item() / 2.0)
-    whole, of_images = made.judge(first, second, True)
-    assert len(errors) == (2 if robust else 1) and len(made.limits) == len(limits)
-    assert whole == pytest.approx(np.mean(errors) + of_flux)
-    assert of_images == pytest.approx(judged(first.images, second.images))
 
 
 class Free(AugmentedLagrangian):

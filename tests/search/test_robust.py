@@ -84,17 +84,6 @@ def test_a_spec_without_deviations_is_refused_in_one_line() -> None:
         search(spec, build_source(spec.source), accuracy="draft")
 
 
-def test_tolerances_change_a_robust_search_and_no_other(tmp_path: Path) -> None:
-    def lens(spec: Spec) -> Lens:
-        return search(spec, build_source(spec.source), accuracy="draft").lens
-
-    def weights(spec: Spec) -> bytes:
-        return lens(spec).inner.weights_mm.tobytes()  # type: ignore[attr-defined]
-
-    assert weights(small_spec()) == weights(small_spec(tolerances=LARGE))
-    assert len({weights(spec) for spec in (small_spec(), robust(), robust(tolerances=LARGE))}) == 3
-
-
 @pytest.mark.parametrize("levels", [[9, 25], "auto"])
 def test_an_interrupted_search_goes_on_to_the_same_bits(
     levels: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

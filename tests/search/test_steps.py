@@ -52,11 +52,6 @@ def counted() -> tuple[Counted, list[int]]:
     return source, found
 
 
-def test_no_two_steps_share_their_rays(counted: tuple[Counted, list[int]]) -> None:
-    seeds = counted[0].seeds
-    assert len(set(seeds)) == len(seeds) == sum(STEPS)
-
-
 def test_multipliers_change_after_every_tenth_step_of_a_level(counted: tuple[Counted, list[int]]) -> None:
     first = [step // 10 for step in range(1, STEPS[0] + 1)]
     assert counted[1] == first + [first[-1] + step // 10 for step in range(1, STEPS[1] + 1)]
