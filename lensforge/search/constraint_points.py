@@ -24,12 +24,10 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 from lensforge.cad.keep_out import FACET_MM, KeepOut, read_keep_out
-from lensforge.errors import InputError
 from lensforge.kernels.clearance import grown_extents, nearest_on_table
 from lensforge.kernels.parallel import in_chunks
 from lensforge.kernels.sparse import SparseMatrix
 from lensforge.spec import Spec
-from lensforge.spec.spec_section import rounded_up
 from lensforge.surfaces import surface
 from lensforge.surfaces.bicubic_table import TableGrid, cubic_basis
 from lensforge.surfaces.mirror_group import first_images, group
@@ -350,24 +348,3 @@ def _outline(extent: KeepOutExtent) -> tuple[Float[np.ndarray, "m 2"], Float[np.
     directions = fibonacci_hemisphere(_DIRECTIONS)
     extents = extent.along(directions)
     return surface.to_chart(directions[extents > 0.0]), extents[extents > 0.0]
-
-
-def require_keep_out_fits(spec: Spec) -> None:
-    """Raise :class:`InputError` where the keep-out and the wall around it do not fit into the largest lens."""
-    limits = spec.constraints
-    directions = fibonacci_hemisphere(_DIRECTIONS)
-    extents = KeepOutExtent.of(spec).along(directions)
-    rooms = [("max_radius_mm", limits.max_radius_mm, np.ones(len(directions)))]
-    if limits.max_height_mm is not None:
-        rooms.append(("max_height_mm", limits.max_height_mm, directions[:, 2]))
-    for name, most, share in rooms:
-        needed = np.where(extents > 0.0, (extents + limits.min_thickness_mm) * share, 0.0) + 3.0 * limits.margin_mm
-        worst = int(needed.argmax())
-        if needed[worst] > most:
-            x, y, z = extents[worst] * directions[worst]
-            raise InputError(
-                f"constraints.keep_out: {limits.keep_out} with keep_out_margin_mm = {limits.keep_out_margin_mm:g} "
-                f"reaches ({x:.4g}, {y:.4g}, {z:.4g}) mm; around it a wall of min_thickness_mm = "
-                f"{limits.min_thickness_mm:g} needs a {name} of at least {rounded_up(float(needed[worst]))}, it is "
-                f"{most:g}: raise it, move the solid below z = 0, or leave out what stands beside the lens"
-            )

@@ -11,7 +11,7 @@ from math import nan
 from statistics import stdev
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from lensforge.results import (
     Bound,
@@ -75,13 +75,6 @@ class Level(Record):
     efficiency: tuple[Number, ...]
     constraints: dict[str, tuple[Number, ...]]
 
-    @model_validator(mode="after")
-    def _one_value_for_each_step(self) -> "Level":
-        for name, values in {"loss": self.loss, "efficiency": self.efficiency, **self.constraints}.items():
-            if len(values) != len(self.nmse):
-                raise ValueError(f"{name}: {len(values)} values, nmse has {len(self.nmse)}; one for each step")
-        return self
-
 
 class Start(Record):
     """One of several searches, by its seed: the light of its lens on the first receiver.
@@ -135,14 +128,6 @@ class Design(StageResult):
     ended: Text | None = None
     starts: tuple[Start, ...] = ()
     criteria: tuple[Criterion, ...]
-
-    @model_validator(mode="after")
-    def _every_constraint_has_its_history(self) -> "Design":
-        names = set(self.constraints.model_dump(exclude_none=True))
-        for level in self.history:
-            if set(level.constraints) != names:
-                raise ValueError(f"history: level {level.level}: its constraints must be {', '.join(sorted(names))}")
-        return self
 
     @property
     def spread(self) -> float | None:
@@ -216,47 +201,34 @@ class Limit:
         return self.key.removesuffix("_per_mm").removesuffix("_mm").removesuffix("_deg").replace("_", " ")
 
 
-# Key of a margin, the field of ``constraints`` that sets it, and what to do where it is missed.
-_LIMITS = (
-    ("cavity_clearance_mm", "cavity_height_mm", "raise lens.inner_offset_mm or lower constraints.cavity_*"),
-    ("wall_margin_mm", "min_thickness_mm", "raise lens.outer_offset_mm or lower constraints.min_thickness_mm"),
-    ("radius_margin_mm", "max_radius_mm", "raise constraints.max_radius_mm or lower lens.outer_offset_mm"),
-    *(
-        (
-            f"{face}_curvature_margin_per_mm",
-            f"{face}_concave_radius_mm",
-            f"lower constraints.{face}_concave_radius_mm or raise lens.{face}_offset_mm",
-        )
-        for face in ("inner", "outer")
-    ),
-    *(
-        (
-            f"{face}_draft_margin_deg",
-            f"{face}_draft_deg",
-            f"lower constraints.{face}_draft_deg or take more steps",
-        )
-        for face in ("inner", "outer")
-    ),
-    ("largest_wall_margin_mm", "max_wall_mm", "raise constraints.max_wall_mm or lens.inner_offset_mm"),
-    ("height_margin_mm", "max_height_mm", "raise constraints.max_height_mm or lower lens.outer_offset_mm"),
-    ("keep_out_clearance_mm", "keep_out", "raise lens.inner_offset_mm or lower constraints.keep_out_margin_mm"),
-)
+# By the key of a margin: the field of ``constraints`` that sets its limit, and what to do where it is missed.
+_LIMITS = {
+    "cavity_clearance_mm": ("cavity_height_mm", "raise lens.inner_offset_mm or lower constraints.cavity_*"),
+    "wall_margin_mm": ("min_thickness_mm", "raise lens.outer_offset_mm or lower {field}"),
+    "radius_margin_mm": ("max_radius_mm", "raise {field} or lower lens.outer_offset_mm"),
+    "inner_curvature_margin_per_mm": ("inner_concave_radius_mm", "lower {field} or raise lens.inner_offset_mm"),
+    "outer_curvature_margin_per_mm": ("outer_concave_radius_mm", "lower {field} or raise lens.outer_offset_mm"),
+    "inner_draft_margin_deg": ("inner_draft_deg", "lower {field} or take more steps"),
+    "outer_draft_margin_deg": ("outer_draft_deg", "lower {field} or take more steps"),
+    "largest_wall_margin_mm": ("max_wall_mm", "raise {field} or lens.inner_offset_mm"),
+    "height_margin_mm": ("max_height_mm", "raise {field} or lower lens.outer_offset_mm"),
+    "keep_out_clearance_mm": ("keep_out", "raise lens.inner_offset_mm or lower {field}_margin_mm"),
+}
 
 
 def limits_of(spec: Spec) -> dict[str, Limit]:
     """The limits of ``spec`` by the key of their margin: the paper's three, and the optional ones that it has."""
-    limits = {}
-    for key, field, remedy in _LIMITS:
-        given = getattr(spec.constraints, field)
-        if given is None:
+    limits, own = {}, spec.constraints
+    for key, (field, remedy) in _LIMITS.items():
+        if (given := getattr(own, field)) is None:
             continue
-        unit, tolerance = "mm", spec.constraints.tolerance_mm
+        unit, tolerance = "mm", own.tolerance_mm
         if key.endswith("_per_mm"):
             unit, tolerance = "1/mm", _CURVATURE_TOLERANCE / given
         elif key.endswith("_deg"):
             unit, tolerance = "deg", _DRAFT_TOLERANCE_DEG
-        value = spec.constraints.keep_out_margin_mm if field == "keep_out" else given
-        limits[key] = Limit(key, unit, tolerance, remedy, value)
+        value = own.keep_out_margin_mm if field == "keep_out" else given
+        limits[key] = Limit(key, unit, tolerance, remedy.format(field=f"constraints.{field}"), value)
     return limits
 
 

@@ -22,16 +22,14 @@ from lensforge.light.table_trace import Scene, trace_tables
 from lensforge.scene.lens import Lens
 from lensforge.scene.limit_readings import LightLimit, light_limits
 from lensforge.scene.possible_light import LargestShare, PossibleLight, SourceLight
-from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import target_light
 from lensforge.scene.target_region import in_target
 from lensforge.sources.build_source import summarise
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.sources.source_pose import SourcePose
-from lensforge.spec import Spec, Target
+from lensforge.spec import Spec
 from lensforge.spec.feasible import smallest_inner_mm
-from lensforge.spec.receiver_sections import PlaneReceiver
 from lensforge.spec.source_sections import Placement
 from lensforge.spec.spec_section import rounded_up
 from lensforge.surfaces.asphere import sphere
@@ -135,7 +133,6 @@ _RAYS, _SEED = 2**14, 0
 _NODES_PER_SIGMA = 4.0  # the starting lens is smooth: its entry is right to the noise of the rays
 _LEAST_ENTERING = 1e-3  # of the flux; the rest of such a search is noise
 _WARN_LOST, _WARN_POSSIBLE = 0.1, 0.7  # shares that a user should know of before waiting for a search
-_PIXELS = 64  # along a side
 _MAIN_CAUSE = 0.1  # of the light that is lost: smaller causes need no remedy of their own
 _LOST = {
     Fate.BACKWARD: "goes backward, towards -z",
@@ -190,13 +187,6 @@ class SceneCheck:
         for field, asked in self._asked():
             if asked.met < _WARN_POSSIBLE:
                 lines.append(f"{field}: {asked.possible_words} {self._through()}; try {asked.remedies()}")
-        for section, receiver in zip(self.spec.all_receivers, receivers_of(self.spec, _PIXELS), strict=True):
-            behind = _behind_the_led(section.targets, receiver) if isinstance(section, PlaneReceiver) else 0.0
-            if behind > 0.0:
-                lines.append(
-                    f"receivers: {section.name}: {_percent(behind)} of its target lies behind the LED's plane z = 0, "
-                    "where a lens sends little light; move or shrink the target"
-                )
         return tuple(lines)
 
     def _asked(self) -> Iterator[tuple[str, Asked]]:
@@ -230,13 +220,6 @@ class SceneCheck:
         if self.spec.target is not None and self.spec.target.distance_mm is not None:
             return f"{largest} at target.distance_mm = {self.spec.target.distance_mm:g}"
         return largest
-
-
-def _behind_the_led(targets: tuple[Target, ...], receiver: PosedReceiver) -> float:
-    """Share of the targets' light below the plane of the LED."""
-    wanted = target_light(targets, receiver)
-    height_mm = receiver.places(*np.meshgrid(receiver.grid.x(), receiver.grid.y()))[..., 2]
-    return float(wanted[height_mm < 0.0].sum() / wanted.sum())
 
 
 def _shares_by_fate(spec: Spec, rays: RayBundle, start: Lens | None) -> dict[Fate, float]:

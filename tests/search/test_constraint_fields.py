@@ -89,6 +89,14 @@ def test_the_wall_is_the_distance_to_the_outer_face_where_it_may_bind(limit_mm: 
     assert not bound or (radial[thin] - found[thin]).max() > 0.03
 
 
+def test_the_wall_of_faces_that_cross_is_below_zero() -> None:
+    grid = TableGrid(40)
+    operator = ChartOperator.of(grid, constraint_points(grid, "none", every_node=4), derivatives=False)
+    tables = (torch.full((grid.side, grid.side), radius, dtype=torch.float64) for radius in (5.0, 4.0))
+    found = constraints_of(small_spec())[1].field(*operator.jets(*tables), operator.points)
+    np.testing.assert_allclose(found.numpy(), -1.0 - small_spec().constraints.min_thickness_mm, atol=1e-9)
+
+
 def test_all_constraints_have_their_derivatives() -> None:
     grid = TableGrid(40)
     constraints = AugmentedLagrangian.of(shop_spec(constraints__outer_concave_radius_mm=100.0), grid, penalty=100.0)

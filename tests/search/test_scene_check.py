@@ -47,14 +47,6 @@ def wall(height_mm: float, **more: object) -> tuple[str, ...]:
     return check(spec).warnings()
 
 
-def test_a_target_behind_the_plane_of_the_led_is_a_warning() -> None:
-    """The target reaches 100 mm to each side along z: a quarter of it is below z = 0 where its middle is at 50 mm."""
-    (found,) = (words for words in wall(50.0) if "behind the LED's plane z = 0" in words)
-    share = float(found.removeprefix("receivers: wall: ").partition(" %")[0])
-    assert share == pytest.approx(25.0, abs=100.0 * 600.0 / 64 / 200.0), "to a pixel"
-    assert not any("behind the LED" in words for words in wall(120.0)), "only the receiver reaches below"
-
-
 def test_shares_of_a_disc_that_is_wider_than_the_cavity_are_those_of_its_area() -> None:
     """A square of 6 mm around a cavity of 1.5 mm radius: pi 1.5^2 of its 36 mm^2 starts inside."""
     spec = small_spec(source__side_mm=6.0, lens__inner_offset_mm=1.5)
