@@ -66,7 +66,7 @@ def fingerprint(spec: Spec, seed: int, accuracy: str, start: Lens | None, device
 def save_checkpoint(path: Path, head: CheckpointHead, arrays: Mapping[str, np.ndarray]) -> None:
     """Write a checkpoint beside ``path`` and rename it."""
     archive = io.BytesIO()
-    np.savez(archive, allow_pickle=False, **arrays)  # type: ignore[arg-type]  # as NumPy has it
+    np.savez(archive, allow_pickle=False, **arrays)
     content = head.model_dump_json().encode() + b"\n" + archive.getvalue()
     digest = hashlib.sha256(content).hexdigest().encode()
     with replacing(path) as temporary:

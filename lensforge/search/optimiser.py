@@ -171,8 +171,8 @@ class Descent:
             best=kept.best if following.begin == "current" else kept.begin,
             accepted=kept.accepted,
         )
-        as_before = following.begin == "current" and coming is not None
-        if not (as_before and (coming.functions, coming.uniform) == (stage.functions, stage.uniform)):
+        moved = (stage.functions, stage.uniform)
+        if coming is None or following.begin != "current" or (coming.functions, coming.uniform) != moved:
             state = replace(state, moments=None, steps_of_moments=0)
         if coming is not None:
             state = self._for_levels(state, problem, coming)

@@ -51,7 +51,7 @@ def _faces_in(path: Path, iges: bool, origin: str) -> tuple[list[NamedFace], str
 
     reader = IGESCAFControl_Reader() if iges else STEPCAFControl_Reader()
     refusal = f"{origin}: not readable as {'IGES' if iges else 'STEP'}; {_REMEDY}"
-    faces = []
+    faces: list[NamedFace] = []
     for name, shape, named in shapes_in(reader, path, refusal):
         every = [] if shape.IsNull() else faces_of(shape)
         alone = name if len(every) == 1 else ""  # a face that is a product of its own

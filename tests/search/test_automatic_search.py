@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from judgements import judge_as
 from nightly import first_by_day
 from scenes import small_spec
 from search_scenes import require_same_bits_after
@@ -74,6 +75,19 @@ def test_the_same_bits_after_an_interrupt(
     require_same_bits_after(stop_at, spec, source, path, whole)
 
 
+def test_a_level_that_is_left_out_at_the_very_end_leaves_its_functions_out(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, few_steps: None
+) -> None:
+    seconds = iter(range(0, 10_000, 20))
+    monkeypatch.setattr("lensforge.search.optimiser.time.perf_counter", lambda: float(next(seconds)))
+    spec, path = automatic(optimise__seconds=700.0, target__uniform_mm=None), tmp_path / "checkpoint.bin"
+    for resume in (False, True):
+        judge_as(monkeypatch, 1.0, 0.5, 0.51, 0.49)
+        found = search(spec, build_source(spec.source), accuracy="draft", checkpoint=path, resume=resume)
+        assert found.lens.basis.levels == (9,) and found.steps == 3 * FEW.steps[0]
+        assert "25 functions more lower the error by" in str(found.ended)
+
+
 @pytest.mark.parametrize("seed", first_by_day(1, range(4)))
 def test_a_search_by_few_points_still_ends_within_its_limits(seed: int) -> None:
     """At the nodes of its coarse table this lens is a little smaller than between them."""
@@ -134,6 +148,10 @@ def test_wide_sources_and_balls_make_fine_levels_useless() -> None:
     assert levels_of(small).counts[-1] == 4225
     coarse = small.replace({"constraints.outer_concave_radius_mm": 40.0})
     assert levels_of(coarse).counts[-1] < 1089 and "a ball of 40 mm" in levels_of(coarse).why
+    (receiver,) = coarse.all_receivers
+    pixel_rad = max(receiver.size) / coarse.evaluate.pixels / receiver.distance_mm
+    turned = coarse.lens.media.largest_turning_power * coarse.constraints.max_radius_mm
+    assert f"narrower than {2.0 * 40.0 * pixel_rad / turned:.2g} rad" in levels_of(coarse).why
 
 
 def test_validation_rays_judge_without_the_noise_of_their_number() -> None:

@@ -156,6 +156,8 @@ def test_a_limit_beyond_half_of_what_the_luminance_allows_is_refused_by_its_name
     ) as refusal:
         asking(2.1 * most).require_light()
     assert "\n" not in str(refusal.value)
+    enough_mm = float(str(refusal.value).partition(">= ")[2].split()[0])
+    assert enough_mm == pytest.approx(sqrt(2.1) * radius_mm, rel=0.02), "flux rises with the area of the lens"
 
 
 def test_an_estimated_luminance_warns_and_stops_nothing() -> None:

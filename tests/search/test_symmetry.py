@@ -1,7 +1,5 @@
 """The symmetry that a scene has is found, and none that it has not; light is mirrored pixel by pixel."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 import torch
@@ -120,40 +118,3 @@ def test_a_fixed_surface_limits_the_symmetry() -> None:
     assert settled_symmetry(found, SquareEmitter(1.0)).lens.symmetry == "rectangle"
     with pytest.raises(InputError, match=r"'square': lens.fixed_inner is not symmetric in this way"):
         settled_symmetry(wanted, SquareEmitter(1.0))
-
-
-def mirrored(**changes: Any) -> str:
-    """The symmetry found for a disc on a receiver."""
-    kind = changes.pop("kind", "plane")
-    size = {"half_angle_deg": 60.0} if kind in ("far_field", "sphere") else {"width_mm": 200.0, "height_mm": 200.0}
-    target = {"kind": "disc", "diameter_mm": 60.0}
-    if kind == "far_field":
-        target = {"kind": "disc", "diameter_deg": 40.0}
-    target |= changes.pop("target", {})
-    spec = small_spec(target=None, receivers=[{"kind": kind, "targets": [target], **size, **changes}])
-    spec = spec.replace({"lens.symmetry": "auto"})
-    return settled_symmetry(spec, SquareEmitter(1.0)).lens.symmetry
-
-
-@pytest.mark.parametrize(
-    ("changes", "symmetry"),
-    [
-        ({"centre_mm": [0.0, 0.0, 100.0]}, "square"),
-        ({"centre_mm": [0.0, 0.0, 100.0], "rotation_deg": 90.0}, "square"),
-        ({"centre_mm": [0.0, 0.0, 100.0], "height_mm": 150.0}, "rectangle"),
-        ({"centre_mm": [0.0, 0.0, 100.0], "target": {"centre_mm": [20.0, 0.0]}}, "mirror_y"),
-        ({"centre_mm": [40.0, 0.0, 90.0], "tilt_deg": [0.0, 30.0]}, "mirror_y"),
-        ({"centre_mm": [0.0, 40.0, 90.0], "tilt_deg": [-30.0, 0.0]}, "mirror_x"),
-        ({"centre_mm": [0.0, 40.0, 90.0], "tilt_deg": [-30.0, 0.0], "rotation_deg": 90.0}, "mirror_x"),
-        ({"centre_mm": [0.0, 40.0, 90.0], "tilt_deg": [-30.0, 0.0], "rotation_deg": 45.0}, "mirror_x"),
-        ({"centre_mm": [0.0, 40.0, 90.0], "tilt_deg": [-30.0, 0.0], "rotation_deg": 30.0}, "none"),
-        ({"centre_mm": [30.0, 40.0, 90.0]}, "none"),
-        ({"kind": "far_field"}, "square"),
-        ({"kind": "far_field", "axis": [0.2, 0.0, 1.0]}, "mirror_y"),
-        ({"kind": "cylinder", "radius_mm": 80.0}, "rectangle"),
-        ({"kind": "sphere", "radius_mm": 80.0}, "square"),
-        ({"kind": "sphere", "radius_mm": 80.0, "centre_mm": [5.0, 0.0, 0.0]}, "mirror_y"),
-    ],
-)
-def test_symmetry_is_found_for_every_receiver(changes: dict[str, Any], symmetry: str) -> None:
-    assert mirrored(**changes) == symmetry
