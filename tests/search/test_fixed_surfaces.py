@@ -76,13 +76,7 @@ def test_rays_refract_at_the_sphere_itself() -> None:
             r"inner_offset_mm.*\[lens.fixed_inner\]",
         ),
         ({"fixed_outer": DOME, "fixed_inner": SPHERE}, {}, "one of the surfaces must be free"),
-        ({"outer_offset_mm": 1.5, "fixed_inner": SPHERE}, {}, "outer_offset_mm = 1.5 must exceed"),
         ({"inner_offset_mm": 6.6, "fixed_outer": DOME}, {}, "the vertex of fixed_outer = 6.5 must exceed"),
-        (
-            {"outer_offset_mm": 6.0, "fixed_inner": SPHERE | {"radius_mm": -1.0}},
-            {},
-            r"lens\.fixed_inner\.radius_mm = -1",
-        ),
         ({"outer_offset_mm": 6.0, "fixed_inner": SPHERE | {"centre_z_mm": 3.5}}, {}, "lens.fixed_inner: .*star-shaped"),
         ({"outer_offset_mm": 6.0, "fixed_inner": SPHERE}, {"cavity_height_mm": 2.5}, "fixed_inner cuts 0.5 mm into"),
         ({"inner_offset_mm": 3.0, "fixed_outer": DOME}, {"max_radius_mm": 6.4}, r"fixed_outer reaches \d"),
@@ -96,11 +90,6 @@ def test_rays_refract_at_the_sphere_itself() -> None:
             {"outer_offset_mm": 6.0, "fixed_inner": FLAT},
             {"inner_concave_radius_mm": 3.2},
             "has a concave radius of 3 mm",
-        ),
-        (
-            {"inner_offset_mm": 3.0, "fixed_outer": {"kind": "plane"}},
-            {},
-            r"lens\.fixed_outer\.kind.*one of sphere, asphere",
         ),
     ],
 )

@@ -79,12 +79,3 @@ def _take(count: int, parameters: list[torch.Tensor], optimiser: Adam) -> None:
         optimiser.zero_grad()
         _loss(parameters, 1).backward()
         optimiser.step(0.1)
-
-
-def test_moments_of_a_parameter_without_gradient_are_zero() -> None:
-    weights, offsets = _start()
-    optimiser = Adam(weights, offsets, BETAS, EPS)
-    (weights**2).sum().backward()
-    optimiser.step(0.1)
-    assert optimiser.moments.weights.abs().min() > 0.0
-    assert not optimiser.moments.offsets.any() and not optimiser.moments.offsets_squared.any()
