@@ -197,7 +197,7 @@ class SceneCheck:
             yield f"limits: {limit.name}", limit
 
     def _entry(self) -> str:
-        """How much light enters the starting lens, what becomes of the rest, and what to try."""
+        """Share of the light that enters the starting lens, the fate of the rest, and changes to try, in words."""
         causes = ", ".join(f"{_percent(share)} {_LOST[fate]}" for fate, share in self.lost.items() if share > 0.0)
         entering = f"{_percent(self.entering)} of the light enters the starting lens"
         return f"{entering}: {causes}; try {', '.join(self._remedies())}"
