@@ -11,8 +11,9 @@ import numpy as np
 import torch
 
 from lensforge.errors import InputError
-from lensforge.search.merit import Evaluated, Problem, Problems
-from lensforge.search.symmetry import settled_symmetry
+from lensforge.search.merit import Evaluated
+from lensforge.search.parameters import settled_symmetry
+from lensforge.search.problem import Problem, Problems
 from lensforge.sources.build_source import build_source
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec import Spec
@@ -59,7 +60,7 @@ class SearchInProgress:
             more = torch.zeros(sum(levels) - len(self.parameters[0]), 2, dtype=torch.float64)
             self.parameters[0] = torch.cat([self.parameters[0], more])
             if before is not None:
-                multipliers = self.problem.multipliers_of(before, before.constraints.multipliers)
+                multipliers = self.problem.constraints.at_nearest(before.constraints, before.constraints.multipliers)
                 self.problem.constraints.multipliers = multipliers
 
     def fresh_rays(self, count: int) -> RayBundle:

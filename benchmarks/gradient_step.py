@@ -18,9 +18,9 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from lensforge.search.merit import Problems
+from lensforge.search.parameters import settled_symmetry
+from lensforge.search.problem import Problems
 from lensforge.search.schedule import rays_ahead
-from lensforge.search.symmetry import settled_symmetry
 from lensforge.sources.build_source import build_source
 from lensforge.spec import load_spec
 

@@ -26,7 +26,7 @@ import numpy as np
 from descents import Method, SearchInProgress, adabelief, first_order, gauss_newton, quasi_newton, sgd
 from torch import optim
 
-from lensforge.search.automatic_stages import UsefulLevels
+from lensforge.search.schedule import UsefulLevels
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec, load_spec
 from lensforge.spec.accuracy import PRESETS

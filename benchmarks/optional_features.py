@@ -39,8 +39,7 @@ from lensforge.scene.pixel_grid import splat_flux
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.merit import MeritFunction
-from lensforge.search.parameters import Parametrisation
-from lensforge.search.symmetry import chart_mirrors, mirrored_light
+from lensforge.search.parameters import Parametrisation, chart_mirrors, mirrored_light
 from lensforge.sources.build_source import build_source
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.sources.ray_set import RaySetEmitter

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lensforge.search.problem import ValidationRays
 from lensforge.search.schedule import SLICES, Judgement
-from lensforge.search.validation_rays import ValidationRays
 
 
 def judged(merit: float, noise: float = 0.0, seed: int = 0) -> Judgement:

@@ -1,4 +1,4 @@
-"""Adjoint of ``trace``: a packet of rays again, forward without a search, and backward. See ``kernels.packets``.
+"""Adjoint of ``trace``: a packet of rays again, forward without a search, and backward. See ``kernels.first_hit``.
 
 Differentiating ``|p| = rho`` at the hit gives Eq. (9) of the paper; the change of the normal with the hit needs the
 Hessian of ``|p| - rho``, contracted with one vector. Both are exact for the table.
@@ -11,10 +11,19 @@ from jaxtyping import Float
 
 from lensforge.kernels.bicubic import scatter
 from lensforge.kernels.compiled import inline, kernel
-from lensforge.kernels.displaced_faces import place, rough_normal, rough_normal_adjoint, turn, turn_back, z_axis
 from lensforge.kernels.fate import Fate
+from lensforge.kernels.first_hit import (
+    COEFFICIENTS,
+    SIZE,
+    fetch_table,
+    fields,
+    in_whole_vectors,
+    jet_at,
+    mark_hit,
+    three,
+)
 from lensforge.kernels.fresnel import dot, outward_normal, refract, refract_adjoint, scaled, through, through_both, unit
-from lensforge.kernels.packets import COEFFICIENTS, SIZE, fetch_table, fields, in_whole_vectors, jet_at, mark_hit, three
+from lensforge.kernels.trace import place, rough_normal, rough_normal_adjoint, turn, turn_back, z_axis
 
 
 @inline

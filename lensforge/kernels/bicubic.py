@@ -49,32 +49,35 @@ def index_at(position, most):
 
 
 @inline
-def value_and_slope(table, origin, inverse_step, X, Y):
-    """``rho``, d rho/dX, d rho/dY."""
+def jet(table, origin, inverse_step, X, Y):
+    """``rho`` and its derivatives by X, Y, XX, XY, YY."""
     most = table.shape[0] - 4.0
-    px = (X - origin) * inverse_step
-    py = (Y - origin) * inverse_step
+    px, py = (X - origin) * inverse_step, (Y - origin) * inverse_step
     i, j = index_at(px - 1.0, most), index_at(py - 1.0, most)
-    wx, dx, _ = cubic_splines(px - (i + 1.0))
-    wy, dy, _ = cubic_splines(py - (j + 1.0))
+    wx, dx, cx = cubic_splines(px - (i + 1.0))
+    wy, dy, cy = cubic_splines(py - (j + 1.0))
     row, column = int(i), int(j)
-    value = 0.0
-    slope_x = 0.0
-    slope_y = 0.0
+    value, x, y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for a in range(4):
-        along = wy[0] * table[row + a, column] + wy[1] * table[row + a, column + 1]
-        along += wy[2] * table[row + a, column + 2] + wy[3] * table[row + a, column + 3]
-        across = dy[0] * table[row + a, column] + dy[1] * table[row + a, column + 1]
-        across += dy[2] * table[row + a, column + 2] + dy[3] * table[row + a, column + 3]
+        along, across, bend = 0.0, 0.0, 0.0
+        for b in range(4):
+            coefficient = table[row + a, column + b]
+            along += wy[b] * coefficient
+            across += dy[b] * coefficient
+            bend += cy[b] * coefficient
         value += wx[a] * along
-        slope_x += dx[a] * along
-        slope_y += wx[a] * across
-    return value, slope_x * inverse_step, slope_y * inverse_step
+        x += dx[a] * along
+        y += wx[a] * across
+        xx += cx[a] * along
+        xy += dx[a] * across
+        yy += wx[a] * bend
+    square = inverse_step * inverse_step
+    return value, x * inverse_step, y * inverse_step, xx * square, xy * square, yy * square
 
 
 @inline
 def scatter(gradient, i, j, share_x, share_y, inverse_step, by_value, by_slope_x, by_slope_y):
-    """Adjoint of :func:`value_and_slope`: add the sensitivities to the sixteen coefficients that acted.
+    """Add the sensitivities to value and slopes of :func:`jet` to the sixteen coefficients that acted.
 
     ``i``, ``j``: the first row and column of them; the shares are those of a step behind the second.
     """

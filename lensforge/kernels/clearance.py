@@ -13,7 +13,7 @@ from math import asin, cos, hypot, sin, sqrt
 import numpy as np
 from jaxtyping import Float, Int
 
-from lensforge.kernels.bicubic import cubic_splines, index_at
+from lensforge.kernels.bicubic import cubic_splines, index_at, jet
 from lensforge.kernels.compiled import inline, kernel
 from lensforge.kernels.parallel import in_chunks
 
@@ -21,33 +21,6 @@ _STEPS, _HALVINGS = 30, 8
 _LONGEST = 0.3  # of a step, chart units
 _SPARE = 0.55  # of the diagonal of a cell: the farthest that a point of it is from its nearest node
 _DONE = 1e-7  # step, chart units: the distance's error is its square
-
-
-@inline
-def jet(table, origin, inverse_step, X, Y):
-    """``rho`` and its derivatives by X, Y, XX, XY, YY."""
-    most = table.shape[0] - 4.0
-    px, py = (X - origin) * inverse_step, (Y - origin) * inverse_step
-    i, j = index_at(px - 1.0, most), index_at(py - 1.0, most)
-    wx, dx, cx = cubic_splines(px - (i + 1.0))
-    wy, dy, cy = cubic_splines(py - (j + 1.0))
-    row, column = int(i), int(j)
-    value, x, y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for a in range(4):
-        along, across, bend = 0.0, 0.0, 0.0
-        for b in range(4):
-            coefficient = table[row + a, column + b]
-            along += wy[b] * coefficient
-            across += dy[b] * coefficient
-            bend += cy[b] * coefficient
-        value += wx[a] * along
-        x += dx[a] * along
-        y += wx[a] * across
-        xx += cx[a] * along
-        xy += dx[a] * across
-        yy += wx[a] * bend
-    square = inverse_step * inverse_step
-    return value, x * inverse_step, y * inverse_step, xx * square, xy * square, yy * square
 
 
 @inline

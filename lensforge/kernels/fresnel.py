@@ -268,8 +268,8 @@ def through_both(first, second, slopes, ratio, c, q, m, n, d, b, axis, by, by_ax
 
 
 @inline
-def _passed(c, plate, coating, row):
-    """Distance (mm) by which a ray of cosine ``c`` seems to start nearer, and its slope; what passes, and its slopes.
+def _passed(c, plate, coating, rows, k):
+    """Distance (mm) by which ray k of cosine ``c`` seems to start nearer, and its slope; what passes, and its slopes.
 
     Of the flux, and of the flux along z.
     """
@@ -282,10 +282,7 @@ def _passed(c, plate, coating, row):
     by_clear = clear * absorption * thickness * dq / (q * q)
     if not fresnel:
         return nearer, by_nearer, (clear, 0.0), (by_clear, 0.0)
-    if coating is None:
-        (t_s, t_p, excess), (by_s, by_p, by_excess) = transmittances(c, q, ratio)
-    else:
-        (t_s, t_p, excess), (by_s, by_p, by_excess) = coated_transmittances(c, q, ratio, coating, row)
+    (t_s, t_p, excess), (by_s, by_p, by_excess) = through_face(c, q, ratio, coating, rows, k)
     more = (t_s + t_p) * excess
     return (
         nearer,
@@ -306,8 +303,7 @@ def behind_plate(directions, fates, axial, plate, coating, rows, heights, flux, 
         c = directions[k, 2]
         if fates[k] != Fate.LEFT_LENS or not c > 0.0:
             continue
-        row = rows[min(k, len(rows) - 1)] if coating is not None else 0.0
-        nearer, _, share, _ = _passed(c, plate, coating, row)
+        nearer, _, share, _ = _passed(c, plate, coating, rows, k)
         heights[k] += nearer
         passed = flux[k] * share[0] + axial[k] * share[1]
         lost[k] = flux[k] - passed
@@ -327,8 +323,7 @@ def behind_plate_adjoint(
         c = directions[k, 2]
         if fates[k] != Fate.LEFT_LENS or not c > 0.0:
             continue
-        row = rows[min(k, len(rows) - 1)] if coating is not None else 0.0
-        _, by_nearer, share, by_share = _passed(c, plate, coating, row)
+        _, by_nearer, share, by_share = _passed(c, plate, coating, rows, k)
         by_passed = emitted[k] * by_share[0] + axial[k] * by_share[1]
         by_cosines[k] += by_heights[k] * by_nearer + by_flux[k] * by_passed
         by_axial[k] = by_flux[k] * share[1]

@@ -35,6 +35,12 @@ def local_point(point, pose):
 
 
 @inline
+def local_direction(direction, pose):
+    """Components of a direction along the axes of the pose."""
+    return along(direction, pose[1]), along(direction, pose[2]), along(direction, pose[3])
+
+
+@inline
 def write_global(x, y, z, pose, row):
     """Write a vector with these components along the axes of the pose into ``row``."""
     for i in range(3):
@@ -72,11 +78,7 @@ def plane_adjoint(points, directions, pose, radius, by_hits, by_points, by_direc
         if gx == 0.0 and gy == 0.0:
             by_points[k, :], by_directions[k, :] = 0.0, 0.0
             continue
-        dx, dy, dz = (
-            along(directions[k], pose[1]),
-            along(directions[k], pose[2]),
-            along(directions[k], pose[3]),
-        )
+        dx, dy, dz = local_direction(directions[k], pose)
         t = -local_point(points[k], pose)[2] / dz
         write_ray(gx, gy, 0.0, 0.0, 0.0, 1.0, dx, dy, dz, t, pose, by_points[k], by_directions[k])
 
@@ -100,7 +102,7 @@ def far_field(points, directions, pose, radius, hits, reached):
     """Chart coordinates of directions; ``radius`` has no meaning."""
     for k in range(len(points)):
         hits[k, 0], hits[k, 1] = 0.0, 0.0
-        x, y, z = along(directions[k], pose[1]), along(directions[k], pose[2]), along(directions[k], pose[3])
+        x, y, z = local_direction(directions[k], pose)
         reached[k] = 1.0 + z > POLE
         if reached[k]:
             hits[k, 0], hits[k, 1] = equal_area(x, y, z)
@@ -113,7 +115,7 @@ def far_field_adjoint(points, directions, pose, radius, by_hits, by_points, by_d
         by_points[k, :], by_directions[k, :] = 0.0, 0.0
         gx, gy = by_hits[k, 0], by_hits[k, 1]
         if gx != 0.0 or gy != 0.0:
-            x, y, z = along(directions[k], pose[1]), along(directions[k], pose[2]), along(directions[k], pose[3])
+            x, y, z = local_direction(directions[k], pose)
             x, y, z = equal_area_adjoint(x, y, z, gx, gy)
             write_global(x, y, z, pose, by_directions[k])
 
@@ -132,7 +134,7 @@ def sphere(points, directions, pose, radius, hits, reached):
     for k in range(len(points)):
         hits[k, 0], hits[k, 1] = 0.0, 0.0
         x, y, z = local_point(points[k], pose)
-        dx, dy, dz = along(directions[k], pose[1]), along(directions[k], pose[2]), along(directions[k], pose[3])
+        dx, dy, dz = local_direction(directions[k], pose)
         t = to_sphere(x, y, z, dx, dy, dz, radius)
         x, y, z = (x + t * dx) / radius, (y + t * dy) / radius, (z + t * dz) / radius
         reached[k] = t > 0.0 and 1.0 + z > POLE
@@ -149,7 +151,7 @@ def sphere_adjoint(points, directions, pose, radius, by_hits, by_points, by_dire
         gx, gy = by_hits[k, 0], by_hits[k, 1]
         if gx != 0.0 or gy != 0.0:
             x, y, z = local_point(points[k], pose)
-            dx, dy, dz = along(directions[k], pose[1]), along(directions[k], pose[2]), along(directions[k], pose[3])
+            dx, dy, dz = local_direction(directions[k], pose)
             t = to_sphere(x, y, z, dx, dy, dz, radius)
             x, y, z = (x + t * dx) / radius, (y + t * dy) / radius, (z + t * dz) / radius
             gx, gy, gz = equal_area_adjoint(x, y, z, gx, gy)
@@ -171,7 +173,7 @@ def cylinder(points, directions, pose, radius, hits, reached):
     for k in range(len(points)):
         hits[k, 0], hits[k, 1] = 0.0, 0.0
         x, y, z = local_point(points[k], pose)
-        dx, dy, dz = along(directions[k], pose[1]), along(directions[k], pose[2]), along(directions[k], pose[3])
+        dx, dy, dz = local_direction(directions[k], pose)
         t = to_cylinder(x, z, dx, dz, radius)
         reached[k] = t > 0.0
         if reached[k]:
@@ -186,7 +188,7 @@ def cylinder_adjoint(points, directions, pose, radius, by_hits, by_points, by_di
         gx, gy = by_hits[k, 0], by_hits[k, 1]
         if gx != 0.0 or gy != 0.0:
             x, _, z = local_point(points[k], pose)
-            dx, dy, dz = along(directions[k], pose[1]), along(directions[k], pose[2]), along(directions[k], pose[3])
+            dx, dy, dz = local_direction(directions[k], pose)
             t = to_cylinder(x, z, dx, dz, radius)
             nx, nz = (x + t * dx) / radius, (z + t * dz) / radius
             write_ray(gx * nz, gy, -gx * nx, nx, 0.0, nz, dx, dy, dz, t, pose, by_points[k], by_directions[k])

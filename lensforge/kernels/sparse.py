@@ -6,7 +6,6 @@ the sums do not depend on the number of threads.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -21,23 +20,14 @@ from lensforge.kernels.parallel import CHUNKS, in_chunks
 
 @kernel
 def multiply_rows(starts, columns, values, dense, first, last, product):
-    """Fill rows ``first`` to ``last`` of ``product`` (r, c) with those of the matrix (CSR) times ``dense`` (s, c)."""
-    if dense.shape[1] == 2:  # both surfaces at once: their sums stay in registers
-        for row in range(first, last):
-            inner, outer = 0.0, 0.0
-            for k in range(starts[row], starts[row + 1]):
-                value, column = values[k], columns[k]
-                inner += value * dense[column, 0]
-                outer += value * dense[column, 1]
-            product[row, 0], product[row, 1] = inner, outer
-        return
+    """Fill rows ``first`` to ``last`` of ``product`` (r, 2) with those of the matrix (CSR) times ``dense`` (s, 2)."""
     for row in range(first, last):
-        total = product[row]
-        total[:] = 0.0
+        inner, outer = 0.0, 0.0
         for k in range(starts[row], starts[row + 1]):
-            value, source = values[k], dense[columns[k]]
-            for c in range(len(source)):
-                total[c] += value * source[c]
+            value, column = values[k], columns[k]
+            inner += value * dense[column, 0]
+            outer += value * dense[column, 1]
+        product[row, 0], product[row, 1] = inner, outer
 
 
 @kernel
@@ -51,68 +41,47 @@ def add_transposed(starts, columns, values, dense, first, last, total):
             total[column, 1] += value * outer
 
 
-_WORTH_SHARING = 2**19  # products: a quarter of a millisecond of work
+_WORTH_SHARING = 2**18  # entries of the matrix: a quarter of a millisecond of work
 
 
 @dataclass(frozen=True)
 class SparseMatrix:
-    """A constant ``r`` x ``s`` matrix, by rows."""
+    """A constant ``r`` x ``s`` matrix, by rows, for two columns at once: those of the inner and the outer surface."""
 
     rows: csr_matrix
 
-    def __matmul__(self, dense: Float[Tensor, "s c"]) -> Float[Tensor, "r c"]:
+    def __matmul__(self, dense: Float[Tensor, "s 2"]) -> Float[Tensor, "r 2"]:
         """The product with ``dense``; differentiable by it."""
-        product: Tensor = _Product.apply(dense, self)
+        product: Tensor = _Product.apply(dense, self.rows)
         return product
 
-    @cached_property
-    def transposed(self) -> csr_matrix:
-        """The transpose, for wide factors; a factor of two columns is faster with the rows themselves."""
-        return self.rows.T.tocsr()
 
-
-def _packed(matrix: csr_matrix) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    return matrix.indptr, matrix.indices, matrix.data
-
-
-def _run(work: Callable[[int, slice], None], count: int, shared: bool) -> None:
-    if shared:
-        in_chunks(work, count)
+def _run(work: Callable[[int, slice], None], matrix: csr_matrix) -> None:
+    if matrix.nnz >= _WORTH_SHARING:
+        in_chunks(work, matrix.shape[0])
     else:
-        work(0, slice(0, count))
-
-
-def _times(matrix: csr_matrix, factor: Float[np.ndarray, "s c"]) -> Float[np.ndarray, "r c"]:
-    product = np.empty((matrix.shape[0], factor.shape[1]))
-
-    def work(_: int, part: slice) -> None:
-        multiply_rows(*_packed(matrix), factor, part.start, part.stop, product)
-
-    _run(work, len(product), matrix.nnz * factor.shape[1] >= _WORTH_SHARING)
-    return product
-
-
-def _transposed_times(matrix: csr_matrix, factor: Float[np.ndarray, "r 2"]) -> Float[np.ndarray, "s 2"]:
-    shared = 2 * matrix.nnz >= _WORTH_SHARING
-    totals = np.zeros((CHUNKS if shared else 1, matrix.shape[1], 2))
-
-    def work(chunk: int, part: slice) -> None:
-        add_transposed(*_packed(matrix), factor, part.start, part.stop, totals[chunk])
-
-    _run(work, len(factor), shared)
-    total: Float[np.ndarray, "s 2"] = totals.sum(axis=0)
-    return total
+        work(0, slice(0, matrix.shape[0]))
 
 
 class _Product(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, dense: Tensor, matrix: SparseMatrix) -> Tensor:
-        ctx.matrix = matrix
-        return torch.from_numpy(_times(matrix.rows, dense.detach().contiguous().numpy()))
+    def forward(ctx: Any, dense: Tensor, matrix: csr_matrix) -> Tensor:
+        ctx.matrix, factor = matrix, dense.detach().contiguous().numpy()
+        product = np.empty((matrix.shape[0], 2))
+
+        def work(_: int, part: slice) -> None:
+            multiply_rows(matrix.indptr, matrix.indices, matrix.data, factor, part.start, part.stop, product)
+
+        _run(work, matrix)
+        return torch.from_numpy(product)
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None]:
         factor, matrix = gradients[0].contiguous().numpy(), ctx.matrix
-        narrow = factor.shape[1] == 2
-        by_dense = _transposed_times(matrix.rows, factor) if narrow else _times(matrix.transposed, factor)
-        return torch.from_numpy(by_dense), None
+        totals = np.zeros((CHUNKS if matrix.nnz >= _WORTH_SHARING else 1, matrix.shape[1], 2))
+
+        def work(chunk: int, part: slice) -> None:
+            add_transposed(matrix.indptr, matrix.indices, matrix.data, factor, part.start, part.stop, totals[chunk])
+
+        _run(work, matrix)
+        return torch.from_numpy(totals.sum(axis=0)), None

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from lensforge.errors import InputError
 from lensforge.kernels.adjoint import empty_adjoint, trace_adjoint
 from lensforge.kernels.bicubic import SurfaceBounds, surface_bounds
-from lensforge.kernels.packets import empty_packet
+from lensforge.kernels.first_hit import empty_packet
 from lensforge.kernels.parallel import CHUNKS, in_chunks
 from lensforge.kernels.trace import trace
 from lensforge.light.coated_glass import RayCoatings, before_glass, behind_glass

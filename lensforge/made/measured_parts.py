@@ -19,11 +19,11 @@ from jaxtyping import Float
 
 from lensforge.errors import Cancelled, InputError
 from lensforge.made.part_study import PartStudy, Recipe, Scales
+from lensforge.results.cluster import Cluster
 from lensforge.results.files import MIB, read_file, replacing
 from lensforge.results.json_npz import arrays_in, parse_json
 from lensforge.results.stage_result import require_checksum, with_checksum
-from lensforge.search.checkpoint import made_by
-from lensforge.search.cluster import Cluster
+from lensforge.version import made_by
 
 _MOST_BYTES = 512 * MIB  # a hundred thousand parts with a hundred limits take 160 MB
 _NUMBERS = ("rays", "numbers", "scales", "values")

@@ -11,8 +11,8 @@ from lensforge.light.lens_conditions import judging_source, rays_of, unless_own
 from lensforge.made.tolerance_result import MOST_PARTS, Sensitivity, Yield
 from lensforge.results import Conditions
 from lensforge.results.arguments import count_of, path_of, require, threads_of_torch
+from lensforge.results.cluster import connected
 from lensforge.scene.lens import Lens
-from lensforge.search.cluster import connected
 from lensforge.spec.spec_files import section_sha256
 from lensforge.spec.tolerances_section import TolerancesSection, read_tolerances
 

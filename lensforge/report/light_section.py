@@ -21,7 +21,7 @@ from lensforge.results.verdict import worst
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_region import uniform_region
 from lensforge.search.design_result import Design
-from lensforge.search.scene_check import AskedLight, asked_light
+from lensforge.search.scene_check import asked_light
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
 from lensforge.spec.source_sections import ChipArraySource, DiscSource, RectangleSource, SquareSource
@@ -132,9 +132,7 @@ def possible_limits(spec: Spec) -> dict[tuple[str, float], Bound]:
         return {}
     _, limits = asked_light(spec, build_source(spec.source))
     return {
-        (each.name, each.asked): Bound("<=", each.possible, "étendue")
-        if isinstance(each, AskedLight)
-        else Bound("<=", each.bounds.value, each.bounds.law)
+        (each.name, each.asked): Bound("<=", each.possible, "étendue" if each.bounds is None else each.bounds.law)
         for each in limits
     }
 

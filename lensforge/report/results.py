@@ -23,8 +23,7 @@ from lensforge.results import Conditions, Group, SimulatedResult, StageResult
 from lensforge.results.criteria import Criterion, missed
 from lensforge.results.verdict import Reason, Verdict
 from lensforge.scene.lens import Lens
-from lensforge.search.design_facts import design_facts
-from lensforge.search.design_result import Design
+from lensforge.search.design_result import Design, design_facts
 from lensforge.shop.check_facts import check_facts, cutting_reasons
 from lensforge.shop.check_result import Check
 from lensforge.spec import Spec

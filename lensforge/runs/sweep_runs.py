@@ -11,6 +11,7 @@ from typing import Protocol
 
 from lensforge.errors import InputError
 from lensforge.report.page import write_page
+from lensforge.results.cluster import connected
 from lensforge.results.files import replacing
 from lensforge.results.folder_lock import locked
 from lensforge.results.ownership import require_own
@@ -20,7 +21,6 @@ from lensforge.runs.sweep import Sweep, Variant, Variation, sweep_of
 from lensforge.runs.sweep_page import sweep_page, sweep_png
 from lensforge.scene.lens import load_lens
 from lensforge.search.checkpoint import CHECKPOINT, is_checkpoint
-from lensforge.search.cluster import connected
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.spec_files import section_sha256
 from lensforge.surfaces.imported_face import LENS_FILE

@@ -19,8 +19,8 @@ from lensforge.runs.tradeoff_result import Series, Tradeoff, TradeoffRow
 from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Design, Progress
 from lensforge.search.optimiser import search
+from lensforge.search.parameters import settled_symmetry
 from lensforge.search.searches import design
-from lensforge.search.symmetry import settled_symmetry
 from lensforge.sources.build_source import build_source
 from lensforge.sources.measured_rays import held_back
 from lensforge.sources.ray_bundle import Source

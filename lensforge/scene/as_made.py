@@ -67,7 +67,7 @@ class AsMade:
 
     @property
     def placed(self) -> Placed:
-        """Frames and factors as the kernels take them, see ``kernels.placement``.
+        """Frames and factors as the kernels take them, see ``kernels.trace``.
 
         The seat stays: an origin ``seat_mm`` above it comes to lie ``seat_mm (scale - 1)`` higher.
         """

@@ -13,11 +13,10 @@ Its phases, in this order:
 """
 
 import math
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
 
-from lensforge.search.automatic_stages import AutomaticStages
-from lensforge.search.schedule import Gain, NextStage, Outcome, Stage
+from lensforge.search.schedule import AutomaticStages, Gain, NextStage, Outcome, Schedule, Stage
 
 _OF_BUDGET = 0.7  # for all levels, each of which gains more than a long stage; the rest is for those
 _FOR_UNIFORMITY = 0.3  # of the budget, in a scene with a region of uniform light
@@ -85,45 +84,37 @@ _IMPROVED = NextStage(None, "current", improved=True)
 _TAKEN_BACK = NextStage(None, "accepted")
 
 
-@dataclass(frozen=True)
-class _Best:
-    """The best lens so far: ``outcome`` of its stage, and its ``level``.
+@dataclass
+class _Course:
+    """A search on its way: the ``best`` outcome so far, the ``level`` of its lens, and the stage that ended ``last``.
 
-    ``last``: the stage that has ended, from which the search goes on as ``how`` says. ``why``: there is no finer level,
-    in words; ``end``: nor one more stage of the last phase.
+    It goes on from there as ``how`` says.
     """
 
     level: int
-    outcome: Outcome
+    best: Outcome
     last: _Ended
     how: NextStage = _ACCEPTED
-    why: str = ""
-    end: str = ""
 
-    def accepted(self, last: _Ended, level: int, why: str = "") -> "_Best":
-        """The lens of the stage ``last`` in place of this one."""
-        return _Best(level, last.outcome, last, _ACCEPTED, why)
-
-    def taken_back(self, last: _Ended, why: str = "") -> "_Best":
-        """This lens still, after the stage ``last`` that did not improve it."""
-        return replace(self, last=last, how=_TAKEN_BACK, why=why)
-
-    def gain_of(self, last: _Ended, *, even: bool = False) -> Gain:
-        """The gain of the stage ``last`` over this lens; ``even``: with the uniformity first."""
-        return self.outcome.gain_of(last.outcome, even)
-
-    def run(self, stage: Stage) -> Generator[NextStage, Outcome, _Ended]:
-        """Ask for ``stage`` from here."""
+    def run(self, stage: Stage) -> Generator[NextStage, Outcome, Gain]:
+        """Ask for ``stage`` from here; its gain over the best lens."""
         outcome = yield replace(self.how, stage=stage)
-        return _Ended(stage, outcome, self.last.outcome.seconds)
+        self.last = _Ended(stage, outcome, self.last.outcome.seconds)
+        return self.best.gain_of(outcome, stage.uniform)
+
+    def accept(self, level: int, improved: bool = True) -> None:
+        """Go on from the lens of the last stage, or from the best one before it where it is not ``improved``."""
+        if improved:
+            self.level, self.best = level, self.last.outcome
+        self.how = _ACCEPTED if improved else _TAKEN_BACK
 
 
-_Phase = Generator[NextStage, Outcome, _Best]
+_Phase = Generator[NextStage, Outcome, str]  # returns why it ended, "" for no reason to tell
 _MakeStage = Callable[[int, int, int | None], Stage]  # of a level, after so many others, cut to so many steps
 
 
 @dataclass(frozen=True)
-class AutomaticSchedule:
+class AutomaticSchedule(Schedule):
     """``budget_s``: seconds of the whole search, None for as long as it gains.
 
     ``uniform``: the scene has a region of uniform light.
@@ -135,51 +126,46 @@ class AutomaticSchedule:
 
     def phases(self) -> Generator[NextStage, Outcome]:
         """The whole search: every stage is answered by its outcome, and the last item has none."""
-        best = yield from self._start()
-        best = yield from self._broad_functions(best)
-        if not best.why:
-            best = yield from self._levels(best)
-        best = yield from self._long_stages(best)
-        if self.uniform:
-            best = yield from self._uniform_stages(best)
-        yield replace(best.how, why=f"{best.why}; {best.end}")
-
-    def _start(self) -> _Phase:
-        """Judge the lens at the start: a stage without steps."""
-        level = self.stages.start_level
-        judged = replace(self.stages.level_stage(level), steps=0, uniformity_from=0)
+        start = self.stages.start_level
+        judged = replace(self.stages.level_stage(start), steps=0, uniformity_from=0)
         outcome = yield NextStage(judged)
-        return _Best(level, outcome, _Ended(judged, outcome, 0.0))
+        course = _Course(start, outcome, _Ended(judged, outcome, 0.0))
+        why = (yield from self._broad_functions(course)) or (yield from self._levels(course))
+        # those of a finished lens have been in a first long stage before: larger steps would lead away from it
+        before, kept = 1 if start > 0 else 0, _FOR_UNIFORMITY if self.uniform else 0.0
+        end = yield from self._long_stages(course, self.stages.long_stage, before, kept)
+        if self.uniform:
+            end = yield from self._long_stages(course, self.stages.uniform_stage, 0, 0.0)
+        yield replace(course.how, why=f"{why}; {end}")
 
-    def _broad_functions(self, best: _Best) -> _Phase:
+    def _broad_functions(self, course: _Course) -> _Phase:
         """Move the functions of each level below that of a finished lens once; what loses is taken back."""
         level = self.stages.start_level
         steps: int | None = None
         for broad in range(level):
-            last = yield from best.run(self.stages.level_stage(broad, steps))
-            better = best.gain_of(last).share > 0.0
-            best = best.accepted(last, level) if better else best.taken_back(last)
-            steps = self._steps_of_levels(last, level - broad)
+            gain = yield from course.run(self.stages.level_stage(broad, steps))
+            course.accept(level, gain.share > 0.0)
+            steps = self._steps_of_levels(course.last, level - broad)
             if steps == 0:
-                return replace(best, why=f"{self._budget.words} leaves no time for all levels")
-        return best
+                return f"{self._budget.words} leaves no time for all levels"
+        return ""
 
-    def _levels(self, best: _Best) -> _Phase:
+    def _levels(self, course: _Course) -> _Phase:
         """Add one level after another, until one is left out, or there is no finer one, or no time for it."""
         start, counts = self.stages.start_level, self.stages.levels.counts
         for level in range(start, len(counts)):
             steps: int | None = None  # the first stage of all has all its steps: by it the time of a step is known
             if level > 0:
-                steps = self._steps_of_levels(best.last, 1 if level == start else len(counts) - level)
+                steps = self._steps_of_levels(course.last, 1 if level == start else len(counts) - level)
             if steps == 0:
-                return replace(best, why=f"{self._budget.words} leaves no time for {counts[level]} functions")
-            best = yield from self._level(best, level, steps)
-            if best.why:
-                return best
-        return replace(best, why=self.stages.levels.why)
+                return f"{self._budget.words} leaves no time for {counts[level]} functions"
+            why = yield from self._level(course, level, steps)
+            if why:
+                return why
+        return self.stages.levels.why
 
-    def _level(self, best: _Best, level: int, steps: int | None) -> _Phase:
-        """Try one level, at most twice; with a reason in ``why`` no finer one follows.
+    def _level(self, course: _Course, level: int, steps: int | None) -> _Phase:
+        """Try one level, at most twice; where it returns a reason, no finer one follows.
 
         The finest functions of a finished lens are near their best: they take smaller steps from the first one on, and
         those of the next level, which are new, follow whatever they gain.
@@ -187,55 +173,37 @@ class AutomaticSchedule:
         at_start, is_last = level == self.stages.start_level, level + 1 == len(self.stages.levels.counts)
         again = at_start and level > 0
         while True:
-            last = yield from best.run(self.stages.level_stage(level, steps, again=again))
-            gain = best.gain_of(last)
-            if gain.reaches(self.stages.effort.level_gain):
-                return best.accepted(last, level)
-            if at_start and not is_last:
-                return best.accepted(last, level) if gain.share > 0.0 else best.taken_back(last)
-            why = self._too_little(gain, last, level)
-            if at_start and gain.share > 0.0:
-                return best.accepted(last, level, why)
-            steps = self._steps_of_levels(last, 1)
-            if again or steps == 0:
-                return best.taken_back(last, why)
-            best, again = best.taken_back(last), True
+            gain = yield from course.run(self.stages.level_stage(level, steps, again=again))
+            enough = gain.reaches(self.stages.effort.level_gain)
+            course.accept(level, enough or (at_start and gain.share > 0.0))
+            if enough or (at_start and not is_last):
+                return ""
+            steps = self._steps_of_levels(course.last, 1)
+            if again or steps == 0 or course.how is _ACCEPTED:
+                return self._too_little(gain, course.last, level)
+            again = True
 
-    def _long_stages(self, best: _Best) -> _Phase:
-        """Move all functions for the image and the flux, stage after stage."""
-        # those of a finished lens have been in a first one before: larger steps would lead away from it
-        before = 1 if self.stages.start_level > 0 else 0
-        kept = _FOR_UNIFORMITY if self.uniform else 0.0
-        while not best.end:
-            best = yield from self._one_more(best, self.stages.long_stage, before, kept)
+    def _long_stages(self, course: _Course, make: _MakeStage, before: int, kept: float) -> _Phase:
+        """Move all functions, stage after stage, as long as each gains; the first comes after ``before`` others.
+
+        A share of the time is ``kept`` for what follows.
+        """
+        while True:
+            steps = self._budget.steps_of(make(course.level, before, None), course.last, kept)
+            if steps is not None and steps < _FEWEST:
+                course.how = replace(course.how, begin="best") if course.how.begin == "current" else course.how
+                return f"{self._budget.words} are used"
+            gain = yield from course.run(make(course.level, before, steps))
+            if improved := gain.share > 0.0:
+                course.best = course.last.outcome
+            course.how = _IMPROVED
+            if not gain.reaches(self.step_gain):
+                course.how = NextStage(None, "best", improved)
+                if self._budget.is_up(course.last):
+                    return f"{self._budget.words} are used"
+                steps = course.last.outcome.steps
+                return f"the last {steps} steps lowered the error by {_judged(gain, self.step_gain)}"
             before += 1
-        return best
-
-    def _uniform_stages(self, best: _Best) -> _Phase:
-        """Move all functions with the uniformity before the image, stage after stage."""
-        best, before = replace(best, end=""), 0
-        while not best.end:
-            best = yield from self._one_more(best, self.stages.uniform_stage, before, 0.0)
-            before += 1
-        return best
-
-    def _one_more(self, best: _Best, make: _MakeStage, before: int, kept: float) -> _Phase:
-        """One more stage after ``before`` others, if there is time; with a reason in ``end`` it was the last."""
-        steps = self._budget.steps_of(make(best.level, before, None), best.last, kept)
-        if steps is not None and steps < _FEWEST:
-            how = replace(best.how, begin="best") if best.how.begin == "current" else best.how
-            return replace(best, how=how, end=f"{self._budget.words} are used")
-        stage = make(best.level, before, steps)
-        last = yield from best.run(stage)
-        gain = best.gain_of(last, even=stage.uniform)
-        improved = gain.share > 0.0
-        best = replace(best, outcome=last.outcome if improved else best.outcome, last=last, how=_IMPROVED)
-        if gain.reaches(self.step_gain):
-            return best
-        end = f"the last {last.outcome.steps} steps lowered the error by {_judged(gain, self.step_gain)}"
-        if self._budget.is_up(last):
-            end = f"{self._budget.words} are used"
-        return replace(best, how=NextStage(None, "best", improved), end=end)
 
     @property
     def step_gain(self) -> float:
@@ -257,27 +225,6 @@ class AutomaticSchedule:
         if not at_start and self._budget.is_up(last):
             return f"{self._budget.words} leaves no time for {more}"
         return f"{more} lower the error by {_judged(gain, self.stages.effort.level_gain)}"
-
-    def next_stages(self, outcomes: Iterable[Outcome]) -> Iterator[NextStage]:
-        """The first stage, and what follows each of ``outcomes``."""
-        phases = self.phases()
-        yield next(phases)
-        for outcome in outcomes:
-            yield phases.send(outcome)
-
-    def next_stage(self, outcomes: Sequence[Outcome]) -> NextStage:
-        """Decide what follows the stages that had ``outcomes``."""
-        *_, last = self.next_stages(outcomes)
-        return last
-
-    def accepts(self, outcome: Outcome) -> bool:
-        """True for one with judgements of its light, and of its uniformity in a scene that asks for it."""
-        return outcome.light is not None and (outcome.even is not None) == self.uniform
-
-    def most_steps(self, outcomes: Sequence[Outcome]) -> int:
-        """Steps so far, and those of the stage that follows."""
-        stage = self.next_stage(outcomes).stage
-        return sum(outcome.steps for outcome in outcomes) + (0 if stage is None else stage.steps)
 
     def most_seconds(self, outcomes: Sequence[Outcome]) -> float:
         """Nearly the budget, but the first level has all its steps."""

@@ -1,43 +1,43 @@
 """Checkpoint of a search: its whole state in one file, so that a resumed design ends with the same bits.
 
-The file holds no code and no sizes of its own: a line that names the format, the SHA-256 of all that follows, a head
-as one line of JSON, and float64 numbers (little-endian), whose layout follows from the scene.
+The file holds no code: a line that names the format, the SHA-256 of all that follows, a head as one line of JSON, and
+an archive of NumPy's with the arrays.
 """
 
 import hashlib
+import io
 import json
-from importlib.metadata import PackageNotFoundError, version
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.results import Count, NotNegative, Record, Sha256, Text
 from lensforge.results.files import read_file, replacing
+from lensforge.results.json_npz import arrays_in
 from lensforge.results.stage_result import validated
 from lensforge.scene.lens import Lens
+from lensforge.search.design_result import Level
 from lensforge.search.schedule import Outcome
 from lensforge.spec import Spec
 from lensforge.spec.spec_files import input_hashes, section_sha256
-from lensforge.version import __version__
+from lensforge.version import made_by
 
 if TYPE_CHECKING:
     import torch
 
 CHECKPOINT = "checkpoint.bin"  # its name in a result folder
-_FORMAT = b"lensforge checkpoint 3\n"  # 1: a file of torch, in version 0.1.0; 2: without judgements
+_FORMAT = b"lensforge checkpoint 4\n"
 _ANEW = "delete it, or start anew without resume"
-_COMPUTE = ("torch", "numpy", "numba")  # another version of these may round differently
 _NOT_SEARCHED = ("evaluate", "base", "manufacture", "tolerances")  # sections that a search does not depend on
 _NOT_ROBUST = ("evaluate", "manufacture")  # the same where it is robust: the lens shrinks about its seat
-_MOST_HEAD_BYTES = 2**18  # a search that judges itself a thousand times
-_MOST_BYTES = 2**30  # a million steps, the most there are, leave 100 MB
+_MOST_BYTES = 2**30  # a million steps, the most there are, leave 150 MB
 
 
 class CheckpointHead(Record):
-    """State of a search without its numbers; ``key``: its :func:`fingerprint`; ``made_by``: versions of programs.
+    """State of a search without its arrays; ``key``: its :func:`fingerprint`; ``made_by``: versions of programs.
 
     ``outcomes``: of each stage that has ended. ``step``: steps of the stage at hand. ``steps_of_moments``: since the
     optimiser's moments began. ``seconds``: of the search so far.
@@ -49,6 +49,7 @@ class CheckpointHead(Record):
     step: Count
     steps_of_moments: Count
     seconds: NotNegative
+    history: tuple[Level, ...]
 
 
 def fingerprint(spec: Spec, seed: int, accuracy: str, start: Lens | None, device: "torch.device | None") -> str:
@@ -62,37 +63,23 @@ def fingerprint(spec: Spec, seed: int, accuracy: str, start: Lens | None, device
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def made_by() -> dict[str, str]:
-    """Versions of this program and of those that compute for it."""
-    found = {"lensforge": __version__}
-    for name in _COMPUTE:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            continue  # such as a torch that was built in place: nothing is known of it
-    return found
-
-
-def save_checkpoint(path: Path, head: CheckpointHead, numbers: Float[np.ndarray, " n"]) -> None:
+def save_checkpoint(path: Path, head: CheckpointHead, arrays: Mapping[str, np.ndarray]) -> None:
     """Write a checkpoint beside ``path`` and rename it."""
-    content = head.model_dump_json().encode() + b"\n" + np.ascontiguousarray(numbers, dtype="<f8").tobytes()
+    archive = io.BytesIO()
+    np.savez(archive, allow_pickle=False, **arrays)
+    content = head.model_dump_json().encode() + b"\n" + archive.getvalue()
     digest = hashlib.sha256(content).hexdigest().encode()
     with replacing(path) as temporary:
         temporary.write_bytes(_FORMAT + digest + b"\n" + content)
 
 
-def load_checkpoint(path: Path, key: str) -> tuple[CheckpointHead, Float[np.ndarray, " n"]]:
+def load_checkpoint(path: Path, key: str) -> tuple[CheckpointHead, dict[str, np.ndarray]]:
     """Read a checkpoint of this very design. Raises :class:`InputError` for none, a damaged one, or another's."""
-    content = _content(path)
-    line, found, numbers = content.partition(b"\n")
-    if not found or len(line) > _MOST_HEAD_BYTES or len(numbers) % 8:
-        raise InputError(f"{path}: not the layout of a checkpoint; {_ANEW}")
+    line, _, archive = _content(path).partition(b"\n")
     try:
-        fields = json.loads(line)
+        fields, arrays = json.loads(line), arrays_in(archive, None, _MOST_BYTES)
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: no head of a checkpoint ({type(error).__name__}); {_ANEW}") from None
-    if not isinstance(fields, dict):
-        raise InputError(f"{path}: no head of a checkpoint; {_ANEW}")
+        raise InputError(f"{path}: not the layout of a checkpoint ({type(error).__name__}); {_ANEW}") from None
     head = validated(CheckpointHead, fields, path, _ANEW)
     for name, here in made_by().items():
         if (then := head.made_by.get(name)) != here:
@@ -102,7 +89,7 @@ def load_checkpoint(path: Path, key: str) -> tuple[CheckpointHead, Float[np.ndar
             )
     if head.key != key:
         raise InputError(f"{path}: belongs to another spec, file, seed, accuracy, start or device; {_ANEW}")
-    return head, np.frombuffer(numbers, dtype="<f8").astype(np.float64)
+    return head, arrays
 
 
 def delete_checkpoint(path: Path) -> None:

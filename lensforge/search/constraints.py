@@ -24,6 +24,7 @@ from torch import Tensor
 from lensforge.search.constraint_points import (
     ChartOperator,
     ChartPoints,
+    KeepOutExtent,
     RadiusJet,
     constraint_points,
     draft_sine,
@@ -31,7 +32,6 @@ from lensforge.search.constraint_points import (
     wall_mm,
 )
 from lensforge.search.design_result import Limit, limits_of
-from lensforge.search.keep_out_extent import KeepOutExtent
 from lensforge.spec import Spec
 from lensforge.surfaces.bicubic_table import TableGrid
 
@@ -50,15 +50,19 @@ Field = Callable[[RadiusJet, RadiusJet, ChartPoints], Float[Tensor, " k"]]
 class Constraint(Limit):
     """A field over both surfaces that is at least 0 where the lens is feasible.
 
-    ``key`` ends with the unit of the field, of ``margin`` (how far inside the search aims) and of ``tolerance``. The
-    field times ``factor`` is of order 1 for every constraint: lengths relative to the largest radius; angles and
-    curvatures by the sag that they make over the narrowest function, relative to that radius.
+    ``unit`` is that of the field, of ``margin`` (how far inside the search aims) and of ``tolerance``. The field times
+    ``factor`` is of order 1 for every constraint: lengths relative to the largest radius; angles and curvatures by the
+    sag that they make over the narrowest function, relative to that radius.
     """
 
     field: Field
     factor: float
     margin: float
-    derivatives: bool = False
+
+    @property
+    def derivatives(self) -> bool:
+        """True where the field needs derivatives of the radius: for curvatures and drafts."""
+        return self.unit != "mm"
 
     def tightened(self, by: float) -> "Constraint":
         """The constraint with a limit that is stricter by ``by`` (unit of the field)."""
@@ -71,112 +75,58 @@ class Constraint(Limit):
 
 def constraints_of(spec: Spec) -> tuple[Constraint, ...]:
     """The paper's three, and the optional ones that the spec has."""
-    return (*_of_paper(spec), *_of_cutter(spec), *_of_mould(spec), *_of_envelope(spec))
+    return tuple(_constraint(spec, limit) for limit in limits_of(spec).values())
 
 
-def _of_paper(spec: Spec) -> list[Constraint]:
+def _constraint(spec: Spec, limit: Limit) -> Constraint:
+    """``limit`` as a constraint on lenses of ``spec``."""
+    largest_mm, sigma = spec.constraints.max_radius_mm, spec.lens.basis.detail_rad
+    surface, _, _ = limit.key.partition("_")
+    field: Field
+    if limit.unit == "1/mm":
+        # the cutter touches a lens from the air side, a mould insert from the side of the lens body
+        air = (-1 if surface == "inner" else 1) * (1 if spec.manufacture.make == "part" else -1)
+        field = partial(_curvature_left, surface, air, 1.0 / limit.given)
+        factor, margin = 0.5 * sigma**2 * largest_mm, _CURVATURE_MARGIN / limit.given
+    elif limit.unit == "deg":
+        field = partial(_draft_left, surface, limit.given)
+        factor, margin = radians(sigma), _DRAFT_MARGIN_DEG
+    else:
+        field, factor, margin = _length_left(spec, limit), 1.0 / largest_mm, spec.constraints.margin_mm
+    return Constraint(**vars(limit), field=field, factor=factor, margin=margin)
+
+
+def _length_left(spec: Spec, limit: Limit) -> Field:
+    """Field (mm) of a limit on a length."""
     limits = spec.constraints
     reach_mm = limits.min_thickness_mm + _REACH * limits.max_radius_mm
+    if limit.key == "keep_out_clearance_mm":
+        extent = KeepOutExtent.of(spec)
+        return lambda inner, outer, points: inner.rho - extent.at(points)
 
-    def cavity(inner: RadiusJet, outer: RadiusJet, points: ChartPoints) -> Tensor:
+    def above_cavity(inner: RadiusJet, outer: RadiusJet, points: ChartPoints) -> Float[Tensor, " k"]:
         squared = (inner.rho**2) * (1.0 - points.cosine**2)
         paraboloid = limits.cavity_height_mm / limits.cavity_radius_mm**2 * squared
         return paraboloid + inner.rho * points.cosine - limits.cavity_height_mm
 
-    def wall(inner: RadiusJet, outer: RadiusJet, points: ChartPoints) -> Tensor:
-        return wall_mm(inner, outer, points, reach_mm) - limits.min_thickness_mm
-
-    def size(inner: RadiusJet, outer: RadiusJet, points: ChartPoints) -> Tensor:
-        return limits.max_radius_mm - outer.rho
-
-    return _of_lengths(spec, {"cavity_clearance_mm": cavity, WALL: wall, "radius_margin_mm": size})
-
-
-def _of_lengths(spec: Spec, fields: dict[str, Field]) -> list[Constraint]:
-    """Constraints on lengths by the keys of their margins."""
-    known, limits = limits_of(spec), spec.constraints
-    factor, margin = 1.0 / limits.max_radius_mm, limits.margin_mm
-    return [Constraint(**vars(known[key]), field=field, factor=factor, margin=margin) for key, field in fields.items()]
+    fields: dict[str, Field] = {
+        "cavity_clearance_mm": above_cavity,
+        WALL: lambda inner, outer, points: wall_mm(inner, outer, points, reach_mm) - limit.given,
+        "radius_margin_mm": lambda inner, outer, points: limit.given - outer.rho,
+        "largest_wall_margin_mm": lambda inner, outer, points: limit.given - (outer.rho - inner.rho),
+        "height_margin_mm": lambda inner, outer, points: limit.given - outer.rho * points.cosine,
+    }
+    return fields[limit.key]
 
 
-def _of_envelope(spec: Spec) -> list[Constraint]:
-    """The largest wall, the largest height and the keep-out, where the spec has them."""
-    limits, fields = spec.constraints, dict[str, Field]()
-    if limits.max_wall_mm is not None:
-        fields["largest_wall_margin_mm"] = partial(_thickness_left, limits.max_wall_mm)
-    if limits.max_height_mm is not None:
-        fields["height_margin_mm"] = partial(_height_left, limits.max_height_mm)
-    if limits.keep_out is not None:
-        fields["keep_out_clearance_mm"] = partial(_beyond_keep_out, KeepOutExtent.of(spec))
-    return _of_lengths(spec, fields)
-
-
-def _thickness_left(limit_mm: float, inner: RadiusJet, outer: RadiusJet, points: ChartPoints) -> Float[Tensor, " k"]:
-    """Thickness (mm) left before the wall is too thick."""
-    return limit_mm - (outer.rho - inner.rho)
-
-
-def _height_left(limit_mm: float, inner: RadiusJet, outer: RadiusJet, points: ChartPoints) -> Float[Tensor, " k"]:
-    """Height (mm) left above the outer surface."""
-    return limit_mm - outer.rho * points.cosine
-
-
-def _beyond_keep_out(
-    extent: KeepOutExtent, inner: RadiusJet, outer: RadiusJet, points: ChartPoints
-) -> Float[Tensor, " k"]:
-    """Length (mm) along the ray from the grown keep-out to the inner surface."""
-    return inner.rho - extent.at(points)
-
-
-def _of_cutter(spec: Spec) -> list[Constraint]:
-    sigma, known = spec.lens.basis.detail_rad, limits_of(spec)
-    found = []
-    for surface, limit_mm in (
-        ("inner", spec.constraints.inner_concave_radius_mm),
-        ("outer", spec.constraints.outer_concave_radius_mm),
-    ):
-        if limit_mm is None:
-            continue
-        # the cutter touches a lens from the air side, a mould insert from the side of the lens body
-        air = (-1 if surface == "inner" else 1) * (1 if spec.manufacture.make == "part" else -1)
-        found.append(
-            Constraint(
-                **vars(known[f"{surface}_curvature_margin_per_mm"]),
-                field=partial(_curvature_margin, surface, air, 1.0 / limit_mm),
-                factor=0.5 * sigma**2 * spec.constraints.max_radius_mm,
-                margin=_CURVATURE_MARGIN / limit_mm,
-                derivatives=True,
-            )
-        )
-    return found
-
-
-def _of_mould(spec: Spec) -> list[Constraint]:
-    sigma, known = spec.lens.basis.detail_rad, limits_of(spec)
-    return [
-        Constraint(
-            **vars(known[f"{surface}_draft_margin_deg"]),
-            field=partial(_draft_margin, surface, limit_deg),
-            factor=radians(sigma),
-            margin=_DRAFT_MARGIN_DEG,
-            derivatives=True,
-        )
-        for surface, limit_deg in (
-            ("inner", spec.constraints.inner_draft_deg),
-            ("outer", spec.constraints.outer_draft_deg),
-        )
-        if limit_deg is not None
-    ]
-
-
-def _curvature_margin(
+def _curvature_left(
     surface: str, air: int, curvature: float, inner: RadiusJet, outer: RadiusJet, points: ChartPoints
 ) -> Float[Tensor, " k"]:
     """Curvature (1/mm) left before a concave region is as tight as the ball."""
     return curvature + least_curvature(inner if surface == "inner" else outer, points, air)
 
 
-def _draft_margin(
+def _draft_left(
     surface: str, limit_deg: float, inner: RadiusJet, outer: RadiusJet, points: ChartPoints
 ) -> Float[Tensor, " k"]:
     """Draft (deg) beyond the limit."""

@@ -7,13 +7,29 @@ wherever it is read.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from math import nan
 from statistics import stdev
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from lensforge.results import Count, Given, Metric, NotNegative, Number, Point, Positive, Record, StageResult, Text
-from lensforge.results.criteria import Criterion, at_least
+from lensforge.results import (
+    Bound,
+    Count,
+    Fact,
+    Given,
+    Group,
+    Metric,
+    NotNegative,
+    Number,
+    Point,
+    Positive,
+    Record,
+    StageResult,
+    Text,
+)
+from lensforge.results.criteria import Criterion, at_least, state_of
+from lensforge.results.numerals import quantity
 from lensforge.scene.lens import Lens
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec import Accuracy, Spec
@@ -58,13 +74,6 @@ class Level(Record):
     nmse: tuple[NotNegative, ...]
     efficiency: tuple[Number, ...]
     constraints: dict[str, tuple[Number, ...]]
-
-    @model_validator(mode="after")
-    def _one_value_for_each_step(self) -> "Level":
-        for name, values in {"loss": self.loss, "efficiency": self.efficiency, **self.constraints}.items():
-            if len(values) != len(self.nmse):
-                raise ValueError(f"{name}: {len(values)} values, nmse has {len(self.nmse)}; one for each step")
-        return self
 
 
 class Start(Record):
@@ -119,14 +128,6 @@ class Design(StageResult):
     ended: Text | None = None
     starts: tuple[Start, ...] = ()
     criteria: tuple[Criterion, ...]
-
-    @model_validator(mode="after")
-    def _every_constraint_has_its_history(self) -> "Design":
-        names = set(self.constraints.model_dump(exclude_none=True))
-        for level in self.history:
-            if set(level.constraints) != names:
-                raise ValueError(f"history: level {level.level}: its constraints must be {', '.join(sorted(names))}")
-        return self
 
     @property
     def spread(self) -> float | None:
@@ -183,12 +184,16 @@ _DRAFT_TOLERANCE_DEG = 0.01
 
 @dataclass(frozen=True)
 class Limit:
-    """A margin of :class:`Margins` that must be at least 0, but for ``tolerance``; ``key`` ends with its unit."""
+    """A margin of :class:`Margins` that must be at least 0, but for ``tolerance``; ``key`` ends with its unit.
+
+    ``given``: the value of the spec (mm or degrees), of a keep-out its margin.
+    """
 
     key: str
     unit: str
     tolerance: float
     remedy: str
+    given: float
 
     @property
     def name(self) -> str:
@@ -196,59 +201,98 @@ class Limit:
         return self.key.removesuffix("_per_mm").removesuffix("_mm").removesuffix("_deg").replace("_", " ")
 
 
+# By the key of a margin: the field of ``constraints`` that sets its limit, and what to do where it is missed.
+_LIMITS = {
+    "cavity_clearance_mm": ("cavity_height_mm", "raise lens.inner_offset_mm or lower constraints.cavity_*"),
+    "wall_margin_mm": ("min_thickness_mm", "raise lens.outer_offset_mm or lower {field}"),
+    "radius_margin_mm": ("max_radius_mm", "raise {field} or lower lens.outer_offset_mm"),
+    "inner_curvature_margin_per_mm": ("inner_concave_radius_mm", "lower {field} or raise lens.inner_offset_mm"),
+    "outer_curvature_margin_per_mm": ("outer_concave_radius_mm", "lower {field} or raise lens.outer_offset_mm"),
+    "inner_draft_margin_deg": ("inner_draft_deg", "lower {field} or take more steps"),
+    "outer_draft_margin_deg": ("outer_draft_deg", "lower {field} or take more steps"),
+    "largest_wall_margin_mm": ("max_wall_mm", "raise {field} or lens.inner_offset_mm"),
+    "height_margin_mm": ("max_height_mm", "raise {field} or lower lens.outer_offset_mm"),
+    "keep_out_clearance_mm": ("keep_out", "raise lens.inner_offset_mm or lower {field}_margin_mm"),
+}
+
+
 def limits_of(spec: Spec) -> dict[str, Limit]:
     """The limits of ``spec`` by the key of their margin: the paper's three, and the optional ones that it has."""
-    return {limit.key: limit for limit in (*_of_paper(spec), *_of_cutter(spec), *_of_mould(spec), *_of_envelope(spec))}
-
-
-def _of_paper(spec: Spec) -> Iterator[Limit]:
-    for key, remedy in (
-        ("cavity_clearance_mm", "raise lens.inner_offset_mm or lower constraints.cavity_*"),
-        ("wall_margin_mm", "raise lens.outer_offset_mm or lower constraints.min_thickness_mm"),
-        ("radius_margin_mm", "raise constraints.max_radius_mm or lower lens.outer_offset_mm"),
-    ):
-        yield Limit(key, "mm", spec.constraints.tolerance_mm, remedy)
-
-
-def _of_cutter(spec: Spec) -> Iterator[Limit]:
-    limits = spec.constraints
-    for surface, limit_mm in (("inner", limits.inner_concave_radius_mm), ("outer", limits.outer_concave_radius_mm)):
-        if limit_mm is not None:
-            remedy = f"lower constraints.{surface}_concave_radius_mm or raise lens.{surface}_offset_mm"
-            yield Limit(f"{surface}_curvature_margin_per_mm", "1/mm", _CURVATURE_TOLERANCE / limit_mm, remedy)
-
-
-def _of_mould(spec: Spec) -> Iterator[Limit]:
-    limits = spec.constraints
-    for surface, limit_deg in (("inner", limits.inner_draft_deg), ("outer", limits.outer_draft_deg)):
-        if limit_deg is not None:
-            remedy = f"lower constraints.{surface}_draft_deg or take more steps"
-            yield Limit(f"{surface}_draft_margin_deg", "deg", _DRAFT_TOLERANCE_DEG, remedy)
-
-
-def _of_envelope(spec: Spec) -> Iterator[Limit]:
-    limits = spec.constraints
-    for key, given, remedy in (
-        ("largest_wall_margin_mm", limits.max_wall_mm, "raise constraints.max_wall_mm or lens.inner_offset_mm"),
-        ("height_margin_mm", limits.max_height_mm, "raise constraints.max_height_mm or lower lens.outer_offset_mm"),
-        (
-            "keep_out_clearance_mm",
-            limits.keep_out,
-            "raise lens.inner_offset_mm or lower constraints.keep_out_margin_mm",
-        ),
-    ):
-        if given is not None:
-            yield Limit(key, "mm", limits.tolerance_mm, remedy)
+    limits, own = {}, spec.constraints
+    for key, (field, remedy) in _LIMITS.items():
+        if (given := getattr(own, field)) is None:
+            continue
+        unit, tolerance = "mm", own.tolerance_mm
+        if key.endswith("_per_mm"):
+            unit, tolerance = "1/mm", _CURVATURE_TOLERANCE / given
+        elif key.endswith("_deg"):
+            unit, tolerance = "deg", _DRAFT_TOLERANCE_DEG
+        value = own.keep_out_margin_mm if field == "keep_out" else given
+        limits[key] = Limit(key, unit, tolerance, remedy.format(field=f"constraints.{field}"), value)
+    return limits
 
 
 def constraint_criteria(spec: Spec, measured: Margins) -> tuple[Criterion, ...]:
-    """One criterion for each limit of ``spec``: at least 0 but for its tolerance."""
+    """One criterion for each limit of ``spec``: at least 0 but for its tolerance; NaN where it was not measured."""
+    margins = ((limit, getattr(measured, key)) for key, limit in limits_of(spec).items())
     return tuple(
-        at_least(limit.name, _known(getattr(measured, key)), -limit.tolerance, limit.unit, limit.remedy)
-        for key, limit in limits_of(spec).items()
+        at_least(limit.name, nan if margin is None else margin, -limit.tolerance, limit.unit, limit.remedy)
+        for limit, margin in margins
     )
 
 
-def _known(margin: float | None) -> float:
-    """``margin``, or NaN where it has not been measured."""
-    return float("nan") if margin is None else margin
+def design_facts(design: Design) -> list[Group]:
+    """Groups of the lens, of the search, and of its starts where there were several."""
+    groups = [
+        Group("lens", "Lens", tuple(_size(design))),
+        Group("search", "Search", tuple(_search(design))),
+    ]
+    return groups if design.spread is None else [*groups, Group("starts", "Starts", tuple(_starts(design)))]
+
+
+def _size(design: Design) -> Iterator[Fact]:
+    limits = design.lens.spec.constraints
+    yield Fact(
+        "radius",
+        "Farthest from the LED",
+        design.max_radius_mm,
+        "mm",
+        limit=Bound("<=", limits.max_radius_mm),
+        state=state_of(design.criteria, "radius margin"),
+        note="distance in space, without the base",
+    )
+    yield Fact(
+        "height",
+        "Height above the LED",
+        design.height_mm,
+        "mm",
+        limit=None if limits.max_height_mm is None else Bound("<=", limits.max_height_mm),
+        state=state_of(design.criteria, "height margin"),
+        note="without the base",
+    )
+    high, wide = quantity(limits.cavity_height_mm, "mm"), quantity(2.0 * limits.cavity_radius_mm, "mm")
+    yield Fact(
+        "cavity",
+        "Free space over the LED",
+        design.constraints.cavity_clearance_mm,
+        "mm",
+        limit=Bound(">=", 0.0),
+        state=state_of(design.criteria, "cavity clearance"),
+        note=f"beyond a dome {high} high, {wide} wide",
+    )
+
+
+def _search(design: Design) -> Iterator[Fact]:
+    yield Fact("steps", "Steps", design.steps, note=design.ended or "")
+    yield Fact("levels", "Levels", len(design.history))
+    yield Fact(
+        "functions", "Functions", design.history[-1].functions if design.history else None, note="of each surface"
+    )
+
+
+def _starts(design: Design) -> Iterator[Fact]:
+    """The kept search and the next best one."""
+    best, following, *_ = sorted(design.starts, key=lambda start: start.rank)
+    scatter = Fact("spread", "Standard deviation of the merit", design.spread, digits=2)
+    yield Fact("kept", "Kept", f"seed {best.seed} of {len(design.starts)}", note=f"{scatter.label} {scatter.text}")
+    yield Fact("next", "Next", f"seed {following.seed}", note=following.words)

@@ -20,8 +20,8 @@ from lensforge.scene.lens import Lens
 from lensforge.search.constraint_points import ChartOperator, ChartPoints, RadiusJet, constraint_points
 from lensforge.search.constraints import WALL, AugmentedLagrangian, Constraint, constraints_of
 from lensforge.search.design_result import DIRECTIONS, Margins
-from lensforge.search.merit import Problem
 from lensforge.search.parameters import Parametrisation
+from lensforge.search.problem import Problem
 from lensforge.search.search_state import SearchState
 from lensforge.spec import Accuracy, Spec
 from lensforge.surfaces import surface as chart

@@ -4,11 +4,11 @@ Its steps are Adam's, with multiplier updates between rounds, stage after stage;
 """
 
 import time
-from collections.abc import Generator, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Generator
+from dataclasses import dataclass, replace
 from itertools import accumulate
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import torch
 
@@ -16,16 +16,25 @@ from lensforge import seeds
 from lensforge.errors import Cancelled, remedy
 from lensforge.scene.lens import Lens
 from lensforge.search.automatic_schedule import AutomaticSchedule
-from lensforge.search.automatic_stages import AutomaticStages, UsefulLevels
 from lensforge.search.checkpoint import delete_checkpoint, fingerprint
-from lensforge.search.design_result import Design, Margins, Observer, Progress, constraint_criteria
+from lensforge.search.design_result import Design, Level, Margins, Observer, Progress, constraint_criteria
 from lensforge.search.feasibility import feasible_lens, require_feasible_start
-from lensforge.search.merit import Evaluated, Problem, Problems
-from lensforge.search.robust_parts import Pair
-from lensforge.search.schedule import NextStage, Outcome, Schedule, Stage, fixed_schedule, rays_ahead, stages_of
-from lensforge.search.search_state import Adam, Parameters, SearchState, level_of, moments_of, restored, resume_adam
-from lensforge.search.symmetry import settled_symmetry
-from lensforge.search.validation_rays import ValidationRays
+from lensforge.search.light_path import Pair
+from lensforge.search.merit import Evaluated
+from lensforge.search.parameters import settled_symmetry
+from lensforge.search.problem import Problem, Problems, ValidationRays
+from lensforge.search.schedule import (
+    AutomaticStages,
+    NextStage,
+    Outcome,
+    Schedule,
+    Stage,
+    UsefulLevels,
+    fixed_schedule,
+    rays_ahead,
+    stages_of,
+)
+from lensforge.search.search_state import Adam, Parameters, SearchState
 from lensforge.sources.build_source import summarise
 from lensforge.sources.measured_rays import searched
 from lensforge.sources.ray_bundle import Source
@@ -40,20 +49,12 @@ _CHECKPOINT_SECONDS = 2.0
 
 
 @dataclass
-class Stopwatch:
-    """Time of a search: all of it, set-up and observers too, and that of before an interrupt."""
-
-    earlier_s: float = 0.0
-    _begun: float = field(default_factory=lambda: time.perf_counter())
-
-    def seconds(self) -> float:
-        """Seconds so far."""
-        return self.earlier_s + time.perf_counter() - self._begun
-
-
-@dataclass
 class Descent:
-    """A search on its way: ``state`` is all that decides its end."""
+    """A search on its way: ``state`` is all that decides its end.
+
+    ``begun``: when the search began by the clock, less the seconds of before an interrupt; all of it counts, set-up and
+    observers too.
+    """
 
     source: Source
     problems: Problems
@@ -63,8 +64,13 @@ class Descent:
     accuracy: Accuracy
     observer: Observer
     state: SearchState
-    clock: Stopwatch
+    begun: float
     _judged: tuple[tuple[int, int], Outcome] | None = None
+
+    @property
+    def seconds(self) -> float:
+        """Seconds of the search so far."""
+        return time.perf_counter() - self.begun
 
     def run(self, checkpoint: Path | None, key: str) -> NextStage:
         """Run all remaining stages and return the end; keep the checkpoint fresh, also at an interrupt."""
@@ -111,9 +117,8 @@ class Descent:
         weights = self.state.weights[: stage.functions].clone().requires_grad_()
         still = self.state.weights[stage.functions :]
         offsets = self.state.offsets.clone().requires_grad_()
-        optimiser = Adam([weights, offsets], betas=(0.9, 0.99), least_gradient=stage.least_gradient)
-        if self.state.moments is not None:
-            resume_adam(optimiser, self.state.steps_of_moments, self.state.moments)
+        before = self.state.steps_of_moments, self.state.moments
+        optimiser = Adam(weights, offsets, (0.9, 0.99), stage.least_gradient, *before)
         earlier, most_steps = self.state.steps_done - self.state.step, self.schedule.most_steps(self.state.outcomes)
         steps = range(self.state.step, stage.steps)
         own_seeds = (seeds.of_step(self.seed, earlier + step) for step in steps)
@@ -146,38 +151,32 @@ class Descent:
             offsets=offsets.clone(),
             multipliers=problem.constraints.multipliers,
             step=step + 1,
-            moments=moments_of(optimiser),
-            steps_of_moments=self.state.steps_of_moments + 1,
-            history=_extended(self.state.history, stage, self._values(result, problem)),
-            seconds=self.clock.seconds(),
+            moments=optimiser.moments,
+            steps_of_moments=optimiser.steps,
+            history=_with_step(self.state.history, stage, result, problem.constraints.least(result.fields)),
+            seconds=self.seconds,
         )
 
     def _after_stage(self, stage: Stage) -> SearchState:
         """The state at the beginning of what follows ``stage``."""
-        state, problem, outcome = self.state, self.problems.of(stage.levels), self._outcome(stage, self.state)
-        following = self.schedule.next_stage((*state.outcomes, outcome))
-        best = Parameters(state.weights, state.offsets) if following.improved else state.best
-        accepted = best if following.accepted else state.accepted
-        state = replace(state, outcomes=(*state.outcomes, outcome), step=0, best=best, accepted=accepted)
-        if following.begin != "current":
-            begin = self._beginning(following, state)
-            state = replace(state, weights=begin.weights, offsets=begin.offsets, best=begin)
-        if following.stage is None:
-            return replace(state, moments=None, steps_of_moments=0, seconds=self.clock.seconds())
-        coming = following.stage
-        if following.begin != "current" or (coming.functions, coming.uniform) != (stage.functions, stage.uniform):
+        state, problem = self.state, self.problems.of(stage.levels)
+        following = self.schedule.next_stage((*state.outcomes, self._outcome(stage, state)))
+        coming, kept = following.stage, _kept(following, state)
+        state = replace(
+            state,
+            weights=kept.begin.weights,
+            offsets=kept.begin.offsets,
+            outcomes=(*state.outcomes, self._outcome(stage, state)),
+            step=0,
+            best=kept.best if following.begin == "current" else kept.begin,
+            accepted=kept.accepted,
+        )
+        moved = (stage.functions, stage.uniform)
+        if coming is None or following.begin != "current" or (coming.functions, coming.uniform) != moved:
             state = replace(state, moments=None, steps_of_moments=0)
-        return replace(self._for_levels(state, problem, coming), seconds=self.clock.seconds())
-
-    @staticmethod
-    def _beginning(following: NextStage, state: SearchState) -> Parameters:
-        """The parameters with which a search goes on in ``following``."""
-        now = Parameters(state.weights, state.offsets)
-        best = now if following.improved else state.best
-        accepted = best if following.accepted else state.accepted
-        begin = {"current": now, "best": best, "accepted": accepted}[following.begin]
-        assert begin is not None, "it goes back to what it has kept"
-        return begin
+        if coming is not None:
+            state = self._for_levels(state, problem, coming)
+        return replace(state, seconds=self.seconds)
 
     def _outcome(self, stage: Stage, state: SearchState) -> Outcome:
         """Judgement of ``state`` by validation rays, at the end of ``stage``."""
@@ -187,7 +186,7 @@ class Descent:
             if self.validation is not None:
                 problem, uniform = self.problems.of(stage.levels), self.problems.spec.has_uniform_region
                 light, even = self.validation.judge(problem, state.weights, state.offsets, uniform)
-            self._judged = key, Outcome(steps=state.step, seconds=self.clock.seconds(), light=light, even=even)
+            self._judged = key, Outcome(steps=state.step, seconds=self.seconds, light=light, even=even)
         return self._judged[1]
 
     def _ends_level(self, stage: Stage, state: SearchState) -> Parameters | None:
@@ -198,7 +197,7 @@ class Descent:
         if not self._is_over(stage, state):
             return None
         following = self.schedule.next_stage((*state.outcomes, self._outcome(stage, state)))
-        begin = self._beginning(following, state)
+        begin = _kept(following, state).begin
         within = following.stage is not None and following.stage.level == stage.level
         return None if within or len(begin.weights) != len(state.weights) else begin
 
@@ -206,7 +205,8 @@ class Descent:
         """``state`` with as many weights as ``stage`` has, new ones 0, and multipliers at the points of its grid."""
         following = self.problems.of(stage.levels)
         if following is not before:
-            state = replace(state, multipliers=following.multipliers_of(before, state.multipliers))
+            multipliers = following.constraints.at_nearest(before.constraints, state.multipliers)
+            state = replace(state, multipliers=multipliers)
         size = following.parametrisation.basis.size
         if size == len(state.weights):
             return state
@@ -236,19 +236,41 @@ class Descent:
             lens=lens,
         )
 
-    @staticmethod
-    def _values(result: Evaluated, problem: Problem) -> dict[str, float]:
-        """History of one step."""
-        least = problem.constraints.least(result.fields)
-        return {"loss": result.loss.item(), "nmse": result.nmse, "efficiency": result.efficiency, **least}
+
+class _Kept(NamedTuple):
+    """Parameters that a search keeps at the end of a stage, and those with which it goes on."""
+
+    best: Parameters | None
+    accepted: Parameters | None
+    begin: Parameters
 
 
-def _extended(history: Sequence[dict[str, Any]], stage: Stage, values: dict[str, float]) -> list[dict[str, Any]]:
-    """``history`` with one more step, in new lists: the state before it must not change."""
-    if not history or history[-1]["level"] != stage.level:
-        history = [*history, {"level": stage.level, "functions": stage.functions, **{name: [] for name in values}}]
-    last = history[-1]
-    return [*history[:-1], last | {name: [*last[name], value] for name, value in values.items()}]
+def _kept(following: NextStage, state: SearchState) -> _Kept:
+    now = Parameters(state.weights, state.offsets)
+    best = now if following.improved else state.best
+    accepted = best if following.accepted else state.accepted
+    begin = {"current": now, "best": best, "accepted": accepted}[following.begin]
+    assert begin is not None, "it goes back to what it has kept"
+    return _Kept(best, accepted, begin)
+
+
+def _with_step(
+    history: tuple[Level, ...], stage: Stage, result: Evaluated, least: dict[str, float]
+) -> tuple[Level, ...]:
+    """``history`` with one more step, of the last level or of a new one."""
+    if history and history[-1].level == stage.level:
+        earlier, last = history[:-1], history[-1]
+    else:
+        none: dict[str, tuple[float, ...]] = dict.fromkeys(least, ())
+        earlier = history
+        last = Level(level=stage.level, functions=stage.functions, loss=(), nmse=(), efficiency=(), constraints=none)
+    longer = {
+        "loss": (*last.loss, result.loss.item()),
+        "nmse": (*last.nmse, result.nmse),
+        "efficiency": (*last.efficiency, result.efficiency),
+        "constraints": {name: (*values, least[name]) for name, values in last.constraints.items()},
+    }
+    return (*earlier, last.model_copy(update=longer))
 
 
 _SIZE_DIRECTIONS = 20_000  # over the hemisphere, at which radius and height are sampled
@@ -275,14 +297,14 @@ def search(
     unless ``optimise.seconds`` makes it depend on time. ``progress`` is called after every gradient step; where it
     returns False, the search raises :class:`Cancelled`. ``warnings``: on the scene, for the record.
     """
-    clock = Stopwatch()
+    begun = time.perf_counter()
     preset, spec = PRESETS[accuracy], settled_symmetry(spec, source)
     schedule = _schedule(spec, source, preset, start)
     problems = Problems(spec, source, preset.nodes_per_sigma, device)
     key = fingerprint(spec, seed, accuracy, start, device)
     if resume and checkpoint is not None:
-        state = restored(checkpoint, key, schedule, problems)
-        clock.earlier_s = state.seconds
+        state = SearchState.load(checkpoint, key)
+        begun -= state.seconds
     else:
         state = _fresh_state(schedule, problems, start)
     if checkpoint is not None and not resume:
@@ -290,16 +312,14 @@ def search(
     validation, of_steps = None, searched(source)
     if spec.lens.levels == "auto":
         validation, of_steps = ValidationRays.of(of_steps, preset.effort.validation_rays, seed)
-    descent = Descent(
-        of_steps, problems, schedule, validation, seed, accuracy, progress or (lambda _: None), state, clock
-    )
-    descent.run(checkpoint, key)
+    observer = progress or (lambda _: None)
+    descent = Descent(of_steps, problems, schedule, validation, seed, accuracy, observer, state, begun)
+    why = descent.run(checkpoint, key).why or None
     state = descent.state
     last = stages_of(schedule, state.outcomes)[-1]
     problem = problems.of(_levels_of(last.levels, len(state.weights)))
     lens, margins = feasible_lens(problem, state, seed, accuracy)
-    why = schedule.next_stage(state.outcomes).why or None
-    state = replace(state, seconds=clock.seconds())
+    state = replace(state, seconds=descent.seconds)
     return _design(lens, margins, source, state, last.rays, why, warnings)
 
 
@@ -347,7 +367,7 @@ def _design(
         source=summary.model_copy(update={"warnings": (*summary.warnings, *warnings)}),
         source_outline_mm=tuple((float(x), float(y), float(z)) for x, y, z in source.outline()),
         ended=why,
-        history=tuple(level_of(level) for level in state.history),
+        history=state.history,
         criteria=constraint_criteria(lens.spec, margins),
     )
 

@@ -22,7 +22,6 @@ from lensforge.light.table_trace import Scene, trace_tables
 from lensforge.scene.lens import Lens
 from lensforge.scene.limit_readings import LightLimit, light_limits
 from lensforge.scene.possible_light import LargestShare, PossibleLight, SourceLight
-from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import target_light
 from lensforge.scene.target_region import in_target
@@ -31,7 +30,6 @@ from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.sources.source_pose import SourcePose
 from lensforge.spec import Spec
 from lensforge.spec.feasible import smallest_inner_mm
-from lensforge.spec.receiver_sections import PlaneReceiver
 from lensforge.spec.source_sections import Placement
 from lensforge.spec.spec_section import rounded_up
 from lensforge.surfaces.asphere import sphere
@@ -42,11 +40,13 @@ LEAST_POSSIBLE = 0.5  # of what is asked for: with less, no search comes near it
 
 
 @dataclass(frozen=True)
-class AskedLight:
-    """Light that a limit asks for at its worst place, and the most that is ``possible`` there, in ``unit``.
+class Asked:
+    """Light that a target or a limit asks for, and the most that is ``possible`` there, in ``unit``.
 
-    ``radius_mm``: of the smallest lens whose étendue suffices. ``estimated``: the source's luminance is an estimate
-    from its rays, which stops no search.
+    Of a target and of a limit on a share, the share of the source's flux and its ``bounds``, the unit "%"; a target
+    asks for all that two faces transmit into its bright part. Of a limit on light, that at its worst place.
+    ``radius_mm``: of the smallest lens whose étendue suffices. ``estimated``: by a luminance that is estimated from the
+    rays of the source, which stops no search.
     """
 
     name: str
@@ -55,6 +55,7 @@ class AskedLight:
     unit: str
     radius_mm: float
     estimated: bool
+    bounds: LargestShare | None = None
 
     @property
     def met(self) -> float:
@@ -63,68 +64,34 @@ class AskedLight:
 
     @property
     def certain(self) -> bool:
-        """False where the bound is that of an estimated luminance."""
-        return not self.estimated
-
-    @property
-    def possible_words(self) -> str:
-        """The bound in words."""
-        return f"{_about(self.estimated)}at most {self.possible:.3g} {self.unit} (by étendue) can be reached"
-
-    @property
-    def asked_words(self) -> str:
-        """The demand in words."""
-        return f"{self.asked:g} {self.unit} that it asks for"
-
-    def remedies(self) -> str:
-        """Changes that would raise the bound."""
-        return f"{_larger_lens(self.radius_mm)}, a smaller or brighter source, or a lower bound"
-
-
-@dataclass(frozen=True)
-class AskedShare:
-    """Share of the source's flux that a target or a limit asks for, and its ``bounds``; all else as above.
-
-    A target asks for all that two faces transmit into its bright part.
-    """
-
-    name: str
-    asked: float
-    bounds: LargestShare
-    radius_mm: float
-    estimated: bool
-
-    @property
-    def met(self) -> float:
-        """Largest part of what is asked."""
-        return self.bounds.value / self.asked
-
-    @property
-    def certain(self) -> bool:
         """False where only the bound of an estimated luminance is too low."""
-        return not self.estimated or self.bounds.by_refraction < LEAST_POSSIBLE * self.asked
+        refracted = self.bounds is not None and self.bounds.by_refraction < LEAST_POSSIBLE * self.asked
+        return refracted or not self.estimated
 
     @property
     def possible_words(self) -> str:
         """The bound in words."""
-        return f"{_about(self.estimated)}{self.bounds} of the light can reach it"
+        about = "by an estimate of the source's luminance " if self.estimated else ""
+        if self.bounds is None:
+            return f"{about}at most {self.possible:.3g} {self.unit} (by étendue) can be reached"
+        return f"{about}{self.bounds} of the light can reach it"
 
     @property
     def asked_words(self) -> str:
         """The demand in words."""
-        return f"{100.0 * self.asked:.3g} % that it asks for"
+        return f"{self.asked:g} {self.unit}" if self.bounds is None else f"{100.0 * self.asked:.3g} %"
 
     def remedies(self) -> str:
         """Changes that would raise the bound."""
-        if self.bounds.by_etendue <= self.bounds.by_refraction and isfinite(self.radius_mm):
-            return f"{_larger_lens(self.radius_mm)}, a smaller source or a larger target"
-        return "a larger lens.refractive_index, or a target nearer to the source's axis"
+        bounds, words = self.bounds, "a smaller source or a larger target"
+        if bounds is None:
+            words = "a smaller or brighter source, or a lower bound"
+        elif bounds.by_etendue > bounds.by_refraction or not isfinite(self.radius_mm):
+            return "a larger lens.refractive_index, or a target nearer to the source's axis"
+        return f"a larger lens (>= {rounded_up(self.radius_mm)} mm), {words}"
 
 
-Asked = AskedLight | AskedShare
-
-
-def asked_light(spec: Spec, source: Source) -> tuple[tuple[AskedShare, ...], tuple[Asked, ...]]:
+def asked_light(spec: Spec, source: Source) -> tuple[tuple[Asked, ...], tuple[Asked, ...]]:
     """The light asked for by the targets of each receiver, and by the limits of ``spec``.
 
     Raises :class:`InputError` for limits that contradict each other, or whose unit the source does not have.
@@ -139,14 +106,14 @@ def asked_light(spec: Spec, source: Source) -> tuple[tuple[AskedShare, ...], tup
     return targets, tuple(each for each in found if each is not None)
 
 
-def _of_target(wanted: Float[np.ndarray, "h w"], physics: PossibleLight) -> AskedShare:
+def _of_target(wanted: Float[np.ndarray, "h w"], physics: PossibleLight) -> Asked:
     region = in_target(wanted)
     return _share("target", physics.light.transmittance * float(wanted[region].sum()), region, physics)
 
 
-def _share(name: str, asked: float, region: Bool[np.ndarray, "h w"], physics: PossibleLight) -> AskedShare:
-    estimated = physics.light.curve.estimated
-    return AskedShare(name, asked, physics.in_region(region), physics.radius_for(region, asked), estimated)
+def _share(name: str, asked: float, region: Bool[np.ndarray, "h w"], physics: PossibleLight) -> Asked:
+    bounds, estimated = physics.in_region(region), physics.light.curve.estimated
+    return Asked(name, asked, bounds.value, "%", physics.radius_for(region, asked), estimated, bounds)
 
 
 def _of_limit(limit: LightLimit, physics: PossibleLight, flux_w: float) -> Asked | None:
@@ -159,22 +126,13 @@ def _of_limit(limit: LightLimit, physics: PossibleLight, flux_w: float) -> Asked
         return _share(limit.name, limit.bound, region, physics)
     possible = float(limit.of(physics.on_pixels[None] * flux_w).min())
     radius_mm = physics.max_radius_mm * sqrt(limit.bound / max(possible, np.finfo(float).tiny))
-    return AskedLight(limit.name, limit.bound, possible, limit.unit, radius_mm, physics.light.curve.estimated)
-
-
-def _about(estimated: bool) -> str:
-    return "by an estimate of the source's luminance " if estimated else ""
-
-
-def _larger_lens(radius_mm: float) -> str:
-    return f"a larger lens (>= {rounded_up(radius_mm)} mm)"
+    return Asked(limit.name, limit.bound, possible, limit.unit, radius_mm, physics.light.curve.estimated)
 
 
 _RAYS, _SEED = 2**14, 0
 _NODES_PER_SIGMA = 4.0  # the starting lens is smooth: its entry is right to the noise of the rays
 _LEAST_ENTERING = 1e-3  # of the flux; the rest of such a search is noise
 _WARN_LOST, _WARN_POSSIBLE = 0.1, 0.7  # shares that a user should know of before waiting for a search
-_STEEP, _PIXELS = 0.7, 64  # a component of an axis along z; pixels along a side
 _MAIN_CAUSE = 0.1  # of the light that is lost: smaller causes need no remedy of their own
 _LOST = {
     Fate.BACKWARD: "goes backward, towards -z",
@@ -192,7 +150,7 @@ class SceneCheck:
     spec: Spec
     entering: float
     lost: dict[Fate, float]
-    targets: tuple[AskedShare, ...]
+    targets: tuple[Asked, ...]
     limits: tuple[Asked, ...]
     mean_direction: tuple[float, float, float]
 
@@ -211,33 +169,25 @@ class SceneCheck:
         That is half of what the target asks for. A luminance that is an estimate refuses nothing.
         """
         if self.entering < _LEAST_ENTERING:
-            raise InputError(
-                f"source: {_percent(self.entering)} of the light enters the starting lens, at least "
-                f"{_percent(_LEAST_ENTERING)} must: {self._causes()}; try {', '.join(self._remedies())}"
-            )
+            raise InputError(f"source: {self._entry()}; at least {_percent(_LEAST_ENTERING)} must enter")
         for field, asked in self._asked():
             if asked.met < LEAST_POSSIBLE and asked.certain and not force:
+                lossy = self.entering < LEAST_POSSIBLE  # then the source is to blame, not lens or target
+                remedy = self._entry() if lossy else f"try {asked.remedies()}"
                 raise InputError(
-                    f"{field}: {asked.possible_words} {self._through()}, less than half of the {asked.asked_words}: "
-                    f"{self._help(asked)}; or design it all the same: --force, in a script force=True"
+                    f"{field}: {asked.possible_words} {self._through()}, less than half of the {asked.asked_words} "
+                    f"that it asks for: {remedy}; or design it all the same: --force, in a script force=True"
                 )
 
     def warnings(self) -> tuple[str, ...]:
         """One line for each matter that no search can mend."""
-        return tuple(self._warnings())
-
-    def _warnings(self) -> Iterator[str]:
+        lines = []
         if 1.0 - self.entering > _WARN_LOST:
-            yield (
-                f"{_percent(self.entering)} of the light enters the starting lens: {self._causes()}; "
-                f"try {', '.join(self._remedies())}"
-            )
+            lines.append(self._entry())
         for field, asked in self._asked():
             if asked.met < _WARN_POSSIBLE:
-                yield f"{field}: {asked.possible_words} {self._through()}; try {asked.remedies()}"
-        for section, receiver in zip(self.spec.all_receivers, receivers_of(self.spec, _PIXELS), strict=True):
-            if isinstance(section, PlaneReceiver):
-                yield from _of_plane(section, receiver)
+                lines.append(f"{field}: {asked.possible_words} {self._through()}; try {asked.remedies()}")
+        return tuple(lines)
 
     def _asked(self) -> Iterator[tuple[str, Asked]]:
         """Targets and limits by the names of their fields."""
@@ -246,14 +196,11 @@ class SceneCheck:
         for limit in self.limits:
             yield f"limits: {limit.name}", limit
 
-    def _help(self, asked: Asked) -> str:
-        """Changes to try: of the source where most of its light is lost before the lens, else lens or target."""
-        if self.entering < LEAST_POSSIBLE:
-            return f"{self._causes()}; try {', '.join(self._remedies())}"
-        return f"try {asked.remedies()}"
-
-    def _causes(self) -> str:
-        return ", ".join(f"{_percent(share)} {_LOST[fate]}" for fate, share in self.lost.items() if share > 0.0)
+    def _entry(self) -> str:
+        """Share of the light that enters the starting lens, the fate of the rest, and changes to try, in words."""
+        causes = ", ".join(f"{_percent(share)} {_LOST[fate]}" for fate, share in self.lost.items() if share > 0.0)
+        entering = f"{_percent(self.entering)} of the light enters the starting lens"
+        return f"{entering}: {causes}; try {', '.join(self._remedies())}"
 
     def _remedies(self) -> Iterator[str]:
         """Fields that mend the main causes, the largest first."""
@@ -273,25 +220,6 @@ class SceneCheck:
         if self.spec.target is not None and self.spec.target.distance_mm is not None:
             return f"{largest} at target.distance_mm = {self.spec.target.distance_mm:g}"
         return largest
-
-
-def _of_plane(section: PlaneReceiver, receiver: PosedReceiver) -> Iterator[str]:
-    """Lines on a plane that stands steeply, whose axes nobody sees, and on a target behind the plane of the LED."""
-    x, y, _ = receiver.pose.axes
-    if section.rotation_deg == 0.0 and max(abs(x[2]), abs(y[2])) > _STEEP:
-        along = " and ".join(
-            f"{name} along ({', '.join(f'{each + 0.0:.2g}' for each in axis.round(6))})"
-            for name, axis in (("x", x), ("y", y))
-        )
-        yield f"receivers: {section.name}: it has {along} in the lens; rotation_deg turns it about its normal"
-    wanted = target_light(section.targets, receiver)
-    height_mm = receiver.places(*np.meshgrid(receiver.grid.x(), receiver.grid.y()))[..., 2]
-    behind = float(wanted[height_mm < 0.0].sum() / wanted.sum())
-    if behind > 0.0:
-        yield (
-            f"receivers: {section.name}: {_percent(behind)} of its target lies behind the LED's plane z = 0, where "
-            "a lens sends little light; move or shrink the target"
-        )
 
 
 def _shares_by_fate(spec: Spec, rays: RayBundle, start: Lens | None) -> dict[Fate, float]:

@@ -1,13 +1,15 @@
 """Coarse to fine: which levels move in a stage of the search, for how many steps and how far; the rays of each step.
 
-A lens is judged by validation rays; what one lens gains over another stands with the error of that gain.
+A lens is judged by validation rays; what one lens gains over another stands with the error of that gain. Finer levels
+help until the source, the receiver or the cutter blurs them.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from typing import Annotated, Literal, NamedTuple, Protocol, runtime_checkable
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -15,8 +17,10 @@ from pydantic import Field
 from lensforge.light.metrics import jackknife_error
 from lensforge.results import Count, NotNegative, Number, Positive, Record
 from lensforge.sources.ray_bundle import RayBundle, Source
-from lensforge.spec import Spec
-from lensforge.spec.accuracy import Preset
+from lensforge.spec import AnyReceiver, Spec
+from lensforge.spec.accuracy import Preset, SearchEffort
+from lensforge.spec.receiver_sections import CylinderReceiver, FarFieldReceiver, PlaneReceiver, SphereReceiver
+from lensforge.surfaces.srbf import level_sigma
 
 SLICES = 8  # of the validation rays: the error of a gain is then known to a quarter of itself
 # Standard errors that a gain must reach: by chance one stage in six would. With two, a level that halves the error of a
@@ -118,29 +122,33 @@ class NextStage:
     why: str = ""
 
 
-@runtime_checkable
-class Schedule(Protocol):
+class Schedule(ABC):
     """The stages of a search, one after another."""
+
+    @abstractmethod
+    def phases(self) -> Generator[NextStage, Outcome]:
+        """The whole search: every stage is answered by its outcome, and the last item has no stage."""
 
     def next_stages(self, outcomes: Iterable[Outcome]) -> Iterator[NextStage]:
         """The first stage, and what follows each of ``outcomes``, one after another."""
-        ...
+        phases = self.phases()
+        yield next(phases)
+        for outcome in outcomes:
+            yield phases.send(outcome)
 
     def next_stage(self, outcomes: Sequence[Outcome]) -> NextStage:
         """Continuation after the stages that had ``outcomes``."""
-        ...
-
-    def accepts(self, outcome: Outcome) -> bool:
-        """True where ``outcome`` has the judgements that decide what follows."""
-        ...
+        *_, last = self.next_stages(outcomes)
+        return last
 
     def most_steps(self, outcomes: Sequence[Outcome]) -> int:
-        """Steps of the whole search, as far as can be said after ``outcomes``."""
-        ...
+        """Steps of the whole search, as far as can be said after ``outcomes``: those so far, and of what follows."""
+        stage = self.next_stage(outcomes).stage
+        return sum(outcome.steps for outcome in outcomes) + (0 if stage is None else stage.steps)
 
     def most_seconds(self, outcomes: Sequence[Outcome]) -> float:
         """Seconds of the search after which the stage that follows ``outcomes`` ends at once; infinity for never."""
-        ...
+        return math.inf
 
 
 def stages_of(schedule: Schedule, outcomes: Sequence[Outcome]) -> list[Stage]:
@@ -149,33 +157,20 @@ def stages_of(schedule: Schedule, outcomes: Sequence[Outcome]) -> list[Stage]:
 
 
 @dataclass(frozen=True)
-class FixedSchedule:
+class FixedSchedule(Schedule):
     """Stages that are known before the search; ``outcomes`` count, nothing else."""
 
     stages: tuple[Stage, ...]
 
-    def next_stages(self, outcomes: Iterable[Outcome]) -> Iterator[NextStage]:
+    def phases(self) -> Generator[NextStage, Outcome]:
         """All stages in their order, and the end."""
-        yield self.next_stage(())
-        for done, _ in enumerate(outcomes, 1):
-            yield NextStage(self.stages[done] if done < len(self.stages) else None)
-
-    def accepts(self, outcome: Outcome) -> bool:
-        """True for one without judgements: nothing depends on them."""
-        return outcome.light is None and outcome.even is None
-
-    def next_stage(self, outcomes: Sequence[Outcome]) -> NextStage:
-        """The next stage; the current parameters are kept."""
-        done = len(outcomes)
-        return NextStage(self.stages[done] if done < len(self.stages) else None)
+        for stage in self.stages:
+            yield NextStage(stage)
+        yield NextStage(None)
 
     def most_steps(self, outcomes: Sequence[Outcome]) -> int:
         """Steps of all stages."""
         return sum(stage.steps for stage in self.stages)
-
-    def most_seconds(self, outcomes: Sequence[Outcome]) -> float:
-        """Infinity: every stage has all its steps."""
-        return math.inf
 
 
 def fixed_schedule(spec: Spec, preset: Preset, *, last_only: bool) -> FixedSchedule:
@@ -195,6 +190,144 @@ def fixed_schedule(spec: Spec, preset: Preset, *, last_only: bool) -> FixedSched
             )
         )  # fmt: skip
     return FixedSchedule(tuple(stages[-1:] if last_only else stages))
+
+
+_CANDIDATES = (9, 25, 81, 289, 1089, 4225)  # about four times as many functions, of half the width, each time
+# Least width of a function, sigma, relative to the angle under which the outer face sees the source. One 1 mm wide in
+# a lens of 2.45 mm gains from 289 functions (0.36 of it) and loses by 1,089 (0.18). What lies above may still gain too
+# little: the search finds out.
+_OF_SOURCE = 0.2
+
+
+@dataclass(frozen=True)
+class UsefulLevels:
+    """Numbers of functions of the levels that may be tried, and ``why`` there are no finer ones."""
+
+    counts: tuple[int, ...]
+    why: str
+
+    @staticmethod
+    def of(spec: Spec, source: Source, finest: int) -> "UsefulLevels":
+        """Levels for ``spec`` up to ``finest`` functions; at least the first."""
+        narrowest_rad, reason = max(_limits(spec, source))
+        counts = [_CANDIDATES[0]]
+        for count in _CANDIDATES[1:]:
+            if count > finest:
+                return UsefulLevels(tuple(counts), f"finest level of this accuracy: {counts[-1]} functions")
+            if level_sigma(count, spec.lens.sigma_c) < narrowest_rad:
+                words = f"functions narrower than {narrowest_rad:.2g} rad would not show: {reason}"
+                return UsefulLevels(tuple(counts), words)
+            counts.append(count)
+        return UsefulLevels(tuple(counts), f"finest level there is: {counts[-1]} functions")
+
+    def resolving(self, detail_rad: float, sigma_c: float) -> int:
+        """The coarsest level whose functions are as narrow as ``detail_rad``, or the last."""
+        narrow = [level_sigma(count, sigma_c) <= 1.001 * detail_rad for count in self.counts]
+        return narrow.index(True) if any(narrow) else len(narrow) - 1
+
+
+def _limits(spec: Spec, source: Source) -> list[tuple[float, str]]:
+    """Widths (rad) below which a function is useless, each with its reason."""
+    radius_mm, found = spec.constraints.max_radius_mm, []
+    outline = source.outline()
+    width_mm = float(np.ptp(outline[:, :2], axis=0).max()) if len(outline) else 0.0
+    found.append((_OF_SOURCE * width_mm / radius_mm, f"a fifth of the angle of the source, {width_mm:.3g} mm wide"))
+    pixel_rad = min(_pixel_rad(receiver, spec.evaluate.pixels) for receiver in spec.all_receivers)
+    for face in ("inner", "outer"):
+        limit_mm = getattr(spec.constraints, f"{face}_concave_radius_mm")
+        ball_mm = spec.manufacture.cutter_radius_mm if limit_mm is None else limit_mm
+        words = f"what a ball of {ball_mm:g} mm reaches in the {face} face moves the light by less than a pixel"
+        found.append((_width_of_ball(spec, ball_mm, pixel_rad), words))
+    return found
+
+
+def _pixel_rad(receiver: AnyReceiver, pixels: int) -> float:
+    """Angle of a pixel as seen from the lens, where the receiver is nearest."""
+    pixel = max(receiver.size) / pixels
+    match receiver:
+        case FarFieldReceiver():
+            return pixel
+        case PlaneReceiver():
+            return pixel / receiver.distance_mm
+        case CylinderReceiver() | SphereReceiver():
+            return pixel / receiver.radius_mm
+
+
+def _width_of_ball(spec: Spec, ball_mm: float, pixel_rad: float) -> float:
+    """Width (rad) of a function that, hollow as a ball of that radius, moves the light by one pixel.
+
+    Its slope is width over twice the ball's radius, and light turns by ``n - 1`` times that in air.
+    """
+    turn = spec.lens.media.largest_turning_power
+    return 2.0 * ball_mm * pixel_rad / (turn * spec.constraints.max_radius_mm) if turn > 0.0 else 0.0
+
+
+# Measured on pi, cross and flat_top (docs/results.md): further in the first steps than a spec's learning rate,
+# which is for levels that are converged.
+_FIRST_RATE, _LEVEL_RATE = 1.5, 0.65  # of the spec's, and of a level's relative to that of the one before
+_AGAIN_RATE = 0.4  # of a level's, where that gained too little: its steps may have led astray
+_LAST_RATE = 0.75  # of the first long stage, relative to its level's; half of it in each one that follows
+_UNIFORM_RATE = 0.3  # of the first stage for the uniformity, likewise
+_OF_IMAGES = 0.25  # exponent: with a square's 8 images 1.7 times as far, and 2.8 times in long stages; flat_top
+# Levels from this one on take twice the rays: their functions are so narrow that few rays meet each of them. With twice
+# the rays in its long stages, too, flat_top of 404 functions takes 1.4 times as long: three seeds gain 0.1 % of their
+# efficiency and 3 % of NMSE, and deviate from uniform light by 0.80 % for 0.97 %. With half of them cross of 1,493
+# loses 0.2 % and 4 %.
+_TWICE_FROM = 4
+# Gradients of the narrow functions are 1e-2 to 3e-3 where light is, and a tenth of that at the rim, where noise then
+# takes them ten times as far. On cross this brings facets there a quarter to a third nearer to the face.
+_LEAST_GRADIENT = 3e-4
+
+
+@dataclass(frozen=True)
+class AutomaticStages:
+    """Stages for ``levels`` with the steps and rays of ``effort``, from a spec's ``learning_rate``.
+
+    ``images``: mirror images of every ray; their mean has less noise, so that steps may be larger. ``start_level``: of
+    the lens from which it starts, all of whose functions stay while the broad ones move.
+    """
+
+    levels: UsefulLevels
+    effort: SearchEffort
+    learning_rate: float
+    images: int = 1
+    start_level: int = 0
+
+    def level_stage(self, level: int, most_steps: int | None = None, *, again: bool = False) -> Stage:
+        """The stage of one level, cut to ``most_steps``; ``again``: for the second time, with smaller steps."""
+        share = _AGAIN_RATE if again else 1.0
+        return self._stage(level, _cut(self.effort.steps[0], most_steps), 0, share)
+
+    def long_stage(self, level: int, before: int, most_steps: int | None) -> Stage:
+        """A stage after ``before`` other long ones, cut to ``most_steps``."""
+        rate = _LAST_RATE * 0.5**before * self.images**_OF_IMAGES
+        return self._stage(level, _cut(self.effort.steps[1], most_steps), before, rate)
+
+    def uniform_stage(self, level: int, before: int, most_steps: int | None) -> Stage:
+        """A stage for the uniformity after ``before`` others, cut to ``most_steps``."""
+        rate = _UNIFORM_RATE * 0.5**before
+        stage = self._stage(level, _cut(self.effort.steps[1], most_steps), before, rate)
+        return replace(stage, uniformity_from=0)
+
+    def _stage(self, level: int, steps: int, doublings: int, share: float) -> Stage:
+        counts, (first, most) = self.levels.counts, self.effort.rays
+        levels = counts[: max(level, self.start_level) + 1]
+        rate = _FIRST_RATE * self.learning_rate * _LEVEL_RATE**level * share * self.images**_OF_IMAGES
+        rays = min(first * 2 ** (level // _TWICE_FROM + doublings), most)
+        return Stage(
+            level,
+            levels,
+            sum(counts[: level + 1]),
+            steps,
+            rays,
+            rate,
+            uniformity_from=steps,
+            least_gradient=_LEAST_GRADIENT,
+        )
+
+
+def _cut(steps: int, most: int | None) -> int:
+    return steps if most is None else min(steps, most)
 
 
 def rays_ahead(source: Source, count: int, seeds: Iterable[int]) -> Iterator[RayBundle]:

@@ -12,8 +12,8 @@ from lensforge.light.evaluation_result import Light
 from lensforge.light.lens_conditions import source_of
 from lensforge.light.source_photometry import SourceLumens
 from lensforge.results.arguments import count_of, path_of, require, threads_of_torch
+from lensforge.results.cluster import connected
 from lensforge.scene.lens import Lens, load_lens
-from lensforge.search.cluster import connected
 from lensforge.search.design_result import Design, Observer, Start
 from lensforge.sources.measured_rays import searched, smoothed
 from lensforge.spec import Accuracy, Spec
@@ -125,9 +125,9 @@ def _checked_scene(
 ) -> "tuple[Source, tuple[str, ...]]":
     """The source of ``spec``, and the warnings on its scene; all that a search would be in vain for is refused.
 
-    ``warn`` is called with each warning, on source and given faces, too. Raises :class:`InputError` for a base or a
-    keep-out that cannot be, where no light enters the lens and, unless ``force``, where less than half of what the
-    targets ask for is possible.
+    ``warn`` is called with each warning, on source and given faces, too. Raises :class:`InputError` for a base that
+    cannot be, where no light enters the lens and, unless ``force``, where less than half of what the targets ask for is
+    possible.
     """
     from lensforge.search.scene_check import SceneCheck, source_clearance_warnings
     from lensforge.sources.build_source import summarise
@@ -139,10 +139,6 @@ def _checked_scene(
         from lensforge.cad.custom_base import read_custom_base
 
         read_custom_base(spec.base.file)
-    if spec.constraints.keep_out is not None:
-        from lensforge.search.keep_out_extent import require_keep_out_fits
-
-        require_keep_out_fits(spec)
     source = source_of(spec)
     summary = summarise(source, spec.source)
     SourceLumens.of(None, summary).require_known(spec.photometry)  # not after a search

@@ -12,8 +12,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from lensforge.errors import InputError
 from lensforge.spec.spec_section import Coordinate, FilePath, Label, Millimetres, Section
-from lensforge.surfaces.asphere import Asphere, Biconic
-from lensforge.surfaces.implicit import SurfaceShape
+from lensforge.surfaces.asphere import Asphere, Biconic, SurfaceShape
 from lensforge.surfaces.imported_face import GivenFace, face_of_cad, face_of_lens, lens_file
 from lensforge.surfaces.point_cloud import face_of_points
 from lensforge.surfaces.surface import Surface

@@ -1,18 +1,27 @@
 """Table of a surface: a uniform bicubic B-spline of ``rho`` over the stereographic chart.
 
-The coefficients are linear in the SRBF weights (``BasisTables`` is the map), and the cost of tracing a ray does
-not depend on the number of functions. The table's error against the exact sum falls as the fourth power
-of the node spacing (:func:`table_error` measures it).
+The cost of tracing a ray does not depend on the number of functions. The table's error against the exact sum falls as
+the fourth power of the node spacing (:func:`table_error` measures it).
+
+The coefficients are linear in the SRBF weights: each function has a patch of them, where it is not negligible, on a
+grid as fine as its own level needs. The grids are halvings of one another, so that a level's spline is carried over to
+the next finer grid exactly. A step of a search then costs little more with thousands of narrow functions than with
+hundreds: each covers few nodes, and broad functions do not fill a fine grid.
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.ndimage import spline_filter1d
 
 from lensforge.errors import InputError
+from lensforge.kernels.bicubic import add_patches, patch_sums, refine, refine_adjoint
 from lensforge.surfaces import surface as chart
+from lensforge.surfaces.srbf import SrbfBasis, fibonacci_hemisphere, gaussians, level_sigma
 from lensforge.surfaces.surface import Surface
 
 # The filter's end condition decays by 2 - sqrt(3) a node: after 24 nodes it is below 1e-13.
@@ -107,3 +116,140 @@ def table_error(
     sine = np.sqrt(1.0 - z * z)
     directions = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), z], axis=-1)
     return float(np.abs(evaluate_table(grid, table, directions) - surface.radius(directions)).max())
+
+
+_NEGLIGIBLE = 1e-5  # coefficient of a function of height 1: a tenth of the error of a table of 3.4 nodes per sigma
+_BEYOND = 0.1  # of the above, to which a function is sampled, and some nodes more: the filter's ends must not be felt
+_MARGIN = 4
+_BEHIND = 0.75 * np.pi  # from the axis: further down a patch would reach towards the chart's singular point
+_BROAD = 0.85  # rad: a function that is as broad is negligible nowhere; its patch is the whole grid
+
+
+@dataclass(frozen=True)
+class LevelPatches:
+    """The ``m`` functions of a level on its ``grid``, which is the table's or one of its halvings.
+
+    ``boxes`` (m, 4): first row (X) and column (Y), rows and columns of each patch in a table of the grid. ``values``:
+    all patches one after the other, by rows.
+    """
+
+    grid: TableGrid
+    boxes: Int[np.ndarray, "m 4"]
+    values: Float[np.ndarray, " v"]
+
+    @cached_property
+    def starts(self) -> Int[np.ndarray, " m"]:
+        """Index at which each patch begins in ``values``."""
+        sizes = self.boxes[:, 2] * self.boxes[:, 3]
+        first: Int[np.ndarray, " m"] = np.cumsum(sizes) - sizes
+        return first
+
+
+def dyadic_grid(details_rad: Sequence[float], nodes_per_sigma: float) -> tuple[TableGrid, list[int]]:
+    """A grid that resolves the narrowest of some functions, and how often it may be halved for each of them.
+
+    Raises :class:`InputError` where that takes more nodes than fit.
+    """
+    cells = [grid_for(sigma, nodes_per_sigma).nodes - 1 for sigma in details_rad]
+    most = max(0, int(np.log2(max(cells) / min(cells))))
+    finest = -(-max(cells) // 2**most) * 2**most
+    halvings = [max(k for k in range(most + 1) if k == 0 or finest >> k >= each) for each in cells]
+    return TableGrid(finest + 1), halvings
+
+
+@dataclass(frozen=True)
+class BasisTables:
+    """The linear map from the weights of all levels, coarse first, to the coefficients of a table, and its adjoint.
+
+    A table has ``side`` coefficients a side.
+    """
+
+    levels: tuple[LevelPatches, ...]
+    side: int
+
+    @staticmethod
+    def of(basis: SrbfBasis, grid: TableGrid, halvings: Sequence[int]) -> "BasisTables":
+        """For tables of ``basis`` on ``grid``, which may be halved so often for each level.
+
+        A level that follows a finer one takes that one's grid: tables are carried over to finer grids only.
+        """
+        levels = (
+            _patches(TableGrid((grid.nodes - 1 >> times) + 1), count, level_sigma(count, basis.sigma_c))
+            for count, times in zip(basis.levels, accumulate(halvings, min), strict=True)
+        )
+        return BasisTables(tuple(levels), grid.side)
+
+    def table(self, weights: Float[np.ndarray, " k"]) -> Float[np.ndarray, "side side"]:
+        """The table, first index X, of one surface."""
+        side = self.levels[0].grid.side
+        table = np.zeros((side, side))
+        for level, own in self._moving(len(weights)):
+            table = _finer(table, level.grid.side)
+            add_patches(level.boxes, level.starts, level.values, weights[own], table)
+        return _finer(table, self.side)
+
+    def by_weights(self, by_table: Float[np.ndarray, "side side"], count: int) -> Float[np.ndarray, " k"]:
+        """Adjoint of :meth:`table`: the gradient by the first ``count`` weights."""
+        by_weights = np.empty(count)
+        for level, own in reversed(list(self._moving(count))):
+            by_table = _coarser(by_table, level.grid.side)
+            patch_sums(level.boxes, level.starts, level.values, by_table, by_weights[own])
+        return by_weights
+
+    def _moving(self, count: int) -> Iterator[tuple[LevelPatches, slice]]:
+        """The levels to which the first ``count`` weights belong, whole ones, each with its weights."""
+        first = 0
+        for level in self.levels:
+            if first < count:
+                yield level, slice(first, first + len(level.boxes))
+            first += len(level.boxes)
+
+
+def _finer(table: Float[np.ndarray, "s s"], side: int) -> Float[np.ndarray, "t t"]:
+    """The same spline on a grid of ``side``, which is the table's or halves its step once or more."""
+    while len(table) < side:
+        fine = 2 * len(table) - 3  # twice the cells, and a coefficient beyond each end
+        halfway, finer = np.empty((fine, len(table))), np.empty((fine, fine))
+        refine(table, halfway, finer)
+        table = finer
+    return table
+
+
+def _coarser(by_table: Float[np.ndarray, "t t"], side: int) -> Float[np.ndarray, "s s"]:
+    """Adjoint of :func:`_finer`."""
+    while len(by_table) > side:
+        coarse = (len(by_table) + 3) // 2
+        halfway, coarser = np.empty((len(by_table), coarse)), np.empty((coarse, coarse))
+        refine_adjoint(by_table, halfway, coarser)
+        by_table = coarser
+    return by_table
+
+
+def _patches(grid: TableGrid, count: int, sigma: float) -> LevelPatches:
+    centres = fibonacci_hemisphere(count)
+    reach = sigma * np.sqrt(-np.log(_BEYOND * _NEGLIGIBLE))
+    found = [_patch(grid, centre, sigma, reach) for centre in centres]
+    boxes = np.array([(row, column, *patch.shape) for row, column, patch in found])
+    return LevelPatches(grid, boxes, np.concatenate([patch.ravel() for *_, patch in found]))
+
+
+def _patch(
+    grid: TableGrid, centre: Float[np.ndarray, "3"], sigma: float, reach: float
+) -> tuple[int, int, Float[np.ndarray, "r c"]]:
+    """First row and column, and the coefficients of the function at ``centre`` that are not negligible."""
+    polar = np.arccos(centre[2])
+    radius = np.tan(0.5 * min(polar + reach, _BEHIND)) - np.tan(0.5 * polar)  # on the chart; the largest is outwards
+    nodes = int(np.ceil(radius / grid.step)) + _MARGIN if sigma < _BROAD else grid.side + APRON
+    middle = np.rint((chart.to_chart(centre) - grid.origin) / grid.step).astype(int)
+    low, high = np.maximum(middle - nodes, -APRON), np.minimum(middle + nodes, grid.side - 1 + APRON)
+    x, y = (grid.origin + grid.step * np.arange(low[axis], high[axis] + 1) for axis in (0, 1))
+    directions = chart.to_sphere(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1))
+    block = gaussians(directions.reshape(-1, 3), centre[None], np.array([sigma])).reshape(len(x), len(y))
+    for axis in (0, 1):
+        block = spline_filter1d(block, order=3, axis=axis, mode="mirror")
+    first = np.maximum(-low, 0)
+    block = block[first[0] : grid.side - low[0], first[1] : grid.side - low[1]]
+    kept = np.abs(block) > _NEGLIGIBLE
+    rows, columns = np.nonzero(kept.any(axis=1))[0], np.nonzero(kept.any(axis=0))[0]
+    cut = block[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    return int(low[0] + first[0] + rows[0]), int(low[1] + first[1] + columns[0]), cut

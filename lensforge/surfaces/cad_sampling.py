@@ -21,7 +21,7 @@ from lensforge.results.sandbox import serve
 from lensforge.surfaces.chart_spline import HALF_WIDTH, ChartSpline, bent_radius
 from lensforge.surfaces.imported_face import FOUND, JOB, SPLINE, place_of
 from lensforge.surfaces.srbf import fibonacci_hemisphere
-from lensforge.surfaces.step_file import configure, faces_of, name_of, named_faces, new_document
+from lensforge.surfaces.step_file import faces_of, shapes_in
 from lensforge.surfaces.surface import to_sphere
 
 _REMEDY = "export it again from CAD"
@@ -43,70 +43,36 @@ class NamedFace:
         return f"face {self.name}" if self.name else f"face {self.number}"
 
 
-def faces_in_step(path: Path, origin: str) -> tuple[list[NamedFace], str]:
-    """Faces of the STEP file at ``path``, and the unit in which it is written."""
+def _faces_in(path: Path, iges: bool, origin: str) -> tuple[list[NamedFace], str]:
+    """Faces of the file at ``path``, and the unit in which it is written."""
+    from OCP.IGESCAFControl import IGESCAFControl_Reader
     from OCP.STEPCAFControl import STEPCAFControl_Reader
     from OCP.TColStd import TColStd_SequenceOfAsciiString
 
-    reader = STEPCAFControl_Reader()
-    configure("", "AP214")
-    reader.SetNameMode(True)
-    faces = _transferred(reader, path, f"{origin}: not readable as STEP; {_REMEDY}")
-    lengths, angles, solid_angles = (TColStd_SequenceOfAsciiString() for _ in range(3))
-    reader.ChangeReader().FileUnits(lengths, angles, solid_angles)
-    unit = lengths.Value(1).ToCString() if lengths.Length() else "mm"
-    return _numbered(faces, origin), _in_words(unit)
-
-
-def faces_in_iges(path: Path, origin: str) -> tuple[list[NamedFace], str]:
-    """Faces of the IGES file at ``path``, and the unit in which it is written."""
-    from OCP.IGESCAFControl import IGESCAFControl_Reader
-
-    reader = IGESCAFControl_Reader()
-    configure("", "AP214")
-    reader.SetNameMode(True)
-    faces = _transferred(reader, path, f"{origin}: not readable as IGES; {_REMEDY}")
-    unit = reader.IGESModel().GlobalSection().UnitName()
-    return _numbered(faces, origin), _in_words("mm" if unit is None else unit.ToCString())
-
-
-def _transferred(reader: Any, path: Path, refusal: str) -> list[tuple[str, Any]]:
-    """Name and face of all that ``reader`` finds."""
-    from OCP.IFSelect import IFSelect_ReturnStatus
-    from OCP.TDF import TDF_LabelSequence
-    from OCP.XCAFDoc import XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
-
-    document, parts = new_document(), TDF_LabelSequence()
-    if reader.ReadFile(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone or not reader.Transfer(document):
-        raise InputError(refusal)
-    XCAFDoc_DocumentTool.ShapeTool_s(document.Main()).GetFreeShapes(parts)
-    found = []
-    for label in [parts.Value(k + 1) for k in range(parts.Length())]:
-        shape, named = XCAFDoc_ShapeTool.GetShape_s(label), named_faces(label)
-        if shape.IsNull():
-            continue
-        every = faces_of(shape)
-        alone = name_of(label) if len(every) == 1 else ""  # a face that is a product of its own
+    reader = IGESCAFControl_Reader() if iges else STEPCAFControl_Reader()
+    refusal = f"{origin}: not readable as {'IGES' if iges else 'STEP'}; {_REMEDY}"
+    faces: list[NamedFace] = []
+    for name, shape, named in shapes_in(reader, path, refusal):
+        every = [] if shape.IsNull() else faces_of(shape)
+        alone = name if len(every) == 1 else ""  # a face that is a product of its own
         for face in every:
-            found.append((next((name for name, one in named.items() if one.IsSame(face)), alone), face))
-    return found
+            own = next((known for known, one in named.items() if one.IsSame(face)), alone)
+            faces.append(NamedFace(face, own, len(faces) + 1))
+    if not 1 <= len(faces) <= _MOST_FACES:
+        raise InputError(f"{origin}: {len(faces)} faces, 1 to {_MOST_FACES} are read; {_REMEDY}")
+    if iges:
+        stated = reader.IGESModel().GlobalSection().UnitName()
+        unit = "mm" if stated is None else stated.ToCString()
+    else:
+        lengths, angles, solid_angles = (TColStd_SequenceOfAsciiString() for _ in range(3))
+        reader.ChangeReader().FileUnits(lengths, angles, solid_angles)
+        unit = lengths.Value(1).ToCString() if lengths.Length() else "mm"
+    unit = unit.strip().lower()
+    return faces, _UNITS.get(unit, unit)
 
 
-def _numbered(faces: list[tuple[str, Any]], origin: str) -> list[NamedFace]:
-    if not faces:
-        raise InputError(f"{origin}: holds no face; {_REMEDY}")
-    if len(faces) > _MOST_FACES:
-        raise InputError(f"{origin}: {len(faces)} faces, at most {_MOST_FACES} are read; export the one alone")
-    return [NamedFace(face, name, number) for number, (name, face) in enumerate(faces, start=1)]
-
-
-def _in_words(unit: str) -> str:
-    return _UNITS.get(unit.strip().lower(), unit.strip().lower())
-
-
-_TOLERANCE_MM = (
-    1e-4  # of a face's edge, to which a ray still meets it: rims lie in z = 0 to the tolerance of their file
-)
+# Of a face's edge, to which a ray still meets it: rims lie in z = 0 to the tolerance of their file.
+_TOLERANCE_MM = 1e-4
 _FAR_MM = 1e6
 _SAME_MM = 1e-3  # two crossings nearer than this are one, on an edge that two faces share
 _NEWTON_STEPS = 3
@@ -136,10 +102,6 @@ class FaceCast:
                     distances.append(distance)
             found.append(distances)
         return found
-
-    def nearest_mm(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
-        """Distance (mm) of the first crossing of each ray, infinite where there is none."""
-        return np.array([min(distances, default=np.inf) for distances in self.all_mm(directions)])
 
     def points(self, directions: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3"]]:
         """Distance (mm) of the first crossing of each ray to rounding, and the unit normal there, outwards.
@@ -229,7 +191,7 @@ class SampledFace:
 
 def _sample_face(folder: Path) -> None:
     job = json.loads((folder / JOB).read_text(encoding="utf-8"))
-    faces, unit = (faces_in_iges if job["iges"] else faces_in_step)(folder / job["file"], job["origin"])
+    faces, unit = _faces_in(folder / job["file"], job["iges"], job["origin"])
     shift = np.array(job["shift_mm"])
     chosen = _selected(faces, job["faces"], job["origin"], shift)
     cast = FaceCast([each.face for each in chosen], shift)
@@ -266,7 +228,7 @@ def _selected(
 def _first_on_axis(faces: list[NamedFace], origin: str, shift_mm: Float[np.ndarray, "3"]) -> NamedFace:
     """The face that the axis meets first above the origin; tried a little beside it, where no face has its pole."""
     beside = np.array([[1e-6, 1e-6, 1.0]])
-    met = [(FaceCast([each.face], shift_mm).nearest_mm(beside)[0], each) for each in faces]
+    met = [(min(FaceCast([each.face], shift_mm).all_mm(beside)[0], default=np.inf), each) for each in faces]
     distance, first = min(met, key=lambda one: one[0])
     if not np.isfinite(distance):
         raise InputError(f"{origin}: the axis meets no face above z = 0; move the file by shift_mm, or name the face")

@@ -72,7 +72,7 @@ def products_in(path: Path, origin: str, remedy: str) -> list[Product]:
 
     return [
         Product(name, cq.Shape.cast(shape), {each: cq.Face(face) for each, face in faces.items()})
-        for name, shape, faces in _shapes_in(path, origin, remedy)
+        for name, shape, faces in _shapes_in_step(path, origin, remedy)
     ]
 
 
@@ -110,25 +110,30 @@ def _tested(content: bytes, origin: str, remedy: str, to_be_joined: bool) -> lis
         return [(each["name"], (folder / f"{k}.bin").read_bytes(), each["faces"]) for k, each in enumerate(found)]
 
 
-def _shapes_in(path: Path, origin: str, remedy: str) -> list[tuple[str, Any, dict[str, Any]]]:
-    """Name, shape (TopoDS_Shape) and named faces (TopoDS_Face) of each product of a STEP file."""
+def shapes_in(reader: Any, path: Path, refusal: str) -> list[tuple[str, Any, dict[str, Any]]]:
+    """Name, shape (TopoDS_Shape) and named faces (TopoDS_Face) of each product that a ``reader`` of OCCT finds."""
     from OCP.IFSelect import IFSelect_ReturnStatus
-    from OCP.STEPCAFControl import STEPCAFControl_Reader
     from OCP.TDF import TDF_LabelSequence
     from OCP.XCAFDoc import XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
 
-    reader, document, parts = STEPCAFControl_Reader(), new_document(), TDF_LabelSequence()
+    document, parts = new_document(), TDF_LabelSequence()
     configure("", "AP214")
     reader.SetNameMode(True)
     if reader.ReadFile(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone or not reader.Transfer(document):
-        raise InputError(f"{origin}: not readable as STEP; {remedy}")
+        raise InputError(refusal)
     XCAFDoc_DocumentTool.ShapeTool_s(document.Main()).GetFreeShapes(parts)
     labels = [parts.Value(k + 1) for k in range(parts.Length())]
     # All in one go: labels are valid only as long as the document is referenced.
-    return [(name_of(label), XCAFDoc_ShapeTool.GetShape_s(label), named_faces(label)) for label in labels]
+    return [(_name_of(label), XCAFDoc_ShapeTool.GetShape_s(label), _named_faces(label)) for label in labels]
 
 
-def named_faces(part: Any) -> dict[str, Any]:
+def _shapes_in_step(path: Path, origin: str, remedy: str) -> list[tuple[str, Any, dict[str, Any]]]:
+    from OCP.STEPCAFControl import STEPCAFControl_Reader
+
+    return shapes_in(STEPCAFControl_Reader(), path, f"{origin}: not readable as STEP; {remedy}")
+
+
+def _named_faces(part: Any) -> dict[str, Any]:
     """Faces (TopoDS_Face) of a product's label that have names."""
     from OCP.TDF import TDF_LabelSequence
     from OCP.TopAbs import TopAbs_ShapeEnum
@@ -138,13 +143,13 @@ def named_faces(part: Any) -> dict[str, Any]:
     labels, faces = TDF_LabelSequence(), {}
     XCAFDoc_ShapeTool.GetSubShapes_s(part, labels)
     for k in range(labels.Length()):
-        shape, name = XCAFDoc_ShapeTool.GetShape_s(labels.Value(k + 1)), name_of(labels.Value(k + 1))
+        shape, name = XCAFDoc_ShapeTool.GetShape_s(labels.Value(k + 1)), _name_of(labels.Value(k + 1))
         if name and not shape.IsNull() and shape.ShapeType() == TopAbs_ShapeEnum.TopAbs_FACE:
             faces[name] = TopoDS.Face_s(shape)
     return faces
 
 
-def name_of(label: Any) -> str:
+def _name_of(label: Any) -> str:
     """Name of a label, "" where it has none."""
     from OCP.TDataStd import TDataStd_Name
 
@@ -170,7 +175,7 @@ def _write_products(folder: Path) -> None:
 
     job = json.loads((folder / _JOB).read_text(encoding="utf-8"))
     origin, remedy = job["origin"], job["remedy"]
-    found = _shapes_in(folder / _STEP, origin, remedy)
+    found = _shapes_in_step(folder / _STEP, origin, remedy)
     if len(found) > _MOST_PRODUCTS:
         raise InputError(f"{origin}: {len(found)} products, at most {_MOST_PRODUCTS} are read; {remedy}")
     records = []

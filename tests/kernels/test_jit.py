@@ -55,18 +55,6 @@ def test_a_second_checkout_runs_what_the_first_has_compiled(tmp_path: Path) -> N
     assert (first, second) == (["0", "1"], ["1", "0"]), "hits and misses of the cache"
 
 
-def test_nothing_is_compiled_elsewhere() -> None:
-    for path in PACKAGE.rglob("*.py"):
-        if path.parent == KERNELS or path in (COMPILER, GRID_WALK):
-            continue
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            names = [alias.name for alias in node.names] if isinstance(node, ast.Import | ast.ImportFrom) else []
-            module = node.module if isinstance(node, ast.ImportFrom) else ""
-            assert "numba" not in [*names, module], path
-            assert module != "lensforge.kernels.compiled", path
-            assert not (module == "lensforge.kernels.parallel" and {"kernel", "inline"} & set(names)), path
-
-
 @pytest.mark.parametrize(("folder", "sources"), [(KERNELS, SOURCES), (GRID_WALK.parent, [GRID_WALK])])
 def test_kernels_take_their_constants_from_their_own_folder(folder: Path, sources: list[Path]) -> None:
     own = f"lensforge.{folder.name}"

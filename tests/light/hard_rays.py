@@ -4,8 +4,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from lensforge.kernels.compiled import kernel
-from lensforge.kernels.first_hit import first_hits
-from lensforge.kernels.packets import DX, LENGTH, PX, SIZE, STATUS, empty_packet
+from lensforge.kernels.first_hit import DX, LENGTH, PX, SIZE, STATUS, empty_packet, first_hits
 from lensforge.surfaces.bicubic_table import TableGrid
 
 

@@ -5,7 +5,7 @@ import pytest
 import torch
 from scenes import random_surface, table_of
 
-from lensforge.kernels.packets import SIZE, WIDTH
+from lensforge.kernels.first_hit import SIZE, WIDTH
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.media import Media
 from lensforge.scene.exit_rays import ExitRays, Sensitivities

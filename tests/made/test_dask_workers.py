@@ -16,8 +16,8 @@ from scenes import random_surface, small_spec
 
 import lensforge as lf
 from lensforge.errors import InputError
+from lensforge.results.cluster import connected, require_scheduler, versions
 from lensforge.scene.lens import Lens
-from lensforge.search.cluster import connected, require_scheduler, versions
 
 dask = pytest.importorskip("dask")
 distributed = pytest.importorskip("distributed")
@@ -91,7 +91,7 @@ def test_searches_from_several_starts_have_the_bits_of_this_process(cluster):
 
 def test_a_worker_with_other_versions_is_named_in_one_line(cluster, few_rays, monkeypatch):
     other = {**versions(), "numba": "0.1"}
-    monkeypatch.setattr("lensforge.search.cluster.versions", lambda: other)
+    monkeypatch.setattr("lensforge.results.cluster.versions", lambda: other)
     with pytest.raises(InputError, match=r"worker tcp://.*: numba .*, here is 0\.1, which may round differently"):
         study(scheduler=cluster.scheduler_address)
 
@@ -122,7 +122,7 @@ def answering_otherwise():
 
 
 def test_what_does_not_answer_as_a_scheduler_is_refused_within_seconds(monkeypatch):
-    monkeypatch.setattr("lensforge.search.cluster._SECONDS", 1.0)
+    monkeypatch.setattr("lensforge.results.cluster._SECONDS", 1.0)
     server, address = answering_otherwise()
     with server:
         started = time.monotonic()

@@ -256,9 +256,9 @@ def test_a_full_disk_is_one_line_and_the_old_file_stays(tmp_path: Path, monkeypa
             return device.write(data)
 
     monkeypatch.setattr(Path, "write_bytes", full)
-    head = CheckpointHead(key="0" * 64, made_by={}, outcomes=(), step=1, steps_of_moments=1, seconds=0.0)
+    head = CheckpointHead(key="0" * 64, made_by={}, outcomes=(), step=1, steps_of_moments=1, seconds=0.0, history=())
     with pytest.raises(InputError, match="No space left on device"):
-        save_checkpoint(path, head, np.zeros(3))
+        save_checkpoint(path, head, {})
     assert path.read_bytes() == b"old"
     assert not list(tmp_path.glob(".writing-*"))
 

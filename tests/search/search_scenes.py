@@ -10,8 +10,8 @@ import torch
 from scenes import small_spec
 
 from lensforge.search.design_result import Design, Progress
-from lensforge.search.merit import Problems
 from lensforge.search.optimiser import search
+from lensforge.search.problem import Problems
 from lensforge.sources.build_source import build_source
 from lensforge.sources.ray_bundle import Source
 from lensforge.spec import Spec

@@ -55,20 +55,9 @@ def test_radius_and_derivatives_are_sums_over_the_splines_of_a_table() -> None:
             wanted = [weights_along(x, dx) @ table @ weights_along(y, dy) for x, y in points]
             np.testing.assert_allclose(found[row], wanted, rtol=1e-9, atol=1e-9 * np.abs(wanted).max())
     alone = ChartOperator.of(GRID, points, False)
-    (plain,) = alone.jets(torch.from_numpy(tables[0]))
+    plain, _ = alone.jets(*(torch.from_numpy(each) for each in tables))
     assert torch.equal(plain.rho, jets[0].rho) and plain.derivatives.shape == (0, len(points))
     assert (alone.points.spacing, ChartOperator.of(GRID, points, False, 0.25).points.spacing) == (0.0, 0.25)
-
-
-def test_a_point_knows_its_polar_angle() -> None:
-    places = np.random.default_rng(1).uniform(-0.7, 0.7, (20, 2))
-    points, directions = ChartPoints.of(places), surface.to_sphere(places)
-    assert points.spacing == ChartPoints(points.x, points.y).spacing == 0.0, "for itself alone"
-    np.testing.assert_array_equal(torch.stack([points.x, points.y]).numpy(), places.T)
-    np.testing.assert_allclose(points.cosine.numpy(), directions[:, 2], atol=1e-14)
-    for shift in ([1e-6, 0.0], [0.0, 1e-6]):
-        moved = np.linalg.norm(surface.to_sphere(places + shift) - directions, axis=1) / 1e-6
-        np.testing.assert_allclose(points.scale.numpy(), moved, rtol=1e-5)
 
 
 @pytest.mark.parametrize("symmetry", ["none", "mirror_x", "mirror_y", "rectangle", "square"])
@@ -146,11 +135,3 @@ def test_curvature_and_draft_are_those_of_the_tangents_in_space() -> None:
         assert outside[k] == pytest.approx(low, abs=1e-6 + 1e-6 * abs(low))
         assert inside[k] == pytest.approx(-high, abs=1e-6 + 1e-6 * abs(high))
         assert draft[k] == pytest.approx(up, abs=1e-8)
-
-
-def test_a_sphere_about_the_origin_has_its_curvature_to_the_last_digits_and_a_finite_slope() -> None:
-    places, rho, derivatives = jet_at_random(9, 3)
-    radius, flat = (torch.from_numpy(each).requires_grad_() for each in (rho, 0.0 * derivatives))
-    kappa = least_curvature(RadiusJet(radius, flat), ChartPoints.of(places), 1)
-    np.testing.assert_allclose(kappa.detach().numpy(), 1.0 / rho, rtol=1e-11)
-    assert all(torch.isfinite(each).all() for each in torch.autograd.grad(kappa.sum(), (radius, flat)))

@@ -62,24 +62,6 @@ def _sums(light: Collected) -> tuple[torch.Tensor, ...]:
     return light.in_window, light.outside_receiver, light.total_reflection
 
 
-@pytest.mark.parametrize(
-    ("window", "inside", "beyond"),
-    [
-        (Window(240.0, 130.0), [(120.0, 0.0), (-120.0, 65.0), (0.0, 65.0), (0.0, -65.0)], [(120.5, 0.0), (0.0, -65.5)]),
-        (Window(radius=110.0), [(110.0, 0.0), (0.0, -110.0), (66.0, 88.0)], [(110.5, 0.0), (0.0, 110.5)]),
-    ],
-    ids=["rectangle", "circle"],
-)
-def test_a_landing_on_the_edge_of_the_window_is_in_it(
-    window: Window, inside: list[tuple[float, float]], beyond: list[tuple[float, float]]
-) -> None:
-    hits = torch.tensor([*inside, *beyond], dtype=torch.float64)
-    flux, landed = torch.ones(len(hits), dtype=torch.float64), torch.ones(len(hits), dtype=torch.bool)
-    for collect in (collected, collected_on_device):
-        light = collect(Landings(hits, flux, landed, ~landed), torch.zeros_like(flux), flux, GRID, window)
-        assert light.in_window.item() == len(inside)
-
-
 @pytest.mark.parametrize("window", WINDOWS.values(), ids=list(WINDOWS))
 def test_sums_are_those_of_the_definitions(window: Window) -> None:
     rays = replace(Rays.at_random(3000), window=window)

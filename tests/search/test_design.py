@@ -2,13 +2,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 from scenes import hemisphere_directions, small_spec
 from search_scenes import require_same_bits_after
 
-from lensforge.errors import Cancelled, InputError
 from lensforge.scene.lens import Lens
-from lensforge.search.checkpoint import CHECKPOINT as FILE_NAME
 from lensforge.search.optimiser import search
 from lensforge.search.parameters import fit_surface
 from lensforge.search.schedule import fixed_schedule
@@ -42,15 +39,6 @@ def test_an_interrupted_design_goes_on_to_the_same_bits(tmp_path: Path, monkeypa
         require_same_bits_after(stop_at, spec, source, tmp_path / f"{stop_at}.bin", whole, seed=3)
 
 
-def test_a_checkpoint_of_another_design_is_refused(tmp_path: Path) -> None:
-    spec = small_spec()
-    source = build_source(spec.source)
-    path = tmp_path / FILE_NAME
-    search(spec, source, accuracy="draft", checkpoint=path)
-    with pytest.raises(InputError, match="belongs to another spec"):
-        search(spec, source, accuracy="draft", seed=1, checkpoint=path, resume=True)
-
-
 def test_the_plan_is_coarse_to_fine_and_the_spec_outranks_the_preset() -> None:
     stages = fixed_schedule(small_spec(optimise__uniformity_steps=3), PRESETS["draft"], last_only=False).stages
     assert [stage.functions for stage in stages] == [9, 34]
@@ -58,26 +46,6 @@ def test_the_plan_is_coarse_to_fine_and_the_spec_outranks_the_preset() -> None:
     assert stages[0].learning_rate > stages[1].learning_rate > stages[1].rate(3)
     assert stages[1].uniformity_from == 1
     assert stages[0].rays == 1024
-
-
-def test_any_number_of_threads_gives_the_same_lens() -> None:
-    spec = small_spec(optimise__steps_per_level=[2, 2])
-    threads = torch.get_num_threads()
-    lenses = []
-    for count in (1, 2):
-        torch.set_num_threads(count)
-        lenses.append(search(spec, build_source(spec.source), accuracy="draft").lens)
-    torch.set_num_threads(threads)
-    assert np.allclose(lenses[0].outer.weights_mm, lenses[1].outer.weights_mm, rtol=1e-9, atol=1e-12)
-
-
-def test_a_search_stops_when_told_so_and_goes_on_to_the_same_bits(tmp_path: Path) -> None:
-    spec = small_spec()
-    source, path = build_source(spec.source), tmp_path / FILE_NAME
-    with pytest.raises(Cancelled, match="after step 5"):
-        search(spec, source, accuracy="draft", checkpoint=path, progress=lambda step: step.steps_done < 5)
-    resumed = search(spec, source, accuracy="draft", checkpoint=path, resume=True)
-    assert resumed.lens == search(spec, source, accuracy="draft").lens
 
 
 def test_a_search_from_a_lens_begins_with_that_lens() -> None:

@@ -8,12 +8,19 @@ from scenes import small_spec
 
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
+from lensforge.search import feasibility
 from lensforge.search.constraints import AugmentedLagrangian
-from lensforge.search.design_result import constraint_criteria
-from lensforge.search.feasibility import measure_constraints, project_to_feasible, require_feasible_start
-from lensforge.search.merit import Problem, Problems
+from lensforge.search.design_result import Margins, constraint_criteria
+from lensforge.search.feasibility import (
+    feasible_lens,
+    measure_constraints,
+    project_to_feasible,
+    require_feasible_start,
+)
 from lensforge.search.optimiser import search
 from lensforge.search.parameters import Parametrisation
+from lensforge.search.problem import Problem, Problems
+from lensforge.search.search_state import SearchState
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
 from lensforge.surfaces.asphere import Asphere
@@ -76,14 +83,23 @@ def test_every_kind_of_violation_is_mended_with_a_small_step() -> None:
     assert (moved[0] - weights).abs().max() < 0.02
 
 
-def test_what_cannot_be_mended_still_fails_by_name() -> None:
-    spec = small_spec(lens__symmetry="square")
-    impossible = spec.constraints.model_copy(update={"min_thickness_mm": 6.9})  # refused where a spec is read
-    spec = spec.model_copy(update={"constraints": impossible})
-    parametrisation, constraints, weights, offsets = scene(spec, 0.0, 1.0)
-    moved = project_to_feasible(parametrisation, constraints, weights, offsets)
-    assert torch.equal(moved[0], weights)
-    assert failing(parametrisation, spec, *moved)
+def test_a_limit_is_made_stricter_by_all_that_measured_lenses_have_missed(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, misses, stricter = problem_of(small_spec(), (9,)), [0.01, 0.002, 0.0], []
+    tightened = AugmentedLagrangian.tightened
+
+    def noted(self: AugmentedLagrangian, by: dict[str, float]) -> AugmentedLagrangian:
+        stricter.append(by.get("radius_margin_mm", 0.0))
+        return tightened(self, by)
+
+    def measured(_: Lens) -> Margins:
+        return Margins(cavity_clearance_mm=0.1, wall_margin_mm=0.0, radius_margin_mm=-misses[len(stricter) - 1])
+
+    monkeypatch.setattr(AugmentedLagrangian, "tightened", noted)
+    monkeypatch.setattr(feasibility, "measure_constraints", measured)
+    ones = torch.ones(2, dtype=torch.float64)
+    state = SearchState(torch.zeros(9, 2, dtype=torch.float64), ones, problem.constraints.multipliers)
+    _, margins = feasible_lens(problem, state, 0, "draft")
+    assert stricter == pytest.approx([0.0, 0.01, 0.012]) and margins.radius_margin_mm == 0.0
 
 
 def test_limits_that_only_a_projection_shows_to_exclude_each_other_are_named_before_the_search() -> None:

@@ -66,12 +66,6 @@ def test_chunks_add_up_and_search_for_each_crossing_once(monkeypatch: pytest.Mon
     assert len(searched) == 2 * 7, "seven chunks, two surfaces, and none again in the backward pass"
 
 
-@pytest.mark.parametrize("device", DEVICES)
-def test_the_same_rays_give_the_same_bits_on_the_same_device(device: str) -> None:
-    step, where = Step({}), torch.device(device)
-    assert all(torch.equal(a, b) for a, b in zip(step.values(device=where), step.values(device=where), strict=True))
-
-
 def test_receivers_count_by_their_shares() -> None:
     """Each alone, and both together with shares of 3 to 1; the light near total reflection counts once."""
     first, second = RECEIVERS["far field"], RECEIVERS["sphere"]

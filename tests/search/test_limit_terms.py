@@ -5,9 +5,8 @@ import pytest
 import torch
 from scenes import small_spec
 
-import lensforge as lf
 from lensforge.scene.receiver_shapes import receivers_of
-from lensforge.search.merit_terms import limit_terms
+from lensforge.search.merit import limit_terms
 from lensforge.spec import Spec
 
 BEAM = {"kind": "beam", "fwhm_deg": 30.0, "half_angle_deg": 60.0}
@@ -59,20 +58,3 @@ def test_limits_that_are_held_with_the_margin_cost_nothing() -> None:
     spec, picture = scene(*held)
     terms = limit_terms(spec, receivers_of(spec, 64), None, 1.0)
     assert len(terms) == 5 and [term.loss((picture,)).item() for term in terms] == [0.0] * 5
-
-
-@pytest.mark.nightly("two searches, 50 s")
-def test_a_search_holds_a_limit_that_its_target_alone_would_miss() -> None:
-    """A beam of 30 degrees, and at 25 degrees three times the light that it has there."""
-    spec = small_spec(target=BEAM, lens__symmetry="auto", optimise__steps_per_level=[60, 100])
-    plain = lf.evaluate(lf.design(spec, accuracy="draft").lens, rays=2**16)
-    at = [[25, 0], [-25, 0], [0, 25], [0, -25]]
-    limit = {"kind": "points", "at_deg": at, "unit": "w_per_sr", "at_least": 0.5}
-    asked = spec.replace(limits=[limit])
-    light = lf.evaluate(lf.design(asked, accuracy="draft").lens, rays=2**16)
-    (found,) = light.limits
-    assert found.state == "held", str(found)
-    receiver = receivers_of(asked, plain.pixels)[0]
-    x, y = receiver.target_coordinates(*np.meshgrid(receiver.grid.x(), receiver.grid.y()))
-    ring = np.abs(np.hypot(x, y) - 25.0) < 1.0
-    assert plain.map[ring].mean() < 0.45, "the target alone leaves less there"

@@ -13,16 +13,15 @@ from lensforge.scene.limit_readings import LightLimit
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import target_light
 from lensforge.search.light_path import Collected
-from lensforge.search.merit_terms import (
+from lensforge.search.merit import (
     ImageTerms,
     LimitTerm,
     nmse_loss,
     not_dark,
     shortfall_loss,
-    smoothed,
     uniformity_loss,
 )
-from lensforge.search.symmetry import chart_mirrors, mirror_mean, mirrored_light
+from lensforge.search.parameters import chart_mirrors, mirror_mean, mirrored_light
 
 CHANCE = np.random.default_rng(0)
 MASK = torch.zeros((3, 4), dtype=torch.bool)
@@ -83,15 +82,6 @@ def test_the_cost_of_a_limit_is_a_mean_over_its_places(quantity: str, sense: str
     assert found > 0.0 or (dark and sense == "<=")
 
 
-def test_many_places_count_together_as_much_as_ten() -> None:
-    assert term("light", ">=", 4.0, rows=2).factor == 60.0
-    readings = sparse.csr_array(np.ones((11, 12)))
-    assert LimitTerm.of(LightLimit("a", 0, "light", ">=", 4.0, "lx", readings)).factor == 300.0
-    other = replace(term("light", ">=", 4.5), limit=replace(term("light", ">=", 4.5).limit, receiver=1))
-    both = other.loss((tensor(np.full((2, 2), 9e9)), tensor(PICTURE)))
-    assert both.item() == term("light", ">=", 4.5).loss((tensor(PICTURE),)).item()
-
-
 def test_losses_of_a_dim_picture_are_sums_over_its_pixels() -> None:
     image, wanted = 0.01 * PICTURE, np.full((3, 4), 0.012)
     apart = sum((a - b) ** 2 for a, b in zip(image.flat, wanted.flat, strict=True))
@@ -132,12 +122,6 @@ def test_two_pictures_are_judged_by_the_product_of_their_errors() -> None:
     assert judged == pytest.approx(0.2 * product + 10.0 * uneven + 300.0 * short)
 
 
-def test_flux_beside_the_receiver_and_in_its_window_counts_by_fixed_factors() -> None:
-    light = Collected(tensor(PICTURE), tensor(0.7), tensor(0.4), tensor(0.1))
-    assert ImageTerms(tensor(PICTURE), MASK, (), 1.0).flux_term(light).item() == pytest.approx(0.3 * 0.4 - 1.2 * 0.7)
-    assert ImageTerms(tensor(PICTURE), None, (), 1.0).flux_term(light).item() == pytest.approx(0.3 * 0.4 - 0.15 * 0.7)
-
-
 @pytest.mark.parametrize("symmetry", ["none", "mirror_x", "square"])
 def test_the_wanted_light_its_mask_and_its_mirrors_are_those_of_the_scene(symmetry: str) -> None:
     spec = small_spec(lens__symmetry=symmetry)
@@ -155,43 +139,9 @@ def test_the_wanted_light_its_mask_and_its_mirrors_are_those_of_the_scene(symmet
     assert torch.equal(terms.image(light), terms.mirrored(image))
 
 
-@pytest.mark.parametrize("name", ["mirror_x", "mirror_y", "rectangle", "square"])
-def test_a_mirror_mean_is_the_mean_over_the_images_of_each_place(name: str) -> None:
-    """First index x, second y."""
-    values = CHANCE.random((5, 5))
-    found = mirror_mean(tensor(values), name).numpy()
-    for i, j in np.ndindex(5, 5):
-        places = {(i, j)}
-        if name != "mirror_y":
-            places |= {(4 - a, b) for a, b in places}
-        if name != "mirror_x":
-            places |= {(a, 4 - b) for a, b in places}
-        if name == "square":
-            places |= {(b, a) for a, b in places}
-        weights = [values[a, b] for a, b in places]
-        assert found[i, j] == pytest.approx(np.mean(weights))
-
-
 BRIGHT = torch.from_numpy(np.random.default_rng(0).uniform(0.5, 1.5, (6, 7)))
 INSIDE = torch.zeros((6, 7), dtype=torch.bool)
 INSIDE[1:4, 2:6] = True
-
-
-def test_a_lit_pixel_is_smoothed_to_a_gaussian_of_variance_one_and_even_light_stays_even() -> None:
-    image = torch.zeros((5, 6), dtype=torch.float64)
-    image[2, 3] = 1.0
-    row, column = np.mgrid[:5, :6]
-    weights = np.exp(-0.5 * ((row - 2.0) ** 2 + (column - 3.0) ** 2)) * (np.maximum(abs(row - 2), abs(column - 3)) < 2)
-    np.testing.assert_allclose(smoothed(image).numpy(), weights / weights.sum(), atol=1e-15)
-    np.testing.assert_allclose(smoothed(torch.full((5, 6), 0.7, dtype=torch.float64)).numpy(), 0.7, rtol=1e-14)
-
-
-@pytest.mark.parametrize("uniform", [True, False])
-@pytest.mark.parametrize("mask", [INSIDE, None])
-def test_two_equal_pictures_are_judged_as_the_loss_of_one(mask: torch.Tensor | None, uniform: bool) -> None:
-    image = torch.from_numpy(np.random.default_rng(1).uniform(0.2, 1.8, BRIGHT.shape))
-    made = ImageTerms(BRIGHT, mask, (), 1.0)
-    assert made.judge(image, image, uniform).item() == pytest.approx(made.loss(image, uniform).item(), rel=1e-13)
 
 
 def test_noise_that_differs_between_two_pictures_leaves_the_mean_of_their_judgements() -> None:

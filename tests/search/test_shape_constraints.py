@@ -1,17 +1,15 @@
 """Curvature and draft in the search: closed forms, derivatives, and the manufacturing check, which shares no code."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
-from scenes import random_surface, small_spec, sphere, table_of
+from scenes import random_surface, small_spec, sphere
 
 from lensforge.cad.patch import fit_patch
 from lensforge.scene.lens import Lens
-from lensforge.search.constraint_points import ChartOperator, RadiusJet, constraint_points, draft_sine, least_curvature
-from lensforge.search.constraints import AugmentedLagrangian
+from lensforge.search.constraint_points import ChartOperator, RadiusJet, constraint_points
 from lensforge.search.design_result import constraint_criteria
 from lensforge.search.feasibility import measure_constraints
 from lensforge.search.optimiser import search
@@ -25,31 +23,6 @@ from lensforge.surfaces.bicubic_table import TableGrid
 OUTSIDE, INSIDE = 1, -1
 
 
-@dataclass(frozen=True)
-class Ellipsoid:
-    axes: tuple[float, float, float]
-    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-    def radius(self, u: np.ndarray) -> np.ndarray:
-        scaled, shift = u / np.array(self.axes), np.array(self.centre) / np.array(self.axes)
-        quadratic, linear = np.sum(scaled**2, axis=1), scaled @ shift
-        return (linear + np.sqrt(linear**2 - quadratic * (shift @ shift - 1.0))) / quadratic
-
-    def curvatures(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """From the Gaussian and the mean curvature; convex is positive."""
-        a2, b2, c2 = np.array(self.axes) ** 2
-        point = self.radius(u)[:, None] * u - np.array(self.centre)
-        support = 1.0 / np.sqrt(np.sum(point**2 / np.array([a2, b2, c2]) ** 2, axis=1))
-        gauss = support**4 / (a2 * b2 * c2)
-        mean = support**3 * (a2 + b2 + c2 - np.sum(point**2, axis=1)) / (2.0 * a2 * b2 * c2)
-        deviator = np.sqrt(np.maximum(mean**2 - gauss, 0.0))
-        return mean - deviator, mean + deviator
-
-    def normal_z(self, u: np.ndarray) -> np.ndarray:
-        gradient = (self.radius(u)[:, None] * u - np.array(self.centre)) / np.array(self.axes) ** 2
-        return gradient[:, 2] / np.linalg.norm(gradient, axis=1)
-
-
 def watched(surface: Any, nodes: int) -> tuple[np.ndarray, ChartOperator, RadiusJet]:
     """Directions of the watched points, and a surface there, from a table of it."""
     grid = TableGrid(nodes)
@@ -57,52 +30,6 @@ def watched(surface: Any, nodes: int) -> tuple[np.ndarray, ChartOperator, Radius
     table = grid.coefficients(surface.radius(grid.sample_directions())[:, None]).reshape(grid.side, grid.side)
     watch = ChartOperator.of(grid, points, derivatives=True)
     return chart.to_sphere(points), watch, watch.jets(torch.from_numpy(table))[0]
-
-
-def worst(found: torch.Tensor, expected: np.ndarray) -> float:
-    return float(np.abs(found.numpy() - expected).max())
-
-
-def test_curvature_and_draft_of_an_ellipsoid_converge_as_the_fourth_power_of_the_spacing() -> None:
-    egg = Ellipsoid((1.0, 1.3, 0.8), (0.1, -0.05, 0.2))
-    errors = []
-    for nodes in (41, 81):
-        u, watch, jet = watched(egg, nodes)
-        low, high = egg.curvatures(u)
-        inner = torch.hypot(watch.points.x, watch.points.y).numpy() < 1.0 - 1e-9  # rim points lie anywhere in a cell
-        errors.append(
-            [
-                np.abs(least_curvature(jet, watch.points, OUTSIDE).numpy() - low)[inner].max(),
-                np.abs(least_curvature(jet, watch.points, INSIDE).numpy() + high)[inner].max(),
-                np.abs(draft_sine(jet, watch.points).numpy() - egg.normal_z(u)).max(),
-            ]
-        )
-    assert max(errors[1]) < 2e-5
-    orders = np.log2(np.array(errors[0]) / np.array(errors[1]))
-    assert (orders > [3.5, 3.5, 3.0]).all()
-
-
-def test_the_dimple_of_an_apple_is_a_saddle_that_the_cutter_sees() -> None:
-    """The outer part of a torus whose tube (1.0) is wider than its ring (0.4): hollow along the parallels on top."""
-
-    @dataclass(frozen=True)
-    class Apple:
-        tube: float = 1.0
-        ring: float = 0.4
-
-        def radius(self, u: np.ndarray) -> np.ndarray:
-            sine, cosine = np.hypot(u[:, 0], u[:, 1]), u[:, 2]
-            return self.ring * sine + np.sqrt(self.tube**2 - self.ring**2 * cosine**2)
-
-    apple = Apple()
-    u, watch, jet = watched(apple, 121)
-    smooth = u[:, 2] < np.cos(0.25)  # the stalk is a corner
-    off_axis = apple.radius(u) * np.hypot(u[:, 0], u[:, 1])
-    across = (off_axis - apple.ring) / (apple.tube * np.maximum(off_axis, 1e-9))
-    low, high = np.minimum(1.0 / apple.tube, across), np.maximum(1.0 / apple.tube, across)
-    assert low[smooth].min() < -0.4
-    assert np.abs(least_curvature(jet, watch.points, OUTSIDE).numpy() - low)[smooth].max() < 1e-3
-    assert np.abs(least_curvature(jet, watch.points, INSIDE).numpy() + high)[smooth].max() < 1e-3
 
 
 def shop_spec(**changes: Any) -> Spec:
@@ -113,26 +40,6 @@ def shop_spec(**changes: Any) -> Spec:
         "constraints__outer_draft_deg": 2.0,
     }
     return small_spec(**(wishes | changes))
-
-
-def test_the_derivative_is_finite_at_umbilics_and_at_the_apex() -> None:
-    grid = TableGrid(24)
-    constraints = AugmentedLagrangian.of(shop_spec(), grid)
-    tables = [table_of(sphere(radius), grid).requires_grad_() for radius in (2.0, 6.0)]
-    gradients = torch.autograd.grad(constraints.fields(*tables).sum(), tables)
-    assert all(torch.isfinite(gradient).all() for gradient in gradients)
-
-
-@pytest.mark.parametrize("symmetry", ["mirror_x", "rectangle", "square"])
-def test_one_of_the_mirror_images_tells_all(symmetry: str) -> None:
-    grid, surface = TableGrid(41), random_surface(3, 3.0, symmetry=symmetry)
-    extremes = []
-    for each in ("none", symmetry):
-        watch = ChartOperator.of(grid, constraint_points(grid, each), derivatives=True)
-        (jet,) = watch.jets(table_of(surface, grid))
-        kappa, draft = least_curvature(jet, watch.points, INSIDE), draft_sine(jet, watch.points)
-        extremes.append([float(v) for v in (kappa.min(), kappa.max(), draft.min(), jet.rho.min(), jet.rho.max())])
-    assert extremes[0] == pytest.approx(extremes[1], rel=1e-9)
 
 
 @pytest.mark.parametrize("make", ["part", "insert"])

@@ -1,14 +1,11 @@
 """The source against the cavity that the limits keep clear, by the closed form of the paraboloid."""
 
-import math
-from typing import Any
-
 import numpy as np
 import pytest
 from scenes import small_spec
 
 import lensforge as lf
-from lensforge.search.scene_check import _above_plane, source_clearance_warnings
+from lensforge.search.scene_check import source_clearance_warnings
 from lensforge.search.searches import design
 from lensforge.sources.build_source import build_source
 
@@ -80,56 +77,3 @@ def test_the_design_refuses_before_its_search():
     spec = small_spec(source={"kind": "square", "side_mm": 0.4, "position_mm": [0.0, 0.0, 0.6]})
     with pytest.raises(lf.InputError, match="the lens may touch the source"):
         design(spec, accuracy="draft")
-
-
-@pytest.mark.parametrize(
-    ("outline", "above"),
-    [
-        ([[1, 0, 2], [3, 0, 2], [2, 0, -2]], [[1, 0, 2], [3, 0, 2], [2.5, 0, 0], [1.5, 0, 0]]),
-        ([[1, 4, 1], [5, 0, -3], [9, 0, -3]], [[1, 4, 1], [2, 3, 0], [3, 3, 0]]),
-        ([[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 0, 0], [1, 1, 0]]),
-        ([[0, 0, 0], [1, 0, -1], [1, 1, -1]], [[0, 0, 0]]),
-        ([[0, 0, -0.5], [1, 0, -1], [1, 1, -1]], []),
-        ([[0, 0, 0.5], [1, 0, 0.25], [1, 1, 0.125]], [[0, 0, 0.5], [1, 0, 0.25], [1, 1, 0.125]]),
-    ],
-)
-def test_the_part_of_a_polygon_above_the_plane_has_the_crossings_of_its_edges(outline, above) -> None:
-    found = _above_plane(np.array(outline, dtype=float))
-    assert found.shape == (len(above), 3)
-    assert {tuple(np.round(each, 12)) for each in found} == {tuple(float(value) for value in each) for each in above}
-
-
-class Outlined:
-    """A source that is no more than its outline."""
-
-    flux_w, symmetry, ray_count = 1.0, "none", None
-
-    def __init__(self, *corners: tuple[float, float, float]) -> None:
-        self.corners = np.array(corners)
-
-    def outline(self) -> np.ndarray:
-        return self.corners
-
-    def sample(self, count: int, seed: int) -> Any:
-        raise NotImplementedError
-
-
-@pytest.mark.parametrize(("beyond", "warned"), [(0.9e-6, False), (1.1e-6, True), (0.1, True), (-0.1, False)])
-@pytest.mark.parametrize("place", [(0.0, 0.0, 0.5), (1.0, 0.0, 0.0), (0.0, -1.0, 0.0)])
-def test_a_source_may_touch_the_boundary_but_for_rounding(place: tuple[float, float, float], beyond, warned) -> None:
-    """The paraboloid of 0.5 mm and 1 mm, on the axis and on the rim; relative to the corner that is farthest away."""
-    corner = tuple((1.0 + beyond) * each for each in place)
-    if place[2] > 0.0:  # half as far away as the rim
-        corner = (0.0, 0.0, 0.5 * (1.0 + beyond))
-    found = source_clearance_warnings(small_spec(), Outlined(corner, (0.0, 0.0, -1.0), (0.0, 0.0, -2.0)))
-    assert bool(found) == warned
-    if warned:
-        x, y, z = corner
-        assert f"it reaches ({x:.4g}, {y:.4g}, {z:.4g}) mm, {math.hypot(x, y):.4g} mm from the axis" in found[0]
-
-
-def test_of_several_corners_the_one_with_least_room_is_named_and_one_below_the_plane_is_not() -> None:
-    corners = [(0.9, 0.0, 0.01), (0.3, 0.3, 0.7), (0.0, 0.2, 0.5), (0.0, 0.0, -9.0)]
-    (found,) = source_clearance_warnings(small_spec(), Outlined(*corners))
-    assert "it reaches (0.3, 0.3, 0.7) mm, 0.4243 mm from the axis" in found
-    assert source_clearance_warnings(small_spec(), Outlined((9.0, 0.0, -1.0), (9.0, 9.0, -1.0), (0.0, 9.0, -2.0))) == ()

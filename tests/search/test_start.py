@@ -70,20 +70,6 @@ def test_a_start_that_is_not_there_or_no_lens_is_one_line(finished: Path, tmp_pa
     assert "\n" not in str(caught.value)
 
 
-def test_a_run_does_not_overwrite_the_lens_from_which_it_starts(finished: Path) -> None:
-    before = (finished / "lens.json").read_bytes()
-    with pytest.raises(lf.InputError, match="the run would overwrite it; give another result folder"):
-        lf.run(started(finished), finished, accuracy="draft")
-    assert (finished / "lens.json").read_bytes() == before
-
-
-def test_a_relative_start_counts_from_the_folder_of_the_spec(finished: Path, tmp_path: Path) -> None:
-    text = small_spec(lens__start="/before").to_toml()
-    (tmp_path / "again.toml").write_text(text.replace('start = "/before"', 'start = "before"'), encoding="utf-8")
-    (tmp_path / "before").mkdir()
-    assert lf.load_spec(tmp_path / "again.toml").lens.start == (tmp_path / "before" / "lens.json").resolve()
-
-
 def test_automatic_levels_move_the_broad_functions_of_the_lens_first_and_keep_the_others(finished: Path) -> None:
     spec = small_spec(lens__start=str(finished)).with_automatic_levels()
     seen: list[lf.Progress] = []

@@ -6,7 +6,7 @@ from jaxtyping import Float
 
 from lensforge import seeds
 from lensforge.errors import InputError
-from lensforge.search.validation_rays import ValidationRays
+from lensforge.search.problem import ValidationRays
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.measured_rays import TurnedRays, divided, held_back, searched, smoothed
 from lensforge.sources.ray_bundle import (

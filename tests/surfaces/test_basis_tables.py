@@ -7,8 +7,7 @@ from scenes import small_spec
 
 from lensforge.kernels.bicubic import refine, refine_adjoint
 from lensforge.search.parameters import Parametrisation
-from lensforge.surfaces.basis_tables import BasisTables, dyadic_grid
-from lensforge.surfaces.bicubic_table import TableGrid, grid_for, table_error, tabulate
+from lensforge.surfaces.bicubic_table import BasisTables, TableGrid, dyadic_grid, table_error, tabulate
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, level_sigma
 
 LEVELS = [9, 25, 81, 289]
@@ -96,12 +95,3 @@ def _between(table: np.ndarray) -> np.ndarray:
     """The spline midway between nodes along the first axis, at nodes along the second."""
     along = (table[:-3] + 23.0 * table[1:-2] + 23.0 * table[2:-1] + table[3:]) / 48.0
     return (along[:, :-2] + 4.0 * along[:, 1:-1] + along[:, 2:]) / 6.0
-
-
-def test_every_level_is_resolved_on_its_own_grid() -> None:
-    sigmas = [level_sigma(count, 1.75) for count in LEVELS]
-    grid, halvings = dyadic_grid(sigmas, 3.4)
-    assert list(halvings) == sorted(halvings, reverse=True) and halvings[-1] == 0
-    for sigma, times in zip(sigmas, halvings, strict=True):
-        assert (grid.nodes - 1) % 2**times == 0
-        assert (grid.nodes - 1) >> times >= grid_for(sigma, 3.4).nodes - 1 or times == 0

@@ -33,7 +33,6 @@ def test_an_asphere_has_the_sag_of_the_standard(vertex, radius, conic, coefficie
     sag = r**2 / (radius * (1.0 + np.sqrt(1.0 - (1.0 + conic) * (r / radius) ** 2)))
     sag += sum(a * r ** (4 + 2 * i) for i, a in enumerate(coefficients))
     assert np.allclose(z, vertex + sag, atol=2e-12)
-    assert np.allclose(Asphere(vertex, radius, conic, coefficients).sag(r), vertex + sag, rtol=1e-14)
 
 
 def test_a_conic_goes_on_below_its_equator_where_the_sag_ends() -> None:
@@ -44,7 +43,6 @@ def test_a_conic_goes_on_below_its_equator_where_the_sag_ends() -> None:
     inside = ((z - 8.0 - along) / along) ** 2 + (x**2 + y**2) / (25.0 / 0.8)
     assert np.allclose(inside, 1.0, atol=1e-13)
     assert z[np.argmax(np.hypot(x, y))] == pytest.approx(1.75, abs=0.02)
-    assert np.isnan(surface.sag(np.array([5.6]))).all()
 
 
 @pytest.mark.parametrize(
@@ -66,10 +64,6 @@ def test_what_is_not_star_shaped_is_one_line(make) -> None:
 def test_the_other_sheet_of_a_hyperboloid_is_no_surface() -> None:
     dented = Asphere(5.0, 1.0, -3.0, (-0.05,))  # the sheet that the sag does not mean begins at z = 4
     u = hemisphere_directions(500)
-    points = u * dented.radius(u)[:, None]
-    assert np.allclose(points[:, 2], dented.sag(np.hypot(points[:, 0], points[:, 1])), atol=1e-11)
-
-
-def test_a_vertex_at_the_source_is_refused() -> None:
-    with pytest.raises(InputError, match="vertex at 0 mm"):
-        Asphere(0.0, -5.0)
+    x, y, z = (u * dented.radius(u)[:, None]).T
+    squared = x**2 + y**2
+    assert np.allclose(z, 5.0 + squared / (1.0 + np.sqrt(1.0 + 2.0 * squared)) - 0.05 * squared**2, atol=1e-11)

@@ -11,16 +11,12 @@ from scenes import hemisphere_directions, random_surface, small_spec
 import lensforge as lf
 from lensforge.cad.form_error import fit_to_form, form_error
 from lensforge.errors import InputError
-from lensforge.light.exact_trace import DenseScan, exact_surfaces, trace_exact
-from lensforge.light.simulation import TracedLens
 from lensforge.scene.lens import Lens
-from lensforge.sources.ray_bundle import RayBundle
 from lensforge.spec.fixed_surface import FixedCadFace, FixedLensFace, FixedPoints, FixedSphere, GivenSurface
 from lensforge.spec.lens_section import LensSection
 from lensforge.surfaces.asphere import sphere
-from lensforge.surfaces.chart_spline import HALF_WIDTH, ChartSpline
 from lensforge.surfaces.srbf import fibonacci_hemisphere
-from lensforge.surfaces.surface import Surface, to_chart, to_sphere
+from lensforge.surfaces.surface import Surface, to_chart
 
 RADIUS, CENTRE = 3.0, 0.4
 HERE = pytest.mark.usefixtures("cad_read_here")
@@ -83,15 +79,6 @@ def test_a_lens_file_that_was_changed_is_no_given_face(tmp_path: Path) -> None:
 
 
 @HERE
-@pytest.mark.nightly("its pole on the axis by day, in the five ways")
-@pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (1.0, 0.0, 0.0)])
-def test_the_pole_of_a_sphere_may_lie_anywhere(axis: tuple[float, float, float], tmp_path: Path) -> None:
-    path = write(shell(ball(RADIUS, CENTRE, axis), ball(6.0)), tmp_path / "turned.step")
-    nm, urad = differences(FixedCadFace(file=path).surface, sphere(RADIUS, CENTRE))
-    assert nm < 1.0 and urad < 1.0
-
-
-@HERE
 def test_a_file_in_inches_is_converted_and_says_so(step: Path, tmp_path: Path) -> None:
     given = FixedCadFace(file=in_inches(step, tmp_path / "inches.step")).resolved()
     assert given.unit == "inches" and "in inches, converted to mm" in given.warnings[0]
@@ -129,18 +116,6 @@ def test_the_face_of_a_lens_is_that_face(tmp_path: Path) -> None:
     assert lf.load_spec(tmp_path / "spec.toml") == changed and changed.lens == spec.lens
     assert isinstance(changed.lens.fixed_inner, GivenSurface)
     assert np.array_equal(changed.lens.fixed_inner.surface.radius(U), lens.inner.radius(U))
-
-
-def test_points_may_be_polar_and_a_grid(tmp_path: Path) -> None:
-    surface = random_surface(2, 3.0, levels=(9, 25))
-    polar, azimuth = np.meshgrid(np.linspace(0.0, 90.0, 91), np.arange(0.0, 360.0, 2.0), indexing="ij")
-    t, p = np.deg2rad(polar.ravel()), np.deg2rad(azimuth.ravel())
-    u = np.stack([np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)], axis=1)
-    np.savetxt(tmp_path / "grid.txt", np.column_stack([polar.ravel(), azimuth.ravel(), surface.radius(u)]), fmt="%.12g")
-    given = FixedPoints(file=tmp_path / "grid.txt", coordinates="polar").resolved()
-    nm, urad = differences(given.surface, surface)
-    assert nm < 5.0 and urad < 50.0
-    assert nm < 3.0 * given.form_error_nm and urad < 3.0 * given.normal_error_urad  # what is stated is so
 
 
 @HERE
@@ -241,22 +216,3 @@ def test_other_files_and_open_clouds_are_one_line(tmp_path: Path) -> None:
         FixedLensFace(file=tmp_path, face="inner").resolved()
     with pytest.raises(InputError, match=r"fixed_inner.*cap.txt"):
         LensSection(levels=(9,), fixed_inner={"kind": "points", "file": tmp_path / "cap.txt"}, outer_offset_mm=6.0)
-
-
-def test_rays_from_the_origin_see_the_same_face_in_table_and_exactly() -> None:
-    """A spline over the chart and a sphere: the exact tracer through both, and the tables of both."""
-    half = np.arctan(HALF_WIDTH)
-    axis = np.tan(np.linspace(-half, half, 72))
-    exact = sphere(RADIUS, CENTRE)
-    directions = to_sphere(np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1))
-    given = ChartSpline.through(axis, exact.radius_on_grid(directions))
-    lenses = [Lens(each, sphere(6.0), small_spec(), 0, "draft") for each in (exact, given)]
-    u = hemisphere_directions(64)
-    rays = RayBundle(np.zeros((64, 3)), u, np.full(64, 1.0 / 64))
-    points = [
-        trace_exact(*exact_surfaces(lens, (DenseScan(), DenseScan())), lens.media, rays).points.numpy()
-        for lens in lenses
-    ]
-    by_table = [TracedLens.of(lens, 8.0).trace(rays).points.numpy() for lens in lenses]
-    assert np.isfinite(points[1]).all()
-    assert np.abs(points[0] - points[1]).max() < 1e-6 and np.abs(by_table[0] - by_table[1]).max() < 1e-5

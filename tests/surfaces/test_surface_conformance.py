@@ -10,10 +10,9 @@ from scenes import sphere as freeform_sphere
 from lensforge.cad.form_error import chart_samples, fit_to_form, form_error
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.surfaces import surface as chart
-from lensforge.surfaces.asphere import Asphere, Biconic, sphere
+from lensforge.surfaces.asphere import Asphere, Biconic, ImplicitSurface, sphere
 from lensforge.surfaces.bicubic_table import grid_for, table_error, tabulate
 from lensforge.surfaces.chart_spline import HALF_WIDTH, ChartSpline
-from lensforge.surfaces.implicit import ImplicitSurface
 from lensforge.surfaces.srbf import SrbfSurface
 from lensforge.surfaces.surface import ScaledSurface, Surface, scaled
 
@@ -70,12 +69,6 @@ def test_normals_are_of_unit_length_outward_and_across_the_surface(surface: Surf
     turned /= np.linalg.norm(turned, axis=1, keepdims=True)
     chord = turned * surface.radius(turned)[:, None] - u * surface.radius(u)[:, None]
     assert np.abs(np.sum(chord * normal, axis=1)).max() < 1e-9  # of 1e-6 rad and some mm
-
-
-def test_the_grid_has_the_radius_of_its_directions(surface: Surface) -> None:
-    directions = chart.to_sphere(chart.grid(21))
-    expected = surface.radius(directions.reshape(-1, 3)).reshape(21, 21)
-    assert np.allclose(surface.radius_on_grid(directions), expected, rtol=1e-13)
 
 
 def test_its_table_converges_in_fourth_order_down_to_the_rim(surface: Surface) -> None:

@@ -15,7 +15,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from lensforge.errors import InputError, LensforgeError
-from lensforge.search.checkpoint import made_by
+from lensforge.version import made_by
 
 if TYPE_CHECKING:
     from distributed import Client, Future

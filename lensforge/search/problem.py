@@ -1,11 +1,11 @@
-"""Rays that judge a search: two samples, so that their noise does not count as error.
+"""The problem that a stage of a search solves, its merit and constraints, and the rays that judge its lenses.
 
-No step sees them; those of a limited number are the rays of the steps, turned anew. A lens that fits the noise of a
-file looks too good by them, but what a stage gains is known, as it is not by the few rays that could be held apart: of
-30,000 rays of led_rayfile a stage that lowers the error by a third gained -8 to 31 +- 37 % by 6,000 of them.
+The rays are two samples, so that their noise does not count as error. No step sees them; those of a limited number are
+the rays of the steps, turned anew. A lens that fits the noise of a file looks too good by them, but what a stage gains
+is known, as it is not by the few rays that could be held apart: of 30,000 rays of led_rayfile a stage that lowers the
+error by a third gained -8 to 31 +- 37 % by 6,000 of them.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,11 +14,67 @@ from jaxtyping import Float
 from torch import Tensor
 
 from lensforge import seeds
-from lensforge.search.merit import MeritFunction, Problem, SampledLight
-from lensforge.search.robust_parts import Pair
+from lensforge.search.constraints import AugmentedLagrangian
+from lensforge.search.light_path import SearchParts
+from lensforge.search.merit import MeritFunction, SampledLight
+from lensforge.search.parameters import Parametrisation
 from lensforge.search.schedule import SLICES, Judgement
 from lensforge.sources.measured_rays import smoothed
 from lensforge.sources.ray_bundle import RayBundle, Source
+from lensforge.spec import Spec
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Merit function and constraints for the levels of ``spec``, numbers here; ``sparse``: the latter at few points.
+
+    ``parts``: of a robust search.
+    """
+
+    spec: Spec
+    merit: MeritFunction
+    constraints: AugmentedLagrangian
+    sparse: bool = False
+    parts: SearchParts | None = None
+
+    @property
+    def parametrisation(self) -> Parametrisation:
+        """Parameters and tables of its lenses."""
+        return self.merit.parametrisation
+
+    def in_full(self) -> tuple[Parametrisation, AugmentedLagrangian]:
+        """Parametrisation and constraints of the end of a search: where its steps look at few points, at many.
+
+        Those between the nodes, too: there led_colours exceeds its radius by 9 um in a draft.
+        """
+        if not self.sparse:
+            return self.parametrisation, self.constraints
+        finer = self.parametrisation.refined()
+        return finer, AugmentedLagrangian.of(self.spec, finer.grid)
+
+
+@dataclass
+class Problems:
+    """The problems of one search, of which the last is kept; constraints of automatic levels hold at fewer points."""
+
+    spec: Spec
+    source: Source
+    nodes_per_sigma: float
+    device: torch.device | None
+    _last: Problem | None = None
+
+    def of(self, levels: tuple[int, ...]) -> Problem:
+        """The problem of lenses with ``levels``."""
+        if self._last is None or self._last.spec.lens.levels != levels:
+            spec = self.spec.with_levels(levels)
+            automatic = self.spec.lens.levels == "auto"
+            parametrisation = Parametrisation.of(spec, self.nodes_per_sigma)
+            merit = MeritFunction.of(spec, self.source, parametrisation, self.device)
+            constraints = AugmentedLagrangian.of(spec, parametrisation.grid, sparse=automatic)
+            parts = SearchParts.of(spec, parametrisation) if spec.optimise.robust else None
+            self._last = Problem(spec, merit, constraints, automatic, parts)
+        return self._last
+
 
 _LEAST_IMAGE = 1e-4  # NMSE below which nothing is left to gain: an evaluation is no more certain than a fifth of that
 
@@ -51,20 +107,14 @@ class ValidationRays:
         with torch.no_grad():
             tables = merit.parametrisation.tables(weights, offsets)
             missing = float(constraints.penalty_alone(constraints.fields(*tables)))
-            pairs = _pairs(problem, self.seed)
+            parts = problem.parts  # of a robust search; the same for both samples
+            pairs = [None] * SLICES if parts is None else parts.of_validation(self.seed, SLICES)
             lights = [
                 [merit.light_of(*tables, part, pair) for part, pair in zip(sample.divided(SLICES), pairs, strict=True)]
                 for sample in self.samples
             ]
             judged = [_judgement(merit, lights, missing, uniform) for uniform in ([False, True] if even else [False])]
         return judged[0], judged[1] if even else None
-
-
-def _pairs(problem: Problem, seed: int) -> Sequence[Pair | None]:
-    """The pair of parts for each slice in a robust search, the same for both samples."""
-    if problem.parts is None:
-        return [None] * SLICES
-    return problem.parts.of_validation(seed, SLICES)
 
 
 def _judgement(merit: MeritFunction, lights: list[list[SampledLight]], missing: float, uniform: bool) -> Judgement:
