@@ -8,11 +8,11 @@ from lensforge.cli.screen import Block, Row
 from lensforge.light.evaluation_result import Light
 from lensforge.light.photometry_result import IES_FILE, LDT_FILE, TM25_FILE, TM33_FILE, Photometry
 from lensforge.proof.proof_result import Proof
+from lensforge.report.folder import Run
 from lensforge.report.headline import headline
 from lensforge.report.results import REPORT_FILE, stem_of, verdict_on
 from lensforge.results import Fact, Group, SimulatedResult, StageResult
 from lensforge.results.verdict import Verdict
-from lensforge.runs.folder import Run
 from lensforge.search.design_result import Design
 from lensforge.shop.check_result import Check
 

@@ -11,12 +11,12 @@ from lensforge.cli.output import Output, document, folder_document, print_json
 from lensforge.cli.printing import warning_line
 from lensforge.cli.screen import Block, print_screen
 from lensforge.errors import CriterionMissed
+from lensforge.report.folder import Run, RunFolder
 from lensforge.report.headline import headline
+from lensforge.report.pipeline import Decides
 from lensforge.report.results import conditions_of, stem_of
 from lensforge.results import StageResult
 from lensforge.results.criteria import require
-from lensforge.runs.folder import Run, RunFolder
-from lensforge.runs.stage import Decides
 
 if TYPE_CHECKING:
     from lensforge.shop.handover import Handover

@@ -25,9 +25,9 @@ from lensforge.cli.screen import Block, print_screen
 from lensforge.cli.whole_number import WholeNumber
 from lensforge.errors import InputError
 from lensforge.light.lens_light import evaluate
+from lensforge.report import pipeline
+from lensforge.report.folder import Run, opened
 from lensforge.report.results import REPORT_FILE
-from lensforge.runs import pipeline
-from lensforge.runs.folder import Run, opened
 from lensforge.search import searches
 from lensforge.search.checkpoint import CHECKPOINT, is_checkpoint
 from lensforge.search.searches import SearchOptions

@@ -9,9 +9,9 @@ from typing import Any
 
 import click
 
+from lensforge.report.folder import Run
 from lensforge.report.results import stem_of
 from lensforge.results import StageResult
-from lensforge.runs.folder import Run
 
 
 @dataclass(frozen=True)

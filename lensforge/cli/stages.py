@@ -11,14 +11,13 @@ from lensforge.cli.conclusion import finish, finish_handover, finish_page
 from lensforge.cli.options import FOLDER, OPTIONS, Command
 from lensforge.cli.output import Output, with_output
 from lensforge.errors import InputError
+from lensforge.report.folder import opened
+from lensforge.report.pipeline import FolderStage, write_comparison, write_report
+from lensforge.report.pipeline import handover as make_handover
 from lensforge.report.results import REPORT_FILE
 from lensforge.results import StageResult
 from lensforge.results.files import require_writable
 from lensforge.results.ownership import is_free_or_own, require_own
-from lensforge.runs.folder import opened
-from lensforge.runs.pipeline import write_comparison, write_report
-from lensforge.runs.stage import FolderStage
-from lensforge.runs.stage import handover as make_handover
 from lensforge.verbs import STAGES, STRAY, VERIFY
 
 

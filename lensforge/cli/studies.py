@@ -49,8 +49,8 @@ def sweep(
         --scale lens.inner_offset_mm --scale lens.outer_offset_mm
     """
     from lensforge.cli.stage_clock import StageClock
-    from lensforge.runs.sweep import parse_variation
-    from lensforge.runs.sweep_runs import resumable, run_sweep
+    from lensforge.report.sweep import parse_variation
+    from lensforge.report.sweep_runs import resumable, run_sweep
 
     content = with_rays(load_spec(spec), rays)
     variation = parse_variation(vary, scale)
@@ -102,7 +102,7 @@ def tradeoff(spec: Path, out: Path | None, most_rays: int, threads: int | None, 
 
     from lensforge.cli.progress import StudyProgress
     from lensforge.cli.stage_clock import StageClock
-    from lensforge.runs.tradeoff_study import run_tradeoff
+    from lensforge.report.tradeoff_study import run_tradeoff
 
     with StageClock("tradeoff", quiet=output.quiet, study=True) as clock, threads_of_torch(threads):
         announce = StudyProgress(clock).on_stage

@@ -15,8 +15,8 @@ from pydantic import ValidationError
 
 import lensforge as lf
 from lensforge.report.results import EXTRAS, STAGES, Results
+from lensforge.report.sweep import sweep_of, variation_of
 from lensforge.results import Record
-from lensforge.runs.sweep import sweep_of, variation_of
 
 Where = tuple[str | int, ...]
 

@@ -14,10 +14,10 @@ from typing import Any
 import pytest
 
 import lensforge as lf
+from lensforge.report.folder import RunFolder
+from lensforge.report.pipeline import write_report
 from lensforge.report.results import EXTRAS, STAGES
 from lensforge.results.stage_result import with_checksum
-from lensforge.runs.folder import RunFolder
-from lensforge.runs.pipeline import write_report
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 

@@ -18,8 +18,8 @@ from result_folders import make_folder, make_light, make_results, page_of, small
 import lensforge as lf
 from lensforge.light.evaluation_result import Light
 from lensforge.report.snapshots import load_snapshots
+from lensforge.report.stored import load_results
 from lensforge.results import Conditions, Record, Text
-from lensforge.runs.stored import load_results
 from lensforge.search.design_result import Design, Level
 
 pytestmark = pytest.mark.usefixtures("no_warnings")

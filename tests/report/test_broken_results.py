@@ -12,7 +12,7 @@ from result_folders import (
 )
 
 from lensforge.errors import InputError
-from lensforge.runs.stored import load_results
+from lensforge.report.stored import load_results
 
 
 @pytest.mark.parametrize("stage", ["evaluate", "check", "verify"])

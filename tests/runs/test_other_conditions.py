@@ -14,9 +14,9 @@ import lensforge as lf
 from lensforge.cli.cli import cli
 from lensforge.errors import SourceWarning
 from lensforge.light.lens_conditions import photometry_conditions, source_of
-from lensforge.runs import pipeline
-from lensforge.runs.folder import RunFolder
-from lensforge.runs.pipeline import write_report
+from lensforge.report import pipeline
+from lensforge.report.folder import RunFolder
+from lensforge.report.pipeline import write_report
 from lensforge.scene.lens import Lens
 from lensforge.verbs import EVALUATE
 

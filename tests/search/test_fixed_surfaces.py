@@ -8,7 +8,7 @@ from scenes import small_spec
 from lensforge import design
 from lensforge.errors import InputError
 from lensforge.light.simulation import TracedLens
-from lensforge.runs.folder import RunFolder
+from lensforge.report.folder import RunFolder
 from lensforge.scene.lens import load_lens
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.search.optimiser import search

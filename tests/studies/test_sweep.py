@@ -11,11 +11,10 @@ from scenes import small_spec
 from lensforge import build, check, design, evaluate
 from lensforge.errors import InputError
 from lensforge.report.results import Results
+from lensforge.report.stored import load_results
+from lensforge.report.sweep import Sweep, parse_variation, sweep_of, variant_name, variation_of
+from lensforge.report.sweep_runs import resumable, run_sweep, sweep_figure
 from lensforge.results.criteria import require
-from lensforge.runs.stored import load_results
-from lensforge.runs.sweep import Sweep, parse_variation, sweep_of, variant_name, variation_of
-from lensforge.runs.sweep_page import sweep_figure
-from lensforge.runs.sweep_runs import resumable, run_sweep
 from lensforge.scene.lens import load_lens
 from lensforge.search.checkpoint import CHECKPOINT
 

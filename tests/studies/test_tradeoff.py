@@ -12,11 +12,10 @@ import lensforge as lf
 from lensforge.cli.blocks import study_block
 from lensforge.cli.screen import print_screen
 from lensforge.errors import InputError
-from lensforge.runs import tradeoff_study
-from lensforge.runs.folder import RunFolder
-from lensforge.runs.tradeoff_page import tradeoff_figure
-from lensforge.runs.tradeoff_result import Tradeoff
-from lensforge.runs.tradeoff_study import _lens_in, run_tradeoff
+from lensforge.report import tradeoff_study
+from lensforge.report.folder import RunFolder
+from lensforge.report.tradeoff import Tradeoff
+from lensforge.report.tradeoff_study import _lens_in, run_tradeoff, tradeoff_figure
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.sources.build_source import build_source
 from lensforge.spec.accuracy import PRESETS, SearchEffort
