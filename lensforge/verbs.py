@@ -36,8 +36,7 @@ from lensforge.report.sweep import Sweep
 from lensforge.report.tradeoff import Tradeoff
 from lensforge.results import Conditions, Metric
 from lensforge.results.criteria import Criterion
-from lensforge.results.files import replacing
-from lensforge.results.ownership import require_own
+from lensforge.results.files import replacing, require_own
 from lensforge.results.verdict import Verdict
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.search.design_result import Design, Progress

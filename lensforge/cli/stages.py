@@ -16,8 +16,7 @@ from lensforge.report.pipeline import FolderStage, write_comparison, write_repor
 from lensforge.report.pipeline import handover as make_handover
 from lensforge.report.results import REPORT_FILE
 from lensforge.results import StageResult
-from lensforge.results.files import require_writable
-from lensforge.results.ownership import is_free_or_own, require_own
+from lensforge.results.files import is_free_or_own, require_own, require_writable
 from lensforge.verbs import STAGES, STRAY, VERIFY
 
 
@@ -47,8 +46,7 @@ def _run(
 
     An option that is not given leaves the verb its own default.
     """
-    from lensforge.cli.progress import PartsProgress
-    from lensforge.cli.stage_clock import StageClock
+    from lensforge.cli.progress import PartsProgress, StageClock
 
     options = {name: value for name, value in options.items() if value is not None}
     with opened(directory) as here:
@@ -95,7 +93,7 @@ def handover(
 
     A drawing with the findings of the check (HTML, PDF, DXF), and tables of points.
     """
-    from lensforge.cli.stage_clock import StageClock
+    from lensforge.cli.progress import StageClock
 
     with opened(directory) as here:
         with StageClock("handover", quiet=output.quiet):
@@ -125,7 +123,7 @@ def report(directories: tuple[Path, ...], out: Path | None, pdf: bool, output: O
     """
     if len(directories) == 1 and out is not None:
         raise InputError(f"--out = {out}: the report on one design is written to its folder; give two folders or more")
-    from lensforge.cli.stage_clock import StageClock
+    from lensforge.cli.progress import StageClock
     from lensforge.report.page import write_pdf
 
     page = directories[0] / REPORT_FILE if len(directories) == 1 else out or Path("compare.html")

@@ -29,9 +29,9 @@ from lensforge.report.tradeoff import Tradeoff
 from lensforge.results import StageResult
 from lensforge.results.arguments import count_of, number_of, require, threads_of_torch
 from lensforge.results.file_bounds import remembered
-from lensforge.results.freed_memory import return_freed_memory
-from lensforge.results.ownership import require_own
+from lensforge.results.files import require_own
 from lensforge.results.second_process import SecondProcess, second_process
+from lensforge.results.worker import return_freed_memory
 from lensforge.scene.lens import Lens
 from lensforge.search.checkpoint import CHECKPOINT, delete_checkpoint
 from lensforge.search.design_result import Design, Observer

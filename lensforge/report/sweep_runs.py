@@ -20,9 +20,8 @@ from lensforge.report.results import Results
 from lensforge.report.stored import load_results
 from lensforge.report.sweep import Curve, Sweep, Variant, Variation, sweep_of
 from lensforge.results.figure_style import BLUE, GREEN, GREY, ORANGE, WIDE, in_report_style, new_figure, to_png
-from lensforge.results.files import replacing
+from lensforge.results.files import replacing, require_own
 from lensforge.results.folder_lock import locked
-from lensforge.results.ownership import require_own
 from lensforge.scene.lens import load_lens
 from lensforge.search.checkpoint import CHECKPOINT, is_checkpoint
 from lensforge.search.cluster import connected

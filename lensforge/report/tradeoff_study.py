@@ -15,9 +15,9 @@ from lensforge.report.folder import RunFolder
 from lensforge.report.page import picture, template, write_page
 from lensforge.report.tradeoff import Series, TradedError, Tradeoff, TradeoffRow, error_label
 from lensforge.results.figure_style import BLUE, GREY, ORANGE, WIDE, in_report_style, new_figure
+from lensforge.results.files import require_own
 from lensforge.results.folder_lock import locked
 from lensforge.results.numerals import number
-from lensforge.results.ownership import require_own
 from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Design, Progress
 from lensforge.search.optimiser import search

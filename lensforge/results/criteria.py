@@ -1,10 +1,10 @@
 """Acceptance criteria: numbers of a result, each with the limit that it must keep, and their names in words."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from math import isfinite
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, Literal
 
-from pydantic import ModelWrapValidatorHandler, computed_field, model_validator
+from pydantic import computed_field
 
 from lensforge.errors import CriterionMissed
 from lensforge.results import Bound, Fact, Number, Record, Sense, Text
@@ -72,32 +72,16 @@ _WORDS = {
 
 
 class Judged(Record):
-    """A ``value`` that must be ``sense`` ``limit``. A file also states the outcome; it must be that of the two."""
-
-    outcome: ClassVar[str]  # name of the computed field that is True where the value is within the limit
+    """A ``value`` that must be ``sense`` ``limit``."""
 
     value: Number | None
     sense: Sense
     limit: Number | None
     unit: Text
 
-    @model_validator(mode="wrap")
-    @classmethod
-    def _outcome_agrees(cls, content: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
-        """Compare the outcome, which a file also states, with value and limit."""
-        if not isinstance(content, Mapping) or cls.outcome not in content:
-            return handler(content)
-        judged = handler({key: value for key, value in content.items() if key != cls.outcome})
-        found, stated = within(judged.value, judged.sense, judged.limit), content[cls.outcome]
-        if stated is not found:
-            raise ValueError(f"{cls.outcome} = {stated!r}, but its value and limit say {found}")
-        return judged
-
 
 class Criterion(Judged):
     """``value`` (None: not measured) must be ``sense`` ``limit``; ``remedy``: what to try where it is not."""
-
-    outcome: ClassVar[str] = "passed"
 
     name: Text
     limit: Number

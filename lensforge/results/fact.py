@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from lensforge.results.numerals import NOTHING, anything, quantity
-from lensforge.results.record_fields import Metric, State
+from lensforge.results.record import Metric, State
 
 Sense = Literal["<=", ">="]
 FactState = State | Literal[""]  # "": nothing was asked, or nobody has judged it

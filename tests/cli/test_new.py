@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from lensforge.cli.cli import cli, main
-from lensforge.cli.new import new
+from lensforge.cli.specs import new
 from lensforge.errors import InputError
 from lensforge.spec import load_spec, parse_spec
 from lensforge.spec.derived_values import WHY
@@ -125,7 +125,7 @@ def test_a_ray_file_and_a_photometric_file_are_named_from_the_folder_of_the_spec
 
 def answered(answers: str, *arguments: str) -> Result:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("lensforge.cli.new._at_terminal", lambda: True)
+        patch.setattr("lensforge.cli.specs._at_terminal", lambda: True)
         return CliRunner().invoke(cli, ["new", *arguments], input=answers)
 
 

@@ -18,12 +18,11 @@ from nightly import first_by_day
 import lensforge as lf
 from lensforge import kernels
 from lensforge.cli import cli
-from lensforge.cli.printing import printable
+from lensforge.cli.output import printable
 from lensforge.errors import InputError
 from lensforge.kernels import compiled
 from lensforge.report.page import remove_stale_pdf, write_page
-from lensforge.results.files import replacing, require_writable
-from lensforge.results.ownership import PDF_MARK, is_free_or_own, pdf_mark
+from lensforge.results.files import PDF_MARK, is_free_or_own, pdf_mark, replacing, require_writable
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="shells and limits of POSIX systems")
 

@@ -11,8 +11,8 @@ from page_text import undrawn_page_of
 from shown_folders import FOLDERS, folder_of, lens_of
 from undrawn import undrawn
 
-from lensforge.cli.blocks import blocks_of, study_block, summary
-from lensforge.cli.screen import print_screen
+from lensforge.cli.conclusion import blocks_of, study_block, summary
+from lensforge.cli.output import print_screen
 from lensforge.made.tolerance_result import Yield
 from lensforge.made.yield_facts import budget_sentence, drawn_rows, pass_sentence, worst_words
 from lensforge.proof.proof_facts import tracer_groups

@@ -8,10 +8,10 @@ from click.testing import CliRunner, Result
 from scenes import small_spec
 
 import lensforge as lf
-from lensforge.cli.blocks import summary
 from lensforge.cli.cli import cli
-from lensforge.cli.screen import Block, print_screen
-from lensforge.cli.stage_clock import duration
+from lensforge.cli.conclusion import summary
+from lensforge.cli.output import Block, print_screen
+from lensforge.cli.progress import duration
 
 
 def invoked(*arguments: object) -> Result:

@@ -14,8 +14,7 @@ from rich.console import Console
 from scenes import small_spec
 
 import lensforge as lf
-from lensforge.cli.progress import DesignProgress
-from lensforge.cli.stage_clock import StageClock
+from lensforge.cli.progress import DesignProgress, StageClock
 from lensforge.report.folder import RunFolder
 from lensforge.report.pipeline import Listener, _process_for_later_stages, build, run_later_stages
 from lensforge.results import second_process

@@ -9,8 +9,8 @@ from PIL import Image
 from scenes import random_surface, small_spec
 
 import lensforge as lf
-from lensforge.cli.blocks import study_block
-from lensforge.cli.screen import print_screen
+from lensforge.cli.conclusion import study_block
+from lensforge.cli.output import print_screen
 from lensforge.errors import InputError
 from lensforge.report import tradeoff_study
 from lensforge.report.folder import RunFolder
