@@ -20,7 +20,7 @@ import click
 
 from lensforge.cli.design import design, preview, sweep, tradeoff
 from lensforge.cli.interrupts import Interrupts
-from lensforge.cli.output import printable, warning_line
+from lensforge.cli.output import drop_stdout, printable, warning_line
 from lensforge.cli.rays import rays
 from lensforge.cli.specs import examples, new, schema
 from lensforge.cli.stages import STAGE_COMMANDS, handover, report
@@ -52,7 +52,6 @@ _FULL_OR_FAILING = {
     errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO, errno.ENFILE, errno.EMFILE, errno.ENOMEM,
     errno.EAGAIN,
 }  # fmt: skip
-_READER_LEFT = 128 + 13  # as shells have it: SIGPIPE
 _CLEAN_UP_SECONDS = 2.0  # for what libraries do at the end of a program, after an interrupt
 
 
@@ -113,6 +112,10 @@ def main(interrupts: Interrupts | None = None) -> None:
     own = Interrupts().install() if interrupts is None else interrupts
     try:
         code = _run(own)
+        try:
+            sys.stdout.flush()
+        except OSError:  # said already, or a reader of --help that has left
+            drop_stdout()
         if own.received is not None and code == own.exit_code:
             _end_at_once(code)
     finally:
@@ -170,9 +173,8 @@ def _failure(error: BaseException) -> int:
         return _say(str(error), error.exit_code)
     if isinstance(error, click.ClickException):
         return _say(f"{error.format_message().rstrip('.')}; see --help", 2)
-    if isinstance(error, BrokenPipeError):  # the reader has left (``| head``): nothing is said, now or at the end
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return _READER_LEFT
+    if isinstance(error, BrokenPipeError):
+        return 0
     if isinstance(error, MemoryError):
         return _say("out of memory; use fewer --rays or a lower --accuracy", 1)
     if isinstance(error, OSError) and error.errno in _FULL_OR_FAILING:
