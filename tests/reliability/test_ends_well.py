@@ -15,8 +15,8 @@ from nightly import first_by_day
 import lensforge as lf
 from lensforge.cli import cli
 from lensforge.errors import InputError
-from lensforge.report.page import remove_stale_pdf, write_page
-from lensforge.results.files import PDF_MARK, is_free_or_own, pdf_mark, replacing, require_writable
+from lensforge.report.page import write_page
+from lensforge.results.files import replacing, require_writable
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="shells and limits of POSIX systems")
 
@@ -141,17 +141,6 @@ def test_only_own_pages_are_overwritten(content: bytes, own: bool, tmp_path: Pat
     with pytest.raises(InputError, match="move it away"):
         write_page("new", path)
     assert path.read_bytes() == content
-
-
-def test_only_own_pdfs_are_deleted(tmp_path: Path) -> None:
-    page, pdf = tmp_path / "report.html", tmp_path / "report.pdf"
-    pdf.write_bytes(b"%PDF-1.4\n%%EOF\n")
-    remove_stale_pdf(page)
-    assert pdf.exists() and not is_free_or_own(pdf)
-    pdf.write_bytes(pdf.read_bytes() + pdf_mark())
-    assert PDF_MARK in pdf.read_bytes()[-100:] and b"%%EOF" in pdf.read_bytes()[-1024:]
-    remove_stale_pdf(page)
-    assert not pdf.exists()
 
 
 def test_commands_leave_the_pages_of_others_alone(small_run: lf.Run, tmp_path: Path) -> None:

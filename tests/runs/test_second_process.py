@@ -56,11 +56,6 @@ def test_a_call_after_another_gets_its_result(second: SecondProcess) -> None:
     assert IN_TURN.call_after(IN_TURN.call(abs, -3), lambda found: (found, 4), pow).result() == 81
 
 
-def test_what_a_library_prints_is_no_answer(second: SecondProcess) -> None:
-    assert there(second.call(os.write, 1, b"printed")) == len(b"printed")
-    assert there(second.call(os.getpid)) != os.getpid(), "it answers still"
-
-
 def test_what_cannot_travel_is_computed_here() -> None:
     with second_process() as second:
         assert second.call(lambda: os.getpid()).result() == os.getpid()

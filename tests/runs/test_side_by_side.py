@@ -113,22 +113,6 @@ def test_the_seconds_of_the_whole_command_stay_until_the_next_design(small_run: 
     assert lf.load(folder).seconds == 12.5
 
 
-def test_each_stage_has_a_line_with_its_own_time(capsys: pytest.CaptureFixture[str]) -> None:
-    with StageClock("design") as clock:
-        shown = DesignProgress(clock, small_spec())
-        for name in ("export", "evaluate"):
-            shown.on_stage(name)
-        assert "design" in capsys.readouterr().err
-        shown.on_end("evaluate", 12.0)
-        shown.on_stage("photometry")
-        shown.on_end("export", 25.0)
-        shown.on_end("photometry", 5.0)
-        clock.total()
-    lines = [line.split() for line in capsys.readouterr().err.splitlines()]
-    words = [["evaluate", "12", "s"], ["export", "25", "s"], ["photometry", "5.0", "s"], ["in", "all", "0.0", "s"]]
-    assert lines == words, "and none twice"
-
-
 @pytest.fixture
 def terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     """A terminal in the place of stderr."""

@@ -104,13 +104,6 @@ def test_the_lens_of_another_scene_is_refused(folder):
         run_tradeoff(other, folder)
 
 
-def test_the_page_of_another_program_is_kept(tmp_path):
-    (tmp_path / "tradeoff.html").write_text("<title>Offer</title>", encoding="utf-8")
-    with pytest.raises(InputError, match=r"tradeoff\.html.*move it away"):
-        run_tradeoff(SPEC, tmp_path, announce=lambda words: pytest.fail(words))
-    assert [path.name for path in tmp_path.iterdir()] == ["tradeoff.html"]
-
-
 @pytest.mark.nightly("a draft; by day a lens is there")
 def test_without_a_lens_a_draft_is_designed(tmp_path):
     heard = []
