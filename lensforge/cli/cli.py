@@ -113,7 +113,8 @@ def main(interrupts: Interrupts | None = None) -> None:
     try:
         code = _run(own)
         try:
-            sys.stdout.flush()
+            if sys.stdout is not None:  # closed by the shell
+                sys.stdout.flush()
         except OSError:  # said already, or a reader of --help that has left
             drop_stdout()
         if own.received is not None and code == own.exit_code:

@@ -14,7 +14,7 @@ from lensforge.proof.proof_result import JUDGED_FILES, Proof
 from lensforge.report.results import OF_STEMS, Results, conditions_of, is_own, stem_of, unjudged_files
 from lensforge.results import Count, NotNegative, Record, Sha256, SimulatedResult, StageResult, Text
 from lensforge.results.files import write_json
-from lensforge.results.stage_result import SCHEMA_VERSION, read_object, require_checksum, validated, with_checksum
+from lensforge.results.stage_result import SCHEMA_VERSION, read_object, validated, with_checksum
 from lensforge.results.verdict import Verdict
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.search.checkpoint import CHECKPOINT, is_checkpoint
@@ -165,11 +165,7 @@ class RunRecord(Record):
         path = folder / RUN_FILE
         if not (path.exists() or path.is_symlink()):
             return None
-        content = read_object(path, RUN_SCHEMA, _RENEW)
-        stated = {key: value for key, value in content.items() if key != "content_sha256"}
-        record = validated(RunRecord, stated, path, _RENEW)
-        require_checksum({"schema": RUN_SCHEMA, **content}, path, _RENEW)
-        return record
+        return validated(RunRecord, read_object(path, RUN_SCHEMA, _RENEW), path, _RENEW)
 
     @staticmethod
     def of(results: Results, stored: Stored, hashes: Mapping[str, str], seconds: float | None) -> "RunRecord":

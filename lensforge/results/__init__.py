@@ -1,4 +1,4 @@
-"""What is a result, how is it judged, and how is it kept? Records, facts, criteria, files, plots; child processes."""
+"""Results, how they are judged and how they are kept: records, facts, criteria, files, plots; and child processes."""
 
 from lensforge.results.fact import Bound, Fact, FactState, Group, Sense
 from lensforge.results.record import (

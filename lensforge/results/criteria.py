@@ -2,12 +2,12 @@
 
 from collections.abc import Iterable, Iterator
 from math import isfinite
-from typing import Any, Literal
+from typing import Literal, TypedDict
 
 from pydantic import computed_field
 
 from lensforge.errors import CriterionMissed
-from lensforge.results import Bound, Fact, Number, Record, Sense, Text
+from lensforge.results import Bound, Fact, FactState, Number, Record, Sense, Text
 from lensforge.results.numerals import quantity
 from lensforge.results.verdict import Reason, judge, within
 
@@ -69,6 +69,13 @@ _WORDS = {
     "points_used": "measured points that lie on the surface",
     "surface_covered": "part of the surface that was measured",
 }
+
+
+class Kept(TypedDict, total=False):
+    """Limit and state of a criterion, as a fact takes them."""
+
+    limit: Bound
+    state: FactState
 
 
 class Judged(Record):
@@ -154,7 +161,7 @@ def state_of(criteria: Iterable[Criterion], *names: str) -> Literal["pass", "fai
     return ("pass" if all(met) else "fail") if met else ""
 
 
-def kept(criteria: Iterable[Criterion], name: str) -> dict[str, Any]:
+def kept(criteria: Iterable[Criterion], name: str) -> Kept:
     """Limit and state of the criterion called ``name``, for the fact on the same value; empty where there is none."""
     found = next((criterion for criterion in criteria if criterion.name == name), None)
     if found is None:

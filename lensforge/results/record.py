@@ -21,6 +21,7 @@ from pydantic import (
     model_validator,
 )
 from pydantic.fields import FieldInfo
+from pydantic.main import IncEx
 from pydantic_core import CoreSchema, core_schema
 
 from lensforge.results.notebook_html import table_html
@@ -183,7 +184,7 @@ def arrays_of(record: Record) -> Iterator[tuple[str, np.ndarray]]:
                 yield from ((f"{field}.{k}.{name}", array) for name, array in arrays_of(entry))
 
 
-def put_arrays(content: dict[str, Any], arrays: Mapping[str, np.ndarray]) -> None:
+def put_arrays(content: dict[str, object], arrays: Mapping[str, np.ndarray]) -> None:
     """Put each of ``arrays`` into the record of ``content`` that its name says. Raises :class:`ValueError`."""
     for name, array in arrays.items():
         *path, field = name.split(".")
@@ -196,9 +197,9 @@ def put_arrays(content: dict[str, Any], arrays: Mapping[str, np.ndarray]) -> Non
             raise ValueError(f"there is no place for the array {name[:60]!r}") from None
 
 
-def excluded_arrays(kind: type[Record]) -> dict[str, Any]:
+def excluded_arrays(kind: type[Record]) -> dict[str, IncEx | bool]:
     """The arrays of a class of records, as pydantic takes fields to leave out of a dump."""
-    found: dict[str, Any] = {}
+    found: dict[str, IncEx | bool] = {}
     for name, info in kind.model_fields.items():
         entry = get_args(info.annotation)[0] if get_origin(info.annotation) is tuple else None
         if marker(info, Array) is not None:

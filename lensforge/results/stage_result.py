@@ -43,16 +43,17 @@ CHECKSUM = "content_sha256"  # the key of the hash of all other entries
 _MOST_ARRAY_BYTES = 512 * MIB
 
 _Record = TypeVar("_Record", bound=Record)
+_Value = TypeVar("_Value")
 
 
-def with_checksum(content: Mapping[str, Any]) -> dict[str, Any]:
+def with_checksum(content: Mapping[str, Any]) -> dict[str, object]:
     """``content`` of a JSON file with the hash of all its entries, which :func:`require_checksum` compares."""
     plain = {key: value for key, value in content.items() if key != CHECKSUM}
     head = {"schema": plain.pop("schema")} if "schema" in plain else {}
     return {**head, CHECKSUM: _checksum({**head, **plain}), **plain}
 
 
-def require_checksum(content: Mapping[str, Any], path: Path, remedy: str) -> dict[str, Any]:
+def require_checksum(content: Mapping[str, _Value], path: Path, remedy: str) -> dict[str, _Value]:
     """``content`` of ``path`` without the hash of its entries. Raises :class:`InputError` where that is of others."""
     plain = {key: value for key, value in content.items() if key != CHECKSUM}
     if content.get(CHECKSUM) != _checksum(plain):
@@ -65,15 +66,19 @@ def _checksum(content: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
-def read_object(path: Path, schema: str, remedy: str, first: str = "") -> dict[str, Any]:
-    """The object in a JSON file that states ``schema``, without that entry; ``first``: the remedy for a missing file.
+def read_object(path: Path, schema: str, remedy: str, first: str = "") -> dict[str, object]:
+    """The object in a JSON file that states ``schema`` and the right checksum, without these two entries.
 
-    Raises :class:`OutdatedResult` for another version of the schema, :class:`InputError` for any other file.
+    ``first``: the remedy for a missing file. Raises :class:`OutdatedResult` for another version of the schema,
+    :class:`InputError` for any other file.
     """
-    return without_schema(read_json(path, first or remedy), schema, path, remedy)
+    content = without_schema(read_json(path, first or remedy), schema, path, remedy)
+    plain = require_checksum({"schema": schema, **content}, path, remedy)
+    del plain["schema"]
+    return plain
 
 
-def without_schema(content: object, schema: str, path: Path, remedy: str) -> dict[str, Any]:
+def without_schema(content: object, schema: str, path: Path, remedy: str) -> dict[str, object]:
     """``content`` of a file without its entry "schema", which must be ``schema``; errors as in :func:`read_object`."""
     if not isinstance(content, dict):
         raise InputError(f"{path}: holds {its_type(content)}, must be an object; {remedy}")
@@ -162,7 +167,7 @@ class StageResult(Record):
             name for name, info in fields if any(marker(info, mark) is not None for mark in (Given, Array, InFile))
         )
 
-    def plain(self) -> dict[str, Any]:
+    def plain(self) -> dict[str, object]:
         """Numbers and texts as the JSON file holds them: without arrays, files and parts of other stages' results."""
         elsewhere = dict.fromkeys(self.stored_elsewhere(), True) | excluded_arrays(type(self))
         return self.model_dump(mode="json", exclude=elsewhere)
@@ -269,9 +274,7 @@ class StageResult(Record):
         folder, name = Path(folder), stem or cls.stage
         path = folder / f"{name}.json"
         first = f"run `lensforge {cls.command or cls.stage}` first"
-        whole = read_object(path, cls.schema_name(), cls.again(), first)
-        content = require_checksum({"schema": cls.schema_name(), **whole}, path, cls.again()) | given
-        del content["schema"]
+        content = read_object(path, cls.schema_name(), cls.again(), first) | given
         if excluded_arrays(cls):
             arrays = read_arrays(folder / f"{name}.npz", content.pop(_ARRAYS, None), cls.again())
             try:

@@ -176,7 +176,8 @@ def test_a_bug_is_one_line_wherever_its_details_go(usable: bool, tmp_path: Path)
 
 
 @pytest.mark.parametrize(
-    ("error", "said"), [(EOFError("ends"), "internal error: EOFError: ends"), (KeyboardInterrupt(), "interrupted")]
+    ("error", "said"),
+    [(EOFError("ends"), "internal error: RuntimeError: a file ends too early"), (KeyboardInterrupt(), "interrupted")],
 )
 def test_the_end_of_a_file_is_no_interrupt(
     error: BaseException, said: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
