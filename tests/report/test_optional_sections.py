@@ -15,7 +15,7 @@ from lensforge.report.compare import render_comparison
 from lensforge.report.lens_figures import history
 from lensforge.report.record_tables import rows
 from lensforge.report.stored import load_results
-from lensforge.results import surface_figures
+from lensforge.shop import surface_figures
 
 
 @pytest.fixture(scope="module")
