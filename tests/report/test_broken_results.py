@@ -59,7 +59,7 @@ def test_a_file_that_is_no_record_is_one_line(tmp_path, file, text):
         ("design.json", ("history", 0, "nmse"), None),
         ("evaluate.json", ("receivers", 0, "width"), 0.0),
         ("evaluate.json", ("receivers", 0, "efficiency"), None),
-        ("evaluate.json", ("nmse",), "bad"),
+        ("evaluate.json", ("receivers", 0, "efficiency", "value"), "bad"),
         ("export.json", ("form_error_nm", "max"), None),
         ("check.json", ("inner", "cutter"), None),
     ],
