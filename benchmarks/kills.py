@@ -101,7 +101,7 @@ class Chain:
 
     def again(self, command: tuple[str, ...]) -> tuple[str, ...]:
         """The command as a user gives it after a kill: with ``--resume`` where there is something to resume."""
-        from lensforge.runs import sweep_runs
+        from lensforge.report import sweep_runs
         from lensforge.search.checkpoint import CHECKPOINT, is_checkpoint
 
         checks = {"design": lambda made: is_checkpoint(made / CHECKPOINT), "sweep": sweep_runs.resumable}

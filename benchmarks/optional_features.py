@@ -33,7 +33,7 @@ from lensforge.proof.casts import stray_light
 from lensforge.proof.part_comparison import Expected
 from lensforge.proof.proof_inputs import screens_of
 from lensforge.proof.verification import verify_part
-from lensforge.runs.folder import Run, load
+from lensforge.report.folder import Run, load
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.scene.pixel_grid import splat_flux
 from lensforge.scene.receiver_shapes import receivers_of

@@ -31,7 +31,7 @@ from lensforge.light.least_irradiance import uniformity_estimate
 from lensforge.light.metrics import nmse, nmse_estimate, relative_deviation, rsd_estimate, uniformity
 from lensforge.light.receiver_light import WindowSize
 from lensforge.light.simulation import TracedLens, mean_share, simulate
-from lensforge.runs.folder import RunFolder
+from lensforge.report.folder import RunFolder
 from lensforge.scene.pixel_grid import gaussian3
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import target_light

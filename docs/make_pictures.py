@@ -13,12 +13,12 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
 
+from lensforge.report.folder import load
 from lensforge.report.lens_figures import lens_section
 from lensforge.report.light_figures import irradiance_map
 from lensforge.report.solid_view import Rendering
 from lensforge.results.chart import light_unit
 from lensforge.results.files import replacing
-from lensforge.runs.folder import load
 
 HEIGHT, IN_ROW = 420, 5
 WHITE = (255, 255, 255)

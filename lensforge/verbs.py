@@ -29,18 +29,15 @@ from lensforge.made.tolerance_studies import sensitivity, tolerance
 from lensforge.proof.casts import stray_light, verify
 from lensforge.proof.proof_result import Proof
 from lensforge.proof.stray_result import StrayLight
+from lensforge.report.folder import Run, RunFolder, load
+from lensforge.report.pipeline import FolderStage, build, check, handover, photometry, run, sweep, tradeoff
 from lensforge.report.results import Results, stem_of
+from lensforge.report.sweep import Sweep
+from lensforge.report.tradeoff import Tradeoff
 from lensforge.results import Conditions, Metric
 from lensforge.results.criteria import Criterion
-from lensforge.results.files import replacing
-from lensforge.results.ownership import require_own
+from lensforge.results.files import replacing, require_own
 from lensforge.results.verdict import Verdict
-from lensforge.runs.folder import Run, RunFolder, load
-from lensforge.runs.pipeline import run
-from lensforge.runs.stage import FolderStage, build, check, handover, photometry
-from lensforge.runs.study_verbs import sweep, tradeoff
-from lensforge.runs.sweep import Sweep
-from lensforge.runs.tradeoff_result import Tradeoff
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.search.design_result import Design, Progress
 from lensforge.search.searches import best_design, design

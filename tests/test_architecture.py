@@ -17,7 +17,7 @@ PACKAGE = Path(__file__).parents[1] / "lensforge"
 # From the ground up: a module may import from its own room and from those before it in this list.
 ORDER = [
     "version", "seeds", "errors", "results", "kernels", "optics", "surfaces", "spec", "sources", "scene", "light",
-    "cad", "search", "shop", "proof", "made", "report", "runs", "verbs", "cli", "__main__",
+    "cad", "search", "shop", "proof", "made", "report", "verbs", "cli", "__main__",
 ]  # fmt: skip
 # What a module may load only when one of its functions is called: each takes a tenth of a second or more.
 HEAVY = {
@@ -25,7 +25,7 @@ HEAVY = {
     "skimage", "PIL", "tifffile", "imagecodecs", "jinja2", "rich", "mitsuba", "yaml", "dask", "distributed",
 }  # fmt: skip
 # Rooms of many modules that few scripts need: together they would be a sixth of what importing the library takes.
-SELDOM = ("lensforge.sources.rayfiles", "lensforge.runs.sweep", "lensforge.runs.tradeoff_study")
+SELDOM = ("lensforge.sources.rayfiles", "lensforge.report.sweep", "lensforge.report.tradeoff_study")
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
 

@@ -8,7 +8,7 @@ from scenes import small_spec
 import lensforge as lf
 from lensforge import seeds
 from lensforge.errors import InputError
-from lensforge.runs.stored import load_results
+from lensforge.report.stored import load_results
 from lensforge.search.design_result import Start
 from lensforge.surfaces.imported_face import LENS_FILE
 

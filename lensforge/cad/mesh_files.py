@@ -21,7 +21,7 @@ from jaxtyping import Float, Int
 
 from lensforge.cad.mesh import BodyMesh
 from lensforge.errors import InputError
-from lensforge.results.file_bounds import MOST_MM, MOST_TRIANGLES, made_here, remembered, require_small_3mf, stl_corners
+from lensforge.results.file_bounds import MOST_MM, MOST_TRIANGLES, made_here, remembered, stl_corners
 from lensforge.results.files import file_bytes, read_json, temporary_file, temporary_folder, write_json
 from lensforge.results.sandbox import ChildLimits, serve, work_in_child
 
@@ -122,7 +122,6 @@ def parse_3mf(content: bytes, origin: str = "lens.3mf") -> tuple[Float[np.ndarra
     if made_here(content):
         with temporary_file(content, _THREEMF) as path:
             return _read_3mf(path, origin)
-    require_small_3mf(content, origin, _AGAIN)
     with temporary_folder(origin) as folder:
         (folder / _THREEMF).write_bytes(content)
         write_json(folder / _JOB, {"origin": origin})

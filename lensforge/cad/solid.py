@@ -36,6 +36,7 @@ from lensforge.cad.plan import (
 FLAT = "CLOCKING_FLAT"
 
 Named = list[tuple[str, Any]]
+Shapes = dict[str, Any]  # by name; the CAD kernel has no types
 Chain = list[Any]  # of edges
 
 
@@ -199,7 +200,7 @@ class Solid:
     """A ``cadquery.Solid`` (mm) and its faces (``cadquery.Face``) by name."""
 
     shape: Any
-    faces: dict[str, Any]
+    faces: Shapes
 
     @property
     def valid(self) -> bool:
@@ -255,7 +256,7 @@ def build_solid(plan: Plan[Patch]) -> Solid:
     return _assembled([(name, _facing(face, _OUTWARD[name])) for name, face in faces])
 
 
-def untrimmed_faces(patches: dict[str, Patch]) -> dict[str, Any]:
+def untrimmed_faces(patches: dict[str, Patch]) -> Shapes:
     """A ``cadquery.Face`` over the whole of each patch, its normal out of the material of a lens."""
     from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
 
@@ -302,7 +303,7 @@ def _assembled(faces: list[tuple[str, Any]]) -> Solid:
     return Solid(cq.Solid(solid), uniquely_named(faces))
 
 
-def uniquely_named(faces: list[tuple[str, Any]]) -> dict[str, Any]:
+def uniquely_named(faces: list[tuple[str, Any]]) -> Shapes:
     """Names made unique: a number is added where several faces share one."""
     total, seen = Counter(name for name, _ in faces), Counter[str]()
     named = {}

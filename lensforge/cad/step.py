@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from lensforge.cad.part_limits import FormTolerance
 from lensforge.cad.plan import INNER, OUTER
-from lensforge.cad.solid import Solid
+from lensforge.cad.solid import Shapes, Solid
 from lensforge.errors import InputError
 from lensforge.results.file_bounds import made_here, remembered
 from lensforge.results.files import file_bytes, temporary_file
@@ -80,13 +80,13 @@ _SAME = 1e-9  # relative; the file has 15 digits
 _REMEDY = "export with AP214, which carries no tolerance, or install cadquery 2.8"
 
 
-def form_tolerances(faces: dict[str, Any], width_um: float) -> tuple[FormTolerance, ...]:
+def form_tolerances(faces: Shapes, width_um: float) -> tuple[FormTolerance, ...]:
     """Surface profiles of the optical faces among ``faces``, each against datum A where a face lies in z = 0."""
     datum = tuple(name for name, face in faces.items() if _lies_in_datum(face))
     return tuple(FormTolerance(face=name, width_um=width_um, datum_faces=datum) for name in (INNER, OUTER))
 
 
-def attach(document: Any, labels: dict[str, Any], tolerances: tuple[FormTolerance, ...]) -> None:
+def attach(document: Any, labels: Shapes, tolerances: tuple[FormTolerance, ...]) -> None:
     """Add ``tolerances`` to an XCAF document whose faces have ``labels`` by name."""
     from OCP.TCollection import TCollection_HAsciiString
     from OCP.TDF import TDF_LabelSequence
@@ -221,16 +221,14 @@ def step_bytes(
     return content
 
 
-def surfaces_bytes(
-    faces: dict[str, Any], product: str, schema: Schema = "AP214", *, header: StepHeader = _UNSIGNED
-) -> bytes:
+def surfaces_bytes(faces: Shapes, product: str, schema: Schema = "AP214", *, header: StepHeader = _UNSIGNED) -> bytes:
     """A STEP file of loose faces (``cadquery.Face``), each a product under its name."""
     return _bytes(faces, {}, product, schema, header, ())
 
 
 def _bytes(
-    parts: dict[str, Any],
-    faces: dict[str, Any],
+    parts: Shapes,
+    faces: Shapes,
     product: str,
     schema: Schema,
     header: StepHeader,
@@ -272,7 +270,7 @@ def solid_of_step(content: bytes) -> "cadquery.Solid":
     return solid
 
 
-def parse_surfaces(content: bytes, origin: str = "lens_surfaces.step") -> dict[str, Any]:
+def parse_surfaces(content: bytes, origin: str = "lens_surfaces.step") -> Shapes:
     """The loose faces (``cadquery.Face``) of a STEP file's bytes by name. Raises :class:`InputError`."""
     return {part.name: part.shape.Faces()[0] for part in _parse(content, origin) if len(part.shape.Faces()) == 1}
 
@@ -284,7 +282,7 @@ def _parse(content: bytes, origin: str) -> list[Product]:
         return products_in(path, origin, _EXPORT_AGAIN)
 
 
-def _document(parts: dict[str, Any], faces: dict[str, Any], tolerances: tuple[FormTolerance, ...]) -> Any:
+def _document(parts: Shapes, faces: Shapes, tolerances: tuple[FormTolerance, ...]) -> Any:
     """An XCAF document, so that parts, and the faces of a single one, carry names and tolerances."""
     from OCP.TCollection import TCollection_ExtendedString
     from OCP.TDataStd import TDataStd_Name

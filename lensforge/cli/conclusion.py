@@ -1,31 +1,42 @@
-"""The end of a command: its results as the user asked for them, warnings on stderr, the criteria it must meet."""
+"""The end of a command: its results as blocks of the screen or as JSON, warnings, and the criteria it must meet."""
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from lensforge.cli.blocks import blocks_of, rows_of, summary
-from lensforge.cli.output import Output, document, folder_document, print_json
-from lensforge.cli.printing import warning_line
-from lensforge.cli.screen import Block, print_screen
+from lensforge.cad.part import Part
+from lensforge.cli.output import Block, Output, Row, print_json, print_screen, warning_line
 from lensforge.errors import CriterionMissed
+from lensforge.light.evaluation_result import Light
+from lensforge.light.photometry_result import IES_FILE, LDT_FILE, TM25_FILE, TM33_FILE, Photometry
+from lensforge.proof.proof_result import Proof
+from lensforge.report.folder import Run, RunFolder
 from lensforge.report.headline import headline
-from lensforge.report.results import conditions_of, stem_of
-from lensforge.results import StageResult
+from lensforge.report.pipeline import Decides
+from lensforge.report.results import REPORT_FILE, conditions_of, stem_of, verdict_on
+from lensforge.results import Fact, Group, SimulatedResult, StageResult
 from lensforge.results.criteria import require
-from lensforge.runs.folder import Run, RunFolder
-from lensforge.runs.stage import Decides
+from lensforge.results.verdict import Verdict
+from lensforge.search.design_result import Design
+from lensforge.shop.check_result import Check
 
 if TYPE_CHECKING:
     from lensforge.shop.handover import Handover
 
-# The bytes of the files, which lie in the folder.
-_FILES_OF_HANDOVER: dict[str, Any] = {
-    **dict.fromkeys(("html", "pdf", "dxf", "points_csv", "sag_csv"), True),
-    "grids": {"__all__": {"content"}},
-}
+_STEM = "lens"  # of the files
+_MOST_ROWS, _MOST_LIMITS = 10, 3
+# Groups that are rows of a table, a line each even where there is one alone.
+_LINES = ("bound", "spread", "causes", "budget", "error", "design", "preset")
+# Facts of a whole run, by its blocks; a stage shows all that it has.
+_LIGHT = ("nmse", "share_in_target", "efficiency", "uniformity", "level", "rays", "fitted_nmse")
+_FAR_FIELD = ("exit_lm", "peak_cd", "beam_C 0", "beam_C 90", "bug")
+_LENS = ("radius", "height", "kept", "next")
+_FILES = ("form_error", "volume", "mass", "surfaces", "scale", "keep_out", "landing")
+_CUTTING = ("inner_ball", "outer_ball", "thinnest")
+_FILES_OF_HANDOVER = ("html", "pdf", "dxf", "points_csv", "sag_csv")  # bytes, which lie in the folder
 
 
 def finish(output: Output, here: RunFolder, *results: StageResult, decides: Decides = "") -> None:
@@ -35,13 +46,13 @@ def finish(output: Output, here: RunFolder, *results: StageResult, decides: Deci
     A result under other conditions than the lens's own decides nothing.
     """
     run = here.run
+    here.refresh_report()  # first: the reader of the screen may leave
     if output.json:
         print_json(document(run, *results))
     elif output.screen:
         print_screen([block for each in results for block in blocks_of(each, run)])
     for each in results:
         _tell_conditions(each)
-    here.refresh_report()
     require(criterion for each in results for criterion in getattr(each, "criteria", ()))
     if decides and conditions_of(results[0]) is None:
         _require_pass(run, decides)
@@ -69,21 +80,31 @@ def finish_page(output: Output, run: Run | None, written: Mapping[str, Path]) ->
 def finish_handover(output: Output, here: RunFolder, made: "Handover") -> None:
     """Print the files that were ``made`` for the shop, and the findings of the check that do not hold."""
     run = here.run
+    here.refresh_report()
     if output.json:
-        content = made.model_dump(mode="json", exclude=_FILES_OF_HANDOVER)
+        content = made.model_dump(
+            mode="json", exclude={**dict.fromkeys(_FILES_OF_HANDOVER, True), "grids": {"__all__": {"content"}}}
+        )
         print_json({**document(run), "handover": {"files": list(made.files), **content}})
     elif output.screen:
         title = f"For the shop, in {run.folder}"
         print_screen([Block(title, list(rows_of([made.facts]))), Block(headline(run).sentence)])
-    here.refresh_report()
 
 
 def finish_study(output: Output, directory: Path, found: StageResult, block: Block, page: str) -> None:
     """Print a study of its own folder, and its ``page``."""
     if output.json:
-        print_json(folder_document(directory, found))
+        print_json({"folder": str(directory), found.stage: found.plain()})
     elif output.screen:
         print_screen([block, Block(f"Written: {directory / page}")])
+
+
+def document(run: Run, *results: StageResult) -> dict[str, object]:
+    """Folder and verdict of ``run``, facts of ``results``, and each of them as its file holds it, by its stem."""
+    stems = {stem_of(each): each for each in results}
+    head = {"folder": str(run.folder), "verdict": run.verdict.model_dump(mode="json")}
+    facts = {stem: [group.plain() for group in run.facts(each)] for stem, each in stems.items()}
+    return {**head, "facts": facts, **{stem: each.plain() for stem, each in stems.items()}}
 
 
 def _tell_conditions(result: StageResult) -> None:
@@ -107,3 +128,137 @@ def _require_pass(run: Run, *parts: str) -> None:
         run.verdict.require(cutting=run.spec.manufacture.required, parts=parts)
     except CriterionMissed as error:
         raise CriterionMissed(f"{run.folder}: {error}") from None
+
+
+def blocks_of(result: StageResult, run: Run) -> list[Block]:
+    """Blocks for ``result``, one of those in the folder of ``run``, and the file that holds it."""
+    groups = run.facts(result)
+    title, reasons = _judged(result, run)
+    blocks = [Block(title, [*rows_of(groups), *reasons])] if title else _titled(groups)
+    conditions = result.conditions if isinstance(result, SimulatedResult) else None
+    under = [] if conditions is None else [("Conditions", str(conditions))]
+    return [*blocks, Block(f"Written: {run.folder / stem_of(result)}.json", under)]
+
+
+def rows_of(groups: Sequence[Group]) -> Iterator[Row]:
+    """A line for each fact; for each group where several are of one kind, of many the first ones."""
+    counted, shown = Counter(group.key for group in groups), Counter[str]()
+    for group in groups:
+        if group.key == "limits":
+            yield from _limit_rows(group)
+        elif counted[group.key] > 1 or group.key in _LINES:
+            shown[group.key] += 1
+            if shown[group.key] <= _MOST_ROWS:
+                yield group.title, f"{group.line}; {group.note}" if group.note else group.line
+            elif shown[group.key] == _MOST_ROWS + 1:
+                yield "", f"and {counted[group.key] - _MOST_ROWS} more, in the record"
+        else:
+            yield from map(_row, group.facts)
+
+
+def study_block(title: str, groups: Sequence[Group]) -> Block:
+    """The block of a study of its own folder."""
+    return Block(title, list(rows_of(groups)))
+
+
+def summary(run: Run) -> list[Block]:
+    """The end of a whole run: verdict, light, lens, files, cutting, and the folder, in 30 lines at most."""
+    found, verdict = headline(run), run.verdict
+    light, lens = _selected(run, _LIGHT, Light), _selected(run, _LENS, Design)
+    design = run.find(Design)
+    search = "" if design is None else f": {_search(run, design)}"
+    far_field, files = _selected(run, _FAR_FIELD, Photometry), _selected(run, _FILES, Part, Proof)
+    why = [] if run.spec.limits else _because(verdict, "light")[:1]  # limits are lines of their own already
+    return [
+        Block(f"{run.spec.name}: {found.sentence} {found.criteria}"),
+        Block(f"Light: {verdict.light}", [*rows_of(light), *rows_of(far_field), *why]),
+        Block(f"Lens{search}", list(rows_of(lens))),
+        Block(f"Files: {verdict.files}", [*rows_of(files), *_because(verdict, "files")[:1]]),
+        Block(f"Cutting: {verdict.cutting}", list(_cutting(run))),
+        Block(f"Written: {run.folder / REPORT_FILE}", [("Beside it", _written(run))]),
+    ]
+
+
+def preview_rows(run: Run) -> list[Row]:
+    """Light and size of a draft."""
+    return [*rows_of(_selected(run, _LIGHT, Light)), *rows_of(_selected(run, _LENS, Design))]
+
+
+def _row(fact: Fact) -> Row:
+    change = f". Change: {fact.remedy}" if fact.remedy and fact.value == "no" else ""
+    return fact.label, f"{fact.sentence}{change}"
+
+
+def _limit_rows(group: Group) -> Iterator[Row]:
+    """The number of limits that are held, and the first of the others."""
+    others = [fact for fact in group.facts if fact.state != "pass"]
+    yield "Limits", f"{len(group.facts) - len(others)} of {len(group.facts)} held"
+    for fact in others[:_MOST_LIMITS]:
+        yield f"  {'missed' if fact.state == 'fail' else 'undecided'}", f"{fact.label}: {fact.sentence}"
+    if len(others) > _MOST_LIMITS:
+        yield "", f"and {len(others) - _MOST_LIMITS} more, in evaluate.json"
+
+
+def _judged(result: StageResult, run: Run) -> tuple[str, list[Row]]:
+    """Title with the verdict, and reasons, of light and files; under other conditions than the lens's own by itself."""
+    own = not isinstance(result, SimulatedResult) or result.conditions is None
+    other = "" if own else " under other conditions"
+    if isinstance(result, Light):
+        verdict = run.verdict if own else verdict_on(run.lens, None, result, None, None, None)
+        return f"Light{other}: {verdict.light}", _because(verdict, "light")
+    if isinstance(result, Part | Proof):
+        proof = result if isinstance(result, Proof) else None
+        verdict = run.verdict if own else verdict_on(run.lens, None, None, run.find(Part), None, proof)
+        return f"Files{other}: {verdict.files}", _because(verdict, "files")
+    return "", []
+
+
+def _titled(groups: Sequence[Group]) -> list[Block]:
+    """A block for each group, those of one kind together."""
+    kinds = dict.fromkeys(group.key for group in groups)
+    found = [[group for group in groups if group.key == key] for key in kinds]
+    titles = {"bound": "A part passes if", "spread": "The parts", "causes": "Causes", "budget": "At most"}
+    titles["error"] = "Change by each tolerance at its end"
+    return [Block(titles.get(same[0].key, same[0].title), list(rows_of(same))) for same in found]
+
+
+def _because(verdict: Verdict, name: str) -> list[Row]:
+    return [("Because", reason) for reason in verdict.reasons_of(name)]
+
+
+def _selected(run: Run, keys: tuple[str, ...], *kinds: type[StageResult]) -> list[Group]:
+    """The facts called ``keys`` of the results of ``kinds``; limits in full."""
+    results = [result for result in map(run.find, kinds) if result is not None]
+    groups = [group for result in results for group in run.facts(result)]
+    selected = (group if group.key == "limits" else group.select(*keys) for group in groups)
+    return [group for group in selected if group.facts]
+
+
+def _search(run: Run, design: Design) -> str:
+    search = next(group for group in run.facts(design) if group.key == "search")
+    return f"{search.fact('steps').text} steps in {search.fact('levels').text} levels"
+
+
+def _cutting(run: Run) -> Iterator[Row]:
+    check = run.find(Check)
+    if check is None:
+        return
+    yield from rows_of(_selected(run, _CUTTING, Check))
+    groups = [group for group in run.facts(check) if group.key.startswith("findings")]
+    missed = [f"{fact.label.lower()}: no ({group.title.partition(', ')[2]})" for group in groups for fact in group.facts
+              if fact.state == "fail" and fact.key != "cutter"]  # fmt: skip
+    if missed:
+        yield "Also", "; ".join(missed)
+    if run.verdict.cutting != "pass":
+        yield "Change", "`lensforge check` on this folder says what, in the spec"
+
+
+def _written(run: Run) -> str:
+    """The files that go to others."""
+    part, photometry = run.find(Part), run.find(Photometry)
+    names = [] if part is None else list(part.files)
+    names += [] if photometry is None else [IES_FILE, LDT_FILE, TM33_FILE, TM25_FILE]
+    first = names[:1]  # "lens.step, .stl, .3mf"
+    return ", ".join(
+        [*first, *(name.removeprefix(_STEM) if name.startswith(f"{_STEM}.") else name for name in names[1:])]
+    )

@@ -1,12 +1,11 @@
-"""``design``: a whole run, from the spec to the report; ``preview``: a first look."""
+"""Commands that design: ``design``, a whole run; ``preview``, a first look; ``sweep`` and ``tradeoff``, studies."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Unpack
 
 import click
 
-from lensforge.cli.blocks import preview_rows
-from lensforge.cli.conclusion import finish_run
+from lensforge.cli.conclusion import document, finish_run, finish_study, preview_rows, study_block
 from lensforge.cli.options import (
     ACCURACY,
     DEVICE,
@@ -16,25 +15,26 @@ from lensforge.cli.options import (
     SEED,
     SPEC,
     THREADS,
+    WholeNumber,
     resume_after_interrupt,
     with_force,
     with_rays,
 )
-from lensforge.cli.output import Output, document, print_json, with_output
-from lensforge.cli.screen import Block, print_screen
-from lensforge.cli.whole_number import WholeNumber
+from lensforge.cli.output import Block, Output, print_json, print_screen, with_output
 from lensforge.errors import InputError
 from lensforge.light.lens_light import evaluate
+from lensforge.report import pipeline
+from lensforge.report.folder import Run, opened
 from lensforge.report.results import REPORT_FILE
-from lensforge.runs import pipeline
-from lensforge.runs.folder import Run, opened
+from lensforge.results.arguments import threads_of_torch
+from lensforge.results.criteria import require
 from lensforge.search import searches
 from lensforge.search.checkpoint import CHECKPOINT, is_checkpoint
 from lensforge.search.searches import SearchOptions
-from lensforge.spec import Spec, load_spec
+from lensforge.spec import Accuracy, Spec, load_spec
 
 if TYPE_CHECKING:
-    from lensforge.cli.stage_clock import StageClock
+    from lensforge.cli.progress import StageClock
 
 _PICTURE_FILE = "light.png"  # of a preview
 _PREVIEW_RAYS = 2**17  # at most: an eighth of a draft's, for figures that have 2.8 times its errors
@@ -73,7 +73,7 @@ def design(
     interrupted search continues with --resume. Lengths in the spec are in mm, angles in degrees, flux in W or lm;
     examples/ has specs to begin from.
     """
-    from lensforge.cli.stage_clock import StageClock
+    from lensforge.cli.progress import StageClock
 
     content = with_rays(load_spec(spec), rays)
     if snapshots and starts > 1:
@@ -100,8 +100,7 @@ def design(
 @with_output
 def preview(spec: Path, out: Path | None, shown: bool, output: Output, **options: Unpack[SearchOptions]) -> None:
     """Search a draft of SPEC, and draw its light: a first look, without the files of a part."""
-    from lensforge.cli.progress import DesignProgress
-    from lensforge.cli.stage_clock import StageClock
+    from lensforge.cli.progress import DesignProgress, StageClock
 
     content = load_spec(spec)
     content = content.replace({"evaluate.rays": min(content.evaluate.rays or _PREVIEW_RAYS, _PREVIEW_RAYS)})
@@ -152,3 +151,98 @@ def run_with_progress(
     return pipeline.run(
         spec, directory, announce=heard.on_stage, ended=heard.on_end, starts=starts, scheduler=scheduler, **options
     )
+
+
+@click.command()
+@click.argument("spec", type=click.Path(path_type=Path))
+@click.option("--vary", required=True, metavar="FIELD=V1,V2,...", help="The field and its values.")
+@click.option("--scale", multiple=True, metavar="FIELD", help="A field that keeps its ratio to the varied one.")
+@click.option("--out", type=click.Path(path_type=Path), help="Result folder; default: cad_out/<spec name>_sweep.")
+@ACCURACY
+@SEED
+@click.option("--resume", is_flag=True, help="Keep the designs that an earlier call finished, and continue.")
+@RAYS
+@THREADS
+@SCHEDULER
+@with_output
+def sweep(
+    spec: Path,
+    vary: str,
+    scale: tuple[str, ...],
+    out: Path | None,
+    accuracy: Accuracy,
+    seed: int,
+    resume: bool,
+    rays: int | None,
+    threads: int | None,
+    scheduler: str | None,
+    output: Output,
+) -> None:
+    """Design SPEC for each value of one field.
+
+    Writes sweep.json, sweep.png and sweep.html.
+
+    \b
+    lensforge sweep examples/pi.toml --vary constraints.max_radius_mm=8,10,12,14 \\
+        --scale lens.inner_offset_mm --scale lens.outer_offset_mm
+    """
+    from lensforge.cli.progress import StageClock
+    from lensforge.report.sweep import parse_variation
+    from lensforge.report.sweep_runs import resumable, run_sweep
+
+    content = with_rays(load_spec(spec), rays)
+    variation = parse_variation(vary, scale)
+    directory = out or Path("cad_out") / f"{content.name}_sweep"
+    resume_after_interrupt(lambda: resumable(directory))
+
+    with StageClock("sweep", quiet=output.quiet, study=True) as clock:
+
+        def run_design(spec: Spec, folder: Path, resume: bool) -> object:
+            clock.begin("design")
+            return run_with_progress(spec, folder, clock, accuracy=accuracy, seed=seed, threads=threads, resume=resume)
+
+        result = run_sweep(
+            content,
+            variation,
+            directory,
+            run_design,
+            accuracy=accuracy,
+            seed=seed,
+            resume=resume,
+            scheduler=scheduler,
+            announce=clock.head,
+        )
+    block = study_block(f"{result.vary}, {len(result.designs)} designs", result.facts)
+    finish_study(output, directory, result, block, "sweep.html")
+    require(result.criteria)
+
+
+@click.command()
+@click.argument("spec", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), help="Result folder; default: cad_out/<spec name>.")
+@click.option(
+    "--most-rays",
+    metavar="N",
+    type=WholeNumber(2**12, 2**24),
+    default=2**20,
+    show_default=True,
+    help="Rays of the longest evaluation; 2^24 takes a minute.",
+)
+@THREADS
+@with_output
+def tradeoff(spec: Path, out: Path | None, most_rays: int, threads: int | None, output: Output) -> None:
+    """Measure accuracy against time for the scene of SPEC.
+
+    Writes tradeoff.json and tradeoff.html.
+    """
+    content = load_spec(spec)
+    directory = out or Path("cad_out") / content.name
+
+    from lensforge.cli.progress import StageClock, StudyProgress
+    from lensforge.report.tradeoff_study import run_tradeoff
+
+    with StageClock("tradeoff", quiet=output.quiet, study=True) as clock, threads_of_torch(threads):
+        announce = StudyProgress(clock).on_stage
+        found = run_tradeoff(content, directory, most_rays=most_rays, announce=announce)
+    block = study_block("Error of each preset on this scene", found.facts)
+    finish_study(output, directory, found, block, "tradeoff.html")

@@ -1,11 +1,9 @@
 """Ctrl-C, SIGTERM and SIGHUP as one exception in the main thread, which ends a command and saves what it can.
 
-Python's own handler raises wherever the program is: in the import of a library, which may swallow the exception or
-leave half a module, in a destructor, which prints it, or in the clean-up after the first one. Here a signal is noted
-at once, and raised as :class:`KeyboardInterrupt` where that is safe; until then, or where it was swallowed, a timer
-asks again. A signal that is ignored when the program starts, as under nohup, stays ignored.
-
-Nothing but the command line handles signals: the library leaves them to the script that imports it.
+Python's own handler raises wherever the program is: in the import of a library, which may leave half a module, in a
+destructor, which prints it, or in the clean-up after the first one. Here a signal is noted at once, and raised as
+:class:`KeyboardInterrupt` where that is safe; until then, or where it was swallowed, a timer asks again. A signal that
+is ignored when the program starts, as under nohup, stays ignored. The library leaves signals to the script.
 """
 
 import os
@@ -38,7 +36,6 @@ class Interrupts:
         self._at = 0.0
         self._raising = False
         self._before: dict[int, Any] = {}
-        self._hook: Callable[..., Any] | None = None  # for what destructors raise, while it is another
 
     @property
     def words(self) -> str:
@@ -72,8 +69,6 @@ class Interrupts:
         for number, handler in self._before.items():
             signal.signal(number, signal.SIG_DFL if at_exit else handler)
         self._before = {}
-        if self._hook is not None and not at_exit:
-            sys.unraisablehook, self._hook = self._hook, None
 
     @contextmanager
     def raised(self) -> Iterator[None]:
@@ -89,10 +84,8 @@ class Interrupts:
             self._raising = False
             self._stop_timer()
             sys.excepthook = hooks[1]
-            if self.received is None:
+            if self.received is None:  # else what it has left half made in a library would say so at the end
                 sys.unraisablehook = hooks[0]
-            else:  # what an interrupt has left half made in a library would say so as the program ends
-                self._hook = hooks[0]
 
     def _without_interrupts(self, hook: Callable[..., Any]) -> Callable[..., Any]:
         """``hook``, but silent on an interrupt that a destructor or compiled code swallowed: the timer raises it again.
@@ -110,11 +103,9 @@ class Interrupts:
         now = time.monotonic()
         if self.received is None:
             self.received, self._at = signal.Signals(number), now
+            self._raise_or_wait(frame)
         elif now - self._at > _PATIENCE_SECONDS:
             os._exit(self.exit_code)
-        else:
-            return
-        self._raise_or_wait(frame)
 
     def _on_timer(self, _number: int, frame: FrameType | None) -> None:
         if self.received is not None:
@@ -138,16 +129,12 @@ class Interrupts:
 def _is_cleaning_up() -> bool:
     """True where an interrupt is on its way already, through a ``finally``, a ``with`` or the end of a generator."""
     error = sys.exception()
-    while error is not None:
-        if isinstance(error, KeyboardInterrupt | GeneratorExit):
-            return True
+    while error is not None and not isinstance(error, KeyboardInterrupt | GeneratorExit):
         error = error.__context__
-    return False
+    return error is not None
 
 
 def _is_importing(frame: FrameType | None) -> bool:
-    while frame is not None:
-        if frame.f_code.co_filename == _IMPORTING:
-            return True
+    while frame is not None and frame.f_code.co_filename != _IMPORTING:
         frame = frame.f_back
-    return False
+    return frame is not None

@@ -1,17 +1,25 @@
-"""Output that a user asks for: a screen to read, one JSON document with ``--json``, or nothing with ``--quiet``."""
+"""Output that a user asks for: a screen to read, one JSON document with ``--json``, or nothing with ``--quiet``.
+
+The screen is titled blocks of labelled lines; a terminal wraps long ones, a pipe has each whole.
+"""
 
 import functools
 import json
-from collections.abc import Callable, Mapping
+import os
+import shutil
+import sys
+import textwrap
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import click
 
-from lensforge.report.results import stem_of
-from lensforge.results import StageResult
-from lensforge.runs.folder import Run
+_WIDTH, _LEAST_WIDTH = 80, 40  # columns; a narrower terminal wraps the lines at its own width
+_UNBOUNDED = 1_000_000  # of a pipe, in which programs look for lines
+_WIDEST_LABEL = 24
+
+Row = tuple[str, str]  # label and text
 
 
 @dataclass(frozen=True)
@@ -43,17 +51,61 @@ def with_output(command: Callable[..., None]) -> Callable[..., None]:
 
 def print_json(content: Mapping[str, object]) -> None:
     """Print one JSON document."""
-    click.echo(json.dumps(content, indent=2, allow_nan=False))
+    _print(json.dumps(content, indent=2, allow_nan=False))
 
 
-def document(run: Run, *results: StageResult) -> dict[str, object]:
-    """Folder and verdict of ``run``, facts of ``results``, and each of them as its file holds it, by its stem."""
-    stems = {stem_of(each): each for each in results}
-    head = {"folder": str(run.folder), "verdict": run.verdict.model_dump(mode="json")}
-    facts = {stem: [group.plain() for group in run.facts(each)] for stem, each in stems.items()}
-    return {**head, "facts": facts, **{stem: each.plain() for stem, each in stems.items()}}
+@dataclass(frozen=True)
+class Block:
+    """A title, and labelled lines below it."""
+
+    title: str
+    rows: Sequence[Row] = ()
 
 
-def folder_document(folder: Path, *results: StageResult) -> dict[str, object]:
-    """The same of a folder that holds no lens of its own, as that of a sweep: without verdict."""
-    return {"folder": str(folder), **{each.stage: each.plain() for each in results}}
+def print_screen(blocks: Sequence[Block]) -> None:
+    """Print ``blocks``, their texts in one column, long lines wrapped on a terminal."""
+    shown = click.HelpFormatter(width=_width())
+    labels = [printable(label) for block in blocks for label, _ in block.rows]
+    widest = min(max(map(len, labels), default=0), _WIDEST_LABEL)
+    for block in blocks:
+        title = textwrap.fill(_line(block.title), _width(), break_long_words=False, break_on_hyphens=False)
+        shown.write(f"{title}\n")  # a path in it is never broken, so that it can be copied
+        if block.rows:
+            with shown.indentation():
+                rows = [(_line(label).ljust(widest), _line(text)) for label, text in block.rows]
+                shown.write_dl(rows, col_max=widest)
+    _print(shown.getvalue().rstrip("\n"))
+
+
+def _print(text: str) -> None:
+    """Print to stdout; a reader that has left (``| head``) is no error, and costs no work."""
+    try:
+        click.echo(text)
+    except BrokenPipeError:
+        drop_stdout()
+
+
+def drop_stdout() -> None:
+    """Let what is printed from here on, or was not written yet, go nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _width() -> int:
+    if sys.stdout is None or not sys.stdout.isatty():  # None: closed by the shell
+        return _UNBOUNDED
+    return max(min(shutil.get_terminal_size().columns, _WIDTH), _LEAST_WIDTH)
+
+
+def _line(text: str) -> str:
+    """``text`` as one line, with plain spaces in the place of the thin ones of a page."""
+    return printable(" ".join(text.split()))
+
+
+def warning_line(words: str) -> str:
+    """A warning as one line."""
+    return f"warning: {_line(words)}"
+
+
+def printable(text: str) -> str:
+    """``text`` with escapes for characters that steer a terminal: names in a file may come from anywhere."""
+    return "".join(each if each.isprintable() or each == "\t" else ascii(each)[1:-1] for each in text)

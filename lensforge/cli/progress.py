@@ -1,11 +1,177 @@
-"""Progress of a design, by level, error and time left, and of a study, by its parts."""
+"""Progress on stderr: a line for each stage with its time; on a terminal, running stages have a clock.
 
+A design says level, error and the time left, a study its parts.
+
+Elsewhere, as in a pipe, each stage is written once it has ended; how far it is every two minutes, too, and every two
+seconds in a study.
+"""
+
+import threading
+import time
 from collections.abc import Callable
+from types import TracebackType
+from typing import Self
 
-from lensforge.cli.stage_clock import StageClock
+from rich.console import Console
+from rich.progress import Progress, ProgressColumn, Task, TaskID
+from rich.table import Column
+from rich.text import Text
+
+from lensforge.cli.output import printable, warning_line
 from lensforge.report.results import REPORT_FILE, STAGES
 from lensforge.search.design_result import Progress as Step
 from lensforge.spec import Accuracy, Spec
+
+_FRAMES_PER_SECOND = 4
+_SILENT_SECONDS, _SILENT_SECONDS_OF_STUDY = 120.0, 2.0  # at most, where a pipe is written
+_NAME_COLUMNS, _TIME_COLUMNS = 12, 12
+
+
+class StageClock:
+    """Lines of the stages of one command, of which the first is ``name``.
+
+    ``quiet``: nothing but warnings. Where there is no terminal, a line is written every two minutes at least;
+    ``study``: every two seconds.
+    """
+
+    def __init__(self, name: str, *, quiet: bool = False, study: bool = False) -> None:
+        self._console = Console(stderr=True, highlight=False)
+        self._quiet, self._silent_seconds = quiet, _SILENT_SECONDS_OF_STUDY if study else _SILENT_SECONDS
+        self._progress = Progress(
+            _StageColumn(self._time_left),
+            console=self._console,
+            refresh_per_second=_FRAMES_PER_SECOND,
+            transient=True,  # each stage that ends has a line above
+            redirect_stdout=False,
+            redirect_stderr=False,
+            disable=not self.live,
+        )
+        self._first = name
+        self._entered = self._written = time.monotonic()
+        self._end_expected, self._at_least = 0.0, ""  # of the whole command; no time is left where it is not known
+        self._exited = threading.Event()
+
+    @property
+    def live(self) -> bool:
+        """True where a terminal shows the clock."""
+        return self._console.is_terminal and not self._quiet
+
+    def __enter__(self) -> Self:
+        self._entered = self._written = time.monotonic()
+        self.begin(self._first)
+        if self.live:
+            self._progress.start()
+        elif not self._quiet:
+            threading.Thread(target=self._write_until_exit, daemon=True).start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._exited.set()
+        self._progress.stop()
+        if error is None:
+            for task in self._progress.tasks:
+                self._write(_line(task))
+
+    def begin(self, name: str, detail: str = "") -> None:
+        """End the stage that runs, and begin ``name``."""
+        self.end()
+        self._progress.add_task(name, total=None, detail=detail)
+
+    def begin_beside(self, name: str) -> None:
+        """Begin ``name`` beside the stages that run."""
+        self._progress.add_task(name, total=None, detail="")
+
+    def end(self, name: str = "", seconds: float | None = None) -> None:
+        """End the stage ``name``, else the one that has run longest; ``seconds``: its own time, where it is known."""
+        task = next((task for task in self._progress.tasks if name in ("", task.description)), None)
+        if task is not None:
+            self._progress.remove_task(task.id)
+            self._write(_line(task, seconds))
+
+    def total(self) -> None:
+        """End the stage that runs, and write a line on the time of all: less than their sum where some overlap."""
+        self.end()
+        self._write(_worded("in all", time.monotonic() - self._entered, ""))
+
+    def show(self, detail: str) -> None:
+        """Show how far the stage is that has run longest, beside its time."""
+        running: list[TaskID] = self._progress.task_ids
+        if running:
+            self._progress.update(running[0], detail=detail)
+
+    def expect(self, seconds: float, *, at_least: bool = False) -> None:
+        """Show that the whole command will take so many more seconds, or at least so many, until they have passed."""
+        self._end_expected, self._at_least = time.monotonic() + seconds, "at least " if at_least else ""
+
+    def head(self, words: str) -> None:
+        """End the stage that runs, and write a line on the stages that follow."""
+        self.end()
+        self.note(words)
+
+    def note(self, words: str) -> None:
+        """Write a line above the clock."""
+        if not self._quiet:
+            self._console.print(printable(words), soft_wrap=True, markup=False)
+
+    def warn(self, words: str) -> None:
+        """Write a warning as one line, also where progress is not asked for."""
+        self._console.print(warning_line(words), soft_wrap=True, markup=False)
+
+    def _time_left(self, task: Task) -> str:
+        """Words for the time that is left, in the line of the stage that has run longest."""
+        left = self._end_expected - time.monotonic()
+        first = task.id == next(iter(self._progress.task_ids), None)
+        return f", {self._at_least}{duration(left)} left" if first and left > 0.0 else ""
+
+    def _write(self, line: str) -> None:
+        """Write the line of a stage; on a terminal cut at its width, elsewhere in full."""
+        self._written = time.monotonic()
+        if not self._quiet:
+            self._console.print(
+                line, markup=False, no_wrap=True, overflow="ellipsis" if self.live else "ignore", crop=self.live
+            )
+
+    def _write_until_exit(self) -> None:
+        while not self._exited.wait(max(0.01, self._written + self._silent_seconds - time.monotonic())):
+            if time.monotonic() >= self._written + self._silent_seconds:
+                for task in self._progress.tasks:
+                    self._write(_line(task))
+
+
+class _StageColumn(ProgressColumn):
+    """The line of a stage that runs; ``time_left``: words that end the line of one of them."""
+
+    def __init__(self, time_left: Callable[[Task], str]) -> None:
+        super().__init__(Column(no_wrap=True, overflow="ellipsis"))
+        self._time_left = time_left
+
+    def render(self, task: Task) -> Text:
+        return Text(_line(task) + self._time_left(task))
+
+
+def _line(task: Task, seconds: float | None = None) -> str:
+    return _worded(task.description, (task.elapsed or 0.0) if seconds is None else seconds, task.fields["detail"])
+
+
+def _worded(name: str, seconds: float, detail: str) -> str:
+    """Format a stage, its time, and how far it is."""
+    words = f"{printable(name):<{_NAME_COLUMNS}} {duration(seconds):>{_TIME_COLUMNS}}  {printable(detail)}"
+    return words.rstrip()
+
+
+def duration(seconds: float) -> str:
+    """Format a time: "0.8 s", "47 s", "7 min 05 s", "1 h 12 min"."""
+    whole = round(seconds)
+    if seconds < 9.95:
+        return f"{seconds:.1f} s"
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60:02d} s"
+    return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
+
 
 # Seconds of all later stages over those of the search, as is usual on two cores.
 _LATER: dict[Accuracy, float] = {"draft": 2.5, "standard": 0.6, "reference": 0.6}

@@ -5,8 +5,7 @@ from pathlib import Path
 import click
 
 from lensforge.cli.options import IES_VERSION
-from lensforge.cli.output import Output, print_json, with_output
-from lensforge.cli.screen import Block, Row, print_screen
+from lensforge.cli.output import Block, Output, Row, print_json, print_screen, with_output
 from lensforge.errors import InputError
 from lensforge.report.record_tables import TableRow, rows
 from lensforge.results import Record

@@ -11,14 +11,12 @@ from lensforge.cli.conclusion import finish, finish_handover, finish_page
 from lensforge.cli.options import FOLDER, OPTIONS, Command
 from lensforge.cli.output import Output, with_output
 from lensforge.errors import InputError
+from lensforge.report.folder import opened
+from lensforge.report.pipeline import FolderStage, write_comparison, write_report
+from lensforge.report.pipeline import handover as make_handover
 from lensforge.report.results import REPORT_FILE
 from lensforge.results import StageResult
-from lensforge.results.files import require_writable
-from lensforge.results.ownership import is_free_or_own, require_own
-from lensforge.runs.folder import opened
-from lensforge.runs.pipeline import write_comparison, write_report
-from lensforge.runs.stage import FolderStage
-from lensforge.runs.stage import handover as make_handover
+from lensforge.results.files import is_free_or_own, require_own, require_writable
 from lensforge.verbs import STAGES, STRAY, VERIFY
 
 
@@ -48,8 +46,7 @@ def _run(
 
     An option that is not given leaves the verb its own default.
     """
-    from lensforge.cli.progress import PartsProgress
-    from lensforge.cli.stage_clock import StageClock
+    from lensforge.cli.progress import PartsProgress, StageClock
 
     options = {name: value for name, value in options.items() if value is not None}
     with opened(directory) as here:
@@ -96,7 +93,7 @@ def handover(
 
     A drawing with the findings of the check (HTML, PDF, DXF), and tables of points.
     """
-    from lensforge.cli.stage_clock import StageClock
+    from lensforge.cli.progress import StageClock
 
     with opened(directory) as here:
         with StageClock("handover", quiet=output.quiet):
@@ -126,7 +123,7 @@ def report(directories: tuple[Path, ...], out: Path | None, pdf: bool, output: O
     """
     if len(directories) == 1 and out is not None:
         raise InputError(f"--out = {out}: the report on one design is written to its folder; give two folders or more")
-    from lensforge.cli.stage_clock import StageClock
+    from lensforge.cli.progress import StageClock
     from lensforge.report.page import write_pdf
 
     page = directories[0] / REPORT_FILE if len(directories) == 1 else out or Path("compare.html")

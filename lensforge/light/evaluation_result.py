@@ -21,9 +21,9 @@ from lensforge.results import (
     Text,
     stated,
 )
-from lensforge.results.array_fields import MOST_PIXELS
 from lensforge.results.chart import light_unit
 from lensforge.results.criteria import Criterion, at_most
+from lensforge.results.record import MOST_PIXELS
 from lensforge.results.verdict import judge
 
 if TYPE_CHECKING:

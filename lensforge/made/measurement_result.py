@@ -84,7 +84,6 @@ CLIPPED_SHARE = 0.01  # of the target: clipped pixels make a pattern look more u
 USED_SHARE = 0.9  # of the points must lie over the surface once registered
 COVERED_SHARE = 0.8  # of the surface must be measured: elsewhere the design is assumed
 
-_MOST_POINTS = 10_000_000  # on a surface; scanners measure a million
 
 Pixel = tuple[Number, Number]  # column, row
 Row = Annotated[Float[np.ndarray, " w"], Array("w")]  # of an image
@@ -153,8 +152,8 @@ class PhotoComparison(StageResult):
     criteria: tuple[Criterion, ...]
     measured: Image
     simulated: Image
-    x_mm: Annotated[Float[np.ndarray, " w"], Array("w", centred=True)]
-    y_mm: Annotated[Float[np.ndarray, " h"], Array("h", centred=True)]
+    x_mm: Annotated[Float[np.ndarray, " w"], Array("w")]
+    y_mm: Annotated[Float[np.ndarray, " h"], Array("h")]
     section_x_measured: Row
     section_x_simulated: Row
     section_y_measured: Column
@@ -267,9 +266,9 @@ class SurfaceComparison(SimulatedResult):
     change: LightMetrics
     nmse_between: NotNegative
     criteria: tuple[Criterion, ...]
-    points: Annotated[Float[np.ndarray, "n 3"], Array("n", 3, most=_MOST_POINTS)]
-    distance_um: Annotated[Float[np.ndarray, " n"], Array("n", most=_MOST_POINTS)]
-    chart: Annotated[Float[np.ndarray, " m"], Array("m", centred=True)]
+    points: Annotated[Float[np.ndarray, "n 3"], Array("n", 3)]
+    distance_um: Annotated[Float[np.ndarray, " n"], Array("n")]
+    chart: Annotated[Float[np.ndarray, " m"], Array("m")]
     deviation_um: Annotated[Float[np.ndarray, "m m"], Array("m", "m", gaps=True)]
     area_mm2: Annotated[Float[np.ndarray, "m m"], Array("m", "m", gaps=True, least=0.0)]
     irradiance_design: Irradiance

@@ -260,7 +260,7 @@ class Yield(SimulatedResult):
     notes: tuple[Text, ...]
     seconds: NotNegative
     columns: tuple[Text, ...]
-    table: Annotated[Float[np.ndarray, "parts columns"], Array("parts", "columns", most=MOST_PARTS)]
+    table: Annotated[Float[np.ndarray, "parts columns"], Array("parts", "columns")]
     worst_maps: Annotated[Float[np.ndarray, "worst h w"], Array("worst", "h", "w", gaps=False)]
 
     def column(self, name: str) -> Float[np.ndarray, " parts"]:

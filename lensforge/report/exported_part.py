@@ -19,11 +19,11 @@ from lensforge.report.light_section import numbered, top_of, unit_of_light
 from lensforge.report.page import PagePicture, picture
 from lensforge.report.results import REPORT_FILE, Results
 from lensforge.report.snapshots import Snapshot
-from lensforge.results import surface_figures
 from lensforge.results.numerals import number, percent, size
-from lensforge.results.surface_figures import ChartMap
 from lensforge.search.design_result import Design
+from lensforge.shop import surface_figures
 from lensforge.shop.check_result import Check, FaceResult
+from lensforge.shop.surface_figures import ChartMap
 from lensforge.sources.build_source import build_source
 from lensforge.spec.source_sections import SquareSource
 

@@ -10,9 +10,10 @@ from lensforge.report import light_figures
 from lensforge.report.light_section import top_of, unit_of_light
 from lensforge.report.page import PagePicture, picture
 from lensforge.report.results import Results
-from lensforge.results import Group, surface_figures
+from lensforge.results import Group
 from lensforge.results.chart import LightUnit
 from lensforge.results.numerals import number
+from lensforge.shop import surface_figures
 
 # A photograph has no unit of light: both pictures are scaled to a mean of 1.
 RELATIVE = LightUnit("irradiance", "mean = 1", 1.0)

@@ -14,8 +14,7 @@ from matplotlib.figure import Figure
 from lensforge.errors import InputError
 from lensforge.results.fact import cells_of, columns_of
 from lensforge.results.figure_style import to_svg
-from lensforge.results.files import replacing, temporary_folder
-from lensforge.results.ownership import is_free_or_own, pdf_mark, require_own
+from lensforge.results.files import is_free_or_own, pdf_mark, replacing, require_own, temporary_folder
 from lensforge.results.sandbox import kill_group
 
 _TEMPLATES = Path(__file__).with_name("templates")

@@ -48,7 +48,7 @@ def spec_tables(results: Results) -> dict[str, list[TableRow]]:
 def number_tables(results: Results) -> dict[str, list[TableRow]]:
     """All values of each file, by its name; criteria, verdicts and the spec have their own tables."""
     records = {stem: result.plain() for stem, result in {**results.found, **results.others}.items()}
-    tables = {"lens": results.lens.to_json(), **records}
+    tables: dict[str, Mapping[str, object]] = {"lens": results.lens.to_json(), **records}
     return {f"{stem}.json": rows(content, without=("criteria", "verdicts", "spec")) for stem, content in tables.items()}
 
 

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 FOLDER = "snapshots"
 _RAYS = 2**18  # enough for a picture
 _POLAR, _AROUND = 61, 121  # nodes of the drawn surface
-_MOST_NODES = 200  # along either; each facet is drawn by itself
 _MOVED_MM = 0.01  # two searches of one scene differ by more
 
 
@@ -49,8 +48,8 @@ class Snapshot(StageResult):
     height: Positive
     far_field: Flag
     irradiance: Irradiance
-    surface_mm: Annotated[Float[np.ndarray, "i j 3"], Array("i", "j", 3, most=_MOST_NODES)]
-    slope: Annotated[Float[np.ndarray, "i j"], Array("i", "j", most=_MOST_NODES)]
+    surface_mm: Annotated[Float[np.ndarray, "i j 3"], Array("i", "j", 3)]
+    slope: Annotated[Float[np.ndarray, "i j"], Array("i", "j")]
 
     @property
     def chart(self) -> Chart:

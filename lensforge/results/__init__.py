@@ -1,26 +1,32 @@
-"""Results and the files that keep them: records, criteria, facts, plots; and the sandbox that reads foreign files."""
+"""Results, how they are judged and how they are kept: records, facts, criteria, files, plots; and child processes."""
 
-from lensforge.results.array_fields import Array, Image, Irradiance, Line, PixelCentres, SquareImage
-from lensforge.results.conditions import Conditions
 from lensforge.results.fact import Bound, Fact, FactState, Group, Sense
-from lensforge.results.record import Record, Scalar, stated
-from lensforge.results.record_fields import (
+from lensforge.results.record import (
+    Array,
     BodySize,
     Box,
     Count,
     Extent,
     Flag,
+    Image,
+    Irradiance,
+    Line,
     Metric,
     NotNegative,
     Number,
+    PixelCentres,
     Point,
     Positive,
+    Record,
+    Scalar,
     Sha256,
     Share,
+    SquareImage,
     State,
     Text,
+    stated,
 )
-from lensforge.results.stage_result import Given, InFile, SimulatedResult, StageResult
+from lensforge.results.stage_result import Conditions, Given, InFile, SimulatedResult, StageResult
 
 __all__ = [
     "Array",

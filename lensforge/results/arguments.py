@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import SupportsFloat, SupportsIndex, TypeVar, cast
 
 from lensforge.errors import InputError
-from lensforge.results.record_fields import LARGEST_COUNT
+from lensforge.results.record import LARGEST_COUNT
 from lensforge.results.validation import its_type
 
 _Kind = TypeVar("_Kind")

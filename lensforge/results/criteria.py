@@ -1,13 +1,13 @@
 """Acceptance criteria: numbers of a result, each with the limit that it must keep, and their names in words."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from math import isfinite
-from typing import Any, ClassVar, Literal, Self
+from typing import Literal, TypedDict
 
-from pydantic import ModelWrapValidatorHandler, computed_field, model_validator
+from pydantic import computed_field
 
 from lensforge.errors import CriterionMissed
-from lensforge.results import Bound, Fact, Number, Record, Sense, Text
+from lensforge.results import Bound, Fact, FactState, Number, Record, Sense, Text
 from lensforge.results.numerals import quantity
 from lensforge.results.verdict import Reason, judge, within
 
@@ -71,33 +71,24 @@ _WORDS = {
 }
 
 
-class Judged(Record):
-    """A ``value`` that must be ``sense`` ``limit``. A file also states the outcome; it must be that of the two."""
+class Kept(TypedDict, total=False):
+    """Limit and state of a criterion, as a fact takes them."""
 
-    outcome: ClassVar[str]  # name of the computed field that is True where the value is within the limit
+    limit: Bound
+    state: FactState
+
+
+class Judged(Record):
+    """A ``value`` that must be ``sense`` ``limit``."""
 
     value: Number | None
     sense: Sense
     limit: Number | None
     unit: Text
 
-    @model_validator(mode="wrap")
-    @classmethod
-    def _outcome_agrees(cls, content: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
-        """Compare the outcome, which a file also states, with value and limit."""
-        if not isinstance(content, Mapping) or cls.outcome not in content:
-            return handler(content)
-        judged = handler({key: value for key, value in content.items() if key != cls.outcome})
-        found, stated = within(judged.value, judged.sense, judged.limit), content[cls.outcome]
-        if stated is not found:
-            raise ValueError(f"{cls.outcome} = {stated!r}, but its value and limit say {found}")
-        return judged
-
 
 class Criterion(Judged):
     """``value`` (None: not measured) must be ``sense`` ``limit``; ``remedy``: what to try where it is not."""
-
-    outcome: ClassVar[str] = "passed"
 
     name: Text
     limit: Number
@@ -170,7 +161,7 @@ def state_of(criteria: Iterable[Criterion], *names: str) -> Literal["pass", "fai
     return ("pass" if all(met) else "fail") if met else ""
 
 
-def kept(criteria: Iterable[Criterion], name: str) -> dict[str, Any]:
+def kept(criteria: Iterable[Criterion], name: str) -> Kept:
     """Limit and state of the criterion called ``name``, for the fact on the same value; empty where there is none."""
     found = next((criterion for criterion in criteria if criterion.name == name), None)
     if found is None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from lensforge.results.numerals import NOTHING, anything, quantity
-from lensforge.results.record_fields import Metric, State
+from lensforge.results.record import Metric, State
 
 Sense = Literal["<=", ">="]
 FactState = State | Literal[""]  # "": nothing was asked, or nobody has judged it
@@ -104,7 +104,7 @@ class Fact:
         ends = f": {self.remedy}" if self.remedy else ""
         return f"{self.label} = {self.text}, must be {self.asked}{doubt}{ends}"
 
-    def plain(self) -> dict[str, Any]:
+    def plain(self) -> dict[str, object]:
         """The fact as JSON holds it, without what it lacks."""
         content = {
             "key": self.key,
@@ -139,7 +139,7 @@ class Group:
         named = {fact.key: fact for fact in self.facts}
         return replace(self, facts=tuple(named[key] for key in keys if key in named))
 
-    def plain(self) -> dict[str, Any]:
+    def plain(self) -> dict[str, object]:
         """The group as JSON holds it."""
         return {"key": self.key, "title": self.title, "facts": [fact.plain() for fact in self.facts]}
 

@@ -1,25 +1,108 @@
-"""The base class of all records: frozen, validated, compared bit for bit, with one flat row for a table.
+"""The base class of all records, and the types of their fields: strict numbers, text, metrics, read-only arrays.
 
-Arrays of a record and of the records in its lists go to an npz file by their names, such as ``receivers.0.map``.
+A record is frozen, validated, compared bit for bit, and has one flat row for a table. All numbers are finite and
+bounded: a page draws them, and a sum of them stays finite. Text is never taken for a number.
 """
 
+import unicodedata
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import cache, cached_property
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar, get_args, get_origin
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar, get_args, get_origin
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ModelWrapValidatorHandler, computed_field, model_validator
+from jaxtyping import Float
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    computed_field,
+    model_validator,
+)
 from pydantic.fields import FieldInfo
+from pydantic.main import IncEx
+from pydantic_core import CoreSchema, core_schema
 
-from lensforge.results.array_fields import Array, bind
 from lensforge.results.notebook_html import table_html
+from lensforge.results.numerals import quantity
 from lensforge.results.validation import same
 
-# Of entries in a list or table: numbers are drawn as one line, records and texts each take a row of a page.
-_MOST_NUMBERS, _MOST_ROWS = 1_000_000, 10_000
+# Of any number in a record, in the unit of its field: products of three, and squares over products, stay within
+# floating point. The largest that a sound result may hold are W/m^2 of a laser's focus, 1e20.
+LARGEST = 1e30
+LARGEST_COUNT = 2**53  # a float holds every whole number up to this one
+MOST_PIXELS = 4096  # along an axis; a page draws all of them
+_ROUNDING = 1e-9  # sums of shares may leave 0 to 1 by rounding
+_LONGEST_TEXT = 10_000  # characters; the longest remedy of lensforge has 300, and a page shows all of a text
 
 Scalar = float | int | bool | str | None
 _Mark = TypeVar("_Mark")
+
+
+class Array:
+    """Marks a field ``Annotated[Float[np.ndarray, "p p"], Array("p", "p")]`` that is stored in the stage's npz file.
+
+    ``axes``: a name or a number for each axis; axes of the same name have the same size in all arrays of a record.
+    ``gaps``: values may be NaN, as in maps of a face outside its rim; never infinite. ``least``: of all values.
+    """
+
+    def __init__(self, *axes: str | int, gaps: bool = False, least: float = -LARGEST) -> None:
+        self.axes, self.gaps, self.least = axes, gaps, least
+
+    def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Validate by :meth:`checked`; serialise to nested lists."""
+        lists = core_schema.plain_serializer_function_ser_schema(lambda array: array.tolist())
+        return core_schema.no_info_plain_validator_function(self.checked, serialization=lists)
+
+    def checked(self, value: object) -> np.ndarray:
+        """``value`` as a new read-only float64 array. Raises :class:`ValueError` where it cannot be one."""
+        array = real_numbers(value)
+        if array.ndim != len(self.axes) or array.size == 0:
+            raise ValueError(f"shape {array.shape}, must be ({', '.join(map(str, self.axes))}), and not empty")
+        self.bind(array.shape, {})
+        array = read_only(array, self.gaps)
+        if (array < self.least).any():
+            raise ValueError(f"holds {np.nanmin(array):.3g}, must be at least {self.least:g}")
+        return array
+
+    def bind(self, shape: tuple[int, ...], sizes: dict[str, int]) -> None:
+        """Compare ``shape`` with the axes and the known ``sizes``; add the new sizes. Raises :class:`ValueError`."""
+        for axis, size in zip(self.axes, shape, strict=True):
+            known = axis if isinstance(axis, int) else sizes.setdefault(axis, size)
+            if size != known:
+                raise ValueError(f"shape {shape}, must be ({', '.join(map(str, self.axes))}) with {axis} = {known}")
+
+
+def real_numbers(value: Any, converted: Callable[[Any], np.ndarray] = np.array) -> np.ndarray:
+    """``value``, an array or nested lists, as a new float64 array of any shape.
+
+    ``converted`` makes an array of it. Raises :class:`ValueError` for text, booleans, complex numbers and anything that
+    is not an array.
+    """
+    try:
+        array = converted(value)
+        if array.dtype.kind not in "fiu":
+            raise ValueError(f"of type {array.dtype}, must be real")
+        return array.astype(np.float64, copy=False)
+    except (TypeError, ValueError, OverflowError, RuntimeError) as error:
+        # RuntimeError: a tensor on another device, or one that requires its gradient
+        raise ValueError(f"not an array of numbers ({error})") from None
+
+
+def read_only(array: np.ndarray, gaps: bool = False) -> np.ndarray:
+    """``array`` itself, made read-only.
+
+    Raises :class:`ValueError` for infinity, for NaN without ``gaps``, for numbers beyond :data:`LARGEST`, and where all
+    but 0 are below its inverse.
+    """
+    if np.isinf(array).any() or (not gaps and np.isnan(array).any()):
+        raise ValueError("holds numbers that are not finite")
+    peak = float(np.fmax.reduce(np.abs(array), axis=None, initial=0.0))
+    if peak > LARGEST or 0.0 < peak < 1.0 / LARGEST:
+        raise ValueError(f"has {peak:.3g} as its largest number; must be from {1.0 / LARGEST:g} to {LARGEST:g}, or 0")
+    array.flags.writeable = False
+    return array
 
 
 class Record(BaseModel):
@@ -44,41 +127,24 @@ class Record(BaseModel):
 
     __hash__ = None  # type: ignore[assignment]  # arrays have no hash
 
-    @model_validator(mode="wrap")
+    @model_validator(mode="before")
     @classmethod
-    def _computed_fields_agree(cls, content: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
-        """Compare fields that follow from others, which a file also states, with what follows."""
-        if not (isinstance(content, Mapping) and any(name in content for name in cls.model_computed_fields)):
-            return handler(content)
-        names = [name for name in cls.model_computed_fields if name in content]
-        record = handler({key: value for key, value in content.items() if key not in names})
-        for name in names:
-            found = getattr(record, name)
-            plain = found.model_dump(mode="json") if isinstance(found, Record) else found
-            if content[name] != plain:
-                raise ValueError(f"{name}: not what the fields say that it follows from")
-        return record
+    def _without_computed_fields(cls, content: Any) -> Any:
+        """Fields that follow from others, and that a file states too, follow again."""
+        if not isinstance(content, Mapping):
+            return content
+        return {key: value for key, value in content.items() if key not in cls.model_computed_fields}
 
     @model_validator(mode="after")
     def _axes_agree(self) -> "Record":
         sizes: dict[str, int] = {}
-        for name, axes in _array_axes(type(self)):
-            value = getattr(self, name)
-            if value is not None:
+        for name, info in type(self).model_fields.items():
+            mark, value = marker(info, Array), getattr(self, name)
+            if mark is not None and value is not None:
                 try:
-                    bind(axes, value.shape, sizes)
+                    mark.bind(value.shape, sizes)
                 except ValueError as error:
                     raise ValueError(f"{name}: {error}") from None
-        return self
-
-    @model_validator(mode="after")
-    def _lists_are_bounded(self) -> "Record":
-        for name in type(self).model_fields:
-            value = getattr(self, name)
-            if isinstance(value, tuple | dict) and len(value) > _MOST_ROWS:
-                most = _MOST_NUMBERS if isinstance(value, tuple) and isinstance(value[0], float | int) else _MOST_ROWS
-                if len(value) > most:
-                    raise ValueError(f"{name}: {len(value)} entries, must be at most {most}")
         return self
 
     def row(self) -> dict[str, Scalar]:
@@ -95,7 +161,7 @@ if TYPE_CHECKING:
 else:
 
     def stated(getter: Callable[[Any], Any]) -> Any:
-        """A property that follows from the fields, and that a file states too: it must be what follows from them."""
+        """A property that follows from the fields, and that a file states too."""
         return computed_field(property(getter))
 
 
@@ -108,11 +174,39 @@ def marker(field: FieldInfo, kind: type[_Mark]) -> _Mark | None:
     return found[0] if found else None
 
 
-@cache
-def _array_axes(record: type[Record]) -> tuple[tuple[str, tuple[str | int, ...]], ...]:
-    """Names of the arrays among the fields, and the axes of each."""
-    marks = ((name, marker(field, Array)) for name, field in record.model_fields.items())
-    return tuple((name, mark.axes) for name, mark in marks if mark is not None)
+def arrays_of(record: Record) -> Iterator[tuple[str, np.ndarray]]:
+    """Name and value of each array that is there; those in records of a list, as ``receivers.0.map``, come last."""
+    values = {name: getattr(record, name) for name in type(record).model_fields}
+    yield from ((name, value) for name, value in values.items() if isinstance(value, np.ndarray))
+    for field, value in values.items():
+        for k, entry in enumerate(value if isinstance(value, tuple) else ()):
+            if isinstance(entry, Record):
+                yield from ((f"{field}.{k}.{name}", array) for name, array in arrays_of(entry))
+
+
+def put_arrays(content: dict[str, object], arrays: Mapping[str, np.ndarray]) -> None:
+    """Put each of ``arrays`` into the record of ``content`` that its name says. Raises :class:`ValueError`."""
+    for name, array in arrays.items():
+        *path, field = name.split(".")
+        place: Any = content
+        try:
+            for step in path:
+                place = place[int(step)] if isinstance(place, list) else place[step]
+            place[field] = array
+        except (KeyError, IndexError, TypeError, ValueError):
+            raise ValueError(f"there is no place for the array {name[:60]!r}") from None
+
+
+def excluded_arrays(kind: type[Record]) -> dict[str, IncEx | bool]:
+    """The arrays of a class of records, as pydantic takes fields to leave out of a dump."""
+    found: dict[str, IncEx | bool] = {}
+    for name, info in kind.model_fields.items():
+        entry = get_args(info.annotation)[0] if get_origin(info.annotation) is tuple else None
+        if marker(info, Array) is not None:
+            found[name] = True
+        elif isinstance(entry, type) and issubclass(entry, Record) and (nested := excluded_arrays(entry)):
+            found[name] = {"__all__": nested}
+    return found
 
 
 def _flat(value: Any, prefix: str) -> Iterator[tuple[str, Scalar]]:
@@ -137,71 +231,70 @@ def _shown(value: Scalar) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def arrays_of(record: Record) -> Iterator[tuple[str, np.ndarray]]:
-    """Name and value of each array that is there."""
-    for field in own_arrays(type(record)):
-        if (value := getattr(record, field)) is not None:
-            yield field, value
-    for field in lists_with_arrays(type(record)):
-        for k, entry in enumerate(getattr(record, field)):
-            yield from ((f"{field}.{k}.{name}", value) for name, value in arrays_of(entry))
+def printable(text: Any) -> Any:
+    """``text`` with spaces for line ends and U+FFFD for what a terminal obeys or no file can hold; others as they are.
+
+    Names of files and of their headers, from which texts are made, may have any characters and any length: what exceeds
+    10,000 characters ends in an ellipsis.
+    """
+    if not isinstance(text, str):
+        return text
+    if len(text) > _LONGEST_TEXT:
+        text = f"{text[: _LONGEST_TEXT - 1]}…"
+    return text if text.isprintable() else "".join(map(_printable, text))
 
 
-def excluded_arrays(kind: type[Record]) -> dict[str, Any]:
-    """The arrays, as pydantic takes fields to leave out of a dump."""
-    nested = {field: {"__all__": excluded_arrays(entry)} for field, entry in lists_with_arrays(kind).items()}
-    return {**dict.fromkeys(own_arrays(kind), True), **nested}
+def _printable(character: str) -> str:
+    if character.isprintable() or unicodedata.category(character) == "Zs":  # a thin space
+        return character
+    return " " if character.isspace() else "\N{REPLACEMENT CHARACTER}"
 
 
-def names_in(kind: type[Record], content: Mapping[str, Any]) -> list[str]:
-    """Names of all arrays that a record with this JSON content may have."""
-    names = list(own_arrays(kind))
-    for field, entry_kind in lists_with_arrays(kind).items():
-        for k, entry in enumerate(_entries(content, field)):
-            names += [f"{field}.{k}.{name}" for name in names_in(entry_kind, entry)]
-    return names
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-LARGEST, le=LARGEST)]
+NotNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=LARGEST)]
+Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=1.0 / LARGEST, le=LARGEST)]
+Share = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-_ROUNDING, le=1.0 + _ROUNDING)]
+Count = Annotated[int, Field(strict=True, ge=0, le=LARGEST_COUNT)]
+Flag = Annotated[bool, Field(strict=True)]
+Text = Annotated[str, BeforeValidator(printable), Field(strict=True)]
+Sha256 = Annotated[str, Field(strict=True, pattern=r"^[0-9a-f]{64}$")]
+State = Literal["pass", "fail", "undecided"]
+Point = tuple[Number, Number, Number]  # x, y, z in mm
+Box = tuple[Point, Point]  # least and largest corner, in mm
+
+# An image [row y, column x], a square one, one of light; a line of a square one, and the positions of its pixels.
+Image = Annotated[Float[np.ndarray, "h w"], Array("h", "w")]
+SquareImage = Annotated[Float[np.ndarray, "p p"], Array("p", "p")]
+Irradiance = Annotated[Float[np.ndarray, "h w"], Array("h", "w", least=0.0)]
+Line = Annotated[Float[np.ndarray, " p"], Array("p")]
+PixelCentres = Annotated[Float[np.ndarray, " p"], Array("p")]
 
 
-def with_arrays(kind: type[Record], content: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
-    """JSON content with its arrays, each in its record. Raises :class:`ValueError` for an array in the JSON itself."""
-    result = dict(content)
-    for name in own_arrays(kind):
-        if name in content:
-            raise ValueError(f"{name}: does not belong in the JSON file")
-    for name in own_arrays(kind):
-        if name in arrays or not kind.model_fields[name].is_required():
-            result[name] = arrays.get(name)
-    for field, entry_kind in lists_with_arrays(kind).items():
-        entries = _entries(content, field)
-        if not entries:
-            continue
-        filled = []
-        for k, entry in enumerate(entries):
-            prefix = f"{field}.{k}."
-            own = {name.removeprefix(prefix): value for name, value in arrays.items() if name.startswith(prefix)}
-            filled.append(with_arrays(entry_kind, entry, own))
-        result[field] = filled
-    return result
+class Metric(Record):
+    """``value`` in ``unit`` ("" for a ratio) and its standard error; None where there was only one sample."""
+
+    value: Number
+    unit: Text = ""
+    standard_error: NotNegative | None = None
+
+    def __float__(self) -> float:
+        return self.value
+
+    def __str__(self) -> str:
+        """Value, standard error and unit, with the digits that the error carries."""
+        return quantity(self.value, self.unit, self.standard_error)
 
 
-def own_arrays(kind: type[Record]) -> list[str]:
-    """Names of the fields that are arrays."""
-    return [name for name, info in kind.model_fields.items() if marker(info, Array) is not None]
+class Extent(Record):
+    """Largest absolute value and root mean square of a quantity; the field's name states its unit."""
+
+    max: NotNegative
+    rms: NotNegative
 
 
-def lists_with_arrays(kind: type[Record]) -> dict[str, type[Record]]:
-    """Fields that are lists of records which hold arrays, and the class of those."""
-    found = {}
-    for name, info in kind.model_fields.items():
-        if get_origin(info.annotation) is tuple:
-            entry = get_args(info.annotation)[0]
-            holds = isinstance(entry, type) and issubclass(entry, Record)
-            if holds and (own_arrays(entry) or lists_with_arrays(entry)):
-                found[name] = entry
-    return found
+class BodySize(Record):
+    """Volume, negative where the surface faces inwards; area of the surface; least and largest corner of the box."""
 
-
-def _entries(content: Mapping[str, Any], field: str) -> list[Mapping[str, Any]]:
-    """Records of a list in JSON; none where it is damaged, which the validation reports."""
-    entries = content.get(field)
-    return entries if isinstance(entries, list) and all(isinstance(each, Mapping) for each in entries) else []
+    volume_mm3: Number
+    area_mm2: NotNegative
+    bounds_mm: Box

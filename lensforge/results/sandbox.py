@@ -53,12 +53,9 @@ class Child:
 
     def __init__(self, script: Path, folder: Path, limits: ChildLimits) -> None:
         self._folder, self._limits, self._closed = Path(folder).resolve(), limits, False
-        numbers = (limits.memory_mib, limits.seconds, os.getpid())
-        # -P: neither the folder of the script nor the current one is searched for modules.
-        command = [sys.executable, "-P", str(_WORKER), str(_PACKAGES), str(script), str(self._folder)]
         own = {name: str(self._folder) for name in ("TMPDIR", "TEMP", "TMP")}  # goes when the folder goes
         self._process = subprocess.Popen(
-            [*command, *map(str, numbers)],
+            worker_command(script, self._folder, limits.memory_mib, limits.seconds),
             cwd=self._folder,
             env={**os.environ, **_THREADS, **own},
             stdin=subprocess.DEVNULL,
@@ -103,6 +100,12 @@ class Child:
         except OSError:
             return "stopped its reader"
         return " ".join(words.split())[:_MOST_WORDS]
+
+
+def worker_command(*work: object) -> list[str]:
+    """The command of a child process that does ``work``, the arguments of a script, or answers calls."""
+    # -P: neither the folder of the script nor the current one is searched for modules.
+    return [sys.executable, "-P", *map(str, (_WORKER, _PACKAGES, *work, os.getpid()))]
 
 
 def work_in_child(script: Path, folder: Path, limits: ChildLimits, *, origin: str, remedy: str) -> None:

@@ -10,20 +10,14 @@ and that has not begun there: waiting for its turn would leave this core idle.
 import os
 import pickle
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
-from pathlib import Path
 from typing import IO, Any, Generic, TypeVar, TypeVarTuple, cast
 
 from lensforge.errors import InputError
-from lensforge.results import calls
 from lensforge.results.files import temporary_folder
-from lensforge.results.sandbox import kill_group
-
-_SCRIPT = Path(calls.__file__).resolve()
-_PACKAGES = _SCRIPT.parents[2]
+from lensforge.results.sandbox import kill_group, worker_command
 
 _Given = TypeVarTuple("_Given")
 _Result = TypeVar("_Result")
@@ -97,9 +91,9 @@ class SecondProcess:
         process = self._process
         assert process is not None and process.stdin is not None and process.stdout is not None
         try:
-            message = calls.packed(call)
-            calls.send(message, process.stdin)
-            done, result = pickle.loads(calls.receive(process.stdout))
+            process.stdin.write(pickle.dumps(call, protocol=pickle.HIGHEST_PROTOCOL))
+            process.stdin.flush()
+            done, result = pickle.load(process.stdout)
         except Exception:  # it has ended, or what travels cannot: nothing is lost but the time
             kill_group(process)  # half a message may be left in a pipe
             return False, None
@@ -131,7 +125,7 @@ def _started(stack: ExitStack) -> "subprocess.Popen[bytes] | None":
     try:
         folder = stack.enter_context(temporary_folder("second process"))
         process = subprocess.Popen(
-            [sys.executable, "-P", str(_SCRIPT), str(_PACKAGES), str(os.getpid())],
+            worker_command(),
             env={**os.environ, **{name: str(folder) for name in ("TMPDIR", "TEMP", "TMP")}},
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,

@@ -1,4 +1,4 @@
-"""The result of a stage: a record with a name, a version, the hashes of its inputs, and its files.
+"""The result of a stage: a record with a name, a version, the hashes of its inputs, its conditions, and its files.
 
 Arrays are stored in the stage's npz file, fields in its JSON file under a checksum. Every error of reading is one line
 with its remedy.
@@ -8,23 +8,33 @@ import hashlib
 import io
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Self, TypeVar
 
 import numpy as np
 from pydantic import Field, ValidationError
 
 from lensforge.errors import InputError, OutdatedResult
-from lensforge.results.array_fields import Array
-from lensforge.results.conditions import Conditions
 from lensforge.results.files import MIB, read_file, read_json, replacing
 from lensforge.results.json_npz import arrays_in
 from lensforge.results.notebook_html import PLOT_KINDS, plot_file, plot_html
-from lensforge.results.record import Record, Scalar, arrays_of, excluded_arrays, marker, names_in, with_arrays
-from lensforge.results.record_fields import Sha256, Text
+from lensforge.results.record import (
+    Array,
+    Count,
+    Number,
+    Positive,
+    Record,
+    Scalar,
+    Sha256,
+    Text,
+    arrays_of,
+    excluded_arrays,
+    marker,
+    put_arrays,
+)
 from lensforge.results.validation import input_error, its_type
 from lensforge.version import __version__
 
@@ -33,16 +43,17 @@ CHECKSUM = "content_sha256"  # the key of the hash of all other entries
 _MOST_ARRAY_BYTES = 512 * MIB
 
 _Record = TypeVar("_Record", bound=Record)
+_Value = TypeVar("_Value")
 
 
-def with_checksum(content: Mapping[str, Any]) -> dict[str, Any]:
+def with_checksum(content: Mapping[str, Any]) -> dict[str, object]:
     """``content`` of a JSON file with the hash of all its entries, which :func:`require_checksum` compares."""
     plain = {key: value for key, value in content.items() if key != CHECKSUM}
     head = {"schema": plain.pop("schema")} if "schema" in plain else {}
     return {**head, CHECKSUM: _checksum({**head, **plain}), **plain}
 
 
-def require_checksum(content: Mapping[str, Any], path: Path, remedy: str) -> dict[str, Any]:
+def require_checksum(content: Mapping[str, _Value], path: Path, remedy: str) -> dict[str, _Value]:
     """``content`` of ``path`` without the hash of its entries. Raises :class:`InputError` where that is of others."""
     plain = {key: value for key, value in content.items() if key != CHECKSUM}
     if content.get(CHECKSUM) != _checksum(plain):
@@ -55,15 +66,19 @@ def _checksum(content: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
-def read_object(path: Path, schema: str, remedy: str, first: str = "") -> dict[str, Any]:
-    """The object in a JSON file that states ``schema``, without that entry; ``first``: the remedy for a missing file.
+def read_object(path: Path, schema: str, remedy: str, first: str = "") -> dict[str, object]:
+    """The object in a JSON file that states ``schema`` and the right checksum, without these two entries.
 
-    Raises :class:`OutdatedResult` for another version of the schema, :class:`InputError` for any other file.
+    ``first``: the remedy for a missing file. Raises :class:`OutdatedResult` for another version of the schema,
+    :class:`InputError` for any other file.
     """
-    return without_schema(read_json(path, first or remedy), schema, path, remedy)
+    content = without_schema(read_json(path, first or remedy), schema, path, remedy)
+    plain = require_checksum({"schema": schema, **content}, path, remedy)
+    del plain["schema"]
+    return plain
 
 
-def without_schema(content: object, schema: str, path: Path, remedy: str) -> dict[str, Any]:
+def without_schema(content: object, schema: str, path: Path, remedy: str) -> dict[str, object]:
     """``content`` of a file without its entry "schema", which must be ``schema``; errors as in :func:`read_object`."""
     if not isinstance(content, dict):
         raise InputError(f"{path}: holds {its_type(content)}, must be an object; {remedy}")
@@ -89,20 +104,13 @@ def validated(kind: type[_Record], content: Mapping[str, object], path: Path, re
         raise input_error(error, str(path), remedy=remedy, unions=kind.unions) from None
 
 
-def read_bytes(path: Path, required: bool, most_bytes: int, remedy: str) -> bytes | None:
-    """Content of a file; None where it is missing and not ``required``. Raises :class:`InputError`."""
-    if not required and not path.is_symlink() and not path.exists():
-        return None
-    return read_file(path, missing=remedy, most_bytes=most_bytes)
-
-
-def read_arrays(path: Path, names: Sequence[str], sha256: object, remedy: str) -> dict[str, np.ndarray]:
-    """The arrays ``names`` of an npz file whose hash is ``sha256``; missing arrays are left to the validation."""
+def read_arrays(path: Path, sha256: object, remedy: str) -> dict[str, np.ndarray]:
+    """The arrays of an npz file whose hash is ``sha256``; missing arrays are left to the validation."""
     content = read_file(path, missing=remedy, most_bytes=_MOST_ARRAY_BYTES)
     if hashlib.sha256(content).hexdigest() != sha256:
         raise InputError(f"{path}: not the arrays that {path.stem}.json describes; {remedy}")
     try:
-        return arrays_in(content, names, _MOST_ARRAY_BYTES)
+        return arrays_in(content, None, _MOST_ARRAY_BYTES)
     except ValueError as error:
         raise InputError(f"{path}: damaged ({error}); {remedy}") from None
 
@@ -159,7 +167,7 @@ class StageResult(Record):
             name for name, info in fields if any(marker(info, mark) is not None for mark in (Given, Array, InFile))
         )
 
-    def plain(self) -> dict[str, Any]:
+    def plain(self) -> dict[str, object]:
         """Numbers and texts as the JSON file holds them: without arrays, files and parts of other stages' results."""
         elsewhere = dict.fromkeys(self.stored_elsewhere(), True) | excluded_arrays(type(self))
         return self.model_dump(mode="json", exclude=elsewhere)
@@ -266,30 +274,104 @@ class StageResult(Record):
         folder, name = Path(folder), stem or cls.stage
         path = folder / f"{name}.json"
         first = f"run `lensforge {cls.command or cls.stage}` first"
-        whole = read_object(path, cls.schema_name(), cls.again(), first)
-        content = {key: value for key, value in whole.items() if key != CHECKSUM}
-        for field in cls.stored_elsewhere():
-            if field in content:
-                raise InputError(f"{path}: {field}: does not belong in the JSON file; {cls.again()}")
-        content |= given
-        fields = type_fields(cls)
+        content = read_object(path, cls.schema_name(), cls.again(), first) | given
         if excluded_arrays(cls):
-            sha256, names = content.pop(_ARRAYS, None), names_in(cls, content)
-            arrays = read_arrays(folder / f"{name}.npz", names, sha256, cls.again())
+            arrays = read_arrays(folder / f"{name}.npz", content.pop(_ARRAYS, None), cls.again())
             try:
-                content = with_arrays(cls, content, arrays)
+                put_arrays(content, arrays)
             except ValueError as error:
                 raise InputError(f"{path}: {error}; {cls.again()}") from None
-        for field, info in fields.items():
+        for field, info in type_fields(cls).items():
             if (own := marker(info, InFile)) is not None:
                 file = folder / own.beside(cls.stage, name)
-                content[field] = read_bytes(file, info.is_required(), own.most_bytes, cls.again())
+                there = info.is_required() or file.is_symlink() or file.exists()
+                content[field] = read_file(file, missing=cls.again(), most_bytes=own.most_bytes) if there else None
         result = validated(cls, content, path, cls.again())
         missing = next((f"inputs.{name}" for name in cls.made_from if name not in result.inputs), "")
         if missing:
             raise InputError(f"{path}: {missing}: missing; {cls.again()}")
-        require_checksum({"schema": cls.schema_name(), **whole}, path, cls.again())
         return result
+
+
+_ALLOWED = r"^\w[\w.-]{0,119}$"  # part of a file's name, on every system
+_LONGEST_SOURCE = 80  # characters of a source in a name: the rest of the name must fit, too
+
+Name = Annotated[str, Field(strict=True, pattern=_ALLOWED)]
+
+
+class Conditions(Record):
+    """Conditions that differ from the lens's own; None for each that does not.
+
+    ``name``: ends the name of the record's files. ``source``: title of the other source, ``source_sha256``: hash of its
+    fields and files, ``warnings``: on that source, or on the temperature. ``pixels``: across the receiver. ``lumens``:
+    flux of the source. ``temperature_c``: of the lens and the air around it (Celsius). ``tolerances``: name of a preset
+    or of a file, ``tolerances_sha256``: hash of their fields.
+    """
+
+    name: Name
+    source: Text | None = None
+    source_sha256: Sha256 | None = None
+    warnings: tuple[Text, ...] = ()
+    accuracy: Text | None = None
+    rays: Count | None = None
+    pixels: Count | None = None
+    seed: Count | None = None
+    lumens: Positive | None = None
+    temperature_c: Number | None = None
+    tolerances: Text | None = None
+    tolerances_sha256: Sha256 | None = None
+
+    @classmethod
+    def of(cls, source_name: str = "", **differing: Any) -> "Conditions | None":
+        """Conditions by those ``differing`` from the lens's own, None or left out where not; None where none does.
+
+        ``source_name``: of the other source, in the name.
+        """
+        found = {key: value for key, value in differing.items() if value is not None}
+        if not found:
+            return None
+        unnamed = cls(name="other", **found)
+        source = [_in_a_name(source_name)] if unnamed.source is not None else []
+        return unnamed.renamed("_".join([*source, *(text for _, text in unnamed._short())]))
+
+    def renamed(self, name: str) -> "Conditions":
+        """The same with another name. Raises :class:`InputError` for one that cannot be part of a file's name."""
+        if not re.fullmatch(_ALLOWED, name):
+            raise InputError(
+                f"name = {name!r}: must be letters, digits, '_', '-' and '.', at most 120, and begin with none of '-.'"
+            )
+        return self.model_copy(update={"name": name})
+
+    def same_as(self, other: "Conditions") -> bool:
+        """True where ``other`` are the same conditions, whatever their name and warnings."""
+        plain = {"name": "other", "warnings": ()}
+        return self.model_copy(update=plain) == other.model_copy(update=plain)
+
+    def __str__(self) -> str:
+        words = [] if self.source is None else [self.source]
+        return ", ".join([*words, *(text for text, _ in self._short())])
+
+    def _short(self) -> Iterator[tuple[str, str]]:
+        """Each condition but the source: in words, and as part of a name."""
+        if self.accuracy is not None:
+            yield f"accuracy {self.accuracy}", self.accuracy
+        if self.rays is not None:
+            yield f"{self.rays} rays", f"{self.rays}rays"
+        if self.pixels is not None:
+            yield f"{self.pixels} x {self.pixels} pixels", f"{self.pixels}px"
+        if self.seed is not None:
+            yield f"seed {self.seed}", f"seed{self.seed}"
+        if self.lumens is not None:
+            yield f"{self.lumens:g} lm", f"{self.lumens:g}lm".replace("+", "")
+        if self.temperature_c is not None:
+            yield f"{self.temperature_c:g} °C", f"{self.temperature_c:g}C".replace("-", "minus")
+        if self.tolerances is not None:
+            yield f"tolerances {self.tolerances}", _in_a_name(self.tolerances)
+
+
+def _in_a_name(source: str) -> str:
+    """``source`` without the characters that a file's name must not have."""
+    return re.sub(r"[^\w.-]+", "-", source).strip("-.")[:_LONGEST_SOURCE].rstrip("-._") or "source"
 
 
 class SimulatedResult(StageResult):

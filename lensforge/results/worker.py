@@ -1,15 +1,20 @@
-"""First code of a child process: it limits itself, then runs a script with a folder as its argument.
+"""First code of a child process: it limits itself and runs a script, or answers the calls of its parent.
 
-Arguments: folder that holds the package, script, folder, MiB of memory, seconds, number of the parent process. It
-imports from the standard library alone, since nothing else may be loaded before the limits hold.
+Arguments: folder that holds the package, script, folder, MiB of memory, seconds, number of the parent process; or
+only the folder that holds the package and the number of the parent process, for calls. It imports from the standard
+library alone, since nothing else may be loaded before the limits hold.
 """
 
 import ctypes
 import gc
 import os
+import pickle
 import runpy
 import signal
 import sys
+from contextlib import suppress
+from pathlib import Path
+from typing import IO
 
 _MIB = 2**20
 # Libraries that are mapped, not allocated, count for the address space only: the CAD kernel and VTK have 1 GiB.
@@ -20,8 +25,8 @@ _NEW_OBJECTS = 20_000
 _DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG of prctl(2)
 
 
-def limit_itself(memory_mib: int, seconds: float, parent: int) -> None:
-    """Limit memory, computing time, files and core dumps where the system can, and end with the parent on Linux.
+def limit_itself(memory_mib: int, seconds: float) -> None:
+    """Limit memory, computing time, files and core dumps where the system can.
 
     Where the system cannot (Windows; macOS for memory) the parent's limit of time is left, and the bounds of readers.
     """
@@ -39,16 +44,21 @@ def limit_itself(memory_mib: int, seconds: float, parent: int) -> None:
         hard = resource.getrlimit(kind)[1]
         allowed = most if hard == resource.RLIM_INFINITY else min(most, hard)
         kept = hard if kind == resource.RLIMIT_CPU else allowed  # at the hard limit it would be killed without a reason
-        try:
+        with suppress(OSError, ValueError):  # a limit that this system does not have
             resource.setrlimit(kind, (allowed, kept))
-        except (OSError, ValueError):  # a limit that this system does not have
-            continue
-    end_with_parent(parent)
 
 
 def collect_garbage_seldom() -> None:
     """Have Python search for garbage after so many new objects that loading libraries hardly waits for it."""
     gc.set_threshold(_NEW_OBJECTS, 20, 20)
+
+
+def return_freed_memory() -> None:
+    """Return memory to the system: allocators keep it, after a search of minutes half of what its process holds."""
+    gc.collect()  # arrays in cycles, which wait for their turn
+    if sys.platform == "linux":
+        with suppress(AttributeError, OSError):  # other C libraries than glibc have no such function
+            ctypes.CDLL(None).malloc_trim(0)
 
 
 def end_with_parent(parent: int) -> None:
@@ -59,10 +69,46 @@ def end_with_parent(parent: int) -> None:
             os._exit(1)
 
 
+def answer_calls(calls: IO[bytes], answers: IO[bytes]) -> None:
+    """Answer every call until there are no more: True and what the function returns, or False where it raises."""
+    while True:
+        try:
+            function, arguments = pickle.load(calls)
+        except EOFError:
+            return
+        try:
+            answer = True, function(*arguments)
+        except Exception:  # the parent calls the function itself, and raises what it raises there
+            answer = False, None
+        pickle.dump(answer, answers, protocol=pickle.HIGHEST_PROTOCOL)
+        answers.flush()
+        del function, arguments, answer  # tens of MB
+        return_freed_memory()
+
+
+def _serve_calls(package: str) -> None:
+    """Answer calls by pipes of its own: what libraries print goes nowhere."""
+    import lensforge
+
+    if Path(lensforge.__file__).resolve().parents[1] != Path(package):
+        os._exit(1)  # another version is installed: its parent would get other bits
+    pipes = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    nothing = os.open(os.devnull, os.O_RDWR)
+    for number in (0, 1):
+        os.dup2(nothing, number)
+    answer_calls(*pipes)
+    os._exit(0)  # nothing to be saved; the CAD kernel would take a second to end
+
+
 if __name__ == "__main__":
-    package, script, folder, memory_mib, seconds, parent = sys.argv[1:]
-    limit_itself(int(memory_mib), float(seconds), int(parent))
+    package, *work, parent = sys.argv[1:]
+    if work:
+        limit_itself(int(work[2]), float(work[3]))
+    end_with_parent(int(parent))
     collect_garbage_seldom()
     sys.path.append(package)  # last: where the package is installed, this folder is in the path already
-    sys.argv = [script, folder]
-    runpy.run_path(script, run_name="__main__")
+    if work:
+        sys.argv = work[:2]
+        runpy.run_path(work[0], run_name="__main__")
+    else:
+        _serve_calls(package)

@@ -20,9 +20,9 @@ from scipy.ndimage import gaussian_filter, map_coordinates, zoom
 
 from lensforge.errors import InputError, remedy
 from lensforge.optics.image_reading import MOST_BYTES, read_light
-from lensforge.results.array_fields import LARGEST
 from lensforge.results.files import MIB, read_file
 from lensforge.results.json_npz import arrays_in
+from lensforge.results.record import LARGEST
 from lensforge.results.validation import unquoted
 from lensforge.scene import target_shapes
 from lensforge.scene.pixel_grid import PixelGrid

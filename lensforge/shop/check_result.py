@@ -233,8 +233,6 @@ class Finding(Judged):
     where there is none, as for a face that any ball reaches.
     """
 
-    outcome: ClassVar[str] = "holds"
-
     name: Literal["cutter", "relief", "tilt", "wall", "draft", "tool"]
     surface: Literal["inner", "outer", "body"]
     reason: Text
@@ -269,7 +267,7 @@ class Check(StageResult):
     criteria: tuple[Criterion, ...]
     verdicts: tuple[Finding, ...]
     seconds: NotNegative
-    chart_axis: Annotated[Float[np.ndarray, " c"], Array("c", centred=True)]
+    chart_axis: Annotated[Float[np.ndarray, " c"], Array("c")]
     inner_xyz: FacePoints
     inner_sag_mm: FaceMap
     inner_kappa_min: FaceMap

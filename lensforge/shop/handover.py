@@ -8,8 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, field_serializer
 
 from lensforge.results import Count, Fact, Group, NotNegative, Positive, Record, Sha256, Text
-from lensforge.results.files import replacing
-from lensforge.results.ownership import require_own
+from lensforge.results.files import replacing, require_own
 from lensforge.shop.check_result import FaceName, Finding
 
 HTML_FILE, PDF_FILE, POINTS_FILE, SAG_FILE = "manufacturing.html", "manufacturing.pdf", "points.csv", "sag.csv"

@@ -11,7 +11,7 @@ from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from lensforge.results.ownership import pdf_mark
+from lensforge.results.files import pdf_mark
 from lensforge.shop.sheet import LETTERS, Marks, Sheet, Words, wrapped
 from lensforge.shop.sheet_marks import PITCH, row, row_height
 from lensforge.shop.sheet_writers import sheet_figure

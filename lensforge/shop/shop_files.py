@@ -10,7 +10,6 @@ from markupsafe import Markup
 from lensforge.cad.part import Part
 from lensforge.results import Group
 from lensforge.results.figure_style import to_svg
-from lensforge.results.surface_figures import curvature_map, sag_map
 from lensforge.scene.lens import Lens
 from lensforge.shop.check_facts import finding_groups
 from lensforge.shop.check_result import Check
@@ -24,6 +23,7 @@ from lensforge.shop.point_files import origin_lines, points_table, ring_angles, 
 from lensforge.shop.sheet import Sheet, shown
 from lensforge.shop.sheet_pdf import Pictures, Table, pdf_of
 from lensforge.shop.sheet_writers import sheet_dxf, sheet_figure
+from lensforge.shop.surface_figures import curvature_map, sag_map
 from lensforge.shop.tolerance_table import ToleranceTable, tolerance_table
 from lensforge.spec import DrawingSection
 

@@ -15,7 +15,6 @@ from typing import Any
 
 from lensforge.errors import InputError
 from lensforge.results.files import MIB, read_file, require_regular_file
-from lensforge.results.json_npz import require_flat
 from lensforge.spec.spec_section import Section
 
 _MOST_BYTES = 32 * MIB  # 400,000 rays as a text, parsed in 5 seconds; more belong into a ray file
@@ -47,7 +46,6 @@ def read_toml(path: Path, missing: str) -> dict[str, Any]:
         text = _decoded(content)
         _require_quickly_read(text)
         found = tomllib.loads(text)
-        require_flat(found)
     except RecursionError:
         raise InputError(f"{path}: not readable as TOML (nested too deep)") from None
     except ValueError as error:

@@ -30,7 +30,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, ErrorDetails, core_schema
 
 from lensforge.errors import InputError, WrongFields
-from lensforge.results.array_fields import read_only, real_numbers
+from lensforge.results.record import read_only, real_numbers
 from lensforge.results.validation import given_words, same, shortened
 from lensforge.spec.spec_fields import all_sections, help_of, kind_of, sections_in, signature_of, unit_of, words_of
 

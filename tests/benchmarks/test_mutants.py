@@ -27,13 +27,6 @@ def test_any_number_of_the_first_ones_has_of_each_module_its_share(count):
         assert abs(first[module] - count * size / 110) < 2
 
 
-def test_the_draw_is_of_all_mutants_and_another_for_another_seed():
-    every = [mutants("a.py", 20), mutants("b.py", 30)]
-    one, two = drawn(every, seed=0), drawn(every, seed=1)
-    assert sorted(one, key=str) == sorted(two, key=str) == sorted(every[0] + every[1], key=str)
-    assert one != two and one == drawn(every, seed=0)
-
-
 def test_annotations_decorators_and_words_are_left_out_and_nothing_else():
     source = (
         "@cache(8)\ndef f(x: int | None = 2) -> float | None:\n    n: int | str = 3\n    return f'{x + 1}', x + 4\n"
@@ -93,13 +86,3 @@ def test_each_reason_why_a_change_is_no_bug_is_for_a_line_that_is_there():
         module, _, rest = key.partition(": ")
         source = (ROOT / "lensforge" / module).read_text(encoding="utf-8")
         assert module in modules() and rest.rpartition(" @")[0] in [line.strip() for line in source.split("\n")], key
-
-
-def test_whether_zip_is_strict_is_left_out():
-    source = "for one, other in zip(first, second[3:], strict=True):\n    f(strict=True)\n"
-    places = left_out(source)
-    assert [within((line + 1, text.index("True")), places) for line, text in enumerate(source.split("\n")[:2])] == [
-        True,
-        False,
-    ]
-    assert not within((1, source.index("3")), places)

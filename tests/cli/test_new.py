@@ -7,12 +7,10 @@ from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
 
-import click
 import pytest
 from click.testing import CliRunner, Result
 
 from lensforge.cli.cli import cli, main
-from lensforge.cli.new import new
 from lensforge.errors import InputError
 from lensforge.spec import load_spec, parse_spec
 from lensforge.spec.derived_values import WHY
@@ -72,22 +70,10 @@ def test_a_new_spec_has_the_limits_of_the_shop(
     assert {name: getattr(spec.manufacture, name) for name in manufacture} == manufacture
 
 
-def test_a_cutter_that_is_none_is_refused() -> None:
-    code, output, errors = lensforge("new", *LAMP, "--cutter", "-1")
-    assert (code, output) == (2, "") and "--cutter -1: must be the radius of the shop's ball cutter" in errors
-
-
 def test_the_size_of_a_new_spec_can_be_changed_by_hand() -> None:
     _, output, _ = lensforge("new", *LAMP)
     smaller = parse_spec(tomllib.loads(output.replace("max_radius_mm = 14.0", "max_radius_mm = 8.0")), "lamp")
     assert smaller.lens.start_mm == (3.44, 7.84), "the hemispheres follow"
-
-
-def test_shapes_are_completed() -> None:
-    options = {option.name: option for option in new.params}
-    context = click.Context(new)
-    assert [each.value for each in options["target"].shell_complete(context, "r")] == ["rectangle:", "ring:"]
-    assert [each.type for each in options["source"].shell_complete(context, "led")] == ["file"]
 
 
 def test_a_file_that_is_there_stays(tmp_path: Path) -> None:
@@ -125,7 +111,7 @@ def test_a_ray_file_and_a_photometric_file_are_named_from_the_folder_of_the_spec
 
 def answered(answers: str, *arguments: str) -> Result:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("lensforge.cli.new._at_terminal", lambda: True)
+        patch.setattr("lensforge.cli.specs._at_terminal", lambda: True)
         return CliRunner().invoke(cli, ["new", *arguments], input=answers)
 
 

@@ -1,12 +1,9 @@
 """STL, 3MF and STEP files from outside: bounded before any work, and read in a child process that may crash."""
 
-import io
-import os
 import random
 import re
 import sys
 import time
-import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +13,9 @@ from nightly import NIGHTLY, first_by_day
 
 import lensforge as lf
 from lensforge.cad.custom_base import read_custom_base
-from lensforge.cad.mesh_files import parse_3mf, parse_stl
+from lensforge.cad.mesh_files import parse_stl
 from lensforge.cad.step import parse_step
 from lensforge.errors import InputError
-from lensforge.proof.facet_casting import Grid
 from lensforge.proof.part_mesh import read_part_mesh
 from lensforge.results import file_bounds as stl_bounds
 from lensforge.results.sandbox import Child, ChildLimits, Ending
@@ -64,13 +60,6 @@ def test_a_child_that_takes_too_long_ends_with_all_that_it_started(tmp_path: Pat
     assert not is_running(grandchild)
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="other systems may not limit processor time")
-def test_processor_time_is_limited_and_a_busy_machine_does_not_count(tmp_path: Path) -> None:
-    busy = child_of(tmp_path, "while True:\n    pass", ChildLimits(400, 2.0))
-    assert busy == (Ending.TIME, "took more than 2 s of processor time")
-    assert child_of(tmp_path, "import time\ntime.sleep(2.5)", ChildLimits(400, 2.0)) == (Ending.DONE, "")
-
-
 def is_running(process: int) -> bool:
     try:
         state = Path(f"/proc/{process}/stat").read_text(encoding="utf-8")
@@ -82,15 +71,6 @@ def is_running(process: int) -> bool:
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems do not limit memory")
 def test_a_child_that_needs_too_much_memory_says_so(tmp_path: Path) -> None:
     assert child_of(tmp_path, "bytes(2**30)") == (Ending.MEMORY, "needs more than 400 MiB of memory")
-
-
-def test_a_child_works_in_its_folder_and_searches_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "json.py").write_text("raise SystemExit(9)", encoding="utf-8")
-    (tmp_path / "work").mkdir()
-    (tmp_path / "work" / "csv.py").write_text("raise SystemExit(9)", encoding="utf-8")
-    monkeypatch.chdir(tmp_path)
-    body = "import csv, json, os, sys\nassert os.getcwd() == str(folder)\nassert '' not in sys.path"
-    assert child_of(tmp_path, body) == (Ending.DONE, "")
 
 
 def binary(triangles: np.ndarray) -> bytes:
@@ -132,11 +112,6 @@ def test_a_hostile_stl_is_refused_before_any_work(content: bytes, words: str) ->
         assert "\n" not in str(caught.value)
 
 
-def test_too_many_triangles_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(InputError, match="320 triangles, at most 300 are read"):
-        stl_bounds.stl_corners(binary(ball(2)), "lens.stl", "export again", 300)
-
-
 def test_text_and_binary_stl_hold_the_same_triangles() -> None:
     mesh = trimesh.creation.icosphere(2, 5.0)
     text = mesh.export(file_type="stl_ascii").encode()
@@ -151,49 +126,6 @@ def test_normals_that_a_file_states_are_not_believed() -> None:
     records["normal"][:] = (0.0, 0.0, 1.0)
     mesh = read_part_mesh(bytes(content)).mesh
     assert np.sum(mesh.face_normals * mesh.triangles_center, axis=1).min() > 4.5
-
-
-def test_triangles_that_all_span_the_part_are_refused() -> None:
-    corners = np.random.default_rng(1).uniform(-10.0, 10.0, (20_000, 3, 3))
-    with pytest.raises(InputError, match=r"STL: each of its triangles lies among \d+ others"):
-        Grid(read_part_mesh(binary(corners)).mesh)
-
-
-def test_flat_and_slender_meshes_have_no_more_cells_than_others() -> None:
-    for scale in ((2000.0, 2000.0, 1e-9), (2000.0, 1e-9, 1e-9), (2000.0, 2000.0, 0.0)):
-        corners = ball(3) * np.array(scale)
-        corners[3:] = corners[3:] * 1e-3  # so that the usual edge is short
-        grid = Grid(read_part_mesh(binary(corners)).mesh)
-        assert grid.shape.prod() < 1e7
-    corners = np.concatenate([np.zeros((500, 3, 3)), 1e3 * np.eye(3)[None]])
-    corners[..., 2] = 0.0
-    corners[-1, 2] = 0.0  # flat, and most have no area
-    assert Grid(read_part_mesh(binary(corners)).mesh).shape.prod() < 1e7
-
-
-def test_triangles_without_an_area_are_refused() -> None:
-    for corners in (np.ones((5000, 3, 3)), np.linspace(0.0, 1.0, 4500).reshape(-1, 3, 1) * np.ones(3)):
-        with pytest.raises(InputError, match="none of its triangles has an area"):
-            read_part_mesh(binary(corners))
-
-
-def archive(members: dict[str, bytes]) -> bytes:
-    content = io.BytesIO()
-    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as packed:
-        for name, member in members.items():
-            packed.writestr(name, member)
-    return content.getvalue()
-
-
-def test_a_3mf_that_unpacks_to_too_much_is_refused() -> None:
-    bomb = archive({"3D/3dmodel.model": bytes(2**20)})
-    assert len(bomb) < 2000
-    at = bomb.index(b"PK\x01\x02") + 24  # the size when unpacked, in the directory
-    bomb = bomb[:at] + (2**31).to_bytes(4, "little") + bomb[at + 4 :]
-    with pytest.raises(InputError, match="2048 MiB when unpacked, at most 512 MiB"):
-        parse_3mf(bomb)
-    with pytest.raises(InputError, match="more than 64 members"):
-        parse_3mf(archive({f"{k}.xml": b"" for k in range(65)}))
 
 
 def clamp() -> bytes:
@@ -230,18 +162,6 @@ def test_shuffled_references_are_one_line(tmp_path: Path, seed: int) -> None:
         with pytest.raises(InputError, match=r"^\S*(lens|clamp)\.step: ") as caught:
             read()
         assert "\n" not in str(caught.value)
-
-
-def test_a_step_file_of_too_many_entities_is_refused() -> None:
-    with pytest.raises(InputError, match="1000001 entities, at most 1000000 are read"):
-        parse_step(b"ISO-10303-21;" + b"#1=X;" * 1_000_000)
-
-
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes in folders here")
-def test_a_pipe_in_place_of_a_base_is_refused(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "clamp.step")
-    with pytest.raises(InputError, match="a pipe, must be a file"):
-        read_custom_base(tmp_path / "clamp.step")
 
 
 def test_verification_judges_the_light_of_an_altered_file_and_names_it(small_run: lf.Run) -> None:

@@ -51,24 +51,6 @@ def test_an_interrupt_that_a_destructor_swallows_is_raised_again() -> None:
     assert (done.stdout, done.stderr, done.returncode) == ("interrupted 130\n", "", 0)
 
 
-def test_an_interrupt_that_compiled_code_prints_is_silent_and_raised_again() -> None:
-    """Cython does so where a function cannot raise, as in SciPy's first Sobol sequence."""
-    done = script("""
-        try:
-            with interrupts.raised():
-                try:
-                    send()
-                    time.sleep(0.01)
-                except KeyboardInterrupt:
-                    sys.excepthook(*sys.exc_info())
-                time.sleep(30.0)
-        except KeyboardInterrupt:
-            print("interrupted")
-        sys.excepthook(ValueError, ValueError("another"), None)
-    """)
-    assert (done.stdout, done.stderr) == ("interrupted\n", "ValueError: another\n")
-
-
 def test_an_import_is_not_interrupted_half_way(tmp_path: Path) -> None:
     (tmp_path / "slow.py").write_text("import time\nimport __main__\n__main__.send()\ntime.sleep(0.25)\ndone = True\n")
     done = script(
@@ -132,19 +114,6 @@ def test_an_interrupt_before_the_command_is_kept_until_it_begins() -> None:
     """)
     expected = "143 terminated; the same command with --resume continues from the last checkpoint\n"
     assert (done.stdout, done.stderr) == (expected, "")
-
-
-def test_an_interrupt_before_the_first_step_says_that_there_is_nothing_to_resume() -> None:
-    done = script("""
-        interrupts.resumable = lambda: False
-        try:
-            with interrupts.raised():
-                send()
-                time.sleep(30.0)
-        except KeyboardInterrupt:
-            print(interrupts.words)
-    """)
-    assert done.stdout == "interrupted; there is nothing to resume yet: run the same command again\n"
 
 
 def test_nohup_and_the_library_leave_signals_alone() -> None:

@@ -16,7 +16,7 @@ from nightly import first_by_day
 
 import lensforge as lf
 from lensforge.cli.cli import cli
-from lensforge.runs.pipeline import write_report
+from lensforge.report.pipeline import write_report
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 

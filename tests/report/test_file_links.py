@@ -9,8 +9,8 @@ from undrawn import undrawn
 
 from lensforge.errors import InputError
 from lensforge.report.exported_part import exported_files, folder_files
-from lensforge.runs.folder import RunFolder
-from lensforge.runs.stored import load_results
+from lensforge.report.folder import RunFolder
+from lensforge.report.stored import load_results
 
 
 def links(markup):

@@ -16,8 +16,8 @@ from result_folders import (
 )
 
 from lensforge.report.headline import asked_facts, headline
+from lensforge.report.stored import load_results
 from lensforge.results import Metric
-from lensforge.runs.stored import load_results
 
 
 @pytest.fixture(scope="module")

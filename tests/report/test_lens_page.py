@@ -16,7 +16,7 @@ from result_folders import (
 )
 
 from lensforge.report.record_tables import rows
-from lensforge.runs.stored import load_results
+from lensforge.report.stored import load_results
 from lensforge.spec.source_sections import RayfileSource
 
 

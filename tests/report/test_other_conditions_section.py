@@ -17,8 +17,8 @@ from result_folders import (
 from lensforge.report.compare import ComparedPictures, number_lines
 from lensforge.report.light_section import other_lights, other_pictures, other_results
 from lensforge.report.results import Results
+from lensforge.report.stored import load_results
 from lensforge.results import Conditions, Metric
-from lensforge.runs.stored import load_results
 from lensforge.sources.source_summary import SourceSummary
 
 ATTACK = "<img src=x onerror=alert(1)>"

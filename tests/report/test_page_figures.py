@@ -8,9 +8,9 @@ from result_folders import check_arrays, make_design, make_light, small_lens
 
 from lensforge.light.receiver_light import Flux, MissedByCause
 from lensforge.report import lens_figures, light_figures
-from lensforge.results import surface_figures
 from lensforge.results.chart import WATTS, Chart, LightUnit
 from lensforge.results.figure_style import INK, to_svg
+from lensforge.shop import surface_figures
 from lensforge.spec import BaseSection
 
 SIDE = 200.0

@@ -11,22 +11,22 @@ from page_text import undrawn_page_of
 from shown_folders import FOLDERS, folder_of, lens_of
 from undrawn import undrawn
 
-from lensforge.cli.blocks import blocks_of, study_block, summary
-from lensforge.cli.screen import print_screen
+from lensforge.cli.conclusion import blocks_of, study_block, summary
+from lensforge.cli.output import print_screen
 from lensforge.made.tolerance_result import Yield
 from lensforge.made.yield_facts import budget_sentence, drawn_rows, pass_sentence, worst_words
 from lensforge.proof.proof_facts import tracer_groups
 from lensforge.report import exported_part, headline, light_section
 from lensforge.report.compare import render_comparison
+from lensforge.report.folder import Run
 from lensforge.report.lens_page import results_html
 from lensforge.report.record_tables import number_tables, spec_tables
 from lensforge.report.results import Results
 from lensforge.report.task import task
+from lensforge.report.tradeoff import Tradeoff, TradeoffRow
+from lensforge.report.tradeoff_study import tradeoff_page
 from lensforge.report.yield_page import render_yield
 from lensforge.results import Fact, Group, Metric
-from lensforge.runs.folder import Run
-from lensforge.runs.tradeoff_page import tradeoff_page
-from lensforge.runs.tradeoff_result import Tradeoff, TradeoffRow
 from lensforge.shop import shop_files
 from lensforge.shop.check_facts import finding_groups
 from lensforge.shop.dense_table import GridRequest

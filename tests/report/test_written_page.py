@@ -7,7 +7,7 @@ from result_folders import make_results, page_of
 
 from lensforge.errors import InputError
 from lensforge.report.page import write_page, write_pdf
-from lensforge.results.ownership import pdf_mark
+from lensforge.results.files import pdf_mark
 
 
 @browser.needed

@@ -5,7 +5,7 @@ import pytest
 from click.testing import CliRunner
 
 from lensforge.cli.cli import cli
-from lensforge.cli.whole_number import WholeNumber
+from lensforge.cli.options import WholeNumber
 
 
 def test_the_bare_command_prints_its_help() -> None:

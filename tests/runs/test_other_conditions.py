@@ -14,9 +14,9 @@ import lensforge as lf
 from lensforge.cli.cli import cli
 from lensforge.errors import SourceWarning
 from lensforge.light.lens_conditions import photometry_conditions, source_of
-from lensforge.runs import pipeline
-from lensforge.runs.folder import RunFolder
-from lensforge.runs.pipeline import write_report
+from lensforge.report import pipeline
+from lensforge.report.folder import RunFolder
+from lensforge.report.pipeline import write_report
 from lensforge.scene.lens import Lens
 from lensforge.verbs import EVALUATE
 
@@ -160,13 +160,6 @@ def test_two_sources_of_one_name_are_not_mixed_up(folder: Path, tmp_path: Path) 
     assert isinstance(lensforge("evaluate", folder, "--rays", 64, "--name", "small").exception, lf.InputError)
 
 
-@pytest.mark.parametrize("name", ["", "a/b", "../up", "-x", ".hidden", "a" * 121, "a b"])
-def test_a_name_is_part_of_a_files_name(folder: Path, name: str) -> None:
-    refused = lensforge("evaluate", folder, "--rays", 64, "--name", name).exception
-    assert isinstance(refused, lf.InputError) and "letters, digits" in str(refused)
-    assert set(folder.glob("evaluate*")) == {folder / "evaluate.json", folder / "evaluate.npz"}
-
-
 def test_the_own_conditions_by_other_words_are_the_own(folder: Path) -> None:
     light = EVALUATE.run(folder, rays=4096, pixels=16)
     assert light.conditions is None and not lf.load(folder).others
@@ -182,24 +175,6 @@ def test_a_record_under_other_conditions_never_takes_the_place_of_the_own(folder
     run = lf.load(folder)
     assert "under other conditions than the lens's own (8 x 8 pixels)" in run.outdated["evaluate"]
     assert run.verdict.light == "undecided" and not hasattr(run, "light")
-
-
-def test_an_own_record_is_none_under_other_conditions(folder: Path) -> None:
-    for suffix in ("json", "npz"):
-        shutil.copy(folder / f"evaluate.{suffix}", folder / f"evaluate_copy.{suffix}")
-    run = lf.load(folder)
-    assert not run.others and "the lens's own conditions" in run.outdated["evaluate_copy"]
-
-
-def test_light_of_an_earlier_lens_counts_no_longer(folder: Path) -> None:
-    EVALUATE.run(folder, rays=64)
-    Lens(random_surface(3, 3.0, 0.01, (9,)), random_surface(2, 6.0, 0.01, (9,)), small_spec(), 0, "draft").save(
-        folder / "lens.json"
-    )
-    run = RunFolder(folder).run
-    assert not run.others and "another lens" in run.outdated["evaluate_64rays"]
-    EVALUATE.run(folder, rays=64)
-    assert list(RunFolder(folder).run.others) == ["evaluate_64rays"]
 
 
 @pytest.mark.nightly("every study; by day the evaluation goes beside, above")

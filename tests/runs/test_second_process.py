@@ -13,7 +13,6 @@ import pytest
 from foreground import default_signals
 
 from lensforge.errors import InputError
-from lensforge.results import second_process as module
 from lensforge.results.second_process import IN_TURN, Called, SecondProcess, second_process
 from lensforge.spec.accuracy import preset_of
 
@@ -57,27 +56,6 @@ def test_a_call_after_another_gets_its_result(second: SecondProcess) -> None:
     assert IN_TURN.call_after(IN_TURN.call(abs, -3), lambda found: (found, 4), pow).result() == 81
 
 
-def test_a_call_after_one_that_was_computed_here_is_computed_here() -> None:
-    with second_process() as second:
-        second.call(time.sleep, 300.0)
-        number = second.call(os.getpid)
-        following = second.call_after(number, lambda found: (found, 1), operator.add)
-        assert (number.result(), following.result()) == (os.getpid(), os.getpid() + 1)
-
-
-def test_an_error_is_the_one_that_the_function_raises(second: SecondProcess) -> None:
-    with pytest.raises(InputError) as there:
-        second.call(preset_of, "perfect").result()
-    with pytest.raises(InputError) as here:
-        preset_of("perfect")
-    assert str(there.value) == str(here.value)
-
-
-def test_what_a_library_prints_is_no_answer(second: SecondProcess) -> None:
-    assert there(second.call(os.write, 1, b"printed")) == len(b"printed")
-    assert there(second.call(os.getpid)) != os.getpid(), "it answers still"
-
-
 def test_what_cannot_travel_is_computed_here() -> None:
     with second_process() as second:
         assert second.call(lambda: os.getpid()).result() == os.getpid()
@@ -93,16 +71,6 @@ def test_a_process_that_was_killed_costs_time_alone() -> None:
         process.kill()
         assert there(after) == os.getpid()
         del sleeps
-
-
-def test_without_room_for_a_process_all_is_computed_here(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: object, **__: object) -> None:
-        raise BlockingIOError("too many processes")
-
-    monkeypatch.setattr(module.subprocess, "Popen", refuse)
-    with second_process() as second:
-        assert second is IN_TURN and not second.runs
-        assert second.call(os.getpid).result() == os.getpid()
 
 
 # No guard around the main code: a child that imported it would print a second line.

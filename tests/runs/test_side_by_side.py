@@ -14,13 +14,11 @@ from rich.console import Console
 from scenes import small_spec
 
 import lensforge as lf
-from lensforge.cli.progress import DesignProgress
-from lensforge.cli.stage_clock import StageClock
+from lensforge.cli.progress import DesignProgress, StageClock
+from lensforge.report.folder import RunFolder
+from lensforge.report.pipeline import Listener, _process_for_later_stages, build, run_later_stages
 from lensforge.results import second_process
 from lensforge.results.arguments import threads_of_torch
-from lensforge.runs.folder import RunFolder
-from lensforge.runs.pipeline import Listener, _process_for_later_stages, run_later_stages
-from lensforge.runs.stage import build
 from lensforge.verbs import CHECK
 
 TIMES = {"seconds", "cast_seconds", "rate", "content_sha256"}  # computing times, and the checksum that covers them
@@ -67,7 +65,7 @@ def test_one_thread_and_two_make_the_same_files(
     The small run was made on one thread, with as many rings; its check is made again on all nodes.
     """
     monkeypatch.setattr("lensforge.proof.sandboxed_casts._cast_in_child", None)
-    monkeypatch.setattr("lensforge.runs.pipeline.build", partial(build, rings=RINGS))  # in either process
+    monkeypatch.setattr("lensforge.report.pipeline.build", partial(build, rings=RINGS))  # in either process
     told = in_a_copy(small_run, tmp_path / "two", threads=2)
     CHECK.run(Path(shutil.copytree(small_run.folder, tmp_path / "one")))
     assert [name for what, name in told if what == "begins"] == ["export", "evaluate", "photometry", "check", "verify"]
@@ -96,7 +94,7 @@ def test_on_one_thread_a_stage_begins_when_the_one_before_it_has_ended(
         "photometry": "photometry",
     }
     for verb, name in verbs.items():
-        monkeypatch.setattr(f"lensforge.runs.pipeline.{verb}", in_place_of(name))
+        monkeypatch.setattr(f"lensforge.report.pipeline.{verb}", in_place_of(name))
     monkeypatch.setattr(RunFolder, "write", lambda _, result: result)
     told = in_a_copy(small_run, tmp_path / "one", threads=1)
     assert done == LATER
@@ -113,22 +111,6 @@ def test_the_seconds_of_the_whole_command_stay_until_the_next_design(small_run: 
     assert lf.load(folder).seconds is None
     RunFolder(folder).renew(seconds=12.5)
     assert lf.load(folder).seconds == 12.5
-
-
-def test_each_stage_has_a_line_with_its_own_time(capsys: pytest.CaptureFixture[str]) -> None:
-    with StageClock("design") as clock:
-        shown = DesignProgress(clock, small_spec())
-        for name in ("export", "evaluate"):
-            shown.on_stage(name)
-        assert "design" in capsys.readouterr().err
-        shown.on_end("evaluate", 12.0)
-        shown.on_stage("photometry")
-        shown.on_end("export", 25.0)
-        shown.on_end("photometry", 5.0)
-        clock.total()
-    lines = [line.split() for line in capsys.readouterr().err.splitlines()]
-    words = [["evaluate", "12", "s"], ["export", "25", "s"], ["photometry", "5.0", "s"], ["in", "all", "0.0", "s"]]
-    assert lines == words, "and none twice"
 
 
 @pytest.fixture

@@ -5,9 +5,8 @@ import time
 
 import pytest
 
-from lensforge.cli import stage_clock
-from lensforge.cli.progress import PartsProgress
-from lensforge.cli.stage_clock import StageClock
+from lensforge.cli import progress as stage_clock
+from lensforge.cli.progress import PartsProgress, StageClock
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from lensforge.cad.part_export import build_part
 from lensforge.cad.patch import fit_patch
 from lensforge.cad.plan import INNER, OUTER, lay_out
 from lensforge.cad.step import parse_step
-from lensforge.runs.folder import RunFolder
+from lensforge.report.folder import RunFolder
 from lensforge.scene.lens import Lens
 from lensforge.shop.ball_clearance import check_ball_clearance
 from lensforge.shop.best_fit_sphere import VARIANTS

@@ -5,17 +5,15 @@ import shutil
 import numpy as np
 import pytest
 from PIL import Image
-from pydantic import ValidationError
 from scenes import small_spec
 
 from lensforge import build, check, design, evaluate
 from lensforge.errors import InputError
 from lensforge.report.results import Results
+from lensforge.report.stored import load_results
+from lensforge.report.sweep import Sweep, parse_variation, sweep_of, variation_of
+from lensforge.report.sweep_runs import resumable, run_sweep, sweep_figure
 from lensforge.results.criteria import require
-from lensforge.runs.stored import load_results
-from lensforge.runs.sweep import Sweep, parse_variation, sweep_of, variant_name, variation_of
-from lensforge.runs.sweep_page import sweep_figure
-from lensforge.runs.sweep_runs import resumable, run_sweep
 from lensforge.scene.lens import load_lens
 from lensforge.search.checkpoint import CHECKPOINT
 
@@ -175,21 +173,6 @@ def test_bad_variations_are_one_line(text, scaled, message, tmp_path):
     assert not designer.made
 
 
-def test_the_page_of_another_program_is_kept(tmp_path):
-    (tmp_path / "sweep.html").write_text("<title>Offer</title>", encoding="utf-8")
-    designer = Designer()
-    with pytest.raises(InputError, match=r"sweep\.html.*move it away"):
-        run_sweep(SPEC, parse_variation("constraints.max_radius_mm=7,8"), tmp_path, designer, **SETTINGS)
-    assert not designer.made, "said before the first design"
-    assert [path.name for path in tmp_path.iterdir()] == ["sweep.html"]
-
-
-def test_a_name_holds_any_value():
-    assert variant_name("pi", 10.5) == "pi-10_5"
-    assert variant_name("pi", 1e-7) == "pi-1e-07"
-    assert len(variant_name("x" * 64, -1e20)) <= 64
-
-
 @pytest.mark.nightly("a sweep of its own")
 def test_criteria_are_named_by_their_design(tmp_path):
     def whole(spec, folder, resume) -> None:
@@ -213,16 +196,6 @@ def test_a_sweep_in_memory_is_that_of_the_folders(swept):
     assert [row["nmse.value"] for row in content.rows()] == [row.nmse.value for row in content.designs]
     with pytest.raises(InputError, match="there is no result of this stage"):
         sweep_of(SPEC, variation, [(found[0][0], Results(found[0][1].lens))])
-
-
-@pytest.mark.parametrize(
-    ("field", "values", "scaled"),
-    [(7, [1, 2], ()), ("lens.sigma_c", 7, ()), ("lens.sigma_c", ["a", "b"], ()), ("lens.sigma_c", [1, 2], "lens")],
-)
-def test_what_is_no_variation_is_one_line(field, values, scaled):
-    with pytest.raises(InputError) as caught:
-        variation_of(field, values, scaled)
-    assert "\n" not in str(caught.value)
 
 
 def test_a_picture_that_changed_is_not_resumed_from(tmp_path):
@@ -251,21 +224,3 @@ def test_a_folder_that_holds_another_lens_is_not_kept(swept, tmp_path):
     variation = parse_variation("constraints.max_radius_mm=8,6.5", SCALED)
     with pytest.raises(InputError, match=r"small-6_5: not the design that sweep\.json lists"):
         run_sweep(SPEC, variation, made, Designer(), **SETTINGS, resume=True)
-
-
-def test_a_record_of_a_sweep_agrees_with_itself(swept):
-    content = swept[1]
-    fields = {name: getattr(content, name) for name in Sweep.model_fields}
-    row = content.designs[0]
-    for change in (
-        {"inputs": {}},
-        {"inputs": {**content.inputs, "more": "0" * 64}},
-        {"designs": content.designs[::-1]},
-        {"designs": (row, row)},
-        {"designs": (row.model_copy(update={"folder": "../other"}), content.designs[1])},
-    ):
-        plain = {**fields, **change}
-        plain["designs"] = [each.model_dump() for each in plain["designs"]]
-        with pytest.raises(ValidationError):
-            Sweep.model_validate(plain)
-    Sweep.model_validate({**fields, "designs": [each.model_dump() for each in content.designs]})

@@ -6,9 +6,9 @@ import pytest
 from scenes import small_spec
 
 import lensforge as lf
-from lensforge.runs import sweep_runs
-from lensforge.runs.sweep import Sweep, parse_variation
-from lensforge.runs.sweep_runs import run_sweep
+from lensforge.report import sweep_runs
+from lensforge.report.sweep import Sweep, parse_variation
+from lensforge.report.sweep_runs import run_sweep
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -34,7 +34,7 @@ def _without_times(sweep: Sweep) -> dict:
 
 
 def test_the_files_of_the_workers_make_the_same_sweep(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr("lensforge.runs.pipeline.run", _design_only)
+    monkeypatch.setattr("lensforge.report.pipeline.run", _design_only)
     here = run_sweep(
         SPEC, VALUES, tmp_path / "here", lambda spec, folder, _: _design_only(spec, folder, **SETTINGS), **SETTINGS
     )

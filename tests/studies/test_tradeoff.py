@@ -9,14 +9,13 @@ from PIL import Image
 from scenes import random_surface, small_spec
 
 import lensforge as lf
-from lensforge.cli.blocks import study_block
-from lensforge.cli.screen import print_screen
+from lensforge.cli.conclusion import study_block
+from lensforge.cli.output import print_screen
 from lensforge.errors import InputError
-from lensforge.runs import tradeoff_study
-from lensforge.runs.folder import RunFolder
-from lensforge.runs.tradeoff_page import tradeoff_figure
-from lensforge.runs.tradeoff_result import Tradeoff
-from lensforge.runs.tradeoff_study import _lens_in, run_tradeoff
+from lensforge.report import tradeoff_study
+from lensforge.report.folder import RunFolder
+from lensforge.report.tradeoff import Tradeoff
+from lensforge.report.tradeoff_study import _lens_in, run_tradeoff, tradeoff_figure
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.sources.build_source import build_source
 from lensforge.spec.accuracy import PRESETS, SearchEffort
@@ -103,13 +102,6 @@ def test_the_lens_of_another_scene_is_refused(folder):
     other = small_spec(base={"kind": "none"}, target__half_width_mm=70.0)
     with pytest.raises(InputError, match=r"another \[target\]"):
         run_tradeoff(other, folder)
-
-
-def test_the_page_of_another_program_is_kept(tmp_path):
-    (tmp_path / "tradeoff.html").write_text("<title>Offer</title>", encoding="utf-8")
-    with pytest.raises(InputError, match=r"tradeoff\.html.*move it away"):
-        run_tradeoff(SPEC, tmp_path, announce=lambda words: pytest.fail(words))
-    assert [path.name for path in tmp_path.iterdir()] == ["tradeoff.html"]
 
 
 @pytest.mark.nightly("a draft; by day a lens is there")

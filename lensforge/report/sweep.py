@@ -33,7 +33,6 @@ from lensforge.spec.spec_section import Section
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-
 MOST_VALUES = 100
 
 

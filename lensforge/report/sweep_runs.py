@@ -9,16 +9,20 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Protocol
 
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
 from lensforge.errors import InputError
-from lensforge.report.page import write_page
+from lensforge.report import pipeline
+from lensforge.report.compare import ComparedPictures
+from lensforge.report.page import picture, template, write_page
+from lensforge.report.results import Results
+from lensforge.report.stored import load_results
+from lensforge.report.sweep import Curve, Sweep, Variant, Variation, sweep_of
 from lensforge.results.cluster import connected
-from lensforge.results.files import replacing
+from lensforge.results.figure_style import BLUE, GREEN, GREY, ORANGE, WIDE, in_report_style, new_figure, to_png
+from lensforge.results.files import replacing, require_own
 from lensforge.results.folder_lock import locked
-from lensforge.results.ownership import require_own
-from lensforge.runs import pipeline
-from lensforge.runs.stored import load_results
-from lensforge.runs.sweep import Sweep, Variant, Variation, sweep_of
-from lensforge.runs.sweep_page import sweep_page, sweep_png
 from lensforge.scene.lens import load_lens
 from lensforge.search.checkpoint import CHECKPOINT, is_checkpoint
 from lensforge.spec import Accuracy, Spec
@@ -181,3 +185,61 @@ def _finished(directory: Path, spec: Spec, variation: Variation, accuracy: Accur
         if load_lens(folder / LENS_FILE).sha256 != sweep.inputs[row.folder]:
             raise InputError(f"{folder}: not the design that {path.name} lists; start again without resume")
     return sweep
+
+
+_HEIGHT = 3.2
+_AXES = {
+    "constraints.max_radius_mm": "largest radius allowed, r_c (mm)",
+    "constraints.min_thickness_mm": "minimum thickness, Δr (mm)",
+    "target.distance_mm": "distance of the target (mm)",
+    "source.side_mm": "side of the source (mm)",
+}
+
+
+def sweep_page(sweep: Sweep, results: Sequence[Results]) -> str:
+    """The page; ``results`` of each design, in the order of the sweep."""
+    names = [f"{sweep.vary.split('.')[-1]} = {row.value:g}" for row in sweep.designs]
+    return template("sweep.html").render(
+        name=sweep.spec.name,
+        field=sweep.vary,
+        scale=sweep.scale,
+        accuracy=sweep.accuracy,
+        seed=sweep.seed,
+        plot=picture("sweep", sweep_figure(sweep), f"Error and efficiency against {_label(sweep)}"),
+        designs=sweep.facts,
+        pictures=ComparedPictures(names, results),
+        version=sweep.version,
+    )
+
+
+def sweep_png(sweep: Sweep) -> bytes:
+    """The plot of the sweep as a PNG file."""
+    return to_png(sweep_figure(sweep))
+
+
+def _label(sweep: Sweep) -> str:
+    return _AXES.get(sweep.vary, sweep.vary)
+
+
+@in_report_style
+def sweep_figure(sweep: Sweep) -> Figure:
+    """NMSE on the left axis, efficiency on the right one, with standard errors; uniformity where it is defined."""
+    figure, left = new_figure(WIDE, _HEIGHT)
+    right = left.twinx()
+    right.spines["right"].set_visible(True)
+    _draw(left, Curve.of(sweep, "nmse"), "NMSE", BLUE, "o")
+    _draw(right, Curve.of(sweep, "efficiency"), "efficiency", ORANGE, "s")
+    even = Curve.of(sweep, "uniformity")
+    if even.y:
+        _draw(right, even, "uniformity", GREEN, "^")
+    left.set(xlabel=_label(sweep), ylabel="NMSE")
+    left.set_ylim(bottom=0.0)
+    right.set_ylabel("efficiency, uniformity" if even.y else "efficiency")
+    left.grid(True)
+    figure.legend(loc="outside upper left", ncols=3)
+    return figure
+
+
+def _draw(axes: Axes, curve: Curve, label: str, colour: str, marker: str) -> None:
+    x, y, noise = curve.x, curve.y, curve.errors
+    axes.errorbar(x, y, noise, color=colour, ecolor=GREY, elinewidth=0.8, marker=marker, markersize=4.0, label=label)

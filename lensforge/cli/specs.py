@@ -1,14 +1,17 @@
-"""``new``: a commented spec from a source, a target and a size, after a look at what is possible."""
+"""Commands on specs: ``new``, from a source, a target and a size; ``schema``, all fields; ``examples``, the shipped."""
 
 import json
+import re
 import sys
-from collections.abc import Callable, Sequence
+import tomllib
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import click
 from click.shell_completion import CompletionItem
 
+import lensforge
 from lensforge.cli.options import with_force
 from lensforge.errors import InputError
 from lensforge.light.lens_conditions import source_of
@@ -20,7 +23,9 @@ from lensforge.spec.derived_values import WHY, with_derived
 from lensforge.spec.new_spec import SOURCE_KINDS, SOURCES, TARGET_KINDS, TARGETS, new_text, source_in, target_in
 from lensforge.spec.source_sections import RayfileSource
 from lensforge.spec.spec_files import resolve_files
-from lensforge.spec.spec_reference import SCHEMA_FILE, spec_schema
+from lensforge.spec.spec_reference import SCHEMA_FILE, reference_page, spec_schema
+
+Tables = dict[str, Any]  # of a spec, by their names
 
 _MATERIAL = "PMMA"
 _OF_USUAL_BASE_MM = 24.0  # largest radius of a lens whose cavity the base of 25.4 mm holds with room to spare
@@ -109,7 +114,7 @@ def _millimetres(given: str, answer: str, allowed: str) -> float:
     return value
 
 
-def _made_by(cutter: str) -> dict[str, dict[str, Any]]:
+def _made_by(cutter: str) -> Tables:
     """Tables of the spec for a lens that ``cutter`` can make: the limits that the check would advise."""
     if cutter == "none":
         return {}
@@ -129,9 +134,7 @@ def _name(spec: Path | None) -> str:
     return "".join(each if each.isascii() and (each.isalnum() or each in "-_") else "_" for each in name)[:64] or "lens"
 
 
-def _content(
-    name: str, sections: dict[str, Any], radius_mm: float, material: str, made_by: dict[str, dict[str, Any]]
-) -> dict[str, Any]:
+def _content(name: str, sections: Tables, radius_mm: float, material: str, made_by: Tables) -> Tables:
     """Tables of the spec as they were asked for."""
     if material not in MATERIALS:
         raise InputError(f"--material {material}: must be one of {', '.join(MATERIALS)}")
@@ -148,7 +151,7 @@ def _content(
     return found
 
 
-def _checked_text(content: dict[str, Any], folder: Path, force: bool) -> str:
+def _checked_text(content: Tables, folder: Path, force: bool) -> str:
     """TOML of ``content`` with derived values, after the check of what is possible. Raises :class:`InputError`."""
     from lensforge.search.scene_check import SceneCheck
     from lensforge.sources.build_source import cavity_around
@@ -183,7 +186,6 @@ def _relative(file: str, folder: Path) -> str:
 
 
 def _schema_text() -> str:
-
     return json.dumps(spec_schema(), indent=1, ensure_ascii=False) + "\n"
 
 
@@ -191,3 +193,72 @@ def _write(path: Path, text: str) -> None:
     require_writable(path)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+_PACKAGE = Path(lensforge.__file__).parent
+# The end of a sentence, not of "UN Regulation No. 7", nor of a journal's short name.
+_END = re.compile(r"(?<!\bNo)(?<!\bJ)(?<!\bOpt)(?<!\bUniv)(?<!\bSci)\. ")
+_PLACES = (_PACKAGE / "shipped", _PACKAGE.parent / "examples")  # of an installed package, and of a checkout
+
+
+@click.command()
+@click.option("--page", is_flag=True, help="Print the reference of all fields as Markdown instead (docs/spec.md).")
+def schema(page: bool) -> None:
+    """Print the JSON schema of a spec, by which an editor completes and checks it."""
+    click.echo(reference_page() if page else json.dumps(spec_schema(), indent=1, ensure_ascii=False), nl=not page)
+
+
+@click.command()
+@click.argument("name", required=False)
+def examples(name: str | None) -> None:
+    """List the shipped specs, or copy the one called NAME here, with the files that it names."""
+    folder = shipped_folder()
+    paths = sorted(folder.rglob("*.toml"), key=lambda path: (path.parent, path.name))
+    specs = {path.relative_to(folder).with_suffix("").as_posix(): path for path in paths}
+    if name is None:
+        for known, path in specs.items():
+            click.echo(f"{known}\t{_first_comment(path)}")
+        return
+    stem = name.removesuffix(".toml")
+    if stem not in specs:
+        raise InputError(f"examples {name}: there is none of that name; known: {', '.join(specs)}")
+    wanted = [specs[stem], *_named_files(specs[stem])]
+    here = [path.name for path in wanted if Path(path.name).exists()]
+    if here:
+        raise InputError(f"{here[0]}: is there already and stays as it is; copy {stem} into another folder")
+    for path in wanted:
+        with replacing(Path(path.name)) as temporary:
+            temporary.write_bytes(path.read_bytes())
+    click.echo(f"{', '.join(path.name for path in wanted)}\tlensforge design {wanted[0].name}")
+
+
+def shipped_folder() -> Path:
+    """The folder of the shipped specs. Raises :class:`InputError` for an installation without them."""
+    found = next((place for place in _PLACES if (place / "quickstart.toml").is_file()), None)
+    if found is None:
+        raise InputError("examples: this installation has none; install lensforge from its wheel or its sources")
+    return found
+
+
+def _first_comment(path: Path) -> str:
+    """The first sentence of the comment at the head of a spec."""
+    lines = path.read_text(encoding="utf-8").split('name = "')[0].splitlines()
+    words = " ".join(line.lstrip("# ") for line in lines)
+    return _END.split(words)[0].rstrip(".")
+
+
+def _named_files(spec: Path) -> list[Path]:
+    """Files beside a shipped spec that it names; those of a vendor are not there."""
+    texts = _texts(tomllib.loads(spec.read_text(encoding="utf-8")))
+    return [spec.parent / text for text in texts if Path(text).name == text and (spec.parent / text).is_file()]
+
+
+def _texts(value: object) -> Iterator[str]:
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict):
+        for entry in value.values():
+            yield from _texts(entry)
+    elif isinstance(value, list):
+        for entry in value:
+            yield from _texts(entry)

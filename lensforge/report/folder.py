@@ -12,13 +12,11 @@ from typing import TypeVar
 
 from lensforge.errors import InputError
 from lensforge.report.results import REPORT_FILE, Results, conditions_of, stem_of
+from lensforge.report.stored import RUN_FILE, RunRecord, Stored, require_none_lost, require_recorded, unrecorded
 from lensforge.results import StageResult
-from lensforge.results.files import require_writable
+from lensforge.results.files import is_free_or_own, require_own, require_writable
 from lensforge.results.folder_lock import locked
-from lensforge.results.ownership import is_free_or_own, require_own
 from lensforge.results.validation import its_type
-from lensforge.runs.run_record import RUN_FILE, RunRecord, require_none_lost, require_recorded, unrecorded
-from lensforge.runs.stored import Stored
 from lensforge.search.design_result import Design
 from lensforge.surfaces.imported_face import LENS_FILE
 

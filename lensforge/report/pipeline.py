@@ -1,0 +1,390 @@
+"""The stages of a result folder: as they are declared, the verbs on a lens as it is made, whole runs and studies.
+
+The CAD kernel computes on one core and holds Python's lock. So the part is made in a second process while this one
+simulates the light, and is checked there while this one verifies it with the second one's help. Only this one writes.
+A result that misses a criterion is still written; the verdict says so. Heavy libraries are loaded by the verb that
+first needs them: torch and numba to trace, the CAD kernel to build.
+"""
+
+import datetime
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, Unpack
+
+from lensforge.cad.part import Part
+from lensforge.errors import InputError
+from lensforge.light.evaluation_result import Light
+from lensforge.light.lens_conditions import judging_source, photometry_conditions, source_of
+from lensforge.light.lens_light import evaluate
+from lensforge.light.photometry_result import Photometry
+from lensforge.proof.casts import verify, verify_with
+from lensforge.proof.proof_result import Proof
+from lensforge.report.folder import Run, RunFolder, existing, folder_of, opened
+from lensforge.report.results import REPORT_FILE, Results
+from lensforge.report.sweep import Sweep, sweep_of, variation_of
+from lensforge.report.tradeoff import Tradeoff
+from lensforge.results import StageResult
+from lensforge.results.arguments import count_of, number_of, require, threads_of_torch
+from lensforge.results.file_bounds import remembered
+from lensforge.results.files import require_own
+from lensforge.results.second_process import SecondProcess, second_process
+from lensforge.results.worker import return_freed_memory
+from lensforge.scene.lens import Lens
+from lensforge.search.checkpoint import CHECKPOINT, delete_checkpoint
+from lensforge.search.design_result import Design, Observer
+from lensforge.search.searches import SearchOptions, best_design, design
+from lensforge.shop.check_result import Check
+from lensforge.sources.photometric.ies import NEWEST, IesVersion, require_ies_version
+from lensforge.spec import Accuracy, DrawingSection, Spec
+from lensforge.spec.accuracy import preset_of
+from lensforge.spec.design_spec import require_spec
+from lensforge.spec.feasible import require_base_around_cavity
+from lensforge.spec.part_section import read_drawing
+from lensforge.spec.spec_section import date_of
+from lensforge.surfaces.imported_face import LENS_FILE
+
+if TYPE_CHECKING:
+    from lensforge.shop.handover import Handover
+
+Decides = Literal["light", "files", "cutting", ""]
+_Result = TypeVar("_Result", bound=StageResult)
+
+
+@dataclass(frozen=True)
+class FolderStage(Generic[_Result]):
+    """A stage of a result folder: the verb, what it takes from the folder, and what is written there.
+
+    ``verb``: of the library. ``name``, ``help``, ``options``: of the command; each option is a keyword of the verb.
+    ``decides``: part of the verdict by which the command ends well or not. ``inputs``: what the verb takes first, by
+    the run and the options. ``settings``: keywords that the folder gives. ``after``: writes further files.
+    ``counts``: what the ``progress`` of the verb counts, where it has one.
+    """
+
+    name: str
+    verb: Callable[..., _Result]
+    help: str
+    options: tuple[str, ...] = ()
+    decides: Decides = ""
+    inputs: Callable[[Results, Mapping[str, Any]], tuple[object, ...]] = lambda run, _: (run.lens,)
+    settings: Callable[[RunFolder, Mapping[str, Any]], Mapping[str, Any]] = lambda _folder, _options: {}
+    after: Callable[[RunFolder, _Result], object] = lambda _folder, _result: None
+    counts: str = ""
+
+    def run(self, folder: Path, **options: Any) -> _Result:
+        """Run the stage in a result folder, and return what it wrote; ``options``: keywords of the verb."""
+        with opened(folder) as here:
+            return self.run_in(here, **options)
+
+    def run_in(self, here: RunFolder, **options: Any) -> _Result:
+        """Run the stage in a folder that is open already.
+
+        A result under other conditions than the lens's own, such as another source, goes beside the lens's own one.
+        """
+        inputs, settings = self.inputs(here.run, options), self.settings(here, options)
+        result = here.write(self.verb(*inputs, **settings, **options))
+        self.after(here, result)
+        return result
+
+
+def build(
+    lens: Lens,
+    *,
+    schema: Literal["AP214", "AP242"] = "AP214",
+    runout_deg: float | None = None,
+    nodes: int | None = None,
+    rings: int | None = None,
+    date: datetime.date | str | None = None,
+) -> Part:
+    """Make the part: one solid as STEP, STL and 3MF, verified by reading them back.
+
+    ``schema``: of the STEP. ``runout_deg``: adds the optical faces untrimmed, extended by this angle beyond the rim.
+    ``nodes``: spline nodes across each optical face, ``rings``: rings of the mesh; by default as many as their
+    tolerances need. ``date``: of the files, by default that of the spec. Raises :class:`InputError` for a lens whose
+    surfaces enclose no body.
+    """
+    from lensforge.cad.part_export import build_part
+
+    require(lens, Lens, "build")
+    runout_deg = number_of("runout_deg", runout_deg)
+    return build_part(
+        lens,
+        schema=schema,
+        runout_deg=runout_deg,
+        nodes=count_of("nodes", nodes),
+        rings=count_of("rings", rings),
+        date=date_of("date", date),
+    )
+
+
+def check(part: Part | Lens) -> Check:
+    """Check whether ``part`` can be cut, and with which tools: best-fit spheres, curvature, cutter, wall, draft.
+
+    Of a lens the part is checked that an export would make.
+    """
+    from lensforge.shop.check import check_lens, check_part
+
+    return check_lens(part) if isinstance(part, Lens) else check_part(require(part, Part, "check"))
+
+
+def photometry(
+    lens: Lens,
+    *,
+    rays: int | None = None,
+    lumens: float | None = None,
+    threads: int | None = None,
+    ies_version: IesVersion = NEWEST,
+) -> Photometry:
+    """Compute the far field of ``lens`` and make its IES, EULUMDAT, TM-33 and TM-25 files.
+
+    ``lumens``: of the source; default: as spec or file of the source say, or relative to 1000. ``rays``: by default as
+    many as the noise of the intensities asks for. Other lumens than the source's own, and any ``rays`` that are given,
+    are other ``conditions`` than the lens's own. ``ies_version``: year of LM-63 that the IES file follows, 2019 or, for
+    programs that read no newer one, 2002, 1995, 1991 or 1986.
+    """
+    from lensforge.light.photometry_export import measure_photometry
+
+    require(lens, Lens, "photometry")
+    version = require_ies_version(ies_version)
+    rays, preset = count_of("rays", rays), preset_of(lens.accuracy)
+    lumens, source = number_of("lumens", lumens), judging_source(lens.spec)
+    with threads_of_torch(threads):
+        found = measure_photometry(lens, source, preset, rays=rays, lumens=lumens, ies_version=version)
+    return found.model_copy(update={"conditions": photometry_conditions(lens, source, rays, lumens)})
+
+
+def handover(
+    run: Results,
+    *,
+    spacing_mm: float | None = None,
+    error_nm: float = 10.0,
+    interpolation: Literal["bicubic", "linear"] = "bicubic",
+    offset_inner_mm: float = 0.0,
+    offset_outer_mm: float = 0.0,
+    drawing: DrawingSection | Path | str | None = None,
+) -> "Handover":
+    """Make the documents for the shop: drawing, verdicts, point tables, hashes; ``save(folder)`` writes them.
+
+    ``drawing``: words of its title block and notes, such as another revision, or a TOML file that has them; None: those
+    of the spec.
+
+    ``spacing_mm``: of the dense tables; None: as wide as an ``interpolation`` error of ``error_nm`` along the normal
+    allows. ``offset_inner_mm``, ``offset_outer_mm``: radius of a probe or tool whose centres they hold.
+
+    Raises :class:`InputError` where the ball does not fit, or for too many points.
+    """
+    from lensforge.shop.dense_table import GridRequest
+    from lensforge.shop.shop_files import make_handover
+
+    require(run, Results, "handover")
+    words = read_drawing(Path(drawing)) if isinstance(drawing, Path | str) else drawing
+    request = GridRequest(spacing_mm, error_nm, interpolation, offset_inner_mm, offset_outer_mm)
+    return make_handover(run, request, words)
+
+
+@dataclass(frozen=True)
+class Listener:
+    """Functions that hear of the stages: ``begins`` gets a stage's name, ``ended`` its name and seconds."""
+
+    begins: Callable[[str], None] = lambda _name: None
+    ended: Callable[[str, float], None] = lambda _name, _seconds: None
+
+    @contextmanager
+    def timed(self, name: str) -> Iterator[None]:
+        """Tell of a stage that takes the time of the block."""
+        self.begins(name)
+        started = time.perf_counter()
+        yield
+        self.ended(name, time.perf_counter() - started)
+
+
+def run(
+    spec: Spec,
+    folder: Path | str,
+    *,
+    starts: int = 1,
+    scheduler: str | None = None,
+    announce: Callable[[str], None] | None = None,
+    ended: Callable[[str, float], None] | None = None,
+    **options: Unpack[SearchOptions],
+) -> Run:
+    """Run every stage and write ``folder``: design, evaluate, photometry, export, check, verify, report.
+
+    ``options`` are those of :func:`lensforge.design`. Without ``checkpoint`` the search starts anew and keeps one
+    in the folder until the run has ended; a file given as ``checkpoint`` is never deleted. ``announce`` is called with
+    the name of every later stage as it begins, ``ended`` with its name and seconds as it ends: where there are two
+    cores, some run side by side. A missed criterion raises nothing: see the run's ``verdict``. Raises
+    :class:`InputError` at once where another process or thread writes in ``folder``, as does every stage.
+    ``starts``, ``scheduler``: as of :func:`best_design`; they keep no checkpoint, and take no ``start``.
+    """
+    began = time.perf_counter()
+    require_spec(spec, "run")
+    require_base_around_cavity(spec.lens, spec.constraints, spec.base)  # a run makes the part, its search may be long
+    folder, heard = folder_of(folder), Listener(announce or Listener.begins, ended or Listener.ended)
+    if spec.lens.start is not None and spec.lens.start.resolve() == (folder / LENS_FILE).resolve():
+        raise InputError(f"lens.start = {spec.lens.start}: the run would overwrite it; give another result folder")
+    with opened(folder, create=True) as here, threads_of_torch(options.get("threads")):
+        require_own(folder / REPORT_FILE)
+        with _process_for_later_stages() as second:
+            if starts != 1 or scheduler is not None:
+                made = best_design(spec, starts=starts, scheduler=scheduler, announce=announce, **options)
+            else:
+                resume = options.get("checkpoint") is not None
+                if not resume:
+                    options["checkpoint"] = folder / CHECKPOINT
+                made = design(spec, resume=resume, **options)
+            here.write(made)
+            run_later_stages(here, heard, second)
+        with heard.timed("report"):
+            here.write_report(seconds=time.perf_counter() - began)
+        delete_checkpoint(folder / CHECKPOINT)  # not earlier: a run interrupted in any stage resumes from it
+        return here.run
+
+
+@contextmanager
+def _process_for_later_stages() -> Iterator[SecondProcess]:
+    """A second process where there are two cores, which loads the CAD kernel while this one searches."""
+    import torch
+
+    with second_process(torch.get_num_threads() > 1) as second:
+        if second.runs:
+            second.call(_load_cad_kernel)
+        yield second
+
+
+def _load_cad_kernel() -> None:
+    import cadquery  # noqa: F401  two seconds
+
+    import lensforge.cad.part_export  # noqa: F401
+
+
+def run_later_stages(here: RunFolder, heard: Listener, second: SecondProcess) -> None:
+    """Evaluate, export, check, verify and photometry of the lens in a folder; the same bits on one core or more."""
+    import torch
+
+    return_freed_memory()  # of the search: two processes are to need no more than one did
+    if second.runs:
+        with threads_of_torch(max(1, torch.get_num_threads() - 1)):
+            _side_by_side(here, heard, second)
+    else:
+        _one_after_another(here, heard)
+
+
+def _one_after_another(here: RunFolder, heard: Listener) -> None:
+    lens = here.run.lens
+    with heard.timed(Light.stage):
+        light = here.write(evaluate(lens))
+    with heard.timed(Part.stage):
+        part = here.write(build(lens))
+    with heard.timed(Check.stage):
+        here.write(check(part))
+    with heard.timed(Proof.stage):
+        here.write(verify(part, light))
+    with heard.timed(Photometry.stage):
+        here.write(photometry(lens))
+
+
+def _side_by_side(here: RunFolder, heard: Listener, second: SecondProcess) -> None:
+    """Run the stages with a second process, which has the part to make and to check, and then a share of verify."""
+    from lensforge.shop.check import check_lens
+
+    lens = here.run.lens
+    made = second.call(build, lens)
+    checked = second.call_after(made, lambda part: (lens, part.nodes), check_lens)
+    heard.begins(Part.stage)
+    with heard.timed(Light.stage):
+        light = here.write(evaluate(lens))
+    with heard.timed(Photometry.stage):
+        here.write(photometry(lens))
+    return_freed_memory()
+    part = made.result()
+    for content in (part.step, part.stl, part.threemf):
+        remembered(content)  # this program made them, if not this process
+    here.write(part)
+    heard.ended(Part.stage, part.seconds)
+    heard.begins(Check.stage)
+    with heard.timed(Proof.stage):
+        proof = verify_with(second, part, light)
+        found = here.write(checked.result())
+        heard.ended(Check.stage, found.seconds)
+        here.write(proof)
+
+
+def write_report(folder: Path) -> Run:
+    """Write ``report.html`` from the results in ``folder``, and return the run; a PDF of an earlier page is deleted.
+
+    Raises :class:`InputError` for a record or a file of other content than the hashes say, before anything is written.
+    """
+    with opened(folder) as here:
+        here.to_show()
+        here.write_report()
+        return here.run
+
+
+def write_comparison(folders: Sequence[Path], page: Path) -> None:
+    """Write one page that compares the designs in ``folders``; a PDF of an earlier page is deleted."""
+    from lensforge.report.compare import folder_names, render_comparison
+    from lensforge.report.page import write_page
+
+    names = folder_names(folders)
+    write_page(render_comparison([existing(folder).to_show() for folder in folders], names), page)
+
+
+def sweep(
+    spec: Spec,
+    field: str,
+    values: Sequence[float],
+    *,
+    scale: Sequence[str] = (),
+    accuracy: Accuracy = "standard",
+    seed: int = 0,
+    threads: int | None = None,
+    progress: Observer | None = None,
+) -> Sweep:
+    """Run every stage for each of ``values`` of ``field`` (dotted, ``constraints.max_radius_mm``), in memory.
+
+    Every field of ``scale`` keeps its ratio to the varied one. Raises :class:`InputError` for a value that the
+    spec does not allow.
+    """
+    require_spec(spec, "sweep")
+    variation = variation_of(field, values, tuple(scale))
+    found = []
+    for variant in variation.variants(spec):
+        made = design(variant.spec, accuracy=accuracy, seed=seed, threads=threads, progress=progress)
+        found.append((variant, _run_in_memory(made, threads)))
+    return sweep_of(spec, variation, found)
+
+
+def _run_in_memory(made: Design, threads: int | None) -> Results:
+    """Evaluate, build, check and verify the lens of a design: the stages of a run, without a folder."""
+    light, part = evaluate(made.lens, threads=threads), build(made.lens)
+    results: tuple[StageResult, ...] = (made, light, part, check(part), verify(part, light, threads=threads))
+    return Results(made.lens, {result.stage: result for result in results})
+
+
+def tradeoff(
+    spec: Spec,
+    *,
+    lens: Lens | None = None,
+    most_rays: int = 2**20,
+    threads: int | None = None,
+    announce: Callable[[str], None] | None = None,
+) -> Tradeoff:
+    """Measure accuracy against computing time for the scene of ``spec``, on ``lens`` or on a draft designed first.
+
+    ``most_rays``: of the largest sample, 2^12 to 2^24. ``announce`` is called with the name of each study as it starts.
+    """
+    from lensforge.report.tradeoff_study import measure, require_same_scene
+
+    require_spec(spec, "tradeoff")
+    if not (isinstance(most_rays, int) and 2**12 <= most_rays <= 2**24):
+        raise InputError(f"most_rays = {most_rays!r}: an integer from {2**12} to {2**24}")
+    source = source_of(spec)
+    if lens is None:
+        lens = design(spec, accuracy="draft", threads=threads).lens
+    else:
+        require_same_scene(require(lens, Lens, "tradeoff"), spec, source, "tradeoff")
+    with threads_of_torch(threads):
+        return measure(lens, source, most_rays, announce or (lambda _: None))

@@ -1,1 +1,0 @@
-"""Stages in a result folder: reading, writing, the verdict, and studies of several designs."""
