@@ -6,7 +6,7 @@ A ray refracts at the first triangle that it meets, whatever face this belongs t
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
@@ -133,6 +133,7 @@ class SurfaceHits:
         return SurfaceHits(*(values[rows] for values in vars(self).values()))
 
 
+@runtime_checkable
 class CastBody(Protocol):
     """A body at which rays can be cast: a mesh, or the faces of a STEP file."""
 
