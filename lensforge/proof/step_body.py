@@ -246,7 +246,8 @@ class StepBody:
         from OCP.IntCurveSurface import IntCurveSurface_TransitionOnCurve
 
         line = gp_Lin(gp_Pnt(*leg.origins[row].tolist()), gp_Dir(*leg.directions[row].tolist()))
-        nearest, hit = np.inf, None
+        nearest = np.inf
+        hit: tuple[int, bool, float, float] | None = None
         for face, found in enumerate(self._intersectors):
             found.Perform(line, float(leg.beyond[row]), _FAR_MM)
             for k in range(1, found.NbPnt() + 1):

@@ -84,7 +84,7 @@ def verify_part(
     through = None
     if step is not None:
         # Here it is read before the casts: a file that is refused costs no more than that.
-        file = step if second.runs else StepBody(step)
+        file: bytes | StepBody = step if second.runs else StepBody(step)
         through = cast_step(file, rays, media, step_rays, sized=exported is not None, second=second)
     part = read_part_mesh(stl)
     grid = Grid(part.mesh)
