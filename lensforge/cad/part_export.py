@@ -42,7 +42,6 @@ from lensforge.cad.patch import Patch, fit_extended
 from lensforge.cad.plan import INNER, OUTER, Plan, make_plan
 from lensforge.cad.solid import Solid, build_solid, untrimmed_faces
 from lensforge.cad.step import (
-    StepHeader,
     form_tolerances,
     parse_step,
     parse_surfaces,
@@ -78,11 +77,10 @@ def mesh_bounds_mm(mesh: BodyMesh) -> Box:
 
 @dataclass(frozen=True)
 class SignedStep:
-    """The bytes of the file, its author and date, as a header too, and the tolerances on its faces."""
+    """The bytes of the file, its author and date, and the tolerances on its faces."""
 
     content: bytes
     signature: Signature
-    header: StepHeader
     tolerances: tuple[FormTolerance, ...]
 
 
@@ -99,11 +97,10 @@ def signed_step(solid: Solid, spec: Spec, product: str, schema: Schema, date: st
     """
     shop = spec.manufacture
     signature = Signature(author=shop.author, organisation=shop.organisation, date=date or shop.date)
-    header = StepHeader(**signature.model_dump())
     width_um = shop.form_tolerance_um if schema == "AP242" else None
     tolerances = () if width_um is None else form_tolerances(solid.faces, width_um)
-    content = step_bytes(solid, product, schema, header=header, tolerances=tolerances)
-    return SignedStep(content, signature, header, tolerances)
+    content = step_bytes(solid, product, schema, header=signature, tolerances=tolerances)
+    return SignedStep(content, signature, tolerances)
 
 
 def untrimmed_criteria(found: UntrimmedSurfaces | None) -> tuple[Criterion, ...]:
@@ -169,7 +166,7 @@ def build_part(
     step = signed.content
     untrimmed, surfaces_step = None, None
     if runout_deg is not None:
-        untrimmed, surfaces_step = _untrimmed(lens, body.plan, runout_deg, schema, signed.header)
+        untrimmed, surfaces_step = _untrimmed(lens, body.plan, runout_deg, schema, signed.signature)
     stl = stl_bytes(body.mesh)
     threemf = threemf_bytes(body.mesh, name)
     proof = _prove(lens, body, step, stl, threemf)
@@ -230,7 +227,7 @@ def _keep_out(lens: Lens, body: _Body) -> KeepOutDistance | None:
 
 
 def _untrimmed(
-    lens: Lens, plan: Plan[Patch], runout_deg: float, schema: Schema, header: StepHeader
+    lens: Lens, plan: Plan[Patch], runout_deg: float, schema: Schema, header: Signature
 ) -> tuple[UntrimmedSurfaces, bytes]:
     """The untrimmed faces as a STEP file of their own, and their form error above the rim as read back."""
     scale = lens.spec.manufacture.scale

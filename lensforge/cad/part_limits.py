@@ -5,48 +5,34 @@ Every value is measured by reading the files back.
 
 from collections.abc import Mapping
 
-from lensforge.results import Positive, Record, Sense, Text
+from lensforge.results import Positive, Record, Text
 from lensforge.results.criteria import Criterion, at_least, at_most
 from lensforge.spec import Spec
 
 # The largest errors of an exported face.
 FORM_LIMIT_NM, NORMAL_LIMIT_MRAD = 1.0, 0.02
 ROUND_TRIP_LIMIT = 1e-9  # relative change of the volume by writing and reading: all digits are written
-# Sense and unit of each criterion by its name; flags count as 1 or 0.
-PART_CRITERIA: dict[str, tuple[Sense, str]] = {
-    "form_error": ("<=", "nm"),
-    "normal_error": ("<=", "mrad"),
-    "step_valid": (">=", ""),
-    "step_volume_change": ("<=", ""),
-    "watertight": (">=", ""),
-    "watertight_3mf": (">=", ""),
-    "genus_difference": ("<=", ""),
-    "mesh_volume_change": ("<=", ""),
-}
-
-
-def part_limits(mesh_volume_limit: float) -> dict[str, float]:
-    """The limit of each criterion by name; ``mesh_volume_limit``: relative, what flat facets cut off."""
-    return {
-        "form_error": FORM_LIMIT_NM,
-        "normal_error": NORMAL_LIMIT_MRAD,
-        "step_valid": 1.0,
-        "step_volume_change": ROUND_TRIP_LIMIT,
-        "watertight": 1.0,
-        "watertight_3mf": 1.0,
-        "genus_difference": 0.0,
-        "mesh_volume_change": mesh_volume_limit,
-    }
 
 
 def part_criteria(
     measured: Mapping[str, float], mesh_volume_limit: float, remedies: Mapping[str, str]
 ) -> tuple[Criterion, ...]:
-    """The criteria that the files must meet before they go to a shop; ``measured``, ``remedies``: by their names."""
-    limits = part_limits(mesh_volume_limit)
+    """The criteria that the files must meet before they go to a shop; ``measured``, ``remedies``: by their names.
+
+    ``mesh_volume_limit``: relative, what flat facets cut off. Flags count as 1 or 0.
+    """
+    limits = {
+        "form_error": (at_most, FORM_LIMIT_NM, "nm"),
+        "normal_error": (at_most, NORMAL_LIMIT_MRAD, "mrad"),
+        "step_valid": (at_least, 1.0, ""),
+        "step_volume_change": (at_most, ROUND_TRIP_LIMIT, ""),
+        "watertight": (at_least, 1.0, ""),
+        "watertight_3mf": (at_least, 1.0, ""),
+        "genus_difference": (at_most, 0.0, ""),
+        "mesh_volume_change": (at_most, mesh_volume_limit, ""),
+    }
     return tuple(
-        (at_most if sense == "<=" else at_least)(name, measured[name], limits[name], unit, remedies[name])
-        for name, (sense, unit) in PART_CRITERIA.items()
+        compared(name, measured[name], limit, unit, remedies[name]) for name, (compared, limit, unit) in limits.items()
     )
 
 

@@ -9,10 +9,10 @@ the number that it is given with the unit metre, whatever the unit of the part i
 every file is read back before it is handed out.
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from lensforge.cad.part import Signature
 from lensforge.cad.part_limits import FormTolerance
 from lensforge.cad.plan import INNER, OUTER
 from lensforge.cad.solid import Shapes, Solid
@@ -34,17 +34,7 @@ if TYPE_CHECKING:
     import cadquery
 
 
-@dataclass(frozen=True)
-class StepHeader:
-    """Texts of the header; ``date`` as 2026-01-31, None where none is given: the time stamp is then an empty string."""
-
-    author: str = ""
-    organisation: str = ""
-    date: str | None = None
-    description: str = ""
-
-
-def sign(model: Any, product: str, header: StepHeader) -> None:
+def sign(model: Any, product: str, header: Signature) -> None:
     """Fill in the header of a STEP ``model``: product, time stamp, author, organisation, program and version."""
     from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
     from OCP.TCollection import TCollection_HAsciiString
@@ -58,7 +48,7 @@ def sign(model: Any, product: str, header: StepHeader) -> None:
     made.SetOriginatingSystem(text(f"lensforge {__version__}"))
     made.SetAuthorValue(1, text(header.author))
     made.SetOrganizationValue(1, text(header.organisation))
-    made.SetDescriptionValue(1, text(header.description or product))
+    made.SetDescriptionValue(1, text(product))
 
 
 def step_text(words: str) -> str:
@@ -193,7 +183,7 @@ def _lies_in_datum(face: Any) -> bool:
     return face.geomType() == "PLANE" and all(abs(corner.Z) < _IN_PLANE_MM for corner in face.Vertices())
 
 
-_UNSIGNED = StepHeader()
+_UNSIGNED = Signature(author="", organisation="", date=None)
 _EXPORT_AGAIN = "run `lensforge export` again"
 
 
@@ -208,7 +198,7 @@ def step_bytes(
     product: str,
     schema: Schema = "AP214",
     *,
-    header: StepHeader = _UNSIGNED,
+    header: Signature = _UNSIGNED,
     tolerances: tuple[FormTolerance, ...] = (),
 ) -> bytes:
     """A STEP file of ``solid`` as the part ``product``, its faces under their names, with ``tolerances`` (AP242 only).
@@ -221,7 +211,7 @@ def step_bytes(
     return content
 
 
-def surfaces_bytes(faces: Shapes, product: str, schema: Schema = "AP214", *, header: StepHeader = _UNSIGNED) -> bytes:
+def surfaces_bytes(faces: Shapes, product: str, schema: Schema = "AP214", *, header: Signature = _UNSIGNED) -> bytes:
     """A STEP file of loose faces (``cadquery.Face``), each a product under its name."""
     return _bytes(faces, {}, product, schema, header, ())
 
@@ -231,7 +221,7 @@ def _bytes(
     faces: Shapes,
     product: str,
     schema: Schema,
-    header: StepHeader,
+    header: Signature,
     tolerances: tuple[FormTolerance, ...],
 ) -> bytes:
     from OCP.IFSelect import IFSelect_ReturnStatus

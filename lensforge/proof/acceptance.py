@@ -12,7 +12,6 @@ from itertools import chain
 from lensforge.proof.proof_result import (
     Agreement,
     BrepCast,
-    Faults,
     IndependentRays,
     MitsubaCast,
     PlainCast,
@@ -72,16 +71,25 @@ REWRITTEN_MM = 0.002
 MOST_CHORD_MM = 0.05
 _SCALED_ALIKE = 0.1  # of the change: what facets make of a part scaled by 1.001, 0.03 of it for an exported mesh
 _MOST_AREA = 0.01  # relative: what such facets lack of the area of a lens
+_UNITS = {
+    1.0 / 25.4: "the file is in inches",
+    25.4: "the file is 25.4 times too large, as if its mm were inches",
+    0.1: "the file is in cm",
+    10.0: "the file is ten times too large, as if its mm were cm",
+    0.001: "the file is in metres",
+    1000.0: "the file is a thousand times too large, as if its mm were metres",
+}
+_NEAR_UNIT = 2e-3  # relative: of the ratio of boxes, whose facets may differ
+INWARDS = "its facets face inwards (the volume is negative): flip their normals, and write the file again"
 
 
-def size_criteria(sizes: Sizes | None, faults: Faults) -> Iterator[Criterion]:
+def size_criteria(sizes: Sizes | None) -> Iterator[Criterion]:
     """Criteria of all files; none where the size as exported is not known."""
     if sizes is None:
         return
-    yield from _file_criteria(sizes, sizes.mesh, "", faults.mesh or _other(sizes.exported, sizes.mesh, "lens.stl"))
+    yield from _file_criteria(sizes, sizes.mesh, "", _other(sizes.exported, sizes.mesh, "lens.stl"))
     if sizes.step is not None:
-        words = faults.step or _other(sizes.exported, sizes.step, "lens.step")
-        yield from _file_criteria(sizes, sizes.step, "brep_", words)
+        yield from _file_criteria(sizes, sizes.step, "brep_", _other(sizes.exported, sizes.step, "lens.step"))
 
 
 def other_body(sizes: Sizes | None, name: str) -> str:
@@ -120,7 +128,7 @@ def _scale(exported: BodySize, found: BodySize) -> float | None:
     powers = (
         *((ratio, 1) for ratio in ratios),
         (found.area_mm2 / exported.area_mm2, 2),
-        (found.volume_mm3 / exported.volume_mm3, 3),
+        (abs(found.volume_mm3) / exported.volume_mm3, 3),
     )
     alike = all(abs(ratio - scale**power) <= _SCALED_ALIKE * abs(scale**power - 1.0) for ratio, power in powers)
     return scale if alike and scale != 1.0 else None
@@ -129,9 +137,13 @@ def _scale(exported: BodySize, found: BodySize) -> float | None:
 def _other(exported: BodySize, file: SizedFile, name: str) -> str:
     """Words on a scale, or on the volume and the side of the box that differs most."""
     found, changes = file.size, _box_changes(exported, file.size)
+    if found.volume_mm3 < 0.0:
+        return f"{name}: {INWARDS}"
     scale = _scale(exported, found)
     if scale is not None:
-        return f"{name} is the lens scaled by {scale:.5g}: write it again as it was exported, in mm"
+        unit = next((words for ratio, words in _UNITS.items() if abs(scale / ratio - 1.0) < _NEAR_UNIT), "")
+        words = unit or f"it is the lens scaled by {scale:.5g}"
+        return f"{name}: {words}: write it again as it was exported, in mm"
     side = max(range(6), key=lambda k: abs(changes[k]))
     stated, seen = (list(chain(*size.bounds_mm))[side] for size in (exported, found))
     place = f"{'least' if side < 3 else 'largest'} {'xyz'[side % 3]}"
@@ -194,7 +206,7 @@ def proof_criteria(proof: Proof) -> tuple[Criterion, ...]:
     found = [
         at_most("open_edges", proof.open_edges, 0.0, "edges", "export again: the mesh is not closed"),
         plain_criterion(proof.plain_cast),
-        *size_criteria(proof.sizes, proof.faults),
+        *size_criteria(proof.sizes),
         *([] if proof.emission_apart is None else [emission_criterion(proof.emission_apart)]),
     ]
     for number, receiver in enumerate(proof.receivers):
@@ -211,28 +223,17 @@ def _receiver_criteria(proof: Proof, receiver: ReceiverProof) -> list[Criterion]
     """Criteria of the casts on one receiver; the reach of its light follows from the limit of the deviation."""
     brep, mitsuba, reach_mm = receiver.brep, receiver.mitsuba, receiver.deviation_limit_mm / DEVIATION_RAD
     step_alike = None if brep is None else brep_evidence(brep, reach_mm).lands_alike
-    fault, other = proof.faults.mesh, other_body(proof.sizes, "lens.stl")
+    other = INWARDS if proof.volume_mm3 < 0.0 else other_body(proof.sizes, "lens.stl")
     fine = proof.facet_height_um.rms <= FINE_FACETS_UM
-    evidence = mesh_evidence(receiver, form_of_mesh(proof.open_edges, step_alike, other, fine=fine), fault, fine=fine)
+    form = form_of_mesh(proof.open_edges, step_alike, other, fine=fine)
+    fault = other if proof.open_edges == 0 else ""
+    evidence = Evidence(agreement_of(receiver), receiver.deviation_limit_mm, FLUX_SHARE, FATE_SHARE, form, fault, fine)
     return [
         *_mesh_criteria(receiver, evidence),
-        *([] if brep is None else brep_criteria(brep, reach_mm, _step_fault(proof))),
-        *([] if mitsuba is None else mitsuba_criteria(mitsuba, reach_mm, fault or other, fine=fine)),
+        *([] if brep is None else brep_criteria(brep, reach_mm, other_body(proof.sizes, "lens.step"))),
+        *([] if mitsuba is None else mitsuba_criteria(mitsuba, reach_mm, other, fine=fine)),
         *([] if receiver.own_rays is None else independent_rays_criteria(receiver.own_rays)),
     ]
-
-
-def mesh_evidence(receiver: ReceiverProof, form: str = "", fault: str = "", *, fine: bool = False) -> Evidence:
-    """Agreement of the mesh with the design on one receiver, and its limits; ``form``, ``fault``: its remedies.
-
-    ``fine``: its facets are not the cause of what differs.
-    """
-    limit = receiver.deviation_limit_mm
-    return Evidence(agreement_of(receiver), limit, FLUX_SHARE, FATE_SHARE, form, fault, fine)
-
-
-def _step_fault(proof: Proof) -> str:
-    return proof.faults.step or other_body(proof.sizes, "lens.step")
 
 
 def _mesh_criteria(proof: ReceiverProof, found: Evidence) -> Iterator[Criterion]:

@@ -90,13 +90,6 @@ class Sizes(Record):
     step: SizedFile | None
 
 
-class Faults(Record):
-    """Fault that was recognised in each file where its light is not the design's; empty where none was."""
-
-    mesh: Text = ""
-    step: Text = ""
-
-
 JUDGED_FILES = ("lens.step", "lens.stl")  # of the part: rays go through them
 
 Gaps = Annotated[Float[np.ndarray, " q"], Array("q")]
@@ -168,18 +161,28 @@ class MitsubaCast(Record):
     against_design: Agreement
 
 
-class ReceiverProof(Record):
-    """Rays through the exported part on one receiver, against the same rays through the design.
-
-    ``width``, ``height``: of the receiver's chart. ``irradiance``, ``design_irradiance``: W/m^2 or W/sr [row y, column
-    x]. Distances between landings of part and design are in mm, those of directions at 1 m. ``gaps_*_mm``: their
-    quantiles at 0, 0.2 ... 100 %, by the mesh, the STEP and Mitsuba.
-    """
+class OnReceiver(Record):
+    """Light on the receiver ``name``, whose chart has ``width`` and ``height``."""
 
     name: Text
     width: Positive
     height: Positive
     far_field: Flag
+
+    @property
+    def chart(self) -> Chart:
+        """Size of the maps, for figures."""
+        return Chart(self.width, self.height, self.far_field)
+
+
+class ReceiverProof(OnReceiver):
+    """Rays through the exported part on one receiver, against the same rays through the design.
+
+    ``irradiance``, ``design_irradiance``: W/m^2 or W/sr [row y, column
+    x]. Distances between landings of part and design are in mm, those of directions at 1 m. ``gaps_*_mm``: their
+    quantiles at 0, 0.2 ... 100 %, by the mesh, the STEP and Mitsuba.
+    """
+
     nmse_vs_design: NotNegative
     noise_floor_nmse: NotNegative
     nmse_same_rays: NotNegative
@@ -203,11 +206,6 @@ class ReceiverProof(Record):
     gaps_step_mm: Gaps | None = None
     gaps_mitsuba_mm: Gaps | None = None
 
-    @property
-    def chart(self) -> Chart:
-        """Size of the maps, for figures."""
-        return Chart(self.width, self.height, self.far_field)
-
 
 class Proof(SimulatedResult):
     """Rays through the exported part, against the same rays through the design, on every receiver.
@@ -229,7 +227,6 @@ class Proof(SimulatedResult):
     open_edges: Count
     volume_mm3: Number
     sizes: Sizes | None
-    faults: Faults
     emission_apart: NotNegative | None
     facet_height_um: Extent
     altered_files: tuple[Text, ...] = ()

@@ -1,4 +1,4 @@
-"""Sequential trace of the part, once in and once out.
+"""Sequential trace of the part, once in and once out, through its mesh or through the faces of its STEP file.
 
 A ray refracts at the first triangle that it meets, whatever face this belongs to. Reflected light is not followed.
 """
@@ -6,6 +6,7 @@ A ray refracts at the first triangle that it meets, whatever face this belongs t
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
@@ -110,24 +111,65 @@ class LandedRays:
 
 
 @dataclass(frozen=True)
-class RefractedRays:
-    """Rays behind a surface: a new leg, the share of flux and the fields, the height (mm) over the flat facet."""
+class SurfaceHits:
+    """First hits of rays on a body: number of its smooth face (-1: none), point (mm), unit normal of either sign.
 
-    leg: Leg
-    transmittance: Float[np.ndarray, " n"]
-    fields: Fields
+    ``leaving``: the ray leaves the material there. ``away``: that side of the body faces away from the origin, as the
+    outside of a lens does. ``base``: it lies at or below z = 0, where no optical surface is. ``skins``: distance (mm)
+    within which a ray that goes on from there may meet what it just left. ``heights``: of the point over a facet (mm).
+    """
+
+    faces: Int[np.ndarray, " n"]
+    points: Float[np.ndarray, "n 3"]
+    normals: Float[np.ndarray, "n 3"]
+    leaving: Bool[np.ndarray, " n"]
+    away: Bool[np.ndarray, " n"]
+    base: Bool[np.ndarray, " n"]
+    skins: Float[np.ndarray, " n"]
     heights: Float[np.ndarray, " n"]
 
+    def take(self, rows: Int[np.ndarray, " k"]) -> "SurfaceHits":
+        """The hits of some of the rays."""
+        return SurfaceHits(*(values[rows] for values in vars(self).values()))
 
-def cross(
-    part: PartMesh, leg: Leg, hits: FacetHits, face: RefractingFace, fields: Fields | None = None
-) -> RefractedRays:
-    """Refract rays, all of which hit a facet, at the curved surface over it; ``fields`` None: unpolarised ones."""
-    points, normals = meet(part, leg, hits)
-    light = AtFace.of(face, leg.directions, normals, unpolarised(leg.directions) if fields is None else fields)
-    flat = leg.origins + hits.distances[:, None] * leg.directions
-    heights = np.sum((points - flat) * normals, axis=1)
-    return RefractedRays(Leg(points, light.bent, skin(part, hits)), light.transmittance, light.passed, heights)
+
+@runtime_checkable
+class CastBody(Protocol):
+    """A body at which rays can be cast: a mesh, or the faces of a STEP file."""
+
+    def surface_hits(self, leg: Leg) -> SurfaceHits:
+        """First hit of each ray."""
+        ...
+
+
+@dataclass(frozen=True)
+class MeshBody:
+    """The curved surface over the facets of a mesh."""
+
+    part: PartMesh
+    grid: Grid
+
+    def surface_hits(self, leg: Leg) -> SurfaceHits:
+        """First hit of each ray; sides and base are those of the flat facet."""
+        hits, count = self.grid.first_hits(leg), len(leg.origins)
+        no, place, zero = np.zeros(count, dtype=bool), np.zeros((count, 3)), np.zeros(count)
+        found = SurfaceHits(np.full(count, -1), place, place.copy(), no, no.copy(), no.copy(), zero, zero.copy())
+        rows = np.nonzero(hits.found)[0]
+        leg, hits, part = leg.take(rows), hits.take(rows), self.part
+        flat, facing = leg.origins + hits.distances[:, None] * leg.directions, part.mesh.face_normals[hits.triangles]
+        found.faces[rows] = part.faces[hits.triangles]
+        found.points[rows], found.normals[rows] = meet(part, leg, hits)
+        found.leaving[rows] = np.sum(leg.directions * facing, axis=1) > 0.0
+        found.away[rows], found.base[rows] = faces_away(flat, facing), at_base(part, hits)
+        found.skins[rows] = _SKIN_EDGES * np.sqrt(2.0 * part.mesh.area_faces[hits.triangles])
+        found.heights[rows] = np.sum((found.points[rows] - flat) * found.normals[rows], axis=1)
+        return found
+
+
+def refracted(leg: Leg, hits: SurfaceHits, face: RefractingFace, fields: Fields | None = None) -> tuple[Leg, AtFace]:
+    """Rays behind the surface that all of them hit, and their light there; ``fields`` None: unpolarised rays."""
+    light = AtFace.of(face, leg.directions, hits.normals, unpolarised(leg.directions) if fields is None else fields)
+    return Leg(hits.points, light.bent, hits.skins), light
 
 
 def meet(part: PartMesh, leg: Leg, hits: FacetHits) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
@@ -140,12 +182,6 @@ def meet(part: PartMesh, leg: Leg, hits: FacetHits) -> tuple[Float[np.ndarray, "
         points = points + _ahead(leg.directions, curved - points, normals)[:, None] * leg.directions
         barycentric = points_to_barycentric(facets, points)
     return points, normals
-
-
-def skin(part: PartMesh, hits: FacetHits) -> Float[np.ndarray, " n"]:
-    """Distance (mm) within which a ray that leaves a hit may meet the facets that it just left."""
-    reach: Float[np.ndarray, " n"] = _SKIN_EDGES * np.sqrt(2.0 * part.mesh.area_faces[hits.triangles])
-    return reach
 
 
 def _ahead(
@@ -173,50 +209,47 @@ def outside_leg(rays: RayBundle) -> Leg:
 
 
 def send_through(part: PartMesh, grid: Grid, rays: RayBundle, media: Media, threads: int = 1) -> Passage:
-    """Cast every ray into the part and out of it."""
+    """Cast every ray into the mesh of a part and out of it."""
+    body = MeshBody(part, grid)
 
     def send(start: int) -> Passage:
-        return _send(part, grid, rays.take(slice(start, start + _CHUNK)), media)
+        return send_through_body(body, rays.take(slice(start, start + _CHUNK)), media)
 
     with ThreadPoolExecutor(threads) as pool:
         pieces = list(pool.map(send, range(0, len(rays), _CHUNK)))
     return Passage(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in Passage.__annotations__))
 
 
-def _send(part: PartMesh, grid: Grid, rays: RayBundle, media: Media) -> Passage:
+def send_through_body(body: CastBody, rays: RayBundle, media: Media) -> Passage:
+    """Cast every ray into ``body`` and out of it."""
     passage = Passage.of(rays)
     leg, into, out_of = outside_leg(rays), RefractingFace.inner(rays, media), RefractingFace.outer(rays, media)
-    entry = grid.first_hits(leg)
-    rows = np.nonzero(entry.found)[0]
-    passage.fates[rows] = _entry_fates(part, leg.take(rows), entry.take(rows))
-    rows = np.nonzero(passage.fates == CastFate.LANDED)[0]
-    entry = entry.take(rows)
-    entered = cross(part, leg.take(rows), entry, into.take(rows))
-    passage.flux[rows] *= entered.transmittance
-    passage.facets_um[rows, 0] = 1e3 * entered.heights
-
-    exits = grid.first_hits(entered.leg)
-    passage.fates[rows] = _exit_fates(part, entry, exits)
-    reached = np.nonzero(passage.fates[rows] == CastFate.LANDED)[0]
-    rows = rows[reached]
-    left = cross(part, entered.leg.take(reached), exits.take(reached), out_of.take(rows), entered.fields[reached])
-    lengths = np.linalg.norm(left.leg.origins - entered.leg.origins[reached], axis=1)
-    absorb(passage, rows, lengths, rays.absorptions(media)[rows])
-    passage.facets_um[rows, 1] = 1e3 * left.heights
-    leave(passage, rows, left)
-    return behind_glass(passage, rays, media)
-
-
-def _entry_fates(part: PartMesh, leg: Leg, hits: FacetHits) -> Int[np.ndarray, " n"]:
-    """Fates of rays from the source that hit something; LANDED: goes on."""
-    normals = part.mesh.face_normals[hits.triangles]
-    leaving = np.sum(leg.directions * normals, axis=1) > 0.0
-    outside = faces_away(leg.origins + hits.distances[:, None] * leg.directions, normals)
-    return np.select(
-        [leaving, at_base(part, hits), outside],
-        [CastFate.STARTS_INSIDE, CastFate.OPENING, CastFate.STARTS_OUTSIDE],
+    entry = body.surface_hits(leg)
+    passage.fates[:] = np.select(
+        [entry.faces < 0, entry.leaving, entry.base, entry.away],
+        [CastFate.NO_HIT, CastFate.STARTS_INSIDE, CastFate.OPENING, CastFate.STARTS_OUTSIDE],
         CastFate.LANDED,
     )
+    rows = np.nonzero(passage.fates == CastFate.LANDED)[0]
+    entry = entry.take(rows)
+    inside, entered = refracted(leg.take(rows), entry, into.take(rows))
+    passage.flux[rows] *= entered.transmittance
+    passage.facets_um[rows, 0] = 1e3 * entry.heights
+
+    exits = body.surface_hits(inside)
+    passage.fates[rows] = np.select(
+        [exits.faces < 0, exits.base, exits.faces == entry.faces],
+        [CastFate.NO_HIT, CastFate.BASE, CastFate.BACK_INTO_CAVITY],
+        CastFate.LANDED,
+    )
+    reached = np.nonzero(passage.fates[rows] == CastFate.LANDED)[0]
+    rows, inside, exits = rows[reached], inside.take(reached), exits.take(reached)
+    behind, left = refracted(inside, exits, out_of.take(rows), entered.passed[reached])
+    lengths = np.linalg.norm(exits.points - inside.origins, axis=1)
+    absorb(passage, rows, lengths, rays.absorptions(media)[rows])
+    passage.facets_um[rows, 1] = 1e3 * exits.heights
+    _leave(passage, rows, behind, left)
+    return behind_glass(passage, rays, media)
 
 
 def faces_away(points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
@@ -228,24 +261,14 @@ def faces_away(points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3
     return away
 
 
-def _exit_fates(part: PartMesh, entry: FacetHits, exits: FacetHits) -> Int[np.ndarray, " n"]:
-    """Fates of rays cast inside the material; LANDED: goes on."""
-    same = part.faces[entry.triangles] == part.faces[exits.triangles]
-    return np.select(
-        [~exits.found, at_base(part, exits), same],
-        [CastFate.NO_HIT, CastFate.BASE, CastFate.BACK_INTO_CAVITY],
-        CastFate.LANDED,
-    )
-
-
-def leave(passage: Passage, rows: Int[np.ndarray, " k"], left: RefractedRays) -> None:
+def _leave(passage: Passage, rows: Int[np.ndarray, " k"], behind: Leg, light: AtFace) -> None:
     """Write where rays refracted at the exit face leave it, or that they are totally reflected."""
-    passes = left.transmittance > 0.0
+    passes = light.transmittance > 0.0
     passage.fates[rows] = np.where(passes, CastFate.LANDED, CastFate.TOTAL_REFLECTION)
-    passage.flux[rows] *= np.where(passes, left.transmittance, 1.0)
-    passage.points[rows[passes]] = left.leg.origins[passes]
-    passage.directions[rows[passes]] = left.leg.directions[passes]
-    passage.fields[rows[passes]] = left.fields[passes]
+    passage.flux[rows] *= np.where(passes, light.transmittance, 1.0)
+    passage.points[rows[passes]] = behind.origins[passes]
+    passage.directions[rows[passes]] = behind.directions[passes]
+    passage.fields[rows[passes]] = light.passed[passes]
 
 
 def at_base(part: PartMesh, hits: FacetHits) -> Bool[np.ndarray, " n"]:

@@ -5,12 +5,11 @@ seconds for each side; so the box is that of all edges, and of the tops of the f
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from scipy.ndimage import maximum_filter, minimum_filter
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -18,6 +17,7 @@ from scipy.sparse.csgraph import connected_components
 from lensforge.errors import InputError
 from lensforge.proof.facet_casting import Leg
 from lensforge.proof.part_mesh import CREASE_RAD, LEVEL_MM, as_box
+from lensforge.proof.sequential_cast import SurfaceHits, faces_away
 from lensforge.results import BodySize
 from lensforge.results.file_bounds import made_here, require_small_step
 from lensforge.results.files import temporary_file
@@ -153,21 +153,8 @@ def _grid(low: Float[np.ndarray, " 2"], high: Float[np.ndarray, " 2"], count: in
 
 _TOLERANCE_MM = 1e-7  # within which the CAD kernel takes two points as one
 _FAR_MM = 1e6
+_SKIN_MM = 1e-4  # hits nearer than this are the point just left
 _MOST_FACES = 10_000  # every ray is cast at each of them: a lens has 6, one on a clamp with screw holes some hundred
-
-
-@dataclass(frozen=True)
-class BrepHits:
-    """First hits on a body: face (-1: none), point (mm), unit normal of either sign, True where the ray leaves it."""
-
-    faces: Int[np.ndarray, " n"]
-    points: Float[np.ndarray, "n 3"]
-    normals: Float[np.ndarray, "n 3"]
-    leaving: Bool[np.ndarray, " n"]
-
-    def take(self, rows: Int[np.ndarray, " k"]) -> "BrepHits":
-        """The hits of some of the rays."""
-        return BrepHits(self.faces[rows], self.points[rows], self.normals[rows], self.leaving[rows])
 
 
 class StepBody:
@@ -239,30 +226,36 @@ class StepBody:
         outward = 1.0 if self._faces[face].Orientation() == TopAbs_Orientation.TopAbs_FORWARD else -1.0
         return point, outward * normal
 
-    def first_hits(self, leg: Leg) -> BrepHits:
+    def surface_hits(self, leg: Leg) -> SurfaceHits:
         """First hit of each ray, about a millisecond each."""
         count = len(leg.origins)
-        hits = BrepHits(np.full(count, -1), np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count, dtype=bool))
+        faces, leaving = np.full(count, -1), np.zeros(count, dtype=bool)
+        points, normals = np.zeros((2, count, 3))
         for row in range(count):
-            self._write_first_hit(row, leg, hits)
-        return hits
+            if (hit := self._first_hit(leg, row)) is not None:
+                faces[row], leaving[row] = hit[:2]
+                points[row], normals[row] = self._point_and_normal(hit[0], *hit[2:])
+        against = np.where(np.sum(normals * leg.directions, axis=1) > 0.0, -1.0, 1.0)[:, None]
+        away, base = faces_away(points, against * normals), points[:, 2] <= 0.0
+        smooth = np.where(faces < 0, -1, self.smooth_faces[faces])
+        return SurfaceHits(smooth, points, normals, leaving, away, base, np.full(count, _SKIN_MM), np.zeros(count))
 
-    def _write_first_hit(self, row: int, leg: Leg, hits: BrepHits) -> None:
+    def _first_hit(self, leg: Leg, row: int) -> tuple[int, bool, float, float] | None:
+        """Face of the file that a ray hits first, True where the ray leaves the body there, and its parameters."""
         from OCP.gp import gp_Dir, gp_Lin, gp_Pnt
         from OCP.IntCurveSurface import IntCurveSurface_TransitionOnCurve
 
         line = gp_Lin(gp_Pnt(*leg.origins[row].tolist()), gp_Dir(*leg.directions[row].tolist()))
-        nearest, place = np.inf, (0.0, 0.0)
+        nearest = np.inf
+        hit: tuple[int, bool, float, float] | None = None
         for face, found in enumerate(self._intersectors):
             found.Perform(line, float(leg.beyond[row]), _FAR_MM)
             for k in range(1, found.NbPnt() + 1):
                 if found.WParameter(k) < nearest:
-                    nearest, place = found.WParameter(k), (found.UParameter(k), found.VParameter(k))
-                    hits.faces[row] = face
-                    out = IntCurveSurface_TransitionOnCurve.IntCurveSurface_Out
-                    hits.leaving[row] = found.Transition(k) == out
-        if np.isfinite(nearest):
-            hits.points[row], hits.normals[row] = self._point_and_normal(int(hits.faces[row]), *place)
+                    nearest = found.WParameter(k)
+                    out = found.Transition(k) == IntCurveSurface_TransitionOnCurve.IntCurveSurface_Out
+                    hit = face, out, found.UParameter(k), found.VParameter(k)
+        return hit
 
     def _point_and_normal(self, face: int, u: float, v: float) -> tuple[np.ndarray, np.ndarray]:
         from OCP.gp import gp_Pnt, gp_Vec

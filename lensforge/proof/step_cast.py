@@ -12,28 +12,13 @@ from jaxtyping import Int
 
 from lensforge.optics.media import Media
 from lensforge.proof.acceptance import BREP_RAYS
-from lensforge.proof.facet_casting import Leg
 from lensforge.proof.part_comparison import Expected, compare, drawn, gap_quantiles
-from lensforge.proof.pose_diagnosis import Cast, Ends
 from lensforge.proof.proof_result import BrepCast, Gaps
-from lensforge.proof.refraction import AtFace, Fields, RefractingFace, unpolarised
-from lensforge.proof.sequential_cast import (
-    CastFate,
-    LandedRays,
-    Passage,
-    RefractedRays,
-    absorb,
-    behind_glass,
-    faces_away,
-    leave,
-    outside_leg,
-)
-from lensforge.proof.step_body import BrepHits, StepBody
+from lensforge.proof.sequential_cast import LandedRays, Passage, send_through_body
+from lensforge.proof.step_body import StepBody
 from lensforge.results import BodySize
 from lensforge.results.second_process import IN_TURN, SecondProcess
 from lensforge.sources.ray_bundle import RayBundle
-
-_SKIN_MM = 1e-4  # hits nearer than this are the point just left
 
 
 @dataclass(frozen=True)
@@ -72,7 +57,7 @@ def _cast_and_measure(
 ) -> tuple[Passage, float, BodySize | None]:
     body = StepBody(step) if isinstance(step, bytes) else step
     start = perf_counter()
-    passage = send_through_step(body, rays, media)
+    passage = send_through_body(body, rays, media)
     return passage, perf_counter() - start, body.size() if sized else None
 
 
@@ -95,64 +80,3 @@ def judge_brep(
         )
         found.append((agreed, gap_quantiles(landed, design)))
     return found
-
-
-def send_through_step(body: StepBody, rays: RayBundle, media: Media) -> Passage:
-    """Trace every ray into the body and out of it, as through the mesh."""
-    passage = Passage.of(rays)
-    leg, into, out_of = outside_leg(rays), RefractingFace.inner(rays, media), RefractingFace.outer(rays, media)
-    entry = body.first_hits(leg)
-    against = np.where(np.sum(entry.normals * leg.directions, axis=1) > 0.0, -1.0, 1.0)[:, None]
-    passage.fates[:] = np.select(
-        [entry.faces < 0, entry.leaving, entry.points[:, 2] <= 0.0, faces_away(entry.points, against * entry.normals)],
-        [CastFate.NO_HIT, CastFate.STARTS_INSIDE, CastFate.OPENING, CastFate.STARTS_OUTSIDE],
-        CastFate.LANDED,
-    )
-    rows = np.nonzero(passage.fates == CastFate.LANDED)[0]
-    entry = entry.take(rows)
-    entered = _cross(leg.take(rows), entry, into.take(rows))
-    passage.flux[rows] *= entered.transmittance
-
-    exits = body.first_hits(entered.leg)
-    passage.fates[rows] = _exit_fates(body, entry, exits)
-    reached = np.nonzero(passage.fates[rows] == CastFate.LANDED)[0]
-    lengths = np.linalg.norm(exits.points[reached] - entered.leg.origins[reached], axis=1)
-    absorb(passage, rows[reached], lengths, rays.absorptions(media)[rows[reached]])
-    ahead, out_of = entered.leg.take(reached), out_of.take(rows[reached])
-    left = _cross(ahead, exits.take(reached), out_of, entered.fields[reached])
-    leave(passage, rows[reached], left)
-    return behind_glass(passage, rays, media)
-
-
-def through_step(body: StepBody) -> Cast:
-    """Rays through a STEP file, refracted at the first two faces that they meet, whatever these are."""
-
-    def cast(leg: Leg, into: RefractingFace, out_of: RefractingFace) -> Ends:
-        points, directions = np.full((2, len(leg.origins), 3), np.nan)
-        entry = body.first_hits(leg)
-        rows = np.nonzero(entry.faces >= 0)[0]
-        entered = _cross(leg.take(rows), entry.take(rows), into.take(rows))
-        exits = body.first_hits(entered.leg)
-        met = np.nonzero(exits.faces >= 0)[0]
-        left = _cross(entered.leg.take(met), exits.take(met), out_of.take(rows[met]))
-        passes = left.transmittance > 0.0
-        points[rows[met[passes]]] = left.leg.origins[passes]
-        directions[rows[met[passes]]] = left.leg.directions[passes]
-        return points, directions
-
-    return cast
-
-
-def _cross(leg: Leg, hits: BrepHits, face: RefractingFace, fields: Fields | None = None) -> RefractedRays:
-    light = AtFace.of(face, leg.directions, hits.normals, unpolarised(leg.directions) if fields is None else fields)
-    behind = Leg(hits.points, light.bent, np.full(len(light.bent), _SKIN_MM))
-    return RefractedRays(behind, light.transmittance, light.passed, np.zeros(len(light.bent)))
-
-
-def _exit_fates(body: StepBody, entry: BrepHits, exits: BrepHits) -> Int[np.ndarray, " n"]:
-    same = body.smooth_faces[exits.faces] == body.smooth_faces[entry.faces]
-    return np.select(
-        [exits.faces < 0, exits.points[:, 2] <= 0.0, same],
-        [CastFate.NO_HIT, CastFate.BASE, CastFate.BACK_INTO_CAVITY],
-        CastFate.LANDED,
-    )

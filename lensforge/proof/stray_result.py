@@ -4,20 +4,18 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
 from pydantic import Field
 
+from lensforge.proof.proof_result import OnReceiver
 from lensforge.results import (
     Count,
-    Flag,
     Irradiance,
     NotNegative,
     Number,
-    Positive,
     Record,
     Share,
     SimulatedResult,
-    Text,
     stated,
 )
-from lensforge.results.chart import Chart, light_unit
+from lensforge.results.chart import light_unit
 from lensforge.results.criteria import Criterion
 
 if TYPE_CHECKING:
@@ -60,18 +58,14 @@ class StraySpread(Record):
     peak_of_mean: NotNegative | None
 
 
-class ReceiverStray(Record):
+class ReceiverStray(OnReceiver):
     """Stray light on one receiver.
 
-    ``width``, ``height``: of its chart. ``sequential``, ``direct``, ``stray``: irradiance (W/m^2) or intensity (W/sr)
+    ``sequential``, ``direct``, ``stray``: irradiance (W/m^2) or intensity (W/sr)
     [row y, column x]. ``misplaced_flux``: flux that lands on other pixels than by the sequential trace, as a share of
     the emitted flux.
     """
 
-    name: Text
-    width: Positive
-    height: Positive
-    far_field: Flag
     flux: StrayFlux
     balance_error: NotNegative
     detected_stray_by_cause: StrayByCause
@@ -83,11 +77,6 @@ class ReceiverStray(Record):
     sequential: Irradiance
     direct: Irradiance
     stray: Irradiance
-
-    @property
-    def chart(self) -> Chart:
-        """Size of the maps, for figures."""
-        return Chart(self.width, self.height, self.far_field)
 
 
 class StrayLight(SimulatedResult):

@@ -16,7 +16,7 @@ from lensforge.proof.facet_casting import Grid, Leg
 from lensforge.proof.part_mesh import PartMesh
 from lensforge.proof.proof_result import PlainCast
 from lensforge.proof.refraction import RefractingFace
-from lensforge.proof.sequential_cast import cross, outside_leg
+from lensforge.proof.sequential_cast import MeshBody, outside_leg, refracted
 from lensforge.results.second_process import IN_TURN, SecondProcess
 from lensforge.sources.ray_bundle import RayBundle
 
@@ -34,9 +34,9 @@ def cast_plain(
     """
     rows = np.unique(np.linspace(0, len(rays) - 1, min(count, len(rays))).astype(np.int64))
     outside, into = outside_leg(rays).take(rows), RefractingFace.inner(rays, media).take(rows)
-    entry = grid.first_hits(outside)
-    entered = np.nonzero(entry.found)[0]
-    inside = cross(part, outside.take(entered), entry.take(entered), into.take(entered)).leg
+    entry = MeshBody(part, grid).surface_hits(outside)
+    entered = np.nonzero(entry.faces >= 0)[0]
+    inside, _ = refracted(outside.take(entered), entry.take(entered), into.take(entered))
     bare = trimesh.Trimesh(part.mesh.vertices, part.mesh.faces, process=False)  # what others have cached stays here
     legs = outside, inside
     cast = second.call(_timed_distances, bare, legs)

@@ -13,7 +13,7 @@ import numpy as np
 
 from lensforge.errors import InputError
 from lensforge.optics.media import Media
-from lensforge.proof.acceptance import BREP_RAYS, DEVIATION_RAD, brep_evidence, mesh_evidence, proof_criteria
+from lensforge.proof.acceptance import BREP_RAYS, DEVIATION_RAD, proof_criteria
 from lensforge.proof.facet_casting import Grid
 from lensforge.proof.mitsuba_cast import cast_mitsuba
 from lensforge.proof.part_comparison import (
@@ -27,10 +27,8 @@ from lensforge.proof.part_comparison import (
     share,
 )
 from lensforge.proof.part_mesh import PartMesh, facet_errors, mesh_size, read_part_mesh
-from lensforge.proof.pose_diagnosis import recognised, through_mesh
 from lensforge.proof.proof_result import (
     BrepCast,
-    Faults,
     Gaps,
     IndependentRays,
     LandingDeviation,
@@ -43,7 +41,7 @@ from lensforge.proof.proof_result import (
 from lensforge.proof.receiver_screen import nmse, squared_norm
 from lensforge.proof.sequential_cast import LandedRays, Passage, send_through
 from lensforge.proof.step_body import StepBody
-from lensforge.proof.step_cast import StepCast, cast_step, judge_brep, through_step
+from lensforge.proof.step_cast import StepCast, cast_step, judge_brep
 from lensforge.proof.trimesh_cast import cast_plain
 from lensforge.results import BodySize, Extent
 from lensforge.results.second_process import IN_TURN, SecondProcess
@@ -83,11 +81,11 @@ def verify_part(
     """
     started = perf_counter()
     _require_rays(rays, expected)
-    # Here it is read before the casts: a file that is refused costs no more than that.
-    file = step if step is None or second.runs else StepBody(step)
-    through = (
-        None if file is None else cast_step(file, rays, media, step_rays, sized=exported is not None, second=second)
-    )
+    through = None
+    if step is not None:
+        # Here it is read before the casts: a file that is refused costs no more than that.
+        file: bytes | StepBody = step if second.runs else StepBody(step)
+        through = cast_step(file, rays, media, step_rays, sized=exported is not None, second=second)
     part = read_part_mesh(stl)
     grid = Grid(part.mesh)
     plain = cast_plain(part, grid, rays, media, plain_rays, second)
@@ -115,15 +113,12 @@ def verify_part(
         open_edges=part.open_edges,
         volume_mm3=float(part.mesh.volume),
         sizes=sizes,
-        faults=Faults(),
         emission_apart=None if own is None else emission_difference(own.rays, rays),
         facet_height_um=Extent(rms=float(np.sqrt(np.mean(heights**2))), max=float(heights.max())),
         plain_cast=compared,
         criteria=(),
         seconds=perf_counter() - started,
     )
-    faults = _faults(proof, (part, grid, file), (rays, media, expected[0]))
-    proof = proof.model_copy(update={"faults": faults})
     return proof.model_copy(update={"criteria": proof_criteria(proof), "seconds": perf_counter() - started})
 
 
@@ -144,27 +139,6 @@ def _sizes(part: PartMesh, cast: StepCast | None, exported: BodySize, chord_mm: 
     )
     step = None if cast is None or cast.size is None else SizedFile(size=cast.size)
     return Sizes(exported=exported, chord_mm=chord_mm, mesh=mesh, step=step)
-
-
-def _faults(
-    proof: Proof, files: tuple[PartMesh, Grid, StepBody | bytes | None], light: tuple[RayBundle, Media, Expected]
-) -> Faults:
-    """Faults of the files whose light on the first receiver is not the design's, where they can be recognised.
-
-    ``light``: rays, refractive index, and the design's results on the first receiver.
-    """
-    (part, grid, step), first, sizes = files, proof.first, proof.sizes
-    exported = None if sizes is None else sizes.exported
-    seen, found = mesh_evidence(first), Faults()
-    if part.open_edges == 0 and not (seen.lands_alike and seen.agreement.fates_flux <= seen.fates):
-        words = recognised(through_mesh(part, grid), mesh_size(part.mesh), exported, *light)
-        found = found.model_copy(update={"mesh": words})
-    if step is None or first.brep is None or sizes is None or sizes.step is None:
-        return found
-    if not brep_evidence(first.brep, first.deviation_limit_mm / DEVIATION_RAD).lands_alike:
-        body = StepBody(step) if isinstance(step, bytes) else step
-        found = found.model_copy(update={"step": recognised(through_step(body), sizes.step.size, exported, *light)})
-    return found
 
 
 def _require_rays(rays: RayBundle, expected: Sequence[Expected]) -> None:

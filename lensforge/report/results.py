@@ -4,8 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TypeVar
 
-from lensforge.cad.part import Part
-from lensforge.cad.part_facts import part_facts
+from lensforge.cad.part import Part, part_facts
 from lensforge.errors import MissingResult
 from lensforge.light.evaluation_result import Light
 from lensforge.light.light_facts import LimitBounds, light_facts, light_reasons

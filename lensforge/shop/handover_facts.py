@@ -2,8 +2,7 @@
 
 from collections.abc import Iterator
 
-from lensforge.cad.part import SURFACES_FILE, Part
-from lensforge.cad.part_facts import part_facts
+from lensforge.cad.part import SURFACES_FILE, Part, part_facts
 from lensforge.results import Fact, Group
 from lensforge.results.numerals import quantity, with_unit
 from lensforge.scene.lens import Lens

@@ -7,7 +7,6 @@ import numpy as np
 from lensforge.scene.lens import Lens
 from lensforge.spec import BaseSection, parse_spec
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
-from lensforge.surfaces.surface import to_sphere
 
 PAPER_SCALES = [(0.8, 2.45), (6.0, 13.7)]
 ALL_LEVELS = (9, 25, 81, 289)
@@ -72,7 +71,3 @@ def off_grid_chart(count: int, seed: int = 1) -> np.ndarray:
     radius[: count // 4] = 1.0
     turn = 2.0 * np.pi * rng.random(count)
     return radius[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
-
-
-def off_grid_directions(count: int, seed: int = 1) -> np.ndarray:
-    return to_sphere(off_grid_chart(count, seed))

@@ -1,15 +1,60 @@
+"""Meshes of a part: closed or not and where, and their files, read back."""
+
 import io
 import zipfile
 
 import numpy as np
 import pytest
+import trimesh
 from geometry_lenses import make_lens
 
-from lensforge.cad.mesh import build_mesh, check_closed
-from lensforge.cad.mesh_files import parse_3mf, threemf_bytes
+from lensforge.cad.mesh import BodyMesh, build_mesh, check_closed
+from lensforge.cad.mesh_files import parse_3mf, parse_stl, stl_bytes, threemf_bytes
 from lensforge.cad.patch import fit_patch
 from lensforge.cad.plan import make_plan
 from lensforge.errors import InputError
+
+BOX = trimesh.creation.box()
+TORUS = trimesh.creation.torus(2.0, 0.5)
+
+
+def as_body(mesh):
+    return BodyMesh(mesh.vertices, mesh.faces, np.zeros(len(mesh.faces), int), ("ALL",), 0)
+
+
+def test_a_box_is_closed_and_a_torus_has_a_handle():
+    assert check_closed(BOX.vertices, BOX.faces).watertight
+    assert check_closed(BOX.vertices, BOX.faces).volume_mm3 == pytest.approx(1.0, rel=1e-12)
+    assert check_closed(TORUS.vertices, TORUS.faces).genus == 1
+
+
+def test_a_missing_triangle_is_found():
+    closure = check_closed(BOX.vertices, BOX.faces[1:])
+    assert closure.status == "NotManifold"
+    assert not closure.watertight
+    hole = BOX.vertices[BOX.faces[0]]
+    middles = (hole + np.roll(hole, -1, axis=0)) / 2.0
+    assert np.abs(middles - closure.fault_mm).max(axis=1).min() < 1e-12
+    assert check_closed(BOX.vertices, BOX.faces).fault_mm is None
+
+
+def test_triangles_that_are_there_twice_are_a_fault():
+    twice = check_closed(BOX.vertices, np.concatenate([BOX.faces, BOX.faces]))
+    assert twice.fault_mm is not None and not twice.watertight
+
+
+def test_a_body_turned_inside_out_and_two_bodies_are_not_one_part():
+    assert not check_closed(BOX.vertices, BOX.faces[:, ::-1]).watertight
+    twice = np.concatenate([BOX.vertices, BOX.vertices + 5.0]), np.concatenate([BOX.faces, BOX.faces + 8])
+    assert not check_closed(*twice).watertight
+
+
+def test_stl_round_trip_keeps_the_body():
+    content = stl_bytes(as_body(TORUS))
+    assert len(content) == 84 + 50 * len(TORUS.faces)
+    vertices, triangles = parse_stl(content)
+    assert vertices.shape == TORUS.vertices.shape
+    assert check_closed(vertices, triangles).volume_mm3 == pytest.approx(TORUS.volume, rel=1e-6)
 
 
 @pytest.fixture(scope="module")
@@ -34,8 +79,9 @@ def test_the_mesh_comes_back_with_its_sharing_unit_and_names(mesh):
     assert model.count("<t:ref ") + model.count("<t:refrange ") >= len(mesh.names)
 
 
-@pytest.mark.parametrize("content", [b"", b"PK no zip"], ids=["empty", "noise"])
-def test_a_damaged_3mf_is_one_line(content):
-    with pytest.raises(InputError, match=r"^part\.3mf: ") as caught:
-        parse_3mf(content, "part.3mf")
+@pytest.mark.parametrize("content", [b"", b"solid nothing", b"\x00" * 90], ids=["empty", "noise", "zeros"])
+@pytest.mark.parametrize(("parse", "name"), [(parse_stl, "part.stl"), (parse_3mf, "part.3mf")])
+def test_a_damaged_file_is_one_line(parse, name, content):
+    with pytest.raises(InputError, match=f"^{name}: ") as caught:
+        check_closed(*parse(content, name))
     assert "\n" not in str(caught.value)

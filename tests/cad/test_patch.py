@@ -37,21 +37,6 @@ def test_nodes_resolve_the_narrowest_function():
     assert default_nodes(1e-3) == MAX_NODES
 
 
-def test_patch_is_linear_in_the_weights():
-    one, two = (random_surface(2.45, 0.01, seed) for seed in (1, 2))
-    both = SrbfSurface(one.basis, one.weights_mm + two.weights_mm, 2.45)
-    sphere = SrbfSurface(one.basis, 0.0 * one.weights_mm, 2.45)
-    total = fit_patch(one).control + fit_patch(two).control - fit_patch(sphere).control
-    np.testing.assert_allclose(fit_patch(both).control, total, atol=1e-12)
-
-
-def test_rim_of_the_patch_is_the_unit_circle():
-    patch = fit_patch(random_surface(13.7, 0.02, seed=1))
-    chart = off_grid_chart(2000)
-    on_rim = np.isclose(np.linalg.norm(chart, axis=1), 1.0)
-    assert np.abs(patch.points(chart[on_rim])[:, 2]).max() < 1e-6
-
-
 def test_a_surface_through_the_origin_is_refused_with_its_place():
     surface = random_surface(2.45, 0.0, seed=0)
     weights = surface.weights_mm.copy()

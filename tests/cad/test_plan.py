@@ -20,18 +20,6 @@ def sphere(radius):
     return random_surface(radius, 0.0, seed=0)
 
 
-@pytest.mark.parametrize(
-    ("radius", "relation"), [(12.6, "ledge"), (12.8, "overhang"), (12.7, "flush"), (12.7 + 1e-5, "overhang")]
-)
-def test_a_round_rim_has_one_relation_to_the_cylinder(radius, relation):
-    (arc,) = plan_of(sphere(6.0), sphere(radius)).arcs
-    assert (arc.start, arc.end, arc.relation) == (0.0, FULL_TURN, relation)
-
-
-def test_without_a_base_the_rim_is_bare():
-    assert plan_of(sphere(6.0), sphere(12.7), BaseSection(kind="none")).arcs[0].relation == "bare"
-
-
 def test_arcs_go_once_around_and_change_over_exactly_on_the_cylinder():
     plan = plan_of(sphere(6.0), random_surface(12.65, 0.02, seed=2))
     starts, ends = np.array([[arc.start, arc.end] for arc in plan.arcs]).T
@@ -41,11 +29,6 @@ def test_arcs_go_once_around_and_change_over_exactly_on_the_cylinder():
     for arc in plan.arcs:
         radius = plan.outer.radius(rim_directions(np.linspace(arc.start, arc.end, 50)[1:-1]))
         assert ((radius > 12.7) == (arc.relation == "overhang")).all()
-
-
-def test_a_base_that_does_not_hold_the_cavity_is_refused_with_its_size():
-    with pytest.raises(InputError, match=r"base.diameter_mm = 10: the cavity opens to 12 mm.*at least 12.02"):
-        plan_of(sphere(6.0), sphere(12.0), BaseSection(diameter_mm=10.0))
 
 
 def test_surfaces_that_cross_are_refused_with_the_place():

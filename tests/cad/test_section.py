@@ -7,7 +7,7 @@ from lensforge.cad.custom_base import join_mesh, read_custom_base
 from lensforge.cad.mesh import build_mesh
 from lensforge.cad.patch import fit_patch
 from lensforge.cad.plan import make_plan
-from lensforge.cad.section import body_outlines, profile
+from lensforge.cad.section import body_outlines
 
 BASES = {
     "none": {"kind": "none"},
@@ -63,13 +63,3 @@ def test_a_base_from_a_file_is_cut_where_it_is(tmp_path):
     assert area(outlines) == pytest.approx(cut_area(mesh, 0.0), rel=1e-3)
     ends = np.concatenate(outlines)[:, 0]
     assert (ends.min(), ends.max()) == pytest.approx((-14.0, 16.0), abs=1e-9)
-
-
-def test_the_profile_is_the_surface_itself():
-    surface = make_lens(6.0, 10.2, 0.01).outer
-    across = np.array([np.cos(0.7), np.sin(0.7), 0.0])
-    curve = profile(surface, across)
-    points = curve[:, :1] * across + curve[:, 1:] * np.array([0.0, 0.0, 1.0])
-    radius = np.linalg.norm(points, axis=1)
-    assert surface.radius(points / radius[:, None]) == pytest.approx(radius, abs=1e-9)
-    assert curve[[0, -1], 1].tolist() == [0.0, 0.0]

@@ -66,12 +66,6 @@ def test_the_header_states_date_author_and_organisation_of_the_spec(signed):
     assert signed_step(solid, lens.spec, lens.spec.name, "AP214").content == part.step, "no clock in it"
 
 
-@pytest.mark.nightly("a quarter of a minute")
-def test_a_given_date_counts_more_than_that_of_the_spec():
-    lens = lens_for(date="2026-03-31")
-    assert "'2026-04-01T00:00:00'" in header(build_part(lens, rings=16, date="2026-04-01").step)
-
-
 BASES = [
     ({"kind": "none"}, {"RIM"}),
     ({"diameter_mm": 8.0}, {"BASE_TOP"}),

@@ -154,3 +154,14 @@ def oracle(inner: Quadric, outer: Quadric, rays: RayBundle, index: float, distan
     second = np.where(lost[:, None], np.nan, second)
     landings = ends[:, :2] + (distance - ends[:, 2:]) / second[:, 2:] * second[:, :2]
     return landings, np.where(lost, 0.0, rays.flux * share), second
+
+
+# Two ellipsoids off the axis on a cylindrical base, which most of these tests cast rays through.
+INDEX, DISTANCE, BASE = 1.4936, 150.0, (16.0, 2.0)
+INNER = Quadric((0.3, -0.2, 0.1), (6.0, 6.5, 5.5))
+OUTER = Quadric((-0.4, 0.3, -0.5), (13.7, 13.0, 14.0))
+
+
+def right(rings=36, inner=INNER, outer=OUTER, base=BASE):
+    """Its mesh, which is the right one but for what is given."""
+    return lens_mesh(inner.radius, outer.radius, rings, base)

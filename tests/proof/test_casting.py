@@ -1,11 +1,16 @@
+"""First hits on a mesh: the grid and trimesh, against all triangles one by one."""
+
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
 from lens_meshes import Quadric, lambertian, lens_mesh, sphere
 
-from lensforge.proof import facet_casting
+from lensforge.optics.media import Media
 from lensforge.proof.facet_casting import Grid, Leg
-from lensforge.proof.trimesh_cast import PlainCaster
+from lensforge.proof.part_mesh import part_mesh_of
+from lensforge.proof.trimesh_cast import PlainCaster, cast_plain
 
 
 def soup(count):
@@ -20,26 +25,37 @@ MESHES = {
     "soup": soup(150),
     "shell": lens_mesh(sphere(6.0).radius, sphere(13.7).radius, 10),
     "on a base": lens_mesh(Quadric((0.2, 0.1, 0.0), (1.0, 0.8, 0.9)).radius, sphere(2.45).radius, 12, (4.0, 1.0)),
-    "box": trimesh.creation.box((2.0, 3.0, 1.0)),
+    "box": trimesh.creation.box((20.0, 12.0, 8.0)),  # triangles larger than the pieces of a ray
 }
 
 
-def scattered(count, size, seed):
+def scattered(count, size, seed, beyond=0.0):
+    """Rays from in and around a body; the first along the axes, where a box of a ray has no width."""
     rng = np.random.default_rng(seed)
     directions = rng.normal(size=(count, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    directions[:6] = np.concatenate([np.eye(3), -np.eye(3)])  # along the grid's own axes
-    return Leg(rng.uniform(-size, size, (count, 3)), directions, np.zeros(count))
+    directions[:6] = np.concatenate([np.eye(3), -np.eye(3)])
+    return Leg(rng.uniform(-size, size, (count, 3)), directions, np.full(count, beyond))
 
 
+@pytest.mark.parametrize("share", [0.0, 0.3], ids=["all", "beyond"])
 @pytest.mark.parametrize("name", MESHES)
-def test_grid_finds_the_same_first_hits_as_plain_trimesh(name):
+def test_both_casters_find_the_first_hits_among_all_triangles(name, share):
+    """Those of trimesh, which asks every triangle; hits up to the given distance are passed over."""
     mesh = MESHES[name]
-    leg = scattered(300, 1.2 * mesh.bounds[1].max(), 3)
+    size = mesh.bounds[1].max()
+    leg = scattered(300, 1.2 * size, 3, share * size)
+    whole = trimesh.ray.ray_triangle.RayMeshIntersector(mesh)
+    points, ray, _ = whole.intersects_location(leg.origins, leg.directions, multiple_hits=True)
+    distance = np.sum((points - leg.origins[ray]) * leg.directions[ray], axis=1)
+    expected = np.full(300, np.inf)
+    beyond = distance > share * size
+    np.minimum.at(expected, ray[beyond], distance[beyond])
     plain, hits = PlainCaster(mesh).distances(leg), Grid(mesh).first_hits(leg)
-    assert np.array_equal(np.isfinite(plain), hits.found)
-    assert 50 < hits.found.sum() < 300 or name == "soup"  # both kinds are there
-    np.testing.assert_allclose(hits.distances[hits.found], plain[hits.found], rtol=0, atol=1e-9)
+    assert np.array_equal(np.isfinite(plain), hits.found) and np.array_equal(np.isfinite(expected), hits.found)
+    assert 20 < hits.found.sum() < 300 or name == "soup"  # both kinds are there
+    np.testing.assert_allclose(plain[hits.found], expected[hits.found], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(hits.distances[hits.found], expected[hits.found], rtol=0, atol=1e-9)
 
 
 def test_hit_lies_on_the_triangle_it_names():
@@ -49,24 +65,6 @@ def test_hit_lies_on_the_triangle_it_names():
     on_triangle = np.einsum("nk,nki->ni", hits.barycentric[hits.found], mesh.triangles[hits.triangles[hits.found]])
     on_ray = (leg.origins + np.where(hits.found, hits.distances, 0.0)[:, None] * leg.directions)[hits.found]
     np.testing.assert_allclose(on_triangle, on_ray, atol=1e-10)
-
-
-def test_hits_up_to_the_given_distance_are_passed_over():
-    mesh = MESHES["shell"]
-    rays = lambertian(200, 1.0)
-    first = Grid(mesh).first_hits(Leg(rays.origins, rays.directions, np.zeros(200)))
-    second = Grid(mesh).first_hits(Leg(rays.origins, rays.directions, first.distances + 0.1))
-    assert (first.distances < 6.7).all()
-    assert (second.distances > 12.0).all()
-
-
-@pytest.mark.parametrize("cell_edges", [0.7, 2.0, 30.0])
-def test_cell_size_changes_the_time_and_nothing_else(cell_edges, monkeypatch):
-    leg = scattered(300, 3.0, 5)
-    usual = Grid(MESHES["on a base"]).first_hits(leg)
-    monkeypatch.setattr(facet_casting, "CELL_EDGES", cell_edges)
-    other = Grid(MESHES["on a base"]).first_hits(leg)
-    assert np.array_equal(usual.distances, other.distances)
 
 
 def test_no_ray_slips_between_triangles():
@@ -79,3 +77,18 @@ def test_no_ray_slips_between_triangles():
     hits = Grid(mesh).first_hits(Leg(origins, (targets - origins) / away[:, None], np.zeros(len(targets))))
     assert hits.found.all()
     np.testing.assert_allclose(hits.distances, away, rtol=1e-12)
+
+
+def test_a_grid_that_is_wrong_is_noticed(monkeypatch):
+    part = part_mesh_of(lens_mesh(sphere(6.0).radius, sphere(13.7).radius, 10))
+    grid, rays = Grid(part.mesh), lambertian(400, 1.0)
+    found = cast_plain(part, grid, rays, Media(1.5), 50)()
+    assert (found.rays, found.casts, found.disagreements) == (50, 100, 0)
+    honest = Grid.first_hits
+
+    def shifted(self, leg):
+        hits = honest(self, leg)
+        return replace(hits, distances=hits.distances + 1e-5)
+
+    monkeypatch.setattr(Grid, "first_hits", shifted)
+    assert cast_plain(part, grid, rays, Media(1.5), 50)().disagreements == 100

@@ -1,36 +1,28 @@
 """The cast by Mitsuba against closed forms, and in the whole verification; only where Mitsuba is installed."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from lens_meshes import Quadric, lambertian, lens_mesh, oracle
+from lens_meshes import DISTANCE, INDEX, INNER, OUTER, Quadric, lambertian, oracle, right
 
 from lensforge.errors import InputError
-from lensforge.optics.media import CoatingLayer, IndexCurve, LayerStack, Media
+from lensforge.optics.media import Media
 from lensforge.proof import mitsuba_cast
 from lensforge.proof.acceptance import mitsuba_criteria
-from lensforge.proof.facet_casting import Grid
 from lensforge.proof.mitsuba_cast import cast_mitsuba, send_through_mitsuba
 from lensforge.proof.part_comparison import Expected
 from lensforge.proof.part_mesh import part_mesh_of
 from lensforge.proof.receiver_screen import Screen
-from lensforge.proof.refraction import refract
-from lensforge.proof.sequential_cast import CastFate, LandedRays, send_through
+from lensforge.proof.sequential_cast import CastFate, LandedRays
 from lensforge.proof.verification import verify_part
-from lensforge.sources.ray_bundle import RayBundle
 
 mitsuba = pytest.importorskip("mitsuba")
-INDEX, DISTANCE = 1.4936, 150.0
-INNER = Quadric((0.3, -0.2, 0.1), (6.0, 6.5, 5.5))
-OUTER = Quadric((-0.4, 0.3, -0.5), (13.7, 13.0, 14.0))
 RAYS = lambertian(4000, 2.0, seed=11)
 HITS, FLUX, _ = oracle(INNER, OUTER, RAYS, INDEX, DISTANCE)
 SCREEN = Screen.square(DISTANCE, 300.0, 32)
 
 
 def part(rings=60, outer=OUTER):
-    return part_mesh_of(lens_mesh(INNER.radius, outer.radius, rings, (16.0, 2.0)))
+    return part_mesh_of(right(rings, outer=outer))
 
 
 def converged():
@@ -54,29 +46,6 @@ def test_mitsuba_lands_rays_where_the_closed_form_does():
     assert coarse / fine > 3.0  # second order in the edge length, as interpolated normals are
 
 
-def test_rays_lose_by_their_paths_in_the_body_what_the_law_says():
-    some, lens = RAYS.take(slice(500)), part()
-    (_, clear), (_, dim) = (send_through_mitsuba(lens, some, Media(INDEX, each)) for each in (0.0, 0.05))
-    left = clear.fates == CastFate.LANDED
-    entered = some.origins + INNER.far_hit(some.origins, some.directions)[:, None] * some.directions
-    lengths = np.linalg.norm(clear.points - entered, axis=1)
-    lost, once = -np.expm1(-0.05 * lengths), refract(some.directions, INNER.normal(entered), 1.0 / INDEX)[1]
-    np.testing.assert_allclose(dim.flux[left], (clear.flux * (1.0 - lost))[left], rtol=1e-3)
-    np.testing.assert_allclose(dim.absorbed[left], (some.flux * once * lost)[left], rtol=0.01)
-
-
-def test_coated_faces_transmit_at_the_angles_that_mitsuba_finds():
-    some, lens = RAYS.take(slice(400)), part()
-    layer = LayerStack((CoatingLayer(IndexCurve((2.1,)), 80.0),), IndexCurve((INDEX,)), (300.0, 900.0))
-    media = Media(INDEX, inner_coating=layer, outer_coating=layer)
-    some = replace(some, wavelengths_nm=np.linspace(420.0, 680.0, 400))
-    (_, found), mesh = send_through_mitsuba(lens, some, media), send_through(lens, Grid(lens.mesh), some, media)
-    left = (found.fates == CastFate.LANDED) & (mesh.fates == CastFate.LANDED)
-    assert left.sum() > 350
-    np.testing.assert_allclose(found.flux[left], mesh.flux[left], rtol=2e-3)
-    assert not np.allclose(found.flux[left], send_through_mitsuba(lens, some, Media(INDEX))[1].flux[left], rtol=0.05)
-
-
 def test_a_right_lens_holds_within_the_noise_and_a_wrong_one_does_not():
     expected = [Expected(SCREEN, converged(), HITS, FLUX)]
     ((right, _),) = cast_mitsuba(part(), RAYS, Media(INDEX), expected, 3000)
@@ -91,31 +60,8 @@ def test_a_right_lens_holds_within_the_noise_and_a_wrong_one_does_not():
     assert "mitsuba_deviation_rms" in failed
 
 
-def test_rays_with_an_index_each_are_bent_by_it():
-    both = [RayBundle(RAYS.origins, RAYS.directions, RAYS.flux, np.full(4000, index)) for index in (1.4, 1.6)]
-    some = np.arange(50)
-    for rays, index in zip(both, (1.4, 1.6), strict=True):
-        _, own = send_through_mitsuba(part(), rays.take(some), Media(INDEX))
-        _, given = send_through_mitsuba(part(), RAYS.take(some), Media(index))
-        np.testing.assert_array_equal(own.points, given.points)
-        np.testing.assert_array_equal(own.directions, given.directions)
-
-
-def test_rays_that_cannot_pass_say_why():
-    start = [[0, 0, 0], [0, 0, 9], [40, 0, 0.5], [0, 0, 20], [0.3, 5.3, 0.5], [0, 0, 5], [0, 0, 5]]
-    towards = [[0.999, 0, -0.0447], [0, 0, 1], [0, 1, 0], [0.1, 0, -1], [1, 0, -0.1], [1, 0, -0.02], [1, 0, -0.9]]
-    directions = np.array(towards, dtype=float)
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    _, passage = send_through_mitsuba(
-        part(), RayBundle(np.array(start, dtype=float), directions, np.ones(7)), Media(INDEX)
-    )
-    assert [CastFate(fate).name for fate in passage.fates] == [
-        "OPENING", "STARTS_INSIDE", "NO_HIT", "STARTS_OUTSIDE", "BASE", "LANDED", "OPENING",
-    ]  # fmt: skip
-
-
 def test_verify_asks_mitsuba_and_leaves_the_variant_of_its_caller():
-    stl = lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0)).export(file_type="stl")
+    stl = right().export(file_type="stl")
     mitsuba.set_variant("scalar_spectral")
     expected = Expected(SCREEN, converged(), HITS, FLUX)
     given = {"rays": RAYS, "media": Media(INDEX), "expected": [expected], "plain_rays": 1}

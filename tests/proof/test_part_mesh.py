@@ -1,13 +1,10 @@
 import numpy as np
 import pytest
 import trimesh
-from lens_meshes import Quadric, Rippled, lens_mesh, sphere
+from lens_meshes import INNER, OUTER, Rippled, lens_mesh, right, sphere
 
 from lensforge.errors import InputError
-from lensforge.proof.part_mesh import facet_average, part_mesh_of, read_part_mesh
-
-OUTER = Quadric((-0.4, 0.3, -0.5), (13.7, 13.0, 14.0))
-INNER = Quadric((0.3, -0.2, 0.1), (6.0, 6.5, 5.5))
+from lensforge.proof.part_mesh import part_mesh_of, read_part_mesh
 
 
 def scattered_on_facets(part, surface, sign, seed=1):
@@ -24,7 +21,7 @@ def scattered_on_facets(part, surface, sign, seed=1):
 
 @pytest.mark.parametrize(("surface", "sign"), [(OUTER, 1.0), (INNER, -1.0)])
 def test_normals_are_third_order_up_to_the_rim(surface, sign):
-    coarse, fine = (part_mesh_of(lens_mesh(INNER.radius, OUTER.radius, count)) for count in (16, 32))
+    coarse, fine = (part_mesh_of(right(count, base=None)) for count in (16, 32))
     (high, tilted), (low, straight) = (scattered_on_facets(part, surface, sign) for part in (coarse, fine))
     assert straight.max() < 6e-4
     assert np.sqrt(np.mean(tilted**2) / np.mean(straight**2)) > 2.0**2.6
@@ -60,12 +57,6 @@ def test_normals_of_a_rough_lens_owe_little_to_the_mesh_and_hold_at_the_rim(name
     assert angles.max() < 1e-4  # on the rim: a quintic that no ridge holds leaves 1e-3 there
 
 
-def test_average_of_facets_is_exact_on_a_sphere_away_from_the_rim():
-    mesh = trimesh.creation.icosphere(subdivisions=3, radius=2.0)
-    normals = facet_average(mesh.vertices, mesh.faces)
-    np.testing.assert_allclose(normals, mesh.vertices / 2.0, atol=1e-12)
-
-
 def test_sharp_edges_are_not_smoothed():
     part = part_mesh_of(lens_mesh(sphere(6.0).radius, sphere(13.7).radius, 12, (16.0, 2.0)))
     assert len(np.unique(part.faces)) == 6  # two domes, ledge, cylinder, bottom, bore
@@ -83,7 +74,7 @@ def test_box_keeps_its_six_faces_and_their_normals():
 
 
 def test_stl_is_read_as_one_closed_body():
-    mesh = lens_mesh(INNER.radius, OUTER.radius, 20, (16.0, 2.0))
+    mesh = right(20)
     part = read_part_mesh(mesh.export(file_type="stl"))
     assert part.open_edges == 0
     assert len(part.mesh.vertices) == len(mesh.vertices)
@@ -91,7 +82,7 @@ def test_stl_is_read_as_one_closed_body():
 
 
 def test_open_and_folded_meshes_are_counted(tmp_path):
-    mesh = lens_mesh(INNER.radius, OUTER.radius, 6)
+    mesh = right(6, base=None)
     holed = trimesh.Trimesh(mesh.vertices, mesh.faces[1:], process=False)
     assert part_mesh_of(holed).open_edges == 3
     turned = mesh.faces.copy()

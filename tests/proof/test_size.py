@@ -14,7 +14,7 @@ from lensforge.cad.edges import geom_surface
 from lensforge.cad.patch import Patch
 from lensforge.proof.acceptance import size_criteria
 from lensforge.proof.part_mesh import facet_errors, mesh_size
-from lensforge.proof.proof_result import Faults, SizedFile, Sizes
+from lensforge.proof.proof_result import SizedFile, Sizes
 from lensforge.proof.step_body import StepBody, bounds_mm
 from lensforge.results import BodySize
 
@@ -47,7 +47,7 @@ def mesh_of(shape, path, tolerance=0.001):
 def failed(mesh=None, step=None):
     mesh = SizedFile(size=exact()) if mesh is None else sized(mesh)
     sizes = Sizes(exported=exact(), chord_mm=0.001, mesh=mesh, step=None if step is None else SizedFile(size=step))
-    return {each.name: each.remedy for each in size_criteria(sizes, Faults()) if not each.passed}
+    return {each.name: each.remedy for each in size_criteria(sizes) if not each.passed}
 
 
 def sized(mesh):
@@ -127,4 +127,15 @@ def test_another_body_misses_and_says_where(tmp_path, wrong, says):
 def test_a_scaled_body_is_named_even_where_light_does_not_tell(tmp_path):
     found = failed(step=step_of(dome(scale=1.001), tmp_path / "dome.step"))
     assert set(found) == {"brep_volume_change", "brep_area_change", "brep_box_change"}
-    assert found["brep_volume_change"].startswith("lens.step is the lens scaled by 1.001: write it again")
+    assert found["brep_volume_change"].startswith("lens.step: it is the lens scaled by 1.001: write it again")
+
+
+@pytest.mark.parametrize(
+    ("scale", "says"),
+    [(1.0 / 25.4, "in inches"), (25.4, "as if its mm were inches"), (0.1, "in cm"), (1e-3, "in metres")],
+)
+def test_another_unit_and_facets_that_face_inwards_are_named(tmp_path, scale, says):
+    mesh = mesh_of(dome(), tmp_path / "dome.stl")
+    assert says in failed(mesh.copy().apply_scale(scale))["volume_change"]
+    mesh.invert()
+    assert "facets face inwards" in failed(mesh)["volume_change"]

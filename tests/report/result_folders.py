@@ -10,7 +10,6 @@ from lensforge.cad.part import STEP_FILE, STL_FILE, THREEMF_FILE, Faces, Part, T
 from lensforge.light.evaluation_result import Light
 from lensforge.light.receiver_light import Flux, MissedByCause, ReceiverLight
 from lensforge.proof.proof_result import (
-    Faults,
     IndependentRays,
     LandingDeviation,
     PartFlux,
@@ -415,7 +414,6 @@ def make_proof(lens, **changes):
         "open_edges": 0,
         "volume_mm3": 3832.5,
         "sizes": Sizes(exported=SIZE, chord_mm=0.000875, mesh=SizedFile(size=SIZE), step=SizedFile(size=SIZE)),
-        "faults": Faults(),
         "emission_apart": 2.25,
         "facet_height_um": Extent(max=1.125, rms=0.375),
         "plain_cast": PlainCast(rays=200, casts=390, disagreements=0, rate=120.5),
