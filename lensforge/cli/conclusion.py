@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 # The bytes of the files, which lie in the folder.
 _FILES_OF_HANDOVER: dict[str, Any] = {
-    **dict.fromkeys(("html", "pdf", "dxf", "points_csv", "sag_csv"), True),
+    **dict.fromkeys(("html", "pdf", "dxf", "points_csv"), True),
     "grids": {"__all__": {"content"}},
 }
 

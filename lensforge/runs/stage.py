@@ -139,8 +139,6 @@ def handover(
     spacing_mm: float | None = None,
     error_nm: float = 10.0,
     interpolation: Literal["bicubic", "linear"] = "bicubic",
-    offset_inner_mm: float = 0.0,
-    offset_outer_mm: float = 0.0,
     drawing: DrawingSection | Path | str | None = None,
 ) -> "Handover":
     """Make the documents for the shop: drawing, verdicts, point tables, hashes; ``save(folder)`` writes them.
@@ -149,14 +147,12 @@ def handover(
     of the spec.
 
     ``spacing_mm``: of the dense tables; None: as wide as an ``interpolation`` error of ``error_nm`` along the normal
-    allows. ``offset_inner_mm``, ``offset_outer_mm``: radius of a probe or tool whose centres they hold.
-
-    Raises :class:`InputError` where the ball does not fit, or for too many points.
+    allows. Raises :class:`InputError` for too many points.
     """
-    from lensforge.shop.dense_table import GridRequest
+    from lensforge.shop.point_tables import GridRequest
     from lensforge.shop.shop_files import make_handover
 
     require(run, Results, "handover")
     words = read_drawing(Path(drawing)) if isinstance(drawing, Path | str) else drawing
-    request = GridRequest(spacing_mm, error_nm, interpolation, offset_inner_mm, offset_outer_mm)
-    return make_handover(run, request, words)
+    request = GridRequest(spacing_mm, error_nm, interpolation)
+    return make_handover(run.part, run.check, run.yield_facts, request, words)

@@ -138,13 +138,13 @@ def _with_ball(
     highest = min(face.largest_cutter_mm, _LARGEST_BALL * float(np.linalg.norm(face.samples.points, axis=1).max()))
 
     def clears(radius_mm: float) -> bool:
-        return measured(replace(face, cutter_radius_mm=radius_mm), radius_mm).clear
+        return measured(replace(face, cutter_radius_mm=radius_mm), radius_mm).needed_mm == 0.0
 
     if clears(highest):
         return found.model_copy(update={"ball": BaseBall(radius_mm=None)})
     low, high = 0.0, highest
     if cutter_mm < highest:
-        low, high = (cutter_mm, highest) if found.clear else (0.0, cutter_mm)
+        low, high = (cutter_mm, highest) if found.needed_mm == 0.0 else (0.0, cutter_mm)
     for _ in range(_MOST_BALLS):
         if high - low <= _BALL_WITHIN * high:
             break

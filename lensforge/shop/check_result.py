@@ -25,56 +25,49 @@ class BaseBall(Record):
     within_mm: NotNegative = 0.0
 
 
-class OuterClearance(Record):
-    """The step that the base needs to clear the ball, and its wall's setback; None where nothing is reached.
+class _FaceClearance(Record):
+    """Clearance at one face; ``flush_fraction``: share of the face that the ball reaches with the base as it is."""
+
+    needs: ClassVar[tuple[str, ...]]  # fields (mm) of what must give way: 0 where clear, None where nothing is reached
+
+    flush_fraction: Share
+    ball: BaseBall | None = None
+
+    @property
+    def needed_mm(self) -> float | None:
+        """The largest of what must give way to the ball; None where the ball reaches nothing."""
+        lengths = [getattr(self, name) for name in self.needs]
+        return None if None in lengths else max(lengths)
+
+
+class OuterClearance(_FaceClearance):
+    """The step that the base needs to clear the ball, and its wall's setback.
 
     ``flange_clearance_mm``: how much lower the top of the flange must be, 0 where there is no flange.
-    ``flush_fraction``: share of the face that the ball reaches with the base as it is.
     """
+
+    needs = ("smallest_step_mm", "step_clearance_mm", "flange_clearance_mm")
 
     smallest_step_mm: NotNegative | None
     step_clearance_mm: NotNegative | None
     flange_clearance_mm: NotNegative | None
-    flush_fraction: Share
-    ball: BaseBall | None = None
-
-    @property
-    def clear(self) -> bool:
-        """True where nothing of the base must give way to the ball."""
-        return self.smallest_step_mm == self.step_clearance_mm == self.flange_clearance_mm == 0.0
 
 
-class InnerClearance(Record):
-    """Radius that the bore needs beyond the cavity's, diameter of the pocket; 0 where clear, None: nothing is reached.
+class InnerClearance(_FaceClearance):
+    """Radius that the bore needs beyond the cavity's, and diameter of the pocket."""
 
-    ``flush_fraction``: share of the face that the ball reaches with the base as it is.
-    """
+    needs = ("bore_clearance_mm", "pocket_diameter_mm")
 
     bore_clearance_mm: NotNegative | None
     pocket_diameter_mm: NotNegative | None
-    flush_fraction: Share
-    ball: BaseBall | None = None
-
-    @property
-    def clear(self) -> bool:
-        """True where nothing of the base must give way to the ball."""
-        return self.bore_clearance_mm == self.pocket_diameter_mm == 0.0
 
 
-class CustomBaseClearance(Record):
-    """Largest depth of a custom base in the ball; None where nothing is reached.
+class CustomBaseClearance(_FaceClearance):
+    """Largest depth of a custom base in the ball."""
 
-    ``flush_fraction``: share of the face that the ball reaches with the base as it is.
-    """
+    needs = ("retreat_mm",)
 
     retreat_mm: NotNegative | None
-    flush_fraction: Share
-    ball: BaseBall | None = None
-
-    @property
-    def clear(self) -> bool:
-        """True where nothing of the base must give way to the ball."""
-        return self.retreat_mm == 0.0
 
 
 class BallClearance(Record):
@@ -113,18 +106,16 @@ class BallClearance(Record):
 FaceMap = Annotated[Float[np.ndarray, "c c"], Array("c", "c", gaps=True)]
 FacePoints = Annotated[Float[np.ndarray, "c c 3"], Array("c", "c", 3, gaps=True)]
 FaceName = Literal["inner", "outer"]
-Variant = Literal["least_squares", "free_centre", "minimum_pv", "enclosing", "inscribed"]
+FindingName = Literal["cutter", "relief", "tilt", "wall", "draft", "tool"]
 
 
 class Sphere(Record):
-    """A best-fit sphere and the face's departure from it, along the sphere's normal."""
+    """The sphere of least squares over the area, its centre on the axis, and the face's departure along its normal."""
 
-    variant: Variant
     radius_mm: Positive
     centre_mm: Point
     pv_mm: NotNegative
     rms_mm: NotNegative
-    slope_departure_mrad: NotNegative
 
 
 class Curvature(Record):
@@ -144,24 +135,20 @@ class Cutter(Record):
 
     radius_mm: Positive
     reachable_fraction: Share
-    local_ok_fraction: Share
     largest_radius_mm: Positive | None
     residual_mm: NotNegative | None
 
 
 class Draft(Record):
-    """Least draft (degrees), and the shares of the area with less than half a degree and less than two."""
+    """Least draft (degrees)."""
 
     min: Number
-    area_fraction_below_half: Share
-    area_fraction_below_two: Share
 
 
 class FaceResult(Record):
     """One optical face."""
 
     best_fit_sphere: Sphere
-    other_spheres: tuple[Sphere, ...]
     curvature: Curvature
     cutter: Cutter
     draft_deg: Draft
@@ -185,33 +172,12 @@ class Walls(Record):
     thickest: Wall
 
 
-class Scallop(Record):
-    """Cusps between passes where the face is most convex; None where a number is not finite."""
-
-    height_nm: NotNegative | None
-    slope_mrad: NotNegative | None
-    stepover_for_slope_limit_mm: NotNegative | None
-
-
-class Scallops(Record):
-    """Cusps of both faces at the spec's stepover."""
-
-    stepover_mm: Positive
-    slope_limit_mrad: Positive
-    inner: Scallop
-    outer: Scallop
-
-
 class ToolReach(Record):
-    """Shares of a face that a tool reaches: its ball alone, along the axis, and tilted as far as the spec allows.
-
-    ``largest_radius_mm``: the largest ball that reaches the whole face; None where any ball does.
-    """
+    """Shares of a face that a tool reaches: its ball alone, along the axis, and tilted as far as the spec allows."""
 
     ball_reachable_fraction: Share
     reachable_fraction_untilted: Share
     reachable_fraction: Share
-    largest_radius_mm: Positive | None
 
 
 class ToolResult(Record):
@@ -230,14 +196,16 @@ class Finding(Judged):
     """One statement on what the shop can do with this lens: its subject, its face, and the reason.
 
     It holds where ``value`` is ``sense`` ``limit``. ``value``: None where the ball reaches nothing. ``limit``: None
-    where there is none, as for a face that any ball reaches.
+    where there is none, as for a face that any ball reaches. ``remedy``: changes of the spec, each of which makes it
+    hold; empty where it holds, or its reason names them.
     """
 
     outcome: ClassVar[str] = "holds"
 
-    name: Literal["cutter", "relief", "tilt", "wall", "draft", "tool"]
+    name: FindingName
     surface: Literal["inner", "outer", "body"]
     reason: Text
+    remedy: str = ""
 
     @computed_field  # type: ignore[prop-decorator]  # mypy knows no decorated properties
     @property
@@ -251,8 +219,8 @@ class Check(StageResult):
 
     ``scale``: of the faces that are cut against the lens's, 1 + shrinkage for a mould insert; ``inner``, ``outer``,
     ``tools`` and maps are of these, the walls of the lens. Maps over the chart of each face, [X, Y], NaN outside the
-    rim: points (mm), departure from the best-fit sphere (mm), principal curvatures (1/mm), uncut height (mm), and 1
-    where the cutter reaches.
+    rim: points (mm), departure from the best-fit sphere (mm), principal curvatures (1/mm), and uncut height (mm), 0 where
+    the cutter reaches.
     """
 
     stage: ClassVar[str] = "check"
@@ -264,7 +232,6 @@ class Check(StageResult):
     min_wall_mm: Number
     wall: Walls
     relief: BallClearance
-    scallop: Scallops
     tools: tuple[ToolResult, ...]
     criteria: tuple[Criterion, ...]
     verdicts: tuple[Finding, ...]
@@ -275,13 +242,11 @@ class Check(StageResult):
     inner_kappa_min: FaceMap
     inner_kappa_max: FaceMap
     inner_residual_mm: FaceMap
-    inner_reachable: FaceMap
     outer_xyz: FacePoints
     outer_sag_mm: FaceMap
     outer_kappa_min: FaceMap
     outer_kappa_max: FaceMap
     outer_residual_mm: FaceMap
-    outer_reachable: FaceMap
 
     def __str__(self) -> str:
         return "\n".join(f"{'yes' if each.holds else 'no '} {each.name}: {each.reason}" for each in self.verdicts)

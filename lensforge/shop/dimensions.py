@@ -19,6 +19,7 @@ from jaxtyping import Float
 
 from lensforge.cad.custom_base import read_custom_base, tessellated
 from lensforge.cad.cutter_room import base_with_room
+from lensforge.cad.form_error import refined_maximum
 from lensforge.cad.outline import Outline
 from lensforge.cad.part import Part
 from lensforge.cad.plan import BOTTOM, RIM, SIDE, TOP, lay_out, rim_directions, rim_radius
@@ -28,7 +29,7 @@ from lensforge.spec import BaseSection
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface, to_chart, to_sphere
 
-_SAMPLES, _STARTS = 5_000, 8  # samples 1.8 degrees apart; searches from the highest of them
+_SAMPLES, _REACH = 5_000, 0.02  # samples 1.8 degrees apart, in the chart as here
 _RIM_AZIMUTHS = 1440
 _AXIS = np.array([[0.0, 0.0, 1.0]])
 _CHORD_MM = 1e-2  # of the round faces of a base from a file
@@ -152,21 +153,14 @@ def highest_point_mm(surface: Surface) -> tuple[float, float, float]:
 
 def _farthest(surface: Surface, measured: Measured) -> Float[np.ndarray, " 3"]:
     """Point (mm) of ``surface``, rim included, with the largest ``measured``, searched for between samples."""
-    from scipy.optimize import minimize
 
-    def point(chart: Float[np.ndarray, "2"]) -> Float[np.ndarray, "1 3"]:
-        direction = to_sphere((chart / max(1.0, float(np.hypot(*chart))))[None, :])  # no farther than the rim
-        return np.asarray(surface.radius(direction)[:, None] * direction)
+    def points(chart: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:
+        directions = to_sphere(chart)
+        return np.asarray(surface.radius(directions)[:, None] * directions)
 
-    def below(chart: Float[np.ndarray, "2"]) -> float:
-        return -float(measured(point(chart))[0])
-
-    samples = np.concatenate([_AXIS, fibonacci_hemisphere(_SAMPLES)])
-    far = np.argsort(measured(surface.radius(samples)[:, None] * samples))[-_STARTS:]
-    charts = [to_chart(_AXIS)[0]]
-    for start in to_chart(samples[far]):
-        charts.append(minimize(below, start, method="Nelder-Mead", options={"xatol": 1e-8, "fatol": 1e-12}).x)
-    return np.asarray(point(min(charts, key=below))[0])
+    chart = to_chart(np.concatenate([_AXIS, fibonacci_hemisphere(_SAMPLES)]))
+    place, _ = refined_maximum(lambda there: measured(points(there)), chart, measured(points(chart)), _REACH, rounds=24)
+    return np.asarray(points(place[None])[0])
 
 
 def _base_dimensions(lens: Lens) -> list[Dimension]:

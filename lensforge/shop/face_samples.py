@@ -35,7 +35,6 @@ RADII, AZIMUTHS = 96, 192
 class AreaRule:
     """Integration points on the unit disc, radius slowest, and their weights in chart area."""
 
-    radii: int
     chart: Float[np.ndarray, "q 2"]
     weights: Float[np.ndarray, " q"]
     nodes: Float[np.ndarray, " r"]
@@ -43,7 +42,7 @@ class AreaRule:
 
     def share_below(self, values: Float[np.ndarray, " q"], limit: float, areas: Float[np.ndarray, " q"]) -> float:
         """Share of the area where ``values`` are below ``limit``; ``areas``: of the face, for each point."""
-        excess = values.reshape(self.radii, -1) - limit
+        excess = values.reshape(len(self.nodes), -1) - limit
         slope = np.gradient(excess, self.nodes, axis=0)
         inner = excess + slope * (self.edges[:-1] - self.nodes)[:, None]
         outer = excess + slope * (self.edges[1:] - self.nodes)[:, None]
@@ -61,7 +60,6 @@ def area_rule(radii: int = RADII, azimuths: int = AZIMUTHS) -> AreaRule:
     azimuth = np.arange(azimuths) * (2.0 * np.pi / azimuths)
     circle = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=-1)
     return AreaRule(
-        radii=radii,
         chart=(node[:, None, None] * circle).reshape(-1, 2),
         weights=np.repeat(weight * node * (2.0 * np.pi / azimuths), azimuths),
         nodes=node,
@@ -146,7 +144,9 @@ class FaceSamples:
     @cached_property
     def area(self) -> "FaceArea":
         """The face's integration points, which are not the samples."""
-        return integrate_face(self.face)
+        rule = area_rule()
+        jet = self.face.jet(rule.chart)
+        return FaceArea(rule, jet.point, jet.normal, rule.weights * jet.area_element)
 
     def largest(
         self, figure: Callable[[Float[np.ndarray, "m 2"]], Float[np.ndarray, " m"]], values: Float[np.ndarray, " k"]
@@ -181,16 +181,15 @@ class FaceArea:
         """Area of the face (mm^2)."""
         return float(self.areas.sum())
 
-    def share_below(self, values: Float[np.ndarray, " q"], limit: float) -> float:
-        """Share of the area where ``values`` are below ``limit``."""
-        return self.rule.share_below(values, limit, self.areas)
+    @property
+    def shares(self) -> Float[np.ndarray, " q"]:
+        """Share of the area of each point."""
+        return self.areas / self.total_mm2
 
-
-def integrate_face(face: OpticalFace) -> FaceArea:
-    """Points, normals and areas of ``face`` for integrals over its area."""
-    rule = area_rule()
-    jet = face.jet(rule.chart)
-    return FaceArea(rule, jet.point, jet.normal, rule.weights * jet.area_element)
+    @property
+    def undercut_fraction(self) -> float:
+        """Share of the area that neither a two-part mould nor an untilted cutter reaches along the axis."""
+        return self.rule.share_below(self.outward[:, 2], -_UNDERCUT, self.areas)
 
 
 def sample_face(face: OpticalFace, nodes: int) -> FaceSamples:
@@ -227,29 +226,8 @@ def _disc(nodes: int) -> tuple[ChartGrid, Float[np.ndarray, "k 2"], Float[np.nda
     return ChartGrid(axis, inside[1:-1, 1:-1]), points, cells
 
 
-def draft_rad(samples: FaceSamples) -> Float[np.ndarray, " k"]:
-    """Draft angle (rad) at each sample: pi/2 at the apex, 0 at the rim of a hemisphere, negative in an undercut."""
-    draft: Float[np.ndarray, " k"] = np.arcsin(np.clip(samples.outward[:, 2], -1.0, 1.0))
-    return draft
-
-
 def least_draft_rad(samples: FaceSamples) -> float:
     """The least draft angle (rad) of the face, searched for between the samples too."""
     patch = samples.face.patch
     steepest = samples.largest(lambda points: -patch.normals(points)[:, 2], -samples.outward[:, 2])[1]
     return -float(np.arcsin(np.clip(steepest, -1.0, 1.0)))
-
-
-def fraction_below_draft(samples: FaceSamples, draft_rad: float) -> float:
-    """Share of the area whose draft is less than ``draft_rad``."""
-    return samples.area.share_below(samples.area.outward[:, 2], float(np.sin(draft_rad)))
-
-
-def undercut_fraction(samples: FaceSamples) -> float:
-    """Share of the area that neither a two-part mould nor an untilted cutter reaches along the axis."""
-    return samples.area.share_below(samples.area.outward[:, 2], -_UNDERCUT)
-
-
-def largest_tilt_rad(samples: FaceSamples) -> float:
-    """Largest angle (rad) between the face's normal and the axis: the tilt of a tool that is held normal to it."""
-    return float(np.pi / 2.0) - least_draft_rad(samples)

@@ -12,8 +12,7 @@ from lensforge.results.files import replacing
 from lensforge.results.ownership import require_own
 from lensforge.shop.check_result import FaceName, Finding
 
-HTML_FILE, PDF_FILE, POINTS_FILE, SAG_FILE = "manufacturing.html", "manufacturing.pdf", "points.csv", "sag.csv"
-DXF_FILE = "drawing.dxf"
+HTML_FILE, PDF_FILE, DXF_FILE, POINTS_FILE = "manufacturing.html", "manufacturing.pdf", "drawing.dxf", "points.csv"
 Interpolation = Literal["bicubic", "linear"]  # between the nodes of a dense table
 
 
@@ -21,7 +20,7 @@ class PointGrid(Record):
     """A dense table of ``points`` of one face, the bytes of ``file``.
 
     ``spacing_mm``: the widest between nodes. ``error_nm``: largest error of the ``interpolation`` between nodes, along
-    the normal. ``offset_mm``: of the points from the face, into the air.
+    the normal.
     """
 
     file: Text
@@ -29,7 +28,6 @@ class PointGrid(Record):
     spacing_mm: Positive
     interpolation: Interpolation
     error_nm: NotNegative
-    offset_mm: NotNegative
     points: Count
     content: Annotated[bytes, Field(repr=False)]
 
@@ -39,7 +37,7 @@ class PointGrid(Record):
 
 
 class Handover(Record):
-    """Drawing and verdicts as page and PDF, the drawing as DXF, tables of points and of sag, as the bytes of files.
+    """Drawing and verdicts as page and PDF, the drawing as DXF, tables of points, as the bytes of files.
 
     ``points``: number of points in the table for a measuring machine; ``grids``: dense tables for milling and turning.
     ``sha256``: of the files that go to the shop, by name, except page and PDF, which list them.
@@ -51,21 +49,19 @@ class Handover(Record):
     pdf: bytes
     dxf: bytes
     points_csv: bytes
-    sag_csv: bytes
     points: Count
     grids: tuple[PointGrid, ...]
     sha256: dict[Text, Sha256]
     refused: tuple[Finding, ...]
 
-    @field_serializer("html", "pdf", "dxf", "points_csv", "sag_csv", when_used="json")
+    @field_serializer("html", "pdf", "dxf", "points_csv", when_used="json")
     def _as_text(self, content: bytes) -> str:
         return b64encode(content).decode("ascii")
 
     @property
     def files(self) -> dict[str, bytes]:
         """The files by name."""
-        fixed = {HTML_FILE: self.html, PDF_FILE: self.pdf, DXF_FILE: self.dxf}
-        fixed |= {POINTS_FILE: self.points_csv, SAG_FILE: self.sag_csv}
+        fixed = {HTML_FILE: self.html, PDF_FILE: self.pdf, DXF_FILE: self.dxf, POINTS_FILE: self.points_csv}
         return fixed | {grid.file: grid.content for grid in self.grids}
 
     @property

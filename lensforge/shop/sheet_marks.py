@@ -92,26 +92,6 @@ def section_plane(centre: Place, azimuth_deg: float, half_mm: float, letter: str
     return Marks(strokes, words)
 
 
-def first_angle(at: Place, unit: float) -> Marks:
-    """The symbol of the first-angle projection (ISO 5456-2), its middle at ``at``: a cone, and its view from the left.
-
-    The cone's small end is on the left, so that the view from there, at its right, shows both circles.
-    """
-    x, y = at
-    small, large, length = 1.5 * unit, 3.0 * unit, 6.0 * unit
-    left = x - 8.0 * unit
-    right = left + length
-    cone = np.array([(left, y - small), (right, y - large), (right, y + large), (left, y + small)])
-    centre = x + 4.5 * unit
-    turn = np.linspace(0.0, 2.0 * np.pi, 73)
-    circles = [np.column_stack([centre + r * np.cos(turn), y + r * np.sin(turn)]) for r in (small, large)]
-    strokes = [Stroke(cone, closed=True), *(Stroke(circle, closed=True) for circle in circles)]
-    strokes.append(Stroke(np.array([(left - 1.5 * unit, y), (left + length + 1.5 * unit, y)]), "axis"))
-    strokes.append(Stroke(np.array([(centre - 4.0 * unit, y), (centre + 4.0 * unit, y)]), "axis"))
-    strokes.append(Stroke(np.array([(centre, y - 4.0 * unit), (centre, y + 4.0 * unit)]), "axis"))
-    return Marks(strokes)
-
-
 _ALONG_HATCH = np.array([[1.0, 1.0], [-1.0, 1.0]]) / np.sqrt(2.0)  # rows: along the lines, and across them
 
 
@@ -196,7 +176,7 @@ def paragraphs_in(box: Box, paragraphs: list[str], unit: float) -> list[Words]:
     height = LETTERS * unit
     lines, most = paragraph_lines(paragraphs, height, right - left), int((top - bottom) / (PITCH * height))
     if len(lines) > most:
-        lines = [*lines[: most - 1], (0.0, "More notes: on the following pages.")]
+        lines = [*lines[: most - 1], (0.0, "More notes: on manufacturing.html.")]
     return [
         Words((left + indent, top - (k + 0.6) * PITCH * height), text, height) for k, (indent, text) in enumerate(lines)
     ]
@@ -226,14 +206,9 @@ def is_wide(length_mm: float, height_mm: float) -> bool:
 
 def words_of_dimension(dimension: LinearDimension) -> Words:
     """The text, above its line, or left of it where it is read from the right."""
-    away = ABOVE * dimension.height_mm
-    if dimension.turned_deg == 0:
-        return Words(
-            (dimension.text_mm, dimension.line_mm + away), dimension.text, dimension.height_mm, "center", turned_deg=0
-        )
-    return Words(
-        (dimension.line_mm - away, dimension.text_mm), dimension.text, dimension.height_mm, "center", turned_deg=90
-    )
+    away = ABOVE * dimension.height_mm * (1.0 if dimension.turned_deg == 0 else -1.0)
+    place = dimension.at(dimension.text_mm, dimension.line_mm + away)
+    return Words(place, dimension.text, dimension.height_mm, "center", dimension.turned_deg)
 
 
 def strokes_of(dimension: LinearDimension) -> list[Stroke]:
@@ -245,24 +220,14 @@ def strokes_of(dimension: LinearDimension) -> list[Stroke]:
     text_low, text_high = text_span(dimension)
     first, last = min(first, text_low), max(last, text_high)  # the line goes on below a text outside
     found = [_line(dimension, (first, line), (last, line))]
-    for along, across in (_places(dimension, dimension.start), _places(dimension, dimension.end)):
+    for along, across in (dimension.at(*dimension.start), dimension.at(*dimension.end)):
         past = line + np.sign(line - across) * BEYOND * size
         found.append(_line(dimension, (along, across), (along, past)))
-    outward = _turned(dimension, np.array([(1.0 if wide else -1.0, 0.0)]))[0]
+    outward = np.array(dimension.at(1.0 if wide else -1.0, 0.0))
     for tip, out in ((low, -outward), (high, outward)):
-        found.append(arrow_head(_turned(dimension, np.array([(tip, line)]))[0], out, ARROW * size))
+        found.append(arrow_head(np.array(dimension.at(tip, line)), out, ARROW * size))
     return found
 
 
-def _places(dimension: LinearDimension, place: Place) -> Place:
-    """Along and across the dimension line."""
-    return place if dimension.turned_deg == 0 else (place[1], place[0])
-
-
 def _line(dimension: LinearDimension, first: Place, last: Place) -> Stroke:
-    return Stroke(_turned(dimension, np.array([first, last])))
-
-
-def _turned(dimension: LinearDimension, points: Points) -> Points:
-    turned: Points = points if dimension.turned_deg == 0 else points[:, ::-1]
-    return turned
+    return Stroke(np.array([dimension.at(*first), dimension.at(*last)]))

@@ -1,7 +1,6 @@
 """The sheet as a figure of matplotlib, from which SVG and PDF are made, and as DXF, by ezdxf.
 
-Both are vectors and true to scale. ezdxf's drawing add-on makes SVG and PDF of a DXF, too: its texts are outlines, in a
-typeface of the machine, which nobody can search or copy, and the SVG is seven times as large.
+Both are vectors and true to scale. ezdxf's drawing add-on makes texts outlines, which nobody can search or copy.
 
 The DXF has the part at its true size: in model space one unit is a millimetre of the part, and the origin is that of
 the part in the section: x there is z of the part, y is its x. Its dimensions are dimensions. Frame, texts and arrows
@@ -21,6 +20,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 
 from lensforge.results.figure_style import INK, in_report_style
+from lensforge.results.ownership import pdf_mark
 from lensforge.shop.sheet import (
     MM_PER_POINT,
     PENS,
@@ -40,6 +40,13 @@ if TYPE_CHECKING:
     from ezdxf.document import Drawing
 
 _MM_PER_INCH = 25.4
+
+
+def sheet_pdf(sheet: Sheet) -> bytes:
+    """The bytes of a PDF of one page, the sheet in vectors; the same sheet gives the same bytes."""
+    stream = io.BytesIO()
+    sheet_figure(sheet).savefig(stream, format="pdf", metadata={"CreationDate": None, "Title": sheet.title})
+    return stream.getvalue() + pdf_mark()
 
 
 @in_report_style
@@ -213,10 +220,8 @@ def plain_text(text: str) -> str:
 
 def _add_dimension(document: "Drawing", sheet: Sheet, dimension: LinearDimension) -> None:
     """A dimension that CAD programs measure themselves: ``<>`` in its text is the length between its ends."""
-    line = dimension.line_mm
-    base = (dimension.text_mm, line) if dimension.turned_deg == 0 else (line, dimension.text_mm)
     made = document.modelspace().add_linear_dim(
-        base=_place(sheet, base),
+        base=_place(sheet, dimension.at(dimension.text_mm, dimension.line_mm)),
         p1=_place(sheet, dimension.start),
         p2=_place(sheet, dimension.end),
         angle=dimension.turned_deg,

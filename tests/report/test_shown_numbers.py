@@ -168,7 +168,7 @@ def test_every_number_of_the_page_for_the_shop_is_one_of_a_fact(name):
     _, drawn, words, tolerances, grids, hashes = kept["given"]
     lens, part, check = results.lens, results.part, results.check
     criteria = [each.fact for each in (*part.criteria, *check.criteria)]
-    groups = [shop_facts(lens, part, check, words), *face_groups(lens, check), *finding_groups(check, lens.spec)]
+    groups = [shop_facts(lens, part, check, words), *face_groups(lens, check), *finding_groups(check)]
     texts = [
         *texts_of([*groups, table_facts(grids), Group("", "", tuple(criteria))]),
         DEFINITION,
