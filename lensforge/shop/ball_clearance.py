@@ -1,9 +1,7 @@
 """Clearance of the ball at the base: near the rim the ball extends below z = 0, where it may hit the base.
 
-The measures say how far the material of a built-in base must be cut back for the ball to touch a sample: down, below
-the outer face; sideways, around the bore and the pocket; and away from the outer rim, where a relief step's wall runs
-down from an undercut rim. A custom base, from a STEP file, is represented by its mesh; CAD and mesh libraries load only
-where a spec has one.
+The measures say how far a built-in base must be cut back for the ball to touch a sample. A custom base, from a STEP
+file, is represented by its mesh; CAD and mesh libraries load only where a spec has one.
 """
 
 from collections.abc import Callable

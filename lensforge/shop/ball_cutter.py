@@ -1,20 +1,15 @@
 """The ball cutter: the largest ball that touches a face without gouging, and the height left uncut.
 
 A ball of radius R cuts the point P when its centre ``P + R n`` (n: the air-side normal) is at least R from all of the
-part. Two tests decide: the local one, ``kappa_min >= -1/R``, and the global one, that no other point Q is inside the
-ball. The ball through P that also touches Q has the radius ``|Q - P|^2 / (2 n . (Q - P))``, so the largest ball at P
-is the smallest of these and of ``-1/kappa_min``. Shrinking a ball from the local limit, with the nearest neighbour of
-its centre as the next Q, finds it in a few iterations (J. Ma, S. W. Bae, S. Choi, The Visual Computer 28, 7 (2012)).
-One map of radii then serves every cutter.
+part: ``kappa_min >= -1/R``, and no other point Q is inside the ball. The ball through P that also touches Q has the
+radius ``|Q - P|^2 / (2 n . (Q - P))``. Shrinking a ball from the local limit, with the nearest neighbour of its centre
+as the next Q, finds the largest in a few iterations (J. Ma, S. W. Bae, S. Choi, The Visual Computer 28, 7 (2012)).
 
-The air that a ball sweeps is the union of the balls whose centres are at least R from the part (the opening of the air
-by the ball). The boundary of those centres is the offset face ``P + R n`` over the points that the cutter reaches, so
-the uncut height over an unreached point is its distance to the nearest such centre, minus R.
+The air that a ball sweeps is the union of the balls whose centres are at least R from the part: the uncut height over
+an unreached point is its distance to the nearest such centre, minus R.
 
-Only the ball is tested, against the face that it cuts; ``ball_clearance`` tests it against the base, and ``tool_reach``
-the shank and the holder. Q ranges over the samples, so a ball is never too small, and too large by a term that falls
-with the square of their spacing: on random cavities of four levels, 161 nodes against 321, the reachable fraction
-changes by 0.1 % and the residual height by 0.05 um.
+Q ranges over the samples, so a ball is never too small, and too large by a term that falls with the square of their
+spacing: on random cavities, 161 nodes against 321, the reachable fraction changes by 0.1 %, the height by 0.05 um.
 """
 
 import os

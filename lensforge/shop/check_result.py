@@ -90,17 +90,14 @@ class BallClearance(Record):
         larger = largest_mm is None or largest_mm > shop_mm
         if not found or not larger:
             return ""
-        balls = [each.ball for each in found]
-        if None in balls:
-            return f"; the base is checked for {shop_mm:g} mm only"
-        limits = [(ball.radius_mm, ball.within_mm) for ball in balls if ball is not None and ball.radius_mm is not None]
-        radius_mm, within_mm = min(limits, default=(None, 0.0))
-        if radius_mm is None or (largest_mm is not None and radius_mm >= largest_mm):
+        limits = [each.ball for each in found if each.ball is not None and each.ball.radius_mm is not None]
+        ball = min(limits, key=lambda each: each.radius_mm or 0.0, default=BaseBall(radius_mm=None))
+        if ball.radius_mm is None or (largest_mm is not None and ball.radius_mm >= largest_mm):
             return ""
-        if radius_mm == 0.0:
+        if ball.radius_mm == 0.0:
             return "; the base clears no ball"
-        fits = floor(1e3 * radius_mm) / 1e3  # it still fits
-        return f"; the base clears up to {fits:g} mm, to within {within_mm:.1g} mm"
+        fits = floor(1e3 * ball.radius_mm) / 1e3  # it still fits
+        return f"; the base clears up to {fits:g} mm, to within {ball.within_mm:.1g} mm"
 
 
 FaceMap = Annotated[Float[np.ndarray, "c c"], Array("c", "c", gaps=True)]
@@ -219,8 +216,8 @@ class Check(StageResult):
 
     ``scale``: of the faces that are cut against the lens's, 1 + shrinkage for a mould insert; ``inner``, ``outer``,
     ``tools`` and maps are of these, the walls of the lens. Maps over the chart of each face, [X, Y], NaN outside the
-    rim: points (mm), departure from the best-fit sphere (mm), principal curvatures (1/mm), and uncut height (mm), 0 where
-    the cutter reaches.
+    rim: points (mm), departure from the best-fit sphere (mm), principal curvatures (1/mm), and uncut height (mm), 0
+    where the cutter reaches.
     """
 
     stage: ClassVar[str] = "check"

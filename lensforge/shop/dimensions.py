@@ -1,6 +1,7 @@
 """Dimensions and datums of the lens and its base: one list for the drawing, its DXF and the table.
 
-All are of the exact surfaces. A dimension that is drawn has its two ends on the part.
+All are of the exact surfaces, and a dimension that is drawn has its two ends on the part. The base of a STEP file is
+measured in the section; its own file defines it.
 
 Datums are features that the part has; where it has none, words say so. A is a plane that can be touched: the base's top
 or the rim where it lies in z = 0, else the bottom, on which the part sits. B is the axis of a round base, or the middle
@@ -11,7 +12,6 @@ plane A, in z = 0: then that is A here, too.
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import floor
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -22,7 +22,7 @@ from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.form_error import refined_maximum
 from lensforge.cad.outline import Outline
 from lensforge.cad.part import Part
-from lensforge.cad.plan import BOTTOM, RIM, SIDE, TOP, lay_out, rim_directions, rim_radius
+from lensforge.cad.plan import BOTTOM, RIM, SIDE, TOP, lay_out, rim_radius
 from lensforge.cad.section import body_outlines, other_section_deg
 from lensforge.scene.lens import Lens
 from lensforge.spec import BaseSection
@@ -30,12 +30,11 @@ from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface, to_chart, to_sphere
 
 _SAMPLES, _REACH = 5_000, 0.02  # samples 1.8 degrees apart, in the chart as here
-_RIM_AZIMUTHS = 1440
 _AXIS = np.array([[0.0, 0.0, 1.0]])
 _CHORD_MM = 1e-2  # of the round faces of a base from a file
 
 Measured = Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, " n"]]
-Scope = Literal["axis", "section", "second", "largest", "part", "base", "box"]
+Scope = Literal["axis", "section", "second", "largest", "part", "base"]
 SCOPES: dict[Scope, str] = {
     "axis": "on the axis",
     "section": "in the section S–S",
@@ -43,7 +42,6 @@ SCOPES: dict[Scope, str] = {
     "largest": "largest about the axis",
     "part": "of the whole part",
     "base": "of the base, all around",
-    "box": "of the box around the base",
 }
 View = Literal["S", "T", "base", "dome"]
 Ends = tuple[tuple[float, float], tuple[float, float]]
@@ -82,7 +80,7 @@ class Dimension:
     @property
     def is_auxiliary(self) -> bool:
         """True for a size that others or a freeform face give: it stands in parentheses, and the STEP defines it."""
-        return self.scope not in ("base", "box") and self.tolerance_mm is None
+        return self.scope != "base" and self.tolerance_mm is None
 
 
 def dimensions(lens: Lens) -> list[Dimension]:
@@ -105,9 +103,6 @@ def _lens_dimensions(lens: Lens) -> Iterator[Dimension]:
         yield _rim_in_section(name, surface, 0.0, "S")
         if second_deg is not None:
             yield _rim_in_section(name, surface, second_deg, "T")
-        turn = np.linspace(0.0, 2.0 * np.pi, _RIM_AZIMUTHS, endpoint=False)
-        widest = 2.0 * float(surface.radius(rim_directions(turn)).max())
-        yield Dimension(f"{name} in z = 0, circle about the axis that holds it", widest, "largest", sign="⌀")
 
 
 def widest_mm(surface: Surface) -> float:
@@ -168,7 +163,7 @@ def _base_dimensions(lens: Lens) -> list[Dimension]:
     if base.kind == "none":
         return []
     if base.file is not None:
-        return [*_in_section_of_file(lens), *_box_of_file(base.file)]
+        return list(_in_section_of_file(lens))
     return [*_depths(lens, base), *_widths(lens, base)]
 
 
@@ -238,14 +233,6 @@ def _in_section_of_file(lens: Lens) -> Iterator[Dimension]:
     yield Dimension("base below z = 0, in the section", -ends[0][0], "section", ends)
     across = (float(left[1]), float(left[0])), (float(right[1]), float(right[0]))
     yield Dimension("base along x, in the section", across[1][1] - across[0][1], "section", across, upright=True)
-
-
-def _box_of_file(path: Path) -> list[Dimension]:
-    """Bounding box of a base from a STEP file; its round faces are tessellated to a hundredth of a millimetre."""
-    vertices, _ = tessellated(read_custom_base(path).solid, _CHORD_MM)
-    sizes = np.ptp(vertices, axis=0).tolist()
-    names = ("width along x", "width along y", "height below z = 0")
-    return [Dimension(f"base of {path.name}, {name}", size, "box") for name, size in zip(names, sizes, strict=True)]
 
 
 Letter = Literal["A", "B", "C"]

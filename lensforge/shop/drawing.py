@@ -1,7 +1,6 @@
-"""The drawing of a lens for the shop, drawn once: views, dimensions, datums, notes, title block on one sheet.
+"""The drawing of a lens for the shop: views, dimensions, datums, notes and title block on one sheet, A3 or A4.
 
-Of the scales of ISO 5455 it has the largest at which the views fit; the sheet is A3, unless the spec names A4. Its
-notes say what sizes are, datums, tolerances and their source, edges, polish, and tools.
+It has the largest of the scales of ISO 5455 at which the views fit.
 """
 
 from dataclasses import dataclass
@@ -9,13 +8,12 @@ from typing import Literal
 
 import numpy as np
 
-from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.part import STEP_FILE, Part
 from lensforge.cad.section import other_section_deg
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
 from lensforge.shop.check_result import Check, FaceResult
-from lensforge.shop.dimensions import DatumScheme, Dimension, clocking_flat, datum_scheme
+from lensforge.shop.dimensions import DatumScheme, Dimension, datum_scheme
 from lensforge.shop.sheet import Box, Marks, Place, Sheet, Stroke
 from lensforge.shop.sheet_marks import cell, frame_of, paragraphs_in
 from lensforge.shop.sheet_tables import Rows, ToleranceTable, draw_optical_table, optical_table, table_height
@@ -58,13 +56,6 @@ def tool_notes(lens: Lens, check: Check) -> list[str]:
             "manufacturing.html says which, and what to change."
         )
     return found
-
-
-def tool_advice(lens: Lens, check: Check) -> list[str]:
-    """Changes of the spec for each finding that does not hold and has any, and a flat where nothing marks +x."""
-    found = [f"{each.name}, {each.surface}: {each.remedy}" for each in check.verdicts if each.remedy]
-    flat = clocking_flat(lens, base_with_room(lens))
-    return found if flat is None else [*found, f"azimuth, base: base.flat_mm = {flat:g}, a flat across +x"]
 
 
 def _ball(face: FaceResult) -> str:

@@ -1,18 +1,14 @@
-"""An exported optical face, sampled with normals, curvatures and areas; its draft and tilt; integrals over its area.
+"""An exported optical face, the spline of the STEP file, sampled with normals, curvatures and areas; its least draft.
 
-The face is the spline that is written to STEP, with its own derivatives. Its samples are the nodes of a square chart
-grid inside the rim, so that values per sample are also a map, and the nodes just outside, moved onto the rim: extremes
-often lie there. Extremes are then searched for between the samples.
+Samples are the nodes of a square chart grid inside the rim, so that values per sample are also a map, and the nodes
+just outside, moved onto the rim: extremes often lie there. Extremes are then searched for between the samples.
 
 Integrals over the area take points of their own, since the cells of a square grid fit a round rim poorly:
-Gauss-Legendre in the chart's radius times the trapezoidal rule in azimuth. For smooth integrands both factors converge
-faster than any power. Measured: areas of spheres, spheroids and ellipsoids 1e-9, of a random face of 115 functions
-1e-8. Shares of the area below a limit have an edge inside the face: it is located along each radius to second order,
-and the zone of a hemisphere with little draft comes out to 3e-5 of its area.
+Gauss-Legendre in the chart's radius times the trapezoidal rule in azimuth. Areas of spheres, spheroids and ellipsoids
+come out to 1e-9, the share of a hemisphere below a draft, whose edge is located along each radius, to 3e-5.
 
-Draft is the angle of the face to the optical axis, along which a mould opens. The outer face is drawn along +z and the
-cavity's core along -z; since their air-side normals are opposite too, the same formula with the outward normal serves
-both: ``draft = asin(n . z)``. A negative draft is an undercut.
+Draft is the angle of the face to the optical axis, along which a mould opens: ``asin(n . z)`` with the outward normal,
+since the core of the cavity is drawn along -z. A negative draft is an undercut.
 """
 
 from collections.abc import Callable

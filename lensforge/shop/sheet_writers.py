@@ -2,10 +2,8 @@
 
 Both are vectors and true to scale. ezdxf's drawing add-on makes texts outlines, which nobody can search or copy.
 
-The DXF has the part at its true size: in model space one unit is a millimetre of the part, and the origin is that of
-the part in the section: x there is z of the part, y is its x. Its dimensions are dimensions. Frame, texts and arrows
-are divided by the scale. A layout of the sheet's size shows all of it at the scale, so that it prints true. Signs that
-the typefaces of CAD programs lack are written out.
+The DXF has the part at its true size, its origin that of the part in the section, and dimensions that CAD programs
+measure. A layout of the sheet's size shows all of it at the scale. Signs that their typefaces lack are written out.
 """
 
 import io

@@ -19,7 +19,7 @@ from lensforge.scene.lens import Lens
 from lensforge.shop.check_facts import check_facts, finding_groups
 from lensforge.shop.check_result import Check
 from lensforge.shop.dimensions import dimensions
-from lensforge.shop.drawing import DrawingContent, drawing_content, make_sheet, scale_words, tool_advice
+from lensforge.shop.drawing import DrawingContent, drawing_content, make_sheet, scale_words
 from lensforge.shop.handover import DXF_FILE, PDF_FILE, POINTS_FILE, Handover, PointGrid
 from lensforge.shop.point_tables import (
     GridRequest,
@@ -34,12 +34,6 @@ from lensforge.shop.sheet_writers import sheet_dxf, sheet_figure, sheet_pdf
 from lensforge.spec import DrawingSection
 from lensforge.spec.spec_section import rounded_up
 
-_NONE = "not stated"
-DEFINITION = (
-    "lens.step alone defines the part; its faces OPTICAL_OUTER and OPTICAL_INNER are the optical ones. Drawing, tables "
-    "and pictures are for inspection, the dense tables for tool paths within the error that they state. All have the "
-    "coordinates of lens.step: z = 0 is the plane in which both optical faces end, z the optical axis."
-)
 _TEMPLATES = Path(__file__).with_name("templates")
 Pictures = list[tuple[str, Figure]]
 
@@ -79,7 +73,7 @@ def make_handover(
     dxf, figures = sheet_dxf(sheet), _pictures(check)
     hashes = {name: stamp.sha256 for name, stamp in part.files.items()}
     hashes |= {name: sha256(content).hexdigest() for name, content in {**tables, DXF_FILE: dxf}.items()}
-    content = _tables(part, check, drawn, words, tolerances, grids, hashes)
+    content = _tables(part, check, drawn, tolerances, grids, hashes)
     title = f"{drawn.title}: for manufacture"
     return Handover(
         name=title,
@@ -98,35 +92,31 @@ def _tables(
     part: Part,
     check: Check,
     drawn: DrawingContent,
-    words: DrawingSection,
     tolerances: ToleranceTable,
     grids: tuple[PointGrid, ...],
     hashes: dict[str, str],
 ) -> list[Table]:
     """Content of the page beside drawing and pictures."""
     lens = part.lens
-    datums = [*(f"{line}." for line in drawn.views.datums.lines), DEFINITION]
     sizes = [(size.name, shown(size.value_mm), size.tolerance, size.scope_words) for size in drawn.views.dimensions]
     notes = [f"{number}. {note}" for number, note in enumerate(drawn.notes, 1)]
     outer, inner = face_groups(lens, check)
     findings = [
-        (f"{group.title}: {fact.label.lower()}", fact.text, fact.note)
+        (f"{group.title}: {fact.label.lower()}", fact.text, ". Change: ".join(filter(None, (fact.note, fact.remedy))))
         for group in finding_groups(check)
         for fact in group.facts
     ]
-    changes, criteria = tool_advice(lens, check), [each.fact for each in (*part.criteria, *check.criteria)]
+    criteria = [each.fact for each in (*part.criteria, *check.criteria)]
     judged = [(fact.label, fact.text, fact.asked, fact.state) for fact in criteria]
     dense = table_facts(grids)
     return [
         Table("Part", _rows(shop_facts(lens, part, check))),
-        Table("Datums", sentences=datums),
         Table("Sizes", sizes, ("Size", "mm", "Tolerance", "Where")),
         Table("Notes of the drawing", sentences=notes),
         *_tolerance_tables(tolerances),
         Table("Outer face", _rows(outer)),
         Table("Inner face", _rows(inner)),
         Table("Can it be cut?", findings, ("Question", "", "Answer")),
-        *([Table("Changes of the specification that would help", sentences=changes)] if changes else []),
         Table("Criteria on files and shape", judged, ("Criterion", "Value", "Limit", "State")),
         Table(dense.title, _rows(dense)),
         Table("SHA-256", list(hashes.items())),

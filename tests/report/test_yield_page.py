@@ -16,7 +16,7 @@ from lensforge.report.results import Results
 from lensforge.report.yield_page import render_yield
 from lensforge.results.numerals import percent
 from lensforge.scene.tolerance_factors import amount_words
-from lensforge.shop.tolerance_table import tolerance_table
+from lensforge.shop.sheet_tables import tolerance_table
 from lensforge.spec.tolerances_section import TolerancesSection
 
 

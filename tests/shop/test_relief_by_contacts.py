@@ -24,7 +24,7 @@ RIM_IN, RIM_OUT = sqrt(1.2**2 - 0.3**2), sqrt(2.7**2 - 0.4**2)
 
 @pytest.fixture(scope="module")
 def faces() -> tuple[FaceCheck, FaceCheck]:
-    return check_face("inner", INNER, BALL, 25), check_face("outer", OUTER, BALL, 25)
+    return check_face(INNER, BALL, 25), check_face(OUTER, BALL, 25)
 
 
 def centres(face: FaceCheck) -> list[tuple[float, float]]:
