@@ -62,9 +62,9 @@ def _mould(part: Part) -> Iterator[Fact]:
     if untrimmed is not None:
         errors = f"form error {quantity(untrimmed.form_error_nm, 'nm', digits=2)}"
         normals = f"normals {quantity(untrimmed.normal_error_mrad, 'mrad', digits=2)}"
-        beyond = f"{quantity(untrimmed.runout_deg, '°')} beyond the rim"
+        beyond = f"{quantity(untrimmed.extension_deg, '°')} beyond the rim"
         yield Fact("surfaces", "Untrimmed faces", SURFACES_FILE, note=f"{beyond}; above it {errors}, {normals}")
     if scale != 1.0:
-        carried = f"{SURFACES_FILE} has it" if untrimmed is not None else "`lensforge export --runout DEG` writes it"
+        carried = f"{SURFACES_FILE} has it" if untrimmed is not None else "`lensforge export --extension DEG` writes it"
         note = f"of the mould insert's faces; {STEP_FILE} is the moulded lens, {carried}"
         yield Fact("scale", "Scale of the mould", scale, note=note, digits=12)

@@ -71,14 +71,14 @@ def build(
     lens: Lens,
     *,
     schema: Literal["AP214", "AP242"] = "AP214",
-    runout_deg: float | None = None,
+    extension_deg: float | None = None,
     nodes: int | None = None,
     rings: int | None = None,
     date: datetime.date | str | None = None,
 ) -> Part:
     """Make the part: one solid as STEP, STL and 3MF, verified by reading them back.
 
-    ``schema``: of the STEP. ``runout_deg``: adds the optical faces untrimmed, extended by this angle beyond the rim.
+    ``schema``: of the STEP. ``extension_deg``: adds the optical faces untrimmed, extended by this angle beyond the rim.
     ``nodes``: spline nodes across each optical face, ``rings``: rings of the mesh; by default as many as their
     tolerances need. ``date``: of the files, by default that of the spec. Raises :class:`InputError` for a lens whose
     surfaces enclose no body.
@@ -86,11 +86,11 @@ def build(
     from lensforge.cad.part_export import build_part
 
     require(lens, Lens, "build")
-    runout_deg = number_of("runout_deg", runout_deg)
+    extension_deg = number_of("extension_deg", extension_deg)
     return build_part(
         lens,
         schema=schema,
-        runout_deg=runout_deg,
+        extension_deg=extension_deg,
         nodes=count_of("nodes", nodes),
         rings=count_of("rings", rings),
         date=date_of("date", date),

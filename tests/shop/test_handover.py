@@ -161,7 +161,7 @@ def test_page_and_tables_name_author_date_tolerance_and_shrinkage():
         "form_tolerance_um": 2.5,
     }
     lens = small_lens(manufacture=shop)
-    part = build_part(lens, rings=16, runout_deg=5.0)
+    part = build_part(lens, rings=16, extension_deg=5.0)
     results = Results(lens, {"export": part, "check": quick_check(part)})
     handed = files_of(results)
     text = unescape(handed.html.decode("utf-8"))
