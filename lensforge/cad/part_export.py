@@ -155,8 +155,8 @@ def build_part(
     ``nodes``: spline nodes across each optical face, by default as many as the form needs.
     ``rings``: equal rings of the mesh; by default as many as the faces' detail needs, their facets split where they
     are more than ``chord_mm`` (mm) from the surface.
-    ``extension_deg``: also write ``lens_surfaces.step``, the optical faces untrimmed and extended by this angle (degrees)
-    beyond the rim, over which the tool leaves the face; those of a mould insert are scaled by 1 + shrinkage, the part is not.
+    ``extension_deg``: also write ``lens_surfaces.step``, the optical faces untrimmed and extended by this angle
+    (degrees) beyond the rim, where the tool runs off; those of a mould insert are scaled by 1 + shrinkage.
     ``date``: of the files, by default ``manufacture.date``; an AP242 part carries ``manufacture.form_tolerance_um``.
     Missed criteria do not raise. Raises :class:`InputError` for a lens that cannot be built: a wall that is not
     positive, a base too narrow for the cavity, a base's file that does not fit the lens.

@@ -168,7 +168,7 @@ def fit_patch(surface: Surface, nodes: int | None = None) -> Patch:
 
 
 def fit_extended(surface: Surface, nodes: int, extension_deg: float) -> Patch:
-    """Interpolate ``surface`` over a larger square, which extends ``extension_deg`` (degrees) beyond the rim on its axes.
+    """Interpolate ``surface`` over a larger square, ``extension_deg`` (degrees) beyond the rim on its axes.
 
     ``nodes`` is the count over the usual square; it grows in proportion to the angle.
     """
