@@ -4,11 +4,9 @@ The measures say how far a built-in base must be cut back for the ball to touch 
 file, is represented by its mesh; CAD and mesh libraries load only where a spec has one.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -20,7 +18,7 @@ from lensforge.cad.part_limits import FORM_LIMIT_NM
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import Plan
 from lensforge.shop.ball_cutter import LEAF
-from lensforge.shop.check_result import BallClearance, BaseBall, CustomBaseClearance, InnerClearance, OuterClearance
+from lensforge.shop.check_result import BallClearance, CustomBaseClearance, InnerClearance, OuterClearance
 from lensforge.shop.face_check import FaceCheck
 from lensforge.shop.face_samples import FaceSamples, OpticalFace
 
@@ -29,10 +27,6 @@ _CLEAR_MM = 1e-6 * FORM_LIMIT_NM
 _RIM_POINTS = 4096
 _BASE_CHORD_MM = 1e-3  # between the mesh and the curved faces of a custom base
 _BASE_POINTS, _SEED = 4000, 0
-_LARGEST_BALL = 20.0  # in face radii: as good as a plane
-_BALL_WITHIN, _MOST_BALLS = 0.005, 12  # relative, of the base's largest ball; balls that are tried for it
-
-_FaceClearance = TypeVar("_FaceClearance", OuterClearance, InnerClearance, CustomBaseClearance)
 
 
 @dataclass(frozen=True)
@@ -103,55 +97,22 @@ def _turn() -> Float[np.ndarray, "n 2"]:
 
 
 def check_ball_clearance(
-    plan: Plan[Patch] | None, custom: CustomBaseMesh | None, cutter_mm: float, inner: FaceCheck, outer: FaceCheck
+    plan: Plan[Patch] | None, custom: CustomBaseMesh | None, inner: FaceCheck, outer: FaceCheck
 ) -> BallClearance:
-    """Clearance that the cutter lacks at the base, over the samples that it could reach without the base, and its ball.
+    """Clearance that the cutter lacks at the base, over the samples that it could reach without the base.
 
     ``plan``: the body with its base, None for a mould insert; ``custom``: the base from a STEP file, if there is one.
     """
     if custom is not None:
-        at_base = partial(_at_custom, custom)
-        return BallClearance(
-            outer=_with_ball(at_base, outer, cutter_mm),
-            inner=_with_ball(at_base, inner, cutter_mm),
-        )
+        return BallClearance(outer=_at_custom(custom, outer), inner=_at_custom(custom, inner))
     if plan is None or not plan.has_base:
         note = "a mould insert has no base" if plan is None else "there is no base"
         return BallClearance(outer=None, inner=None, note=note)
-    return BallClearance(
-        outer=_with_ball(partial(_outer_clearance, plan), outer, cutter_mm),
-        inner=_with_ball(partial(_inner_clearance, plan), inner, cutter_mm),
-    )
+    return BallClearance(outer=_outer_clearance(plan, outer), inner=_inner_clearance(plan, inner))
 
 
-def _with_ball(
-    measured: Callable[[FaceCheck, float], _FaceClearance], face: FaceCheck, cutter_mm: float
-) -> _FaceClearance:
-    """The clearance of the cutter's ball at one face, and the largest ball that the base clears there.
-
-    Up to the face's own largest ball every sample is reached, and a larger ball that touches a sample holds the
-    smaller one: whatever is in the way of that is in its way too, and bisection finds the largest.
-    """
-    found = measured(face, cutter_mm)
-    highest = min(face.largest_cutter_mm, _LARGEST_BALL * float(np.linalg.norm(face.samples.points, axis=1).max()))
-
-    def clears(radius_mm: float) -> bool:
-        return measured(replace(face, cutter_radius_mm=radius_mm), radius_mm).needed_mm == 0.0
-
-    if clears(highest):
-        return found.model_copy(update={"ball": BaseBall(radius_mm=None)})
-    low, high = 0.0, highest
-    if cutter_mm < highest:
-        low, high = (cutter_mm, highest) if found.needed_mm == 0.0 else (0.0, cutter_mm)
-    for _ in range(_MOST_BALLS):
-        if high - low <= _BALL_WITHIN * high:
-            break
-        middle = float(np.sqrt(low * high)) if low > 0.0 else 0.5 * high
-        low, high = (middle, high) if clears(middle) else (low, middle)
-    return found.model_copy(update={"ball": BaseBall(radius_mm=low, within_mm=high - low)})
-
-
-def _outer_clearance(plan: Plan[Patch], face: FaceCheck, cutter_mm: float) -> OuterClearance:
+def _outer_clearance(plan: Plan[Patch], face: FaceCheck) -> OuterClearance:
+    cutter_mm = face.cutter_radius_mm
     distance, height = ball_centres_mm(face.samples.points, face.samples.normals, cutter_mm)
 
     def missing(base_mm: float, present_mm: float) -> Float[np.ndarray, " k"]:
@@ -180,7 +141,8 @@ def _outer_clearance(plan: Plan[Patch], face: FaceCheck, cutter_mm: float) -> Ou
     )
 
 
-def _inner_clearance(plan: Plan[Patch], face: FaceCheck, cutter_mm: float) -> InnerClearance:
+def _inner_clearance(plan: Plan[Patch], face: FaceCheck) -> InnerClearance:
+    cutter_mm = face.cutter_radius_mm
     distance, height = ball_centres_mm(face.samples.points, face.samples.normals, cutter_mm)
 
     def needed(radius_mm: float, top_mm: float, bottom_mm: float) -> Float[np.ndarray, " k"]:
@@ -202,8 +164,8 @@ def _inner_clearance(plan: Plan[Patch], face: FaceCheck, cutter_mm: float) -> In
     )
 
 
-def _at_custom(custom: CustomBaseMesh, face: FaceCheck, cutter_mm: float) -> CustomBaseClearance:
-    retreat = custom.retreat_mm(face.samples, cutter_mm)
+def _at_custom(custom: CustomBaseMesh, face: FaceCheck) -> CustomBaseClearance:
+    retreat = custom.retreat_mm(face.samples, face.cutter_radius_mm)
     return CustomBaseClearance(retreat_mm=_largest_reached(face, retreat), flush_fraction=_clear(face, retreat))
 
 

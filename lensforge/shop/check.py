@@ -38,7 +38,7 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
     patches = inner.samples.face.patch, outer.samples.face.patch
     plan = lay_out(*patches, base_with_room(lens)) if manufacture.make == "part" else None  # an insert has no base
     custom = None if plan is None or plan.base.file is None else read_base_mesh(plan.base.file)
-    relief = check_ball_clearance(plan, custom, manufacture.cutter_radius_mm, inner, outer)
+    relief = check_ball_clearance(plan, custom, inner, outer)
     tools = check_tools(manufacture.tools, inner, outer, plan, custom, float(np.deg2rad(manufacture.max_tilt_deg)))
     faces = face_result(inner), face_result(outer)
     return Check(

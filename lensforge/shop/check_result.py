@@ -1,6 +1,5 @@
 """The result of the manufacturing check: faces, wall, clearance of the ball at the base, tools, and findings."""
 
-from math import floor
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
@@ -15,23 +14,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-class BaseBall(Record):
-    """The largest ball that the base clears at a face, by its radius: one of ``within_mm`` more hits the base.
-
-    ``radius_mm``: None where the base clears every ball that reaches all of the face.
-    """
-
-    radius_mm: NotNegative | None
-    within_mm: NotNegative = 0.0
-
-
 class _FaceClearance(Record):
     """Clearance at one face; ``flush_fraction``: share of the face that the ball reaches with the base as it is."""
 
     needs: ClassVar[tuple[str, ...]]  # fields (mm) of what must give way: 0 where clear, None where nothing is reached
 
     flush_fraction: Share
-    ball: BaseBall | None = None
 
     @property
     def needed_mm(self) -> float | None:
@@ -71,7 +59,7 @@ class CustomBaseClearance(_FaceClearance):
 
 
 class BallClearance(Record):
-    """Clearance of the shop's ball at the base, and each face's largest; ``note``: why there is nothing to clear."""
+    """Clearance of the shop's ball at the base; ``note``: why there is nothing to clear."""
 
     outer: OuterClearance | CustomBaseClearance | None
     inner: InnerClearance | CustomBaseClearance | None
@@ -80,24 +68,14 @@ class BallClearance(Record):
     def beyond_shop(
         self, largest_mm: float | None, shop_mm: float, surface: Literal["inner", "outer"] | None = None
     ) -> str:
-        """Words behind a face's largest ball: the base's own, where the face's is larger than both it and the shop's.
+        """Words behind a face's largest ball, where it is larger than the shop's and there is a base to meet.
 
-        Empty where the face's is not larger, without a base, and where the base clears it. ``largest_mm``: None where
-        any ball reaches the face. ``surface``: None for the base at both faces.
+        ``largest_mm``: None where any ball reaches the face. ``surface``: None for the base at both faces.
         """
         at = {"inner": self.inner, "outer": self.outer}
-        found = [each for name, each in at.items() if each is not None and surface in (None, name)]
+        has_base = any(each is not None for name, each in at.items() if surface in (None, name))
         larger = largest_mm is None or largest_mm > shop_mm
-        if not found or not larger:
-            return ""
-        limits = [each.ball for each in found if each.ball is not None and each.ball.radius_mm is not None]
-        ball = min(limits, key=lambda each: each.radius_mm or 0.0, default=BaseBall(radius_mm=None))
-        if ball.radius_mm is None or (largest_mm is not None and ball.radius_mm >= largest_mm):
-            return ""
-        if ball.radius_mm == 0.0:
-            return "; the base clears no ball"
-        fits = floor(1e3 * ball.radius_mm) / 1e3  # it still fits
-        return f"; the base clears up to {fits:g} mm, to within {ball.within_mm:.1g} mm"
+        return f"; the base is checked for {shop_mm:g} mm only" if has_base and larger else ""
 
 
 FaceMap = Annotated[Float[np.ndarray, "c c"], Array("c", "c", gaps=True)]

@@ -11,7 +11,6 @@ plane A, in z = 0: then that is A here, too.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from math import floor
 from typing import Literal
 
 import numpy as np
@@ -93,7 +92,7 @@ def _lens_dimensions(lens: Lens) -> Iterator[Dimension]:
     gap = lens.spec.tolerances.of("gap_mm").amount
     side = -float(rim_radius(lens.outer)(np.array([np.pi]))[0])
     yield Dimension("outer apex above z = 0", outer, "axis", ((0.0, side), (outer, 0.0)))
-    yield Dimension("highest point above z = 0", highest_point_mm(lens.outer)[2], "largest")
+    yield Dimension("highest point above z = 0", float(highest_point_mm(lens.outer)[2]), "largest")
     yield Dimension("apex of the cavity above z = 0", inner, "axis", ((0.0, side), (inner, 0.0)))
     ends = (inner, 0.0), (outer, 0.0)
     yield Dimension("thickness on the axis", outer - inner, "axis", ends, tolerance_mm=gap or None)
@@ -125,7 +124,7 @@ def _rim_in_section(name: str, surface: Surface, azimuth_deg: float, view: View)
 
 def _part_dimensions(lens: Lens) -> Iterator[Dimension]:
     """Length and width of the part with its base, the length from the bottom to the highest point of the dome."""
-    base, (across, _, highest) = base_with_room(lens), highest_point_mm(lens.outer)
+    base, (across, _, highest) = base_with_room(lens), highest_point_mm(lens.outer).tolist()
     bottom, side, wide = 0.0, -float(rim_radius(lens.outer)(np.array([np.pi]))[0]), widest_mm(lens.outer)
     if base.file is not None:
         vertices, _ = tessellated(read_custom_base(base.file).solid, _CHORD_MM)
@@ -140,10 +139,9 @@ def _part_dimensions(lens: Lens) -> Iterator[Dimension]:
     yield _circle("largest width", wide, "part")
 
 
-def highest_point_mm(surface: Surface) -> tuple[float, float, float]:
+def highest_point_mm(surface: Surface) -> Float[np.ndarray, " 3"]:
     """Highest point (mm) of ``surface``, which need not be its apex."""
-    x, y, z = _farthest(surface, lambda points: points[:, 2]).tolist()
-    return x, y, z
+    return _farthest(surface, lambda points: points[:, 2])
 
 
 def _farthest(surface: Surface, measured: Measured) -> Float[np.ndarray, " 3"]:
@@ -272,22 +270,11 @@ def datum_scheme(lens: Lens, part: Part) -> DatumScheme:
     if base.kind in ("none", "step"):
         missing.append("No datum feature for the axis: z through the origin of lens.step, aligned by the optical faces")
     if len(found) < 3:
-        flat = clocking_flat(lens, base)
-        proposed = f"; base.flat_mm = {flat:g} would, a flat across +x" if flat else ""
-        missing.append(f"Nothing on the part marks the azimuth, which counts from +x of lens.step{proposed}")
+        missing.append("Nothing on the part marks the azimuth, which counts from +x of lens.step; base.flat_mm would")
     if base.kind == "step":
         missing[-1] = "The azimuth is that of the base in its own file"
     lines = *(f"Datum {datum.letter}: {datum.words}" for datum in found), *missing
     return DatumScheme(tuple(found), lines)
-
-
-def clocking_flat(lens: Lens, base: BaseSection) -> float | None:
-    """Distance (mm) of a flat that would mark +x of a part that is not round; None where none is missing or fits."""
-    if base.kind != "cylinder" or base.flat_mm is not None or other_section_deg(lens) is None:
-        return None
-    inside, half = widest_mm(lens.outer) / 2.0, base.diameter_mm / 2.0
-    flat = floor(10.0 * (half - 0.25 * (half - inside))) / 10.0
-    return flat if inside < flat < half else None
 
 
 def _plane(lens: Lens, part: Part, base: BaseSection) -> Datum:

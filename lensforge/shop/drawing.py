@@ -6,15 +6,13 @@ It has the largest of the scales of ISO 5455 at which the views fit.
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
 from lensforge.cad.part import STEP_FILE, Part
 from lensforge.cad.section import other_section_deg
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
 from lensforge.shop.check_result import Check, FaceResult
 from lensforge.shop.dimensions import DatumScheme, Dimension, datum_scheme
-from lensforge.shop.sheet import Box, Marks, Place, Sheet, Stroke
+from lensforge.shop.sheet import Box, Marks, Place, Sheet
 from lensforge.shop.sheet_marks import cell, frame_of, paragraphs_in
 from lensforge.shop.sheet_tables import Rows, ToleranceTable, draw_optical_table, optical_table, table_height
 from lensforge.shop.view_drawing import ViewContent, draw_views, room_of
@@ -152,21 +150,6 @@ def draw_title_block(block: Rows, corner: tuple[float, float], unit: float, scal
     return marks
 
 
-def sheet_frame(size: tuple[float, float], inside: Box) -> list[Stroke]:
-    """The frame of the drawing, and the marks at the middle of its sides."""
-    left, bottom, right, top = inside
-    width, height = size
-    found = [frame_of(inside, "outline")]
-    for start, end in (
-        ((width / 2.0, 0.0), (width / 2.0, bottom)),
-        ((width / 2.0, top), (width / 2.0, height)),
-        ((0.0, height / 2.0), (left, height / 2.0)),
-        ((right, height / 2.0), (width, height / 2.0)),
-    ):
-        found.append(Stroke(np.array([start, end]), "outline"))
-    return found
-
-
 SheetName = Literal["A3", "A4"]
 SIZES: dict[SheetName, tuple[float, float]] = {"A4": (297.0, 210.0), "A3": (420.0, 297.0)}
 _UNITS: dict[SheetName, float] = {"A4": 0.5**0.5, "A3": 1.0}
@@ -251,7 +234,7 @@ def _sheet(content: DrawingContent, name: SheetName, scale: float) -> Sheet:
     unit, inside = _UNITS[name], _inside(name)
     origin = _centred(room_of(draw_views(content.views, scale, unit, (0.0, 0.0))), _views_box(content, name))
     marks, corner, top = (
-        Marks(sheet_frame(SIZES[name], inside)),
+        Marks([frame_of(inside, "outline")]),
         (inside[2], inside[1]),
         inside[1] + _band(content, name),
     )

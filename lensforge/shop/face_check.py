@@ -36,11 +36,6 @@ class FaceCheck:
         return reachable(self.ball_mm, self.cutter_radius_mm)
 
     @property
-    def reachable_fraction(self) -> float:
-        """Share of the area that the cutter reaches."""
-        return self.samples.fraction(self.reached)
-
-    @property
     def smallest_concave_radius_mm(self) -> float:
         """Smallest concave radius (mm); infinite for a face that is convex everywhere."""
         return -1.0 / self.lowest_curvature if self.lowest_curvature < 0.0 else np.inf
@@ -84,7 +79,7 @@ def face_result(check: FaceCheck) -> FaceResult:
         ),
         cutter=Cutter(
             radius_mm=check.cutter_radius_mm,
-            reachable_fraction=check.reachable_fraction,
+            reachable_fraction=samples.fraction(check.reached),
             largest_radius_mm=bounded(check.largest_cutter_mm),
             residual_mm=bounded(float(check.residual_mm.max())),
         ),

@@ -5,7 +5,7 @@ from html import escape
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, field_serializer
+from pydantic import Field, PlainSerializer
 
 from lensforge.results import Count, Fact, Group, NotNegative, Positive, Record, Sha256, Text
 from lensforge.results.files import replacing
@@ -14,6 +14,13 @@ from lensforge.shop.check_result import FaceName, Finding
 
 HTML_FILE, PDF_FILE, DXF_FILE, POINTS_FILE = "manufacturing.html", "manufacturing.pdf", "drawing.dxf", "points.csv"
 Interpolation = Literal["bicubic", "linear"]  # between the nodes of a dense table
+
+
+FileBytes = Annotated[
+    bytes,
+    Field(repr=False),
+    PlainSerializer(lambda content: b64encode(content).decode("ascii"), return_type=str, when_used="json"),
+]
 
 
 class PointGrid(Record):
@@ -29,11 +36,7 @@ class PointGrid(Record):
     interpolation: Interpolation
     error_nm: NotNegative
     points: Count
-    content: Annotated[bytes, Field(repr=False)]
-
-    @field_serializer("content", when_used="json")
-    def _content_as_text(self, content: bytes) -> str:
-        return b64encode(content).decode("ascii")
+    content: FileBytes
 
 
 class Handover(Record):
@@ -45,18 +48,14 @@ class Handover(Record):
     """
 
     name: Text
-    html: bytes
-    pdf: bytes
-    dxf: bytes
-    points_csv: bytes
+    html: FileBytes
+    pdf: FileBytes
+    dxf: FileBytes
+    points_csv: FileBytes
     points: Count
     grids: tuple[PointGrid, ...]
     sha256: dict[Text, Sha256]
     refused: tuple[Finding, ...]
-
-    @field_serializer("html", "pdf", "dxf", "points_csv", when_used="json")
-    def _as_text(self, content: bytes) -> str:
-        return b64encode(content).decode("ascii")
 
     @property
     def files(self) -> dict[str, bytes]:

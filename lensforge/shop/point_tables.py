@@ -254,7 +254,6 @@ def _found(face: FaceToCut, request: GridRequest) -> tuple[DenseTable, Float[np.
         return table, table.errors_nm(scheme, _MEASURED)
     spacing = 2.0 * size / _FIRST_CELLS
     for trial in range(_TRIALS):
-        spacing = _rounded_down(spacing)
         table = make(spacing)
         error = float(table.errors_nm(scheme, _TRIED).max())
         if trial > 0 and error <= request.error_nm:
@@ -267,12 +266,6 @@ def _found(face: FaceToCut, request: GridRequest) -> tuple[DenseTable, Float[np.
     raise InputError(
         f"error = {request.error_nm:g} nm: {error:.3g} nm at a spacing of {tried:.3g} mm; give a larger error"
     )
-
-
-def _rounded_down(spacing_mm: float) -> float:
-    """``spacing_mm`` to three significant digits, for the header of the table."""
-    unit = 10.0 ** (np.floor(np.log10(spacing_mm)) - 2.0)
-    return float(f"{np.floor(spacing_mm / unit + 1e-9) * unit:.3g}")
 
 
 def _require_count(points: float, face: FaceToCut, request: GridRequest) -> None:

@@ -165,9 +165,7 @@ def shop_facts(lens: Lens, part: Part, check: Check) -> Group:
     files = part_facts(part)[0].select("form_error", "normal_error", "volume", "mass", "schema", "surfaces").facts
     walls = next(group for group in check_facts(check, lens.spec) if group.key == "wall").facts
     facts = (
-        *_material(lens),
         *_make(lens, part),
-        *_tolerance(lens, part),
         *files,
         *walls,
         *_made_by(lens),
@@ -186,21 +184,6 @@ def table_facts(grids: tuple[PointGrid, ...]) -> Group:
     return Group("tables", "Dense tables of points", tuple(map(_grid, grids)))
 
 
-def _material(lens: Lens) -> Iterator[Fact]:
-    section = lens.spec.lens
-    yield Fact("material", "Material", section.material)
-    yield Fact("index", "Refractive index", section.refractive_index, digits=6)
-    for label, index in (("Index in the cavity", section.cavity_index), ("Index outside", section.outside_index)):
-        if index != 1.0:
-            yield Fact("other_index", label, index, digits=6)
-    for name, face in (("inner", section.fixed_inner), ("outer", section.fixed_outer)):
-        if face is not None:
-            yield Fact("fixed", f"Fixed {name} face", face.title)
-    for name, coating in (("inner", section.inner_coating), ("outer", section.outer_coating)):
-        if coating is not None:
-            yield Fact("coating", f"Coating of the {name} face", coating.title)
-
-
 def _make(lens: Lens, part: Part) -> Iterator[Fact]:
     """Object that is cut; of a mould insert the shrinkage, and the files that carry it."""
     shop = lens.spec.manufacture
@@ -216,19 +199,6 @@ def _make(lens: Lens, part: Part) -> Iterator[Fact]:
             "section, dimensions, volume and wall are of the moulded lens"
         )
         yield Fact("shrinkage", "Shrinkage", shop.shrinkage, note=note, digits=12)
-
-
-def _tolerance(lens: Lens, part: Part) -> Iterator[Fact]:
-    """Form tolerance of the optical faces; nothing where the spec has none."""
-    width_um = lens.spec.manufacture.form_tolerance_um
-    if width_um is None:
-        return
-    carried = "its schema carries none"
-    if part.form_tolerances:
-        against = "against A" if part.form_tolerances[0].datum_faces else "without datum, as no face lies in z = 0"
-        carried = f"it is on these faces as a surface profile {against}"
-    note = f"width of the zone, half of it on each side of the face; in lens.step {carried}"
-    yield Fact("form_tolerance", "Form tolerance of the lens’s optical faces", width_um, "µm", note=note)
 
 
 def _made_by(lens: Lens) -> Iterator[Fact]:

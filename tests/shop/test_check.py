@@ -157,16 +157,6 @@ def test_the_criterion_is_the_wall_that_the_spec_promises(plain, rough):
     assert check.min_wall_mm == check.wall.thinnest.thickness_mm == held.value < (outer - inner).min()
 
 
-def test_a_wall_that_is_thick_enough_only_along_a_ray_is_too_thin(rough):
-    part, check = rough
-    u = hemisphere_directions(20_000)
-    radial_mm = float((part.outer.radius(u) - part.inner.radius(u)).min())
-    asked = 0.5 * (check.min_wall_mm + radial_mm)
-    assert asked > check.min_wall_mm + part.spec.constraints.tolerance_mm
-    found = check_lens(lens(part.inner, part.outer, cutter_mm=0.6, wall_mm=asked))
-    assert not found.criteria[0].passed and not verdict(found, "wall", "body").holds
-
-
 def test_the_maps_belong_to_the_exact_surfaces(rough):
     part, check = rough
     axis = check.chart_axis
@@ -188,16 +178,6 @@ def test_the_maps_belong_to_the_exact_surfaces(rough):
         assert np.nanmax(left) <= face.cutter.residual_mm
 
 
-@pytest.mark.parametrize("quantity", ["sag_mm", "kappa_min", "kappa_max", "residual_mm"])
-def test_a_map_is_plotted_over_the_chart(rough, quantity):
-    from matplotlib.figure import Figure
-
-    axes = rough[1].plot(Figure().add_subplot(), surface="inner", quantity=quantity)
-    shown = axes.images[0].get_array()
-    expected = getattr(rough[1], f"inner_{quantity}").T
-    np.testing.assert_array_equal(np.ma.filled(shown, np.nan), expected)
-
-
 def test_what_the_verdict_asks_for_is_enough(rough):
     # An undercut dome on a flush base wants a step and a set-back wall; with both, the verdict holds.
     part, _ = rough
@@ -206,7 +186,7 @@ def test_what_the_verdict_asks_for_is_enough(rough):
     base = {"height_mm": 6.0}
     for _ in range(3):
         plan = lay_out(inner.samples.face.patch, outer.samples.face.patch, BaseSection(**base))
-        found = clearance_findings(check_ball_clearance(plan, None, 0.6, inner, outer), plan.base)[0]
+        found = clearance_findings(check_ball_clearance(plan, None, inner, outer), plan.base)[0]
         if found.holds:
             break
         base |= {key: float(value) for key, value in re.findall(r"base\.(\w+) = ([\d.]+)", found.reason)}

@@ -79,6 +79,16 @@ def test_tilt_has_the_tolerance_of_the_export_and_the_wall_that_of_the_search() 
     assert enough.holds and "at least constraints" in enough.reason and enough.sense == ">="
 
 
+@pytest.mark.parametrize(("largest_mm", "larger"), [(None, True), (0.51, True), (0.5, False), (0.3, False)])
+def test_a_larger_ball_than_the_shops_names_the_ball_for_which_the_base_is_checked(largest_mm, larger) -> None:
+    words, ball = "; the base is checked for 0.5 mm only", cutter(0.5, largest_mm)
+    for surface, relief in (
+        ("outer", BallClearance(outer=outer(), inner=None)),
+        ("inner", BallClearance(outer=None, inner=inner(0.0, 0.0))),
+    ):
+        assert cutter_finding(surface, ball, relief, small_spec()).reason.endswith(words) == larger
+
+
 WALL = Wall(thickness_mm=1.5, inner_point_mm=(1.0, -1e-9, 0.123456), outer_point_mm=(0.0, 0.0, 2.0))
 THICK = Wall(thickness_mm=2.5, inner_point_mm=(0.0, 1.0, 0.0), outer_point_mm=(0.0, 3.5, 0.0))
 

@@ -7,9 +7,7 @@ import pytest
 from known_shapes import exported, sampled, sphere
 
 from lensforge.cad.plan import base_corners, lay_out
-from lensforge.cad.wall import Span
 from lensforge.shop.ball_cutter import FIT_TOLERANCE, nearest_points, reachable
-from lensforge.shop.check import _of_lens
 from lensforge.shop.face_samples import AirSide, area_rule
 from lensforge.shop.tool_reach import _across, _is_clear, _on_base, tool_axes, tool_reach
 from lensforge.spec import BaseSection, Tool
@@ -82,18 +80,6 @@ def test_a_tool_reaches_what_any_of_its_axes_reaches_and_its_ball_fits() -> None
     assert 0.0 < found.reachable_fraction_untilted < found.reachable_fraction < found.ball_reachable_fraction
 
 
-def test_the_rule_of_a_disc_integrates_polynomials() -> None:
-    rule = area_rule(5, 8)
-    x, y = rule.chart.T
-    for power, exact in ((0, np.pi), (2, np.pi / 4.0), (4, np.pi / 8.0)):
-        assert rule.weights @ x**power == pytest.approx(exact, rel=1e-12)
-    assert rule.weights @ (x**2 * y**2) == pytest.approx(np.pi / 24.0)
-    assert rule.chart[0].tolist() == [rule.nodes[0], 0.0] and len(rule.chart) == 40
-    assert rule.edges[0] == 0.0 and rule.edges[-1] == pytest.approx(1.0)
-    assert (rule.edges[:-1] < rule.nodes).all() and (rule.nodes < rule.edges[1:]).all()
-    assert (len(area_rule().nodes), len(area_rule().chart)) == (96, 96 * 192)
-
-
 @pytest.mark.parametrize("limit", [0.1, 0.5, 0.77])
 def test_the_share_below_a_limit_is_that_of_the_disc_inside_a_circle(limit: float) -> None:
     """Values that rise with the radius, and fall with it; and that are the same all over."""
@@ -122,11 +108,6 @@ def test_the_nearest_points_are_those_of_a_search_through_all(count: int) -> Non
     away = np.linalg.norm(points[:, None] - some, axis=2)
     assert index.tolist() == away.argmin(axis=1).tolist()
     np.testing.assert_allclose(distance, away.min(axis=1))
-
-
-def test_the_wall_of_a_lens_is_that_of_its_mould_over_the_scale() -> None:
-    found = _of_lens(Span(3.0, np.array([1.5, 3.0, 0.0]), np.array([0.0, 4.5, 6.0])), 1.5)
-    assert (found.thickness_mm, found.inner_point_mm, found.outer_point_mm) == (2.0, (1.0, 2.0, 0.0), (0.0, 3.0, 4.0))
 
 
 @pytest.mark.parametrize(

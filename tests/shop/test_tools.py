@@ -35,15 +35,6 @@ def test_a_thick_shank_stops_where_it_meets_the_wall():
     assert found.reachable_fraction_untilted == pytest.approx(samples.fraction(clear), abs=0.02)
 
 
-def test_the_holder_needs_a_length_of_the_cavity_s_depth():
-    # At the apex of a cavity of depth a, a flat holder (89 degrees) clears the rim when ball and shank are a deep.
-    samples = sampled(sphere(3.0), AirSide.INSIDE, nodes=81)
-    apex = np.linalg.norm(samples.chart, axis=1) < 1e-9
-    for length, clear in ((2.4, False), (2.6, True)):  # the ball's centre is 2.5 mm deep
-        found = tool_reach(samples, apex, mill(length=length, angle=89.0), DOWN, 0.0, samples.points)
-        assert (found.reachable_fraction_untilted > 0.0) == clear
-
-
 def test_a_tilt_brings_a_short_tool_to_a_convex_dome():
     samples = sampled(sphere(10.0), AirSide.OUTSIDE, nodes=41)
     tool = mill(radius=1.0, shank=1.0, length=2.0, angle=80.0)
