@@ -18,6 +18,7 @@ from lensforge.results.arguments import count_of, number_of, require, threads_of
 from lensforge.runs.folder import RunFolder, opened
 from lensforge.scene.lens import Lens
 from lensforge.shop.check_result import Check
+from lensforge.shop.point_tables import GridRequest
 from lensforge.sources.photometric.ies import NEWEST, IesVersion, require_ies_version
 from lensforge.spec import DrawingSection
 from lensforge.spec.accuracy import preset_of
@@ -149,7 +150,6 @@ def handover(
     ``spacing_mm``: of the dense tables; None: as wide as an ``interpolation`` error of ``error_nm`` along the normal
     allows. Raises :class:`InputError` for too many points.
     """
-    from lensforge.shop.point_tables import GridRequest
     from lensforge.shop.shop_files import make_handover
 
     require(run, Results, "handover")

@@ -66,8 +66,7 @@ def read_base_mesh(path: Path) -> CustomBaseMesh:
 def wall_retreat_mm(face: FaceSamples, cutter_radius_mm: float, depth_mm: float) -> Float[np.ndarray, " k"]:
     """Width (mm) by which a wall straight down from the face's rim, to ``depth_mm``, enters the ball at each sample.
 
-    Valid for samples that the ball reaches on the face itself: a centre above z = 0 is then at least R from the rim. A
-    centre below, where the cavity narrows upwards or the outer rim is undercut, must be R away from the wall.
+    Valid for samples that the ball reaches on the face itself: a centre above z = 0 is then at least R from the rim.
     """
     centres = face.points + cutter_radius_mm * face.normals
     below = np.maximum(-centres[:, 2] - depth_mm, 0.0)
@@ -75,15 +74,9 @@ def wall_retreat_mm(face: FaceSamples, cutter_radius_mm: float, depth_mm: float)
     retreat = np.zeros(len(centres))
     if low.any():
         across = np.sqrt(cutter_radius_mm**2 - below[low] ** 2)
-        retreat[low] = across - _distance_to_rim(face.face, centres[low, :2])
+        rim = cKDTree(_rim_mm(face.face)[:, None] * _turn(), leafsize=LEAF)
+        retreat[low] = across - rim.query(centres[low, :2])[0]
     return np.where(retreat > _CLEAR_MM, retreat, 0.0)
-
-
-def _distance_to_rim(face: OpticalFace, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
-    """Distance (mm) in the plane z = 0 to the face's rim."""
-    distance, _ = cKDTree(_rim_mm(face)[:, None] * _turn(), leafsize=LEAF).query(points)
-    nearest: Float[np.ndarray, " n"] = distance
-    return nearest
 
 
 def _rim_mm(face: OpticalFace) -> Float[np.ndarray, " n"]:

@@ -65,9 +65,8 @@ def nearest_points(
 ) -> tuple[Float[np.ndarray, " k"], Int[np.ndarray, " k"]]:
     """Distance (mm) and index of the nearest point of ``tree`` for each of ``points``, on all cores.
 
-    As ``tree.query(points, workers=-1)``, whose daemon threads however run on after an interrupt (scipy 1.17), while
-    the interpreter ends and takes their memory away: a segmentation fault. Here an interrupt waits for the parts that
-    are being searched, and those that are not begun are dropped.
+    As ``tree.query(points, workers=-1)``, whose daemon threads run on after an interrupt while the interpreter takes
+    their memory away (scipy 1.17: a segmentation fault). Here an interrupt waits for the parts that are being searched.
     """
     parts = [points[start : start + _QUERIES] for start in range(0, len(points), _QUERIES)]
     if len(parts) < 2:

@@ -3,10 +3,9 @@
 All are of the exact surfaces, and a dimension that is drawn has its two ends on the part. The base of a STEP file is
 measured in the section; its own file defines it.
 
-Datums are features that the part has; where it has none, words say so. A is a plane that can be touched: the base's top
-or the rim where it lies in z = 0, else the bottom, on which the part sits. B is the axis of a round base, or the middle
-plane of two sides of a square one; C stops the part from turning. A STEP with tolerances on its faces names its own
-plane A, in z = 0: then that is A here, too.
+Datums are features that the part has. A is a plane that can be touched: the base's top or the rim where it lies in
+z = 0, else the bottom; or the plane in z = 0 that a STEP with tolerances names. B is the axis of a round base, or the
+middle plane of two sides of a square one; C stops the part from turning.
 """
 
 from collections.abc import Callable, Iterator
@@ -19,7 +18,6 @@ from jaxtyping import Float
 from lensforge.cad.custom_base import read_custom_base, tessellated
 from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.form_error import refined_maximum
-from lensforge.cad.outline import Outline
 from lensforge.cad.part import Part
 from lensforge.cad.plan import BOTTOM, RIM, SIDE, TOP, lay_out, rim_radius
 from lensforge.cad.section import body_outlines, other_section_deg
@@ -211,12 +209,8 @@ def _widths(lens: Lens, base: BaseSection) -> Iterator[Dimension]:
         ("diameter of the flange", -base.height_mm, plan.flange),
     ):
         if circle is not None:
-            radius = _radius(circle)
+            radius = float(circle.radius(np.zeros(1))[0])
             yield Dimension(name, 2.0 * radius, "base", ((z, -radius), (z, radius)), upright=True, sign="⌀")
-
-
-def _radius(circle: Outline) -> float:
-    return float(circle.radius(np.zeros(1))[0])
 
 
 def _in_section_of_file(lens: Lens) -> Iterator[Dimension]:

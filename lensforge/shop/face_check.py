@@ -106,7 +106,7 @@ def best_fit_sphere(samples: FaceSamples) -> Sphere:
         return np.asarray(np.linalg.norm(patch.points(points) - centre, axis=1) - radius)
 
     at_samples = np.linalg.norm(samples.points - centre, axis=1) - radius
-    highest, lowest = samples.largest(beyond, at_samples)[1], -samples.largest(lambda c: -beyond(c), -at_samples)[1]
+    highest, lowest = samples.largest(beyond, at_samples), -samples.largest(lambda c: -beyond(c), -at_samples)
     return Sphere(
         radius_mm=radius,
         centre_mm=tuple(centre.tolist()),

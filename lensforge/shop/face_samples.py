@@ -146,17 +146,17 @@ class FaceSamples:
 
     def largest(
         self, figure: Callable[[Float[np.ndarray, "m 2"]], Float[np.ndarray, " m"]], values: Float[np.ndarray, " k"]
-    ) -> tuple[Float[np.ndarray, "2"], float]:
-        """Chart point and value of the largest ``figure``, between the samples too; ``values``: it at the samples."""
-        return refined_maximum(figure, self.chart, values, self.grid.step)
+    ) -> float:
+        """The largest ``figure``, between the samples too; ``values``: it at the samples."""
+        return refined_maximum(figure, self.chart, values, self.grid.step)[1]
 
     def lowest_curvature(self) -> float:
         """The lowest curvature (1/mm) of the face, searched for between the samples too."""
-        return -self.largest(lambda points: -self.face.curvatures(points).minimum, -self.curvatures.minimum)[1]
+        return -self.largest(lambda points: -self.face.curvatures(points).minimum, -self.curvatures.minimum)
 
     def highest_curvature(self) -> float:
         """The highest curvature (1/mm) of the face, searched for between the samples too."""
-        return self.largest(lambda points: self.face.curvatures(points).maximum, self.curvatures.maximum)[1]
+        return self.largest(lambda points: self.face.curvatures(points).maximum, self.curvatures.maximum)
 
     def fraction(self, where: Bool[np.ndarray, " k"]) -> float:
         """Share of the face's area where ``where`` is True, to the width of a cell along the edge of that part."""
@@ -225,5 +225,5 @@ def _disc(nodes: int) -> tuple[ChartGrid, Float[np.ndarray, "k 2"], Float[np.nda
 def least_draft_rad(samples: FaceSamples) -> float:
     """The least draft angle (rad) of the face, searched for between the samples too."""
     patch = samples.face.patch
-    steepest = samples.largest(lambda points: -patch.normals(points)[:, 2], -samples.outward[:, 2])[1]
+    steepest = samples.largest(lambda points: -patch.normals(points)[:, 2], -samples.outward[:, 2])
     return -float(np.arcsin(np.clip(steepest, -1.0, 1.0)))

@@ -1,8 +1,6 @@
 """Findings of the check: one statement for the shop on each measurement, its reason, and the changes that mend it.
 
-All follow from the measurements of the check and the spec alone, so that the findings in a file can be held against
-what the file's own numbers say. The remedy of a finding that does not hold names the fields of the spec to change, and
-to which values.
+All follow from the measurements of the check and the spec alone.
 """
 
 from collections.abc import Sequence

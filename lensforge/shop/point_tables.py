@@ -1,14 +1,12 @@
 """Tables of points of the faces as the shop cuts them: coarse rings to measure at, and dense ones to cut from.
 
 All points are of the exact surfaces, each with its unit normal from the material into the air: the centre of a ball of
-radius R that touches at **p** is **p** + R **n**. The rings to measure are every 2.5 degrees of polar angle, their
-points every 5 degrees of azimuth.
+radius R that touches at **p** is **p** + R **n**.
 
-The rings of a dense table are even in the polar angle as seen from the origin, not in R: a face that stands upright at
-its rim is covered down to the rim. On a meridian R and Z are both functions of that angle, and both are interpolated,
-as the axes of a machine are from one block to the next: by the polynomial through the nearest nodes (Lagrange), 2 along
-each axis, or 4 with the cell in their middle, which needs no end conditions. It errs most in the middle of a cell or of
-its side. The spacing is given, or found: error and spacing follow a power law, so that a few trials reach the error.
+The rings of a dense table are even in the polar angle as seen from the origin, which covers a rim that stands upright.
+R and Z are interpolated over it and the azimuth by the polynomial through the nearest nodes (Lagrange), 2 along each
+axis, or 4 with the cell in their middle. It errs most in the middle of a cell or of its side. The spacing is given, or
+found: error and spacing follow a power law.
 """
 
 from dataclasses import dataclass
@@ -66,14 +64,13 @@ class GridRequest:
     def __post_init__(self) -> None:
         if self.interpolation not in get_args(Interpolation):
             raise InputError(f"interpolation = {self.interpolation!r}: one of {', '.join(get_args(Interpolation))}")
-        for name, value, least, most in (
-            ("spacing", self.spacing_mm, 1e-4, 1e3),
-            ("error", self.error_nm, 1e-2, 1e6),
+        for name, value, unit, least, most in (
+            ("spacing", self.spacing_mm, "mm", 1e-4, 1e3),
+            ("error", self.error_nm, "nm", 1e-2, 1e6),
         ):
             if value is None and name == "spacing":
                 continue
             if isinstance(value, bool) or not isinstance(value, Real) or not least <= value <= most:
-                unit = {"spacing": "mm", "error": "nm"}[name]
                 raise InputError(f"{name} = {value!r}: a number of {unit} from {least:g} to {most:g}")
 
 

@@ -1,9 +1,7 @@
 """The sheet: one description of the drawing, from which its pictures, its PDF and its DXF are made.
 
-All places are on paper, in mm from the lower left corner of the sheet; the part appears ``scale`` times as large as it
-is. Pens, arrows and letters have sizes of ISO 128 and ISO 3098 on A3, and are smaller by the square root of 2 on A4.
-Marks are datum symbols, axes, the plane of the section, the symbol of the first angle, and the hatching of cut
-material.
+All places are on paper, in mm from its lower left corner. Pens, arrows and letters have the sizes of ISO 128 and ISO
+3098 on A3, and are smaller by the square root of 2 on A4.
 """
 
 from dataclasses import dataclass, field

@@ -59,14 +59,6 @@ def axes_mark(at: Place, level: str, up: str, unit: float, towards: float = 1.0)
     return Marks(strokes, words)
 
 
-def turned_mark(at: Place, unit: float) -> Marks:
-    """The sign of a section that is turned anticlockwise from its place (ISO 128): an arc with an arrow."""
-    turn = np.linspace(-0.25 * np.pi, 0.9 * np.pi, 25)
-    arc = np.array(at) + 2.2 * unit * np.column_stack([np.cos(turn), np.sin(turn)])
-    out = np.array([-np.sin(turn[-1]), np.cos(turn[-1])])
-    return Marks([Stroke(arc), arrow_head(arc[-1] + 1.2 * unit * out, out, 2.0 * unit)])
-
-
 def arrow_head(tip: np.ndarray, out: np.ndarray, size: float) -> Stroke:
     """A filled head of ``size`` mm that points along the unit vector ``out``."""
     along = np.array([-out[1], out[0]])
@@ -161,20 +153,14 @@ def row(left: float, top: float, texts: Sequence[str], widths: Sequence[float], 
     return Marks(strokes, words)
 
 
-def paragraph_lines(paragraphs: list[str], height: float, width: float) -> list[tuple[float, str]]:
-    """Indent (mm) and text of each line of numbered paragraphs."""
-    found, indent = [], width_of("00. ", height)
-    for number, paragraph in enumerate(paragraphs, start=1):
-        lines = wrapped(paragraph, height, width - indent)
-        found += [(0.0, f"{number}. {lines[0]}"), *((indent, line) for line in lines[1:])]
-    return found
-
-
 def paragraphs_in(box: Box, paragraphs: list[str], unit: float) -> list[Words]:
     """Numbered paragraphs from the top of ``box``; what is too long is left out, and the last line says so."""
     left, bottom, right, top = box
-    height = LETTERS * unit
-    lines, most = paragraph_lines(paragraphs, height, right - left), int((top - bottom) / (PITCH * height))
+    height, lines = LETTERS * unit, []
+    indent, most = width_of("00. ", height), int((top - bottom) / (PITCH * height))
+    for number, paragraph in enumerate(paragraphs, start=1):
+        first, *others = wrapped(paragraph, height, right - left - indent)
+        lines += [(0.0, f"{number}. {first}"), *((indent, line) for line in others)]
     if len(lines) > most:
         lines = [*lines[: most - 1], (0.0, "More notes: on manufacturing.html.")]
     return [

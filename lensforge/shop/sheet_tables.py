@@ -24,9 +24,7 @@ from lensforge.shop.sheet_marks import row, row_height
 from lensforge.spec import DrawingSection
 
 _WIDTHS = (71.0, 38.0, 71.0)  # mm on A3
-_DASH = "–"
-# Faces that the spec gives by a formula; those of files have none.
-_SHAPES = {kind: kind for kind in ("sphere", "asphere", "biconic")}
+_SHAPES = ("sphere", "asphere", "biconic")  # faces that the spec gives by a formula; those of files have none
 
 _OF_ASSEMBLY = ("source_", "lens_")
 _RMS, _PEAK = ("_form_um", "_waviness_um"), ("_ripple_um",)
@@ -43,9 +41,9 @@ def optical_table(lens: Lens, part: Part, check: Check, words: DrawingSection) -
         spec.material,
         f"n = {spec.refractive_index:g}{f' ±{index:g}' if index else ''}",
         index_wavelength(lens),
-        f"0/ {_DASH}",
-        f"1/ {_DASH}",
-        f"2/ {_DASH}",
+        f"0/ {NOTHING}",
+        f"1/ {NOTHING}",
+        f"2/ {NOTHING}",
         *[""] * (len(outer) - 7),
     ]
     return [list(texts) for texts in zip(outer, material, inner, strict=True)]
@@ -86,20 +84,20 @@ def _face(name: FaceName, lens: Lens, part: Part, check: Check, words: DrawingSe
         _form(name, lens),
         _profile(name, lens, part),
         _centring(name, lens),
-        f"5/ {words.imperfections or _DASH}",
+        f"5/ {words.imperfections or NOTHING}",
         _texture(name, lens, words.roughness_nm),
-        f"Coating: {_DASH if coating is None else coating.title}; {found.area_mm2:.1f} mm²",
+        f"Coating: {NOTHING if coating is None else coating.title}; {found.area_mm2:.1f} mm²",
     ]
 
 
 def _shape(name: FaceName, lens: Lens) -> str:
     fixed = lens.spec.lens.fixed_inner if name == "inner" else lens.spec.lens.fixed_outer
-    return "freeform" if fixed is None else _SHAPES.get(fixed.kind, "freeform")
+    return fixed.kind if fixed is not None and fixed.kind in _SHAPES else "freeform"
 
 
 def _form(name: FaceName, lens: Lens) -> str:
     form, waves = _amount(lens, f"{name}_form_um"), _amount(lens, f"{name}_waviness_um")
-    words = f"3/ RMS form {form:g} µm" if form else f"3/ {_DASH}"
+    words = f"3/ RMS form {form:g} µm" if form else f"3/ {NOTHING}"
     return f"{words}; waviness {waves:g} µm" if waves else words
 
 
@@ -107,7 +105,7 @@ def _profile(name: FaceName, lens: Lens, part: Part) -> str:
     """Profile of the surface by ISO 1101, against datum A where the STEP carries it so."""
     width_um = lens.spec.manufacture.form_tolerance_um
     if width_um is None:
-        return f"Profile of the surface: {_DASH}"
+        return f"Profile of the surface: {NOTHING}"
     face = OUTER if name == "outer" else INNER
     carried = any(each.face == face and each.datum_faces for each in part.form_tolerances)
     return f"Profile of the surface: {1e-3 * width_um:g}{' | A' if carried else ''}"
@@ -116,10 +114,10 @@ def _profile(name: FaceName, lens: Lens, part: Part) -> str:
 def _centring(name: FaceName, lens: Lens) -> str:
     tilt, shift = _amount(lens, "outer_tilt_deg"), _amount(lens, "outer_shift_mm")
     if name == "inner":
-        return "4/ reference of the outer face" if tilt or shift else f"4/ {_DASH}"
+        return "4/ reference of the outer face" if tilt or shift else f"4/ {NOTHING}"
     words = [f"±{tilt:g}°"] if tilt else []
     words += [f"±{shift:g} mm"] if shift else []
-    return f"4/ {', '.join(words)} to the inner face" if words else f"4/ {_DASH}"
+    return f"4/ {', '.join(words)} to the inner face" if words else f"4/ {NOTHING}"
 
 
 def _texture(name: FaceName, lens: Lens, height: float | None) -> str:

@@ -66,7 +66,8 @@ def _add_lines(axes: Axes, strokes: list[Stroke], unit: float) -> None:
     lines: dict[PenName, list[Points]] = defaultdict(list)
     for stroke in strokes:
         if not stroke.filled:
-            lines[stroke.pen].append(_chain(stroke))
+            ends = stroke.points[:1] if stroke.closed else stroke.points[:0]
+            lines[stroke.pen].append(np.vstack([stroke.points, ends]))
     for name, chains in lines.items():
         pen = PENS[name]
         width = pen.width_mm * unit / MM_PER_POINT
@@ -76,10 +77,6 @@ def _add_lines(axes: Axes, strokes: list[Stroke], unit: float) -> None:
         )
     filled = [stroke.points for stroke in strokes if stroke.filled]
     axes.add_collection(PolyCollection(filled, facecolors=INK, edgecolors="none", clip_on=False))
-
-
-def _chain(stroke: Stroke) -> Points:
-    return np.vstack([stroke.points, stroke.points[:1]]) if stroke.closed else stroke.points
 
 
 def _write_words(axes: Axes, words: Words) -> None:
@@ -182,12 +179,8 @@ def _place(sheet: Sheet, at: Place) -> Place:
     return (at[0] - sheet.origin[0]) / sheet.scale, (at[1] - sheet.origin[1]) / sheet.scale
 
 
-def _places(sheet: Sheet, points: Points) -> list[Place]:
-    return [(x, y) for x, y in ((points - np.array(sheet.origin)) / sheet.scale).tolist()]
-
-
 def _add_stroke(document: "Drawing", sheet: Sheet, stroke: Stroke) -> None:
-    points, attributes = _places(sheet, stroke.points), {"layer": stroke.pen.upper()}
+    points, attributes = [_place(sheet, (x, y)) for x, y in stroke.points.tolist()], {"layer": stroke.pen.upper()}
     space = document.modelspace()
     if stroke.filled:
         space.add_solid(points, dxfattribs=attributes)

@@ -168,7 +168,8 @@ def shop_facts(lens: Lens, part: Part, check: Check) -> Group:
         *_make(lens, part),
         *files,
         *walls,
-        *_made_by(lens),
+        Fact("sha256", "Lens, SHA-256", lens.sha256),
+        Fact("lensforge", "lensforge", lens.version),
     )
     return Group("shop", "Part", facts)
 
@@ -199,11 +200,6 @@ def _make(lens: Lens, part: Part) -> Iterator[Fact]:
             "section, dimensions, volume and wall are of the moulded lens"
         )
         yield Fact("shrinkage", "Shrinkage", shop.shrinkage, note=note, digits=12)
-
-
-def _made_by(lens: Lens) -> Iterator[Fact]:
-    yield Fact("sha256", "Lens, SHA-256", lens.sha256)
-    yield Fact("lensforge", "lensforge", lens.version)
 
 
 def _grid(grid: PointGrid) -> Fact:

@@ -31,7 +31,6 @@ from lensforge.shop.sheet_marks import (
     occupied,
     section_plane,
     text_span,
-    turned_mark,
     words_of_dimension,
 )
 from lensforge.shop.view_lines import SectionView, ViewLine
@@ -152,8 +151,6 @@ def _draw_section(
         _add_centre(views, content.datums, columns, unit)
     label = 0.5 * (low + high) + x, above + 14.0 * unit
     views.words.append(Words(label, f"{section.letter}–{section.letter}", LETTERS * unit, "center"))
-    if view == "T":
-        views.add(turned_mark((label[0] - 8.0 * unit, label[1] - unit), unit))
     across = {0.0: "x", 90.0: "y"}.get(section.azimuth_deg, f"{section.azimuth_deg:g}°")
     views.add(axes_mark((label[0] + 8.0 * unit, label[1] - 2.0 * unit), "z", across, unit))
 
@@ -181,7 +178,8 @@ def _draw_base(
     _add_centre(views, content.datums, rows, unit)
     flat = content.datums.find("C")
     if flat is not None and not flat.dimension:
-        views.add(datum_symbol((x + 0.25 * right, y + scale * _flat_mm(content)), (0.0, 1.0), "C", unit))
+        flat_mm = next(each.value_mm for each in content.dimensions if each.name.startswith("clocking flat"))
+        views.add(datum_symbol((x + 0.25 * right, y + scale * flat_mm), (0.0, 1.0), "C", unit))
     views.add(axes_mark((x + right - 6.0 * unit, above + 12.0 * unit), "y", "x", unit))
 
 
@@ -204,10 +202,6 @@ def _add_axes(views: Marks, centre: Place, box: Box, unit: float) -> None:
     (x, y), (left, bottom, right, top), more = centre, box, 4.0 * unit
     views.strokes.append(Stroke(np.array([(x + left - more, y), (x + right + more, y)]), "axis"))
     views.strokes.append(Stroke(np.array([(x, y + bottom - more), (x, y + top + more)]), "axis"))
-
-
-def _flat_mm(content: ViewContent) -> float:
-    return next(each.value_mm for each in content.dimensions if each.name.startswith("clocking flat"))
 
 
 def _on_paper(dimension: Dimension, scale: float, unit: float, origin: Place) -> LinearDimension:
