@@ -97,14 +97,6 @@ def test_length_and_width_are_those_of_the_whole_part(base, below, width):
     assert found["largest width"] == pytest.approx(found["width of the dome"] if width is None else width)
 
 
-def test_each_size_has_a_tolerance_or_says_that_the_general_one_holds_or_that_it_is_auxiliary():
-    found = {each.name: each.tolerance for each in dimensions(small_lens({"diameter_mm": 20.0}))}
-    assert found["thickness on the axis"] == "±0.020"
-    assert found["diameter of the base"] == found["height of the base below z = 0"] == "general"
-    others = set(found) - {"thickness on the axis", "diameter of the base", "height of the base below z = 0"}
-    assert {found[name] for name in others} == {"auxiliary"}
-
-
 @pytest.mark.parametrize("ball", [Ball((0.7, -0.4, 0.3), 5.0), Ball((0.0, 0.0, 0.3), 5.0)])
 def test_the_highest_point_is_found_off_the_apex_and_between_the_samples(ball):
     """A sphere is highest above its centre."""

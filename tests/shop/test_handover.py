@@ -15,7 +15,7 @@ from lensforge.results.criteria import Criterion
 from lensforge.shop.check_facts import finding_groups
 from lensforge.shop.check_result import Finding
 from lensforge.shop.point_tables import GridRequest
-from lensforge.shop.shop_files import face_groups, make_handover
+from lensforge.shop.shop_files import make_handover
 
 COARSE = GridRequest(spacing_mm=0.4)
 
@@ -68,21 +68,6 @@ def test_points_lie_on_the_exact_faces_with_their_normals_and_their_departure_fr
         beyond = np.linalg.norm(points - np.array(sphere.centre_mm), axis=1) - sphere.radius_mm
         assert departure == pytest.approx(beyond, abs=3e-9), "nine decimals"
         assert np.ptp(departure) == pytest.approx(sphere.pv_mm, rel=0.03)
-
-
-def test_the_page_states_each_face_in_the_units_it_names(results):
-    face = results.check.outer
-    group, _ = face_groups(results.lens, results.check)
-    sphere = face.best_fit_sphere
-    for label, value, unit in (
-        ("Best-fit sphere", sphere.radius_mm, "mm"),
-        ("Departure from it", 1e3 * sphere.pv_mm, "µm"),
-        ("Departure, rms", 1e3 * sphere.rms_mm, "µm"),
-        ("Largest tilt", face.largest_tilt_deg, "°"),
-        ("Draft, outer face", face.draft_deg.min, "°"),
-    ):
-        (fact,) = (each for each in group.facts if each.label == label)
-        assert (fact.value, fact.unit) == (value, unit)
 
 
 def test_page_and_pdf_say_what_the_shop_must_know(results, handed):

@@ -7,7 +7,7 @@ import pytest
 from known_shapes import exported, sampled, sphere
 
 from lensforge.cad.plan import base_corners, lay_out
-from lensforge.shop.ball_cutter import FIT_TOLERANCE, nearest_points, reachable
+from lensforge.shop.ball_cutter import FIT_TOLERANCE, reachable
 from lensforge.shop.face_samples import AirSide, area_rule
 from lensforge.shop.tool_reach import _across, _is_clear, _on_base, tool_axes, tool_reach
 from lensforge.spec import BaseSection, Tool
@@ -96,18 +96,6 @@ def test_the_share_below_a_limit_is_that_of_the_disc_inside_a_circle(limit: floa
 def test_where_the_ball_is_the_largest_it_reaches_but_for_rounding() -> None:
     ball = np.array([1.0 - 2.0 * FIT_TOLERANCE, 1.0 - 0.5 * FIT_TOLERANCE, 1.0, np.inf])
     assert reachable(ball, 1.0).tolist() == [False, True, True, True] and FIT_TOLERANCE == 1e-6
-
-
-@pytest.mark.parametrize("count", [1, 1024, 1025, 2500])
-def test_the_nearest_points_are_those_of_a_search_through_all(count: int) -> None:
-    from scipy.spatial import cKDTree
-
-    random = np.random.default_rng(2)
-    points, some = random.normal(size=(count, 3)), random.normal(size=(30, 3))
-    distance, index = nearest_points(cKDTree(some), points)
-    away = np.linalg.norm(points[:, None] - some, axis=2)
-    assert index.tolist() == away.argmin(axis=1).tolist()
-    np.testing.assert_allclose(distance, away.min(axis=1))
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from round_surfaces import Ball
+from shop_lenses import small_lens
 
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
@@ -17,7 +18,6 @@ from lensforge.shop.point_tables import (
     faces_to_cut,
     make_table,
 )
-from lensforge.spec import parse_spec
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
 
@@ -27,20 +27,7 @@ def rough(offset, seed):
 
 
 def lens_of(inner, outer, **manufacture):
-    content = {
-        "name": "dense",
-        "source": {"kind": "square", "side_mm": 0.5},
-        "lens": {"levels": [9, 25], "inner_offset_mm": 3.0, "outer_offset_mm": 6.0},
-        "constraints": {
-            "cavity_height_mm": 0.5,
-            "cavity_radius_mm": 0.5,
-            "min_thickness_mm": 0.1,
-            "max_radius_mm": 8.0,
-        },
-        "target": {"kind": "flat_top", "distance_mm": 100.0, "receiver_mm": 100.0, "half_width_mm": 30.0},
-        "manufacture": manufacture,
-    }
-    return Lens(inner, outer, parse_spec(content, "test"), 0, "draft")
+    return Lens(inner, outer, small_lens({"kind": "none"}, manufacture).spec, 0, "draft")
 
 
 def written(lens, request):
