@@ -7,7 +7,9 @@ import pytest
 from known_shapes import exported, sampled, sphere
 
 from lensforge.cad.plan import base_corners, lay_out
+from lensforge.cad.wall import Span
 from lensforge.shop.ball_cutter import FIT_TOLERANCE, reachable
+from lensforge.shop.check import _of_lens
 from lensforge.shop.face_samples import AirSide, area_rule
 from lensforge.shop.tool_reach import _across, _is_clear, _on_base, tool_axes, tool_reach
 from lensforge.spec import BaseSection, Tool
@@ -117,3 +119,8 @@ def test_the_base_is_an_obstacle_by_rings_between_its_corners(make: dict) -> Non
     np.testing.assert_allclose(_on_base(plan), expected, atol=1e-9)
     assert len(_on_base(plan)) == 9 * 96 * (len(corners) - 1)
     assert _on_base(plan)[:, 2].min() == pytest.approx(-make["height_mm"])
+
+
+def test_the_wall_of_a_lens_is_that_of_its_mould_over_the_scale() -> None:
+    found = _of_lens(Span(3.0, np.array([1.5, 3.0, 0.0]), np.array([0.0, 4.5, 6.0])), 1.5)
+    assert (found.thickness_mm, found.inner_point_mm, found.outer_point_mm) == (2.0, (1.0, 2.0, 0.0), (0.0, 3.0, 4.0))
