@@ -4,12 +4,11 @@ import re
 
 import pytest
 from scenes import small_spec
-from test_findings import BASE, NO_BASE, cutter, face, outer, tool
+from test_findings import NO_BASE, cutter, face, tool
 
-from lensforge.shop.check_result import BallClearance, Finding
+from lensforge.shop.check_result import Finding
 from lensforge.shop.findings import (
     check_findings,
-    clearance_findings,
     cutter_finding,
     draft_finding,
     tilt_finding,
@@ -29,11 +28,6 @@ def test_a_thin_wall_is_designed_again_or_taken_as_it_is() -> None:
     assert wall_finding(1.4329, spec.replace({"constraints.min_thickness_mm": 1.432})).holds
     assert wall_finding(-11.42, spec).remedy == again
     assert wall_finding(1.5, spec).remedy == ""
-
-
-def test_a_reason_of_the_relief_is_advice_enough() -> None:
-    (found,) = clearance_findings(BallClearance(outer=outer(0.5), inner=None), BASE)
-    assert not found.holds and found.remedy == ""
 
 
 @pytest.mark.parametrize(

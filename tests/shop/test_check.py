@@ -152,6 +152,8 @@ def test_the_maps_belong_to_the_exact_surfaces(rough):
         assert np.nanmin(kappa_min) >= face.curvature.kappa_min_per_mm - 1e-12
         assert (kappa_max >= kappa_min)[inside].all()
         assert np.nanmax(left) <= face.cutter.residual_mm
+        steepest = np.degrees(np.arccos(surface.normal(u)[:, 2].min()))
+        assert face.largest_tilt_deg == pytest.approx(steepest, abs=1.0) and steepest > 92.0
 
 
 def test_what_the_verdict_asks_for_is_enough(rough):

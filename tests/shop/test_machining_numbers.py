@@ -8,7 +8,6 @@ from known_shapes import exported, sampled, sphere
 
 from lensforge.cad.plan import base_corners, lay_out
 from lensforge.cad.wall import Span
-from lensforge.shop.ball_cutter import FIT_TOLERANCE, reachable
 from lensforge.shop.check import _of_lens
 from lensforge.shop.face_samples import AirSide, area_rule
 from lensforge.shop.tool_reach import _across, _is_clear, _on_base, tool_axes, tool_reach
@@ -93,11 +92,6 @@ def test_the_share_below_a_limit_is_that_of_the_disc_inside_a_circle(limit: floa
     assert rule.share_below(same, limit, rule.weights) == (1.0 if limit > 0.3 else 0.0)
     half = np.where(rule.chart[:, 1] > 1e-9, 1.0, 0.0) * rule.weights
     assert rule.share_below(rule.chart[:, 0], 0.0, half) == pytest.approx(1.0 / 3.0), "one of three azimuths"
-
-
-def test_where_the_ball_is_the_largest_it_reaches_but_for_rounding() -> None:
-    ball = np.array([1.0 - 2.0 * FIT_TOLERANCE, 1.0 - 0.5 * FIT_TOLERANCE, 1.0, np.inf])
-    assert reachable(ball, 1.0).tolist() == [False, True, True, True] and FIT_TOLERANCE == 1e-6
 
 
 @pytest.mark.parametrize(

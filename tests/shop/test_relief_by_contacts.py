@@ -8,7 +8,7 @@ import pytest
 from known_shapes import exported, sphere
 
 from lensforge.cad.plan import lay_out
-from lensforge.shop.ball_clearance import _turn, check_ball_clearance, wall_retreat_mm
+from lensforge.shop.ball_clearance import check_ball_clearance, wall_retreat_mm
 from lensforge.shop.face_check import FaceCheck, check_face
 from lensforge.shop.face_samples import AirSide
 from lensforge.spec import BaseSection
@@ -150,8 +150,3 @@ def test_of_a_face_that_the_ball_does_not_reach_nothing_is_known(faces) -> None:
     plan = lay_out(INNER.patch, OUTER.patch, BaseSection(height_mm=3.0))
     found = check_ball_clearance(plan, None, *both).inner
     assert (found.bore_clearance_mm, found.pocket_diameter_mm, found.flush_fraction) == (None, None, 0.0)
-
-
-def test_the_rim_is_looked_at_all_around_in_even_steps() -> None:
-    expected = np.exp(2j * np.pi * np.arange(4096) / 4096)
-    np.testing.assert_allclose(_turn() @ [1.0, 1j], expected, atol=1e-12)
