@@ -100,7 +100,7 @@ INNER_BASES = [
     {"bore_setback_mm": 0.01},
     {"bore_setback_mm": 0.5},
     {"bore_setback_mm": 0.02, "pocket_diameter_mm": 3.0, "pocket_depth_mm": 2.7},
-    {"bore_setback_mm": 0.0, "pocket_diameter_mm": 2.5, "pocket_depth_mm": 2.9},
+    {"bore_setback_mm": 0.0, "pocket_diameter_mm": 2.34, "pocket_depth_mm": 2.95},
 ]
 
 
