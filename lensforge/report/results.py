@@ -203,7 +203,7 @@ def verdict_on(
     return Verdict.of(
         light=list(light_reasons(light, lens)) if light else unseen,
         files=list(_files_reasons(design, part, check, proof)),
-        cutting=list(cutting_reasons(check)) if check else unchecked,
+        cutting=list(cutting_reasons(check, lens.spec)) if check else unchecked,
     )
 
 

@@ -40,10 +40,10 @@ def finding_groups(check: Check) -> list[Group]:
     return found
 
 
-def cutting_reasons(check: Check) -> Iterator[Reason]:
+def cutting_reasons(check: Check, spec: Spec) -> Iterator[Reason]:
     """Reasons why the lens cannot be cut."""
     for finding in check.verdicts:
-        counts = finding.name != "tool" and not (finding.name == "wall" and check.make == "insert")
+        counts = finding.name != "tool" and not (finding.name == "wall" and spec.manufacture.make == "insert")
         if counts and not finding.holds:
             yield "fail", finding.reason
     for name in _FACES:  # one tool is enough
