@@ -186,7 +186,7 @@ EXPORT = FolderStage(
 
     Each file is verified by reading it back.
     """,
-    options=("schema", "runout_deg", "nodes", "rings", "date"),
+    options=("schema", "extension_deg", "nodes", "rings", "date"),
     decides="files",
 )
 CHECK = FolderStage(

@@ -39,8 +39,7 @@ _UNCHECKED = {  # compiled by numba, which cannot compile what is wrapped; verbs
     "grid_walk.py", "lens_light.py", "searches.py", "casts.py", "measured_part.py", "photometric_summary.py",
     # and what takes protocols, of which tests give the part that they need
     "luminaire_classes.py", "yield_study.py", "measured_parts.py", "tolerance_budget.py", "part_study.py",
-    "sensitivity.py", "tolerance_studies.py", "dense_table.py", "shop_files.py", "proof_inputs.py",
-    "offset_face.py", "point_files.py",
+    "sensitivity.py", "tolerance_studies.py", "point_tables.py", "shop_files.py", "proof_inputs.py",
 }  # fmt: skip
 _MODULES = sorted(
     path for package in _PACKAGES for path in (_FOLDER / package).rglob("*.py") if path.name not in _UNCHECKED

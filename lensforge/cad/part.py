@@ -2,10 +2,10 @@
 
 import hashlib
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 from numbers import Real
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -88,10 +88,18 @@ class UntrimmedSurfaces(Record):
     ``scale``: of these faces against the lens's, 1 + shrinkage for a mould insert.
     """
 
-    runout_deg: Positive
+    extension_deg: Positive
     scale: Positive
     form_error_nm: NotNegative
     normal_error_mrad: NotNegative
+
+    @model_validator(mode="before")
+    @classmethod
+    def _old_name(cls, content: Any) -> Any:
+        """Results of version 0.2.0 and earlier call it ``runout_deg``."""
+        if isinstance(content, Mapping) and "runout_deg" in content:
+            return {("extension_deg" if name == "runout_deg" else name): value for name, value in content.items()}
+        return content
 
 
 class KeepOutDistance(Record):
@@ -280,9 +288,9 @@ def _mould(part: Part) -> Iterator[Fact]:
     if untrimmed is not None:
         errors = f"form error {quantity(untrimmed.form_error_nm, 'nm', digits=2)}"
         normals = f"normals {quantity(untrimmed.normal_error_mrad, 'mrad', digits=2)}"
-        beyond = f"{quantity(untrimmed.runout_deg, '°')} beyond the rim"
+        beyond = f"{quantity(untrimmed.extension_deg, '°')} beyond the rim"
         yield Fact("surfaces", "Untrimmed faces", SURFACES_FILE, note=f"{beyond}; above it {errors}, {normals}")
     if scale != 1.0:
-        carried = f"{SURFACES_FILE} has it" if untrimmed is not None else "`lensforge export --runout DEG` writes it"
+        carried = f"{SURFACES_FILE} has it" if untrimmed is not None else "`lensforge export --extension DEG` writes it"
         note = f"of the mould insert's faces; {STEP_FILE} is the moulded lens, {carried}"
         yield Fact("scale", "Scale of the mould", scale, note=note, digits=12)

@@ -107,7 +107,7 @@ def untrimmed_criteria(found: UntrimmedSurfaces | None) -> tuple[Criterion, ...]
     """The criteria on the faces of ``lens_surfaces.step``; none where there is no such file."""
     if found is None:
         return ()
-    finer = "raise the number of nodes, or lower the run-out"
+    finer = "raise the number of nodes, or lower the extension"
     return (
         at_most("surfaces_form_error", found.form_error_nm, FORM_LIMIT_NM, "nm", finer),
         at_most("surfaces_normal_error", found.normal_error_mrad, NORMAL_LIMIT_MRAD, "mrad", finer),
@@ -144,7 +144,7 @@ def build_part(
     rings: int | None = None,
     chord_mm: float = CHORD_MM,
     schema: Schema = "AP214",
-    runout_deg: float | None = None,
+    extension_deg: float | None = None,
     date: str | None = None,
 ) -> Part:
     """Make the part: the bytes of STEP, STL and 3MF, and their errors, measured by reading these bytes back.
@@ -152,8 +152,8 @@ def build_part(
     ``nodes``: spline nodes across each optical face, by default as many as the form needs.
     ``rings``: equal rings of the mesh; by default as many as the faces' detail needs, their facets split where they
     are more than ``chord_mm`` (mm) from the surface.
-    ``runout_deg``: also write ``lens_surfaces.step``, the optical faces untrimmed and extended by this angle (degrees)
-    beyond the rim, for the run-out of the tool; those of a mould insert are scaled by 1 + shrinkage, the part is not.
+    ``extension_deg``: also write ``lens_surfaces.step``, the optical faces untrimmed and extended by this angle
+    (degrees) beyond the rim, where the tool runs off; those of a mould insert are scaled by 1 + shrinkage.
     ``date``: of the files, by default ``manufacture.date``; an AP242 part carries ``manufacture.form_tolerance_um``.
     Missed criteria do not raise. Raises :class:`InputError` for a lens that cannot be built: a wall that is not
     positive, a base too narrow for the cavity, a base's file that does not fit the lens.
@@ -165,8 +165,8 @@ def build_part(
     signed = signed_step(body.solid, lens.spec, name, schema, date)
     step = signed.content
     untrimmed, surfaces_step = None, None
-    if runout_deg is not None:
-        untrimmed, surfaces_step = _untrimmed(lens, body.plan, runout_deg, schema, signed.signature)
+    if extension_deg is not None:
+        untrimmed, surfaces_step = _untrimmed(lens, body.plan, extension_deg, schema, signed.signature)
     stl = stl_bytes(body.mesh)
     threemf = threemf_bytes(body.mesh, name)
     proof = _prove(lens, body, step, stl, threemf)
@@ -227,14 +227,14 @@ def _keep_out(lens: Lens, body: _Body) -> KeepOutDistance | None:
 
 
 def _untrimmed(
-    lens: Lens, plan: Plan[Patch], runout_deg: float, schema: Schema, header: Signature
+    lens: Lens, plan: Plan[Patch], extension_deg: float, schema: Schema, header: Signature
 ) -> tuple[UntrimmedSurfaces, bytes]:
     """The untrimmed faces as a STEP file of their own, and their form error above the rim as read back."""
     scale = lens.spec.manufacture.scale
     outer, inner = scaled(lens.outer, scale), scaled(lens.inner, scale)
     patches = {
-        OUTER: fit_extended(outer, plan.outer.nodes, runout_deg),
-        INNER: fit_extended(inner, plan.inner.nodes, runout_deg),
+        OUTER: fit_extended(outer, plan.outer.nodes, extension_deg),
+        INNER: fit_extended(inner, plan.inner.nodes, extension_deg),
     }
     product = f"{lens.spec.name} surfaces"
     if scale != 1.0:
@@ -243,7 +243,7 @@ def _untrimmed(
     faces = parse_surfaces(content)
     form = worst([face_error(outer, faces[OUTER]), face_error(inner, faces[INNER])])
     found = UntrimmedSurfaces(
-        runout_deg=runout_deg,
+        extension_deg=extension_deg,
         scale=scale,
         form_error_nm=form.form_max_nm,
         normal_error_mrad=form.normal_max_mrad,

@@ -167,14 +167,14 @@ def fit_patch(surface: Surface, nodes: int | None = None) -> Patch:
     return _interpolate(surface, count, HALF_WIDTH)
 
 
-def fit_extended(surface: Surface, nodes: int, runout_deg: float) -> Patch:
-    """Interpolate ``surface`` over a larger square, which extends ``runout_deg`` (degrees) beyond the rim on its axes.
+def fit_extended(surface: Surface, nodes: int, extension_deg: float) -> Patch:
+    """Interpolate ``surface`` over a larger square, ``extension_deg`` (degrees) beyond the rim on its axes.
 
     ``nodes`` is the count over the usual square; it grows in proportion to the angle.
     """
-    if not 0.0 < runout_deg <= _MAX_REACH_DEG - 90.0:
-        raise InputError(f"run-out = {runout_deg:g} degrees: above 0, up to {_MAX_REACH_DEG - 90.0:g}")
-    half_width = float(np.tan(np.deg2rad(90.0 + runout_deg) / 2.0))
+    if not 0.0 < extension_deg <= _MAX_REACH_DEG - 90.0:
+        raise InputError(f"extension = {extension_deg:g} degrees: above 0, up to {_MAX_REACH_DEG - 90.0:g}")
+    half_width = float(np.tan(np.deg2rad(90.0 + extension_deg) / 2.0))
     count = int(np.ceil(1.0 + (nodes - 1) * np.arctan(half_width) / np.arctan(HALF_WIDTH)))
     return _interpolate(surface, count, half_width)
 

@@ -36,7 +36,7 @@ _FAR_FIELD = ("exit_lm", "peak_cd", "beam_C 0", "beam_C 90", "bug")
 _LENS = ("radius", "height", "kept", "next")
 _FILES = ("form_error", "volume", "mass", "surfaces", "scale", "keep_out", "landing")
 _CUTTING = ("inner_ball", "outer_ball", "thinnest")
-_FILES_OF_HANDOVER = ("html", "pdf", "dxf", "points_csv", "sag_csv")  # bytes, which lie in the folder
+_FILES_OF_HANDOVER = ("html", "pdf", "dxf", "points_csv")  # bytes, which lie in the folder
 
 
 def finish(output: Output, here: RunFolder, *results: StageResult, decides: Decides = "") -> None:

@@ -127,9 +127,10 @@ OPTIONS: dict[str, Callable[[Command], Command]] = {
     "schema": click.option(
         "--schema", type=click.Choice(["AP214", "AP242"]), default="AP214", help="Schema of the STEP."
     ),
-    "runout_deg": click.option(
-        "--runout",
-        "runout_deg",
+    "extension_deg": click.option(
+        "--extension",
+        "--runout",  # its name in earlier versions
+        "extension_deg",
         type=float,
         metavar="DEG",
         help="Also write the faces untrimmed, extended by DEG degrees.",

@@ -70,8 +70,6 @@ STAGE_COMMANDS = tuple(_command_of(stage) for stage in STAGES)
 @click.option("--spacing", type=float, metavar="MM", help="Between the points of dense tables; default: by --error.")
 @click.option("--error", type=float, default=10.0, metavar="NM", help="Of interpolation between the points.")
 @click.option("--interpolation", type=click.Choice(["bicubic", "linear"]), default="bicubic")
-@click.option("--offset-inner", type=float, default=0.0, metavar="MM", help="Ball whose centres the tables hold.")
-@click.option("--offset-outer", type=float, default=0.0, metavar="MM", help="The same for the outer face.")
 @click.option(
     "--drawing",
     type=click.Path(path_type=Path),
@@ -84,8 +82,6 @@ def handover(
     spacing: float | None,
     error: float,
     interpolation: Literal["bicubic", "linear"],
-    offset_inner: float,
-    offset_outer: float,
     drawing: Path | None,
     output: Output,
 ) -> None:
@@ -102,8 +98,6 @@ def handover(
                 spacing_mm=spacing,
                 error_nm=error,
                 interpolation=interpolation,
-                offset_inner_mm=offset_inner,
-                offset_outer_mm=offset_outer,
                 drawing=drawing,
             )
             made.save(directory)

@@ -112,7 +112,7 @@ def _facts(results: Results) -> dict[str, list[Group]]:
         "light": lit,
         "photometry": of(Photometry),
         "lens": of(Design),
-        "findings": [] if check is None else finding_groups(check, results.spec),
+        "findings": [] if check is None else finding_groups(check),
         "faces": [group for group in of(Check) if not group.key.startswith("findings")],
         "tracers": [] if proof is None else tracer_groups(proof),
         "proof": of(Part, Proof),

@@ -37,6 +37,7 @@ from lensforge.search.checkpoint import CHECKPOINT, delete_checkpoint
 from lensforge.search.design_result import Design, Observer
 from lensforge.search.searches import SearchOptions, best_design, design
 from lensforge.shop.check_result import Check
+from lensforge.shop.point_tables import GridRequest
 from lensforge.sources.photometric.ies import NEWEST, IesVersion, require_ies_version
 from lensforge.spec import Accuracy, DrawingSection, Spec
 from lensforge.spec.accuracy import preset_of
@@ -93,14 +94,14 @@ def build(
     lens: Lens,
     *,
     schema: Literal["AP214", "AP242"] = "AP214",
-    runout_deg: float | None = None,
+    extension_deg: float | None = None,
     nodes: int | None = None,
     rings: int | None = None,
     date: datetime.date | str | None = None,
 ) -> Part:
     """Make the part: one solid as STEP, STL and 3MF, verified by reading them back.
 
-    ``schema``: of the STEP. ``runout_deg``: adds the optical faces untrimmed, extended by this angle beyond the rim.
+    ``schema``: of the STEP. ``extension_deg``: adds the optical faces untrimmed, extended by this angle beyond the rim.
     ``nodes``: spline nodes across each optical face, ``rings``: rings of the mesh; by default as many as their
     tolerances need. ``date``: of the files, by default that of the spec. Raises :class:`InputError` for a lens whose
     surfaces enclose no body.
@@ -108,11 +109,11 @@ def build(
     from lensforge.cad.part_export import build_part
 
     require(lens, Lens, "build")
-    runout_deg = number_of("runout_deg", runout_deg)
+    extension_deg = number_of("extension_deg", extension_deg)
     return build_part(
         lens,
         schema=schema,
-        runout_deg=runout_deg,
+        extension_deg=extension_deg,
         nodes=count_of("nodes", nodes),
         rings=count_of("rings", rings),
         date=date_of("date", date),
@@ -161,8 +162,6 @@ def handover(
     spacing_mm: float | None = None,
     error_nm: float = 10.0,
     interpolation: Literal["bicubic", "linear"] = "bicubic",
-    offset_inner_mm: float = 0.0,
-    offset_outer_mm: float = 0.0,
     drawing: DrawingSection | Path | str | None = None,
 ) -> "Handover":
     """Make the documents for the shop: drawing, verdicts, point tables, hashes; ``save(folder)`` writes them.
@@ -171,17 +170,14 @@ def handover(
     of the spec.
 
     ``spacing_mm``: of the dense tables; None: as wide as an ``interpolation`` error of ``error_nm`` along the normal
-    allows. ``offset_inner_mm``, ``offset_outer_mm``: radius of a probe or tool whose centres they hold.
-
-    Raises :class:`InputError` where the ball does not fit, or for too many points.
+    allows. Raises :class:`InputError` for too many points.
     """
-    from lensforge.shop.dense_table import GridRequest
     from lensforge.shop.shop_files import make_handover
 
     require(run, Results, "handover")
     words = read_drawing(Path(drawing)) if isinstance(drawing, Path | str) else drawing
-    request = GridRequest(spacing_mm, error_nm, interpolation, offset_inner_mm, offset_outer_mm)
-    return make_handover(run, request, words)
+    request = GridRequest(spacing_mm, error_nm, interpolation)
+    return make_handover(run.part, run.check, run.yield_facts, request, words)
 
 
 @dataclass(frozen=True)

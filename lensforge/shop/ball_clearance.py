@@ -1,16 +1,12 @@
 """Clearance of the ball at the base: near the rim the ball extends below z = 0, where it may hit the base.
 
-The measures say how far the material of a built-in base must be cut back for the ball to touch a sample: down, below
-the outer face; sideways, around the bore and the pocket; and away from the outer rim, where a relief step's wall runs
-down from an undercut rim. A custom base, from a STEP file, is represented by its mesh; CAD and mesh libraries load only
-where a spec has one.
+The measures say how far a built-in base must be cut back for the ball to touch a sample. A custom base, from a STEP
+file, is represented by its mesh; CAD and mesh libraries load only where a spec has one.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -22,7 +18,7 @@ from lensforge.cad.part_limits import FORM_LIMIT_NM
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import Plan
 from lensforge.shop.ball_cutter import LEAF
-from lensforge.shop.check_result import BallClearance, BaseBall, CustomBaseClearance, InnerClearance, OuterClearance
+from lensforge.shop.check_result import BallClearance, CustomBaseClearance, InnerClearance, OuterClearance
 from lensforge.shop.face_check import FaceCheck
 from lensforge.shop.face_samples import FaceSamples, OpticalFace
 
@@ -31,10 +27,6 @@ _CLEAR_MM = 1e-6 * FORM_LIMIT_NM
 _RIM_POINTS = 4096
 _BASE_CHORD_MM = 1e-3  # between the mesh and the curved faces of a custom base
 _BASE_POINTS, _SEED = 4000, 0
-_LARGEST_BALL = 20.0  # in face radii: as good as a plane
-_BALL_WITHIN, _MOST_BALLS = 0.005, 12  # relative, of the base's largest ball; balls that are tried for it
-
-_FaceClearance = TypeVar("_FaceClearance", OuterClearance, InnerClearance, CustomBaseClearance)
 
 
 @dataclass(frozen=True)
@@ -74,8 +66,7 @@ def read_base_mesh(path: Path) -> CustomBaseMesh:
 def wall_retreat_mm(face: FaceSamples, cutter_radius_mm: float, depth_mm: float) -> Float[np.ndarray, " k"]:
     """Width (mm) by which a wall straight down from the face's rim, to ``depth_mm``, enters the ball at each sample.
 
-    Valid for samples that the ball reaches on the face itself: a centre above z = 0 is then at least R from the rim. A
-    centre below, where the cavity narrows upwards or the outer rim is undercut, must be R away from the wall.
+    Valid for samples that the ball reaches on the face itself: a centre above z = 0 is then at least R from the rim.
     """
     centres = face.points + cutter_radius_mm * face.normals
     below = np.maximum(-centres[:, 2] - depth_mm, 0.0)
@@ -83,15 +74,9 @@ def wall_retreat_mm(face: FaceSamples, cutter_radius_mm: float, depth_mm: float)
     retreat = np.zeros(len(centres))
     if low.any():
         across = np.sqrt(cutter_radius_mm**2 - below[low] ** 2)
-        retreat[low] = across - _distance_to_rim(face.face, centres[low, :2])
+        rim = cKDTree(_rim_mm(face.face)[:, None] * _turn(), leafsize=LEAF)
+        retreat[low] = across - rim.query(centres[low, :2])[0]
     return np.where(retreat > _CLEAR_MM, retreat, 0.0)
-
-
-def _distance_to_rim(face: OpticalFace, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
-    """Distance (mm) in the plane z = 0 to the face's rim."""
-    distance, _ = cKDTree(_rim_mm(face)[:, None] * _turn(), leafsize=LEAF).query(points)
-    nearest: Float[np.ndarray, " n"] = distance
-    return nearest
 
 
 def _rim_mm(face: OpticalFace) -> Float[np.ndarray, " n"]:
@@ -105,55 +90,22 @@ def _turn() -> Float[np.ndarray, "n 2"]:
 
 
 def check_ball_clearance(
-    plan: Plan[Patch] | None, custom: CustomBaseMesh | None, cutter_mm: float, inner: FaceCheck, outer: FaceCheck
+    plan: Plan[Patch] | None, custom: CustomBaseMesh | None, inner: FaceCheck, outer: FaceCheck
 ) -> BallClearance:
-    """Clearance that the cutter lacks at the base, over the samples that it could reach without the base, and its ball.
+    """Clearance that the cutter lacks at the base, over the samples that it could reach without the base.
 
     ``plan``: the body with its base, None for a mould insert; ``custom``: the base from a STEP file, if there is one.
     """
     if custom is not None:
-        at_base = partial(_at_custom, custom)
-        return BallClearance(
-            outer=_with_ball(at_base, outer, cutter_mm),
-            inner=_with_ball(at_base, inner, cutter_mm),
-        )
+        return BallClearance(outer=_at_custom(custom, outer), inner=_at_custom(custom, inner))
     if plan is None or not plan.has_base:
         note = "a mould insert has no base" if plan is None else "there is no base"
         return BallClearance(outer=None, inner=None, note=note)
-    return BallClearance(
-        outer=_with_ball(partial(_outer_clearance, plan), outer, cutter_mm),
-        inner=_with_ball(partial(_inner_clearance, plan), inner, cutter_mm),
-    )
+    return BallClearance(outer=_outer_clearance(plan, outer), inner=_inner_clearance(plan, inner))
 
 
-def _with_ball(
-    measured: Callable[[FaceCheck, float], _FaceClearance], face: FaceCheck, cutter_mm: float
-) -> _FaceClearance:
-    """The clearance of the cutter's ball at one face, and the largest ball that the base clears there.
-
-    Up to the face's own largest ball every sample is reached, and a larger ball that touches a sample holds the
-    smaller one: whatever is in the way of that is in its way too, and bisection finds the largest.
-    """
-    found = measured(face, cutter_mm)
-    highest = min(face.largest_cutter_mm, _LARGEST_BALL * float(np.linalg.norm(face.samples.points, axis=1).max()))
-
-    def clears(radius_mm: float) -> bool:
-        return measured(replace(face, cutter_radius_mm=radius_mm), radius_mm).clear
-
-    if clears(highest):
-        return found.model_copy(update={"ball": BaseBall(radius_mm=None)})
-    low, high = 0.0, highest
-    if cutter_mm < highest:
-        low, high = (cutter_mm, highest) if found.clear else (0.0, cutter_mm)
-    for _ in range(_MOST_BALLS):
-        if high - low <= _BALL_WITHIN * high:
-            break
-        middle = float(np.sqrt(low * high)) if low > 0.0 else 0.5 * high
-        low, high = (middle, high) if clears(middle) else (low, middle)
-    return found.model_copy(update={"ball": BaseBall(radius_mm=low, within_mm=high - low)})
-
-
-def _outer_clearance(plan: Plan[Patch], face: FaceCheck, cutter_mm: float) -> OuterClearance:
+def _outer_clearance(plan: Plan[Patch], face: FaceCheck) -> OuterClearance:
+    cutter_mm = face.cutter_radius_mm
     distance, height = ball_centres_mm(face.samples.points, face.samples.normals, cutter_mm)
 
     def missing(base_mm: float, present_mm: float) -> Float[np.ndarray, " k"]:
@@ -182,7 +134,8 @@ def _outer_clearance(plan: Plan[Patch], face: FaceCheck, cutter_mm: float) -> Ou
     )
 
 
-def _inner_clearance(plan: Plan[Patch], face: FaceCheck, cutter_mm: float) -> InnerClearance:
+def _inner_clearance(plan: Plan[Patch], face: FaceCheck) -> InnerClearance:
+    cutter_mm = face.cutter_radius_mm
     distance, height = ball_centres_mm(face.samples.points, face.samples.normals, cutter_mm)
 
     def needed(radius_mm: float, top_mm: float, bottom_mm: float) -> Float[np.ndarray, " k"]:
@@ -204,8 +157,8 @@ def _inner_clearance(plan: Plan[Patch], face: FaceCheck, cutter_mm: float) -> In
     )
 
 
-def _at_custom(custom: CustomBaseMesh, face: FaceCheck, cutter_mm: float) -> CustomBaseClearance:
-    retreat = custom.retreat_mm(face.samples, cutter_mm)
+def _at_custom(custom: CustomBaseMesh, face: FaceCheck) -> CustomBaseClearance:
+    retreat = custom.retreat_mm(face.samples, face.cutter_radius_mm)
     return CustomBaseClearance(retreat_mm=_largest_reached(face, retreat), flush_fraction=_clear(face, retreat))
 
 

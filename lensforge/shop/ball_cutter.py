@@ -1,27 +1,15 @@
-"""The ball cutter: the largest ball that touches a face without gouging, the height left uncut, and the scallops.
+"""The ball cutter: the largest ball that touches a face without gouging, and the height left uncut.
 
 A ball of radius R cuts the point P when its centre ``P + R n`` (n: the air-side normal) is at least R from all of the
-part. Two tests decide: the local one, ``kappa_min >= -1/R``, and the global one, that no other point Q is inside the
-ball. The ball through P that also touches Q has the radius ``|Q - P|^2 / (2 n . (Q - P))``, so the largest ball at P
-is the smallest of these and of ``-1/kappa_min``. Shrinking a ball from the local limit, with the nearest neighbour of
-its centre as the next Q, finds it in a few iterations (J. Ma, S. W. Bae, S. Choi, The Visual Computer 28, 7 (2012)).
-One map of radii then serves every cutter.
+part: ``kappa_min >= -1/R``, and no other point Q is inside the ball. The ball through P that also touches Q has the
+radius ``|Q - P|^2 / (2 n . (Q - P))``. Shrinking a ball from the local limit, with the nearest neighbour of its centre
+as the next Q, finds the largest in a few iterations (J. Ma, S. W. Bae, S. Choi, The Visual Computer 28, 7 (2012)).
 
-The air that a ball sweeps is the union of the balls whose centres are at least R from the part (the opening of the air
-by the ball). The boundary of those centres is the offset face ``P + R n`` over the points that the cutter reaches, so
-the uncut height over an unreached point is its distance to the nearest such centre, minus R.
+The air that a ball sweeps is the union of the balls whose centres are at least R from the part: the uncut height over
+an unreached point is its distance to the nearest such centre, minus R.
 
-Only the ball is tested, against the face that it cuts; ``ball_clearance`` tests it against the base, and ``tool_reach``
-the shank and the holder. Q ranges over the samples, so a ball is never too small, and too large by a term that falls
-with the square of their spacing: on random cavities of four levels, 161 nodes against 321, the reachable fraction
-changes by 0.1 % and the residual height by 0.05 um.
-
-Scallops are the cusps between neighbouring passes. They are exact for a face of constant normal curvature ``kappa``
-(1/mm, convex positive) across the passes, a ball of radius R and passes whose contact points are ``s`` apart along the
-face. With ``w`` the squared half chord ``(s/2 sinc(kappa s/4))^2``, the cusp height h solves
-``h^2 - 2 R h + (1 + kappa R)(1 + kappa h) w = 0``; on a plane this is ``h = R - sqrt(R^2 - s^2/4)``, and for small
-steps ``(s^2/8)(1/R + kappa)``. For the light the slope matters more than the height: a cusp of 50 nm from a ball of
-1 mm radius has 10 mrad.
+Q ranges over the samples, so a ball is never too small, and too large by a term that falls with the square of their
+spacing: on random cavities, 161 nodes against 321, the reachable fraction changes by 0.1 %, the height by 0.05 um.
 """
 
 import os
@@ -31,7 +19,6 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from lensforge.shop.check_result import Scallop
 from lensforge.shop.face_samples import FaceSamples
 
 FIT_TOLERANCE = 1e-6  # relative: 1 nm for a cutter of 1 mm
@@ -78,9 +65,8 @@ def nearest_points(
 ) -> tuple[Float[np.ndarray, " k"], Int[np.ndarray, " k"]]:
     """Distance (mm) and index of the nearest point of ``tree`` for each of ``points``, on all cores.
 
-    As ``tree.query(points, workers=-1)``, whose daemon threads however run on after an interrupt (scipy 1.17), while
-    the interpreter ends and takes their memory away: a segmentation fault. Here an interrupt waits for the parts that
-    are being searched, and those that are not begun are dropped.
+    As ``tree.query(points, workers=-1)``, whose daemon threads run on after an interrupt while the interpreter takes
+    their memory away (scipy 1.17: a segmentation fault). Here an interrupt waits for the parts that are being searched.
     """
     parts = [points[start : start + _QUERIES] for start in range(0, len(points), _QUERIES)]
     if len(parts) < 2:
@@ -88,11 +74,6 @@ def nearest_points(
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         found = list(pool.map(tree.query, parts))
     return np.concatenate([distance for distance, _ in found]), np.concatenate([index for _, index in found])
-
-
-def local_fit(samples: FaceSamples, cutter_radius_mm: float) -> Bool[np.ndarray, " k"]:
-    """True where the curvature alone admits the cutter: ``kappa_min >= -1/R``."""
-    return _local_limit(samples) >= cutter_radius_mm * (1.0 - FIT_TOLERANCE)
 
 
 def reachable(ball_mm: Float[np.ndarray, " k"], cutter_radius_mm: float) -> Bool[np.ndarray, " k"]:
@@ -149,45 +130,3 @@ def _edge_centres(
         crossings.append((1.0 - part) * chart[:-1][crossed] + part * chart[1:][crossed])
     jet = samples.face.jet(np.concatenate(crossings))
     return jet.point + cutter_radius_mm * samples.face.air_normal(jet)
-
-
-def scallop(cutter_radius_mm: float, stepover_mm: float, slope_limit_rad: float, curvature: float) -> Scallop:
-    """Height and slope of the cusps at ``stepover_mm``, and the stepover at which their slope is the limit."""
-    height = scallop_height_mm(cutter_radius_mm, stepover_mm, curvature)
-    slope = scallop_slope_rad(cutter_radius_mm, stepover_mm, curvature)
-    limit = stepover_for_slope_mm(cutter_radius_mm, slope_limit_rad, curvature)
-    return Scallop(
-        height_nm=1e6 * height if np.isfinite(height) else None,
-        slope_mrad=1e3 * slope if np.isfinite(slope) else None,
-        stepover_for_slope_limit_mm=limit if np.isfinite(limit) else None,
-    )
-
-
-def scallop_height_mm(cutter_radius_mm: float, stepover_mm: float, curvature: float = 0.0) -> float:
-    """Height (mm) of the cusps above the face; NaN where the passes do not overlap or the ball does not fit."""
-    excess = 1.0 + curvature * cutter_radius_mm
-    if excess < 0.0:
-        return float("nan")
-    half_chord = stepover_mm / 2.0 * float(np.sinc(curvature * stepover_mm / (4.0 * np.pi)))
-    product = excess * half_chord**2
-    half_sum = cutter_radius_mm - curvature * product / 2.0
-    discriminant = half_sum**2 - product
-    return product / (half_sum + float(np.sqrt(discriminant))) if discriminant >= 0.0 else float("nan")
-
-
-def scallop_slope_rad(cutter_radius_mm: float, stepover_mm: float, curvature: float = 0.0) -> float:
-    """Slope (rad) of the cusps against the face at their crest, ``asin(s/2R)`` on a plane; NaN as for the height."""
-    half = stepover_mm / 2.0 * float(np.sinc(curvature * stepover_mm / (2.0 * np.pi)))
-    sine = (1.0 / cutter_radius_mm + curvature) * half
-    return float(np.arcsin(sine)) if 0.0 <= sine <= 1.0 else float("nan")
-
-
-def stepover_for_slope_mm(cutter_radius_mm: float, slope_rad: float, curvature: float = 0.0) -> float:
-    """The stepover (mm) whose cusps have the given slope; infinite where the face is as concave as the ball."""
-    excess = 1.0 / cutter_radius_mm + curvature
-    if excess <= 0.0:
-        return float("inf")
-    half = float(np.sin(slope_rad)) / excess
-    if curvature == 0.0:
-        return 2.0 * half
-    return 2.0 * float(np.arcsin(np.clip(curvature * half, -1.0, 1.0))) / curvature

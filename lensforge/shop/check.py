@@ -13,8 +13,7 @@ from lensforge.cad.plan import lay_out
 from lensforge.cad.wall import Span, thickest, thinnest
 from lensforge.scene.lens import Lens
 from lensforge.shop.ball_clearance import check_ball_clearance, read_base_mesh
-from lensforge.shop.ball_cutter import scallop
-from lensforge.shop.check_result import Check, Scallop, Scallops, Wall, Walls
+from lensforge.shop.check_result import Check, FaceName, Wall, Walls
 from lensforge.shop.face_check import FaceCheck, check_face, face_result
 from lensforge.shop.face_samples import AirSide, OpticalFace
 from lensforge.shop.findings import check_findings, wall_criteria
@@ -39,7 +38,7 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
     patches = inner.samples.face.patch, outer.samples.face.patch
     plan = lay_out(*patches, base_with_room(lens)) if manufacture.make == "part" else None  # an insert has no base
     custom = None if plan is None or plan.base.file is None else read_base_mesh(plan.base.file)
-    relief = check_ball_clearance(plan, custom, manufacture.cutter_radius_mm, inner, outer)
+    relief = check_ball_clearance(plan, custom, inner, outer)
     tools = check_tools(manufacture.tools, inner, outer, plan, custom, float(np.deg2rad(manufacture.max_tilt_deg)))
     faces = face_result(inner), face_result(outer)
     return Check(
@@ -51,30 +50,27 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
         min_wall_mm=walls.thinnest.thickness_mm,
         wall=walls,
         relief=relief,
-        scallop=_scallops(lens, inner, outer),
         tools=tools,
         criteria=wall_criteria(lens.spec, walls),
         verdicts=check_findings(lens.spec, *faces, walls.thinnest.thickness_mm, relief, tools),
         seconds=time.perf_counter() - started,
         chart_axis=inner.samples.grid.axis,
-        inner_xyz=_map(inner, inner.samples.points),
-        inner_sag_mm=_map(inner, inner.sphere.deviation_mm),
-        inner_kappa_min=_map(inner, inner.samples.curvatures.minimum),
-        inner_kappa_max=_map(inner, inner.samples.curvatures.maximum),
-        inner_residual_mm=_map(inner, inner.residual_mm),
-        inner_reachable=_map(inner, inner.reached.astype(np.float64)),
-        outer_xyz=_map(outer, outer.samples.points),
-        outer_sag_mm=_map(outer, outer.sphere.deviation_mm),
-        outer_kappa_min=_map(outer, outer.samples.curvatures.minimum),
-        outer_kappa_max=_map(outer, outer.samples.curvatures.maximum),
-        outer_residual_mm=_map(outer, outer.residual_mm),
-        outer_reachable=_map(outer, outer.reached.astype(np.float64)),
+        **_maps("inner", inner),
+        **_maps("outer", outer),
     )
 
 
-def _map(face: FaceCheck, values: Float[np.ndarray, "k *c"]) -> Float[np.ndarray, "n n *c"]:
-    """Values per sample as a map over the chart of the face, NaN outside its rim."""
-    return face.samples.grid.to_map(values)
+def _maps(name: FaceName, face: FaceCheck) -> dict[str, Float[np.ndarray, "n n *c"]]:
+    """Values per sample as maps over the chart of the face, NaN outside its rim."""
+    curvatures = face.samples.curvatures
+    values = {
+        "xyz": face.samples.points,
+        "sag_mm": face.sag_mm,
+        "kappa_min": curvatures.minimum,
+        "kappa_max": curvatures.maximum,
+        "residual_mm": face.residual_mm,
+    }
+    return {f"{name}_{key}": face.samples.grid.to_map(each) for key, each in values.items()}
 
 
 def _faces(lens: Lens, nodes: SplineNodes | None) -> tuple[FaceCheck, FaceCheck]:
@@ -85,8 +81,8 @@ def _faces(lens: Lens, nodes: SplineNodes | None) -> tuple[FaceCheck, FaceCheck]
     inner, outer = fit_faces(lens) if nodes is None else fit_faces(lens, nodes.inner, nodes.outer)
     inner, outer = (replace(face, control=scale * face.control) for face in (inner, outer))
     return (
-        check_face("inner", OpticalFace(inner, inside), cutter_mm),
-        check_face("outer", OpticalFace(outer, outside), cutter_mm),
+        check_face(OpticalFace(inner, inside), cutter_mm),
+        check_face(OpticalFace(outer, outside), cutter_mm),
     )
 
 
@@ -100,20 +96,3 @@ def _of_lens(wall: Span, scale: float) -> Wall:
     """A wall between the faces of a mould, ``scale`` times the lens's, as that of the lens."""
     inner, outer = (tuple((point / scale).tolist()) for point in (wall.inner_mm, wall.outer_mm))
     return Wall(thickness_mm=wall.thickness_mm / scale, inner_point_mm=inner, outer_point_mm=outer)
-
-
-def _scallops(lens: Lens, inner: FaceCheck, outer: FaceCheck) -> Scallops:
-    """Cusps where the face is most convex, where they are highest and steepest."""
-    manufacture = lens.spec.manufacture
-    cutter_mm, limit_rad = manufacture.cutter_radius_mm, 1e-3 * manufacture.slope_limit_mrad
-
-    def of(face: FaceCheck) -> Scallop:
-        kappa = max(face.highest_curvature, -1.0 / cutter_mm)
-        return scallop(cutter_mm, manufacture.stepover_mm, limit_rad, kappa)
-
-    return Scallops(
-        stepover_mm=manufacture.stepover_mm,
-        slope_limit_mrad=manufacture.slope_limit_mrad,
-        inner=of(inner),
-        outer=of(outer),
-    )

@@ -2,15 +2,13 @@
 
 from collections.abc import Iterator, Sequence
 
-from lensforge.results import Bound, Fact, FactState, Group, State
+from lensforge.results import Bound, Fact, FactState, Group
 from lensforge.results.criteria import kept, state_of
 from lensforge.results.numerals import quantity
-from lensforge.results.verdict import Reason, judge
+from lensforge.results.verdict import Reason
 from lensforge.shop.check_result import Check, FaceName, FaceResult, Finding
-from lensforge.shop.findings import advice
 from lensforge.spec import Spec
 
-_DRAFT_TOLERANCE_DEG = 0.02  # the check samples the face at other points than the search
 _FACES: tuple[FaceName, FaceName] = ("inner", "outer")
 _SUBJECTS = {
     "cutter": "Ball reaches it",
@@ -28,30 +26,26 @@ def check_facts(check: Check, spec: Spec) -> list[Group]:
         Group(name, f"{name.capitalize()} face", tuple(_face(name, getattr(check, name), check, spec)))
         for name in _FACES
     ]
-    return [*faces, Group("wall", "Wall", tuple(_wall(check, spec))), *finding_groups(check, spec)]
+    return [*faces, Group("wall", "Wall", tuple(_wall(check, spec))), *finding_groups(check)]
 
 
-def finding_groups(check: Check, spec: Spec) -> list[Group]:
-    """The findings that count for this lens, by what they are on: can it be cut?"""
+def finding_groups(check: Check) -> list[Group]:
+    """The findings by what they are on: can it be cut?"""
     named = {"inner": "Inner face", "outer": "Outer face", "body": "Wall"}
     found = []
     for surface, title in named.items():
-        counted = [each for each in check.verdicts if each.surface == surface and _counts(each, check, spec)]
-        if counted:
-            facts = tuple(_finding(each, check, spec) for each in counted)
+        facts = tuple(_finding(each) for each in check.verdicts if each.surface == surface)
+        if facts:
             found.append(Group(f"findings_{surface}", f"Cutting, {title.lower()}", facts))
     return found
 
 
 def cutting_reasons(check: Check, spec: Spec) -> Iterator[Reason]:
     """Reasons why the lens cannot be cut."""
-    mould = spec.manufacture.make == "insert"
     for finding in check.verdicts:
-        counts = finding.name in ("cutter", "relief", "tilt") or (finding.name == "wall" and not mould)
+        counts = finding.name != "tool" and not (finding.name == "wall" and spec.manufacture.make == "insert")
         if counts and not finding.holds:
             yield "fail", finding.reason
-    for name in _FACES:
-        yield from _draft_reasons(name, check, spec)
     for name in _FACES:  # one tool is enough
         tools = [each for each in check.verdicts if each.name == "tool" and each.surface == name]
         if tools and not any(each.holds for each in tools):
@@ -81,7 +75,7 @@ def _face(name: FaceName, face: FaceResult, check: Check, spec: Spec) -> Iterato
         face.draft_deg.min,
         "°",
         limit=None if least is None else Bound(">=", least),
-        state="" if least is None else _draft_state(face, least),
+        state="" if least is None else _state(check.verdicts, "draft", name),
     )
     yield Fact(f"{name}_sphere", "Best-fit sphere", sphere.radius_mm, "mm", note="radius", digits=5)
     yield Fact(f"{name}_departure", "Departure from it", 1e3 * sphere.pv_mm, "µm", note="peak to valley")
@@ -128,44 +122,19 @@ def _wall(check: Check, spec: Spec) -> Iterator[Fact]:
     )
 
 
-def _finding(finding: Finding, check: Check, spec: Spec) -> Fact:
+def _finding(finding: Finding) -> Fact:
     """A finding: its answer, the reason as its note, and what to change in the spec."""
-    change = advice(finding, spec, check)
     return Fact(
         finding.name,
         _SUBJECTS[finding.name],
         "yes" if finding.holds else "no",
         state="pass" if finding.holds else "fail",
         note=finding.reason,
-        remedy=change,
+        remedy=finding.remedy,
     )
-
-
-def _counts(finding: Finding, check: Check, spec: Spec) -> bool:
-    """True but for the draft of a part that is cut, where the spec asks for none."""
-    asked = finding.surface == "body" or getattr(spec.constraints, f"{finding.surface}_draft_deg") is not None
-    return finding.name != "draft" or check.make == "insert" or asked
 
 
 def _state(findings: Sequence[Finding], name: str, surface: str) -> FactState:
     """State of the findings called ``name`` on ``surface``; "" where there is none."""
     held = [each.holds for each in findings if each.name == name and each.surface == surface]
     return ("pass" if all(held) else "fail") if held else ""
-
-
-def _draft_state(face: FaceResult, least_deg: float) -> State:
-    return judge(face.draft_deg.min, ">=", least_deg - _DRAFT_TOLERANCE_DEG)
-
-
-def _draft_reasons(name: FaceName, check: Check, spec: Spec) -> Iterator[Reason]:
-    """Reasons against the draft: below the spec's limit or, without one, too little for a mould."""
-    face: FaceResult = getattr(check, name)
-    least = getattr(spec.constraints, f"{name}_draft_deg")
-    if least is not None:
-        if _draft_state(face, least) == "fail":
-            found, asked = quantity(face.draft_deg.min, "°", digits=3), quantity(least, "°")
-            yield "fail", f"the {name} face has a draft of {found}, the spec requires {asked}"
-    elif spec.manufacture.make == "insert":
-        drafts = [each for each in check.verdicts if each.name == "draft" and each.surface == name]
-        if any(not each.holds for each in drafts):
-            yield "fail", "; ".join(each.reason for each in drafts)

@@ -1,6 +1,5 @@
 """The result of the manufacturing check: faces, wall, clearance of the ball at the base, tools, and findings."""
 
-from math import floor
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
@@ -15,70 +14,52 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-class BaseBall(Record):
-    """The largest ball that the base clears at a face, by its radius: one of ``within_mm`` more hits the base.
+class _FaceClearance(Record):
+    """Clearance at one face; ``flush_fraction``: share of the face that the ball reaches with the base as it is."""
 
-    ``radius_mm``: None where the base clears every ball that reaches all of the face.
-    """
+    needs: ClassVar[tuple[str, ...]]  # fields (mm) of what must give way: 0 where clear, None where nothing is reached
 
-    radius_mm: NotNegative | None
-    within_mm: NotNegative = 0.0
+    flush_fraction: Share
+
+    @property
+    def needed_mm(self) -> float | None:
+        """The largest of what must give way to the ball; None where the ball reaches nothing."""
+        lengths = [getattr(self, name) for name in self.needs]
+        return None if None in lengths else max(lengths)
 
 
-class OuterClearance(Record):
-    """The step that the base needs to clear the ball, and its wall's setback; None where nothing is reached.
+class OuterClearance(_FaceClearance):
+    """The step that the base needs to clear the ball, and its wall's setback.
 
     ``flange_clearance_mm``: how much lower the top of the flange must be, 0 where there is no flange.
-    ``flush_fraction``: share of the face that the ball reaches with the base as it is.
     """
+
+    needs = ("smallest_step_mm", "step_clearance_mm", "flange_clearance_mm")
 
     smallest_step_mm: NotNegative | None
     step_clearance_mm: NotNegative | None
     flange_clearance_mm: NotNegative | None
-    flush_fraction: Share
-    ball: BaseBall | None = None
-
-    @property
-    def clear(self) -> bool:
-        """True where nothing of the base must give way to the ball."""
-        return self.smallest_step_mm == self.step_clearance_mm == self.flange_clearance_mm == 0.0
 
 
-class InnerClearance(Record):
-    """Radius that the bore needs beyond the cavity's, diameter of the pocket; 0 where clear, None: nothing is reached.
+class InnerClearance(_FaceClearance):
+    """Radius that the bore needs beyond the cavity's, and diameter of the pocket."""
 
-    ``flush_fraction``: share of the face that the ball reaches with the base as it is.
-    """
+    needs = ("bore_clearance_mm", "pocket_diameter_mm")
 
     bore_clearance_mm: NotNegative | None
     pocket_diameter_mm: NotNegative | None
-    flush_fraction: Share
-    ball: BaseBall | None = None
-
-    @property
-    def clear(self) -> bool:
-        """True where nothing of the base must give way to the ball."""
-        return self.bore_clearance_mm == self.pocket_diameter_mm == 0.0
 
 
-class CustomBaseClearance(Record):
-    """Largest depth of a custom base in the ball; None where nothing is reached.
+class CustomBaseClearance(_FaceClearance):
+    """Largest depth of a custom base in the ball."""
 
-    ``flush_fraction``: share of the face that the ball reaches with the base as it is.
-    """
+    needs = ("retreat_mm",)
 
     retreat_mm: NotNegative | None
-    flush_fraction: Share
-    ball: BaseBall | None = None
-
-    @property
-    def clear(self) -> bool:
-        """True where nothing of the base must give way to the ball."""
-        return self.retreat_mm == 0.0
 
 
 class BallClearance(Record):
-    """Clearance of the shop's ball at the base, and each face's largest; ``note``: why there is nothing to clear."""
+    """Clearance of the shop's ball at the base; ``note``: why there is nothing to clear."""
 
     outer: OuterClearance | CustomBaseClearance | None
     inner: InnerClearance | CustomBaseClearance | None
@@ -87,44 +68,29 @@ class BallClearance(Record):
     def beyond_shop(
         self, largest_mm: float | None, shop_mm: float, surface: Literal["inner", "outer"] | None = None
     ) -> str:
-        """Words behind a face's largest ball: the base's own, where the face's is larger than both it and the shop's.
+        """Words behind a face's largest ball, where it is larger than the shop's and there is a base to meet.
 
-        Empty where the face's is not larger, without a base, and where the base clears it. ``largest_mm``: None where
-        any ball reaches the face. ``surface``: None for the base at both faces.
+        ``largest_mm``: None where any ball reaches the face. ``surface``: None for the base at both faces.
         """
         at = {"inner": self.inner, "outer": self.outer}
-        found = [each for name, each in at.items() if each is not None and surface in (None, name)]
+        has_base = any(each is not None for name, each in at.items() if surface in (None, name))
         larger = largest_mm is None or largest_mm > shop_mm
-        if not found or not larger:
-            return ""
-        balls = [each.ball for each in found]
-        if None in balls:
-            return f"; the base is checked for {shop_mm:g} mm only"
-        limits = [(ball.radius_mm, ball.within_mm) for ball in balls if ball is not None and ball.radius_mm is not None]
-        radius_mm, within_mm = min(limits, default=(None, 0.0))
-        if radius_mm is None or (largest_mm is not None and radius_mm >= largest_mm):
-            return ""
-        if radius_mm == 0.0:
-            return "; the base clears no ball"
-        fits = floor(1e3 * radius_mm) / 1e3  # it still fits
-        return f"; the base clears up to {fits:g} mm, to within {within_mm:.1g} mm"
+        return f"; the base is checked for {shop_mm:g} mm only" if has_base and larger else ""
 
 
 FaceMap = Annotated[Float[np.ndarray, "c c"], Array("c", "c", gaps=True)]
 FacePoints = Annotated[Float[np.ndarray, "c c 3"], Array("c", "c", 3, gaps=True)]
 FaceName = Literal["inner", "outer"]
-Variant = Literal["least_squares", "free_centre", "minimum_pv", "enclosing", "inscribed"]
+FindingName = Literal["cutter", "relief", "tilt", "wall", "draft", "tool"]
 
 
 class Sphere(Record):
-    """A best-fit sphere and the face's departure from it, along the sphere's normal."""
+    """The sphere of least squares over the area, its centre on the axis, and the face's departure along its normal."""
 
-    variant: Variant
     radius_mm: Positive
     centre_mm: Point
     pv_mm: NotNegative
     rms_mm: NotNegative
-    slope_departure_mrad: NotNegative
 
 
 class Curvature(Record):
@@ -144,24 +110,20 @@ class Cutter(Record):
 
     radius_mm: Positive
     reachable_fraction: Share
-    local_ok_fraction: Share
     largest_radius_mm: Positive | None
     residual_mm: NotNegative | None
 
 
 class Draft(Record):
-    """Least draft (degrees), and the shares of the area with less than half a degree and less than two."""
+    """Least draft (degrees)."""
 
     min: Number
-    area_fraction_below_half: Share
-    area_fraction_below_two: Share
 
 
 class FaceResult(Record):
     """One optical face."""
 
     best_fit_sphere: Sphere
-    other_spheres: tuple[Sphere, ...]
     curvature: Curvature
     cutter: Cutter
     draft_deg: Draft
@@ -185,33 +147,12 @@ class Walls(Record):
     thickest: Wall
 
 
-class Scallop(Record):
-    """Cusps between passes where the face is most convex; None where a number is not finite."""
-
-    height_nm: NotNegative | None
-    slope_mrad: NotNegative | None
-    stepover_for_slope_limit_mm: NotNegative | None
-
-
-class Scallops(Record):
-    """Cusps of both faces at the spec's stepover."""
-
-    stepover_mm: Positive
-    slope_limit_mrad: Positive
-    inner: Scallop
-    outer: Scallop
-
-
 class ToolReach(Record):
-    """Shares of a face that a tool reaches: its ball alone, along the axis, and tilted as far as the spec allows.
-
-    ``largest_radius_mm``: the largest ball that reaches the whole face; None where any ball does.
-    """
+    """Shares of a face that a tool reaches: its ball alone, along the axis, and tilted as far as the spec allows."""
 
     ball_reachable_fraction: Share
     reachable_fraction_untilted: Share
     reachable_fraction: Share
-    largest_radius_mm: Positive | None
 
 
 class ToolResult(Record):
@@ -230,12 +171,14 @@ class Finding(Judged):
     """One statement on what the shop can do with this lens: its subject, its face, and the reason.
 
     It holds where ``value`` is ``sense`` ``limit``. ``value``: None where the ball reaches nothing. ``limit``: None
-    where there is none, as for a face that any ball reaches.
+    where there is none, as for a face that any ball reaches. ``remedy``: changes of the spec, each of which makes it
+    hold; empty where it holds, or its reason names them.
     """
 
-    name: Literal["cutter", "relief", "tilt", "wall", "draft", "tool"]
+    name: FindingName
     surface: Literal["inner", "outer", "body"]
     reason: Text
+    remedy: str = ""
 
     @computed_field  # type: ignore[prop-decorator]  # mypy knows no decorated properties
     @property
@@ -249,7 +192,7 @@ class Check(StageResult):
 
     ``scale``: of the faces that are cut against the lens's, 1 + shrinkage for a mould insert; ``inner``, ``outer``,
     ``tools`` and maps are of these, the walls of the lens. Maps over the chart of each face, [X, Y], NaN outside the
-    rim: points (mm), departure from the best-fit sphere (mm), principal curvatures (1/mm), uncut height (mm), and 1
+    rim: points (mm), departure from the best-fit sphere (mm), principal curvatures (1/mm), and uncut height (mm), 0
     where the cutter reaches.
     """
 
@@ -262,7 +205,6 @@ class Check(StageResult):
     min_wall_mm: Number
     wall: Walls
     relief: BallClearance
-    scallop: Scallops
     tools: tuple[ToolResult, ...]
     criteria: tuple[Criterion, ...]
     verdicts: tuple[Finding, ...]
@@ -273,13 +215,11 @@ class Check(StageResult):
     inner_kappa_min: FaceMap
     inner_kappa_max: FaceMap
     inner_residual_mm: FaceMap
-    inner_reachable: FaceMap
     outer_xyz: FacePoints
     outer_sag_mm: FaceMap
     outer_kappa_min: FaceMap
     outer_kappa_max: FaceMap
     outer_residual_mm: FaceMap
-    outer_reachable: FaceMap
 
     def __str__(self) -> str:
         return "\n".join(f"{'yes' if each.holds else 'no '} {each.name}: {each.reason}" for each in self.verdicts)

@@ -1,17 +1,15 @@
 """Dimensions and datums of the lens and its base: one list for the drawing, its DXF and the table.
 
-All are of the exact surfaces. A dimension that is drawn has its two ends on the part.
+All are of the exact surfaces, and a dimension that is drawn has its two ends on the part. The base of a STEP file is
+measured in the section; its own file defines it.
 
-Datums are features that the part has; where it has none, words say so. A is a plane that can be touched: the base's top
-or the rim where it lies in z = 0, else the bottom, on which the part sits. B is the axis of a round base, or the middle
-plane of two sides of a square one; C stops the part from turning. A STEP with tolerances on its faces names its own
-plane A, in z = 0: then that is A here, too.
+Datums are features that the part has. A is a plane that can be touched: the base's top or the rim where it lies in
+z = 0, else the bottom; or the plane in z = 0 that a STEP with tolerances names. B is the axis of a round base, or the
+middle plane of two sides of a square one; C stops the part from turning.
 """
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from math import floor
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -19,22 +17,21 @@ from jaxtyping import Float
 
 from lensforge.cad.custom_base import read_custom_base, tessellated
 from lensforge.cad.cutter_room import base_with_room
-from lensforge.cad.outline import Outline
+from lensforge.cad.form_error import refined_maximum
 from lensforge.cad.part import Part
-from lensforge.cad.plan import BOTTOM, RIM, SIDE, TOP, lay_out, rim_directions, rim_radius
+from lensforge.cad.plan import BOTTOM, RIM, SIDE, TOP, lay_out, rim_radius
 from lensforge.cad.section import body_outlines, other_section_deg
 from lensforge.scene.lens import Lens
 from lensforge.spec import BaseSection
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface, to_chart, to_sphere
 
-_SAMPLES, _STARTS = 5_000, 8  # samples 1.8 degrees apart; searches from the highest of them
-_RIM_AZIMUTHS = 1440
+_SAMPLES, _REACH = 5_000, 0.02  # samples 1.8 degrees apart, in the chart as here
 _AXIS = np.array([[0.0, 0.0, 1.0]])
 _CHORD_MM = 1e-2  # of the round faces of a base from a file
 
 Measured = Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, " n"]]
-Scope = Literal["axis", "section", "second", "largest", "part", "base", "box"]
+Scope = Literal["axis", "section", "second", "largest", "part", "base"]
 SCOPES: dict[Scope, str] = {
     "axis": "on the axis",
     "section": "in the section S–S",
@@ -42,7 +39,6 @@ SCOPES: dict[Scope, str] = {
     "largest": "largest about the axis",
     "part": "of the whole part",
     "base": "of the base, all around",
-    "box": "of the box around the base",
 }
 View = Literal["S", "T", "base", "dome"]
 Ends = tuple[tuple[float, float], tuple[float, float]]
@@ -81,7 +77,7 @@ class Dimension:
     @property
     def is_auxiliary(self) -> bool:
         """True for a size that others or a freeform face give: it stands in parentheses, and the STEP defines it."""
-        return self.scope not in ("base", "box") and self.tolerance_mm is None
+        return self.scope != "base" and self.tolerance_mm is None
 
 
 def dimensions(lens: Lens) -> list[Dimension]:
@@ -94,7 +90,7 @@ def _lens_dimensions(lens: Lens) -> Iterator[Dimension]:
     gap = lens.spec.tolerances.of("gap_mm").amount
     side = -float(rim_radius(lens.outer)(np.array([np.pi]))[0])
     yield Dimension("outer apex above z = 0", outer, "axis", ((0.0, side), (outer, 0.0)))
-    yield Dimension("highest point above z = 0", highest_point_mm(lens.outer)[2], "largest")
+    yield Dimension("highest point above z = 0", float(highest_point_mm(lens.outer)[2]), "largest")
     yield Dimension("apex of the cavity above z = 0", inner, "axis", ((0.0, side), (inner, 0.0)))
     ends = (inner, 0.0), (outer, 0.0)
     yield Dimension("thickness on the axis", outer - inner, "axis", ends, tolerance_mm=gap or None)
@@ -104,9 +100,6 @@ def _lens_dimensions(lens: Lens) -> Iterator[Dimension]:
         yield _rim_in_section(name, surface, 0.0, "S")
         if second_deg is not None:
             yield _rim_in_section(name, surface, second_deg, "T")
-        turn = np.linspace(0.0, 2.0 * np.pi, _RIM_AZIMUTHS, endpoint=False)
-        widest = 2.0 * float(surface.radius(rim_directions(turn)).max())
-        yield Dimension(f"{name} in z = 0, circle about the axis that holds it", widest, "largest", sign="⌀")
 
 
 def widest_mm(surface: Surface) -> float:
@@ -129,7 +122,7 @@ def _rim_in_section(name: str, surface: Surface, azimuth_deg: float, view: View)
 
 def _part_dimensions(lens: Lens) -> Iterator[Dimension]:
     """Length and width of the part with its base, the length from the bottom to the highest point of the dome."""
-    base, (across, _, highest) = base_with_room(lens), highest_point_mm(lens.outer)
+    base, (across, _, highest) = base_with_room(lens), highest_point_mm(lens.outer).tolist()
     bottom, side, wide = 0.0, -float(rim_radius(lens.outer)(np.array([np.pi]))[0]), widest_mm(lens.outer)
     if base.file is not None:
         vertices, _ = tessellated(read_custom_base(base.file).solid, _CHORD_MM)
@@ -144,29 +137,21 @@ def _part_dimensions(lens: Lens) -> Iterator[Dimension]:
     yield _circle("largest width", wide, "part")
 
 
-def highest_point_mm(surface: Surface) -> tuple[float, float, float]:
+def highest_point_mm(surface: Surface) -> Float[np.ndarray, " 3"]:
     """Highest point (mm) of ``surface``, which need not be its apex."""
-    x, y, z = _farthest(surface, lambda points: points[:, 2]).tolist()
-    return x, y, z
+    return _farthest(surface, lambda points: points[:, 2])
 
 
 def _farthest(surface: Surface, measured: Measured) -> Float[np.ndarray, " 3"]:
     """Point (mm) of ``surface``, rim included, with the largest ``measured``, searched for between samples."""
-    from scipy.optimize import minimize
 
-    def point(chart: Float[np.ndarray, "2"]) -> Float[np.ndarray, "1 3"]:
-        direction = to_sphere((chart / max(1.0, float(np.hypot(*chart))))[None, :])  # no farther than the rim
-        return np.asarray(surface.radius(direction)[:, None] * direction)
+    def points(chart: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:
+        directions = to_sphere(chart)
+        return np.asarray(surface.radius(directions)[:, None] * directions)
 
-    def below(chart: Float[np.ndarray, "2"]) -> float:
-        return -float(measured(point(chart))[0])
-
-    samples = np.concatenate([_AXIS, fibonacci_hemisphere(_SAMPLES)])
-    far = np.argsort(measured(surface.radius(samples)[:, None] * samples))[-_STARTS:]
-    charts = [to_chart(_AXIS)[0]]
-    for start in to_chart(samples[far]):
-        charts.append(minimize(below, start, method="Nelder-Mead", options={"xatol": 1e-8, "fatol": 1e-12}).x)
-    return np.asarray(point(min(charts, key=below))[0])
+    chart = to_chart(np.concatenate([_AXIS, fibonacci_hemisphere(_SAMPLES)]))
+    place, _ = refined_maximum(lambda there: measured(points(there)), chart, measured(points(chart)), _REACH, rounds=24)
+    return np.asarray(points(place[None])[0])
 
 
 def _base_dimensions(lens: Lens) -> list[Dimension]:
@@ -174,7 +159,7 @@ def _base_dimensions(lens: Lens) -> list[Dimension]:
     if base.kind == "none":
         return []
     if base.file is not None:
-        return [*_in_section_of_file(lens), *_box_of_file(base.file)]
+        return list(_in_section_of_file(lens))
     return [*_depths(lens, base), *_widths(lens, base)]
 
 
@@ -224,12 +209,8 @@ def _widths(lens: Lens, base: BaseSection) -> Iterator[Dimension]:
         ("diameter of the flange", -base.height_mm, plan.flange),
     ):
         if circle is not None:
-            radius = _radius(circle)
+            radius = float(circle.radius(np.zeros(1))[0])
             yield Dimension(name, 2.0 * radius, "base", ((z, -radius), (z, radius)), upright=True, sign="⌀")
-
-
-def _radius(circle: Outline) -> float:
-    return float(circle.radius(np.zeros(1))[0])
 
 
 def _in_section_of_file(lens: Lens) -> Iterator[Dimension]:
@@ -244,14 +225,6 @@ def _in_section_of_file(lens: Lens) -> Iterator[Dimension]:
     yield Dimension("base below z = 0, in the section", -ends[0][0], "section", ends)
     across = (float(left[1]), float(left[0])), (float(right[1]), float(right[0]))
     yield Dimension("base along x, in the section", across[1][1] - across[0][1], "section", across, upright=True)
-
-
-def _box_of_file(path: Path) -> list[Dimension]:
-    """Bounding box of a base from a STEP file; its round faces are tessellated to a hundredth of a millimetre."""
-    vertices, _ = tessellated(read_custom_base(path).solid, _CHORD_MM)
-    sizes = np.ptp(vertices, axis=0).tolist()
-    names = ("width along x", "width along y", "height below z = 0")
-    return [Dimension(f"base of {path.name}, {name}", size, "box") for name, size in zip(names, sizes, strict=True)]
 
 
 Letter = Literal["A", "B", "C"]
@@ -291,22 +264,12 @@ def datum_scheme(lens: Lens, part: Part) -> DatumScheme:
     if base.kind in ("none", "step"):
         missing.append("No datum feature for the axis: z through the origin of lens.step, aligned by the optical faces")
     if len(found) < 3:
-        flat = clocking_flat(lens, base)
-        proposed = f"; base.flat_mm = {flat:g} would, a flat across +x" if flat else ""
-        missing.append(f"Nothing on the part marks the azimuth, which counts from +x of lens.step{proposed}")
+        would = "; base.flat_mm would" if base.kind == "cylinder" else ""
+        missing.append(f"Nothing on the part marks the azimuth, which counts from +x of lens.step{would}")
     if base.kind == "step":
         missing[-1] = "The azimuth is that of the base in its own file"
     lines = *(f"Datum {datum.letter}: {datum.words}" for datum in found), *missing
     return DatumScheme(tuple(found), lines)
-
-
-def clocking_flat(lens: Lens, base: BaseSection) -> float | None:
-    """Distance (mm) of a flat that would mark +x of a part that is not round; None where none is missing or fits."""
-    if base.kind != "cylinder" or base.flat_mm is not None or other_section_deg(lens) is None:
-        return None
-    inside, half = widest_mm(lens.outer) / 2.0, base.diameter_mm / 2.0
-    flat = floor(10.0 * (half - 0.25 * (half - inside))) / 10.0
-    return flat if inside < flat < half else None
 
 
 def _plane(lens: Lens, part: Part, base: BaseSection) -> Datum:

@@ -1,26 +1,20 @@
-"""The drawing of a lens for the shop, drawn once: views, dimensions, datums, notes, title block on one sheet.
+"""The drawing of a lens for the shop: views, dimensions, datums, notes and title block on one sheet, A3 or A4.
 
-Of the scales of ISO 5455 it has the largest at which the views fit; the sheet is A3, unless the spec names A4. Its
-notes say what sizes are, datums, tolerances and their source, edges, polish, and tools.
+It has the largest of the scales of ISO 5455 at which the views fit.
 """
 
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
-from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.part import STEP_FILE, Part
 from lensforge.cad.section import other_section_deg
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
 from lensforge.shop.check_result import Check, FaceResult
-from lensforge.shop.dimensions import DatumScheme, Dimension, clocking_flat, datum_scheme
-from lensforge.shop.findings import advice
-from lensforge.shop.sheet import Box, Marks, Place, Sheet, Stroke
-from lensforge.shop.sheet_marks import cell, first_angle, frame_of, paragraphs_in
-from lensforge.shop.sheet_tables import Rows, draw_optical_table, optical_table, table_height
-from lensforge.shop.tolerance_table import ToleranceTable
+from lensforge.shop.dimensions import DatumScheme, Dimension, datum_scheme
+from lensforge.shop.sheet import Box, Marks, Place, Sheet
+from lensforge.shop.sheet_marks import cell, frame_of, paragraphs_in
+from lensforge.shop.sheet_tables import Rows, ToleranceTable, draw_optical_table, optical_table, table_height
 from lensforge.shop.view_drawing import ViewContent, draw_views, room_of
 from lensforge.shop.view_lines import dome_lines, end_lines, section_view
 from lensforge.spec import DrawingSection
@@ -57,17 +51,9 @@ def tool_notes(lens: Lens, check: Check) -> list[str]:
     if missed:
         found.append(
             f"Check: {len(missed)} of {len(check.verdicts)} findings on tools, base and wall do not hold; "
-            "manufacturing.pdf says which, and what to change."
+            "manufacturing.html says which, and what to change."
         )
     return found
-
-
-def tool_advice(lens: Lens, check: Check) -> list[str]:
-    """Changes of the spec for each finding that does not hold and has any, and a flat where nothing marks +x."""
-    each = ((finding, advice(finding, lens.spec, check)) for finding in check.verdicts)
-    found = [f"{finding.name}, {finding.surface}: {words}" for finding, words in each if words]
-    flat = clocking_flat(lens, base_with_room(lens))
-    return found if flat is None else [*found, f"azimuth, base: base.flat_mm = {flat:g}, a flat across +x"]
 
 
 def _ball(face: FaceResult) -> str:
@@ -123,46 +109,25 @@ HEIGHT = 8.0 * ROW
 _NONE = "not stated"
 
 
-@dataclass(frozen=True)
-class TitleBlock:
-    """Words of the title block."""
-
-    name: str
-    number: str
-    revision: str
-    material: str
-    mass: str
-    author: str
-    date: str
-    checked: str
-    organisation: str
-    step: str
-    general: str
-
-    @property
-    def title(self) -> str:
-        """Name, number and revision in one line."""
-        found = [self.name, *(text for text in (self.number,) if text != _NONE)]
-        return ", ".join([*found, *(f"revision {text}" for text in (self.revision,) if text != _NONE)])
+def title_of(lens: Lens, words: DrawingSection) -> str:
+    """Name, number and revision in one line."""
+    named = [words.part_name or lens.spec.name, words.part_number]
+    return ", ".join([*filter(None, named), *([f"revision {words.revision}"] if words.revision else [])])
 
 
-def title_block(lens: Lens, part: Part, words: DrawingSection) -> TitleBlock:
-    """Words for the shop, and from the record of the part: author and date are those of its files."""
-    spec, signature = lens.spec, part.signature
-    stamp = part.files[STEP_FILE]
-    return TitleBlock(
-        name=words.part_name or spec.name,
-        number=words.part_number or _NONE,
-        revision=words.revision or _NONE,
-        material=spec.lens.material or _NONE,
-        mass=f"{part.volume_mm3:.1f} mm³" if part.mass_g is None else f"{part.mass_g:.3f} g",
-        author=signature.author or _NONE,
-        date=signature.date or _NONE,
-        checked=words.checked_by or _NONE,
-        organisation=signature.organisation or _NONE,
-        step=f"{STEP_FILE}, SHA-256 {stamp.sha256[:16]}…",
-        general=words.general_tolerances or f"{_NONE}, to be agreed",
-    )
+def title_block(lens: Lens, part: Part, words: DrawingSection) -> Rows:
+    """Rows for the shop, and from the record of the part: author and date are those of its files."""
+    spec, signature, general = lens.spec, part.signature, words.general_tolerances or f"{_NONE}, to be agreed"
+    mass = f"Volume: {part.volume_mm3:.1f} mm³" if part.mass_g is None else f"Mass: {part.mass_g:.3f} g"
+    return [
+        [words.part_name or spec.name],
+        [f"Number: {words.part_number or _NONE}", f"Revision: {words.revision or _NONE}"],
+        [f"Material: {spec.lens.material or _NONE}", mass],
+        [f"Drawn: {signature.author or _NONE}", f"Date: {signature.date or _NONE}"],
+        [f"Checked: {words.checked_by or _NONE}", f"Organisation: {signature.organisation or _NONE}"],
+        [f"Sizes “general”: {general}", "Units: mm, degrees"],
+        [f"Defined by: {STEP_FILE}, SHA-256 {part.files[STEP_FILE].sha256[:16]}…"],
+    ]
 
 
 def scale_words(scale: float) -> str:
@@ -170,45 +135,19 @@ def scale_words(scale: float) -> str:
     return f"{scale:g} : 1" if scale >= 1.0 else f"1 : {1.0 / scale:g}"
 
 
-def draw_title_block(words: TitleBlock, corner: tuple[float, float], unit: float, scale: float, sheet: str) -> Marks:
-    """The block, its lower right corner at ``corner``."""
+def draw_title_block(block: Rows, corner: tuple[float, float], unit: float, scale: float, sheet: str) -> Marks:
+    """The block, its lower right corner at ``corner``; scale and sheet stand above its last row."""
     left, bottom = corner[0] - WIDTH * unit, corner[1]
     height = ROW * unit
-    quantity = "Mass" if words.mass.endswith("g") else "Volume"
-    rows = [
-        [words.name],
-        [f"Number: {words.number}", f"Revision: {words.revision}"],
-        [f"Material: {words.material}", f"{quantity}: {words.mass}"],
-        [f"Drawn: {words.author}", f"Date: {words.date}"],
-        [f"Checked: {words.checked}", f"Organisation: {words.organisation}"],
-        [f"Sizes “general”: {words.general}", "Units: mm, degrees"],
-        [f"Scale: {scale_words(scale)}", f"First angle; {sheet}, sheet 1 of 1"],
-        [f"Defined by: {words.step}"],
-    ]
+    rows = [*block[:-1], [f"Scale: {scale_words(scale)}", f"First angle; {sheet}, sheet 1 of 1"], block[-1]]
     top = bottom + HEIGHT * unit
     marks = Marks()
     for number, each in enumerate(rows):
         low, wide = top - (number + 1) * height, WIDTH * unit / len(each)
         for k, text in enumerate(each):
             marks.add(cell((left + k * wide, low, left + (k + 1) * wide, low + height), text, unit))
-    marks.add(first_angle((corner[0] - 14.0 * unit, bottom + 1.5 * height), 0.7 * unit))
     marks.strokes.append(frame_of((left, bottom, corner[0], top), "outline"))
     return marks
-
-
-def sheet_frame(size: tuple[float, float], inside: Box) -> list[Stroke]:
-    """The frame of the drawing, and the marks at the middle of its sides."""
-    left, bottom, right, top = inside
-    width, height = size
-    found = [frame_of(inside, "outline")]
-    for start, end in (
-        ((width / 2.0, 0.0), (width / 2.0, bottom)),
-        ((width / 2.0, top), (width / 2.0, height)),
-        ((0.0, height / 2.0), (left, height / 2.0)),
-        ((right, height / 2.0), (width, height / 2.0)),
-    ):
-        found.append(Stroke(np.array([start, end]), "outline"))
-    return found
 
 
 SheetName = Literal["A3", "A4"]
@@ -226,7 +165,8 @@ class DrawingContent:
     views: ViewContent
     notes: list[str]
     table: Rows
-    title: TitleBlock
+    block: Rows
+    title: str
 
 
 def drawing_content(
@@ -246,7 +186,8 @@ def drawing_content(
         views=ViewContent(sections, end_lines(lens), dome_lines(lens), dimensions, datums),
         notes=drawing_notes(lens, check, datums, tolerances, words),
         table=optical_table(lens, part, check, words),
-        title=title_block(lens, part, words),
+        block=title_block(lens, part, words),
+        title=title_of(lens, words),
     )
 
 
@@ -293,15 +234,15 @@ def _sheet(content: DrawingContent, name: SheetName, scale: float) -> Sheet:
     unit, inside = _UNITS[name], _inside(name)
     origin = _centred(room_of(draw_views(content.views, scale, unit, (0.0, 0.0))), _views_box(content, name))
     marks, corner, top = (
-        Marks(sheet_frame(SIZES[name], inside)),
+        Marks([frame_of(inside, "outline")]),
         (inside[2], inside[1]),
         inside[1] + _band(content, name),
     )
     marks.add(draw_views(content.views, scale, unit, origin))
-    marks.add(draw_title_block(content.title, corner, unit, scale, name))
+    marks.add(draw_title_block(content.block, corner, unit, scale, name))
     marks.add(draw_optical_table(content.table, inside[2] - WIDTH * unit, top, unit))
     marks.words += paragraphs_in(_notes_box(content, name), content.notes, unit)
-    return Sheet(name, SIZES[name], unit, scale, content.title.title, origin, marks)
+    return Sheet(name, SIZES[name], unit, scale, content.title, origin, marks)
 
 
 def _centred(box: Box, room: Box) -> Place:

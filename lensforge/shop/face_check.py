@@ -1,33 +1,29 @@
-"""Measurements of one face: best-fit sphere, curvature, draft, and the reach of the ball cutter."""
+"""Measurements of one face: best-fit sphere, curvature, draft, and the reach of the ball cutter.
+
+The best-fit sphere is that of least squares over the area, its centre on the axis. A deviation is measured along the
+sphere's normal, ``|P - c| - R``: positive where the face is farther from the centre than the sphere. Along z it would
+diverge at the steep rim of a hemisphere.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.optimize import least_squares
 
-from lensforge.shop.ball_cutter import largest_ball_mm, local_fit, reachable, residual_height_mm
-from lensforge.shop.best_fit_sphere import VARIANTS, BestFitSphere, best_fit_sphere
-from lensforge.shop.check_result import Curvature, Cutter, Draft, FaceName, FaceResult, Sphere
-from lensforge.shop.face_samples import (
-    FaceSamples,
-    OpticalFace,
-    fraction_below_draft,
-    largest_tilt_rad,
-    least_draft_rad,
-    sample_face,
-    undercut_fraction,
-)
+from lensforge.shop.ball_cutter import largest_ball_mm, reachable, residual_height_mm
+from lensforge.shop.check_result import Curvature, Cutter, Draft, FaceResult, Sphere
+from lensforge.shop.face_samples import FaceArea, FaceSamples, OpticalFace, least_draft_rad, sample_face
 
 SAMPLE_NODES = 161  # odd, so that the apex is a node
 
 
 @dataclass(frozen=True)
 class FaceCheck:
-    """One face, its best-fit sphere, and the reach of a ball cutter of ``cutter_radius_mm``."""
+    """One face, and the reach of a ball cutter of ``cutter_radius_mm``."""
 
-    name: FaceName
     samples: FaceSamples
-    sphere: BestFitSphere
+    sphere: Sphere
     lowest_curvature: float  # 1/mm, searched between the samples too, as the next
     highest_curvature: float
     cutter_radius_mm: float
@@ -40,11 +36,6 @@ class FaceCheck:
         return reachable(self.ball_mm, self.cutter_radius_mm)
 
     @property
-    def reachable_fraction(self) -> float:
-        """Share of the area that the cutter reaches."""
-        return self.samples.fraction(self.reached)
-
-    @property
     def smallest_concave_radius_mm(self) -> float:
         """Smallest concave radius (mm); infinite for a face that is convex everywhere."""
         return -1.0 / self.lowest_curvature if self.lowest_curvature < 0.0 else np.inf
@@ -54,13 +45,18 @@ class FaceCheck:
         """Radius (mm) of the largest ball that reaches the whole face; infinite where any ball does."""
         return min(self.smallest_concave_radius_mm, float(self.ball_mm.min()))
 
+    @property
+    def sag_mm(self) -> Float[np.ndarray, " k"]:
+        """Deviation (mm) of each sample from the best-fit sphere."""
+        away = self.samples.points - np.array(self.sphere.centre_mm)
+        return np.asarray(np.linalg.norm(away, axis=1) - self.sphere.radius_mm)
 
-def check_face(name: FaceName, face: OpticalFace, cutter_radius_mm: float, nodes: int = SAMPLE_NODES) -> FaceCheck:
+
+def check_face(face: OpticalFace, cutter_radius_mm: float, nodes: int = SAMPLE_NODES) -> FaceCheck:
     """Measure ``face`` on a chart grid of ``nodes`` x ``nodes``."""
     samples = sample_face(face, nodes)
     ball = largest_ball_mm(samples)
     return FaceCheck(
-        name=name,
         samples=samples,
         sphere=best_fit_sphere(samples),
         lowest_curvature=samples.lowest_curvature(),
@@ -73,33 +69,25 @@ def check_face(name: FaceName, face: OpticalFace, cutter_radius_mm: float, nodes
 
 def face_result(check: FaceCheck) -> FaceResult:
     """The record of a measured face; an infinite number is None."""
-    samples = check.samples
-    least_rad = least_draft_rad(samples)
-    others = (best_fit_sphere(samples, variant) for variant in VARIANTS if variant != check.sphere.variant)
+    samples, draft_deg = check.samples, float(np.degrees(least_draft_rad(check.samples)))
     return FaceResult(
-        best_fit_sphere=_sphere(check.sphere),
-        other_spheres=tuple(_sphere(sphere) for sphere in others),
+        best_fit_sphere=check.sphere,
         curvature=Curvature(
             kappa_min_per_mm=check.lowest_curvature,
             kappa_max_per_mm=check.highest_curvature,
             smallest_concave_radius_mm=bounded(check.smallest_concave_radius_mm),
         ),
-        cutter=_cutter(check),
-        draft_deg=Draft(
-            min=float(np.degrees(least_rad)),
-            area_fraction_below_half=_fraction_below(samples, least_rad, 0.5),
-            area_fraction_below_two=_fraction_below(samples, least_rad, 2.0),
+        cutter=Cutter(
+            radius_mm=check.cutter_radius_mm,
+            reachable_fraction=samples.fraction(check.reached),
+            largest_radius_mm=bounded(check.largest_cutter_mm),
+            residual_mm=bounded(float(check.residual_mm.max())),
         ),
-        undercut_fraction=undercut_fraction(samples) if least_rad < 0.0 else 0.0,
-        largest_tilt_deg=float(np.degrees(largest_tilt_rad(samples))),
+        draft_deg=Draft(min=draft_deg),
+        undercut_fraction=samples.area.undercut_fraction if draft_deg < 0.0 else 0.0,
+        largest_tilt_deg=90.0 - draft_deg,
         area_mm2=samples.area.total_mm2,
     )
-
-
-def _fraction_below(samples: FaceSamples, least_rad: float, draft_deg: float) -> float:
-    """Share of the area below a draft; the rule of the area draws slopes on to the rim, where ``least_rad`` decides."""
-    limit_rad = float(np.deg2rad(draft_deg))
-    return fraction_below_draft(samples, limit_rad) if least_rad < limit_rad else 0.0
 
 
 def bounded(value: float) -> float | None:
@@ -107,23 +95,43 @@ def bounded(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _sphere(sphere: BestFitSphere) -> Sphere:
-    x, y, z = sphere.centre_mm.tolist()
+def best_fit_sphere(samples: FaceSamples) -> Sphere:
+    """Fit the sphere to a face; its extreme departures are searched for between the samples too."""
+    area, patch = samples.area, samples.face.patch
+    centre = _least_squares_centre(area)
+    from_area = np.linalg.norm(area.points - centre, axis=1)
+    radius = float(area.shares @ from_area)
+
+    def beyond(points: Float[np.ndarray, "m 2"]) -> Float[np.ndarray, " m"]:
+        return np.asarray(np.linalg.norm(patch.points(points) - centre, axis=1) - radius)
+
+    at_samples = np.linalg.norm(samples.points - centre, axis=1) - radius
+    highest, lowest = samples.largest(beyond, at_samples), -samples.largest(lambda c: -beyond(c), -at_samples)
     return Sphere(
-        variant=sphere.variant,
-        radius_mm=sphere.radius_mm,
-        centre_mm=(x, y, z),
-        pv_mm=sphere.pv_mm,
-        rms_mm=sphere.rms_mm,
-        slope_departure_mrad=1e3 * sphere.largest_slope,
+        radius_mm=radius,
+        centre_mm=tuple(centre.tolist()),
+        pv_mm=highest - lowest,
+        rms_mm=float(np.sqrt(area.shares @ (from_area - radius) ** 2)),
     )
 
 
-def _cutter(check: FaceCheck) -> Cutter:
-    return Cutter(
-        radius_mm=check.cutter_radius_mm,
-        reachable_fraction=check.reachable_fraction,
-        local_ok_fraction=check.samples.fraction(local_fit(check.samples, check.cutter_radius_mm)),
-        largest_radius_mm=bounded(check.largest_cutter_mm),
-        residual_mm=bounded(float(check.residual_mm.max())),
-    )
+def _least_squares_centre(area: FaceArea) -> Float[np.ndarray, "3"]:
+    """Centre on the axis (variable projection: for any centre the best radius is the mean distance over the area)."""
+    axis, shares, root = np.array([[0.0, 0.0, 1.0]]), area.shares, np.sqrt(area.shares)
+
+    def residual(height: Float[np.ndarray, "1"]) -> Float[np.ndarray, " q"]:
+        distance = np.linalg.norm(area.points - height @ axis, axis=1)
+        departure: Float[np.ndarray, " q"] = root * (distance - shares @ distance)
+        return departure
+
+    def slope(height: Float[np.ndarray, "1"]) -> Float[np.ndarray, "q 1"]:
+        away = area.points - height @ axis
+        towards = -(away / np.linalg.norm(away, axis=1, keepdims=True)) @ axis.T
+        change: Float[np.ndarray, "q 1"] = root[:, None] * (towards - shares @ towards)
+        return change
+
+    scale = float(np.linalg.norm(area.points, axis=1).mean())
+    tight = {"xtol": 1e-14, "ftol": 1e-14, "gtol": 1e-14}
+    found = least_squares(residual, np.zeros(1), slope, method="lm", x_scale=scale, **tight)
+    centre: Float[np.ndarray, " 3"] = found.x @ axis
+    return centre

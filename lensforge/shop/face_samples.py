@@ -1,18 +1,14 @@
-"""An exported optical face, sampled with normals, curvatures and areas; its draft and tilt; integrals over its area.
+"""An exported optical face, the spline of the STEP file, sampled with normals, curvatures and areas; its least draft.
 
-The face is the spline that is written to STEP, with its own derivatives. Its samples are the nodes of a square chart
-grid inside the rim, so that values per sample are also a map, and the nodes just outside, moved onto the rim: extremes
-often lie there. Extremes are then searched for between the samples.
+Samples are the nodes of a square chart grid inside the rim, so that values per sample are also a map, and the nodes
+just outside, moved onto the rim: extremes often lie there. Extremes are then searched for between the samples.
 
 Integrals over the area take points of their own, since the cells of a square grid fit a round rim poorly:
-Gauss-Legendre in the chart's radius times the trapezoidal rule in azimuth. For smooth integrands both factors converge
-faster than any power. Measured: areas of spheres, spheroids and ellipsoids 1e-9, of a random face of 115 functions
-1e-8. Shares of the area below a limit have an edge inside the face: it is located along each radius to second order,
-and the zone of a hemisphere with little draft comes out to 3e-5 of its area.
+Gauss-Legendre in the chart's radius times the trapezoidal rule in azimuth. Areas of spheres, spheroids and ellipsoids
+come out to 1e-9, the share of a hemisphere below a draft, whose edge is located along each radius, to 3e-5.
 
-Draft is the angle of the face to the optical axis, along which a mould opens. The outer face is drawn along +z and the
-cavity's core along -z; since their air-side normals are opposite too, the same formula with the outward normal serves
-both: ``draft = asin(n . z)``. A negative draft is an undercut.
+Draft is the angle of the face to the optical axis, along which a mould opens: ``asin(n . z)`` with the outward normal,
+since the core of the cavity is drawn along -z. A negative draft is an undercut.
 """
 
 from collections.abc import Callable
@@ -35,7 +31,6 @@ RADII, AZIMUTHS = 96, 192
 class AreaRule:
     """Integration points on the unit disc, radius slowest, and their weights in chart area."""
 
-    radii: int
     chart: Float[np.ndarray, "q 2"]
     weights: Float[np.ndarray, " q"]
     nodes: Float[np.ndarray, " r"]
@@ -43,7 +38,7 @@ class AreaRule:
 
     def share_below(self, values: Float[np.ndarray, " q"], limit: float, areas: Float[np.ndarray, " q"]) -> float:
         """Share of the area where ``values`` are below ``limit``; ``areas``: of the face, for each point."""
-        excess = values.reshape(self.radii, -1) - limit
+        excess = values.reshape(len(self.nodes), -1) - limit
         slope = np.gradient(excess, self.nodes, axis=0)
         inner = excess + slope * (self.edges[:-1] - self.nodes)[:, None]
         outer = excess + slope * (self.edges[1:] - self.nodes)[:, None]
@@ -61,7 +56,6 @@ def area_rule(radii: int = RADII, azimuths: int = AZIMUTHS) -> AreaRule:
     azimuth = np.arange(azimuths) * (2.0 * np.pi / azimuths)
     circle = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=-1)
     return AreaRule(
-        radii=radii,
         chart=(node[:, None, None] * circle).reshape(-1, 2),
         weights=np.repeat(weight * node * (2.0 * np.pi / azimuths), azimuths),
         nodes=node,
@@ -146,21 +140,23 @@ class FaceSamples:
     @cached_property
     def area(self) -> "FaceArea":
         """The face's integration points, which are not the samples."""
-        return integrate_face(self.face)
+        rule = area_rule()
+        jet = self.face.jet(rule.chart)
+        return FaceArea(rule, jet.point, jet.normal, rule.weights * jet.area_element)
 
     def largest(
         self, figure: Callable[[Float[np.ndarray, "m 2"]], Float[np.ndarray, " m"]], values: Float[np.ndarray, " k"]
-    ) -> tuple[Float[np.ndarray, "2"], float]:
-        """Chart point and value of the largest ``figure``, between the samples too; ``values``: it at the samples."""
-        return refined_maximum(figure, self.chart, values, self.grid.step)
+    ) -> float:
+        """The largest ``figure``, between the samples too; ``values``: it at the samples."""
+        return refined_maximum(figure, self.chart, values, self.grid.step)[1]
 
     def lowest_curvature(self) -> float:
         """The lowest curvature (1/mm) of the face, searched for between the samples too."""
-        return -self.largest(lambda points: -self.face.curvatures(points).minimum, -self.curvatures.minimum)[1]
+        return -self.largest(lambda points: -self.face.curvatures(points).minimum, -self.curvatures.minimum)
 
     def highest_curvature(self) -> float:
         """The highest curvature (1/mm) of the face, searched for between the samples too."""
-        return self.largest(lambda points: self.face.curvatures(points).maximum, self.curvatures.maximum)[1]
+        return self.largest(lambda points: self.face.curvatures(points).maximum, self.curvatures.maximum)
 
     def fraction(self, where: Bool[np.ndarray, " k"]) -> float:
         """Share of the face's area where ``where`` is True, to the width of a cell along the edge of that part."""
@@ -181,16 +177,15 @@ class FaceArea:
         """Area of the face (mm^2)."""
         return float(self.areas.sum())
 
-    def share_below(self, values: Float[np.ndarray, " q"], limit: float) -> float:
-        """Share of the area where ``values`` are below ``limit``."""
-        return self.rule.share_below(values, limit, self.areas)
+    @property
+    def shares(self) -> Float[np.ndarray, " q"]:
+        """Share of the area of each point."""
+        return self.areas / self.total_mm2
 
-
-def integrate_face(face: OpticalFace) -> FaceArea:
-    """Points, normals and areas of ``face`` for integrals over its area."""
-    rule = area_rule()
-    jet = face.jet(rule.chart)
-    return FaceArea(rule, jet.point, jet.normal, rule.weights * jet.area_element)
+    @property
+    def undercut_fraction(self) -> float:
+        """Share of the area that neither a two-part mould nor an untilted cutter reaches along the axis."""
+        return self.rule.share_below(self.outward[:, 2], -_UNDERCUT, self.areas)
 
 
 def sample_face(face: OpticalFace, nodes: int) -> FaceSamples:
@@ -227,29 +222,8 @@ def _disc(nodes: int) -> tuple[ChartGrid, Float[np.ndarray, "k 2"], Float[np.nda
     return ChartGrid(axis, inside[1:-1, 1:-1]), points, cells
 
 
-def draft_rad(samples: FaceSamples) -> Float[np.ndarray, " k"]:
-    """Draft angle (rad) at each sample: pi/2 at the apex, 0 at the rim of a hemisphere, negative in an undercut."""
-    draft: Float[np.ndarray, " k"] = np.arcsin(np.clip(samples.outward[:, 2], -1.0, 1.0))
-    return draft
-
-
 def least_draft_rad(samples: FaceSamples) -> float:
     """The least draft angle (rad) of the face, searched for between the samples too."""
     patch = samples.face.patch
-    steepest = samples.largest(lambda points: -patch.normals(points)[:, 2], -samples.outward[:, 2])[1]
+    steepest = samples.largest(lambda points: -patch.normals(points)[:, 2], -samples.outward[:, 2])
     return -float(np.arcsin(np.clip(steepest, -1.0, 1.0)))
-
-
-def fraction_below_draft(samples: FaceSamples, draft_rad: float) -> float:
-    """Share of the area whose draft is less than ``draft_rad``."""
-    return samples.area.share_below(samples.area.outward[:, 2], float(np.sin(draft_rad)))
-
-
-def undercut_fraction(samples: FaceSamples) -> float:
-    """Share of the area that neither a two-part mould nor an untilted cutter reaches along the axis."""
-    return samples.area.share_below(samples.area.outward[:, 2], -_UNDERCUT)
-
-
-def largest_tilt_rad(samples: FaceSamples) -> float:
-    """Largest angle (rad) between the face's normal and the axis: the tilt of a tool that is held normal to it."""
-    return float(np.pi / 2.0) - least_draft_rad(samples)

@@ -5,22 +5,28 @@ from html import escape
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, field_serializer
+from pydantic import Field, PlainSerializer
 
 from lensforge.results import Count, Fact, Group, NotNegative, Positive, Record, Sha256, Text
 from lensforge.results.files import replacing, require_own
 from lensforge.shop.check_result import FaceName, Finding
 
-HTML_FILE, PDF_FILE, POINTS_FILE, SAG_FILE = "manufacturing.html", "manufacturing.pdf", "points.csv", "sag.csv"
-DXF_FILE = "drawing.dxf"
+HTML_FILE, PDF_FILE, DXF_FILE, POINTS_FILE = "manufacturing.html", "manufacturing.pdf", "drawing.dxf", "points.csv"
 Interpolation = Literal["bicubic", "linear"]  # between the nodes of a dense table
+
+
+FileBytes = Annotated[
+    bytes,
+    Field(repr=False),
+    PlainSerializer(lambda content: b64encode(content).decode("ascii"), return_type=str, when_used="json"),
+]
 
 
 class PointGrid(Record):
     """A dense table of ``points`` of one face, the bytes of ``file``.
 
     ``spacing_mm``: the widest between nodes. ``error_nm``: largest error of the ``interpolation`` between nodes, along
-    the normal. ``offset_mm``: of the points from the face, into the air.
+    the normal.
     """
 
     file: Text
@@ -28,17 +34,12 @@ class PointGrid(Record):
     spacing_mm: Positive
     interpolation: Interpolation
     error_nm: NotNegative
-    offset_mm: NotNegative
     points: Count
-    content: Annotated[bytes, Field(repr=False)]
-
-    @field_serializer("content", when_used="json")
-    def _content_as_text(self, content: bytes) -> str:
-        return b64encode(content).decode("ascii")
+    content: FileBytes
 
 
 class Handover(Record):
-    """Drawing and verdicts as page and PDF, the drawing as DXF, tables of points and of sag, as the bytes of files.
+    """Drawing and verdicts as page and PDF, the drawing as DXF, tables of points, as the bytes of files.
 
     ``points``: number of points in the table for a measuring machine; ``grids``: dense tables for milling and turning.
     ``sha256``: of the files that go to the shop, by name, except page and PDF, which list them.
@@ -46,25 +47,19 @@ class Handover(Record):
     """
 
     name: Text
-    html: bytes
-    pdf: bytes
-    dxf: bytes
-    points_csv: bytes
-    sag_csv: bytes
+    html: FileBytes
+    pdf: FileBytes
+    dxf: FileBytes
+    points_csv: FileBytes
     points: Count
     grids: tuple[PointGrid, ...]
     sha256: dict[Text, Sha256]
     refused: tuple[Finding, ...]
 
-    @field_serializer("html", "pdf", "dxf", "points_csv", "sag_csv", when_used="json")
-    def _as_text(self, content: bytes) -> str:
-        return b64encode(content).decode("ascii")
-
     @property
     def files(self) -> dict[str, bytes]:
         """The files by name."""
-        fixed = {HTML_FILE: self.html, PDF_FILE: self.pdf, DXF_FILE: self.dxf}
-        fixed |= {POINTS_FILE: self.points_csv, SAG_FILE: self.sag_csv}
+        fixed = {HTML_FILE: self.html, PDF_FILE: self.pdf, DXF_FILE: self.dxf, POINTS_FILE: self.points_csv}
         return fixed | {grid.file: grid.content for grid in self.grids}
 
     @property

@@ -1,9 +1,7 @@
 """The sheet: one description of the drawing, from which its pictures, its PDF and its DXF are made.
 
-All places are on paper, in mm from the lower left corner of the sheet; the part appears ``scale`` times as large as it
-is. Pens, arrows and letters have sizes of ISO 128 and ISO 3098 on A3, and are smaller by the square root of 2 on A4.
-Marks are datum symbols, axes, the plane of the section, the symbol of the first angle, and the hatching of cut
-material.
+All places are on paper, in mm from its lower left corner. Pens, arrows and letters have the sizes of ISO 128 and ISO
+3098 on A3, and are smaller by the square root of 2 on A4.
 """
 
 from dataclasses import dataclass, field
@@ -19,7 +17,7 @@ Points = Float[np.ndarray, "n 2"]
 Place = tuple[float, float]
 Box = tuple[float, float, float, float]  # left, bottom, right, top
 Anchor = Literal["left", "center", "right"]
-PenName = Literal["outline", "thin", "hidden", "axis", "phantom", "hatch", "frame"]
+PenName = Literal["outline", "thin", "hidden", "axis", "phantom", "hatch"]
 
 
 @dataclass(frozen=True)
@@ -39,7 +37,6 @@ PENS: dict[PenName, Pen] = {
     "axis": Pen(0.18, (8.0, 1.2, 0.6, 1.2)),
     "phantom": Pen(0.18, (8.0, 1.2, 0.6, 1.2, 0.6, 1.2)),
     "hatch": Pen(0.09),
-    "frame": Pen(0.5),
 }
 
 
@@ -86,14 +83,17 @@ class LinearDimension:
     @property
     def ends_mm(self) -> tuple[float, float]:
         """Lower and upper end along the dimension line."""
-        axis = 0 if self.turned_deg == 0 else 1
-        low, high = sorted((self.start[axis], self.end[axis]))
+        low, high = sorted((self.at(*self.start)[0], self.at(*self.end)[0]))
         return low, high
 
     @property
     def text(self) -> str:
         """Text as it is drawn."""
         return f"{self.before}{shown(self.length_mm)}{self.after}"
+
+    def at(self, along: float, across: float) -> Place:
+        """The place on paper from one along and across the dimension line, and back."""
+        return (along, across) if self.turned_deg == 0 else (across, along)
 
 
 @dataclass

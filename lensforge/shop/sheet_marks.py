@@ -59,14 +59,6 @@ def axes_mark(at: Place, level: str, up: str, unit: float, towards: float = 1.0)
     return Marks(strokes, words)
 
 
-def turned_mark(at: Place, unit: float) -> Marks:
-    """The sign of a section that is turned anticlockwise from its place (ISO 128): an arc with an arrow."""
-    turn = np.linspace(-0.25 * np.pi, 0.9 * np.pi, 25)
-    arc = np.array(at) + 2.2 * unit * np.column_stack([np.cos(turn), np.sin(turn)])
-    out = np.array([-np.sin(turn[-1]), np.cos(turn[-1])])
-    return Marks([Stroke(arc), arrow_head(arc[-1] + 1.2 * unit * out, out, 2.0 * unit)])
-
-
 def arrow_head(tip: np.ndarray, out: np.ndarray, size: float) -> Stroke:
     """A filled head of ``size`` mm that points along the unit vector ``out``."""
     along = np.array([-out[1], out[0]])
@@ -90,26 +82,6 @@ def section_plane(centre: Place, azimuth_deg: float, half_mm: float, letter: str
         place = tip + LETTERS * unit * sight
         words.append(_letters(place, letter, unit))
     return Marks(strokes, words)
-
-
-def first_angle(at: Place, unit: float) -> Marks:
-    """The symbol of the first-angle projection (ISO 5456-2), its middle at ``at``: a cone, and its view from the left.
-
-    The cone's small end is on the left, so that the view from there, at its right, shows both circles.
-    """
-    x, y = at
-    small, large, length = 1.5 * unit, 3.0 * unit, 6.0 * unit
-    left = x - 8.0 * unit
-    right = left + length
-    cone = np.array([(left, y - small), (right, y - large), (right, y + large), (left, y + small)])
-    centre = x + 4.5 * unit
-    turn = np.linspace(0.0, 2.0 * np.pi, 73)
-    circles = [np.column_stack([centre + r * np.cos(turn), y + r * np.sin(turn)]) for r in (small, large)]
-    strokes = [Stroke(cone, closed=True), *(Stroke(circle, closed=True) for circle in circles)]
-    strokes.append(Stroke(np.array([(left - 1.5 * unit, y), (left + length + 1.5 * unit, y)]), "axis"))
-    strokes.append(Stroke(np.array([(centre - 4.0 * unit, y), (centre + 4.0 * unit, y)]), "axis"))
-    strokes.append(Stroke(np.array([(centre, y - 4.0 * unit), (centre, y + 4.0 * unit)]), "axis"))
-    return Marks(strokes)
 
 
 _ALONG_HATCH = np.array([[1.0, 1.0], [-1.0, 1.0]]) / np.sqrt(2.0)  # rows: along the lines, and across them
@@ -181,22 +153,16 @@ def row(left: float, top: float, texts: Sequence[str], widths: Sequence[float], 
     return Marks(strokes, words)
 
 
-def paragraph_lines(paragraphs: list[str], height: float, width: float) -> list[tuple[float, str]]:
-    """Indent (mm) and text of each line of numbered paragraphs."""
-    found, indent = [], width_of("00. ", height)
-    for number, paragraph in enumerate(paragraphs, start=1):
-        lines = wrapped(paragraph, height, width - indent)
-        found += [(0.0, f"{number}. {lines[0]}"), *((indent, line) for line in lines[1:])]
-    return found
-
-
 def paragraphs_in(box: Box, paragraphs: list[str], unit: float) -> list[Words]:
     """Numbered paragraphs from the top of ``box``; what is too long is left out, and the last line says so."""
     left, bottom, right, top = box
-    height = LETTERS * unit
-    lines, most = paragraph_lines(paragraphs, height, right - left), int((top - bottom) / (PITCH * height))
+    height, lines = LETTERS * unit, []
+    indent, most = width_of("00. ", height), int((top - bottom) / (PITCH * height))
+    for number, paragraph in enumerate(paragraphs, start=1):
+        first, *others = wrapped(paragraph, height, right - left - indent)
+        lines += [(0.0, f"{number}. {first}"), *((indent, line) for line in others)]
     if len(lines) > most:
-        lines = [*lines[: most - 1], (0.0, "More notes: on the following pages.")]
+        lines = [*lines[: most - 1], (0.0, "More notes: on manufacturing.html.")]
     return [
         Words((left + indent, top - (k + 0.6) * PITCH * height), text, height) for k, (indent, text) in enumerate(lines)
     ]
@@ -226,14 +192,9 @@ def is_wide(length_mm: float, height_mm: float) -> bool:
 
 def words_of_dimension(dimension: LinearDimension) -> Words:
     """The text, above its line, or left of it where it is read from the right."""
-    away = ABOVE * dimension.height_mm
-    if dimension.turned_deg == 0:
-        return Words(
-            (dimension.text_mm, dimension.line_mm + away), dimension.text, dimension.height_mm, "center", turned_deg=0
-        )
-    return Words(
-        (dimension.line_mm - away, dimension.text_mm), dimension.text, dimension.height_mm, "center", turned_deg=90
-    )
+    away = ABOVE * dimension.height_mm * (1.0 if dimension.turned_deg == 0 else -1.0)
+    place = dimension.at(dimension.text_mm, dimension.line_mm + away)
+    return Words(place, dimension.text, dimension.height_mm, "center", dimension.turned_deg)
 
 
 def strokes_of(dimension: LinearDimension) -> list[Stroke]:
@@ -245,24 +206,14 @@ def strokes_of(dimension: LinearDimension) -> list[Stroke]:
     text_low, text_high = text_span(dimension)
     first, last = min(first, text_low), max(last, text_high)  # the line goes on below a text outside
     found = [_line(dimension, (first, line), (last, line))]
-    for along, across in (_places(dimension, dimension.start), _places(dimension, dimension.end)):
+    for along, across in (dimension.at(*dimension.start), dimension.at(*dimension.end)):
         past = line + np.sign(line - across) * BEYOND * size
         found.append(_line(dimension, (along, across), (along, past)))
-    outward = _turned(dimension, np.array([(1.0 if wide else -1.0, 0.0)]))[0]
+    outward = np.array(dimension.at(1.0 if wide else -1.0, 0.0))
     for tip, out in ((low, -outward), (high, outward)):
-        found.append(arrow_head(_turned(dimension, np.array([(tip, line)]))[0], out, ARROW * size))
+        found.append(arrow_head(np.array(dimension.at(tip, line)), out, ARROW * size))
     return found
 
 
-def _places(dimension: LinearDimension, place: Place) -> Place:
-    """Along and across the dimension line."""
-    return place if dimension.turned_deg == 0 else (place[1], place[0])
-
-
 def _line(dimension: LinearDimension, first: Place, last: Place) -> Stroke:
-    return Stroke(_turned(dimension, np.array([first, last])))
-
-
-def _turned(dimension: LinearDimension, points: Points) -> Points:
-    turned: Points = points if dimension.turned_deg == 0 else points[:, ::-1]
-    return turned
+    return Stroke(np.array([dimension.at(*first), dimension.at(*last)]))

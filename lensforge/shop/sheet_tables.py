@@ -1,16 +1,22 @@
-"""Frame, title block, and the table of the two optical faces and the material, as the drawing has them.
+"""Tables of the drawing: of the two optical faces and the material, and of the tolerances.
 
-The table is in the notation of ISO 10110; conformance is not claimed. 3/ form, 4/ centring of the outer face to the
+The first is in the notation of ISO 10110; conformance is not claimed. 3/ form, 4/ centring of the outer face to the
 inner one, 5/ imperfections; 0/, 1/, 2/ stress, bubbles and homogeneity of the material. Rq and RΔq: height and slope of
 the roughness, rms. A dash stands where neither spec nor preset says more.
 """
 
 import re
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 from lensforge.cad.part import Part
 from lensforge.cad.plan import INNER, OUTER
+from lensforge.errors import InputError
 from lensforge.optics.material import D_LINE_NM
+from lensforge.results import Group
+from lensforge.results.numerals import NOTHING
 from lensforge.scene.lens import Lens
+from lensforge.scene.tolerance_factors import Factor, amount_words, factors_of
 from lensforge.shop.check_result import Check, FaceName
 from lensforge.shop.dimensions import widest_mm
 from lensforge.shop.sheet import Marks
@@ -18,10 +24,10 @@ from lensforge.shop.sheet_marks import row, row_height
 from lensforge.spec import DrawingSection
 
 _WIDTHS = (71.0, 38.0, 71.0)  # mm on A3
-_DASH = "–"
-# Faces that the spec gives by a formula; those of files have none.
-_SHAPES = {kind: kind for kind in ("sphere", "asphere", "biconic")}
+_SHAPES = ("sphere", "asphere", "biconic")  # faces that the spec gives by a formula; those of files have none
 
+_OF_ASSEMBLY = ("source_", "lens_")
+_RMS, _PEAK = ("_form_um", "_waviness_um"), ("_ripple_um",)
 Rows = list[list[str]]
 
 
@@ -35,9 +41,9 @@ def optical_table(lens: Lens, part: Part, check: Check, words: DrawingSection) -
         spec.material,
         f"n = {spec.refractive_index:g}{f' ±{index:g}' if index else ''}",
         index_wavelength(lens),
-        f"0/ {_DASH}",
-        f"1/ {_DASH}",
-        f"2/ {_DASH}",
+        f"0/ {NOTHING}",
+        f"1/ {NOTHING}",
+        f"2/ {NOTHING}",
         *[""] * (len(outer) - 7),
     ]
     return [list(texts) for texts in zip(outer, material, inner, strict=True)]
@@ -78,20 +84,20 @@ def _face(name: FaceName, lens: Lens, part: Part, check: Check, words: DrawingSe
         _form(name, lens),
         _profile(name, lens, part),
         _centring(name, lens),
-        f"5/ {words.imperfections or _DASH}",
+        f"5/ {words.imperfections or NOTHING}",
         _texture(name, lens, words.roughness_nm),
-        f"Coating: {_DASH if coating is None else coating.title}; {found.area_mm2:.1f} mm²",
+        f"Coating: {NOTHING if coating is None else coating.title}; {found.area_mm2:.1f} mm²",
     ]
 
 
 def _shape(name: FaceName, lens: Lens) -> str:
     fixed = lens.spec.lens.fixed_inner if name == "inner" else lens.spec.lens.fixed_outer
-    return "freeform" if fixed is None else _SHAPES.get(fixed.kind, "freeform")
+    return fixed.kind if fixed is not None and fixed.kind in _SHAPES else "freeform"
 
 
 def _form(name: FaceName, lens: Lens) -> str:
     form, waves = _amount(lens, f"{name}_form_um"), _amount(lens, f"{name}_waviness_um")
-    words = f"3/ RMS form {form:g} µm" if form else f"3/ {_DASH}"
+    words = f"3/ RMS form {form:g} µm" if form else f"3/ {NOTHING}"
     return f"{words}; waviness {waves:g} µm" if waves else words
 
 
@@ -99,7 +105,7 @@ def _profile(name: FaceName, lens: Lens, part: Part) -> str:
     """Profile of the surface by ISO 1101, against datum A where the STEP carries it so."""
     width_um = lens.spec.manufacture.form_tolerance_um
     if width_um is None:
-        return f"Profile of the surface: {_DASH}"
+        return f"Profile of the surface: {NOTHING}"
     face = OUTER if name == "outer" else INNER
     carried = any(each.face == face and each.datum_faces for each in part.form_tolerances)
     return f"Profile of the surface: {1e-3 * width_um:g}{' | A' if carried else ''}"
@@ -108,10 +114,10 @@ def _profile(name: FaceName, lens: Lens, part: Part) -> str:
 def _centring(name: FaceName, lens: Lens) -> str:
     tilt, shift = _amount(lens, "outer_tilt_deg"), _amount(lens, "outer_shift_mm")
     if name == "inner":
-        return "4/ reference of the outer face" if tilt or shift else f"4/ {_DASH}"
+        return "4/ reference of the outer face" if tilt or shift else f"4/ {NOTHING}"
     words = [f"±{tilt:g}°"] if tilt else []
     words += [f"±{shift:g} mm"] if shift else []
-    return f"4/ {', '.join(words)} to the inner face" if words else f"4/ {_DASH}"
+    return f"4/ {', '.join(words)} to the inner face" if words else f"4/ {NOTHING}"
 
 
 def _texture(name: FaceName, lens: Lens, height: float | None) -> str:
@@ -125,3 +131,78 @@ def _texture(name: FaceName, lens: Lens, height: float | None) -> str:
 
 def _amount(lens: Lens, name: str) -> float:
     return lens.spec.tolerances.of(name).amount
+
+
+@dataclass(frozen=True)
+class ToleranceRow:
+    """One tolerance: its amount, where that comes from, and the largest at which enough parts pass ("" if unknown)."""
+
+    name: str
+    amount: str
+    source: str
+    at_most: str
+
+
+@dataclass(frozen=True)
+class ToleranceTable:
+    """Tolerances of the ``lens``, which its maker keeps, and of the ``assembly``: LED, and the lens on its board.
+
+    ``passing``: share of the parts that pass with them, "" where that has not been computed.
+    """
+
+    sentence: str
+    passing: str
+    lens: tuple[ToleranceRow, ...]
+    assembly: tuple[ToleranceRow, ...]
+
+
+def tolerance_table(lens: Lens, studied: Sequence[Group] = ()) -> ToleranceTable:
+    """The tolerances of the spec; ``studied``: facts of the yield under them, none where it has not been computed."""
+    section = lens.spec.tolerances
+    try:
+        factors = factors_of(section)
+    except InputError:  # all of them are 0
+        factors = ()
+    budget = {group.title: group for group in studied if group.key == "budget"}
+    rows = {factor.name: _row(lens, factor, budget.get(factor.words)) for factor in factors}
+    assembly = tuple(row for name, row in rows.items() if name.startswith(_OF_ASSEMBLY))
+    own = tuple(row for name, row in rows.items() if not name.startswith(_OF_ASSEMBLY))
+    passing = _passing(studied)
+    sentence = _sentence(studied, passing) if rows else "The specification sets no tolerances."
+    return ToleranceTable(sentence, passing, own, assembly)
+
+
+def _row(lens: Lens, factor: Factor, budget: Group | None) -> ToleranceRow:
+    section = lens.spec.tolerances
+    given = getattr(section, factor.name) is not None
+    words = amount_words(factor.name, factor.amount, factor.unit)
+    if factor.name.endswith(_RMS):
+        words = f"{words} rms"
+    elif factor.name.endswith(_PEAK):
+        words = f"{words} peak to valley"
+    elif factor.kind == "spread":
+        words = f"± {words}"
+    at_most = ""
+    if budget is not None:
+        most = budget.fact("at_most").text
+        at_most = budget.fact("interval").text if most == NOTHING else most
+    return ToleranceRow(factor.words, words, "specification" if given else f"preset “{section.preset}”", at_most)
+
+
+def _sentence(studied: Sequence[Group], passing: str) -> str:
+    if not passing:
+        return (
+            "Amounts of the specification and of its preset. How many parts pass with them has not been computed; "
+            "`lensforge yield` does."
+        )
+    wanted = [fact.text for group in studied for fact in group.select("wanted").facts]
+    if not wanted:
+        return f"{passing}."
+    return f"{passing}. At most: the amount at which {wanted[0]} of them pass, the other tolerances as they are."
+
+
+def _passing(studied: Sequence[Group]) -> str:
+    found = next((group for group in studied if group.key == "yield"), None)
+    if found is None:
+        return ""
+    return f"{found.fact('pass_rate').text} of {found.fact('parts').text} parts drawn from these amounts pass"

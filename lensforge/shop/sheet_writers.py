@@ -1,12 +1,9 @@
 """The sheet as a figure of matplotlib, from which SVG and PDF are made, and as DXF, by ezdxf.
 
-Both are vectors and true to scale. ezdxf's drawing add-on makes SVG and PDF of a DXF, too: its texts are outlines, in a
-typeface of the machine, which nobody can search or copy, and the SVG is seven times as large.
+Both are vectors and true to scale. ezdxf's drawing add-on makes texts outlines, which nobody can search or copy.
 
-The DXF has the part at its true size: in model space one unit is a millimetre of the part, and the origin is that of
-the part in the section: x there is z of the part, y is its x. Its dimensions are dimensions. Frame, texts and arrows
-are divided by the scale. A layout of the sheet's size shows all of it at the scale, so that it prints true. Signs that
-the typefaces of CAD programs lack are written out.
+The DXF has the part at its true size, its origin that of the part in the section, and dimensions that CAD programs
+measure. A layout of the sheet's size shows all of it at the scale. Signs that their typefaces lack are written out.
 """
 
 import io
@@ -21,6 +18,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 
 from lensforge.results.figure_style import INK, in_report_style
+from lensforge.results.ownership import pdf_mark
 from lensforge.shop.sheet import (
     MM_PER_POINT,
     PENS,
@@ -42,6 +40,13 @@ if TYPE_CHECKING:
 _MM_PER_INCH = 25.4
 
 
+def sheet_pdf(sheet: Sheet) -> bytes:
+    """The bytes of a PDF of one page, the sheet in vectors; the same sheet gives the same bytes."""
+    stream = io.BytesIO()
+    sheet_figure(sheet).savefig(stream, format="pdf", metadata={"CreationDate": None, "Title": sheet.title})
+    return stream.getvalue() + pdf_mark()
+
+
 @in_report_style
 def sheet_figure(sheet: Sheet) -> Figure:
     """The sheet at its size; a millimetre on paper is one unit of its axes."""
@@ -61,7 +66,8 @@ def _add_lines(axes: Axes, strokes: list[Stroke], unit: float) -> None:
     lines: dict[PenName, list[Points]] = defaultdict(list)
     for stroke in strokes:
         if not stroke.filled:
-            lines[stroke.pen].append(_chain(stroke))
+            ends = stroke.points[:1] if stroke.closed else stroke.points[:0]
+            lines[stroke.pen].append(np.vstack([stroke.points, ends]))
     for name, chains in lines.items():
         pen = PENS[name]
         width = pen.width_mm * unit / MM_PER_POINT
@@ -71,10 +77,6 @@ def _add_lines(axes: Axes, strokes: list[Stroke], unit: float) -> None:
         )
     filled = [stroke.points for stroke in strokes if stroke.filled]
     axes.add_collection(PolyCollection(filled, facecolors=INK, edgecolors="none", clip_on=False))
-
-
-def _chain(stroke: Stroke) -> Points:
-    return np.vstack([stroke.points, stroke.points[:1]]) if stroke.closed else stroke.points
 
 
 def _write_words(axes: Axes, words: Words) -> None:
@@ -177,12 +179,8 @@ def _place(sheet: Sheet, at: Place) -> Place:
     return (at[0] - sheet.origin[0]) / sheet.scale, (at[1] - sheet.origin[1]) / sheet.scale
 
 
-def _places(sheet: Sheet, points: Points) -> list[Place]:
-    return [(x, y) for x, y in ((points - np.array(sheet.origin)) / sheet.scale).tolist()]
-
-
 def _add_stroke(document: "Drawing", sheet: Sheet, stroke: Stroke) -> None:
-    points, attributes = _places(sheet, stroke.points), {"layer": stroke.pen.upper()}
+    points, attributes = [_place(sheet, (x, y)) for x, y in stroke.points.tolist()], {"layer": stroke.pen.upper()}
     space = document.modelspace()
     if stroke.filled:
         space.add_solid(points, dxfattribs=attributes)
@@ -213,10 +211,8 @@ def plain_text(text: str) -> str:
 
 def _add_dimension(document: "Drawing", sheet: Sheet, dimension: LinearDimension) -> None:
     """A dimension that CAD programs measure themselves: ``<>`` in its text is the length between its ends."""
-    line = dimension.line_mm
-    base = (dimension.text_mm, line) if dimension.turned_deg == 0 else (line, dimension.text_mm)
     made = document.modelspace().add_linear_dim(
-        base=_place(sheet, base),
+        base=_place(sheet, dimension.at(dimension.text_mm, dimension.line_mm)),
         p1=_place(sheet, dimension.start),
         p2=_place(sheet, dimension.end),
         angle=dimension.turned_deg,

@@ -1,153 +1,135 @@
 """The handover to the shop, from the results of a lens: drawing, page, PDF and DXF of the same content, and tables."""
 
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import Protocol
 
 from jinja2 import Environment, FileSystemLoader
 from markupsafe import Markup
+from matplotlib.figure import Figure
 
-from lensforge.cad.part import Part
-from lensforge.results import Group
+from lensforge.cad.part import SURFACES_FILE, Part, part_facts
+from lensforge.results import Fact, Group
 from lensforge.results.figure_style import to_svg
+from lensforge.results.numerals import quantity, with_unit
 from lensforge.scene.lens import Lens
-from lensforge.shop.check_facts import finding_groups
+from lensforge.shop.check_facts import check_facts, finding_groups
 from lensforge.shop.check_result import Check
-from lensforge.shop.dense_table import GridRequest, MeasuredTable, dense_tables, file_name, table_text
 from lensforge.shop.dimensions import dimensions
-from lensforge.shop.drawing import DrawingContent, drawing_content, make_sheet, scale_words, tool_advice
-from lensforge.shop.handover import DXF_FILE, PDF_FILE, POINTS_FILE, SAG_FILE, Handover, PointGrid
-from lensforge.shop.handover_facts import DEFINITION, face_groups, shop_facts, table_facts
-from lensforge.shop.offset_face import offset_faces
-from lensforge.shop.point_files import origin_lines, points_table, ring_angles, sag_table
+from lensforge.shop.drawing import DrawingContent, drawing_content, make_sheet, scale_words
+from lensforge.shop.handover import DXF_FILE, PDF_FILE, POINTS_FILE, Handover, PointGrid
+from lensforge.shop.point_tables import (
+    GridRequest,
+    dense_tables,
+    origin_lines,
+    points_table,
+    ring_angles,
+)
 from lensforge.shop.sheet import Sheet, shown
-from lensforge.shop.sheet_pdf import Pictures, Table, pdf_of
-from lensforge.shop.sheet_writers import sheet_dxf, sheet_figure
+from lensforge.shop.sheet_tables import ToleranceTable, tolerance_table
+from lensforge.shop.sheet_writers import sheet_dxf, sheet_figure, sheet_pdf
 from lensforge.shop.surface_figures import curvature_map, sag_map
-from lensforge.shop.tolerance_table import ToleranceTable, tolerance_table
 from lensforge.spec import DrawingSection
+from lensforge.spec.spec_section import rounded_up
 
 _TEMPLATES = Path(__file__).with_name("templates")
+Pictures = list[tuple[str, Figure]]
 
 
-class HandedOver(Protocol):
-    """Results of a lens that goes to the shop; each property raises :class:`MissingResult` where it is missing."""
+@dataclass(frozen=True)
+class Table:
+    """A table of the page: ``sentences`` above it, its ``head``, if any, and rows."""
 
-    @property
-    def lens(self) -> Lens:
-        """The lens."""
-
-    @property
-    def part(self) -> Part:
-        """The part and its files."""
-
-    @property
-    def check(self) -> Check:
-        """The manufacturing check."""
-
-    @property
-    def yield_facts(self) -> list[Group]:
-        """Facts of the yield; empty where it has not been computed."""
+    title: str
+    rows: Sequence[Sequence[str]] = ()
+    head: Sequence[str] = ()
+    sentences: Sequence[str] = ()
 
 
 def make_handover(
-    results: HandedOver, request: GridRequest | None = None, words: DrawingSection | None = None
+    part: Part,
+    check: Check,
+    studied: list[Group],
+    request: GridRequest | None = None,
+    words: DrawingSection | None = None,
 ) -> Handover:
-    """Make the files that go to the shop with the STEP. Raises :class:`MissingResult` without part or check.
+    """Make the files that go to the shop with the STEP.
 
-    ``request``: of the dense tables. Raises :class:`InputError` where they cannot be made so. ``words``: of title block
-    and notes; None: those of the spec.
+    ``studied``: facts of the yield, empty where it has not been computed. ``request``: of the dense tables. ``words``:
+    of title block and notes; None: those of the spec. Raises :class:`InputError` for tables that cannot be made so.
     """
-    lens, part, check, request = results.lens, results.part, results.check, request or GridRequest()
-    faces, head = offset_faces(lens, check, {"inner": 0.0, "outer": 0.0}), origin_lines(lens, part)
-    grids = tuple(_point_grid(measured, head, request) for measured in dense_tables(lens, check, request))
+    lens, request = part.lens, request or GridRequest()
+    head = origin_lines(lens, part)
+    grids = dense_tables(lens, head, request)
     tables = {
-        POINTS_FILE: points_table(faces, head).encode(),
-        SAG_FILE: sag_table(faces, check, head).encode(),
+        POINTS_FILE: points_table(lens, check, head).encode(),
         **{grid.file: grid.content for grid in grids},
     }
-    tolerances, words = tolerance_table(lens, results.yield_facts), words or lens.spec.drawing
+    tolerances, words = tolerance_table(lens, studied), words or lens.spec.drawing
     drawn = drawing_content(lens, part, check, dimensions(lens), tolerances, words)
     sheet = make_sheet(drawn, words.sheet or "A3")
     dxf, figures = sheet_dxf(sheet), _pictures(check)
     hashes = {name: stamp.sha256 for name, stamp in part.files.items()}
     hashes |= {name: sha256(content).hexdigest() for name, content in {**tables, DXF_FILE: dxf}.items()}
-    content = _tables(results, drawn, words, tolerances, grids, hashes)
-    title = f"{drawn.title.title}: for manufacture"
+    content = _tables(part, check, drawn, tolerances, grids, hashes)
+    title = f"{drawn.title}: for manufacture"
     return Handover(
         name=title,
         html=_page(title, sheet, content, figures, lens.version).encode(),
-        pdf=pdf_of(title, sheet_figure(sheet), content, figures),
+        pdf=sheet_pdf(sheet),
         dxf=dxf,
         points_csv=tables[POINTS_FILE],
-        sag_csv=tables[SAG_FILE],
-        points=len(faces) * len(ring_angles()),
+        points=2 * len(ring_angles()),
         grids=grids,
         sha256=hashes,
         refused=tuple(verdict for verdict in check.verdicts if not verdict.holds),
     )
 
 
-def _point_grid(measured: MeasuredTable, head: list[str], request: GridRequest) -> PointGrid:
-    table = measured.table
-    return PointGrid(
-        file=file_name(table),
-        face=table.face.name,
-        spacing_mm=table.spacing_mm,
-        interpolation=request.interpolation,
-        error_nm=measured.error_nm,
-        offset_mm=table.face.offset_mm,
-        points=len(table.rows),
-        content=table_text(measured, head, request).encode(),
-    )
-
-
 def _tables(
-    results: HandedOver,
+    part: Part,
+    check: Check,
     drawn: DrawingContent,
-    words: DrawingSection,
     tolerances: ToleranceTable,
     grids: tuple[PointGrid, ...],
     hashes: dict[str, str],
 ) -> list[Table]:
-    """Content of page and PDF beside drawing and pictures."""
-    lens, part, check = results.lens, results.part, results.check
-    datums = [*(f"{line}." for line in drawn.views.datums.lines), DEFINITION]
+    """Content of the page beside drawing and pictures."""
+    lens = part.lens
     sizes = [(size.name, shown(size.value_mm), size.tolerance, size.scope_words) for size in drawn.views.dimensions]
     notes = [f"{number}. {note}" for number, note in enumerate(drawn.notes, 1)]
     outer, inner = face_groups(lens, check)
     findings = [
-        (f"{group.title}: {fact.label.lower()}", fact.text, fact.note)
-        for group in finding_groups(check, lens.spec)
+        (f"{group.title}: {fact.label.lower()}", fact.text, ". Change: ".join(filter(None, (fact.note, fact.remedy))))
+        for group in finding_groups(check)
         for fact in group.facts
     ]
-    changes, criteria = tool_advice(lens, check), [each.fact for each in (*part.criteria, *check.criteria)]
+    criteria = [each.fact for each in (*part.criteria, *check.criteria)]
     judged = [(fact.label, fact.text, fact.asked, fact.state) for fact in criteria]
     dense = table_facts(grids)
     return [
-        Table("Part", _rows(shop_facts(lens, part, check, words))),
-        Table("Datums", sentences=datums),
-        Table("Sizes", sizes, ("Size", "mm", "Tolerance", "Where"), (0.44, 0.12, 0.14, 0.3)),
+        Table("Part", _rows(shop_facts(lens, part, check))),
+        Table("Sizes", sizes, ("Size", "mm", "Tolerance", "Where")),
         Table("Notes of the drawing", sentences=notes),
         *_tolerance_tables(tolerances),
         Table("Outer face", _rows(outer)),
         Table("Inner face", _rows(inner)),
-        Table("Can it be cut?", findings, ("Question", "", "Answer"), (0.2, 0.08, 0.72)),
-        *([Table("Changes of the specification that would help", sentences=changes)] if changes else []),
-        Table("Criteria on files and shape", judged, ("Criterion", "Value", "Limit", "State"), (0.5, 0.2, 0.2, 0.1)),
+        Table("Can it be cut?", findings, ("Question", "", "Answer")),
+        Table("Criteria on files and shape", judged, ("Criterion", "Value", "Limit", "State")),
         Table(dense.title, _rows(dense)),
-        Table("SHA-256", list(hashes.items()), shares=(0.3, 0.7)),
+        Table("SHA-256", list(hashes.items())),
     ]  # fmt: skip
 
 
 def _tolerance_tables(tolerances: ToleranceTable) -> list[Table]:
     """A table for each group, its last column only where an amount is known; the sentence above all of them."""
-    head, shares = ("Tolerance", "Amount", "From", "At most"), (0.36, 0.24, 0.2, 0.2)
+    head = ("Tolerance", "Amount", "From", "At most")
     found = [Table("Tolerances", sentences=[tolerances.sentence])]
-    for title, rows in tolerances.groups.items():
+    for title, rows in (("The lens", tolerances.lens), ("LED and mounting", tolerances.assembly)):
         columns = 4 if any(row.at_most for row in rows) else 3
         texts = [(row.name, row.amount, row.source, row.at_most)[:columns] for row in rows]
-        found.append(Table(title, texts, head[:columns], shares[:columns]))
+        found += [Table(title, texts, head[:columns])] if rows else []
     return found
 
 
@@ -175,3 +157,55 @@ def _page(title: str, sheet: Sheet, tables: list[Table], figures: Pictures, vers
     environment = Environment(loader=FileSystemLoader(_TEMPLATES), autoescape=True)
     template = environment.get_template("manufacturing.html")
     return template.render(title=title, tables=tables, pictures=pictures, version=version)
+
+
+def shop_facts(lens: Lens, part: Part, check: Check) -> Group:
+    """Facts on the part and its files, beyond those of its title block."""
+    files = part_facts(part)[0].select("form_error", "normal_error", "volume", "mass", "schema", "surfaces").facts
+    walls = next(group for group in check_facts(check, lens.spec) if group.key == "wall").facts
+    facts = (
+        *_make(lens, part),
+        *files,
+        *walls,
+        Fact("sha256", "Lens, SHA-256", lens.sha256),
+        Fact("lensforge", "lensforge", lens.version),
+    )
+    return Group("shop", "Part", facts)
+
+
+def face_groups(lens: Lens, check: Check) -> list[Group]:
+    """Facts of the outer and of the inner face."""
+    named = {group.key: group for group in check_facts(check, lens.spec)}
+    return [named["outer"], named["inner"]]
+
+
+def table_facts(grids: tuple[PointGrid, ...]) -> Group:
+    """Facts on the dense tables of points."""
+    return Group("tables", "Dense tables of points", tuple(map(_grid, grids)))
+
+
+def _make(lens: Lens, part: Part) -> Iterator[Fact]:
+    """Object that is cut; of a mould insert the shrinkage, and the files that carry it."""
+    shop = lens.spec.manufacture
+    made = {"part": "the lens itself", "insert": "mould inserts"}[shop.make]
+    yield Fact("make", "To be manufactured", made)
+    if shop.make == "insert":
+        scale = quantity(shop.scale, digits=12)
+        mould = "the tables of points, figures and pictures of the optical faces"
+        if part.untrimmed_surfaces is not None:
+            mould = f"{SURFACES_FILE}, {mould}"
+        note = (
+            f"{mould} are those of the mould: the lens times {scale} about the origin; lens.step, lens.stl, lens.3mf, "
+            "section, dimensions, volume and wall are of the moulded lens"
+        )
+        yield Fact("shrinkage", "Shrinkage", shop.shrinkage, note=note, digits=12)
+
+
+def _grid(grid: PointGrid) -> Fact:
+    """Points, spacing and error of a dense table."""
+    spacing, error = quantity(grid.spacing_mm, "mm", digits=4), with_unit(rounded_up(grid.error_nm, 3), "nm")
+    note = (
+        f"on the face, up to {spacing} apart; {grid.interpolation} interpolation errs by at most {error} "
+        "along the normal; each node has its normal from the material into the air"
+    )
+    return Fact("grid", grid.file, grid.points, "points", note=note)

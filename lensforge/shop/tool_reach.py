@@ -8,7 +8,6 @@ Contacts and obstacles are samples, so a collision that is narrower than their s
 for planning; the shop's own simulation decides.
 """
 
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -19,7 +18,7 @@ from lensforge.cad.plan import Plan, base_corners
 from lensforge.shop.ball_clearance import CustomBaseMesh
 from lensforge.shop.ball_cutter import largest_ball_mm, reachable
 from lensforge.shop.check_result import ToolReach, ToolResult
-from lensforge.shop.face_check import FaceCheck, bounded
+from lensforge.shop.face_check import FaceCheck
 from lensforge.shop.face_samples import AirSide, FaceSamples, sample_face
 from lensforge.spec import Tool
 
@@ -32,15 +31,6 @@ _AROUND, _RINGS = 96, 9  # points around the base, and rings between two of its 
 _AWAY = {AirSide.OUTSIDE: np.array([0.0, 0.0, 1.0]), AirSide.INSIDE: np.array([0.0, 0.0, -1.0])}
 
 
-@dataclass(frozen=True)
-class Reached:
-    """Shares of a face's area: reached by the ball alone, by the untilted tool, and by the tool at any allowed tilt."""
-
-    ball: float
-    untilted: float
-    tilted: float
-
-
 def tool_reach(
     samples: FaceSamples,
     ball_fits: Bool[np.ndarray, " k"],
@@ -48,7 +38,7 @@ def tool_reach(
     away: Float[np.ndarray, "3"],
     max_tilt_rad: float,
     obstacles: Float[np.ndarray, "m 3"],
-) -> Reached:
+) -> ToolReach:
     """Shares of a face that ``tool`` reaches; ``away``: unit vector along the untilted tool, from ball to holder.
 
     ``ball_fits``: True where its ball alone reaches; ``obstacles``: points of the part, the face's own among them.
@@ -64,7 +54,11 @@ def tool_reach(
         shares.append(samples.fraction(reached))
         if not len(remaining):
             break
-    return Reached(samples.fraction(ball_fits), shares[0], shares[-1])
+    return ToolReach(
+        ball_reachable_fraction=samples.fraction(ball_fits),
+        reachable_fraction_untilted=shares[0],
+        reachable_fraction=shares[-1],
+    )
 
 
 def tool_axes(away: Float[np.ndarray, "3"], max_tilt_rad: float) -> Float[np.ndarray, "n 3"]:
@@ -120,15 +114,7 @@ def check_tools(
         return ()
     reaches = [_reaches(tools, face, _obstacles(face, plan, custom), max_tilt_rad) for face in (inner, outer)]
     return tuple(
-        ToolResult(
-            name=tool.name,
-            radius_mm=tool.radius_mm,
-            shank_radius_mm=tool.shank_radius_mm,
-            length_mm=tool.length_mm,
-            holder_half_angle_deg=tool.holder_half_angle_deg,
-            inner=of_inner,
-            outer=of_outer,
-        )
+        ToolResult(**tool.model_dump(), inner=of_inner, outer=of_outer)
         for tool, of_inner, of_outer in zip(tools, *reaches, strict=True)
     )
 
@@ -139,18 +125,9 @@ def _reaches(
     """The shares of one face that each tool reaches."""
     contacts = sample_face(face.samples.face, _CONTACT_NODES)
     ball, away = largest_ball_mm(contacts, face.samples.points), _AWAY[face.samples.face.air]
-    found = []
-    for tool in tools:
-        reached = tool_reach(contacts, reachable(ball, tool.radius_mm), tool, away, max_tilt_rad, obstacles)
-        found.append(
-            ToolReach(
-                ball_reachable_fraction=reached.ball,
-                reachable_fraction_untilted=reached.untilted,
-                reachable_fraction=reached.tilted,
-                largest_radius_mm=bounded(face.largest_cutter_mm),
-            )
-        )
-    return found
+    return [
+        tool_reach(contacts, reachable(ball, tool.radius_mm), tool, away, max_tilt_rad, obstacles) for tool in tools
+    ]
 
 
 def _obstacles(face: FaceCheck, plan: Plan[Patch] | None, custom: CustomBaseMesh | None) -> Float[np.ndarray, "m 3"]:

@@ -31,7 +31,6 @@ from lensforge.shop.sheet_marks import (
     occupied,
     section_plane,
     text_span,
-    turned_mark,
     words_of_dimension,
 )
 from lensforge.shop.view_lines import SectionView, ViewLine
@@ -67,16 +66,19 @@ class ViewContent:
         return _box(np.concatenate([*(line.points for line in self.dome), [(-half, -half), (half, half)]]))
 
     @property
+    def boxes(self) -> list[Box]:
+        """The boxes of all views."""
+        return [self.dome_box, self.base_box, *map(self.section_box, self.sections)]
+
+    @property
     def width(self) -> float:
         """Width (mm, of the part) of all views beside each other."""
-        boxes = [self.dome_box, self.base_box, *map(self.section_box, self.sections)]
-        return sum(box[2] - box[0] for box in boxes)
+        return sum(box[2] - box[0] for box in self.boxes)
 
     @property
     def half_height(self) -> float:
         """Largest distance (mm, of the part) from the axis in any view."""
-        boxes = [self.dome_box, self.base_box, *map(self.section_box, self.sections)]
-        return max(max(-box[1], box[3]) for box in boxes)
+        return max(max(-box[1], box[3]) for box in self.boxes)
 
     def drawn(self, view: View) -> list[Dimension]:
         """Dimensions that are drawn in ``view``."""
@@ -89,8 +91,8 @@ def room_of(marks: Marks) -> Box:
     boxes += [box_of(words) for words in marks.words]
     boxes += [box_of(words_of_dimension(each)) for each in marks.dimensions]
     for each in marks.dimensions:
-        (low, high), line = occupied(each), each.line_mm
-        boxes.append((low, line, high, line) if each.turned_deg == 0 else (line, low, line, high))
+        low, high = occupied(each)
+        boxes.append((*each.at(low, each.line_mm), *each.at(high, each.line_mm)))
     low, high = np.array(boxes)[:, :2].min(axis=0), np.array(boxes)[:, 2:].max(axis=0)
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
@@ -134,7 +136,7 @@ def _draw_section(
     beside = [each for each in mine if each.upright and each not in beyond]
 
     def at(found: list[Dimension], first: float, step: float, *through: float) -> list[LinearDimension]:
-        return placed([_on_paper(each, scale, unit, origin) for each in found], Side(first, step, through))
+        return placed([_on_paper(each, scale, unit, origin) for each in found], first, step, through)
 
     plane = content.datums.find("A") if view == "S" else None
     marked = () if plane is None or plane.z_mm is None else (x + scale * plane.z_mm,)
@@ -149,8 +151,6 @@ def _draw_section(
         _add_centre(views, content.datums, columns, unit)
     label = 0.5 * (low + high) + x, above + 14.0 * unit
     views.words.append(Words(label, f"{section.letter}–{section.letter}", LETTERS * unit, "center"))
-    if view == "T":
-        views.add(turned_mark((label[0] - 8.0 * unit, label[1] - unit), unit))
     across = {0.0: "x", 90.0: "y"}.get(section.azimuth_deg, f"{section.azimuth_deg:g}°")
     views.add(axes_mark((label[0] + 8.0 * unit, label[1] - 2.0 * unit), "z", across, unit))
 
@@ -173,12 +173,13 @@ def _draw_base(
         half = max(-left, -bottom, right, top) + 4.0 * unit
         views.add(section_plane(centre, section.azimuth_deg, half, section.letter, unit))
     below = min(y - max(-bottom, top) - 8.0 * unit, lowest + _FIRST * unit) - _FIRST * unit
-    rows = placed([_on_paper(each, scale, unit, centre) for each in content.drawn("base")], Side(below, -_ROW * unit))
+    rows = placed([_on_paper(each, scale, unit, centre) for each in content.drawn("base")], below, -_ROW * unit)
     views.dimensions += rows
     _add_centre(views, content.datums, rows, unit)
     flat = content.datums.find("C")
     if flat is not None and not flat.dimension:
-        views.add(datum_symbol((x + 0.25 * right, y + scale * _flat_mm(content)), (0.0, 1.0), "C", unit))
+        flat_mm = next(each.value_mm for each in content.dimensions if each.name.startswith("clocking flat"))
+        views.add(datum_symbol((x + 0.25 * right, y + scale * flat_mm), (0.0, 1.0), "C", unit))
     views.add(axes_mark((x + right - 6.0 * unit, above + 12.0 * unit), "y", "x", unit))
 
 
@@ -192,7 +193,7 @@ def _draw_dome(views: Marks, content: ViewContent, scale: float, unit: float, ce
         circle = 0.5 * scale * each.value_mm * np.column_stack([np.cos(_CIRCLE), np.sin(_CIRCLE)])
         views.strokes.append(Stroke(circle + centre, "phantom"))
     lines = [_on_paper(each, scale, unit, centre) for each in sizes]
-    views.dimensions += placed(lines, Side(y + bottom - _FIRST * unit, -_ROW * unit))
+    views.dimensions += placed(lines, y + bottom - _FIRST * unit, -_ROW * unit)
     views.add(axes_mark((x + left + 6.0 * unit, above + 12.0 * unit), "y", "x", unit, towards=-1.0))
 
 
@@ -201,10 +202,6 @@ def _add_axes(views: Marks, centre: Place, box: Box, unit: float) -> None:
     (x, y), (left, bottom, right, top), more = centre, box, 4.0 * unit
     views.strokes.append(Stroke(np.array([(x + left - more, y), (x + right + more, y)]), "axis"))
     views.strokes.append(Stroke(np.array([(x, y + bottom - more), (x, y + top + more)]), "axis"))
-
-
-def _flat_mm(content: ViewContent) -> float:
-    return next(each.value_mm for each in content.dimensions if each.name.startswith("clocking flat"))
 
 
 def _on_paper(dimension: Dimension, scale: float, unit: float, origin: Place) -> LinearDimension:
@@ -249,51 +246,36 @@ def _add_centre(views: Marks, datums: DatumScheme, lines: list[LinearDimension],
         for line in lines:
             if line.name != datum.dimension:
                 continue
-            leader = far - line.ends_mm[1]
-            if line.turned_deg == 90:
-                at, towards = (line.line_mm, line.ends_mm[1]), (0.0, 1.0)
-            else:
-                at, towards = (line.ends_mm[1], line.line_mm), (1.0, 0.0)
-            views.add(datum_symbol(at, towards, datum.letter, unit, leader))
+            end = line.ends_mm[1]
+            views.add(datum_symbol(line.at(end, line.line_mm), line.at(1.0, 0.0), datum.letter, unit, far - end))
 
 
-@dataclass(frozen=True)
-class Side:
-    """A side of a view: the first dimension line there, and from each to the next (mm, negative to left and down).
+def placed(
+    dimensions: list[LinearDimension], first_mm: float, step_mm: float, through_mm: tuple[float, ...] = ()
+) -> list[LinearDimension]:
+    """``dimensions`` at a side of a view, each with its line and the place of its text, the shortest nearest to it.
 
-    ``through_mm``: places along the dimension lines at which other lines cross all of them.
+    ``first_mm``: the first dimension line; ``step_mm``: from each to the next, negative to left and down.
+    ``through_mm``: places along the dimension lines at which other lines cross all of them. Each takes the nearest row
+    in which its text is clear of all lines, also of those to come if possible.
     """
-
-    first_mm: float
-    step_mm: float
-    through_mm: tuple[float, ...] = ()
-
-
-def placed(dimensions: list[LinearDimension], side: Side) -> list[LinearDimension]:
-    """``dimensions`` at a ``side``, each with its line and the place of its text."""
     rows: list[list[LinearDimension]] = []
     waiting = sorted(dimensions, key=lambda each: each.length_mm)
     while waiting:
         dimension = waiting.pop(0)
-        ends = [*side.through_mm, *(end for other in waiting for end in other.ends_mm)]  # they will come past it
-        number, found = _best(dimension, rows, side, ends)
-        if number == len(rows):
-            rows.append([])
+        ends = [*through_mm, *(end for other in waiting for end in other.ends_mm)]  # they will come past it
+        free = (
+            (number, candidate)
+            for coming in (ends, [])
+            for number in range(len(rows) + 1)
+            for candidate in _candidates(dimension, first_mm + number * step_mm, coming)
+            if _is_free(candidate, number, rows, coming)
+        )
+        last = len(rows)
+        number, found = next(free, (last, next(_candidates(dimension, first_mm + last * step_mm, []))))
+        rows += [[]] if number == last else []
         rows[number].append(found)
     return [dimension for row in rows for dimension in row]
-
-
-def _best(
-    dimension: LinearDimension, rows: list[list[LinearDimension]], side: Side, ends: list[float]
-) -> tuple[int, LinearDimension]:
-    """Row and place: the nearest row in which the text is clear of all lines, also of those to come if possible."""
-    for coming in (ends, []):
-        for number in range(len(rows) + 1):
-            for candidate in _candidates(dimension, side.first_mm + number * side.step_mm, coming):
-                if _is_free(candidate, number, rows, coming):
-                    return number, candidate
-    last = len(rows)
-    return last, next(_candidates(dimension, side.first_mm + last * side.step_mm, []))
 
 
 def _candidates(dimension: LinearDimension, line_mm: float, lines: list[float]) -> Iterator[LinearDimension]:
@@ -308,11 +290,7 @@ def _candidates(dimension: LinearDimension, line_mm: float, lines: list[float]) 
     beyond = [line + past for line in lines if line + past > high + outside]
     beyond += [line - past for line in lines if line - past < low - outside]
     for place in (*places, *sorted(beyond, key=lambda each: abs(each - middle))):
-        yield _at(dimension, line_mm, place)
-
-
-def _at(dimension: LinearDimension, line_mm: float, text_mm: float) -> LinearDimension:
-    return replace(dimension, line_mm=line_mm, text_mm=text_mm)
+        yield replace(dimension, line_mm=line_mm, text_mm=place)
 
 
 def _is_free(candidate: LinearDimension, number: int, rows: list[list[LinearDimension]], coming: list[float]) -> bool:

@@ -68,22 +68,14 @@ def _edges(lens: Lens, azimuth: float) -> list[Points]:
 
 
 def _silhouettes(lens: Lens, azimuth: float) -> list[ViewLine]:
-    """Lines of the dome where it is wider behind the plane of the section, and, cut off, before it."""
+    """Lines of the dome where it is wider behind the plane of the section."""
     across, towards = rim_directions(np.array([azimuth, azimuth + 0.5 * np.pi]))
     turn = np.linspace(-0.5 * np.pi, 0.5 * np.pi, _AZIMUTHS)
     plane = np.sin(turn)[:, None] * across + np.cos(turn)[:, None] * _AXIS
     plane[[0, -1], 2] = 0.0  # the rim lies in z = 0 exactly
-    cut, behind, before = (
-        lens.outer.radius(plane),
-        _seen_along(lens, plane, -towards),
-        _seen_along(lens, plane, towards),
-    )
-
-    def beyond(radius: Float[np.ndarray, " n"], others: Float[np.ndarray, " n"], pen: PenName) -> list[ViewLine]:
-        line = np.column_stack([radius * np.cos(turn), radius * np.sin(turn)])
-        return _pieces(line, radius > others + _BEYOND_MM, pen, None)
-
-    return [*beyond(behind, cut, "outline"), *beyond(before, np.maximum(cut, behind), "phantom")]
+    cut, behind = lens.outer.radius(plane), _seen_along(lens, plane, -towards)
+    line = np.column_stack([behind * np.cos(turn), behind * np.sin(turn)])
+    return _pieces(line, behind > cut + _BEYOND_MM, "outline", None)
 
 
 def end_lines(lens: Lens) -> list[ViewLine]:

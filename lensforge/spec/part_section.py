@@ -1,11 +1,12 @@
 """The part and the shop: ``[base]``, which holds the lens below z = 0, ``[manufacture]``, and ``[drawing]``."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
 from lensforge.errors import InputError
+from lensforge.spec.renamed import with_new_names
 from lensforge.spec.spec_files import read_toml
 from lensforge.spec.spec_section import (
     CalendarDate,
@@ -138,6 +139,11 @@ class Tool(Section):
 class ManufactureSection(Section):
     """Equipment of the shop: the paper's ball cutter by default, and any further tools with shank and holder."""
 
+    @model_validator(mode="before")
+    @classmethod
+    def _old_names(cls, content: Any) -> Any:
+        return with_new_names("ManufactureSection", content)
+
     cutter_radius_mm: Millimetres = 1.0
     """Radius of the ball cutter."""
     tools: Annotated[tuple[Tool, ...], Field(max_length=100)] = ()
@@ -154,10 +160,6 @@ class ManufactureSection(Section):
     """Count a part that cannot be cut as a failure of the run."""
     max_tilt_deg: Annotated[float, Field(ge=0.0, le=120.0)] = 90.0
     """Largest angle between a tool's axis and the lens axis."""
-    stepover_mm: Millimetres = 0.02
-    """Distance between passes."""
-    slope_limit_mrad: Annotated[float, Field(gt=0.0, le=500.0)] = 1.0
-    """Largest slope of the cusps that the passes leave."""
     author: Label = ""
     """Author of the files for the shop."""
     organisation: Label = ""

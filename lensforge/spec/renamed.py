@@ -1,6 +1,7 @@
 """Old names of spec fields, read for one version: each with the name that took its place, and what it implied.
 
-A spec with an old name is read, and a :class:`~lensforge.errors.RenamedWarning` says the new one.
+A spec with an old name is read, and a :class:`~lensforge.errors.RenamedWarning` says the new one, or that none
+took its place.
 """
 
 import warnings
@@ -13,7 +14,7 @@ from lensforge.errors import RenamedWarning
 
 @dataclass(frozen=True)
 class NewName:
-    """Name of a field now, and the fields that its old name implied."""
+    """Name of a field now, "" where it has gone, and the fields that its old name implied."""
 
     name: str
     implied: Mapping[str, str] = field(default_factory=dict)
@@ -26,6 +27,7 @@ RENAMED: dict[str, dict[str, NewName]] = {
         for bound in ("at_least", "at_most")
         for unit in ("w_per_m2", "lx", "w_per_sr", "cd", "relative")
     },
+    "ManufactureSection": {"stepover_mm": NewName(""), "slope_limit_mrad": NewName("")},
 }
 
 
@@ -42,6 +44,9 @@ def with_new_names(section: str, content: Any) -> Any:
         if old not in old_names or value is None:
             continue
         new = old_names[old]
+        if not new.name:
+            warnings.warn(f"{old} is read no more, and goes with the next version", RenamedWarning, stacklevel=2)
+            continue
         for name, implied in {new.name: value, **new.implied}.items():
             if table.setdefault(name, implied) != implied:
                 raise ValueError(f"{old} = {value} does not go with {name} = {table[name]}; give one of them")

@@ -59,11 +59,11 @@ def test_too_few_nodes_fail_the_form_criteria_without_raising():
 def twice(tmp_path_factory):
     """One lens built twice, and the second time's folder, the current one and that of temporary files."""
     lens, folder = make_lens(0.8, 2.45, 0.01), tmp_path_factory.mktemp("empty")
-    first = build_part(lens, rings=16, runout_deg=8.0)
+    first = build_part(lens, rings=16, extension_deg=8.0)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("tempfile.tempdir", str(folder))
         patch.chdir(folder)
-        return first, build_part(lens, rings=16, runout_deg=8.0), folder
+        return first, build_part(lens, rings=16, extension_deg=8.0), folder
 
 
 def test_a_full_or_missing_temporary_folder_is_one_line(tmp_path, monkeypatch):
@@ -83,7 +83,7 @@ def test_the_same_lens_gives_the_same_bytes_and_leaves_no_file(twice):
 
 def test_ap242_and_untrimmed_surfaces_on_request():
     lens = make_lens(0.8, 2.45, 0.01)
-    part = build_part(lens, rings=16, schema="AP242", runout_deg=8.0)
+    part = build_part(lens, rings=16, schema="AP242", extension_deg=8.0)
     assert failed(part) == []
     for content in (part.step, part.surfaces_step):
         text = content.decode()
@@ -106,17 +106,22 @@ def test_untrimmed_faces_are_judged_as_those_of_the_part(twice, monkeypatch):
     assert judged["surfaces_form_error"].value == part.untrimmed_surfaces.form_error_nm
     assert judged["surfaces_normal_error"].value == part.untrimmed_surfaces.normal_error_mrad
 
-    def larger(surface, nodes, runout_deg):
-        return fit_extended(scaled(surface, 1.0 + 1e-6), nodes, runout_deg)
+    def larger(surface, nodes, extension_deg):
+        return fit_extended(scaled(surface, 1.0 + 1e-6), nodes, extension_deg)
 
     monkeypatch.setattr(part_export, "fit_extended", larger)  # 2 nm on the outer face
-    assert failed(build_part(part.lens, rings=16, runout_deg=8.0)) == ["surfaces_form_error"]
+    assert failed(build_part(part.lens, rings=16, extension_deg=8.0)) == ["surfaces_form_error"]
 
 
-@pytest.mark.parametrize("runout_deg", [0.0, -3.0, 45.0])
-def test_a_runout_out_of_range_is_refused(runout_deg):
-    with pytest.raises(InputError, match=f"run-out = {runout_deg:g} degrees"):
-        build_part(make_lens(0.8, 2.45), rings=16, runout_deg=runout_deg)
+def test_a_base_that_does_not_hold_the_cavity_is_refused():
+    with pytest.raises(InputError, match=r"base\.diameter_mm"):
+        build_part(make_lens(0.8, 2.45, base={"diameter_mm": 1.0}))
+
+
+@pytest.mark.parametrize("extension_deg", [0.0, -3.0, 45.0])
+def test_an_extension_out_of_range_is_refused(extension_deg):
+    with pytest.raises(InputError, match=f"extension = {extension_deg:g} degrees"):
+        build_part(make_lens(0.8, 2.45), rings=16, extension_deg=extension_deg)
 
 
 @pytest.mark.parametrize("knob", [{"rings": 0}, {"rings": 5000}, {"nodes": 3}, {"nodes": 10_000}])

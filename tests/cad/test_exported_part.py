@@ -16,7 +16,7 @@ from lensforge.errors import InputError
 
 @pytest.fixture(scope="module")
 def part():
-    return build_part(make_lens(0.8, 2.45, 0.01, base={"diameter_mm": 8.0}), rings=16, runout_deg=5.0)
+    return build_part(make_lens(0.8, 2.45, 0.01, base={"diameter_mm": 8.0}), rings=16, extension_deg=5.0)
 
 
 def volume(shape):

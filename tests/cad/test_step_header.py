@@ -36,7 +36,7 @@ def replaced(lens, manufacture):
 def signed():
     """A signed part of AP214, whose spec has a tolerance."""
     shop = {"author": "J. O'Neil \\ Zoë", "organisation": "Optik λ", "date": "2026-03-31"}
-    return build_part(lens_for(form_tolerance_um=1.0, **shop), rings=16, runout_deg=5.0)
+    return build_part(lens_for(form_tolerance_um=1.0, **shop), rings=16, extension_deg=5.0)
 
 
 @cache
@@ -142,7 +142,7 @@ def test_a_doubled_or_additional_tolerance_is_refused(monkeypatch, faces):
 def test_the_untrimmed_faces_of_an_insert_are_the_lens_s_times_one_plus_shrinkage(shrinkage):
     plain = lens_for(make="insert")
     shrunk = lens_for(make="insert", shrinkage=shrinkage)
-    part, moulded = (build_part(lens, rings=16, runout_deg=5.0) for lens in (shrunk, plain))
+    part, moulded = (build_part(lens, rings=16, extension_deg=5.0) for lens in (shrunk, plain))
     assert part.step == moulded.step, "the part is the lens, whose light is verified"
     assert (part.stl, part.volume_mm3) == (moulded.stl, moulded.volume_mm3)
     assert part.untrimmed_surfaces.scale == 1.0 + shrinkage

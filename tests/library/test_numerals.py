@@ -48,7 +48,6 @@ def test_units_follow_by_their_own_gap(value, unit, text):
         ("inner.curvature.kappa_min_per_mm", "1/mm"),
         ("inner.best_fit_sphere.centre_mm", "mm"),
         ("inner.draft_deg.min", "°"),
-        ("inner.draft_deg.area_fraction_below_half", ""),
         ("triangulation.chord_error_um", "µm"),
         ("seconds", "s"),
         ("cast_seconds", "s"),

@@ -148,7 +148,7 @@ def test_a_search_reports_and_stops(tmp_path: Path) -> None:
         (lambda: lf.evaluate(LENS, pixels=True), "pixels = True"),
         (lambda: lf.evaluate(LENS, source=small_spec().target), "give one of the sources"),
         (lambda: lf.build(LENS, nodes="a"), "nodes = 'a'"),
-        (lambda: lf.build(LENS, runout_deg="x"), "runout_deg = 'x': a finite number"),
+        (lambda: lf.build(LENS, extension_deg="x"), "extension_deg = 'x': a finite number"),
         (lambda: lf.photometry(LENS, lumens="a"), "lumens = 'a'"),
         (lambda: lf.compare(LENS, points=5, surface="inner"), "points = 5: give the path"),
         (lambda: lf.tradeoff(small_spec(), lens="x"), "must be a Lens"),

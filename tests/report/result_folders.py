@@ -35,8 +35,6 @@ from lensforge.shop.check_result import (
     Draft,
     FaceResult,
     Finding,
-    Scallop,
-    Scallops,
     Sphere,
     Wall,
     Walls,
@@ -167,7 +165,6 @@ def check_arrays():
             ("kappa_min", -0.8 + 0.5 * points[..., 1]),
             ("kappa_max", 0.2 + 0.1 * points[..., 1]),
             ("residual_mm", np.maximum(0.0, points[..., 0] - 0.5)),
-            ("reachable", (points[..., 0] < 0.5).astype(float)),
         ):
             maps[f"{face}_{name}"] = np.where(outside, np.nan, values)
         maps[f"{face}_xyz"] = 5.0 * chart.to_sphere(points)
@@ -322,24 +319,19 @@ def make_part(lens, stl=None, **changes):
 
 def make_check(lens, **changes):
     sphere = Sphere(
-        variant="least_squares", radius_mm=8.25, centre_mm=(0.0, 0.0, 1.5), pv_mm=0.4, rms_mm=0.1,
-        slope_departure_mrad=12.5,
+        radius_mm=8.25, centre_mm=(0.0, 0.0, 1.5), pv_mm=0.4, rms_mm=0.1,
     )  # fmt: skip
     face = FaceResult(
         best_fit_sphere=sphere,
-        other_spheres=(sphere.model_copy(update={"variant": "enclosing"}),),
         curvature=Curvature(kappa_min_per_mm=-1.3, kappa_max_per_mm=0.3, smallest_concave_radius_mm=0.775),
-        cutter=Cutter(
-            radius_mm=1.0, reachable_fraction=0.75, local_ok_fraction=0.875, largest_radius_mm=0.77, residual_mm=0.5
-        ),
-        draft_deg=Draft(min=-3.25, area_fraction_below_half=0.0625, area_fraction_below_two=0.125),
+        cutter=Cutter(radius_mm=1.0, reachable_fraction=0.75, largest_radius_mm=0.77, residual_mm=0.5),
+        draft_deg=Draft(min=-3.25),
         undercut_fraction=0.03125,
         largest_tilt_deg=93.25,
         area_mm2=321.5,
     )
     wall = Wall(thickness_mm=1.875, inner_point_mm=(0.0, 0.0, 4.0), outer_point_mm=(0.0, 0.0, 5.875))
     thick = Wall(thickness_mm=8.0, inner_point_mm=(0.0, 0.0, 4.0), outer_point_mm=(0.0, 0.0, 12.0))
-    scallop = Scallop(height_nm=27.5, slope_mrad=5.5, stepover_for_slope_limit_mm=0.0035)
     content = {
         "inputs": {"lens": lens.sha256},
         "make": "part",
@@ -349,7 +341,6 @@ def make_check(lens, **changes):
         "min_wall_mm": 1.875,
         "wall": Walls(thinnest=wall, thickest=thick),
         "relief": BallClearance(outer=None, inner=None, note="there is no base"),
-        "scallop": Scallops(stepover_mm=0.02, slope_limit_mrad=1.0, inner=scallop, outer=scallop),
         "tools": (),
         "criteria": (criterion("thinnest wall", 1.875, 0.999, ">="),),
         "verdicts": (finding("wall", "body", True, "the wall is thick enough"),),

@@ -29,8 +29,8 @@ from lensforge.report.yield_page import render_yield
 from lensforge.results import Fact, Group, Metric
 from lensforge.shop import shop_files
 from lensforge.shop.check_facts import finding_groups
-from lensforge.shop.dense_table import GridRequest
-from lensforge.shop.handover_facts import DEFINITION, face_groups, shop_facts, table_facts
+from lensforge.shop.point_tables import GridRequest
+from lensforge.shop.shop_files import face_groups, shop_facts, table_facts
 
 _NUMBER = re.compile(r"\d+(?:\.\d+)?[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]*")  # groups of three one by one
 _HASH = re.compile(r"\b[0-9a-f]{12,64}\b|\d{4}-\d\d-\d\d \d\d:\d\d UTC")
@@ -164,14 +164,13 @@ def test_every_number_of_the_page_for_the_shop_is_one_of_a_fact(name):
     with pytest.MonkeyPatch.context() as patch:
         tables = shop_files._tables
         patch.setattr(shop_files, "_tables", lambda *given: kept.update(given=given) or tables(*given))
-        made = shop_files.make_handover(results, GridRequest(spacing_mm=1.0))
-    _, drawn, words, tolerances, grids, hashes = kept["given"]
+        made = shop_files.make_handover(results.part, results.check, results.yield_facts, GridRequest(spacing_mm=1.0))
+    _, _, drawn, tolerances, grids, hashes = kept["given"]
     lens, part, check = results.lens, results.part, results.check
     criteria = [each.fact for each in (*part.criteria, *check.criteria)]
-    groups = [shop_facts(lens, part, check, words), *face_groups(lens, check), *finding_groups(check, lens.spec)]
+    groups = [shop_facts(lens, part, check), *face_groups(lens, check), *finding_groups(check)]
     texts = [
         *texts_of([*groups, table_facts(grids), Group("", "", tuple(criteria))]),
-        DEFINITION,
         *hashes,
         *drawn.notes,
     ]
@@ -179,9 +178,9 @@ def test_every_number_of_the_page_for_the_shop_is_one_of_a_fact(name):
         f"{size.name} {shop_files.shown(size.value_mm)} {size.tolerance} {size.scope_words}"
         for size in drawn.views.dimensions
     ]
-    rows = [row for rows in tolerances.groups.values() for row in rows]
+    rows = [*tolerances.lens, *tolerances.assembly]
     texts += [tolerances.sentence, *(f"{row.name} {row.amount} {row.source} {row.at_most}" for row in rows)]
-    texts += [*drawn.views.datums.lines, drawn.title.title, *shop_files.tool_advice(lens, check), "A3"]
+    texts += [*drawn.views.datums.lines, drawn.title, "A3"]
     page = made.html.decode()
     caption = page[page.index("<figcaption>") :].partition("</figcaption>")[0]
     places = {f"{k}." for k in range(1, len(drawn.notes) + 1)}  # of the notes

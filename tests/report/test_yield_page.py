@@ -16,7 +16,7 @@ from lensforge.report.results import Results
 from lensforge.report.yield_page import render_yield
 from lensforge.results.numerals import percent
 from lensforge.scene.tolerance_factors import amount_words
-from lensforge.shop.tolerance_table import tolerance_table
+from lensforge.shop.sheet_tables import tolerance_table
 from lensforge.spec.tolerances_section import TolerancesSection
 
 
@@ -120,7 +120,7 @@ def test_the_drawing_has_the_tolerances_of_the_spec_and_says_where_they_are_from
     given = TolerancesSection(preset="precision", gap_mm=0.0123)
     own = lens.spec.model_copy(update={"tolerances": given})
     table = tolerance_table(type(lens)(lens.inner, lens.outer, own, 0, "draft"))
-    rows = {row.name: row for rows in table.groups.values() for row in rows}
+    rows = {row.name: row for row in (*table.lens, *table.assembly)}
     gap, decentre = rows["outer face against inner, gap"], rows["outer face against inner, decentre"]
     assert (gap.amount, gap.source, gap.at_most) == ("± 0.0123 mm", "specification", "")
     assert (decentre.amount, decentre.source) == ("± 0.005 mm", "preset “precision”")
@@ -131,7 +131,7 @@ def test_the_drawing_has_the_tolerances_of_the_spec_and_says_where_they_are_from
 
 def test_the_drawing_has_the_largest_amounts_of_the_yield_study(lens, found):
     table = tolerance_table(lens, yield_facts(found))
-    rows = {row.name: row for rows in table.groups.values() for row in rows}
+    rows = {row.name: row for row in (*table.lens, *table.assembly)}
     assert rows["source, decentre"].at_most == "0.075 mm"
     assert rows["source, height"].at_most == "above 0.8 mm"
     assert table.sentence.startswith("95\u2009% of 40 parts")
@@ -141,7 +141,7 @@ def test_a_spec_without_tolerances_has_no_table(lens):
     section = TolerancesSection(**dict.fromkeys(_names(), 0.0))
     own = lens.spec.model_copy(update={"tolerances": section})
     table = tolerance_table(type(lens)(lens.inner, lens.outer, own, 0, "draft"))
-    assert table.groups == {} and table.sentence == "The specification sets no tolerances."
+    assert (table.lens, table.assembly) == ((), ()) and table.sentence == "The specification sets no tolerances."
 
 
 def _names():

@@ -1,17 +1,18 @@
-"""Advice on each finding that does not hold, on both sides of what a spec takes."""
+"""The remedy of each finding that does not hold, on both sides of what a spec takes."""
+
+import re
 
 import pytest
 from scenes import small_spec
-from test_findings import BASE, NO_BASE, cutter, face, outer, tool
+from test_findings import NO_BASE, cutter, face, tool
 
-from lensforge.shop.check_result import BallClearance, Check, Finding, ToolResult
+from lensforge.shop.check_result import Finding
 from lensforge.shop.findings import (
-    advice,
-    clearance_findings,
+    check_findings,
     cutter_finding,
     draft_finding,
     tilt_finding,
-    tool_findings,
+    tool_finding,
     wall_finding,
 )
 
@@ -19,26 +20,14 @@ WIDER = "constraints.outer_concave_radius_mm = 1 and design again"
 SMALLER = "manufacture.cutter_radius_mm = 0.279"
 
 
-def with_tools(*tools: ToolResult) -> Check:
-    return Check.model_construct(tools=tools)
-
-
 def test_a_thin_wall_is_designed_again_or_taken_as_it_is() -> None:
     spec = small_spec(constraints__min_thickness_mm=1.5)
-    missing = Finding(name="wall", surface="body", value=None, sense=">=", limit=1.5, unit="mm", reason="none")
     again = "a larger lens.outer_offset_mm and design again"
-    assert advice(missing, spec, with_tools()) == again
     there = f"{again}, or constraints.min_thickness_mm = 1.432 where that is enough"
-    assert advice(wall_finding(1.4329, spec), spec, with_tools()) == there
-    lower = spec.replace({"constraints.min_thickness_mm": 1.432})
-    assert wall_finding(1.4329, lower).holds
-    assert advice(wall_finding(-11.42, spec), spec, with_tools()) == again
-    assert advice(wall_finding(1.5, spec), spec, with_tools()) == ""
-
-
-def test_a_reason_of_the_relief_is_advice_enough() -> None:
-    (found,) = clearance_findings(BallClearance(outer=outer(0.5), inner=None), BASE)
-    assert advice(found, small_spec(), with_tools()) == ""
+    assert wall_finding(1.4329, spec).remedy == there
+    assert wall_finding(1.4329, spec.replace({"constraints.min_thickness_mm": 1.432})).holds
+    assert wall_finding(-11.42, spec).remedy == again
+    assert wall_finding(1.5, spec).remedy == ""
 
 
 @pytest.mark.parametrize(
@@ -47,18 +36,13 @@ def test_a_reason_of_the_relief_is_advice_enough() -> None:
         ("part", {}, f"{WIDER}, or {SMALLER}"),
         ("insert", {}, SMALLER),
         ("part", {"constraints__outer_concave_radius_mm": 1.0}, SMALLER),
-        (
-            "part",
-            {"constraints__outer_concave_radius_mm": 0.9},
-            f"{WIDER}, or {SMALLER}",
-        ),
+        ("part", {"constraints__outer_concave_radius_mm": 0.9}, f"{WIDER}, or {SMALLER}"),
     ],
 )
 def test_a_smaller_ball_or_a_search_for_wider_hollows_is_advised(make, kept, expected) -> None:
     spec = small_spec(manufacture__make=make, manufacture__cutter_radius_mm=1.0, **kept)
-    assert advice(cutter_finding("outer", cutter(1.0, 0.27949), NO_BASE), spec, with_tools()) == expected
-    unknown = Finding(name="cutter", surface="outer", value=None, sense="<=", limit=None, unit="mm", reason="none")
-    assert "cutter_radius_mm =" not in advice(unknown, spec, with_tools())
+    assert cutter_finding("outer", cutter(1.0, 0.27949), NO_BASE, spec).remedy == expected
+    assert cutter_finding("outer", cutter(0.279, 0.27949), NO_BASE, spec).holds, "as advised"
 
 
 @pytest.mark.parametrize(
@@ -73,20 +57,17 @@ def test_a_smaller_ball_or_a_search_for_wider_hollows_is_advised(make, kept, exp
     ],
 )
 def test_more_draft_or_more_tilt_is_advised_as_far_as_a_spec_takes_it(allowed, steepest, expected) -> None:
-    spec = small_spec(manufacture__max_tilt_deg=allowed)
-    assert advice(tilt_finding("inner", steepest, allowed), spec, with_tools()) == expected
-    unknown = Finding(name="tilt", surface="inner", value=None, sense="<=", limit=allowed, unit="deg", reason="none")
-    assert advice(unknown, spec, with_tools()).endswith("manufacture.max_tilt_deg = 0")
+    found = tilt_finding("inner", steepest, small_spec(manufacture__max_tilt_deg=allowed))
+    assert found.remedy == expected
+    for wide in re.findall(r"max_tilt_deg = ([\d.]+)", expected):
+        assert tilt_finding("inner", steepest, small_spec(manufacture__max_tilt_deg=float(wide))).holds
 
 
 def test_the_draft_of_a_mould_or_of_the_spec_is_asked_of_the_search() -> None:
     mould = small_spec(manufacture__make="insert")
-    assert (
-        advice(draft_finding("outer", face(1.0), mould), mould, with_tools())
-        == "constraints.outer_draft_deg = 2 and design again"
-    )
-    part = small_spec(manufacture__make="part", constraints__outer_draft_deg=3.0)
-    assert advice(draft_finding("outer", face(1.0), part), part, with_tools()) == "", "the search has kept it"
+    assert draft_finding("outer", face(1.0), mould).remedy == "constraints.outer_draft_deg = 2 and design again"
+    kept = draft_finding("outer", face(1.0), small_spec(constraints__outer_draft_deg=3.0))
+    assert not kept.holds and kept.remedy == "", "the search has kept it"
 
 
 @pytest.mark.parametrize(
@@ -100,9 +81,15 @@ def test_the_draft_of_a_mould_or_of_the_spec_is_asked_of_the_search() -> None:
     ],
 )
 def test_a_smaller_or_a_longer_tool_is_advised_by_what_limits_it(ball, whole, largest_mm, expected) -> None:
-    checked = with_tools(tool(1.0, 0.9, 0.1, name="other"), tool(ball, whole, largest_mm))
-    finding = tool_findings(checked.tools[1])[0]
-    assert advice(finding, small_spec(), checked) == expected
-    assert advice(finding, small_spec(), with_tools()) == ""
-    swapped = checked.tools[1].model_copy(update={"inner": checked.tools[1].outer, "outer": checked.tools[1].inner})
-    assert advice(tool_findings(swapped)[1], small_spec(), with_tools(swapped)) == expected
+    found = tool(ball, whole)
+    assert tool_finding(found, "inner", found.inner, largest_mm).remedy == expected
+    assert tool_finding(found, "outer", found.outer, None).remedy == "", "it holds"
+
+
+def test_each_tool_is_judged_by_the_face_that_it_is_to_reach() -> None:
+    spec = small_spec()
+    hollow = face(90.0).model_copy(update={"cutter": cutter(0.1, 0.3)})
+    found = check_findings(spec, hollow, face(90.0), 1.0, NO_BASE, (tool(0.8, 0.8),))
+    inner, outside = (each for each in found if each.name == "tool")
+    assert isinstance(inner, Finding) and "radius_mm = 0.3 or less" in inner.remedy and not inner.holds
+    assert outside.holds and outside.surface == "outer"

@@ -1,4 +1,3 @@
-import numpy as np
 import pytest
 from known_shapes import sampled, sphere
 
@@ -17,19 +16,6 @@ def plate(tmp_path, bore, step=0.0):
     body = body.cut(cq.Workplane("XY").circle(bore / 2.0).extrude(-3.0))
     cq.exporters.export(body, str(tmp_path / "clamp.step"))
     return read_base_mesh(tmp_path / "clamp.step")
-
-
-@pytest.mark.nightly("a quarter of a minute")
-def test_a_plate_is_in_the_ball_s_way_as_a_flush_disc_is(tmp_path):
-    samples = sampled(sphere(DOME), AirSide.OUTSIDE, 41)
-    expected = np.maximum(BALL - (DOME + BALL) * samples.points[:, 2] / DOME, 0.0)
-    assert np.abs(plate(tmp_path, 2.0).retreat_mm(samples, BALL) - expected).max() < 1e-6
-
-
-@pytest.mark.nightly("a quarter of a minute")
-def test_a_plate_that_lies_a_ball_lower_is_clear_but_for_its_collar(tmp_path):
-    samples = sampled(sphere(DOME), AirSide.OUTSIDE, 41)
-    assert plate(tmp_path, 2.0, step=1.0).retreat_mm(samples, BALL).max() == 0.0
 
 
 def test_a_narrow_bore_is_in_the_ball_s_way_in_the_cavity(tmp_path):

@@ -2,11 +2,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from known_shapes import Ellipsoid, order, random_surface, sampled, sphere
-from scipy.spatial import cKDTree
+from known_shapes import Ellipsoid, order, sampled, sphere
 
 from lensforge.cad.patch import PrincipalCurvatures
-from lensforge.shop.ball_cutter import largest_ball_mm, local_fit, reachable, residual_height_mm
+from lensforge.shop.ball_cutter import largest_ball_mm, reachable, residual_height_mm
 from lensforge.shop.face_check import check_face
 from lensforge.shop.face_samples import AirSide
 from lensforge.surfaces import surface as chart
@@ -29,7 +28,6 @@ def test_a_convex_dome_takes_any_cutter():
     ball = largest_ball_mm(samples)
     assert np.isinf(ball).all()
     assert reachable(ball, 1e6).all()
-    assert local_fit(samples, 1e6).all()
 
 
 def test_every_largest_ball_in_a_prolate_cavity():
@@ -42,14 +40,14 @@ def test_every_largest_ball_in_a_prolate_cavity():
 def test_reach_and_largest_cutter_of_a_prolate_cavity():
     radius = THICK
     face = sampled(Ellipsoid((A, A, C)), AirSide.INSIDE).face
-    check = check_face("inner", face, radius)
+    check = check_face(face, radius)
     edge = C * np.sqrt((1.0 - (radius / A) ** 2) / (1.0 - (A / C) ** 2))  # height up to which the ball reaches
 
     def area_below(z):
         k = np.sqrt(C**2 - A**2) / C**2
         return np.pi * A * (z * np.sqrt(1.0 - (k * z) ** 2) + np.arcsin(k * z) / k)
 
-    assert abs(check.reachable_fraction - area_below(edge) / area_below(C)) < 2e-3
+    assert abs(check.samples.fraction(check.reached) - area_below(edge) / area_below(C)) < 2e-3
     assert abs(check.largest_cutter_mm - A**2 / C) < 1e-5
 
 
@@ -75,7 +73,6 @@ def two_balls(distance: float, radius: float, turn: float, nodes: int):
 def test_the_global_gouge_test_sees_what_curvature_cannot():
     samples, expected = two_balls(0.5, 1.0, 0.0, 81)
     ball = largest_ball_mm(samples)
-    assert local_fit(samples, 1e3).all()
     tight = (expected > 1e-3) & (expected < 10.0)  # in the crease itself no ball fits
     assert tight.any()
     assert np.abs(ball[tight] / expected[tight] - 1.0).max() < 1e-6  # the mirror images are samples too
@@ -92,18 +89,6 @@ def test_a_sampled_obstacle_costs_second_order():
         error.append(excess.mean())
     assert error[1] < 1e-3
     assert order(*error) > 1.6
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_reach_on_a_random_cavity_against_a_dense_distance_search(seed):
-    surface, radius = random_surface(0.8, 0.04, seed), 0.5
-    samples = sampled(surface, AirSide.INSIDE, 81)
-    reached = reachable(largest_ball_mm(samples), radius)
-    dense = cKDTree(sampled(surface, AirSide.INSIDE, 241).points, leafsize=256)
-    distance, _ = dense.query(samples.points + radius * samples.normals)
-    free = (distance >= radius - 1e-5) & local_fit(samples, radius)
-    assert 0.1 < samples.fraction(reached) < 0.99
-    assert samples.fraction(reached != free) < 5e-3
 
 
 def expected_residual(points):
@@ -124,10 +109,3 @@ def test_what_a_thick_cutter_leaves_in_a_prolate_cavity():
         error.append(np.abs(left - expected).max())
     assert error[1] < 1e-3
     assert order(*error) > 1.5
-
-
-def test_nothing_is_left_by_a_cutter_that_fits_and_all_by_one_that_does_not():
-    samples = sampled(sphere(0.8), AirSide.INSIDE, 41)
-    ball = largest_ball_mm(samples)
-    assert (residual_height_mm(samples, ball, 0.5) == 0.0).all()
-    assert np.isnan(residual_height_mm(samples, ball, 1.0)).all()

@@ -18,13 +18,12 @@ from lensforge.shop.check_result import (
     Walls,
 )
 from lensforge.shop.findings import (
-    asked_draft_deg,
     check_findings,
     clearance_findings,
     cutter_finding,
     draft_finding,
     tilt_finding,
-    tool_findings,
+    tool_finding,
     wall_criteria,
     wall_finding,
 )
@@ -37,7 +36,6 @@ def cutter(radius_mm: float, largest_mm: float | None, reached: float = 0.6789) 
     return Cutter(
         radius_mm=radius_mm,
         reachable_fraction=reached,
-        local_ok_fraction=1.0,
         largest_radius_mm=largest_mm,
         residual_mm=0.0,
     )
@@ -53,9 +51,9 @@ def cutter(radius_mm: float, largest_mm: float | None, reached: float = 0.6789) 
     ],
 )
 def test_a_ball_up_to_the_largest_reaches_all_but_for_rounding(radius_mm, largest_mm, holds, words) -> None:
-    found = cutter_finding("inner", cutter(radius_mm, largest_mm), NO_BASE)
+    found = cutter_finding("inner", cutter(radius_mm, largest_mm), NO_BASE, small_spec())
     assert "base" not in found.reason
-    assert found.holds == holds and words in found.reason
+    assert found.holds == holds and words in plain(found.reason)
     assert (found.name, found.surface, found.sense, found.unit, found.value) == (
         "cutter",
         "inner",
@@ -66,6 +64,21 @@ def test_a_ball_up_to_the_largest_reaches_all_but_for_rounding(radius_mm, larges
     assert found.limit == (None if largest_mm is None else pytest.approx(0.5 * (1.0 + 1e-6), rel=1e-12))
 
 
+def test_tilt_has_the_tolerance_of_the_export_and_the_wall_that_of_the_search() -> None:
+    spec = small_spec(constraints__min_thickness_mm=2.0)
+    degrees, mm = 0.0572957795 * NORMAL_LIMIT_MRAD, spec.constraints.tolerance_mm
+    within, beyond = (
+        tilt_finding("outer", 90.0 + 0.99 * degrees, spec),
+        tilt_finding("outer", 90.0 + 1.01 * degrees, spec),
+    )
+    assert within.holds and "stays within manufacture.max_tilt_deg = 90" in within.reason
+    assert not beyond.holds and "would exceed" in beyond.reason and "the outer face is up to 90 deg" in beyond.reason
+    assert (within.surface, within.sense, within.unit) == ("outer", "<=", "deg")
+    thin, enough = wall_finding(2.0 - 1.01 * mm, spec), wall_finding(2.0 - 0.99 * mm, spec)
+    assert not thin.holds and "less than constraints.min_thickness_mm = 2" in thin.reason
+    assert enough.holds and "at least constraints" in enough.reason and enough.sense == ">="
+
+
 @pytest.mark.parametrize(("largest_mm", "larger"), [(None, True), (0.51, True), (0.5, False), (0.3, False)])
 def test_a_larger_ball_than_the_shops_names_the_ball_for_which_the_base_is_checked(largest_mm, larger) -> None:
     words, ball = "; the base is checked for 0.5 mm only", cutter(0.5, largest_mm)
@@ -73,23 +86,7 @@ def test_a_larger_ball_than_the_shops_names_the_ball_for_which_the_base_is_check
         ("outer", BallClearance(outer=outer(), inner=None)),
         ("inner", BallClearance(outer=None, inner=inner(0.0, 0.0))),
     ):
-        assert cutter_finding(surface, ball, relief).reason.endswith(words) == larger, "an older record"
-    assert "base" not in cutter_finding("inner", ball, NO_BASE).reason
-
-
-def test_tilt_has_the_tolerance_of_the_export_and_the_wall_that_of_the_search() -> None:
-    spec = small_spec(constraints__min_thickness_mm=2.0)
-    degrees, mm = 0.0572957795 * NORMAL_LIMIT_MRAD, spec.constraints.tolerance_mm
-    within, beyond = (
-        tilt_finding("outer", 90.0 + 0.99 * degrees, 90.0),
-        tilt_finding("outer", 90.0 + 1.01 * degrees, 90.0),
-    )
-    assert within.holds and "stays within manufacture.max_tilt_deg = 90" in within.reason
-    assert not beyond.holds and "would exceed" in beyond.reason and "the outer face is up to 90.0" in beyond.reason
-    assert (within.surface, within.sense, within.unit) == ("outer", "<=", "deg")
-    thin, enough = wall_finding(2.0 - 1.01 * mm, spec), wall_finding(2.0 - 0.99 * mm, spec)
-    assert not thin.holds and "less than constraints.min_thickness_mm = 2" in thin.reason
-    assert enough.holds and "at least constraints" in enough.reason and enough.sense == ">="
+        assert cutter_finding(surface, ball, relief, small_spec()).reason.endswith(words) == larger
 
 
 WALL = Wall(thickness_mm=1.5, inner_point_mm=(1.0, -1e-9, 0.123456), outer_point_mm=(0.0, 0.0, 2.0))
@@ -108,23 +105,39 @@ def test_both_walls_have_the_tolerance_of_the_search() -> None:
 
 
 def face(least_deg: float, undercut: float = 0.0) -> FaceResult:
-    draft = Draft(min=least_deg, area_fraction_below_half=0.1, area_fraction_below_two=0.2)
+    draft = Draft(min=least_deg)
     return FaceResult.model_construct(
         draft_deg=draft, undercut_fraction=undercut, cutter=cutter(0.5, None), largest_tilt_deg=90.0 - least_deg
     )
 
 
-def test_a_mould_needs_two_degrees_and_a_part_what_its_spec_asks_to_the_error_of_normals() -> None:
-    spec, error = small_spec(), 0.0572957795 * NORMAL_LIMIT_MRAD
-    assert asked_draft_deg("inner", spec) is None
-    assert draft_finding("inner", face(2.0), spec).holds and not draft_finding("inner", face(1.999), spec).holds
-    assert "a mould needs 2 deg" in draft_finding("inner", face(1.0), spec).reason
-    part = small_spec(manufacture__make="part", constraints__inner_draft_deg=3.0)
-    assert asked_draft_deg("inner", part) == 3.0 and asked_draft_deg("outer", part) is None
-    assert draft_finding("inner", face(3.0 - 0.99 * error), part).holds
-    assert not draft_finding("inner", face(3.0 - 1.01 * error), part).holds
-    undercut = draft_finding("outer", face(-1.0, 0.0123), spec)
-    assert undercut.value == -1.0 and undercut.reason.startswith("1.23 % of the outer face is undercut")
+def test_a_mould_needs_two_degrees_and_a_part_what_its_spec_asks_to_the_error_of_the_samples() -> None:
+    mould = small_spec(manufacture__make="insert")
+    assert draft_finding("inner", face(2.0), mould).holds and not draft_finding("inner", face(1.999), mould).holds
+    assert "a mould needs 2 deg" in draft_finding("inner", face(1.0), mould).reason
+    for make in ("part", "insert"):
+        asked = small_spec(manufacture__make=make, constraints__inner_draft_deg=3.0)
+        assert draft_finding("inner", face(2.981), asked).holds
+        low = draft_finding("inner", face(2.979), asked)
+        assert not low.holds and "the spec asks for 3 deg" in low.reason
+
+
+@pytest.mark.parametrize(
+    ("least_deg", "undercut", "value", "words"),
+    [
+        (1.5, 0.0, 1.5, "the least draft of the outer face is 1.5 deg; a mould needs"),
+        (-1e-9, 0.0, 0.0, "the least draft of the outer face is 0 deg"),
+        (-3.0, 0.02, -3.0, "2 % of the outer face is undercut, down to a draft of −3 deg"),
+    ],
+)
+def test_a_vertical_rim_is_no_undercut(least_deg, undercut, value, words) -> None:
+    found = draft_finding("outer", face(least_deg, undercut), small_spec(manufacture__make="insert"))
+    assert found.value == value and plain(found.reason).startswith(words)
+
+
+def plain(text: str) -> str:
+    """A text with plain spaces."""
+    return text.replace("\u2009", " ")
 
 
 def outer(step=0.0, wall=0.0, flange=0.0) -> OuterClearance:
@@ -160,7 +173,7 @@ FLANGED = BaseSection(height_mm=3.0, flange_diameter_mm=40.0, flange_height_mm=1
 )
 def test_a_base_in_the_way_of_the_dome_is_told_how_to_clear_it(relief, base, value, words) -> None:
     (found,) = clearance_findings(BallClearance(outer=relief, inner=None), base)
-    assert found.value == value and found.holds == (value == 0.0) and words in found.reason
+    assert found.value == value and found.holds == (value == 0.0) and words in plain(found.reason)
     assert (found.name, found.surface, found.sense, found.limit) == ("relief", "outer", "<=", 0.0)
     assert ("smaller base.flange_diameter_mm" in found.reason) == bool(relief.flange_clearance_mm)
     assert ("setback" in found.reason) == bool(relief.step_clearance_mm)
@@ -184,20 +197,13 @@ def test_a_base_in_the_way_of_the_dome_is_told_how_to_clear_it(relief, base, val
 )
 def test_a_base_in_the_way_in_the_cavity_is_told_how_to_clear_it(relief, value, words) -> None:
     (found,) = clearance_findings(BallClearance(outer=None, inner=relief), BASE)
-    assert found.value == value and found.holds == (value == 0.0) and words in found.reason
+    assert found.value == value and found.holds == (value == 0.0) and words in plain(found.reason)
     assert found.surface == "inner"
 
 
-def tool(ball: float, whole: float, largest_mm: float | None = 0.456789, name: str = "mill") -> ToolResult:
-    reach = ToolReach(
-        ball_reachable_fraction=ball,
-        reachable_fraction_untilted=0.0,
-        reachable_fraction=whole,
-        largest_radius_mm=largest_mm,
-    )
-    all_of_it = ToolReach(
-        ball_reachable_fraction=1.0, reachable_fraction_untilted=1.0, reachable_fraction=1.0, largest_radius_mm=None
-    )
+def tool(ball: float, whole: float, name: str = "mill") -> ToolResult:
+    reach = ToolReach(ball_reachable_fraction=ball, reachable_fraction_untilted=0.0, reachable_fraction=whole)
+    all_of_it = ToolReach(ball_reachable_fraction=1.0, reachable_fraction_untilted=1.0, reachable_fraction=1.0)
     return ToolResult(
         name=name,
         radius_mm=0.5,
@@ -221,20 +227,25 @@ def tool(ball: float, whole: float, largest_mm: float | None = 0.456789, name: s
     ],
 )
 def test_what_limits_a_tool_is_its_ball_or_its_shank(ball, whole, holds, collides, largest) -> None:
-    found, other = tool_findings(tool(ball, whole))
+    mill = tool(ball, whole)
+    found, other = (
+        tool_finding(mill, name, reach, 0.456789) for name, reach in (("inner", mill.inner), ("outer", mill.outer))
+    )
     assert (found.surface, found.value, found.holds) == ("inner", whole, holds)
-    assert found.reason.startswith(f"mill reaches {100.0 * whole:.1f} % of the inner face")
-    assert (f"its ball alone reaches {100.0 * ball:.1f} %" in found.reason) == collides
+    assert plain(found.reason).startswith(f"mill reaches {100.0 * whole:.0f} % of the inner face")
+    assert (f"its ball alone reaches {100.0 * ball:.0f} %" in plain(found.reason)) == collides
     assert ("has 0.4568 mm radius" in found.reason) == largest
-    assert (other.surface, other.holds, other.reason) == ("outer", True, "mill reaches 100.0 % of the outer face")
-    assert "has" not in tool_findings(tool(0.8, 0.8, None))[0].reason
+    assert (other.surface, other.holds, plain(other.reason)) == ("outer", True, "mill reaches 100 % of the outer face")
+    assert "has" not in tool_finding(tool(0.8, 0.8), "inner", tool(0.8, 0.8).inner, None).reason
 
 
 def test_all_findings_are_there_and_each_has_its_own_numbers() -> None:
     relief = BallClearance(outer=outer(0.5), inner=CustomBaseClearance(retreat_mm=0.1, flush_fraction=0.5))
-    spec = small_spec(manufacture__max_tilt_deg=60.0)
+    spec = small_spec(manufacture__max_tilt_deg=60.0, manufacture__make="insert")
     found = check_findings(spec, face(1.0), face(5.0), 1.25, relief, (tool(1.0, 1.0), tool(0.5, 0.5, name="drill")))
     subjects = ["cutter inner", "cutter outer", "relief outer", "relief inner", "tilt inner", "tilt outer", "wall body"]
     subjects += ["draft inner", "draft outer", "tool inner", "tool outer", "tool inner", "tool outer"]
     assert [f"{each.name} {each.surface}" for each in found] == subjects
     assert [each.value for each in found[2:]] == [0.5, 0.1, 89.0, 85.0, 1.25, 1.0, 5.0, 1.0, 1.0, 0.5, 1.0]
+    part = check_findings(small_spec(constraints__outer_draft_deg=1.0), face(1.0), face(5.0), 1.25, relief, ())
+    assert [each.surface for each in part if each.name == "draft"] == ["outer"], "where a part that is cut needs one"

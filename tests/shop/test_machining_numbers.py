@@ -1,6 +1,5 @@
-"""Cusps, tools, and shares of an area by closed forms and by loops over points; walls of a larger mould."""
+"""Tools, and shares of an area by closed forms and by loops over points; walls of a larger mould."""
 
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -9,43 +8,10 @@ from known_shapes import exported, sampled, sphere
 
 from lensforge.cad.plan import base_corners, lay_out
 from lensforge.cad.wall import Span
-from lensforge.shop.ball_cutter import (
-    FIT_TOLERANCE,
-    local_fit,
-    nearest_points,
-    reachable,
-    scallop,
-    scallop_height_mm,
-    scallop_slope_rad,
-    stepover_for_slope_mm,
-)
 from lensforge.shop.check import _of_lens
-from lensforge.shop.face_check import bounded
 from lensforge.shop.face_samples import AirSide, area_rule
-from lensforge.shop.tool_reach import _AWAY, _across, _is_clear, _on_base, tool_axes, tool_reach
+from lensforge.shop.tool_reach import _across, _is_clear, _on_base, tool_axes, tool_reach
 from lensforge.spec import BaseSection, Tool
-
-
-def test_cusps_as_high_as_the_ball_where_passes_only_touch() -> None:
-    assert scallop_height_mm(1.5, 3.0) == pytest.approx(1.5) and scallop_slope_rad(1.5, 3.0) == pytest.approx(np.pi / 2)
-    assert scallop_slope_rad(1.0, 0.1, -1.0) == 0.0 and np.isnan(scallop_slope_rad(1.0, 0.1, -1.1))
-
-
-def test_on_a_hollow_that_is_nearly_the_ball_no_step_is_as_steep_as_the_limit() -> None:
-    """sin(slope) / (1/R + kappa) is beyond 1/|kappa|: the step is half of the circle."""
-    assert stepover_for_slope_mm(1.0, 0.2, -0.9) == pytest.approx(np.pi / 0.9)
-    assert stepover_for_slope_mm(2.0, 0.1, 0.0) == pytest.approx(4.0 * np.sin(0.1))
-    assert stepover_for_slope_mm(2.0, 0.1, 0.5) == pytest.approx(4.0 * np.arcsin(0.5 * np.sin(0.1)))
-
-
-def test_the_record_of_a_scallop_is_in_nanometres_and_milliradians_and_holds_no_nan() -> None:
-    found = scallop(2.0, 0.05, 3e-3, 0.25)
-    assert found.height_nm == pytest.approx(1e6 * scallop_height_mm(2.0, 0.05, 0.25), rel=1e-12)
-    assert found.slope_mrad == pytest.approx(1e3 * scallop_slope_rad(2.0, 0.05, 0.25), rel=1e-12)
-    assert found.stepover_for_slope_limit_mm == pytest.approx(stepover_for_slope_mm(2.0, 3e-3, 0.25), rel=1e-12)
-    none = scallop(1.0, 2.5, 1e-3, -1.0)
-    assert (none.stepover_for_slope_limit_mm, scallop(1.0, 2.5, 1e-3, 0.0).slope_mrad) == (None, None)
-    assert scallop(1.0, 2.5, 1e-3, 0.0).height_nm is None
 
 
 @pytest.mark.parametrize(
@@ -109,22 +75,10 @@ def test_a_tool_reaches_what_any_of_its_axes_reaches_and_its_ball_fits() -> None
     centres = samples.points + 0.5 * samples.normals
     clear = np.array([[clear_by_hand(each, axis, ceiling) for each in centres] for axis in tool_axes(down, most)])
     areas = samples.areas / samples.areas.sum()
-    assert found.ball == pytest.approx(areas[fits].sum())
-    assert found.untilted == pytest.approx(areas[fits & clear[0]].sum())
-    assert found.tilted == pytest.approx(areas[fits & clear.any(axis=0)].sum())
-    assert 0.0 < found.untilted < found.tilted < found.ball
-
-
-def test_the_rule_of_a_disc_integrates_polynomials() -> None:
-    rule = area_rule(5, 8)
-    x, y = rule.chart.T
-    for power, exact in ((0, np.pi), (2, np.pi / 4.0), (4, np.pi / 8.0)):
-        assert rule.weights @ x**power == pytest.approx(exact, rel=1e-12)
-    assert rule.weights @ (x**2 * y**2) == pytest.approx(np.pi / 24.0)
-    assert rule.chart[0].tolist() == [rule.nodes[0], 0.0] and len(rule.chart) == 40
-    assert rule.edges[0] == 0.0 and rule.edges[-1] == pytest.approx(1.0)
-    assert (rule.edges[:-1] < rule.nodes).all() and (rule.nodes < rule.edges[1:]).all()
-    assert (len(area_rule().nodes), len(area_rule().chart)) == (96, 96 * 192)
+    assert found.ball_reachable_fraction == pytest.approx(areas[fits].sum())
+    assert found.reachable_fraction_untilted == pytest.approx(areas[fits & clear[0]].sum())
+    assert found.reachable_fraction == pytest.approx(areas[fits & clear.any(axis=0)].sum())
+    assert 0.0 < found.reachable_fraction_untilted < found.reachable_fraction < found.ball_reachable_fraction
 
 
 @pytest.mark.parametrize("limit", [0.1, 0.5, 0.77])
@@ -138,36 +92,6 @@ def test_the_share_below_a_limit_is_that_of_the_disc_inside_a_circle(limit: floa
     assert rule.share_below(same, limit, rule.weights) == (1.0 if limit > 0.3 else 0.0)
     half = np.where(rule.chart[:, 1] > 1e-9, 1.0, 0.0) * rule.weights
     assert rule.share_below(rule.chart[:, 0], 0.0, half) == pytest.approx(1.0 / 3.0), "one of three azimuths"
-
-
-def test_where_the_ball_is_the_largest_it_reaches_but_for_rounding() -> None:
-    ball = np.array([1.0 - 2.0 * FIT_TOLERANCE, 1.0 - 0.5 * FIT_TOLERANCE, 1.0, np.inf])
-    assert reachable(ball, 1.0).tolist() == [False, True, True, True] and FIT_TOLERANCE == 1e-6
-    samples = sampled(sphere(0.8), AirSide.INSIDE, 9)
-    kappa = replace(samples.curvatures, minimum=np.resize([-1.25, -1.25 * (1.0 + 2e-6), 0.0, 1.0], len(samples.points)))
-    found = local_fit(replace(samples, curvatures=kappa), 0.8)
-    assert found[:4].tolist() == [True, False, True, True]
-
-
-@pytest.mark.parametrize("count", [1, 1024, 1025, 2500])
-def test_the_nearest_points_are_those_of_a_search_through_all(count: int) -> None:
-    from scipy.spatial import cKDTree
-
-    random = np.random.default_rng(2)
-    points, some = random.normal(size=(count, 3)), random.normal(size=(30, 3))
-    distance, index = nearest_points(cKDTree(some), points)
-    away = np.linalg.norm(points[:, None] - some, axis=2)
-    assert index.tolist() == away.argmin(axis=1).tolist()
-    np.testing.assert_allclose(distance, away.min(axis=1))
-
-
-def test_the_wall_of_a_lens_is_that_of_its_mould_over_the_scale() -> None:
-    found = _of_lens(Span(3.0, np.array([1.5, 3.0, 0.0]), np.array([0.0, 4.5, 6.0])), 1.5)
-    assert (found.thickness_mm, found.inner_point_mm, found.outer_point_mm) == (2.0, (1.0, 2.0, 0.0), (0.0, 3.0, 4.0))
-
-
-def test_what_is_not_finite_is_none() -> None:
-    assert [bounded(value) for value in (1.5, 0.0, np.inf, -np.inf, np.nan)] == [1.5, 0.0, None, None, None]
 
 
 @pytest.mark.parametrize(
@@ -191,5 +115,6 @@ def test_the_base_is_an_obstacle_by_rings_between_its_corners(make: dict) -> Non
     assert _on_base(plan)[:, 2].min() == pytest.approx(-make["height_mm"])
 
 
-def test_an_untilted_tool_comes_from_the_side_of_the_air() -> None:
-    assert {air: away.tolist() for air, away in _AWAY.items()} == {air: [0.0, 0.0, float(air)] for air in AirSide}
+def test_the_wall_of_a_lens_is_that_of_its_mould_over_the_scale() -> None:
+    found = _of_lens(Span(3.0, np.array([1.5, 3.0, 0.0]), np.array([0.0, 4.5, 6.0])), 1.5)
+    assert (found.thickness_mm, found.inner_point_mm, found.outer_point_mm) == (2.0, (1.0, 2.0, 0.0), (0.0, 3.0, 4.0))

@@ -1,0 +1,319 @@
+"""Tables of points of the faces as the shop cuts them: coarse rings to measure at, and dense ones to cut from.
+
+All points are of the exact surfaces, each with its unit normal from the material into the air: the centre of a ball of
+radius R that touches at **p** is **p** + R **n**.
+
+The rings of a dense table are even in the polar angle as seen from the origin, which covers a rim that stands upright.
+R and Z are interpolated over it and the azimuth by the polynomial through the nearest nodes (Lagrange), 2 along each
+axis, or 4 with the cell in their middle. It errs most in the middle of a cell or of its side. The spacing is given, or
+found: error and spacing follow a power law.
+"""
+
+from dataclasses import dataclass
+from numbers import Real
+from typing import get_args
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.cad.part import Part
+from lensforge.errors import InputError
+from lensforge.scene.lens import Lens
+from lensforge.shop.check_result import Check, FaceName
+from lensforge.shop.handover import Interpolation, PointGrid
+from lensforge.spec.spec_section import rounded_up
+from lensforge.surfaces.surface import Surface, scaled
+
+POINT_COLUMNS = "surface,x_mm,y_mm,z_mm,nx,ny,nz,polar_deg,azimuth_deg,departure_mm"
+COLUMNS = "x_mm,y_mm,z_mm,nx,ny,nz,polar_deg,azimuth_deg"
+_POLAR_DEG, _AZIMUTH_DEG = np.arange(2.5, 90.1, 2.5), np.arange(0.0, 360.0, 5.0)
+
+_WORDS: dict[Interpolation, str] = {
+    "bicubic": "bicubic, the polynomial through the 4 x 4 nearest nodes",
+    "linear": "bilinear, between the 4 nearest nodes",
+}
+_ORDER: dict[Interpolation, int] = {"bicubic": 4, "linear": 2}  # the error falls with this power of the spacing
+# Nodes needed beyond a cell on each side.
+_BEYOND: dict[Interpolation, int] = {"bicubic": 1, "linear": 0}
+_MIDDLE: dict[Interpolation, tuple[float, ...]] = {
+    "bicubic": (-1.0 / 16.0, 9.0 / 16.0, 9.0 / 16.0, -1.0 / 16.0),
+    "linear": (0.5, 0.5),
+}
+
+MOST_POINTS = 400_000  # of one table: 40 MB of text
+_TRIED, _MEASURED = 4_000, 100_000  # middles of cells and sides at which a trial, and the table, are measured
+_FIRST_CELLS, _TRIALS, _WIDER = 40, 8, 4.0  # cells across the first trial; trials; most from one to a wider one
+_MARGIN = 0.95  # of the spacing that the power law gives
+_ROUNDING_NM = 1e-3  # of the files
+_RIM_DEG = 90.0
+_MOST_STEP_DEG = 6.0  # the ring that the interpolation needs below the rim lies where the surfaces still have a radius
+
+
+@dataclass(frozen=True)
+class GridRequest:
+    """Settings of the tables.
+
+    ``spacing_mm``: between nodes; None: as wide as an error of the ``interpolation`` of ``error_nm`` along the normal
+    allows.
+    """
+
+    spacing_mm: float | None = None
+    error_nm: float = 10.0
+    interpolation: Interpolation = "bicubic"
+
+    def __post_init__(self) -> None:
+        if self.interpolation not in get_args(Interpolation):
+            raise InputError(f"interpolation = {self.interpolation!r}: one of {', '.join(get_args(Interpolation))}")
+        for name, value, unit, least, most in (
+            ("spacing", self.spacing_mm, "mm", 1e-4, 1e3),
+            ("error", self.error_nm, "nm", 1e-2, 1e6),
+        ):
+            if value is None and name == "spacing":
+                continue
+            if isinstance(value, bool) or not isinstance(value, Real) or not least <= value <= most:
+                raise InputError(f"{name} = {value!r}: a number of {unit} from {least:g} to {most:g}")
+
+
+@dataclass(frozen=True)
+class FaceToCut:
+    """A face as it is cut; ``air``: 1 where the air lies outside of its ``surface``, -1 where inside."""
+
+    name: FaceName
+    surface: Surface
+    air: int
+
+    def at(self, angles_deg: Float[np.ndarray, "n 2"]) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+        """Points (mm) and unit air-side normals at polar angles and azimuths (degrees); the rim lies in z = 0."""
+        polar, azimuth = np.radians(angles_deg).T
+        height = np.where(angles_deg[:, 0] == _RIM_DEG, 0.0, np.cos(polar))
+        directions = np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), height], axis=-1)
+        return self.surface.radius(directions)[:, None] * directions, self.air * self.surface.normal(directions)
+
+
+def faces_to_cut(lens: Lens) -> list[FaceToCut]:
+    """Both faces as they are cut: scaled for a mould insert, whose air is on the side of the lens's material."""
+    shop = lens.spec.manufacture
+    side = 1 if shop.make == "part" else -1
+    return [
+        FaceToCut("inner", scaled(lens.inner, shop.scale), -side),
+        FaceToCut("outer", scaled(lens.outer, shop.scale), side),
+    ]
+
+
+def ring_angles() -> Float[np.ndarray, "n 2"]:
+    """Polar angle and azimuth (degrees) of every point to measure, the apex first."""
+    polar, azimuth = np.meshgrid(_POLAR_DEG, _AZIMUTH_DEG, indexing="ij")
+    return np.concatenate([np.zeros((1, 2)), np.stack([polar.ravel(), azimuth.ravel()], axis=-1)])
+
+
+def points_table(lens: Lens, check: Check, head: list[str]) -> str:
+    """Points to measure, each with its normal and its departure (mm) from the check's best-fit sphere."""
+    angles = ring_angles()
+    lines = [*(f"# {line}" for line in head), POINT_COLUMNS]
+    for face in faces_to_cut(lens):
+        sphere = getattr(check, face.name).best_fit_sphere
+        points, normals = face.at(angles)
+        departure = np.linalg.norm(points - np.array(sphere.centre_mm), axis=1) - sphere.radius_mm
+        rows = np.column_stack([points, normals, angles, departure]) + 0.0  # no minus zero
+        lines += [face.name + "," + ",".join(f"{value:.9f}" for value in row) for row in rows.tolist()]
+    return "\n".join(lines) + "\n"
+
+
+def origin_lines(lens: Lens, part: Part) -> list[str]:
+    """Lines on the lens, its files, and who has made them."""
+    signature, shop = part.signature, lens.spec.manufacture
+    scale = "shrinkage: none; the points are those of the lens itself"
+    if shop.make == "insert":
+        scale = f"shrinkage: {shop.shrinkage:.12g}; the points are those of the mould, the lens times {shop.scale:.12g}"
+    return [
+        f"lens: {lens.spec.name}, SHA-256 {lens.sha256}",
+        f"author: {signature.author or 'not stated'}; organisation: {signature.organisation or 'not stated'}; "
+        f"date: {signature.date or 'not stated'}; by lensforge {lens.version}",
+        "units: mm, degrees; coordinates: those of lens.step, z = 0 the plane in which both optical faces end, z the "
+        "optical axis; the azimuth counts from +x towards +y",
+        scale,
+    ]
+
+
+@dataclass(frozen=True)
+class DenseTable:
+    """Rings ``step_deg`` apart (polar angle), the first the apex, each of even azimuths; [ring, azimuth, (R, Z)] in mm.
+
+    ``normals``: unit vectors from the material into the air at the same nodes, as x, y, z. ``rim``: number of the ring
+    at the rim; the rings beyond it continue the face.
+    """
+
+    face: FaceToCut
+    step_deg: float
+    rim: int
+    azimuths_deg: Float[np.ndarray, " m"]
+    values: Float[np.ndarray, "n m 2"]
+    normals: Float[np.ndarray, "n m 3"]
+
+    @property
+    def rows(self) -> Float[np.ndarray, "k 8"]:
+        """x, y, z (mm), unit normal, polar angle and azimuth (degrees) of each node; the apex once."""
+        rings, turns = self.values.shape[:2]
+        polar, azimuth = np.meshgrid(self.step_deg * np.arange(rings), self.azimuths_deg, indexing="ij")
+        turn, r, z = np.radians(azimuth), self.values[..., 0], self.values[..., 1]
+        places = np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=-1)
+        angles = np.stack([polar, azimuth], axis=-1)
+        rows = np.concatenate([places, self.normals, angles], axis=-1).reshape(-1, 8)
+        return np.concatenate([rows[:1], rows[turns:]])
+
+    @property
+    def spacing_mm(self) -> float:
+        """Largest distance (mm) between neighbouring nodes, along a meridian or around a ring."""
+        along = np.linalg.norm(np.diff(self.values, axis=0), axis=-1).max()
+        around = self.values[..., 0].max() * np.radians(self.azimuths_deg[1])
+        return float(max(along, around))
+
+    def errors_nm(self, scheme: Interpolation, most: int) -> Float[np.ndarray, " k"]:
+        """Error of the interpolation along the normal in the middle of cells and sides; of at most ``most`` of them."""
+        middles = self._middles(scheme)
+        middles = middles[:: max(1, -(-len(middles) // most))]
+        azimuth = np.radians(middles[:, 1])
+        points, normals = self.face.at(middles[:, :2])
+        across, up = middles[:, 2] - np.linalg.norm(points[:, :2], axis=1), middles[:, 3] - points[:, 2]
+        outwards = normals[:, 0] * np.cos(azimuth) + normals[:, 1] * np.sin(azimuth)
+        error: Float[np.ndarray, " k"] = 1e6 * np.abs(across * outwards + up * normals[:, 2])
+        return error
+
+    def _middles(self, scheme: Interpolation) -> Float[np.ndarray, "k 4"]:
+        """Polar angle, azimuth, and interpolated R and Z in the middle of every cell and side up to the rim."""
+        beyond, turns = _BEYOND[scheme], len(self.azimuths_deg)
+        # The ring before the first is the first one seen from the other side; the azimuths go around.
+        before = np.roll(self.values[1 : 1 + beyond], turns // 2, axis=1) * [-1.0, 1.0]
+        rings = np.concatenate([before, self.values])
+        along = _halfway(rings, 0, scheme)[: self.rim]
+        around = _halfway(_wrapped(self.values[: self.rim + 1], beyond), 1, scheme)
+        both = _halfway(_wrapped(along, beyond), 1, scheme)
+        at = self.step_deg * np.arange(self.rim + 1)
+        half_ring, half_turn = at[:-1] + 0.5 * self.step_deg, self.azimuths_deg + 0.5 * self.azimuths_deg[1]
+        found = []
+        for polar, azimuth, values in (
+            (half_ring, self.azimuths_deg, along),
+            (at[1:], half_turn, around[1:]),
+            (half_ring, half_turn, both),
+        ):
+            angles = np.stack(np.meshgrid(polar, azimuth, indexing="ij"), axis=-1)
+            found.append(np.concatenate([angles, values], axis=-1).reshape(-1, 4))
+        return np.concatenate(found)
+
+
+def _wrapped(values: Float[np.ndarray, "n m 2"], beyond: int) -> Float[np.ndarray, "n k 2"]:
+    turns = values.shape[1]
+    return values.take(range(-beyond, turns + 1 + beyond), axis=1, mode="wrap")
+
+
+def _halfway(values: Float[np.ndarray, "n m c"], axis: int, scheme: Interpolation) -> Float[np.ndarray, "k l c"]:
+    """Values halfway between the nodes along ``axis``; NaN where a node that this needs is NaN.
+
+    The first is ``_BEYOND`` nodes and a half from the first node.
+    """
+    weights = _MIDDLE[scheme]
+    count = values.shape[axis] - len(weights) + 1
+    return sum((weight * np.take(values, range(k, k + count), axis) for k, weight in enumerate(weights)), np.zeros(()))
+
+
+def dense_tables(lens: Lens, head: list[str], request: GridRequest) -> tuple[PointGrid, ...]:
+    """The table of the inner and of the outer face, its ``head`` first.
+
+    Raises :class:`InputError` for one with too many points.
+    """
+    return tuple(_grid(*_found(face, request), head, request) for face in faces_to_cut(lens))
+
+
+def _grid(table: DenseTable, errors: Float[np.ndarray, " k"], head: list[str], request: GridRequest) -> PointGrid:
+    """The record of a table, from its errors at the middles of cells and sides."""
+    error_nm = float(errors.max()) + _ROUNDING_NM
+    return PointGrid(
+        file=f"grid_{table.face.name}.csv",
+        face=table.face.name,
+        spacing_mm=table.spacing_mm,
+        interpolation=request.interpolation,
+        error_nm=error_nm,
+        points=len(table.rows),
+        content=_table_text(table, [*head, *_table_lines(table, request, error_nm, len(errors))]).encode(),
+    )
+
+
+def _found(face: FaceToCut, request: GridRequest) -> tuple[DenseTable, Float[np.ndarray, " k"]]:
+    """The table of the spacing that is given, or of about the widest that keeps the error; and its errors (nm)."""
+    size, scheme = float(face.at(np.zeros((1, 2)))[0][0, 2]), request.interpolation
+
+    def make(spacing_mm: float) -> DenseTable:
+        _require_count((np.pi * size / spacing_mm) ** 2, face, request)
+        return make_table(face, spacing_mm, scheme)
+
+    if request.spacing_mm is not None:
+        table = make(request.spacing_mm)
+        return table, table.errors_nm(scheme, _MEASURED)
+    spacing = 2.0 * size / _FIRST_CELLS
+    for trial in range(_TRIALS):
+        table = make(spacing)
+        error = float(table.errors_nm(scheme, _TRIED).max())
+        if trial > 0 and error <= request.error_nm:
+            errors = table.errors_nm(scheme, _MEASURED)
+            error = float(errors.max()) + _ROUNDING_NM
+            if error <= request.error_nm:
+                return table, errors
+        wider = _MARGIN * (request.error_nm / max(error, _ROUNDING_NM)) ** (1.0 / _ORDER[scheme])
+        tried, spacing = spacing, spacing * min(wider, _WIDER)
+    raise InputError(
+        f"error = {request.error_nm:g} nm: {error:.3g} nm at a spacing of {tried:.3g} mm; give a larger error"
+    )
+
+
+def _require_count(points: float, face: FaceToCut, request: GridRequest) -> None:
+    if points <= MOST_POINTS:
+        return
+    name, asked = "error", f"error = {request.error_nm:g} nm"
+    if request.spacing_mm is not None:
+        name, asked = "spacing", f"spacing = {request.spacing_mm:g} mm"
+    other = ", or bicubic interpolation" if request.interpolation == "linear" else ""
+    raise InputError(
+        f"{asked}: the table of the {face.name} face would have {points:.2g} points, at most {MOST_POINTS}; give a "
+        f"larger {name}{other}"
+    )
+
+
+def make_table(face: FaceToCut, spacing_mm: float, scheme: Interpolation) -> DenseTable:
+    """Rings and azimuths about ``spacing_mm`` apart at the widest, down to the rim and as far as ``scheme`` needs."""
+    size = float(np.linalg.norm(face.at(_RIM_AND_APEX_DEG)[0], axis=1).max())
+    rim = max(int(np.ceil(_RIM_DEG / _MOST_STEP_DEG)), int(np.ceil(0.5 * np.pi * size / spacing_mm)))
+    turns = 2 * max(4, int(np.ceil(np.pi * size / spacing_mm)))
+    polar, azimuths = _RIM_DEG / rim * np.arange(rim + 1 + _BEYOND[scheme]), 360.0 / turns * np.arange(turns)
+    polar[rim] = _RIM_DEG
+    points, normals = face.at(np.stack(np.meshgrid(polar, azimuths, indexing="ij"), axis=-1).reshape(-1, 2))
+    values = np.stack([np.linalg.norm(points[:, :2], axis=1), points[:, 2]], axis=-1)
+    shape = len(polar), turns
+    return DenseTable(face, _RIM_DEG / rim, rim, azimuths, values.reshape(*shape, 2), normals.reshape(*shape, 3))
+
+
+_RIM_AND_APEX_DEG = np.array([[0.0, 0.0], [90.0, 0.0], [90.0, 90.0], [90.0, 180.0], [90.0, 270.0]])
+
+
+def _table_text(table: DenseTable, head: list[str]) -> str:
+    """The table as text: lines that begin with # and say all that is needed to read it, then rows."""
+    rows = (np.round(table.rows, 9) + 0.0).tolist()  # no minus zero
+    body = [",".join(f"{value:.9f}" for value in row) for row in rows]
+    return "\n".join([*(f"# {line}" for line in head), COLUMNS, *body]) + "\n"
+
+
+def _table_lines(table: DenseTable, request: GridRequest, error_nm: float, measured: int) -> list[str]:
+    """Lines on the face, the nodes, the interpolation, and its error at ``measured`` places."""
+    turns, side = len(table.azimuths_deg), "away from" if table.face.air > 0 else "towards"
+    return [
+        f"face: {table.face.name}; its air, where the tool is, lies {side} the origin",
+        f"nodes: rings of polar angle i p with p = {table.step_deg:.15g} degrees, seen from the origin; {turns} "
+        f"azimuths k q with q = {360.0 / turns:.15g} degrees; the apex once; spacing up to {table.spacing_mm:.4g} mm",
+        f"extent: all of the face; ring {table.rim} is the rim, {_BEYOND[request.interpolation]} more below it "
+        "continues the face smoothly (extension)",
+        "interpolated over polar angle and azimuth: z, and r, the distance from the axis; the ring before the apex is "
+        "the first one from the other side, r with the other sign",
+        "nx, ny, nz: the unit normal n from the material into the air; the centre of a ball of radius R is p + R n",
+        f"interpolation: {_WORDS[request.interpolation]}",
+        f"interpolation error: at most {rounded_up(error_nm, 3)} nm along the normal against the exact face, "
+        f"at {measured} middles of cells and of their sides",
+    ]
