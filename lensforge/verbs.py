@@ -23,7 +23,7 @@ from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import Possible
 from lensforge.made.correction_result import Correction
 from lensforge.made.measured_part import compare, correct
-from lensforge.made.measurement_result import PhotoComparison, SurfaceComparison, photo_png, surface_png
+from lensforge.made.measurement_result import PhotoComparison, SurfaceComparison
 from lensforge.made.tolerance_result import Sensitivity, Yield
 from lensforge.made.tolerance_studies import sensitivity, tolerance
 from lensforge.proof.casts import stray_light, verify
@@ -32,7 +32,6 @@ from lensforge.proof.stray_result import StrayLight
 from lensforge.report.results import Results, stem_of
 from lensforge.results import Conditions, Metric
 from lensforge.results.criteria import Criterion
-from lensforge.results.files import replacing
 from lensforge.results.ownership import require_own
 from lensforge.results.verdict import Verdict
 from lensforge.runs.folder import Run, RunFolder, load
@@ -147,12 +146,6 @@ def _lens_of_photo(here: RunFolder, options: Mapping[str, Any]) -> dict[str, obj
     return {"lens": here.run.lens} if options.get("on") is not None else {}
 
 
-def _draw_comparison(here: RunFolder, found: PhotoComparison | SurfaceComparison) -> None:
-    """Draw the comparison beside its record."""
-    with replacing(here.path / f"{stem_of(found)}.png") as temporary:
-        temporary.write_bytes(photo_png(found) if isinstance(found, PhotoComparison) else surface_png(found))
-
-
 def _kept_parts(here: RunFolder, options: Mapping[str, Any]) -> dict[str, object]:
     """The file of measured parts; a page that is not ours is refused before the study, not after it."""
     if options.get("tolerances") is None:
@@ -261,7 +254,6 @@ COMPARE = FolderStage(
     options=("on", "off", "corners", "target_mm", "gamma", "points", "surface", "registration", "rays"),
     inputs=_measured,
     settings=_lens_of_photo,
-    after=_draw_comparison,
 )
 CORRECT = FolderStage(
     "correct",

@@ -16,15 +16,12 @@ from lensforge.results import (
     Extent,
     Flag,
     InFile,
-    Irradiance,
     NotNegative,
     Positive,
     Record,
     Share,
     SimulatedResult,
-    Text,
 )
-from lensforge.results.chart import Chart
 from lensforge.results.criteria import Criterion, at_least, at_most
 from lensforge.surfaces.step_file import Schema
 
@@ -60,9 +57,7 @@ class Correction(SimulatedResult):
     the area of the face, ``residual_rms_um`` is what the filter of ``wavelength_mm`` leaves of the points: their noise
     and form of shorter waves; ``noise_rms_um``: of the points. Maps over the chart are [Y, X], NaN outside.
     The STEP and all lengths are in the lens's own size, but the radii of ``cutter``: they are of the face that is cut,
-    ``scale`` times as large, 1 + shrinkage for a mould insert. ``step_volume_change``: relative, by reading back.
-    Light on the first receiver, ``width`` x ``height`` in the unit of its chart: W/m^2, in the far field W/sr.
-    """
+    ``scale`` times as large, 1 + shrinkage for a mould insert. ``step_volume_change``: relative, by reading back."""
 
     stage: ClassVar[str] = "correct"
     command: ClassVar[str] = "correct --points"
@@ -91,10 +86,6 @@ class Correction(SimulatedResult):
     form_error_nm: Extent
     normal_error_mrad: Extent
     rays: Count
-    receiver: Text
-    far_field: Flag
-    width: Positive
-    height: Positive
     design: LightMetrics
     first_cut: LightMetrics
     second_cut: LightMetrics
@@ -106,15 +97,7 @@ class Correction(SimulatedResult):
     deviation_map_um: FaceMap
     correction_map_um: FaceMap
     expected_map_um: FaceMap
-    irradiance_design: Irradiance
-    irradiance_first_cut: Irradiance
-    irradiance_second_cut: Irradiance
     step: Annotated[bytes, InFile(_STEP_FILE), Field(strict=True, repr=False)]
-
-    @property
-    def light_chart(self) -> Chart:
-        """Size of the maps of light, for figures."""
-        return Chart(self.width, self.height, self.far_field)
 
     def products(self) -> dict[str, bytes]:
         """STEP by suffix."""

@@ -1,6 +1,5 @@
 """Results of measuring the part: a photograph of its light, points on one of its surfaces, and their figures."""
 
-import io
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
@@ -26,12 +25,11 @@ from lensforge.results import (
     Text,
     stated,
 )
-from lensforge.results.chart import Chart, light_unit
+from lensforge.results.chart import Chart
 from lensforge.results.criteria import Criterion, at_least, at_most
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 
 _ERRORS = 3.0  # standard errors from which a cause is named
@@ -87,8 +85,6 @@ COVERED_SHARE = 0.8  # of the surface must be measured: elsewhere the design is 
 _MOST_POINTS = 10_000_000  # on a surface; scanners measure a million
 
 Pixel = tuple[Number, Number]  # column, row
-Row = Annotated[Float[np.ndarray, " w"], Array("w")]  # of an image
-Column = Annotated[Float[np.ndarray, " h"], Array("h")]
 Side = Literal["inner", "outer"]
 AxisName = Literal["x", "y"]
 Registration = Literal["rigid", "shift", "none"]
@@ -124,10 +120,9 @@ class Evenness(Record):
 class PhotoComparison(StageResult):
     """A photograph of the part's light against the simulation, both scaled to a mean of 1.
 
-    ``measured``, ``simulated``: [row y, column x] on a plane of ``width_mm`` x ``height_mm``; ``section_*``: lines
-    through its centre, at ``x_mm`` and ``y_mm``. ``target_mm``: width and height of the rectangle that ``corners``
-    bound. ``aligned``: after undoing ``alignment``; ``likely_cause`` is of that. ``clipped``: overexposed part
-    of the target.
+    ``measured``, ``simulated``: [row y, column x] on a plane of ``width_mm`` x ``height_mm``. ``target_mm``: width and
+    height of the rectangle that ``corners`` bound. ``aligned``: after undoing ``alignment``; ``likely_cause`` is of
+    that. ``clipped``: overexposed part of the target.
     """
 
     stage: ClassVar[str] = "compare"
@@ -153,12 +148,6 @@ class PhotoComparison(StageResult):
     criteria: tuple[Criterion, ...]
     measured: Image
     simulated: Image
-    x_mm: Annotated[Float[np.ndarray, " w"], Array("w", centred=True)]
-    y_mm: Annotated[Float[np.ndarray, " h"], Array("h", centred=True)]
-    section_x_measured: Row
-    section_x_simulated: Row
-    section_y_measured: Column
-    section_y_simulated: Column
 
     @stated
     def likely_cause(self) -> str:
@@ -175,9 +164,19 @@ class PhotoComparison(StageResult):
         from lensforge.results.plots import plot_curves, require_choice
 
         require_choice("axis", axis, get_args(AxisName))
-        places = self.x_mm if axis == "x" else self.y_mm
-        curves = {name: (places, getattr(self, f"section_{axis}_{name}")) for name in ("measured", "simulated")}
+        rows, columns = self.measured.shape
+        places = self.chart.x(columns) if axis == "x" else self.chart.y(rows)
+        images = {"measured": self.measured, "simulated": self.simulated}
+        curves = {name: (places, central_line(image, axis)) for name, image in images.items()}
         return plot_curves(curves, (f"{axis} (mm)", "irradiance over its mean"), axes)
+
+
+def central_line(image: Float[np.ndarray, "h w"], axis: AxisName) -> Float[np.ndarray, " p"]:
+    """Line through the centre along ``axis``; the mean of the two middle lines where the number of lines is even."""
+    lines = image if axis == "x" else image.T
+    middle = len(lines) // 2
+    mean: Float[np.ndarray, " p"] = lines[middle - (len(lines) % 2 == 0) : middle + 1].mean(axis=0)
+    return mean
 
 
 def photo_criteria(clipped: float) -> tuple[Criterion, ...]:
@@ -285,64 +284,3 @@ class SurfaceComparison(SimulatedResult):
         from lensforge.results.plots import plot_face
 
         return plot_face(self.deviation_um.T, float(self.chart[-1]), f"{self.surface}: form deviation (µm)", axes)
-
-
-def photo_png(found: PhotoComparison) -> bytes:
-    """Draw simulation and photograph on one scale, and their sections along x and y (mm), as a PNG file."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(11.0, 7.5), layout="constrained")
-    FigureCanvasAgg(figure)
-    top, bottom = figure.subplots(2, 2)
-    images = {"simulated": found.simulated, "measured": found.measured}
-    chart, most = found.chart, max(float(image.max()) for image in images.values())
-    for axes, (name, image) in zip(top, images.items(), strict=True):
-        shown = axes.imshow(image, origin="lower", extent=chart.extent, cmap="inferno", vmin=0.0, vmax=most)
-        axes.set(title=name)
-        chart.label(axes)
-    figure.colorbar(shown, ax=top, label="irradiance (mean = 1)")
-    sections = {
-        "x": (found.x_mm, {"simulated": found.section_x_simulated, "measured": found.section_x_measured}),
-        "y": (found.y_mm, {"simulated": found.section_y_simulated, "measured": found.section_y_measured}),
-    }
-    sides = found.width_mm, found.height_mm
-    for axes, (axis, (places, lines)), side in zip(bottom, sections.items(), sides, strict=True):
-        for (name, line), style in zip(lines.items(), ("-", "--"), strict=True):
-            axes.plot(places, line, style, label=name)
-        axes.set(xlabel=f"{axis} (mm)", ylabel="irradiance (mean = 1)", xlim=(-side / 2.0, side / 2.0))
-        axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
-        axes.legend(frameon=False)
-    return _png(figure)
-
-
-def surface_png(found: SurfaceComparison) -> bytes:
-    """Draw the form deviation over the chart (rim = unit circle) and the light before and after, as a PNG file."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(13.5, 4.2), layout="constrained")
-    FigureCanvasAgg(figure)
-    form, before, after = figure.subplots(1, 3)
-    reach = float(np.nanmax(np.abs(found.deviation_um))) or 1.0
-    shown = form.imshow(
-        found.deviation_um, origin="lower", extent=(-1, 1, -1, 1), cmap="RdBu_r", vmin=-reach, vmax=reach
-    )
-    form.set(title=f"form deviation, {found.surface} surface", xlabel="chart X", ylabel="chart Y")
-    figure.colorbar(shown, ax=form, label="along the normal (µm)")
-    chart, most = found.light_chart, float(found.irradiance_design.max())
-    for axes, image, title in (
-        (before, found.irradiance_design, "as designed"),
-        (after, found.irradiance_measured, "as measured"),
-    ):
-        light = axes.imshow(image, origin="lower", extent=chart.extent, cmap="inferno", vmin=0.0, vmax=most)
-        axes.set(title=title)
-        chart.label(axes)
-    figure.colorbar(light, ax=[before, after], label=light_unit(None, far_field=found.far_field).label)
-    return _png(figure)
-
-
-def _png(figure: "Figure") -> bytes:
-    png = io.BytesIO()
-    figure.savefig(png, format="png", dpi=150)
-    return png.getvalue()

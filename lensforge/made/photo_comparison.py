@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -80,12 +79,6 @@ def compare_photo(
         criteria=photo_criteria(picture.clipped),
         measured=measured,
         simulated=reference,
-        x_mm=grid.x(),
-        y_mm=grid.y(),
-        section_x_measured=section(measured, "x"),
-        section_x_simulated=section(reference, "x"),
-        section_y_measured=section(measured, "y"),
-        section_y_simulated=section(reference, "y"),
     )
 
 
@@ -117,14 +110,6 @@ def _corners(corners: Float[np.ndarray, "4 2"]) -> tuple[Pixel, Pixel, Pixel, Pi
 def _target(shot: Shot, grid: PixelGrid) -> Size:
     """Width and height (mm) of the rectangle that the corners bound."""
     return grid.size if shot.target_mm is None else (shot.target_mm, shot.target_mm)
-
-
-def section(image: Float[np.ndarray, "h w"], axis: Literal["x", "y"]) -> Float[np.ndarray, " p"]:
-    """Line through the centre along ``axis``; the mean of the two middle lines where the number of lines is even."""
-    lines = image if axis == "x" else image.T
-    middle = len(lines) // 2
-    mean: Float[np.ndarray, " p"] = lines[middle - (len(lines) % 2 == 0) : middle + 1].mean(axis=0)
-    return mean
 
 
 @dataclass(frozen=True)

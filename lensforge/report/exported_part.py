@@ -1,7 +1,6 @@
 """Sections of the report on the lens and its part: search, sections, faces, verification, stray light, files."""
 
 import hashlib
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
@@ -18,9 +17,8 @@ from lensforge.report import lens_figures, light_figures, study_figures
 from lensforge.report.light_section import numbered, top_of, unit_of_light
 from lensforge.report.page import PagePicture, picture
 from lensforge.report.results import REPORT_FILE, Results
-from lensforge.report.snapshots import Snapshot
 from lensforge.results import surface_figures
-from lensforge.results.numerals import number, percent, size
+from lensforge.results.numerals import number, size
 from lensforge.results.surface_figures import ChartMap
 from lensforge.search.design_result import Design
 from lensforge.shop.check_result import Check, FaceResult
@@ -66,24 +64,6 @@ def history_pictures(results: Results) -> list[PagePicture]:
         picture("error", draw(levels, "nmse"), "Pattern error by level", free),
         picture("efficiency", draw(levels, "efficiency"), "Efficiency by level"),
         picture("margins", lens_figures.constraint_history(levels), "Constraints by level", least),
-    ]
-
-
-def snapshot_pictures(results: Results, taken: Sequence[Snapshot]) -> list[PagePicture]:
-    """Snapshots of the levels of the search, all on one scale."""
-    unit = unit_of_light(results)
-    steepest = max((float(np.abs(each.slope).max()) for each in taken), default=None)
-    top = max((float(each.irradiance.max()) for each in taken), default=None)
-    return [
-        picture(
-            f"level{each.level}",
-            lens_figures.snapshot_figure(
-                each.surface_mm, each.slope, each.irradiance, each.chart, unit, steepest=steepest, top=top
-            ),
-            f"Level {each.level}: {each.functions} functions",
-            f"After step {each.step}: NMSE {number(each.nmse, 3)}, efficiency {percent(each.efficiency)}.",
-        )
-        for each in taken
     ]
 
 

@@ -1,19 +1,17 @@
 import inspect
-import io
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 from measured_lenses import dent, directions, lens, probed
 from nightly import first_by_day
-from PIL import Image
 
 from lensforge.cad.patch import fit_patch
 from lensforge.errors import InputError
 from lensforge.light.evaluation import evaluate_lens
 from lensforge.made.form_deviation import FacePixels, coverage, fit_deviation
 from lensforge.made.measured_surface import compare_surface, measure_form
-from lensforge.made.measurement_result import DeviationExtent, SurfaceComparison, surface_png
+from lensforge.made.measurement_result import DeviationExtent, SurfaceComparison
 from lensforge.results import Metric
 from lensforge.sources.build_source import build_source
 from lensforge.spec.accuracy import PRESETS
@@ -143,10 +141,6 @@ def test_a_deformed_part_makes_other_light(compared, tmp_path):
     chart = found.chart[peak[1]], found.chart[peak[0]]
     towards = np.array([0.5, 0.3, 0.8]) / np.linalg.norm([0.5, 0.3, 0.8])
     np.testing.assert_allclose(chart, towards[:2] / (1.0 + towards[2]), atol=0.15)
-    with Image.open(io.BytesIO(surface_png(found))) as drawn:
-        assert drawn.size == (2025, 630)
-        # Three maps in false colour, not an empty page.
-        assert len(np.unique(np.asarray(drawn.convert("RGB")).reshape(-1, 3), axis=0)) > 500
 
 
 def deformed_part(height):

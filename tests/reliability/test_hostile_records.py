@@ -17,7 +17,6 @@ from result_folders import make_folder, make_light, make_results, page_of, small
 
 import lensforge as lf
 from lensforge.light.evaluation_result import Light
-from lensforge.report.snapshots import load_snapshots
 from lensforge.results import Conditions, Record, Text
 from lensforge.runs.stored import load_results
 from lensforge.search.design_result import Design, Level
@@ -185,13 +184,6 @@ def test_a_text_can_be_printed_on_any_page_or_terminal(given: str, kept: str) ->
 
 def test_a_text_is_no_longer_than_a_page_can_show() -> None:
     assert len(Words(words="x" * 10**6).words) == 10_000
-
-
-def test_snapshots_are_bounded(tmp_path: Path) -> None:
-    (tmp_path / "snapshots").mkdir()
-    for level in range(30):
-        (tmp_path / "snapshots" / f"level-{level}.json").write_text("{}", encoding="utf-8")
-    assert "30 snapshots" in refusal(lambda: load_snapshots(tmp_path, small_lens()))
 
 
 def _square(side: float) -> dict[str, Any]:
