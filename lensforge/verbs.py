@@ -21,11 +21,9 @@ from lensforge.light.evaluation_result import Light, LimitResult
 from lensforge.light.lens_light import evaluate
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import Possible
-from lensforge.made.correction_result import Correction
-from lensforge.made.measured_part import compare, correct
-from lensforge.made.measurement_result import PhotoComparison, SurfaceComparison
+from lensforge.made.measurement_result import Correction, PhotoComparison, SurfaceComparison
+from lensforge.made.part_verbs import compare, correct, sensitivity, tolerance
 from lensforge.made.tolerance_result import Sensitivity, Yield
-from lensforge.made.tolerance_studies import sensitivity, tolerance
 from lensforge.proof.casts import stray_light, verify
 from lensforge.proof.proof_result import Proof
 from lensforge.proof.stray_result import StrayLight

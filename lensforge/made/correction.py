@@ -18,13 +18,10 @@ from lensforge.cad.part_export import signed_step, solid_on_base
 from lensforge.cad.patch import fit_patch, principal_curvatures
 from lensforge.cad.plan import INNER, OUTER, make_plan
 from lensforge.cad.step import parse_step
-from lensforge.made.areal_filter import FilteredPoints
-from lensforge.made.correction_result import KEPT, Correction, CutterLimit, correction_criteria
+from lensforge.made.areal_filter import ChangedSurface, FilteredPoints, RadialChange
 from lensforge.made.first_cut import FirstCut, Request
-from lensforge.made.form_deviation import FacePixels
-from lensforge.made.measured_surface import ChangedLens, pose_of
-from lensforge.made.measurement_result import Side
-from lensforge.made.radial_change import ChangedSurface, RadialChange
+from lensforge.made.measured_surface import ChangedLens, FacePixels, pose_of
+from lensforge.made.measurement_result import KEPT, Correction, CutterLimit, Side, correction_criteria
 from lensforge.results import Extent
 from lensforge.scene.lens import Lens
 from lensforge.shop.face_check import SAMPLE_NODES, bounded

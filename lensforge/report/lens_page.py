@@ -16,12 +16,12 @@ from lensforge.proof.proof_facts import tracer_groups
 from lensforge.proof.proof_result import Proof, ReceiverProof
 from lensforge.proof.stray_result import StrayLight
 from lensforge.report import exported_part, headline, light_section
-from lensforge.report.measured_section import measured_sections
+from lensforge.report.exported_part import measured_sections
+from lensforge.report.headline import task
 from lensforge.report.page import template
 from lensforge.report.record_tables import number_tables, spec_tables
 from lensforge.report.results import REPORT_FILE, Results
 from lensforge.report.solid_view import Rendering, SolidViews
-from lensforge.report.task import task
 from lensforge.results import Group, StageResult
 from lensforge.results.numerals import number, percent
 from lensforge.scene.lens import Lens

@@ -9,8 +9,7 @@ from scipy.ndimage import gaussian_filter
 from lensforge.errors import InputError
 from lensforge.made.image_similarity import displacement, fit_similarity, normalised, similarity
 from lensforge.made.measurement_result import PhotoComparison, central_line
-from lensforge.made.photo_comparison import Shot, _corner_error, compare_photo
-from lensforge.made.photograph import lit_only, read_photograph, rectify
+from lensforge.made.photo_comparison import Shot, _corner_error, compare_photo, lit_only, read_photograph, rectify
 from lensforge.scene.pixel_grid import PixelGrid, Window
 
 SIDE, PIXELS = 200.0, 64

@@ -9,8 +9,7 @@ from nightly import first_by_day
 from lensforge.cad.patch import fit_patch
 from lensforge.errors import InputError
 from lensforge.light.evaluation import evaluate_lens
-from lensforge.made.form_deviation import FacePixels, coverage, fit_deviation
-from lensforge.made.measured_surface import compare_surface, measure_form
+from lensforge.made.measured_surface import FacePixels, compare_surface, coverage, fit_deviation, measure_form
 from lensforge.made.measurement_result import DeviationExtent, SurfaceComparison
 from lensforge.results import Metric
 from lensforge.sources.build_source import build_source

@@ -3,7 +3,7 @@
 from part_files import make_surface
 
 from lensforge.cad.part import stamp_of
-from lensforge.made.correction_result import Correction
+from lensforge.made.measurement_result import Correction
 from lensforge.results import Extent
 
 

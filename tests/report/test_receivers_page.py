@@ -10,10 +10,9 @@ from undrawn import undrawn
 from lensforge.proof.proof_facts import tracer_groups
 from lensforge.report import light_section
 from lensforge.report.compare import ComparedPictures, render_comparison
-from lensforge.report.headline import asked_facts
+from lensforge.report.headline import asked_facts, task
 from lensforge.report.light_section import first_picture, other_lights, other_pictures, receiver_pictures, unit_of_light
 from lensforge.report.results import Results
-from lensforge.report.task import task
 from lensforge.results import Conditions, Metric
 
 BEAM = {"kind": "beam", "fwhm_deg": (60.0, 25.0), "uniform_deg": 10.0}
@@ -154,18 +153,6 @@ FAR_TASKS = [
 ]
 
 
-@pytest.mark.parametrize(("target", "words"), TASKS)
-def test_targets_on_a_plane_are_told_in_a_few_words(target, words):
-    lens = small_lens(wanted={"target": {**target, "distance_mm": 150.0, "receiver_mm": 300.0}})
-    assert task(lens.spec).endswith(f" · {words} at 150 mm")
-
-
-@pytest.mark.parametrize(("target", "words"), FAR_TASKS)
-def test_targets_in_the_far_field_are_told_in_a_few_words(target, words):
-    lens = small_lens(wanted={"target": {**target, "half_angle_deg": 80.0}})
-    assert task(lens.spec).endswith(f" · {words} in the far field, to 80°")
-
-
 def test_tasks_on_several_receivers_stand_beside_each_other():
     spots = tuple({"kind": "disc", "diameter_mm": each} for each in (10.0, 20.0))
     two = task(lens_with({**WALL, "targets": spots}, SKY).spec)
@@ -227,11 +214,6 @@ def test_every_receiver_is_compared(both):
     assert pictures.maps[0].caption == "Centred at (100, 0, 200) mm."
     text = Page(render_comparison(designs)).text
     assert "Pattern error (NMSE), sky" in text and "Efficiency, wall" in text
-
-
-def test_a_lens_in_a_notebook_names_its_receivers():
-    assert "300 × 150 mm centred at (100, 0, 200) mm; in the far field, to 80°" in lens_with(WALL, SKY)._repr_html_()
-    assert "300 mm wide at 150 mm" in small_lens()._repr_html_()
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -18,10 +18,10 @@ from lensforge.made.yield_facts import budget_sentence, drawn_rows, pass_sentenc
 from lensforge.proof.proof_facts import tracer_groups
 from lensforge.report import exported_part, headline, light_section
 from lensforge.report.compare import render_comparison
+from lensforge.report.headline import task
 from lensforge.report.lens_page import results_html
 from lensforge.report.record_tables import number_tables, spec_tables
 from lensforge.report.results import Results
-from lensforge.report.task import task
 from lensforge.report.yield_page import render_yield
 from lensforge.results import Fact, Group, Metric
 from lensforge.runs.folder import Run
