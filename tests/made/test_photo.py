@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 from handmade_pictures import exif, png, tiff
+from photo_scenes import homography
 from PIL import Image
 from scipy.ndimage import gaussian_filter
 
 from lensforge.errors import InputError
-from lensforge.made.image_similarity import displacement, fit_similarity, normalised, similarity
+from lensforge.made.image_similarity import fit_similarity, normalised
 from lensforge.made.measurement_result import PhotoComparison, central_line
 from lensforge.made.photo_comparison import Shot, _corner_error, compare_photo, lit_only, read_photograph, rectify
 from lensforge.scene.pixel_grid import PixelGrid, Window
@@ -29,15 +30,6 @@ def pattern(x, y):
 def simulated(shift=(0.0, 0.0), grid=GRID):
     x, y = np.meshgrid(grid.x(), grid.y())
     return pattern(x - shift[0], y - shift[1])
-
-
-def homography(corners, size=SQUARE):
-    """Rows of the direct linear transform from mm to pixels: written for the test alone."""
-    a, b = size[0] / 2, size[1] / 2
-    rows = []
-    for (x, y), (u, v) in zip([(-a, b), (a, b), (a, -b), (-a, -b)], corners, strict=True):
-        rows += [[x, y, 1, 0, 0, 0, -u * x, -u * y, -u], [0, 0, 0, x, y, 1, -v * x, -v * y, -v]]
-    return np.linalg.svd(np.array(rows))[2][-1].reshape(3, 3)
 
 
 def photographed(corners, shift=(0.0, 0.0), size=(950, 760), target=SQUARE, light=pattern):
@@ -90,12 +82,6 @@ def transformed(of, scale=1.0, turn_deg=0.0, shift=(0.0, 0.0)):
 
 def compare(taken):
     return compare_photo(taken, simulated=simulated(), grid=GRID, uniform=Window(50.0, 50.0).pixels(GRID))
-
-
-def test_equal_pictures_are_wholly_similar():
-    same = similarity(normalised(simulated()), normalised(3.7 * simulated()))
-    assert same.ssim == pytest.approx(1.0, abs=1e-12)
-    assert same.nmse == pytest.approx(0.0, abs=1e-24)
 
 
 def test_a_homography_is_undone():
@@ -155,16 +141,15 @@ def test_the_wrong_gamma_or_no_dark_frame_shows(tmp_path):
     assert compare(shot(tmp_path, dark=False)).nmse > 0.01
 
 
-def test_a_shifted_pattern_is_found_shifted(tmp_path):
-    found = compare(shot(tmp_path, shift=(4.5, -2.0), noise=0.005))
-    assert_aligned(found, [4.5, -2.0, 1.0, 0.0], [0.15, 0.15, 2e-3, 0.15])
-    assert found.aligned.ssim > found.ssim + 0.02
-    assert found.aligned.nmse < 0.1 * found.nmse
-
-
 @pytest.mark.parametrize(
     ("scale", "turn_deg", "shift"),
-    [(1.02, 0.0, (0.0, 0.0)), (0.98, 0.0, (0.0, 0.0)), (1.0, 1.5, (0.0, 0.0)), (1.1, -6.0, (5.0, -3.0))],
+    [
+        (1.0, 0.0, (4.5, -2.0)),
+        (1.02, 0.0, (0.0, 0.0)),
+        (0.98, 0.0, (0.0, 0.0)),
+        (1.0, 1.5, (0.0, 0.0)),
+        (1.1, -6.0, (5.0, -3.0)),
+    ],
 )
 def test_size_and_rotation_are_found_with_the_displacement(tmp_path, scale, turn_deg, shift):
     light = 0.4 * photographed(CORNERS, light=transformed(pattern, scale, turn_deg, shift))
@@ -227,31 +212,15 @@ def test_what_the_light_cannot_tell_is_not_stated(light, known):
     assert (fit.parameters[~fit.fitted] == 0.0).all()
 
 
-def test_displacement_of_a_picture_to_itself_is_none():
-    np.testing.assert_array_equal(displacement(simulated(), simulated()), [0.0, 0.0])
-
-
 def test_a_camera_behind_the_panel_sees_the_target_mirrored(tmp_path):
     mirrored = np.array([950.0, 0.0]) + [-1.0, 1.0] * CORNERS
     assert compare(shot(tmp_path, corners=mirrored)).ssim > 0.99
-
-
-def test_corners_in_another_order_turn_the_picture(tmp_path):
-    turned = Shot(*[getattr(shot(tmp_path), name) for name in ("on", "off")], np.roll(CORNERS, 1, axis=0), SIDE)
-    assert compare(turned).ssim < 0.8
 
 
 def test_clipped_light_fails(tmp_path):
     found = compare(shot(tmp_path, scale=1.5))
     assert found.clipped > 0.05
     assert not found.criteria[0].passed
-
-
-def test_colour_is_read_as_luminance(tmp_path):
-    light = 0.4 * photographed(CORNERS)
-    colour = np.stack([0.8 * light, light, 0.3 * light], axis=2)
-    Image.fromarray(np.round(255 * np.clip(colour, 0, 1)).astype(np.uint8)).save(tmp_path / "on.png")
-    assert compare(Shot(tmp_path / "on.png", None, CORNERS, SIDE)).ssim > 0.99
 
 
 def test_sections_run_through_the_centre():

@@ -1,6 +1,5 @@
 """Pages on lenses whose light falls on other receivers than one square: several of them, or the far field."""
 
-import numpy as np
 import pytest
 from page_text import Page, text_of
 from part_files import whole_results
@@ -127,30 +126,6 @@ def test_candela_where_the_lumens_are_known():
     results = make_results(("evaluate",), far_lens(lumens_per_watt=250.0))
     assert "luminous intensity (cd)" in first_picture(results).svg
     assert level_of(results).unit == "cd"
-
-
-TASKS = [
-    ({"kind": "text", "text": "π", "width_mm": 200.0}, "“π”, 200 mm wide"),
-    ({"kind": "flat_top", "half_width_mm": 30.0}, "square flat top, 60 mm wide"),
-    ({"kind": "flat_top", "half_width_mm": (30.0, 20.0)}, "flat top, 60 × 40 mm"),
-    ({"kind": "rectangle", "width_mm": 30.0, "height_mm": 20.0}, "rectangle, 30 × 20 mm"),
-    ({"kind": "disc", "diameter_mm": 30.0}, "disc, 30 mm wide"),
-    ({"kind": "ellipse", "width_mm": 30.0, "height_mm": 20.0}, "ellipse, 30 × 20 mm"),
-    ({"kind": "ring", "outer_diameter_mm": 30.0, "inner_diameter_mm": 20.0}, "ring, 20 to 30 mm wide"),
-    ({"kind": "polygon", "corners_mm": ((0.0, 0.0), (9.0, 0.0), (0.0, 9.0))}, "polygon with 3 corners"),
-    ({"kind": "cross", "length_mm": 30.0, "stroke_mm": 5.0}, "cross, 30 mm long"),
-    ({"kind": "spots", "columns": 5, "rows": 3, "diameter_mm": 4.0, "pitch_mm": 10.0}, "5 × 3 spots, 10 mm apart"),
-    ({"kind": "array", "values": np.eye(3), "width_mm": 30.0}, "given pattern, 30 mm wide"),
-    ({"kind": "image", "file": "/pictures/logo.png", "width_mm": 30.0}, "logo.png, 30 mm wide"),
-    ({"kind": "table", "file": "/tables/light.csv", "width_mm": 30.0}, "light.csv, 30 mm wide"),
-]
-FAR_TASKS = [
-    (BEAM, "beam 60° × 25°"),
-    ({"kind": "beam", "fwhm_deg": 30.0, "profile": "flat"}, "flat beam 30°"),
-    ({"kind": "batwing", "to_deg": 60.0}, "batwing to 60°"),
-    ({"kind": "photometric", "file": "/lamps/old.ies"}, "intensity of old.ies"),
-    ({"kind": "disc", "diameter_deg": 30.0}, "disc, 30° wide"),
-]
 
 
 def test_tasks_on_several_receivers_stand_beside_each_other():
