@@ -2,7 +2,7 @@
 
     python benchmarks/kills.py --kills 100 --seed 0
 
-A chain is a draft design of a small lens with snapshots, and all commands on it (every third chain: a sweep). Each of
+A chain is a draft design of a small lens, and all commands on it (every third chain: a sweep). Each of
 its commands is killed (SIGKILL; every fifth time SIGTERM or SIGINT) at a random moment, or as a random file appears or
 changes in its folder, writes included; then it runs again, with ``--resume`` where there is something to resume. At the
 end every file must have the bits of an uninterrupted chain; records apart from their computing times, pages and
@@ -35,7 +35,7 @@ SMALL = {  # a search of seconds: the kills are to come everywhere
     "evaluate": {"rays": 4096, "pixels": 16},
 }
 DESIGN = (
-    ("design", "lens.toml", "--accuracy", "draft", "--snapshots", "--out", "made"),
+    ("design", "lens.toml", "--accuracy", "draft", "--out", "made"),
     ("evaluate", "made", "--rays", "2048"),
     ("export", "made"),
     ("check", "made"),
@@ -139,7 +139,7 @@ class Chain:
 
     def _listing(self) -> set[tuple[str, int]]:
         found = set()
-        for folder in (self.made, self.made / "snapshots", *self.made.glob("lens-*")):
+        for folder in (self.made, *self.made.glob("lens-*")):
             try:
                 found |= {(entry.path, entry.inode()) for entry in os.scandir(folder)}
             except FileNotFoundError:

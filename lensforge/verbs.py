@@ -21,11 +21,9 @@ from lensforge.light.evaluation_result import Light, LimitResult
 from lensforge.light.lens_light import evaluate
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import Possible
-from lensforge.made.correction_result import Correction
-from lensforge.made.measured_part import compare, correct
-from lensforge.made.measurement_result import PhotoComparison, SurfaceComparison, photo_png, surface_png
+from lensforge.made.measurement_result import Correction, PhotoComparison, SurfaceComparison
+from lensforge.made.part_verbs import compare, correct, sensitivity, tolerance
 from lensforge.made.tolerance_result import Sensitivity, Yield
-from lensforge.made.tolerance_studies import sensitivity, tolerance
 from lensforge.proof.casts import stray_light, verify
 from lensforge.proof.proof_result import Proof
 from lensforge.proof.stray_result import StrayLight
@@ -36,7 +34,7 @@ from lensforge.report.sweep import Sweep
 from lensforge.report.tradeoff import Tradeoff
 from lensforge.results import Conditions, Metric
 from lensforge.results.criteria import Criterion
-from lensforge.results.files import replacing, require_own
+from lensforge.results.files import require_own
 from lensforge.results.verdict import Verdict
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.search.design_result import Design, Progress
@@ -142,12 +140,6 @@ def _measured(run: Results, options: Mapping[str, Any]) -> tuple[object, ...]:
 
 def _lens_of_photo(here: RunFolder, options: Mapping[str, Any]) -> dict[str, object]:
     return {"lens": here.run.lens} if options.get("on") is not None else {}
-
-
-def _draw_comparison(here: RunFolder, found: PhotoComparison | SurfaceComparison) -> None:
-    """Draw the comparison beside its record."""
-    with replacing(here.path / f"{stem_of(found)}.png") as temporary:
-        temporary.write_bytes(photo_png(found) if isinstance(found, PhotoComparison) else surface_png(found))
 
 
 def _kept_parts(here: RunFolder, options: Mapping[str, Any]) -> dict[str, object]:
@@ -258,7 +250,6 @@ COMPARE = FolderStage(
     options=("on", "off", "corners", "target_mm", "gamma", "points", "surface", "registration", "rays"),
     inputs=_measured,
     settings=_lens_of_photo,
-    after=_draw_comparison,
 )
 CORRECT = FolderStage(
     "correct",

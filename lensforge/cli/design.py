@@ -46,7 +46,6 @@ _PREVIEW_RAYS = 2**17  # at most: an eighth of a draft's, for figures that have 
 @ACCURACY
 @SEED
 @click.option("--resume", is_flag=True, help="Continue from the checkpoint of an interrupted design.")
-@click.option("--snapshots", is_flag=True, help="Draw lens and light after each level into DIR/snapshots.")
 @with_force
 @click.option("--starts", metavar="N", type=WholeNumber(1, 1000), default=1, help="Searches; the best is kept.")
 @RAYS
@@ -59,7 +58,6 @@ def design(
     spec: Path,
     out: Path | None,
     resume: bool,
-    snapshots: bool,
     starts: int,
     rays: int | None,
     scheduler: str | None,
@@ -76,14 +74,10 @@ def design(
     from lensforge.cli.progress import StageClock
 
     content = with_rays(load_spec(spec), rays)
-    if snapshots and starts > 1:
-        raise InputError("--snapshots: of one search; leave out --starts, and give --seed")
     directory = out or Path("cad_out") / content.name
     resume_after_interrupt(lambda: is_checkpoint(directory / CHECKPOINT))
     with StageClock("design", quiet=output.quiet) as clock:
-        run = run_with_progress(
-            content, directory, clock, resume=resume, snapshots=snapshots, starts=starts, scheduler=scheduler, **options
-        )
+        run = run_with_progress(content, directory, clock, resume=resume, starts=starts, scheduler=scheduler, **options)
         clock.total()
     if shown:
         click.launch(str(run.folder / REPORT_FILE))
@@ -130,7 +124,6 @@ def run_with_progress(
     clock: "StageClock",
     *,
     resume: bool = False,
-    snapshots: bool = False,
     starts: int = 1,
     scheduler: str | None = None,
     **options: Unpack[SearchOptions],
@@ -140,13 +133,11 @@ def run_with_progress(
     Raises :class:`InputError` where there is no checkpoint to resume from.
     """
     from lensforge.cli.progress import DesignProgress
-    from lensforge.report.snapshots import Snapshots
 
     checkpoint = directory / CHECKPOINT
     if resume and not checkpoint.exists():
         raise InputError(f"{checkpoint}: no checkpoint to resume from; run without --resume")
-    observers = [Snapshots(spec, directory, resume=resume).on_step] if snapshots else []
-    heard = DesignProgress(clock, spec, *observers)
+    heard = DesignProgress(clock, spec)
     options.update({"checkpoint": checkpoint if resume else None, "progress": heard.on_step, "warn": clock.warn})
     return pipeline.run(
         spec, directory, announce=heard.on_stage, ended=heard.on_end, starts=starts, scheduler=scheduler, **options

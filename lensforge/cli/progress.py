@@ -179,14 +179,14 @@ _NAMES = {*(kind.stage for kind in STAGES), REPORT_FILE.partition(".")[0]}
 
 
 class DesignProgress:
-    """Progress of a search and of the stages after it, on ``clock``; ``observers`` are called with every step.
+    """Progress of a search and of the stages after it, on ``clock``.
 
     The time left is that of the whole command, of which later stages take a usual share; at least that, where the
     search chooses its levels and may add some.
     """
 
-    def __init__(self, clock: StageClock, spec: Spec, *observers: Callable[[Step], None]) -> None:
-        self._clock, self._observers = clock, observers
+    def __init__(self, clock: StageClock, spec: Spec) -> None:
+        self._clock = clock
         levels = spec.lens.levels
         self._of_levels, self._of_steps = ("", False) if levels == "auto" else (f"/{len(levels)}", True)
         self._last: Step | None = None
@@ -205,8 +205,6 @@ class DesignProgress:
         if self._of_steps and not self._clock.live and (new_level or last) and shown is not None:
             self._clock.note(self._words(shown))
         self._last = step
-        for observer in self._observers:
-            observer(step)
 
     def _left(self, step: Step) -> float | None:
         """Seconds that are left: of the steps at the pace of this level, as levels differ, and of the rest."""

@@ -18,16 +18,12 @@ from lensforge.cad.part_export import signed_step, solid_on_base
 from lensforge.cad.patch import fit_patch, principal_curvatures
 from lensforge.cad.plan import INNER, OUTER, make_plan
 from lensforge.cad.step import parse_step
-from lensforge.made.areal_filter import FilteredPoints
-from lensforge.made.correction_result import KEPT, Correction, CutterLimit, correction_criteria
+from lensforge.made.areal_filter import ChangedSurface, FilteredPoints, RadialChange
 from lensforge.made.first_cut import FirstCut, Request
-from lensforge.made.form_deviation import FacePixels
-from lensforge.made.measured_surface import ChangedLens, pose_of
-from lensforge.made.measurement_result import Side
-from lensforge.made.radial_change import ChangedSurface, RadialChange
+from lensforge.made.measured_surface import ChangedLens, FacePixels, pose_of
+from lensforge.made.measurement_result import KEPT, Correction, CutterLimit, Side, correction_criteria
 from lensforge.results import Extent
 from lensforge.scene.lens import Lens
-from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.shop.face_check import SAMPLE_NODES, bounded
 from lensforge.shop.face_samples import AirSide, OpticalFace, sample_face
 from lensforge.sources.ray_bundle import Source
@@ -150,7 +146,6 @@ def correct_face(
     first, second = cut.likeliest.change, _expected(cut, made, request.gain)
     cuts = ChangedLens(lens, side, source, preset.evaluate_nodes_per_sigma, rays)
     design, before, after = cuts.lights(None, first, second)
-    section, receiver = lens.spec.all_receivers[0], receivers_of(lens.spec, lens.spec.evaluate.pixels)[0]
     left = cut.points.deviations - made.filtered.values
     error = built.error
     return Correction(
@@ -179,10 +174,6 @@ def correct_face(
         form_error_nm=Extent(max=error.form_max_nm, rms=error.form_rms_nm),
         normal_error_mrad=Extent(max=error.normal_max_mrad, rms=error.normal_rms_mrad),
         rays=rays,
-        receiver=section.name or section.kind,
-        far_field=section.kind == "far_field",
-        width=receiver.grid.width,
-        height=receiver.grid.height,
         design=design.metrics,
         first_cut=before.metrics,
         second_cut=after.metrics,
@@ -196,9 +187,6 @@ def correct_face(
         deviation_map_um=pixels.map_um(first),
         correction_map_um=pixels.map_um(made.change),
         expected_map_um=pixels.map_um(second),
-        irradiance_design=design.map,
-        irradiance_first_cut=before.map,
-        irradiance_second_cut=after.map,
         step=built.step,
     )
 

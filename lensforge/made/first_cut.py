@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from lensforge.cad.patch import Patch
 from lensforge.errors import InputError
 from lensforge.made.areal_filter import ArealFilter, FilteredPoints, PointDeviations, shortest_by_nodes_mm
-from lensforge.made.form_deviation import coverage
+from lensforge.made.measured_surface import coverage
 from lensforge.made.measurement_result import Registration
 from lensforge.made.registration import RigidMotion, registered
 from lensforge.surfaces.surface import Surface

@@ -5,8 +5,7 @@ from dataclasses import replace
 
 from lensforge.light.evaluation_result import LightMetrics
 from lensforge.light.light_facts import METRICS, change_facts, metric_facts
-from lensforge.made.correction_result import Correction
-from lensforge.made.measurement_result import PhotoComparison, SurfaceComparison
+from lensforge.made.measurement_result import Correction, PhotoComparison, SurfaceComparison
 from lensforge.results import Extent, Fact, Group
 from lensforge.results.criteria import state_of
 from lensforge.results.numerals import percent, quantity

@@ -1,12 +1,14 @@
-"""Results of measuring the part: a photograph of its light, points on one of its surfaces, and their figures."""
+"""Results of measuring the part: a photograph of its light, points on a face, and a face corrected by them."""
 
-import io
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
+from pydantic import Field
 
+from lensforge.cad.part import FileStamp, SplineNodes
+from lensforge.cad.part_limits import FORM_LIMIT_NM, NORMAL_LIMIT_MRAD, ROUND_TRIP_LIMIT
 from lensforge.light.evaluation_result import LightMetrics
 from lensforge.results import (
     Array,
@@ -14,6 +16,7 @@ from lensforge.results import (
     Extent,
     Flag,
     Image,
+    InFile,
     Irradiance,
     Metric,
     NotNegative,
@@ -26,12 +29,12 @@ from lensforge.results import (
     Text,
     stated,
 )
-from lensforge.results.chart import Chart, light_unit
+from lensforge.results.chart import Chart
 from lensforge.results.criteria import Criterion, at_least, at_most
+from lensforge.surfaces.step_file import Schema
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 
 _ERRORS = 3.0  # standard errors from which a cause is named
@@ -86,8 +89,6 @@ COVERED_SHARE = 0.8  # of the surface must be measured: elsewhere the design is 
 
 
 Pixel = tuple[Number, Number]  # column, row
-Row = Annotated[Float[np.ndarray, " w"], Array("w")]  # of an image
-Column = Annotated[Float[np.ndarray, " h"], Array("h")]
 Side = Literal["inner", "outer"]
 AxisName = Literal["x", "y"]
 Registration = Literal["rigid", "shift", "none"]
@@ -123,10 +124,9 @@ class Evenness(Record):
 class PhotoComparison(StageResult):
     """A photograph of the part's light against the simulation, both scaled to a mean of 1.
 
-    ``measured``, ``simulated``: [row y, column x] on a plane of ``width_mm`` x ``height_mm``; ``section_*``: lines
-    through its centre, at ``x_mm`` and ``y_mm``. ``target_mm``: width and height of the rectangle that ``corners``
-    bound. ``aligned``: after undoing ``alignment``; ``likely_cause`` is of that. ``clipped``: overexposed part
-    of the target.
+    ``measured``, ``simulated``: [row y, column x] on a plane of ``width_mm`` x ``height_mm``. ``target_mm``: width and
+    height of the rectangle that ``corners`` bound. ``aligned``: after undoing ``alignment``; ``likely_cause`` is of
+    that. ``clipped``: overexposed part of the target.
     """
 
     stage: ClassVar[str] = "compare"
@@ -152,12 +152,6 @@ class PhotoComparison(StageResult):
     criteria: tuple[Criterion, ...]
     measured: Image
     simulated: Image
-    x_mm: Annotated[Float[np.ndarray, " w"], Array("w")]
-    y_mm: Annotated[Float[np.ndarray, " h"], Array("h")]
-    section_x_measured: Row
-    section_x_simulated: Row
-    section_y_measured: Column
-    section_y_simulated: Column
 
     @stated
     def likely_cause(self) -> str:
@@ -174,9 +168,19 @@ class PhotoComparison(StageResult):
         from lensforge.results.plots import plot_curves, require_choice
 
         require_choice("axis", axis, get_args(AxisName))
-        places = self.x_mm if axis == "x" else self.y_mm
-        curves = {name: (places, getattr(self, f"section_{axis}_{name}")) for name in ("measured", "simulated")}
+        rows, columns = self.measured.shape
+        places = self.chart.x(columns) if axis == "x" else self.chart.y(rows)
+        images = {"measured": self.measured, "simulated": self.simulated}
+        curves = {name: (places, central_line(image, axis)) for name, image in images.items()}
         return plot_curves(curves, (f"{axis} (mm)", "irradiance over its mean"), axes)
+
+
+def central_line(image: Float[np.ndarray, "h w"], axis: AxisName) -> Float[np.ndarray, " p"]:
+    """Line through the centre along ``axis``; the mean of the two middle lines where the number of lines is even."""
+    lines = image if axis == "x" else image.T
+    middle = len(lines) // 2
+    mean: Float[np.ndarray, " p"] = lines[middle - (len(lines) % 2 == 0) : middle + 1].mean(axis=0)
+    return mean
 
 
 def photo_criteria(clipped: float) -> tuple[Criterion, ...]:
@@ -286,62 +290,104 @@ class SurfaceComparison(SimulatedResult):
         return plot_face(self.deviation_um.T, float(self.chart[-1]), f"{self.surface}: form deviation (µm)", axes)
 
 
-def photo_png(found: PhotoComparison) -> bytes:
-    """Draw simulation and photograph on one scale, and their sections along x and y (mm), as a PNG file."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+# A hollow tighter than the ball by this share, as wide as 2 mm, stays 0.1 um uncut by a ball of 1 mm.
+KEPT = 1e-3
+_STEP_FILE = "lens_corrected.step"  # of the outer face: lens_corrected_outer.step
 
-    figure = Figure(figsize=(11.0, 7.5), layout="constrained")
-    FigureCanvasAgg(figure)
-    top, bottom = figure.subplots(2, 2)
-    images = {"simulated": found.simulated, "measured": found.measured}
-    chart, most = found.chart, max(float(image.max()) for image in images.values())
-    for axes, (name, image) in zip(top, images.items(), strict=True):
-        shown = axes.imshow(image, origin="lower", extent=chart.extent, cmap="inferno", vmin=0.0, vmax=most)
-        axes.set(title=name)
-        chart.label(axes)
-    figure.colorbar(shown, ax=top, label="irradiance (mean = 1)")
-    sections = {
-        "x": (found.x_mm, {"simulated": found.section_x_simulated, "measured": found.section_x_measured}),
-        "y": (found.y_mm, {"simulated": found.section_y_simulated, "measured": found.section_y_measured}),
-    }
-    sides = found.width_mm, found.height_mm
-    for axes, (axis, (places, lines)), side in zip(bottom, sections.items(), sides, strict=True):
-        for (name, line), style in zip(lines.items(), ("-", "--"), strict=True):
-            axes.plot(places, line, style, label=name)
-        axes.set(xlabel=f"{axis} (mm)", ylabel="irradiance (mean = 1)", xlim=(-side / 2.0, side / 2.0))
-        axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
-        axes.legend(frameon=False)
-    return _png(figure)
+FaceMap = Annotated[Float[np.ndarray, "m m"], Array("m", "m", gaps=True)]
 
 
-def surface_png(found: SurfaceComparison) -> bytes:
-    """Draw the form deviation over the chart (rim = unit circle) and the light before and after, as a PNG file."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+class CutterLimit(Record):
+    """The ball cutter's limit on a correction; radii are the smallest concave ones, None where there is none.
 
-    figure = Figure(figsize=(13.5, 4.2), layout="constrained")
-    FigureCanvasAgg(figure)
-    form, before, after = figure.subplots(1, 3)
-    reach = float(np.nanmax(np.abs(found.deviation_um))) or 1.0
-    shown = form.imshow(
-        found.deviation_um, origin="lower", extent=(-1, 1, -1, 1), cmap="RdBu_r", vmin=-reach, vmax=reach
+    ``smoothed_more_share``: of the area, where the wavelength was made longer for the cutter; ``cut_back_um``: how much
+    of the correction that took away, along the normal.
+    """
+
+    cutter_radius_mm: Positive
+    concave_radius_before_mm: Positive | None
+    concave_radius_mm: Positive | None
+    smoothed_more_share: Share
+    cut_back_um: Extent
+
+
+class Correction(SimulatedResult):
+    """A face corrected by the mirrored deviation of a first cut, in a STEP file for the second one.
+
+    ``deviation_um``: of the first cut as far as its points show it, along the normal; ``correction_um``: that was put
+    into the STEP; ``expected_um``: of the second cut, where the machine errs again as in the first. Extents are over
+    the area of the face, ``residual_rms_um`` is what the filter of ``wavelength_mm`` leaves of the points: their noise
+    and form of shorter waves; ``noise_rms_um``: of the points. Maps over the chart are [Y, X], NaN outside.
+    The STEP and all lengths are in the lens's own size, but the radii of ``cutter``: they are of the face that is cut,
+    ``scale`` times as large, 1 + shrinkage for a mould insert. ``step_volume_change``: relative, by reading back."""
+
+    stage: ClassVar[str] = "correct"
+    command: ClassVar[str] = "correct --points"
+
+    surface: Side
+    registration: Registration
+    make: Literal["part", "insert"]
+    scale: Positive
+    point_count: Count
+    point_spacing_mm: Positive
+    used_share: Share
+    covered_share: Share
+    pose: Pose
+    gain: Positive
+    wavelength_mm: Positive
+    wavelength_given: Flag
+    noise_rms_um: NotNegative
+    residual_rms_um: NotNegative
+    deviation_um: Extent
+    correction_um: Extent
+    expected_um: Extent
+    cutter: CutterLimit
+    nodes: SplineNodes
+    step_schema: Schema
+    step_volume_change: NotNegative
+    form_error_nm: Extent
+    normal_error_mrad: Extent
+    rays: Count
+    design: LightMetrics
+    first_cut: LightMetrics
+    second_cut: LightMetrics
+    change: LightMetrics
+    criteria: tuple[Criterion, ...]
+    file: FileStamp
+    chart: Annotated[Float[np.ndarray, " m"], Array("m", centred=True)]
+    area_mm2: FaceMap
+    deviation_map_um: FaceMap
+    correction_map_um: FaceMap
+    expected_map_um: FaceMap
+    step: Annotated[bytes, InFile(_STEP_FILE), Field(strict=True, repr=False)]
+
+    def products(self) -> dict[str, bytes]:
+        """STEP by suffix."""
+        return {".step": self.step, ".stp": self.step}
+
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
+        """Plot the correction over the chart of the surface."""
+        from lensforge.results.plots import plot_face
+
+        return plot_face(self.correction_map_um.T, float(self.chart[-1]), f"{self.surface}: correction (µm)", axes)
+
+
+def correction_criteria(
+    used: float, covered: float, form_nm: float, normal_mrad: float, volume_change: float, cutter: CutterLimit
+) -> tuple[Criterion, ...]:
+    """Criteria on a correction: its points, the written STEP as read back, and the reach of the cutter.
+
+    Where the design is concave more tightly than the cutter already, the correction must not make it tighter.
+    """
+    longer = "take a longer wavelength_mm"
+    found = (
+        *surface_criteria(used, covered),
+        at_most("form_error", form_nm, FORM_LIMIT_NM, "nm", longer),
+        at_most("normal_error", normal_mrad, NORMAL_LIMIT_MRAD, "mrad", longer),
+        at_most("step_volume_change", volume_change, ROUND_TRIP_LIMIT, "", longer),
     )
-    form.set(title=f"form deviation, {found.surface} surface", xlabel="chart X", ylabel="chart Y")
-    figure.colorbar(shown, ax=form, label="along the normal (µm)")
-    chart, most = found.light_chart, float(found.irradiance_design.max())
-    for axes, image, title in (
-        (before, found.irradiance_design, "as designed"),
-        (after, found.irradiance_measured, "as measured"),
-    ):
-        light = axes.imshow(image, origin="lower", extent=chart.extent, cmap="inferno", vmin=0.0, vmax=most)
-        axes.set(title=title)
-        chart.label(axes)
-    figure.colorbar(light, ax=[before, after], label=light_unit(None, far_field=found.far_field).label)
-    return _png(figure)
-
-
-def _png(figure: "Figure") -> bytes:
-    png = io.BytesIO()
-    figure.savefig(png, format="png", dpi=150)
-    return png.getvalue()
+    if cutter.concave_radius_mm is None:
+        return found
+    before = cutter.concave_radius_before_mm
+    least = min(cutter.cutter_radius_mm, np.inf if before is None else before) * (1.0 - 2.0 * KEPT)
+    return (*found, at_least("concave_radius", cutter.concave_radius_mm, least, "mm", longer))

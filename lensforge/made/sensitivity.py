@@ -8,8 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.light.evaluation_result import LightMetrics
-from lensforge.made.feasible_amounts import require_bearable
-from lensforge.made.part_study import PartStudy, Recipe
+from lensforge.made.part_study import PartStudy, Recipe, require_bearable
 from lensforge.made.tolerance_result import ErrorRow, Sensitivity
 from lensforge.scene.lens import Lens
 from lensforge.scene.perturbations import Deviations

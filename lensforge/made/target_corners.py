@@ -15,7 +15,6 @@ from scipy.stats import theilslopes
 
 from lensforge.errors import InputError
 from lensforge.made.measurement_result import Located
-from lensforge.made.photograph import listed
 
 _FINE = 4  # samples per pixel across an edge
 _ALONG = np.linspace(0.06, 0.94, 161)  # positions on a side without its ends: the camera's lens rounds corners
@@ -79,6 +78,11 @@ def clockwise(corners: Float[np.ndarray, "4 2"]) -> Float[np.ndarray, "4 2"]:
     offset = corners - corners.mean(axis=0)
     ordered = corners[np.argsort(np.arctan2(offset[:, 1], offset[:, 0]))]  # rows run down: clockwise as seen
     return np.roll(ordered, -int(np.argmin(ordered.sum(axis=1))), axis=0)
+
+
+def listed(corners: Float[np.ndarray, "4 2"]) -> str:
+    """Text of corners as column,row to a tenth of a pixel, as the command line takes them."""
+    return " ".join(f"{x:.1f},{y:.1f}" for x, y in corners)
 
 
 def area(corners: Float[np.ndarray, "4 2"]) -> float:

@@ -17,9 +17,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.light.metrics import jackknife_error
-from lensforge.made.feasible_amounts import require_bearable
 from lensforge.made.measured_parts import KeptParts, MeasuredParts, Progress, Threads, Workers
-from lensforge.made.part_study import HeldLight, PartStudy, Recipe
+from lensforge.made.part_study import HeldLight, PartStudy, Recipe, require_bearable
 from lensforge.made.tolerance_budget import budget
 from lensforge.made.tolerance_result import (
     CauseShare,

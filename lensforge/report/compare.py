@@ -13,16 +13,14 @@ from lensforge.errors import InputError
 from lensforge.light.evaluation_result import Light
 from lensforge.light.receiver_light import ReceiverLight
 from lensforge.made.measurement_result import PhotoComparison
-from lensforge.report.exported_part import source_outline
-from lensforge.report.headline import asked_facts, further_facts, headline
+from lensforge.report.exported_part import RELATIVE, source_outline
+from lensforge.report.headline import asked_facts, further_facts, headline, task
 from lensforge.report.lens_figures import lens_section, reach_mm
 from lensforge.report.light_figures import along, encircled_share, irradiance_map, label_positions, label_radii
 from lensforge.report.light_section import receivers_in
-from lensforge.report.measured_section import RELATIVE
 from lensforge.report.page import PagePicture, picture, template
 from lensforge.report.record_tables import rows
 from lensforge.report.results import Results
-from lensforge.report.task import task
 from lensforge.results import Fact
 from lensforge.results.chart import Chart, LightUnit, light_unit
 from lensforge.results.figure_style import (

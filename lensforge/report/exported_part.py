@@ -1,7 +1,6 @@
 """Sections of the report on the lens and its part: search, sections, faces, verification, stray light, files."""
 
 import hashlib
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
@@ -11,6 +10,7 @@ from jaxtyping import Float
 
 from lensforge.cad.part import Part
 from lensforge.errors import InputError
+from lensforge.made.measurement_result import Correction, PhotoComparison, SurfaceComparison
 from lensforge.proof.proof_facts import stray_budget, suffix
 from lensforge.proof.proof_result import Proof, ReceiverProof
 from lensforge.proof.stray_result import StrayLight
@@ -18,8 +18,9 @@ from lensforge.report import lens_figures, light_figures, study_figures
 from lensforge.report.light_section import numbered, top_of, unit_of_light
 from lensforge.report.page import PagePicture, picture
 from lensforge.report.results import REPORT_FILE, Results
-from lensforge.report.snapshots import Snapshot
-from lensforge.results.numerals import number, percent, size
+from lensforge.results import Group
+from lensforge.results.chart import LightUnit
+from lensforge.results.numerals import number, size
 from lensforge.search.design_result import Design
 from lensforge.shop import surface_figures
 from lensforge.shop.check_result import Check, FaceResult
@@ -66,24 +67,6 @@ def history_pictures(results: Results) -> list[PagePicture]:
         picture("error", draw(levels, "nmse"), "Pattern error by level", free),
         picture("efficiency", draw(levels, "efficiency"), "Efficiency by level"),
         picture("margins", lens_figures.constraint_history(levels), "Constraints by level", least),
-    ]
-
-
-def snapshot_pictures(results: Results, taken: Sequence[Snapshot]) -> list[PagePicture]:
-    """Snapshots of the levels of the search, all on one scale."""
-    unit = unit_of_light(results)
-    steepest = max((float(np.abs(each.slope).max()) for each in taken), default=None)
-    top = max((float(each.irradiance.max()) for each in taken), default=None)
-    return [
-        picture(
-            f"level{each.level}",
-            lens_figures.snapshot_figure(
-                each.surface_mm, each.slope, each.irradiance, each.chart, unit, steepest=steepest, top=top
-            ),
-            f"Level {each.level}: {each.functions} functions",
-            f"After step {each.step}: NMSE {number(each.nmse, 3)}, efficiency {percent(each.efficiency)}.",
-        )
-        for each in taken
     ]
 
 
@@ -237,3 +220,94 @@ def folder_files(folder: Path, linked: bool) -> list[FileRow]:
 
 def _purpose(name: str) -> str:
     return _PURPOSES.get(Path(name).suffix.lower(), "")
+
+
+# A photograph has no unit of light: both pictures are scaled to a mean of 1.
+RELATIVE = LightUnit("irradiance", "mean = 1", 1.0)
+
+
+@dataclass(frozen=True)
+class MeasuredSection:
+    """One measurement of the part: its facts and rows of pictures."""
+
+    group: Group
+    rows: list[list[PagePicture]]
+
+
+def measured_sections(results: Results) -> list[MeasuredSection]:
+    """Every measurement of the part; empty where there is none."""
+    found, photo = [], results.find(PhotoComparison)
+    if photo is not None:
+        found.append(_section(results, photo, photo_pictures(photo), _photo_lines(photo)))
+    for surface in results.surfaces.values():
+        found.append(_section(results, surface, _surface_pictures(results, surface)))
+    for made in results.corrections.values():
+        found.append(_section(results, made, correction_pictures(made)))
+    return found
+
+
+def _section(
+    results: Results, result: PhotoComparison | SurfaceComparison | Correction, *rows: list[PagePicture]
+) -> MeasuredSection:
+    (group,) = results.facts(result)
+    return MeasuredSection(group, list(rows))
+
+
+def photo_pictures(photo: PhotoComparison) -> list[PagePicture]:
+    """Simulation, photograph and their difference on one scale."""
+    chart, top = photo.chart, top_of([photo.measured, photo.simulated])
+    draw = light_figures.irradiance_map
+    difference = light_figures.difference_map(photo.measured - photo.simulated, chart, RELATIVE)
+    return [
+        picture("photo-simulated", draw(photo.simulated, chart, top, unit=RELATIVE), "Simulated"),
+        picture("photo-measured", draw(photo.measured, chart, top, unit=RELATIVE), "Photographed", "Rectified."),
+        picture("photo-difference", difference, "Photographed minus simulated", "Red: brighter than simulated."),
+    ]
+
+
+def _photo_lines(photo: PhotoComparison) -> list[PagePicture]:
+    return [
+        picture(
+            f"photo-line{index}",
+            light_figures.line_comparison(
+                line, photo.simulated, photo.measured, photo.chart, RELATIVE, ("simulated", "photographed")
+            ),
+            f"Along {name}",
+        )
+        for index, (name, line) in enumerate(light_figures.profile_lines(photo.simulated, photo.chart))
+    ]
+
+
+def correction_pictures(made: Correction) -> list[PagePicture]:
+    """Maps of the deviation, the correction, and the deviation expected of the second cut."""
+    maps = {
+        "first": (made.deviation_map_um, "Deviation of the first cut"),
+        "correction": (made.correction_map_um, "Correction"),
+        "second": (made.expected_map_um, "Expected deviation of the second cut"),
+    }
+    return [
+        picture(
+            f"{name}-cut-{made.surface}", surface_figures.form_map(np.transpose(values)), title, "Along the normal."
+        )
+        for name, (values, title) in maps.items()
+        if np.isfinite(values).any()
+    ]
+
+
+def _surface_pictures(results: Results, surface: SurfaceComparison) -> list[PagePicture]:
+    """The form deviation, the light with the measured surface, and its change."""
+    side, chart, unit = surface.surface, surface.light_chart, unit_of_light(results, far_field=surface.far_field)
+    before, after = surface.irradiance_design, surface.irradiance_measured
+    lit = light_figures.irradiance_map(after, chart, top_of([before, after]), unit=unit)
+    change = light_figures.difference_map(after - before, chart, unit)
+    outward = "Red: too much material." if side == "outer" else "Red: too little material."
+    rays = f"Simulated with the measured {side} surface, {number(surface.rays)} rays."
+    same = "The same rays through both. Red: brighter than designed."
+    pictures = [
+        picture(f"lit-{side}", lit, "Simulated light", rays),
+        picture(f"changed-{side}", change, "Simulated light minus the design\u2019s", same),
+    ]
+    if np.isfinite(surface.deviation_um).any():
+        form = surface_figures.form_map(np.transpose(surface.deviation_um))
+        pictures.insert(0, picture(f"form-{side}", form, "Form deviation", f"Along the normal. {outward}"))
+    return pictures

@@ -1,15 +1,12 @@
-"""Figures of a lens and its search: sections with rays, curves over the steps, snapshots of the levels."""
+"""Figures of a lens and its search: sections with rays, and curves over the steps."""
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
-from matplotlib import colormaps
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, PercentFormatter
@@ -19,8 +16,6 @@ from lensforge.cad.section import body_outlines
 from lensforge.light.exact_trace import DenseScan, exact_surfaces
 from lensforge.light.sequential_trace import TracedSurface
 from lensforge.optics.dielectric import refract, transmitted_cosine_squared
-from lensforge.report.light_figures import drawn
-from lensforge.results.chart import WATTS, Chart, LightUnit
 from lensforge.results.figure_style import (
     BLUE,
     GREEN,
@@ -30,7 +25,6 @@ from lensforge.results.figure_style import (
     ORANGE,
     RED,
     WIDE,
-    add_colour_bar,
     in_report_style,
     new_figure,
 )
@@ -199,10 +193,6 @@ _CONSTRAINT_CURVES = {
 }
 _CURVE_COLOURS = {"loss": INK, "nmse": BLUE, "efficiency": GREEN}
 _LINEAR_MM = 0.01  # the scale is linear within, so that it includes 0
-_LEVEL_WIDTH, _LEVEL_HEIGHT = 2.7, 5.0
-_SLOPES, _LIGHT = "coolwarm", "inferno"
-_SHADE = 0.35  # brightness lost by a facet turned away from the light
-_TOWARDS_LIGHT = np.array([0.35, -0.75, 0.56])
 
 
 @in_report_style
@@ -268,66 +258,3 @@ def _draw_levels(axes: Axes, levels: Sequence[Level]) -> list[tuple[int, Level]]
     axes.set(xlabel="step", xlim=(0.5, max(start, 1) + 0.5))
     axes.grid(True, axis="y")
     return starts
-
-
-@in_report_style
-def snapshot_figure(
-    surface_mm: Float[np.ndarray, "i j 3"],
-    slope: Float[np.ndarray, "i j"],
-    irradiance: Float[np.ndarray, "h w"],
-    chart: Chart,
-    unit: LightUnit = WATTS,
-    steepest: float | None = None,
-    top: float | None = None,
-) -> Figure:
-    """Above: ``surface_mm`` coloured by ``slope`` (mm/rad) from -``steepest`` to it. Below: the light, 0 to ``top``.
-
-    ``chart``: of the receiver. ``steepest`` and ``top`` (W/m^2 or W/sr) are by default the largest values; give them to
-    put several levels on one scale.
-    """
-    figure = Figure(figsize=(_LEVEL_WIDTH, _LEVEL_HEIGHT))
-    steepest = steepest or float(np.abs(slope).max()) or 1.0
-    top = top or float(irradiance.max()) or 1.0
-    slopes = ScalarMappable(Normalize(-steepest, steepest), _SLOPES)
-    _draw_surface(figure, surface_mm, slope, slopes)
-    add_colour_bar(_bar(figure, 0.625), slopes, "dρ/dθ (mm/rad)", orientation="horizontal")
-    axes = figure.add_axes((0.15, 0.15, 0.7, 0.7 * _LEVEL_WIDTH / _LEVEL_HEIGHT))
-    light = axes.imshow(
-        unit.per_watt * drawn(irradiance), origin="lower", extent=chart.extent, cmap=_LIGHT, vmin=0.0,
-        vmax=unit.per_watt * top, interpolation="none",
-    )  # fmt: skip
-    axes.set_axis_off()
-    add_colour_bar(_bar(figure, 0.12), light, unit.label, orientation="horizontal")
-    return figure
-
-
-def _bar(figure: Figure, height: float) -> Axes:
-    return figure.add_axes((0.15, height, 0.7, 0.016))
-
-
-def _draw_surface(
-    figure: Figure, points: Float[np.ndarray, "i j 3"], slope: Float[np.ndarray, "i j"], slopes: ScalarMappable
-) -> None:
-    """Draw the surface from above, as one raster image within the vector drawing."""
-    axes: Any = figure.add_axes((0.0, 0.64, 1.0, 0.36), projection="3d", computed_zorder=False)
-    colours = np.asarray(colormaps[_SLOPES](slopes.norm(slope[:-1, :-1])))
-    colours[..., :3] *= _brightness(points)[..., None]
-    x, y, z = np.moveaxis(points, -1, 0)
-    surface = axes.plot_surface(
-        x, y, z, facecolors=colours, rcount=len(x), ccount=x.shape[1], linewidth=0, antialiased=False, shade=False
-    )
-    surface.set_rasterized(True)
-    reach = float(np.abs(points).max())
-    axes.set(xlim=(-reach, reach), ylim=(-reach, reach), zlim=(0.0, reach))
-    axes.set_box_aspect((2.0, 2.0, 1.0), zoom=1.6)
-    axes.view_init(elev=32.0, azim=-60.0)
-    axes.set_axis_off()
-
-
-def _brightness(points: Float[np.ndarray, "i j 3"]) -> Float[np.ndarray, "k l"]:
-    """Brightness of each facet, never so low that its colour is illegible."""
-    down, around = points[1:, :-1] - points[:-1, :-1], points[1:, 1:] - points[1:, :-1]
-    normal = np.cross(down, around)
-    normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)
-    lit: Float[np.ndarray, "k l"] = np.clip(normal @ _TOWARDS_LIGHT, 0.0, 1.0)
-    return 1.0 - _SHADE * (1.0 - lit)

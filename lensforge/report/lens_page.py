@@ -1,7 +1,6 @@
 """The report on one lens: a self-contained page, or the output of a notebook, from its results."""
 
 import base64
-from collections.abc import Sequence
 from contextlib import closing
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
@@ -17,13 +16,12 @@ from lensforge.proof.proof_facts import tracer_groups
 from lensforge.proof.proof_result import Proof, ReceiverProof
 from lensforge.proof.stray_result import StrayLight
 from lensforge.report import exported_part, headline, light_section
-from lensforge.report.measured_section import measured_sections
+from lensforge.report.exported_part import measured_sections
+from lensforge.report.headline import task
 from lensforge.report.page import template
 from lensforge.report.record_tables import number_tables, spec_tables
 from lensforge.report.results import REPORT_FILE, Results
-from lensforge.report.snapshots import Snapshot, load_snapshots
 from lensforge.report.solid_view import Rendering, SolidViews
-from lensforge.report.task import task
 from lensforge.results import Group, StageResult
 from lensforge.results.numerals import number, percent
 from lensforge.scene.lens import Lens
@@ -37,11 +35,11 @@ _PACKAGES = ("numpy", "scipy", "torch", "numba", "cadquery", "trimesh", "manifol
 
 
 def render_report(results: Results, folder: Path | None = None, *, beside: bool = True) -> str:
-    """The page on ``results``; ``folder``: that of the results, whose files and snapshots of the search are shown.
+    """The page on ``results``; ``folder``: that of the results, whose files are listed.
 
     ``beside``: the page will lie in that folder, so that it may have links to the files.
 
-    The section of a stage that has not run says so. Raises :class:`InputError` for a damaged snapshot, an STL that is
+    The section of a stage that has not run says so. Raises :class:`InputError` for an STL that is
     no mesh, or a file that cannot be read.
     """
     part = results.find(Part)
@@ -59,7 +57,7 @@ def _optics_radius_mm(lens: Lens) -> float:
 
 
 def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, object]:
-    lens, taken = results.lens, [] if folder is None else load_snapshots(folder, results.lens)
+    lens = results.lens
     possible = light_section.possible_limits(results.spec)
     lights = light_section.other_lights(results)
     return {
@@ -80,7 +78,7 @@ def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, o
         "far_proof": any(each.far_field for each in _proofs(results)),
         "first": light_section.first_picture(results),
         "photometry": _photometry_sentence(results),
-        "pictures": _pictures(results, taken),
+        "pictures": _pictures(results),
         "measured": measured_sections(results),
         "seen_at_once": FIRST,
         "parts": _yield_sentences(results, folder if beside else None),
@@ -150,13 +148,12 @@ def _yield_sentences(results: Results, folder: Path | None) -> dict[str, str] | 
     }
 
 
-def _pictures(results: Results, taken: Sequence[Snapshot]) -> dict[str, object]:
+def _pictures(results: Results) -> dict[str, object]:
     return {
         "light": light_section.receiver_pictures(results),
         "photometry": light_section.photometry_pictures(results),
         "other": light_section.other_pictures(results),
         "history": exported_part.history_pictures(results),
-        "snapshots": exported_part.snapshot_pictures(results, taken),
         "sections": exported_part.section_pictures(results),
         "surfaces": exported_part.surface_pictures(results),
         "verification": exported_part.verification_pictures(results),

@@ -10,9 +10,8 @@ from lensforge.light.evaluation_result import Light
 from lensforge.light.light_facts import LimitBounds, light_facts, light_reasons
 from lensforge.light.photometry_facts import photometry_facts
 from lensforge.light.photometry_result import Photometry
-from lensforge.made.correction_result import Correction
 from lensforge.made.measured_facts import correction_facts, photo_facts, surface_facts
-from lensforge.made.measurement_result import PhotoComparison, SurfaceComparison
+from lensforge.made.measurement_result import Correction, PhotoComparison, SurfaceComparison
 from lensforge.made.tolerance_result import Sensitivity, Yield
 from lensforge.made.yield_facts import sensitivity_facts, yield_facts
 from lensforge.proof.proof_facts import proof_facts, stray_facts

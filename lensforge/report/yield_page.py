@@ -17,12 +17,12 @@ from lensforge.made.yield_facts import (
     pass_sentence,
     worst_words,
 )
+from lensforge.report.headline import task
 from lensforge.report.light_figures import irradiance_map
 from lensforge.report.light_section import top_of, unit_of_light
 from lensforge.report.page import PagePicture, picture, template
 from lensforge.report.results import Results
 from lensforge.report.study_figures import beyond, cause_bars, distribution
-from lensforge.report.task import task
 from lensforge.results import Group
 from lensforge.results.chart import Chart
 from lensforge.results.numerals import number, with_unit

@@ -18,7 +18,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 
 from lensforge.results.figure_style import INK, in_report_style
-from lensforge.results.ownership import pdf_mark
+from lensforge.results.files import pdf_mark
 from lensforge.shop.sheet import (
     MM_PER_POINT,
     PENS,

@@ -5,13 +5,11 @@ import subprocess
 import sys
 
 import lensforge as lf
-from lensforge.report.snapshots import Snapshot
 from lensforge.results import StageResult
 
 PLOTTED = (
     lf.Design, lf.Light, lf.Part, lf.Check, lf.Proof, lf.StrayLight, lf.Sensitivity, lf.Photometry, lf.PhotoComparison,
     lf.SurfaceComparison, lf.Correction, lf.Sweep, lf.Tradeoff, lf.RayFileSummary, lf.PhotometricSummary, lf.Yield,
-    Snapshot,
 )  # fmt: skip
 
 _WRONG = """

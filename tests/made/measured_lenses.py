@@ -1,6 +1,7 @@
 """A lens, and clouds of points as a probe would find them on parts that are deformed on purpose."""
 
 import numpy as np
+from scenes import hemisphere_directions as directions
 from scipy.spatial.transform import Rotation
 
 from lensforge.scene.lens import Lens
@@ -37,13 +38,6 @@ def lens(source=None, **evaluate):
         "evaluate": {"rays": 16384, "pixels": 24, **evaluate},
     }
     return Lens(surface(6.0, 1), surface(13.0, 2), parse_spec(content, "test"), 0, "draft")
-
-
-def directions(count, seed):
-    rng = np.random.default_rng(seed)
-    z, azimuth = rng.random(count), 2.0 * np.pi * rng.random(count)
-    s = np.sqrt(1.0 - z * z)
-    return np.stack([s * np.cos(azimuth), s * np.sin(azimuth), z], axis=1)
 
 
 def dent(u, height_mm, towards=(0.5, 0.3, 0.8), width=0.35):

@@ -38,10 +38,10 @@ def letter(x, y):
 PATTERNS = {"cross": cross, "pi": pi, "flat top": flat_top, "letter": letter}
 
 
-def homography(corners, side=TARGET_MM):
+def homography(corners, size=(TARGET_MM, TARGET_MM)):
     """Rows of the direct linear transform from mm to pixels: written for the tests alone."""
-    half, rows = side / 2, []
-    for (x, y), (u, v) in zip([(-half, half), (half, half), (half, -half), (-half, -half)], corners, strict=True):
+    a, b, rows = size[0] / 2, size[1] / 2, []
+    for (x, y), (u, v) in zip([(-a, b), (a, b), (a, -b), (-a, -b)], corners, strict=True):
         rows += [[x, y, 1, 0, 0, 0, -u * x, -u * y, -u], [0, 0, 0, x, y, 1, -v * x, -v * y, -v]]
     return np.linalg.svd(np.array(rows))[2][-1].reshape(3, 3)
 

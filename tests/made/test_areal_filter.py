@@ -6,9 +6,8 @@ from measured_lenses import directions, lens
 
 from lensforge.cad.patch import fit_patch
 from lensforge.errors import InputError
-from lensforge.made.areal_filter import ArealFilter, PointDeviations
+from lensforge.made.areal_filter import ArealFilter, ChangedSurface, PointDeviations
 from lensforge.made.first_cut import FilterRange, TriedFilter, longest_fitting, point_spacing_mm
-from lensforge.made.radial_change import ChangedSurface
 from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere
 

@@ -7,8 +7,7 @@ from photo_scenes import CORNERS, PATTERNS, SIZE, TARGET_MM, Scene
 from PIL import Image
 
 from lensforge.errors import InputError
-from lensforge.made.photo_comparison import Shot, compare_photo
-from lensforge.made.photograph import _ORIENTATIONS, _turned, rectify
+from lensforge.made.photo_comparison import _ORIENTATIONS, Shot, _turned, compare_photo, rectify
 from lensforge.made.target_corners import clockwise, enclosing, locate
 from lensforge.scene.pixel_grid import PixelGrid
 

@@ -9,11 +9,10 @@ from second_cuts import CutAgain, Uncorrected, machine_error, measured, without_
 import lensforge as lf
 from lensforge.cad.patch import fit_patch
 from lensforge.errors import InputError
-from lensforge.made.areal_filter import ArealFilter, PointDeviations
+from lensforge.made.areal_filter import ArealFilter, ChangedSurface, PointDeviations
 from lensforge.made.correction import limited_by_cutter
 from lensforge.made.first_cut import FirstCut, Request
 from lensforge.made.measured_surface import ChangedLens
-from lensforge.made.radial_change import ChangedSurface
 from lensforge.shop.face_samples import AirSide, OpticalFace, sample_face
 from lensforge.sources.build_source import build_source
 from lensforge.spec.accuracy import PRESETS

@@ -1,19 +1,16 @@
 import inspect
-import io
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 from measured_lenses import dent, directions, lens, probed
 from nightly import first_by_day
-from PIL import Image
 
 from lensforge.cad.patch import fit_patch
 from lensforge.errors import InputError
 from lensforge.light.evaluation import evaluate_lens
-from lensforge.made.form_deviation import FacePixels, coverage, fit_deviation
-from lensforge.made.measured_surface import compare_surface, measure_form
-from lensforge.made.measurement_result import DeviationExtent, SurfaceComparison, surface_png
+from lensforge.made.measured_surface import FacePixels, compare_surface, coverage, fit_deviation, measure_form
+from lensforge.made.measurement_result import DeviationExtent, SurfaceComparison
 from lensforge.results import Metric
 from lensforge.sources.build_source import build_source
 from lensforge.spec.accuracy import PRESETS
@@ -50,12 +47,6 @@ def test_a_deformation_is_found_in_a_moved_cloud(noise):
     assert error < 0.02 * HEIGHT + 0.25 * noise
     assert np.corrcoef(found, wanted)[0, 1] > 0.99
     assert form.deviation.residual_rms_mm == pytest.approx(noise, abs=2e-4)
-
-
-def test_a_perfect_part_has_no_deviation():
-    form, found, _ = recovered(probed(LENS.outer, rotation=ROTATION, shift=SHIFT))
-    assert np.abs(found).max() < 1e-4
-    assert np.abs(form.distances).max() < 1e-5
 
 
 def test_noise_is_not_believed():
@@ -143,10 +134,6 @@ def test_a_deformed_part_makes_other_light(compared, tmp_path):
     chart = found.chart[peak[1]], found.chart[peak[0]]
     towards = np.array([0.5, 0.3, 0.8]) / np.linalg.norm([0.5, 0.3, 0.8])
     np.testing.assert_allclose(chart, towards[:2] / (1.0 + towards[2]), atol=0.15)
-    with Image.open(io.BytesIO(surface_png(found))) as drawn:
-        assert drawn.size == (2025, 630)
-        # Three maps in false colour, not an empty page.
-        assert len(np.unique(np.asarray(drawn.convert("RGB")).reshape(-1, 3), axis=0)) > 500
 
 
 def deformed_part(height):

@@ -11,8 +11,8 @@ from parts import lens_with, study_of
 from lensforge.errors import InputError
 from lensforge.light.metrics import rsd_estimate
 from lensforge.made.part_study import PartStudy, Recipe
+from lensforge.made.part_verbs import _name_of
 from lensforge.made.tolerance_result import PassRate, Yield
-from lensforge.made.tolerance_studies import _name_of
 from lensforge.made.yield_facts import cause_rows, judged_metrics, metric_words, spread_rows, worst_words
 from lensforge.made.yield_study import measure_yield
 from lensforge.scene.pixel_grid import PixelGrid, splat_flux

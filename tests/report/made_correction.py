@@ -3,20 +3,18 @@
 from part_files import make_surface
 
 from lensforge.cad.part import stamp_of
-from lensforge.made.correction_result import Correction
+from lensforge.made.measurement_result import Correction
 from lensforge.results import Extent
 
 
 def make_correction(lens):
     """The record of a correction of ``lens``."""
     surface = make_surface(lens)
-    shared = ("inputs", "point_count", "used_share", "covered_share", "pose", "rays", "receiver", "far_field", "width")
+    shared = ("inputs", "point_count", "used_share", "covered_share", "pose", "rays")
     maps = {f"{name}_map_um": surface.deviation_um for name in ("deviation", "correction", "expected")}
-    light = {f"irradiance_{name}": surface.irradiance_design for name in ("design", "first_cut", "second_cut")}
     return Correction(
-        **{name: getattr(surface, name) for name in (*shared, "height", "design", "change", "chart", "area_mm2")},
+        **{name: getattr(surface, name) for name in (*shared, "design", "change", "chart", "area_mm2")},
         **maps,
-        **light,
         surface="inner",
         registration="rigid",
         make="part",

@@ -27,7 +27,6 @@ from lensforge.made.measurement_result import (
 from lensforge.proof.proof_result import Agreement, BrepCast, MitsubaCast
 from lensforge.proof.stray_result import ReceiverStray, StrayFlux, StrayLight, StraySpread
 from lensforge.results import Metric
-from lensforge.results.chart import Chart
 from lensforge.scene.receiver_shapes import build_receiver
 
 NODES = 31
@@ -81,7 +80,6 @@ def make_stray(lens, **changes):
 
 def make_photo(lens, **changes):
     light = evaluate_arrays()
-    lines = {f"section_{axis}_{name}": np.ones(PIXELS) for axis in "xy" for name in ("measured", "simulated")}
     content = {
         "inputs": {"lens": lens.sha256},
         "on": "on.png",
@@ -108,9 +106,6 @@ def make_photo(lens, **changes):
         "criteria": (criterion("photo_clipped", 0.0, 0.01),),
         "measured": light["raw_map"],
         "simulated": light["map"],
-        "x_mm": Chart(300.0, 300.0).x(PIXELS),
-        "y_mm": Chart(300.0, 300.0).y(PIXELS),
-        **lines,
     }
     return PhotoComparison(**{**content, **changes})
 

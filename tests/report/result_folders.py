@@ -140,11 +140,6 @@ def evaluate_arrays():
     return light_images(PIXELS, PIXELS)
 
 
-def stored_arrays():
-    """The same by their names in evaluate.npz."""
-    return {f"receivers.0.{name}": values for name, values in evaluate_arrays().items()}
-
-
 def light_images(rows, columns):
     """Images of light with a bright rectangle, a quarter of the rows from below and above."""
     x, y = (((np.arange(count) + 0.5) / count - 0.5) * 300.0 for count in (columns, rows))

@@ -174,11 +174,6 @@ def moulded():
     return replace(results, found=found)
 
 
-def based_on(base):
-    """A lens with this base, of which there are files and a check."""
-    return _folder(("design", "export", "check"), lens_of(base=base))
-
-
 def far_field():
     """A lamp for a road, in candela."""
     lens = lens_of({"target": {**BEAM, "half_angle_deg": 80.0}, "photometry": ROAD}, lumens_per_watt=250.0)

@@ -5,7 +5,6 @@ import pytest
 from matplotlib.patches import Circle
 
 from lensforge.report import light_figures
-from lensforge.report.lens_figures import snapshot_figure
 from lensforge.results.chart import Chart, light_unit
 from lensforge.results.plots import plot_map
 
@@ -136,12 +135,3 @@ def test_the_border_of_a_turned_mask_off_the_centre_lies_where_the_mask_is():
 def test_a_mask_as_large_as_the_receiver_has_its_border_at_the_edge():
     line = border(np.ones((16, 16), dtype=bool), WIDE)
     assert np.abs(line).max(axis=0) == pytest.approx([150.0, 75.0])
-
-
-def test_a_snapshot_in_the_far_field_has_its_unit_and_shape():
-    surface = np.stack(np.meshgrid(np.linspace(0.0, 1.0, 4), np.linspace(0.0, 1.0, 5), [1.0], indexing="ij"), axis=-1)
-    unit = light_unit(250.0, far_field=True)
-    figure = snapshot_figure(surface[:, :, 0], np.ones((4, 5)), np.ones((8, 4)), Chart(0.5, 1.0, far_field=True), unit)
-    light, bar = figure.axes[2:]
-    assert light.images[0].get_extent() == [-0.25, 0.25, -0.5, 0.5]
-    assert bar.get_xlabel() == "luminous intensity (cd)"

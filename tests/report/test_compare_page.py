@@ -14,7 +14,6 @@ from lensforge.report.compare import (
     folder_names,
     number_lines,
     render_comparison,
-    spec_names,
 )
 from lensforge.results import Metric
 
@@ -52,15 +51,6 @@ def test_the_page_holds_both_designs_and_needs_nothing_else(designs):
         assert markup.count(f'<p class="title">{name}</p>') == 2
 
 
-@pytest.mark.usefixtures("undrawn")
-def test_each_design_has_its_verdicts(designs):
-    cut_short = make_results(("design", "check"))
-    markup = render_comparison([designs[0], cut_short])
-    assert markup.count("✓ Light: pass") == 1
-    assert markup.count("Light: undecided") == 1
-    assert markup.count("✓ Cutting: pass") == 2
-
-
 def test_numbers_stand_side_by_side_and_the_better_is_marked(designs):
     lines = {line.name: line.cells for line in number_lines(designs)}
     assert [cell.text for cell in lines["Pattern error (NMSE)"]] == ["0.01230 ± 0.00040", "0.00230 ± 0.00040"]
@@ -80,13 +70,6 @@ def test_none_is_the_better_of_two_targets(designs):
     )
     other = replace(second, lens=replace(second.lens, spec=wider))
     assert not any(cell.best for line in number_lines([first, other]) for cell in line.cells)
-
-
-def test_a_stage_that_one_has_not_run_leaves_a_gap(designs):
-    pair = [designs[0], make_results(("design", "export", "check", "verify"))]
-    cells = next(line.cells for line in number_lines(pair) if line.name == "Pattern error (NMSE)")
-    assert [cell.text for cell in cells] == ["0.01230 ± 0.00040", "–"]
-    assert len(ComparedPictures(("a", "b"), pair).maps) == 1
 
 
 def test_only_what_differs_in_the_specs_is_listed(designs):
@@ -136,13 +119,6 @@ def test_folders_of_one_name_are_told_apart(tmp_path):
     assert folder_names([tmp_path / "left", tmp_path / "right"]) == ["left", "right"]
     pair = [tmp_path / side / "lens" for side in ("left", "right")]
     assert folder_names(pair) == [str(path) for path in pair]
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_designs_of_one_name_are_numbered(designs):
-    assert spec_names(designs) == ["small (1)", "small (2)"]
-    markup = render_comparison(designs)
-    assert ">small (1)</h2>" in markup and ">small (2)</h2>" in markup
 
 
 def test_one_folder_twice_or_one_design_alone_is_refused(designs, tmp_path):

@@ -1,13 +1,12 @@
 """The page on one lens: whole, self-contained, and true to its results."""
 
-import hashlib
 import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from page_text import Page, folded, text_of
+from page_text import Page, text_of
 from result_folders import (
     make_folder,
     make_results,
@@ -15,7 +14,6 @@ from result_folders import (
     small_lens,
 )
 
-from lensforge.report.record_tables import rows
 from lensforge.report.stored import load_results
 from lensforge.spec.source_sections import RayfileSource
 
@@ -46,13 +44,6 @@ def test_links_and_ids_agree(page):
     assert {reference[1:] for reference in page.references if reference.startswith("#")} <= set(page.ids)
 
 
-def test_every_number_of_every_record_is_on_the_page(page, results):
-    content = {stem: result.plain() for stem, result in results.found.items()}
-    for stem, record in {**content, "lens": results.lens.to_json()}.items():
-        for row in rows(record, without=("criteria", "verdicts", "spec")):
-            assert folded(f"{row.path} {row.value}") in page.text, (stem, row.path)
-
-
 def test_all_figures_are_there(page):
     # the first, 3 of light, 3 lines, isolines, circle and flux, 2 sections, 3 per face, 3 of the proof and the gaps,
     # 4 of the search
@@ -63,18 +54,6 @@ def test_a_lens_alone_makes_a_page():
     text = text_of(make_results(()))
     assert "Section at φ = 90°" in text
     assert "No 3-D picture: no part has been exported." in text
-
-
-def test_files_are_listed_with_their_hashes(tmp_path, results):
-    part = results.part.files["lens.step"]
-    assert f"lens.step 6\u2009B {part.sha256}".replace("\u2009", " ") in text_of(results).replace("\u2009", " ")
-    make_folder(tmp_path)
-    (tmp_path / "report.html").write_text("the page before", encoding="utf-8")
-    listed = text_of(load_results(tmp_path), tmp_path)
-    listed = listed[listed.index("SHA-256") : listed.index("Specification")]
-    for path in tmp_path.iterdir():
-        digest = hashlib.sha256(path.read_bytes()).hexdigest()
-        assert (digest in listed) == (path.name != "report.html"), path.name
 
 
 def test_nothing_is_written(tmp_path, monkeypatch, results):

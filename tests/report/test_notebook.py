@@ -45,12 +45,6 @@ def test_results_show_verdicts_numbers_and_pictures(results):
         assert label in text
 
 
-def test_results_say_why_a_verdict_is_no_pass():
-    text = "".join(parsed(results_html(make_results(("design",)))).itertext())
-    assert "Light: the light has not been evaluated" in text
-    assert "Not run yet: evaluate, export, check, verify, photometry." in text
-
-
 def test_the_plotted_light_is_the_one_of_the_record(results):
     axes = results.light.plot()
     assert np.asarray(axes.images[0].get_array()) == pytest.approx(evaluate_arrays()["map"])

@@ -19,7 +19,6 @@ from lensforge.report.light_section import other_lights, other_pictures, other_r
 from lensforge.report.results import Results
 from lensforge.report.stored import load_results
 from lensforge.results import Conditions, Metric
-from lensforge.sources.source_summary import SourceSummary
 
 ATTACK = "<img src=x onerror=alert(1)>"
 
@@ -87,10 +86,6 @@ def test_designs_are_compared_by_their_own_light():
     assert ComparedPictures(["a", "b"], [other, plain]).maps == ComparedPictures(["a", "b"], [plain, plain]).maps
 
 
-def test_without_others_there_is_no_section():
-    assert "Under other conditions" not in text_of(make_results())
-
-
 def test_others_are_read_back_and_no_stage_takes_them(tmp_path):
     lens = small_lens()
     folder = make_folder(tmp_path / "run", lens=lens)
@@ -120,14 +115,3 @@ def test_the_top_line_is_the_verdict(changes, sentence, shown):
     assert f'<p class="verdict {shown}">' in page
     assert text.index(sentence) < text.index("The light")
     assert text.index(sentence) < text.index("All 9 criteria on light and files are met.") < text.index("All criteria")
-
-
-def test_warnings_on_the_source_stand_near_the_top():
-    warnings = (f"98 % of the flux goes backward {ATTACK}", "2,000 effective rays")
-    source = SourceSummary(title="a file", flux_w=1.0, symmetry="none", warnings=warnings)
-    page = undrawn_page_of(make_results(design={"source": source}))
-    text = Page(page).text
-    assert text.index("Light, files and cutting pass.") < text.index("Warnings on the source") < text.index("The light")
-    for words in warnings:
-        assert words in text
-    assert ATTACK not in page and "&lt;img src=x" in page

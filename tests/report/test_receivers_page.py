@@ -1,6 +1,5 @@
 """Pages on lenses whose light falls on other receivers than one square: several of them, or the far field."""
 
-import numpy as np
 import pytest
 from page_text import Page, text_of
 from part_files import whole_results
@@ -10,10 +9,9 @@ from undrawn import undrawn
 from lensforge.proof.proof_facts import tracer_groups
 from lensforge.report import light_section
 from lensforge.report.compare import ComparedPictures, render_comparison
-from lensforge.report.headline import asked_facts
+from lensforge.report.headline import asked_facts, task
 from lensforge.report.light_section import first_picture, other_lights, other_pictures, receiver_pictures, unit_of_light
 from lensforge.report.results import Results
-from lensforge.report.task import task
 from lensforge.results import Conditions, Metric
 
 BEAM = {"kind": "beam", "fwhm_deg": (60.0, 25.0), "uniform_deg": 10.0}
@@ -130,42 +128,6 @@ def test_candela_where_the_lumens_are_known():
     assert level_of(results).unit == "cd"
 
 
-TASKS = [
-    ({"kind": "text", "text": "π", "width_mm": 200.0}, "“π”, 200 mm wide"),
-    ({"kind": "flat_top", "half_width_mm": 30.0}, "square flat top, 60 mm wide"),
-    ({"kind": "flat_top", "half_width_mm": (30.0, 20.0)}, "flat top, 60 × 40 mm"),
-    ({"kind": "rectangle", "width_mm": 30.0, "height_mm": 20.0}, "rectangle, 30 × 20 mm"),
-    ({"kind": "disc", "diameter_mm": 30.0}, "disc, 30 mm wide"),
-    ({"kind": "ellipse", "width_mm": 30.0, "height_mm": 20.0}, "ellipse, 30 × 20 mm"),
-    ({"kind": "ring", "outer_diameter_mm": 30.0, "inner_diameter_mm": 20.0}, "ring, 20 to 30 mm wide"),
-    ({"kind": "polygon", "corners_mm": ((0.0, 0.0), (9.0, 0.0), (0.0, 9.0))}, "polygon with 3 corners"),
-    ({"kind": "cross", "length_mm": 30.0, "stroke_mm": 5.0}, "cross, 30 mm long"),
-    ({"kind": "spots", "columns": 5, "rows": 3, "diameter_mm": 4.0, "pitch_mm": 10.0}, "5 × 3 spots, 10 mm apart"),
-    ({"kind": "array", "values": np.eye(3), "width_mm": 30.0}, "given pattern, 30 mm wide"),
-    ({"kind": "image", "file": "/pictures/logo.png", "width_mm": 30.0}, "logo.png, 30 mm wide"),
-    ({"kind": "table", "file": "/tables/light.csv", "width_mm": 30.0}, "light.csv, 30 mm wide"),
-]
-FAR_TASKS = [
-    (BEAM, "beam 60° × 25°"),
-    ({"kind": "beam", "fwhm_deg": 30.0, "profile": "flat"}, "flat beam 30°"),
-    ({"kind": "batwing", "to_deg": 60.0}, "batwing to 60°"),
-    ({"kind": "photometric", "file": "/lamps/old.ies"}, "intensity of old.ies"),
-    ({"kind": "disc", "diameter_deg": 30.0}, "disc, 30° wide"),
-]
-
-
-@pytest.mark.parametrize(("target", "words"), TASKS)
-def test_targets_on_a_plane_are_told_in_a_few_words(target, words):
-    lens = small_lens(wanted={"target": {**target, "distance_mm": 150.0, "receiver_mm": 300.0}})
-    assert task(lens.spec).endswith(f" · {words} at 150 mm")
-
-
-@pytest.mark.parametrize(("target", "words"), FAR_TASKS)
-def test_targets_in_the_far_field_are_told_in_a_few_words(target, words):
-    lens = small_lens(wanted={"target": {**target, "half_angle_deg": 80.0}})
-    assert task(lens.spec).endswith(f" · {words} in the far field, to 80°")
-
-
 def test_tasks_on_several_receivers_stand_beside_each_other():
     spots = tuple({"kind": "disc", "diameter_mm": each} for each in (10.0, 20.0))
     two = task(lens_with({**WALL, "targets": spots}, SKY).spec)
@@ -227,11 +189,6 @@ def test_every_receiver_is_compared(both):
     assert pictures.maps[0].caption == "Centred at (100, 0, 200) mm."
     text = Page(render_comparison(designs)).text
     assert "Pattern error (NMSE), sky" in text and "Efficiency, wall" in text
-
-
-def test_a_lens_in_a_notebook_names_its_receivers():
-    assert "300 × 150 mm centred at (100, 0, 200) mm; in the far field, to 80°" in lens_with(WALL, SKY)._repr_html_()
-    assert "300 mm wide at 150 mm" in small_lens()._repr_html_()
 
 
 @pytest.mark.usefixtures("undrawn")

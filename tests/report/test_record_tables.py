@@ -60,7 +60,3 @@ def test_many_numbers_become_a_block_with_one_unit():
     assert row.block
     assert row.unit == "mm"
     assert len(row.value.split("  ")) == 50
-
-
-def test_text_and_nothing_have_no_unit():
-    assert [row.unit for row in rows({"uniform_mm": None, "radius_mm_note": "any", "side_mm": 2.0})] == ["", "", "mm"]

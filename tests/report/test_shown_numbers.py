@@ -19,10 +19,10 @@ from lensforge.proof.proof_facts import tracer_groups
 from lensforge.report import exported_part, headline, light_section
 from lensforge.report.compare import render_comparison
 from lensforge.report.folder import Run
+from lensforge.report.headline import task
 from lensforge.report.lens_page import results_html
 from lensforge.report.record_tables import number_tables, spec_tables
 from lensforge.report.results import Results
-from lensforge.report.task import task
 from lensforge.report.tradeoff import Tradeoff, TradeoffRow
 from lensforge.report.tradeoff_study import tradeoff_page
 from lensforge.report.yield_page import render_yield

@@ -240,7 +240,7 @@ def test_rays_describes_and_converts(examples: Path, tmp_path: Path) -> None:
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device")
 def test_a_device_that_is_not_there_is_refused_before_anything_is_written(tmp_path: Path) -> None:
     spec = write_spec(tmp_path)
-    done = lensforge_here("design", spec, "--device", "cuda", "--snapshots", "--out", tmp_path / "out")
+    done = lensforge_here("design", spec, "--device", "cuda", "--out", tmp_path / "out")
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()
     assert "device = 'cuda'" in line and "allowed here: cpu" in line and "CUDA build of torch" in line

@@ -9,7 +9,7 @@ from scenes import small_spec
 from lensforge.errors import InputError
 from lensforge.optics.material import MATERIALS
 from lensforge.optics.media import LayerStack, ReflectanceTable
-from lensforge.report.task import task
+from lensforge.report.headline import task
 from lensforge.sources.build_source import build_source
 from lensforge.spec import load_spec, parse_spec
 
