@@ -8,8 +8,8 @@ from lensforge.cad.patch import fit_patch
 from lensforge.cad.wall import thinnest
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
-from lensforge.scene.tolerance_factors import Factor
 from lensforge.sources.build_source import build_source
+from lensforge.spec.tolerances_section import Factor
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 _DIRECTIONS = 4000

@@ -14,8 +14,7 @@ from torch import Tensor
 
 from lensforge.scene.limit_readings import LightLimit, light_limits
 from lensforge.scene.receiver import PosedReceiver
-from lensforge.scene.target_pattern import target_light
-from lensforge.scene.target_region import uniform_region
+from lensforge.scene.target_pattern import target_light, uniform_region
 from lensforge.search.light_path import Collected
 from lensforge.search.symmetry import ChartMirrors, chart_mirrors, mirrored_light
 from lensforge.spec import Spec, Target

@@ -9,12 +9,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from lensforge import seeds
-from lensforge.scene.form_errors import ErrorField, FaceNodes, waviness
-from lensforge.scene.made_part import MadePart, PartMaker
+from lensforge.scene.made_part import ErrorField, FaceNodes, MadePart, PartMaker, waviness
 from lensforge.scene.perturbations import Draws
-from lensforge.scene.tolerance_factors import Factor, factors_of
 from lensforge.search.parameters import Parametrisation
 from lensforge.spec import Spec
+from lensforge.spec.tolerances_section import Factor, factors_of
 from lensforge.surfaces.bicubic_table import TableGrid
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 from lensforge.surfaces.surface import Surface

@@ -7,7 +7,7 @@ from lensforge.errors import InputError
 from lensforge.results import Group
 from lensforge.results.numerals import NOTHING
 from lensforge.scene.lens import Lens
-from lensforge.scene.tolerance_factors import Factor, amount_words, factors_of
+from lensforge.spec.tolerances_section import Factor, amount_words, factors_of
 
 _OF_ASSEMBLY = ("source_", "lens_")
 _RMS, _PEAK = ("_form_um", "_waviness_um"), ("_ripple_um",)

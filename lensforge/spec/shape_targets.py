@@ -6,7 +6,15 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from lensforge.spec.spec_section import Coordinate, Millimetres
-from lensforge.spec.target_sections import DegreesOff, DegreesWide, Side, SideDegrees, SoftTarget, TargetSection
+from lensforge.spec.target_sections import (
+    DegreesOff,
+    DegreesWide,
+    Side,
+    SideDegrees,
+    SizedTarget,
+    SoftTarget,
+    TargetSection,
+)
 
 _MOST_CORNERS, _MOST_SPOTS = 1000, 1000
 _LEAST_SPREAD = 1e-12  # of a polygon's corners about a line, squared: below, they lie on it
@@ -26,20 +34,10 @@ class FlatTopTarget(TargetSection):
     """Power p: the larger, the steeper the edges."""
 
 
-class RectangleTarget(SoftTarget):
+class RectangleTarget(SizedTarget):
     """A rectangle."""
 
-    needs: ClassVar[tuple[str, ...]] = ("width", "height")
-
     kind: Literal["rectangle"] = "rectangle"
-    width_mm: Millimetres | None = None
-    """Width on a surface."""
-    height_mm: Millimetres | None = None
-    """Height on a surface."""
-    width_deg: DegreesWide | None = None
-    """Width in the far field."""
-    height_deg: DegreesWide | None = None
-    """Height in the far field."""
 
 
 class DiscTarget(SoftTarget):
@@ -54,20 +52,10 @@ class DiscTarget(SoftTarget):
     """Diameter in the far field."""
 
 
-class EllipseTarget(SoftTarget):
+class EllipseTarget(SizedTarget):
     """An ellipse with its axes along x and y."""
 
-    needs: ClassVar[tuple[str, ...]] = ("width", "height")
-
     kind: Literal["ellipse"] = "ellipse"
-    width_mm: Millimetres | None = None
-    """Whole diameter along x on a surface."""
-    height_mm: Millimetres | None = None
-    """Whole diameter along y on a surface."""
-    width_deg: DegreesWide | None = None
-    """Whole diameter along x in the far field."""
-    height_deg: DegreesWide | None = None
-    """Whole diameter along y in the far field."""
 
 
 class RingTarget(SoftTarget):

@@ -6,8 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from lensforge.scene.target_pattern import drawn_text
-from lensforge.scene.target_region import in_target
+from lensforge.scene.target_pattern import drawn_text, in_target
 from lensforge.scene.target_shapes import batwing, beam, flat_top, in_picture, in_shape, photometric
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.spec.shape_targets import (
