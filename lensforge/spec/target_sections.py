@@ -226,7 +226,7 @@ def _visible(text: str) -> str:
     return text
 
 
-class SizedTarget(SoftTarget):
+class SizedTarget(TargetSection):
     """A target by its width and height."""
 
     needs: ClassVar[tuple[str, ...]] = ("width", "height")
@@ -234,14 +234,14 @@ class SizedTarget(SoftTarget):
     width_mm: Millimetres | None = None
     """Whole width, along x, on a surface."""
     height_mm: Millimetres | None = None
-    """Whole height, along y, on a surface; of a picture by default in proportion."""
+    """Whole height, along y, on a surface; by default as the width of a flat top, in proportion of a picture."""
     width_deg: DegreesWide | None = None
     """Whole width, along x, in the far field."""
     height_deg: DegreesWide | None = None
-    """Whole height, along y, in the far field; of a picture by default in proportion."""
+    """Whole height, along y, in the far field; by default as the width of a flat top, in proportion of a picture."""
 
 
-class _PictureTarget(SizedTarget):
+class _PictureTarget(SizedTarget, SoftTarget):
     """A picture, by its width."""
 
     needs: ClassVar[tuple[str, ...]] = ("width",)

@@ -125,7 +125,7 @@ def test_a_lambertian_point_on_receivers_of_any_size(distance: float, half_angle
         },
         target__distance_mm=distance,
         target__receiver_mm=2.0 * x * distance,
-        target__half_width_mm=x * distance,
+        target__width_mm=2.0 * x * distance,
     )
     light = evaluate_lens(
         Lens(sphere(0.5 * radius), sphere(radius), spec, 0, "draft"), SquareEmitter(0.0), DRAFT, rays=2**15
@@ -212,8 +212,8 @@ def light_on(side: float, pixels: int, target: Target) -> np.ndarray:
 @pytest.mark.parametrize(
     "target",
     [
-        FlatTopTarget(kind="flat_top", half_width_mm=100.0, exponent=200.0, **PLACE),
-        FlatTopTarget(kind="flat_top", half_width_mm=1e9, **PLACE),
+        FlatTopTarget(kind="flat_top", width_mm=200.0, exponent=200.0, **PLACE),
+        FlatTopTarget(kind="flat_top", width_mm=1e9, **PLACE),
         CrossTarget(kind="cross", length_mm=1e9, stroke_mm=1e9, **PLACE),
         TextTarget(kind="text", text="I", width_mm=10.0, **PLACE),
     ],
@@ -228,7 +228,7 @@ def test_targets_on_one_pixel_and_on_four_million(target, pixels: int) -> None:
 @pytest.mark.parametrize(
     "target",
     [
-        FlatTopTarget(kind="flat_top", half_width_mm=1e-6, exponent=200.0, **PLACE),
+        FlatTopTarget(kind="flat_top", width_mm=2e-6, exponent=200.0, **PLACE),
         CrossTarget(kind="cross", length_mm=1e-6, stroke_mm=1e-6, **PLACE),
         TextTarget(kind="text", text="I", width_mm=1e-6, **PLACE),
     ],
@@ -257,7 +257,7 @@ def test_a_target_of_a_single_pixel(pixels: int) -> None:
 @pytest.mark.parametrize("rays", first_by_day(3, [1, 15, 17, 2, 3, 33]))  # 16 are the replicates
 def test_a_handful_of_rays(rays: int, lens_size: float) -> None:
     """Replicates without a single detected ray leave numbers, not NaN."""
-    spec = _point_spec(target__receiver_mm=20.0 * lens_size, target__half_width_mm=5.0 * lens_size)
+    spec = _point_spec(target__receiver_mm=20.0 * lens_size, target__width_mm=10.0 * lens_size)
     _complete(evaluate_lens(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft"), SquareEmitter(0.0), DRAFT, rays=rays))
 
 
@@ -266,7 +266,7 @@ def test_a_measured_source_of_a_few_rays(ray_count: int) -> None:
     """Fewer rays than replicates: their flux still adds up to the source's."""
     bundle = SquareEmitter(0.5).sample(ray_count, 1)
     source = RaySetEmitter(bundle, 1.0)
-    spec = _point_spec(target__receiver_mm=1e6, target__half_width_mm=4e5)
+    spec = _point_spec(target__receiver_mm=1e6, target__width_mm=8e5)
     light = evaluate_lens(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft"), source, DRAFT, rays=1000)
     _complete(light)
     assert light.rays == ray_count

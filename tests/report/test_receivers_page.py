@@ -132,8 +132,8 @@ def test_candela_where_the_lumens_are_known():
 
 TASKS = [
     ({"kind": "text", "text": "π", "width_mm": 200.0}, "“π”, 200 mm wide"),
-    ({"kind": "flat_top", "half_width_mm": 30.0}, "square flat top, 60 mm wide"),
-    ({"kind": "flat_top", "half_width_mm": (30.0, 20.0)}, "flat top, 60 × 40 mm"),
+    ({"kind": "flat_top", "width_mm": 60.0}, "square flat top, 60 mm wide"),
+    ({"kind": "flat_top", "width_mm": 60.0, "height_mm": 40.0}, "flat top, 60 × 40 mm"),
     ({"kind": "rectangle", "width_mm": 30.0, "height_mm": 20.0}, "rectangle, 30 × 20 mm"),
     ({"kind": "disc", "diameter_mm": 30.0}, "disc, 30 mm wide"),
     ({"kind": "ellipse", "width_mm": 30.0, "height_mm": 20.0}, "ellipse, 30 × 20 mm"),

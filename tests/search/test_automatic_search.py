@@ -268,7 +268,7 @@ def test_the_own_pattern_of_a_sphere_needs_no_more_than_spheres() -> None:
         source={"kind": "disc", "diameter_mm": 0.2, "intensity": cone},
         optimise__pixels=32,
         optimise__fresnel=False,
-        target={"kind": "flat_top", "half_width_mm": 20.0, **near},
+        target={"kind": "flat_top", "width_mm": 40.0, **near},
         lens__symmetry="square",
     )
     source = build_source(scene.source)

@@ -154,8 +154,8 @@ def _scene(target: dict) -> Spec:
 @pytest.mark.parametrize(
     ("target", "source", "symmetry"),
     [
-        ({"kind": "flat_top", "half_width_mm": 80.0}, SquareEmitter(1.0), "square"),
-        ({"kind": "flat_top", "half_width_mm": 80.0}, LONG, "rectangle"),
+        ({"kind": "flat_top", "width_mm": 160.0}, SquareEmitter(1.0), "square"),
+        ({"kind": "flat_top", "width_mm": 160.0}, LONG, "rectangle"),
         ({"kind": "cross", "length_mm": 120.0, "stroke_mm": 40.0}, SquareEmitter(1.0), "square"),
         ({"kind": "text", "text": "L", "width_mm": 50.0}, SquareEmitter(1.0), "none"),
         ({"kind": "text", "text": "E", "width_mm": 50.0}, LONG, "none"),  # its bars are not quite alike

@@ -42,7 +42,7 @@ def lens(inner, outer, cutter_mm=1.0, wall_mm=0.5, base="cylinder"):
             "min_thickness_mm": wall_mm,
             "max_radius_mm": 3.0,
         },
-        "target": {"kind": "flat_top", "distance_mm": 100.0, "receiver_mm": 100.0, "half_width_mm": 50.0},
+        "target": {"kind": "flat_top", "distance_mm": 100.0, "receiver_mm": 100.0, "width_mm": 100.0},
         "base": {"kind": base},
         "manufacture": {"cutter_radius_mm": cutter_mm},
     }

@@ -45,7 +45,7 @@ def lens_of(inner, outer, **manufacture):
             "min_thickness_mm": 0.1,
             "max_radius_mm": 8.0,
         },
-        "target": {"kind": "flat_top", "distance_mm": 100.0, "receiver_mm": 100.0, "half_width_mm": 30.0},
+        "target": {"kind": "flat_top", "distance_mm": 100.0, "receiver_mm": 100.0, "width_mm": 60.0},
         "manufacture": manufacture,
     }
     return Lens(inner, outer, parse_spec(content, "test"), 0, "draft")
