@@ -23,8 +23,7 @@ from lensforge.results import Metric
 from lensforge.scene.lens import load_lens
 from lensforge.scene.pixel_grid import gaussian3
 from lensforge.scene.receiver_shapes import receivers_of
-from lensforge.scene.target_pattern import target_light
-from lensforge.scene.target_region import in_target, uniform_region
+from lensforge.scene.target_pattern import in_target, target_light, uniform_region
 from lensforge.sources.build_source import build_source
 from lensforge.spec.accuracy import PRESETS
 

@@ -63,7 +63,7 @@ def small_spec(**changes: Any) -> Spec:
         },
         "target": {
             "kind": "flat_top",
-            "half_width_mm": 80.0,
+            "width_mm": 160.0,
             "distance_mm": 100.0,
             "receiver_mm": 200.0,
             "uniform_mm": 100.0,

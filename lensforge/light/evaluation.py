@@ -55,8 +55,7 @@ from lensforge.scene.pixel_grid import flux_in, gaussian3, rebinned, splat_flux
 from lensforge.scene.possible_light import PossibleLight, SourceLight
 from lensforge.scene.receiver import Hits, Receiver
 from lensforge.scene.receiver_shapes import receivers_of
-from lensforge.scene.target_pattern import DrawnTarget, coarser_target, drawn_target
-from lensforge.scene.target_region import uniform_region
+from lensforge.scene.target_pattern import DrawnTarget, coarser_target, drawn_target, uniform_region
 from lensforge.sources.measured_rays import held_back, searched
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec import AnyReceiver, Spec

@@ -16,8 +16,7 @@ from lensforge.light.lens_conditions import (
 from lensforge.results import Conditions
 from lensforge.results.arguments import count_of, number_of, require, threads_of_torch
 from lensforge.results.record import MOST_PIXELS
-from lensforge.scene.lens import Lens
-from lensforge.scene.lens_at_temperature import at_temperature
+from lensforge.scene.lens import Lens, at_temperature
 from lensforge.spec import Accuracy
 from lensforge.spec.accuracy import preset_of
 from lensforge.spec.source_sections import SourceSpec

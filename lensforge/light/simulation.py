@@ -19,13 +19,11 @@ from lensforge.light.metrics import Images, PairEstimate, RootEstimate, jackknif
 from lensforge.light.table_trace import Scene, trace_tables
 from lensforge.results import Image, Metric
 from lensforge.scene.exit_rays import ExitRays
-from lensforge.scene.lens import Lens
-from lensforge.scene.lens_at_temperature import LensAtTemperature
+from lensforge.scene.lens import Lens, LensAtTemperature
 from lensforge.scene.pixel_grid import bin_flux, gaussian3
 from lensforge.scene.receiver import Landings, Receiver
 from lensforge.scene.receiver_shapes import receivers_of
-from lensforge.scene.target_pattern import DrawnTarget, target_light
-from lensforge.scene.target_region import uniform_region
+from lensforge.scene.target_pattern import DrawnTarget, target_light, uniform_region
 from lensforge.sources.ray_bundle import RayBundle, Source, drawn
 from lensforge.spec import Spec
 from lensforge.surfaces.bicubic_table import TableGrid, grid_for, table_error, tabulate

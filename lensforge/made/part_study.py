@@ -35,14 +35,13 @@ from lensforge.scene.perturbations import Draws
 from lensforge.scene.pixel_grid import bin_replicates, gaussian3
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
-from lensforge.scene.target_pattern import DrawnTarget, drawn_target
-from lensforge.scene.target_region import uniform_region
-from lensforge.scene.tolerance_factors import Factor, factors_of
+from lensforge.scene.target_pattern import DrawnTarget, drawn_target, uniform_region
 from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.measured_rays import held_back
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec import Spec
 from lensforge.spec.accuracy import PRESETS
+from lensforge.spec.tolerances_section import Factor, factors_of
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 _COLUMNS = 32  # into which rays are sorted

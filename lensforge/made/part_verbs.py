@@ -136,7 +136,7 @@ def _compare_photo(
 def _uniform(light: Light, lens: Lens | None) -> "Bool[np.ndarray, 'h w'] | None":
     """Region of uniform light in the map of ``light``, by the spec of its ``lens``; None without one."""
     from lensforge.scene.receiver_shapes import receivers_of
-    from lensforge.scene.target_region import uniform_region
+    from lensforge.scene.target_pattern import uniform_region
 
     if lens is None:
         return None

@@ -12,7 +12,7 @@ from lensforge.made.part_study import PartStudy, Recipe, require_bearable
 from lensforge.made.tolerance_result import ErrorRow, Sensitivity
 from lensforge.scene.lens import Lens
 from lensforge.scene.perturbations import Deviations
-from lensforge.scene.tolerance_factors import Factor
+from lensforge.spec.tolerances_section import Factor
 from lensforge.surfaces.bicubic_table import evaluate_table
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 

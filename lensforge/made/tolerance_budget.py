@@ -13,7 +13,7 @@ from jaxtyping import Bool
 
 from lensforge.made.measured_parts import MeasuredParts
 from lensforge.made.tolerance_result import PASS_RATE, Budget, BudgetRow
-from lensforge.scene.tolerance_factors import Factor
+from lensforge.spec.tolerances_section import Factor
 
 MOST_PARTS = 128  # the standard error of a share of 0.95 is then 0.02, that of an amount about a tenth
 _UP = (16.0, 4.0)  # most tolerances of most lenses matter little: one look tells

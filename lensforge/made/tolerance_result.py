@@ -29,7 +29,7 @@ from lensforge.results import (
     Text,
     stated,
 )
-from lensforge.scene.tolerance_factors import Factor
+from lensforge.spec.tolerances_section import Factor
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

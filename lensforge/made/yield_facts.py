@@ -9,7 +9,7 @@ from lensforge.made.tolerance_result import FIELD, BudgetRow, ErrorRow, MetricBo
 from lensforge.results import Bound, Fact, Group, Metric
 from lensforge.results.numerals import NOTHING, percent, quantity
 from lensforge.results.verdict import CERTAIN
-from lensforge.scene.tolerance_factors import amount_words
+from lensforge.spec.tolerances_section import amount_words
 
 TOGETHER = "several together"
 _SHARES = ("efficiency", "share_in_target")  # shown in per cent

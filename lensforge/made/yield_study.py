@@ -33,9 +33,9 @@ from lensforge.made.tolerance_result import (
 from lensforge.results import Metric
 from lensforge.scene.lens import Lens
 from lensforge.scene.perturbations import Draws, orthonormal
-from lensforge.scene.tolerance_factors import Factor
 from lensforge.sources.build_source import build_source
 from lensforge.sources.measured_rays import held_back
+from lensforge.spec.tolerances_section import Factor
 
 _DEGREE = 4
 _BLOCKS = 20  # of the jackknife over parts

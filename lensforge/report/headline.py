@@ -306,7 +306,7 @@ def _shape(
     unit = _unit(target)
     match target:
         case FlatTopTarget():
-            width, height = (2.0 * half for half in target.pair("half_width") or (0.0, 0.0))
+            width, height = target.widths
             equal = f"square flat top, {width:g}{unit} wide"
             return equal if width == height else f"flat top, {width:g} × {height:g}{unit}"
         case RectangleTarget():

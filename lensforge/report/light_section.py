@@ -19,7 +19,7 @@ from lensforge.results.chart import LightUnit, light_unit
 from lensforge.results.numerals import number
 from lensforge.results.verdict import worst
 from lensforge.scene.receiver_shapes import receivers_of
-from lensforge.scene.target_region import uniform_region
+from lensforge.scene.target_pattern import uniform_region
 from lensforge.search.design_result import Design
 from lensforge.search.scene_check import asked_light
 from lensforge.sources.build_source import build_source

@@ -16,7 +16,7 @@ from jaxtyping import Float
 from scipy.stats import norm, qmc
 
 from lensforge import seeds
-from lensforge.scene.tolerance_factors import Factor
+from lensforge.spec.tolerances_section import Factor
 
 _PER_AMOUNT = 2.0  # standard deviations of a normal distribution: 95 % of the parts lie within the amount
 _TAIL = float(norm.cdf(-_PER_AMOUNT))

@@ -1,7 +1,8 @@
 """Target patterns as relative light on the pixels of a receiver: means over each pixel, of all targets together.
 
 Text is drawn in a font that comes with a dependency: no font of the system has a part in it. Tables of light are a CSV
-file with a line for each row from the top, or an npz file with one array [row, column].
+file with a line for each row from the top, or an npz file with one array [row, column]. The regions of a receiver in
+which uniformity counts, and in which light counts as in the target, follow from its targets.
 """
 
 import hashlib
@@ -329,3 +330,29 @@ def _around(image: TargetImage, axis: int) -> slice:
     """Rows (``axis`` 1) or columns (0) outside of which all is dark."""
     places = np.flatnonzero(image.any(axis=axis))
     return slice(int(places[0]), int(places[-1]) + 1) if len(places) else slice(0, 0)
+
+
+def uniform_region(
+    targets: tuple[Target, ...], receiver: Receiver, wider_by_pixels: float = 0.0
+) -> Bool[np.ndarray, "h w"] | None:
+    """Pixels whose centres lie in the region of uniform light of any of ``targets``; None where none has one."""
+    grid, found = receiver.grid, None
+    for target in targets:
+        sides = target.pair("uniform")
+        if sides is None:
+            continue
+        x, y = receiver.target_coordinates(*np.meshgrid(grid.x(), grid.y()))
+        x, y = target.about_centre(x, y)
+        to_degrees = 180.0 / np.pi if receiver.kind == "far_field" else 1.0
+        width, height = (
+            side + wider_by_pixels * to_degrees * pixel for side, pixel in zip(sides, grid.pixel, strict=True)
+        )
+        inside = (np.abs(y) <= height / 2.0) & (np.abs(x) <= width / 2.0)
+        found = inside if found is None else found | inside
+    return found
+
+
+def in_target(light: Float[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
+    """Pixels in the target: where it is above a tenth of its maximum."""
+    inside: Bool[np.ndarray, "h w"] = light > IN_TARGET * light.max()
+    return inside

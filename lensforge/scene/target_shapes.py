@@ -29,7 +29,7 @@ PictureTarget = TextTarget | ImageTarget | ArrayTarget | TableTarget
 
 def flat_top(target: FlatTopTarget, x: Places, y: Places) -> Places:
     """A super-Gaussian."""
-    half_width, half_height = target.sides("half_width")
+    half_width, half_height = (0.5 * side for side in target.widths)
     with np.errstate(over="ignore"):  # far outside a narrow pattern: exp(-inf) is the 0 that is meant
         along_x = np.exp(-(np.abs(x / half_width) ** target.exponent))
         along_y = np.exp(-(np.abs(y / half_height) ** target.exponent))

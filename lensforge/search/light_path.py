@@ -25,15 +25,14 @@ from lensforge.light.device_trace import DeviceTable, first_crossing, tables_on
 from lensforge.light.sequential_trace import Crossing, TensorRays, trace_sequence
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.scene.exit_rays import Sensitivities
-from lensforge.scene.form_errors import ErrorField, FaceNodes, waviness
-from lensforge.scene.made_part import MadePart, PartMaker
+from lensforge.scene.made_part import ErrorField, FaceNodes, MadePart, PartMaker, waviness
 from lensforge.scene.perturbations import Draws
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.scene.receiver import Landings, Receiver
-from lensforge.scene.tolerance_factors import Factor, factors_of
 from lensforge.search.parameters import Parametrisation
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.spec import Spec
+from lensforge.spec.tolerances_section import Factor, factors_of
 from lensforge.surfaces.bicubic_table import TableGrid
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 from lensforge.surfaces.surface import Surface

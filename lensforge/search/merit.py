@@ -19,8 +19,7 @@ from lensforge.optics.fundamental_limits import transmittance_of
 from lensforge.scene.limit_readings import LightLimit, light_limits
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
-from lensforge.scene.target_pattern import target_light
-from lensforge.scene.target_region import uniform_region
+from lensforge.scene.target_pattern import target_light, uniform_region
 from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.light_path import Collected, LightPath, Pair
 from lensforge.search.parameters import ChartMirrors, Parametrisation, chart_mirrors, mirrored_light

@@ -16,12 +16,12 @@ from lensforge.optics.material import D_LINE_NM
 from lensforge.results import Group
 from lensforge.results.numerals import NOTHING
 from lensforge.scene.lens import Lens
-from lensforge.scene.tolerance_factors import Factor, amount_words, factors_of
 from lensforge.shop.check_result import Check, FaceName
 from lensforge.shop.dimensions import widest_mm
 from lensforge.shop.sheet import Marks
 from lensforge.shop.sheet_marks import row, row_height
 from lensforge.spec import DrawingSection
+from lensforge.spec.tolerances_section import Factor, amount_words, factors_of
 
 _WIDTHS = (71.0, 38.0, 71.0)  # mm on A3
 _SHAPES = ("sphere", "asphere", "biconic")  # faces that the spec gives by a formula; those of files have none

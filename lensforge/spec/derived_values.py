@@ -167,7 +167,7 @@ def _pattern_mm(target: Any) -> float | None:
     sides = [value for name in _ACROSS if (value := _number(target, name)) is not None]
     if sides and (pitch := _number(target, "pitch_mm")) is not None:
         sides = [sides[0] + (max(_number(target, name) or 1.0 for name in ("columns", "rows")) - 1.0) * pitch]
-    sides += [2.0 * each for each in _sizes(_get(target, "half_width_mm"))]
+    sides += [2.0 * each for each in _sizes(_get(target, "half_width_mm"))]  # its old name
     if not sides:
         return None
     up = _number(target, "height_mm")

@@ -1,45 +1,50 @@
 """Targets that are shapes: one level of light inside, none outside; and the flat top, whose edges fall smoothly."""
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
+from lensforge.spec.renamed import with_new_names
 from lensforge.spec.spec_section import Coordinate, Millimetres
-from lensforge.spec.target_sections import DegreesOff, DegreesWide, Side, SideDegrees, SoftTarget, TargetSection
+from lensforge.spec.target_sections import (
+    DegreesOff,
+    DegreesWide,
+    SizedTarget,
+    SoftTarget,
+    TargetSection,
+)
 
 _MOST_CORNERS, _MOST_SPOTS = 1000, 1000
 _LEAST_SPREAD = 1e-12  # of a polygon's corners about a line, squared: below, they lie on it
 
 
-class FlatTopTarget(TargetSection):
-    """A rectangular super-Gaussian, ``exp(-|x/a|^p - |y/b|^p)``."""
+class FlatTopTarget(SizedTarget):
+    """A rectangular super-Gaussian, ``exp(-|2 x / width|^p - |2 y / height|^p)``; square without a height."""
 
-    needs: ClassVar[tuple[str, ...]] = ("half_width",)
+    needs: ClassVar[tuple[str, ...]] = ("width",)
+    takes: ClassVar[tuple[str, ...]] = (*TargetSection.takes, "height")
 
     kind: Literal["flat_top"] = "flat_top"
-    half_width_mm: Side | None = None
-    """Half widths a and b on a surface; one stands for both."""
-    half_width_deg: SideDegrees | None = None
-    """Half widths a and b in the far field; one stands for both."""
     exponent: Annotated[float, Field(ge=2.0, le=200.0)] = 18.0
     """Power p: the larger, the steeper the edges."""
 
+    @model_validator(mode="before")
+    @classmethod
+    def _old_names(cls, content: Any) -> Any:
+        return with_new_names("FlatTopTarget", content)
 
-class RectangleTarget(SoftTarget):
+    @property
+    def widths(self) -> tuple[float, float]:
+        """Width and height, in the target's unit."""
+        height = self.length("height")
+        return self.size("width"), height if isinstance(height, float) else self.size("width")
+
+
+class RectangleTarget(SizedTarget, SoftTarget):
     """A rectangle."""
 
-    needs: ClassVar[tuple[str, ...]] = ("width", "height")
-
     kind: Literal["rectangle"] = "rectangle"
-    width_mm: Millimetres | None = None
-    """Width on a surface."""
-    height_mm: Millimetres | None = None
-    """Height on a surface."""
-    width_deg: DegreesWide | None = None
-    """Width in the far field."""
-    height_deg: DegreesWide | None = None
-    """Height in the far field."""
 
 
 class DiscTarget(SoftTarget):
@@ -54,20 +59,10 @@ class DiscTarget(SoftTarget):
     """Diameter in the far field."""
 
 
-class EllipseTarget(SoftTarget):
+class EllipseTarget(SizedTarget, SoftTarget):
     """An ellipse with its axes along x and y."""
 
-    needs: ClassVar[tuple[str, ...]] = ("width", "height")
-
     kind: Literal["ellipse"] = "ellipse"
-    width_mm: Millimetres | None = None
-    """Whole diameter along x on a surface."""
-    height_mm: Millimetres | None = None
-    """Whole diameter along y on a surface."""
-    width_deg: DegreesWide | None = None
-    """Whole diameter along x in the far field."""
-    height_deg: DegreesWide | None = None
-    """Whole diameter along y in the far field."""
 
 
 class RingTarget(SoftTarget):

@@ -85,27 +85,7 @@ class RaySource(Placement):
 
     if TYPE_CHECKING:  # the arguments of the class; the fields themselves are validated as everywhere
 
-        def __init__(
-            self,
-            rays: ArrayLike | None = None,
-            /,
-            *,
-            positions_mm: ArrayLike | None = None,
-            directions: ArrayLike | None = None,
-            ray_flux: ArrayLike | None = None,
-            wavelengths_nm: ArrayLike | None = None,
-            origin: Literal["file", "virtual_focus"] | tuple[float, float, float] = "file",
-            scale: float = 1.0,
-            axis: Literal["+x", "-x", "+y", "-y", "+z", "-z"] = "+z",
-            mirror: Literal["none", "x", "y"] = "none",
-            rotate_z_deg: float = 0.0,
-            tilt_deg: tuple[float, float] = (0.0, 0.0),
-            position_mm: tuple[float, float, float] = (0.0, 0.0, 0.0),
-            flux_w: float | None = None,
-            flux_lm: float | None = None,
-            luminous_efficacy_lm_per_w: float | None = None,
-            spectrum: SpectrumSpec | None = None,
-        ) -> None: ...
+        def __init__(self, rays: ArrayLike | None = None, /, **fields: Any) -> None: ...
 
     @model_validator(mode="before")
     @classmethod

@@ -5,7 +5,7 @@ a grid.
 """
 
 import unicodedata
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -226,20 +226,26 @@ def _visible(text: str) -> str:
     return text
 
 
-class _PictureTarget(SoftTarget):
+class SizedTarget(TargetSection):
+    """A target by its width and height."""
+
+    needs: ClassVar[tuple[str, ...]] = ("width", "height")
+
+    width_mm: Millimetres | None = None
+    """Whole width, along x, on a surface."""
+    height_mm: Millimetres | None = None
+    """Whole height, along y, on a surface; by default as the width of a flat top, in proportion of a picture."""
+    width_deg: DegreesWide | None = None
+    """Whole width, along x, in the far field."""
+    height_deg: DegreesWide | None = None
+    """Whole height, along y, in the far field; by default as the width of a flat top, in proportion of a picture."""
+
+
+class _PictureTarget(SizedTarget, SoftTarget):
     """A picture, by its width."""
 
     needs: ClassVar[tuple[str, ...]] = ("width",)
     takes: ClassVar[tuple[str, ...]] = (*SoftTarget.takes, "height")
-
-    width_mm: Millimetres | None = None
-    """Width on a surface."""
-    height_mm: Millimetres | None = None
-    """Height on a surface; by default in proportion."""
-    width_deg: DegreesWide | None = None
-    """Width in the far field."""
-    height_deg: DegreesWide | None = None
-    """Height in the far field; by default in proportion."""
 
     def size_of(self, rows: int, columns: int) -> tuple[float, float]:
         """Width and height of a picture of so many rows and columns, in the target's unit."""
@@ -278,27 +284,7 @@ class ArrayTarget(_PictureTarget):
 
     if TYPE_CHECKING:  # the arguments of the class; the fields themselves are validated as everywhere
 
-        def __init__(
-            self,
-            values: ArrayLike | None = None,
-            /,
-            *,
-            width_mm: float | None = None,
-            height_mm: float | None = None,
-            width_deg: float | None = None,
-            height_deg: float | None = None,
-            distance_mm: float | None = None,
-            receiver_mm: float | None = None,
-            half_angle_deg: float | None = None,
-            centre_mm: tuple[float, float] | None = None,
-            centre_deg: tuple[float, float] | None = None,
-            rotation_deg: float = 0.0,
-            level: float = 1.0,
-            uniform_mm: float | tuple[float, float] | None = None,
-            uniform_deg: float | tuple[float, float] | None = None,
-            edge_mm: float | None = None,
-            edge_deg: float | None = None,
-        ) -> None: ...
+        def __init__(self, values: ArrayLike | None = None, /, **fields: Any) -> None: ...
 
     def __hash__(self) -> int:
         """Hash of all but the numbers themselves, which may be many; equality compares them."""

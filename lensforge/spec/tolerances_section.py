@@ -10,45 +10,63 @@ board (data sheets state 0.05 to 0.1 mm), its tilt, flux within a bin, waviness,
 give your own where you know them.
 """
 
+from dataclasses import dataclass
+from math import pi
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from lensforge.errors import InputError
+from lensforge.results.numerals import percent, quantity
 from lensforge.spec.spec_files import read_toml
 from lensforge.spec.spec_section import Section, spec_error
 
 TolerancePreset = Literal["precision", "standard", "moulded"]
 
-# name of the field: amount in precision, standard, moulded
-_AMOUNTS: dict[str, tuple[float, float, float]] = {
-    "source_shift_mm": (0.02, 0.05, 0.05),
-    "source_height_mm": (0.02, 0.05, 0.05),
-    "source_tilt_deg": (0.2, 0.5, 0.5),
-    "source_flux": (0.05, 0.05, 0.05),
-    "source_size": (0.01, 0.02, 0.02),
-    "outer_shift_mm": (0.005, 0.02, 0.025),
-    "gap_mm": (0.005, 0.02, 0.025),
-    "outer_tilt_deg": (0.02, 0.05, 0.05),
-    "lens_shift_mm": (0.02, 0.05, 0.05),
-    "lens_height_mm": (0.01, 0.03, 0.05),
-    "lens_tilt_deg": (0.05, 0.1, 0.2),
-    "inner_form_um": (0.3, 1.0, 2.0),
-    "outer_form_um": (0.3, 1.0, 2.0),
-    "inner_waviness_um": (0.03, 0.1, 0.2),
-    "outer_waviness_um": (0.03, 0.1, 0.2),
-    "inner_ripple_um": (0.01, 0.02, 0.0),
-    "outer_ripple_um": (0.01, 0.02, 0.0),
-    "inner_roughness_mrad": (0.2, 0.5, 0.5),
-    "outer_roughness_mrad": (0.2, 0.5, 0.5),
-    "index": (0.0005, 0.001, 0.001),
-    "shrinkage": (0.0, 0.0, 0.001),
+FactorKind = Literal["spread", "one-sided", "field"]
+FORM_NUMBERS = 9  # functions over the hemisphere: errors as wide as astigmatism and coma
+# Waviness has hundreds of independent parts; sums of so many prepared fields vary over lenses by a quarter of their
+# mean effect at most, sqrt(2/32), and take 3 ms each.
+WAVINESS_NUMBERS = 32
+
+
+class _Cause(NamedTuple):
+    """What a tolerance is: its words, its amounts in precision, standard and moulded, and the numbers of each part."""
+
+    words: str
+    amounts: tuple[float, float, float]
+    numbers: int = 1
+    kind: FactorKind = "spread"
+
+
+# In the order in which parts are drawn: the numbers of a part depend on it.
+_CAUSES = {
+    "source_shift_mm": _Cause("source, decentre", (0.02, 0.05, 0.05), 2),
+    "source_height_mm": _Cause("source, height", (0.02, 0.05, 0.05)),
+    "source_tilt_deg": _Cause("source, tilt", (0.2, 0.5, 0.5), 2),
+    "source_flux": _Cause("source, flux", (0.05, 0.05, 0.05)),
+    "source_size": _Cause("source, size", (0.01, 0.02, 0.02)),
+    "outer_shift_mm": _Cause("outer face against inner, decentre", (0.005, 0.02, 0.025), 2),
+    "gap_mm": _Cause("outer face against inner, gap", (0.005, 0.02, 0.025)),
+    "outer_tilt_deg": _Cause("outer face against inner, tilt", (0.02, 0.05, 0.05), 2),
+    "lens_shift_mm": _Cause("lens against source, decentre", (0.02, 0.05, 0.05), 2),
+    "lens_height_mm": _Cause("lens against source, height", (0.01, 0.03, 0.05)),
+    "lens_tilt_deg": _Cause("lens against source, tilt", (0.05, 0.1, 0.2), 2),
+    "index": _Cause("refractive index", (0.0005, 0.001, 0.001)),
+    "shrinkage": _Cause("shrinkage", (0.0, 0.0, 0.001)),
+    "inner_roughness_mrad": _Cause("roughness, inner face", (0.2, 0.5, 0.5), 1, "one-sided"),
+    "outer_roughness_mrad": _Cause("roughness, outer face", (0.2, 0.5, 0.5), 1, "one-sided"),
+    "inner_ripple_um": _Cause("ripple, inner face", (0.01, 0.02, 0.0), 1, "one-sided"),
+    "outer_ripple_um": _Cause("ripple, outer face", (0.01, 0.02, 0.0), 1, "one-sided"),
+    "inner_form_um": _Cause("form, inner face", (0.3, 1.0, 2.0), FORM_NUMBERS, "field"),
+    "outer_form_um": _Cause("form, outer face", (0.3, 1.0, 2.0), FORM_NUMBERS, "field"),
+    "inner_waviness_um": _Cause("waviness, inner face", (0.03, 0.1, 0.2), WAVINESS_NUMBERS, "field"),
+    "outer_waviness_um": _Cause("waviness, outer face", (0.03, 0.1, 0.2), WAVINESS_NUMBERS, "field"),
 }
+_PRESETS: tuple[TolerancePreset, ...] = get_args(TolerancePreset)
 PRESET_AMOUNTS: dict[TolerancePreset, dict[str, float]] = {
-    "precision": {name: amounts[0] for name, amounts in _AMOUNTS.items()},
-    "standard": {name: amounts[1] for name, amounts in _AMOUNTS.items()},
-    "moulded": {name: amounts[2] for name, amounts in _AMOUNTS.items()},
+    preset: {name: cause.amounts[number] for name, cause in _CAUSES.items()} for number, preset in enumerate(_PRESETS)
 }
 
 
@@ -83,9 +101,28 @@ def _from_number(value: Any) -> Any:
 _Amount = Annotated[float, Field(ge=0.0, le=100.0)]
 _Tolerance = Annotated[ToleranceSpec, BeforeValidator(_from_number, json_schema_input_type=_Amount | ToleranceSpec)]
 
-# Largest amounts, by the end of the name: beyond them, a part is another part.
-_LARGEST = {"_mm": 5.0, "_deg": 20.0, "_um": 100.0, "_mrad": 100.0, "index": 0.1, "source_flux": 0.5}
-_LARGEST |= {"source_size": 0.5, "shrinkage": 0.1}
+# By the end of the name: unit, factor to mm, rad or 1, and largest amount; beyond it, a part is another part.
+_UNITS = {
+    "_mm": ("mm", 1.0, 5.0),
+    "_deg": ("deg", pi / 180.0, 20.0),
+    "_um": ("um", 1e-3, 100.0),
+    "_mrad": ("mrad", 1e-3, 100.0),
+    "source_flux": ("", 1.0, 0.5),
+    "source_size": ("", 1.0, 0.5),
+    "index": ("", 1.0, 0.1),
+    "shrinkage": ("", 1.0, 0.1),
+}
+_SYMBOLS = {"deg": "°", "um": "µm"}
+_IN_PER_CENT = ("source_flux", "source_size", "shrinkage")
+
+
+def _unit_of(name: str) -> tuple[str, float, float]:
+    return next(unit for end, unit in _UNITS.items() if name.endswith(end))
+
+
+def amount_words(name: str, value: float, unit: str) -> str:
+    """Amount of the tolerance ``name`` with its unit; shares in per cent."""
+    return percent(value) if name in _IN_PER_CENT else quantity(value, _SYMBOLS.get(unit, unit), digits=3)
 
 
 class TolerancesSection(Section):
@@ -150,11 +187,10 @@ class TolerancesSection(Section):
 
     @model_validator(mode="after")
     def _amounts_are_small(self) -> "TolerancesSection":
-        for name in PRESET_AMOUNTS["standard"]:
-            tolerance = getattr(self, name)
+        for name in _CAUSES:
+            tolerance, (_, _, most) = getattr(self, name), _unit_of(name)
             if tolerance is None:
                 continue
-            most = next(largest for end, largest in _LARGEST.items() if name.endswith(end))
             if tolerance.amount > most:
                 raise ValueError(f"{name} = {tolerance.amount:g}: must be at most {most:g}")
             if name.endswith("_um") and "distribution" in tolerance.model_fields_set:
@@ -177,6 +213,37 @@ class TolerancesSection(Section):
         """The tolerance ``name``: as given, or that of the preset."""
         given: ToleranceSpec | None = getattr(self, name)
         return ToleranceSpec(amount=PRESET_AMOUNTS[self.preset][name]) if given is None else given
+
+
+@dataclass(frozen=True)
+class Factor:
+    """One tolerance as a cause of its own, drawn for every part: ``amount`` in ``unit``, ``to_internal`` mm, rad or 1.
+
+    ``kind``: "spread" to both sides by ``distribution``; "one-sided", from none to the amount; or the "field" of a
+    form error, whose ``numbers`` are Gaussian and make up its shape. ``numbers``: drawn for each part.
+    """
+
+    name: str
+    words: str
+    unit: str
+    to_internal: float
+    amount: float
+    kind: FactorKind
+    distribution: Distribution
+    numbers: int
+
+
+def factors_of(section: TolerancesSection) -> tuple[Factor, ...]:
+    """All tolerances of ``section`` that are not 0. Raises :class:`InputError` where all are 0."""
+    found = []
+    for name, cause in _CAUSES.items():
+        tolerance, (unit, to_internal, _) = section.of(name), _unit_of(name)
+        if tolerance.amount > 0.0:
+            stated = (cause.words, unit, to_internal, tolerance.amount, cause.kind)
+            found.append(Factor(name, *stated, tolerance.distribution, cause.numbers))
+    if not found:
+        raise InputError("tolerances: all of them are 0: every part is as designed; raise one, or leave out the zeros")
+    return tuple(found)
 
 
 def read_tolerances(name: str) -> TolerancesSection:

@@ -41,7 +41,7 @@ def make_lens(
             "min_thickness_mm": 0.1,
             "max_radius_mm": 2 * outer,
         },
-        "target": {"kind": "flat_top", "distance_mm": 100.0, "receiver_mm": 100.0, "half_width_mm": 30.0},
+        "target": {"kind": "flat_top", "distance_mm": 100.0, "receiver_mm": 100.0, "width_mm": 60.0},
         "base": base or {},
     }
     return Lens(*surfaces, parse_spec(content, "test"), seed, "draft")

@@ -50,8 +50,8 @@ def luma(file):
 def pattern(target, x, y, folder):
     kind = target["kind"]
     if kind == "flat_top":
-        return np.exp(-(abs(x / target["half_width_mm"]) ** target["exponent"])
-                      - abs(y / target["half_width_mm"]) ** target["exponent"])  # fmt: skip
+        return np.exp(-(abs(2.0 * x / target["width_mm"]) ** target["exponent"])
+                      - abs(2.0 * y / target["width_mm"]) ** target["exponent"])  # fmt: skip
     if kind == "cross":
         long, short = target["length_mm"] / 2, target["stroke_mm"] / 2
         return ((abs(x) <= long) & (abs(y) <= short) | (abs(x) <= short) & (abs(y) <= long)).astype(float)

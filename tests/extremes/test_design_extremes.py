@@ -28,7 +28,7 @@ def test_a_search_from_anywhere_stays_finite(index, side, receiver, mask, pixels
         source={"kind": "square", "side_mm": side},
         lens__refractive_index=index,
         lens__levels=levels,
-        target__half_width_mm=0.4 * receiver,
+        target__width_mm=0.8 * receiver,
         target__receiver_mm=receiver,
         target__uniform_mm=mask * receiver,
         optimise={"steps_per_level": [3] * len(levels), "rays": 64, "pixels": pixels, "uniformity_steps": 2},

@@ -122,7 +122,7 @@ def test_a_lambertian_point_on_receivers_of_any_size(distance: float, half_angle
         },
         target__distance_mm=distance,
         target__receiver_mm=2.0 * x * distance,
-        target__half_width_mm=x * distance,
+        target__width_mm=2.0 * x * distance,
     )
     light = evaluate_lens(
         Lens(sphere(0.5 * radius), sphere(radius), spec, 0, "draft"), SquareEmitter(0.0), DRAFT, rays=2**15
@@ -182,7 +182,7 @@ def light_on(side: float, pixels: int, target: Target) -> np.ndarray:
 @pytest.mark.parametrize(
     "target",
     [
-        FlatTopTarget(kind="flat_top", half_width_mm=1e-6, exponent=200.0, **PLACE),
+        FlatTopTarget(kind="flat_top", width_mm=2e-6, exponent=200.0, **PLACE),
         CrossTarget(kind="cross", length_mm=1e-6, stroke_mm=1e-6, **PLACE),
         TextTarget(kind="text", text="I", width_mm=1e-6, **PLACE),
     ],
@@ -197,7 +197,7 @@ def test_a_measured_source_of_a_few_rays(ray_count: int) -> None:
     """Fewer rays than replicates: their flux still adds up to the source's."""
     bundle = SquareEmitter(0.5).sample(ray_count, 1)
     source = RaySetEmitter(bundle, 1.0)
-    spec = _point_spec(target__receiver_mm=1e6, target__half_width_mm=4e5)
+    spec = _point_spec(target__receiver_mm=1e6, target__width_mm=8e5)
     light = evaluate_lens(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft"), source, DRAFT, rays=1000)
     _complete(light)
     assert light.rays == ray_count

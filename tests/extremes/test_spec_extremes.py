@@ -34,7 +34,7 @@ def _contents(draw: st.DrawFn) -> dict[str, Any]:
     inner = size * draw(_length(0.01, 1.0))
     receiver = draw(_length(1e-2, 1e7))
     kinds = {
-        "flat_top": {"half_width_mm": receiver * draw(_length(0.1, 1.0)), "exponent": draw(st.floats(2.0, 200.0))},
+        "flat_top": {"width_mm": 2.0 * receiver * draw(_length(0.1, 1.0)), "exponent": draw(st.floats(2.0, 200.0))},
         "cross": {
             "length_mm": receiver * draw(_length(0.1, 1.0)),
             "stroke_mm": receiver * draw(_length(0.05, 1.0)),

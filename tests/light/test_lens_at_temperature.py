@@ -8,14 +8,13 @@ from scenes import random_surface, small_spec, sphere
 
 import lensforge as lf
 from lensforge.optics.material import MATERIALS
-from lensforge.scene.lens import Lens
-from lensforge.scene.lens_at_temperature import at_temperature
+from lensforge.scene.lens import Lens, at_temperature
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
 
 LINE = {"kind": "line", "wavelength_nm": 450.0}
 PLASTIC = {"lens__index_per_k": -1.1e-4, "lens__expansion_per_k": 7e-5}
-TARGET = {"kind": "flat_top", "half_width_mm": 80.0, "distance_mm": 100.0, "receiver_mm": 200.0, "uniform_mm": 100.0}
+TARGET = {"kind": "flat_top", "width_mm": 160.0, "distance_mm": 100.0, "receiver_mm": 200.0, "uniform_mm": 100.0}
 
 
 def lens_of(spec: Spec) -> Lens:

@@ -89,7 +89,7 @@ def test_light_on_receivers_of_every_kind_has_their_sizes_and_figures(several) -
 @pytest.mark.parametrize("number", [0, 1])
 def test_uniformity_with_noise_is_that_of_the_picture_in_its_region(several, number: int) -> None:
     from lensforge.scene.receiver_shapes import receivers_of
-    from lensforge.scene.target_region import uniform_region
+    from lensforge.scene.target_pattern import uniform_region
 
     light, lens = several
     own, section = light.receivers[number], lens.spec.all_receivers[number]

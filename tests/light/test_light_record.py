@@ -15,8 +15,7 @@ from lensforge.light.evaluation import evaluate_traced
 from lensforge.light.evaluation_result import Light, LightMetrics
 from lensforge.light.simulation import TracedLens, traced_light
 from lensforge.results import Conditions
-from lensforge.scene.lens import Lens
-from lensforge.scene.lens_at_temperature import at_temperature
+from lensforge.scene.lens import Lens, at_temperature
 from lensforge.sources.build_source import build_source
 from lensforge.spec.accuracy import PRESETS
 

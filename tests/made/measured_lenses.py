@@ -30,7 +30,7 @@ def lens(source=None, **evaluate):
         },
         "target": {
             "kind": "flat_top",
-            "half_width_mm": 80.0,
+            "width_mm": 160.0,
             "distance_mm": 150.0,
             "receiver_mm": 300.0,
             "uniform_mm": 100.0,

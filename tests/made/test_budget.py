@@ -8,7 +8,7 @@ from scipy.stats import norm
 
 from lensforge.made.tolerance_budget import MOST_PARTS, budget
 from lensforge.made.tolerance_result import PASS_RATE
-from lensforge.scene.tolerance_factors import Factor
+from lensforge.spec.tolerances_section import Factor
 
 COUNT = 1000
 

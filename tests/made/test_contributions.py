@@ -5,8 +5,7 @@ import pytest
 
 from lensforge.made.yield_study import contributions, features
 from lensforge.scene.perturbations import Draws
-from lensforge.scene.tolerance_factors import factors_of
-from lensforge.spec.tolerances_section import PRESET_AMOUNTS, TolerancesSection
+from lensforge.spec.tolerances_section import PRESET_AMOUNTS, TolerancesSection, factors_of
 
 NONE = dict.fromkeys(PRESET_AMOUNTS["standard"], 0)
 

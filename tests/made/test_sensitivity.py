@@ -11,10 +11,9 @@ from lensforge.made.part_study import PartStudy, Recipe
 from lensforge.made.sensitivity import measure_sensitivity, single_errors
 from lensforge.made.tolerance_result import Sensitivity
 from lensforge.scene.lens import Lens
-from lensforge.scene.tolerance_factors import factors_of
 from lensforge.sources.build_source import build_source
 from lensforge.spec.accuracy import PRESETS
-from lensforge.spec.tolerances_section import PRESET_AMOUNTS
+from lensforge.spec.tolerances_section import PRESET_AMOUNTS, factors_of
 from lensforge.surfaces.bicubic_table import evaluate_table
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 

@@ -15,7 +15,7 @@ from lensforge.made.tolerance_result import (
     Yield,
 )
 from lensforge.results import Metric
-from lensforge.scene.tolerance_factors import factors_of
+from lensforge.spec.tolerances_section import factors_of
 
 PARTS = 40
 Z = 1.959963984540054

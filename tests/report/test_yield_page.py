@@ -15,9 +15,8 @@ from lensforge.made.yield_facts import budget_row, budget_rows, cause_rows, metr
 from lensforge.report.results import Results
 from lensforge.report.yield_page import render_yield
 from lensforge.results.numerals import percent
-from lensforge.scene.tolerance_factors import amount_words
 from lensforge.shop.sheet_tables import tolerance_table
-from lensforge.spec.tolerances_section import TolerancesSection
+from lensforge.spec.tolerances_section import TolerancesSection, amount_words
 
 
 @pytest.fixture(scope="module")

@@ -36,7 +36,7 @@ min_thickness_mm = 1.0
 max_radius_mm = 7.0
 [target]
 kind = "flat_top"
-half_width_mm = 80.0
+width_mm = 160.0
 distance_mm = 100.0
 receiver_mm = 200.0
 uniform_mm = 100.0
@@ -178,7 +178,7 @@ def test_a_killed_design_resumes_to_the_same_lens(killed: Killed, designed: Path
         ({"min_thickness_mm = 1.0": "min_thickness_mm = -0.1"}, "constraints.min_thickness_mm = -0.1"),
         ({"distance_mm = 100.0": "distance_mm = 5.0"}, "target.distance_mm = 5 is inside the lens"),
         ({'kind = "flat_top"': 'kind = "fancy"'}, "target"),
-        ({"half_width_mm = 80.0": "half_width_mm = nan"}, "half_width_mm"),
+        ({"width_mm = 160.0": "width_mm = nan"}, "width_mm"),
         ({"levels = [9, 25]": "levels = []"}, "levels"),
         ({"levels = [9, 25]": "levels = [9, 25"}, "not readable as TOML"),
         ({"[lens]": "[lense]"}, "lens"),

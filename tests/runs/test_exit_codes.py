@@ -20,7 +20,7 @@ from lensforge.cli.cli import main
 from lensforge.results.arguments import threads_of_torch
 from lensforge.spec import FlatTopTarget
 
-TARGET = FlatTopTarget(half_width_mm=20.0, distance_mm=100.0, receiver_mm=200.0)
+TARGET = FlatTopTarget(width_mm=40.0, distance_mm=100.0, receiver_mm=200.0)
 
 
 def lensforge(*arguments: object) -> tuple[int, str]:

@@ -6,8 +6,7 @@ from scipy.stats import kstest, norm, truncnorm, uniform
 
 from lensforge.errors import InputError
 from lensforge.scene.perturbations import Draws, orthonormal, quantiles
-from lensforge.scene.tolerance_factors import Factor, factors_of
-from lensforge.spec.tolerances_section import PRESET_AMOUNTS, TolerancesSection, read_tolerances
+from lensforge.spec.tolerances_section import PRESET_AMOUNTS, Factor, TolerancesSection, factors_of, read_tolerances
 
 NONE = dict.fromkeys(PRESET_AMOUNTS["standard"], 0)
 TRUTHS = {

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scenes import random_surface, sphere
 
-from lensforge.scene.form_errors import FaceNodes, low_order, ripple, waviness
-from lensforge.scene.tolerance_factors import FORM_NUMBERS, WAVINESS_NUMBERS
+from lensforge.scene.made_part import FaceNodes, low_order, ripple, waviness
+from lensforge.spec.tolerances_section import FORM_NUMBERS, WAVINESS_NUMBERS
 from lensforge.surfaces.bicubic_table import TableGrid, evaluate_table
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 

@@ -6,8 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from lensforge.scene.target_pattern import drawn_text
-from lensforge.scene.target_region import in_target
+from lensforge.scene.target_pattern import drawn_text, in_target
 from lensforge.scene.target_shapes import batwing, beam, flat_top, in_picture, in_shape, photometric
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.spec.shape_targets import (
@@ -113,10 +112,10 @@ def test_a_table_is_read_between_its_planes_and_angles(planes: list[float], gamm
 
 def test_a_flat_top_is_a_super_gaussian_and_dark_far_away() -> None:
     x, y = at((0.0, 0.0), (3.0, 0.0), (0.0, -2.0), (2.0, 1.5), (-3.5, 2.2), (1e9, 0.0), (0.0, -1e9))
-    found = flat_top(FlatTopTarget(half_width_mm=(3.0, 2.0), exponent=6.0), x, y)
+    found = flat_top(FlatTopTarget(width_mm=6.0, height_mm=4.0, exponent=6.0), x, y)
     by_hand = [math.exp(-((one / 3.0) ** 6) - (other / 2.0) ** 6) for one, other in zip(x[:5], y[:5], strict=True)]
     np.testing.assert_allclose(found, [*by_hand, 0.0, 0.0], rtol=1e-12)
-    single = flat_top(FlatTopTarget(half_width_mm=3.0, exponent=6.0), *at((0.0, 3.0), (3.0, 0.0)))
+    single = flat_top(FlatTopTarget(width_mm=6.0, exponent=6.0), *at((0.0, 3.0), (3.0, 0.0)))
     np.testing.assert_allclose(single, math.exp(-1.0))
 
 

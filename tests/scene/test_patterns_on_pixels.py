@@ -12,8 +12,7 @@ from lensforge.scene import target_pattern
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.scene.receiver import PosedReceiver, ReceiverPose
 from lensforge.scene.receiver_shapes import Plane, receivers_of
-from lensforge.scene.target_pattern import coarser_target, drawn_target, target_light
-from lensforge.scene.target_region import uniform_region
+from lensforge.scene.target_pattern import coarser_target, drawn_target, target_light, uniform_region
 from lensforge.spec import ArrayTarget, RectangleTarget
 from lensforge.spec.shape_targets import RingTarget
 

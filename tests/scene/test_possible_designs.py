@@ -11,6 +11,7 @@ from lensforge.spec import Spec, load_spec
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.toml"))
 SCENES = [path for path in EXAMPLES if "rayfile" not in path.read_text() and "osram" not in path.read_text()]
+KINDS = ("flat_top", "pi", "batwing", "curved_screen", "coated_cover_glass", "chip_array", "two_distances", "silicone")
 
 
 def require_possible(light: lf.Light) -> None:
@@ -25,8 +26,8 @@ def starting_lens(spec: Spec) -> Lens:
     return Lens(*starting_surfaces(spec), spec, 0, "draft")
 
 
-@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
-def test_the_starting_lens_of_each_shipped_scene_keeps_the_bounds(path: Path) -> None:
+@pytest.mark.parametrize("path", [path for path in SCENES if path.stem in KINDS], ids=lambda path: path.stem)
+def test_the_starting_lens_of_each_kind_of_scene_keeps_the_bounds(path: Path) -> None:
     require_possible(lf.evaluate(starting_lens(load_spec(path)), rays=2**13, pixels=32))
 
 

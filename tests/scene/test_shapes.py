@@ -10,8 +10,7 @@ from scenes import small_spec
 from lensforge.errors import InputError
 from lensforge.scene.receiver import Receiver
 from lensforge.scene.receiver_shapes import receivers_of
-from lensforge.scene.target_pattern import target_light
-from lensforge.scene.target_region import uniform_region
+from lensforge.scene.target_pattern import target_light, uniform_region
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric import write_photometric
 from lensforge.sources.photometric.photometric_file import PhotometricFile, turned_over

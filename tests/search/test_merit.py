@@ -19,8 +19,8 @@ from lensforge.sources.build_source import SquareEmitter, build_source
 SIDE, PIXELS, REGION, N = 60.0, 16, 32.0, 1.5
 ROUGHNESS = {"square": 0.8, "none": 0.3}  # of the outer face: some light is reflected totally
 TARGETS = {
-    "square": {"half_width_mm": 20.0, "uniform_mm": REGION},
-    "none": {"half_width_mm": 20.0, "uniform_mm": None},
+    "square": {"width_mm": 40.0, "uniform_mm": REGION},
+    "none": {"width_mm": 40.0, "uniform_mm": None},
 }
 
 

@@ -84,7 +84,7 @@ def test_light_that_goes_backward_is_a_warning_until_there_is_none_left() -> Non
             r"target: at most 0\.0\d+ % \(by étendue\).*target\.distance_mm.*less than half of the",
         ),
         (
-            {"target__half_width_mm": 0.08, "target__receiver_mm": 0.2, "target__uniform_mm": 0.1},
+            {"target__width_mm": 0.16, "target__receiver_mm": 0.2, "target__uniform_mm": 0.1},
             r"at most 0\.0\d+ % \(by étendue\)",
         ),
         (
@@ -170,7 +170,7 @@ def test_an_estimated_luminance_warns_and_stops_nothing() -> None:
 
 
 def test_warnings_stand_in_the_record_of_the_design() -> None:
-    spec = small_spec(target__distance_mm=3000.0, target__half_width_mm=150.0, target__receiver_mm=400.0)
+    spec = small_spec(target__distance_mm=3000.0, target__width_mm=300.0, target__receiver_mm=400.0)
     said: list[str] = []
     found = lf.design(spec, accuracy="draft", warn=said.append)
     assert any("étendue" in words for words in said)

@@ -35,7 +35,7 @@ def small_lens(base=BASE, manufacture=None, **sections):
             "min_thickness_mm": 0.1,
             "max_radius_mm": 8.0,
         },
-        "target": {"kind": "flat_top", "distance_mm": 100.0, "receiver_mm": 100.0, "half_width_mm": 30.0},
+        "target": {"kind": "flat_top", "distance_mm": 100.0, "receiver_mm": 100.0, "width_mm": 60.0},
         "base": base,
         "manufacture": manufacture or {},
         **sections,

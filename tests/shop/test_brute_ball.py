@@ -50,7 +50,7 @@ def designed_for_the_ball(**base: float) -> Lens:
             "inner_concave_radius_mm": BALL,
             "outer_concave_radius_mm": BALL,
         },
-        "target": {"kind": "flat_top", "distance_mm": 100.0, "receiver_mm": 100.0, "half_width_mm": 30.0},
+        "target": {"kind": "flat_top", "distance_mm": 100.0, "receiver_mm": 100.0, "width_mm": 60.0},
         "base": {"height_mm": 3.0, **base},
         "manufacture": {"cutter_radius_mm": BALL},
     }

@@ -142,7 +142,7 @@ def _spec(source):
         "source": source,
         "lens": {"inner_offset_mm": 6.0, "outer_offset_mm": 13.0},
         "constraints": {"cavity_height_mm": 1.0, "cavity_radius_mm": 1.6, "min_thickness_mm": 1.0, "max_radius_mm": 14},
-        "target": {"kind": "flat_top", "half_width_mm": 50.0, "distance_mm": 100.0, "receiver_mm": 200.0},
+        "target": {"kind": "flat_top", "width_mm": 100.0, "distance_mm": 100.0, "receiver_mm": 200.0},
     }
     return parse_spec(content, "case").source
 

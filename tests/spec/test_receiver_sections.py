@@ -33,7 +33,7 @@ RECEIVERS = (
     lf.SphereReceiver(name="dome", radius_mm=90.0, half_angle_deg=70.0, targets=(lf.DiscTarget(diameter_mm=60.0),)),
 )  # fmt: skip
 IN_MM: tuple[Table, ...] = (
-    {"kind": "flat_top", "half_width_mm": [40.0, 20.0], "exponent": 8.0},
+    {"kind": "flat_top", "width_mm": 80.0, "height_mm": 40.0, "exponent": 8.0},
     {"kind": "rectangle", "width_mm": 80.0, "height_mm": 40.0, "edge_mm": 3.0, "uniform_mm": [60.0, 30.0]},
     {**DISC, "centre_mm": [5.0, -5.0], "rotation_deg": 20.0, "level": 2.0},
     {"kind": "ellipse", "width_mm": 80.0, "height_mm": 40.0},

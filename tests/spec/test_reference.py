@@ -62,7 +62,7 @@ def test_the_schema_is_one(schema: dict[str, Any]) -> None:
 def test_the_schema_accepts_every_shipped_spec_and_what_the_program_writes(path: Path, schema: dict[str, Any]) -> None:
     validator = jsonschema.Draft202012Validator(schema)
     validator.validate(tomllib.loads(path.read_text(encoding="utf-8")))
-    if path.stem != "osram_pi":  # its ray file is the vendor's; nothing reads it here, but the path is outside
+    if path.stem not in ("osram_pi", "fixed_step_face"):  # a vendor's file, and a STEP that takes seconds to read
         validator.validate(tomllib.loads(load_spec(path).to_toml()))
 
 

@@ -74,7 +74,7 @@ def test_objects_and_tables_make_the_same_spec() -> None:
         constraints=lf.ConstraintsSection(
             cavity_height_mm=0.5, cavity_radius_mm=1.0, min_thickness_mm=1.0, max_radius_mm=7.0
         ),
-        target=lf.FlatTopTarget(half_width_mm=80.0, distance_mm=100.0, receiver_mm=200.0, uniform_mm=100.0),
+        target=lf.FlatTopTarget(width_mm=160.0, distance_mm=100.0, receiver_mm=200.0, uniform_mm=100.0),
         optimise=lf.OptimiseSection(steps_per_level=(4, 4), rays=1024, pixels=16),
         evaluate=lf.EvaluateSection(rays=4096, pixels=16),
         base=lf.BaseSection(diameter_mm=16.0),

@@ -99,7 +99,7 @@ def test_a_measured_source_has_no_more_rays_than_its_file():
 
 
 def test_the_lens_of_another_scene_is_refused(folder):
-    other = small_spec(base={"kind": "none"}, target__half_width_mm=70.0)
+    other = small_spec(base={"kind": "none"}, target__width_mm=140.0)
     with pytest.raises(InputError, match=r"another \[target\]"):
         run_tradeoff(other, folder)
 
