@@ -53,7 +53,7 @@ from lensforge.scene.lens import Lens
 from lensforge.scene.limit_readings import LightLimit, light_limits
 from lensforge.scene.pixel_grid import flux_in, gaussian3, rebinned, splat_flux
 from lensforge.scene.possible_light import PossibleLight, SourceLight
-from lensforge.scene.receiver import Hits, Receiver
+from lensforge.scene.receiver import Landings, Receiver
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import DrawnTarget, coarser_target, drawn_target
 from lensforge.scene.target_region import uniform_region
@@ -76,10 +76,10 @@ def measure_preset(lens: Lens, source: Source, design: TracedLens, evaluation: T
     # in one go: many small arrays take longer
     rays = RayBundle.joined([source.sample(count, seed) for seed in own_seeds])
     receiver = receivers_of(lens.spec, lens.spec.optimise.pixels)[0]
-    inner, outer = (TableScan(evaluation.scene.grid, table.numpy()) for table in (evaluation.inner, evaluation.outer))
+    inner, outer = (TableScan(evaluation.scene.grid, table) for table in (evaluation.inner, evaluation.outer))
     surfaces = exact_surfaces(lens, (inner, outer))
     exits = evaluation.seen(rays, lambda own: trace_exact(*surfaces, lens.media, own))
-    exact = Hits.of(receiver.land_in_torch(exits))
+    exact = receiver.land(exits)
     return PresetError(
         rays=len(rays),
         scrambles=_SCRAMBLES,
@@ -88,8 +88,8 @@ def measure_preset(lens: Lens, source: Source, design: TracedLens, evaluation: T
     )
 
 
-def _stage(traced: TracedLens, rays: RayBundle, exact: Hits, receiver: Receiver, emitted_w: float) -> TableError:
-    landed = Hits.of(receiver.land(traced.trace(rays)))
+def _stage(traced: TracedLens, rays: RayBundle, exact: Landings, receiver: Receiver, emitted_w: float) -> TableError:
+    landed = receiver.land(traced.trace(rays))
     squares, pictures, lost, largest = [], [], [], 0.0
     for rows in np.split(np.arange(len(rays)), _SCRAMBLES):
         tabulated, reference = landed.take(rows), exact.take(rows)

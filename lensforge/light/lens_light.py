@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import get_args
 
 from lensforge.errors import InputError
+from lensforge.kernels.parallel import kernel_threads
 from lensforge.light.evaluation_result import Light
 from lensforge.light.lens_conditions import (
     has_rays_of,
@@ -14,7 +15,7 @@ from lensforge.light.lens_conditions import (
     unless_own,
 )
 from lensforge.results import Conditions
-from lensforge.results.arguments import count_of, number_of, require, threads_of_torch
+from lensforge.results.arguments import count_of, number_of, require
 from lensforge.results.array_fields import MOST_PIXELS
 from lensforge.scene.lens import Lens
 from lensforge.scene.lens_at_temperature import at_temperature
@@ -67,7 +68,7 @@ def evaluate(
         seed=seed,
         celsius=temperature_c,
     )
-    with threads_of_torch(threads):
+    with kernel_threads(count_of("threads", threads)):
         light = evaluate_lens(
             body,
             emitter,

@@ -107,7 +107,7 @@ class PartLight:
         found = []
         for receiver, target in zip(self.receivers, self._targets[0], strict=True):
             landings = receiver.land(exits)
-            hits, carried = landings.hits.numpy(), landings.flux.numpy() * flux
+            hits, carried = landings.hits, landings.flux * flux
             held, inside = self.held, (receiver.window.contains(hits), target.contains(hits))
             window, lit = (np.bincount(held.replicate[own], carried[own], minlength=held.replicates) for own in inside)
             images = bin_replicates(hits, carried, receiver.grid, held.replicate, held.replicates)

@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
 from lensforge.cad.part import Part
+from lensforge.kernels.parallel import kernel_threads
 from lensforge.light.lens_conditions import judging_source, photometry_conditions
 from lensforge.light.photometry_result import Photometry
 from lensforge.report.results import Results
 from lensforge.results import StageResult
-from lensforge.results.arguments import count_of, number_of, require, threads_of_torch
+from lensforge.results.arguments import count_of, number_of, require
 from lensforge.runs.folder import RunFolder, opened
 from lensforge.scene.lens import Lens
 from lensforge.shop.check_result import Check
@@ -128,7 +129,7 @@ def photometry(
     version = require_ies_version(ies_version)
     rays, preset = count_of("rays", rays), preset_of(lens.accuracy)
     lumens, source = number_of("lumens", lumens), judging_source(lens.spec)
-    with threads_of_torch(threads):
+    with kernel_threads(count_of("threads", threads)):
         found = measure_photometry(lens, source, preset, rays=rays, lumens=lumens, ies_version=version)
     return found.model_copy(update={"conditions": photometry_conditions(lens, source, rays, lumens)})
 

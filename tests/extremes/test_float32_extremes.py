@@ -5,11 +5,11 @@ import pytest
 import torch
 from exact_surface import ExactSurface
 from extremes import bundle, is_sound
-from landed import Landed, in_torch
+from landed import Landed, in_torch, trace_exact
 from scenes import hemisphere_directions, random_surface, sphere
 
 from lensforge.kernels.fate import Fate
-from lensforge.light.exact_trace import DenseScan, trace_exact
+from lensforge.light.exact_trace import DenseScan
 from lensforge.optics.media import Media
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle

@@ -8,10 +8,9 @@ from extremes import bundle, fuzzed, is_sound
 from hypothesis import given
 from hypothesis import strategies as st
 from known_refraction import normal_transmittance
-from landed import by_kernels, in_torch
+from landed import by_kernels, in_torch, trace_exact
 from scenes import hemisphere_directions, random_surface, sphere, table_of
 
-from lensforge.light.exact_trace import trace_exact
 from lensforge.light.table_trace import Scene
 from lensforge.optics.media import Media
 from lensforge.sources.build_source import SquareEmitter

@@ -12,7 +12,7 @@ from lensforge.light import exit_light
 from lensforge.light.angular_grid import AngularGrid
 from lensforge.light.angular_resolution import FittedIntensity
 from lensforge.light.exit_light import ExitLight, RaysOnSphere, _on_sphere, trace_exit_light
-from lensforge.light.photometry_export import _lost, _remarks, _scaled, _symmetry, _turned_over, _warnings
+from lensforge.light.photometry_export import _lost, _remarks, _symmetry, _warnings
 from lensforge.light.simulation import ABSORBED, CAUSES, IN_GLASS, MISSED_RECEIVER, TracedLens
 from lensforge.light.source_photometry import SourceLumens
 from lensforge.results import Extent, Metric
@@ -176,13 +176,6 @@ def test_every_fate_has_its_own_loss() -> None:
     assert found == expected | {name: place + 1.0 for name, place in others.items()}
 
 
-def test_values_are_closed_and_turned_over_and_scaled_with_their_errors() -> None:
-    assert _turned_over(np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]))[:, 0].tolist() == [1.0, 5.0, 3.0, 1.0]
-    found = _scaled(Metric(value=3.0, unit="W", standard_error=0.5), 4.0, "lm")
-    assert (found.value, found.unit, found.standard_error) == (12.0, "lm", 2.0)
-    assert _scaled(Metric(value=3.0, unit="W"), 4.0, "lm").standard_error is None
-
-
 @pytest.mark.parametrize(
     ("source", "lens", "both"),
     [("square", "rectangle", "rectangle"), ("mirror_x", "rectangle", "mirror_x"), ("mirror_x", "mirror_y", "none")],
@@ -230,7 +223,3 @@ def test_rays_inside_a_sphere_leave_it_ahead_of_them() -> None:
     np.testing.assert_allclose(found, [[3.0, 0.0, 4.0], [np.sqrt(24.0), 0.0, 1.0], [0.0, 3.0, -4.0]], atol=1e-12)
     beside = _on_sphere(np.array([[6.0, 0.0, 2.0]]), np.array([[0.0, 0.0, 1.0]]), 5.0)
     assert beside.tolist() == [[6.0, 0.0, 0.0]], "no chord: where it is closest"
-
-
-def test_an_intensity_without_an_error_of_interpolation_has_none_in_its_remark() -> None:
-    assert "interpolation error 0.00%" in next(_remarks(noisy(0.03, added=None), 1.0))

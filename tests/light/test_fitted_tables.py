@@ -1,6 +1,6 @@
 """Fitted intensity tables against plain calculations: dense matrices, waves one by one, loops over samples."""
 
-from itertools import pairwise
+from itertools import pairwise, permutations
 
 import numpy as np
 import pytest
@@ -205,8 +205,30 @@ def test_the_finer_level_is_that_which_gains_most_structure_beyond_its_noise(lev
     assert _worthwhile(pyramid(1), level) is None
 
 
-def test_two_samples_tell_structure_from_noise():
-    assert _worthwhile(pyramid(2), (4, 6)) is not None
+LEVEL, FINER = (3, 3), (2, 2)
+
+
+def mean_square(added, weights):
+    """Mean over all pairs of different samples: what they have in common, without the noise of either."""
+    pairs = [np.sum(weights * one * other) for one, other in permutations(added, 2)]
+    return np.mean(pairs) / weights.sum()
+
+
+@pytest.mark.parametrize("count", [3, 6])
+def test_the_error_of_interpolation_is_the_root_of_the_mean_square_and_one_standard_error(count):
+    made = pyramid(count)
+    added, grid = made.difference(LEVEL, FINER), made.grid(FINER)
+    coarse = made.table(LEVEL).mean(axis=0)
+    refined = grid.refined(grid.coarser("gamma").refined(coarse[None], "c"), "gamma")[0]
+    weights = grid.solid_angles * (refined > 0.1 * refined.max())
+    left_out = [mean_square(np.delete(added, k, axis=0), weights) for k in range(count)]
+    error = np.sqrt((count - 1) / count * np.sum((left_out - np.mean(left_out)) ** 2))
+    expected = 4.0 / 3.0 * np.sqrt(max(mean_square(added, weights) + error, 0.0)) / coarse.max()
+    assert _interpolation_error(made, LEVEL) == pytest.approx(expected, rel=1e-9)
+
+
+def test_two_samples_cannot_tell_their_error_of_interpolation():
+    assert _interpolation_error(pyramid(2), LEVEL) is None
 
 
 def test_samples_that_have_nothing_in_common_have_no_error_of_interpolation():

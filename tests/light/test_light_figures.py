@@ -8,14 +8,6 @@ from lensforge.light.receiver_light import ReceiverLight
 from lensforge.report.results import verdict_on
 from lensforge.results import Metric
 
-RECEIVER_MM = 100.0
-
-
-def light_of(window_mm: float) -> tuple[lf.Light, lf.Lens]:
-    spec = small_spec(evaluate__window_mm=window_mm, target__receiver_mm=RECEIVER_MM, target__uniform_mm=None)
-    lens = lf.Lens(random_surface(1, 3.0), random_surface(2, 6.0), spec, 0, "draft")
-    return lf.evaluate(lens, rays=2**14), lens
-
 
 def require_figures_of_pictures(own: ReceiverLight) -> None:
     """Flux by cause, the target's flux, and the NMSE with noise, written out from the record's pictures."""
@@ -28,22 +20,6 @@ def require_figures_of_pictures(own: ReceiverLight) -> None:
     assert own.nmse.value <= own.raw.nmse
     if own.in_region is not None:
         assert own.map.min() <= own.in_region.mean.value <= own.map.max()
-
-
-@pytest.mark.parametrize("window_mm", [0.5 * RECEIVER_MM, RECEIVER_MM, 1.5 * RECEIVER_MM])
-def test_a_light_has_the_figures_of_its_pictures(window_mm: float) -> None:
-    light, _ = light_of(window_mm)
-    require_figures_of_pictures(light.first)
-    assert light.first.window.width == window_mm
-
-
-def test_the_share_in_the_target_is_the_light_where_it_is_above_a_tenth() -> None:
-    """Where the window is the receiver, the efficiency is the flux in the picture."""
-    light, _ = light_of(RECEIVER_MM)
-    own = light.first
-    inside = own.target_map > 0.1 * own.target_map.max()
-    share = own.efficiency.value * own.raw_map[inside].sum() / own.raw_map.sum()
-    assert own.share_in_target.value == pytest.approx(share, rel=1e-9)
 
 
 def changed(light: lf.Light, number: int, **fields: object) -> lf.Light:
@@ -86,18 +62,6 @@ def test_light_on_receivers_of_every_kind_has_their_sizes_and_figures(several) -
         require_figures_of_pictures(own)
 
 
-@pytest.mark.parametrize("number", [0, 1])
-def test_uniformity_with_noise_is_that_of_the_picture_in_its_region(several, number: int) -> None:
-    from lensforge.scene.receiver_shapes import receivers_of
-    from lensforge.scene.target_region import uniform_region
-
-    light, lens = several
-    own, section = light.receivers[number], lens.spec.all_receivers[number]
-    inside = own.map[uniform_region(section.targets, receivers_of(lens.spec, 16)[number])]
-    assert own.raw.uniformity == pytest.approx(inside.min() / inside.mean())
-    assert own.raw.rsd == pytest.approx(inside.std() / inside.mean())
-
-
 def test_the_verdict_names_the_receiver(several) -> None:
     light, lens = several
     good, bad = Metric(value=0.01, standard_error=1e-4), Metric(value=0.5, standard_error=1e-4)
@@ -113,26 +77,3 @@ def test_the_verdict_names_the_receiver(several) -> None:
         .reasons.light[0]
         .startswith("Pattern error (NMSE) = 0.50000 ± 0.00010, must be ≤ 0.1: ")
     )
-
-
-LIMITS = [
-    {"kind": "points", "name": "axis", "at_deg": [[0, 0]], "unit": "w_per_sr", "at_least": 0.01},
-    {"kind": "zone", "unit": "w_per_sr", "at_most": 9.0, "at_least_share": 0.1},
-    {"kind": "beam_angle", "at_most_deg": 110.0},
-]
-
-
-@pytest.fixture(scope="module")
-def limited() -> tuple[lf.Light, lf.Lens]:
-    spec = small_spec(target={"kind": "beam", "fwhm_deg": 30.0, "half_angle_deg": 60.0}).replace(limits=LIMITS)
-    lens = lf.Lens(random_surface(1, 3.0), random_surface(2, 6.0), spec, 0, "draft")
-    return lf.evaluate(lens, rays=2**14), lens
-
-
-def test_limits_are_those_of_the_spec_and_their_values_those_of_the_light(limited) -> None:
-    light, _ = limited
-    assert [limit.quantity for limit in light.limits] == ["light", "light", "share of the flux", "beam angle"]
-    assert [(limit.sense, limit.bound) for limit in light.limits] == [
-        (">=", 0.01), ("<=", 9.0), (">=", 0.1), ("<=", 110.0),
-    ]  # fmt: skip
-    assert light.limits[1].value.value <= light.first.map.max() * (1.0 + 1e-12)

@@ -1,8 +1,6 @@
 """The record of a light on two receivers: what it says of itself, what it refuses, and which receiver is the first."""
 
-import json
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +14,6 @@ from lensforge.light.evaluation_result import Light, LightMetrics
 from lensforge.light.simulation import TracedLens, traced_light
 from lensforge.results import Conditions
 from lensforge.scene.lens import Lens
-from lensforge.scene.lens_at_temperature import at_temperature
 from lensforge.sources.build_source import build_source
 from lensforge.spec.accuracy import PRESETS
 
@@ -66,17 +63,6 @@ def test_it_says_its_figures_and_how_it_was_made(light: Light) -> None:
     assert str(warm).startswith(f"light under other conditions ({warm.conditions}): wall: NMSE")
 
 
-def test_a_record_without_the_inner_evenness_says_what_to_run(light: Light, tmp_path: Path) -> None:
-    light.write(tmp_path)
-    path = tmp_path / "evaluate.json"
-    content = json.loads(path.read_text(encoding="utf-8"))
-    del content["receivers"][1]["in_region"]["inner"]
-    path.write_text(json.dumps(content), encoding="utf-8")
-    with pytest.raises(InputError, match=r"in_region\.inner.*run `lensforge evaluate` again$") as refused:
-        Light.read(tmp_path)
-    assert "\n" not in str(refused.value)
-
-
 def test_receivers_of_other_pixels_are_refused(light: Light) -> None:
     content = {name: getattr(light, name) for name in ("rays", "replicates", "filter", "lumens_per_watt", "table_nodes",
                "table_error_nm", "preset_error", "seed", "seconds", "criteria", "receivers")}  # fmt: skip
@@ -109,15 +95,6 @@ def test_the_lens_may_reach_farther_than_its_spec_says_where_it_has_grown(scene,
     larger = evaluate_traced(traced, spec.model_copy(update={"constraints": limits}), source, 512, 3, pixels=12)
     grown = evaluate_traced(replace(traced, grown_mm=1.5), spec, source, 512, 3, pixels=12)
     assert grown.possible == larger.possible != light.possible
-
-
-def test_a_warm_lens_is_raised_and_has_grown() -> None:
-    spec = small_spec(lens__index_per_k=-1e-4, lens__expansion_per_k=7e-4, base={"diameter_mm": 16.0, "height_mm": 2.5})
-    lens = Lens(random_surface(1, 3.0, 0.02, (9,)), random_surface(2, 6.0, 0.02, (9,)), spec, 0, "draft")
-    warm = at_temperature(lens, 80.0)
-    traced = TracedLens.of(warm, 1.0)
-    assert traced.raised_mm == warm.raised_mm > 0.0
-    assert traced.grown_mm == pytest.approx(warm.reach_mm - lens.reach_mm) and traced.grown_mm > 0.1
 
 
 @pytest.mark.parametrize(

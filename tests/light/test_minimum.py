@@ -12,8 +12,6 @@ from lensforge.light.least_irradiance import (
     _Choices,
     _halves,
     _quarters,
-    largest_without_noise,
-    least_without_noise,
     ratio_of,
     uniformity_estimate,
 )
@@ -89,16 +87,6 @@ def test_two_pixels_follow_clark_and_stein() -> None:
     assert abs(means[1] - chosen) < 4.0 * errors[1]
 
 
-def test_a_single_dark_pixel_far_below_its_noise_is_read_plainly() -> None:
-    truth = np.ones((SIDE, SIDE))
-    truth[7, 31] = 0.5
-    images = noisy(truth, 0.001, np.random.default_rng(3), filtered=False)
-    relative = images / images.mean(axis=(1, 2))[:, None, None]
-    found = uniformity_estimate(images, EVERYWHERE).metric()
-    assert found.value == pytest.approx(relative[:, 7, 31].mean(), rel=1e-12)
-    assert found.standard_error == pytest.approx(relative[:, 7, 31].std(ddof=1) / 4.0, rel=1e-9)
-
-
 def test_values_with_one_replicate_left_out_are_those_of_the_others() -> None:
     images = noisy(bumpy(SIDE, 0.01), 0.01, np.random.default_rng(4)).reshape(16, -1)
     for blocks in (_halves(), _quarters()):
@@ -113,14 +101,6 @@ def test_values_with_one_replicate_left_out_are_those_of_the_others() -> None:
                     readings += [images[j, pixel] for j in range(16) if j not in (*inside, k)]
             u, v = np.mean(least), np.mean(readings)
             assert left_out[k] == pytest.approx(u + 0.7 * (v - u), rel=1e-12)
-
-
-def test_a_mask_of_one_pixel_is_uniform() -> None:
-    mask = np.zeros((SIDE, SIDE), dtype=bool)
-    mask[3, 5] = True
-    found = uniformity_estimate(noisy(bumpy(SIDE, 0.1), 0.1, np.random.default_rng(1)), mask).metric()
-    assert found.value == pytest.approx(1.0, rel=1e-12)
-    assert found.standard_error == pytest.approx(0.0, abs=1e-12)
 
 
 def test_pixels_that_no_ray_reached_leave_an_error_as_wide_as_the_doubt() -> None:
@@ -162,21 +142,5 @@ def test_relative_errors_of_a_ratio_add_in_squares() -> None:
     assert ratio.value == 0.75
     assert ratio.standard_error / ratio.value == pytest.approx(np.hypot(0.1, 0.05))
     assert ratio_of(above, Metric(value=4.0)) == ratio_of(Metric(value=3.0), below) == Metric(value=0.75)
-    assert ratio_of(above, Metric(value=0.0, standard_error=1.0)) == Metric(value=0.0)
-
-
-@pytest.mark.parametrize("noise", [0.003, 0.1])
-def test_noise_taken_off_leaves_no_least_above_the_mean_nor_below_the_noisy_one(noise: float) -> None:
-    """Even light: the darkest pixel, read elsewhere, is as often too bright as too dark."""
-    above, below = 0, 0
-    for seed in range(12):
-        images = noisy(np.ones((8, 8)), noise, np.random.default_rng(seed))
-        found, raw = uniformity_estimate(images, np.ones((8, 8), dtype=bool)).metric(), images.mean(axis=0)
-        assert raw.min() / raw.mean() - 1e-3 < found.value <= 1.0 and found.standard_error
-        assert found.value + 3.0 * found.standard_error >= 1.0
-        above += found.value == 1.0
-        readings, slack = images.reshape(16, -1), 1e-12
-        least, largest = least_without_noise(readings).value, largest_without_noise(readings).value
-        assert raw.min() - slack < least < raw.mean() + slack and raw.mean() - slack < largest < raw.max() + slack
-        below += least < raw.mean() - slack
-    assert above and below
+    for dark in (0.0, -4.0):
+        assert ratio_of(above, Metric(value=dark, standard_error=1.0)) == Metric(value=0.0)

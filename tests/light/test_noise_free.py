@@ -44,14 +44,6 @@ def test_estimates_are_without_bias_and_their_errors_cover(deviation: float, noi
             assert np.mean(np.abs(away) < 2.0 * errors) > 0.89
 
 
-def test_raw_figures_carry_the_noise() -> None:
-    """So much that these tests would see it."""
-    truth, rng = bumpy(SIDE, 0.03), np.random.default_rng(6)
-    means = [noisy(truth, 0.1, rng, filtered=False).mean(axis=0) for _ in range(50)]
-    assert np.mean([nmse(mean, TARGET) for mean in means]) == pytest.approx(nmse(truth, TARGET) + 0.1**2, rel=0.05)
-    assert np.mean([relative_deviation(mean, EVERYWHERE) for mean in means]) > 3.0 * 0.03
-
-
 def test_a_perfect_pattern_is_as_often_below_zero_as_above() -> None:
     values, _ = _estimates(np.ones((SIDE, SIDE)), 0.05)["nmse"]
     assert 0.4 < np.mean(values < 0.0) < 0.6
@@ -74,14 +66,6 @@ def test_the_estimate_is_the_mean_over_pairs() -> None:
                 level += first[mask].mean() * second[mask].mean()
     assert nmse_estimate(images, target).value == pytest.approx(above / below, rel=1e-12)
     assert rsd_estimate(images, mask).value == pytest.approx(np.sqrt(even / level), rel=1e-12)
-
-
-def test_without_noise_both_are_the_metrics_themselves() -> None:
-    truth = bumpy(SIDE, 0.1)
-    images = np.repeat(truth[None], 16, axis=0)
-    assert nmse_estimate(images, TARGET).value == pytest.approx(nmse(truth, TARGET), rel=1e-12)
-    assert rsd_estimate(images, EVERYWHERE).value == pytest.approx(relative_deviation(truth, EVERYWHERE), rel=1e-12)
-    assert nmse_estimate(images, TARGET).metric().standard_error == pytest.approx(0.0, abs=1e-12)
 
 
 @pytest.mark.parametrize("lit", [0, 1, 3])

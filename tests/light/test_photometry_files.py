@@ -14,6 +14,7 @@ from test_photometry import ROUGH, SYMMETRIC, THROUGH, measured
 import lensforge as lf
 from lensforge.cli.cli import cli
 from lensforge.errors import InputError
+from lensforge.light.photometry_result import Photometry
 from lensforge.sources.rayfiles.ray_file_io import read_rayfile
 
 DATED = replace(ROUGH, spec=small_spec(manufacture__date="2026-03-01"))
@@ -87,3 +88,15 @@ def test_the_library_and_the_command_write_older_editions(tmp_path):
     assert (tmp_path / "lens_1024rays.iesxml").is_file()
     shown = CliRunner().invoke(cli, ["rays", str(tmp_path / "lens_1024rays.iesxml"), "--json"])
     assert json.loads(shown.output)["generated"] == "Computer Simulation"
+
+
+def test_the_command_writes_and_says_so(tmp_path):
+    ROUGH.save(tmp_path / "lens.json")
+    result = CliRunner().invoke(cli, ["photometry", str(tmp_path), "--rays", "4096", "--lumens", "90"])
+    assert result.exit_code == 0
+    assert "of 90 lm of the source\n" in result.stdout and "luminous flux" not in result.stderr
+    assert (tmp_path / "lens_4096rays.ldt").read_text(encoding="utf-8").splitlines()[28] == "90"
+    assert Photometry.read(tmp_path, "photometry_4096rays").ldt == (tmp_path / "lens_4096rays.ldt").read_bytes()
+    relative = CliRunner().invoke(cli, ["photometry", str(tmp_path), "--rays", "1024"])
+    assert "warning: luminous flux of the source not known: 1000 lm taken" in relative.stderr
+    assert "of 1000 lm of the source, which states no flux" in relative.stdout

@@ -104,14 +104,6 @@ def test_light_of_one_sample_has_no_errors_and_more_light_than_there_is_reflects
     assert found.exit_lm.standard_error is None
 
 
-def test_a_lamp_for_an_area_has_its_road_figures_in_lumens(asked: dict) -> None:
-    lamp = small_spec(target__distance_mm=1000.0, photometry={"use": "area"}, source__flux_w=FLUX_W)
-    found = measured(replace(LENS, spec=lamp), lumens=600.0)
-    zones = sum(each["value"] for each in found.road.bug.zones.model_dump().values())
-    assert zones == pytest.approx(found.exit_lm.value, rel=1e-6) == pytest.approx(450.0)
-    assert found.source_lm_from == "given"
-
-
 def test_any_lumens_above_0_are_taken(asked: dict) -> None:
     assert measured(lumens=0.5).source_lm == 0.5
     for lumens in (0.0, -0.5, np.inf, np.nan):

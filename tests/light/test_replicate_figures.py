@@ -12,7 +12,6 @@ from lensforge.light.least_irradiance import (
     _slope,
     largest_without_noise,
     least_without_noise,
-    ratio_of,
     uniformity_estimate,
 )
 from lensforge.light.metrics import (
@@ -132,15 +131,6 @@ def test_exactly_even_light_has_no_deviation_and_no_error() -> None:
     assert (found.value, found.standard_error) == (0.0, 0.0)
 
 
-def test_four_replicates_with_light_are_enough_whatever_the_others() -> None:
-    images = np.concatenate([pictures(4, 0.1), np.zeros((3, *SHAPE))])
-    target = np.ones(SHAPE)
-    for estimate in (nmse_estimate(images, target), rsd_estimate(images, MASK)):
-        assert estimate.deviations is not None and estimate.deviations.shape == (7, 7)
-    for estimate in (nmse_estimate(images[1:], target), rsd_estimate(images[1:], MASK)):
-        assert estimate.deviations is None
-
-
 def test_a_change_has_the_error_of_the_differences_of_pairs() -> None:
     images, other, target = pictures(6, 0.1), pictures(6, 0.1, seed=5), np.ones(SHAPE)
     before, after = nmse_estimate(images, target), nmse_estimate(other, target)
@@ -216,21 +206,6 @@ def test_the_slope_is_that_of_the_line_within_its_bounds(halves, quarters, slope
 def test_pixels_that_are_equally_dark_are_read_together() -> None:
     images = np.array([[0.0, 0.0, 2.0], [1.0, 3.0, 2.0], [0.0, 4.0, 5.0]])
     np.testing.assert_array_equal(_darkest(np.array([1.0, 0.0, 0.0]), images), [0.0, 2.0, 2.0])
-
-
-@pytest.mark.parametrize("count", [1, 15, 17])
-def test_other_than_sixteen_replicates_have_the_least_of_their_mean(count: int) -> None:
-    readings = pictures(count, 0.3).reshape(count, -1)
-    means = [sum(column) / count for column in readings.T]
-    assert least_without_noise(readings).value == pytest.approx(min(means), rel=1e-12)
-    assert largest_without_noise(readings).value == pytest.approx(max(means), rel=1e-12)
-    assert least_without_noise(readings).standard_error is None
-
-
-def test_a_ratio_to_little_light_is_a_ratio_and_one_to_none_is_zero() -> None:
-    above = Metric(value=0.03, standard_error=0.003)
-    assert ratio_of(above, Metric(value=0.06)).value == pytest.approx(0.5)
-    assert ratio_of(above, Metric(value=-0.06)) == ratio_of(above, Metric(value=0.0)) == Metric(value=0.0)
 
 
 def test_what_was_taken_off_is_a_part_of_the_error() -> None:
