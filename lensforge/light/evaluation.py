@@ -14,9 +14,16 @@ from jaxtyping import Bool, Float
 
 from lensforge import seeds
 from lensforge.kernels.fate import Fate
-from lensforge.light.evaluation_result import FittedLight, Light, PresetError, TableError, TableErrors, light_criteria
+from lensforge.light.evaluation_result import (
+    FittedLight,
+    Light,
+    PresetError,
+    TableError,
+    TableErrors,
+    judged_limits,
+    light_criteria,
+)
 from lensforge.light.exact_trace import TableScan, exact_surfaces, trace_exact
-from lensforge.light.judged_limits import judged_limits
 from lensforge.light.metrics import (
     Images,
     jackknife_metric,

@@ -8,8 +8,7 @@ from jaxtyping import Float
 
 from lensforge import seeds
 from lensforge.errors import InputError
-from lensforge.light.angular_grid import AngularGrid, finest_grid
-from lensforge.light.angular_resolution import FittedIntensity, fit
+from lensforge.light.angular_grid import AngularGrid, FittedIntensity, finest_grid, fit
 from lensforge.light.luminaire_classes import zone_flux
 from lensforge.light.simulation import CAUSES, TracedLens, flux_by_fate
 from lensforge.results import Metric

@@ -15,39 +15,18 @@ step of its angles wide at an edge of the light.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from lensforge.light.angular_grid import AngularGrid
 from lensforge.light.metrics import jackknife_metric
 from lensforge.results import Count, Flag, Metric, NotNegative, Record
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.mirror_group import group
 
-if TYPE_CHECKING:
-    from scipy import sparse
-
-
 Degrees = Float[np.ndarray, " k"]
-
-
-class IntensityGrid(Protocol):
-    """Nodes of an intensity table, from whose values the intensity in any direction follows."""
-
-    @property
-    def gamma_deg(self) -> Float[np.ndarray, " g"]:
-        """Angles of its cones."""
-        ...
-
-    @property
-    def c_deg(self) -> Float[np.ndarray, " c"]:
-        """Angles of its half-planes."""
-        ...
-
-    def readings(self, c_deg: Degrees, gamma_deg: Degrees) -> "sparse.csr_array":
-        """Matrix from the values of the nodes to the intensity in each direction."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -58,7 +37,7 @@ class LampLight:
     steps, as one sample.
     """
 
-    grid: IntensityGrid
+    grid: AngularGrid
     samples: Float[np.ndarray, "p c g"]
     street_deg: float
     finer: "LampLight | None" = None

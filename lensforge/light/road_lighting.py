@@ -12,8 +12,8 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.light.least_irradiance import largest_without_noise, least_over_mean, least_without_noise
 from lensforge.light.luminaire_classes import BugRating, DistributionType, LampLight, ZoneLumens, distribution_type
+from lensforge.light.metrics import largest_without_noise, least_over_mean, least_without_noise
 from lensforge.results import Count, Metric, Record, Text
 from lensforge.spec.light_limits import PhotometrySection
 

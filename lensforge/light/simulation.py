@@ -13,8 +13,16 @@ from lensforge import seeds
 from lensforge.errors import remedy
 from lensforge.kernels.fate import Fate
 from lensforge.light.evaluation_result import LightMetrics
-from lensforge.light.least_irradiance import LeastEstimate, uniformity_estimate
-from lensforge.light.metrics import Images, PairEstimate, RootEstimate, jackknife_metric, nmse_estimate, rsd_estimate
+from lensforge.light.metrics import (
+    Images,
+    LeastEstimate,
+    PairEstimate,
+    RootEstimate,
+    jackknife_metric,
+    nmse_estimate,
+    rsd_estimate,
+    uniformity_estimate,
+)
 from lensforge.light.table_trace import Scene, Table, trace_tables
 from lensforge.results import Image, Metric
 from lensforge.scene.exit_rays import ExitRays

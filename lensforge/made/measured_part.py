@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, get_args, overload
 
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import Light
-from lensforge.light.lens_conditions import judging_source, rays_of, unless_own
+from lensforge.light.lens_light import judging_source, rays_of, unless_own
 from lensforge.made.correction_result import Correction
 from lensforge.made.measurement_result import PhotoComparison, Registration, Side, SurfaceComparison
 from lensforge.results.arguments import count_of, number_of, path_of, require, threads_of_torch

@@ -15,8 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from lensforge.light.evaluation import evaluate_traced
-from lensforge.light.evaluation_result import Light
-from lensforge.light.judged_limits import limit_value
+from lensforge.light.evaluation_result import Light, limit_value
 from lensforge.light.metrics import Images, jackknife_error
 from lensforge.light.receiver_light import ReceiverLight, bounds_on
 from lensforge.light.simulation import REPLICATES, ReplicateMetrics, TracedLens, bundles, lit_mask, mean_share

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lensforge import seeds
-from lensforge.light.lens_conditions import judging_source, rays_of, unless_own
+from lensforge.light.lens_light import judging_source, rays_of, unless_own
 from lensforge.made.tolerance_result import MOST_PARTS, Sensitivity, Yield
 from lensforge.results import Conditions
 from lensforge.results.arguments import count_of, path_of, require, threads_of_torch

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
 from lensforge.cad.part import Part
 from lensforge.kernels.parallel import kernel_threads
-from lensforge.light.lens_conditions import judging_source, photometry_conditions
+from lensforge.light.lens_light import judging_source, photometry_conditions
 from lensforge.light.photometry_result import Photometry
 from lensforge.report.results import Results
 from lensforge.results import StageResult

@@ -3,8 +3,7 @@
 from collections.abc import Callable, Sequence
 
 from lensforge.errors import InputError
-from lensforge.light.lens_conditions import source_of
-from lensforge.light.lens_light import evaluate
+from lensforge.light.lens_light import evaluate, source_of
 from lensforge.proof.casts import verify
 from lensforge.report.results import Results
 from lensforge.results import StageResult

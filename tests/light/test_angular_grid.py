@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from lensforge.light.angular_grid import AngularGrid, finest_grid
-from lensforge.light.angular_resolution import FittedIntensity, fit
+from lensforge.light.angular_grid import AngularGrid, FittedIntensity, finest_grid, fit
 from lensforge.sources.emitting_area import sobol
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.mirror_group import group

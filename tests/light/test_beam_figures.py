@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from lensforge.light.angular_grid import AngularGrid
-from lensforge.light.angular_resolution import FittedIntensity
+from lensforge.light.angular_grid import AngularGrid, FittedIntensity
 from lensforge.light.photometry_result import CandelaTables, Direction
 from lensforge.results import Metric
 from lensforge.sources.intensity import TabulatedIntensity

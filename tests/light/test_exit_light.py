@@ -9,8 +9,7 @@ from lensforge import seeds
 from lensforge.errors import InputError
 from lensforge.kernels.fate import Fate
 from lensforge.light import exit_light
-from lensforge.light.angular_grid import AngularGrid
-from lensforge.light.angular_resolution import FittedIntensity
+from lensforge.light.angular_grid import AngularGrid, FittedIntensity
 from lensforge.light.exit_light import ExitLight, RaysOnSphere, _on_sphere, trace_exit_light
 from lensforge.light.photometry_export import _lost, _remarks, _symmetry, _warnings
 from lensforge.light.simulation import ABSORBED, CAUSES, IN_GLASS, MISSED_RECEIVER, TracedLens

@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from lensforge.light.angular_grid import AngularGrid, finest_grid
-from lensforge.light.angular_resolution import (
+from lensforge.light.angular_grid import (
+    AngularGrid,
     FittedIntensity,
     _interpolation_error,
     _mean_square,
     _Pyramid,
     _variance,
     _worthwhile,
+    finest_grid,
     fit,
 )
 from lensforge.sources.ray_bundle import RayBundle

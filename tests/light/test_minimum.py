@@ -7,15 +7,15 @@ import pytest
 from noisy_images import bumpy, noisy
 from scipy.stats import norm
 
-from lensforge.light.least_irradiance import (
+from lensforge.light.metrics import (
     LeastEstimate,
     _Choices,
     _halves,
     _quarters,
     ratio_of,
+    uniformity,
     uniformity_estimate,
 )
-from lensforge.light.metrics import uniformity
 from lensforge.results import Metric
 
 SIDE = 40

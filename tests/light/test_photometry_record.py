@@ -9,8 +9,7 @@ from scenes import small_spec, sphere
 from lensforge.errors import InputError
 from lensforge.kernels.fate import Fate
 from lensforge.light import photometry_export
-from lensforge.light.angular_grid import AngularGrid
-from lensforge.light.angular_resolution import FittedIntensity
+from lensforge.light.angular_grid import AngularGrid, FittedIntensity
 from lensforge.light.exit_light import ExitLight
 from lensforge.light.photometry_export import measure_photometry
 from lensforge.light.photometry_result import CandelaTables, Photometry

@@ -5,25 +5,23 @@ from itertools import combinations, permutations
 import numpy as np
 import pytest
 
-from lensforge.light.least_irradiance import (
+from lensforge.light.metrics import (
     LeastEstimate,
+    PairEstimate,
     _Choices,
     _darkest,
+    _error_over_pairs,
     _slope,
+    jackknife_error,
     largest_without_noise,
     least_without_noise,
-    uniformity_estimate,
-)
-from lensforge.light.metrics import (
-    PairEstimate,
-    _error_over_pairs,
-    jackknife_error,
     nmse,
     nmse_estimate,
     relative_deviation,
     relative_square,
     rsd_estimate,
     uniformity,
+    uniformity_estimate,
 )
 from lensforge.results import Metric
 
@@ -178,7 +176,7 @@ def test_the_least_reading_is_on_the_line_through_both_levels_of_noise(noise: fl
 
 
 def _blocks_of(size: int) -> np.ndarray:
-    from lensforge.light.least_irradiance import _halves, _quarters
+    from lensforge.light.metrics import _halves, _quarters
 
     return _halves() if size == 8 else _quarters()
 

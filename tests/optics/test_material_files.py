@@ -10,8 +10,7 @@ import pytest
 from scenes import small_spec
 
 from lensforge.errors import InputError
-from lensforge.optics.dispersion_formulas import NAMES, Formula
-from lensforge.optics.material import MATERIALS
+from lensforge.optics.material import MATERIALS, NAMES, Formula
 from lensforge.optics.material_files import read_material
 from lensforge.sources.build_source import build_source
 from lensforge.spec import load_spec
