@@ -87,8 +87,7 @@ class AngularGrid:
     def _image_rows(self, image: Float[np.ndarray, "3 3"]) -> Int[np.ndarray, " c"]:
         turn = np.deg2rad(self.c_deg)
         x, y = image[:2, :2] @ np.stack([np.cos(turn), np.sin(turn)])
-        rows: Int[np.ndarray, " c"] = np.round(np.arctan2(y, x) / (2.0 * np.pi) * self.planes).astype(int) % self.planes
-        return rows
+        return np.asarray(np.round(np.arctan2(y, x) / (2.0 * np.pi) * self.planes).astype(int) % self.planes)
 
     def coarser(self, axis: Axis) -> "AngularGrid":
         """Grid of every second half-plane, or of every second cone."""
@@ -100,8 +99,7 @@ class AngularGrid:
         """Deposits on :meth:`coarser` of the rays whose deposits here are ``deposits``: exact, no ray is needed."""
         if axis == "c":
             odd = 0.5 * deposits[:, 1::2]
-            around: Float[np.ndarray, "p d h"] = deposits[:, ::2] + odd + np.roll(odd, 1, axis=1)
-            return around
+            return np.asarray(deposits[:, ::2] + odd + np.roll(odd, 1, axis=1))
         along: Float[np.ndarray, "p d h"] = deposits[:, :, ::2].copy()
         odd, share = deposits[:, :, 1::2], self._shares
         along[:, :, :-1] += (1.0 - share) * odd
@@ -123,14 +121,12 @@ class AngularGrid:
     def _shares(self) -> Float[np.ndarray, " h"]:
         """Place of every second cone between its neighbours, 0 to 1."""
         even = self.gamma_deg[::2]
-        shares: Float[np.ndarray, " h"] = (self.gamma_deg[1::2] - even[:-1]) / np.diff(even)
-        return shares
+        return np.asarray((self.gamma_deg[1::2] - even[:-1]) / np.diff(even))
 
     @cached_property
     def solid_angles(self) -> Float[np.ndarray, " g"]:
         """Integral (sr) of the bilinear function of one node, by its cone; on the axis of one of ``planes`` parts."""
-        angles: Float[np.ndarray, " g"] = self._gram.sum(axis=1) * (2.0 * np.pi / self.planes)
-        return angles
+        return np.asarray(self._gram.sum(axis=1) * (2.0 * np.pi / self.planes))
 
     @cached_property
     def _gram(self) -> Float[np.ndarray, "g g"]:
@@ -152,8 +148,7 @@ class AngularGrid:
         gamma = np.deg2rad(self.gamma_deg)
         waves = np.pi * np.sin(gamma) / np.gradient(gamma)
         resolved = waves[None, :] >= np.arange(self.planes // 2 + 1)[:, None]
-        first: Int[np.ndarray, " m"] = np.where(resolved.any(axis=1), resolved.argmax(axis=1), len(gamma))
-        return first
+        return np.where(resolved.any(axis=1), resolved.argmax(axis=1), len(gamma))
 
     def fitted(self, deposits: Float[np.ndarray, "p c g"]) -> Float[np.ndarray, "p c g"]:
         """Intensities (W/sr) at the nodes for each of ``p`` deposits; some may be below 0."""
@@ -166,8 +161,7 @@ class AngularGrid:
                 solved = self._along_gamma(np.concatenate([right.real, right.imag], axis=1), int(first))
                 found[:, wave] = (solved[:, : len(deposits)] + 1j * solved[:, len(deposits) :]).T
         found[:, 0] = self._pooled(found[:, 0].real, deposits.sum(axis=(0, 1)))
-        table: Float[np.ndarray, "p c g"] = np.fft.irfft(found, n=self.planes, axis=1)
-        return table
+        return np.fft.irfft(found, n=self.planes, axis=1)
 
     def _pooled(self, means: Float[np.ndarray, "p g"], flux: Float[np.ndarray, " g"]) -> Float[np.ndarray, "p g"]:
         """``means`` of all cones with those about the axis on a parabola a + b gamma^2, of the same flux.
@@ -277,8 +271,7 @@ class FittedIntensity:
     @property
     def values(self) -> Float[np.ndarray, "c g"]:
         """Intensity (W/sr) at the nodes; on the axis, where all planes meet, the same in all of them."""
-        mean: Float[np.ndarray, "c g"] = self.samples.mean(axis=0)
-        return mean
+        return np.asarray(self.samples.mean(axis=0))
 
     @property
     def standard_errors(self) -> Float[np.ndarray, "c g"] | None:
@@ -286,8 +279,7 @@ class FittedIntensity:
         count = len(self.samples)
         if count < 2:
             return None
-        errors: Float[np.ndarray, "c g"] = self.samples.std(axis=0, ddof=1) / np.sqrt(count)
-        return errors
+        return np.asarray(self.samples.std(axis=0, ddof=1) / np.sqrt(count))
 
     @property
     def node_error(self) -> Extent | None:
@@ -309,7 +301,7 @@ class FittedIntensity:
 
 
 def fit(finest: AngularGrid, deposits: Samples) -> FittedIntensity:
-    """Fit a table to the ``deposits`` of independent samples on ``finest``, which itself measures the error of others."""
+    """Fit a table to the ``deposits`` of independent samples on ``finest``, which measures the error of the next."""
     pyramid = _Pyramid(finest, deposits)
     level: Level = _COARSEST
     while (finer := _worthwhile(pyramid, level)) is not None:
@@ -338,8 +330,7 @@ class _Pyramid:
     def table(self, level: Level) -> Samples:
         """Tables fitted at ``level``."""
         if level not in self._tables:
-            grid = self.grid(level)
-            self._tables[level] = grid.fitted(self._deposits[level])
+            self._tables[level] = self.grid(level).fitted(self._deposits[level])
         return self._tables[level]
 
     def difference(self, coarse: Level, fine: Level) -> Samples:
@@ -349,8 +340,7 @@ class _Pyramid:
             values = self.grid((c - 1, coarse[1])).refined(values, "c")
         for gamma in range(coarse[1], fine[1], -1):
             values = self.grid((fine[0], gamma - 1)).refined(values, "gamma")
-        added: Samples = self.table(fine) - values
-        return added
+        return np.asarray(self.table(fine) - values)
 
 
 def _before(level: Level) -> tuple[Level, Axis]:
@@ -397,17 +387,14 @@ def _interpolation_error(pyramid: _Pyramid, level: Level) -> float | None:
 
 
 def _bright(values: Float[np.ndarray, "c g"]) -> Bool[np.ndarray, "c g"]:
-    found: Bool[np.ndarray, "c g"] = values > _BRIGHT * values.max()
-    return found
+    return np.asarray(values > _BRIGHT * values.max())
 
 
 def _variance(samples: Samples) -> Float[np.ndarray, "c g"]:
     """Variance of the mean of ``samples``."""
-    variance: Float[np.ndarray, "c g"] = samples.var(axis=0, ddof=1) / len(samples)
-    return variance
+    return np.asarray(samples.var(axis=0, ddof=1) / len(samples))
 
 
 def _mean_square(samples: Samples) -> Float[np.ndarray, "c g"]:
     """Square of the mean of ``samples`` less its variance: unbiased for the square of what they have in common."""
-    square: Float[np.ndarray, "c g"] = samples.mean(axis=0) ** 2 - _variance(samples)
-    return square
+    return np.asarray(samples.mean(axis=0) ** 2 - _variance(samples))

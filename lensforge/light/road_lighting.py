@@ -176,11 +176,7 @@ class RoadFigures(Record):
             use=section.use,
             lumens=lumens,
             distribution=distribution,
-            bug=BugRating.of(
-                ZoneLumens.of(zones_lm * section.lenses),
-                symmetric=distribution.lateral == "V",
-                doubtful=not distribution.certain,
-            ),
+            bug=BugRating.of(ZoneLumens.of(zones_lm * section.lenses), symmetric=distribution.lateral == "V"),
             glare=glare_intensities(lamp, lumens.value),
             road=road_lighting(lamp, section) if section.use == "road" else None,
         )

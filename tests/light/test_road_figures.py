@@ -1,7 +1,5 @@
 """Lamps of a closed form on areas and roads: zones, ratings, distribution types, illuminance and its classes."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -122,38 +120,6 @@ def test_zones_that_a_rating_does_not_look_at_leave_it() -> None:
     ):
         others = dict.fromkeys(set(ZoneLumens.model_fields) - zones, 1e5)
         assert getattr(BugRating.of(_zones(**others), symmetric=False), rating) == 0
-
-
-def test_a_rating_rests_on_a_type_that_is_certain() -> None:
-    """The back light of type V has other bounds: where the type may be another one, so may the rating."""
-    zones = _zones(up_low=-10.0, up_high=-10.0, back_high=600.0)
-    assert BugRating.of(zones, symmetric=True).certain and BugRating.of(zones, symmetric=False).certain
-    assert not BugRating.of(zones, symmetric=True, doubtful=True).certain
-    assert BugRating.of(_zones(up_low=-10.0, up_high=-10.0), symmetric=False, doubtful=True).certain
-
-
-@pytest.mark.parametrize(("gamma", "certain"), [(64.0, True), (66.3, False), (70.0, True)])
-def test_a_type_along_the_road_is_certain_where_the_brightest_direction_is(gamma: float, certain: bool) -> None:
-    """2.25 mounting heights, the border between short and medium, are seen at 66.04 degrees."""
-    lamp = replace(_lobes(90.0, gamma), samples=_noisy(_lobes(90.0, gamma).samples[:1], 0.02))
-    assert distribution_type(lamp).certain is certain
-
-
-def test_what_a_finer_table_changes_is_an_error_of_a_type() -> None:
-    lamp, other = _lobes(90.0, 60.0), _lobes(90.0, 70.0)
-    assert distribution_type(replace(lamp, finer=replace(lamp, samples=lamp.samples[:1]))).certain
-    assert not distribution_type(replace(lamp, finer=replace(other, samples=other.samples[:1]))).certain
-
-
-def _noisy(sample: np.ndarray, noise: float) -> np.ndarray:
-    random = np.random.default_rng(0).normal(size=(16, *sample.shape[1:]))
-    found: np.ndarray = sample * (1.0 + noise * random)
-    return found
-
-
-def test_a_rating_near_its_bound_is_uncertain() -> None:
-    zones = _zones(up_low=-10.0, up_high=-10.0, back_low=109.0)
-    assert str(BugRating.of(zones, symmetric=False)) == "B0 U0 G0 (uncertain)"
 
 
 @pytest.mark.parametrize(
