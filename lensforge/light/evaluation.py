@@ -60,7 +60,7 @@ from lensforge.scene.lens import Lens
 from lensforge.scene.limit_readings import LightLimit, light_limits
 from lensforge.scene.pixel_grid import flux_in, gaussian3, rebinned, splat_flux
 from lensforge.scene.possible_light import PossibleLight, SourceLight
-from lensforge.scene.receiver import Landings, Receiver
+from lensforge.scene.receiver import Landings, PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import DrawnTarget, coarser_target, drawn_target
 from lensforge.scene.target_region import uniform_region
@@ -95,7 +95,9 @@ def measure_preset(lens: Lens, source: Source, design: TracedLens, evaluation: T
     )
 
 
-def _stage(traced: TracedLens, rays: RayBundle, exact: Landings, receiver: Receiver, emitted_w: float) -> TableError:
+def _stage(
+    traced: TracedLens, rays: RayBundle, exact: Landings, receiver: PosedReceiver, emitted_w: float
+) -> TableError:
     landed = receiver.land(traced.trace(rays))
     squares, pictures, lost, largest = [], [], [], 0.0
     for rows in np.split(np.arange(len(rays)), _SCRAMBLES):

@@ -142,7 +142,8 @@ class FixedSurface:
     def normal(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """Gradient of ``|p| - rho(p/|p|)``: away from the origin, not normalised."""
         directions = _directions(points)
-        return directions - self.surface.gradient(directions) / lengths(points)[:, None]
+        normal: Float[np.ndarray, "n 3"] = directions - self.surface.gradient(directions) / lengths(points)[:, None]
+        return normal
 
     def gap(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """``F = rho - |p|`` (mm): positive inside."""

@@ -29,7 +29,7 @@ from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.lens import Lens
 from lensforge.scene.lens_at_temperature import LensAtTemperature
 from lensforge.scene.pixel_grid import bin_flux, gaussian3
-from lensforge.scene.receiver import Landings, Receiver
+from lensforge.scene.receiver import Landings, PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import DrawnTarget, target_light
 from lensforge.scene.target_region import uniform_region
@@ -102,13 +102,13 @@ class ReceivedFlux:
     targets: tuple[DrawnTarget, ...] = ()
 
     @staticmethod
-    def none_yet(receiver: Receiver, replicates: int, targets: tuple[DrawnTarget, ...]) -> "ReceivedFlux":
+    def none_yet(receiver: PosedReceiver, replicates: int, targets: tuple[DrawnTarget, ...]) -> "ReceivedFlux":
         """No flux."""
         images, none = np.zeros((replicates, *receiver.grid.shape)), np.zeros(replicates)
         in_targets = np.zeros((replicates, len(targets)))
         return ReceivedFlux(images, np.zeros((replicates, CAUSES)), none, none.copy(), in_targets, targets)
 
-    def add(self, replicate: int, share: float, receiver: Receiver, rays: ExitRays, landings: Landings) -> None:
+    def add(self, replicate: int, share: float, receiver: PosedReceiver, rays: ExitRays, landings: Landings) -> None:
         """Count ``share`` of the flux of ``rays`` in ``replicate``."""
         hits, flux = landings.hits, landings.flux * share
         self.images[replicate] += bin_flux(hits, flux, receiver.grid)
@@ -131,7 +131,7 @@ class Simulation:
 def simulate(
     lens: TracedLens,
     source: Source,
-    receivers: tuple[Receiver, ...],
+    receivers: tuple[PosedReceiver, ...],
     rays: int,
     seed: int,
     targets: Sequence[tuple[DrawnTarget, ...]] = (),

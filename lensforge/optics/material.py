@@ -384,6 +384,3 @@ MATERIALS = _catalogue([
         0.0043,
     ),
 ])  # fmt: skip
-
-
-Waves = Float[np.ndarray, " n"]

@@ -82,15 +82,16 @@ def _returns(cavity: TracedSurface, start: Points, end: Points) -> Bool[np.ndarr
     """True where the segment from ``start`` on the cavity to ``end`` enters the cavity again."""
     share = np.linspace(0.0, 1.0, _STEPS)[1:, None]
     points = (start[:, None] + share * (end - start)[:, None]).reshape(-1, 3)
-    inside: Bool[np.ndarray, "n k"] = (cavity.gap(points) > _CAVITY_MM).reshape(len(start), -1)
-    return inside.any(axis=1)
+    inside = (cavity.gap(points) > _CAVITY_MM).reshape(len(start), -1)
+    return np.asarray(inside.any(axis=1))
 
 
 def _at_distance(points: Points, directions: Points, reach_mm: float) -> Points:
     """Points where rays leave the sphere of ``reach_mm`` around the origin."""
     along = np.sum(points * directions, axis=1)
     length = np.sqrt(along**2 + reach_mm**2 - np.sum(points**2, axis=1)) - along
-    return points + length[:, None] * directions
+    ends: Points = points + length[:, None] * directions
+    return ends
 
 
 _FAN_DEG = np.linspace(-75.0, 75.0, 21)

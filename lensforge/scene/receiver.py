@@ -1,14 +1,14 @@
-"""Protocol of every receiver, which maps exit rays to hits without knowing the lens, and receivers in a pose.
+"""Receivers in a pose, which map exit rays to hits without knowing the lens.
 
-A pose is a centre, and axes by a normal and a turn about it. Receivers in a pose share what their compiled kernels
-need.
+A pose is a centre, and axes by a normal and a turn about it. A receiver is a pixel grid on the chart of some surface,
+or of all directions; charts keep areas, so that pixels are alike.
 """
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import inf
-from typing import Any, ClassVar, Literal, Protocol, runtime_checkable
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -42,63 +42,6 @@ class Landings:
     def take(self, rows: Int[Array, " k"] | slice) -> "Landings":
         """Landings of some of the rays."""
         return Landings(*(each[rows] for each in (self.hits, self.flux, self.landed, self.missed_receiver)))
-
-
-@runtime_checkable
-class Receiver(Protocol):
-    """A pixel grid on the chart of some surface, or of all directions; charts keep areas, so that pixels are alike."""
-
-    def __hash__(self) -> int:
-        """Hash of a receiver, which does not change."""
-        ...
-
-    @property
-    def kind(self) -> ReceiverKind:
-        """Kind of the receiver, as a spec names it."""
-        ...
-
-    @property
-    def grid(self) -> PixelGrid:
-        """The pixels, in whose coordinates hits are given."""
-        ...
-
-    @property
-    def window(self) -> Window:
-        """The part in which flux counts as detected."""
-        ...
-
-    @property
-    def pixel_measure(self) -> float:
-        """Measure of a pixel: its area in m^2, or its solid angle in sr."""
-        ...
-
-    def land(self, rays: ExitRays) -> Landings:
-        """Land ``rays``, NumPy arrays, by a compiled kernel."""
-        ...
-
-    def sensitivities(self, rays: ExitRays, by_hits: Float[np.ndarray, "n 2"]) -> Sensitivities:
-        """Sensitivities to exit rays from those to their hits, which are 0 for rays that missed the receiver."""
-        ...
-
-    def land_by_arrays(self, rays: ExitRays) -> Landings:
-        """:meth:`land` in NumPy or in torch, on any device and in any precision; there differentiable."""
-        ...
-
-    def places(self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:
-        """Points (mm) of the lens's space at places on the chart; of a far field unit directions."""
-        ...
-
-    def target_coordinates(
-        self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]
-    ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
-        """Places on the chart as targets state them: mm, or degrees from the axis of a far field."""
-        ...
-
-    def chart_coordinates(
-        self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]
-    ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
-        """Places as targets state them on the chart: the inverse."""
-        ...
 
 
 @dataclass(frozen=True)

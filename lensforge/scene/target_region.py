@@ -3,13 +3,13 @@
 import numpy as np
 from jaxtyping import Bool, Float
 
-from lensforge.scene.receiver import Receiver
+from lensforge.scene.receiver import PosedReceiver
 from lensforge.spec import Target
 from lensforge.spec.target_sections import IN_TARGET
 
 
 def uniform_region(
-    targets: tuple[Target, ...], receiver: Receiver, wider_by_pixels: float = 0.0
+    targets: tuple[Target, ...], receiver: PosedReceiver, wider_by_pixels: float = 0.0
 ) -> Bool[np.ndarray, "h w"] | None:
     """Pixels whose centres lie in the region of uniform light of any of ``targets``; None where none has one."""
     grid, found = receiver.grid, None

@@ -22,7 +22,7 @@ from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.scene.exit_rays import Sensitivities
 from lensforge.scene.made_part import MadePart
 from lensforge.scene.pixel_grid import PixelGrid, Window
-from lensforge.scene.receiver import Landings, Receiver
+from lensforge.scene.receiver import Landings, PosedReceiver
 from lensforge.sources.ray_bundle import RayBundle
 
 
@@ -161,7 +161,7 @@ class LightPath:
     """Path of the light through the lens and to the receivers, each of which sees every exit ray."""
 
     scene: Scene
-    receivers: tuple[Receiver, ...]
+    receivers: tuple[PosedReceiver, ...]
     device: torch.device | None = None
     chunk: int = _CHUNK
 
@@ -224,7 +224,7 @@ def landed_through(
     outer: Float[Tensor, "side side"],
     scene: Scene,
     rays: RayBundle,
-    receivers: tuple[Receiver, ...],
+    receivers: tuple[PosedReceiver, ...],
 ) -> tuple[list[Landings], Float[Tensor, " n"]]:
     """Landings of ``rays`` on each receiver, and their ``sin2_exit``; differentiable in both tables, float64, CPU.
 
@@ -239,7 +239,7 @@ def landed_through(
 class _Landing(torch.autograd.Function):
     @staticmethod
     def forward(
-        ctx: Any, inner: Tensor, outer: Tensor, scene: Scene, rays: RayBundle, receivers: tuple[Receiver, ...]
+        ctx: Any, inner: Tensor, outer: Tensor, scene: Scene, rays: RayBundle, receivers: tuple[PosedReceiver, ...]
     ) -> Any:
         traced = TracedBundle.of(inner.detach().numpy(), outer.detach().numpy(), scene, rays)
         landed = [receiver.land(traced.exits) for receiver in receivers]

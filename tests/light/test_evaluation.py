@@ -9,7 +9,6 @@ from scenes import small_spec, sphere
 
 import lensforge as lf
 from lensforge.light.evaluation import evaluate_lens
-from lensforge.light.metrics import jackknife
 from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import SquareEmitter, build_source
 from lensforge.sources.measured_rays import searched
@@ -24,13 +23,6 @@ DRAFT = PRESETS["draft"]
 
 def _evaluate(lens: Lens, **options):
     return evaluate_lens(lens, build_source(lens.spec.source), DRAFT, **options)
-
-
-def test_jackknife_of_a_mean_is_the_textbook_standard_error() -> None:
-    values = np.random.default_rng(0).normal(size=(40, 1))
-    mean, error = jackknife(values, lambda m: float(m[0]))
-    assert mean == pytest.approx(values.mean())
-    assert error == pytest.approx(values.std(ddof=1) / np.sqrt(40), rel=1e-12)
 
 
 def test_a_point_in_concentric_spheres_shines_like_a_bare_lambertian_point() -> None:
@@ -126,12 +118,6 @@ def test_the_figures_of_few_rays_are_those_of_many_but_for_their_errors() -> Non
         assert abs(getattr(few.raw, name) - fine.value) > worse_by * error, name
     assert few.nmse_of_noise is not None
     assert few.raw.nmse == pytest.approx(few.nmse.value + few.nmse_of_noise, abs=0.25 * few.nmse_of_noise)
-
-
-def test_a_single_replicate_has_raw_figures_only() -> None:
-    light = _evaluate(Lens(sphere(3.0), sphere(6.0), small_spec(), 0, "draft"), rays=1)
-    assert light.nmse.value == light.raw.nmse
-    assert light.nmse.standard_error is None
 
 
 def test_qmc_beats_plain_monte_carlo_by_its_order() -> None:

@@ -8,7 +8,6 @@ from noisy_images import bumpy, noisy
 from scipy.stats import norm
 
 from lensforge.light.metrics import (
-    LeastEstimate,
     _Choices,
     _halves,
     _quarters,
@@ -101,39 +100,6 @@ def test_values_with_one_replicate_left_out_are_those_of_the_others() -> None:
                     readings += [images[j, pixel] for j in range(16) if j not in (*inside, k)]
             u, v = np.mean(least), np.mean(readings)
             assert left_out[k] == pytest.approx(u + 0.7 * (v - u), rel=1e-12)
-
-
-def test_pixels_that_no_ray_reached_leave_an_error_as_wide_as_the_doubt() -> None:
-    """One ray in four pixels: the picture says 0, but the light may be even."""
-    counts = np.random.default_rng(9).poisson(0.25 / 16.0, size=(16, SIDE, SIDE)).astype(float)
-    found = uniformity_estimate(counts, EVERYWHERE).metric()
-    assert found.standard_error is not None
-    assert abs(found.value - 1.0) < 2.0 * found.standard_error
-    assert uniformity(counts.mean(axis=0), EVERYWHERE) == 0.0
-
-
-@pytest.mark.parametrize("images", [np.ones((5, 4, 4)), np.where(np.arange(16)[:, None, None] < 15, 1.0, 0.0)])
-def test_without_sixteen_replicates_of_light_the_noise_stays(images: np.ndarray) -> None:
-    images = images * np.linspace(0.5, 1.5, 16).reshape(4, 4)
-    found = uniformity_estimate(images, np.ones((4, 4), dtype=bool)).metric()
-    assert found.standard_error is None
-    assert found.value == uniformity(images.mean(axis=0), np.ones((4, 4), dtype=bool))
-
-
-def test_the_error_of_a_change_is_of_the_differences_and_at_least_of_one_ray() -> None:
-    """By hand: replicates that change alike leave what was taken off, and one ray, the square of the noise."""
-    swing = np.array([0.1, -0.1] * 8)
-    before = LeastEstimate(0.5, 0.5 + swing, 0.02)
-    noise = np.sqrt(15.0 / 16.0 * np.sum(swing**2))
-    change = LeastEstimate(0.7, 0.7 + swing, 0.05).change_from(before)
-    assert change.value == pytest.approx(0.2)
-    assert change.standard_error == pytest.approx(np.hypot(0.05 - 0.02, noise**2 / max(0.5, noise)))
-    apart = LeastEstimate(0.7, 0.7 - swing, 0.02).change_from(before)
-    assert apart.standard_error == pytest.approx(np.hypot(2.0 * noise, noise**2 / max(0.5, noise)))
-    dark = LeastEstimate(0.0, np.zeros(16))
-    assert dark.change_from(dark).standard_error == 0.0
-    assert LeastEstimate(0.7).change_from(before).standard_error is None
-    assert before.change_from(LeastEstimate(0.7)).standard_error is None
 
 
 def test_relative_errors_of_a_ratio_add_in_squares() -> None:

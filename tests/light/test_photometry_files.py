@@ -15,7 +15,6 @@ import lensforge as lf
 from lensforge.cli.cli import cli
 from lensforge.errors import InputError
 from lensforge.light.photometry_result import Photometry
-from lensforge.sources.rayfiles.ray_file_io import read_rayfile
 
 DATED = replace(ROUGH, spec=small_spec(manufacture__date="2026-03-01"))
 
@@ -56,23 +55,6 @@ def test_every_file_says_that_it_is_computed_and_when():
         assert found.ldt.decode("ascii").split("\r\n")[11].startswith(date)
         assert f"<ReportDate>{date or '1970-01-01'}</ReportDate>" in found.tm33.decode("utf-8")
         assert "<Simulation>true</Simulation>" in found.tm33.decode("utf-8")
-
-
-def test_the_ray_file_has_the_version_of_its_layout_and_says_simulated(tmp_path):
-    """Bytes 4 to 12 of TM-25: the version, 2013 in all public files, and 0 for a simulation; from 28 the date."""
-    measured(DATED, rays=2**10).save(tmp_path / "x.tm25ray")
-    head = (tmp_path / "x.tm25ray").read_bytes()[:56]
-    assert np.frombuffer(head[4:12], "<i4").tolist() == [2013, 0]
-    assert head[28:].rstrip(b"\0") == b"2026-03-01"
-    assert read_rayfile(tmp_path / "x.tm25ray").header["creation_method"] == "simulated"
-
-
-def test_the_ray_file_states_the_wavelengths_of_its_source(tmp_path):
-    spectrum = {"kind": "table", "wavelength_nm": [450, 520, 640], "weight": [1, 3, 1]}
-    lens = replace(ROUGH, spec=small_spec(source__spectrum=spectrum))
-    measured(lens, rays=2**10).save(tmp_path / "x.tm25ray")
-    header = read_rayfile(tmp_path / "x.tm25ray").header
-    assert (header["wavelength_min_nm"], header["wavelength_max_nm"]) == (450.0, 640.0)
 
 
 def test_the_library_and_the_command_write_older_editions(tmp_path):

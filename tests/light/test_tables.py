@@ -64,21 +64,6 @@ def test_the_flux_of_lost_rays_is_a_constant() -> None:
         assert not gradient.any()
 
 
-def test_exit_rays_are_those_of_a_lens_and_of_no_receiver() -> None:
-    """Points on the outer surface, unit directions; 0 for rays that stay inside."""
-    outer = random_surface(3, 2.45, 0.1)
-    grid = TableGrid(160)
-    tables = [table_of(s, grid) for s in (random_surface(3, 0.8, 0.1), outer)]
-    exits = trace_tables(*tables, Scene(Media(N), grid), SquareEmitter(0.9).sample(4096, 1))
-    left = exits.left_lens
-    points, directions = exits.points[left].numpy(), exits.directions[left].numpy()
-    assert 0.5 < left.double().mean() < 1.0 and (directions[:, 2] < 0.0).any()
-    radius = np.linalg.norm(points, axis=1)
-    assert np.abs(outer.radius(points / radius[:, None]) - radius).max() < 1e-5
-    assert np.abs(np.linalg.norm(directions, axis=1) - 1.0).max() < 1e-12
-    assert not exits.points[~left].any() and not exits.directions[~left].any()
-
-
 def test_sensitivities_to_a_point_and_to_a_direction_are_those_of_differences() -> None:
     """With respect to the exit point, and to the direction; where along the ray the point lies does not count."""
     grid, rays = TableGrid(64), SquareEmitter(0.9).sample(200, 1)

@@ -30,7 +30,6 @@ from lensforge.proof.refraction import AtFace, RefractingFace, through_glass, un
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.lens import Lens
 from lensforge.scene.receiver_shapes import receivers_of
-from lensforge.search.optimiser import search
 from lensforge.sources.build_source import SquareEmitter, build_source
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.spec import Spec
@@ -231,14 +230,6 @@ def test_a_gel_of_the_index_of_the_lens_makes_the_inner_face_do_nothing() -> Non
         assert torch.allclose(getattr(one, name)[out], getattr(other, name)[out], rtol=1e-9, atol=1e-12), name
 
 
-def test_only_ratios_of_indices_count() -> None:
-    air, scaled = (Scene(Media(k * N, 0.05, k, k), GRID) for k in (1.0, 1.3))
-    one, other = (trace_tables(*TABLES, scene, RAYS) for scene in (air, scaled))
-    assert torch.equal(one.fates, other.fates)
-    assert torch.allclose(one.directions, other.directions, rtol=1e-11, atol=1e-12)
-    assert torch.allclose(one.flux, other.flux, rtol=1e-11)
-
-
 def test_a_gel_denser_than_the_lens_may_reflect_all_light_at_the_inner_face() -> None:
     flat = table_of(random_surface(8, 0.8, 0.1, levels=(25, 81)), GRID)
     exits = trace_tables(flat, table_of(sphere(2.45), GRID), Scene(Media(1.3, cavity_index=1.6), GRID), RAYS)
@@ -265,14 +256,6 @@ def test_rays_from_a_point_are_shifted_and_dimmed_as_a_plate_does() -> None:
     np.testing.assert_allclose(found.flux.numpy(), bare.flux.numpy() * share, rtol=1e-8)
     assert found.lost_in_glass is not None
     assert torch.allclose(found.lost_in_glass + found.flux, bare.flux, rtol=1e-14)
-
-
-def test_a_plate_of_what_surrounds_it_does_nothing() -> None:
-    clear, bare = (
-        replace(COVERED, media=replace(COVERED.media, cover_glass=each)) for each in (CoverGlass(1.1, 40.0, 10.0), None)
-    )
-    one, other = (trace_tables(*TABLES, scene, RAYS) for scene in (clear, bare))
-    assert torch.allclose(one.points, other.points, atol=1e-12) and torch.allclose(one.flux, other.flux, rtol=1e-12)
 
 
 def by_referee(rays: RayBundle, media: Media) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -359,21 +342,6 @@ def test_a_spec_states_them_and_a_child_process_has_them_whole() -> None:
 def test_a_glass_that_cannot_be_is_one_line(changes: dict[str, float], message: str) -> None:
     with pytest.raises(InputError, match=message):
         receivers_of(small_spec(lens__cover_glass=GLASS_SPEC | changes, lens__outside_index=1.4), 8)
-
-
-def test_a_cavity_of_less_than_vacuum_is_refused() -> None:
-    with pytest.raises(InputError, match=r"cavity_index"):
-        small_spec(lens__cavity_index=0.9)
-
-
-def test_light_outside_of_a_coating_ends_a_design_before_its_search() -> None:
-    table = {"reflectance": [[0.01], [0.02]], "wavelength_nm": [400.0, 500.0]}
-    begun: list[object] = []
-    for spectrum, words in ((WHITE, "light from 450"), (None, "light of 587.562 nm: 100 %")):
-        spec = small_spec(lens__outer_coating=table, source__spectrum=spectrum)
-        with pytest.raises(InputError, match=rf"lens.outer_coating: known from 400 to 500 nm, .*{words}"):
-            search(spec, build_source(spec.source, spec.lens.dispersion), accuracy="draft", progress=begun.append)
-    assert not begun
 
 
 @pytest.mark.parametrize(

@@ -134,19 +134,6 @@ def test_a_wrong_line_is_named(tmp_path: Path, before: str, after: str, message:
     assert "\n" not in str(error.value)
 
 
-def test_constants_of_a_data_sheet() -> None:
-    law = small_spec(lens__index_per_k=-1.1e-4, lens__expansion_per_k=7e-5).lens.temperature_law
-    assert law == TemperatureLaw(20.0, (), -1.1e-4, 7e-5)
-    assert law.index(np.array([1.49]), np.array([550.0]), 85.0)[0] == pytest.approx(1.49 - 65.0 * 1.1e-4, abs=1e-15)
-    assert law.scale(85.0) == pytest.approx(1.00455, abs=1e-15)
-    spec = small_spec(lens__material="PC", lens__index_per_k=-1e-4, lens__reference_temperature_c=25.0)
-    assert spec.lens.temperature_law == TemperatureLaw(25.0, (), -1e-4, None)
-    data = {"formula": "sellmeier", "coefficients": [1.2969, 0.011721], "range_nm": [436.8, 1052.0]}
-    own = data | {"expansion_per_k": 7e-5, "schott_coefficients": [1e-6, 0, 0, 0, 0, 0.2]}
-    law = small_spec(lens__optical_data=own).lens.temperature_law
-    assert law == TemperatureLaw(20.0, (1e-6, 0, 0, 0, 0, 0.2), None, 7e-5)
-
-
 @pytest.mark.parametrize(
     ("fields", "message"),
     [

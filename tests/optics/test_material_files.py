@@ -2,7 +2,6 @@
 
 import json
 import tracemalloc
-import warnings
 from math import exp, pi
 
 import numpy as np
@@ -10,9 +9,8 @@ import pytest
 from scenes import small_spec
 
 from lensforge.errors import InputError
-from lensforge.optics.material import MATERIALS, NAMES, Formula
+from lensforge.optics.material import MATERIALS
 from lensforge.optics.material_files import read_material
-from lensforge.sources.build_source import build_source
 from lensforge.spec import load_spec
 
 AGF = """CC a catalogue for tests
@@ -124,21 +122,6 @@ def test_a_spec_keeps_the_numbers_and_needs_the_file_no_more(tmp_path):
     assert json.loads(spec.model_dump_json())["lens"]["optical_data"]["source"] == "c.agf: GLASS-A"
 
 
-def test_rays_of_a_spectrum_have_index_and_absorption_at_their_wavelengths(tmp_path):
-    path = written(tmp_path, "t.csv", TABLE)
-    spectrum = {"kind": "table", "wavelength_nm": [450.0, 650.0], "weight": [1.0, 1.0]}
-    spec = small_spec(lens__material_file=str(path), source__spectrum=spectrum)
-    rays = build_source(spec.source, spec.lens.dispersion).sample(2000, 1)
-    waves = np.interp(rays.refractive_indices, [1.50, 1.51, 1.52], [700.0, 500.0, 400.0])
-    assert waves.min() > 449.0 and waves.max() < 651.0 and np.ptp(waves) > 190.0
-    np.testing.assert_allclose(
-        rays.absorption_per_mm, np.interp(waves, [400.0, 500.0, 700.0], -np.log([0.99, 0.995, 1.0])), atol=1e-12
-    )
-    wide = {"kind": "table", "wavelength_nm": [450.0, 900.0], "weight": [1.0, 1.0]}
-    with pytest.raises(InputError, match=r"the index of t is known from 400 to 700 nm, and .* % of"):
-        build_source(small_spec(lens__material_file=str(path), source__spectrum=wide).source, spec.lens.dispersion)
-
-
 @pytest.mark.parametrize(
     ("name", "content", "lens", "message"),
     [
@@ -217,23 +200,6 @@ def test_aliases_of_aliases_take_neither_time_nor_memory(tmp_path, levels):
         read_material(path, None)
     assert tracemalloc.get_traced_memory()[1] < 2**20
     tracemalloc.stop()
-
-
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("huge", [1e308, -1e308, 1e-320])
-def test_no_coefficient_ends_in_an_error_of_arithmetic(name, huge):
-    """Each coefficient in turn beyond what its square or power can be: no index there, and the spec refuses it."""
-    for place in range(10):
-        formula = Formula(name, tuple(huge if k == place else 1.5 - 0.1 * k for k in range(10)))
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            found = formula.index(np.array([450.0, 550.0]))
-        assert found.shape == (2,) and found.dtype == np.float64
-
-
-def test_a_missing_file_is_one_line(tmp_path):
-    with pytest.raises(InputError, match=r"none\.agf.*give a glass catalogue"):
-        small_spec(lens__material_file=str(tmp_path / "none.agf"), lens__material="GLASS-A")
 
 
 def test_numbers_in_the_spec_itself():

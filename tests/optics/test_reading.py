@@ -101,12 +101,6 @@ def test_white_is_zero(light, kind):
     np.testing.assert_array_equal(light(tiff(values, photometric=0)), (full - values[..., 0]) / full)
 
 
-def test_32_bits_of_grey(light):
-    values = numbers("uint32", 1)
-    assert values.max() > 2**31
-    np.testing.assert_array_equal(light(tiff(values)), values[..., 0] / (2**32 - 1))
-
-
 @pytest.mark.parametrize("kind", ["uint8", "uint16"])
 @pytest.mark.parametrize("order", ["<", ">"])
 def test_opacity_of_tiff_once_multiplied_and_once_not(light, kind, order):
@@ -148,12 +142,6 @@ def test_pictures_stand_upright(light, orientation):
 
 def numbers_like(grey):
     return grey.astype(np.uint16) * 257
-
-
-def test_large_text_and_profiles_harm_no_picture(light):
-    grey = numbers("uint8", 1)
-    large = png(grey, extra=[(b"zTXt", b"note\0\0" + b"x" * 2**22), (b"iCCP", b"p\0\0" + b"y" * 2**22)])
-    np.testing.assert_array_equal(light(large), grey[..., 0] / 255)
 
 
 def _with_profile(grey, profile):
