@@ -100,6 +100,7 @@ def _stage(
 ) -> TableError:
     landed = receiver.land(traced.trace(rays))
     squares, pictures, lost, largest = [], [], [], 0.0
+    unit = "" if receiver.kind == "far_field" else "mm"
     for rows in np.split(np.arange(len(rays)), _SCRAMBLES):
         tabulated, reference = landed.take(rows), exact.take(rows)
         on = (np.abs(reference.hits) <= 0.5 * np.array(receiver.grid.size)).all(axis=1)
@@ -114,7 +115,7 @@ def _stage(
         table_error_nm=max(traced.table_error_nm.values()),
         hit_max_mm=largest,
         hit_mm=jackknife_metric(
-            np.array(squares), lambda mean: float(np.sqrt(mean[0] / mean[1])) if mean[1] else 0.0, "mm"
+            np.array(squares), lambda mean: float(np.sqrt(mean[0] / mean[1])) if mean[1] else 0.0, unit
         ),
         irradiance_nmse=jackknife_metric(np.array(pictures), relative_square),
         efficiency=jackknife_metric(np.array(lost), float),

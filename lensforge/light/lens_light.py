@@ -1,8 +1,9 @@
 """The light of a finished lens: the verb ``evaluate``."""
 
+from collections.abc import Mapping
 from math import isclose
 from pathlib import Path
-from typing import TypeVar, get_args
+from typing import Any, TypeVar, get_args
 
 from lensforge.errors import InputError
 from lensforge.kernels.parallel import kernel_threads
@@ -52,17 +53,8 @@ def evaluate(
     body = lens if temperature_c is None else at_temperature(lens, temperature_c)
     preset, emitter = preset_of(accuracy or lens.accuracy), build_source(chosen, body.dispersion)
     summary = summarise(emitter, chosen)
-    conditions = _conditions(
-        lens,
-        other,
-        summary.warnings,
-        name,
-        accuracy=accuracy,
-        rays=rays,
-        pixels=pixels,
-        seed=seed,
-        celsius=temperature_c,
-    )
+    asked = {"accuracy": accuracy, "rays": rays, "pixels": pixels, "seed": seed, "temperature_c": temperature_c}
+    conditions = _conditions(lens, other, summary.warnings, name, asked)
     with kernel_threads(count_of("threads", threads)):
         light = evaluate_lens(
             body,
@@ -78,29 +70,19 @@ def evaluate(
 
 
 def _conditions(
-    lens: Lens,
-    source: SourceSpec | None,
-    warnings: tuple[str, ...],
-    name: str | None,
-    *,
-    accuracy: Accuracy | None,
-    rays: int | None,
-    pixels: int | None,
-    seed: int | None,
-    celsius: float | None,
+    lens: Lens, source: SourceSpec | None, warnings: tuple[str, ...], name: str | None, asked: Mapping[str, Any]
 ) -> Conditions | None:
-    """Conditions that are not those of ``lens``; None where every one is. ``warnings``: on the ``source``."""
-    own, law = lens.spec.evaluate, lens.spec.lens.temperature_law
+    """Conditions ``asked`` that are not those of ``lens``; None where every one is. ``warnings``: on the ``source``."""
+    evaluate, law = lens.spec.evaluate, lens.spec.lens.temperature_law
+    rays = evaluate.rays or preset_of(asked["accuracy"] or lens.accuracy).evaluate_rays
+    own: dict[str, Any] = {"accuracy": lens.accuracy, "rays": rays, "pixels": evaluate.pixels, "seed": lens.seed}
+    own["temperature_c"] = law.reference_c
     other = None if source is None or is_same_source(source, lens.spec.source) else source
     conditions = Conditions.of(
         source_name="" if other is None else name_of_source(other),
         source=None if other is None else other.title,
         source_sha256=None if other is None else section_sha256(other),
-        accuracy=unless_own(accuracy, lens.accuracy),
-        rays=unless_own(rays, own.rays or preset_of(accuracy or lens.accuracy).evaluate_rays),
-        pixels=unless_own(pixels, own.pixels),
-        seed=unless_own(seed, lens.seed),
-        temperature_c=unless_own(celsius, law.reference_c),
+        **{field: unless_own(value, own[field]) for field, value in asked.items()},
     )
     if conditions is None and name is not None:
         raise InputError(f"name = {name!r}: these are the lens's own conditions; give it with another source or rays")

@@ -120,17 +120,6 @@ def test_the_figures_of_few_rays_are_those_of_many_but_for_their_errors() -> Non
     assert few.raw.nmse == pytest.approx(few.nmse.value + few.nmse_of_noise, abs=0.25 * few.nmse_of_noise)
 
 
-def test_qmc_beats_plain_monte_carlo_by_its_order() -> None:
-    """The window is an edge in four dimensions: theory promises N^-5/8 where plain Monte Carlo has N^-1/2."""
-    spec = small_spec()
-    lens = Lens(sphere(3.0), sphere(6.0), spec, 0, "draft")
-    few, many = (_evaluate(lens, rays=rays).efficiency for rays in (2**10, 2**18))
-    errors, share = [few.standard_error, many.standard_error], many.value
-    plain = np.sqrt(share * (1.0 - share) / 2**18)
-    assert errors[1] < 0.3 * plain
-    assert np.log2(errors[0] / errors[1]) / 8 > 0.55
-
-
 def test_a_lens_for_a_ray_file_is_judged_by_the_rays_that_no_search_uses(tmp_path: Path) -> None:
     """Of the file, the rays for searches go forward, all others backward."""
     rays = SquareEmitter(1.0).sample(4096, 5)

@@ -120,21 +120,6 @@ def test_zeros_and_missing_numbers_of_a_catalogue(tmp_path: Path, td: str, ed: s
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "message"),
-    [
-        ("ED 7.1", "ED x2", r"GLASS-A has 'x2' where a number must be"),
-        ("0.17 20", "0.17 900", r"has a reference temperature of 900 C in its line TD, must be -100 to 400"),
-        ("ED 7.1", "ED 7100", r"optical_data.expansion_per_k = 0.0071: .*0\.001"),
-    ],
-)
-def test_a_wrong_line_is_named(tmp_path: Path, before: str, after: str, message: str) -> None:
-    assert before in AGF
-    with pytest.raises(InputError, match=message) as error:
-        small_spec(lens__material="GLASS-A", lens__material_file=str(written(tmp_path, AGF.replace(before, after))))
-    assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize(
     ("fields", "message"),
     [
         ({"material": "N-BK7", "index_per_k": 1e-6}, "index_per_k: N-BK7 has its own"),

@@ -51,14 +51,6 @@ def test_transparent_grey_is_dark(light, kind):
     ) if depth == 8 else None
 
 
-@pytest.mark.parametrize("depth", [1, 2, 4, 8, 16])
-def test_the_one_transparent_grey_is_dark(light, depth):
-    values = RNG.integers(0, 2**depth, (16, 16))
-    key = int(values[3, 3])
-    file = png(values, "grey", depth, extra=[(b"tRNS", key.to_bytes(2, "big"))])
-    np.testing.assert_array_equal(light(file), np.where(values == key, 0.0, _full(values, depth)))
-
-
 @pytest.mark.parametrize("depth", [8, 16])
 def test_the_one_transparent_colour_is_dark(light, depth):
     colours = np.full((4, 5, 3), 2**depth - 1)
