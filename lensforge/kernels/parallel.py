@@ -37,7 +37,9 @@ def thread_count() -> int:
     if torch is not None and hasattr(torch, "get_num_threads"):  # not while it loads
         return int(torch.get_num_threads())
     asked = os.environ.get("OMP_NUM_THREADS", "")  # as torch obeys it
-    return int(asked) if asked.isdecimal() and int(asked) > 0 else len(os.sched_getaffinity(0))
+    if asked.isdecimal() and int(asked) > 0:
+        return int(asked)
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1  # not on Windows
 
 
 def in_chunks(work: Callable[[int, slice], Any], count: int) -> None:
