@@ -14,8 +14,8 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from lensforge.light.evaluation import evaluate_traced
-from lensforge.light.evaluation_result import Light, limit_value
+from lensforge.light.evaluation import evaluate_traced, limit_value
+from lensforge.light.evaluation_result import Light
 from lensforge.light.metrics import Images, jackknife_error
 from lensforge.light.receiver_light import ReceiverLight, bounds_on
 from lensforge.light.simulation import REPLICATES, ReplicateMetrics, TracedLens, bundles, lit_mask, mean_share
