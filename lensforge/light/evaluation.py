@@ -17,6 +17,7 @@ from lensforge.kernels.fate import Fate
 from lensforge.light.evaluation_result import (
     FittedLight,
     Light,
+    LimitResult,
     PresetError,
     TableError,
     TableErrors,
