@@ -17,7 +17,6 @@ from lensforge.light.exact_trace import TableScan, exact_surfaces, trace_exact
 from lensforge.optics.material import MATERIALS
 from lensforge.scene.lens import load_lens
 from lensforge.scene.pixel_grid import Window
-from lensforge.scene.receiver import Hits
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.sources.build_source import build_source, summarise
 from lensforge.surfaces.bicubic_table import grid_for, tabulate
@@ -54,7 +53,7 @@ def main():
     landed = {}
     for name, index in (("each", each), ("mean", mean), ("design", lens.refractive_index)):
         coloured = replace(rays, refractive_indices=np.full(each.shape, index))
-        landed[name] = Hits.of(receiver.land_in_torch(trace_exact(*surfaces, lens.media, coloured)))
+        landed[name] = receiver.land(trace_exact(*surfaces, lens.media, coloured))
     inside = {name: whole.contains(light.hits) for name, light in landed.items()}
     report = {
         "rays": len(rays),

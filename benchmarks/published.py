@@ -27,8 +27,14 @@ from pathlib import Path
 import numpy as np
 from results import shown
 
-from lensforge.light.least_irradiance import uniformity_estimate
-from lensforge.light.metrics import nmse, nmse_estimate, relative_deviation, rsd_estimate, uniformity
+from lensforge.light.metrics import (
+    nmse,
+    nmse_estimate,
+    relative_deviation,
+    rsd_estimate,
+    uniformity,
+    uniformity_estimate,
+)
 from lensforge.light.receiver_light import WindowSize
 from lensforge.light.simulation import TracedLens, mean_share, simulate
 from lensforge.report.folder import RunFolder

@@ -16,8 +16,17 @@ from pathlib import Path
 
 import numpy as np
 
-from lensforge.light.least_irradiance import _Choices, _halves, uniformity_estimate
-from lensforge.light.metrics import jackknife_metric, nmse, nmse_estimate, relative_deviation, rsd_estimate, uniformity
+from lensforge.light.metrics import (
+    _Choices,
+    _halves,
+    jackknife_metric,
+    nmse,
+    nmse_estimate,
+    relative_deviation,
+    rsd_estimate,
+    uniformity,
+    uniformity_estimate,
+)
 from lensforge.light.simulation import REPLICATES, TracedLens, simulate
 from lensforge.results import Metric
 from lensforge.scene.lens import load_lens

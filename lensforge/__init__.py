@@ -1,6 +1,8 @@
 """lensforge: from an LED and a target light pattern to a lens that a machine shop can cut.
 
 Units everywhere: mm, rad, nm, W; float64. The axis of the lens is +z, the source sits at the origin.
+Tables over the chart of a face are indexed [X, Y], pictures of light [row y, column x]. A far field has no width in mm:
+its chart has the radius 2 sin(gamma / 2) at the angle gamma from its axis.
 A verb takes objects and returns a frozen result; only :func:`run` writes files, and :func:`load` reads them back.
 All names come from :mod:`lensforge.verbs`, which is loaded when the first of them is used.
 

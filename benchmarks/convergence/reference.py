@@ -12,7 +12,7 @@ from lensforge.light.metrics import jackknife, jackknife_error, relative_square
 from lensforge.results import Metric
 from lensforge.scene.lens import Lens
 from lensforge.scene.pixel_grid import splat_flux
-from lensforge.scene.receiver import Hits, PosedReceiver
+from lensforge.scene.receiver import Landings, PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.surfaces.bicubic_table import TableGrid
@@ -38,7 +38,7 @@ class ExactReference:
 
     lens: Lens
     rays: RayBundle
-    exact: Hits
+    exact: Landings
     cost: Meter
 
     @staticmethod
@@ -92,7 +92,7 @@ class ExactReference:
         return reference_level(series, units, self.cost)
 
 
-def landed_exactly(lens: Lens, grid: TableGrid, tables: Tables, rays: RayBundle, newton_steps: int = 0) -> Hits:
+def landed_exactly(lens: Lens, grid: TableGrid, tables: Tables, rays: RayBundle, newton_steps: int = 0) -> Landings:
     """Hits of ``rays`` on the lens's own first receiver through its exact surfaces; ``tables`` bracket the crossings.
 
     ``newton_steps``: additional to the one that ends every search, for tables that are far from the surfaces.
@@ -100,7 +100,7 @@ def landed_exactly(lens: Lens, grid: TableGrid, tables: Tables, rays: RayBundle,
     inner, outer = (TableScan(grid, tables[name], newton_steps) for name in SURFACES)
     receiver = design_receiver(lens)
     exits = trace_exact(*exact_surfaces(lens, (inner, outer)), lens.media, rays)
-    return Hits.of(receiver.land_in_torch(exits))
+    return receiver.land(exits)
 
 
 def design_receiver(lens: Lens) -> PosedReceiver:

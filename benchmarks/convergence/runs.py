@@ -10,7 +10,7 @@ from jaxtyping import Float
 from convergence.study import Meter
 from lensforge.light.simulation import TracedLens
 from lensforge.scene.pixel_grid import bin_flux, flux_in, gaussian3
-from lensforge.scene.receiver import Hits, Receiver
+from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.sources.ray_bundle import Source
 from lensforge.spec import Spec
@@ -46,12 +46,12 @@ class Cost(NamedTuple):
     peak_mb: float
 
 
-def trace_run(traced: TracedLens, receiver: Receiver, source: Source, rays: int, number: int) -> TracedRun:
+def trace_run(traced: TracedLens, receiver: PosedReceiver, source: Source, rays: int, number: int) -> TracedRun:
     """Trace run ``number`` of ``rays`` rays; other numbers are independent scrambles of the same sequence."""
     with Meter() as whole:
         with Meter() as sampling:
             bundle = source.sample(rays, _SEED + number)
-        landed = Hits.of(receiver.land(traced.trace(bundle)))
+        landed = receiver.land(traced.trace(bundle))
     return TracedRun(landed.hits, landed.flux, whole.seconds, sampling.seconds, whole.peak_mb)
 
 

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from jaxtyping import Float
 
 from convergence.reference import (
@@ -20,7 +19,7 @@ from convergence.reference import (
 from convergence.study import ConvergenceStudy, Meter, orders_of
 from lensforge.light.table_trace import Scene, trace_tables
 from lensforge.scene.lens import Lens
-from lensforge.scene.receiver import Hits
+from lensforge.scene.receiver import Landings
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec.accuracy import PRESETS
 from lensforge.surfaces.bicubic_table import TableGrid, evaluate_table, grid_for, tabulate
@@ -74,10 +73,10 @@ def table_study(lens: Lens, source: Source, settings: Sequence[float] = SETTINGS
     return TableMeasurement(study, finest, tables, reference)
 
 
-def through_tables(lens: Lens, grid: TableGrid, tables: Tables, rays: RayBundle) -> Hits:
+def through_tables(lens: Lens, grid: TableGrid, tables: Tables, rays: RayBundle) -> Landings:
     """Hits and flux of ``rays`` on the first receiver by the fused tracer."""
-    inner, outer = (torch.from_numpy(tables[name]) for name in SURFACES)
-    return Hits.of(design_receiver(lens).land(trace_tables(inner, outer, Scene(lens.media, grid), rays)))
+    inner, outer = (tables[name] for name in SURFACES)
+    return design_receiver(lens).land(trace_tables(inner, outer, Scene(lens.media, grid), rays))
 
 
 def table_normals(

@@ -14,7 +14,7 @@ from click.shell_completion import CompletionItem
 import lensforge
 from lensforge.cli.options import with_force
 from lensforge.errors import InputError
-from lensforge.light.lens_conditions import source_of
+from lensforge.light.lens_light import source_of
 from lensforge.optics.material import MATERIALS
 from lensforge.results.files import replacing, require_writable
 from lensforge.shop.findings import GOOD_DRAFT_DEG

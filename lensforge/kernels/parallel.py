@@ -4,25 +4,53 @@ Rays are cut into a fixed number of chunks, whatever the number of threads, and 
 of the chunks: the same bits on any number of threads.
 """
 
-from collections.abc import Callable
+import os
+import sys
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
-import torch
-
 CHUNKS = 8
+_asked: list[int] = []  # by the blocks of ``kernel_threads`` that are open
+
+
+@contextmanager
+def kernel_threads(threads: int | None) -> Iterator[None]:
+    """Let the kernels use ``threads`` threads inside the block; None leaves the number unchanged."""
+    if threads is None:
+        yield
+        return
+    _asked.append(threads)
+    try:
+        yield
+    finally:
+        _asked.remove(threads)
+
+
+def thread_count() -> int:
+    """Threads that the kernels use: those asked for, else those of torch where it is loaded, else one for each core."""
+    if _asked:
+        return _asked[-1]
+    torch = sys.modules.get("torch")
+    if torch is not None and hasattr(torch, "get_num_threads"):  # not while it loads
+        return int(torch.get_num_threads())
+    asked = os.environ.get("OMP_NUM_THREADS", "")  # as torch obeys it
+    if asked.isdecimal() and int(asked) > 0:
+        return int(asked)
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1  # not on Windows
 
 
 def in_chunks(work: Callable[[int, slice], Any], count: int) -> None:
-    """Run ``work(chunk number, slice of rays)`` for every chunk on as many threads as torch may use."""
+    """Run ``work(chunk number, slice of rays)`` for every chunk on as many threads as the kernels may use."""
     edges = [count * i // CHUNKS for i in range(CHUNKS + 1)]
     in_parallel(lambda i: work(i, slice(edges[i], edges[i + 1])), CHUNKS)
 
 
 def in_parallel(work: Callable[[int], Any], count: int) -> None:
-    """Run ``work(0)`` to ``work(count - 1)``, on as many threads as torch may use, of which this is one."""
-    threads, numbers = torch.get_num_threads(), iter(range(count))
+    """Run ``work(0)`` to ``work(count - 1)``, on as many threads as the kernels may use, of which this is one."""
+    threads, numbers = thread_count(), iter(range(count))
 
     def take_turns() -> None:
         for number in numbers:  # each is given to one thread

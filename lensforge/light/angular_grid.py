@@ -1,17 +1,15 @@
-"""Intensity tables over C and gamma, fitted to the flux of rays without smoothing it.
+"""Intensity tables over C and gamma, fitted to the flux of rays at the resolution that these support.
 
-A table is bilinear in C and gamma between its nodes, as its readers take it. Shares of each ray's flux go to the four
-nodes around its direction by the bilinear functions of these nodes. Divided by the solid angles of the nodes, they are
-the intensity averaged over two cells: with steps h a peak I comes out as I + h^2 I''/12, too low. The table nearest
-the light by least squares, the L2 projection on linear finite elements, has the opposite error at its nodes, and more
-noise. Their mean, taken along C and along gamma, has neither: its peaks are right to h^4 (on slopes an error of
-h^2 I' cot(gamma)/12 remains, as sin(gamma) is averaged too). Both have the flux of the rays, because the bilinear
-functions of all nodes add up to 1, and so has their mean.
+Shares of each ray's flux go to the four nodes around its direction by their bilinear functions, by which readers take a
+table, too. Divided by the nodes' solid angles they are too low at a peak, by h^2 I''/12 with steps h. The nearest table
+by least squares, the L2 projection on linear finite elements, has the opposite error, and more noise. The mean of both,
+along C and along gamma, is right to h^4. All have the flux of the rays.
 
-Near the axis the half-planes are closer to each other than the cones: there only those waves around the axis are kept
-that the steps in gamma resolve as well. The axis itself has the smallest cell of all. Its neighbours help it out: the
-means of so many cones about it lie on one parabola in gamma, as far as the light is seen to allow it, that they hold
-four times the solid angle of a typical node; a parabola's value at its end has four times the variance of its mean.
+Near the axis only those waves around it are kept that the steps in gamma resolve as well. The axis itself has the
+smallest cell of all: means of cones about it lie on one parabola in gamma, as far as the light is seen to allow it.
+
+Two tables of the same rays, one with twice the nodes, differ by structure and by noise. Independent samples tell one
+from the other: a finer table is taken while it gains more structure than noise.
 """
 
 from collections.abc import Iterator
@@ -20,14 +18,17 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
+from lensforge.light.metrics import largest_without_noise
+from lensforge.results import Extent, Metric
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.mirror_group import group
 
 if TYPE_CHECKING:
     from scipy import sparse
+
 
 Axis = Literal["c", "gamma"]
 _GAUSS = 6  # points in a cell of gamma: sin(gamma) times a parabola over 10 degrees is integrated to 1e-16
@@ -86,8 +87,7 @@ class AngularGrid:
     def _image_rows(self, image: Float[np.ndarray, "3 3"]) -> Int[np.ndarray, " c"]:
         turn = np.deg2rad(self.c_deg)
         x, y = image[:2, :2] @ np.stack([np.cos(turn), np.sin(turn)])
-        rows: Int[np.ndarray, " c"] = np.round(np.arctan2(y, x) / (2.0 * np.pi) * self.planes).astype(int) % self.planes
-        return rows
+        return np.asarray(np.round(np.arctan2(y, x) / (2.0 * np.pi) * self.planes).astype(int) % self.planes)
 
     def coarser(self, axis: Axis) -> "AngularGrid":
         """Grid of every second half-plane, or of every second cone."""
@@ -99,8 +99,7 @@ class AngularGrid:
         """Deposits on :meth:`coarser` of the rays whose deposits here are ``deposits``: exact, no ray is needed."""
         if axis == "c":
             odd = 0.5 * deposits[:, 1::2]
-            around: Float[np.ndarray, "p d h"] = deposits[:, ::2] + odd + np.roll(odd, 1, axis=1)
-            return around
+            return np.asarray(deposits[:, ::2] + odd + np.roll(odd, 1, axis=1))
         along: Float[np.ndarray, "p d h"] = deposits[:, :, ::2].copy()
         odd, share = deposits[:, :, 1::2], self._shares
         along[:, :, :-1] += (1.0 - share) * odd
@@ -122,14 +121,12 @@ class AngularGrid:
     def _shares(self) -> Float[np.ndarray, " h"]:
         """Place of every second cone between its neighbours, 0 to 1."""
         even = self.gamma_deg[::2]
-        shares: Float[np.ndarray, " h"] = (self.gamma_deg[1::2] - even[:-1]) / np.diff(even)
-        return shares
+        return np.asarray((self.gamma_deg[1::2] - even[:-1]) / np.diff(even))
 
     @cached_property
     def solid_angles(self) -> Float[np.ndarray, " g"]:
         """Integral (sr) of the bilinear function of one node, by its cone; on the axis of one of ``planes`` parts."""
-        angles: Float[np.ndarray, " g"] = self._gram.sum(axis=1) * (2.0 * np.pi / self.planes)
-        return angles
+        return np.asarray(self._gram.sum(axis=1) * (2.0 * np.pi / self.planes))
 
     @cached_property
     def _gram(self) -> Float[np.ndarray, "g g"]:
@@ -151,8 +148,7 @@ class AngularGrid:
         gamma = np.deg2rad(self.gamma_deg)
         waves = np.pi * np.sin(gamma) / np.gradient(gamma)
         resolved = waves[None, :] >= np.arange(self.planes // 2 + 1)[:, None]
-        first: Int[np.ndarray, " m"] = np.where(resolved.any(axis=1), resolved.argmax(axis=1), len(gamma))
-        return first
+        return np.where(resolved.any(axis=1), resolved.argmax(axis=1), len(gamma))
 
     def fitted(self, deposits: Float[np.ndarray, "p c g"]) -> Float[np.ndarray, "p c g"]:
         """Intensities (W/sr) at the nodes for each of ``p`` deposits; some may be below 0."""
@@ -165,8 +161,7 @@ class AngularGrid:
                 solved = self._along_gamma(np.concatenate([right.real, right.imag], axis=1), int(first))
                 found[:, wave] = (solved[:, : len(deposits)] + 1j * solved[:, len(deposits) :]).T
         found[:, 0] = self._pooled(found[:, 0].real, deposits.sum(axis=(0, 1)))
-        table: Float[np.ndarray, "p c g"] = np.fft.irfft(found, n=self.planes, axis=1)
-        return table
+        return np.fft.irfft(found, n=self.planes, axis=1)
 
     def _pooled(self, means: Float[np.ndarray, "p g"], flux: Float[np.ndarray, " g"]) -> Float[np.ndarray, "p g"]:
         """``means`` of all cones with those about the axis on a parabola a + b gamma^2, of the same flux.
@@ -248,3 +243,158 @@ def finest_grid(beam_deg: float) -> AngularGrid:
     steps = _NARROW_STEPS if narrow is not None else round(reach / 10.0) * _STEPS_PER_10_DEG
     inside, outside = np.linspace(0.0, reach, steps + 1), np.linspace(reach, 90.0, _OUTSIDE_STEPS + 1)
     return AngularGrid(_FINEST_PLANES, np.unique(np.concatenate([inside, outside])))  # the beam's end once
+
+
+_COARSEST = (4, 6)  # halvings of the finest grid in C and in gamma, where the choice begins: 10 by 10 degrees
+_BRIGHT = 0.1  # of the peak: where relative errors are stated
+_LEAST_SAMPLES = 3  # by which an error of interpolation, and the error of that, can be told from noise
+_RICHARDSON = 4.0 / 3.0  # the error of linear interpolation is 4/3 of what halving its steps changes
+
+Level = tuple[int, int]  # halvings of the finest grid in C and in gamma
+Samples = Float[np.ndarray, "p c g"]
+
+
+@dataclass(frozen=True, eq=False)
+class FittedIntensity:
+    """Intensity tables (W/sr) of independent samples on ``grid``, each of all the flux; their mean is the result.
+
+    ``interpolation_error``: rms, relative to the peak, of what a table of half the steps adds where the light is
+    brighter than a tenth of the peak, and one standard error of that; None where so few samples cannot tell.
+    ``finer``: the table of half the steps, by all samples: what it changes is the error of a figure by interpolation.
+    """
+
+    grid: AngularGrid
+    samples: Samples
+    interpolation_error: float | None
+    finer: TabulatedIntensity
+
+    @property
+    def values(self) -> Float[np.ndarray, "c g"]:
+        """Intensity (W/sr) at the nodes; on the axis, where all planes meet, the same in all of them."""
+        return np.asarray(self.samples.mean(axis=0))
+
+    @property
+    def standard_errors(self) -> Float[np.ndarray, "c g"] | None:
+        """Standard error (W/sr) at each node, by the spread of the samples; None where there is one alone."""
+        count = len(self.samples)
+        if count < 2:
+            return None
+        return np.asarray(self.samples.std(axis=0, ddof=1) / np.sqrt(count))
+
+    @property
+    def node_error(self) -> Extent | None:
+        """Relative standard error of the nodes brighter than a tenth of the peak: rms, by solid angle, and largest."""
+        errors, values = self.standard_errors, self.values
+        if errors is None:
+            return None
+        bright = _bright(values)
+        relative = errors[bright] / values[bright]
+        weights = np.broadcast_to(self.grid.solid_angles, values.shape)[bright]
+        rms = float(np.sqrt((relative**2 @ weights) / weights.sum()))
+        return Extent(max=float(relative.max()), rms=rms)
+
+    @cached_property
+    def peak(self) -> Metric:
+        """Largest intensity (W/sr), noise taken off."""
+        largest = largest_without_noise(self.samples.reshape(len(self.samples), -1))
+        return largest.model_copy(update={"unit": "W/sr"})
+
+
+def fit(finest: AngularGrid, deposits: Samples) -> FittedIntensity:
+    """Fit a table to the ``deposits`` of independent samples on ``finest``, which measures the error of the next."""
+    pyramid = _Pyramid(finest, deposits)
+    level: Level = _COARSEST
+    while (finer := _worthwhile(pyramid, level)) is not None:
+        level = finer
+    half = (level[0] - 1, level[1] - 1)
+    table = pyramid.grid(half).table(pyramid.table(half).mean(axis=0))
+    return FittedIntensity(pyramid.grid(level), pyramid.table(level), _interpolation_error(pyramid, level), table)
+
+
+class _Pyramid:
+    """Grids and fitted tables at all levels, made when needed."""
+
+    def __init__(self, finest: AngularGrid, deposits: Samples) -> None:
+        self._grids = {(0, 0): finest}
+        self._deposits = {(0, 0): deposits}
+        self._tables: dict[Level, Samples] = {}
+
+    def grid(self, level: Level) -> AngularGrid:
+        """Grid after the halvings of ``level``."""
+        if level not in self._grids:
+            before, axis = _before(level)
+            self._grids[level] = self.grid(before).coarser(axis)
+            self._deposits[level] = self._grids[before].restricted(self._deposits[before], axis)
+        return self._grids[level]
+
+    def table(self, level: Level) -> Samples:
+        """Tables fitted at ``level``."""
+        if level not in self._tables:
+            self._tables[level] = self.grid(level).fitted(self._deposits[level])
+        return self._tables[level]
+
+    def difference(self, coarse: Level, fine: Level) -> Samples:
+        """Tables at ``fine`` less those at ``coarse``, on the grid of ``fine``."""
+        values = self.table(coarse)
+        for c in range(coarse[0], fine[0], -1):
+            values = self.grid((c - 1, coarse[1])).refined(values, "c")
+        for gamma in range(coarse[1], fine[1], -1):
+            values = self.grid((fine[0], gamma - 1)).refined(values, "gamma")
+        return np.asarray(self.table(fine) - values)
+
+
+def _before(level: Level) -> tuple[Level, Axis]:
+    """Level from which one halving leads to ``level``, and its axis."""
+    c, gamma = level
+    return ((c - 1, gamma), "c") if c > 0 else ((c, gamma - 1), "gamma")
+
+
+def _worthwhile(pyramid: _Pyramid, level: Level) -> Level | None:
+    """The finer level that gains most; None where none gains structure beyond its noise."""
+    c, gamma = level
+    best, gain = None, 0.0
+    for finer in ((c - 1, gamma), (c, gamma - 1), (c - 1, gamma - 1)):
+        if min(finer) < 1:
+            continue
+        difference, fine = pyramid.difference(level, finer), pyramid.grid(finer)
+        if len(difference) < 2:
+            continue
+        structure = float((_mean_square(difference) * fine.solid_angles).sum())
+        noise = float((_variance(pyramid.table(finer)) * fine.solid_angles).sum())
+        noise -= float((_variance(pyramid.table(level)) * pyramid.grid(level).solid_angles).sum())
+        if structure - noise > gain:
+            best, gain = finer, structure - noise
+    return best
+
+
+def _interpolation_error(pyramid: _Pyramid, level: Level) -> float | None:
+    """Error of the table by what half its steps add, one standard error (by the jackknife) above the estimate."""
+    finer = (level[0] - 1, level[1] - 1)
+    difference, grid = pyramid.difference(level, finer), pyramid.grid(finer)
+    count = len(difference)
+    if count < _LEAST_SAMPLES:
+        return None
+    mean = pyramid.table(level).mean(axis=0)
+    bright = _bright(grid.refined(grid.coarser("gamma").refined(mean[None], "c"), "gamma")[0])
+    weights = np.broadcast_to(grid.solid_angles, bright.shape)[bright]
+    added = difference[:, bright]
+    total, squares = added.sum(axis=0), (added**2).sum(axis=0)
+    whole = (total**2 - squares) @ weights / (count * (count - 1.0) * weights.sum())
+    without = [((total - own) ** 2 - squares + own**2) @ weights for own in added]
+    spread = np.std(without) / ((count - 1.0) * (count - 2.0) * weights.sum())
+    square = whole + np.sqrt(count - 1.0) * spread
+    return _RICHARDSON * float(np.sqrt(max(square, 0.0))) / float(mean.max())
+
+
+def _bright(values: Float[np.ndarray, "c g"]) -> Bool[np.ndarray, "c g"]:
+    return np.asarray(values > _BRIGHT * values.max())
+
+
+def _variance(samples: Samples) -> Float[np.ndarray, "c g"]:
+    """Variance of the mean of ``samples``."""
+    return np.asarray(samples.var(axis=0, ddof=1) / len(samples))
+
+
+def _mean_square(samples: Samples) -> Float[np.ndarray, "c g"]:
+    """Square of the mean of ``samples`` less its variance: unbiased for the square of what they have in common."""
+    return np.asarray(samples.mean(axis=0) ** 2 - _variance(samples))

@@ -10,14 +10,20 @@ polarised in the plane of the ray and z, and across it; what they reflect goes b
 from dataclasses import dataclass, replace
 
 import numpy as np
-import torch
 from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.kernels.fresnel import behind_plate, behind_plate_adjoint
 from lensforge.kernels.parallel import in_chunks
+from lensforge.optics.arrays import Array, like, module_of
 from lensforge.optics.coatings import coated_faces, coating_tables, whole_span
-from lensforge.optics.dielectric import coated_transmittances, fresnel_transmittances, transmitted_cosine_squared
+from lensforge.optics.dielectric import (
+    Ratio,
+    Transmittances,
+    coated_transmittances,
+    fresnel_transmittances,
+    transmitted_cosine_squared,
+)
 from lensforge.optics.media import Media
 from lensforge.scene.exit_rays import ExitRays, Sensitivities
 from lensforge.sources.ray_bundle import RayBundle
@@ -115,12 +121,12 @@ _Plate = tuple[bool, float, float, float]
 
 
 def behind_glass(rays: ExitRays, media: Media, fresnel: bool = True, coatings: RayCoatings = NO_COATINGS) -> ExitRays:
-    """``rays``, float64 on the CPU, as they are behind the cover glass of ``media``; themselves where there is none."""
+    """``rays``, NumPy arrays, as they are behind the cover glass of ``media``; themselves where there is none."""
     if media.cover_glass is None:
         return rays
     plate, (coating, rows) = _packed(media, fresnel), coatings.of_glass
-    points, flux = rays.points.numpy().copy(), rays.flux.numpy().copy()
-    directions, fates, lost = rays.directions.numpy(), rays.fates.numpy(), np.empty(len(flux))
+    points, flux = rays.points.copy(), rays.flux.copy()
+    directions, fates, lost = rays.directions, rays.fates, np.empty(len(flux))
     heights, axial = points[:, 2], _axial(rays)
 
     def work(_: int, part: slice) -> None:
@@ -130,8 +136,7 @@ def behind_glass(rays: ExitRays, media: Media, fresnel: bool = True, coatings: R
         )  # fmt: skip
 
     in_chunks(work, len(flux))
-    behind = (torch.from_numpy(array) for array in (points, flux, lost))
-    return replace(rays, **dict(zip(("points", "flux", "lost_in_glass"), behind, strict=True)))
+    return replace(rays, points=points, flux=flux, lost_in_glass=lost)
 
 
 def before_glass(
@@ -149,7 +154,7 @@ def before_glass(
     if media.cover_glass is None:
         return by, by_flux, None
     plate, (coating, rows) = _packed(media, fresnel), coatings.of_glass
-    directions, fates, flux = rays.directions.numpy(), rays.fates.numpy(), rays.flux.numpy()
+    directions, fates, flux = rays.directions, rays.fates, rays.flux
     by_directions, by_own_flux = by.by_directions.copy(), by_flux.copy()
     by_heights, by_cosines = by.by_points[:, 2], by_directions[:, 2]
     axial, by_axial = _axial(rays), np.empty(len(flux))
@@ -166,7 +171,7 @@ def before_glass(
 
 
 def _axial(rays: ExitRays) -> Float[np.ndarray, " n"]:
-    return np.zeros(len(rays.flux)) if rays.axial is None else rays.axial.numpy()
+    return np.zeros(len(rays.flux)) if rays.axial is None else rays.axial
 
 
 def _packed(media: Media, fresnel: bool) -> _Plate:
@@ -176,30 +181,43 @@ def _packed(media: Media, fresnel: bool) -> _Plate:
     return fresnel, media.outside_index / glass.refractive_index, glass.thickness_mm, glass.absorption_per_mm
 
 
-def behind_glass_in_torch(
+def behind_glass_by_arrays(
     rays: ExitRays, media: Media, fresnel: bool = True, coatings: RayCoatings = NO_COATINGS
 ) -> ExitRays:
-    """:func:`behind_glass` in plain torch, on any device and in any precision; differentiable."""
+    """:func:`behind_glass` in NumPy or in torch, on any device and in any precision; there differentiable."""
     glass = media.cover_glass
     if glass is None:
         return rays
+    xp = module_of(rays.flux)
     meets = (rays.directions[:, 2] > 0.0) & rays.left_lens
-    outside = torch.where(meets, rays.directions[:, 2], 1.0)
+    outside = xp.where(meets, rays.directions[:, 2], 1.0)
     ratio = media.outside_index / glass.refractive_index
-    inside = torch.sqrt(transmitted_cosine_squared(outside, ratio))
+    inside = xp.sqrt(transmitted_cosine_squared(outside, ratio))
     nearer = glass.thickness_mm * (1.0 - ratio * outside / inside)
-    passed = rays.flux * torch.exp(-glass.absorption_per_mm * glass.thickness_mm / inside)
+    passed = rays.flux * xp.exp(-glass.absorption_per_mm * glass.thickness_mm / inside)
     if fresnel:
-        if coatings.glass is None:
-            t_s, t_p, excess = fresnel_transmittances(outside, ratio)
-        else:
-            table, rows = (torch.as_tensor(each).to(outside) for each in (coatings.glass, coatings.rows))
-            t_s, t_p, excess = coated_transmittances(outside, ratio, table, rows)
+        t_s, t_p, excess = face_transmittances(outside, ratio, coatings.glass, coatings.rows)
         assert rays.axial is not None
-        in_plane = rays.axial / torch.where(rays.flux > 0.0, rays.flux, 1.0)
+        in_plane = rays.axial / xp.where(rays.flux > 0.0, rays.flux, 1.0)
         passed = passed * (t_s**2 + (t_s + t_p) * excess * in_plane)
-    up = torch.zeros_like(rays.points)
-    up[:, 2] = 1.0
-    flux = torch.where(meets, passed, rays.flux)
-    points = rays.points + torch.where(meets, nearer, 0.0)[:, None] * up
+    flux = xp.where(meets, passed, rays.flux)
+    up = like(rays.points, np.array([0.0, 0.0, 1.0]))
+    points = rays.points + xp.where(meets, nearer, 0.0)[:, None] * up
     return replace(rays, points=points, flux=flux, lost_in_glass=rays.flux - flux)
+
+
+def face_transmittances(
+    cosine: Float[Array, " n"],
+    ratio: Ratio,
+    coating: Float[np.ndarray, "k m 2"] | None,
+    rows: Float[np.ndarray, " j"],
+    own: Array | slice = slice(None),
+) -> Transmittances:
+    """Transmitted shares at a face, coated or not; ``rows``: places among its table's, of which ``own`` are the rays'.
+
+    Mask total reflection first.
+    """
+    if coating is None:
+        return fresnel_transmittances(cosine, ratio)
+    places = like(cosine, rows)
+    return coated_transmittances(cosine, ratio, like(cosine, coating), places if len(rows) == 1 else places[own])

@@ -85,7 +85,7 @@ def tables_on(
     device: torch.device, inner: Float[Tensor, "side side"], outer: Float[Tensor, "side side"], scene: Scene
 ) -> tuple[DeviceTable, DeviceTable]:
     """Both tables and their bounds on ``device``. Raises :class:`InputError` for a radius that is not positive."""
-    bounds = checked_bounds(inner, outer, scene)
+    bounds = checked_bounds(inner.detach().numpy(), outer.detach().numpy(), scene)
     first, second = (
         DeviceTable.of(table, scene.grid, bound, device) for table, bound in zip((inner, outer), bounds, strict=True)
     )
@@ -167,28 +167,23 @@ def first_crossing(table: DeviceTable, origins: Float[Tensor, "n 3"], directions
     with torch.no_grad():
         starts, along = origins.T.contiguous(), directions.T.contiguous()
         lengths = torch.zeros_like(starts[0])
-        gaps, slopes = torch.empty_like(lengths), torch.empty_like(lengths)
         states = torch.full_like(lengths, _GOING, dtype=torch.int8)
         going = torch.arange(len(lengths), device=lengths.device)
         for _ in range(MAX_STEPS):
             if len(going) == 0:
                 break
-            lengths[going], states[going], gaps[going], slopes[going] = _stride(
-                table, starts[:, going], along[:, going], lengths[going]
-            )
+            lengths[going], states[going] = _stride(table, starts[:, going], along[:, going], lengths[going])
             going = going[states[going] == _GOING]
         states[going] = LOST
         last = torch.nonzero(states == _BRACKETED)[:, 0]
-        lengths[last], states[last] = _close_in(
-            table, starts[:, last], along[:, last], lengths[last], gaps[last], slopes[last]
-        )
+        lengths[last], states[last] = _close_in(table, starts[:, last], along[:, last], lengths[last])
         return Crossing(lengths, states == FOUND, states == LOST)
 
 
 def _stride(
     table: DeviceTable, starts: Float[Tensor, "3 n"], along: Float[Tensor, "3 n"], t: Float[Tensor, " n"]
-) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """One safe step of each ray: its path, its state, and F and F' where it has evaluated the surface."""
+) -> tuple[Float[Tensor, " n"], Int8[Tensor, " n"]]:
+    """One safe step of each ray: its path and its state."""
     points, least = starts + t * along, table.bounds.least
     place = _Place.of(points, along)
     ahead = _Ahead.of(table, place)
@@ -199,15 +194,14 @@ def _stride(
     leap = torch.sqrt(place.outward**2 + (radius - place.r) * (radius + place.r)) - place.outward
     leap = torch.where(in_ball, leap * (1.0 + 1e-15) + 1e-15 * least, ahead.within(leap))
     path, state = torch.where(below, t, t + leap), torch.where(below, BELOW, _GOING).to(torch.int8)
-    gap, slope = torch.zeros_like(t), torch.zeros_like(t)
     look = torch.nonzero(~(below | in_ball | deep))[:, 0]
-    path[look], state[look], gap[look], slope[look] = _look(table, points[:, look], along[:, look], t[look])
-    return path, state, gap, slope
+    path[look], state[look] = _look(table, points[:, look], along[:, look], t[look])
+    return path, state
 
 
 def _look(
     table: DeviceTable, points: Float[Tensor, "3 n"], along: Float[Tensor, "3 n"], t: Float[Tensor, " n"]
-) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+) -> tuple[Float[Tensor, " n"], Int8[Tensor, " n"]]:
     """Result of ``_stride`` where F is evaluated: at a root, before the only one, or a step of the parabola."""
     place = _Place.of(points, along)
     ahead = _Ahead.of(table, place)
@@ -224,65 +218,31 @@ def _look(
     reached = torch.where((-1e-12 * place.r < gap) & (t > 0.0), FOUND, LOST)
     state = torch.where(only, _BRACKETED, torch.where(move <= 1e-13 * place.r, FOUND, _GOING))
     state = torch.where(at_root, reached, state).to(torch.int8)
-    return torch.where(at_root | only, t, t + move), state, gap, slope
-
-
-class _Bracket(NamedTuple):
-    """Bracket of each root, the next guess, F and 1/F' at the guess before, and the path down to the plane z = 0."""
-
-    low: Float[Tensor, " n"]
-    high: Float[Tensor, " n"]
-    t: Float[Tensor, " n"]
-    before: Float[Tensor, " n"]
-    F_before: Float[Tensor, " n"]
-    inverse_before: Float[Tensor, " n"]
-    plane: Float[Tensor, " n"]
+    return torch.where(at_root | only, t, t + move), state
 
 
 def _close_in(
-    table: DeviceTable,
-    starts: Float[Tensor, "3 n"],
-    along: Float[Tensor, "3 n"],
-    t: Float[Tensor, " n"],
-    F: Float[Tensor, " n"],
-    slope: Float[Tensor, " n"],
+    table: DeviceTable, starts: Float[Tensor, "3 n"], along: Float[Tensor, "3 n"], t: Float[Tensor, " n"]
 ) -> tuple[Float[Tensor, " n"], Int8[Tensor, " n"]]:
-    """The one root in ``[t, t - 2 F/slope]`` and the states: Newton, then inverse Hermite interpolation.
+    """The only root ahead of ``t``, by Newton, and the states.
 
-    The bracket ends at the plane z = 0: as ``first_hit.close_in``.
+    It converges: ``2 C F <= F'^2`` with a bound C of ``|F''|`` is the condition of Kantorovich. The search ends at the
+    plane z = 0.
     """
     roots, states = t.clone(), torch.full_like(t, LOST, dtype=torch.int8)
     plane = torch.where(along[2] < 0.0, -starts[2] / along[2], torch.inf)
-    high = torch.minimum(t - 2.0 * F / slope, plane)
-    bracket = _Bracket(t, high, torch.minimum(t - F / slope, high), t, F, 1.0 / slope, plane)
     going = torch.arange(len(t), device=t.device)
     for _ in range(MAX_CLOSING):
         if len(going) == 0:
             break
-        place = _Place.of(starts[:, going] + bracket.t * along[:, going], along[:, going])
+        path = roots[going]
+        place = _Place.of(starts[:, going] + path * along[:, going], along[:, going])
         F, slope = place.gap_and_slope(table)
         newton = -F / slope
         found = (newton.abs() <= TOLERANCE * place.r) | (F.abs() <= ROUNDING * place.r)
-        below = ~found & (F > 0.0) & (bracket.t >= bracket.plane)
-        roots[going] = bracket.t + torch.where(found, newton, 0.0)
+        below = ~found & (F > 0.0) & (path >= plane[going])
+        ahead = torch.minimum(path + newton, plane[going])
+        roots[going] = torch.where(found, path + newton, torch.where(below, path, ahead))
         states[going] = torch.where(found, FOUND, torch.where(below, BELOW, LOST)).to(torch.int8)
-        ahead = ~(found | below)
-        bracket = _Bracket(*(each[ahead] for each in _narrowed(bracket, F, 1.0 / slope)))
-        going = going[ahead]
+        going = going[~(found | below)]
     return roots, states
-
-
-def _narrowed(bracket: _Bracket, F: Float[Tensor, " n"], inverse: Float[Tensor, " n"]) -> _Bracket:
-    """Bracket after an evaluation at its guess, and a better guess: safeguarded, as in ``first_hit.close_in``."""
-    t, before = bracket.t, bracket.before
-    low, high = torch.where(F > 0.0, t, bracket.low), torch.where(F > 0.0, bracket.high, t)
-    # divided differences of t as a function of F, each point counted twice
-    per_F = 1.0 / (F - bracket.F_before)
-    secant = (t - before) * per_F
-    second = (inverse - secant) * per_F
-    third = (bracket.inverse_before - 2.0 * secant + inverse) * per_F * per_F
-    newton = t - F * inverse
-    guess = newton + F * F * (second - third * bracket.F_before)
-    for other in (torch.minimum(newton, bracket.plane), 0.5 * (low + high)):
-        guess = torch.where((low <= guess) & (guess <= high), guess, other)
-    return _Bracket(low, high, guess, t, F, inverse, bracket.plane)

@@ -14,14 +14,25 @@ from jaxtyping import Bool, Float
 
 from lensforge import seeds
 from lensforge.kernels.fate import Fate
-from lensforge.light.evaluation_result import FittedLight, Light, PresetError, TableError, TableErrors, light_criteria
+from lensforge.light.evaluation_result import (
+    FittedLight,
+    Light,
+    LimitResult,
+    PresetError,
+    TableError,
+    TableErrors,
+    light_criteria,
+)
 from lensforge.light.exact_trace import TableScan, exact_surfaces, trace_exact
-from lensforge.light.judged_limits import judged_limits
 from lensforge.light.metrics import (
     Images,
     jackknife_metric,
+    largest_without_noise,
+    least_over_mean,
+    least_without_noise,
     nmse,
     nmse_estimate,
+    ratio_of,
     relative_deviation,
     relative_square,
     uniformity,
@@ -47,15 +58,16 @@ from lensforge.light.simulation import (
     simulate,
     traced_light,
 )
-from lensforge.results import Metric
+from lensforge.results import Metric, Sense
 from lensforge.results.chart import light_unit
 from lensforge.scene.lens import Lens
 from lensforge.scene.limit_readings import LightLimit, light_limits
 from lensforge.scene.pixel_grid import flux_in, gaussian3, rebinned, splat_flux
 from lensforge.scene.possible_light import PossibleLight, SourceLight
-from lensforge.scene.receiver import Hits, Receiver
+from lensforge.scene.receiver import Landings, PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import DrawnTarget, coarser_target, drawn_target, uniform_region
+from lensforge.sources.intensity import width_above
 from lensforge.sources.measured_rays import held_back, searched
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec import AnyReceiver, Spec
@@ -75,10 +87,10 @@ def measure_preset(lens: Lens, source: Source, design: TracedLens, evaluation: T
     # in one go: many small arrays take longer
     rays = RayBundle.joined([source.sample(count, seed) for seed in own_seeds])
     receiver = receivers_of(lens.spec, lens.spec.optimise.pixels)[0]
-    inner, outer = (TableScan(evaluation.scene.grid, table.numpy()) for table in (evaluation.inner, evaluation.outer))
+    inner, outer = (TableScan(evaluation.scene.grid, table) for table in (evaluation.inner, evaluation.outer))
     surfaces = exact_surfaces(lens, (inner, outer))
     exits = evaluation.seen(rays, lambda own: trace_exact(*surfaces, lens.media, own))
-    exact = Hits.of(receiver.land_in_torch(exits))
+    exact = receiver.land(exits)
     return PresetError(
         rays=len(rays),
         scrambles=_SCRAMBLES,
@@ -87,9 +99,12 @@ def measure_preset(lens: Lens, source: Source, design: TracedLens, evaluation: T
     )
 
 
-def _stage(traced: TracedLens, rays: RayBundle, exact: Hits, receiver: Receiver, emitted_w: float) -> TableError:
-    landed = Hits.of(receiver.land(traced.trace(rays)))
+def _stage(
+    traced: TracedLens, rays: RayBundle, exact: Landings, receiver: PosedReceiver, emitted_w: float
+) -> TableError:
+    landed = receiver.land(traced.trace(rays))
     squares, pictures, lost, largest = [], [], [], 0.0
+    unit = "" if receiver.kind == "far_field" else "mm"
     for rows in np.split(np.arange(len(rays)), _SCRAMBLES):
         tabulated, reference = landed.take(rows), exact.take(rows)
         on = (np.abs(reference.hits) <= 0.5 * np.array(receiver.grid.size)).all(axis=1)
@@ -104,7 +119,7 @@ def _stage(traced: TracedLens, rays: RayBundle, exact: Hits, receiver: Receiver,
         table_error_nm=max(traced.table_error_nm.values()),
         hit_max_mm=largest,
         hit_mm=jackknife_metric(
-            np.array(squares), lambda mean: float(np.sqrt(mean[0] / mean[1])) if mean[1] else 0.0, "mm"
+            np.array(squares), lambda mean: float(np.sqrt(mean[0] / mean[1])) if mean[1] else 0.0, unit
         ),
         irradiance_nmse=jackknife_metric(np.array(pictures), relative_square),
         efficiency=jackknife_metric(np.array(lost), float),
@@ -302,3 +317,62 @@ def _flux_budget(received: ReceivedFlux, emitted_w: float) -> tuple[Flux, Missed
         reflected=max(0.0, 1.0 - float(share.sum())),  # the rest: all of it may be rounding
     )
     return flux, missed
+
+
+Readings = Float[np.ndarray, "r k"]
+
+
+def judged_limits(
+    limits: Sequence[LightLimit], images: Sequence[Float[np.ndarray, "_ _ _"]], names: Sequence[str]
+) -> tuple[LimitResult, ...]:
+    """Judge ``limits`` on the filtered pictures of flux (W) of every replicate, one stack for each receiver."""
+    return tuple(_judged(limit, images[limit.receiver], names[limit.receiver]) for limit in limits)
+
+
+def _judged(limit: LightLimit, images: Float[np.ndarray, "r h w"], receiver: str) -> LimitResult:
+    return LimitResult(
+        name=limit.name,
+        receiver=receiver,
+        quantity=_QUANTITIES[limit.quantity],
+        value=limit_value(limit, images),
+        sense=limit.sense,
+        bound=limit.bound,
+        unit=limit.unit,
+    )
+
+
+_QUANTITIES = {
+    "light": "light",
+    "relative": "light over its maximum",
+    "min_over_mean": "least over mean light",
+    "min_over_max": "least over largest light",
+    "share": "share of the flux",
+    "beam_angle": "beam angle",
+}
+
+
+def limit_value(limit: LightLimit, images: Float[np.ndarray, "r h w"]) -> Metric:
+    """The value that decides, in the limit's unit."""
+    readings = limit.of(images)
+    match limit.quantity:
+        case "share":
+            return jackknife_metric(readings.sum(axis=1), float)
+        case "beam_angle":
+            return jackknife_metric(readings, lambda mean: beam_angle(limit, mean), limit.unit)
+        case "light":
+            return _extreme(readings, limit.sense).model_copy(update={"unit": limit.unit})
+        case "min_over_mean":
+            return least_over_mean(readings).metric()
+    whole = readings if limit.quantity == "min_over_max" else limit.light_per_flux * images.reshape(len(images), -1)
+    return ratio_of(_extreme(readings, limit.sense if limit.quantity == "relative" else ">="), _extreme(whole, "<="))
+
+
+def _extreme(readings: Readings, sense: Sense) -> Metric:
+    """The least reading for a lower bound, the largest for an upper one, without the noise that would choose it."""
+    return least_without_noise(readings) if sense == ">=" else largest_without_noise(readings)
+
+
+def beam_angle(limit: LightLimit, light: Float[np.ndarray, " k"]) -> float:
+    """Full angle (deg) between the outermost places of a cut at ``level`` of its maximum, linear between places."""
+    assert limit.angles_deg is not None
+    return width_above(limit.angles_deg, light, limit.level * float(light.max())) or 0.0

@@ -84,7 +84,8 @@ class TableErrors(Record):
 class TableError(Record):
     """Error of a stage's tables against the exact surfaces, by the same rays: an upper bound.
 
-    ``hit_mm``, ``hit_max_mm``: root mean square and largest shift of the hits, over rays that arrive through both.
+    ``hit_mm``, ``hit_max_mm``: root mean square and largest shift of the hits, over rays that arrive through both; in
+    the far field, which has no width in mm, on its chart of radius 2 sin(gamma / 2).
     """
 
     table_error_nm: NotNegative

@@ -10,11 +10,10 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import torch
 from jaxtyping import Bool, Float
-from torch import Tensor
 
-from lensforge.light.sequential_trace import Crossing, TensorRays, TracedSurface, trace_sequence
+from lensforge.light.sequential_trace import Crossing, EnteringRays, TracedSurface, trace_sequence
+from lensforge.optics.arrays import Array, lengths, like, module_of, without_gradient
 from lensforge.optics.media import Media
 from lensforge.scene.as_made import AsMade
 from lensforge.scene.exit_rays import ExitRays
@@ -48,15 +47,15 @@ class DenseScan:
     reach_mm: float | None = None  # None: as far as the surface may reach
 
     def first_crossing(
-        self, surface: BoundedSurface, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]
+        self, surface: BoundedSurface, origins: Float[Array, "n 3"], directions: Float[Array, "n 3"]
     ) -> Crossing:
         """First sign change within reach; no search is ever given up."""
 
-        def inside(lengths: Float[Tensor, " n"]) -> Bool[Tensor, " n"]:
-            return surface.gap(origins + lengths[:, None] * directions) >= 0.0
+        def inside(paths: Float[Array, " n"]) -> Bool[Array, " n"]:
+            return surface.gap(origins + paths[:, None] * directions) >= 0.0
 
-        with torch.no_grad():
-            reach = torch.full_like(origins[:, 0], surface.reach_mm if self.reach_mm is None else self.reach_mm)
+        with without_gradient(origins):
+            reach = surface.reach_mm if self.reach_mm is None else self.reach_mm
             return _bracketed(inside, reach, _to_plane(origins, directions), self.steps, self.bisections)
 
 
@@ -74,41 +73,40 @@ class TableScan:
     bisections: int = 30
 
     def first_crossing(
-        self, surface: TracedSurface, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]
+        self, surface: TracedSurface, origins: Float[Array, "n 3"], directions: Float[Array, "n 3"]
     ) -> Crossing:
         """First crossing of the table's surface, moved onto the exact one."""
 
-        def inside(lengths: Float[Tensor, " n"]) -> Bool[Tensor, " n"]:
-            points = origins + lengths[:, None] * directions
-            distance = torch.linalg.norm(points, dim=1)
+        def inside(paths: Float[Array, " n"]) -> Bool[Array, " n"]:
+            points = np.asarray(origins + paths[:, None] * directions)
             # rays end at z = 0, to rounding; the origin has no direction, and is inside whatever it is taken for
-            height = points[:, 2].clamp(min=0.0)
-            at_origin = (points[:, :2] == 0.0).all(dim=1) & (height == 0.0)
-            seen = torch.column_stack([points[:, :2], torch.where(at_origin, 1.0, height)])
-            rho: Tensor = torch.from_numpy(evaluate_table(self.grid, self.table, seen.numpy()))
-            return torch.ge(rho, distance)
+            height = np.maximum(points[:, 2], 0.0)
+            at_origin = (points[:, :2] == 0.0).all(axis=1) & (height == 0.0)
+            seen = np.column_stack([points[:, :2], np.where(at_origin, 1.0, height)])
+            within: Bool[np.ndarray, " n"] = evaluate_table(self.grid, self.table, seen) >= lengths(points)
+            return like(paths > 0.0, within)
 
-        with torch.no_grad():
-            reach = torch.full_like(origins[:, 0], 2.5 * float(self.table.max()))
+        with without_gradient(origins):
+            reach = 2.5 * float(self.table.max())
             crossing = _bracketed(inside, reach, _to_plane(origins, directions), self.steps, self.bisections)
-            lengths = crossing.lengths
+            paths, xp = crossing.lengths, module_of(origins)
             for _ in range(self.newton_steps):
-                points = origins + lengths[:, None] * directions
-                slope = -torch.sum(surface.normal(points) * directions, dim=1)
-                lengths = lengths - surface.gap(points) / torch.where(slope < 0.0, slope, -torch.inf)
-            return crossing._replace(lengths=lengths)
+                points = origins + paths[:, None] * directions
+                slope = -(surface.normal(points) * directions).sum(1)
+                paths = paths - surface.gap(points) / xp.where(slope < 0.0, slope, -np.inf)
+            return crossing._replace(lengths=paths)
 
 
-def _to_plane(origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
+def _to_plane(origins: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Float[Array, " n"]:
     """Path (mm) of each ray from z >= 0 down to the plane z = 0, below which no surface counts; infinite upwards."""
-    fall = -directions[:, 2]
-    return torch.where(fall > 0.0, origins[:, 2] / torch.where(fall > 0.0, fall, 1.0), torch.inf)
+    fall, xp = -directions[:, 2], module_of(directions)
+    return xp.where(fall > 0.0, origins[:, 2] / xp.where(fall > 0.0, fall, 1.0), np.inf)
 
 
 def _bracketed(
-    inside: Callable[[Float[Tensor, " n"]], Bool[Tensor, " n"]],
-    reach: Float[Tensor, " n"],
-    end: Float[Tensor, " n"],
+    inside: Callable[[Float[Array, " n"]], Bool[Array, " n"]],
+    reach: float,
+    end: Float[Array, " n"],
     steps: int,
     bisections: int,
 ) -> Crossing:
@@ -116,41 +114,43 @@ def _bracketed(
 
     No ray is followed beyond ``end`` (mm).
     """
-    low, high, found = torch.zeros_like(reach), torch.minimum(reach, end), torch.zeros_like(reach, dtype=torch.bool)
+    xp = module_of(end)
+    low, high = xp.zeros_like(end), xp.where(end < reach, end, reach)
+    found = low > 0.0
     for step in range(1, steps + 1):
         if bool(found.all()):
             break
-        here = torch.minimum(reach * step / steps, end)
+        here = xp.where(end < reach * step / steps, end, reach * step / steps)
         outside = ~inside(here)
-        high = torch.where(outside & ~found, here, high)
-        found |= outside
-        low = torch.where(found, low, here)
+        high = xp.where(outside & ~found, here, high)
+        found = found | outside
+        low = xp.where(found, low, here)
     for _ in range(bisections):
         middle = 0.5 * (low + high)
         before = inside(middle)
-        low, high = torch.where(before, middle, low), torch.where(before, high, middle)
-    return Crossing(0.5 * (low + high), found, torch.zeros_like(found))
+        low, high = xp.where(before, middle, low), xp.where(before, high, middle)
+    return Crossing(0.5 * (low + high), found, xp.zeros_like(found))
 
 
 @dataclass(frozen=True)
 class FixedSurface:
-    """A surface whose shape is constant, by its own radius and gradient: float64 on the CPU."""
+    """A surface whose shape is constant, by its own radius and gradient: NumPy arrays."""
 
     surface: Surface
     scan: DenseScan | TableScan
 
-    def normal(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
+    def normal(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """Gradient of ``|p| - rho(p/|p|)``: away from the origin, not normalised."""
-        directions, distance = _directions(points), torch.linalg.norm(points, dim=1, keepdim=True)
-        turned: Tensor = torch.from_numpy(self.surface.gradient(directions)) / distance
-        return torch.from_numpy(directions) - turned
+        directions = _directions(points)
+        normal: Float[np.ndarray, "n 3"] = directions - self.surface.gradient(directions) / lengths(points)[:, None]
+        return normal
 
-    def gap(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
+    def gap(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """``F = rho - |p|`` (mm): positive inside."""
-        rho: Tensor = torch.from_numpy(self.surface.radius(_directions(points)))
-        return torch.sub(rho, torch.linalg.norm(points, dim=1))
+        gap: Float[np.ndarray, " n"] = self.surface.radius(_directions(points)) - lengths(points)
+        return gap
 
-    def first_crossing(self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Crossing:
+    def first_crossing(self, origins: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]) -> Crossing:
         """First crossing by ``scan``."""
         return self.scan.first_crossing(self, origins, directions)
 
@@ -160,11 +160,10 @@ class FixedSurface:
         return 2.2 * float(self.surface.radius(fibonacci_hemisphere(_SIZE_DIRECTIONS)).max())
 
 
-def _directions(points: Float[Tensor, "n 3"]) -> Float[np.ndarray, "n 3"]:
+def _directions(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
     """Unit directions of points; the origin has none, and is inside whatever it is taken for."""
-    distance = torch.linalg.norm(points, dim=1, keepdim=True)
-    upwards = torch.tensor([0.0, 0.0, 1.0], dtype=points.dtype)
-    return torch.where(distance > 0.0, points / torch.where(distance > 0.0, distance, 1.0), upwards).numpy()
+    distance = lengths(points)[:, None]
+    return np.where(distance > 0.0, points / np.where(distance > 0.0, distance, 1.0), (0.0, 0.0, 1.0))
 
 
 def exact_surfaces(
@@ -175,15 +174,10 @@ def exact_surfaces(
 
 
 def trace_exact(
-    inner: TracedSurface,
-    outer: TracedSurface,
-    media: Media,
-    rays: RayBundle,
-    made: AsMade | None = None,
-    dtype: torch.dtype = torch.float64,
+    inner: TracedSurface, outer: TracedSurface, media: Media, rays: RayBundle, made: AsMade | None = None
 ) -> ExitRays:
-    """Trace ``rays`` through exact surfaces on the CPU; differentiable in what the surfaces are differentiable in.
+    """Trace ``rays`` through exact surfaces that take NumPy arrays; a ray keeps an index of its own.
 
-    Slow by design: a dense scan evaluates all functions 300 times for each ray. Rays keep indices of their own.
+    Slow by design: a dense scan evaluates all functions 300 times for each ray.
     """
-    return trace_sequence(inner, outer, TensorRays.of(rays, media, dtype, torch.device("cpu"), made))
+    return trace_sequence(inner, outer, EnteringRays.of(rays, media, made))

@@ -8,8 +8,7 @@ from jaxtyping import Float
 
 from lensforge import seeds
 from lensforge.errors import InputError
-from lensforge.light.angular_grid import AngularGrid, finest_grid
-from lensforge.light.angular_resolution import FittedIntensity, fit
+from lensforge.light.angular_grid import AngularGrid, FittedIntensity, finest_grid, fit
 from lensforge.light.luminaire_classes import zone_flux
 from lensforge.light.simulation import CAUSES, TracedLens, flux_by_fate
 from lensforge.results import Metric
@@ -31,7 +30,7 @@ def exit_rays(lens: TracedLens, rays: RayBundle, sphere_mm: float) -> RaysOnSphe
     """Trace ``rays`` and start those that leave upwards on the sphere of radius ``sphere_mm`` around the lens."""
     found = lens.trace(rays)
     upwards = found.left_lens & (found.directions[:, 2] > 0.0)
-    points, directions, flux = (each[upwards].numpy() for each in (found.points, found.directions, found.flux))
+    points, directions, flux = (each[upwards] for each in (found.points, found.directions, found.flux))
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     by_fate = flux_by_fate(found, found.left_lens & ~upwards)
     return RaysOnSphere(RayBundle(_on_sphere(points, directions, sphere_mm), directions, flux), by_fate)

@@ -7,13 +7,15 @@ little of the light lands there; ``light_bounds`` holds both bounds.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from lensforge.light.evaluation_result import Light, LightMetrics, LimitResult
+from lensforge.light.evaluation_result import Light, LightMetrics
+from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import REGIONS, ReceiverLight, bounds_on
+from lensforge.light.road_lighting import RoadFigures
 from lensforge.optics.fundamental_limits import transmittance_of
 from lensforge.results import Bound, Fact, Group, Metric
 from lensforge.results.chart import LightUnit, light_unit
 from lensforge.results.criteria import missed
-from lensforge.results.numerals import number, percent
+from lensforge.results.numerals import number, percent, quantity
 from lensforge.results.verdict import Reason, judge
 from lensforge.scene.lens import Lens
 from lensforge.spec import Spec
@@ -21,13 +23,6 @@ from lensforge.spec import Spec
 LimitBounds = Mapping[tuple[str, float], Bound]  # what is possible, by a limit's name and bound
 _SMALLER = "a larger lens, a smaller source or"
 _LIGHT = {"cd": "luminous intensity", "W/sr": "radiant intensity", "lx": "illuminance", "W/m²": "irradiance"}
-_QUANTITIES = {
-    "share": "share of the LED’s flux",
-    "beam_angle": "beam angle",
-    "relative": "light relative to the brightest place",
-    "min_over_mean": "least over mean light",
-    "min_over_max": "least over largest light",
-}
 METRICS = {
     "nmse": "Pattern error (NMSE)",
     "efficiency": "Efficiency",
@@ -72,7 +67,8 @@ def limit_facts(light: Light, possible: LimitBounds | None = None) -> Iterator[F
     """A fact for each limit of the spec."""
     for limit in light.limits:
         on = f", on {limit.receiver}" if len(light.receivers) > 1 else ""
-        yield limit.fact(f"{_quantity(limit)}{on}", (possible or {}).get((limit.name, limit.bound)))
+        quantity = _LIGHT.get(limit.unit, "light") if limit.quantity == "light" else limit.quantity
+        yield limit.fact(f"{quantity}{on}", (possible or {}).get((limit.name, limit.bound)))
 
 
 def metric_facts(metrics: LightMetrics, note: str = "") -> tuple[Fact, ...]:
@@ -186,16 +182,9 @@ def _in_region(receiver: ReceiverLight, unit: LightUnit) -> Iterator[Fact]:
     yield Fact.measured("level", f"Mean {unit.quantity}", scaled, where)
     yield Fact.measured("u0", "U0", region.u0, f"least over mean light {where}")
     yield Fact.measured("u1", "U1", region.u1, f"least over largest light {where}")
-    rim = f"without its rim, which leaves {percent(region.inner_share)} of the area"
-    yield Fact.measured("inner", "Evenness inside", region.inner, f"least over mean light {where}, {rim}")
     yield Fact.measured(
         "peak", "Peak to target", region.peak, "largest light over the target’s largest, both with the same flux"
     )
-
-
-def _quantity(limit: LimitResult) -> str:
-    named = _LIGHT.get(limit.unit) if limit.quantity == "light" else _QUANTITIES.get(limit.quantity)
-    return named or limit.quantity
 
 
 def _simulation(light: Light, lens: Lens) -> Iterator[Fact]:
@@ -220,3 +209,59 @@ def _simulation(light: Light, lens: Lens) -> Iterator[Fact]:
         yield Fact("table_hits", "Hits off by", off, chart.unit, note="rms, by the same tables", digits=2)
         if light.first.nmse_of_noise is not None:
             yield Fact("noise_nmse", "NMSE of the ray noise", light.first.nmse_of_noise, digits=2)
+
+
+_ZONES = {
+    "forward_low": "forward, 0° to 30°",
+    "forward_mid": "forward, 30° to 60°",
+    "forward_high": "forward, 60° to 80°",
+    "forward_very_high": "forward, 80° to 90°",
+    "back_low": "back, 0° to 30°",
+    "back_mid": "back, 30° to 60°",
+    "back_high": "back, 60° to 80°",
+    "back_very_high": "back, 80° to 90°",
+}
+
+
+def photometry_facts(found: Photometry, spec: Spec) -> list[Group]:
+    """Groups of the far field and, of a lamp for an area or a road, of the lamp and its zones."""
+    groups = [Group("far_field", "Far field", tuple(_far_field(found)))]
+    if found.road is None:
+        return groups
+    lamp = Group("lamp", "Lamp", tuple(_lamp(found.road, spec.photometry.lenses)))
+    zones = (Fact.measured(name, words, getattr(found.road.bug.zones, name)) for name, words in _ZONES.items())
+    return [*groups, lamp, Group("zones", "Zones", tuple(zones))]
+
+
+def _far_field(found: Photometry) -> Iterator[Fact]:
+    direction = found.peak_direction
+    source = f"of {quantity(found.source_lm, 'lm')} of the source"
+    taken = ", which states no flux: all figures are for these" if found.per_1000_lm else ""
+    yield Fact.measured("exit_lm", "Luminous flux", found.exit_lm, f"{source}{taken}")
+    at = f"at C {quantity(direction.c_deg, '°', digits=4)}, gamma {quantity(direction.gamma_deg, '°', digits=3)}"
+    yield Fact.measured("peak_cd", "Peak intensity", found.peak_cd, at)
+    yield Fact.measured("axis_cd", "Intensity on the axis", found.axis_cd)
+    for beam in (found.beam_c0, found.beam_c90):
+        plane = f"C {beam.c_deg:.0f}"
+        note = "between the outermost halves of the largest intensity"
+        yield Fact.measured(f"beam_{plane}", f"Beam angle, {plane}", beam.beam_angle_deg, note)
+        yield Fact.measured(f"field_{plane}", f"Field angle, {plane}", beam.field_angle_deg, "of its tenths")
+    noise = "" if found.node_error is None else f"the table’s noise is {percent(found.node_error.rms)} rms"
+    yield Fact("photometry_rays", "Rays", found.rays, note=noise)
+
+
+def _lamp(road: RoadFigures, lenses: int) -> Iterator[Fact]:
+    shape, glare = road.distribution, road.glare
+    yield Fact("lenses", "Lenses", lenses)
+    yield Fact.measured("lamp_lm", "Light of the lamp", road.lumens)
+    yield Fact("distribution", "IES distribution", str(shape).removeprefix("type "))
+    yield Fact.measured("street_mh", "Half of the peak reaches", shape.street_mh, "mounting heights to the street")
+    yield Fact("bug", "BUG rating", str(road.bug))
+    yield Fact("glare_class", "Glare class", glare.glare_class, note="EN 13201")
+    yield Fact.measured("above_70", "Most from 70° on", glare.above_70, "cd/klm")
+    yield Fact.measured("above_80", "Most from 80° on", glare.above_80, "cd/klm")
+    if (lit := road.road) is not None:
+        yield Fact.measured("mean_lx", "Mean on the road", lit.mean_lx)
+        yield Fact.measured("least_lx", "Least on the road", lit.least_lx)
+        yield Fact.measured("road_u0", "U0 on the road", lit.uniformity)
+        yield Fact("classes", "Classes (EN 13201)", f"P: {lit.p_class}; C: {lit.c_class}")

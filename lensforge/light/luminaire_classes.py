@@ -13,41 +13,20 @@ system; ratings: its addendum A. A rating is that of its worst zone. Zones are s
 step of its angles wide at an edge of the light.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import Literal
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
+from lensforge.light.angular_grid import AngularGrid
 from lensforge.light.metrics import jackknife_metric
-from lensforge.results import Count, Flag, Metric, NotNegative, Record
+from lensforge.results import Count, Metric, NotNegative, Record
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.mirror_group import group
 
-if TYPE_CHECKING:
-    from scipy import sparse
-
-
 Degrees = Float[np.ndarray, " k"]
-
-
-class IntensityGrid(Protocol):
-    """Nodes of an intensity table, from whose values the intensity in any direction follows."""
-
-    @property
-    def gamma_deg(self) -> Float[np.ndarray, " g"]:
-        """Angles of its cones."""
-        ...
-
-    @property
-    def c_deg(self) -> Float[np.ndarray, " c"]:
-        """Angles of its half-planes."""
-        ...
-
-    def readings(self, c_deg: Degrees, gamma_deg: Degrees) -> "sparse.csr_array":
-        """Matrix from the values of the nodes to the intensity in each direction."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -58,7 +37,7 @@ class LampLight:
     steps, as one sample.
     """
 
-    grid: IntensityGrid
+    grid: AngularGrid
     samples: Float[np.ndarray, "p c g"]
     street_deg: float
     finer: "LampLight | None" = None
@@ -89,27 +68,24 @@ _ACROSS: tuple[tuple[Lateral, float], ...] = (("I", 1.0), ("II", 1.75), ("III", 
 _HALF = 0.5
 _ROUND = 2.0 / 3.0  # least over largest reach of the line: a square has 0.71, an ellipse of 2:1 half
 _LATERAL_STEPS, _GAMMA_STEP, _LAST_DEG = 360, 0.1, 89.0  # a hundredth of a mounting height at 65 degrees
-_TYPE_DOUBT = 2.0  # standard errors within which a type may be the next
 
 
 class DistributionType(Record):
     """Type of the distribution, such as III medium.
 
     Reaches in mounting heights: ``along_mh`` of the largest intensity, ``street_mh`` and ``house_mh`` of the line of
-    half of it. ``roundness``: least over largest reach of that line. ``certain``: two standard errors change neither
-    type, and no direction that may be the brightest has another one along the road.
+    half of it. ``roundness``: least over largest reach of that line.
     """
 
     lateral: Lateral
     longitudinal: Longitudinal
-    certain: Flag
     along_mh: NotNegative
     street_mh: Metric
     house_mh: Metric
     roundness: Metric
 
     def __str__(self) -> str:
-        return f"type {self.lateral} {self.longitudinal}" + ("" if self.certain else " (uncertain)")
+        return f"type {self.lateral} {self.longitudinal}"
 
 
 @dataclass(frozen=True)
@@ -154,29 +130,19 @@ def distribution_type(lamp: LampLight) -> DistributionType:
     roundness = figure(road.roundness)
     everywhere = roundness.value >= _ROUND  # the largest intensity is then as large along the road
     along = np.hypot(road.along, road.across if everywhere else 0.0)
-    peaks = [int(samples.mean(axis=0).argmax()), *_brightest(samples), *([] if finer is None else [finer.argmax()])]
-    place, *others = np.searchsorted([end for _, end in _ALONG], along[peaks], side="right").tolist()
+    farthest = float(along[samples.mean(axis=0).argmax()])
+    place = int(np.searchsorted([end for _, end in _ALONG], farthest, side="right"))
     low, high = (0.0 if place == 0 else _ALONG[place - 1][1]), _ALONG[place][1]
     street = _with_step(figure(lambda light: road.reach(light, low, high, 1.0)))
     house = _with_step(figure(lambda light: road.reach(light, low, high, -1.0)))
-    types = {_lateral(street, roundness, errors) for errors in (-_TYPE_DOUBT, 0.0, _TYPE_DOUBT)}
     return DistributionType(
         lateral=_lateral(street, roundness),
         longitudinal=_ALONG[place][0],
-        certain=len(types) == 1 and set(others) <= {place},
-        along_mh=float(along[peaks[0]]),
+        along_mh=farthest,
         street_mh=street,
         house_mh=house,
         roundness=roundness,
     )
-
-
-def _brightest(samples: Float[np.ndarray, "p k"]) -> Int[np.ndarray, " c"]:
-    """Directions that two standard errors do not tell from the brightest; none by a single sample."""
-    below = samples[:, [samples.mean(axis=0).argmax()]] - samples
-    if len(samples) < 2:
-        return np.zeros(0, dtype=int)
-    return np.flatnonzero(below.mean(axis=0) <= _TYPE_DOUBT * below.std(axis=0, ddof=1) / np.sqrt(len(samples)))
 
 
 def _with_error(figure: Metric, more: float) -> Metric:
@@ -191,12 +157,9 @@ def _with_step(reach: Metric) -> Metric:
     return _with_error(reach, 0.5 * np.deg2rad(_GAMMA_STEP) * (1.0 + reach.value**2))
 
 
-def _lateral(street: Metric, roundness: Metric, errors: float = 0.0) -> Lateral:
-    """Type across the road, both figures moved by so many standard ``errors``."""
-    reach, even = (each.value + errors * (each.standard_error or 0.0) for each in (street, roundness))
-    if even >= _ROUND:
-        return "V"
-    return next(name for name, end in _ACROSS if reach <= end)
+def _lateral(street: Metric, roundness: Metric) -> Lateral:
+    """Type across the road."""
+    return "V" if roundness.value >= _ROUND else next(name for name, end in _ACROSS if street.value <= end)
 
 
 _SIDES, _HEIGHTS = ("forward", "back"), ("low", "mid", "high", "very_high")
@@ -214,7 +177,6 @@ _GLARE = {
     "forward_high": (660.0, 1800.0, 5000.0, 7500.0, 12000.0),
 }
 _BACK_HIGH_GLARE = {False: (110.0, 500.0, 1000.0, 2500.0, 5000.0), True: (660.0, 1800.0, 5000.0, 7500.0, 12000.0)}
-_RATING_DOUBT = 2.0  # standard errors within which a rating may be the next
 
 
 class ZoneLumens(Record):
@@ -257,39 +219,21 @@ def zone_flux(rays: RayBundle, street_deg: float, symmetry: str) -> Float[np.nda
 
 
 class BugRating(Record):
-    """Ratings from 0 to 5, and the lumens of the ``zones``. ``certain``: none would change by two standard errors."""
+    """Ratings from 0 to 5, and the lumens of the ``zones``."""
 
     backlight: Count
     uplight: Count
     glare: Count
-    certain: Flag
     zones: ZoneLumens
 
     def __str__(self) -> str:
-        return f"B{self.backlight} U{self.uplight} G{self.glare}" + ("" if self.certain else " (uncertain)")
+        return f"B{self.backlight} U{self.uplight} G{self.glare}"
 
     @staticmethod
-    def of(zones: ZoneLumens, *, symmetric: bool, doubtful: bool = False) -> "BugRating":
-        """Rate ``zones``; ``symmetric``: of distribution type V, whose back light has the bounds of forward light.
-
-        ``doubtful``: whether it may be the other way round.
-        """
-
-        def rated(errors: float, even: bool) -> tuple[int, ...]:
-            glare = {**_GLARE, "back_high": _BACK_HIGH_GLARE[even]}
-            return tuple(_rating(zones, table, errors) for table in (_BACKLIGHT, _UPLIGHT, glare))
-
-        backlight, uplight, glare = rated(0.0, symmetric)
-        evens = {symmetric, symmetric ^ doubtful}
-        certain = len({rated(errors, even) for errors in (-_RATING_DOUBT, _RATING_DOUBT) for even in evens}) == 1
-        return BugRating(backlight=backlight, uplight=uplight, glare=glare, certain=certain, zones=zones)
-
-
-def _rating(zones: ZoneLumens, table: Mapping[str, tuple[float, ...]], errors: float = 0.0) -> int:
-    """Rating of the worst zone in ``table``, its lumens moved by so many standard ``errors``."""
-    worst = 0
-    for name, most in table.items():
-        found: Metric = getattr(zones, name)
-        lumens = found.value + errors * (found.standard_error or 0.0)
-        worst = max(worst, sum(lumens > each for each in most))
-    return worst
+    def of(zones: ZoneLumens, *, symmetric: bool) -> "BugRating":
+        """Rate ``zones``; ``symmetric``: of distribution type V, whose back light has the bounds of forward light."""
+        backlight, uplight, glare = (
+            max(sum(getattr(zones, name).value > most for most in bounds) for name, bounds in table.items())
+            for table in (_BACKLIGHT, _UPLIGHT, {**_GLARE, "back_high": _BACK_HIGH_GLARE[symmetric]})
+        )
+        return BugRating(backlight=backlight, uplight=uplight, glare=glare, zones=zones)

@@ -13,8 +13,7 @@ from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.kernels.fate import Fate
-from lensforge.light.angular_grid import AngularGrid
-from lensforge.light.angular_resolution import FittedIntensity
+from lensforge.light.angular_grid import AngularGrid, FittedIntensity
 from lensforge.light.exit_light import ExitLight, trace_exit_light
 from lensforge.light.luminaire_classes import LampLight
 from lensforge.light.photometry_result import (

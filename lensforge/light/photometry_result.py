@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.light.angular_resolution import FittedIntensity
-from lensforge.light.least_irradiance import largest_without_noise
-from lensforge.light.metrics import jackknife_error
+from lensforge.light.angular_grid import FittedIntensity
+from lensforge.light.metrics import jackknife_error, largest_without_noise
 from lensforge.light.road_lighting import RoadFigures
 from lensforge.results import (
     Array,

@@ -12,8 +12,8 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.light.least_irradiance import largest_without_noise, least_over_mean, least_without_noise
 from lensforge.light.luminaire_classes import BugRating, DistributionType, LampLight, ZoneLumens, distribution_type
+from lensforge.light.metrics import largest_without_noise, least_over_mean, least_without_noise
 from lensforge.results import Count, Metric, Record, Text
 from lensforge.spec.light_limits import PhotometrySection
 
@@ -176,11 +176,7 @@ class RoadFigures(Record):
             use=section.use,
             lumens=lumens,
             distribution=distribution,
-            bug=BugRating.of(
-                ZoneLumens.of(zones_lm * section.lenses),
-                symmetric=distribution.lateral == "V",
-                doubtful=not distribution.certain,
-            ),
+            bug=BugRating.of(ZoneLumens.of(zones_lm * section.lenses), symmetric=distribution.lateral == "V"),
             glare=glare_intensities(lamp, lumens.value),
             road=road_lighting(lamp, section) if section.use == "road" else None,
         )

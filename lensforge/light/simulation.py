@@ -7,21 +7,28 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import torch
 from jaxtyping import Bool, Float, Shaped
 
 from lensforge import seeds
 from lensforge.errors import remedy
 from lensforge.kernels.fate import Fate
 from lensforge.light.evaluation_result import LightMetrics
-from lensforge.light.least_irradiance import LeastEstimate, uniformity_estimate
-from lensforge.light.metrics import Images, PairEstimate, RootEstimate, jackknife_metric, nmse_estimate, rsd_estimate
-from lensforge.light.table_trace import Scene, trace_tables
+from lensforge.light.metrics import (
+    Images,
+    LeastEstimate,
+    PairEstimate,
+    RootEstimate,
+    jackknife_metric,
+    nmse_estimate,
+    rsd_estimate,
+    uniformity_estimate,
+)
+from lensforge.light.table_trace import Scene, Table, trace_tables
 from lensforge.results import Image, Metric
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.lens import Lens, LensAtTemperature
 from lensforge.scene.pixel_grid import bin_flux, gaussian3
-from lensforge.scene.receiver import Landings, Receiver
+from lensforge.scene.receiver import Landings, PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import DrawnTarget, target_light, uniform_region
 from lensforge.sources.ray_bundle import RayBundle, Source, drawn
@@ -45,8 +52,8 @@ class TracedLens:
     """
 
     scene: Scene
-    inner: torch.Tensor
-    outer: torch.Tensor
+    inner: Table
+    outer: Table
     table_error_nm: dict[str, float]
     raised_mm: float = 0.0
     grown_mm: float = 0.0
@@ -59,8 +66,7 @@ class TracedLens:
         surfaces = {"inner": lens.inner, "outer": lens.outer}
         tables = {name: tabulate(grid, surface) for name, surface in surfaces.items()}
         errors = {name: 1e6 * table_error(grid, tables[name], surface) for name, surface in surfaces.items()}
-        inner, outer = (torch.from_numpy(table) for table in tables.values())
-        traced = TracedLens(Scene(lens.media, grid), inner, outer, errors)
+        traced = TracedLens(Scene(lens.media, grid), tables["inner"], tables["outer"], errors)
         if isinstance(lens, LensAtTemperature):
             return replace(traced, raised_mm=lens.raised_mm, grown_mm=lens.reach_mm - lens.designed.reach_mm)
         return traced
@@ -75,7 +81,7 @@ class TracedLens:
             return trace(rays)
         up = np.array([0.0, 0.0, self.raised_mm])
         found = trace(replace(rays, origins=rays.origins - up))
-        return replace(found, points=found.points + torch.from_numpy(up))
+        return replace(found, points=found.points + up)
 
 
 @dataclass(frozen=True)
@@ -94,15 +100,15 @@ class ReceivedFlux:
     targets: tuple[DrawnTarget, ...] = ()
 
     @staticmethod
-    def none_yet(receiver: Receiver, replicates: int, targets: tuple[DrawnTarget, ...]) -> "ReceivedFlux":
+    def none_yet(receiver: PosedReceiver, replicates: int, targets: tuple[DrawnTarget, ...]) -> "ReceivedFlux":
         """No flux."""
         images, none = np.zeros((replicates, *receiver.grid.shape)), np.zeros(replicates)
         in_targets = np.zeros((replicates, len(targets)))
         return ReceivedFlux(images, np.zeros((replicates, CAUSES)), none, none.copy(), in_targets, targets)
 
-    def add(self, replicate: int, share: float, receiver: Receiver, rays: ExitRays, landings: Landings) -> None:
+    def add(self, replicate: int, share: float, receiver: PosedReceiver, rays: ExitRays, landings: Landings) -> None:
         """Count ``share`` of the flux of ``rays`` in ``replicate``."""
-        hits, flux = landings.hits.numpy(), landings.flux.numpy() * share
+        hits, flux = landings.hits, landings.flux * share
         self.images[replicate] += bin_flux(hits, flux, receiver.grid)
         self.by_fate[replicate] += share * flux_by_fate(rays, landings.missed_receiver)
         inside = receiver.window.contains(hits)
@@ -123,7 +129,7 @@ class Simulation:
 def simulate(
     lens: TracedLens,
     source: Source,
-    receivers: tuple[Receiver, ...],
+    receivers: tuple[PosedReceiver, ...],
     rays: int,
     seed: int,
     targets: Sequence[tuple[DrawnTarget, ...]] = (),
@@ -146,14 +152,13 @@ def simulate(
     return Simulation(received, source.flux_w, traced)
 
 
-def flux_by_fate(rays: ExitRays, missed_receiver: Bool[torch.Tensor, " n"]) -> Float[np.ndarray, " f"]:
+def flux_by_fate(rays: ExitRays, missed_receiver: Bool[np.ndarray, " n"]) -> Float[np.ndarray, " f"]:
     """Flux (W) by fate; rays that left the lens and ``missed_receiver`` count apart, and flux that was absorbed."""
-    fates = torch.where(missed_receiver, MISSED_RECEIVER, rays.fates).numpy()
-    found = np.bincount(fates, rays.flux.numpy(), minlength=CAUSES)
+    found = np.bincount(np.where(missed_receiver, MISSED_RECEIVER, rays.fates), rays.flux, minlength=CAUSES)
     if rays.absorbed is not None:
-        found[ABSORBED] = rays.absorbed.numpy().sum()
+        found[ABSORBED] = rays.absorbed.sum()
     if rays.lost_in_glass is not None:
-        found[IN_GLASS] = rays.lost_in_glass.numpy().sum()
+        found[IN_GLASS] = rays.lost_in_glass.sum()
     return found
 
 
@@ -175,9 +180,9 @@ def design_landings(lens: TracedLens, spec: Spec, rays: RayBundle) -> list[Desig
     names = np.array(["landed", *(fate.name.lower() for fate in Fate if fate != Fate.LEFT_LENS), "missed_receiver"])
     for receiver in receivers_of(spec, spec.evaluate.pixels):
         landings = receiver.land(exit_rays)
-        fates = torch.where(landings.missed_receiver, MISSED_RECEIVER, exit_rays.fates).numpy()
-        hits = np.where(landings.landed.numpy()[:, None], landings.hits.numpy(), np.nan)
-        found.append(DesignLandings(hits, landings.flux.numpy(), names[fates]))
+        fates = np.where(landings.missed_receiver, MISSED_RECEIVER, exit_rays.fates)
+        hits = np.where(landings.landed[:, None], landings.hits, np.nan)
+        found.append(DesignLandings(hits, landings.flux, names[fates]))
     return found
 
 

@@ -1,9 +1,8 @@
 """Rays through two tables by the compiled kernels on all cores, and the gradients with respect to the tables."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-import torch
 from jaxtyping import Float
 
 from lensforge.errors import InputError
@@ -18,6 +17,8 @@ from lensforge.scene.as_made import AsMade, Placed, Rough, rough_part
 from lensforge.scene.exit_rays import ExitRays, Sensitivities
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid
+
+Table = Float[np.ndarray, "side side"]
 
 
 @dataclass(frozen=True)
@@ -63,8 +64,8 @@ class TracedBundle:
     ``placed`` and ``rough``: of the lens as made, None for one as designed, or polished.
     """
 
-    inner: Float[np.ndarray, "side side"]
-    outer: Float[np.ndarray, "side side"]
+    inner: Table
+    outer: Table
     scene: Scene
     rays: RayBundle
     coatings: RayCoatings
@@ -75,10 +76,10 @@ class TracedBundle:
     exits: ExitRays
 
     @staticmethod
-    def of(inner: torch.Tensor, outer: torch.Tensor, scene: Scene, rays: RayBundle) -> "TracedBundle":
+    def of(inner: Table, outer: Table, scene: Scene, rays: RayBundle) -> "TracedBundle":
         """Trace ``rays`` through two tables; see :func:`trace_tables`."""
         bounds = checked_bounds(inner, outer, scene)
-        tables = inner.detach().numpy(), outer.detach().numpy()
+        tables = inner, outer
         count, (indices, absorptions) = len(rays), scene.body(rays)
         points, directions = np.zeros((count, 3)), np.zeros((count, 3))
         coatings = RayCoatings.of(rays, scene.media, scene.fresnel)
@@ -100,22 +101,19 @@ class TracedBundle:
             )  # fmt: skip
 
         in_chunks(work, count)
-        exits = ExitRays(*(torch.from_numpy(array) for array in (points, directions, flux, sin2_exit, fates)))
-        if len(absorptions):
-            exits = replace(exits, absorbed=torch.from_numpy(absorbed))
-        if axial is not None:
-            exits = replace(exits, axial=torch.from_numpy(axial))
+        taken = absorbed if len(absorptions) else None
+        exits = ExitRays(points, directions, flux, sin2_exit, fates, absorbed=taken, axial=axial)
         behind = behind_glass(exits, scene.media, scene.fresnel, coatings)
         return TracedBundle(*tables, scene, rays, coatings, placed, rough, lengths, exits, behind)
 
     def gradients(
         self, by: Sensitivities, by_flux: Float[np.ndarray, " n"], by_sin2: Float[np.ndarray, " n"]
-    ) -> tuple[Float[torch.Tensor, "side side"], Float[torch.Tensor, "side side"]]:
+    ) -> tuple[Table, Table]:
         """Gradients by both tables, from sensitivities to the exit rays, their flux and their ``sin2_exit``.
 
         The flux that a lost ray carried counts as a constant.
         """
-        rays, fates, (indices, absorptions) = self.rays, self.exits.fates.numpy(), self.scene.body(self.rays)
+        rays, fates, (indices, absorptions) = self.rays, self.exits.fates, self.scene.body(self.rays)
         coatings, faces = self.coatings, self.coatings.for_kernels
         by, by_flux, by_axial = before_glass(self.at_lens, self.scene.media, by, by_flux, self.scene.fresnel, coatings)
         totals = np.zeros((2, CHUNKS, *self.inner.shape))
@@ -132,25 +130,21 @@ class TracedBundle:
             )  # fmt: skip
 
         in_chunks(work, len(rays))
-        inner, outer = torch.from_numpy(totals.sum(axis=1))
+        inner, outer = totals.sum(axis=1)
         return inner, outer
 
 
-def checked_bounds(
-    inner: Float[torch.Tensor, "side side"], outer: Float[torch.Tensor, "side side"], scene: Scene
-) -> tuple[SurfaceBounds, SurfaceBounds]:
+def checked_bounds(inner: Table, outer: Table, scene: Scene) -> tuple[SurfaceBounds, SurfaceBounds]:
     """The bounds of both tables. Raises :class:`InputError` when a surface has a radius that is not positive."""
-    first, second = (
-        surface_bounds(table.detach().numpy(), scene.grid.origin, scene.grid.step) for table in (inner, outer)
-    )
+    first, second = (surface_bounds(table, scene.grid.origin, scene.grid.step) for table in (inner, outer))
     for name, bound in (("inner", first), ("outer", second)):
         if not (bound.least > 0.0 and np.isfinite(bound.most) and np.isfinite(bound.tiles).all()):
             raise InputError(f"{name} surface: its radius falls to {bound.least:.3g} mm; it must stay above 0")
     return first, second
 
 
-def trace_tables(inner: torch.Tensor, outer: torch.Tensor, scene: Scene, rays: RayBundle) -> ExitRays:
-    """Trace ``rays`` through two tables (side, side), float64 on the CPU; without a gradient.
+def trace_tables(inner: Table, outer: Table, scene: Scene, rays: RayBundle) -> ExitRays:
+    """Trace ``rays`` through two tables (mm).
 
     Raises :class:`InputError` when a surface has a radius that is not positive.
     """

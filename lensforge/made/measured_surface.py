@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import get_args
 
 import numpy as np
-import torch
 from jaxtyping import Float
 from scipy.spatial import cKDTree
 
@@ -149,8 +148,7 @@ class ChangedLens:
             own = dict(tables)
             if change is not None:
                 own[self.side] = own[self.side] + tabulate(grid, change)  # tables are linear in the radius
-            inner, outer = (torch.from_numpy(own[name]) for name in ("inner", "outer"))
-            traced = TracedLens(scene, inner, outer, {})
+            traced = TracedLens(scene, own["inner"], own["outer"], {})
             found.append(traced_light(traced, self.lens.spec, self.source, self.rays, self.lens.seed))
         return found
 

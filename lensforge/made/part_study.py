@@ -17,9 +17,8 @@ from jaxtyping import Bool, Float, Int
 from lensforge.cad.patch import fit_patch
 from lensforge.cad.wall import thinnest
 from lensforge.errors import InputError
-from lensforge.light.evaluation import evaluate_traced
+from lensforge.light.evaluation import evaluate_traced, limit_value
 from lensforge.light.evaluation_result import Light
-from lensforge.light.judged_limits import limit_value
 from lensforge.light.metrics import Images, jackknife_error
 from lensforge.light.receiver_light import ReceiverLight, bounds_on
 from lensforge.light.simulation import REPLICATES, ReplicateMetrics, TracedLens, bundles, lit_mask, mean_share
@@ -110,7 +109,7 @@ class PartLight:
         found = []
         for receiver, target in zip(self.receivers, self._targets[0], strict=True):
             landings = receiver.land(exits)
-            hits, carried = landings.hits.numpy(), landings.flux.numpy() * flux
+            hits, carried = landings.hits, landings.flux * flux
             held, inside = self.held, (receiver.window.contains(hits), target.contains(hits))
             window, lit = (np.bincount(held.replicate[own], carried[own], minlength=held.replicates) for own in inside)
             images = bin_replicates(hits, carried, receiver.grid, held.replicate, held.replicates)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, get_args, overload
 from lensforge import seeds
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import Light
-from lensforge.light.lens_conditions import judging_source, rays_of, unless_own
+from lensforge.light.lens_light import judging_source, rays_of, unless_own
 from lensforge.made.measurement_result import Correction, PhotoComparison, Registration, Side, SurfaceComparison
 from lensforge.made.tolerance_result import MOST_PARTS, Sensitivity, Yield
 from lensforge.results import Conditions

@@ -8,15 +8,18 @@ import logging
 from collections.abc import Callable
 from dataclasses import replace
 from io import BytesIO
+from itertools import islice
+from math import prod
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Shaped, UInt
+from jaxtyping import Float, Real, Shaped, UInt
 from PIL.BmpImagePlugin import BmpImageFile
 from PIL.ImageFile import ImageFile
 from PIL.JpegImagePlugin import JpegImageFile
 from PIL.PngImagePlugin import PngImageFile
+from tifffile import PHOTOMETRIC, TiffFile, TiffPage
 
 from lensforge.errors import InputError
 from lensforge.optics.image import (
@@ -42,7 +45,7 @@ _SCAN = b"\xff\xda"  # inside a scan, 0xff is followed by 0
 _UNCOMPRESSED_BMP = (0, 3, 6)  # plain, and plain with masks
 _SRGB_CODES = b"\x01\x0d\x00"  # of a PNG's cICP chunk, ITU-T H.273: primaries of BT.709, curve of sRGB, RGB
 _SRGB_GAMMAS = (0.45, 0.46)  # 1/2.2 is what writers give for sRGB
-_ORIENTATION = 274  # a tag of EXIF
+_ORIENTATION = 274  # a tag of EXIF and of TIFF
 
 
 def read_light(path: Path | str, luminance: Luminance, *, missing: str) -> Float[np.ndarray, "h w"]:
@@ -132,21 +135,6 @@ def _eight_bits(kind: type[ImageFile], content: bytes, most_pixels: int = MOST_P
     return picture_of(values, opacity, not_srgb=_profile_not_srgb(file), orientation=orientation)
 
 
-def _tiff(content: bytes) -> Picture:
-    from lensforge.optics.tiff import read_tiff
-
-    return read_tiff(content)
-
-
-_READERS: dict[bytes, Callable[[bytes], Picture]] = {
-    b"\x89PNG\r\n\x1a\n": _png,
-    b"II*\0": _tiff,
-    b"MM\0*": _tiff,
-    b"\xff\xd8\xff": _jpeg,
-    b"BM": _bmp,
-}
-
-
 def _opened(kind: type[ImageFile], content: bytes, most_pixels: int = MOST_PIXELS) -> ImageFile:
     """The file with its header read, and no pixel; by its class, so that Pillow tries no other format."""
     with damage(kind.format or ""):
@@ -187,3 +175,82 @@ def _turned(values: Shaped[np.ndarray, "h w *c"], orientation: int) -> Shaped[np
         values = values.swapaxes(0, 1)
     flips_rows, flips_columns = orientation in (3, 4, 7, 8), orientation in (2, 3, 6, 7)
     return values[:: -1 if flips_rows else 1, :: -1 if flips_columns else 1]
+
+
+_OF_THREE = ("RGB", "YCBCR")  # the second is decoded to the first where it is packed as JPEG, else refused by tifffile
+# None, fax, LZW, JPEG, deflate, PackBits, LZMA, Zstandard; others may take any memory to unpack.
+_COMPRESSIONS = (1, 2, 3, 4, 5, 7, 8, 32773, 32946, 34925, 50000)
+_MOST_STRIPS = 2**17  # tiles of 32 x 32 in the largest picture are half as many
+_MOST_PAGES = 16  # smaller copies of the picture behind it
+_SIGNED = 2  # a sample format
+
+
+def read_tiff(content: bytes) -> Picture:
+    """Read the only picture of a TIFF file. Raises :class:`ValueError`, one line, for what is refused or damaged."""
+    with damage("TIFF"), TiffFile(BytesIO(content)) as file:
+        page = _only_page(file)
+        colours = PHOTOMETRIC(page.photometric).name
+        _require_readable(page, colours, len(content))
+        stored = page.asarray(maxworkers=1).reshape(page.shape)
+        samples = np.atleast_3d(np.moveaxis(stored, page.axes.find("S"), -1))
+        values, full_scale = _tiff_values(page, colours, samples)
+        opacity = samples[:, :, -1] if page.extrasamples and page.extrasamples[0] in (1, 2) else None
+        orientation = int(page.tags.valueof(_ORIENTATION, default=1))
+        floating = "floating-point values are linear by convention" if values.dtype.kind == "f" else ""
+        reason = floating or not_srgb(page.iccprofile or b"")
+    picture = picture_of(values, opacity, not_srgb=reason, orientation=orientation, full_scale=full_scale)
+    return replace(picture, premultiplied=picture.opacity is not None and page.extrasamples[0] == 1)
+
+
+def _tiff_values(
+    page: TiffPage, colours: str, samples: Real[np.ndarray, "h w c"]
+) -> tuple[Real[np.ndarray, "h w d"], float]:
+    """Grey, or red, green and blue, of all channels as stored, and the full scale."""
+    if colours == "PALETTE":
+        assert page.colormap is not None
+        table = page.colormap >> 8  # writers fill the lower byte with zeros, or with the upper one
+        return np.moveaxis(table[:, samples[:, :, 0].astype(np.intp)], 0, -1), 255.0
+    values = samples[:, :, : 3 if colours in _OF_THREE else 1]
+    full_scale = 1.0 if values.dtype.kind == "f" else float(2**page.bitspersample - 1)
+    if colours == "MINISWHITE":
+        values = (values.dtype.type(full_scale) - values).astype(values.dtype)
+    return values, full_scale
+
+
+def _only_page(file: TiffFile) -> TiffPage:
+    """The only picture of a TIFF file; smaller copies of it do not count."""
+    pages = [page.aspage() for page in islice(file.pages, _MOST_PAGES + 2)]
+    if len(pages) > _MOST_PAGES + 1 or any(not page.is_reduced for page in pages[1:]):
+        raise Refused("it holds several pictures, must be one")
+    return pages[0]
+
+
+def _require_readable(page: TiffPage, colours: str, size: int) -> None:
+    """Refuse a picture whose pixels would fill the memory, are not all in the file of ``size``, or are no light."""
+    require_small(page.imagewidth, page.imagelength, MOST_PIXELS)
+    if colours not in ("MINISWHITE", "MINISBLACK", "PALETTE", *_OF_THREE):
+        raise Refused(wrong_colours(colours))
+    if page.samplesperpixel > 5 or page.imagedepth != 1:
+        raise Refused(f"{page.samplesperpixel} samples for each pixel, must be grey or RGB")
+    if page.dtype is None or 0 in page.shape or page.samplesperpixel < (3 if colours in _OF_THREE else 1):
+        raise Refused("it holds no pixels of this kind")
+    if page.sampleformat == _SIGNED:
+        raise Refused("its values are signed numbers, must be unsigned or floating-point; convert it")
+    if page.dtype.kind == "f" and (colours == "MINISWHITE" or page.extrasamples):
+        raise Refused("its floating-point values have an opacity, or say that white is 0; save them without")
+    if page.compression not in _COMPRESSIONS:
+        raise Refused(f"its compression {page.compression} is not read; save it with LZW or deflate")
+    if len(page.dataoffsets) > _MOST_STRIPS:
+        raise Refused(f"{len(page.dataoffsets)} strips or tiles, at most {_MOST_STRIPS}")
+    ends = [start + count for start, count in zip(page.dataoffsets, page.databytecounts, strict=True)]
+    if len(ends) != prod(page.chunked) or max(ends) > size or min(page.databytecounts) == 0:
+        raise Refused("truncated: some of its pixels lie outside the file")
+
+
+_READERS: dict[bytes, Callable[[bytes], Picture]] = {
+    b"\x89PNG\r\n\x1a\n": _png,
+    b"II*\0": read_tiff,
+    b"MM\0*": read_tiff,
+    b"\xff\xd8\xff": _jpeg,
+    b"BM": _bmp,
+}

@@ -1,4 +1,4 @@
-"""Files of materials: Zemax glass catalogues (.agf), tables (.csv, .txt), and what reads a file by its name.
+"""Files of materials: Zemax glass catalogues (.agf), tables (.csv, .txt), and files of refractiveindex.info (.yml).
 
 Lines of a catalogue that are read: NM (name, number of the formula), CD (coefficients), LD (range, um), IT (wavelength
 in um, internal transmittance, thickness in mm), TD (D0, D1, D2, E0, E1, pole in um and reference temperature of
@@ -8,26 +8,54 @@ are relative to air at the reference temperature, as rays here are. Zeros in TD 
 Columns of a table are wavelength (nm), index, and internal transmittance over 1 mm or nothing, separated by commas,
 semicolons, tabs or blanks; comments start with ``#``, and one line of names may come first. Index and transmittance
 are linear between the rows, the latter in its logarithm.
+
+A file of refractiveindex.info has a dispersion formula or a table of n, and a table of k where there is one;
+wavelengths are in um. Absorption follows from the extinction coefficient k: 4 pi k / wavelength.
 """
 
 import re
+from collections.abc import Iterable
+from dataclasses import dataclass
 from difflib import get_close_matches
-from math import log, nan
+from math import log, nan, pi
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.optics.dispersion_formulas import HUGE, NAMES, Formula, IndexTable
 from lensforge.optics.material import (
     HIGHEST_C,
+    HUGE,
     LOWEST_C,
+    NAMES,
     REFERENCE_C,
     SCHOTT_COEFFICIENTS,
-    MaterialData,
+    UNKNOWN,
+    Formula,
+    IndexTable,
     TemperatureLaw,
 )
 from lensforge.results.files import MIB, read_file
+
+
+@dataclass(frozen=True)
+class MaterialData:
+    """Index, the range (nm) in which it holds, and absorption (1/mm) at wavelengths (nm); ``source``: file and origin.
+
+    ``absorption_nm`` and ``absorption_per_mm`` are empty where the file states none; ``temperature``: what it
+    states of a change with temperature.
+    """
+
+    name: str
+    index: Formula | IndexTable
+    range_nm: tuple[float, float]
+    absorption_nm: tuple[float, ...]
+    absorption_per_mm: tuple[float, ...]
+    source: str
+    temperature: TemperatureLaw = UNKNOWN
+
 
 _TAGS = ("NM", "CD", "LD", "TD", "ED")
 _MOST_AGF_BYTES = 4 * MIB  # the largest catalogue of a glass maker has 1 MiB
@@ -185,6 +213,111 @@ def _is_number(word: str) -> bool:
     return True
 
 
+_MOST_BYTES = 4 * MIB  # the largest table of the database has 1 MiB
+_LEAST_UM = 1e-3  # no light of a lens is shorter
+_MOST_EVENTS, _DEEPEST = 10_000, 16  # of YAML: a file of the database has a few hundred, four levels deep
+
+
+def read_refractive_index_info(path: Path, name: str) -> MaterialData:
+    """Read the material at ``path``; ``name``: what it is called. Raises :class:`InputError`, one line."""
+    blocks = _blocks(path)
+    index, span = _index(blocks, path)
+    absorption = _absorption(blocks, path)
+    return MaterialData(
+        name=name,
+        index=index,
+        range_nm=span,
+        absorption_nm=() if absorption is None else tuple(absorption[:, 0].tolist()),
+        absorption_per_mm=() if absorption is None else tuple(absorption[:, 1].tolist()),
+        source=path.name,
+    )
+
+
+def _blocks(path: Path) -> dict[str, dict[str, Any]]:
+    """Blocks of data by their type."""
+    raw = read_file(path, missing="give a file of refractiveindex.info", most_bytes=_MOST_BYTES)
+    import yaml  # seldom needed, and slow to load
+
+    loader: Any = getattr(yaml, "CBaseLoader", yaml.BaseLoader)  # no types, no tags; in C where PyYAML has it
+    try:
+        _require_plain(yaml.parse(raw, Loader=loader))
+        content = yaml.load(raw, Loader=loader)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        place = "" if mark is None else f" from line {mark.line + 1}, column {mark.column + 1} on"
+        raise InputError(f"{path}: not YAML{place}; download it again") from None
+    except ValueError as error:
+        raise InputError(f"{path}: {error}; give a file of refractiveindex.info") from None
+    data = content.get("DATA") if isinstance(content, dict) else None
+    if not isinstance(data, list) or not all(isinstance(block, dict) for block in data):
+        raise InputError(f"{path}: has no list DATA; give a file of refractiveindex.info")
+    return {str(block.get("type")): block for block in data}
+
+
+def _require_plain(events: Iterable[Any]) -> None:
+    """Raise :class:`ValueError` for YAML that a few bytes can make huge or deep: it is asked before values are made."""
+    depth = 0
+    for number, event in enumerate(events):
+        kind = type(event).__name__
+        if kind == "AliasEvent":
+            raise ValueError(f"an alias in line {event.start_mark.line + 1}, which no material needs")
+        depth += kind in ("MappingStartEvent", "SequenceStartEvent")
+        depth -= kind in ("MappingEndEvent", "SequenceEndEvent")
+        if number > _MOST_EVENTS or depth > _DEEPEST:
+            raise ValueError(f"more than {_MOST_EVENTS} entries, or more than {_DEEPEST} levels")
+
+
+def _index(blocks: dict[str, dict[str, Any]], path: Path) -> tuple[Formula | IndexTable, tuple[float, float]]:
+    """The index, and the range (nm) in which it holds."""
+    for kind, block in blocks.items():
+        if kind.replace("formula", "rii") in NAMES:
+            low, high = _numbers(block, "wavelength_range", path, 2)
+            formula = Formula(kind.replace("formula", "rii"), tuple(_numbers(block, "coefficients", path, 1)))
+            return formula, (1e3 * low, 1e3 * high)
+        if kind in ("tabulated n", "tabulated nk"):
+            table = _table(block, path, 3 if kind == "tabulated nk" else 2)
+            waves = tuple((1e3 * table[:, 0]).tolist())
+            return IndexTable(waves, tuple(table[:, 1].tolist())), (waves[0], waves[-1])
+    only = ", only tabulated k" if "tabulated k" in blocks else ""
+    raise InputError(f"{path}: has no index{only}; give a file with n or a formula")
+
+
+def _absorption(blocks: dict[str, dict[str, Any]], path: Path) -> Float[np.ndarray, "k 2"] | None:
+    """Wavelengths (nm) and absorption (1/mm); None where the file has no k."""
+    for kind, columns in (("tabulated k", 2), ("tabulated nk", 3)):
+        if kind in blocks:
+            table = _table(blocks[kind], path, columns)
+            return np.column_stack([1e3 * table[:, 0], 4.0 * pi * table[:, columns - 1] / (1e-3 * table[:, 0])])
+    return None
+
+
+def _table(block: dict[str, Any], path: Path, columns: int) -> Float[np.ndarray, "k c"]:
+    """Numbers of a table, by rising wavelength, each wavelength once."""
+    rows = [line.split() for line in str(block.get("data", "")).splitlines() if line.strip()]
+    try:
+        table = np.array([[float(word) for word in row[:columns]] for row in rows])
+        if (
+            table.ndim != 2
+            or table.shape[1] != columns
+            or not (np.abs(table) < HUGE).all()
+            or table[:, 0].min() < _LEAST_UM
+        ):
+            raise ValueError
+    except ValueError:
+        raise InputError(f"{path}: its table is not {columns} columns of numbers; download it again") from None
+    return table[np.unique(table[:, 0], return_index=True)[1]]
+
+
+def _numbers(block: dict[str, Any], name: str, path: Path, least: int) -> list[float]:
+    try:
+        found = [float(word) for word in str(block[name]).split()]
+    except (KeyError, ValueError):
+        found = []
+    if len(found) < least:
+        raise InputError(f"{path}: {name} must be {least} numbers at least; download it again")
+    return found
+
+
 SUFFIXES = (".agf", ".yml", ".yaml", ".csv", ".txt")
 
 
@@ -202,7 +335,5 @@ def read_material(path: Path, name: str | None) -> MaterialData:
         return read_agf(path, name)
     called = path.stem if name is None else name
     if suffix in (".yml", ".yaml"):
-        from lensforge.optics.refractive_index_info import read_refractive_index_info
-
         return read_refractive_index_info(path, called)
     return read_material_table(path, called)

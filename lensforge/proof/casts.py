@@ -9,7 +9,7 @@ from lensforge import seeds
 from lensforge.cad.part import Part
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import Light
-from lensforge.light.lens_conditions import inputs_of, judging_source, rays_of
+from lensforge.light.lens_light import inputs_of, judging_source, rays_of
 from lensforge.proof.proof_result import Proof
 from lensforge.proof.sandboxed_casts import stray_in_sandbox, verify_in_sandbox
 from lensforge.proof.stray_result import StrayLight

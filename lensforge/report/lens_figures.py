@@ -4,13 +4,11 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-import torch
 from jaxtyping import Bool, Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, PercentFormatter
-from torch import Tensor
 
 from lensforge.cad.section import body_outlines
 from lensforge.light.exact_trace import DenseScan, exact_surfaces
@@ -47,46 +45,47 @@ def trace_fan(lens: Lens, start_mm: Points, directions: Points, reach_mm: float)
     """
     scan, media = DenseScan(_STEPS, reach_mm=2.0 * reach_mm), lens.media
     inner, outer = exact_surfaces(lens, (scan, scan))
-    start, along = torch.from_numpy(start_mm), torch.from_numpy(directions)
-    entry = start + torch.clamp(-start[:, 2:] / along[:, 2:], min=0.0) * along
-    entry[inner.gap(entry) <= 0.0] = torch.nan
-    at_inner, inside = _crossed(inner, entry, along, media.cavity_index / media.refractive_index)
+    entry = start_mm + np.maximum(-start_mm[:, 2:] / directions[:, 2:], 0.0) * directions
+    entry[inner.gap(entry) <= 0.0] = np.nan
+    at_inner, inside = _crossed(inner, entry, directions, media.cavity_index / media.refractive_index)
     at_outer, behind = _crossed(outer, at_inner, inside, media.refractive_index / media.outside_index)
-    at_outer[_returns(inner, at_inner, at_outer)] = torch.nan
-    path = torch.stack([start, at_inner, at_outer, _at_distance(at_outer, behind, reach_mm)], dim=1)
-    return path.numpy()
+    at_outer[_returns(inner, at_inner, at_outer)] = np.nan
+    return np.stack([start_mm, at_inner, at_outer, _at_distance(at_outer, behind, reach_mm)], axis=1)
 
 
-def _crossed(surface: TracedSurface, origins: Tensor, directions: Tensor, ratio: float) -> tuple[Tensor, Tensor]:
+def _crossed(surface: TracedSurface, origins: Points, directions: Points, ratio: float) -> tuple[Points, Points]:
     """First crossings at z >= 0, and the directions behind them; NaN where there is none.
 
     ``ratio``: index before over index behind.
     """
-    points, behind = torch.full_like(origins, torch.nan), torch.full_like(origins, torch.nan)
-    alive = torch.nonzero(~(origins + directions).isnan().any(dim=1))[:, 0]
+    points, behind = np.full_like(origins, np.nan), np.full_like(origins, np.nan)
+    alive = np.flatnonzero(~np.isnan(origins + directions).any(axis=1))
     crossing = surface.first_crossing(origins[alive], directions[alive])
     hits = origins[alive] + crossing.lengths[:, None] * directions[alive]
     met = crossing.found & (hits[:, 2] >= 0.0)
     alive, hits = alive[met], hits[met]
     points[alive] = hits
-    normals = torch.nn.functional.normalize(surface.normal(hits), dim=1)
-    passes = transmitted_cosine_squared(torch.sum(directions[alive] * normals, dim=1), ratio) > 0.0
+    normals = surface.normal(hits)
+    normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    passes = transmitted_cosine_squared((directions[alive] * normals).sum(axis=1), ratio) > 0.0
     behind[alive[passes]] = refract(directions[alive[passes]], normals[passes], ratio)
     return points, behind
 
 
-def _returns(cavity: TracedSurface, start: Tensor, end: Tensor) -> Bool[Tensor, " n"]:
+def _returns(cavity: TracedSurface, start: Points, end: Points) -> Bool[np.ndarray, " n"]:
     """True where the segment from ``start`` on the cavity to ``end`` enters the cavity again."""
-    share = torch.linspace(0.0, 1.0, _STEPS, dtype=start.dtype)[1:, None]
+    share = np.linspace(0.0, 1.0, _STEPS)[1:, None]
     points = (start[:, None] + share * (end - start)[:, None]).reshape(-1, 3)
-    return (cavity.gap(points) > _CAVITY_MM).reshape(len(start), -1).any(dim=1)
+    inside = (cavity.gap(points) > _CAVITY_MM).reshape(len(start), -1)
+    return np.asarray(inside.any(axis=1))
 
 
-def _at_distance(points: Tensor, directions: Tensor, reach_mm: float) -> Tensor:
+def _at_distance(points: Points, directions: Points, reach_mm: float) -> Points:
     """Points where rays leave the sphere of ``reach_mm`` around the origin."""
-    along = torch.sum(points * directions, dim=1)
-    length = torch.sqrt(along**2 + reach_mm**2 - torch.sum(points**2, dim=1)) - along
-    return points + length[:, None] * directions
+    along = np.sum(points * directions, axis=1)
+    length = np.sqrt(along**2 + reach_mm**2 - np.sum(points**2, axis=1)) - along
+    ends: Points = points + length[:, None] * directions
+    return ends
 
 
 _FAN_DEG = np.linspace(-75.0, 75.0, 21)

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, Unpack
 
 from lensforge.cad.part import Part
 from lensforge.errors import InputError
+from lensforge.kernels.parallel import kernel_threads
 from lensforge.light.evaluation_result import Light
-from lensforge.light.lens_conditions import judging_source, photometry_conditions, source_of
-from lensforge.light.lens_light import evaluate
+from lensforge.light.lens_light import evaluate, judging_source, photometry_conditions, source_of
 from lensforge.light.photometry_result import Photometry
 from lensforge.proof.casts import verify, verify_with
 from lensforge.proof.proof_result import Proof
@@ -151,7 +151,7 @@ def photometry(
     version = require_ies_version(ies_version)
     rays, preset = count_of("rays", rays), preset_of(lens.accuracy)
     lumens, source = number_of("lumens", lumens), judging_source(lens.spec)
-    with threads_of_torch(threads):
+    with kernel_threads(count_of("threads", threads)):
         found = measure_photometry(lens, source, preset, rays=rays, lumens=lumens, ies_version=version)
     return found.model_copy(update={"conditions": photometry_conditions(lens, source, rays, lumens)})
 

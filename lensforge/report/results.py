@@ -7,8 +7,7 @@ from typing import TypeVar
 from lensforge.cad.part import Part, part_facts
 from lensforge.errors import MissingResult
 from lensforge.light.evaluation_result import Light
-from lensforge.light.light_facts import LimitBounds, light_facts, light_reasons
-from lensforge.light.photometry_facts import photometry_facts
+from lensforge.light.light_facts import LimitBounds, light_facts, light_reasons, photometry_facts
 from lensforge.light.photometry_result import Photometry
 from lensforge.made.measured_facts import correction_facts, photo_facts, surface_facts
 from lensforge.made.measurement_result import Correction, PhotoComparison, SurfaceComparison

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
-import torch
 from jaxtyping import Float
-from torch import Tensor
+
+from lensforge.optics.arrays import Array, like
 
 Placed = tuple[Float[np.ndarray, "3 3 4"], float, float]
 Rough = tuple[Float[np.ndarray, "_ 6"], float, float]
@@ -107,8 +107,8 @@ def _noise(rays: int) -> Float[np.ndarray, "n 6"]:
 
 
 def through_frame(
-    frame: Float[np.ndarray, "3 4"], points: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"], factor: float = 1.0
-) -> tuple[Float[Tensor, "n 3"], Float[Tensor, "n 3"]]:
+    frame: Float[np.ndarray, "3 4"], points: Float[Array, "n 3"], directions: Float[Array, "n 3"], factor: float = 1.0
+) -> tuple[Float[Array, "n 3"], Float[Array, "n 3"]]:
     """Points (mm) and directions in the next frame."""
-    turn, shift = torch.as_tensor(frame[:, :3]).to(points), torch.as_tensor(frame[:, 3]).to(points)
+    turn, shift = like(points, frame[:, :3]), like(points, frame[:, 3])
     return factor * (points @ turn.T) + shift, directions @ turn.T

@@ -5,14 +5,14 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int8
-from torch import Tensor
 
 from lensforge.kernels.fate import Fate
+from lensforge.optics.arrays import Array
 
 
 @dataclass(frozen=True)
 class ExitRays:
-    """Rays as they leave the outer surface; receivers take them on from there.
+    """Rays as they leave the outer surface; receivers take them on from there. In NumPy, or as a search traces them.
 
     ``points``: mm, on the outer surface, and ``directions``: unit vectors behind it; 0 where a ray did not leave the
     lens. ``flux``: that (W) which reached the last surface met, after Fresnel losses and absorption. ``sin2_exit``:
@@ -23,17 +23,17 @@ class ExitRays:
     absorbed; points are then those from which rays seem to come behind it.
     """
 
-    points: Float[Tensor, "n 3"]
-    directions: Float[Tensor, "n 3"]
-    flux: Float[Tensor, " n"]
-    sin2_exit: Float[Tensor, " n"]
-    fates: Int8[Tensor, " n"]
-    absorbed: Float[Tensor, " n"] | None = None
-    lost_in_glass: Float[Tensor, " n"] | None = None
-    axial: Float[Tensor, " n"] | None = None
+    points: Float[Array, "n 3"]
+    directions: Float[Array, "n 3"]
+    flux: Float[Array, " n"]
+    sin2_exit: Float[Array, " n"]
+    fates: Int8[Array, " n"]
+    absorbed: Float[Array, " n"] | None = None
+    lost_in_glass: Float[Array, " n"] | None = None
+    axial: Float[Array, " n"] | None = None
 
     @property
-    def left_lens(self) -> Bool[Tensor, " n"]:
+    def left_lens(self) -> Bool[Array, " n"]:
         """The rays that left the lens, in any direction."""
         return self.fates == Fate.LEFT_LENS
 

@@ -14,9 +14,9 @@ too narrow for the tables counts as roughness, by the rms slope it has, the same
 from dataclasses import dataclass, replace
 
 import numpy as np
-import torch
 from jaxtyping import Float
 
+from lensforge.optics.arrays import Array, like
 from lensforge.optics.media import Media
 from lensforge.scene.as_made import AsMade, Displacement
 from lensforge.scene.lens import Lens
@@ -141,12 +141,13 @@ class MadePart:
         own = rays.refractive_indices
         return rays if own is None or self.index == 0.0 else replace(rays, refractive_indices=own + self.index)
 
-    def tables(self, inner: torch.Tensor, outer: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    def tables(
+        self, inner: Float[Array, "side side"], outer: Float[Array, "side side"]
+    ) -> tuple[Float[Array, "side side"], Float[Array, "side side"]]:
         """The faces' tables with their errors; differentiable in the tables as designed."""
-        errors = self.inner_error, self.outer_error
         first, second = (
-            table if error is None else table + torch.from_numpy(error)
-            for table, error in zip((inner, outer), errors, strict=True)
+            table if error is None else table + like(table, error)
+            for table, error in ((inner, self.inner_error), (outer, self.outer_error))
         )
         return first, second
 

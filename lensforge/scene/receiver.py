@@ -1,21 +1,20 @@
-"""Protocol of every receiver, which maps exit rays to hits without knowing the lens, and receivers in a pose.
+"""Receivers in a pose, which map exit rays to hits without knowing the lens.
 
-A pose is a centre, and axes by a normal and a turn about it. Receivers in a pose share what their compiled kernels
-need.
+A pose is a centre, and axes by a normal and a turn about it. A receiver is a pixel grid on the chart of some surface,
+or of all directions; charts keep areas, so that pixels are alike.
 """
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import inf
-from typing import Any, ClassVar, Literal, Protocol, runtime_checkable
+from typing import Any, ClassVar, Literal
 
 import numpy as np
-import torch
 from jaxtyping import Bool, Float, Int
-from torch import Tensor
 
 from lensforge.kernels.parallel import in_chunks
+from lensforge.optics.arrays import Array, like, module_of, replaced, rows_of
 from lensforge.scene.exit_rays import ExitRays, Sensitivities
 from lensforge.scene.pixel_grid import PixelGrid, Window
 
@@ -30,89 +29,19 @@ class Landings:
     reach the surface in which the receiver lies. ``missed_receiver``: rays that left the lens and never do.
     """
 
-    hits: Float[Tensor, "n 2"]
-    flux: Float[Tensor, " n"]
-    landed: Bool[Tensor, " n"]
-    missed_receiver: Bool[Tensor, " n"]
-
-
-@runtime_checkable
-class Receiver(Protocol):
-    """A pixel grid on the chart of some surface, or of all directions; charts keep areas, so that pixels are alike."""
-
-    def __hash__(self) -> int:
-        """Hash of a receiver, which does not change."""
-        ...
+    hits: Float[Array, "n 2"]
+    flux: Float[Array, " n"]
+    landed: Bool[Array, " n"]
+    missed_receiver: Bool[Array, " n"]
 
     @property
-    def kind(self) -> ReceiverKind:
-        """Kind of the receiver, as a spec names it."""
-        ...
-
-    @property
-    def grid(self) -> PixelGrid:
-        """The pixels, in whose coordinates hits are given."""
-        ...
-
-    @property
-    def window(self) -> Window:
-        """The part in which flux counts as detected."""
-        ...
-
-    @property
-    def pixel_measure(self) -> float:
-        """Measure of a pixel: its area in m^2, or its solid angle in sr."""
-        ...
-
-    def land(self, rays: ExitRays) -> Landings:
-        """Land ``rays``, float64 on the CPU, by a compiled kernel; without a gradient."""
-        ...
-
-    def sensitivities(self, rays: ExitRays, by_hits: Float[np.ndarray, "n 2"]) -> Sensitivities:
-        """Sensitivities to exit rays from those to their hits, which are 0 for rays that missed the receiver."""
-        ...
-
-    def land_in_torch(self, rays: ExitRays) -> Landings:
-        """``land`` in plain torch, on any device and in any precision; differentiable."""
-        ...
-
-    def places(self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:
-        """Points (mm) of the lens's space at places on the chart; of a far field unit directions."""
-        ...
-
-    def target_coordinates(
-        self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]
-    ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
-        """Places on the chart as targets state them: mm, or degrees from the axis of a far field."""
-        ...
-
-    def chart_coordinates(
-        self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]
-    ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
-        """Places as targets state them on the chart: the inverse."""
-        ...
-
-
-@dataclass(frozen=True)
-class Hits:
-    """Hits and flux (W) of rays on a receiver; 0 for rays that did not land."""
-
-    hits: Float[np.ndarray, "n 2"]
-    flux: Float[np.ndarray, " n"]
-
-    @staticmethod
-    def of(landings: Landings) -> "Hits":
-        """The arrays of ``landings``, in float64 and without a gradient."""
-        return Hits(*(tensor.detach().cpu().double().numpy() for tensor in (landings.hits, landings.flux)))
-
-    @property
-    def arrived(self) -> Bool[np.ndarray, " n"]:
+    def arrived(self) -> Bool[Array, " n"]:
         """Rays that arrived with flux."""
         return self.flux > 0.0
 
-    def take(self, rows: Int[np.ndarray, " k"] | slice) -> "Hits":
-        """Hits of some of the rays."""
-        return Hits(self.hits[rows], self.flux[rows])
+    def take(self, rows: Int[Array, " k"] | slice) -> "Landings":
+        """Landings of some of the rays."""
+        return Landings(*(each[rows] for each in (self.hits, self.flux, self.landed, self.missed_receiver)))
 
 
 @dataclass(frozen=True)
@@ -169,7 +98,7 @@ Kernel = Callable[..., Any]
 class PosedReceiver(ABC):
     """A receiver whose chart is given by a pose and, for curved ones, a radius (mm).
 
-    Subclasses name their pair of kernels, and have the same in torch.
+    Subclasses name their pair of kernels, and have the same in arrays.
     """
 
     pose: ReceiverPose
@@ -187,8 +116,8 @@ class PosedReceiver(ABC):
         return width * height * 1e-6
 
     def land(self, rays: ExitRays) -> Landings:
-        """Land ``rays``, float64 on the CPU, by a compiled kernel; without a gradient."""
-        points, directions, left = rays.points.numpy(), rays.directions.numpy(), rays.left_lens.numpy()
+        """Land ``rays``, NumPy arrays, by a compiled kernel."""
+        points, directions, left = rays.points, rays.directions, rays.left_lens
         hits, reached, pose = np.empty((len(left), 2)), np.empty(len(left), dtype=bool), self.pose.packed()
 
         def work(_: int, part: slice) -> None:
@@ -197,12 +126,11 @@ class PosedReceiver(ABC):
             hits[part][~reached[part]] = 0.0
 
         in_chunks(work, len(left))
-        flux = np.where(reached, rays.flux.numpy(), 0.0)
-        return Landings(*(torch.from_numpy(array) for array in (hits, flux, reached, left & ~reached)))
+        return Landings(hits, np.where(reached, rays.flux, 0.0), reached, left & ~reached)
 
     def sensitivities(self, rays: ExitRays, by_hits: Float[np.ndarray, "n 2"]) -> Sensitivities:
         """Sensitivities to exit rays from those to their hits, which are 0 for rays that missed the receiver."""
-        points, directions, pose = rays.points.numpy(), rays.directions.numpy(), self.pose.packed()
+        points, directions, pose = rays.points, rays.directions, self.pose.packed()
         by = Sensitivities(np.empty_like(points), np.empty_like(points))
 
         def work(_: int, part: slice) -> None:
@@ -212,22 +140,22 @@ class PosedReceiver(ABC):
         in_chunks(work, len(points))
         return by
 
-    def land_in_torch(self, rays: ExitRays) -> Landings:
-        """``land`` in plain torch, on any device and in any precision; differentiable."""
-        axes = torch.as_tensor(self.pose.axes, dtype=rays.points.dtype, device=rays.points.device)
-        centre = torch.as_tensor(self.pose.centre_mm, dtype=axes.dtype, device=axes.device)
+    def land_by_arrays(self, rays: ExitRays) -> Landings:
+        """:meth:`land` in NumPy or in torch, on any device and in any precision; there differentiable."""
+        axes, centre = like(rays.points, self.pose.axes), like(rays.points, self.pose.centre_mm)
         points, directions = (rays.points - centre) @ axes.T, rays.directions @ axes.T
-        landed = rays.left_lens & self._reached(points.detach(), directions.detach())
-        rows = torch.nonzero(landed)[:, 0]
-        hits = torch.zeros_like(rays.points[:, :2]).index_put((rows,), self._chart(points[rows], directions[rows]))
+        landed = rays.left_lens & self._reached(points, directions)
+        rows = rows_of(landed)
+        none = module_of(points).zeros_like(points[:, :2])
+        hits = replaced(none, rows, self._chart(points[rows], directions[rows]))
         return Landings(hits, rays.flux * landed, landed, rays.left_lens & ~landed)
 
     @abstractmethod
-    def _reached(self, points: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Bool[Tensor, " n"]:
+    def _reached(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Bool[Array, " n"]:
         """True for rays, in the pose, that reach the surface."""
 
     @abstractmethod
-    def _chart(self, points: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Float[Tensor, "n 2"]:
+    def _chart(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Float[Array, "n 2"]:
         """Hits of rays, in the pose, all of which reach the surface."""
 
     def places(self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:
@@ -266,6 +194,6 @@ def from_equal_area(x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> F
     return np.stack([shrunk * x, shrunk * y, 1.0 - 0.5 * square], axis=-1)
 
 
-def equal_area(units: Float[Tensor, "n 3"]) -> Float[Tensor, "n 2"]:
+def equal_area(units: Float[Array, "n 3"]) -> Float[Array, "n 2"]:
     """Lambert's azimuthal equal-area chart of unit vectors: circles about z of radius 2 sin(angle / 2)."""
-    return torch.sqrt(2.0 / (1.0 + units[:, 2:])) * units[:, :2]
+    return module_of(units).sqrt(2.0 / (1.0 + units[:, 2:])) * units[:, :2]

@@ -9,9 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
-import torch
 from jaxtyping import Bool, Float
-from torch import Tensor
 
 from lensforge.errors import InputError
 from lensforge.kernels.landing import (
@@ -26,6 +24,7 @@ from lensforge.kernels.landing import (
     sphere,
     sphere_adjoint,
 )
+from lensforge.optics.arrays import Array, lengths, module_of
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.scene.receiver import Kernel, PosedReceiver, ReceiverKind, ReceiverPose, equal_area, from_equal_area
 from lensforge.spec import AnyReceiver, Spec
@@ -39,10 +38,10 @@ class Plane(PosedReceiver):
     kind: ClassVar[ReceiverKind] = "plane"
     kernels: ClassVar[tuple[Kernel, Kernel]] = (plane, plane_adjoint)
 
-    def _reached(self, points: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Bool[Tensor, " n"]:
+    def _reached(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Bool[Array, " n"]:
         return directions[:, 2] > LEAST_RISE
 
-    def _chart(self, points: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Float[Tensor, "n 2"]:
+    def _chart(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Float[Array, "n 2"]:
         reached = points - (points[:, 2] / directions[:, 2])[:, None] * directions
         return reached[:, :2]
 
@@ -59,21 +58,19 @@ class Cylinder(PosedReceiver):
     kind: ClassVar[ReceiverKind] = "cylinder"
     kernels: ClassVar[tuple[Kernel, Kernel]] = (cylinder, cylinder_adjoint)
 
-    def _paths(self, points: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
+    def _paths(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Float[Array, " n"]:
         flat, across = points[:, ::2], directions[:, ::2]
-        square, half = (across**2).sum(dim=1), (flat * across).sum(dim=1)
-        root = half**2 - square * ((flat**2).sum(dim=1) - self.radius_mm**2)
-        paths: Float[Tensor, " n"] = (root.clamp(min=0.0).sqrt() - half) / square
-        return paths
+        square, half = (across**2).sum(1), (flat * across).sum(1)
+        root = half**2 - square * ((flat**2).sum(1) - self.radius_mm**2)
+        return (_root(root) - half) / module_of(square).where(square > 0.0, square, 1.0)
 
-    def _reached(self, points: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Bool[Tensor, " n"]:
-        across = directions[:, ::2].norm(dim=1)
-        reached: Bool[Tensor, " n"] = (across > LEAST_RISE) & (self._paths(points, directions) > 0.0)
-        return reached
+    def _reached(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Bool[Array, " n"]:
+        return (lengths(directions[:, ::2]) > LEAST_RISE) & (self._paths(points, directions) > 0.0)
 
-    def _chart(self, points: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Float[Tensor, "n 2"]:
+    def _chart(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Float[Array, "n 2"]:
         ends = points + self._paths(points, directions)[:, None] * directions
-        return torch.stack([self.radius_mm * torch.atan2(ends[:, 0], ends[:, 2]), ends[:, 1]], dim=1)
+        xp = module_of(ends)
+        return xp.stack([self.radius_mm * xp.arctan2(ends[:, 0], ends[:, 2]), ends[:, 1]], 1)
 
     def _local(self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:
         angle = x / self.radius_mm
@@ -89,16 +86,15 @@ class Dome(PosedReceiver):
     kind: ClassVar[ReceiverKind] = "sphere"
     kernels: ClassVar[tuple[Kernel, Kernel]] = (sphere, sphere_adjoint)
 
-    def _paths(self, points: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
-        half = (points * directions).sum(dim=1)
-        root = half**2 - (points**2).sum(dim=1) + self.radius_mm**2
-        return root.clamp(min=0.0).sqrt() - half
+    def _paths(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Float[Array, " n"]:
+        half = (points * directions).sum(1)
+        return _root(half**2 - (points**2).sum(1) + self.radius_mm**2) - half
 
-    def _reached(self, points: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Bool[Tensor, " n"]:
+    def _reached(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Bool[Array, " n"]:
         paths = self._paths(points, directions)
         return (paths > 0.0) & (1.0 + (points[:, 2] + paths * directions[:, 2]) / self.radius_mm > POLE)
 
-    def _chart(self, points: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Float[Tensor, "n 2"]:
+    def _chart(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Float[Array, "n 2"]:
         ends = points + self._paths(points, directions)[:, None] * directions
         return self.radius_mm * equal_area(ends / self.radius_mm)
 
@@ -122,10 +118,10 @@ class FarField(PosedReceiver):
         width, height = self.grid.pixel
         return width * height
 
-    def _reached(self, points: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Bool[Tensor, " n"]:
+    def _reached(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Bool[Array, " n"]:
         return 1.0 + directions[:, 2] > POLE
 
-    def _chart(self, points: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Float[Tensor, "n 2"]:
+    def _chart(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Float[Array, "n 2"]:
         return equal_area(directions)
 
     def _local(self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:
@@ -146,6 +142,12 @@ class FarField(PosedReceiver):
         gamma = np.hypot(x, y)
         scale = 2.0 * np.sin(0.5 * np.radians(gamma)) / np.where(gamma > 0.0, gamma, np.inf)
         return scale * x, scale * y
+
+
+def _root(square: Float[Array, " n"]) -> Float[Array, " n"]:
+    """Root of ``square``; 0 where rounding takes it below 0."""
+    xp = module_of(square)
+    return xp.sqrt(xp.where(square > 0.0, square, 0.0))
 
 
 def chart_radius(gamma_deg: float) -> float:

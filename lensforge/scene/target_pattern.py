@@ -27,7 +27,7 @@ from lensforge.results.record import LARGEST
 from lensforge.results.validation import unquoted
 from lensforge.scene import target_shapes
 from lensforge.scene.pixel_grid import PixelGrid
-from lensforge.scene.receiver import PosedReceiver, Receiver
+from lensforge.scene.receiver import PosedReceiver
 from lensforge.sources.photometric import read_photometric
 from lensforge.sources.photometric.photometric_file import turned_over
 from lensforge.spec import Target
@@ -166,7 +166,7 @@ class DrawnTarget:
         return _block_means(self.inside.astype(np.float64), self.fine.columns // self.light.shape[1])
 
 
-def target_light(targets: Targets, receiver: Receiver) -> TargetImage:
+def target_light(targets: Targets, receiver: PosedReceiver) -> TargetImage:
     """Mean of the light wanted over each pixel [row y, column x], irradiance or intensity, with sum 1.
 
     Raises :class:`InputError` when the targets are dark everywhere on the receiver.
@@ -174,7 +174,7 @@ def target_light(targets: Targets, receiver: Receiver) -> TargetImage:
     return drawn_target(targets, receiver).light.copy()
 
 
-def drawn_target(targets: Targets, receiver: Receiver) -> DrawnTarget:
+def drawn_target(targets: Targets, receiver: PosedReceiver) -> DrawnTarget:
     """The light wanted, and where the target is. Raises :class:`InputError` as :func:`target_light`."""
     return _drawn(targets, receiver, tuple(_content(target) for target in targets), _subpixels(receiver))
 
@@ -185,7 +185,7 @@ def coarser_target(targets: Targets, receiver: PosedReceiver) -> DrawnTarget:
     return _drawn(targets, half, tuple(_content(target) for target in targets), _subpixels(receiver))
 
 
-def _subpixels(receiver: Receiver) -> int:
+def _subpixels(receiver: PosedReceiver) -> int:
     """Sub-pixels along a side of each pixel."""
     longest = max(receiver.grid.shape)
     return max(1, min(max(_OVERSAMPLING, _LEAST_SUBPIXELS // longest), _MOST_SUBPIXELS // longest))
@@ -200,7 +200,7 @@ def _content(target: Target) -> str:
 
 
 @lru_cache(maxsize=_KEPT_PATTERNS)
-def _drawn(targets: Targets, receiver: Receiver, contents: tuple[str, ...], times: int) -> DrawnTarget:
+def _drawn(targets: Targets, receiver: PosedReceiver, contents: tuple[str, ...], times: int) -> DrawnTarget:
     fine = receiver.grid.finer(times)
     wanted, lit = np.zeros(receiver.grid.shape), np.zeros(fine.shape)
     for target in targets:
@@ -215,7 +215,7 @@ def _drawn(targets: Targets, receiver: Receiver, contents: tuple[str, ...], time
     return DrawnTarget(wanted / total, fine, lit > IN_TARGET * wanted.max())
 
 
-def _drawn_sharp(target: Target, receiver: Receiver, fine: PixelGrid) -> tuple[TargetImage, tuple[float, float]]:
+def _drawn_sharp(target: Target, receiver: PosedReceiver, fine: PixelGrid) -> tuple[TargetImage, tuple[float, float]]:
     """One target on the sub-pixels, and the soft edge that it still needs, in sub-pixels along rows and columns."""
     edge = target.edge if isinstance(target, SoftTarget) and not isinstance(target, BatwingTarget) else 0.0
     if receiver.kind == "far_field":
@@ -225,7 +225,7 @@ def _drawn_sharp(target: Target, receiver: Receiver, fine: PixelGrid) -> tuple[T
     return np.broadcast_to(pattern, fine.shape), (edge / sub_height, edge / sub_width)
 
 
-def _on_far_field(target: Target, receiver: Receiver, fine: PixelGrid, edge: float) -> TargetImage:
+def _on_far_field(target: Target, receiver: PosedReceiver, fine: PixelGrid, edge: float) -> TargetImage:
     """Light on the equal-area chart; soft edges are drawn, and blurred, over angles along x and y."""
     x, y = receiver.target_coordinates(*np.meshgrid(fine.x(), fine.y()))
     within = receiver.window.pixels(fine)
@@ -333,7 +333,7 @@ def _around(image: TargetImage, axis: int) -> slice:
 
 
 def uniform_region(
-    targets: tuple[Target, ...], receiver: Receiver, wider_by_pixels: float = 0.0
+    targets: tuple[Target, ...], receiver: PosedReceiver, wider_by_pixels: float = 0.0
 ) -> Bool[np.ndarray, "h w"] | None:
     """Pixels whose centres lie in the region of uniform light of any of ``targets``; None where none has one."""
     grid, found = receiver.grid, None

@@ -22,13 +22,13 @@ from lensforge import seeds
 from lensforge.kernels.image_sums import SAFE_SIN2, SIN2_SCALE, collect, collect_adjoint
 from lensforge.kernels.parallel import CHUNKS, in_chunks
 from lensforge.light.device_trace import DeviceTable, first_crossing, tables_on
-from lensforge.light.sequential_trace import Crossing, TensorRays, trace_sequence
+from lensforge.light.sequential_trace import Crossing, EnteringRays, trace_sequence
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.scene.exit_rays import Sensitivities
 from lensforge.scene.made_part import ErrorField, FaceNodes, MadePart, PartMaker, waviness
 from lensforge.scene.perturbations import Draws
 from lensforge.scene.pixel_grid import PixelGrid, Window
-from lensforge.scene.receiver import Landings, Receiver
+from lensforge.scene.receiver import Landings, PosedReceiver
 from lensforge.search.parameters import Parametrisation
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.spec import Spec
@@ -173,7 +173,7 @@ class LightPath:
     """Path of the light through the lens and to the receivers, each of which sees every exit ray."""
 
     scene: Scene
-    receivers: tuple[Receiver, ...]
+    receivers: tuple[PosedReceiver, ...]
     device: torch.device | None = None
     chunk: int = _CHUNK
 
@@ -211,14 +211,19 @@ class LightPath:
 
     def _part(self, tables: tuple[DeviceTable, DeviceTable], rays: RayBundle) -> tuple[Tensor, ...]:
         inner, outer = (TableSurface(table) for table in tables)
-        on_device = TensorRays.of(rays, self.scene.media, torch.float64, tables[0].coefficients.device, self.scene.made)
+        device = tables[0].coefficients.device
+
+        def on_device(array: np.ndarray) -> Tensor:
+            return torch.as_tensor(array).to(device, torch.float64)
+
+        entering = EnteringRays.of(rays, self.scene.media, self.scene.made, on_device)
 
         def light() -> tuple[Tensor, ...]:
-            exit_rays = trace_sequence(inner, outer, on_device, self.scene.fresnel)
+            exit_rays = trace_sequence(inner, outer, entering, self.scene.fresnel)
             sums: list[Tensor] = []
             for receiver in self.receivers:
-                landings, places = receiver.land_in_torch(exit_rays), (receiver.grid, receiver.window)
-                found = collected_on_device(landings, exit_rays.sin2_exit, on_device.flux, *places)
+                landings, places = receiver.land_by_arrays(exit_rays), (receiver.grid, receiver.window)
+                found = collected_on_device(landings, exit_rays.sin2_exit, entering.flux, *places)
                 sums += (found.image, found.in_window, found.outside_receiver, found.total_reflection)
             return tuple(sums)
 
@@ -231,7 +236,7 @@ def landed_through(
     outer: Float[Tensor, "side side"],
     scene: Scene,
     rays: RayBundle,
-    receivers: tuple[Receiver, ...],
+    receivers: tuple[PosedReceiver, ...],
 ) -> tuple[list[Landings], Float[Tensor, " n"]]:
     """Landings of ``rays`` on each receiver, and their ``sin2_exit``; differentiable in both tables, float64, CPU.
 
@@ -246,14 +251,18 @@ def landed_through(
 class _Landing(torch.autograd.Function):
     @staticmethod
     def forward(
-        ctx: Any, inner: Tensor, outer: Tensor, scene: Scene, rays: RayBundle, receivers: tuple[Receiver, ...]
+        ctx: Any, inner: Tensor, outer: Tensor, scene: Scene, rays: RayBundle, receivers: tuple[PosedReceiver, ...]
     ) -> Any:
-        traced = TracedBundle.of(inner, outer, scene, rays)
+        traced = TracedBundle.of(inner.detach().numpy(), outer.detach().numpy(), scene, rays)
         landed = [receiver.land(traced.exits) for receiver in receivers]
         ctx.traced, ctx.receivers, ctx.missed = traced, receivers, [each.missed_receiver for each in landed]
-        ctx.mark_non_differentiable(*(flags for each in landed for flags in (each.landed, each.missed_receiver)))
-        fields = [field for each in landed for field in (each.hits, each.flux, each.landed, each.missed_receiver)]
-        return traced.exits.sin2_exit, *fields
+        fields = [
+            torch.from_numpy(field)
+            for each in landed
+            for field in (each.hits, each.flux, each.landed, each.missed_receiver)
+        ]
+        ctx.mark_non_differentiable(*(field for field in fields if field.dtype == torch.bool))
+        return torch.from_numpy(traced.exits.sin2_exit), *fields
 
     @staticmethod
     def backward(ctx: Any, by_sin2: Tensor, *by_fields: Tensor) -> Any:
@@ -262,11 +271,13 @@ class _Landing(torch.autograd.Function):
         for k, (receiver, missed) in enumerate(zip(ctx.receivers, ctx.missed, strict=True)):
             by_hits, by_flux = by_fields[4 * k : 4 * k + 2]
             if missed.any():  # their hit and flux are constants; those of rays lost in the lens never count
-                by_hits, by_flux = by_hits.masked_fill(missed[:, None], 0.0), by_flux.masked_fill(missed, 0.0)
+                own = torch.from_numpy(missed)
+                by_hits, by_flux = by_hits.masked_fill(own[:, None], 0.0), by_flux.masked_fill(own, 0.0)
             by = receiver.sensitivities(exits, by_hits.contiguous().numpy())
             total = by if total is None else Sensitivities(*(a + b for a, b in zip(total, by, strict=True)))
             total_flux = total_flux + by_flux.numpy()
-        return *ctx.traced.gradients(total, total_flux, by_sin2.contiguous().numpy()), None, None, None
+        by_tables = ctx.traced.gradients(total, total_flux, by_sin2.contiguous().numpy())
+        return *(torch.from_numpy(table) for table in by_tables), None, None, None
 
 
 Pair = tuple[MadePart, MadePart]

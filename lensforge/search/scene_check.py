@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from math import isfinite, sqrt
 
 import numpy as np
-import torch
 from jaxtyping import Bool, Float
 
 from lensforge.errors import InputError
@@ -225,9 +224,9 @@ def _shares_by_fate(spec: Spec, rays: RayBundle, start: Lens | None) -> dict[Fat
     """Shares of the flux by fate in the starting lens."""
     inner, outer = starting_surfaces(spec) if start is None else (start.inner, start.outer)
     grid = grid_for(min(inner.detail_rad, outer.detail_rad), _NODES_PER_SIGMA)
-    inner_table, outer_table = (torch.from_numpy(tabulate(grid, surface)) for surface in (inner, outer))
+    inner_table, outer_table = (tabulate(grid, surface) for surface in (inner, outer))
     exits = trace_tables(inner_table, outer_table, Scene(spec.lens.media, grid), rays)
-    by_fate = np.bincount(exits.fates.numpy(), rays.flux, minlength=len(Fate)) / rays.flux.sum()
+    by_fate = np.bincount(exits.fates, rays.flux, minlength=len(Fate)) / rays.flux.sum()
     return {fate: float(by_fate[fate]) for fate in Fate}
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal, TypedDict, Unpack
 from lensforge import seeds
 from lensforge.errors import InputError, SourceWarning
 from lensforge.light.evaluation_result import Light
-from lensforge.light.lens_conditions import source_of
+from lensforge.light.lens_light import source_of
 from lensforge.light.source_photometry import SourceLumens
 from lensforge.results.arguments import count_of, path_of, require, threads_of_torch
 from lensforge.results.cluster import connected

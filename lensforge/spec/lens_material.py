@@ -12,22 +12,24 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from lensforge.errors import InputError
-from lensforge.optics.dispersion_formulas import HUGE, MOST_COEFFICIENTS, Formula, IndexTable
 from lensforge.optics.material import (
     D_LINE_NM,
     HIGHEST_C,
+    HUGE,
     LOWEST_C,
     MATERIALS,
+    MOST_COEFFICIENTS,
     REFERENCE_C,
     UNKNOWN,
     Absorption,
     Dispersion,
+    Formula,
+    IndexTable,
     Material,
-    MaterialData,
     TemperatureLaw,
     by_abbe_number,
 )
-from lensforge.optics.material_files import read_material
+from lensforge.optics.material_files import MaterialData, read_material
 from lensforge.optics.media import Media
 from lensforge.spec.coating_section import CoatingSection, CoverGlassSection
 from lensforge.spec.spec_section import FilePath, Label, Section

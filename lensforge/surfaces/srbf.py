@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from lensforge.errors import InputError
+from lensforge.kernels.parallel import in_chunks
 from lensforge.surfaces.mirror_group import grid_images, group
 from lensforge.surfaces.surface import Surface
 
@@ -170,7 +171,6 @@ class SrbfSurface(Surface):
         Directions go to the kernel as neighbours: it is quick where a block of them is a small part of the sphere.
         """
         from lensforge.kernels.basis_sum import BLOCK
-        from lensforge.kernels.parallel import in_chunks
 
         basis, order = self.basis, _as_neighbours(directions, BLOCK)
         ordered, found = np.ascontiguousarray(directions[order]), np.empty_like(total)

@@ -128,17 +128,6 @@ def peak(images, target):
     return -min(max(extrapolated(values), values.mean(axis=0).min()), values.mean())
 
 
-def inner(mask):
-    """A region without its rim, which leaves the share nearest to nine tenths."""
-    out = np.argwhere(~np.pad(mask, 1)) - 1
-    far = {(i, j): min(np.hypot(*(out - (i, j)).T)) for i, j in np.argwhere(mask)}
-    choices = [[place for place in far if far[place] >= d] for d in set(far.values())]
-    best = min(choices, key=lambda places: abs(len(places) / len(far) - 0.9))
-    found = np.zeros_like(mask)
-    found[tuple(zip(*best, strict=True))] = True
-    return found
-
-
 def extrapolated(values):
     assert len(values) == 16
 

@@ -19,8 +19,7 @@ from nightly import first_by_day
 from scipy.stats import t as student
 
 import lensforge as lf
-from lensforge.light.least_irradiance import uniformity_estimate
-from lensforge.light.metrics import nmse_estimate, rsd_estimate
+from lensforge.light.metrics import nmse_estimate, rsd_estimate, uniformity_estimate
 from lensforge.light.receiver_light import RegionLight
 from lensforge.surfaces.asphere import Biconic
 from lensforge.surfaces.chart_spline import ChartSpline
@@ -149,12 +148,8 @@ def test_figures_without_noise_of_the_same_replicates() -> None:
     assert nmse_estimate(images, target).value == pytest.approx(page_light.nmse(page, target), rel=1e-10)
     assert rsd_estimate(images, mask).value == pytest.approx(page_light.rsd(page, mask), rel=1e-10)
     assert uniformity_estimate(images, mask).value == pytest.approx(page_light.uniformity(page, mask), rel=1e-10)
-    mask[:] = True
-    mask[9, 21:] = False  # a notch
     region = RegionLight.of(images, target, mask, "W/m²")
-    assert region is not None and region.inner_share == page_light.inner(mask).sum() / mask.sum() < 1.0
-    assert region.inner.value == pytest.approx(page_light.uniformity(page, page_light.inner(mask)), rel=1e-10)
-    assert region.peak.value == pytest.approx(page_light.peak(page, target), rel=1e-10)
+    assert region is not None and region.peak.value == pytest.approx(page_light.peak(page, target), rel=1e-10)
 
 
 @pytest.mark.parametrize("name", LENSES)

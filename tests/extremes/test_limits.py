@@ -7,10 +7,10 @@ from extremes import bundle, fuzzed, quick_table_of, sound
 from hypothesis import given
 from hypothesis import strategies as st
 from known_refraction import normal_transmittance
-from landed import plane_at
+from landed import plane_at, trace_tables
 from scenes import hemisphere_directions, random_surface, sphere
 
-from lensforge.light.table_trace import Scene, trace_tables
+from lensforge.light.table_trace import Scene
 from lensforge.optics.media import Media
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid
@@ -34,7 +34,7 @@ def _phase_space(states: np.ndarray, tables: list, index: float, grid: TableGrid
     origins = np.column_stack([states[:, :2], np.zeros(len(states))])
     rays = RayBundle(origins, directions, np.ones(len(states)))
     exits = trace_tables(*tables, Scene(Media(index), grid), rays)
-    seen = plane_at(4.0).land(exits)
+    seen = plane_at(4.0).land_by_arrays(exits)
     state = np.column_stack([seen.hits.numpy(), exits.directions.numpy()[:, :2]])
     return np.where(seen.landed.numpy()[:, None], state, np.nan)
 

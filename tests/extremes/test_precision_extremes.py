@@ -5,10 +5,9 @@ from exact_surface import ExactSurface
 from extremes import fuzzed, is_sound
 from hypothesis import given
 from hypothesis import strategies as st
-from landed import in_torch
+from landed import in_torch, trace_exact
 from scenes import random_surface
 
-from lensforge.light.exact_trace import trace_exact
 from lensforge.optics.media import Media
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.surfaces.srbf import SrbfSurface

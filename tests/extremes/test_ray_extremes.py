@@ -6,12 +6,13 @@ from extremes import bundle, fuzzed, sound
 from hypothesis import given
 from hypothesis import strategies as st
 from known_refraction import normal_transmittance
+from landed import trace_tables
 from scenes import hemisphere_directions, random_surface, sphere, table_of
 
 from lensforge.errors import InputError
 from lensforge.kernels.fate import Fate
 from lensforge.kernels.fresnel import transmittances, transmitted_cosine_squared
-from lensforge.light.table_trace import Scene, trace_tables
+from lensforge.light.table_trace import Scene
 from lensforge.optics.media import Media
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle

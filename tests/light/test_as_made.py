@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 import torch
 from exact_surface import ExactSurface
-from landed import by_kernels, in_torch
+from landed import trace_exact, trace_tables
 from scenes import random_surface, sphere, table_of
 
 from lensforge.kernels.fate import Fate
-from lensforge.light.exact_trace import trace_exact
-from lensforge.light.table_trace import Scene, trace_tables
+from lensforge.light.table_trace import Scene
 from lensforge.optics.media import Media
 from lensforge.scene.as_made import AsMade, Displacement
 from lensforge.sources.build_source import SquareEmitter
@@ -141,44 +140,6 @@ def test_rays_below_the_plane_of_a_raised_outer_face_enter_it_through_that_plane
     assert found.fates.tolist() == [Fate.BASE, Fate.LEFT_LENS, Fate.LEFT_LENS]
     out = found.points.numpy()[1:] - [0.0, 0.0, 0.3]
     assert np.allclose(np.linalg.norm(out, axis=1), 2.0)
-
-
-def test_gradients_are_those_of_differences() -> None:
-    scene = _scene(ODD, Media(N, 0.05))
-    tables = [table.clone().requires_grad_() for table in TABLES]
-    rng = np.random.default_rng(0)
-    by = [torch.from_numpy(rng.normal(size=shape)) for shape in ((512, 2), 512, 512)]
-
-    def value(*both: torch.Tensor) -> torch.Tensor:
-        found = by_kernels(list(both), scene, RAYS, Z)
-        kept = found.landed
-        hits = (found.hits / Z * by[0])[kept].sum()
-        return hits + (found.flux * by[1])[kept].sum() * 100 + (found.sin2_exit * by[2])[kept].sum()
-
-    value(*tables).backward()
-    for k in range(2):
-        way = torch.from_numpy(rng.normal(size=tables[k].shape))
-        step = 1e-7
-        ends = []
-        for sign in (1.0, -1.0):
-            both = [table.detach().clone() for table in tables]
-            both[k] += sign * step * way
-            ends.append(float(value(*both)))
-        difference = (ends[0] - ends[1]) / (2.0 * step)
-        assert float((tables[k].grad * way).sum()) == pytest.approx(difference, rel=2e-5)
-
-
-def test_gradients_agree_with_the_tracer_in_torch() -> None:
-    exact = _exact()
-    found = in_torch(trace_exact(*exact, Media(N), RAYS, ODD), Z)
-    kept = found.landed
-    ((found.hits / Z)[kept].sum() + 1000 * found.flux[kept].sum()).backward()
-    tables = [table.clone().requires_grad_() for table in TABLES]
-    by_table = by_kernels(tables, _scene(ODD), RAYS, Z)
-    ((by_table.hits / Z)[kept].sum() + 1000 * by_table.flux[kept].sum()).backward()
-    for surface, table in zip(exact, tables, strict=True):
-        # an offset raises all coefficients by as much
-        assert float(table.grad.sum()) == pytest.approx(float(surface.offset_mm.grad), rel=5e-4)
 
 
 def test_roughness_is_a_convolution_and_loses_no_light() -> None:

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from lensforge.light.angular_grid import AngularGrid
-from lensforge.light.angular_resolution import FittedIntensity
+from lensforge.light.angular_grid import AngularGrid, FittedIntensity
 from lensforge.light.photometry_result import CandelaTables, Direction
 from lensforge.results import Metric
 from lensforge.sources.intensity import TabulatedIntensity
@@ -54,29 +53,6 @@ def test_the_error_of_a_width_has_that_of_its_level_too(share):
     assert found.standard_error == pytest.approx(np.hypot(by_rays, by_level))
 
 
-def test_a_level_that_noise_may_lift_above_all_light_leaves_a_width_of_zero_there():
-    found = tables((1.0, 1.0))._angle(0.0, Metric(value=PEAK_CD, unit="cd", standard_error=50.0), 0.95)
-    assert found.standard_error == pytest.approx(0.5 * (width(0.95 * 50.0) - 0.0))
-
-
-def test_no_width_errs_by_more_than_the_table_and_by_steps_no_more_than_two_of_them():
-    noisy = Metric(value=PEAK_CD, unit="cd", standard_error=99.9)
-    assert tables((0.6, 1.0, 1.9))._angle(0.0, noisy, 0.5).standard_error == pytest.approx(np.hypot(
-        jackknife([width(50.0, 0.6), width(50.0), width(50.0, 1.9)]), 0.5 * (width(0.05) - width(99.95))
-    ))  # fmt: skip
-    assert tables((0.51, 1.0, 9.0))._angle(0.0, noisy, 0.5).standard_error <= 180.0
-    other_steps = tables((1.0, 1.0), finer=0.6)
-    found = other_steps._angle(0.0, Metric(value=PEAK_CD, unit="cd", standard_error=0.0), 0.5)
-    assert found.standard_error == pytest.approx(min(width(50.0) - width(50.0, 0.6), 2 * 10.0))
-
-
-@pytest.mark.parametrize("error", [100.0, 150.0])
-def test_where_the_peak_may_be_nothing_the_beam_may_be_as_wide_as_the_table(error):
-    """At a level of 0 or below all of the table is brighter: 180 degrees, not a width of 0."""
-    found = tables((1.0, 1.0))._angle(0.0, Metric(value=PEAK_CD, unit="cd", standard_error=error), 0.5)
-    assert found.standard_error == pytest.approx(0.5 * (180.0 - 0.0))
-
-
 def test_without_light_above_the_level_there_is_no_width():
     assert tables()._angle(0.0, Metric(value=3 * PEAK_CD, unit="cd", standard_error=1.0), 0.5) is None
 
@@ -122,13 +98,6 @@ def test_tables_of_all_samples_and_of_all_but_one_are_in_candela_and_turned_over
     np.testing.assert_allclose(found.finer.values, 300.0 * finer.values[::-1])
 
 
-def test_samples_without_light_but_for_one_leave_no_table_without_that_one():
-    grid, samples = AngularGrid(8, np.array([0.0, 20.0, 50.0, 90.0])), samples_of(3)
-    samples[:2] = 0.0
-    finer = TabulatedIntensity(np.linspace(0.0, 360.0, 9), grid.gamma_deg, np.ones((9, 4)))
-    assert len(CandelaTables.of(FittedIntensity(grid, samples, None, finer), 1.0).left_out) == 2
-
-
 def test_a_plane_has_its_own_peak_and_both_widths():
     """Twice as bright along C 90 - C 270: the other plane has its own peak, half a level and a tenth of it."""
     values = cone().values.copy()
@@ -142,9 +111,3 @@ def test_a_plane_has_its_own_peak_and_both_widths():
         assert found.beam_angle_deg.value == pytest.approx(50.0) and found.field_angle_deg.value == pytest.approx(90.0)
         assert found.peak_cd.standard_error == pytest.approx(0.0, abs=1e-9)
         assert found.beam_angle_deg.standard_error == pytest.approx(0.0, abs=1e-9)
-
-
-def test_without_an_error_of_the_peak_that_of_the_width_is_that_of_the_rays():
-    found = tables()._angle(0.0, Metric(value=PEAK_CD, unit="cd"), 0.5)
-    assert found.standard_error == pytest.approx(jackknife([width(50.0, scale) for scale in SCALES]))
-    assert tables(())._angle(0.0, Metric(value=PEAK_CD, unit="cd", standard_error=9.0), 0.5).standard_error is None

@@ -5,13 +5,10 @@ import numpy as np
 import pytest
 from known_refraction import normal_transmittance
 from nightly import NIGHTLY
-from scenes import random_surface, small_spec, sphere
+from scenes import small_spec, sphere
 
 import lensforge as lf
-from lensforge.light.evaluation import evaluate_lens, evaluate_traced
-from lensforge.light.evaluation_result import LightMetrics
-from lensforge.light.metrics import jackknife, nmse, relative_deviation, uniformity
-from lensforge.light.simulation import TracedLens, traced_light
+from lensforge.light.evaluation import evaluate_lens
 from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import SquareEmitter, build_source
 from lensforge.sources.measured_rays import searched
@@ -26,21 +23,6 @@ DRAFT = PRESETS["draft"]
 
 def _evaluate(lens: Lens, **options):
     return evaluate_lens(lens, build_source(lens.spec.source), DRAFT, **options)
-
-
-def test_jackknife_of_a_mean_is_the_textbook_standard_error() -> None:
-    values = np.random.default_rng(0).normal(size=(40, 1))
-    mean, error = jackknife(values, lambda m: float(m[0]))
-    assert mean == pytest.approx(values.mean())
-    assert error == pytest.approx(values.std(ddof=1) / np.sqrt(40), rel=1e-12)
-
-
-def test_metrics_of_known_images() -> None:
-    image = np.array([[1.0, 1.0], [1.0, 0.6]])
-    mask = np.ones((2, 2), dtype=bool)
-    assert uniformity(image, mask) == pytest.approx(0.6 / 0.9)
-    assert relative_deviation(image, mask) == pytest.approx(np.std([1, 1, 1, 0.6]) / 0.9)
-    assert nmse(image, 7.0 * image) == pytest.approx(0.0, abs=1e-30)
 
 
 def test_a_point_in_concentric_spheres_shines_like_a_bare_lambertian_point() -> None:
@@ -88,16 +70,6 @@ def test_the_efficiency_is_the_share_of_the_light_in_the_window(changes: dict, w
     assert found.value == pytest.approx(expected, abs=5.0 * found.standard_error + 1e-4)
 
 
-def test_flux_adds_up_to_one_and_every_cause_is_there() -> None:
-    lens = Lens(random_surface(1, 3.0, 0.1), random_surface(2, 6.0, 0.1), small_spec(), 0, "draft")
-    light = _evaluate(lens)
-    assert sum(light.flux.model_dump().values()) == pytest.approx(1.0, abs=1e-13)
-    assert sum(light.missed_by_cause.model_dump().values()) == pytest.approx(light.flux.missed, abs=1e-15)
-    assert light.flux.total_reflection > 0.0
-    assert light.flux.not_converged == 0.0
-    assert light.efficiency.value == light.flux.detected
-
-
 def test_the_share_in_the_target_is_the_flux_where_it_is_bright() -> None:
     """A flat top on a receiver that only just holds it: what lands on its bright pixels, counted from the picture."""
     lens = Lens(sphere(3.0), sphere(6.0), small_spec(evaluate__pixels=64), 0, "draft")
@@ -123,16 +95,6 @@ def test_the_picture_is_that_of_the_rays_under_the_gaussian_asked_for(variance: 
     assert light.map == pytest.approx(total / weight, rel=1e-12)
 
 
-def test_the_light_of_one_lens_among_many_is_that_of_its_evaluation() -> None:
-    """The same rays, pictures and region of uniform light, to the last bits."""
-    spec = small_spec(evaluate__filter_variance=0.5)
-    lens = Lens(random_surface(1, 3.0, 0.02), random_surface(2, 6.0, 0.02), spec, 0, "draft")
-    traced, source = TracedLens.of(lens, DRAFT.evaluate_nodes_per_sigma), build_source(spec.source)
-    own, whole = traced_light(traced, spec, source, 4096, 3), evaluate_traced(traced, spec, source, 4096, 3)
-    assert own.metrics == LightMetrics.of(whole)
-    assert np.array_equal(own.map, whole.map)
-
-
 def test_standard_errors_tell_the_truth() -> None:
     """Ten evaluations with other seeds scatter as the standard error of one says, within twice: 3 sigma for ten."""
     spec = small_spec()
@@ -156,31 +118,6 @@ def test_the_figures_of_few_rays_are_those_of_many_but_for_their_errors() -> Non
         assert abs(getattr(few.raw, name) - fine.value) > worse_by * error, name
     assert few.nmse_of_noise is not None
     assert few.raw.nmse == pytest.approx(few.nmse.value + few.nmse_of_noise, abs=0.25 * few.nmse_of_noise)
-
-
-def test_a_single_replicate_has_raw_figures_only() -> None:
-    light = _evaluate(Lens(sphere(3.0), sphere(6.0), small_spec(), 0, "draft"), rays=1)
-    assert light.nmse.value == light.raw.nmse
-    assert light.nmse.standard_error is None
-
-
-def test_qmc_beats_plain_monte_carlo_by_its_order() -> None:
-    """The window is an edge in four dimensions: theory promises N^-5/8 where plain Monte Carlo has N^-1/2."""
-    spec = small_spec()
-    lens = Lens(sphere(3.0), sphere(6.0), spec, 0, "draft")
-    few, many = (_evaluate(lens, rays=rays).efficiency for rays in (2**10, 2**18))
-    errors, share = [few.standard_error, many.standard_error], many.value
-    plain = np.sqrt(share * (1.0 - share) / 2**18)
-    assert errors[1] < 0.3 * plain
-    assert np.log2(errors[0] / errors[1]) / 8 > 0.55
-
-
-@pytest.mark.parametrize(("rays", "pixels"), [(1, 16), (1, 1), (4096, 1)])
-def test_the_smallest_evaluations_are_finite(rays: int, pixels: int) -> None:
-    lens = Lens(sphere(3.0), sphere(6.0), small_spec(), 0, "draft")
-    result = _evaluate(lens, rays=rays, pixels=pixels)
-    assert np.isfinite(result.map).all()
-    assert sum(result.flux.model_dump().values()) == pytest.approx(1.0)
 
 
 def test_a_lens_for_a_ray_file_is_judged_by_the_rays_that_no_search_uses(tmp_path: Path) -> None:

@@ -1,7 +1,5 @@
 """Light behind a lens, summed by hand over bundles: half of what rises steeply passes, and nothing else."""
 
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
 
@@ -9,36 +7,16 @@ from lensforge import seeds
 from lensforge.errors import InputError
 from lensforge.kernels.fate import Fate
 from lensforge.light import exit_light
-from lensforge.light.angular_grid import AngularGrid
-from lensforge.light.angular_resolution import FittedIntensity
 from lensforge.light.exit_light import ExitLight, RaysOnSphere, _on_sphere, trace_exit_light
-from lensforge.light.photometry_export import _lost, _remarks, _scaled, _symmetry, _turned_over, _warnings
+from lensforge.light.photometry_export import _lost, _symmetry
 from lensforge.light.simulation import ABSORBED, CAUSES, IN_GLASS, MISSED_RECEIVER, TracedLens
-from lensforge.light.source_photometry import SourceLumens
-from lensforge.results import Extent, Metric
 from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import SquareEmitter
-from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.ray_set import RaySetEmitter
 
 SEED, PARTS, ROUNDS = 3, 16, 32
 LENS = object.__new__(TracedLens)  # never looked at
-
-
-def light_of(
-    error: Extent | None, peak_error: float | None = None, added: float | None = None, rays: int = 640
-) -> ExitLight:
-    class Stated(FittedIntensity):
-        """A table whose errors are given."""
-
-        node_error = error
-        peak = Metric(value=2.0, unit="W/sr", standard_error=peak_error)
-
-    table = TabulatedIntensity(np.zeros(1), np.array([0.0, 90.0]), np.ones((1, 2)))
-    intensity = Stated(AngularGrid(4, table.gamma_deg), np.ones((1, 4, 2)), added, table)
-    nothing = RayBundle(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
-    return ExitLight(rays, intensity, Metric(value=1.0, unit="W"), np.zeros(CAUSES), nothing, np.zeros((1, 2, 4)))
 
 
 def behind(rays: RayBundle) -> RayBundle:
@@ -119,18 +97,6 @@ def test_more_rays_are_traced_until_the_noise_is_down_or_there_are_most(monkeypa
     agrees(measured(source, most_rays=500), drawn(source, [16]))
 
 
-@pytest.mark.parametrize(
-    ("noise", "most_rays", "needed"),
-    [
-        (None, 10**9, 1000), (0.02, 10**9, 1000), (0.0201, 10**9, 2000), (0.0284, 10**9, 4000), (0.04, 10**9, 4000),
-        (0.0401, 10**9, 8000), (0.2, 4000, 4000), (0.2, 3999, 2000), (0.2, 1999, 1000),
-    ],
-)  # fmt: skip
-def test_rays_are_doubled_until_the_noise_is_two_per_cent(noise: float | None, most_rays: int, needed: int) -> None:
-    error = None if noise is None else Extent(max=1.0, rms=noise)
-    assert exit_light._rays_needed(light_of(error, rays=1000), most_rays) == needed
-
-
 def ray_set(count: int) -> RaySetEmitter:
     rays = SquareEmitter(1.0, 1.0).sample(count, 1)
     return RaySetEmitter(RayBundle(rays.origins, rays.directions, np.arange(1.0, count + 1.0)), 2.0)
@@ -176,13 +142,6 @@ def test_every_fate_has_its_own_loss() -> None:
     assert found == expected | {name: place + 1.0 for name, place in others.items()}
 
 
-def test_values_are_closed_and_turned_over_and_scaled_with_their_errors() -> None:
-    assert _turned_over(np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]))[:, 0].tolist() == [1.0, 5.0, 3.0, 1.0]
-    found = _scaled(Metric(value=3.0, unit="W", standard_error=0.5), 4.0, "lm")
-    assert (found.value, found.unit, found.standard_error) == (12.0, "lm", 2.0)
-    assert _scaled(Metric(value=3.0, unit="W"), 4.0, "lm").standard_error is None
-
-
 @pytest.mark.parametrize(
     ("source", "lens", "both"),
     [("square", "rectangle", "rectangle"), ("mirror_x", "rectangle", "mirror_x"), ("mirror_x", "mirror_y", "none")],
@@ -194,33 +153,6 @@ def test_light_has_the_mirrors_that_source_and_lens_share(source: str, lens: str
     assert _symmetry(object.__new__(Mirrored), SquareEmitter(1.0, symmetry=source)) == both
 
 
-def noisy(rms: float | None, peak_error: float | None = 0.25, added: float | None = 0.0123) -> ExitLight:
-    return light_of(None if rms is None else Extent(max=0.5, rms=rms), peak_error, added)
-
-
-def words(origin: str, rms: float | None, count: int | None = None) -> Iterator[str]:
-    return _warnings(SourceLumens(1000.0, origin), SquareEmitter(1.0, ray_count=count), noisy(rms))
-
-
-def test_files_say_what_limits_their_use() -> None:
-    assert list(words("given", 0.05)) == []
-    (one,) = words("given", 0.0501)
-    assert one.endswith("it is above a tenth of the peak; take more rays") and "5.0% rms" in one
-    (one,) = words("spec or source file", 0.3, 77)
-    assert one.endswith("the source has 77 rays")
-    (one,) = words("given", None)
-    assert one.startswith("640 ray: too few")
-    relative, few = words("not known", None)
-    assert "1000 lm taken" in relative and few.startswith("640 ray")
-
-
-def test_files_say_how_noisy_they_are() -> None:
-    errors, peak = _remarks(noisy(0.03), 100.0)
-    assert errors.startswith("640 rays;") and "3.00% rms, 50.00% at most; interpolation error 1.23%" in errors
-    assert peak == "peak without noise 200 +- 25 cd"
-    assert len(list(_remarks(noisy(0.03, None), 100.0))) == 1 and list(_remarks(noisy(None), 100.0)) == []
-
-
 def test_rays_inside_a_sphere_leave_it_ahead_of_them() -> None:
     points, ways = (
         np.array([[3.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 3.0, 5.0]]),
@@ -230,7 +162,3 @@ def test_rays_inside_a_sphere_leave_it_ahead_of_them() -> None:
     np.testing.assert_allclose(found, [[3.0, 0.0, 4.0], [np.sqrt(24.0), 0.0, 1.0], [0.0, 3.0, -4.0]], atol=1e-12)
     beside = _on_sphere(np.array([[6.0, 0.0, 2.0]]), np.array([[0.0, 0.0, 1.0]]), 5.0)
     assert beside.tolist() == [[6.0, 0.0, 0.0]], "no chord: where it is closest"
-
-
-def test_an_intensity_without_an_error_of_interpolation_has_none_in_its_remark() -> None:
-    assert "interpolation error 0.00%" in next(_remarks(noisy(0.03, added=None), 1.0))

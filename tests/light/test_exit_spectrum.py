@@ -15,16 +15,6 @@ from lensforge.sources.source_spectrum import Spectrum
 from lensforge.spec.source_sections import RayfileSource, RayfilesSource, RaySource, SquareSource
 
 
-def test_each_ray_counts_at_the_nearest_multiple_of_five_nanometres():
-    waves, flux = np.array([497.6, 500.0, 502.4, 507.6, 531.0]), np.array([1.0, 2.0, 0.5, 7.0, 1.4])
-    found = _of_rays(lambda: [(waves[:2], flux[:2]), (waves[2:], flux[2:])])
-    power = dict(zip(found.wavelengths_nm.tolist(), found.power_density.tolist(), strict=True))
-    lit = {wave: share for wave, share in power.items() if share > 0.0}
-    assert lit == pytest.approx({500.0: 3.5 / 7.0, 510.0: 1.0, 530.0: 0.2})
-    assert power[495.0] == power[535.0] == 0.0, "dark at both ends"
-    np.testing.assert_allclose(np.diff(found.wavelengths_nm), 5.0)
-
-
 def test_rays_of_one_wavelength_are_a_line():
     found = _of_rays(lambda: [(np.full(3, 621.3), np.ones(3))])
     assert (found.wavelengths_nm.tolist(), found.power_density.tolist()) == ([621.3], [1.0])
@@ -54,30 +44,6 @@ def test_the_reach_is_the_angle_that_holds_nearly_all_the_flux():
     assert reach(0.5, 0.2, 0.2, 0.1) == pytest.approx(80.0)
     nothing = RayBundle(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
     assert _reach_deg(nothing) == 90.0
-
-
-def test_the_table_of_rays_ends_in_the_dark_on_both_sides():
-    """From the multiple of 5 nm below the first ray to that above the last one; a ray on an edge counts above it."""
-    for first, last, nodes in (
-        (500.0, 510.0, [495.0, 500.0, 505.0, 510.0, 515.0]),
-        (502.4, 507.6, [495.0, 500.0, 505.0, 510.0, 515.0]),
-        (502.5, 507.4, [500.0, 505.0, 510.0]),
-        (497.6, 503.0, [495.0, 500.0, 505.0, 510.0]),
-    ):
-        found = _of_rays(lambda ends=(first, last): [(np.array(ends), np.array([1.0, 4.0]))])
-        assert found.wavelengths_nm.tolist()[: len(nodes)] == nodes
-        lit = found.wavelengths_nm[found.power_density > 0.0]
-        assert found.power_density[0] == found.power_density[-1] == 0.0 and found.power_density.max() == 1.0
-        assert lit[0] == 5.0 * np.floor(first / 5.0 + 0.5) and lit[-1] == 5.0 * np.floor(last / 5.0 + 0.5)
-
-
-def test_two_tables_are_mixed_at_the_nodes_of_both():
-    one = Spectrum(np.array([400.0, 500.0]), np.array([2.0, 2.0]))
-    two = Spectrum(np.array([450.0, 550.0, 600.0]), np.array([0.0, 1.0, 0.0]))
-    found = _mixed([one, two], [1.0, 3.0])
-    assert found.wavelengths_nm.tolist() == [400.0, 450.0, 500.0, 550.0, 600.0]
-    density = np.array([0.01, 0.01, 0.01 + 0.5 * 3.0 / 75.0, 3.0 / 75.0, 0.0])
-    np.testing.assert_allclose(found.power_density, density / density.max())
 
 
 ROWS = np.column_stack([np.zeros((3, 3)), np.tile([0.0, 0.0, 1.0], (3, 1)), [1.0, 2.0, 5.0]])

@@ -101,12 +101,3 @@ def test_bounds_see_every_coefficient_that_acts_within_their_reach(seed: int) ->
     least, rho = bounds.tiles[tile[:, 0], tile[:, 1], 0], evaluate_table(grid, table, u)
     assert (least <= rho + 1e-12).all()
     assert (rho < 1.9).any() and (least == 2.0).mean() > 0.1, "there are dents, and tiles without"
-
-
-if __name__ == "__main__":  # the long run: PYTHONPATH=tests python tests/light/test_first_hit.py 4000
-    import sys
-
-    per_surface = int(sys.argv[1]) if len(sys.argv) > 1 else 20_000
-    results = [_wrong(seed, roughness, per_surface) for seed in range(10, 20) for roughness in (0.01, 0.03, 0.06)]
-    wrong, several = (sum(result[i] for result in results) for i in (0, 1))
-    print(f"{30 * per_surface} hard rays, {several} with several crossings, {wrong} wrong")

@@ -1,20 +1,18 @@
 """Fitted intensity tables against plain calculations: dense matrices, waves one by one, loops over samples."""
 
-from itertools import pairwise
+from itertools import pairwise, permutations
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from lensforge.light.angular_grid import AngularGrid, finest_grid
-from lensforge.light.angular_resolution import (
-    FittedIntensity,
+from lensforge.light.angular_grid import (
+    AngularGrid,
     _interpolation_error,
     _mean_square,
     _Pyramid,
     _variance,
-    _worthwhile,
-    fit,
+    finest_grid,
 )
 from lensforge.sources.ray_bundle import RayBundle
 
@@ -126,39 +124,7 @@ def test_cones_of_less_than_no_light_are_made_up_for_by_all_others():
     assert table.c_deg.tolist() == [0.0, 90.0, 180.0, 270.0, 360.0] and (table.values[4] == table.values[0]).all()
 
 
-@pytest.mark.parametrize(
-    ("beam_deg", "reach", "inside"),
-    [
-        (0.0, 2.5, 128), (2.5, 2.5, 128), (2.6, 5.0, 128), (5.0, 5.0, 128), (10.0, 10.0, 128), (20.0, 20.0, 128),
-        (20.1, 30.0, 192), (30.0, 30.0, 192), (61.0, 70.0, 448), (90.0, 90.0, 576), (120.0, 90.0, 576),
-    ],
-)  # fmt: skip
-def test_the_finest_grid_has_its_steps_within_the_beam_and_64_beyond(beam_deg, reach, inside):
-    grid = finest_grid(beam_deg)
-    expected = [*np.linspace(0.0, reach, inside + 1), *(np.linspace(reach, 90.0, 65)[1:] if reach < 90.0 else [])]
-    np.testing.assert_allclose(grid.gamma_deg, expected, atol=1e-12)
-    assert grid.planes == 576
-
-
 SAMPLES = np.random.default_rng(1).uniform(1.0, 2.0, (5, 4, 8)) * np.linspace(1.0, 0.0, 8)
-
-
-def test_errors_of_nodes_are_those_of_the_mean_and_weighted_by_solid_angle():
-    grid = AngularGrid(4, GAMMA_DEG)
-    found = FittedIntensity(grid, SAMPLES, None, grid.table(SAMPLES[0]))
-    mean = sum(SAMPLES) / 5
-    error = np.sqrt(sum((each - mean) ** 2 for each in SAMPLES) / 4 / 5)
-    np.testing.assert_allclose(found.values, mean)
-    np.testing.assert_allclose(found.standard_errors, error)
-    bright = [(k, g) for k, g in np.ndindex(4, 8) if mean[k, g] > 0.1 * mean.max()]
-    ratios = np.array([error[at] / mean[at] for at in bright])
-    weights = np.array([grid.solid_angles[g] for _, g in bright])
-    assert found.node_error.max == pytest.approx(ratios.max())
-    assert found.node_error.rms == pytest.approx(np.sqrt((weights * ratios**2).sum() / weights.sum()))
-    alone = FittedIntensity(grid, SAMPLES[:1], None, grid.table(SAMPLES[0]))
-    assert alone.standard_errors is None and alone.node_error is None
-    assert FittedIntensity(grid, SAMPLES[:2], None, grid.table(SAMPLES[0])).standard_errors is not None
-    assert found.peak.unit == "W/sr"
 
 
 def test_the_square_of_what_samples_have_in_common_is_the_mean_over_pairs():
@@ -177,36 +143,30 @@ def pyramid(samples):
     return _Pyramid(finest, np.stack(parts))
 
 
-def test_levels_of_the_pyramid_are_halvings_of_the_finest_grid_and_differ_by_their_tables():
-    made = pyramid(2)
-    fine, coarse = made.grid((2, 3)), made.grid((3, 5))
-    assert (fine.planes, coarse.planes) == (144, 72)
-    np.testing.assert_array_equal(fine.gamma_deg, made.grid((0, 0)).gamma_deg[::8])
-    np.testing.assert_array_equal(coarse.gamma_deg, made.grid((0, 0)).gamma_deg[::32])
-    difference = made.difference((3, 5), (2, 3))
-    for added, own, other in zip(difference, made.table((2, 3)), made.table((3, 5)), strict=True):
-        readings = coarse.readings(*(each.ravel() for each in np.meshgrid(fine.c_deg, fine.gamma_deg, indexing="ij")))
-        np.testing.assert_allclose(added, own - (readings @ other.ravel()).reshape(own.shape), atol=1e-9)
+LEVEL, FINER = (3, 3), (2, 2)
 
 
-@pytest.mark.parametrize("level", [(4, 6), (3, 3), (2, 2), (1, 2), (1, 1)])
-def test_the_finer_level_is_that_which_gains_most_structure_beyond_its_noise(level):
-    made = pyramid(4)
-    gains = {}
-    for finer in ((level[0] - 1, level[1]), (level[0], level[1] - 1), (level[0] - 1, level[1] - 1)):
-        if finer[0] >= 1 and finer[1] >= 1:
-            weights = made.grid(finer).solid_angles
-            gain = (_mean_square(made.difference(level, finer)) * weights).sum()
-            gain -= (_variance(made.table(finer)) * weights).sum()
-            gain += (_variance(made.table(level)) * made.grid(level).solid_angles).sum()
-            gains[finer] = gain
-    best = max(gains, key=gains.get, default=None)
-    assert _worthwhile(made, level) == (best if best and gains[best] > 0.0 else None)
-    assert _worthwhile(pyramid(1), level) is None
+def mean_square(added, weights):
+    """Mean over all pairs of different samples: what they have in common, without the noise of either."""
+    pairs = [np.sum(weights * one * other) for one, other in permutations(added, 2)]
+    return np.mean(pairs) / weights.sum()
 
 
-def test_two_samples_tell_structure_from_noise():
-    assert _worthwhile(pyramid(2), (4, 6)) is not None
+@pytest.mark.parametrize("count", [3, 6])
+def test_the_error_of_interpolation_is_the_root_of_the_mean_square_and_one_standard_error(count):
+    made = pyramid(count)
+    added, grid = made.difference(LEVEL, FINER), made.grid(FINER)
+    coarse = made.table(LEVEL).mean(axis=0)
+    refined = grid.refined(grid.coarser("gamma").refined(coarse[None], "c"), "gamma")[0]
+    weights = grid.solid_angles * (refined > 0.1 * refined.max())
+    left_out = [mean_square(np.delete(added, k, axis=0), weights) for k in range(count)]
+    error = np.sqrt((count - 1) / count * np.sum((left_out - np.mean(left_out)) ** 2))
+    expected = 4.0 / 3.0 * np.sqrt(max(mean_square(added, weights) + error, 0.0)) / coarse.max()
+    assert _interpolation_error(made, LEVEL) == pytest.approx(expected, rel=1e-9)
+
+
+def test_two_samples_cannot_tell_their_error_of_interpolation():
+    assert _interpolation_error(pyramid(2), LEVEL) is None
 
 
 def test_samples_that_have_nothing_in_common_have_no_error_of_interpolation():
@@ -221,21 +181,6 @@ def test_samples_that_have_nothing_in_common_have_no_error_of_interpolation():
     grid = opposite.grid((1, 1))
     added = np.array([1.0, -1.0, 1.0, -1.0])[:, None, None] * np.ones((1, grid.planes, len(grid.gamma_deg)))
     assert _interpolation_error(opposite, (2, 2)) == 0.0
-
-
-def test_a_fit_ends_where_no_finer_level_is_worth_it():
-    made = pyramid(4)
-    found = fit(made.grid((0, 0)), made._deposits[(0, 0)])
-    level = (4, 6)
-    while (finer := _worthwhile(made, level)) is not None:
-        level = finer
-    assert level != (4, 6)
-    np.testing.assert_array_equal(found.samples, made.table(level))
-    np.testing.assert_array_equal(found.grid.gamma_deg, made.grid(level).gamma_deg)
-    half = (level[0] - 1, level[1] - 1)
-    expected = made.grid(half).table(made.table(half).mean(axis=0))
-    np.testing.assert_array_equal(found.finer.values, expected.values)
-    assert 0.0 < found.interpolation_error < 1.0
 
 
 def test_the_axis_is_as_well_known_as_the_light_beside_it() -> None:

@@ -139,9 +139,3 @@ def test_the_seat_is_the_bottom_of_the_base() -> None:
     lens = lens_of(small_spec(**PLASTIC, base={"diameter_mm": 16.0, "height_mm": 3.0}))
     assert at_temperature(lens, 120.0).raised_mm == pytest.approx(3.0 * 7e-3, abs=1e-15)
     assert at_temperature(lens_of(small_spec(**PLASTIC, base={"kind": "none"})), 120.0).raised_mm == 0.0
-
-
-def test_a_finished_lens_takes_the_constants_of_a_data_sheet() -> None:
-    plain, lens = lens_of(small_spec()), lens_of(small_spec(**PLASTIC))
-    given = {name.removeprefix("lens__"): value for name, value in PLASTIC.items()}
-    assert replace(plain, spec=plain.spec.replace(lens=given)) == lens

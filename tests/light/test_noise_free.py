@@ -1,10 +1,12 @@
 """Squared metrics without ray noise: against pictures that are known, and against sums over pairs written out."""
 
+from itertools import permutations
+
 import numpy as np
 import pytest
 from noisy_images import bumpy, noisy
 
-from lensforge.light.metrics import nmse, nmse_estimate, relative_deviation, rsd_estimate
+from lensforge.light.metrics import _error_over_pairs, nmse, nmse_estimate, relative_deviation, rsd_estimate
 
 SIDE = 24
 EVERYWHERE = np.ones((SIDE, SIDE), dtype=bool)
@@ -44,14 +46,6 @@ def test_estimates_are_without_bias_and_their_errors_cover(deviation: float, noi
             assert np.mean(np.abs(away) < 2.0 * errors) > 0.89
 
 
-def test_raw_figures_carry_the_noise() -> None:
-    """So much that these tests would see it."""
-    truth, rng = bumpy(SIDE, 0.03), np.random.default_rng(6)
-    means = [noisy(truth, 0.1, rng, filtered=False).mean(axis=0) for _ in range(50)]
-    assert np.mean([nmse(mean, TARGET) for mean in means]) == pytest.approx(nmse(truth, TARGET) + 0.1**2, rel=0.05)
-    assert np.mean([relative_deviation(mean, EVERYWHERE) for mean in means]) > 3.0 * 0.03
-
-
 def test_a_perfect_pattern_is_as_often_below_zero_as_above() -> None:
     values, _ = _estimates(np.ones((SIDE, SIDE)), 0.05)["nmse"]
     assert 0.4 < np.mean(values < 0.0) < 0.6
@@ -76,14 +70,6 @@ def test_the_estimate_is_the_mean_over_pairs() -> None:
     assert rsd_estimate(images, mask).value == pytest.approx(np.sqrt(even / level), rel=1e-12)
 
 
-def test_without_noise_both_are_the_metrics_themselves() -> None:
-    truth = bumpy(SIDE, 0.1)
-    images = np.repeat(truth[None], 16, axis=0)
-    assert nmse_estimate(images, TARGET).value == pytest.approx(nmse(truth, TARGET), rel=1e-12)
-    assert rsd_estimate(images, EVERYWHERE).value == pytest.approx(relative_deviation(truth, EVERYWHERE), rel=1e-12)
-    assert nmse_estimate(images, TARGET).metric().standard_error == pytest.approx(0.0, abs=1e-12)
-
-
 @pytest.mark.parametrize("lit", [0, 1, 3])
 def test_too_few_replicates_leave_the_noise_in_and_have_no_error(lit: int) -> None:
     """Replicates that no light reached tell nothing about the noise of it."""
@@ -95,3 +81,26 @@ def test_too_few_replicates_leave_the_noise_in_and_have_no_error(lit: int) -> No
         assert found.value == nmse(few.mean(axis=0), TARGET)
         assert even.value == relative_deviation(few.mean(axis=0), EVERYWHERE)
         assert found.standard_error is None and even.standard_error is None
+
+
+@pytest.mark.parametrize("own", [0.0, 3.0])
+def test_the_error_over_pairs_is_the_jackknife_less_what_it_counts_twice(own: float) -> None:
+    """Products with effects of their replicates, and without, where noise outweighs them."""
+    chance, count = np.random.default_rng(3), 6
+    apart = chance.normal(size=(count, count))
+    products = apart + apart.T + own * np.add.outer(*2 * (chance.normal(size=count),))
+    pairs = list(permutations(range(count), 2))
+    if own == 0.0:  # no effects: every row has the same mean
+        for _ in range(60):
+            rows = np.array([sum(products[j, k] for k in range(count) if k != j) for j in range(count)])
+            products -= np.add.outer(rows, rows) / (2.0 * (count - 1))
+    mean = sum(products[j, k] for j, k in pairs) / len(pairs)
+    without = [np.mean([products[j, k] for j, k in pairs if left not in (j, k)]) for left in range(count)]
+    jackknife = (count - 1) / count * sum((each - np.mean(without)) ** 2 for each in without)
+    effects = [
+        (sum(products[j, k] for k in range(count) if k != j) - (count - 1) * mean) / (count - 2) for j in range(count)
+    ]
+    z = sum((products[j, k] - mean - effects[j] - effects[k]) ** 2 for j, k in pairs) / (count * (count - 3))
+    expected = max(jackknife - 4.0 * z / (count * (count - 2)), 0.0) + 2.0 * z / (count * (count - 1))
+    assert _error_over_pairs(products) == pytest.approx(expected**0.5, rel=1e-9)
+    assert (jackknife > 4.0 * z / (count * (count - 2))) == (own > 0.0)

@@ -36,7 +36,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_plain_scene_loads_no_file_reader_no_cad_and_no_pictures_to_be_evaluated_and_checked(folder: Path) -> None:
-    evaluate = (["evaluate", str(folder), "--rays", "64"], [*CAD, *PICTURES, *SOURCES, *PROOFS])
+    evaluate = (["evaluate", str(folder), "--rays", "64"], ["torch", *CAD, *PICTURES, *SOURCES, *PROOFS])
     check = (["check", str(folder)], ["cadquery", "OCP", *PICTURES, *SOURCES])
     assert _loaded(evaluate, check) == ["[]", "[]"]
 

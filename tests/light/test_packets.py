@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-import torch
-from scenes import random_surface, table_of
+from scenes import random_surface
 
 from lensforge.kernels.first_hit import SIZE, WIDTH
 from lensforge.light.table_trace import Scene, TracedBundle
@@ -11,15 +10,15 @@ from lensforge.optics.media import Media
 from lensforge.scene.exit_rays import ExitRays, Sensitivities
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle
-from lensforge.surfaces.bicubic_table import TableGrid
+from lensforge.surfaces.bicubic_table import TableGrid, tabulate
 
 GRID = TableGrid(60)
 SCENE = Scene(Media(1.6), GRID)
 COUNT = 2 * SIZE + 3
 
 
-def _tables() -> list[torch.Tensor]:
-    return [table_of(random_surface(seed, radius, 0.05), GRID) for seed, radius in ((1, 0.9), (2, 1.7))]
+def _tables() -> list[np.ndarray]:
+    return [tabulate(GRID, random_surface(seed, radius, 0.05)) for seed, radius in ((1, 0.9), (2, 1.7))]
 
 
 def _rays() -> RayBundle:
@@ -34,7 +33,7 @@ def _rays() -> RayBundle:
     return RayBundle(origins, directions, led.flux)
 
 
-def _fields(exits: ExitRays) -> tuple[torch.Tensor, ...]:
+def _fields(exits: ExitRays) -> tuple[np.ndarray, ...]:
     return exits.points, exits.directions, exits.flux, exits.sin2_exit, exits.fates
 
 
@@ -46,8 +45,8 @@ def test_parts_of_a_bundle_are_traced_as_the_whole(size: int) -> None:
     starts = range(0, COUNT, size) if size > WIDTH + 1 else range(0, 6 * size, size)
     parts = [TracedBundle.of(*tables, SCENE, rays.take(slice(start, start + size))).exits for start in starts]
     for name, field, pieces in zip("pdfsf", whole, zip(*map(_fields, parts), strict=True), strict=True):
-        joined = torch.cat(pieces)
-        assert torch.equal(joined, field[: len(joined)]), name
+        joined = np.concatenate(pieces)
+        assert np.array_equal(joined, field[: len(joined)]), name
 
 
 def test_gradients_are_the_sum_of_those_of_the_parts() -> None:
@@ -57,14 +56,14 @@ def test_gradients_are_the_sum_of_those_of_the_parts() -> None:
     by_flux[::3], by_sin2[::3] = 0.0, 0.0
     by.by_points[::3], by.by_directions[::3] = 0.0, 0.0  # these matter to nothing: their places are others'
     whole = TracedBundle.of(*tables, SCENE, rays).gradients(by, by_flux, by_sin2)
-    total = [torch.zeros_like(each) for each in whole]
+    total = [np.zeros_like(each) for each in whole]
     for start in range(0, COUNT, 101):
         part = slice(start, start + 101)
         traced = TracedBundle.of(*tables, SCENE, rays.take(part))
         own = traced.gradients(Sensitivities(by.by_points[part], by.by_directions[part]), by_flux[part], by_sin2[part])
         total = [a + b for a, b in zip(total, own, strict=True)]
     for summed, at_once in zip(total, whole, strict=True):
-        assert torch.allclose(summed, at_once, rtol=1e-11, atol=1e-11 * at_once.abs().max())
+        assert np.allclose(summed, at_once, rtol=1e-11, atol=1e-11 * np.abs(at_once).max())
 
 
 def test_no_rays_are_no_light() -> None:

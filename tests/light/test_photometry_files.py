@@ -14,7 +14,7 @@ from test_photometry import ROUGH, SYMMETRIC, THROUGH, measured
 import lensforge as lf
 from lensforge.cli.cli import cli
 from lensforge.errors import InputError
-from lensforge.sources.rayfiles.ray_file_io import read_rayfile
+from lensforge.light.photometry_result import Photometry
 
 DATED = replace(ROUGH, spec=small_spec(manufacture__date="2026-03-01"))
 
@@ -57,23 +57,6 @@ def test_every_file_says_that_it_is_computed_and_when():
         assert "<Simulation>true</Simulation>" in found.tm33.decode("utf-8")
 
 
-def test_the_ray_file_has_the_version_of_its_layout_and_says_simulated(tmp_path):
-    """Bytes 4 to 12 of TM-25: the version, 2013 in all public files, and 0 for a simulation; from 28 the date."""
-    measured(DATED, rays=2**10).save(tmp_path / "x.tm25ray")
-    head = (tmp_path / "x.tm25ray").read_bytes()[:56]
-    assert np.frombuffer(head[4:12], "<i4").tolist() == [2013, 0]
-    assert head[28:].rstrip(b"\0") == b"2026-03-01"
-    assert read_rayfile(tmp_path / "x.tm25ray").header["creation_method"] == "simulated"
-
-
-def test_the_ray_file_states_the_wavelengths_of_its_source(tmp_path):
-    spectrum = {"kind": "table", "wavelength_nm": [450, 520, 640], "weight": [1, 3, 1]}
-    lens = replace(ROUGH, spec=small_spec(source__spectrum=spectrum))
-    measured(lens, rays=2**10).save(tmp_path / "x.tm25ray")
-    header = read_rayfile(tmp_path / "x.tm25ray").header
-    assert (header["wavelength_min_nm"], header["wavelength_max_nm"]) == (450.0, 640.0)
-
-
 def test_the_library_and_the_command_write_older_editions(tmp_path):
     old = lf.photometry(ROUGH, rays=2**10, lumens=90.0, ies_version=1986)
     assert old.ies.startswith(b"lensforge ")
@@ -87,3 +70,15 @@ def test_the_library_and_the_command_write_older_editions(tmp_path):
     assert (tmp_path / "lens_1024rays.iesxml").is_file()
     shown = CliRunner().invoke(cli, ["rays", str(tmp_path / "lens_1024rays.iesxml"), "--json"])
     assert json.loads(shown.output)["generated"] == "Computer Simulation"
+
+
+def test_the_command_writes_and_says_so(tmp_path):
+    ROUGH.save(tmp_path / "lens.json")
+    result = CliRunner().invoke(cli, ["photometry", str(tmp_path), "--rays", "4096", "--lumens", "90"])
+    assert result.exit_code == 0
+    assert "of 90 lm of the source\n" in result.stdout and "luminous flux" not in result.stderr
+    assert (tmp_path / "lens_4096rays.ldt").read_text(encoding="utf-8").splitlines()[28] == "90"
+    assert Photometry.read(tmp_path, "photometry_4096rays").ldt == (tmp_path / "lens_4096rays.ldt").read_bytes()
+    relative = CliRunner().invoke(cli, ["photometry", str(tmp_path), "--rays", "1024"])
+    assert "warning: luminous flux of the source not known: 1000 lm taken" in relative.stderr
+    assert "of 1000 lm of the source, which states no flux" in relative.stdout

@@ -1,16 +1,12 @@
 """The record of the photometry, field by field, of light that is given: 16 samples without any symmetry."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scenes import small_spec, sphere
 
-from lensforge.errors import InputError
 from lensforge.kernels.fate import Fate
 from lensforge.light import photometry_export
-from lensforge.light.angular_grid import AngularGrid
-from lensforge.light.angular_resolution import FittedIntensity
+from lensforge.light.angular_grid import AngularGrid, FittedIntensity
 from lensforge.light.exit_light import ExitLight
 from lensforge.light.photometry_export import measure_photometry
 from lensforge.light.photometry_result import CandelaTables, Photometry
@@ -94,36 +90,3 @@ def test_every_field_is_that_of_the_light(asked: dict) -> None:
     assert "[ISSUEDATE] 2026-03-01" in text and "640 rays; standard error" in text and "peak without noise" in text
     sizes = text.split("TILT=NONE")[1].split()
     assert float(sizes[1]) == 600.0 and sorted(map(float, sizes[7:10]))[:2] == pytest.approx([-0.012, -0.012], abs=2e-4)
-
-
-def test_light_of_one_sample_has_no_errors_and_more_light_than_there_is_reflects_none(asked: dict) -> None:
-    asked["light"] = replace(light(1), by_fate_w=np.full(CAUSES, FLUX_W))
-    found = measured()
-    assert asked["rays"] is None and found.reflected_w == 0.0 and found.node_error is None
-    assert (found.candela_standard_error == 0.0).all() and found.candela_standard_error.shape == found.candela.shape
-    assert found.exit_lm.standard_error is None
-
-
-def test_a_lamp_for_an_area_has_its_road_figures_in_lumens(asked: dict) -> None:
-    lamp = small_spec(target__distance_mm=1000.0, photometry={"use": "area"}, source__flux_w=FLUX_W)
-    found = measured(replace(LENS, spec=lamp), lumens=600.0)
-    zones = sum(each["value"] for each in found.road.bug.zones.model_dump().values())
-    assert zones == pytest.approx(found.exit_lm.value, rel=1e-6) == pytest.approx(450.0)
-    assert found.source_lm_from == "given"
-
-
-def test_any_lumens_above_0_are_taken(asked: dict) -> None:
-    assert measured(lumens=0.5).source_lm == 0.5
-    for lumens in (0.0, -0.5, np.inf, np.nan):
-        with pytest.raises(InputError, match="must be above 0 and finite"):
-            measured(lumens=lumens)
-
-
-def test_a_plot_shows_the_half_planes_nearest_to_0_and_90(asked: dict) -> None:
-    from matplotlib.figure import Figure
-
-    found = measured()
-    axes = found.plot(Figure().add_subplot())
-    for line, row in zip(axes.lines, (0, 2), strict=True):
-        np.testing.assert_array_equal(line.get_ydata(), found.candela[row])
-        np.testing.assert_array_equal(line.get_xdata(), found.gamma_deg)

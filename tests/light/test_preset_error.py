@@ -4,24 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
-from exact_surface import ExactSurface
 from nightly import NIGHTLY
-from scenes import random_surface, small_spec, table_of
+from scenes import random_surface, small_spec
 
 from lensforge.light.evaluation import evaluate_lens, measure_preset
-from lensforge.light.exact_trace import TableScan, exact_surfaces, trace_exact
 from lensforge.light.simulation import TracedLens
 from lensforge.light.table_trace import Scene
 from lensforge.scene.lens import Lens
-from lensforge.scene.receiver import Hits
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.sources.build_source import build_source
-from lensforge.sources.ray_bundle import RayBundle
 from lensforge.spec.accuracy import PRESETS
-from lensforge.surfaces.bicubic_table import TableGrid
-
-GRID = TableGrid(100)
+from lensforge.surfaces.bicubic_table import TableGrid, tabulate
 
 
 @pytest.fixture(scope="module")
@@ -36,51 +29,16 @@ def source(lens):
 
 
 def _tables(lens, grid):
-    return {name: table_of(getattr(lens, name), grid).numpy() for name in ("inner", "outer")}
+    return {name: tabulate(grid, getattr(lens, name)) for name in ("inner", "outer")}
 
 
 def _traced(lens, grid, **moved):
-    tables = {
-        name: torch.from_numpy(table * (1.0 + moved.get(name, 0.0))) for name, table in _tables(lens, grid).items()
-    }
+    tables = {name: table * (1.0 + moved.get(name, 0.0)) for name, table in _tables(lens, grid).items()}
     return TracedLens(Scene(lens.media, grid), **tables, table_error_nm={"": 0.0})
 
 
 def _landed(lens, exits):
-    """As arrays: by plain torch, for whichever tracer."""
-    return Hits.of(receivers_of(lens.spec, 16)[0].land_in_torch(exits))
-
-
-def _near_tables(lens, grid, rays):
-    inner, outer = (TableScan(grid, table) for table in _tables(lens, grid).values())
-    return trace_exact(*exact_surfaces(lens, (inner, outer)), lens.media, rays)
-
-
-def test_a_scan_of_the_table_finds_what_a_dense_scan_of_the_surface_finds(lens, source):
-    rays = source.sample(512, 3)
-    exits = _near_tables(lens, GRID, rays)
-    surfaces = [ExactSurface.of(s) for s in (lens.inner, lens.outer)]
-    reference = trace_exact(*surfaces, lens.media, rays)
-    ours, theirs = _landed(lens, exits), _landed(lens, reference)
-    assert np.array_equal(ours.arrived, theirs.arrived)
-    assert ours.arrived.mean() > 0.6
-    assert np.abs(ours.hits - theirs.hits)[ours.arrived].max() < 1e-8
-    assert np.abs(ours.flux - theirs.flux).max() < 1e-14
-    assert torch.equal(exits.fates, reference.fates)
-    for name in ("points", "directions", "flux", "sin2_exit"):
-        assert torch.allclose(getattr(exits, name), getattr(reference, name), rtol=0.0, atol=1e-9)
-
-
-def test_rays_from_below_enter_as_the_fused_tracer_lets_them(lens, source):
-    rays = source.sample(512, 3)
-    low = RayBundle(rays.origins - [0.0, 0.0, 0.7], rays.directions, rays.flux)
-    low.directions[:7] = [1.0, 0.0, 1e-310]  # enters nowhere
-    exits, by_kernels = _near_tables(lens, GRID, low), _traced(lens, GRID).trace(low)
-    ours, fused = _landed(lens, exits), _landed(lens, by_kernels)
-    assert torch.equal(exits.fates, by_kernels.fates)
-    assert np.array_equal(ours.arrived, fused.arrived)
-    assert 0.3 < ours.arrived.mean() < 0.99
-    assert np.abs(ours.hits - fused.hits).max() < 0.05
+    return receivers_of(lens.spec, 16)[0].land(exits)
 
 
 def test_the_stated_error_is_that_of_the_tables(lens, source):
@@ -119,9 +77,3 @@ def test_every_evaluation_says_what_its_preset_leaves(lens, source):
     assert 0.0 < evaluation.irradiance_nmse.value < 0.05 * design.irradiance_nmse.value < 1e-3
     assert evaluation.irradiance_nmse.value < 0.01 * light.nmse_of_noise
     assert evaluation.table_error_nm == max(light.table_error_nm.inner, light.table_error_nm.outer)
-
-
-def test_one_replicate_has_no_standard_error(lens, source):
-    light = evaluate_lens(lens, source, PRESETS["draft"], rays=1)
-    assert light.efficiency.standard_error is None
-    assert light.nmse_of_noise is None

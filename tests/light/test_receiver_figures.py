@@ -5,7 +5,7 @@ import pytest
 from scenes import small_spec
 
 from lensforge.kernels.fate import Fate
-from lensforge.light.evaluation import _flux_budget, _noise, receiver_light
+from lensforge.light.evaluation import _flux_budget, receiver_light
 from lensforge.light.metrics import nmse, nmse_estimate, relative_deviation, uniformity
 from lensforge.light.receiver_light import ReceiverLight, possible_share
 from lensforge.light.simulation import ABSORBED, CAUSES, IN_GLASS, MISSED_RECEIVER, ReceivedFlux
@@ -110,29 +110,6 @@ def test_the_most_light_in_the_target_is_set_by_the_faces_or_by_the_law_of_physi
         assert law == ("two faces transmit into the pattern" if faces else f"is possible (by {physics.law})")
 
 
-def test_a_receiver_says_where_its_window_is() -> None:
-    found = known_receiver()
-    assert found.pixels == 6 and found.where == "within 30 × 30 mm"
-    assert (found.chart.width, found.chart.height, found.chart.far_field) == (60.0, 40.0, False)
-    far = found.model_copy(update={"kind": "far_field", "place": "in the far field, to 60°"})
-    assert far.where == "60° from the axis" and far.chart.far_field
-    round_window = found.window.model_copy(update={"radius": 12.0})
-    assert found.model_copy(update={"window": round_window}).where == "within a radius of 12 mm"
-    assert found.model_copy(update={"window": round_window, "kind": "sphere"}).where == "on it"
-
-
-@pytest.mark.parametrize(("more", "right"), [(1e-12, True), (1e-7, False), (-1e-7, False), (0.1, False)])
-def test_a_flux_budget_that_does_not_add_up_is_refused(more: float, right: bool) -> None:
-    content = known_receiver().model_dump()
-    changed = {**content, "flux": {**content["flux"], "missed": content["flux"]["missed"] + max(more, 0.0)}}
-    changed["flux"]["detected"] += min(more, 0.0)
-    if right:
-        ReceiverLight.model_validate(changed)
-    else:
-        with pytest.raises(ValueError, match="its shares add up to"):
-            ReceiverLight.model_validate(changed)
-
-
 def test_every_fate_has_its_share_of_the_budget() -> None:
     by_fate = np.zeros((2, CAUSES))
     by_fate[:] = np.arange(1.0, CAUSES + 1.0) / 200.0
@@ -150,8 +127,3 @@ def test_every_fate_has_its_share_of_the_budget() -> None:
     assert flux.model_dump() == pytest.approx(expected)
     causes = ("backward", "outside_cavity", "base", "surfaces_intersect", "missed_receiver")
     assert missed.model_dump() == pytest.approx(dict(zip(causes, share[[1, 2, 3, 6, 7]], strict=True)))
-
-
-def test_one_replicate_and_the_dark_tell_nothing_of_noise() -> None:
-    assert _noise(np.ones((1, 2, 2))) is None and _noise(np.zeros((3, 2, 2))) is None
-    assert _noise(np.array([[[1.0]], [[3.0]]])) == pytest.approx(2.0 / 2.0 / 4.0)

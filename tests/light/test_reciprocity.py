@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import torch
 from exact_surface import ExactSurface
-from landed import plane_at
+from landed import plane_at, trace_exact, trace_tables
 from scenes import random_surface, table_of
 from scipy.interpolate import NdBSpline
 
-from lensforge.light.exact_trace import DenseScan, trace_exact
-from lensforge.light.table_trace import Scene, trace_tables
+from lensforge.light.exact_trace import DenseScan
+from lensforge.light.table_trace import Scene
 from lensforge.optics.dielectric import fresnel_transmittances, refract, transmitted_fields, unpolarised_fields
 from lensforge.optics.media import Media
 from lensforge.scene.exit_rays import ExitRays
@@ -86,7 +86,7 @@ def _back(lens: tuple[Surface, Surface], hits: np.ndarray, directions: np.ndarra
 
 def _forth(exits: ExitRays) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Which rays arrive; their hits, directions behind the lens, and transmitted shares."""
-    far = plane_at(FAR).land_in_torch(exits)
+    far = plane_at(FAR).land_by_arrays(exits)
     kept = (far.landed & (far.hits.abs() < 30.0).all(dim=1)).numpy()
     hits = np.column_stack([far.hits.numpy(), np.full(len(kept), FAR)])[kept]
     return kept, hits, exits.directions.numpy()[kept], exits.flux.numpy()[kept]

@@ -5,22 +5,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-import torch
 from scenes import random_surface, small_spec, sphere
 
 from lensforge import seeds
 from lensforge.kernels.fate import Fate
 from lensforge.light import simulation
-from lensforge.light.evaluation import _stage, measure_preset
-from lensforge.light.metrics import jackknife
-from lensforge.light.simulation import TracedLens, bundles, design_landings, flux_by_fate, simulate
+from lensforge.light.simulation import TracedLens, bundles, flux_by_fate, simulate
 from lensforge.light.table_trace import Scene
 from lensforge.optics.media import Media
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.lens import Lens
-from lensforge.scene.pixel_grid import PixelGrid, Window, splat_flux
-from lensforge.scene.receiver import Hits, ReceiverPose
-from lensforge.scene.receiver_shapes import Plane, receivers_of
+from lensforge.scene.pixel_grid import PixelGrid, Window
+from lensforge.scene.receiver import ReceiverPose
+from lensforge.scene.receiver_shapes import Plane
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid, table_error
 
@@ -70,12 +67,12 @@ class Straight(TracedLens):
             return self.exits
         count = len(rays)
         arrays = rays.origins, rays.directions, rays.flux, np.zeros(count), np.zeros(count, dtype=np.int8)
-        return ExitRays(*(torch.from_numpy(np.ascontiguousarray(each)) for each in arrays))
+        return ExitRays(*(np.ascontiguousarray(each) for each in arrays))
 
 
 def straight(exits: ExitRays | None = None) -> Straight:
     grid = TableGrid(24)
-    table = torch.ones(grid.side, grid.side, dtype=torch.float64)
+    table = np.ones((grid.side, grid.side))
     lens = Straight(Scene(Media(1.5), grid), table, table, {"inner": 2.0, "outer": 3.0})
     object.__setattr__(lens, "exits", exits)
     return lens
@@ -139,8 +136,8 @@ def test_flux_is_counted_by_its_fate_and_by_what_took_it() -> None:
     fates = np.array([0, 0, 1, 6, 3, 0], dtype=np.int8)
     flux, taken, glass = np.arange(1.0, 7.0), np.full(6, 0.25), np.full(6, 0.5)
     none = np.zeros((6, 3))
-    exits = ExitRays(*(torch.from_numpy(each) for each in (none, none, flux, np.zeros(6), fates, taken, glass)))
-    missed = torch.tensor([False, True, False, False, False, True])
+    exits = ExitRays(none, none, flux, np.zeros(6), fates, taken, glass)
+    missed = np.array([False, True, False, False, False, True])
     found = flux_by_fate(exits, missed)
     assert found.tolist() == [1.0, 3.0, 0.0, 5.0, 0.0, 0.0, 4.0, 2.0 + 6.0, 6 * 0.25, 6 * 0.5]
     plain = flux_by_fate(replace(exits, absorbed=None, lost_in_glass=None), missed)
@@ -157,80 +154,7 @@ def exit_rays(shift: float = 0.0, count: int = 16) -> ExitRays:
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     fates = np.where(np.arange(count) % 5 == 4, int(Fate.BASE), int(Fate.LEFT_LENS)).astype(np.int8)
     flux = chance.uniform(0.5, 1.0, count)
-    return ExitRays(*(torch.from_numpy(each) for each in (points, directions, flux, np.zeros(count), fates)))
-
-
-def test_landings_are_named_by_their_fates() -> None:
-    spec, exits = small_spec(), exit_rays()
-    (found,) = design_landings(straight(exits), spec, upwards(16))
-    lost = [k for k in range(16) if k % 5 == 4]
-    for k in range(16):
-        name = "base" if k in lost else "missed_receiver" if k == 1 else "landed"
-        assert found.fates[k] == name
-        assert np.isfinite(found.hits[k]).all() == (name == "landed") == (found.flux[k] > 0.0)
-    landed = receivers_of(spec, 16)[0].land(exits).hits.numpy()
-    np.testing.assert_array_equal(found.hits[found.fates == "landed"], landed[found.fates == "landed"])
-    (every,) = design_landings(
-        straight(replace(exits, fates=torch.arange(16).remainder(7).to(torch.int8))), spec, upwards(16)
-    )
-    names = ["landed", "backward", "outside_cavity", "base", "total_reflection", "not_converged", "surfaces_intersect"]
-    assert [str(each) for each in every.fates[2:9]] == [names[k % 7] for k in range(2, 9)]
-
-
-def test_errors_of_tables_are_those_of_each_scramble() -> None:
-    """Rays through tables, and the same ones a little moved, by hand for each of eight parts."""
-    exact, moved = exit_rays(count=48), exit_rays(0.3, count=48)
-    reference = Hits.of(PLANE.land(exact))
-    found = _stage(straight(moved), upwards(48), reference, PLANE, 48.0)
-    tabulated, squares, lost, pictures, largest = Hits.of(PLANE.land(moved)), [], [], [], 0.0
-    for part in range(8):
-        rows = range(6 * part, 6 * part + 6)
-        away = [
-            float(np.hypot(*(tabulated.hits[k] - reference.hits[k])))
-            for k in rows
-            if tabulated.flux[k] > 0.0 and reference.flux[k] > 0.0
-            and abs(reference.hits[k, 0]) <= 3.0 and abs(reference.hits[k, 1]) <= 2.0
-        ]  # fmt: skip
-        largest = max([largest, *away])
-        squares.append([sum(each**2 for each in away), float(len(away))])
-        both = [[sum(light.flux[k] for k in rows if abs(light.hits[k, 0]) <= 2.0 and abs(light.hits[k, 1]) <= 1.5)]
-                for light in (tabulated, reference)]  # fmt: skip
-        lost.append([(both[0][0] - both[1][0]) / 48.0])
-        pictures.append([splat_flux(light.hits[list(rows)], light.flux[list(rows)], PLANE.grid)
-                         for light in (tabulated, reference)])  # fmt: skip
-    assert found.table_error_nm == 3.0
-    assert found.hit_max_mm == pytest.approx(largest, rel=1e-12)
-    rms = jackknife(np.array(squares), lambda mean: float((mean[0] / mean[1]) ** 0.5))
-    assert (found.hit_mm.value, found.hit_mm.standard_error) == pytest.approx(rms)
-    means = np.mean(pictures, axis=0)
-    assert found.irradiance_nmse.value == pytest.approx(np.sum((means[0] - means[1]) ** 2) / np.sum(means[1] ** 2))
-    share = jackknife(np.array(lost), lambda mean: float(mean[0]))
-    assert (found.efficiency.value, found.efficiency.standard_error) == pytest.approx(share)
-
-
-def test_rays_that_all_miss_the_receiver_have_no_error_of_their_hits() -> None:
-    exits = exit_rays(1e4)
-    found = _stage(straight(exits), upwards(16), Hits.of(PLANE.land(exits)), PLANE, 16.0)
-    assert (found.hit_mm.value, found.hit_max_mm) == (0.0, 0.0)
-
-
-@pytest.mark.parametrize(("of_file", "each"), [(None, 256), (80, 10), (5, 1), (4096, 256)])
-def test_a_preset_is_measured_by_eight_scrambles_of_256_rays_or_those_of_the_file(of_file, each, monkeypatch) -> None:
-    target = [{"kind": "disc", "diameter_mm": 4.0}]
-    wall = {"kind": "plane", "centre_mm": [0.0, 0.0, 10.0], "width_mm": 6.0, "height_mm": 4.0, "targets": target}
-    sky = {"kind": "far_field", "half_angle_deg": 60.0, "targets": [{"kind": "beam", "fwhm_deg": 30.0}]}
-    spec = small_spec(target=None, receivers=[wall, sky])
-    lens = Lens(sphere(3.0), sphere(6.0), spec, 2, "draft")
-    source = Given(None if of_file is None else upwards(of_file))
-    monkeypatch.setattr(RayBundle, "joined", lambda parts: upwards(8))
-    monkeypatch.setattr("lensforge.light.evaluation.trace_exact", lambda *surfaces: exit_rays(count=8))
-    design, evaluation = (straight(exit_rays(shift, count=8)) for shift in (0.3, 0.1))
-    found = measure_preset(lens, source, design, evaluation)
-    first, exact = receivers_of(spec, spec.optimise.pixels)[0], exit_rays(count=8)
-    for stage, own in ((design, found.design), (evaluation, found.evaluation)):
-        assert own == _stage(stage, upwards(8), Hits.of(first.land_in_torch(exact)), first, 3.0)
-    assert source.asked == [(each, seeds.of_preset_error(2, 8, k)) for k in range(8)]
-    assert (found.rays, found.scrambles) == (8, 8)
+    return ExitRays(points, directions, flux, np.zeros(count), fates)
 
 
 def test_a_lens_that_was_raised_is_met_higher_and_sends_its_light_from_there() -> None:
@@ -243,8 +167,8 @@ def test_a_lens_that_was_raised_is_met_higher_and_sends_its_light_from_there() -
 
     exits = replace(lens, raised_mm=0.5).seen(rays, trace)
     np.testing.assert_array_equal(seen[0], rays.origins - [0.0, 0.0, 0.5])
-    np.testing.assert_allclose(exits.points.numpy(), rays.origins, atol=1e-15)
-    assert torch.equal(lens.seen(rays, trace).points, torch.from_numpy(rays.origins))
+    np.testing.assert_allclose(exits.points, rays.origins, atol=1e-15)
+    np.testing.assert_array_equal(lens.seen(rays, trace).points, rays.origins)
     np.testing.assert_array_equal(seen[1], rays.origins)
 
 
@@ -252,7 +176,7 @@ def test_tables_of_a_lens_state_their_error_in_nanometres() -> None:
     lens = Lens(random_surface(1, 3.0, 0.01, (9,)), sphere(6.0), small_spec(), 0, "draft")
     found = TracedLens.of(lens, 2.0)
     for name, table in (("inner", found.inner), ("outer", found.outer)):
-        error_mm = table_error(found.scene.grid, table.numpy(), getattr(lens, name))
+        error_mm = table_error(found.scene.grid, table, getattr(lens, name))
         assert found.table_error_nm[name] == pytest.approx(error_mm * 1e6, rel=1e-12)
     assert (found.raised_mm, found.grown_mm) == (0.0, 0.0)
     assert simulation.REPLICATES == 16

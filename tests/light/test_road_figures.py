@@ -1,11 +1,8 @@
 """Lamps of a closed form on areas and roads: zones, ratings, distribution types, illuminance and its classes."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from lensforge.errors import InputError
 from lensforge.light.angular_grid import AngularGrid
 from lensforge.light.luminaire_classes import BugRating, LampLight, ZoneLumens, distribution_type, zone_flux
 from lensforge.light.road_lighting import RoadFigures, c_class, glare_intensities, p_class, road_lighting
@@ -82,20 +79,9 @@ def _zones(**lumens: float) -> ZoneLumens:
     )
 
 
-@pytest.mark.parametrize(
-    ("lumens", "rating", "symmetric"),
-    [
-        ({"back_low": 105.0}, "B0 U0 G0", False),
-        ({"back_low": 115.0}, "B1 U0 G0", False),
-        ({"back_mid": 5100.0, "forward_high": 5100.0}, "B4 U0 G3", False),
-        ({"back_high": 600.0}, "B2 U0 G2", False),
-        ({"back_high": 600.0}, "B2 U0 G0", True),
-        ({"forward_very_high": 800.0, "up_low": 55.0}, "B0 U3 G5", False),
-    ],
-)
-def test_ratings_are_those_of_the_tables(lumens: dict[str, float], rating: str, symmetric: bool) -> None:
-    found = BugRating.of(_zones(**{"up_low": -10.0, "up_high": -10.0, **lumens}), symmetric=symmetric)
-    assert str(found) == rating
+def test_the_worst_zone_of_each_kind_makes_the_rating() -> None:
+    lumens = {"back_mid": 5100.0, "forward_high": 5100.0, "up_low": 55.0, "up_high": -10.0}
+    assert str(BugRating.of(_zones(**lumens), symmetric=False)) == "B4 U3 G3"
 
 
 # ANSI/IES TM-15-11, addendum A, tables A-1 to A-3, typed a second time: most lumens of each zone for ratings 0 to 4.
@@ -123,48 +109,6 @@ def test_every_bound_of_tm_15_is_seen_from_both_sides(
     for number, lumens in enumerate(most):
         for given, wanted in ((lumens, number), (lumens + 0.5, number + 1)):
             assert getattr(BugRating.of(_zones(**{zone: given}), symmetric=symmetric), rating) == wanted, given
-
-
-def test_zones_that_a_rating_does_not_look_at_leave_it() -> None:
-    for rating, zones in (
-        ("backlight", {"back_low", "back_mid", "back_high"}),
-        ("uplight", {"up_low", "up_high"}),
-        ("glare", {"forward_high", "forward_very_high", "back_high", "back_very_high"}),
-    ):
-        others = dict.fromkeys(set(ZoneLumens.model_fields) - zones, 1e5)
-        assert getattr(BugRating.of(_zones(**others), symmetric=False), rating) == 0
-
-
-def test_a_rating_rests_on_a_type_that_is_certain() -> None:
-    """The back light of type V has other bounds: where the type may be another one, so may the rating."""
-    zones = _zones(up_low=-10.0, up_high=-10.0, back_high=600.0)
-    assert BugRating.of(zones, symmetric=True).certain and BugRating.of(zones, symmetric=False).certain
-    assert not BugRating.of(zones, symmetric=True, doubtful=True).certain
-    assert BugRating.of(_zones(up_low=-10.0, up_high=-10.0), symmetric=False, doubtful=True).certain
-
-
-@pytest.mark.parametrize(("gamma", "certain"), [(64.0, True), (66.3, False), (70.0, True)])
-def test_a_type_along_the_road_is_certain_where_the_brightest_direction_is(gamma: float, certain: bool) -> None:
-    """2.25 mounting heights, the border between short and medium, are seen at 66.04 degrees."""
-    lamp = replace(_lobes(90.0, gamma), samples=_noisy(_lobes(90.0, gamma).samples[:1], 0.02))
-    assert distribution_type(lamp).certain is certain
-
-
-def test_what_a_finer_table_changes_is_an_error_of_a_type() -> None:
-    lamp, other = _lobes(90.0, 60.0), _lobes(90.0, 70.0)
-    assert distribution_type(replace(lamp, finer=replace(lamp, samples=lamp.samples[:1]))).certain
-    assert not distribution_type(replace(lamp, finer=replace(other, samples=other.samples[:1]))).certain
-
-
-def _noisy(sample: np.ndarray, noise: float) -> np.ndarray:
-    random = np.random.default_rng(0).normal(size=(16, *sample.shape[1:]))
-    found: np.ndarray = sample * (1.0 + noise * random)
-    return found
-
-
-def test_a_rating_near_its_bound_is_uncertain() -> None:
-    zones = _zones(up_low=-10.0, up_high=-10.0, back_low=109.0)
-    assert str(BugRating.of(zones, symmetric=False)) == "B0 U0 G0 (uncertain)"
 
 
 @pytest.mark.parametrize(
@@ -199,39 +143,20 @@ def test_the_reach_of_half_the_light_is_that_of_the_lobe() -> None:
     assert found.house_mh.value == 0.0
 
 
-def test_illuminance_of_a_row_of_lambertian_lamps() -> None:
-    """E = I0 h^2 / (h^2 + x^2 + y^2)^2 of each lamp within five heights."""
-    found = road_lighting(_lambertian(5000.0), ROAD)
-    x, y = np.meshgrid((np.arange(10) + 0.5) * 3.0, (np.arange(5) + 0.5) * 1.4)
+@pytest.mark.parametrize(("spacing_m", "overhang_m", "factor", "along"), [(30.0, 0.0, 1.0, 10), (40.0, 1.5, 0.8, 14)])
+def test_illuminance_of_a_row_of_lambertian_lamps(spacing_m, overhang_m, factor, along) -> None:
+    """E = I0 h^2 / (h^2 + x^2 + y^2)^2 of each lamp within five heights; more points along a long spacing."""
+    changes = {"overhang_m": overhang_m, "maintenance_factor": factor, "pole_spacing_m": spacing_m}
+    found = road_lighting(_lambertian(5000.0), ROAD.model_copy(update=changes))
+    x, y = np.meshgrid((np.arange(along) + 0.5) * spacing_m / along, (np.arange(5) + 0.5) * 1.4)
     total = np.zeros_like(x)
     for lamp in range(-3, 5):
-        square = (x - 30.0 * lamp) ** 2 + y**2
-        total += np.where(square <= 900.0, 5000.0 * 36.0 / (36.0 + square) ** 2, 0.0)
-    assert found.points == 50
+        square = (x - spacing_m * lamp) ** 2 + (y - overhang_m) ** 2
+        total += np.where(square <= 900.0, factor * 5000.0 * 36.0 / (36.0 + square) ** 2, 0.0)
+    assert found.points == 5 * along
     assert found.mean_lx.value == pytest.approx(total.mean(), rel=1e-3)
     assert found.least_lx.value == pytest.approx(total.min(), rel=1e-3)
     assert found.uniformity.value == pytest.approx(total.min() / total.mean(), rel=1e-3)
-
-
-def test_overhang_maintenance_and_long_spacings() -> None:
-    section = ROAD.model_copy(update={"overhang_m": 1.5, "maintenance_factor": 0.8, "pole_spacing_m": 40.0})
-    found = road_lighting(_lambertian(5000.0), section)
-    x, y = np.meshgrid((np.arange(14) + 0.5) * 40.0 / 14, (np.arange(5) + 0.5) * 1.4)
-    total = np.zeros_like(x)
-    for lamp in range(-3, 5):
-        square = (x - 40.0 * lamp) ** 2 + (y - 1.5) ** 2
-        total += np.where(square <= 900.0, 0.8 * 5000.0 * 36.0 / (36.0 + square) ** 2, 0.0)
-    assert found.points == 70
-    assert found.mean_lx.value == pytest.approx(total.mean(), rel=1e-3)
-
-
-def test_noise_is_not_in_the_least_illuminance() -> None:
-    truth = road_lighting(_lambertian(5000.0), ROAD)
-    noisy = road_lighting(_lambertian(5000.0, noise=0.5), ROAD)
-    for name in ("mean_lx", "least_lx", "uniformity"):
-        value, wanted = getattr(noisy, name), getattr(truth, name)
-        assert value.standard_error > 0.0
-        assert abs(value.value - wanted.value) < 4.0 * value.standard_error
 
 
 # EN 13201-2:2015, table 4 (mean and least illuminance in lx), table 2 (mean), typed a second time, the strictest first.
@@ -273,15 +198,6 @@ def test_glare_classes_ask_for_both_angles(at_70: float, at_80: float, wanted: s
     assert glare_intensities(lamp, 1000.0).glare_class == wanted
 
 
-def test_glare_is_candela_per_thousand_lumens() -> None:
-    """Lambertian: cos(70) 1000/pi = 108.9 cd/klm, cos(80) 1000/pi = 55.3: the strictest class that asks no more."""
-    found = glare_intensities(_lambertian(1000.0), 1000.0 * np.pi)
-    assert found.above_70.value == pytest.approx(1000.0 / np.pi * np.cos(np.deg2rad(70.0)), rel=1e-3)
-    assert found.above_80.value == pytest.approx(1000.0 / np.pi * np.cos(np.deg2rad(80.0)), rel=1e-3)
-    assert found.glare_class == "G*6"
-    assert glare_intensities(_lobes(75.0, 72.0, 8.0), 400.0).glare_class in ("none", "G*1", "G*2", "G*3")
-
-
 def test_a_lamp_of_many_lenses_has_their_light() -> None:
     lamp, section = _lambertian(10.0), ROAD.model_copy(update={"lenses": 48})
     one, zones_lm = Metric(value=10.0 * np.pi, unit="lm", standard_error=0.1), np.full((16, 2, 4), 10.0 * np.pi / 8.0)
@@ -296,20 +212,3 @@ def test_a_lamp_of_many_lenses_has_their_light() -> None:
     assert area is not None
     assert area.road is None
     assert RoadFigures.of(PhotometrySection(), lamp, one, zones_lm) is None
-
-
-@pytest.mark.parametrize(
-    ("fields", "words"),
-    [
-        ({"use": "road", "pole_spacing_m": 30.0, "road_width_m": 7.0}, r"needs pole_height_m; give them"),
-        ({"use": "road"}, r"needs pole_height_m, pole_spacing_m, road_width_m"),
-        ({"use": "area", "pole_height_m": 6.0}, r"pole_height_m is of a road"),
-        ({"maintenance_factor": 0.8}, r"maintenance_factor is of a road"),
-        ({"use": "stadium"}, r"use"),
-        ({"use": "road", "pole_height_m": -1.0, "pole_spacing_m": 30.0, "road_width_m": 7.0}, r"pole_height_m"),
-    ],
-)
-def test_bad_sections_are_one_line(fields: dict[str, object], words: str) -> None:
-    with pytest.raises(InputError, match=words) as error:
-        PhotometrySection(**fields)
-    assert "\n" not in str(error.value)

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 import torch
 import trimesh
+from landed import trace_tables
 from scenes import random_surface, table_of
 from scipy.spatial.transform import Rotation
 
-from lensforge.light.table_trace import Scene, trace_tables
+from lensforge.light.table_trace import Scene
 from lensforge.optics.media import Media
 from lensforge.scene.as_made import AsMade, Displacement
 from lensforge.sources.build_source import SquareEmitter

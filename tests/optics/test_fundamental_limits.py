@@ -122,16 +122,6 @@ def test_no_split_of_the_turn_transmits_more_than_halves(index: float) -> None:
     assert index == 1.0 or (best - one_by_one).max() > 5e-4
 
 
-def test_no_light_turns_further_and_an_index_of_one_turns_none() -> None:
-    assert not best_transmittance(largest_deviation_rad(1.5) + np.array([1e-9, 0.1, 3.0]), 1.5).any()
-    assert best_transmittance(np.array([-0.2, 0.0, 1e-9]), 1.0).tolist() == [1.0, 1.0, 0.0]
-    each = best_transmittance(np.array([0.3, 0.3]), np.array([1.3, 1.6]))
-    assert (
-        each[0] == best_transmittance(np.array([0.3]), 1.3)[0]
-        and each[1] == best_transmittance(np.array([0.3]), 1.6)[0]
-    )
-
-
 @pytest.mark.parametrize(("cavity", "outside"), [(1.0, 1.333), (1.41, 1.0), (1.53, 1.333), (1.6, 1.0)])
 def test_two_faces_that_differ_have_a_bound_that_no_split_passes_and_some_nearly_reaches(cavity, outside):
     index = 1.4936

@@ -120,34 +120,6 @@ def test_zeros_and_missing_numbers_of_a_catalogue(tmp_path: Path, td: str, ed: s
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "message"),
-    [
-        ("ED 7.1", "ED x2", r"GLASS-A has 'x2' where a number must be"),
-        ("0.17 20", "0.17 900", r"has a reference temperature of 900 C in its line TD, must be -100 to 400"),
-        ("ED 7.1", "ED 7100", r"optical_data.expansion_per_k = 0.0071: .*0\.001"),
-    ],
-)
-def test_a_wrong_line_is_named(tmp_path: Path, before: str, after: str, message: str) -> None:
-    assert before in AGF
-    with pytest.raises(InputError, match=message) as error:
-        small_spec(lens__material="GLASS-A", lens__material_file=str(written(tmp_path, AGF.replace(before, after))))
-    assert "\n" not in str(error.value)
-
-
-def test_constants_of_a_data_sheet() -> None:
-    law = small_spec(lens__index_per_k=-1.1e-4, lens__expansion_per_k=7e-5).lens.temperature_law
-    assert law == TemperatureLaw(20.0, (), -1.1e-4, 7e-5)
-    assert law.index(np.array([1.49]), np.array([550.0]), 85.0)[0] == pytest.approx(1.49 - 65.0 * 1.1e-4, abs=1e-15)
-    assert law.scale(85.0) == pytest.approx(1.00455, abs=1e-15)
-    spec = small_spec(lens__material="PC", lens__index_per_k=-1e-4, lens__reference_temperature_c=25.0)
-    assert spec.lens.temperature_law == TemperatureLaw(25.0, (), -1e-4, None)
-    data = {"formula": "sellmeier", "coefficients": [1.2969, 0.011721], "range_nm": [436.8, 1052.0]}
-    own = data | {"expansion_per_k": 7e-5, "schott_coefficients": [1e-6, 0, 0, 0, 0, 0.2]}
-    law = small_spec(lens__optical_data=own).lens.temperature_law
-    assert law == TemperatureLaw(20.0, (1e-6, 0, 0, 0, 0, 0.2), None, 7e-5)
-
-
-@pytest.mark.parametrize(
     ("fields", "message"),
     [
         ({"material": "N-BK7", "index_per_k": 1e-6}, "index_per_k: N-BK7 has its own"),

@@ -6,8 +6,16 @@ import numpy as np
 import pytest
 
 from lensforge.errors import InputError
-from lensforge.optics.dispersion_formulas import NAMES, Formula, IndexTable
-from lensforge.optics.material import C_LINE_NM, D_LINE_NM, F_LINE_NM, MATERIALS, by_abbe_number
+from lensforge.optics.material import (
+    C_LINE_NM,
+    D_LINE_NM,
+    F_LINE_NM,
+    MATERIALS,
+    NAMES,
+    Formula,
+    IndexTable,
+    by_abbe_number,
+)
 
 W = 0.55  # um
 

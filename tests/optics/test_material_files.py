@@ -2,7 +2,6 @@
 
 import json
 import tracemalloc
-import warnings
 from math import exp, pi
 
 import numpy as np
@@ -10,10 +9,8 @@ import pytest
 from scenes import small_spec
 
 from lensforge.errors import InputError
-from lensforge.optics.dispersion_formulas import NAMES, Formula
 from lensforge.optics.material import MATERIALS
 from lensforge.optics.material_files import read_material
-from lensforge.sources.build_source import build_source
 from lensforge.spec import load_spec
 
 AGF = """CC a catalogue for tests
@@ -125,47 +122,23 @@ def test_a_spec_keeps_the_numbers_and_needs_the_file_no_more(tmp_path):
     assert json.loads(spec.model_dump_json())["lens"]["optical_data"]["source"] == "c.agf: GLASS-A"
 
 
-def test_rays_of_a_spectrum_have_index_and_absorption_at_their_wavelengths(tmp_path):
-    path = written(tmp_path, "t.csv", TABLE)
-    spectrum = {"kind": "table", "wavelength_nm": [450.0, 650.0], "weight": [1.0, 1.0]}
-    spec = small_spec(lens__material_file=str(path), source__spectrum=spectrum)
-    rays = build_source(spec.source, spec.lens.dispersion).sample(2000, 1)
-    waves = np.interp(rays.refractive_indices, [1.50, 1.51, 1.52], [700.0, 500.0, 400.0])
-    assert waves.min() > 449.0 and waves.max() < 651.0 and np.ptp(waves) > 190.0
-    np.testing.assert_allclose(
-        rays.absorption_per_mm, np.interp(waves, [400.0, 500.0, 700.0], -np.log([0.99, 0.995, 1.0])), atol=1e-12
-    )
-    wide = {"kind": "table", "wavelength_nm": [450.0, 900.0], "weight": [1.0, 1.0]}
-    with pytest.raises(InputError, match=r"the index of t is known from 400 to 700 nm, and .* % of"):
-        build_source(small_spec(lens__material_file=str(path), source__spectrum=wide).source, spec.lens.dispersion)
-
-
 @pytest.mark.parametrize(
     ("name", "content", "lens", "message"),
     [
         ("c.agf", AGF, {"material": "GLASS-C"}, r"c\.agf: no glass 'GLASS-C' among its 4; closest: GLASS-"),
-        ("c.agf", AGF, {"material": "zzz"}, r"no glass 'zzz' among its 4; lens.material must be one of its names"),
         ("c.agf", AGF, {}, r"c\.agf: name the glass in it by lens.material"),
         ("c.agf", AGF, {"material": "broken"}, r"broken has the dispersion formula 14, known are 1 to 13"),
         ("c.agf", AGF, {"material": "empty"}, r"empty has no line CD"),
         ("c.agf", AGF.replace("1.03961212", "x1"), {"material": "glass-a"}, r"glass-a has 'x1' where a number must be"),
         ("c.agf", AGF.replace("0.998", "1.998"), {"material": "glass-a"}, r"an internal transmittance of 1\.998"),
-        ("c.agf", AGF.replace("NM GLASS-A 2", "NM GLASS-A inf"), {"material": "glass-a"}, r"has 'inf' where a number"),
-        ("c.agf", AGF.replace("1.03961212", "1e308"), {"material": "glass-a"}, r"has '1e308' where a number must be"),
-        ("c.agf", AGF.replace("0.17 20", "1e200 20"), {"material": "glass-a"}, r"has '1e200' where a number must be"),
         ("c.agf", AGF.replace("0.17 20", "1e20 20"), {"material": "glass-a"}, r"schott_coefficients.5 = 1e\+20"),
         ("c.agf", AGF + "NM X 1\n" * 9 + "NM " + "X" * 300, {"material": "y"}, r"6 glasses, .* names of 60 characters"),
         ("c.agf", "".join(f"NM G{k} 2\n" for k in range(5001)), {"material": "y"}, r"5001 glasses, at most 5000"),
         ("a.yml", "a:\n  secret: [", {}, r"a\.yml: not YAML from line 3, column 1 on; download"),
         ("a.yml", "a: &a secret\nb: *a", {}, r"a\.yml: an alias in line 2, which no material needs"),
         ("a.yml", "DATA: [" + "1, " * 10_000 + "1]", {}, r"more than 10000 entries, or more than 16 levels"),
-        ("a.yml", "DATA: " + "[" * 17 + "]" * 17, {}, r"more than 10000 entries, or more than 16 levels"),
         ("a.yml", "DATA: " + ":".join(["1"] * 300_000), {}, r"a\.yml: has no list DATA"),
-        ("a.yml", "DATA: !!python/tuple [1]", {}, r"a\.yml: has no list DATA"),
         ("a.yml", NK.replace("0.400 2", "0.0 2"), {}, r"its table is not 2 columns of numbers"),
-        ("a.yml", NK.replace("1.2969", "1e308"), {}, r"coefficients.1 = 1e\+308"),
-        ("a.yml", NK.replace("formula 2", "formula 1").replace("0.011721", "1e308"), {}, r"coefficients.2 = 1e\+308"),
-        ("a.yml", "a: 1", {}, r"a\.yml: has no list DATA"),
         ("a.yml", "DATA:\n  - type: tabulated k\n    data: 1 2\n", {}, r"a\.yml: has no index, only tabulated k"),
         ("a.yml", NK.replace("0.4368 1.052", "0.4368"), {}, r"wavelength_range must be 2 numbers at least"),
         ("a.yml", NK.replace("2.0E-7", "two"), {}, r"its table is not 2 columns of numbers"),
@@ -175,13 +148,6 @@ def test_rays_of_a_spectrum_have_index_and_absorption_at_their_wavelengths(tmp_p
         ("t.csv", TABLE.replace("1.52", "5.2"), {}, r"its index at 400 nm is 5\.2, must be 1 to 4"),
         ("t.xml", TABLE, {}, r"a material is read from \.agf, \.yml"),
         ("t.csv", TABLE, {"absorption_per_mm": 0.1}, r"absorption_per_mm: t has its own absorption"),
-        ("t.csv", TABLE, {"abbe_number": 50.0}, r"abbe_number: t has its own dispersion"),
-        (
-            "t.csv",
-            TABLE,
-            {"design_wavelength_nm": 900.0},
-            r"design_wavelength_nm: wavelength 900 nm: the index of t",
-        ),
         ("t.csv", TABLE, {"refractive_index": 1.6}, r"refractive_index = 1\.6, but t has 1\.50"),
     ],
 )
@@ -218,23 +184,6 @@ def test_aliases_of_aliases_take_neither_time_nor_memory(tmp_path, levels):
         read_material(path, None)
     assert tracemalloc.get_traced_memory()[1] < 2**20
     tracemalloc.stop()
-
-
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("huge", [1e308, -1e308, 1e-320])
-def test_no_coefficient_ends_in_an_error_of_arithmetic(name, huge):
-    """Each coefficient in turn beyond what its square or power can be: no index there, and the spec refuses it."""
-    for place in range(10):
-        formula = Formula(name, tuple(huge if k == place else 1.5 - 0.1 * k for k in range(10)))
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            found = formula.index(np.array([450.0, 550.0]))
-        assert found.shape == (2,) and found.dtype == np.float64
-
-
-def test_a_missing_file_is_one_line(tmp_path):
-    with pytest.raises(InputError, match=r"none\.agf.*give a glass catalogue"):
-        small_spec(lens__material_file=str(tmp_path / "none.agf"), lens__material="GLASS-A")
 
 
 def test_numbers_in_the_spec_itself():

@@ -51,14 +51,6 @@ def test_transparent_grey_is_dark(light, kind):
     ) if depth == 8 else None
 
 
-@pytest.mark.parametrize("depth", [1, 2, 4, 8, 16])
-def test_the_one_transparent_grey_is_dark(light, depth):
-    values = RNG.integers(0, 2**depth, (16, 16))
-    key = int(values[3, 3])
-    file = png(values, "grey", depth, extra=[(b"tRNS", key.to_bytes(2, "big"))])
-    np.testing.assert_array_equal(light(file), np.where(values == key, 0.0, _full(values, depth)))
-
-
 @pytest.mark.parametrize("depth", [8, 16])
 def test_the_one_transparent_colour_is_dark(light, depth):
     colours = np.full((4, 5, 3), 2**depth - 1)
@@ -99,12 +91,6 @@ def test_tiff(light, order, options, kind, channels):
 def test_white_is_zero(light, kind):
     values, full = numbers(kind, 1), np.iinfo(kind).max
     np.testing.assert_array_equal(light(tiff(values, photometric=0)), (full - values[..., 0]) / full)
-
-
-def test_32_bits_of_grey(light):
-    values = numbers("uint32", 1)
-    assert values.max() > 2**31
-    np.testing.assert_array_equal(light(tiff(values)), values[..., 0] / (2**32 - 1))
 
 
 @pytest.mark.parametrize("kind", ["uint8", "uint16"])
@@ -148,12 +134,6 @@ def test_pictures_stand_upright(light, orientation):
 
 def numbers_like(grey):
     return grey.astype(np.uint16) * 257
-
-
-def test_large_text_and_profiles_harm_no_picture(light):
-    grey = numbers("uint8", 1)
-    large = png(grey, extra=[(b"zTXt", b"note\0\0" + b"x" * 2**22), (b"iCCP", b"p\0\0" + b"y" * 2**22)])
-    np.testing.assert_array_equal(light(large), grey[..., 0] / 255)
 
 
 def _with_profile(grey, profile):

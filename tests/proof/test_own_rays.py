@@ -7,7 +7,7 @@ from nightly import first_by_day
 from scenes import small_spec
 
 import lensforge as lf
-from lensforge.light.lens_conditions import source_of
+from lensforge.light.lens_light import source_of
 from lensforge.proof import independent_draws
 from lensforge.proof.acceptance import MOST_APART, proof_criteria
 from lensforge.proof.part_comparison import RAYS, emission_difference

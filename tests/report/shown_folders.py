@@ -126,8 +126,6 @@ def uniform_region():
         mean=Metric(value=2.5, unit="W/m²", standard_error=0.01),
         u0=Metric(value=0.81, standard_error=0.02),
         u1=Metric(value=0.7, standard_error=0.03),
-        inner=Metric(value=0.87, standard_error=0.004),
-        inner_share=0.893,
         peak=Metric(value=1.13, standard_error=0.006),
     )
     changes = {

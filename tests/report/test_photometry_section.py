@@ -58,8 +58,6 @@ def test_light_of_a_receiver_in_its_unit():
         mean=Metric(value=2.5, unit="W/m²", standard_error=0.01),
         u0=Metric(value=0.81, standard_error=0.02),
         u1=Metric(value=0.7, standard_error=0.03),
-        inner=Metric(value=0.87, standard_error=0.004),
-        inner_share=0.893,
         peak=Metric(value=1.13, standard_error=0.006),
     )
     results = make_results(("evaluate",), lens, evaluate={"in_region": region, "lumens_per_watt": 200.0})

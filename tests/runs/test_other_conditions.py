@@ -13,7 +13,7 @@ from undrawn import undrawn
 import lensforge as lf
 from lensforge.cli.cli import cli
 from lensforge.errors import SourceWarning
-from lensforge.light.lens_conditions import photometry_conditions, source_of
+from lensforge.light.lens_light import photometry_conditions, source_of
 from lensforge.report import pipeline
 from lensforge.report.folder import RunFolder
 from lensforge.report.pipeline import write_report

@@ -8,7 +8,7 @@ import pytest
 from scenes import small_spec
 
 from lensforge.errors import InputError
-from lensforge.scene.receiver import Receiver
+from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import target_light, uniform_region
 from lensforge.sources.intensity import TabulatedIntensity
@@ -18,7 +18,7 @@ from lensforge.sources.photometric.photometric_file import PhotometricFile, turn
 PIXELS = 128
 
 
-def wanted(*targets: dict[str, Any], **receiver: Any) -> tuple[np.ndarray, Receiver]:
+def wanted(*targets: dict[str, Any], **receiver: Any) -> tuple[np.ndarray, PosedReceiver]:
     """Light wanted on a plane 300 mm wide and 200 mm high, or on another receiver."""
     plane = {"kind": "plane", "centre_mm": [0.0, 0.0, 150.0], "width_mm": 300.0, "height_mm": 200.0}
     spec = small_spec(target=None, receivers=[{**(receiver or plane), "targets": list(targets)}])
@@ -26,7 +26,7 @@ def wanted(*targets: dict[str, Any], **receiver: Any) -> tuple[np.ndarray, Recei
     return target_light(spec.all_receivers[0].targets, found), found
 
 
-def moments(light: np.ndarray, receiver: Receiver) -> tuple[float, float, float, float]:
+def moments(light: np.ndarray, receiver: PosedReceiver) -> tuple[float, float, float, float]:
     """Centroid and variances along x and y."""
     x, y = np.meshgrid(receiver.grid.x(), receiver.grid.y())
     total = light.sum()
@@ -96,7 +96,7 @@ def test_tables_are_read_row_by_row_from_the_top(tmp_path: Path) -> None:
 FAR = {"kind": "far_field", "half_angle_deg": 80.0}
 
 
-def along(light: np.ndarray, receiver: Receiver) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def along(light: np.ndarray, receiver: PosedReceiver) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Angles and light along x and along y through the middle of a far field, relative to the peak."""
     grid, middle = receiver.grid, len(light) // 2
     zero = np.zeros(len(light))

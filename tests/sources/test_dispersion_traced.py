@@ -4,18 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from exact_surface import ExactSurface
-from scenes import small_spec, sphere, table_of
+from scenes import small_spec, sphere
 
-from lensforge.light.exact_trace import trace_exact
+from lensforge.light.exact_trace import DenseScan, FixedSurface, trace_exact
 from lensforge.light.table_trace import Scene, trace_tables
 from lensforge.optics.material import MATERIALS
 from lensforge.optics.media import Media
 from lensforge.scene.pixel_grid import PixelGrid
-from lensforge.scene.receiver import Hits, ReceiverPose
+from lensforge.scene.receiver import ReceiverPose
 from lensforge.scene.receiver_shapes import Plane
 from lensforge.sources.build_source import build_source
-from lensforge.surfaces.bicubic_table import TableGrid
+from lensforge.surfaces.bicubic_table import TableGrid, tabulate
 
 INNER, OUTER, Z = 3.0, 6.0, 100.0
 RECEIVER = Plane(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, Z)), PixelGrid.square(200.0, 16))
@@ -47,16 +46,15 @@ def bouguer(rays, index):
 
 
 def exact(rays, index):
-    surfaces = (ExactSurface.of(s) for s in (sphere(INNER), sphere(OUTER)))
-    return Hits.of(RECEIVER.land_in_torch(trace_exact(*surfaces, Media(index), rays)))
+    scans = DenseScan(), DenseScan()
+    surfaces = map(FixedSurface, (sphere(INNER), sphere(OUTER)), scans)
+    return RECEIVER.land(trace_exact(*surfaces, Media(index), rays))
 
 
 def fused(rays, index):
     grid = TableGrid(32)
-    exit_rays = trace_tables(
-        table_of(sphere(INNER), grid), table_of(sphere(OUTER), grid), Scene(Media(index), grid), rays
-    )
-    return Hits.of(RECEIVER.land(exit_rays))
+    tables = (tabulate(grid, sphere(radius)) for radius in (INNER, OUTER))
+    return RECEIVER.land(trace_tables(*tables, Scene(Media(index), grid), rays))
 
 
 @pytest.mark.parametrize("trace", [exact, fused])

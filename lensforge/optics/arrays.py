@@ -1,0 +1,65 @@
+"""Arrays of NumPy, or of torch where a search follows gradients or another device traces: one law for both.
+
+Laws of light are written once, in functions that both modules have. What differs between them is here.
+"""
+
+import sys
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any, TypeAlias
+
+import numpy as np
+from jaxtyping import Float, Int, Int8
+
+Array: TypeAlias = Any
+"""A NumPy array or a torch tensor, with jaxtyping's shapes: ``Float[Array, "n 3"]``."""
+
+
+def module_of(array: Array) -> Any:
+    """The module of ``array``: NumPy, or torch, which only a search loads."""
+    return np if isinstance(array, np.ndarray) else sys.modules["torch"]
+
+
+def like(array: Array, values: Array) -> Array:
+    """``values`` as an array of the module, precision and device of ``array``."""
+    if isinstance(array, np.ndarray):
+        return np.asarray(values, dtype=array.dtype)
+    return sys.modules["torch"].as_tensor(values, dtype=array.dtype, device=array.device)
+
+
+def constant(array: Array) -> Array:
+    """``array`` without its gradient."""
+    return array if isinstance(array, np.ndarray) else array.detach()
+
+
+def without_gradient(array: Array) -> AbstractContextManager[Any]:
+    """A block in which nothing is recorded for the gradients of ``array``."""
+    return nullcontext() if isinstance(array, np.ndarray) else sys.modules["torch"].no_grad()
+
+
+def replaced(array: Array, rows: Int[Array, " k"], values: Float[Array, "k *shape"]) -> Array:
+    """A copy of ``array`` with ``values`` in some of its rows; differentiable in both."""
+    if not isinstance(array, np.ndarray):
+        return array.index_put((rows,), values)
+    copy = array.copy()
+    copy[rows] = values
+    return copy
+
+
+def lengths(vectors: Float[Array, "n k"]) -> Float[Array, " n"]:
+    """Length of each vector."""
+    return module_of(vectors).sqrt((vectors * vectors).sum(1))
+
+
+def rows_of(flags: Array) -> Array:
+    """Numbers of the rows where ``flags`` are true."""
+    return module_of(flags).where(flags)[0]
+
+
+def whole(array: Array) -> Array:
+    """``array`` without its fractions, as indices; no gradient passes."""
+    return array.astype(np.int64) if isinstance(array, np.ndarray) else array.detach().long()
+
+
+def codes(array: Array) -> Int8[Array, " n"]:
+    """``array`` as bytes."""
+    return array.astype(np.int8) if isinstance(array, np.ndarray) else array.to(sys.modules["torch"].int8)
