@@ -82,7 +82,9 @@ def test_the_page_has_the_kept_outcomes():
 
 
 def test_each_reason_why_a_change_is_no_bug_is_for_a_line_that_is_there():
-    for key in equivalent():
+    """Or for a bug of the kept record, whose line may have changed since."""
+    tried = json.loads(KEPT.read_text(encoding="utf-8"))["outcomes"]
+    for key in equivalent().keys() - {outcome["key"] for outcome in tried}:
         module, _, rest = key.partition(": ")
         source = (ROOT / "lensforge" / module).read_text(encoding="utf-8")
         assert module in modules() and rest.rpartition(" @")[0] in [line.strip() for line in source.split("\n")], key
