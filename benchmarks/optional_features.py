@@ -171,7 +171,7 @@ def noise_of_symmetry(lens: Lens, rays: int, runs: int = 16) -> tuple[float, flo
     images = []
     for k in range(runs):
         landings = receiver.land(traced.trace(source.sample(rays, k)))
-        image = splat_flux(landings.hits.numpy(), landings.flux.numpy(), receiver.grid)
+        image = splat_flux(landings.hits, landings.flux, receiver.grid)
         images.append(torch.from_numpy(image))
     whole = torch.stack(images)
     mirrored = torch.stack([mirrored_light(image, mirrors) for image in images])

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from lensforge.results import Positive, Record, Text
 from lensforge.results.criteria import Criterion, at_least, at_most
 from lensforge.spec import Spec
+from lensforge.spec.spec_section import CalendarDate
 
 # The largest errors of an exported face.
 FORM_LIMIT_NM, NORMAL_LIMIT_MRAD = 1.0, 0.02
@@ -45,6 +46,14 @@ def mass_g(spec: Spec, volume_mm3: float) -> float | None:
 def mesh_volume_limit(area_mm2: float, chord_error_mm: float, volume_mm3: float) -> float:
     """Largest relative change of the volume (mm^3) by facets of ``area_mm2`` that stay within a chord error."""
     return area_mm2 * chord_error_mm / volume_mm3
+
+
+class Signature(Record):
+    """Author, organisation ("" where not given) and date (2026-01-31) of the files."""
+
+    author: Text
+    organisation: Text
+    date: CalendarDate | None
 
 
 class FormTolerance(Record):

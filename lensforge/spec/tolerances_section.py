@@ -32,7 +32,7 @@ WAVINESS_NUMBERS = 32
 
 
 class _Cause(NamedTuple):
-    """What a tolerance is: its words, its amounts in precision, standard and moulded, and the numbers of each part."""
+    """A tolerance: its words, its amounts in precision, standard and moulded, and the numbers of each part."""
 
     words: str
     amounts: tuple[float, float, float]

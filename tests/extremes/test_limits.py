@@ -35,8 +35,8 @@ def _phase_space(states: np.ndarray, tables: list, index: float, grid: TableGrid
     rays = RayBundle(origins, directions, np.ones(len(states)))
     exits = trace_tables(*tables, Scene(Media(index), grid), rays)
     seen = plane_at(4.0).land_by_arrays(exits)
-    state = np.column_stack([seen.hits.numpy(), exits.directions.numpy()[:, :2]])
-    return np.where(seen.landed.numpy()[:, None], state, np.nan)
+    state = np.column_stack([seen.hits, exits.directions[:, :2]])
+    return np.where(seen.landed[:, None], state, np.nan)
 
 
 def _liouville_error(

@@ -69,8 +69,8 @@ def test_a_limit_is_decided_beyond_two_standard_errors(
     content = {"name": "a", "receiver": "sky", "quantity": "light", "sense": sense, "bound": 1.0, "unit": "cd"}
     found = LimitResult(value=Metric(value=signed, standard_error=error), **content)
     assert found.state == state
-    with pytest.raises(ValueError, match="state: not what the fields say"):
-        LimitResult.model_validate({**found.model_dump(mode="json"), "state": "held" if state != "held" else "missed"})
+    other = "held" if state != "held" else "missed"
+    assert LimitResult.model_validate({**found.model_dump(mode="json"), "state": other}).state == state
 
 
 def test_the_light_of_a_lens_has_its_limits_and_its_verdict_follows_them() -> None:

@@ -36,8 +36,8 @@ def few_rays() -> Iterator[None]:
 
 def _landed(study: PartStudy, part) -> tuple[np.ndarray, np.ndarray]:
     landings = study.light.receivers[0].land(study.light.exit_rays(part))
-    kept = landings.landed.numpy()
-    return landings.hits.numpy()[kept], landings.flux.numpy()[kept]
+    kept = landings.landed
+    return landings.hits[kept], landings.flux[kept]
 
 
 def _smooth_light(study: PartStudy, part) -> np.ndarray:

@@ -35,16 +35,16 @@ def test_intensity_is_irradiance_a_hundred_thousand_radii_away_times_the_square_
     far = FarField(UPRIGHT, PixelGrid.square(2.0 * chart_radius(60.0), 64))
     plane = Plane(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, distance_mm)), PixelGrid.square(1e12, 2))
     directions, landed = far.land(rays), plane.land(rays)
-    both = (directions.landed & landed.landed).numpy()
-    radius = np.hypot(*landed.hits.numpy()[both].T) / distance_mm  # tan gamma
-    seen = np.hypot(*directions.hits.numpy()[both].T)
+    both = directions.landed & landed.landed
+    radius = np.hypot(*landed.hits[both].T) / distance_mm  # tan gamma
+    seen = np.hypot(*directions.hits[both].T)
     gamma = np.arctan(radius)
     assert both.sum() > 10_000 and np.abs(seen - 2.0 * np.sin(0.5 * gamma)).max() < 2e-5
     low, high = np.radians(25.0), np.radians(26.0)
     in_cone = (seen > 2.0 * np.sin(0.5 * low)) & (seen < 2.0 * np.sin(0.5 * high))
-    intensity = directions.flux.numpy()[both][in_cone].sum()
+    intensity = directions.flux[both][in_cone].sum()
     intensity /= 2.0 * np.pi * (np.cos(low) - np.cos(high))
-    irradiance = landed.flux.numpy()[both][(radius > np.tan(low)) & (radius < np.tan(high))].sum()
+    irradiance = landed.flux[both][(radius > np.tan(low)) & (radius < np.tan(high))].sum()
     irradiance /= np.pi * distance_mm**2 * (np.tan(high) ** 2 - np.tan(low) ** 2)
     assert irradiance * distance_mm**2 / np.cos(np.radians(25.5)) ** 3 == pytest.approx(intensity, rel=1e-3)
 
@@ -75,7 +75,7 @@ def image(lens: TracedLens, source: Source, number: int) -> np.ndarray:
     """Flux per W on the pixels of one of the receivers."""
     receiver = receivers_of(small_spec(target=None, receivers=RECEIVERS), 16)[number]
     landings = receiver.land(lens.trace(source.sample(2**17, 3)))
-    return bin_flux(landings.hits.numpy(), landings.flux.numpy(), receiver.grid) / source.flux_w
+    return bin_flux(landings.hits, landings.flux, receiver.grid) / source.flux_w
 
 
 def cosines(number: int, spec: Spec) -> np.ndarray:

@@ -62,9 +62,9 @@ def test_rays_refract_at_the_sphere_itself() -> None:
         cosine = np.sum(along * normal, axis=1)[:, None]
         along = ratio * along + (np.sqrt(1.0 - ratio**2 * (1.0 - cosine**2)) - ratio * cosine) * normal
     hits = (at + ((100.0 - at[:, 2]) / along[:, 2])[:, None] * along)[:, :2]
-    arrived = found.landed.numpy() & (np.linalg.norm(hits, axis=1) < 1000.0)
+    arrived = found.landed & (np.linalg.norm(hits, axis=1) < 1000.0)
     assert arrived.sum() > 1500
-    assert np.allclose(found.hits.numpy()[arrived], hits[arrived], rtol=1e-6, atol=1e-4)
+    assert np.allclose(found.hits[arrived], hits[arrived], rtol=1e-6, atol=1e-4)
 
 
 @pytest.mark.parametrize(
