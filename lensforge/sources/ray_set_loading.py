@@ -217,7 +217,11 @@ def _emitter(parts: Sequence[_Loaded], spec: RaySetSource) -> RaySetEmitter:
             *ray_set_warnings(at_place, placed=True),
         ),
         files=tuple(file.model_copy(update={"flux_w": file.flux_w * (flux_w / total)}) for file in files),
-        placement=_applied(at_place, flux_w, spec, origin_mm),
+        placement=AppliedPlacement(
+            origin_mm=as_point(origin_mm),
+            backward_share=at_place.backward / flux_w,
+            below_plane_share=at_place.below / flux_w,
+        ),
     )
     if index_range is not None:
         summary = summary.model_copy(update=index_range.fields())
@@ -256,17 +260,3 @@ def _origin_mm(spec: Placement, focus_mm: Point | None, name: str) -> Float[np.n
     if focus_mm is None:
         raise InputError(f"{name}: its rays are parallel and have no virtual focus; give source.origin as a point")
     return np.array(focus_mm)
-
-
-def _applied(found: RaySums, flux_w: float, spec: Placement, origin_mm: Float[np.ndarray, " 3"]) -> AppliedPlacement:
-    return AppliedPlacement(
-        origin_mm=as_point(origin_mm),
-        scale=spec.scale,
-        axis=spec.axis,
-        mirror=spec.mirror,
-        rotate_z_deg=spec.rotate_z_deg,
-        tilt_deg=spec.tilt_deg,
-        position_mm=spec.position_mm,
-        backward_share=found.backward / flux_w,
-        below_plane_share=found.below / flux_w,
-    )

@@ -19,7 +19,7 @@ from lensforge.sources.ray_bundle import RayBundle, Rays, blocks_of, total_of
 from lensforge.sources.rayfiles.ray_file import RayFile, causes, no_usable_ray, usable_blocks
 from lensforge.sources.rayfiles.ray_file_io import FORMATS
 from lensforge.sources.rayfiles.ray_file_rows import HUGE
-from lensforge.sources.rayfiles.ray_file_summary import Box, FileFlux, FileUnits, RayFileSummary, WavelengthRange
+from lensforge.sources.rayfiles.ray_file_summary import Box, FileFlux, RayFileSummary, WavelengthRange
 from lensforge.sources.source_spectrum import ColourSums
 from lensforge.sources.source_summary import RaysDropped, as_point
 
@@ -227,12 +227,10 @@ def ray_set_warnings(sums: RaySums, placed: bool) -> Iterator[str]:
 
 def outline(rayfile: RayFile) -> RayFileSummary:
     """Describe the header without reading the rays: at once, whatever the size of the file."""
-    length = rayfile.header.get("mm_per_unit")
     return RayFileSummary(
         format=rayfile.format,
         title=FORMATS[rayfile.format].title if rayfile.format in FORMATS else None,
         rays=len(rayfile),
-        units=FileUnits(length_in_file_mm=length if isinstance(length, float | int) else 1.0, flux=rayfile.flux_unit),
         flux=FileFlux(unit=rayfile.flux_unit, header_w=rayfile.header_flux_w, header_lm=rayfile.header_flux_lm),
         wavelengths_nm=_header_wavelengths(rayfile),
         header=dict(rayfile.header),

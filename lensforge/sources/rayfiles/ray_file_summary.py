@@ -142,14 +142,6 @@ def _draw_intensity(axes: "Axes", intensity: Float[np.ndarray, " r"], flux: floa
     axes.legend(frameon=False)
 
 
-class FileUnits(Record):
-    """Units of the summary; ``length_in_file_mm``: the file's own unit of length in mm."""
-
-    length: Literal["mm"] = "mm"
-    length_in_file_mm: Number
-    flux: FluxUnit
-
-
 class FileFlux(Record):
     """Flux of the source by header and by rays, in ``unit``; ``total_from``: the one that ``total`` is."""
 
@@ -191,7 +183,6 @@ class RayFileSummary(StageResult):
     format: Text
     title: Text | None
     rays: Count
-    units: FileUnits
     rays_used: Count | None = None
     rays_dropped: RaysDropped | None = None
     effective_rays: NotNegative | None = None
@@ -215,7 +206,7 @@ class RayFileSummary(StageResult):
         if self._rayfile is None:
             raise InputError("this summary was read back and holds no rays; read the ray file itself again")
         axes = new_axes(axes)
-        draw_panel(axes, Histograms.of(self._rayfile), which, self.units.flux)
+        draw_panel(axes, Histograms.of(self._rayfile), which, self.flux.unit)
         return axes
 
     def _repr_html_(self) -> str:
