@@ -56,6 +56,16 @@ class TabulatedIntensity:
             return float(2.0 * np.pi * self.plane_fluxes.item())
         return float(np.trapezoid(self.plane_fluxes, np.deg2rad(self.c_deg)))
 
+    def share_up_to_90(self) -> float:
+        """Share of the flux at gamma up to 90 degrees, exact for the bilinear interpolation."""
+        below = self.gamma_deg < 90.0
+        if below.all() or not below.any():
+            return float(below.all())
+        at_90 = np.array([[np.interp(90.0, self.gamma_deg, plane)] for plane in self.values])
+        values = np.concatenate([self.values[:, below], at_90], axis=1)
+        part = TabulatedIntensity(self.c_deg, np.append(self.gamma_deg[below], 90.0), values)
+        return min(part.flux() / self.flux(), 1.0)
+
     def at(self, c_deg: float) -> Float[np.ndarray, " g"]:
         """Interpolate the half-plane at ``c_deg``, any angle."""
         if len(self.c_deg) == 1:

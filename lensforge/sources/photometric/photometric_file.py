@@ -17,6 +17,7 @@ from typing import Literal
 
 import numpy as np
 
+from lensforge.errors import InputError
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.version import __version__
 
@@ -77,6 +78,20 @@ def number_in(word: str) -> float:
     if "_" in word or not word.isascii():
         raise ValueError(f"{word[:20]!r} is no number")
     return float(word)
+
+
+def finite_number(word: str, place: str, name: str, *, commas: bool = False) -> float:
+    """The number at a ``place`` of the file ``name``, with ``commas`` also as decimal sign.
+
+    Raises :class:`InputError` for any other word, and for what is not finite and below 1e12.
+    """
+    try:
+        number = number_in(word.replace(",", ".") if commas else word)
+    except ValueError:
+        raise InputError(f"{name}: {word[:20]!r} where {place} has a number; export it again") from None
+    if not abs(number) < HUGE:
+        raise InputError(f"{name}: a number of {place} is not finite and below {HUGE:g}; export it again")
+    return number
 
 
 @dataclass(frozen=True, eq=False)
