@@ -86,7 +86,8 @@ def load_ray_set(spec: RaySetSource, material: Material | None = None) -> RaySet
         case RayfilesSource():
             parts = [_load_file(part, spec, material) for part in spec.files]
             _require_same_dispersion(parts)
-            return _emitter([replace(part, warnings=_with_name(part)) for part in parts], spec)
+            named = (tuple(f"{part.name}: {warning}" for warning in part.warnings) for part in parts)
+            return _emitter([replace(part, warnings=words) for part, words in zip(parts, named, strict=True)], spec)
         case RaySource():
             return _emitter([_load_arrays(spec, material)], spec)
 
@@ -173,10 +174,6 @@ def _flux(
     return settled_flux(stated, efficacy, spectral, own) if found.efficacy is None or found.least_power else found
 
 
-def _with_name(part: _Loaded) -> tuple[str, ...]:
-    return tuple(f"{part.name}: {warning}" for warning in part.warnings)
-
-
 def _require_same_dispersion(parts: Sequence[_Loaded]) -> None:
     """Refuse files of which only some have wavelengths: the lens would disperse the light of these alone."""
     without = [part.name for part in parts if part.index_range is None]
@@ -196,8 +193,11 @@ def _emitter(parts: Sequence[_Loaded], spec: RaySetSource) -> RaySetEmitter:
     for name, part in zip(names, parts, strict=True):
         if part.flux.flux_w < _LEAST_SHARE * total:
             raise InputError(f"{name}: {part.flux.flux_w / total:.3g} of the flux of all: correct it, or leave it out")
-    rays = parts[0].rays if len(parts) == 1 else _joined(parts, flux_w / total)
-    figures = parts[0].figures if len(parts) == 1 else RaySums.of(rays)
+    rays, figures = parts[0].rays, parts[0].figures
+    if len(parts) > 1:
+        together = joined([part.rays for part in parts])
+        rays = changed(together, lambda some: replace(some, flux=some.flux * (flux_w / total)))
+        figures = RaySums.of(rays)
     origin_mm = _origin_mm(spec, figures.focus_mm, ", ".join(part.name for part in parts))
     rays = changed(rays, lambda some: placed(some, origin_mm, spec))
     at_place = RaySums.of(rays)
@@ -227,10 +227,6 @@ def _emitter(parts: Sequence[_Loaded], spec: RaySetSource) -> RaySetEmitter:
         summary = summary.model_copy(update=index_range.fields())
     pose = SourcePose.of(spec)
     return RaySetEmitter(rays, flux_w, summary, pose=pose if pose.moves else None)
-
-
-def _joined(parts: Sequence[_Loaded], factor: float) -> Rays:
-    return changed(joined([part.rays for part in parts]), lambda some: replace(some, flux=some.flux * factor))
 
 
 def _whole_range(parts: Sequence[_Loaded]) -> IndexRange | None:

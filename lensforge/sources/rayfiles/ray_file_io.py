@@ -50,7 +50,14 @@ def is_rayfile(path: Path) -> bool:
 
 def decode(image: FileImage) -> RayFile:
     """Decode a mapped file, whatever its format."""
-    rayfile = replace(_in_nanometres(_format_of(image).decode(image)), path=str(image.path))
+    found = _matching(image)
+    if found is None:
+        titles = ", ".join(entry.title for entry in FORMATS.values())
+        raise image.refuse(
+            f"its content is none of the known formats ({titles}); the layouts of other programs are not public: "
+            "export TM-25 (.tm25ray), LightTools or Zemax from there"
+        )
+    rayfile = replace(_in_nanometres(found.decode(image)), path=str(image.path))
     object.__setattr__(rayfile, "verbatim", image.data)
     return rayfile
 
@@ -62,7 +69,9 @@ def write_rayfile(path: Path, rayfile: RayFile, format: str | None = None) -> Fo
     fluxes absolute: they are scaled so that the file written means the same total as the file read.
     Raises :class:`InputError` if the format is unknown or cannot hold these rays, or the path cannot be written.
     """
-    chosen = _format_named(format) if format else _format_for(Path(path))
+    if format and format not in FORMATS:
+        raise InputError(f"format {format!r}: one of {', '.join(FORMATS)}")
+    chosen = FORMATS[format] if format else _format_for(Path(path))
     with replacing(Path(path)) as temporary, temporary.open("wb") as stream:
         if rayfile.verbatim is not None and rayfile.format == chosen.name:
             stream.writelines(_bytes(rayfile.verbatim))
@@ -129,23 +138,6 @@ def _lost(before: RayFile, after: RayFile) -> Iterator[str]:
 def _matching(image: FileImage) -> Format | None:
     head = image.part(0, HEAD_BYTES)
     return next((entry for entry in FORMATS.values() if entry.matches(head, image.size)), None)
-
-
-def _format_of(image: FileImage) -> Format:
-    found = _matching(image)
-    if found is not None:
-        return found
-    known = ", ".join(entry.title for entry in FORMATS.values())
-    raise image.refuse(
-        f"its content is none of the known formats ({known}); the layouts of other programs are not public: export "
-        "TM-25 (.tm25ray), LightTools or Zemax from there"
-    )
-
-
-def _format_named(name: str) -> Format:
-    if name not in FORMATS:
-        raise InputError(f"format {name!r}: one of {', '.join(FORMATS)}")
-    return FORMATS[name]
 
 
 def _format_for(path: Path) -> Format:

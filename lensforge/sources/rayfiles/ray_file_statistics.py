@@ -152,12 +152,9 @@ _PLAUSIBLE_NM = (200.0, 3000.0)  # of LEDs and lasers; outside, wavelengths are 
 _BACKWARD_SHARE = 0.01  # of the flux: reflections inside a package send less than this away from the lens
 
 
-def file_warnings(rayfile: RayFile, sums: RaySums, given_flux: bool = False) -> tuple[str, ...]:
+def file_warnings(rayfile: RayFile, sums: RaySums, given_flux: bool = False) -> Iterator[str]:
     """List what is odd in the content of a file; with ``given_flux`` the user states its power, the file does not."""
-    return (*rayfile.warnings, *_content_warnings(rayfile, sums, given_flux))
-
-
-def _content_warnings(rayfile: RayFile, sums: RaySums, given_flux: bool) -> Iterator[str]:
+    yield from rayfile.warnings
     unit, header = rayfile.flux_unit, rayfile.header_flux
     if sums.rays < len(rayfile):
         yield f"{len(rayfile) - sums.rays} of {len(rayfile)} rays dropped: {causes(sums.dropped)}"

@@ -66,7 +66,10 @@ class Histograms:
         histograms = cls(middle - half, middle + half)
         for block, _ in usable_blocks(rayfile):
             histograms.add(block)
-        return histograms.scaled(rayfile.flux_factor(float(histograms.rings.sum())))
+        factor = rayfile.flux_factor(float(histograms.rings.sum()))
+        for image in (histograms.front, histograms.side, histograms.cosines, histograms.rings):
+            image *= factor
+        return histograms
 
     def add(self, rays: RayBundle) -> None:
         """Bin some rays into all four histograms."""
@@ -81,11 +84,6 @@ class Histograms:
             image += np.histogram2d(x, y, len(image), ends, weights=part)[0]
         gamma = np.rad2deg(np.arccos(np.clip(directions[:, 2], -1.0, 1.0)))
         self.rings += np.histogram(gamma, _RINGS, (0.0, 180.0), weights=flux)[0]
-
-    def scaled(self, factor: float) -> "Histograms":
-        """Multiply all fluxes by ``factor``."""
-        images = (self.front, self.side, self.cosines, self.rings)
-        return Histograms(self.low, self.high, *(factor * image for image in images))
 
     def intensity(self) -> Float[np.ndarray, " r"]:
         """Flux per steradian of each ring (mean over azimuth)."""
