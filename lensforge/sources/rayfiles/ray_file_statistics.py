@@ -226,7 +226,6 @@ def describe(rayfile: RayFile) -> RayFileSummary:
         "total": rayfile.total_flux(sums.flux),
         "total_from": "header" if rayfile.stated_flux else "rays",
         "ray_sum": sums.flux,
-        "ray_sum_over_header": sums.flux / rayfile.header_flux if rayfile.header_flux else None,
         "backward_share": sums.backward / sums.flux,
     }
     colours, mean_nm = sums.colours, sums.colours.mean_nm

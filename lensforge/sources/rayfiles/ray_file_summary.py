@@ -149,7 +149,6 @@ class FileFlux(Record):
     total: Number | None = None
     total_from: Literal["header", "rays"] | None = None
     ray_sum: Number | None = None
-    ray_sum_over_header: Number | None = None
     backward_share: Share | None = None
 
 
