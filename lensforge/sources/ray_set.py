@@ -30,25 +30,22 @@ def outline_of(rays: Rays, pose: SourcePose | None) -> Float[np.ndarray, "k 3"]:
     It is the plane z = 0 of the source before ``pose`` turned, tilted and shifted it to its place. All rays count;
     those that are not in memory are read block by block, several times.
     """
-    forward = any(bool((_own(block, pose)[1][:, 2] > 0.0).any()) for block in blocks_of(rays))
-    corners = _around(lambda: (_crossings(block, pose, forward) for block in blocks_of(rays)))
+
+    def blocks() -> Iterator[RayBundle]:
+        return (block if pose is None else pose.own(block) for block in blocks_of(rays))
+
+    forward = any(bool((block.directions[:, 2] > 0.0).any()) for block in blocks())
+    corners = _around(lambda: (_crossings(block, forward) for block in blocks()))
     outline = np.column_stack([corners, np.zeros(len(corners))])
     return outline if pose is None else pose.points(outline)
 
 
-def _own(rays: RayBundle, pose: SourcePose | None) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
-    """Start points and directions in the source's own coordinates."""
-    if pose is None:
-        return rays.origins, rays.directions
-    return pose.own_points(rays.origins), pose.own_directions(rays.directions)
-
-
-def _crossings(rays: RayBundle, pose: SourcePose | None, forward: bool) -> _Crossings:
-    """Points (mm) where the lines of the rays that go ``forward``, or of the others, meet the plane of the source.
+def _crossings(rays: RayBundle, forward: bool) -> _Crossings:
+    """Points (mm) where the lines of the rays that go ``forward``, or of the others, meet the plane z = 0.
 
     Rays along that plane stay where they start.
     """
-    start, direction = _own(rays, pose)
+    start, direction = rays.origins, rays.directions
     kept = (direction[:, 2] > 0.0) == forward
     level = np.abs(direction[:, 2]) < 1e-9
     length = np.where(level, 0.0, -start[:, 2] / np.where(level, 1.0, direction[:, 2]))

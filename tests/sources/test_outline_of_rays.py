@@ -73,7 +73,7 @@ def test_the_outline_of_a_posed_source_is_that_of_the_source_posed() -> None:
 
 def test_rays_along_the_plane_stay_where_they_start() -> None:
     ways = np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 0.9e-9], [1.0, 0.0, 1.1e-9], [0.6, 0.0, -0.8], [0.0, 0.6, 0.8]])
-    points, flux = _crossings(RayBundle(np.tile([1.0, 2.0, 4.0], (5, 1)), ways, np.arange(1.0, 6.0)), None, True)
+    points, flux = _crossings(RayBundle(np.tile([1.0, 2.0, 4.0], (5, 1)), ways, np.arange(1.0, 6.0)), True)
     np.testing.assert_allclose(points, [[1.0, 2.0], [1.0 - 4.0 / 1.1e-9, 2.0], [1.0, -1.0]])
     assert flux.tolist() == [2.0, 3.0, 5.0]
 

@@ -54,9 +54,10 @@ _REQUIRED = ("TEST", "TESTLAB", "ISSUEDATE", "MANUFAC")
 
 def require_ies_version(version: int) -> IesVersion:
     """``version`` if it is a year of LM-63 that is written. Raises :class:`InputError`."""
-    if version == 2002 or version == NEWEST:
-        return version
-    raise InputError(f"ies_version = {version!r}: 2002 or {NEWEST}; leave it out for {NEWEST}")
+    edition = next((year for year in _FIRST_LINES if year == version), None)
+    if edition is None:
+        raise InputError(f"ies_version = {version!r}: 2002 or {NEWEST}; leave it out for {NEWEST}")
+    return edition
 
 
 def label_lines(photometric: PhotometricFile, version: IesVersion) -> list[str]:
