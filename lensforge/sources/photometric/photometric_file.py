@@ -18,6 +18,7 @@ from typing import Literal
 import numpy as np
 
 from lensforge.errors import InputError
+from lensforge.optics.photopic import LARGEST_LM_PER_W
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.version import __version__
 
@@ -149,7 +150,6 @@ class PhotometricFormat:
 
 _FLUX_TOLERANCE = 0.01  # integral and stated flux of real files agree this well
 _CUT_SHARE = 0.01  # of the peak: more than that at the last gamma, and the file has lost light beyond it
-_MOST_LM_PER_W = 683.0
 
 
 def far_field_warnings(found: PhotometricFile) -> tuple[str, ...]:
@@ -163,7 +163,7 @@ def _contradictions(found: PhotometricFile) -> Iterator[str]:
         yield f"its intensities integrate to {lumens:.6g} lm, the file states {stated:.6g} lm"
     if found.lamp_lumens and lumens > found.lamp_lumens * (1.0 + _FLUX_TOLERANCE):
         yield f"its light has {lumens:.6g} lm, its lamps only {found.lamp_lumens:.6g} lm: check its factors"
-    if watts > 0.0 and lumens > _MOST_LM_PER_W * watts:
+    if watts > 0.0 and lumens > LARGEST_LM_PER_W * watts:
         yield f"{lumens / watts:.4g} lm per W, no light has more than 683: check its lumens and watts"
 
 

@@ -11,7 +11,7 @@ from lensforge.errors import InputError
 from lensforge.results import Count, Record, Text
 from lensforge.results.files import replacing
 from lensforge.sources.rayfiles import asap, csv_table, lighttools, speos, tm25, zemax
-from lensforge.sources.rayfiles.ray_file import FluxUnit, Format, RayFile
+from lensforge.sources.rayfiles.ray_file import SAME_FLUX, FluxUnit, Format, RayFile
 from lensforge.sources.rayfiles.ray_file_rows import HEAD_BYTES, FileImage, release_pages, scaled
 from lensforge.sources.rayfiles.zemax import NM_PER_MICRON
 
@@ -26,7 +26,6 @@ FORMATS: Mapping[str, Format] = {
 
 _MICRONS_BELOW = 100.0  # no light has a wavelength of less than 100 nm here; such a number is in µm
 _COPIED = 2**24  # bytes copied at a time
-_SAME_TOTAL = 1e-5  # totals of float32 numbers that agree this well are the same total
 _SAMPLE = 1000  # wavelengths looked at to tell µm from nm
 
 
@@ -122,7 +121,7 @@ def _lost(before: RayFile, after: RayFile) -> Iterator[str]:
     units: tuple[FluxUnit, ...] = ("W", "lm")
     for unit in units:
         had, has = before.flux_in(unit), after.flux_in(unit)
-        if had and (has is None or abs(has / had - 1.0) > _SAME_TOTAL):
+        if had and (has is None or abs(has / had - 1.0) > SAME_FLUX):
             yield f"total flux in {unit} ({had:.6g})"
     if before.wavelengths_nm is not None and after.wavelengths_nm is None:
         yield "wavelengths"
