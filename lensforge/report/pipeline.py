@@ -143,7 +143,7 @@ def photometry(
     ``lumens``: of the source; default: as spec or file of the source say, or relative to 1000. ``rays``: by default as
     many as the noise of the intensities asks for. Other lumens than the source's own, and any ``rays`` that are given,
     are other ``conditions`` than the lens's own. ``ies_version``: year of LM-63 that the IES file follows, 2019 or, for
-    programs that read no newer one, 2002, 1995, 1991 or 1986.
+    programs that read no newer one, 2002.
     """
     from lensforge.light.photometry_export import measure_photometry
 

@@ -67,18 +67,17 @@ def dispersed(rays: Rays, material: Material, name: str) -> tuple[Rays, IndexRan
         raise InputError(f"{name}: no ray has a usable wavelength; give a spectrum, or a constant refractive index")
     _require_few(clamped / flux, sums.low_nm, sums.high_nm, material, name)
     found = index_range_of(sums.low_nm, sums.high_nm, material, extrapolated / flux, clamped / flux)
-    return changed(rays, lambda some: in_material(some, known_or(mean_nm, _wavelengths(some)), material)), found
+
+    def indexed(some: RayBundle) -> RayBundle:
+        waves = _wavelengths(some)
+        return in_material(some, np.where(usable_wavelengths(waves), waves, mean_nm), material)
+
+    return changed(rays, indexed), found
 
 
 def _wavelengths(rays: RayBundle) -> Float[np.ndarray, " n"]:
     assert rays.wavelengths_nm is not None
     return rays.wavelengths_nm
-
-
-def known_or(mean_nm: float, wavelengths_nm: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """The wavelengths themselves, ``mean_nm`` where one is not usable."""
-    waves: Float[np.ndarray, " n"] = np.where(usable_wavelengths(wavelengths_nm), wavelengths_nm, mean_nm)
-    return waves
 
 
 def index_of_spectrum(spectrum: Spectrum, material: Material) -> IndexRange:
@@ -90,11 +89,12 @@ def index_of_spectrum(spectrum: Spectrum, material: Material) -> IndexRange:
     first, last = max(int(lit[0]) - 1, 0), min(int(lit[-1]) + 1, len(spectrum.wavelengths_nm) - 1)
     low, high = float(spectrum.wavelengths_nm[first]), float(spectrum.wavelengths_nm[last])
     trusted, measured = (
-        spectrum.share_up_to(ends[1]) - spectrum.share_up_to(np.nextafter(ends[0], 0.0))
+        1.0
+        if ends[0] <= low and high <= ends[1]
+        else spectrum.share_up_to(ends[1]) - spectrum.share_up_to(np.nextafter(ends[0], 0.0))
         for ends in (material.trusted_nm, material.range_nm)
     )
-    clamped = max(1.0 - trusted, 0.0) if not _all_within(low, high, material.trusted_nm) else 0.0
-    extrapolated = max(trusted - measured, 0.0) if not _all_within(low, high, material.range_nm) else 0.0
+    clamped, extrapolated = max(1.0 - trusted, 0.0), max(trusted - measured, 0.0)
     _require_few(clamped, low, high, material, spectrum.name)
     return index_range_of(low, high, material, extrapolated, clamped)
 
@@ -102,10 +102,6 @@ def index_of_spectrum(spectrum: Spectrum, material: Material) -> IndexRange:
 def _within(waves: Float[np.ndarray, " n"], ends: tuple[float, float]) -> Bool[np.ndarray, " n"]:
     within: Bool[np.ndarray, " n"] = (waves >= ends[0]) & (waves <= ends[1])
     return within
-
-
-def _all_within(low: float, high: float, ends: tuple[float, float]) -> bool:
-    return ends[0] <= low and high <= ends[1]
 
 
 def _require_few(clamped: float, low: float, high: float, material: Material, name: str) -> None:

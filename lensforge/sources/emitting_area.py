@@ -152,11 +152,19 @@ class LuminanceImage:
 Area: TypeAlias = Disc | Rectangles | LuminanceImage
 
 
-def convex_hull(points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "k 2"]:
-    """Corners of the convex hull in order; of the bounding box where the points lie on one line."""
+def hull_points(points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "k 2"]:
+    """Those of the points that are corners of their convex hull, in order; both ends where all lie on one line."""
     try:
         corners: Float[np.ndarray, "k 2"] = points[ConvexHull(points).vertices]
         return corners
     except (QhullError, ValueError):
-        (x0, y0), (x1, y1) = points.min(axis=0), points.max(axis=0)
-        return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+        return np.unique(points, axis=0)[[0, -1]] if len(points) else points
+
+
+def convex_hull(points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "k 2"]:
+    """Corners of the convex hull in order; of the bounding box where the points lie on one line."""
+    corners = hull_points(points)
+    if len(corners) > 2:
+        return corners
+    (x0, y0), (x1, y1) = points.min(axis=0), points.max(axis=0)
+    return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])

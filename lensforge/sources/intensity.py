@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from lensforge.results import Number, Record
-from lensforge.sources.inverse_cdf import choose, linear_inverse
+from lensforge.sources.inverse_cdf import choose, choose_each, linear_inverse
 from lensforge.surfaces.mirror_group import largest_symmetry
 
 _FINE = np.deg2rad(0.25)  # cells of gamma in which rays are drawn at constant intensity; the flux of each cell is exact
@@ -56,6 +56,16 @@ class TabulatedIntensity:
             return float(2.0 * np.pi * self.plane_fluxes.item())
         return float(np.trapezoid(self.plane_fluxes, np.deg2rad(self.c_deg)))
 
+    def share_up_to_90(self) -> float:
+        """Share of the flux at gamma up to 90 degrees, exact for the bilinear interpolation."""
+        below = self.gamma_deg < 90.0
+        if below.all() or not below.any():
+            return float(below.all())
+        at_90 = np.array([[np.interp(90.0, self.gamma_deg, plane)] for plane in self.values])
+        values = np.concatenate([self.values[:, below], at_90], axis=1)
+        part = TabulatedIntensity(self.c_deg, np.append(self.gamma_deg[below], 90.0), values)
+        return min(part.flux() / self.flux(), 1.0)
+
     def at(self, c_deg: float) -> Float[np.ndarray, " g"]:
         """Interpolate the half-plane at ``c_deg``, any angle."""
         if len(self.c_deg) == 1:
@@ -92,7 +102,13 @@ class TabulatedIntensity:
             low, between = self._plane(points[:, 1])
             turn = np.deg2rad(self.c_deg)
             azimuth = turn[low] + between * (turn[low + 1] - turn[low])
-        cell, rest = _invert(cumulative, low, between, points[:, 0])
+
+        def before(cell: Int[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+            blended: Float[np.ndarray, " n"] = (1.0 - between) * cumulative[low, cell]
+            blended += between * cumulative[low + 1, cell]
+            return blended
+
+        cell, rest = choose_each(before, len(gamma) - 1, points[:, 0])
         cosine = np.cos(gamma)
         return _directions(cosine[cell] + rest * (cosine[cell + 1] - cosine[cell]), azimuth)
 
@@ -137,27 +153,6 @@ def flux_up_to(gamma: Float[np.ndarray, " g"], values: Float[np.ndarray, "c g"])
     # Integral of (a + b (gamma - low)) sin(gamma), with differences of sines and cosines kept apart.
     cells = values[:, :-1] * cos_low - values[:, 1:] * cos_high + slope * (np.sin(high) - np.sin(low))
     return np.concatenate([np.zeros((len(values), 1)), np.cumsum(np.maximum(cells, 0.0), axis=1)], axis=1)
-
-
-def _invert(
-    cumulative: Float[np.ndarray, "c f"], low: np.ndarray, between: Float[np.ndarray, " n"], numbers: np.ndarray
-) -> tuple[np.ndarray, Float[np.ndarray, " n"]]:
-    """Find the cell of gamma, and the point in it, where the blend of two half-planes' fluxes reaches each number."""
-
-    def blend(index: np.ndarray) -> np.ndarray:
-        mixed: np.ndarray = (1.0 - between) * cumulative[low, index] + between * cumulative[low + 1, index]
-        return mixed
-
-    first, last = np.zeros(len(low), dtype=int), np.full(len(low), cumulative.shape[1] - 1)
-    wanted = numbers * blend(last)
-    while (last - first).max() > 1:  # bisection, all rays at once
-        middle = (first + last) // 2
-        above = blend(middle) > wanted
-        first, last = np.where(above, first, middle), np.where(above, middle, last)
-    before = blend(first)
-    share = blend(first + 1) - before
-    rest = np.divide(wanted - before, share, out=np.zeros_like(wanted), where=share > 0.0)
-    return first, np.minimum(rest, 1.0)
 
 
 def _directions(cosine: Float[np.ndarray, " n"], azimuth: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:

@@ -1,5 +1,7 @@
 """Inverse of a cumulative distribution: a uniform number to a cell, and to a position within it."""
 
+from collections.abc import Callable
+
 import numpy as np
 from jaxtyping import Float, Int
 
@@ -20,15 +22,22 @@ def choose(
 
 
 def choose_each(
-    cumulative: Float[np.ndarray, "n k"], numbers: Float[np.ndarray, " n"]
+    before: Callable[[Int[np.ndarray, " n"]], Float[np.ndarray, " n"]], cells: int, numbers: Float[np.ndarray, " n"]
 ) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Invert a distribution of its own for each number, as :func:`choose` does."""
-    wanted, each = numbers * cumulative[:, -1], np.arange(len(numbers))
-    index = np.minimum(np.sum(cumulative <= wanted[:, None], axis=1), cumulative.shape[1] - 1)
-    before = np.where(index > 0, cumulative[each, index - 1], 0.0)
-    share = cumulative[each, index] - before
-    rest = np.divide(wanted - before, share, out=np.zeros_like(wanted), where=share > 0.0)
-    return index, np.minimum(rest, 1.0)
+    """Invert a distribution of its own for each number, as :func:`choose` does.
+
+    ``before``: what each distribution has before the cell of that index, from 0 to ``cells``.
+    """
+    first, last = np.zeros(len(numbers), dtype=np.int64), np.full(len(numbers), cells)
+    wanted = numbers * before(last)
+    while (last - first).max() > 1:  # bisection, all numbers at once
+        middle = (first + last) // 2
+        above = before(middle) > wanted
+        first, last = np.where(above, first, middle), np.where(above, middle, last)
+    low = before(first)
+    share = before(first + 1) - low
+    rest = np.divide(wanted - low, share, out=np.zeros_like(wanted), where=share > 0.0)
+    return first, np.minimum(rest, 1.0)
 
 
 def linear_inverse(

@@ -101,19 +101,12 @@ class TurnedRays(ChangedSource):
         """Draw rays of the source itself, and turn them; each starts as far from the plane as it did."""
         rays, pose = self.source.sample(count, seed), self.source.pose
         turns = self.sigma_rad * np.random.default_rng(seed).standard_normal((count, 3))
-        if pose is None:
-            origins, directions = _turned(rays.origins, rays.directions, turns)
-        else:
-            own = pose.own_points(rays.origins), pose.own_directions(rays.directions)
-            origins, directions = _turned(*own, turns)
-            origins, directions = pose.points(origins), pose.directions(directions)
-        return replace(rays, origins=origins, directions=directions)
+        return _turned(rays, turns) if pose is None else pose.placed(_turned(pose.own(rays), turns))
 
 
-def _turned(
-    origins: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], turns: Float[np.ndarray, "n 3"]
-) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+def _turned(rays: RayBundle, turns: Float[np.ndarray, "n 3"]) -> RayBundle:
     """Rays with ``turns`` added to their directions, about their crossings of z = 0 and from the same heights."""
+    origins, directions = rays.origins, rays.directions
     turned = directions + turns
     turned /= np.linalg.norm(turned, axis=1, keepdims=True)
     rise, turned_rise = directions[:, 2], turned[:, 2]
@@ -121,4 +114,4 @@ def _turned(
     crossings = origins - origins[:, 2:] / np.where(steep, rise, 1.0)[:, None] * directions
     moved = crossings + origins[:, 2:] / np.where(steep, turned_rise, 1.0)[:, None] * turned
     keep = ~steep[:, None]
-    return np.where(keep, origins, moved), np.where(keep, directions, turned)
+    return replace(rays, origins=np.where(keep, origins, moved), directions=np.where(keep, directions, turned))

@@ -30,7 +30,7 @@ _SAME = 1e-6  # of the largest radiance, and of the width: what differs less is 
 _NAMES = ("x_mm", "y_mm", "c_deg", "gamma_deg", "radiance")
 _LEAST_W, _MOST_W = 1e-30, 1e12  # as of a source in a spec
 _BRIGHTEST = 1e20  # W/m^2/sr; lasers reach 1e16
-_MOST_NODES = 4096  # of an axis: 0.1 degrees in azimuth are 3601, and each block of rays needs rows of that length
+_MOST_NODES = 4096  # of an axis: 0.1 degrees in azimuth are 3601
 _FARTHEST = 1e9  # mm, as of any coordinate in a spec
 _LARGEST = 2**28  # bytes unpacked, some 30 million nodes; a small archive may claim anything
 
@@ -166,8 +166,6 @@ def _problem(arrays: dict[str, np.ndarray]) -> str:
     return ""
 
 
-_BLOCK, _BLOCK_NUMBERS = 2**14, 2**23  # rays drawn at a time, and numbers: each ray needs rows of the table
-
 Cells = tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]  # row and column of each ray's cell
 
 
@@ -186,13 +184,7 @@ class RadianceEmitter:
 
     def sample(self, count: int, seed: int) -> RayBundle:
         """Draw ``count`` rays of equal flux by quasi-Monte-Carlo points in four dimensions."""
-        points = sobol(count, 4, seed)
-        origins, directions = np.empty((count, 3)), np.empty((count, 3))
-        block = max(min(_BLOCK, _BLOCK_NUMBERS // max(self.table.radiance.shape)), 1)
-        for start in range(0, count, block):
-            some = slice(start, start + block)
-            origins[some], directions[some] = self.emit(points[some])
-        return RayBundle(origins, directions, np.full(count, self.flux_w / count))
+        return RayBundle(*self.emit(sobol(count, 4, seed)), np.full(count, self.flux_w / count))
 
     def emit(self, points: Float[np.ndarray, "n 4"]) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
         """Map points of the unit cube to start points (mm) and unit directions; equal volumes get equal flux."""
@@ -216,7 +208,7 @@ class RadianceEmitter:
     ) -> tuple[Cells, Float[np.ndarray, "n 3"]]:
         """Choose the row by the first number, the column by the second given the row; uniform inside the cell."""
         rows, y = choose(self._rows, down)
-        columns, x = choose_each(self._columns[rows], across)
+        columns, x = choose_each(lambda cell: self._columns[rows, cell], len(self.table.x_mm) - 1, across)
         origins = np.zeros((len(rows), 3))
         for axis, edges, cell, place in ((0, self.table.x_mm, columns, x), (1, self.table.y_mm, rows, y)):
             origins[:, axis] = edges[cell] + place * (edges[cell + 1] - edges[cell])
@@ -228,7 +220,7 @@ class RadianceEmitter:
         """Choose the sector of azimuth, and the position in it, by each number given the cell."""
         if len(self.table.c_deg) == 1:
             return np.zeros(len(numbers), dtype=np.int64), numbers
-        low, rest = choose_each(self._azimuths[cells], numbers)
+        low, rest = choose_each(lambda sector: self._azimuths[(*cells, sector)], len(self.table.c_deg) - 1, numbers)
         planes = self.table.cumulative[..., -1]
         return low, linear_inverse(planes[(*cells, low)], planes[(*cells, low + 1)], rest)
 
@@ -242,14 +234,14 @@ class RadianceEmitter:
         """Choose ``sin^2 gamma`` by each number given the cell and the azimuth."""
         high = np.minimum(low + 1, len(self.table.c_deg) - 1)
 
-        def blend(values: Float[np.ndarray, "y x c g"]) -> Float[np.ndarray, "n g"]:
-            share = between[:, None]
-            mixed: Float[np.ndarray, "n g"] = (1.0 - share) * values[(*cells, low)] + share * values[(*cells, high)]
+        def blend(values: Float[np.ndarray, "y x c g"], node: Int[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+            mixed: Float[np.ndarray, " n"] = (1.0 - between) * values[(*cells, low, node)]
+            mixed += between * values[(*cells, high, node)]
             return mixed
 
-        cell, rest = choose_each(blend(self.table.cumulative)[:, 1:], numbers)
-        radiance, each = blend(self.table.radiance), np.arange(len(numbers))
-        place = linear_inverse(radiance[each, cell], radiance[each, cell + 1], rest)
+        gammas, radiance = len(self.table.gamma_deg), self.table.radiance
+        cell, rest = choose_each(lambda node: blend(self.table.cumulative, node), gammas - 1, numbers)
+        place = linear_inverse(blend(radiance, cell), blend(radiance, cell + 1), rest)
         squares = self.table.squares
         squared: Float[np.ndarray, " n"] = squares[cell] + place * (squares[cell + 1] - squares[cell])
         return squared
@@ -259,12 +251,14 @@ class RadianceEmitter:
         return np.cumsum(self.table.cell_fluxes.sum(axis=1))
 
     @cached_property
-    def _columns(self) -> Float[np.ndarray, "y x"]:
-        return np.cumsum(self.table.cell_fluxes, axis=1)
+    def _columns(self) -> Float[np.ndarray, "y x1"]:
+        """Flux before each column of a row."""
+        return np.pad(np.cumsum(self.table.cell_fluxes, axis=1), ((0, 0), (1, 0)))
 
     @cached_property
-    def _azimuths(self) -> Float[np.ndarray, "y x s"]:
-        return np.cumsum(self.table.sectors, axis=2)
+    def _azimuths(self) -> Float[np.ndarray, "y x c"]:
+        """Flux before each sector of a cell."""
+        return np.pad(np.cumsum(self.table.sectors, axis=2), ((0, 0), (0, 0), (1, 0)))
 
 
 def radiance_emitter(spec: RadianceSource) -> RadianceEmitter:

@@ -3,66 +3,111 @@
 The outline goes around the points of a plane from which nearly all of the light seems to come.
 """
 
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, UInt64
 
 from lensforge.errors import InputError
-from lensforge.sources.emitting_area import convex_hull
-from lensforge.sources.ray_bundle import RayBundle, Rays, chosen, number_type, with_flux
+from lensforge.sources.emitting_area import convex_hull, hull_points
+from lensforge.sources.ray_bundle import RayBundle, Rays, blocks_of, chosen, number_type, with_flux
 from lensforge.sources.source_pose import SourcePose
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec.source_sections import Placement
 
 _SHARE = 0.95  # of the flux inside the outline; the rest starts far out, such as at the edge of a window
-_OUTLINED = 2**18  # rays of a large file that say where its outline is, to some 0.001 of the flux
+_SORTED = 2**20  # values that are sorted at once
+_DIGIT = 20  # bits of a value by which more are divided
+_Crossings = tuple[Float[np.ndarray, "_ 2"], Float[np.ndarray, " _"]]  # points (mm) of the plane, and the flux there
+_Values = tuple[Float[np.ndarray, " _"], Float[np.ndarray, " _"]]  # values, and the flux at each
 
 
 def outline_of(rays: Rays, pose: SourcePose | None) -> Float[np.ndarray, "k 3"]:
     """Convex hull (mm) of the points where 95 % of the forward flux crosses, or seems to cross, a plane.
 
-    It is the plane z = 0 of the source before ``pose`` turned, tilted and shifted it to its place. Of rays that are not
-    in memory a sample is taken.
+    It is the plane z = 0 of the source before ``pose`` turned, tilted and shifted it to its place. All rays count;
+    those that are not in memory are read block by block, several times.
     """
-    if not isinstance(rays, RayBundle):
-        some = np.random.default_rng(0).choice(len(rays), min(_OUTLINED, len(rays)), replace=False)
-        rays = rays.take(np.sort(some))
-    corners = _around(*_crossings(rays, pose))
+
+    def blocks() -> Iterator[RayBundle]:
+        return (block if pose is None else pose.own(block) for block in blocks_of(rays))
+
+    forward = any(bool((block.directions[:, 2] > 0.0).any()) for block in blocks())
+    corners = _around(lambda: (_crossings(block, forward) for block in blocks()))
     outline = np.column_stack([corners, np.zeros(len(corners))])
     return outline if pose is None else pose.points(outline)
 
 
-def _crossings(rays: RayBundle, pose: SourcePose | None) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, " n"]]:
-    """Points (mm) where the lines of the rays that go forward meet the plane of the source, and the flux there.
+def _crossings(rays: RayBundle, forward: bool) -> _Crossings:
+    """Points (mm) where the lines of the rays that go ``forward``, or of the others, meet the plane z = 0.
 
-    Of all rays where none goes forward. Rays along that plane stay where they start.
+    Rays along that plane stay where they start.
     """
     start, direction = rays.origins, rays.directions
-    if pose is not None:
-        start, direction = pose.own_points(start), pose.own_directions(direction)
-    rises = direction[:, 2] > 0.0
-    kept = rises if rises.any() else ~rises
+    kept = (direction[:, 2] > 0.0) == forward
     level = np.abs(direction[:, 2]) < 1e-9
     length = np.where(level, 0.0, -start[:, 2] / np.where(level, 1.0, direction[:, 2]))
     points = start[:, :2] + length[:, None] * direction[:, :2]
     return points[kept], rays.flux[kept]
 
 
-def _around(points: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"]) -> Float[np.ndarray, "k 2"]:
-    """Corners around all but the farthest points; a few rays far out do not move the median from which they are far."""
-    middle = np.array([_median(column, flux) for column in points.T])
-    distance = np.linalg.norm(points - middle, axis=1)
-    order = np.argsort(distance)
-    inside = np.searchsorted(np.cumsum(flux[order]), _SHARE * flux.sum())
-    return convex_hull(points[order[: inside + 1]])
+def _around(crossings: Callable[[], Iterable[_Crossings]]) -> Float[np.ndarray, "k 2"]:
+    """Corners around all but the farthest points; a few rays far out do not move the median from which they are far.
+
+    ``crossings`` begins a pass through the points.
+    """
+    sums = [(len(flux), float(flux.sum())) for _, flux in crossings()]
+    count, total = sum(rays for rays, _ in sums), sum(flux for _, flux in sums)
+    x = _value_at(0.5 * total, count, lambda: ((points[:, 0], flux) for points, flux in crossings()))
+    y = _value_at(0.5 * total, count, lambda: ((points[:, 1], flux) for points, flux in crossings()))
+
+    def distance(points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
+        away: Float[np.ndarray, " n"] = np.sqrt((points[:, 0] - x) ** 2 + (points[:, 1] - y) ** 2)
+        return away
+
+    radius = _value_at(_SHARE * total, count, lambda: ((distance(points), flux) for points, flux in crossings()))
+    outermost = np.zeros((0, 2))
+    for points, _ in crossings():
+        outermost = hull_points(np.concatenate([outermost, points[distance(points) <= radius]]))
+    return convex_hull(outermost)
 
 
-def _median(values: Float[np.ndarray, " n"], flux: Float[np.ndarray, " n"]) -> float:
-    """The value up to which there is half of the flux."""
+def _value_at(wanted: float, count: int, blocks: Callable[[], Iterable[_Values]]) -> float:
+    """The value up to which there is the flux ``wanted``: exact, in memory that does not grow with the rays.
+
+    ``blocks`` begins a pass through the ``count`` values. Where they are too many to be sorted, a pass tells the
+    leading bits of the one sought, and the next one more of them.
+    """
+    known, bits, below = 0, 0, 0.0  # leading bits of the value sought, and the flux at smaller ones than begin so
+    while count > _SORTED and bits + _DIGIT <= 64:
+        counts, fluxes = np.zeros(2**_DIGIT, dtype=np.int64), np.zeros(2**_DIGIT)
+        for values, flux in _beginning(blocks(), known, bits):
+            digits = (_sortable(values) >> (64 - bits - _DIGIT)).astype(np.int64) & (2**_DIGIT - 1)
+            counts += np.bincount(digits, minlength=2**_DIGIT)
+            fluxes += np.bincount(digits, flux, minlength=2**_DIGIT)
+        reached = below + np.cumsum(fluxes)
+        digit = int(np.searchsorted(reached, wanted))
+        count, below = int(counts[digit]), float(reached[digit - 1]) if digit else below
+        known, bits = known << _DIGIT | digit, bits + _DIGIT
+    values, flux = map(np.concatenate, zip(*_beginning(blocks(), known, bits), strict=True))
     order = np.argsort(values)
-    return float(values[order[np.searchsorted(np.cumsum(flux[order]), 0.5 * flux.sum())]])
+    place = np.searchsorted(below + np.cumsum(flux[order]), wanted)
+    return float(values[order[min(int(place), len(order) - 1)]])
+
+
+def _beginning(blocks: Iterable[_Values], known: int, bits: int) -> Iterator[_Values]:
+    """The values that begin with these bits, as many as said, and the flux at each."""
+    for values, flux in blocks:
+        these = _sortable(values) >> (64 - bits) == known
+        yield values[these], flux[these]
+
+
+def _sortable(values: Float[np.ndarray, " n"]) -> UInt64[np.ndarray, " n"]:
+    """Integers in the order of the values; they begin with the sign, the exponent and the first digits of a value."""
+    bits = np.ascontiguousarray(values).view(np.uint64)
+    return np.where(values < 0.0, ~bits, bits | np.uint64(2**63))
 
 
 # Proper rotations that take the named direction of the file to +z.

@@ -86,7 +86,8 @@ def load_ray_set(spec: RaySetSource, material: Material | None = None) -> RaySet
         case RayfilesSource():
             parts = [_load_file(part, spec, material) for part in spec.files]
             _require_same_dispersion(parts)
-            return _emitter([replace(part, warnings=_with_name(part)) for part in parts], spec)
+            named = (tuple(f"{part.name}: {warning}" for warning in part.warnings) for part in parts)
+            return _emitter([replace(part, warnings=words) for part, words in zip(parts, named, strict=True)], spec)
         case RaySource():
             return _emitter([_load_arrays(spec, material)], spec)
 
@@ -173,10 +174,6 @@ def _flux(
     return settled_flux(stated, efficacy, spectral, own) if found.efficacy is None or found.least_power else found
 
 
-def _with_name(part: _Loaded) -> tuple[str, ...]:
-    return tuple(f"{part.name}: {warning}" for warning in part.warnings)
-
-
 def _require_same_dispersion(parts: Sequence[_Loaded]) -> None:
     """Refuse files of which only some have wavelengths: the lens would disperse the light of these alone."""
     without = [part.name for part in parts if part.index_range is None]
@@ -196,8 +193,11 @@ def _emitter(parts: Sequence[_Loaded], spec: RaySetSource) -> RaySetEmitter:
     for name, part in zip(names, parts, strict=True):
         if part.flux.flux_w < _LEAST_SHARE * total:
             raise InputError(f"{name}: {part.flux.flux_w / total:.3g} of the flux of all: correct it, or leave it out")
-    rays = parts[0].rays if len(parts) == 1 else _joined(parts, flux_w / total)
-    figures = parts[0].figures if len(parts) == 1 else RaySums.of(rays)
+    rays, figures = parts[0].rays, parts[0].figures
+    if len(parts) > 1:
+        together = joined([part.rays for part in parts])
+        rays = changed(together, lambda some: replace(some, flux=some.flux * (flux_w / total)))
+        figures = RaySums.of(rays)
     origin_mm = _origin_mm(spec, figures.focus_mm, ", ".join(part.name for part in parts))
     rays = changed(rays, lambda some: placed(some, origin_mm, spec))
     at_place = RaySums.of(rays)
@@ -217,16 +217,16 @@ def _emitter(parts: Sequence[_Loaded], spec: RaySetSource) -> RaySetEmitter:
             *ray_set_warnings(at_place, placed=True),
         ),
         files=tuple(file.model_copy(update={"flux_w": file.flux_w * (flux_w / total)}) for file in files),
-        placement=_applied(at_place, flux_w, spec, origin_mm),
+        placement=AppliedPlacement(
+            origin_mm=as_point(origin_mm),
+            backward_share=at_place.backward / flux_w,
+            below_plane_share=at_place.below / flux_w,
+        ),
     )
     if index_range is not None:
         summary = summary.model_copy(update=index_range.fields())
     pose = SourcePose.of(spec)
     return RaySetEmitter(rays, flux_w, summary, pose=pose if pose.moves else None)
-
-
-def _joined(parts: Sequence[_Loaded], factor: float) -> Rays:
-    return changed(joined([part.rays for part in parts]), lambda some: replace(some, flux=some.flux * factor))
 
 
 def _whole_range(parts: Sequence[_Loaded]) -> IndexRange | None:
@@ -256,17 +256,3 @@ def _origin_mm(spec: Placement, focus_mm: Point | None, name: str) -> Float[np.n
     if focus_mm is None:
         raise InputError(f"{name}: its rays are parallel and have no virtual focus; give source.origin as a point")
     return np.array(focus_mm)
-
-
-def _applied(found: RaySums, flux_w: float, spec: Placement, origin_mm: Float[np.ndarray, " 3"]) -> AppliedPlacement:
-    return AppliedPlacement(
-        origin_mm=as_point(origin_mm),
-        scale=spec.scale,
-        axis=spec.axis,
-        mirror=spec.mirror,
-        rotate_z_deg=spec.rotate_z_deg,
-        tilt_deg=spec.tilt_deg,
-        position_mm=spec.position_mm,
-        backward_share=found.backward / flux_w,
-        below_plane_share=found.below / flux_w,
-    )

@@ -45,15 +45,14 @@ class SourcePose:
         placed: Float[np.ndarray, "n 3"] = own @ self.rotation.T
         return placed
 
-    def own_points(self, placed_mm: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        """Map points (mm) of lens coordinates back to the source's own."""
-        own: Float[np.ndarray, "n 3"] = (placed_mm - self.position_mm) @ self.rotation
-        return own
+    def placed(self, rays: RayBundle) -> RayBundle:
+        """Move rays of the source's own coordinates to lens coordinates."""
+        return replace(rays, origins=self.points(rays.origins), directions=self.directions(rays.directions))
 
-    def own_directions(self, placed: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        """Rotate directions from lens coordinates back to the source's own."""
-        own: Float[np.ndarray, "n 3"] = placed @ self.rotation
-        return own
+    def own(self, rays: RayBundle) -> RayBundle:
+        """Move rays of lens coordinates back to the source's own."""
+        origins = (rays.origins - self.position_mm) @ self.rotation
+        return replace(rays, origins=origins, directions=rays.directions @ self.rotation)
 
     def keeps(self, mirror: Float[np.ndarray, "3 3"], symmetry: str) -> bool:
         """True where ``mirror`` leaves the place as it is and is, for the source, one of its own group ``symmetry``."""
@@ -87,9 +86,7 @@ class PlacedSource(ChangedSource):
 
     def sample(self, count: int, seed: int) -> RayBundle:
         """Draw the rays of the source itself, and move them."""
-        rays = self.source.sample(count, seed)
-        origins, directions = self.pose.points(rays.origins), self.pose.directions(rays.directions)
-        return replace(rays, origins=origins, directions=directions)
+        return self.pose.placed(self.source.sample(count, seed))
 
     def outline(self) -> Float[np.ndarray, "k 3"]:
         """Outline (mm) of the source itself, moved."""

@@ -1,7 +1,5 @@
 """Summary of a source: its power and symmetry, the ray files that were loaded, and their placement."""
 
-from typing import Literal
-
 import numpy as np
 from jaxtyping import Float
 
@@ -53,19 +51,13 @@ class LoadedRayFile(IndexRange):
 
 
 class AppliedPlacement(Record):
-    """Placement of a ray set in lens coordinates, and the shares of its flux that miss the lens from the start.
+    """What came of the placement that the spec asks for: the point of the file that became the lens origin.
 
-    ``origin_mm``: the point of the file that became the lens origin. ``backward_share`` goes towards -z,
+    And the shares of the flux that miss the lens from the start: ``backward_share`` goes towards -z,
     ``below_plane_share`` starts below z = 0.
     """
 
     origin_mm: Point
-    scale: Positive
-    axis: Text
-    mirror: Literal["none", "x", "y"]
-    rotate_z_deg: Number
-    tilt_deg: tuple[Number, Number] = (0.0, 0.0)
-    position_mm: Point = (0.0, 0.0, 0.0)
     backward_share: Share
     below_plane_share: Share
 

@@ -31,7 +31,8 @@ def test_each_number_is_in_the_cell_that_a_walk_through_the_cells_finds() -> Non
 def test_each_number_may_have_a_distribution_of_its_own() -> None:
     rows = [CELLS, CELLS[::-1], [3.0, 1.0, 0.5, 0.25, 7.0], [0.0, 0.0, 4.0, 0.0, 4.0]]
     for numbers in (NUMBERS[:4], NUMBERS[4:]):
-        cells, rest = choose_each(np.cumsum(rows, axis=1), numbers)
+        before = np.pad(np.cumsum(rows, axis=1), ((0, 0), (1, 0)))
+        cells, rest = choose_each(lambda cell, before=before: before[np.arange(4), cell], 5, numbers)
         expected = [by_loop(row, number) for row, number in zip(rows, numbers, strict=True)]
         assert cells.tolist() == [cell for cell, _ in expected]
         np.testing.assert_allclose(rest, [part for _, part in expected], atol=1e-12)

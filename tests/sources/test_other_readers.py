@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from far_fields import far_field, flux
-from other_readers import by_element, by_photompy, by_position
+from other_readers import by_element, by_photompy
 
 from lensforge.sources.photometric import write_photometric
 
 DIGITS = 5e-7  # relative: seven digits are written
-VERSIONS = (1986, 1991, 1995, 2002, 2019)
+VERSIONS = (2002, 2019)
 
 
 @pytest.mark.parametrize("kind", ["revolution", "rectangle", "none"])
@@ -18,9 +18,7 @@ def test_another_reader_finds_the_nodes_the_candela_and_the_lumens(form, lumens,
     file, version = far_field(kind, lumens), form if form in VERSIONS else None
     path, own = tmp_path / ("lens.ies" if version else f"lens.{form}"), file.intensity
     write_photometric(path, file, **({"ies_version": version} if version else {}))
-    if form in (1986, 1991):
-        c, gamma, candela, stated = by_position(path)
-    elif form == "iesxml":
+    if form == "iesxml":
         c, gamma, candela, stated, luminaire = by_element(path)
         assert luminaire == pytest.approx(own.flux(), rel=DIGITS)
     else:

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from lensforge.sources import ray_set
 from lensforge.sources.ray_bundle import RayBundle, UnreadRays
-from lensforge.sources.ray_set import _around, _crossings, outline_of
+from lensforge.sources.ray_set import _around, _crossings, _value_at, outline_of
 from lensforge.sources.source_pose import SourcePose, rotation_about
 
 
@@ -72,7 +73,7 @@ def test_the_outline_of_a_posed_source_is_that_of_the_source_posed() -> None:
 
 def test_rays_along_the_plane_stay_where_they_start() -> None:
     ways = np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 0.9e-9], [1.0, 0.0, 1.1e-9], [0.6, 0.0, -0.8], [0.0, 0.6, 0.8]])
-    points, flux = _crossings(RayBundle(np.tile([1.0, 2.0, 4.0], (5, 1)), ways, np.arange(1.0, 6.0)), None)
+    points, flux = _crossings(RayBundle(np.tile([1.0, 2.0, 4.0], (5, 1)), ways, np.arange(1.0, 6.0)), True)
     np.testing.assert_allclose(points, [[1.0, 2.0], [1.0 - 4.0 / 1.1e-9, 2.0], [1.0, -1.0]])
     assert flux.tolist() == [2.0, 3.0, 5.0]
 
@@ -81,6 +82,40 @@ def test_around_leaves_out_the_rays_beyond_95_per_cent() -> None:
     points = np.array([[0.0, 0.0]] * 10 + [[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -2.0], [50.0, 0.0]])
     flux = np.ones(15)
     flux[-1] = 0.7  # 14 of 14.7 are within 2 mm: 95.2 %
-    assert {tuple(corner) for corner in _around(points, flux)} == {(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -2.0)}
+    assert {tuple(corner) for corner in _around(lambda: [(points, flux)])} == {
+        (1.0, 0.0),
+        (0.0, 1.0),
+        (-1.0, 0.0),
+        (0.0, -2.0),
+    }
     flux[-1] = 0.8  # 94.6 %
-    assert (50.0, 0.0) in {tuple(corner) for corner in _around(points, flux)}
+    assert (50.0, 0.0) in {tuple(corner) for corner in _around(lambda: [(points, flux)])}
+
+
+def test_one_ray_of_more_than_a_million_that_has_the_light_of_many_is_in_the_outline() -> None:
+    """No sample of them is likely to hold it: it reaches ten times as far as any other, with 6 % of the flux."""
+    count, found = 2**20 + 1, rays(2**20 + 1, down=0.0)
+    found.directions[:] = (0.0, 0.0, 1.0)
+    found.origins[:, :2] = np.random.default_rng(5).uniform(-1.0, 1.0, (count, 2))
+    found.flux[:] = 1.0
+    found.origins[700_003, :2], found.flux[700_003] = (-3.0, 10.0), 0.064 * count
+    outline = outline_of(UnreadRays([found]), None)
+    assert [-3.0, 10.0, 0.0] in outline.tolist()
+    found.flux[700_003] = 0.05 * count  # 4.8 %: left out, and all others are within
+    np.testing.assert_allclose(outline_of(UnreadRays([found]), None), outline_of(found, None), rtol=0.0, atol=0.0)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.95])
+def test_the_value_at_a_share_of_too_many_to_sort_is_that_of_the_sorted(share, monkeypatch) -> None:
+    random = np.random.default_rng(8)
+    for values in (
+        random.normal(size=3000),
+        100.0 + 1e-9 * random.normal(size=3000),
+        random.integers(-2, 3, 3000) * 1.0,
+    ):
+        flux = random.uniform(0.0, 1.0, len(values))
+        expected = reached(values.tolist(), flux.tolist(), share * float(flux.sum()))
+        with monkeypatch.context() as few:
+            few.setattr(ray_set, "_SORTED", 50)
+            parts = [(values[:700], flux[:700]), (values[700:], flux[700:])]
+            assert _value_at(share * float(flux.sum()), len(flux), lambda parts=parts: parts) == expected

@@ -13,10 +13,9 @@ from lensforge.sources.photometric import read_photometric, write_photometric
 from lensforge.sources.photometric.photometric_file import SIMULATED, UNDEFINED, generation_code, generation_title
 from lensforge.sources.photometric.photometric_io import convert_photometric
 
-VERSIONS = (1986, 1991, 1995, 2002, 2019)
-FIRST = {1991: "IESNA91", 1995: "IESNA:LM-63-1995", 2002: "IESNA:LM-63-2002", 2019: "IES:LM-63-2019"}
-REQUIRED = {1991: ["TEST", "MANUFAC"], 2002: ["TEST", "TESTLAB", "ISSUEDATE", "MANUFAC"]}
-REQUIRED |= {1995: [], 2019: REQUIRED[2002]}
+VERSIONS = (2002, 2019)
+FIRST = {2002: "IESNA:LM-63-2002", 2019: "IES:LM-63-2019"}
+REQUIRED = {"TEST", "TESTLAB", "ISSUEDATE", "MANUFAC"}
 LONG = "standard error of the candela above a tenth of the peak " * 9
 
 
@@ -31,19 +30,14 @@ def test_an_edition_has_its_first_line_its_keywords_and_its_lengths(version, tmp
     _, lines = written(tmp_path, version, remarks=(LONG, "two"), diameter_mm=20.0)
     tilt = lines.index("TILT=NONE")
     labels, numbers = lines[:tilt], lines[tilt + 1 : -1]
-    assert max(map(len, labels)) + 2 <= (80 if version < 2002 else 256)
+    assert max(map(len, labels)) + 2 <= 256
     assert max(map(len, numbers)) + 2 <= 132
     assert lines[-1] == "" and all(numbers)
-    if version == 1986:
-        assert labels[0] == "a lens" and not any(line.startswith(("[", "IES")) for line in labels)
-    else:
-        assert labels[0] == FIRST[version]
-        keywords = [line[1 : line.index("]")] for line in labels[1:]]
-        assert set(REQUIRED[version]) <= set(keywords)
-        assert ("TESTLAB" in keywords) == (version >= 2002) and ("FILEGENINFO" in keywords) == (version == 2019)
-        assert all(line[line.index("]") + 1 :].strip() for line in labels[1:])
-    size = "-0.02" if version >= 2002 else "0"
-    assert numbers[0].split()[7:] == ["-0.02", size, "0"]  # a round opening, by the table of each edition
+    assert labels[0] == FIRST[version]
+    keywords = [line[1 : line.index("]")] for line in labels[1:]]
+    assert set(keywords) >= REQUIRED and ("FILEGENINFO" in keywords) == (version == 2019)
+    assert all(line[line.index("]") + 1 :].strip() for line in labels[1:])
+    assert numbers[0].split()[7:] == ["-0.02", "-0.02", "0"]  # a round opening
     assert numbers[1].split() == ["1", "1.00010" if version == 2019 else "1", "2.5"]
 
 
@@ -56,11 +50,8 @@ def test_an_edition_is_read_for_what_it_says(version, tmp_path):
     assert found.edition == f"LM-63-{version}" and found.warnings == ()
     assert found.diameter_mm == pytest.approx(20.0)
     assert found.generated == (SIMULATED if version == 2019 else UNDEFINED)
-    if version > 1986:
-        assert (found.title, found.catalogue, found.maker) == (("Leuchte " * 30).strip(), "L 1", "lensforge")
-    else:
-        assert found.title.startswith("Leuchte Leuchte")
-    assert (found.issued, found.laboratory[:4]) == (("2026-03-01", "none") if version >= 2002 else ("", ""))
+    assert (found.title, found.catalogue, found.maker) == (("Leuchte " * 30).strip(), "L 1", "lensforge")
+    assert (found.issued, found.laboratory[:4]) == ("2026-03-01", "none")
 
 
 OLD = "A luminaire of 1987\nLamp: FL 36 W\nTILT=NONE\n1 1000 1 3 1 1 1 0 0 0\n1.0 {} 40\n0 45 90\n0\n300 200 0\n"
@@ -103,8 +94,8 @@ def test_a_measured_file_is_not_made_a_simulated_one(tmp_path):
     (tmp_path / "old.ies").write_text(OLD.format("1"), encoding="ascii")
     convert_photometric(tmp_path / "old.ies", tmp_path / "new.ies")
     assert "1 1.00001 40" in (tmp_path / "new.ies").read_text(encoding="ascii").split("\n")
-    lost = convert_photometric(path, tmp_path / "c.ies", ies_version=1991).lost
-    assert lost == ("laboratory (PTB)", "generation of the data (Test at an accredited lab)")
+    lost = convert_photometric(path, tmp_path / "c.ies", ies_version=2002).lost
+    assert lost == ("generation of the data (Test at an accredited lab)",)
     assert "true" not in [each.text for each in _tm33(path, tmp_path).iter("Simulation")]
 
 

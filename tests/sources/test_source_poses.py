@@ -47,8 +47,10 @@ def test_a_pose_turns_then_tilts_about_x_then_about_y_then_shifts() -> None:
         expected = about[2] @ (about[1] @ (about[0] @ point))
         np.testing.assert_allclose(way, expected, atol=1e-14)
         np.testing.assert_allclose(placed, expected + np.array([0.5, -1.0, 2.0]), atol=1e-14)
-    np.testing.assert_allclose(pose.own_points(pose.points(points)), points, atol=1e-14)
-    np.testing.assert_allclose(pose.own_directions(pose.directions(points)), points, atol=1e-14)
+    rays = RayBundle(points, points, np.ones(len(points)))
+    back = pose.own(pose.placed(rays))
+    np.testing.assert_allclose(back.origins, points, atol=1e-14)
+    np.testing.assert_allclose(back.directions, points, atol=1e-14)
 
 
 BUNDLE = RayBundle(

@@ -24,7 +24,7 @@ from lensforge.sources.photometric.photometric_file import (
     UNDEFINED,
     PhotometricFile,
     PhotometricFormat,
-    number_in,
+    finite_number,
     single_line,
     stated_or_none,
 )
@@ -73,7 +73,8 @@ def decode(text: str, name: str) -> PhotometricFile:
         )
     _require_one_reading([*(lines[i].strip() for i in _NUMBERS), *words], name)
     numbers = np.array([_number(word, name) for word in words])
-    lumens = _lamp_lumens(lines, name)
+    lumens = _number(lines[_HEADER_LINES + 2], name)  # of the first set; others are alternatives to it
+    lumens = lumens if lumens > 0.0 else 1000.0
     c_deg, gamma_deg = np.split(numbers[_RATIOS : _RATIOS + planes + gammas], [planes])
     factor = (_number(lines[_FACTOR], name) or 1.0) * lumens / 1000.0
     candela = factor * numbers[_RATIOS + planes + gammas :].reshape(len(stored), gammas)
@@ -87,11 +88,11 @@ def decode(text: str, name: str) -> PhotometricFile:
         warnings = (*warnings, "one half-plane and symmetry 0, none: taken as light of revolution")
     return PhotometricFile(
         intensity=intensity,
-        lamp_lumens=None if _absolute(lines[_HEADER_LINES]) else lumens,
+        lamp_lumens=None if _number_or_0(lines[_HEADER_LINES]) < 0.0 else lumens,  # the number of lamps
         stated_lumens=stated_or_none(lumens * _number(lines[_LORL], name) / 100.0),
         title=lines[_NAME].strip(),
         diameter_mm=_number(lines[_OPENING], name) if _number(lines[_OPENING + 1], name) == 0.0 else 0.0,
-        watts=_watts(lines[_HEADER_LINES + _LINES_PER_SET - 1]),
+        watts=stated_or_none(_number_or_0(lines[_HEADER_LINES + _LINES_PER_SET - 1])) or 0.0,
         maker=lines[0].strip(),
         test=lines[_TEST].strip(),
         catalogue=lines[_NUMBER].strip(),
@@ -115,7 +116,6 @@ def encode(photometric: PhotometricFile) -> str:
     revolution = len(table.c_deg) == 1
     planes = table.c_deg if revolution else table.c_deg[:-1]
     values = table.values[: len(planes)] * (1000.0 / lumens)
-    down = _share_below_horizon(photometric)
     size = f"{photometric.diameter_mm:.6g}"
     date_and_remark = "; ".join(filter(None, (photometric.issued, *photometric.remarks[:1])))
     lines = [
@@ -123,7 +123,7 @@ def encode(photometric: PhotometricFile) -> str:
         _step(planes), str(len(table.gamma_deg)), _step(table.gamma_deg), _text(photometric.test),
         _text(photometric.title), _text(photometric.catalogue), "", _text(date_and_remark),
         size, "0", "0", size, "0", "0", "0", "0", "0",
-        f"{100.0 * down:.6g}", f"{100.0 * table.flux() / lumens:.6g}", "1", "0", "1",
+        f"{100.0 * table.share_up_to_90():.6g}", f"{100.0 * table.flux() / lumens:.6g}", "1", "0", "1",
         "-1" if photometric.lamp_lumens is None else "1", "LED", f"{lumens:.7g}", "", "", f"{photometric.watts:.6g}",
     ]  # fmt: skip
     numbers = [np.zeros(_RATIOS), planes, table.gamma_deg, values.ravel()]
@@ -133,14 +133,6 @@ def encode(photometric: PhotometricFile) -> str:
 
 def _text(text: str) -> str:
     return single_line(text)[:_TEXT]
-
-
-def _absolute(line: str) -> bool:
-    """True where the number of lamps is negative; some files have a text there, or nothing."""
-    try:
-        return _number(line, "") < 0.0
-    except InputError:
-        return False
 
 
 def _stored_planes(symmetry: int, planes: int, name: str) -> np.ndarray:
@@ -156,29 +148,6 @@ def _stored_planes(symmetry: int, planes: int, name: str) -> np.ndarray:
     if symmetry == 4:
         return np.arange(planes // 4 + 1) % planes
     raise InputError(f"{name}: symmetry {symmetry}: 0 to 4; export it again")
-
-
-def _lamp_lumens(lines: list[str], name: str) -> float:
-    """Lumens of the first set of lamps; further sets are alternatives for the same luminaire. 1000 if not stated."""
-    lumens = _number(lines[_HEADER_LINES + 2], name)
-    return lumens if lumens > 0.0 else 1000.0
-
-
-def _watts(line: str) -> float:
-    """Power of the first set of lamps with their ballast; 0 where the line holds none, often for want of a lamp."""
-    try:
-        return stated_or_none(_number(line, "")) or 0.0
-    except InputError:
-        return 0.0
-
-
-def _share_below_horizon(photometric: PhotometricFile) -> float:
-    table = photometric.intensity
-    if table.gamma_deg[-1] <= 90.0:
-        return 1.0
-    below = table.gamma_deg <= 90.0
-    part = type(table)(table.c_deg, table.gamma_deg[below], table.values[:, below])
-    return part.flux() / table.flux()
 
 
 def _step(angles: np.ndarray) -> str:
@@ -204,14 +173,15 @@ def _require_one_reading(words: list[str], name: str) -> None:
 
 
 def _number(word: str, name: str) -> float:
-    word = word.strip()
+    return finite_number(word.strip() or "0", "EULUMDAT", name, commas=True)
+
+
+def _number_or_0(line: str) -> float:
+    """Number of a line in which some files have a text, or nothing: 0 there."""
     try:
-        number = number_in(word.replace(",", ".") or "0")
-    except ValueError:
-        raise InputError(f"{name}: {word[:20]!r} where EULUMDAT has a number; export it again") from None
-    if not abs(number) < HUGE:
-        raise InputError(f"{name}: a number that is not finite and below {HUGE:g}; export it again")
-    return number
+        return _number(line, "")
+    except InputError:
+        return 0.0
 
 
 def _count(line: str, name: str) -> int:

@@ -7,17 +7,17 @@ to type C. Tilt factors are for lamps that dim when tilted; the far field is tha
 are skipped. The number whose meaning changed is a factor of the candela until 1991 (ballast-lamp photometric factor), 1
 and without meaning in 1995 and 2002, and the file generation type in 2019.
 
-Labels: an edition of 1986 has no first line, and free text. That of 1991 requires [TEST] and [MANUFAC], 1995 no
-keyword; 2002 and 2019 require [TEST], [TESTLAB], [ISSUEDATE] and [MANUFAC], and 2019 has [FILEGENINFO] for what the
-number of the file generation type leaves open. Lines of labels have 80 characters up to 1995, later 256, the two of
-their end included; [MORE] continues the label before. After ANSI/IESNA LM-63-02, the overview of the five editions by
-the authors of Radiance's ies2rad, and for 2019 the programs named in ``photometric_file``.
+All editions are read, those of 2002 and 2019 are written. Labels: an edition of 1986 has no first line, and free text;
+2002 and 2019 require [TEST], [TESTLAB], [ISSUEDATE] and [MANUFAC], and 2019 has [FILEGENINFO] for what the number of
+the file generation type leaves open. Lines of labels have 256 characters, the two of their end included; [MORE]
+continues the label before. After ANSI/IESNA LM-63-02, the overview of the five editions by the authors of Radiance's
+ies2rad, and for 2019 the programs named in ``photometric_file``.
 """
 
 import re
 from collections.abc import Iterator
 from textwrap import wrap
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -38,15 +38,10 @@ from lensforge.sources.photometric.photometric_file import (
     stated_or_none,
 )
 
-IesVersion = Literal[1986, 1991, 1995, 2002, 2019]
+IesVersion = Literal[2002, 2019]
 NEWEST: IesVersion = 2019
-_FIRST_LINES: dict[IesVersion, str] = {
-    1991: "IESNA91",
-    1995: "IESNA:LM-63-1995",
-    2002: "IESNA:LM-63-2002",
-    2019: "IES:LM-63-2019",
-}
-_SHORT, _LONG = 78, 254  # characters of a line, without those of its end
+_FIRST_LINES: dict[IesVersion, str] = {2002: "IESNA:LM-63-2002", 2019: "IES:LM-63-2019"}
+_LONG = 254  # characters of a line, without those of its end
 _EDITION = re.compile(r"IES(?:NA)?:\s*LM-63-(\d{4})|IESNA(91)\s*$", re.IGNORECASE)
 _LABEL = re.compile(r"\[\s*(\w+)\s*\][ \t]*(.*)$")
 _NOT_STATED = "not stated"  # in labels that a file must have
@@ -54,45 +49,35 @@ _FIELDS = {
     "test": "TEST", "laboratory": "TESTLAB", "issued": "ISSUEDATE", "maker": "MANUFAC", "catalogue": "LUMCAT",
     "title": "LUMINAIRE", "method": "FILEGENINFO",
 }  # fmt: skip
-_SINCE = {"TESTLAB": 2002, "ISSUEDATE": 2002, "FILEGENINFO": 2019}  # editions before have no such label
 _REQUIRED = ("TEST", "TESTLAB", "ISSUEDATE", "MANUFAC")
 
 
 def require_ies_version(version: int) -> IesVersion:
-    """``version`` if it is a year of LM-63. Raises :class:`InputError`."""
-    for edition in get_args(IesVersion):
-        if version == edition:
-            year: IesVersion = edition
-            return year
-    years = ", ".join(map(str, get_args(IesVersion)))
-    raise InputError(f"ies_version = {version!r}: {years}; leave it out for {NEWEST}")
+    """``version`` if it is a year of LM-63 that is written. Raises :class:`InputError`."""
+    edition = next((year for year in _FIRST_LINES if year == version), None)
+    if edition is None:
+        raise InputError(f"ies_version = {version!r}: 2002 or {NEWEST}; leave it out for {NEWEST}")
+    return edition
 
 
 def label_lines(photometric: PhotometricFile, version: IesVersion) -> list[str]:
     """Lines of a file of the edition ``version`` above that of TILT=."""
-    if version == 1986:  # free text must not hold the beginning of the numbers
-        texts = (photometric.title, photometric.maker, photometric.test, photometric.laboratory, *photometric.remarks)
-        return [line for text in texts for line in _wrapped(re.sub("TILT *=", "TILT ", text, flags=re.I), _SHORT)]
     lines = [_FIRST_LINES[version]]
     for keyword, text in _labels(photometric, version):
-        width = (_LONG if version >= 2002 else _SHORT) - len("[MORE] ") - max(len(keyword) - len("MORE"), 0)
-        first, *rest = _wrapped(text, width) or [""]
+        width = _LONG - len("[MORE] ") - max(len(keyword) - len("MORE"), 0)
+        first, *rest = wrap(single_line(text), width, break_on_hyphens=False) or [""]
         lines += [f"[{keyword}] {first}".rstrip(), *(f"[MORE] {more}" for more in rest)]
     return lines
 
 
 def _labels(photometric: PhotometricFile, version: IesVersion) -> Iterator[tuple[str, str]]:
-    """Keywords and their texts, those that ``version`` requires first."""
+    """Keywords and their texts, those that are required first."""
     for field, keyword in _FIELDS.items():
         text = getattr(photometric, field)
-        if version >= _SINCE.get(keyword, 0) and (text or keyword in _REQUIRED):
+        if keyword in _REQUIRED or (text and (keyword != "FILEGENINFO" or version == NEWEST)):
             yield keyword, text or _NOT_STATED
     for remark in photometric.remarks:
         yield "OTHER", remark
-
-
-def _wrapped(text: str, width: int) -> list[str]:
-    return wrap(single_line(text), width, break_on_hyphens=False)
 
 
 def read_labels(head: str) -> tuple[int, dict[str, str]]:
@@ -128,7 +113,7 @@ _FIXED = 13  # numbers before the angles
 _TILT = re.compile(r"^[ \t]*TILT[ \t]*=[ \t]*(\S+)[^\n]*$", re.MULTILINE | re.IGNORECASE)
 _DECIMAL_COMMA = re.compile(r"\d,\d")
 _CHANGED = 11  # place, from 0, of the number whose meaning changed
-_PER_LINE = 10  # of 12 characters at most: below the 132 that editions before 2002 allow
+_PER_LINE = 10  # of 12 characters at most
 
 
 def matches(text: str) -> bool:
@@ -227,13 +212,12 @@ def encode(photometric: PhotometricFile, version: IesVersion = NEWEST) -> str:
     """LM-63 of the edition ``version``, type C, metres; relative to the lumens of the lamp if known, else absolute."""
     table = photometric.intensity
     size = f"{-photometric.diameter_mm / 1000.0:.6g}" if photometric.diameter_mm > 0.0 else "0"
-    other = size if version >= 2002 else "0"  # a round opening has its diameter as width alone up to 1995
     counts = f"{len(table.gamma_deg)} {len(table.c_deg)} {_TYPE_C} {_METRES}"
-    changed = generation_code(photometric.generated) if version >= NEWEST else "1"
+    changed = generation_code(photometric.generated) if version == NEWEST else "1"
     lines = [
         *label_lines(photometric, version),
         "TILT=NONE",
-        f"1 {photometric.lamp_lumens or -1:.7g} 1 {counts} {size} {other} 0",
+        f"1 {photometric.lamp_lumens or -1:.7g} 1 {counts} {size} {size} 0",
         f"1 {changed} {photometric.watts:.6g}",
     ]
     for row in (table.gamma_deg, table.c_deg, *table.values):

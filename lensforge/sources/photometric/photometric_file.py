@@ -17,6 +17,8 @@ from typing import Literal
 
 import numpy as np
 
+from lensforge.errors import InputError
+from lensforge.optics.photopic import LARGEST_LM_PER_W
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.version import __version__
 
@@ -79,6 +81,20 @@ def number_in(word: str) -> float:
     return float(word)
 
 
+def finite_number(word: str, place: str, name: str, *, commas: bool = False) -> float:
+    """The number at a ``place`` of the file ``name``, with ``commas`` also as decimal sign.
+
+    Raises :class:`InputError` for any other word, and for what is not finite and below 1e12.
+    """
+    try:
+        number = number_in(word.replace(",", ".") if commas else word)
+    except ValueError:
+        raise InputError(f"{name}: {word[:20]!r} where {place} has a number; export it again") from None
+    if not abs(number) < HUGE:
+        raise InputError(f"{name}: a number of {place} is not finite and below {HUGE:g}; export it again")
+    return number
+
+
 @dataclass(frozen=True, eq=False)
 class PhotometricFile:
     """Far field. ``intensity`` in cd for ``lamp_lumens``; None where the file is absolute and states no lamp flux.
@@ -134,7 +150,6 @@ class PhotometricFormat:
 
 _FLUX_TOLERANCE = 0.01  # integral and stated flux of real files agree this well
 _CUT_SHARE = 0.01  # of the peak: more than that at the last gamma, and the file has lost light beyond it
-_MOST_LM_PER_W = 683.0
 
 
 def far_field_warnings(found: PhotometricFile) -> tuple[str, ...]:
@@ -148,7 +163,7 @@ def _contradictions(found: PhotometricFile) -> Iterator[str]:
         yield f"its intensities integrate to {lumens:.6g} lm, the file states {stated:.6g} lm"
     if found.lamp_lumens and lumens > found.lamp_lumens * (1.0 + _FLUX_TOLERANCE):
         yield f"its light has {lumens:.6g} lm, its lamps only {found.lamp_lumens:.6g} lm: check its factors"
-    if watts > 0.0 and lumens > _MOST_LM_PER_W * watts:
+    if watts > 0.0 and lumens > LARGEST_LM_PER_W * watts:
         yield f"{lumens / watts:.4g} lm per W, no light has more than 683: check its lumens and watts"
 
 

@@ -84,7 +84,7 @@ def is_photometric(path: Path) -> bool:
 def write_photometric(path: Path, photometric: PhotometricFile, *, ies_version: IesVersion = NEWEST) -> None:
     """Write ``path``; its suffix, .ies, .ldt, .iesxml or .xml, chooses the format.
 
-    ``ies_version``: year of LM-63 that an IES file follows: 2019, 2002, 1995, 1991 or 1986.
+    ``ies_version``: year of LM-63 that an IES file follows, 2019 or 2002.
     """
     entry = _FORMATS.get(Path(path).suffix.lower())
     if entry is None:

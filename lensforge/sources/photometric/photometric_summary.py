@@ -160,7 +160,7 @@ def summarise_photometric(path: Path) -> PhotometricSummary:
             last_gamma_deg=float(table.gamma_deg[-1]),
         ),
         lumens=lumens,
-        share_above_90=min(max(1.0 - _flux_below_90(table) / lumens, 0.0), 1.0) if lumens > 0.0 else 0.0,
+        share_above_90=1.0 - table.share_up_to_90(),
         peak=FarFieldPeak(
             intensity_cd=float(table.values.max()),
             c_deg=float(table.c_deg[plane]),
@@ -177,18 +177,6 @@ def summarise_photometric(path: Path) -> PhotometricSummary:
     )
     summary._intensity = table
     return summary
-
-
-def _flux_below_90(table: TabulatedIntensity) -> float:
-    """Flux (lm) at gamma up to 90 degrees, exact for the bilinear interpolation."""
-    if table.gamma_deg[0] >= 90.0:
-        return 0.0
-    below = table.gamma_deg < 90.0
-    if below.all():
-        return table.flux()
-    at_90 = np.array([[np.interp(90.0, table.gamma_deg, plane)] for plane in table.values])
-    values = np.concatenate([table.values[:, below], at_90], axis=1)
-    return TabulatedIntensity(table.c_deg, np.append(table.gamma_deg[below], 90.0), values).flux()
 
 
 _SUFFIXES = (".ies", ".ldt", ".iesxml")

@@ -25,13 +25,12 @@ from lensforge.errors import InputError
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric.half_planes import tabulated
 from lensforge.sources.photometric.photometric_file import (
-    HUGE,
     MOST_NUMBERS,
     SIMULATED,
     UNDEFINED,
     PhotometricFile,
     PhotometricFormat,
-    number_in,
+    finite_number,
     single_line,
     stated_or_none,
 )
@@ -232,8 +231,8 @@ def _intensity(emitter: ElementTree.Element, name: str) -> tuple[TabulatedIntens
 
 def _datum(element: ElementTree.Element, name: str) -> tuple[float, float, float]:
     """Angles h and v of one intensity, and its value."""
-    h, v = (_value(element.get(angle, ""), f"angle {angle} of IntData", name) for angle in ("h", "v"))
-    return h, v, _value((element.text or "").strip(), "IntData", name)
+    h, v = (finite_number(element.get(angle, ""), f"angle {angle} of IntData", name) for angle in ("h", "v"))
+    return h, v, finite_number((element.text or "").strip(), "IntData", name)
 
 
 def _diameter_mm(emitter: ElementTree.Element, name: str) -> float:
@@ -250,17 +249,7 @@ def _text(element: ElementTree.Element, path: str) -> str:
 
 def _number(element: ElementTree.Element, path: str, name: str) -> float:
     """Number at ``path``, 0 where the file has none."""
-    return _value(_text(element, path) or "0", path, name)
-
-
-def _value(word: str, place: str, name: str) -> float:
-    try:
-        number = number_in(word)
-    except ValueError:
-        raise InputError(f"{name}: {word[:20]!r} where {place} is a number; export it again") from None
-    if not abs(number) < HUGE:
-        raise InputError(f"{name}: {place} is not finite and below {HUGE:g}; export it again")
-    return number
+    return finite_number(_text(element, path) or "0", path, name)
 
 
 FORMAT = PhotometricFormat(".iesxml", matches, decode, document, "utf-8")

@@ -18,7 +18,7 @@ HeaderValue: TypeAlias = (
 )
 HeaderRole = Literal["total", "scale", "ignored"]
 Rows: TypeAlias = Bool[np.ndarray, " n"]
-_SAME_FLUX = 1e-5  # totals of float32 numbers that agree this well are the same total
+SAME_FLUX = 1e-5  # totals of float32 numbers that agree this well are the same total
 _NO_DIRECTION = 1e-12  # |k| below which a direction counts as zero
 
 
@@ -145,7 +145,7 @@ class RayFile:
         As stored, bit by bit, where they add up to it already.
         """
         factor = self.flux_factor(total=total)
-        if abs(factor - 1.0) < _SAME_FLUX:
+        if abs(factor - 1.0) < SAME_FLUX:
             yield from self.blocks()
             return
         for block in self.blocks():

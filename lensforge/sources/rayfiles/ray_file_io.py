@@ -11,7 +11,7 @@ from lensforge.errors import InputError
 from lensforge.results import Count, Record, Text
 from lensforge.results.files import replacing
 from lensforge.sources.rayfiles import asap, csv_table, lighttools, speos, tm25, zemax
-from lensforge.sources.rayfiles.ray_file import FluxUnit, Format, RayFile
+from lensforge.sources.rayfiles.ray_file import SAME_FLUX, FluxUnit, Format, RayFile
 from lensforge.sources.rayfiles.ray_file_rows import HEAD_BYTES, FileImage, release_pages, scaled
 from lensforge.sources.rayfiles.zemax import NM_PER_MICRON
 
@@ -26,7 +26,6 @@ FORMATS: Mapping[str, Format] = {
 
 _MICRONS_BELOW = 100.0  # no light has a wavelength of less than 100 nm here; such a number is in µm
 _COPIED = 2**24  # bytes copied at a time
-_SAME_TOTAL = 1e-5  # totals of float32 numbers that agree this well are the same total
 _SAMPLE = 1000  # wavelengths looked at to tell µm from nm
 
 
@@ -50,7 +49,14 @@ def is_rayfile(path: Path) -> bool:
 
 def decode(image: FileImage) -> RayFile:
     """Decode a mapped file, whatever its format."""
-    rayfile = replace(_in_nanometres(_format_of(image).decode(image)), path=str(image.path))
+    found = _matching(image)
+    if found is None:
+        titles = ", ".join(entry.title for entry in FORMATS.values())
+        raise image.refuse(
+            f"its content is none of the known formats ({titles}); the layouts of other programs are not public: "
+            "export TM-25 (.tm25ray), LightTools or Zemax from there"
+        )
+    rayfile = replace(_in_nanometres(found.decode(image)), path=str(image.path))
     object.__setattr__(rayfile, "verbatim", image.data)
     return rayfile
 
@@ -62,7 +68,9 @@ def write_rayfile(path: Path, rayfile: RayFile, format: str | None = None) -> Fo
     fluxes absolute: they are scaled so that the file written means the same total as the file read.
     Raises :class:`InputError` if the format is unknown or cannot hold these rays, or the path cannot be written.
     """
-    chosen = _format_named(format) if format else _format_for(Path(path))
+    if format and format not in FORMATS:
+        raise InputError(f"format {format!r}: one of {', '.join(FORMATS)}")
+    chosen = FORMATS[format] if format else _format_for(Path(path))
     with replacing(Path(path)) as temporary, temporary.open("wb") as stream:
         if rayfile.verbatim is not None and rayfile.format == chosen.name:
             stream.writelines(_bytes(rayfile.verbatim))
@@ -113,7 +121,7 @@ def _lost(before: RayFile, after: RayFile) -> Iterator[str]:
     units: tuple[FluxUnit, ...] = ("W", "lm")
     for unit in units:
         had, has = before.flux_in(unit), after.flux_in(unit)
-        if had and (has is None or abs(has / had - 1.0) > _SAME_TOTAL):
+        if had and (has is None or abs(has / had - 1.0) > SAME_FLUX):
             yield f"total flux in {unit} ({had:.6g})"
     if before.wavelengths_nm is not None and after.wavelengths_nm is None:
         yield "wavelengths"
@@ -129,23 +137,6 @@ def _lost(before: RayFile, after: RayFile) -> Iterator[str]:
 def _matching(image: FileImage) -> Format | None:
     head = image.part(0, HEAD_BYTES)
     return next((entry for entry in FORMATS.values() if entry.matches(head, image.size)), None)
-
-
-def _format_of(image: FileImage) -> Format:
-    found = _matching(image)
-    if found is not None:
-        return found
-    known = ", ".join(entry.title for entry in FORMATS.values())
-    raise image.refuse(
-        f"its content is none of the known formats ({known}); the layouts of other programs are not public: export "
-        "TM-25 (.tm25ray), LightTools or Zemax from there"
-    )
-
-
-def _format_named(name: str) -> Format:
-    if name not in FORMATS:
-        raise InputError(f"format {name!r}: one of {', '.join(FORMATS)}")
-    return FORMATS[name]
 
 
 def _format_for(path: Path) -> Format:

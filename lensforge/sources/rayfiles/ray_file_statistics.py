@@ -10,16 +10,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.optics.photopic import LARGEST_LM_PER_W, luminous_efficacy
 from lensforge.results import Point
 from lensforge.sources.ray_bundle import RayBundle, Rays, blocks_of, total_of
-from lensforge.sources.rayfiles.ray_file import RayFile, causes, no_usable_ray, usable_blocks
+from lensforge.sources.rayfiles.ray_file import RayFile, causes, column_product, no_usable_ray, usable_blocks
 from lensforge.sources.rayfiles.ray_file_io import FORMATS
 from lensforge.sources.rayfiles.ray_file_rows import HUGE
-from lensforge.sources.rayfiles.ray_file_summary import Box, FileFlux, FileUnits, RayFileSummary, WavelengthRange
+from lensforge.sources.rayfiles.ray_file_summary import Box, FileFlux, RayFileSummary, WavelengthRange
 from lensforge.sources.source_spectrum import ColourSums
 from lensforge.sources.source_summary import RaysDropped, as_point
 
@@ -27,44 +26,11 @@ _PARALLEL = 1e-9  # smallest over largest eigenvalue below which rays count as p
 
 
 @dataclass
-class FocusFit:
-    """Normal equations of ``min_p sum_i flux_i |(1 - k_i k_i^T)(p - x_i)|^2``, gathered from any number of blocks."""
-
-    matrix: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.zeros((3, 3)))
-    moment: Float[np.ndarray, " 3"] = field(default_factory=lambda: np.zeros(3))
-
-    def add(
-        self,
-        positions: Float[np.ndarray, "n 3"],
-        directions: Float[np.ndarray, "n 3"],
-        flux: Float[np.ndarray, " n"],
-    ) -> None:
-        """Add ``n`` rays: positions in mm, unit directions, flux above 0 in any unit.
-
-        Sums of columns, not products of matrices: the threads of these spin from one block to the next.
-        """
-        along = sum((positions[:, axis] * directions[:, axis] for axis in range(3)), np.zeros(len(flux)))
-        for row in range(3):
-            weighted = flux * directions[:, row]
-            self.moment[row] += (flux * positions[:, row]).sum() - (weighted * along).sum()
-            for column in range(row, 3):
-                self.matrix[row, column] -= (weighted * directions[:, column]).sum()
-                self.matrix[column, row] = self.matrix[row, column]
-            self.matrix[row, row] += flux.sum()
-
-    def point(self) -> Float[np.ndarray, " 3"] | None:
-        """Solve for the virtual focus (mm); None where the rays are parallel."""
-        eigenvalues = np.linalg.eigvalsh(self.matrix)
-        if not eigenvalues[0] > _PARALLEL * eigenvalues[2]:
-            return None
-        return np.linalg.solve(self.matrix, self.moment)
-
-
-@dataclass
 class RaySums:
     """Sums over usable rays, lengths in mm, fluxes in the unit of the rays; ``dropped``: the others by cause.
 
     ``backward``: flux towards -z; ``lost``: of that, what starts at z = 0 or below; ``below``: starts below z = 0.
+    ``matrix`` and ``moment``: normal equations of ``min_p sum_i flux_i |(1 - k_i k_i^T)(p - x_i)|^2``.
     """
 
     rays: int = 0
@@ -77,7 +43,8 @@ class RaySums:
     direction: np.ndarray = field(default_factory=lambda: np.zeros(3))
     low: np.ndarray = field(default_factory=lambda: np.full(3, np.inf))
     high: np.ndarray = field(default_factory=lambda: np.full(3, -np.inf))
-    focus: FocusFit = field(default_factory=FocusFit)
+    matrix: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
+    moment: np.ndarray = field(default_factory=lambda: np.zeros(3))
     colours: ColourSums = field(default_factory=ColourSums)
 
     @classmethod
@@ -126,9 +93,21 @@ class RaySums:
             self.direction[axis] += float((rays.flux * rays.directions[:, axis]).sum())
             self.low[axis] = min(self.low[axis], rays.origins[:, axis].min())
             self.high[axis] = max(self.high[axis], rays.origins[:, axis].max())
-        self.focus.add(rays.origins, rays.directions, rays.flux)
+        self._add_to_focus(rays)
         if rays.wavelengths_nm is not None:
             self.colours.add(rays.flux, rays.wavelengths_nm)
+
+    def _add_to_focus(self, rays: RayBundle) -> None:
+        """Sums of columns, not products of matrices: the threads of these spin from one block to the next."""
+        positions, directions, flux = rays.origins, rays.directions, rays.flux
+        along = column_product(positions, directions)
+        for row in range(3):
+            weighted = flux * directions[:, row]
+            self.moment[row] += (flux * positions[:, row]).sum() - (weighted * along).sum()
+            for column in range(row, 3):
+                self.matrix[row, column] -= (weighted * directions[:, column]).sum()
+                self.matrix[column, row] = self.matrix[row, column]
+            self.matrix[row, row] += flux.sum()
 
     @property
     def effective_rays(self) -> float:
@@ -138,8 +117,10 @@ class RaySums:
     @property
     def focus_mm(self) -> Point | None:
         """Virtual focus; None where the rays are parallel."""
-        point = self.focus.point()
-        return None if point is None else as_point(point)
+        eigenvalues = np.linalg.eigvalsh(self.matrix)
+        if not eigenvalues[0] > _PARALLEL * eigenvalues[2]:
+            return None
+        return as_point(np.linalg.solve(self.matrix, self.moment))
 
 
 FEWEST_EFFECTIVE_RAYS = 25_000
@@ -152,12 +133,9 @@ _PLAUSIBLE_NM = (200.0, 3000.0)  # of LEDs and lasers; outside, wavelengths are 
 _BACKWARD_SHARE = 0.01  # of the flux: reflections inside a package send less than this away from the lens
 
 
-def file_warnings(rayfile: RayFile, sums: RaySums, given_flux: bool = False) -> tuple[str, ...]:
+def file_warnings(rayfile: RayFile, sums: RaySums, given_flux: bool = False) -> Iterator[str]:
     """List what is odd in the content of a file; with ``given_flux`` the user states its power, the file does not."""
-    return (*rayfile.warnings, *_content_warnings(rayfile, sums, given_flux))
-
-
-def _content_warnings(rayfile: RayFile, sums: RaySums, given_flux: bool) -> Iterator[str]:
+    yield from rayfile.warnings
     unit, header = rayfile.flux_unit, rayfile.header_flux
     if sums.rays < len(rayfile):
         yield f"{len(rayfile) - sums.rays} of {len(rayfile)} rays dropped: {causes(sums.dropped)}"
@@ -227,12 +205,10 @@ def ray_set_warnings(sums: RaySums, placed: bool) -> Iterator[str]:
 
 def outline(rayfile: RayFile) -> RayFileSummary:
     """Describe the header without reading the rays: at once, whatever the size of the file."""
-    length = rayfile.header.get("mm_per_unit")
     return RayFileSummary(
         format=rayfile.format,
         title=FORMATS[rayfile.format].title if rayfile.format in FORMATS else None,
         rays=len(rayfile),
-        units=FileUnits(length_in_file_mm=length if isinstance(length, float | int) else 1.0, flux=rayfile.flux_unit),
         flux=FileFlux(unit=rayfile.flux_unit, header_w=rayfile.header_flux_w, header_lm=rayfile.header_flux_lm),
         wavelengths_nm=_header_wavelengths(rayfile),
         header=dict(rayfile.header),
@@ -250,7 +226,6 @@ def describe(rayfile: RayFile) -> RayFileSummary:
         "total": rayfile.total_flux(sums.flux),
         "total_from": "header" if rayfile.stated_flux else "rays",
         "ray_sum": sums.flux,
-        "ray_sum_over_header": sums.flux / rayfile.header_flux if rayfile.header_flux else None,
         "backward_share": sums.backward / sums.flux,
     }
     colours, mean_nm = sums.colours, sums.colours.mean_nm

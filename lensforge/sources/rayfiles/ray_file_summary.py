@@ -66,7 +66,10 @@ class Histograms:
         histograms = cls(middle - half, middle + half)
         for block, _ in usable_blocks(rayfile):
             histograms.add(block)
-        return histograms.scaled(rayfile.flux_factor(float(histograms.rings.sum())))
+        factor = rayfile.flux_factor(float(histograms.rings.sum()))
+        for image in (histograms.front, histograms.side, histograms.cosines, histograms.rings):
+            image *= factor
+        return histograms
 
     def add(self, rays: RayBundle) -> None:
         """Bin some rays into all four histograms."""
@@ -81,11 +84,6 @@ class Histograms:
             image += np.histogram2d(x, y, len(image), ends, weights=part)[0]
         gamma = np.rad2deg(np.arccos(np.clip(directions[:, 2], -1.0, 1.0)))
         self.rings += np.histogram(gamma, _RINGS, (0.0, 180.0), weights=flux)[0]
-
-    def scaled(self, factor: float) -> "Histograms":
-        """Multiply all fluxes by ``factor``."""
-        images = (self.front, self.side, self.cosines, self.rings)
-        return Histograms(self.low, self.high, *(factor * image for image in images))
 
     def intensity(self) -> Float[np.ndarray, " r"]:
         """Flux per steradian of each ring (mean over azimuth)."""
@@ -142,14 +140,6 @@ def _draw_intensity(axes: "Axes", intensity: Float[np.ndarray, " r"], flux: floa
     axes.legend(frameon=False)
 
 
-class FileUnits(Record):
-    """Units of the summary; ``length_in_file_mm``: the file's own unit of length in mm."""
-
-    length: Literal["mm"] = "mm"
-    length_in_file_mm: Number
-    flux: FluxUnit
-
-
 class FileFlux(Record):
     """Flux of the source by header and by rays, in ``unit``; ``total_from``: the one that ``total`` is."""
 
@@ -159,7 +149,6 @@ class FileFlux(Record):
     total: Number | None = None
     total_from: Literal["header", "rays"] | None = None
     ray_sum: Number | None = None
-    ray_sum_over_header: Number | None = None
     backward_share: Share | None = None
 
 
@@ -191,7 +180,6 @@ class RayFileSummary(StageResult):
     format: Text
     title: Text | None
     rays: Count
-    units: FileUnits
     rays_used: Count | None = None
     rays_dropped: RaysDropped | None = None
     effective_rays: NotNegative | None = None
@@ -215,7 +203,7 @@ class RayFileSummary(StageResult):
         if self._rayfile is None:
             raise InputError("this summary was read back and holds no rays; read the ray file itself again")
         axes = new_axes(axes)
-        draw_panel(axes, Histograms.of(self._rayfile), which, self.units.flux)
+        draw_panel(axes, Histograms.of(self._rayfile), which, self.flux.unit)
         return axes
 
     def _repr_html_(self) -> str:

@@ -200,7 +200,8 @@ def _describe(
 
 
 def _encode(rayfile: RayFile) -> Iterator[bytes]:
-    require_watts_with_wavelengths(_without_shared_wavelength(rayfile), BINARY.title)
+    if rayfile.single_wavelength is None:  # a shared one goes into the header, where it may accompany lumens
+        require_watts_with_wavelengths(rayfile, BINARY.title)
     if rayfile.spectrum_numbers is not None and rayfile.flux_unit == "lm":
         raise InputError(f"{BINARY.title} holds a spectrum for each ray only with W, these rays are in lm; give W")
     header = rayfile.header
@@ -215,13 +216,6 @@ def _encode(rayfile: RayFile) -> Iterator[bytes]:
     for rays in rayfile.absolute_blocks():
         waves, numbers = rays.wavelengths_nm if per_ray else None, rays.spectrum_numbers if by_number else None
         yield float_rows(rays.positions_mm, rays.directions, rays.flux, waves, numbers)
-
-
-def _without_shared_wavelength(rayfile: RayFile) -> RayFile:
-    """The rays without a shared wavelength: that goes into the header, where it may accompany lumens."""
-    if rayfile.single_wavelength is None:
-        return rayfile
-    return RayFile(rayfile.positions_mm, rayfile.directions, rayfile.flux, rayfile.flux_unit)
 
 
 def _fixed_bytes(rayfile: RayFile, tables: int, per_ray: bool, by_number: bool) -> bytes:
