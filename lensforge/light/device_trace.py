@@ -195,16 +195,15 @@ def _stride(
     leap = torch.where(in_ball, leap * (1.0 + 1e-15) + 1e-15 * least, ahead.within(leap))
     path, state = torch.where(below, t, t + leap), torch.where(below, BELOW, _GOING).to(torch.int8)
     look = torch.nonzero(~(below | in_ball | deep))[:, 0]
-    path[look], state[look] = _look(table, points[:, look], along[:, look], t[look])
+    there, near = _Place(*(each[look] for each in place)), _Ahead(*(each[look] for each in ahead))
+    path[look], state[look] = _look(table, there, near, t[look])
     return path, state
 
 
 def _look(
-    table: DeviceTable, points: Float[Tensor, "3 n"], along: Float[Tensor, "3 n"], t: Float[Tensor, " n"]
+    table: DeviceTable, place: _Place, ahead: _Ahead, t: Float[Tensor, " n"]
 ) -> tuple[Float[Tensor, " n"], Int8[Tensor, " n"]]:
     """Result of ``_stride`` where F is evaluated: at a root, before the only one, or a step of the parabola."""
-    place = _Place.of(points, along)
-    ahead = _Ahead.of(table, place)
     gap, slope = place.gap_and_slope(table)
     bend, path = ahead.bend(place, table.bounds.least)
     farthest = -2.0 * gap / slope

@@ -326,18 +326,17 @@ def judged_limits(
     limits: Sequence[LightLimit], images: Sequence[Float[np.ndarray, "_ _ _"]], names: Sequence[str]
 ) -> tuple[LimitResult, ...]:
     """Judge ``limits`` on the filtered pictures of flux (W) of every replicate, one stack for each receiver."""
-    return tuple(_judged(limit, images[limit.receiver], names[limit.receiver]) for limit in limits)
-
-
-def _judged(limit: LightLimit, images: Float[np.ndarray, "r h w"], receiver: str) -> LimitResult:
-    return LimitResult(
-        name=limit.name,
-        receiver=receiver,
-        quantity=_QUANTITIES[limit.quantity],
-        value=limit_value(limit, images),
-        sense=limit.sense,
-        bound=limit.bound,
-        unit=limit.unit,
+    return tuple(
+        LimitResult(
+            name=limit.name,
+            receiver=names[limit.receiver],
+            quantity=_QUANTITIES[limit.quantity],
+            value=limit_value(limit, images[limit.receiver]),
+            sense=limit.sense,
+            bound=limit.bound,
+            unit=limit.unit,
+        )
+        for limit in limits
     )
 
 

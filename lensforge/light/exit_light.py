@@ -10,9 +10,9 @@ from lensforge import seeds
 from lensforge.errors import InputError
 from lensforge.light.angular_grid import AngularGrid, FittedIntensity, finest_grid, fit
 from lensforge.light.luminaire_classes import zone_flux
-from lensforge.light.simulation import CAUSES, TracedLens, flux_by_fate
+from lensforge.light.simulation import CAUSES, TracedLens, bundles, flux_by_fate
 from lensforge.results import Metric
-from lensforge.sources.ray_bundle import RayBundle, Source, drawn
+from lensforge.sources.ray_bundle import RayBundle, Source
 
 
 @dataclass(frozen=True)
@@ -90,11 +90,14 @@ def trace_exit_light(
     """
     sums, wanted = _Sums(lens, sphere_mm, symmetry, street_deg), rays or min(_FIRST_RAYS, most_rays)
     if source.ray_count is not None:
-        sums.add(_distributed(source, min(wanted, source.ray_count), seed))
+        count = min(wanted, source.ray_count)
+        parts = bundles(source, count, min(PARTS, count), seed)
+        sums.add(replace(part, flux=share * part.flux) for _, share, part in parts)
         return sums.light()
     for number in range(_ROUNDS):
         count = min(-(-(wanted - sums.rays) // PARTS), _MOST_AT_ONCE)
-        sums.add(_bundles(source, count, seed, number))
+        own_seeds = (seeds.of_far_field(seed, PARTS * _ROUNDS, number * PARTS + part) for part in range(PARTS))
+        sums.add(source.sample(count, own) for own in own_seeds)
         if sums.rays < wanted:
             continue
         light = sums.light()
@@ -126,9 +129,9 @@ class _Sums:
         self._by_fate: list[Float[np.ndarray, " f"]] = []
         self._kept: list[RayBundle] = []
 
-    def add(self, bundles: Iterator[RayBundle]) -> None:
+    def add(self, rays: Iterator[RayBundle]) -> None:
         """Trace one more bundle for each sample; each bundle carries all the flux."""
-        for part, bundle in enumerate(bundles):
+        for part, bundle in enumerate(rays):
             out = exit_rays(self._lens, bundle, self._sphere_mm)
             if self._grid is None:
                 self._grid = finest_grid(_reach_deg(out.rays))
@@ -180,21 +183,6 @@ class _Sums:
         """Some of the rays, with all the flux that leaves the lens."""
         sample = RayBundle.joined(self._kept)
         return replace(sample, flux=sample.flux * (self.exit_w.value / sample.flux.sum()))
-
-
-def _bundles(source: Source, count: int, seed: int, number: int) -> Iterator[RayBundle]:
-    """Round ``number`` of independent bundles, one for each sample, each of the whole flux."""
-    for part in range(PARTS):
-        yield source.sample(count, seeds.of_far_field(seed, PARTS * _ROUNDS, number * PARTS + part))
-
-
-def _distributed(source: Source, count: int, seed: int) -> Iterator[RayBundle]:
-    """The rays of a measured source, distributed among the samples at random."""
-    everything = drawn(source, count, seed)
-    order = np.random.default_rng(seed).permutation(len(everything))
-    for rows in np.array_split(order, min(PARTS, len(order))):
-        some = everything.take(rows)
-        yield replace(some, flux=some.flux * (source.flux_w / some.flux.sum()))
 
 
 def _reach_deg(rays: RayBundle) -> float:

@@ -8,11 +8,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from lensforge.light.evaluation_result import Light, LightMetrics
+from lensforge.light.metrics import scaled
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import REGIONS, ReceiverLight, bounds_on
 from lensforge.light.road_lighting import RoadFigures
 from lensforge.optics.fundamental_limits import transmittance_of
-from lensforge.results import Bound, Fact, Group, Metric
+from lensforge.results import Bound, Fact, Group
 from lensforge.results.chart import LightUnit, light_unit
 from lensforge.results.criteria import missed
 from lensforge.results.numerals import number, percent, quantity
@@ -173,13 +174,8 @@ def _in_region(receiver: ReceiverLight, unit: LightUnit) -> Iterator[Fact]:
             "level", f"Peak {unit.quantity}", peak, unit.symbol, note=f"largest of a pixel, {receiver.place}", digits=3
         )
         return
-    error, where = region.mean.standard_error, REGIONS[region.region]
-    scaled = Metric(
-        value=unit.per_watt * region.mean.value,
-        unit=unit.symbol,
-        standard_error=None if error is None else unit.per_watt * error,
-    )
-    yield Fact.measured("level", f"Mean {unit.quantity}", scaled, where)
+    where, mean = REGIONS[region.region], scaled(region.mean, unit.per_watt, unit.symbol)
+    yield Fact.measured("level", f"Mean {unit.quantity}", mean, where)
     yield Fact.measured("u0", "U0", region.u0, f"least over mean light {where}")
     yield Fact.measured("u1", "U1", region.u1, f"least over largest light {where}")
     yield Fact.measured(

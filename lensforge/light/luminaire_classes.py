@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.light.angular_grid import AngularGrid
-from lensforge.light.metrics import jackknife_metric
+from lensforge.light.metrics import jackknife_metric, with_error
 from lensforge.results import Count, Metric, NotNegative, Record
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.mirror_group import group
@@ -52,11 +52,6 @@ class LampLight:
         matrix = self.grid.readings(lateral_deg + self.street_deg, gamma_deg)
         read: Float[np.ndarray, "p k"] = (matrix @ self.samples.reshape(len(self.samples), -1).T).T
         return read
-
-    @staticmethod
-    def figure(by_sample: Float[np.ndarray, " p"], unit: str) -> Metric:
-        """Mean of a figure that is linear in the light, with its standard error."""
-        return jackknife_metric(by_sample[:, None], lambda mean: float(mean[0]), unit)
 
 
 Lateral = Literal["I", "II", "III", "IV", "V"]
@@ -125,7 +120,7 @@ def distribution_type(lamp: LampLight) -> DistributionType:
 
     def figure(read: Callable[[Degrees], float]) -> Metric:
         found = jackknife_metric(samples, read)
-        return found if finer is None else _with_error(found, read(finer) - found.value)
+        return found if finer is None else with_error(found, read(finer) - found.value)
 
     roundness = figure(road.roundness)
     everywhere = roundness.value >= _ROUND  # the largest intensity is then as large along the road
@@ -145,16 +140,9 @@ def distribution_type(lamp: LampLight) -> DistributionType:
     )
 
 
-def _with_error(figure: Metric, more: float) -> Metric:
-    """A figure with one more part of its error, added as a square."""
-    if figure.standard_error is None:
-        return figure
-    return figure.model_copy(update={"standard_error": float(np.hypot(figure.standard_error, more))})
-
-
 def _with_step(reach: Metric) -> Metric:
     """A reach whose error includes half a step of gamma on the road."""
-    return _with_error(reach, 0.5 * np.deg2rad(_GAMMA_STEP) * (1.0 + reach.value**2))
+    return with_error(reach, 0.5 * np.deg2rad(_GAMMA_STEP) * (1.0 + reach.value**2))
 
 
 def _lateral(street: Metric, roundness: Metric) -> Lateral:

@@ -51,6 +51,19 @@ def jackknife_metric(
     return Metric(value=value, unit=unit, standard_error=error)
 
 
+def scaled(metric: Metric, factor: float, unit: str) -> Metric:
+    """``metric`` times ``factor``, in another unit."""
+    error = None if metric.standard_error is None else metric.standard_error * factor
+    return Metric(value=metric.value * factor, unit=unit, standard_error=error)
+
+
+def with_error(metric: Metric, more: float) -> Metric:
+    """``metric`` with one more part of its error, added as a square; as it is where it has none."""
+    if metric.standard_error is None:
+        return metric
+    return metric.model_copy(update={"standard_error": float(np.hypot(metric.standard_error, more))})
+
+
 def jackknife_error(left_out: Float[np.ndarray, " r"]) -> float:
     """Standard error of a statistic, from its values ``left_out`` with one replicate at a time left out."""
     count = len(left_out)

@@ -16,6 +16,7 @@ from lensforge.kernels.fate import Fate
 from lensforge.light.angular_grid import AngularGrid, FittedIntensity
 from lensforge.light.exit_light import ExitLight, trace_exit_light
 from lensforge.light.luminaire_classes import LampLight
+from lensforge.light.metrics import scaled
 from lensforge.light.photometry_result import (
     IES_FILE,
     LDT_FILE,
@@ -32,7 +33,6 @@ from lensforge.light.photometry_result import (
 from lensforge.light.road_lighting import RoadFigures
 from lensforge.light.simulation import ABSORBED, IN_GLASS, MISSED_RECEIVER, TracedLens
 from lensforge.light.source_photometry import SourceLumens, spectrum_of_source
-from lensforge.results import Metric
 from lensforge.results.files import temporary_folder
 from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import summarise
@@ -144,7 +144,7 @@ def measure_photometry(
     )
     per_watt, fitted = bright.lumens / source.flux_w, light.intensity
     tables = CandelaTables.of(fitted, per_watt)
-    candela, exit_lm = tables.whole, _scaled(light.exit_w, per_watt, "lm")
+    candela, exit_lm = tables.whole, scaled(light.exit_w, per_watt, "lm")
     errors, warnings = fitted.standard_errors, tuple(_warnings(bright, source, light))
     photometric = PhotometricFile(
         candela,
@@ -162,7 +162,7 @@ def measure_photometry(
         rays=light.rays,
         source_w=source.flux_w,
         exit_w=light.exit_w,
-        light_output_ratio=_scaled(light.exit_w, 1.0 / source.flux_w, ""),
+        light_output_ratio=scaled(light.exit_w, 1.0 / source.flux_w, ""),
         lost_w=_lost(light.by_fate_w),
         reflected_w=max(source.flux_w - float(light.by_fate_w.sum()), 0.0),
         source_lm=bright.lumens,
@@ -170,7 +170,7 @@ def measure_photometry(
         per_1000_lm=bright.per_1000_lm,
         exit_lm=exit_lm,
         axis_cd=tables.axis_cd,
-        peak_cd=_scaled(fitted.peak, per_watt, "cd"),
+        peak_cd=scaled(fitted.peak, per_watt, "cd"),
         peak_direction=tables.peak_direction,
         beam_c0=tables.plane(PLANES_DEG[0]),
         beam_c90=tables.plane(PLANES_DEG[1]),
@@ -212,11 +212,6 @@ def _turned_over(values: Float[np.ndarray, "c g"]) -> Float[np.ndarray, "d g"]:
     """Values at equal steps of C, closed at 360 degrees and turned over as their table is."""
     closed: Float[np.ndarray, "d g"] = np.concatenate([values, values[:1]])[::-1]
     return closed
-
-
-def _scaled(metric: Metric, factor: float, unit: str) -> Metric:
-    error = None if metric.standard_error is None else metric.standard_error * factor
-    return Metric(value=metric.value * factor, unit=unit, standard_error=error)
 
 
 def _warnings(bright: SourceLumens, source: Source, light: ExitLight) -> Iterator[str]:

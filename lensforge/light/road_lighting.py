@@ -13,7 +13,13 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.light.luminaire_classes import BugRating, DistributionType, LampLight, ZoneLumens, distribution_type
-from lensforge.light.metrics import largest_without_noise, least_over_mean, least_without_noise
+from lensforge.light.metrics import (
+    jackknife_metric,
+    largest_without_noise,
+    least_over_mean,
+    least_without_noise,
+    scaled,
+)
 from lensforge.results import Count, Metric, Record, Text
 from lensforge.spec.light_limits import PhotometrySection
 
@@ -125,7 +131,7 @@ def road_lighting(lamp: LampLight, section: PhotometrySection) -> RoadLighting:
     samples, lamps = road.illuminance(lamp)
     samples = samples * section.maintenance_factor
     means = samples.mean(axis=1)
-    mean = lamp.figure(means, "lx")
+    mean = jackknife_metric(means, float, "lx")
     least = least_without_noise(samples).model_copy(update={"unit": "lx"})
     uniformity = least_over_mean(samples).metric()
     return RoadLighting(
@@ -170,8 +176,7 @@ class RoadFigures(Record):
             return None
         lamp = lens.times(section.lenses)
         distribution = distribution_type(lamp)
-        error = None if lens_lm.standard_error is None else lens_lm.standard_error * section.lenses
-        lumens = Metric(value=lens_lm.value * section.lenses, unit="lm", standard_error=error)
+        lumens = scaled(lens_lm, section.lenses, "lm")
         return RoadFigures(
             use=section.use,
             lumens=lumens,

@@ -22,6 +22,7 @@ from lensforge.light.metrics import (
     nmse_estimate,
     rsd_estimate,
     uniformity_estimate,
+    with_error,
 )
 from lensforge.light.table_trace import Scene, Table, trace_tables
 from lensforge.results import Image, Metric
@@ -291,10 +292,9 @@ def lit_mask(mask: Bool[np.ndarray, "h w"] | None, images: Images) -> Bool[np.nd
 
 def _with_one_ray(change: Metric, noisy: Metric | None, rays: int) -> Metric:
     """``change`` with an error that includes that of one of the ``rays`` by which ``noisy`` has its own."""
-    if change.standard_error is None or noisy is None or noisy.standard_error is None:
+    if noisy is None or noisy.standard_error is None:
         return change
-    error = float(np.hypot(change.standard_error, noisy.standard_error / np.sqrt(rays)))
-    return change.model_copy(update={"standard_error": error})
+    return with_error(change, noisy.standard_error / np.sqrt(rays))
 
 
 def mean_share(shares: Float[np.ndarray, " r"]) -> Metric:

@@ -47,6 +47,7 @@ class Reflectance:
     least: float
 
 
+@lru_cache(maxsize=64)
 def reflectance_of(coating: Coating, around: float, span_nm: tuple[float, float]) -> Reflectance:
     """Reflectance of a face between ``around``, the index of what surrounds the body, and the body, over ``span_nm``.
 
@@ -97,6 +98,7 @@ def _least_of_stack(stack: LayerStack, around: float, waves: Waves) -> float:
     return max(1.0 - float(np.sqrt(np.mean(passed**2, axis=0)).max()) - _LOWER, 0.0)
 
 
+@lru_cache(maxsize=64)
 def least_reflectance(coating: Coating, around: float) -> float:
     """Lower bound of the reflectance at any angle and wavelength; 0 where a thick stack has too many fringes."""
     if isinstance(coating, ReflectanceTable):
@@ -193,7 +195,7 @@ class CoatedFace:
 
     def reflectance(self, span_nm: Span) -> Reflectance:
         """Reflectance over a span of wavelengths."""
-        return _reflectance(self.coating, self.around, span_nm)
+        return reflectance_of(self.coating, self.around, span_nm)
 
     @property
     def known_nm(self) -> Span | None:
@@ -202,14 +204,6 @@ class CoatedFace:
             return self.coating.range_nm
         waves = self.coating.wavelengths_nm
         return (waves[0], waves[-1]) if waves else None
-
-
-_least_anywhere = lru_cache(maxsize=64)(least_reflectance)
-
-
-@lru_cache(maxsize=64)
-def _reflectance(coating: Coating, around: float, span_nm: Span) -> Reflectance:
-    return reflectance_of(coating, around, span_nm)
 
 
 def coated_faces(media: Media) -> dict[str, CoatedFace]:
@@ -257,7 +251,7 @@ def least_reflectances(media: Media, span_nm: Span | None) -> tuple[float | None
     def least(face: CoatedFace | None) -> float | None:
         if face is None:
             return None
-        return _least_anywhere(face.coating, face.around) if span_nm is None else face.reflectance(span_nm).least
+        return least_reflectance(face.coating, face.around) if span_nm is None else face.reflectance(span_nm).least
 
     return least(faces.get("inner")), least(faces.get("outer"))
 

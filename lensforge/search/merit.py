@@ -198,13 +198,6 @@ class LimitTerm:
         return torch.where(off < 0.0 if limit.sense == ">=" else off > 0.0, beyond, 0.0)
 
 
-def limit_terms(
-    spec: Spec, receivers: tuple[PosedReceiver, ...], lumens_per_watt: float | None, flux_w: float
-) -> tuple[LimitTerm, ...]:
-    """Terms of all limits of ``spec``. Raises :class:`InputError` for limits that no light keeps."""
-    return tuple(LimitTerm.of(limit) for limit in light_limits(spec, receivers, lumens_per_watt, flux_w))
-
-
 _TOTAL_REFLECTION, _UNIFORM_TOTAL_REFLECTION = 0.3, 0.1  # factors, the second in scenes with a region of uniform light
 
 
@@ -283,7 +276,7 @@ class MeritFunction:
         )
         scene = Scene(spec.lens.media, parametrisation.grid, fresnel)
         efficacy = summarise(source, spec.source).lumens_per_watt if spec.limits else None
-        limits = limit_terms(spec, receivers, efficacy, source.flux_w)
+        limits = tuple(map(LimitTerm.of, light_limits(spec, receivers, efficacy, source.flux_w)))
         return MeritFunction(spec, parametrisation, LightPath(scene, receivers, device), terms, limits)
 
     def evaluate(

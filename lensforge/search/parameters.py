@@ -6,7 +6,7 @@ receivers and targets share, and no larger one.
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -21,7 +21,7 @@ from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import target_light
 from lensforge.sources.ray_bundle import Source
-from lensforge.spec import Accuracy, LensSection, Spec
+from lensforge.spec import Accuracy, Spec
 from lensforge.surfaces.bicubic_table import BasisTables, TableGrid, dyadic_grid, tabulate
 from lensforge.surfaces.mirror_group import NAMES, contains, generators
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere, level_sigma
@@ -79,7 +79,8 @@ class Parametrisation:
         lens, basis = spec.lens, spec.lens.basis
         with remedy("raise lens.sigma_c, lower the last of lens.levels, or take a lower accuracy"):
             sigmas = [level_sigma(count, basis.sigma_c) for count in basis.levels]
-            grid, halvings = dyadic_grid([*sigmas, *_fixed_details(lens)], nodes_per_sigma)
+            details = [surface.detail_rad for surface in lens.fixed if surface is not None]
+            grid, halvings = dyadic_grid([*sigmas, *details], nodes_per_sigma)
             tables = BasisTables.of(basis, grid, halvings[: len(sigmas)])
         return Parametrisation(basis, grid, tables, torch.tensor(lens.start_mm, dtype=torch.float64), lens.fixed)
 
@@ -113,7 +114,8 @@ class Parametrisation:
         offsets = torch.ones(2, dtype=torch.float64)
         for side, (surface, fixed) in enumerate(zip((lens.inner, lens.outer), self.fixed, strict=True)):
             if fixed is None:
-                fitted = _in_basis(self.basis, surface)
+                own = isinstance(surface, SrbfSurface) and surface.basis == self.basis
+                fitted = cast("SrbfSurface", surface) if own else fit_surface(self.basis, surface)
                 scale = self.scale_mm[side]
                 weights[:, side] = torch.from_numpy(fitted.weights_mm) / scale
                 offsets[side] = fitted.offset_mm / scale
@@ -129,16 +131,6 @@ class Parametrisation:
             for i, fixed in enumerate(self.fixed)
         )
         return Lens(inner, outer, spec, seed, accuracy)
-
-
-def _fixed_details(lens: LensSection) -> list[float]:
-    return [surface.detail_rad for surface in lens.fixed if surface is not None]
-
-
-def _in_basis(basis: SrbfBasis, surface: Surface) -> SrbfSurface:
-    if isinstance(surface, SrbfSurface) and surface.basis == basis:
-        return surface
-    return fit_surface(basis, surface)
 
 
 def fit_surface(basis: SrbfBasis, surface: Surface) -> SrbfSurface:

@@ -108,15 +108,7 @@ class SearchState:
 
     def save(self, path: Path, key: str) -> None:
         """Write the checkpoint of the search with the fingerprint ``key``."""
-        head = CheckpointHead(
-            key=key,
-            made_by=made_by(),
-            outcomes=self.outcomes,
-            step=self.step,
-            steps_of_moments=self.steps_of_moments,
-            seconds=self.seconds,
-            history=self.history,
-        )
+        head = CheckpointHead(key=key, made_by=made_by(), **{name: getattr(self, name) for name in _IN_HEAD})
         arrays = {"weights": self.weights, "offsets": self.offsets, "multipliers": self.multipliers}
         for name in _KEPT:
             kept = getattr(self, name)
@@ -131,14 +123,8 @@ class SearchState:
         for name, kind in _KEPT.items():
             kept = [parts.pop(f"{name}.{part}", None) for part in kind._fields]
             parts[name] = None if kept[0] is None else kind(*kept)
-        return SearchState(
-            **parts,
-            outcomes=head.outcomes,
-            step=head.step,
-            steps_of_moments=head.steps_of_moments,
-            history=head.history,
-            seconds=head.seconds,
-        )
+        return SearchState(**parts, **{name: getattr(head, name) for name in _IN_HEAD})
 
 
+_IN_HEAD = ("outcomes", "step", "steps_of_moments", "seconds", "history")
 _KEPT: dict[str, Any] = {"moments": Moments, "best": Parameters, "accepted": Parameters}

@@ -5,8 +5,9 @@ import pytest
 import torch
 from scenes import small_spec
 
+from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.receiver_shapes import receivers_of
-from lensforge.search.merit import limit_terms
+from lensforge.search.merit import LimitTerm
 from lensforge.spec import Spec
 
 BEAM = {"kind": "beam", "fwhm_deg": 30.0, "half_angle_deg": 60.0}
@@ -34,7 +35,7 @@ def scene(*limits: dict[str, object]) -> tuple[Spec, torch.Tensor]:
 @pytest.mark.parametrize("limit", LIMITS, ids=str)
 def test_an_excess_costs_and_its_gradient_is_that_of_finite_differences(limit: dict[str, object]) -> None:
     spec, picture = scene(limit)
-    (term,) = limit_terms(spec, receivers_of(spec, 64), None, 1.0)
+    (term,) = map(LimitTerm.of, light_limits(spec, receivers_of(spec, 64), None, 1.0))
     rng = np.random.default_rng(0)
     picture = (picture * torch.from_numpy(1.0 + 0.05 * rng.random(picture.shape))).requires_grad_()
     loss = term.loss((picture,))
@@ -56,5 +57,5 @@ def test_limits_that_are_held_with_the_margin_cost_nothing() -> None:
         {"kind": "beam_angle", "at_least_deg": 28.0, "at_most_deg": 32.0},
     ]
     spec, picture = scene(*held)
-    terms = limit_terms(spec, receivers_of(spec, 64), None, 1.0)
+    terms = tuple(map(LimitTerm.of, light_limits(spec, receivers_of(spec, 64), None, 1.0)))
     assert len(terms) == 5 and [term.loss((picture,)).item() for term in terms] == [0.0] * 5

@@ -8,7 +8,6 @@ import pytest
 from rayfile_samples import with_spectrum_numbers, with_tables
 from scenes import small_spec
 
-from lensforge.light.exit_light import _distributed
 from lensforge.light.simulation import bundles
 from lensforge.light.source_photometry import spectrum_of_source
 from lensforge.optics.material import MATERIALS
@@ -112,7 +111,6 @@ def light(emitter, spec):
         found[f"evaluation of {count}"] = [
             each for _, share, part in evaluated for each in [*arrays(part), np.array(share)]
         ]
-    found["far field"] = [each for part in _distributed(emitter, 3000, 3) for each in arrays(part)]
     found["verification"] = arrays(independent_rays(small_spec(), emitter, 1000, 9))
     return found
 
