@@ -152,37 +152,25 @@ class _Sums:
                 f"none of {self.rays} rays leaves the lens upwards: there is no light to write; check lens.json"
             )
 
-    @property
-    def _samples(self) -> Float[np.ndarray, "p c g"]:
-        return np.stack([deposit / weight for deposit, weight in zip(self._deposits, self._weights, strict=True)])
-
     def light(self) -> ExitLight:
-        """Light by all rays so far."""
+        """Light by all rays so far; what leaves the lens has its standard error by the spread of the samples."""
         grid = self._grid
         assert grid is not None
-        intensity = fit(grid, grid.images_mean(self._samples, self._symmetry))
-        zones = np.stack([zones / weight for zones, weight in zip(self._zones, self._weights, strict=True)])
-        return ExitLight(self.rays, intensity, self.exit_w, self.by_fate_w, self.file_rays, zones)
-
-    @property
-    def exit_w(self) -> Metric:
-        """Flux that leaves the lens upwards, with its standard error by the spread of the samples."""
-        exits = self._samples.sum(axis=(1, 2))
+        samples, zones, by_fate = (
+            np.stack([each / weight for each, weight in zip(sums, self._weights, strict=True)])
+            for sums in (self._deposits, self._zones, self._by_fate)
+        )
+        exits, kept = samples.sum(axis=(1, 2)), RayBundle.joined(self._kept)
         error = float(exits.std(ddof=1) / np.sqrt(len(exits))) if len(exits) > 1 else None
-        return Metric(value=float(exits.mean()), unit="W", standard_error=error)
-
-    @property
-    def by_fate_w(self) -> Float[np.ndarray, " f"]:
-        """Flux (W) of all rays by fate."""
-        shares = [by_fate / weight for by_fate, weight in zip(self._by_fate, self._weights, strict=True)]
-        mean: Float[np.ndarray, " f"] = np.mean(shares, axis=0)
-        return mean
-
-    @property
-    def file_rays(self) -> RayBundle:
-        """Some of the rays, with all the flux that leaves the lens."""
-        sample = RayBundle.joined(self._kept)
-        return replace(sample, flux=sample.flux * (self.exit_w.value / sample.flux.sum()))
+        exit_w = Metric(value=float(exits.mean()), unit="W", standard_error=error)
+        return ExitLight(
+            rays=self.rays,
+            intensity=fit(grid, grid.images_mean(samples, self._symmetry)),
+            exit_w=exit_w,
+            by_fate_w=by_fate.mean(axis=0),
+            sample=replace(kept, flux=kept.flux * (exit_w.value / kept.flux.sum())),
+            zones_w=zones,
+        )
 
 
 def _reach_deg(rays: RayBundle) -> float:

@@ -176,7 +176,7 @@ class RoadFigures(Record):
             return None
         lamp = lens.times(section.lenses)
         distribution = distribution_type(lamp)
-        lumens = scaled(lens_lm, section.lenses, "lm")
+        lumens = scaled(lens_lm, float(section.lenses), "lm")
         return RoadFigures(
             use=section.use,
             lumens=lumens,
