@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tomli_w
-from pydantic import Field, ModelWrapValidatorHandler, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from lensforge.errors import InputError
 from lensforge.results.files import replacing
 from lensforge.results.validation import its_type
-from lensforge.spec.derived_values import with_derived
+from lensforge.spec.derived_values import derived_sizes
 from lensforge.spec.feasible import require_feasible
 from lensforge.spec.lens_section import LensSection
 from lensforge.spec.light_limits import LightLimitSpec, PhotometrySection, require_limit_fits, require_seen_from_afar
@@ -81,7 +81,7 @@ def plain(value: object) -> object:
 
 _MOST_RECEIVERS, _MOST_LIMITS = 16, 1000
 _OneReceiver = Annotated[AnyReceiver, Field(discriminator="kind")]
-_OF_GIVEN_LEVELS = ("steps_per_level", "rays", "uniformity_steps")  # fields of optimise
+_OF_GIVEN_LEVELS = ("steps_per_level", "rays")  # fields of optimise
 
 
 class Spec(Section):
@@ -116,17 +116,22 @@ class Spec(Section):
     photometry: PhotometrySection = Field(default_factory=PhotometrySection)
     """Lighting that the lens is for: general, of an area, or of a road."""
 
-    @model_validator(mode="wrap")
-    @classmethod
-    def _with_derived_values(cls, content: Any, handler: ModelWrapValidatorHandler["Spec"]) -> "Spec":
+    @model_validator(mode="after")
+    def _with_derived_values(self) -> "Spec":
         """Derive what is left out; it counts as left out, so that it follows when the spec is changed or saved."""
-        if not isinstance(content, Mapping):
-            return handler(content)
-        filled, names = with_derived(content)
-        spec = handler(filled)
-        for section, name in names:
-            (getattr(spec, section) if section else spec).model_fields_set.discard(name)
-        return spec
+        for name, derived in derived_sizes(self.source, self.lens, self.constraints, self.target).items():
+            section: Section | None = getattr(self, name)
+            given = {} if section is None else {field: getattr(section, field) for field in section.model_fields_set}
+            left_out = {field: value for field, value in derived.items() if given.get(field) is None}
+            if section is None or not left_out:
+                continue
+            try:
+                filled = type(section)(**{**given, **left_out})
+            except InputError as error:
+                raise ValueError(str(error).replace(type(section).__name__, name, 1)) from None
+            filled.model_fields_set.difference_update(left_out)
+            object.__setattr__(self, name, filled)
+        return self
 
     def replace(self, changes: Mapping[str, object] | None = None, /, **sections: object) -> "Spec":
         """Make another spec: ``spec.replace(target={"distance_mm": 200.0})``, or dotted names in ``changes``.
@@ -154,7 +159,7 @@ class Spec(Section):
     def with_automatic_levels(self) -> "Spec":
         """The spec of a search that chooses its levels, without the settings that go with given ones."""
         lens = self.lens.model_copy(update={"levels": "auto"})
-        optimise = self._optimise_without({*_OF_GIVEN_LEVELS, "learning_rate"})
+        optimise = self._optimise_without({*_OF_GIVEN_LEVELS})
         return self.model_copy(update={"lens": lens, "optimise": optimise})
 
     def _optimise_without(self, names: set[str]) -> OptimiseSection:
