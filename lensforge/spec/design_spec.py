@@ -6,7 +6,7 @@ dotted names, and made plain enough for TOML.
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import tomli_w
 from pydantic import Field, ValidationError, model_validator

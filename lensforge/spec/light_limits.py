@@ -5,12 +5,11 @@ which lighting the lens is for, and the road that it lights.
 """
 
 from collections.abc import Iterator
-from typing import Annotated, Any, ClassVar, Literal, get_args
+from typing import Annotated, ClassVar, Literal, get_args
 
 from pydantic import Field, model_validator
 
 from lensforge.spec.receiver_sections import AnyReceiver, FarFieldReceiver, PlaneReceiver
-from lensforge.spec.renamed import with_new_names
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.shape_targets import DiscTarget, EllipseTarget, PolygonTarget, RectangleTarget, RingTarget
 from lensforge.spec.spec_section import Coordinate, Label, Section
@@ -51,11 +50,6 @@ class LimitSection(Section):
     """Unit of both: irradiance or illuminance on surfaces, intensity in the far field, or "relative" to the maximum on
     the receiver.
     """
-
-    @model_validator(mode="before")
-    @classmethod
-    def _old_names(cls, content: Any) -> Any:
-        return with_new_names("LimitSection", content)
 
     @property
     def place_unit(self) -> Unit | None:

@@ -67,8 +67,6 @@ class ReceiverSection(Section):
     """Targets on it, which add up."""
     share: Annotated[float, Field(ge=1e-6, le=1e6)] = 1.0
     """Weight in the merit, relative to the other receivers."""
-    pixel_aspect: Annotated[float, Field(ge=0.01, le=100.0)] = 1.0
-    """Width over height of a pixel."""
     rotation_deg: Turn = 0.0
     """Turn about the direction that the receiver faces, from x towards y."""
 

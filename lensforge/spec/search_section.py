@@ -121,7 +121,7 @@ class ConstraintsSection(Section):
 class OptimiseSection(Section):
     """Settings of the search; omitted ones come from the accuracy preset.
 
-    ``steps_per_level``, ``rays`` and ``uniformity_steps`` belong to levels that are given.
+    ``steps_per_level`` and ``rays`` belong to levels that are given.
     """
 
     steps_per_level: Annotated[tuple[Steps, ...], Field(max_length=MOST_LEVELS)] | None = None
@@ -130,10 +130,6 @@ class OptimiseSection(Section):
     """Rays of a gradient step."""
     pixels: Annotated[int, Field(ge=4, le=1024)] = 64
     """Pixels along a side of the receiver in the search."""
-    learning_rate: Annotated[float, Field(gt=0.0, le=1.0)] = 0.004
-    """Learning rate of the optimiser (Adam), which falls along a cosine."""
-    uniformity_steps: Annotated[int, Field(ge=0, le=MOST_STEPS)] = 0
-    """Last steps, in which the merit is the uniformity of the target's region."""
     seconds: Annotated[float, Field(ge=1.0, le=1e6)] | None = None
     """Time that the search with automatic levels may take, set-up included; by default it goes on for as long as it
     gains.

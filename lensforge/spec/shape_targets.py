@@ -1,11 +1,10 @@
 """Targets that are shapes: one level of light inside, none outside; and the flat top, whose edges fall smoothly."""
 
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from lensforge.spec.renamed import with_new_names
 from lensforge.spec.spec_section import Coordinate, Millimetres
 from lensforge.spec.target_sections import (
     DegreesOff,
@@ -28,11 +27,6 @@ class FlatTopTarget(SizedTarget):
     kind: Literal["flat_top"] = "flat_top"
     exponent: Annotated[float, Field(ge=2.0, le=200.0)] = 18.0
     """Power p: the larger, the steeper the edges."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _old_names(cls, content: Any) -> Any:
-        return with_new_names("FlatTopTarget", content)
 
     @property
     def widths(self) -> tuple[float, float]:

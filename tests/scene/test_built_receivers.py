@@ -81,7 +81,7 @@ def test_receivers_of_a_spec_are_as_it_says() -> None:
             receivers=[
                 {**wall, "width_mm": 200.0, "height_mm": 100.0, "window_mm": [50.0, 40.0]},
                 {"kind": "cylinder", "radius_mm": 90.0, "width_mm": 100.0, "height_mm": 50.0, "targets": [DISC]},
-                {"kind": "sphere", "radius_mm": 90.0, "half_angle_deg": 60.0, "targets": [DISC], "pixel_aspect": 2.0},
+                {"kind": "sphere", "radius_mm": 90.0, "half_angle_deg": 60.0, "targets": [DISC]},
             ],
         ),
         64,
@@ -91,4 +91,4 @@ def test_receivers_of_a_spec_are_as_it_says() -> None:
     assert (plane.grid.columns, plane.grid.rows, plane.window) == (64, 32, Window(50.0, 40.0))
     assert isinstance(cylinder, Cylinder) and cylinder.grid.size == (100.0, 50.0)
     assert isinstance(sphere, Dome) and sphere.window.radius == pytest.approx(90.0)
-    assert sphere.grid.size == pytest.approx((180.0, 180.0)) and (sphere.grid.columns, sphere.grid.rows) == (32, 64)
+    assert sphere.grid.size == pytest.approx((180.0, 180.0)) and (sphere.grid.columns, sphere.grid.rows) == (64, 64)

@@ -69,15 +69,6 @@ def test_a_line_is_read_twice_per_pixel_of_either_direction_and_at_both_ends() -
         np.testing.assert_allclose(read, 7.0 + 0.02 * xs - 0.03 * ys, rtol=1e-9)
 
 
-def test_a_line_over_oblong_pixels_counts_those_of_each_direction() -> None:
-    """Pixels of 5 x 10 mm: 40 mm along x are 8, 30 mm along y are 3."""
-    wall = {**WALL, "pixel_aspect": 0.5}
-    line = {"kind": "line", "from_mm": [-20.0, -15.0], "to_mm": [20.0, 15.0], "unit": "w_per_m2", "at_least": 1.0}
-    (limit,), (receiver,) = found(line, receivers=(wall,), pixels=24)
-    assert receiver.grid.pixel == (5.0, 10.0)
-    assert limit.readings.shape[0] == np.ceil(2.0 * np.hypot(8.0, 3.0)) + 1
-
-
 def test_a_cut_goes_from_rim_to_rim_in_half_pixels() -> None:
     limit = {"kind": "beam_angle", "azimuth_deg": 30.0, "level": 0.25, "at_least_deg": 10.0, "at_most_deg": 90.0}
     (least, most), (receiver,) = found(limit, receivers=(FAR,), pixels=40)

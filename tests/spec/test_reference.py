@@ -25,9 +25,9 @@ PURE = {
     "refractive_index", "reflectance", "power", "intensity", "weight", "conic_constant", "conic_x", "conic_y",
     "abbe_number", "cavity_index", "outside_index", "sigma_c", "levels", "coefficients", "schott_coefficients",
     "terms", "face", "level", "shrinkage", "holder", "scale", "origin", "columns", "rows", "exponent", "values",
-    "directions", "ray_flux", "share", "pixel_aspect", "rotation", "normal", "axis", "facing", "rays", "pixels",
-    "learning_rate", "uniformity_steps", "steps_per_level", "filter_variance", "lenses", "maintenance_factor",
-    "amount", "index", "source_flux", "source_size", "waviness_exponent", "at_least", "at_most",
+    "directions", "ray_flux", "share", "rotation", "normal", "axis", "facing", "rays", "pixels",
+    "steps_per_level", "filter_variance", "lenses", "maintenance_factor",
+    "amount", "index", "source_flux", "source_size", "at_least", "at_most",
     "at_least_min_over_mean", "at_least_min_over_max", "at_least_share", "at_most_share",
 }  # fmt: skip
 

@@ -278,7 +278,7 @@ def test_a_kind_left_to_its_class_is_kept_by_replace_and_save(sections: dict[str
 
 
 def test_a_spec_with_automatic_levels_keeps_all_that_does_not_go_with_given_ones() -> None:
-    spec = small_spec(optimise__learning_rate=0.003, optimise__uniformity_steps=2, target__uniform_mm=60.0)
+    spec = small_spec(target__uniform_mm=60.0)
     found = spec.with_automatic_levels()
     assert found.lens.levels == "auto"
     assert found.optimise.model_dump(exclude_unset=True) == {"pixels": 16}
