@@ -113,13 +113,13 @@ def _readings(limit: LimitSection, receiver: PosedReceiver, where: str) -> spars
     """Matrix from pixels to the places of ``limit``."""
     match limit:
         case PointsLimit():
-            x, y = np.array(limit.points).T
+            x, y = np.array(limit.places).T
             return _bilinear(receiver, *receiver.chart_coordinates(x, y))
         case LineLimit():
-            (x0, y0), (x1, y1) = (receiver.chart_coordinates(*np.array(end)[:, None]) for end in limit.ends)
+            (x0, y0), (x1, y1) = (receiver.chart_coordinates(*np.array(end)[:, None]) for end in limit.places)
             long = np.hypot((x1 - x0) / receiver.grid.pixel[0], (y1 - y0) / receiver.grid.pixel[1])
             part = np.linspace(0.0, 1.0, max(2, ceil(_STEPS_PER_PIXEL * long.item()) + 1))
-            (xs, ys), (xe, ye) = limit.ends
+            (xs, ys), (xe, ye) = limit.places
             return _bilinear(receiver, *receiver.chart_coordinates(xs + part * (xe - xs), ys + part * (ye - ys)))
         case BeamAngleLimit():
             angles, turn = _cut(receiver), np.radians(limit.azimuth_deg)

@@ -93,13 +93,7 @@ class ReceiverSection(Section):
 def _require_on_receiver(target: Target, extent: tuple[float, float]) -> None:
     """Raise ``ValueError`` for a target whose centre, or mask, or edge does not fit the receiver."""
     unit, (width, height) = target.unit, extent
-    x, y = target.centre
-    off = x * x + y * y > 0.25 * width**2 if unit == "deg" else abs(x) > 0.5 * width or abs(y) > 0.5 * height
-    if off:
-        raise ValueError(
-            f"centre_{unit} = ({x:g}, {y:g}) is off the receiver, which reaches {0.5 * width:g} in x and "
-            f"{0.5 * height:g} in y"
-        )
+    require_on(f"centre_{unit} =", target.centre, unit, extent, "the receiver")
     mask = target.pair("uniform")
     if mask is not None and (mask[0] > width or mask[1] > height) and target.rotation_deg == 0.0:
         given = f"{mask[0]:g}" if mask[0] == mask[1] else f"({mask[0]:g}, {mask[1]:g})"
@@ -107,6 +101,15 @@ def _require_on_receiver(target: Target, extent: tuple[float, float]) -> None:
     edge = getattr(target, "edge", 0.0)
     if edge > max(width, height):
         raise ValueError(f"edge_{unit} = {edge:g} must not exceed the receiver's {_words(width, height, unit)}")
+
+
+def require_on(what: str, place: tuple[float, float], unit: Unit, extent: tuple[float, float], receiver: str) -> None:
+    """Raise ``ValueError`` for a place off a receiver, whose ``extent`` is in the same unit; ``what``: its words."""
+    (x, y), half_width, half_height = place, 0.5 * extent[0], 0.5 * extent[1]
+    off = x * x + y * y > half_width**2 if unit == "deg" else abs(x) > half_width or abs(y) > half_height
+    if off:
+        reach = f"{half_width:g} deg" if unit == "deg" else f"{half_width:g} in x and {half_height:g} in y"
+        raise ValueError(f"{what} ({x:g}, {y:g}) is off {receiver}, which reaches {reach}")
 
 
 def _words(width: float, height: float, unit: str) -> str:

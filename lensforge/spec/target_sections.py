@@ -22,12 +22,47 @@ DegreesOrZero = Annotated[float, Field(ge=0.0, le=180.0)]
 DegreesOff = Annotated[float, Field(ge=-180.0, le=180.0)]
 HalfAngle = Annotated[float, Field(ge=0.1, le=90.0)]
 Unit = Literal["mm", "deg"]
+_UNITS: tuple[Unit, Unit] = ("deg", "mm")
 _Places = Float[np.ndarray, "..."]
 Side = Millimetres | tuple[Millimetres, Millimetres]
 SideDegrees = DegreesWide | tuple[DegreesWide, DegreesWide]
 
 
-class TargetSection(Section):
+class InOneUnit(Section):
+    """Lengths, each with a field in mm and one in degrees: ``diameter_mm``, ``diameter_deg``; all are in one unit."""
+
+    needs: ClassVar[tuple[str, ...]] = ()  # lengths without their unit, each of which must be given
+    takes: ClassVar[tuple[str, ...]] = ()  # and those that may be
+
+    @property
+    def in_unit(self) -> Unit:
+        """Unit of the lengths; mm where none is given."""
+        return self.given_unit or "mm"
+
+    @property
+    def given_unit(self) -> Unit | None:
+        """Unit of the lengths that are given; None without any."""
+        names = (*self.needs, *self.takes)
+        return next((unit for unit in _UNITS if any(self.length(name, unit) is not None for name in names)), None)
+
+    def length(self, name: str, unit: Unit | None = None) -> Any:
+        """Length ``name`` in ``unit``, by default the section's own; None where it is not given."""
+        return getattr(self, f"{name}_{unit or self.in_unit}", None)
+
+    @model_validator(mode="after")
+    def _lengths_have_one_unit(self) -> "InOneUnit":
+        unit = self.in_unit
+        for name in (*self.needs, *self.takes):
+            for other in _UNITS:
+                if other != unit and self.length(name, other) is not None:
+                    raise ValueError(f"{name}_{other} is given among lengths in {unit}; give {name}_{unit}")
+        for name in self.needs:
+            if self.length(name) is None:
+                raise ValueError(f"{name}_{unit}: missing; give it, in {'mm' if unit == 'mm' else 'degrees'}")
+        return self
+
+
+class TargetSection(InOneUnit):
     """Light wanted on a receiver: a pattern of irradiance, or of intensity on the far field.
 
     Its receiver: either ``distance_mm`` and ``receiver_mm``, a square in a plane at right angles to the axis; or
@@ -37,8 +72,7 @@ class TargetSection(Section):
     sin(azimuth), gamma the angle from the receiver's axis.
     """
 
-    needs: ClassVar[tuple[str, ...]] = ()  # lengths without their unit, each of which must be given
-    takes: ClassVar[tuple[str, ...]] = ("centre", "uniform")  # and those that may be
+    takes: ClassVar[tuple[str, ...]] = ("centre", "uniform")
     far_field_only: ClassVar[bool] = False
 
     kind: str
@@ -62,15 +96,8 @@ class TargetSection(Section):
     """Side, or width and height, of the rectangle about its centre whose uniformity counts, in the far field."""
 
     @model_validator(mode="after")
-    def _lengths_have_one_unit(self) -> "TargetSection":
+    def _fits_its_receiver(self) -> "TargetSection":
         unit = self.unit
-        for name in (*self.needs, *self.takes):
-            if self.length(name, "deg" if unit == "mm" else "mm") is not None:
-                given, other = (f"{name}_{each}" for each in (("deg", "mm") if unit == "mm" else ("mm", "deg")))
-                raise ValueError(f"{given} is given among lengths in {unit}; give {other}")
-        for name in self.needs:
-            if self.length(name, unit) is None:
-                raise ValueError(f"{name}_{unit}: missing; give it, in {'mm' if unit == 'mm' else 'degrees'}")
         if self.half_angle_deg is not None and (self.distance_mm, self.receiver_mm) != (None, None):
             raise ValueError("half_angle_deg is the far field, distance_mm and receiver_mm are a plane; give one")
         if self.distance_mm is None and self.receiver_mm is not None:
@@ -83,24 +110,19 @@ class TargetSection(Section):
         return self
 
     @property
-    def unit(self) -> Unit:
+    def in_unit(self) -> Unit:
         """Unit of the target's lengths; without any that of its receiver."""
-        names = (*self.needs, *self.takes)
-        if any(getattr(self, f"{name}_deg", None) is not None for name in names):
-            return "deg"
-        if any(getattr(self, f"{name}_mm", None) is not None for name in names):
-            return "mm"
-        return self.on_receiver or "mm"
+        return self.given_unit or self.on_receiver or "mm"
+
+    @property
+    def unit(self) -> Unit:
+        """Unit of the target's lengths."""
+        return self.in_unit
 
     @property
     def on_receiver(self) -> Unit | None:
         """Unit of lengths on the receiver that the target itself names; None where it names none."""
         return "deg" if self.half_angle_deg is not None else "mm" if self.distance_mm is not None else None
-
-    def length(self, name: str, unit: Unit | None = None) -> float | tuple[float, float] | None:
-        """Length ``name`` in ``unit``, by default the target's own; None where it is not given."""
-        value: float | tuple[float, float] | None = getattr(self, f"{name}_{unit or self.unit}", None)
-        return value
 
     def size(self, name: str) -> float:
         """Length ``name``, a single number that has been given, in the target's unit."""
@@ -160,7 +182,7 @@ class _FarFieldTarget(TargetSection):
     far_field_only: ClassVar[bool] = True
 
     @property
-    def unit(self) -> Literal["deg"]:
+    def in_unit(self) -> Literal["deg"]:
         """Degrees."""
         return "deg"
 

@@ -98,20 +98,6 @@ def test_a_picture_may_fill_its_receiver_and_be_larger_when_turned(width_mm, hei
     assert far_field(40.0, wide)[0].sum() == pytest.approx(1.0), "angles may reach beyond the far field"
 
 
-@pytest.mark.parametrize("edge", [(3.3, 0.6), (0.7, 5.1)])
-def test_one_product_is_blur_and_mean_with_two_widths(
-    monkeypatch: pytest.MonkeyPatch, edge: tuple[float, float]
-) -> None:
-    image = np.random.default_rng(1).random((24, 36))
-    image[:3], image[:, -5:] = 0.0, 0.0
-    wanted = target_pattern._softened(image, edge, 3)[0]
-    monkeypatch.setattr(target_pattern, "_MOST_FILTERED", 0)
-    monkeypatch.setattr(target_pattern, "_BLOCK", 7)
-    np.testing.assert_allclose(target_pattern._softened(image, edge, 3)[0], wanted, rtol=1e-12, atol=1e-15)
-    assert not target_pattern._softened(0.0 * image, edge, 3)[0].any(), "without a lit row"
-    assert target_pattern._softened(image, (0.0, 0.0), 3)[0][1, 2] == pytest.approx(image[3:6, 6:9].mean())
-
-
 def test_the_region_of_uniform_light_is_that_of_any_target_by_the_centres_of_pixels() -> None:
     """On oblong pixels, moved and turned, and with a strip of so many pixels around it: by loops over pixels."""
     one = RectangleTarget(
@@ -175,14 +161,3 @@ def test_a_target_with_soft_edges_ends_at_a_tenth_of_its_light() -> None:
         for side in (24, 480):
             receiver = Plane(AXIAL, PixelGrid(120.0, 80.0, side, side // 3))
             np.testing.assert_array_equal(drawn_target((target,), receiver).contains(hits), [True, False, True, False])
-
-
-def test_a_wide_soft_edge_is_seen_between_pixels(monkeypatch: pytest.MonkeyPatch) -> None:
-    target = RectangleTarget(width_mm=61.0, height_mm=33.0, edge_mm=7.0, centre_mm=(4.0, 2.0))
-    receiver = Plane(AXIAL, PixelGrid(120.0, 80.0, 48, 32))
-    exact = drawn_target((target,), receiver)
-    target_pattern._drawn.cache_clear()
-    monkeypatch.setattr(target_pattern, "_MOST_FILTERED", 0)
-    seen = drawn_target((target,), receiver)
-    target_pattern._drawn.cache_clear()
-    assert seen is not exact and (seen.inside != exact.inside).mean() < 3e-3
