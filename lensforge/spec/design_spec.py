@@ -6,7 +6,7 @@ dotted names, and made plain enough for TOML.
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import tomli_w
 from pydantic import Field, ValidationError, model_validator
@@ -52,25 +52,7 @@ def changed(content: dict[str, object], changes: Mapping[str, object]) -> dict[s
     return result
 
 
-def name_kinds(given: object, everything: object) -> None:
-    """Add each ``kind`` that was left to its class: without it a file could not be read again."""
-    if isinstance(given, dict) and isinstance(everything, dict):
-        if "kind" in everything:
-            given["kind"] = everything["kind"]
-        for key, value in given.items():
-            name_kinds(value, everything.get(key))
-    elif isinstance(given, list | tuple) and isinstance(everything, list | tuple):
-        for one, whole in zip(given, everything, strict=True):
-            name_kinds(one, whole)
-
-
-def table_of(value: object) -> dict[str, object]:
-    """Return ``value``, which is a table."""
-    assert isinstance(value, dict)
-    return value
-
-
-def plain(value: object) -> object:
+def plain(value: Any) -> Any:
     """Convert to what TOML can hold: no None, paths as text."""
     if isinstance(value, Mapping):
         return {key: plain(entry) for key, entry in value.items() if entry is not None}
@@ -143,9 +125,9 @@ class Spec(Section):
             raise InputError(
                 f"replace: {short(changes)} is {its_type(changes)}; give a table of changes or sections by name"
             )
-        content = self.model_dump(exclude_unset=True)
-        name_kinds(content, self.model_dump())
-        return parse_spec(changed(content, {**(changes or {}), **sections}), f"{self.name}, changed")
+        return parse_spec(
+            changed(self.model_dump(exclude_unset=True), {**(changes or {}), **sections}), f"{self.name}, changed"
+        )
 
     def with_levels(self, levels: tuple[int, ...]) -> "Spec":
         """The spec of a lens whose ``lens.levels`` a search has chosen: with these numbers, without a time to keep."""
@@ -179,23 +161,13 @@ class Spec(Section):
 
     def to_toml(self) -> str:
         """The spec as TOML: what was given, each kind named."""
-        content = self.model_dump(mode="json", exclude_unset=True)
-        everything = self.model_dump(mode="json")
-        name_kinds(content, everything)
-        return tomli_w.dumps({"name": self.name, **table_of(plain(content))})
+        return tomli_w.dumps(plain({"name": self.name, **self.model_dump(mode="json", exclude_unset=True)}))
 
     @model_validator(mode="after")
     def _sizes_are_known(self) -> "Spec":
         if self.constraints.missing:
             name = self.constraints.missing[0]
             raise ValueError(f"constraints.{name}: missing: {words_of(ConstraintsSection, name)}")
-        return self
-
-    @model_validator(mode="after")
-    def _stages_match_levels(self) -> "Spec":
-        steps = self.optimise.steps_per_level
-        if self.lens.levels != "auto" and steps is not None and len(steps) != len(self.lens.levels):
-            raise ValueError(f"optimise.steps_per_level has {len(steps)} numbers, lens.levels {len(self.lens.levels)}")
         return self
 
     @model_validator(mode="after")
@@ -260,6 +232,9 @@ class Spec(Section):
         if self.lens.levels != "auto":
             if self.optimise.seconds is not None:
                 raise ValueError('optimise.seconds goes with lens.levels = "auto"; leave out one of the two')
+            steps, levels = self.optimise.steps_per_level, self.lens.levels
+            if steps is not None and len(steps) != len(levels):
+                raise ValueError(f"optimise.steps_per_level has {len(steps)} numbers, lens.levels {len(levels)}")
             return self
         for name in _OF_GIVEN_LEVELS:
             if name in given and getattr(self.optimise, name):

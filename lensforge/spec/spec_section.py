@@ -13,7 +13,7 @@ from difflib import get_close_matches
 from inspect import Signature
 from math import ceil, floor, log10
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, Self, get_args, get_origin
 
 import numpy as np
 from pydantic import (
@@ -228,6 +228,13 @@ class Section(_Model):
         for each in cls.__mro__:
             content = with_new_names(each.__name__, content)
         return content
+
+    @model_validator(mode="after")
+    def _kind_is_given(self) -> Self:
+        """Count the kind as given where it was left to the class: without it a file could not be read again."""
+        if "kind" in type(self).model_fields:
+            self.model_fields_set.add("kind")
+        return self
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise InputError(f"{type(self).__name__}.{name}: a spec does not change; make another with replace(...)")
