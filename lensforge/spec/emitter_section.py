@@ -1,7 +1,7 @@
 """Fields of every source: how much light it gives, by which angle and wavelength, and where it sits in the lens."""
 
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -138,6 +138,8 @@ class EmitterSection(FluxSection):
     ``tilt_deg`` = (a, b), and its centre is at ``position_mm``.
     """
 
+    words: ClassVar[str]  # for the source, by its fields
+
     luminous_efficacy_lm_per_w: LumensPerWatt | None = None
     """Luminous efficacy of the light: with it, with both fluxes or with a spectrum reports show lux, without it W/m^2.
     """
@@ -165,7 +167,7 @@ class EmitterSection(FluxSection):
     @property
     def description(self) -> str:
         """The source in a few words, without its place."""
-        raise NotImplementedError
+        return self.words.format(self)
 
     @property
     def title(self) -> str:

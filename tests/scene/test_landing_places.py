@@ -8,7 +8,7 @@ import pytest
 from lensforge.kernels.fate import Fate
 from lensforge.kernels.landing import LEAST_RISE, POLE
 from lensforge.scene.exit_rays import ExitRays
-from lensforge.scene.pixel_grid import PixelGrid, Window, gaussian3
+from lensforge.scene.pixel_grid import PixelGrid, gaussian3
 from lensforge.scene.receiver import PosedReceiver, ReceiverPose, equal_area, from_equal_area
 from lensforge.scene.receiver_shapes import Cylinder, Dome, FarField, Plane, chart_radius
 
@@ -97,23 +97,6 @@ def both_landings(receiver: PosedReceiver, points: np.ndarray, directions: np.nd
     return one.hits, one.landed
 
 
-@each_receiver
-def test_a_ray_towards_a_place_lands_there(receiver: PosedReceiver) -> None:
-    chance = np.random.default_rng(0)
-    places = chance.uniform(-0.5, 0.5, (200, 2)) * receiver.grid.size
-    ends = np.array([by_hand(receiver, *place) for place in places])
-    centre = np.zeros(3) if receiver.kind == "far_field" else np.array(CENTRE)
-    starts = (
-        centre
-        + chance.uniform(-3.0, 3.0, (200, 3))
-        - (20.0 * receiver.pose.axes[2] if receiver.kind == "plane" else 0.0)
-    )
-    ways = ends if receiver.kind == "far_field" else ends - starts
-    hits, landed = both_landings(receiver, starts, ways / np.linalg.norm(ways, axis=1, keepdims=True))
-    assert landed.all()
-    np.testing.assert_allclose(hits, places, rtol=1e-9, atol=1e-9)
-
-
 def unit(x: float, y: float, z: float) -> np.ndarray:
     return np.array([x, y, z]) / math.sqrt(x * x + y * y + z * z)
 
@@ -181,13 +164,6 @@ def test_angles_of_the_far_field_are_those_of_its_chart_and_back() -> None:
     for receiver in (EVERY["plane"], EVERY["cylinder"], EVERY["sphere"]):
         np.testing.assert_array_equal(receiver.chart_coordinates(x, y), [x, y])
         np.testing.assert_array_equal(receiver.target_coordinates(x, y), [x, y])
-
-
-def test_a_window_holds_its_own_edge() -> None:
-    hits = np.array([[30.0, 40.0], [30.1, 40.0], [3.0, 20.0], [3.0, -20.1], [-15.0, 0.0], [15.1, 0.0]])
-    assert Window(radius=50.0).contains(hits[:2]).tolist() == [True, False]
-    assert Window(30.0, 40.0).contains(hits[2:]).tolist() == [True, False, True, False]
-    assert Window(30.0, 40.0, 5.0).packed() == (15.0, 20.0, 25.0)
 
 
 @pytest.mark.parametrize("variance", [0.3, 1.0, 2.5])

@@ -8,8 +8,7 @@ from scenes import small_spec
 from scipy.special import ndtr, ndtri
 
 from lensforge.errors import InputError
-from lensforge.scene import target_pattern
-from lensforge.scene.pixel_grid import PixelGrid, Window
+from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver import PosedReceiver, ReceiverPose
 from lensforge.scene.receiver_shapes import Plane, receivers_of
 from lensforge.scene.target_pattern import coarser_target, drawn_target, target_light, uniform_region
@@ -54,21 +53,6 @@ def test_soft_edges_of_the_far_field_are_even_angles_wide_and_symmetric(half_ang
     for image in (light[::-1], light[:, ::-1]):
         np.testing.assert_allclose(image, light, rtol=0.0, atol=1e-9 * light.max())
     assert not light[np.hypot(x, y) > half_angle + 4.0].any()
-
-
-def test_soft_edges_are_drawn_up_to_four_deviations_beyond_the_far_field(monkeypatch: pytest.MonkeyPatch) -> None:
-    seen, draw = [], target_pattern._pattern
-    monkeypatch.setattr(
-        target_pattern, "_pattern", lambda target, x, y, grid: seen.append((x, y, grid)) or draw(target, x, y, grid)
-    )
-    _, receiver = far_field(40.0, {"kind": "disc", "diameter_deg": 33.125, "edge_deg": 2.5})
-    ((x, y, canvas),) = seen
-    fine = receiver.grid.finer(8)
-    places = np.hypot(*receiver.target_coordinates(*np.meshgrid(fine.x(), fine.y())))
-    reach = places[Window(radius=receiver.window.radius).pixels(fine)].max() + 4.0 * 2.5
-    assert canvas.size == pytest.approx((2.0 * reach, 2.0 * reach)) and canvas.shape == (1024, 1024)
-    np.testing.assert_array_equal(x[0], canvas.x())
-    np.testing.assert_array_equal(y[:, 0], canvas.y())
 
 
 def test_targets_add_up_by_their_levels_and_one_that_lies_beside_the_receiver_adds_nothing() -> None:
@@ -117,17 +101,6 @@ def test_the_region_of_uniform_light_is_that_of_any_target_by_the_centres_of_pix
             in_other = abs(x - 25.0) <= 15.0 + 2.5 * wider and abs(y + 15.0) <= 15.0 + 5.0 * wider
             assert found[row, column] == (in_one or in_other), (x, y)
     assert uniform_region((plain,), OBLONG) is None
-
-
-@pytest.mark.parametrize("wider", [0.0, 2.0])
-def test_a_region_of_the_far_field_is_wider_by_the_angle_of_a_pixel_on_the_axis(wider: float) -> None:
-    targets = {"kind": "disc", "diameter_deg": 20.0, "uniform_deg": [40.0, 21.0]}
-    spec = small_spec(target=None, receivers=[{"kind": "far_field", "half_angle_deg": 60.0, "targets": [targets]}])
-    (receiver,) = receivers_of(spec, 48)
-    x, y = receiver.target_coordinates(*np.meshgrid(receiver.grid.x(), receiver.grid.y()))
-    pixel_deg = np.degrees(2.0 / 48.0)  # its side on the chart is 2 sin 30 deg of radius, which is 1
-    expected = (np.abs(x) <= 20.0 + 0.5 * wider * pixel_deg) & (np.abs(y) <= 10.5 + 0.5 * wider * pixel_deg)
-    assert np.array_equal(uniform_region(spec.all_receivers[0].targets, receiver, wider), expected)
 
 
 @pytest.mark.parametrize("columns", [8, 31, 128])

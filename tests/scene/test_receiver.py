@@ -68,13 +68,6 @@ def test_pixels_are_as_nearly_square_as_they_can_be(size, pixels, shape) -> None
     assert grid.x() == pytest.approx(-grid.x()[::-1]) and grid.y() == pytest.approx(-grid.y()[::-1])
 
 
-def test_a_finer_grid_divides_every_pixel() -> None:
-    fine = WIDE.finer(3)
-    assert fine.shape == (30, 144) and fine.size == WIDE.size
-    assert np.allclose(fine.x().reshape(-1, 3).mean(axis=1), WIDE.x())
-    assert np.allclose(fine.y().reshape(-1, 3).mean(axis=1), WIDE.y())
-
-
 def test_pixels_of_a_window_are_those_whose_centres_lie_in_it() -> None:
     x, y = np.meshgrid(WIDE.x(), WIDE.y())
     assert np.array_equal(Window(100.0, 60.0).pixels(WIDE), (np.abs(x) <= 50.0) & (np.abs(y) <= 30.0))
@@ -90,16 +83,6 @@ def test_text_stands_upright_and_has_its_width() -> None:
     assert np.ptp(axis[columns]) == pytest.approx(100.0, abs=2 * GRID.pixel[0])
     bar = image[: len(image) // 2].sum() > image[len(image) // 2 :].sum()
     assert bar, "the foot of an L is at small y, which is row 0"
-
-
-def test_image_keeps_its_aspect_and_its_top(tmp_path) -> None:
-    picture = np.zeros((40, 80), dtype=np.uint8)
-    picture[:10] = 255  # a bright stripe on top
-    Image.fromarray(picture).save(tmp_path / "stripe.png")
-    target = ImageTarget(kind="image", file=tmp_path / "stripe.png", width_mm=200.0, **PLACE)
-    image = _light(target)
-    y = (image.sum(axis=1) @ GRID.y()) / image.sum()
-    assert y == pytest.approx(50.0 - 12.5, abs=0.5)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver import ReceiverPose
 from lensforge.scene.receiver_shapes import Plane
 from lensforge.scene.target_pattern import drawn_text, target_light
-from lensforge.spec import ArrayTarget, ImageTarget, TextTarget
+from lensforge.spec import ImageTarget, TextTarget
 
 PLANE = Plane(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 100.0)), PixelGrid.square(300.0, 32))
 PLACE = {"distance_mm": 100.0, "receiver_mm": 300.0}
@@ -62,28 +62,6 @@ def test_a_pattern_that_is_kept_cannot_be_changed(tmp_path):
     first = irradiance(tmp_path, png(GREY16, "grey", 16))
     first[:] = 0.0
     assert irradiance(tmp_path, png(GREY16, "grey", 16)).sum() == pytest.approx(1.0)
-
-
-@pytest.mark.parametrize("scale", [1e30, 1e-25])
-def test_large_and_small_numbers_of_an_array_are_the_same_pattern(scale):
-    values = RNG.random((32, 32)) + 0.1
-    one, other = (
-        target_light((ArrayTarget(v, width_mm=300.0, edge_mm=20.0, **PLACE),), PLANE)
-        for v in (values, values * scale * 0.5)
-    )
-    np.testing.assert_allclose(other, one, rtol=1e-12)
-
-
-@pytest.mark.parametrize("value", [1e308, np.inf, np.nan, -1.0])
-def test_numbers_of_no_light_are_refused(value):
-    with pytest.raises(InputError, match="values"):
-        ArrayTarget([[1.0, value]], width_mm=300.0, **PLACE)
-
-
-def test_arrays_that_differ_in_a_number_are_different_targets():
-    one = ArrayTarget(GREY16, width_mm=300.0, **PLACE)
-    same, other = (ArrayTarget(values, width_mm=300.0, **PLACE) for values in (GREY16, GREY16.T))
-    assert one == same and hash(one) == hash(same) and one != other
 
 
 @pytest.mark.parametrize("text", ["a\nb", "a\rb", "a\tb", "\0", "a\u2028b", "a\u202eb", "a\u200bb"])

@@ -8,7 +8,6 @@ from scenes import small_spec
 import lensforge as lf
 from lensforge.errors import InputError
 from lensforge.spec import load_spec
-from lensforge.spec.spec_section import date_of
 
 
 @pytest.mark.parametrize(
@@ -31,12 +30,6 @@ def test_a_wrong_field_is_one_line(fields, line):
     assert "\n" not in str(caught.value)
 
 
-def test_the_scale_is_one_but_for_an_insert():
-    assert lf.ManufactureSection().scale == 1.0
-    assert lf.ManufactureSection(make="insert").scale == 1.0
-    assert lf.ManufactureSection(make="insert", shrinkage=0.005).scale == 1.0 + 0.005
-
-
 def test_a_date_of_toml_and_its_text_are_the_same(tmp_path):
     dated = small_spec().replace({"manufacture": {"date": "2026-03-31", "author": "A. Author"}})
     dated.save(tmp_path / "text.toml")
@@ -45,9 +38,3 @@ def test_a_date_of_toml_and_its_text_are_the_same(tmp_path):
     (tmp_path / "date.toml").write_text(text.replace('"2026-03-31"', "2026-03-31"), encoding="utf-8")
     assert load_spec(tmp_path / "date.toml") == load_spec(tmp_path / "text.toml") == dated
     assert dated.manufacture.date == "2026-03-31"
-
-
-@pytest.mark.parametrize("date", ["yesterday", 5, datetime.datetime(2026, 3, 31)])
-def test_a_wrong_date_of_an_export_is_one_line(date):
-    with pytest.raises(InputError, match=r"^date = .*year-month-day, such as 2026-01-31$"):
-        date_of("date", date)

@@ -8,9 +8,7 @@ import pytest
 from scenes import small_spec
 
 import lensforge as lf
-from lensforge.results.validation import its_type
 from lensforge.spec import parse_spec, source_sections
-from lensforge.spec.design_spec import require_spec
 from lensforge.spec.emitter_section import (
     CosineIntensity,
     FileSpectrum,
@@ -165,12 +163,6 @@ def test_rays_that_are_none_or_given_twice_are_one_line(rays: object, more: dict
     assert message in str(refusal.value) and len(str(refusal.value).splitlines()) == 1
 
 
-def test_whole_numbers_and_rays_without_a_flux_are_taken() -> None:
-    source_sections = lf.RaySource(ROWS[:, :6].astype(np.int32), ray_flux=[1, 2, 3, 4])
-    assert source_sections.positions_mm.dtype == source_sections.directions.dtype == np.float64
-    assert source_sections.ray_flux is not None and source_sections.ray_flux.tolist() == [1.0, 2.0, 3.0, 4.0]
-
-
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -197,12 +189,6 @@ def test_a_path_that_is_none_is_one_line(
         small_spec().save(path)  # type: ignore[arg-type]
     assert message in str(refusal.value) and len(str(refusal.value).splitlines()) == 1
     assert not list(tmp_path.iterdir())
-
-
-def test_the_type_of_a_wrong_value_has_its_article() -> None:
-    assert its_type(5) == "an int" and its_type("5") == "a str" and its_type([]) == "a list"
-    with pytest.raises(lf.InputError, match=r"^design: '5' is an int, no Spec"):
-        require_spec(5, "design")
 
 
 SPECTRA = (
