@@ -95,7 +95,6 @@ class PointsLimit(LimitSection):
     at_deg: (
         Annotated[tuple[tuple[DegreesOff, DegreesOff], ...], Field(min_length=1, max_length=_MOST_POINTS)] | None
     ) = None
-    """Directions (x, y) in the far field."""
 
     @property
     def places(self) -> tuple[tuple[float, float], ...]:
@@ -115,9 +114,7 @@ class LineLimit(LimitSection):
     to_mm: tuple[Coordinate, Coordinate] | None = None
     """Second end on a surface."""
     from_deg: tuple[DegreesOff, DegreesOff] | None = None
-    """First end in the far field."""
     to_deg: tuple[DegreesOff, DegreesOff] | None = None
-    """Second end in the far field."""
 
 
 class ZoneLimit(LimitSection):

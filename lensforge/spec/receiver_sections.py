@@ -59,6 +59,7 @@ class ReceiverSection(Section):
     """Fields of every receiver; receivers are transparent, each sees every ray that leaves the lens."""
 
     unit: ClassVar[Unit] = "mm"
+    words: ClassVar[str]  # for its place, by its fields
 
     kind: str
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] | None = None
@@ -74,6 +75,11 @@ class ReceiverSection(Section):
     def size(self) -> tuple[float, float]:
         """Width and height of the chart, in its unit."""
         raise NotImplementedError
+
+    @property
+    def place(self) -> str:
+        """Its place in a few words."""
+        return self.words.format(self)
 
     @property
     def extent(self) -> tuple[float, float]:
@@ -190,6 +196,7 @@ class FarFieldReceiver(ReceiverSection):
     """Intensity by direction, around an axis."""
 
     unit: ClassVar[Unit] = "deg"
+    words: ClassVar[str] = "in the far field, to {0.half_angle_deg:g}°"
 
     kind: Literal["far_field"] = "far_field"
     axis: Direction = (0.0, 0.0, 1.0)
@@ -219,11 +226,6 @@ class FarFieldReceiver(ReceiverSection):
             raise ValueError("axis = (0, 0, 0) is no direction")
         return self
 
-    @property
-    def place(self) -> str:
-        """Its place in a few words."""
-        return f"in the far field, to {self.half_angle_deg:g}°"
-
 
 class _CurvedReceiver(ReceiverSection):
     """A screen around the lens, whose chart is centred on the direction ``facing``."""
@@ -249,6 +251,8 @@ class CylinderReceiver(_CurvedReceiver):
     ``rotation_deg``.
     """
 
+    words: ClassVar[str] = "on a cylinder of radius {0.radius_mm:g} mm"
+
     kind: Literal["cylinder"] = "cylinder"
     width_mm: Millimetres
     """Width along the arc."""
@@ -269,17 +273,14 @@ class CylinderReceiver(_CurvedReceiver):
             )
         return self
 
-    @property
-    def place(self) -> str:
-        """Its place in a few words."""
-        return f"on a cylinder of radius {self.radius_mm:g} mm"
-
 
 class SphereReceiver(_CurvedReceiver):
     """A spherical screen up to ``half_angle_deg`` from the direction that it faces, seen from its centre.
 
     Charted so that areas are kept: a place lies 2 ``radius_mm`` sin(angle / 2) from the chart's centre.
     """
+
+    words: ClassVar[str] = "on a sphere of radius {0.radius_mm:g} mm"
 
     kind: Literal["sphere"] = "sphere"
     half_angle_deg: Annotated[float, Field(ge=0.01, le=150.0)]
@@ -290,11 +291,6 @@ class SphereReceiver(_CurvedReceiver):
         """Sides of the equal-area chart (mm)."""
         side = 4.0 * self.radius_mm * sin(0.5 * radians(self.half_angle_deg))
         return side, side
-
-    @property
-    def place(self) -> str:
-        """Its place in a few words."""
-        return f"on a sphere of radius {self.radius_mm:g} mm"
 
 
 AnyReceiver = PlaneReceiver | FarFieldReceiver | CylinderReceiver | SphereReceiver

@@ -85,7 +85,6 @@ class TargetSection(InOneUnit):
     centre_mm: tuple[Coordinate, Coordinate] | None = None
     """Centre of the pattern on a surface."""
     centre_deg: tuple[DegreesOff, DegreesOff] | None = None
-    """Centre of the pattern in the far field."""
     rotation_deg: Turn = 0.0
     """Turn of the pattern about its centre, from x towards y."""
     level: Annotated[float, Field(ge=1e-9, le=1e9)] = 1.0
@@ -93,7 +92,6 @@ class TargetSection(InOneUnit):
     uniform_mm: Side | None = None
     """Side, or width and height, of the rectangle about its centre whose uniformity counts, on a surface."""
     uniform_deg: SideDegrees | None = None
-    """Side, or width and height, of the rectangle about its centre whose uniformity counts, in the far field."""
 
     @model_validator(mode="after")
     def _fits_its_receiver(self) -> "TargetSection":
@@ -164,7 +162,6 @@ class SoftTarget(TargetSection):
     edge_mm: Annotated[float, Field(ge=0.0, le=1e9)] | None = None
     """Standard deviation of the Gaussian that softens edges, on a surface; by default they are sharp."""
     edge_deg: DegreesOrZero | None = None
-    """Standard deviation of the Gaussian that softens edges, in the far field; by default they are sharp."""
 
     @property
     def edge(self) -> float:
@@ -258,9 +255,7 @@ class SizedTarget(TargetSection):
     height_mm: Millimetres | None = None
     """Whole height, along y, on a surface; by default as the width of a flat top, in proportion of a picture."""
     width_deg: DegreesWide | None = None
-    """Whole width, along x, in the far field."""
     height_deg: DegreesWide | None = None
-    """Whole height, along y, in the far field; by default as the width of a flat top, in proportion of a picture."""
 
 
 class _PictureTarget(SizedTarget, SoftTarget):
