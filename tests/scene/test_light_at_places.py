@@ -6,10 +6,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from lensforge.scene.target_shapes import batwing, beam, flat_top, in_picture, in_shape, photometric
+from lensforge.scene.target_shapes import batwing, beam, in_shape, photometric
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.spec.shape_targets import (
-    FlatTopTarget,
     PolygonTarget,
 )
 from lensforge.spec.target_sections import BatwingTarget, BeamTarget
@@ -97,15 +96,6 @@ def test_a_table_is_read_between_its_planes_and_angles(planes: list[float], gamm
     np.testing.assert_allclose(last, [values[0, -1], values[0, 0], 0.0])
 
 
-def test_a_flat_top_is_a_super_gaussian_and_dark_far_away() -> None:
-    x, y = at((0.0, 0.0), (3.0, 0.0), (0.0, -2.0), (2.0, 1.5), (-3.5, 2.2), (1e9, 0.0), (0.0, -1e9))
-    found = flat_top(FlatTopTarget(width_mm=6.0, height_mm=4.0, exponent=6.0), x, y)
-    by_hand = [math.exp(-((one / 3.0) ** 6) - (other / 2.0) ** 6) for one, other in zip(x[:5], y[:5], strict=True)]
-    np.testing.assert_allclose(found, [*by_hand, 0.0, 0.0], rtol=1e-12)
-    single = flat_top(FlatTopTarget(width_mm=6.0, exponent=6.0), *at((0.0, 3.0), (3.0, 0.0)))
-    np.testing.assert_allclose(single, math.exp(-1.0))
-
-
 def test_a_polygon_holds_what_an_odd_number_of_its_edges_lies_beside() -> None:
     """A star that crosses itself, against angles: the winding number of the outline is odd inside."""
     corners = tuple(
@@ -123,15 +113,3 @@ def test_a_polygon_holds_what_an_odd_number_of_its_edges_lies_beside() -> None:
     assert in_shape(square, *edges).tolist() == [True, False, True, False, False, False], (
         "each edge belongs to one side"
     )
-
-
-def test_a_picture_has_its_pixels_where_they_lie_and_is_dark_around() -> None:
-    picture = np.arange(1.0, 7.0).reshape(2, 3)  # 6 mm wide, 8 mm high: pixels of 2 x 4 mm
-    x, y = at((-2.9, 3.9), (0.0, 3.9), (2.9, 0.1), (-2.9, -0.1), (0.9, -3.9), (1.1, -3.9))
-    np.testing.assert_array_equal(in_picture(picture, (6.0, 8.0), x, y), [1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
-    outside = at(
-        (-3.1, 0.0), (3.1, 0.0), (0.0, 4.1), (0.0, -4.1), (-8.0, 0.0), (9.0, 0.0), (0.0, 99.0), (1e300, -1e300)
-    )
-    assert not in_picture(picture, (6.0, 8.0), *outside).any()
-    rows = in_picture(picture, (6.0, 8.0), np.array([[-2.0, 0.0, 2.0, 4.0]]), np.array([[2.0], [-2.0]]))
-    np.testing.assert_array_equal(rows, [[1.0, 2.0, 3.0, 0.0], [4.0, 5.0, 6.0, 0.0]])

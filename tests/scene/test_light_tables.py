@@ -26,14 +26,6 @@ def test_one_array_of_an_archive_is_a_table(tmp_path):
         read_table(tmp_path / "two.npz")
 
 
-@pytest.mark.parametrize("text", ["0,0\n0,0", "1,-0.001", "1,nan", "1,inf"])
-def test_dark_negative_and_endless_light_is_refused(tmp_path, text):
-    path = tmp_path / "light.csv"
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(InputError, match=r"must be 0 or above, and its largest from 1e-30 to 1e\+30"):
-        read_table(path)
-
-
 def test_what_is_no_table_is_refused_with_its_place_and_not_its_words(tmp_path) -> None:
     (tmp_path / "light.csv").write_text("1," + 1000 * "x")
     with pytest.raises(InputError, match=r"no table of numbers \(no number at row 0, column 2\.\);") as refusal:

@@ -12,7 +12,7 @@ from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver import PosedReceiver, ReceiverPose
 from lensforge.scene.receiver_shapes import Plane, receivers_of
 from lensforge.scene.target_pattern import coarser_target, drawn_target, target_light, uniform_region
-from lensforge.spec import ArrayTarget, RectangleTarget
+from lensforge.spec import RectangleTarget
 from lensforge.spec.shape_targets import RingTarget
 
 AXIAL = ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 100.0))
@@ -65,21 +65,6 @@ def test_targets_add_up_by_their_levels_and_one_that_lies_beside_the_receiver_ad
         np.testing.assert_allclose(both, (8.0 * one + other) / 9.0, atol=1e-15)  # by level and area
     with pytest.raises(InputError, match="dark everywhere on the receiver"):
         target_light((beside,), OBLONG)
-
-
-@pytest.mark.parametrize(
-    ("width_mm", "height_mm", "rotation_deg", "fits"),
-    [(120.0, 80.0, 0.0, True), (120.1, 80.0, 0.0, False), (120.0, 80.1, 0.0, False), (120.1, 80.1, 45.0, True)],
-)
-def test_a_picture_may_fill_its_receiver_and_be_larger_when_turned(width_mm, height_mm, rotation_deg, fits) -> None:
-    target = ArrayTarget([[1.0, 2.0]], width_mm=width_mm, height_mm=height_mm, rotation_deg=rotation_deg)
-    if fits:
-        assert target_light((target,), OBLONG).sum() == pytest.approx(1.0)
-    else:
-        with pytest.raises(InputError, match=r"must fit into receiver_mm = 120 x 80"):
-            target_light((target,), OBLONG)
-    wide = {"kind": "array", "values": [[1.0, 2.0]], "width_deg": 170.0, "height_deg": 10.0}
-    assert far_field(40.0, wide)[0].sum() == pytest.approx(1.0), "angles may reach beyond the far field"
 
 
 def test_the_region_of_uniform_light_is_that_of_any_target_by_the_centres_of_pixels() -> None:

@@ -81,13 +81,6 @@ def test_a_collimated_source_reaches_no_target_far_to_its_side() -> None:
     assert 0.1 < largest_share(pixels, receiver, 3.0, colours).by_refraction < some, "the rays' own indices"
 
 
-def test_light_beside_the_origin_comes_from_where_it_leaves_the_lens() -> None:
-    """Straight up from a 2 mm square: a sixteenth of the light lands in a pixel of 0.5 mm off the axis."""
-    pixels = np.zeros((4, 4), dtype=bool)
-    pixels[2, 3] = True
-    assert largest_share(pixels, plane(2.0, 4, 5.0), 3.0, straight_up(1.0)).by_refraction >= 1.0 / 16.0
-
-
 def test_a_point_source_is_bounded_by_refraction_alone() -> None:
     physics = possible(plane(1.0, 8, 1000.0), 15.0, SourceLight.of(SquareEmitter(0.0), Media(1.5)))
     assert physics.in_region(whole(physics.receiver)).by_etendue == pytest.approx(normal_transmittance(1.5) ** 2)
@@ -213,13 +206,6 @@ def test_the_bounds_of_a_region_are_those_of_its_solid_angle_and_of_the_cone_aro
     assert found.by_refraction == pytest.approx(passed / bundle.flux.sum(), rel=1e-9)
 
 
-def test_a_receiver_within_the_ball_is_seen_in_every_direction() -> None:
-    near = Dome(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)), GRID, radius_mm=60.0)
-    inside, outside = (PossibleLight(light(Media(1.5)), near, radius) for radius in (61.0, 30.0))
-    assert inside._parallax_rad() == pytest.approx(0.5 * math.pi)
-    assert outside._parallax_rad() == pytest.approx(math.pi / 6.0, rel=1e-3)
-
-
 def test_the_radius_for_a_share_is_that_whose_etendue_holds_it() -> None:
     physics = PossibleLight(light(Media(1.5)), RECEIVERS["plane"], 4.0)
     transmittance = physics.light.transmittance
@@ -231,16 +217,3 @@ def test_the_radius_for_a_share_is_that_whose_etendue_holds_it() -> None:
         math.sqrt(9.0 / (math.pi * angle))
     )
     assert physics.radius_for(PIXELS, transmittance * (1.0 + 2e-9)) == math.inf
-
-
-def test_a_source_is_sampled_by_16384_rays_or_all_that_it_has() -> None:
-    source = SquareEmitter(1.0)
-    found = SourceLight.of(source, Media(1.5, cavity_index=1.4, outside_index=1.1))
-    np.testing.assert_array_equal(found.rays.directions, source.sample(2**14, 0).directions)
-    inside = EtendueCurve.of_source(source, found.rays, 0)
-    np.testing.assert_allclose(found.curve.etendue_mm2_sr, (1.4 / 1.1) ** 2 * inside.etendue_mm2_sr)
-    np.testing.assert_array_equal(found.curve.share, inside.share)
-
-    measured = SquareEmitter(1.0, ray_count=100)
-    assert len(SourceLight.of(measured, Media(1.5)).rays) == 100
-    assert len(SourceLight.of(measured, Media(1.5), 60).rays) == 60

@@ -7,7 +7,6 @@ import pytest
 from handmade_pictures import png, tiff
 
 from lensforge.errors import InputError
-from lensforge.optics.image_reading import read_light
 from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver import ReceiverPose
 from lensforge.scene.receiver_shapes import Plane
@@ -40,17 +39,6 @@ def expected(light):
 )
 def test_every_bit_of_a_picture_is_irradiance(tmp_path, content, light):
     np.testing.assert_allclose(irradiance(tmp_path, content), expected(light), rtol=1e-12)
-
-
-def test_luminance_of_colours_is_that_of_the_field(tmp_path):
-    """How each is decoded: tests/optics/test_reading.py."""
-    colours = png(RNG.integers(0, 256, (32, 32, 3)), "rgb")
-    (tmp_path / "colours").write_bytes(colours)
-    for luminance in ("as_stored", "srgb"):
-        light = read_light(tmp_path / "colours", luminance, missing="")
-        np.testing.assert_allclose(irradiance(tmp_path, colours, luminance=luminance), expected(light), rtol=1e-12)
-    with pytest.raises(InputError, match=r"luminance = 'linear': .*'as_stored' or 'srgb'"):
-        irradiance(tmp_path, colours, luminance="linear")
 
 
 def test_another_picture_of_the_same_name_is_another_target(tmp_path):

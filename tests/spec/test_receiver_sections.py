@@ -124,13 +124,6 @@ def test_every_target_in_degrees_is_kept_alone_and_on_its_receiver(target: Table
     _require_kept(made, tmp_path)
 
 
-def test_a_target_alone_stands_for_a_square_on_the_axis() -> None:
-    (receiver,) = small_spec().all_receivers
-    assert isinstance(receiver, lf.PlaneReceiver)
-    assert (receiver.name, receiver.centre_mm, receiver.size) == ("light", (0.0, 0.0, 100.0), (200.0, 200.0))
-    assert receiver.facing == (0.0, 0.0, 1.0) and receiver.targets == (small_spec().target,)
-
-
 def test_receivers_without_a_name_have_that_of_their_kind_and_a_number_where_it_needs_one() -> None:
     plane, far, named = (
         _on(PLANE, DISC),
