@@ -19,7 +19,7 @@ from lensforge.optics.material import MATERIALS
 from lensforge.results.files import replacing, require_writable
 from lensforge.shop.findings import GOOD_DRAFT_DEG
 from lensforge.spec import Spec, parse_spec
-from lensforge.spec.derived_values import WHY, with_derived
+from lensforge.spec.derived_values import WHY
 from lensforge.spec.new_spec import SOURCE_KINDS, SOURCES, TARGET_KINDS, TARGETS, new_text, source_in, target_in
 from lensforge.spec.source_sections import RayfileSource
 from lensforge.spec.spec_files import resolve_files
@@ -167,14 +167,18 @@ def _checked_text(content: Tables, folder: Path, force: bool) -> str:
     scene.require_light(force=force)
     for words in scene.warnings():
         click.echo(f"lensforge: {words}", err=True)
-    filled, names = with_derived(content)
-    reasons = {f"{section}.{name}": WHY[f"{section}.{name}"] for section, name in names if section}
+    reasons = {}
+    for name, why in WHY.items():
+        section, _, field = name.partition(".")
+        value = getattr(getattr(made, section), field)
+        if field not in content[section] and value is not None:
+            content[section][field], reasons[name] = value, why
     for section in ("source", "target"):
-        if "file" in filled[section]:
-            filled[section]["file"] = _relative(resolved[section]["file"], folder)
+        if "file" in content[section]:
+            content[section]["file"] = _relative(resolved[section]["file"], folder)
     title = f"{made.source.title}, target {made.target.kind}" if made.target is not None else made.source.title
     possible = f"The target: {scene.targets[0].possible_words} through the largest lens."
-    return new_text(filled, reasons, title[:1].upper() + title[1:], possible)
+    return new_text(content, reasons, title[:1].upper() + title[1:], possible)
 
 
 def _relative(file: str, folder: Path) -> str:

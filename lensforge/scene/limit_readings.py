@@ -20,7 +20,6 @@ Quantity = Literal["light", "relative", "min_over_mean", "min_over_max", "share"
 _UNITS = {"w_per_m2": "W/m²", "lx": "lx", "w_per_sr": "W/sr", "cd": "cd", "deg": "°"}
 _PHOTOMETRIC = ("lx", "cd")
 _STEPS_PER_PIXEL = 2  # places along a line or a cut: the light between them is bilinear
-_SAME_PLACE = 1.0 - 1e-9  # cosine between the pixels that two places read
 _SENSES: tuple[Sense, Sense] = (">=", "<=")
 
 
@@ -58,8 +57,7 @@ def light_limits(
 ) -> tuple[LightLimit, ...]:
     """The limits of ``spec`` on pictures of ``receivers``; those with two bounds twice. ``flux_w``: of the source.
 
-    Raises :class:`InputError` for lux or candela of a source whose lumens are not known, zones without a pixel, and
-    limits that contradict each other.
+    Raises :class:`InputError` for lux or candela of a source whose lumens are not known, and zones without a pixel.
     """
     names = [section.name for section in spec.all_receivers]
     found: list[LightLimit] = []
@@ -67,7 +65,6 @@ def light_limits(
         index = 0 if limit.receiver is None else names.index(limit.receiver)
         where = f"limits.{number}"
         found += _bounds_of(limit, where, index, receivers[index], lumens_per_watt, flux_w)
-    _require_consistent(found)
     return tuple(found)
 
 
@@ -113,13 +110,13 @@ def _readings(limit: LimitSection, receiver: PosedReceiver, where: str) -> spars
     """Matrix from pixels to the places of ``limit``."""
     match limit:
         case PointsLimit():
-            x, y = np.array(limit.points).T
+            x, y = np.array(limit.places).T
             return _bilinear(receiver, *receiver.chart_coordinates(x, y))
         case LineLimit():
-            (x0, y0), (x1, y1) = (receiver.chart_coordinates(*np.array(end)[:, None]) for end in limit.ends)
+            (x0, y0), (x1, y1) = (receiver.chart_coordinates(*np.array(end)[:, None]) for end in limit.places)
             long = np.hypot((x1 - x0) / receiver.grid.pixel[0], (y1 - y0) / receiver.grid.pixel[1])
             part = np.linspace(0.0, 1.0, max(2, ceil(_STEPS_PER_PIXEL * long.item()) + 1))
-            (xs, ys), (xe, ye) = limit.ends
+            (xs, ys), (xe, ye) = limit.places
             return _bilinear(receiver, *receiver.chart_coordinates(xs + part * (xe - xs), ys + part * (ye - ys)))
         case BeamAngleLimit():
             angles, turn = _cut(receiver), np.radians(limit.azimuth_deg)
@@ -168,29 +165,3 @@ def _bilinear(receiver: PosedReceiver, x: Float[np.ndarray, " k"], y: Float[np.n
             )
     together = np.concatenate(entries), (np.concatenate(rows), np.concatenate(pixels))
     return sparse.csr_array(together, shape=(len(column), grid.rows * grid.columns))
-
-
-def _require_consistent(limits: Sequence[LightLimit]) -> None:
-    """Raise :class:`InputError` where the light must be more than one limit allows at a place of another."""
-    for least in (limit for limit in limits if limit.sense == ">=" and limit.quantity in ("light", "relative")):
-        for most in limits:
-            alike = (most.receiver, most.quantity, most.unit) == (least.receiver, least.quantity, least.unit)
-            if most.sense != "<=" or not alike or least.bound <= most.bound:
-                continue
-            if _share_a_place(least.readings, most.readings):
-                raise InputError(
-                    f"limits: {least.name} asks for at least {least.bound:g} {least.unit} where {most.name} allows at "
-                    f"most {most.bound:g}: no light is both; change one"
-                )
-
-
-def _share_a_place(some: sparse.csr_array, others: sparse.csr_array) -> bool:
-    """True where a place of ``some`` is one of ``others``, or lies between pixels all of which are."""
-    alone = np.diff(others.indptr) == 1
-    outside = np.ones(some.shape[1])
-    outside[others[alone].indices] = 0.0
-    if ((some != 0.0) @ outside == 0.0).any():
-        return True
-    units = [sparse.diags_array(1.0 / np.sqrt(each.power(2).sum(axis=1))) @ each for each in (some, others)]
-    same = units[0] @ units[1].T
-    return bool(same.nnz and same.max() > _SAME_PLACE)

@@ -5,10 +5,11 @@ field is a sum of tables with independent Gaussian numbers, whose mean square ov
 1 mm^2 along the normal. Radii add linearly: an error e along the normal is taken as one along the radius of e over the
 cosine between the two, which neglects terms of e times its own slope (1e-6 of it at a micrometre).
 
-Waviness has the spectral density k^-b between two wavelengths: a mixture of Gaussian low-pass fields of widths s
-(correlation exp(-r^2 / 2 s^2) over the chord r) with variances proportional to s^(b - 2). A sum of waves in space with
-normally distributed wave vectors, read on the face, is such a field (Rahimi and Recht, Random features, 2007). What is
-too narrow for the tables counts as roughness, by the rms slope it has, the same along every line.
+Waviness has the spectral density k^-2 between two wavelengths: a mixture of Gaussian low-pass
+fields whose widths s (correlation exp(-r^2 / 2 s^2) over the chord r) are evenly spread over their logarithm, all of
+the same variance. A sum of waves in space with normally distributed wave vectors, read on the face, is such a field
+(Rahimi and Recht, Random features, 2007). What is too narrow for the tables counts as roughness, by the rms slope it
+has, the same along every line.
 """
 
 from dataclasses import dataclass, replace
@@ -90,17 +91,15 @@ def low_order(face: FaceNodes) -> ErrorField:
     return face.table(basis.evaluate(face.directions) / np.sqrt(square))
 
 
-def waviness(face: FaceNodes, shortest_mm: float, longest_mm: float, exponent: float, seed: int) -> ErrorField:
+def waviness(face: FaceNodes, shortest_mm: float, longest_mm: float, seed: int) -> ErrorField:
     """Errors of a face with wavelengths between two: ``WAVINESS_NUMBERS`` random fields of the spectrum."""
     places = (np.arange(_WAVES) + 0.5) / _WAVES
     widths_mm = _WIDTH * longest_mm * (shortest_mm / longest_mm) ** places
-    variances = widths_mm ** (exponent - 2.0)
-    variances /= variances.sum()
     fits = widths_mm >= _NODES_PER_WIDTH * 2.0 * face.grid.step * face.most_mm  # a step is 2 rad wide at the apex
-    slope = float(np.sqrt(np.sum((variances / widths_mm**2)[~fits])))
+    slope = float(np.sqrt(np.sum(1.0 / _WAVES / widths_mm[~fits] ** 2)))
     rng = np.random.default_rng(seed)
     vectors = rng.standard_normal((_WAVES, 3)) / widths_mm[:, None]
-    numbers = rng.standard_normal((2, _WAVES, WAVINESS_NUMBERS)) * np.sqrt(variances / WAVINESS_NUMBERS)[:, None]
+    numbers = rng.standard_normal((2, _WAVES, WAVINESS_NUMBERS)) * np.sqrt(1.0 / _WAVES / WAVINESS_NUMBERS)
     if not fits.any():
         return face.none(slope)
     phases = face.points @ vectors[fits].T
@@ -172,7 +171,7 @@ class PartMaker:
             if f"{face}_form_um" in names:
                 errors[f"{face}_form_um"] = low_order(sampled)
             if f"{face}_waviness_um" in names:
-                band = section.waviness_shortest_mm, section.waviness_longest_mm, section.waviness_exponent
+                band = section.waviness_shortest_mm, section.waviness_longest_mm
                 errors[f"{face}_waviness_um"] = waviness(sampled, *band, _SEED + number)
             if f"{face}_ripple_um" in names:
                 errors[f"{face}_ripple_um"] = ripple(sampled, section.ripple_period_mm)

@@ -183,8 +183,7 @@ def _require_behind_glass(spec: Spec, receivers: Sequence[PosedReceiver]) -> Non
 def build_receiver(section: AnyReceiver, pixels: int) -> PosedReceiver:
     """One receiver; its window is all of it unless the section names one."""
     width, height = section.size
-    grid = PixelGrid.of(width / section.pixel_aspect, height, pixels)
-    grid = replace(grid, width=width)
+    grid = PixelGrid.of(width, height, pixels)
     whole = Window(width, height)
     match section:
         case PlaneReceiver():

@@ -16,8 +16,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float
 from PIL import Image, ImageDraw, ImageFont, features
-from scipy import sparse
-from scipy.ndimage import gaussian_filter, map_coordinates, zoom
+from scipy.ndimage import gaussian_filter, map_coordinates
 
 from lensforge.errors import InputError, remedy
 from lensforge.optics.image_reading import MOST_BYTES, read_light
@@ -130,8 +129,6 @@ def _from_csv(content: bytes, path: Path) -> np.ndarray:
 
 _OVERSAMPLING = 8  # sub-pixels per side: the area average of a hard edge is right to 1/64 of a pixel
 _LEAST_SUBPIXELS, _MOST_SUBPIXELS = 512, 4096  # across the receiver: to resolve small patterns, and to bound the memory
-_MOST_FILTERED = 2**30  # multiplications, some 1 s: above, blur and mean are one matrix, 7 times as fast at 4096^2
-_BLOCK = 512  # columns multiplied at once: the rows that a block of means needs stay in the cache, 1.3 MB at 4096^2
 _CANVAS = 1024  # pixels across the far field on which soft edges are drawn: 0.16 degrees on that to 80 degrees
 _MISSING = "give an image file"
 _KEPT_PATTERNS = 16  # a design asks for those of search and evaluation again and again; 48 MB at most each
@@ -289,12 +286,8 @@ def _require_room(target: target_shapes.PictureTarget, size: tuple[float, float]
 def _softened(image: TargetImage, edge: tuple[float, float], times: int) -> tuple[Means, TargetImage]:
     """``image`` convolved with a Gaussian, dark outside it: means over ``times`` x ``times``, and itself.
 
-    ``edge``: its standard deviations along the rows' and the columns' number. A wide one leaves nothing within a pixel
-    that is not seen by the means.
+    ``edge``: its standard deviations along the rows' and the columns' number.
     """
-    if image.size * 2 * _gaussian_reach(max(edge)) > _MOST_FILTERED:
-        means = _softened_rows(_softened_rows(image, edge[0], times).T, edge[1], times).T
-        return means, zoom(means, times, order=1, mode="nearest", grid_mode=True)
     blurred = gaussian_filter(image, edge, mode="constant") if max(edge) > 0.0 else image
     return _block_means(blurred, times), blurred
 
@@ -303,33 +296,6 @@ def _block_means(image: TargetImage, times: int) -> Means:
     rows, columns = (size // times for size in image.shape)
     means: Means = image.reshape(rows, times, columns, times).mean(axis=(1, 3))
     return means
-
-
-def _gaussian_reach(edge: float) -> int:
-    """Taps of scipy's Gaussian filter on each side of the middle."""
-    return int(4.0 * edge + 0.5)
-
-
-def _softened_rows(image: Float[np.ndarray, "q r"], edge: float, times: int) -> Float[np.ndarray, "p r"]:
-    """Blur along the columns, and means over ``times`` rows, as one product."""
-    size, reach = len(image), _gaussian_reach(edge)
-    taps = np.exp(-0.5 * (np.arange(-reach, reach + 1) / edge) ** 2)
-    both = np.pad(np.convolve(taps / taps.sum(), np.full(times, 1.0 / times)), size)
-    # sparse: the full product of numpy would have other last digits for other numbers of threads
-    lit = np.arange(size)[_around(image, 1)]
-    matrix = sparse.csr_array(both[size + reach - times * np.arange(size // times)[:, None] + lit])
-    means = np.zeros((size // times, image.shape[1]))
-    within = _around(image, 0)
-    for first in range(within.start, within.stop, _BLOCK):
-        columns = slice(first, min(first + _BLOCK, within.stop))
-        means[:, columns] = matrix @ np.ascontiguousarray(image[lit, columns])
-    return means
-
-
-def _around(image: TargetImage, axis: int) -> slice:
-    """Rows (``axis`` 1) or columns (0) outside of which all is dark."""
-    places = np.flatnonzero(image.any(axis=axis))
-    return slice(int(places[0]), int(places[-1]) + 1) if len(places) else slice(0, 0)
 
 
 def uniform_region(

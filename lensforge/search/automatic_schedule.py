@@ -127,7 +127,7 @@ class AutomaticSchedule(Schedule):
     def phases(self) -> Generator[NextStage, Outcome]:
         """The whole search: every stage is answered by its outcome, and the last item has none."""
         start = self.stages.start_level
-        judged = replace(self.stages.level_stage(start), steps=0, uniformity_from=0)
+        judged = replace(self.stages.level_stage(start), steps=0)
         outcome = yield NextStage(judged)
         course = _Course(start, outcome, _Ended(judged, outcome, 0.0))
         why = (yield from self._broad_functions(course)) or (yield from self._levels(course))

@@ -314,7 +314,7 @@ class SearchParts:
         for factor in factors:
             if factor not in smooth:
                 surface = first if factor.name.startswith("inner") else second
-                band = section.waviness_shortest_mm, section.waviness_longest_mm, section.waviness_exponent
+                band = section.waviness_shortest_mm, section.waviness_longest_mm
                 slope = waviness(FaceNodes.of(_NO_DETAIL, surface), *band, 0).slope
                 errors[factor.name] = ErrorField(np.zeros((0, side, side)), slope)
         return SearchParts(replace(maker, errors=errors), factors)

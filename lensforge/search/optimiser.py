@@ -123,11 +123,10 @@ class Descent:
         steps = range(self.state.step, stage.steps)
         own_seeds = (seeds.of_step(self.seed, earlier + step) for step in steps)
         for step, rays in zip(steps, rays_ahead(self.source, stage.rays, own_seeds), strict=True):
-            with remedy("lower optimise.learning_rate, or raise lens.inner_offset_mm or lens.outer_offset_mm"):
-                uniform = step >= stage.uniformity_from
+            with remedy("raise lens.inner_offset_mm or lens.outer_offset_mm"):
                 every = torch.cat([weights, still]) if still.any() else weights
                 pair = self._pair(problem, earlier + step)
-                result = problem.merit.evaluate(every, offsets, rays, problem.constraints, uniform, pair)
+                result = problem.merit.evaluate(every, offsets, rays, problem.constraints, stage.uniform, pair)
             optimiser.zero_grad()
             result.loss.backward()
             optimiser.step(stage.rate(step))
@@ -331,7 +330,7 @@ def _schedule(spec: Spec, source: Source, preset: Preset, start: Lens | None) ->
     first = 0 if start is None else levels.resolving(start.detail_rad, spec.lens.sigma_c)
     # parts of a robust search have no symmetry: the spread of their light is not averaged over mirror images
     uniform, images = spec.has_uniform_region, 1 if settings.robust else len(group(spec.lens.symmetry))
-    stages = AutomaticStages(levels, effort, settings.learning_rate, images, first)
+    stages = AutomaticStages(levels, effort, images, first)
     return AutomaticSchedule(stages, uniform, settings.seconds)
 
 

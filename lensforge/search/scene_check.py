@@ -92,7 +92,7 @@ class Asked:
 def asked_light(spec: Spec, source: Source) -> tuple[tuple[Asked, ...], tuple[Asked, ...]]:
     """The light asked for by the targets of each receiver, and by the limits of ``spec``.
 
-    Raises :class:`InputError` for limits that contradict each other, or whose unit the source does not have.
+    Raises :class:`InputError` for limits whose unit the source does not have.
     """
     light, receivers = SourceLight.of(source, spec.lens.media), receivers_of(spec, spec.evaluate.pixels)
     physics = [PossibleLight(light, receiver, spec.constraints.max_radius_mm) for receiver in receivers]

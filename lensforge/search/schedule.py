@@ -75,6 +75,7 @@ class Outcome(Record):
 
 
 # Step sizes relative to the starting offset: large while the functions are few and broad, small at the end.
+_LEARNING_RATE = 0.004
 _FINEST_RATE_SHARE = 0.2
 _FLOOR = 0.05
 
@@ -83,9 +84,9 @@ _FLOOR = 0.05
 class Stage:
     """Part of a search: the first ``functions`` weights move for ``steps`` steps of ``rays`` rays.
 
-    ``levels``: all of the basis whose tables are traced; ``level``: the last of them that moves. ``uniformity_from``:
-    the step from which the uniformity loss is added; ``steps`` for never. ``least_gradient``: of a weight that moves as
-    far as half of the others in a step of Adam, whose epsilon it is.
+    ``levels``: all of the basis whose tables are traced; ``level``: the last of them that moves. ``uniform``: put the
+    uniformity before the image. ``least_gradient``: of a weight that moves as far as half of the others in a step of
+    Adam, whose epsilon it is.
     """
 
     level: int
@@ -94,17 +95,12 @@ class Stage:
     steps: int
     rays: int
     learning_rate: float
-    uniformity_from: int
+    uniform: bool = False
     least_gradient: float = 1e-8
 
     def rate(self, step: int) -> float:
         """Learning rate at ``step``: cosine decay over the stage to a twentieth."""
         return self.learning_rate * (_FLOOR + (1.0 - _FLOOR) * 0.5 * (1.0 + math.cos(math.pi * step / self.steps)))
-
-    @property
-    def uniform(self) -> bool:
-        """True where its last step puts the uniformity before the image."""
-        return self.uniformity_from < self.steps
 
 
 @dataclass(frozen=True)
@@ -182,11 +178,10 @@ def fixed_schedule(spec: Spec, preset: Preset, *, last_only: bool) -> FixedSched
     for level, count in enumerate(levels):
         functions += count
         share = _FINEST_RATE_SHARE ** (level / max(1, last))
-        uniform = min(settings.uniformity_steps, steps[level]) if level == last else 0
         stages.append(
             Stage(
                 level, levels, functions, steps[level], settings.rays or preset.design_rays,
-                settings.learning_rate * share, steps[level] - uniform,
+                _LEARNING_RATE * share,
             )
         )  # fmt: skip
     return FixedSchedule(tuple(stages[-1:] if last_only else stages))
@@ -262,9 +257,9 @@ def _width_of_ball(spec: Spec, ball_mm: float, pixel_rad: float) -> float:
     return 2.0 * ball_mm * pixel_rad / (turn * spec.constraints.max_radius_mm) if turn > 0.0 else 0.0
 
 
-# Measured on pi, cross and flat_top (docs/results.md): further in the first steps than a spec's learning rate,
-# which is for levels that are converged.
-_FIRST_RATE, _LEVEL_RATE = 1.5, 0.65  # of the spec's, and of a level's relative to that of the one before
+# Measured on pi, cross and flat_top (docs/results.md): further in the first steps than in given levels, which are to
+# converge.
+_FIRST_RATE, _LEVEL_RATE = 1.5, 0.65  # of the usual one, and of a level's relative to that of the one before
 _AGAIN_RATE = 0.4  # of a level's, where that gained too little: its steps may have led astray
 _LAST_RATE = 0.75  # of the first long stage, relative to its level's; half of it in each one that follows
 _UNIFORM_RATE = 0.3  # of the first stage for the uniformity, likewise
@@ -281,7 +276,7 @@ _LEAST_GRADIENT = 3e-4
 
 @dataclass(frozen=True)
 class AutomaticStages:
-    """Stages for ``levels`` with the steps and rays of ``effort``, from a spec's ``learning_rate``.
+    """Stages for ``levels`` with the steps and rays of ``effort``.
 
     ``images``: mirror images of every ray; their mean has less noise, so that steps may be larger. ``start_level``: of
     the lens from which it starts, all of whose functions stay while the broad ones move.
@@ -289,7 +284,6 @@ class AutomaticStages:
 
     levels: UsefulLevels
     effort: SearchEffort
-    learning_rate: float
     images: int = 1
     start_level: int = 0
 
@@ -307,12 +301,12 @@ class AutomaticStages:
         """A stage for the uniformity after ``before`` others, cut to ``most_steps``."""
         rate = _UNIFORM_RATE * 0.5**before
         stage = self._stage(level, _cut(self.effort.steps[1], most_steps), before, rate)
-        return replace(stage, uniformity_from=0)
+        return replace(stage, uniform=True)
 
     def _stage(self, level: int, steps: int, doublings: int, share: float) -> Stage:
         counts, (first, most) = self.levels.counts, self.effort.rays
         levels = counts[: max(level, self.start_level) + 1]
-        rate = _FIRST_RATE * self.learning_rate * _LEVEL_RATE**level * share * self.images**_OF_IMAGES
+        rate = _FIRST_RATE * _LEARNING_RATE * _LEVEL_RATE**level * share * self.images**_OF_IMAGES
         rays = min(first * 2 ** (level // _TWICE_FROM + doublings), most)
         return Stage(
             level,
@@ -321,7 +315,6 @@ class AutomaticStages:
             steps,
             rays,
             rate,
-            uniformity_from=steps,
             least_gradient=_LEAST_GRADIENT,
         )
 

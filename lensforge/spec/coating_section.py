@@ -73,9 +73,10 @@ def _as_rows(value: Any) -> Any:
     return value
 
 
+_Share = Annotated[float, Field(ge=0.0, le=1.0)]
 _Rows = Annotated[
-    tuple[Annotated[tuple[float, ...], Field(min_length=1, max_length=_MOST_ANGLES)], ...],
-    BeforeValidator(_as_rows, json_schema_input_type=float | tuple[float, ...] | tuple[tuple[float, ...], ...]),
+    tuple[Annotated[tuple[_Share, ...], Field(min_length=1, max_length=_MOST_ANGLES)], ...],
+    BeforeValidator(_as_rows, json_schema_input_type=_Share | tuple[_Share, ...] | tuple[tuple[_Share, ...], ...]),
     Field(max_length=_MOST_WAVELENGTHS),
 ]
 
@@ -165,19 +166,7 @@ class CoatingSection(Section):
                 raise ValueError(f"{name} must rise")
         if angles[0] != 0.0 or len(self.angle_deg) == 1:
             raise ValueError(f"angle_deg = {angles[0]:g} and {len(angles)} in all: must rise from 0, two at least")
-        self._require_shares()
         return self
-
-    def _require_shares(self) -> None:
-        for row, values in enumerate(self.reflectance):
-            for column, value in enumerate(values):
-                if not 0.0 <= value <= 1.0:
-                    at = f" at {self.angle_deg[column]:g} degrees" if self.angle_deg else ""
-                    at += f" and {self.wavelength_nm[row]:g} nm" if self.wavelength_nm else ""
-                    raise ValueError(
-                        f"reflectance = {value:g}{at}: must be 0 to 1, the share of the light that is reflected; "
-                        "divide percent by 100"
-                    )
 
     @property
     def title(self) -> str:

@@ -4,12 +4,9 @@ The rules are those of the shipped specs, rounded to three digits; what they cos
 hand is in docs/results.md. A value that is given is never touched.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from math import ceil, floor, hypot, inf, log10
+from math import ceil, floor, hypot, log10
 from typing import Any
-
-from pydantic import BaseModel
 
 _CAVITY = 1.2  # radius of the cavity over that of the circle around the source: shipped specs have 1.13 to 1.41
 _CAVITY_LEAST = 0.02  # of the largest radius: around a point source
@@ -19,9 +16,8 @@ _INNER, _OUTER = 0.43, 0.98  # hemispheres over the largest radius
 _AROUND_CAVITY = 1.05  # least inner hemisphere over the cavity
 _RECEIVER = 1.5  # side of the receiver over the pattern
 _HALF_ANGLE, _MOST_HALF_ANGLE_DEG = 4.0 / 3.0, 85.0  # over the beam; and where that is not known
-_AREAS = ("square", "disc", "rectangle", "chip_array")
+_OF_FAR_FIELD = ("beam", "batwing", "photometric")
 _ACROSS = ("width_mm", "diameter_mm", "length_mm", "outer_diameter_mm")
-_LARGEST_MM = 1e9  # of any length of a spec
 _MOST_PLACES = 300  # digits behind the point: ten to this power is a number yet, also for the smallest length
 _GLYPH = 1.6  # height of a narrow glyph over its width
 
@@ -71,112 +67,70 @@ class LensSizes:
         return _digits(min(wanted, self.outer_offset_mm - 1.5 * self.min_thickness_mm), floor)
 
 
-def with_derived(content: Mapping[str, Any]) -> tuple[dict[str, Any], list[tuple[str, str]]]:
-    """The sections of a spec with derived values for what they leave out, and the names of these values.
+def derived_sizes(source: Any, lens: Any, limits: Any, target: Any) -> dict[str, dict[str, float]]:
+    """What the rules give for the fields of each section, by the names of section and field.
 
-    A section that is an object becomes a table where something is filled in.
+    The arguments are the sections of a spec, ``target`` may be None. Of a source that is no uniform area the cavity is
+    not known, and of a target without a size its receiver.
     """
-    filled = {key: dict(value) if isinstance(value, Mapping) else value for key, value in content.items()}
-    names: list[tuple[str, str]] = []
-    limits = filled.get("constraints")
-    largest = _number(limits, "max_radius_mm")
-    source = filled.get("source")
-    # A spec without its size, or that of its source, is refused for that alone: any other values do.
-    place = _reach(source) or ((0.0, 0.0) if _get(source, "kind") in _AREAS else None)
-    sizes = LensSizes(largest or 1.0, *(place or (0.0, 0.0)))
-    lens = filled.setdefault("lens", {})
-    if isinstance(lens, dict | BaseModel):
-        for side in ("inner", "outer"):
-            if _get(lens, f"fixed_{side}") is None:
-                _fill(filled, names, "lens", f"{side}_offset_mm", getattr(sizes, f"{side}_offset_mm"))
-    if isinstance(limits, dict | BaseModel):
-        _fill(filled, names, "constraints", "min_thickness_mm", sizes.min_thickness_mm)
-        if place is not None:
-            _fill(filled, names, "constraints", "cavity_radius_mm", sizes.cavity_radius_mm)
-            _fill(filled, names, "constraints", "cavity_height_mm", sizes.cavity_height_mm)
-    target = filled.get("target")
-    if isinstance(target, dict | BaseModel):
-        receiver = _receiver_of(target)
-        if receiver is not None:
-            _fill(filled, names, "target", *receiver)
-    if "lens" not in content:
-        names.append(("", "lens"))
-    return filled, names
-
-
-def _fill(filled: dict[str, Any], names: list[tuple[str, str]], section: str, name: str, value: float) -> None:
-    if _given(filled[section], name) is None:
-        filled[section] = {**_table(filled[section]), name: value}
-        names.append((section, name))
-
-
-def _reach(source: Any) -> tuple[float, float] | None:
-    """Radius (mm) of the circle about the axis that holds an emitting area, and its height; None for a ray set."""
     extent = _source_extent(source)
-    if extent is None:
-        return None
-    x, y, z = _triple(_get(source, "position_mm"))
-    return extent + hypot(x, y), z
+    x, y, z = source.position_mm
+    sizes = (
+        LensSizes(limits.max_radius_mm, 0.0)
+        if extent is None
+        else LensSizes(limits.max_radius_mm, extent + hypot(x, y), z)
+    )
+    free = [side for side in ("inner", "outer") if getattr(lens, f"fixed_{side}") is None]
+    known = ("min_thickness_mm",) if extent is None else ("min_thickness_mm", "cavity_radius_mm", "cavity_height_mm")
+    return {
+        "lens": {f"{side}_offset_mm": getattr(sizes, f"{side}_offset_mm") for side in free},
+        "constraints": {name: getattr(sizes, name) for name in known},
+        "target": {} if target is None else _receiver_of(target),
+    }
 
 
 def _source_extent(source: Any) -> float | None:
-    """Radius (mm) of the circle around an emitting area, in its own plane; None for a ray set."""
-    side, width, height, diameter = (
-        _number(source, name) for name in ("side_mm", "width_mm", "height_mm", "diameter_mm")
-    )
-    kind = _get(source, "kind")
-    if kind == "square":
-        return None if side is None else side / 2.0**0.5
-    if kind == "disc":
-        return None if diameter is None else 0.5 * diameter
-    if width is None or height is None or kind not in ("rectangle", "chip_array"):
-        return None
-    if kind == "chip_array":
-        columns, rows = (_number(source, name) or 1.0 for name in ("columns", "rows"))
-        across, up, _ = _triple(_get(source, "pitch_mm"))
-        width, height = (columns - 1.0) * across + width, (rows - 1.0) * up + height
-    return 0.5 * hypot(width, height)
+    """Radius (mm) of the circle around a uniform emitting area, in its own plane; None for any other source."""
+    match source.kind:
+        case "square":
+            return float(source.side_mm / 2.0**0.5)
+        case "disc":
+            return float(0.5 * source.diameter_mm)
+        case "rectangle":
+            return 0.5 * hypot(source.width_mm, source.height_mm)
+        case "chip_array":
+            across, up = source.pitch_mm
+            width, height = (source.columns - 1) * across + source.width_mm, (source.rows - 1) * up + source.height_mm
+            return 0.5 * hypot(width, height)
+    return None
 
 
-def _given(section: Any, name: str) -> Any:
-    """The value that the user gave as ``name``: a section of another spec holds what was derived there, too."""
-    return None if isinstance(section, BaseModel) and name not in section.model_fields_set else _get(section, name)
-
-
-def _table(section: Any) -> dict[str, Any]:
-    if not isinstance(section, BaseModel):
-        return dict(section)
-    names = [name for name in type(section).model_fields if name in section.model_fields_set or name == "kind"]
-    return {name: getattr(section, name) for name in names}
-
-
-def _receiver_of(target: Any) -> tuple[str, float] | None:
-    """Name and value of the receiver that a target leaves out; None where it has one, or its size is not known."""
-    if _number(target, "distance_mm") is not None:
+def _receiver_of(target: Any) -> dict[str, float]:
+    """The receiver of a target that has none, by its field; empty where the size of the pattern is not known."""
+    if target.distance_mm is not None:
         across = _pattern_mm(target)
-        return None if across is None else ("receiver_mm", _digits(_RECEIVER * across, ceil))
-    if _get(target, "kind") not in ("beam", "batwing", "photometric") or _get(target, "receiver_mm") is not None:
-        return None
-    widths = _sizes(_get(target, "fwhm_deg") or _get(target, "to_deg"))
-    wide = _HALF_ANGLE * max(widths) if widths else _MOST_HALF_ANGLE_DEG
-    return "half_angle_deg", min(_digits(wide, ceil), _MOST_HALF_ANGLE_DEG)
+        return {} if across is None else {"receiver_mm": rounded_length(_RECEIVER * across)}
+    if target.kind not in _OF_FAR_FIELD:
+        return {}
+    widths = target.pair("fwhm") or target.pair("to")
+    wide = _MOST_HALF_ANGLE_DEG if widths is None else _digits(_HALF_ANGLE * max(widths), ceil)
+    return {"half_angle_deg": min(wide, _MOST_HALF_ANGLE_DEG)}
 
 
 def _pattern_mm(target: Any) -> float | None:
-    """Side (mm) of the square about the axis that holds a pattern."""
-    sides = [value for name in _ACROSS if (value := _number(target, name)) is not None]
-    if sides and (pitch := _number(target, "pitch_mm")) is not None:
-        sides = [sides[0] + (max(_number(target, name) or 1.0 for name in ("columns", "rows")) - 1.0) * pitch]
-    sides += [2.0 * each for each in _sizes(_get(target, "half_width_mm"))]  # its old name
-    if not sides:
+    """Side (mm) of the square about the axis that holds a pattern; None for a kind without a size."""
+    width = next((size for name in _ACROSS if (size := getattr(target, name, None)) is not None), None)
+    if width is None:
         return None
-    up = _number(target, "height_mm")
-    if up is None and isinstance(text := _get(target, "text"), str) and text:
-        up = _GLYPH * sides[0] / len(text)
-    across = max(*sides, up or 0.0)
-    turned = hypot(across, up or across) if _number(target, "rotation_deg") else across
-    x, y, _ = _triple(_get(target, "centre_mm"))
-    return turned + 2.0 * max(abs(x), abs(y))
+    if target.kind == "spots":
+        width += (max(target.columns, target.rows) - 1) * target.pitch_mm
+    height = getattr(target, "height_mm", None)
+    if height is None and target.kind == "text":
+        height = _GLYPH * width / len(target.text)
+    across = max(width, height or 0.0)
+    turned = hypot(across, height or across) if target.rotation_deg else across
+    x, y = target.centre
+    return float(turned + 2.0 * max(abs(x), abs(y)))
 
 
 def rounded_length(value_mm: float) -> float:
@@ -184,36 +138,9 @@ def rounded_length(value_mm: float) -> float:
     return _digits(value_mm, ceil)
 
 
-def _get(table: Any, name: str) -> Any:
-    return table.get(name) if isinstance(table, Mapping) else getattr(table, name, None)
-
-
-def _number(table: Any, name: str) -> float | None:
-    """A number from 0 on, as its section would read it; None for anything else, which that refuses."""
-    try:
-        value = float(_get(table, name))
-    except (TypeError, ValueError, OverflowError):
-        return None
-    return value if 0.0 <= value <= _LARGEST_MM else None
-
-
-def _sizes(values: Any) -> list[float]:
-    """The numbers above 0 among one or several values."""
-    several = values if isinstance(values, list | tuple) else [values]
-    return [size for each in several if (size := _number({"": each}, ""))]
-
-
-def _triple(values: Any) -> tuple[float, float, float]:
-    """Coordinates, 0 for those that are left out or that their section will refuse."""
-    several = values if isinstance(values, list | tuple) else ()
-    known = [float(each) if isinstance(each, int | float) and abs(each) <= _LARGEST_MM else 0.0 for each in several]
-    x, y, z = (*known, 0.0, 0.0, 0.0)[:3]
-    return x, y, z
-
-
 def _digits(value: float, towards: Any = round) -> float:
     """``value`` to three significant digits."""
-    if not 0.0 < value < inf:
+    if not value > 0.0:
         return value
     places = min(2 - floor(log10(value)), _MOST_PLACES)
     return float(round(towards(round(value * 10.0**places, 6)) / 10.0**places, 12))

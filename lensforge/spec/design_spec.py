@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tomli_w
-from pydantic import Field, ModelWrapValidatorHandler, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from lensforge.errors import InputError
 from lensforge.results.files import replacing
 from lensforge.results.validation import its_type
-from lensforge.spec.derived_values import with_derived
+from lensforge.spec.derived_values import derived_sizes
 from lensforge.spec.feasible import require_feasible
 from lensforge.spec.lens_section import LensSection
 from lensforge.spec.light_limits import LightLimitSpec, PhotometrySection, require_limit_fits, require_seen_from_afar
@@ -52,25 +52,7 @@ def changed(content: dict[str, object], changes: Mapping[str, object]) -> dict[s
     return result
 
 
-def name_kinds(given: object, everything: object) -> None:
-    """Add each ``kind`` that was left to its class: without it a file could not be read again."""
-    if isinstance(given, dict) and isinstance(everything, dict):
-        if "kind" in everything:
-            given["kind"] = everything["kind"]
-        for key, value in given.items():
-            name_kinds(value, everything.get(key))
-    elif isinstance(given, list | tuple) and isinstance(everything, list | tuple):
-        for one, whole in zip(given, everything, strict=True):
-            name_kinds(one, whole)
-
-
-def table_of(value: object) -> dict[str, object]:
-    """Return ``value``, which is a table."""
-    assert isinstance(value, dict)
-    return value
-
-
-def plain(value: object) -> object:
+def plain(value: Any) -> Any:
     """Convert to what TOML can hold: no None, paths as text."""
     if isinstance(value, Mapping):
         return {key: plain(entry) for key, entry in value.items() if entry is not None}
@@ -81,7 +63,7 @@ def plain(value: object) -> object:
 
 _MOST_RECEIVERS, _MOST_LIMITS = 16, 1000
 _OneReceiver = Annotated[AnyReceiver, Field(discriminator="kind")]
-_OF_GIVEN_LEVELS = ("steps_per_level", "rays", "uniformity_steps")  # fields of optimise
+_OF_GIVEN_LEVELS = ("steps_per_level", "rays")  # fields of optimise
 
 
 class Spec(Section):
@@ -116,17 +98,22 @@ class Spec(Section):
     photometry: PhotometrySection = Field(default_factory=PhotometrySection)
     """Lighting that the lens is for: general, of an area, or of a road."""
 
-    @model_validator(mode="wrap")
-    @classmethod
-    def _with_derived_values(cls, content: Any, handler: ModelWrapValidatorHandler["Spec"]) -> "Spec":
+    @model_validator(mode="after")
+    def _with_derived_values(self) -> "Spec":
         """Derive what is left out; it counts as left out, so that it follows when the spec is changed or saved."""
-        if not isinstance(content, Mapping):
-            return handler(content)
-        filled, names = with_derived(content)
-        spec = handler(filled)
-        for section, name in names:
-            (getattr(spec, section) if section else spec).model_fields_set.discard(name)
-        return spec
+        for name, derived in derived_sizes(self.source, self.lens, self.constraints, self.target).items():
+            section: Section | None = getattr(self, name)
+            given = {} if section is None else {field: getattr(section, field) for field in section.model_fields_set}
+            left_out = {field: value for field, value in derived.items() if given.get(field) is None}
+            if section is None or not left_out:
+                continue
+            try:
+                filled = type(section)(**{**given, **left_out})
+            except InputError as error:
+                raise ValueError(str(error).replace(type(section).__name__, name, 1)) from None
+            filled.model_fields_set.difference_update(left_out)
+            object.__setattr__(self, name, filled)
+        return self
 
     def replace(self, changes: Mapping[str, object] | None = None, /, **sections: object) -> "Spec":
         """Make another spec: ``spec.replace(target={"distance_mm": 200.0})``, or dotted names in ``changes``.
@@ -138,9 +125,9 @@ class Spec(Section):
             raise InputError(
                 f"replace: {short(changes)} is {its_type(changes)}; give a table of changes or sections by name"
             )
-        content = self.model_dump(exclude_unset=True)
-        name_kinds(content, self.model_dump())
-        return parse_spec(changed(content, {**(changes or {}), **sections}), f"{self.name}, changed")
+        return parse_spec(
+            changed(self.model_dump(exclude_unset=True), {**(changes or {}), **sections}), f"{self.name}, changed"
+        )
 
     def with_levels(self, levels: tuple[int, ...]) -> "Spec":
         """The spec of a lens whose ``lens.levels`` a search has chosen: with these numbers, without a time to keep."""
@@ -154,7 +141,7 @@ class Spec(Section):
     def with_automatic_levels(self) -> "Spec":
         """The spec of a search that chooses its levels, without the settings that go with given ones."""
         lens = self.lens.model_copy(update={"levels": "auto"})
-        optimise = self._optimise_without({*_OF_GIVEN_LEVELS, "learning_rate"})
+        optimise = self._optimise_without({*_OF_GIVEN_LEVELS})
         return self.model_copy(update={"lens": lens, "optimise": optimise})
 
     def _optimise_without(self, names: set[str]) -> OptimiseSection:
@@ -174,23 +161,13 @@ class Spec(Section):
 
     def to_toml(self) -> str:
         """The spec as TOML: what was given, each kind named."""
-        content = self.model_dump(mode="json", exclude_unset=True)
-        everything = self.model_dump(mode="json")
-        name_kinds(content, everything)
-        return tomli_w.dumps({"name": self.name, **table_of(plain(content))})
+        return tomli_w.dumps(plain({"name": self.name, **self.model_dump(mode="json", exclude_unset=True)}))
 
     @model_validator(mode="after")
     def _sizes_are_known(self) -> "Spec":
         if self.constraints.missing:
             name = self.constraints.missing[0]
             raise ValueError(f"constraints.{name}: missing: {words_of(ConstraintsSection, name)}")
-        return self
-
-    @model_validator(mode="after")
-    def _stages_match_levels(self) -> "Spec":
-        steps = self.optimise.steps_per_level
-        if self.lens.levels != "auto" and steps is not None and len(steps) != len(self.lens.levels):
-            raise ValueError(f"optimise.steps_per_level has {len(steps)} numbers, lens.levels {len(self.lens.levels)}")
         return self
 
     @model_validator(mode="after")
@@ -255,6 +232,9 @@ class Spec(Section):
         if self.lens.levels != "auto":
             if self.optimise.seconds is not None:
                 raise ValueError('optimise.seconds goes with lens.levels = "auto"; leave out one of the two')
+            steps, levels = self.optimise.steps_per_level, self.lens.levels
+            if steps is not None and len(steps) != len(levels):
+                raise ValueError(f"optimise.steps_per_level has {len(steps)} numbers, lens.levels {len(levels)}")
             return self
         for name in _OF_GIVEN_LEVELS:
             if name in given and getattr(self.optimise, name):

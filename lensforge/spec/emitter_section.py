@@ -1,7 +1,7 @@
 """Fields of every source: how much light it gives, by which angle and wavelength, and where it sits in the lens."""
 
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -22,6 +22,16 @@ class CosineIntensity(Section):
     """Power of the cosine; 1 is Lambertian."""
 
 
+def _require_function(
+    places: tuple[float, ...], name: str, finest: float, values: tuple[float, ...], of_values: str
+) -> None:
+    """Raise ``ValueError`` where ``values`` are not one for each of ``places``, which rise by ``finest`` at least."""
+    if len(places) < 2 or any(b - a < finest for a, b in pairwise(places)):
+        raise ValueError(f"{name} must be two numbers or more, each larger than the one before, by {finest:g} at least")
+    if len(values) != len(places) or max(values) < LEAST_PEAK:
+        raise ValueError(f"{of_values} must be {len(places)} numbers, one for each {name}, not all zero")
+
+
 class TableIntensity(Section):
     """Intensity (W/sr or relative) at angles ``gamma_deg`` from the axis, linear in between, none beyond them."""
 
@@ -33,13 +43,7 @@ class TableIntensity(Section):
 
     @model_validator(mode="after")
     def _is_a_function(self) -> "TableIntensity":
-        angles = self.gamma_deg
-        if len(angles) < 2 or any(b - a < _FINEST_DEG for a, b in pairwise(angles)):
-            raise ValueError(
-                f"gamma_deg must be two angles or more, each larger than the one before, by {_FINEST_DEG:g} at least"
-            )
-        if len(self.intensity) != len(angles) or max(self.intensity) < LEAST_PEAK:
-            raise ValueError(f"intensity must be {len(angles)} numbers, one for each gamma_deg, not all zero")
+        _require_function(self.gamma_deg, "gamma_deg", _FINEST_DEG, self.intensity, "intensity")
         return self
 
 
@@ -73,14 +77,7 @@ class TableSpectrum(Section):
 
     @model_validator(mode="after")
     def _is_a_function(self) -> "TableSpectrum":
-        waves = self.wavelength_nm
-        if len(waves) < 2 or any(b - a < _FINEST_NM for a, b in pairwise(waves)):
-            raise ValueError(
-                "wavelength_nm must be two wavelengths or more, each longer than the one before, by "
-                f"{_FINEST_NM:g} at least"
-            )
-        if len(self.weight) != len(waves) or max(self.weight) < LEAST_PEAK:
-            raise ValueError(f"weight must be {len(waves)} numbers, one for each wavelength_nm, not all zero")
+        _require_function(self.wavelength_nm, "wavelength_nm", _FINEST_NM, self.weight, "weight")
         return self
 
 
@@ -138,6 +135,8 @@ class EmitterSection(FluxSection):
     ``tilt_deg`` = (a, b), and its centre is at ``position_mm``.
     """
 
+    words: ClassVar[str]  # for the source, by its fields
+
     luminous_efficacy_lm_per_w: LumensPerWatt | None = None
     """Luminous efficacy of the light: with it, with both fluxes or with a spectrum reports show lux, without it W/m^2.
     """
@@ -165,7 +164,7 @@ class EmitterSection(FluxSection):
     @property
     def description(self) -> str:
         """The source in a few words, without its place."""
-        raise NotImplementedError
+        return self.words.format(self)
 
     @property
     def title(self) -> str:

@@ -5,16 +5,15 @@ which lighting the lens is for, and the road that it lights.
 """
 
 from collections.abc import Iterator
-from typing import Annotated, Any, ClassVar, Literal, get_args
+from typing import Annotated, ClassVar, Literal, get_args
 
 from pydantic import Field, model_validator
 
-from lensforge.spec.receiver_sections import AnyReceiver, FarFieldReceiver, PlaneReceiver
-from lensforge.spec.renamed import with_new_names
+from lensforge.spec.receiver_sections import AnyReceiver, FarFieldReceiver, PlaneReceiver, require_on
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.shape_targets import DiscTarget, EllipseTarget, PolygonTarget, RectangleTarget, RingTarget
 from lensforge.spec.spec_section import Coordinate, Label, Section
-from lensforge.spec.target_sections import DegreesOff, Unit
+from lensforge.spec.target_sections import DegreesOff, InOneUnit, Unit
 
 Amount = Annotated[float, Field(ge=1e-30, le=1e12)]
 Fraction = Annotated[float, Field(gt=0.0, le=1.0)]
@@ -29,14 +28,13 @@ _OF_PICTURES = (
 )  # fmt: skip
 
 
-class LimitSection(Section):
+class LimitSection(InOneUnit):
     """Fields of every limit.
 
     Light is that of the evaluation's picture, after its filter, bilinear between pixels.
     """
 
     others: ClassVar[tuple[str, ...]] = ()  # quantities besides the light that may be bounded
-    places: ClassVar[tuple[str, ...]] = ()  # fields that are places on the receiver
 
     kind: str
     name: Label | None = None
@@ -52,17 +50,10 @@ class LimitSection(Section):
     the receiver.
     """
 
-    @model_validator(mode="before")
-    @classmethod
-    def _old_names(cls, content: Any) -> Any:
-        return with_new_names("LimitSection", content)
-
     @property
-    def place_unit(self) -> Unit | None:
-        """Unit of its places; None where it names none."""
-        names = [name for name in type(self).model_fields if getattr(self, name) is not None]
-        found = {"deg" if name.endswith("_deg") else "mm" for name in names if name in self.places}
-        return found.pop() if len(found) == 1 else None  # type: ignore[return-value]  # one of the two
+    def places(self) -> tuple[tuple[float, float], ...]:
+        """Its places on the receiver, in their unit."""
+        return tuple(self.length(name) for name in self.needs)
 
     def bounds(self, quantity: str) -> tuple[float | None, float | None]:
         """Least and largest value of ``quantity``, a unit of light or one of ``others``; None where it has no bound."""
@@ -94,7 +85,7 @@ class LimitSection(Section):
 class PointsLimit(LimitSection):
     """Light at each of some points (x, y)."""
 
-    places: ClassVar[tuple[str, ...]] = ("at_mm", "at_deg")
+    needs: ClassVar[tuple[str, ...]] = ("at",)
 
     kind: Literal["points"] = "points"
     at_mm: Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(min_length=1, max_length=_MOST_POINTS)] | None = (
@@ -104,24 +95,18 @@ class PointsLimit(LimitSection):
     at_deg: (
         Annotated[tuple[tuple[DegreesOff, DegreesOff], ...], Field(min_length=1, max_length=_MOST_POINTS)] | None
     ) = None
-    """Directions (x, y) in the far field."""
 
     @property
-    def points(self) -> tuple[tuple[float, float], ...]:
-        """The points, in their unit."""
-        return self.at_mm or self.at_deg or ()
-
-    @model_validator(mode="after")
-    def _has_points(self) -> "PointsLimit":
-        if (self.at_mm is None) == (self.at_deg is None):
-            raise ValueError("at_mm or at_deg: give one of them, a list of places (x, y)")
-        return self
+    def places(self) -> tuple[tuple[float, float], ...]:
+        """The points."""
+        points: tuple[tuple[float, float], ...] = self.length("at")
+        return points
 
 
 class LineLimit(LimitSection):
     """Light everywhere on a line between two places."""
 
-    places: ClassVar[tuple[str, ...]] = ("from_mm", "to_mm", "from_deg", "to_deg")
+    needs: ClassVar[tuple[str, ...]] = ("from", "to")
 
     kind: Literal["line"] = "line"
     from_mm: tuple[Coordinate, Coordinate] | None = None
@@ -129,23 +114,7 @@ class LineLimit(LimitSection):
     to_mm: tuple[Coordinate, Coordinate] | None = None
     """Second end on a surface."""
     from_deg: tuple[DegreesOff, DegreesOff] | None = None
-    """First end in the far field."""
     to_deg: tuple[DegreesOff, DegreesOff] | None = None
-    """Second end in the far field."""
-
-    @property
-    def ends(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Both ends, in their unit."""
-        start, end = (self.from_mm, self.to_mm) if self.place_unit == "mm" else (self.from_deg, self.to_deg)
-        assert start is not None and end is not None, "validated"
-        return start, end
-
-    @model_validator(mode="after")
-    def _has_two_ends(self) -> "LineLimit":
-        given = [name for name in self.places if getattr(self, name) is not None]
-        if given not in (["from_mm", "to_mm"], ["from_deg", "to_deg"]):
-            raise ValueError("from_mm and to_mm, or from_deg and to_deg: give both of one unit")
-        return self
 
 
 class ZoneLimit(LimitSection):
@@ -166,9 +135,14 @@ class ZoneLimit(LimitSection):
     """Largest share of the flux of the source."""
 
     @property
-    def place_unit(self) -> Unit | None:
+    def given_unit(self) -> Unit | None:
         """Unit of the zone; None for the whole window."""
         return None if self.zone is None else self.zone.unit
+
+    @property
+    def places(self) -> tuple[tuple[float, float], ...]:
+        """The zone's centre."""
+        return () if self.zone is None else (self.zone.centre,)
 
     @model_validator(mode="after")
     def _zone_is_a_shape(self) -> "ZoneLimit":
@@ -185,11 +159,16 @@ class ZoneLimit(LimitSection):
 class GlareLimit(LimitSection):
     """Intensity in all directions of the far field at ``from_deg`` and more from its axis: at most so much."""
 
-    places: ClassVar[tuple[str, ...]] = ("from_deg",)
+    needs: ClassVar[tuple[str, ...]] = ("from",)
 
     kind: Literal["glare"] = "glare"
     from_deg: Annotated[float, Field(ge=0.0, le=180.0)]
     """Angle from the receiver's axis from which on the limit holds."""
+
+    @property
+    def places(self) -> tuple[tuple[float, float], ...]:
+        """A direction at that angle."""
+        return ((self.from_deg, 0.0),)
 
     @model_validator(mode="after")
     def _caps(self) -> "GlareLimit":
@@ -236,35 +215,15 @@ def require_limit_fits(limit: LimitSection, unit: Unit, extent: tuple[float, flo
     far_field = unit == "deg"
     if isinstance(limit, GlareLimit | BeamAngleLimit) and not far_field:
         raise ValueError(f"a {limit.kind} limit is one of the far field, {receiver} is none; name a receiver that is")
-    if limit.place_unit is not None and limit.place_unit != unit:
+    if limit.given_unit not in (None, unit):
         words = "degrees" if far_field else "mm"
-        raise ValueError(f"its places are in {limit.place_unit}, on {receiver} they are in {words}")
+        raise ValueError(f"its places are in {limit.given_unit}, on {receiver} they are in {words}")
     light = limit.unit
     if light not in (None, "relative") and (light in OF_FAR_FIELD) != far_field:
         allowed = "w_per_sr, cd" if far_field else "w_per_m2, lx"
         raise ValueError(f"its light is in {light}, on {receiver} it is in one of {allowed}, relative")
-    for x, y in _places(limit):
-        off = (
-            x * x + y * y > 0.25 * extent[0] ** 2 if far_field else abs(x) > 0.5 * extent[0] or abs(y) > 0.5 * extent[1]
-        )
-        if off:
-            reach = (
-                f"{0.5 * extent[0]:g} {unit}" if far_field else f"{0.5 * extent[0]:g} in x and {0.5 * extent[1]:g} in y"
-            )
-            raise ValueError(f"the place ({x:g}, {y:g}) is off {receiver}, which reaches {reach}")
-
-
-def _places(limit: LimitSection) -> tuple[tuple[float, float], ...]:
-    match limit:
-        case PointsLimit():
-            return limit.points
-        case LineLimit():
-            return limit.ends
-        case ZoneLimit(zone=zone) if zone is not None:
-            return (zone.centre,)
-        case GlareLimit():
-            return ((limit.from_deg, 0.0),)
-    return ()
+    for place in limit.places:
+        require_on("the place", place, unit, extent, receiver)
 
 
 Metres = Annotated[float, Field(gt=0.0, le=1000.0)]

@@ -1,12 +1,11 @@
 """The part and the shop: ``[base]``, which holds the lens below z = 0, ``[manufacture]``, and ``[drawing]``."""
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
 from lensforge.errors import InputError
-from lensforge.spec.renamed import with_new_names
 from lensforge.spec.spec_files import read_toml
 from lensforge.spec.spec_section import (
     CalendarDate,
@@ -138,11 +137,6 @@ class Tool(Section):
 
 class ManufactureSection(Section):
     """Equipment of the shop: the paper's ball cutter by default, and any further tools with shank and holder."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _old_names(cls, content: Any) -> Any:
-        return with_new_names("ManufactureSection", content)
 
     cutter_radius_mm: Millimetres = 1.0
     """Radius of the ball cutter."""

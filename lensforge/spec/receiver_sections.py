@@ -59,6 +59,7 @@ class ReceiverSection(Section):
     """Fields of every receiver; receivers are transparent, each sees every ray that leaves the lens."""
 
     unit: ClassVar[Unit] = "mm"
+    words: ClassVar[str]  # for its place, by its fields
 
     kind: str
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] | None = None
@@ -67,8 +68,6 @@ class ReceiverSection(Section):
     """Targets on it, which add up."""
     share: Annotated[float, Field(ge=1e-6, le=1e6)] = 1.0
     """Weight in the merit, relative to the other receivers."""
-    pixel_aspect: Annotated[float, Field(ge=0.01, le=100.0)] = 1.0
-    """Width over height of a pixel."""
     rotation_deg: Turn = 0.0
     """Turn about the direction that the receiver faces, from x towards y."""
 
@@ -76,6 +75,11 @@ class ReceiverSection(Section):
     def size(self) -> tuple[float, float]:
         """Width and height of the chart, in its unit."""
         raise NotImplementedError
+
+    @property
+    def place(self) -> str:
+        """Its place in a few words."""
+        return self.words.format(self)
 
     @property
     def extent(self) -> tuple[float, float]:
@@ -95,13 +99,7 @@ class ReceiverSection(Section):
 def _require_on_receiver(target: Target, extent: tuple[float, float]) -> None:
     """Raise ``ValueError`` for a target whose centre, or mask, or edge does not fit the receiver."""
     unit, (width, height) = target.unit, extent
-    x, y = target.centre
-    off = x * x + y * y > 0.25 * width**2 if unit == "deg" else abs(x) > 0.5 * width or abs(y) > 0.5 * height
-    if off:
-        raise ValueError(
-            f"centre_{unit} = ({x:g}, {y:g}) is off the receiver, which reaches {0.5 * width:g} in x and "
-            f"{0.5 * height:g} in y"
-        )
+    require_on(f"centre_{unit} =", target.centre, unit, extent, "the receiver")
     mask = target.pair("uniform")
     if mask is not None and (mask[0] > width or mask[1] > height) and target.rotation_deg == 0.0:
         given = f"{mask[0]:g}" if mask[0] == mask[1] else f"({mask[0]:g}, {mask[1]:g})"
@@ -109,6 +107,15 @@ def _require_on_receiver(target: Target, extent: tuple[float, float]) -> None:
     edge = getattr(target, "edge", 0.0)
     if edge > max(width, height):
         raise ValueError(f"edge_{unit} = {edge:g} must not exceed the receiver's {_words(width, height, unit)}")
+
+
+def require_on(what: str, place: tuple[float, float], unit: Unit, extent: tuple[float, float], receiver: str) -> None:
+    """Raise ``ValueError`` for a place off a receiver, whose ``extent`` is in the same unit; ``what``: its words."""
+    (x, y), half_width, half_height = place, 0.5 * extent[0], 0.5 * extent[1]
+    off = x * x + y * y > half_width**2 if unit == "deg" else abs(x) > half_width or abs(y) > half_height
+    if off:
+        reach = f"{half_width:g} deg" if unit == "deg" else f"{half_width:g} in x and {half_height:g} in y"
+        raise ValueError(f"{what} ({x:g}, {y:g}) is off {receiver}, which reaches {reach}")
 
 
 def _words(width: float, height: float, unit: str) -> str:
@@ -189,6 +196,7 @@ class FarFieldReceiver(ReceiverSection):
     """Intensity by direction, around an axis."""
 
     unit: ClassVar[Unit] = "deg"
+    words: ClassVar[str] = "in the far field, to {0.half_angle_deg:g}°"
 
     kind: Literal["far_field"] = "far_field"
     axis: Direction = (0.0, 0.0, 1.0)
@@ -218,11 +226,6 @@ class FarFieldReceiver(ReceiverSection):
             raise ValueError("axis = (0, 0, 0) is no direction")
         return self
 
-    @property
-    def place(self) -> str:
-        """Its place in a few words."""
-        return f"in the far field, to {self.half_angle_deg:g}°"
-
 
 class _CurvedReceiver(ReceiverSection):
     """A screen around the lens, whose chart is centred on the direction ``facing``."""
@@ -248,6 +251,8 @@ class CylinderReceiver(_CurvedReceiver):
     ``rotation_deg``.
     """
 
+    words: ClassVar[str] = "on a cylinder of radius {0.radius_mm:g} mm"
+
     kind: Literal["cylinder"] = "cylinder"
     width_mm: Millimetres
     """Width along the arc."""
@@ -268,17 +273,14 @@ class CylinderReceiver(_CurvedReceiver):
             )
         return self
 
-    @property
-    def place(self) -> str:
-        """Its place in a few words."""
-        return f"on a cylinder of radius {self.radius_mm:g} mm"
-
 
 class SphereReceiver(_CurvedReceiver):
     """A spherical screen up to ``half_angle_deg`` from the direction that it faces, seen from its centre.
 
     Charted so that areas are kept: a place lies 2 ``radius_mm`` sin(angle / 2) from the chart's centre.
     """
+
+    words: ClassVar[str] = "on a sphere of radius {0.radius_mm:g} mm"
 
     kind: Literal["sphere"] = "sphere"
     half_angle_deg: Annotated[float, Field(ge=0.01, le=150.0)]
@@ -289,11 +291,6 @@ class SphereReceiver(_CurvedReceiver):
         """Sides of the equal-area chart (mm)."""
         side = 4.0 * self.radius_mm * sin(0.5 * radians(self.half_angle_deg))
         return side, side
-
-    @property
-    def place(self) -> str:
-        """Its place in a few words."""
-        return f"on a sphere of radius {self.radius_mm:g} mm"
 
 
 AnyReceiver = PlaneReceiver | FarFieldReceiver | CylinderReceiver | SphereReceiver

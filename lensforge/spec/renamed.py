@@ -35,16 +35,19 @@ RENAMED: dict[str, dict[str, Callable[[Any], dict[str, Any]]]] = {
         for unit in ("w_per_m2", "lx", "w_per_sr", "cd", "relative")
     },
     "ManufactureSection": {"stepover_mm": _gone, "slope_limit_mrad": _gone},
+    "OptimiseSection": {"learning_rate": _gone, "uniformity_steps": _gone},
+    "ReceiverSection": {"pixel_aspect": _gone},
+    "TolerancesSection": {"waviness_exponent": _gone},
     "FlatTopTarget": {f"half_width_{unit}": partial(_whole_widths, unit) for unit in ("mm", "deg")},
 }
 
 
 def with_new_names(section: str, content: Any) -> Any:
-    """The table ``content`` of a section by the names of its fields now; anything else as it is.
+    """The table ``content`` of a section class by the names of its fields now; anything else as it is.
 
     Raises ``ValueError`` where an old name and a field beside it say two things.
     """
-    old_names = RENAMED[section]
+    old_names = RENAMED.get(section, {})
     if not isinstance(content, Mapping) or not any(name in old_names for name in content):
         return content
     table = {name: value for name, value in content.items() if name not in old_names}

@@ -87,28 +87,6 @@ class ConstraintsSection(Section):
         return self
 
     @model_validator(mode="after")
-    def _largest_wall_and_height_leave_room(self) -> "ConstraintsSection":
-        """Refuse a wall or a height that no lens has, its margins included: one for each limit that takes part."""
-        if self.missing:
-            return self
-        wall, margin = self.min_thickness_mm, self.margin_mm
-        for name, least, words in (
-            ("max_wall_mm", wall + 2.0 * margin, f"min_thickness_mm = {wall:g} needs"),
-            (
-                "max_height_mm",
-                self.cavity_height_mm + wall + 3.0 * margin,
-                f"cavity_height_mm = {self.cavity_height_mm:g} and min_thickness_mm = {wall:g} need",
-            ),
-        ):
-            given = getattr(self, name)
-            if given is not None and given < least:
-                raise ValueError(
-                    f"{name} = {given:g}: {words} at least {rounded_up(least)}, of which the margins of the search are "
-                    f"{margin:.3g} mm each; raise it, or lower the other"
-                )
-        return self
-
-    @model_validator(mode="after")
     def _margin_is_of_a_keep_out(self) -> "ConstraintsSection":
         if self.keep_out is None and self.keep_out_margin_mm != KEEP_OUT_MARGIN_MM:
             raise ValueError(
@@ -121,7 +99,7 @@ class ConstraintsSection(Section):
 class OptimiseSection(Section):
     """Settings of the search; omitted ones come from the accuracy preset.
 
-    ``steps_per_level``, ``rays`` and ``uniformity_steps`` belong to levels that are given.
+    ``steps_per_level`` and ``rays`` belong to levels that are given.
     """
 
     steps_per_level: Annotated[tuple[Steps, ...], Field(max_length=MOST_LEVELS)] | None = None
@@ -130,10 +108,6 @@ class OptimiseSection(Section):
     """Rays of a gradient step."""
     pixels: Annotated[int, Field(ge=4, le=1024)] = 64
     """Pixels along a side of the receiver in the search."""
-    learning_rate: Annotated[float, Field(gt=0.0, le=1.0)] = 0.004
-    """Learning rate of the optimiser (Adam), which falls along a cosine."""
-    uniformity_steps: Annotated[int, Field(ge=0, le=MOST_STEPS)] = 0
-    """Last steps, in which the merit is the uniformity of the target's region."""
     seconds: Annotated[float, Field(ge=1.0, le=1e6)] | None = None
     """Time that the search with automatic levels may take, set-up included; by default it goes on for as long as it
     gains.

@@ -1,11 +1,10 @@
 """Targets that are shapes: one level of light inside, none outside; and the flat top, whose edges fall smoothly."""
 
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from lensforge.spec.renamed import with_new_names
 from lensforge.spec.spec_section import Coordinate, Millimetres
 from lensforge.spec.target_sections import (
     DegreesOff,
@@ -29,11 +28,6 @@ class FlatTopTarget(SizedTarget):
     exponent: Annotated[float, Field(ge=2.0, le=200.0)] = 18.0
     """Power p: the larger, the steeper the edges."""
 
-    @model_validator(mode="before")
-    @classmethod
-    def _old_names(cls, content: Any) -> Any:
-        return with_new_names("FlatTopTarget", content)
-
     @property
     def widths(self) -> tuple[float, float]:
         """Width and height, in the target's unit."""
@@ -56,7 +50,6 @@ class DiscTarget(SoftTarget):
     diameter_mm: Millimetres | None = None
     """Diameter on a surface."""
     diameter_deg: DegreesWide | None = None
-    """Diameter in the far field."""
 
 
 class EllipseTarget(SizedTarget, SoftTarget):
@@ -76,9 +69,7 @@ class RingTarget(SoftTarget):
     inner_diameter_mm: Millimetres | None = None
     """Diameter of the inner circle on a surface."""
     outer_diameter_deg: DegreesWide | None = None
-    """Diameter of the outer circle in the far field."""
     inner_diameter_deg: DegreesWide | None = None
-    """Diameter of the inner circle in the far field."""
 
     @model_validator(mode="after")
     def _inner_is_smaller(self) -> "RingTarget":
@@ -99,7 +90,6 @@ class PolygonTarget(SoftTarget):
     corners_mm: Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(max_length=_MOST_CORNERS)] | None = None
     """Corners (x, y) about the target's centre, on a surface."""
     corners_deg: Annotated[tuple[tuple[DegreesOff, DegreesOff], ...], Field(max_length=_MOST_CORNERS)] | None = None
-    """Corners (x, y) about the target's centre, in the far field."""
 
     @property
     def corners(self) -> tuple[tuple[float, float], ...]:
@@ -128,9 +118,7 @@ class CrossTarget(SoftTarget):
     stroke_mm: Millimetres | None = None
     """Width of an arm on a surface."""
     length_deg: DegreesWide | None = None
-    """Length from end to end in the far field."""
     stroke_deg: DegreesWide | None = None
-    """Width of an arm in the far field."""
 
 
 class SpotsTarget(SoftTarget):
@@ -146,11 +134,9 @@ class SpotsTarget(SoftTarget):
     diameter_mm: Millimetres | None = None
     """Diameter of a disc on a surface."""
     diameter_deg: DegreesWide | None = None
-    """Diameter of a disc in the far field."""
     pitch_mm: Millimetres | None = None
     """Distance of neighbouring centres on a surface."""
     pitch_deg: DegreesWide | None = None
-    """Distance of neighbouring centres in the far field."""
 
     @model_validator(mode="after")
     def _spots_lie_apart(self) -> "SpotsTarget":

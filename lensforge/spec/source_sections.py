@@ -31,14 +31,11 @@ class Placement(EmitterSection):
 class RayfileSource(Placement):
     """Ray file of a vendor."""
 
+    words: ClassVar[str] = "ray file {0.file.name}"
+
     kind: Literal["rayfile"] = "rayfile"
     file: FilePath
     """Ray file: TM-25, IES, Zemax, LightTools, SPEOS and others."""
-
-    @property
-    def description(self) -> str:
-        """The source in a few words."""
-        return f"ray file {self.file.name}"
 
 
 class RayfilePart(FluxSection):
@@ -154,29 +151,23 @@ class _PlanarSource(EmitterSection):
 class RectangleSource(_PlanarSource):
     """A uniform rectangle, centred on the axis."""
 
+    words: ClassVar[str] = "{0.width_mm:g} mm × {0.height_mm:g} mm source"
+
     kind: Literal["rectangle"] = "rectangle"
     width_mm: Millimetres
     """Width along x."""
     height_mm: Millimetres
     """Height along y."""
 
-    @property
-    def description(self) -> str:
-        """The source in a few words."""
-        return f"{self.width_mm:g} mm × {self.height_mm:g} mm source"
-
 
 class DiscSource(_PlanarSource):
     """A uniform disc, centred on the axis."""
 
+    words: ClassVar[str] = "{0.diameter_mm:g} mm disc source"
+
     kind: Literal["disc"] = "disc"
     diameter_mm: Millimetres
     """Diameter."""
-
-    @property
-    def description(self) -> str:
-        """The source in a few words."""
-        return f"{self.diameter_mm:g} mm disc source"
 
 
 class Chip(FluxSection):
@@ -211,6 +202,8 @@ class ChipsSource(_PlanarSource):
 class ChipArraySource(_PlanarSource):
     """Equal chips in rows and columns, centred on the axis."""
 
+    words: ClassVar[str] = "source of {0.columns} × {0.rows} chips"
+
     kind: Literal["chip_array"] = "chip_array"
     columns: Annotated[int, Field(ge=1, le=100)]
     """Chips along x."""
@@ -223,14 +216,11 @@ class ChipArraySource(_PlanarSource):
     pitch_mm: tuple[Millimetres, Millimetres]
     """Distance of neighbouring centres, in x and y."""
 
-    @property
-    def description(self) -> str:
-        """The source in a few words."""
-        return f"source of {self.columns} × {self.rows} chips"
-
 
 class LuminanceSource(_PlanarSource):
     """A picture of the lit source, centred on the axis: a pixel's flux follows its light."""
+
+    words: ClassVar[str] = "source of the luminance picture {0.file.name}"
 
     kind: Literal["luminance"] = "luminance"
     file: FilePath
@@ -240,23 +230,15 @@ class LuminanceSource(_PlanarSource):
     luminance: Luminance = "as_stored"
     """Light that its values stand for, as in a target's picture."""
 
-    @property
-    def description(self) -> str:
-        """The source in a few words."""
-        return f"source of the luminance picture {self.file.name}"
-
 
 class RadianceSource(EmitterSection):
     """Radiance by position and direction, from a NumPy archive (docs/rayfiles.md); a given flux replaces its own."""
 
+    words: ClassVar[str] = "source of the radiance table {0.file.name}"
+
     kind: Literal["radiance"] = "radiance"
     file: FilePath
     """NumPy archive (docs/rayfiles.md)."""
-
-    @property
-    def description(self) -> str:
-        """The source in a few words."""
-        return f"source of the radiance table {self.file.name}"
 
 
 SourceSpec = Annotated[

@@ -31,8 +31,13 @@ def unit_of(name: str) -> str:
 
 
 def words_of(section: type[BaseModel], name: str) -> str:
-    """Words and unit of a field: ``Side of the square; 0 for a point source. [mm]``."""
-    words = "" if name not in section.model_fields else _words(section).get(name, "")
+    """Words and unit of a field: ``Side of the square; 0 for a point source. [mm]``.
+
+    A length that has a field in mm and one in degrees has its words below the first.
+    """
+    below = _words(section) if name in section.model_fields else {}
+    twin = below.get(f"{name.removesuffix('_deg')}_mm", "").replace("on a surface", "in the far field")
+    words = below.get(name, "") or twin
     if name == "kind" and not words:
         words = f"Kind: {_first_line(section)}"
     unit = unit_of(name)

@@ -13,7 +13,7 @@ from difflib import get_close_matches
 from inspect import Signature
 from math import ceil, floor, log10
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, Self, get_args, get_origin
 
 import numpy as np
 from pydantic import (
@@ -25,6 +25,7 @@ from pydantic import (
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     ValidationError,
+    model_validator,
 )
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, ErrorDetails, core_schema
@@ -32,6 +33,7 @@ from pydantic_core import CoreSchema, ErrorDetails, core_schema
 from lensforge.errors import InputError, WrongFields
 from lensforge.results.record import read_only, real_numbers
 from lensforge.results.validation import given_words, same, shortened
+from lensforge.spec.renamed import with_new_names
 from lensforge.spec.spec_fields import all_sections, help_of, kind_of, sections_in, signature_of, unit_of, words_of
 
 _MOST_LINES = 20  # of a message; a list of a thousand wrong numbers has one cause
@@ -219,6 +221,20 @@ class Section(_Model):
     model_config = ConfigDict(
         frozen=True, extra="forbid", allow_inf_nan=False, arbitrary_types_allowed=True, defer_build=True
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _old_names(cls, content: Any) -> Any:
+        for each in cls.__mro__:
+            content = with_new_names(each.__name__, content)
+        return content
+
+    @model_validator(mode="after")
+    def _kind_is_given(self) -> Self:
+        """Count the kind as given where it was left to the class: without it a file could not be read again."""
+        if "kind" in type(self).model_fields:
+            self.model_fields_set.add("kind")
+        return self
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise InputError(f"{type(self).__name__}.{name}: a spec does not change; make another with replace(...)")

@@ -22,12 +22,47 @@ DegreesOrZero = Annotated[float, Field(ge=0.0, le=180.0)]
 DegreesOff = Annotated[float, Field(ge=-180.0, le=180.0)]
 HalfAngle = Annotated[float, Field(ge=0.1, le=90.0)]
 Unit = Literal["mm", "deg"]
+_UNITS: tuple[Unit, Unit] = ("deg", "mm")
 _Places = Float[np.ndarray, "..."]
 Side = Millimetres | tuple[Millimetres, Millimetres]
 SideDegrees = DegreesWide | tuple[DegreesWide, DegreesWide]
 
 
-class TargetSection(Section):
+class InOneUnit(Section):
+    """Lengths, each with a field in mm and one in degrees: ``diameter_mm``, ``diameter_deg``; all are in one unit."""
+
+    needs: ClassVar[tuple[str, ...]] = ()  # lengths without their unit, each of which must be given
+    takes: ClassVar[tuple[str, ...]] = ()  # and those that may be
+
+    @property
+    def in_unit(self) -> Unit:
+        """Unit of the lengths; mm where none is given."""
+        return self.given_unit or "mm"
+
+    @property
+    def given_unit(self) -> Unit | None:
+        """Unit of the lengths that are given; None without any."""
+        names = (*self.needs, *self.takes)
+        return next((unit for unit in _UNITS if any(self.length(name, unit) is not None for name in names)), None)
+
+    def length(self, name: str, unit: Unit | None = None) -> Any:
+        """Length ``name`` in ``unit``, by default the section's own; None where it is not given."""
+        return getattr(self, f"{name}_{unit or self.in_unit}", None)
+
+    @model_validator(mode="after")
+    def _lengths_have_one_unit(self) -> "InOneUnit":
+        unit = self.in_unit
+        for name in (*self.needs, *self.takes):
+            for other in _UNITS:
+                if other != unit and self.length(name, other) is not None:
+                    raise ValueError(f"{name}_{other} is given among lengths in {unit}; give {name}_{unit}")
+        for name in self.needs:
+            if self.length(name) is None:
+                raise ValueError(f"{name}_{unit}: missing; give it, in {'mm' if unit == 'mm' else 'degrees'}")
+        return self
+
+
+class TargetSection(InOneUnit):
     """Light wanted on a receiver: a pattern of irradiance, or of intensity on the far field.
 
     Its receiver: either ``distance_mm`` and ``receiver_mm``, a square in a plane at right angles to the axis; or
@@ -37,8 +72,7 @@ class TargetSection(Section):
     sin(azimuth), gamma the angle from the receiver's axis.
     """
 
-    needs: ClassVar[tuple[str, ...]] = ()  # lengths without their unit, each of which must be given
-    takes: ClassVar[tuple[str, ...]] = ("centre", "uniform")  # and those that may be
+    takes: ClassVar[tuple[str, ...]] = ("centre", "uniform")
     far_field_only: ClassVar[bool] = False
 
     kind: str
@@ -51,7 +85,6 @@ class TargetSection(Section):
     centre_mm: tuple[Coordinate, Coordinate] | None = None
     """Centre of the pattern on a surface."""
     centre_deg: tuple[DegreesOff, DegreesOff] | None = None
-    """Centre of the pattern in the far field."""
     rotation_deg: Turn = 0.0
     """Turn of the pattern about its centre, from x towards y."""
     level: Annotated[float, Field(ge=1e-9, le=1e9)] = 1.0
@@ -59,18 +92,10 @@ class TargetSection(Section):
     uniform_mm: Side | None = None
     """Side, or width and height, of the rectangle about its centre whose uniformity counts, on a surface."""
     uniform_deg: SideDegrees | None = None
-    """Side, or width and height, of the rectangle about its centre whose uniformity counts, in the far field."""
 
     @model_validator(mode="after")
-    def _lengths_have_one_unit(self) -> "TargetSection":
+    def _fits_its_receiver(self) -> "TargetSection":
         unit = self.unit
-        for name in (*self.needs, *self.takes):
-            if self.length(name, "deg" if unit == "mm" else "mm") is not None:
-                given, other = (f"{name}_{each}" for each in (("deg", "mm") if unit == "mm" else ("mm", "deg")))
-                raise ValueError(f"{given} is given among lengths in {unit}; give {other}")
-        for name in self.needs:
-            if self.length(name, unit) is None:
-                raise ValueError(f"{name}_{unit}: missing; give it, in {'mm' if unit == 'mm' else 'degrees'}")
         if self.half_angle_deg is not None and (self.distance_mm, self.receiver_mm) != (None, None):
             raise ValueError("half_angle_deg is the far field, distance_mm and receiver_mm are a plane; give one")
         if self.distance_mm is None and self.receiver_mm is not None:
@@ -83,24 +108,19 @@ class TargetSection(Section):
         return self
 
     @property
-    def unit(self) -> Unit:
+    def in_unit(self) -> Unit:
         """Unit of the target's lengths; without any that of its receiver."""
-        names = (*self.needs, *self.takes)
-        if any(getattr(self, f"{name}_deg", None) is not None for name in names):
-            return "deg"
-        if any(getattr(self, f"{name}_mm", None) is not None for name in names):
-            return "mm"
-        return self.on_receiver or "mm"
+        return self.given_unit or self.on_receiver or "mm"
+
+    @property
+    def unit(self) -> Unit:
+        """Unit of the target's lengths."""
+        return self.in_unit
 
     @property
     def on_receiver(self) -> Unit | None:
         """Unit of lengths on the receiver that the target itself names; None where it names none."""
         return "deg" if self.half_angle_deg is not None else "mm" if self.distance_mm is not None else None
-
-    def length(self, name: str, unit: Unit | None = None) -> float | tuple[float, float] | None:
-        """Length ``name`` in ``unit``, by default the target's own; None where it is not given."""
-        value: float | tuple[float, float] | None = getattr(self, f"{name}_{unit or self.unit}", None)
-        return value
 
     def size(self, name: str) -> float:
         """Length ``name``, a single number that has been given, in the target's unit."""
@@ -142,7 +162,6 @@ class SoftTarget(TargetSection):
     edge_mm: Annotated[float, Field(ge=0.0, le=1e9)] | None = None
     """Standard deviation of the Gaussian that softens edges, on a surface; by default they are sharp."""
     edge_deg: DegreesOrZero | None = None
-    """Standard deviation of the Gaussian that softens edges, in the far field; by default they are sharp."""
 
     @property
     def edge(self) -> float:
@@ -160,7 +179,7 @@ class _FarFieldTarget(TargetSection):
     far_field_only: ClassVar[bool] = True
 
     @property
-    def unit(self) -> Literal["deg"]:
+    def in_unit(self) -> Literal["deg"]:
         """Degrees."""
         return "deg"
 
@@ -236,9 +255,7 @@ class SizedTarget(TargetSection):
     height_mm: Millimetres | None = None
     """Whole height, along y, on a surface; by default as the width of a flat top, in proportion of a picture."""
     width_deg: DegreesWide | None = None
-    """Whole width, along x, in the far field."""
     height_deg: DegreesWide | None = None
-    """Whole height, along y, in the far field; by default as the width of a flat top, in proportion of a picture."""
 
 
 class _PictureTarget(SizedTarget, SoftTarget):

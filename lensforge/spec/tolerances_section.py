@@ -180,8 +180,6 @@ class TolerancesSection(Section):
     """Shortest period of the waviness."""
     waviness_longest_mm: Annotated[float, Field(ge=0.01, le=100.0)] = 5.0
     """Longest period of the waviness."""
-    waviness_exponent: Annotated[float, Field(ge=0.0, le=6.0)] = 2.0
-    """Power with which the waviness's spectral density over spatial frequency in the plane falls."""
     ripple_period_mm: Annotated[float, Field(ge=1e-3, le=10.0)] = 0.1
     """Distance of the rings that the cutter leaves about the axis."""
 

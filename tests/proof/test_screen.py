@@ -28,10 +28,10 @@ SKEWED = {
     "plane beside": {**PLANE, "centre_mm": [80.0, 5.0, 0.0], "normal": [-1.0, 0.2, 0.3], "window_mm": [120.0, 90.0]},
     "far field": {**FAR, "half_angle_deg": 70.0},
     "far field askew": {**FAR, "half_angle_deg": 50.0, "axis": [0.3, -0.5, 0.7], "rotation_deg": 200.0},
-    "far field, flat pixels": {**FAR, "half_angle_deg": 50.0, "axis": [0.9, 0.1, 0.0], "pixel_aspect": 2.5},
+    "far field aside": {**FAR, "half_angle_deg": 50.0, "axis": [0.9, 0.1, 0.0]},
     "cylinder": CYLINDER,
     "cylinder askew": {**CYLINDER, "centre_mm": [3.0, -9.0, 8.0], "facing": [1.0, 0.6, 0.1], "rotation_deg": 75.0},
-    "cylinder to the back": {**CYLINDER, "facing": [0.0, 0.0, -2.0], "pixel_aspect": 0.4},
+    "cylinder to the back": {**CYLINDER, "facing": [0.0, 0.0, -2.0]},
     "sphere": SPHERE,
     "sphere askew": {**SPHERE, "centre_mm": [-6.0, 7.0, 9.0], "facing": [0.2, -0.8, 0.3], "rotation_deg": -40.0},
 }

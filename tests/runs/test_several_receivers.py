@@ -14,7 +14,7 @@ by_night = pytest.mark.nightly("a minute; by day a lens without a search, above"
 
 WALL = {
     "kind": "plane", "name": "wall", "centre_mm": [80.0, 0.0, 60.0], "normal": [1.0, 0.0, 0.2],
-    "width_mm": 240.0, "height_mm": 160.0, "pixel_aspect": 1.5,
+    "width_mm": 240.0, "height_mm": 160.0,
     "targets": [{"kind": "rectangle", "width_mm": 120.0, "height_mm": 60.0, "uniform_mm": [60.0, 30.0]}],
 }  # fmt: skip
 FAR = {

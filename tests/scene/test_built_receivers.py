@@ -2,14 +2,13 @@
 
 import math
 
-import numpy as np
 import pytest
 from scenes import small_spec
 
 from lensforge.errors import InputError
-from lensforge.scene.pixel_grid import PixelGrid, Window
+from lensforge.scene.pixel_grid import Window
 from lensforge.scene.receiver import ReceiverPose
-from lensforge.scene.receiver_shapes import Cylinder, Dome, FarField, Plane, receivers_of
+from lensforge.scene.receiver_shapes import receivers_of
 
 DISC = {"kind": "disc", "diameter_mm": 20.0}
 SECTIONS = {
@@ -57,38 +56,3 @@ def test_the_window_of_the_evaluation_is_that_of_the_target_s_own_receiver() -> 
     wall = {"kind": "plane", "centre_mm": [0.0, 0.0, 60.0], "width_mm": 80.0, "height_mm": 40.0, "targets": [DISC]}
     (other,) = receivers_of(small_spec(target=None, receivers=[{**wall, "window_mm": [20.0, 10.0]}]), 8)
     assert other.window == Window(20.0, 10.0)
-
-
-def test_a_target_alone_stands_on_a_plane_or_in_the_far_field() -> None:
-    spec = small_spec(evaluate__window_mm=150.0)
-    (found,) = receivers_of(spec, 64)
-    side, distance = spec.target.receiver_mm, spec.target.distance_mm  # type: ignore[union-attr]
-    assert found == Plane(
-        ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, distance)), PixelGrid.square(side, 64), Window(150.0, 150.0)
-    )
-    assert found.pixel_measure == pytest.approx((side / 64 * 1e-3) ** 2)
-    beam = small_spec(target={"kind": "beam", "fwhm_deg": 30.0, "half_angle_deg": 60.0})
-    (far,) = receivers_of(beam, 64)
-    assert isinstance(far, FarField) and far.grid.shape == (64, 64) and far.grid.size == pytest.approx((2.0, 2.0))
-    assert far.window.radius == pytest.approx(1.0) and far.window.width == np.inf
-
-
-def test_receivers_of_a_spec_are_as_it_says() -> None:
-    wall = {"kind": "plane", "centre_mm": [60.0, 0.0, 80.0], "normal": [-1.0, 0.0, 0.0], "targets": [DISC]}
-    found = receivers_of(
-        small_spec(
-            target=None,
-            receivers=[
-                {**wall, "width_mm": 200.0, "height_mm": 100.0, "window_mm": [50.0, 40.0]},
-                {"kind": "cylinder", "radius_mm": 90.0, "width_mm": 100.0, "height_mm": 50.0, "targets": [DISC]},
-                {"kind": "sphere", "radius_mm": 90.0, "half_angle_deg": 60.0, "targets": [DISC], "pixel_aspect": 2.0},
-            ],
-        ),
-        64,
-    )
-    plane, cylinder, sphere = found
-    assert isinstance(plane, Plane) and np.allclose(plane.pose.axes[2], [1.0, 0.0, 0.0]), "away from the lens"
-    assert (plane.grid.columns, plane.grid.rows, plane.window) == (64, 32, Window(50.0, 40.0))
-    assert isinstance(cylinder, Cylinder) and cylinder.grid.size == (100.0, 50.0)
-    assert isinstance(sphere, Dome) and sphere.window.radius == pytest.approx(90.0)
-    assert sphere.grid.size == pytest.approx((180.0, 180.0)) and (sphere.grid.columns, sphere.grid.rows) == (32, 64)

@@ -57,17 +57,6 @@ def test_a_tolerance_has_its_amount_in_the_unit_of_its_name() -> None:
     assert (twice["outer_tilt_deg"] == draws.deviations(7)["outer_tilt_deg"]).all()
 
 
-def test_every_cause_has_the_amount_of_its_own_tolerance() -> None:
-    amounts = {name: 1e-4 * (1 + number) for number, name in enumerate(NONE)}
-    factors = factors_of(TolerancesSection(**amounts))
-    assert {factor.name: factor.amount for factor in factors} == amounts
-    numbers = Draws.of(factors, 2, 0).numbers
-    for factor in factors:  # in mm, rad or shares
-        unit = {"mm": 1.0, "um": 1e-3, "mrad": 1e-3, "deg": np.pi / 180.0, "": 1.0}[factor.unit]
-        found = Draws.of(factors, 2, 0).deviations(1)[factor.name]
-        assert found == pytest.approx(amounts[factor.name] * unit * numbers[factor.name][1], rel=1e-12)
-
-
 def test_parts_are_the_first_of_an_endless_row_and_other_seeds_give_others() -> None:
     factors = factors_of(TolerancesSection())
     few, many, other = Draws.of(factors, 100, 3), Draws.of(factors, 1000, 3), Draws.of(factors, 100, 4)

@@ -6,18 +6,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from lensforge.scene.target_pattern import drawn_text, in_target
-from lensforge.scene.target_shapes import batwing, beam, flat_top, in_picture, in_shape, photometric
+from lensforge.scene.target_shapes import batwing, beam, in_shape, photometric
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.spec.shape_targets import (
-    CrossTarget,
-    DiscTarget,
-    EllipseTarget,
-    FlatTopTarget,
     PolygonTarget,
-    RectangleTarget,
-    RingTarget,
-    SpotsTarget,
 )
 from lensforge.spec.target_sections import BatwingTarget, BeamTarget
 
@@ -39,12 +31,6 @@ def test_a_gaussian_beam_halves_at_its_ellipse() -> None:
     ]
     np.testing.assert_allclose(found, by_hand, rtol=1e-12)
     assert found[2] == found[3] == pytest.approx(0.5)
-
-
-def test_a_flat_beam_ends_on_its_ellipse() -> None:
-    edge = at((30.0, 0.0), (30.0 + NEAR, 0.0), (0.0, -12.5), (0.0, -12.5 - NEAR), (24.0, 7.4), (24.0, 7.6))
-    found = beam(BeamTarget(fwhm_deg=(60.0, 25.0), profile="flat"), *edge)
-    assert found.tolist() == [1.0, 0.0, 1.0, 0.0, 1.0, 0.0]
 
 
 @pytest.mark.parametrize("fwhm", [(60.0, 25.0), (170.0, 100.0)])
@@ -110,36 +96,6 @@ def test_a_table_is_read_between_its_planes_and_angles(planes: list[float], gamm
     np.testing.assert_allclose(last, [values[0, -1], values[0, 0], 0.0])
 
 
-def test_a_flat_top_is_a_super_gaussian_and_dark_far_away() -> None:
-    x, y = at((0.0, 0.0), (3.0, 0.0), (0.0, -2.0), (2.0, 1.5), (-3.5, 2.2), (1e9, 0.0), (0.0, -1e9))
-    found = flat_top(FlatTopTarget(width_mm=6.0, height_mm=4.0, exponent=6.0), x, y)
-    by_hand = [math.exp(-((one / 3.0) ** 6) - (other / 2.0) ** 6) for one, other in zip(x[:5], y[:5], strict=True)]
-    np.testing.assert_allclose(found, [*by_hand, 0.0, 0.0], rtol=1e-12)
-    single = flat_top(FlatTopTarget(width_mm=6.0, exponent=6.0), *at((0.0, 3.0), (3.0, 0.0)))
-    np.testing.assert_allclose(single, math.exp(-1.0))
-
-
-@pytest.mark.parametrize(
-    ("target", "on_edge", "beyond"),
-    [
-        (RectangleTarget(width_mm=6.0, height_mm=4.0), [(3.0, 2.0), (-3.0, -2.0)],
-         [(3.1, 0.0), (0.0, -2.1), (2.1, 2.1)]),
-        (DiscTarget(diameter_mm=10.0), [(5.0, 0.0), (-3.0, 4.0), (0.0, -5.0)], [(3.6, 3.6), (5.1, 0.0)]),
-        (EllipseTarget(width_mm=8.0, height_mm=4.0), [(4.0, 0.0), (0.0, 2.0)], [(0.0, 2.1), (4.1, 0.0), (3.0, 1.5)]),
-        (RingTarget(outer_diameter_mm=10.0, inner_diameter_mm=4.0), [(5.0, 0.0), (0.0, 2.1)],
-         [(2.0, 0.0), (0.0, -2.0), (5.1, 0.0), (0.0, 0.0)]),
-        (CrossTarget(length_mm=8.0, stroke_mm=2.0), [(4.0, 1.0), (-1.0, 4.0)], [(1.1, 1.1), (4.1, 0.0), (0.0, 4.1)]),
-        (SpotsTarget(columns=4, rows=3, diameter_mm=2.0, pitch_mm=3.0),
-         [(-4.5, 3.0), (4.5, -3.0), (1.5, 0.0), (5.5, 0.0), (-1.5, 1.0)],
-         [(0.0, 0.0), (7.5, 0.0), (-7.5, 0.0), (1.5, 6.0), (1.5, -6.0), (5.6, 0.0), (3.0, 1.5)]),
-        (SpotsTarget(columns=1, diameter_mm=2.0, pitch_mm=3.0), [(0.0, 1.0), (1.0, 0.0)], [(3.0, 0.0), (0.0, 3.0)]),
-    ],
-)  # fmt: skip
-def test_a_shape_holds_its_edge_and_nothing_beyond(target, on_edge, beyond) -> None:
-    assert in_shape(target, *at(*on_edge)).all() and not in_shape(target, *at(*beyond)).any()
-    assert in_shape(target, np.zeros((1, 3)), np.zeros((2, 1))).shape == (2, 3), "columns and rows of places"
-
-
 def test_a_polygon_holds_what_an_odd_number_of_its_edges_lies_beside() -> None:
     """A star that crosses itself, against angles: the winding number of the outline is odd inside."""
     corners = tuple(
@@ -157,35 +113,3 @@ def test_a_polygon_holds_what_an_odd_number_of_its_edges_lies_beside() -> None:
     assert in_shape(square, *edges).tolist() == [True, False, True, False, False, False], (
         "each edge belongs to one side"
     )
-
-
-def test_a_picture_has_its_pixels_where_they_lie_and_is_dark_around() -> None:
-    picture = np.arange(1.0, 7.0).reshape(2, 3)  # 6 mm wide, 8 mm high: pixels of 2 x 4 mm
-    x, y = at((-2.9, 3.9), (0.0, 3.9), (2.9, 0.1), (-2.9, -0.1), (0.9, -3.9), (1.1, -3.9))
-    np.testing.assert_array_equal(in_picture(picture, (6.0, 8.0), x, y), [1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
-    outside = at(
-        (-3.1, 0.0), (3.1, 0.0), (0.0, 4.1), (0.0, -4.1), (-8.0, 0.0), (9.0, 0.0), (0.0, 99.0), (1e300, -1e300)
-    )
-    assert not in_picture(picture, (6.0, 8.0), *outside).any()
-    rows = in_picture(picture, (6.0, 8.0), np.array([[-2.0, 0.0, 2.0, 4.0]]), np.array([[2.0], [-2.0]]))
-    np.testing.assert_array_equal(rows, [[1.0, 2.0, 3.0, 0.0], [4.0, 5.0, 6.0, 0.0]])
-
-
-def test_light_counts_as_in_the_target_above_a_tenth_of_its_maximum() -> None:
-    light = np.array([[10.0, 1.0, 1.0 + NEAR, 0.9]]) / 50.0
-    assert in_target(light).tolist() == [[True, False, True, False]]
-
-
-@pytest.mark.parametrize("text", ["L", "Wj,.", "' '", "É"])
-def test_text_is_all_of_its_ink_at_1024_pixels_of_size(text: str) -> None:
-    from matplotlib import get_data_path
-    from PIL import Image, ImageDraw, ImageFont
-
-    font = ImageFont.truetype(f"{get_data_path()}/fonts/ttf/DejaVuSans.ttf", 1024)
-    canvas = Image.new("L", (4096, 2048))
-    ImageDraw.Draw(canvas).text((100, 100), text, fill=255, font=font)
-    wanted = np.asarray(canvas, dtype=float) / 255.0
-    rows, columns = np.flatnonzero(wanted.any(axis=1)), np.flatnonzero(wanted.any(axis=0))
-    found = drawn_text(text)
-    np.testing.assert_array_equal(found, wanted[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1])
-    assert found.max() == 1.0

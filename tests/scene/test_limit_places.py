@@ -69,15 +69,6 @@ def test_a_line_is_read_twice_per_pixel_of_either_direction_and_at_both_ends() -
         np.testing.assert_allclose(read, 7.0 + 0.02 * xs - 0.03 * ys, rtol=1e-9)
 
 
-def test_a_line_over_oblong_pixels_counts_those_of_each_direction() -> None:
-    """Pixels of 5 x 10 mm: 40 mm along x are 8, 30 mm along y are 3."""
-    wall = {**WALL, "pixel_aspect": 0.5}
-    line = {"kind": "line", "from_mm": [-20.0, -15.0], "to_mm": [20.0, 15.0], "unit": "w_per_m2", "at_least": 1.0}
-    (limit,), (receiver,) = found(line, receivers=(wall,), pixels=24)
-    assert receiver.grid.pixel == (5.0, 10.0)
-    assert limit.readings.shape[0] == np.ceil(2.0 * np.hypot(8.0, 3.0)) + 1
-
-
 def test_a_cut_goes_from_rim_to_rim_in_half_pixels() -> None:
     limit = {"kind": "beam_angle", "azimuth_deg": 30.0, "level": 0.25, "at_least_deg": 10.0, "at_most_deg": 90.0}
     (least, most), (receiver,) = found(limit, receivers=(FAR,), pixels=40)
@@ -154,49 +145,3 @@ def test_each_quantity_has_its_unit_and_only_photometric_ones_the_lumens(quantit
     if light:
         (between,), _ = found({"kind": "points", "at_mm": [[1.0, 2.0], [7.0, 3.0]], **bound})
         assert between.light_per_flux == pytest.approx(scale / 1e-4), "bilinear weights add up to 1"
-
-
-def points(
-    least: list[list[float]], most: list[list[float]], bounds: tuple[float, float], unit: str = "lx"
-) -> list[dict]:
-    return [
-        {"kind": "points", "at_mm": least, "unit": unit, "at_least": bounds[0]},
-        {"kind": "points", "at_mm": most, "unit": unit, "at_most": bounds[1]},
-    ]
-
-
-@pytest.mark.parametrize(
-    ("limits", "contradict"),
-    [
-        (points([[3.0, 4.0]], [[3.0, 4.0]], (5.0, 4.0)), True),
-        (points([[3.0, 4.0]], [[3.0, 4.0]], (5.0, 5.0)), False),
-        (points([[3.0, 4.0]], [[3.0 + 1e-9, 4.0]], (5.0, 4.0)), True),
-        (points([[3.0, 4.0]], [[3.1, 4.0]], (5.0, 4.0)), False),
-        (points([[3.0, 4.0], [30.0, 4.0]], [[-20.0, 9.0], [30.0, 4.0]], (5.0, 4.0)), True),
-        (points([[3.0, 4.0]], [[3.0, 4.0]], (0.5, 0.4), "relative"), True),
-        ([points([[3.0, 4.0]], [], (5.0, 0.0))[0], {"kind": "zone", "unit": "w_per_m2", "at_most": 0.1}], False),
-        ([points([[3.0, 4.0]], [], (5.0, 0.0))[0], {"kind": "zone", "unit": "lx", "at_most": 0.1}], True),
-        # between four pixels of which the zone has two
-        ([points([[10.0, 10.0]], [], (5.0, 0.0))[0],
-          {"kind": "zone", "zone": {"kind": "rectangle", "width_mm": 10.0, "height_mm": 40.0, "centre_mm": [5.0, 0.0]},
-           "unit": "lx", "at_most": 0.1}], False),
-        # on the centre of one that the zone has
-        ([points([[5.0, 15.0]], [], (5.0, 0.0))[0],
-          {"kind": "zone", "zone": {"kind": "rectangle", "width_mm": 10.0, "height_mm": 40.0, "centre_mm": [5.0, 0.0]},
-           "unit": "lx", "at_most": 0.1}], True),
-        ([{"kind": "zone", "at_least_min_over_mean": 0.9}, {"kind": "zone", "at_most_share": 0.1}], False),
-    ],
-)  # fmt: skip
-def test_limits_contradict_each_other_where_they_share_a_place(limits: list[dict], contradict: bool) -> None:
-    if contradict:
-        with pytest.raises(InputError, match="no light is both; change one"):
-            found(*limits)
-    else:
-        assert len(found(*limits)[0]) == 2
-
-
-def test_limits_of_two_receivers_do_not_contradict_each_other() -> None:
-    other = {**WALL, "name": "other"}
-    limits = points([[3.0, 4.0]], [[3.0, 4.0]], (5.0, 4.0))
-    limits[1]["receiver"] = "other"
-    assert [limit.receiver for limit in found(*limits, receivers=(WALL, other))[0]] == [0, 1]

@@ -8,12 +8,11 @@ from scenes import small_spec
 from scipy.special import ndtr, ndtri
 
 from lensforge.errors import InputError
-from lensforge.scene import target_pattern
-from lensforge.scene.pixel_grid import PixelGrid, Window
+from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver import PosedReceiver, ReceiverPose
 from lensforge.scene.receiver_shapes import Plane, receivers_of
 from lensforge.scene.target_pattern import coarser_target, drawn_target, target_light, uniform_region
-from lensforge.spec import ArrayTarget, RectangleTarget
+from lensforge.spec import RectangleTarget
 from lensforge.spec.shape_targets import RingTarget
 
 AXIAL = ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 100.0))
@@ -56,21 +55,6 @@ def test_soft_edges_of_the_far_field_are_even_angles_wide_and_symmetric(half_ang
     assert not light[np.hypot(x, y) > half_angle + 4.0].any()
 
 
-def test_soft_edges_are_drawn_up_to_four_deviations_beyond_the_far_field(monkeypatch: pytest.MonkeyPatch) -> None:
-    seen, draw = [], target_pattern._pattern
-    monkeypatch.setattr(
-        target_pattern, "_pattern", lambda target, x, y, grid: seen.append((x, y, grid)) or draw(target, x, y, grid)
-    )
-    _, receiver = far_field(40.0, {"kind": "disc", "diameter_deg": 33.125, "edge_deg": 2.5})
-    ((x, y, canvas),) = seen
-    fine = receiver.grid.finer(8)
-    places = np.hypot(*receiver.target_coordinates(*np.meshgrid(fine.x(), fine.y())))
-    reach = places[Window(radius=receiver.window.radius).pixels(fine)].max() + 4.0 * 2.5
-    assert canvas.size == pytest.approx((2.0 * reach, 2.0 * reach)) and canvas.shape == (1024, 1024)
-    np.testing.assert_array_equal(x[0], canvas.x())
-    np.testing.assert_array_equal(y[:, 0], canvas.y())
-
-
 def test_targets_add_up_by_their_levels_and_one_that_lies_beside_the_receiver_adds_nothing() -> None:
     left, right = (RectangleTarget(width_mm=width, height_mm=20.0, centre_mm=(x, 0.0), level=level)
                    for width, x, level in ((20.0, -40.0, 2.0), (10.0, 40.0, 0.5)))  # fmt: skip
@@ -81,35 +65,6 @@ def test_targets_add_up_by_their_levels_and_one_that_lies_beside_the_receiver_ad
         np.testing.assert_allclose(both, (8.0 * one + other) / 9.0, atol=1e-15)  # by level and area
     with pytest.raises(InputError, match="dark everywhere on the receiver"):
         target_light((beside,), OBLONG)
-
-
-@pytest.mark.parametrize(
-    ("width_mm", "height_mm", "rotation_deg", "fits"),
-    [(120.0, 80.0, 0.0, True), (120.1, 80.0, 0.0, False), (120.0, 80.1, 0.0, False), (120.1, 80.1, 45.0, True)],
-)
-def test_a_picture_may_fill_its_receiver_and_be_larger_when_turned(width_mm, height_mm, rotation_deg, fits) -> None:
-    target = ArrayTarget([[1.0, 2.0]], width_mm=width_mm, height_mm=height_mm, rotation_deg=rotation_deg)
-    if fits:
-        assert target_light((target,), OBLONG).sum() == pytest.approx(1.0)
-    else:
-        with pytest.raises(InputError, match=r"must fit into receiver_mm = 120 x 80"):
-            target_light((target,), OBLONG)
-    wide = {"kind": "array", "values": [[1.0, 2.0]], "width_deg": 170.0, "height_deg": 10.0}
-    assert far_field(40.0, wide)[0].sum() == pytest.approx(1.0), "angles may reach beyond the far field"
-
-
-@pytest.mark.parametrize("edge", [(3.3, 0.6), (0.7, 5.1)])
-def test_one_product_is_blur_and_mean_with_two_widths(
-    monkeypatch: pytest.MonkeyPatch, edge: tuple[float, float]
-) -> None:
-    image = np.random.default_rng(1).random((24, 36))
-    image[:3], image[:, -5:] = 0.0, 0.0
-    wanted = target_pattern._softened(image, edge, 3)[0]
-    monkeypatch.setattr(target_pattern, "_MOST_FILTERED", 0)
-    monkeypatch.setattr(target_pattern, "_BLOCK", 7)
-    np.testing.assert_allclose(target_pattern._softened(image, edge, 3)[0], wanted, rtol=1e-12, atol=1e-15)
-    assert not target_pattern._softened(0.0 * image, edge, 3)[0].any(), "without a lit row"
-    assert target_pattern._softened(image, (0.0, 0.0), 3)[0][1, 2] == pytest.approx(image[3:6, 6:9].mean())
 
 
 def test_the_region_of_uniform_light_is_that_of_any_target_by_the_centres_of_pixels() -> None:
@@ -131,17 +86,6 @@ def test_the_region_of_uniform_light_is_that_of_any_target_by_the_centres_of_pix
             in_other = abs(x - 25.0) <= 15.0 + 2.5 * wider and abs(y + 15.0) <= 15.0 + 5.0 * wider
             assert found[row, column] == (in_one or in_other), (x, y)
     assert uniform_region((plain,), OBLONG) is None
-
-
-@pytest.mark.parametrize("wider", [0.0, 2.0])
-def test_a_region_of_the_far_field_is_wider_by_the_angle_of_a_pixel_on_the_axis(wider: float) -> None:
-    targets = {"kind": "disc", "diameter_deg": 20.0, "uniform_deg": [40.0, 21.0]}
-    spec = small_spec(target=None, receivers=[{"kind": "far_field", "half_angle_deg": 60.0, "targets": [targets]}])
-    (receiver,) = receivers_of(spec, 48)
-    x, y = receiver.target_coordinates(*np.meshgrid(receiver.grid.x(), receiver.grid.y()))
-    pixel_deg = np.degrees(2.0 / 48.0)  # its side on the chart is 2 sin 30 deg of radius, which is 1
-    expected = (np.abs(x) <= 20.0 + 0.5 * wider * pixel_deg) & (np.abs(y) <= 10.5 + 0.5 * wider * pixel_deg)
-    assert np.array_equal(uniform_region(spec.all_receivers[0].targets, receiver, wider), expected)
 
 
 @pytest.mark.parametrize("columns", [8, 31, 128])
@@ -175,14 +119,3 @@ def test_a_target_with_soft_edges_ends_at_a_tenth_of_its_light() -> None:
         for side in (24, 480):
             receiver = Plane(AXIAL, PixelGrid(120.0, 80.0, side, side // 3))
             np.testing.assert_array_equal(drawn_target((target,), receiver).contains(hits), [True, False, True, False])
-
-
-def test_a_wide_soft_edge_is_seen_between_pixels(monkeypatch: pytest.MonkeyPatch) -> None:
-    target = RectangleTarget(width_mm=61.0, height_mm=33.0, edge_mm=7.0, centre_mm=(4.0, 2.0))
-    receiver = Plane(AXIAL, PixelGrid(120.0, 80.0, 48, 32))
-    exact = drawn_target((target,), receiver)
-    target_pattern._drawn.cache_clear()
-    monkeypatch.setattr(target_pattern, "_MOST_FILTERED", 0)
-    seen = drawn_target((target,), receiver)
-    target_pattern._drawn.cache_clear()
-    assert seen is not exact and (seen.inside != exact.inside).mean() < 3e-3

@@ -11,7 +11,7 @@ from lensforge.optics.coatings import least_reflectances, whole_span
 from lensforge.optics.fundamental_limits import best_transmittance
 from lensforge.optics.media import CoverGlass, Media
 from lensforge.scene.pixel_grid import PixelGrid, Window
-from lensforge.scene.possible_light import EtendueCurve, LargestShare, PossibleLight, SourceLight, _filled
+from lensforge.scene.possible_light import EtendueCurve, LargestShare, PossibleLight, SourceLight
 from lensforge.scene.receiver import PosedReceiver, ReceiverPose
 from lensforge.scene.receiver_shapes import Cylinder, Dome, FarField, Plane
 from lensforge.sources.build_source import SquareEmitter
@@ -81,13 +81,6 @@ def test_a_collimated_source_reaches_no_target_far_to_its_side() -> None:
     assert 0.1 < largest_share(pixels, receiver, 3.0, colours).by_refraction < some, "the rays' own indices"
 
 
-def test_light_beside_the_origin_comes_from_where_it_leaves_the_lens() -> None:
-    """Straight up from a 2 mm square: a sixteenth of the light lands in a pixel of 0.5 mm off the axis."""
-    pixels = np.zeros((4, 4), dtype=bool)
-    pixels[2, 3] = True
-    assert largest_share(pixels, plane(2.0, 4, 5.0), 3.0, straight_up(1.0)).by_refraction >= 1.0 / 16.0
-
-
 def test_a_point_source_is_bounded_by_refraction_alone() -> None:
     physics = possible(plane(1.0, 8, 1000.0), 15.0, SourceLight.of(SquareEmitter(0.0), Media(1.5)))
     assert physics.in_region(whole(physics.receiver)).by_etendue == pytest.approx(normal_transmittance(1.5) ** 2)
@@ -128,15 +121,6 @@ def test_the_bound_of_a_window_is_that_of_a_receiver_of_its_size(width_mm: float
     found, expected = possible(receiver, 9.0, 1.5).in_window(), largest_share(whole(own), own, 9.0, 1.5)
     assert found.by_etendue == pytest.approx(expected.by_etendue, rel=1e-9)
     assert found.by_refraction == pytest.approx(expected.by_refraction, rel=1e-9)
-
-
-def test_the_bound_of_a_round_window_is_that_of_its_solid_angle() -> None:
-    pose = ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
-    radius = 2.0 * np.sin(np.radians(4.0))  # 8 degrees
-    receiver = FarField(pose, PixelGrid.square(2.0 * radius, 33), Window(radius=radius))
-    found = possible(receiver, 3.0, 1.5).in_window()
-    expected = normal_transmittance(1.5) ** 2 * 9.0 * np.pi * np.sin(np.radians(4.0)) ** 2
-    assert found.by_etendue == pytest.approx(expected, rel=3e-3)
 
 
 GRID = PixelGrid(60.0, 40.0, 6, 4)
@@ -222,20 +206,6 @@ def test_the_bounds_of_a_region_are_those_of_its_solid_angle_and_of_the_cone_aro
     assert found.by_refraction == pytest.approx(passed / bundle.flux.sum(), rel=1e-9)
 
 
-def test_a_receiver_within_the_ball_is_seen_in_every_direction() -> None:
-    near = Dome(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)), GRID, radius_mm=60.0)
-    inside, outside = (PossibleLight(light(Media(1.5)), near, radius) for radius in (61.0, 30.0))
-    assert inside._parallax_rad() == pytest.approx(0.5 * math.pi)
-    assert outside._parallax_rad() == pytest.approx(math.pi / 6.0, rel=1e-3)
-
-
-def test_no_pixel_holds_nothing_and_needs_no_lens() -> None:
-    physics = PossibleLight(light(Media(1.5)), RECEIVERS["plane"], 4.0)
-    none = np.zeros((4, 6), dtype=bool)
-    assert physics.in_region(none) == LargestShare(0.0, 0.0)
-    assert physics.radius_for(none, 0.1) == math.inf
-
-
 def test_the_radius_for_a_share_is_that_whose_etendue_holds_it() -> None:
     physics = PossibleLight(light(Media(1.5)), RECEIVERS["plane"], 4.0)
     transmittance = physics.light.transmittance
@@ -247,93 +217,3 @@ def test_the_radius_for_a_share_is_that_whose_etendue_holds_it() -> None:
         math.sqrt(9.0 / (math.pi * angle))
     )
     assert physics.radius_for(PIXELS, transmittance * (1.0 + 2e-9)) == math.inf
-
-
-@pytest.mark.parametrize(("by_etendue", "by_refraction", "law"), [
-    (0.3, 0.4, "étendue"), (0.4, 0.4, "étendue"), (0.4, 0.3, "the turn and loss of two refractions"),
-])  # fmt: skip
-def test_the_lower_bound_is_the_law(by_etendue: float, by_refraction: float, law: str) -> None:
-    share = LargestShare(by_etendue, by_refraction)
-    assert share.value == min(by_etendue, by_refraction) and share.law == law
-    assert str(share) == f"at most {100.0 * share.value:.3g} % (by {law})"
-
-
-def test_a_source_is_sampled_by_16384_rays_or_all_that_it_has() -> None:
-    source = SquareEmitter(1.0)
-    found = SourceLight.of(source, Media(1.5, cavity_index=1.4, outside_index=1.1))
-    np.testing.assert_array_equal(found.rays.directions, source.sample(2**14, 0).directions)
-    inside = EtendueCurve.of_source(source, found.rays, 0)
-    np.testing.assert_allclose(found.curve.etendue_mm2_sr, (1.4 / 1.1) ** 2 * inside.etendue_mm2_sr)
-    np.testing.assert_array_equal(found.curve.share, inside.share)
-
-    measured = SquareEmitter(1.0, ray_count=100)
-    assert len(SourceLight.of(measured, Media(1.5)).rays) == 100
-    assert len(SourceLight.of(measured, Media(1.5), 60).rays) == 60
-
-
-class Known(PossibleLight):
-    """Bounds of 24 pixels, and of a region, that are given."""
-
-    @property
-    def on_pixels(self) -> np.ndarray:
-        return np.where(PIXELS, 0.05, 0.03)
-
-    def in_region(self, pixels: np.ndarray) -> LargestShare:
-        return LargestShare(0.2, 0.9)
-
-
-def test_the_nearest_pattern_is_cut_at_the_bounds_inside_and_outside_of_the_target() -> None:
-    known = Known(light(Media(1.5)), RECEIVERS["plane"], 4.0)
-    target = np.where(PIXELS, 1.0, 0.0) + np.linspace(0.0, 0.05, 24).reshape(4, 6)
-    target /= target.sum()
-
-    def nearest(arriving: float) -> float:
-        caps, most = np.where(PIXELS, 0.05, 0.03) / arriving, 0.2 / arriving
-        if (target <= caps).all() and target[PIXELS].sum() <= most:
-            return 0.0
-        found = _filled(target, caps, 1.0)
-        if found[PIXELS].sum() > most:
-            found = np.zeros_like(target)
-            found[PIXELS] = _filled(target[PIXELS], caps[PIXELS], most)
-            found[~PIXELS] = _filled(target[~PIXELS], caps[~PIXELS], 1.0 - most)
-        return float(np.sum((found - target) ** 2) / np.sum(target**2))
-
-    values = [known.least_nmse(target, PIXELS, arriving) for arriving in (0.1, 0.22, 0.25, 0.3, 0.4)]
-    assert values == pytest.approx([nearest(arriving) for arriving in (0.1, 0.22, 0.25, 0.3, 0.4)], rel=1e-9)
-    assert values[0] == 0.0 and values == sorted(values) and values[-1] > values[-2] > 0.0
-    assert known.least_nmse(target, PIXELS, 0.0) == known.least_nmse(target, PIXELS, -0.1) == 0.0
-    share = 0.2 / float(target[PIXELS].sum())
-    assert known.least_nmse(target, PIXELS, 0.999 * share) == 0.0 < known.least_nmse(target, PIXELS, 1.001 * share)
-
-
-def on_simplex(target: np.ndarray, total: float) -> np.ndarray:
-    """Nearest non-negative numbers of that sum, by sorting (Held, Wolfe and Crowder 1974)."""
-    falling = np.sort(target)[::-1]
-    levels = (np.cumsum(falling) - total) / np.arange(1, len(target) + 1)
-    level = levels[np.flatnonzero(falling > levels)[-1]]
-    return np.maximum(target - level, 0.0)
-
-
-@pytest.mark.parametrize("total", [0.3, 1.0, 7.0])
-def test_without_caps_it_is_the_projection_on_a_simplex(total: float) -> None:
-    target = np.random.default_rng(2).uniform(0.0, 1.0, 9)
-    found = _filled(target, np.full(9, np.inf), total)
-    np.testing.assert_allclose(found, on_simplex(target, total), atol=1e-12)
-
-
-@pytest.mark.parametrize("total", [0.2, 1.0, 2.5])
-def test_under_caps_one_level_is_added_to_all_that_are_neither_dark_nor_full(total: float) -> None:
-    chance = np.random.default_rng(3)
-    target, caps = chance.uniform(0.0, 0.5, 12), chance.uniform(0.1, 0.6, 12)
-    found = _filled(target, caps, total)
-    assert found.sum() == pytest.approx(total, abs=1e-12)
-    between = (found > 1e-12) & (found < caps - 1e-12)
-    assert np.ptp((found - target)[between]) < 1e-12
-    level = (found - target)[between][0]
-    np.testing.assert_allclose(found, np.clip(target + level, 0.0, caps), atol=1e-12)
-
-
-def test_caps_that_hold_less_are_filled() -> None:
-    caps = np.array([0.1, 0.2, 0.3])
-    np.testing.assert_allclose(_filled(np.array([0.5, 0.0, 0.1]), caps, 1.0), caps, atol=1e-12)
-    assert _filled(np.zeros(0), np.zeros(0), 1.0).size == 0

@@ -34,12 +34,6 @@ def test_splat_keeps_flux_and_its_centroid(grid: PixelGrid, reach: float | tuple
 
 
 @pytest.mark.parametrize("grid", [GRID, WIDE])
-def test_splat_on_a_pixel_centre_lights_that_pixel_alone(grid: PixelGrid) -> None:
-    image = splat_flux(np.array([[grid.x()[5], grid.y()[9]]]), np.ones(1), grid)
-    assert image[9, 5] == pytest.approx(1.0, abs=1e-12)
-
-
-@pytest.mark.parametrize("grid", [GRID, WIDE])
 def test_bins_agree_with_numpy(grid: PixelGrid) -> None:
     hits, flux = _hits(5000, reach=210.0)
     columns, rows = (np.linspace(-0.5, 0.5, count + 1) for count in (grid.columns, grid.rows))
@@ -50,39 +44,6 @@ def test_bins_agree_with_numpy(grid: PixelGrid) -> None:
     assert 0.0 < expected.sum() < flux.sum()
 
 
-@pytest.mark.parametrize(
-    ("size", "pixels", "shape"),
-    [
-        ((300.0, 300.0), 32, (32, 32)),
-        ((400.0, 150.0), 64, (24, 64)),
-        ((1.0, 3.0), 100, (100, 33)),
-        ((1000.0, 1.0), 64, (1, 64)),
-    ],
-)
-def test_pixels_are_as_nearly_square_as_they_can_be(size, pixels, shape) -> None:
-    grid = PixelGrid.of(*size, pixels)
-    assert grid.shape == shape and grid.size == size
-    assert grid.pixel == pytest.approx((size[0] / shape[1], size[1] / shape[0]))
-    assert grid.pixel[0] / grid.pixel[1] == pytest.approx(1.0, abs=0.5 / min(shape)) or min(shape) == 1
-    assert np.allclose(np.diff(grid.x()), grid.pixel[0]) and np.allclose(np.diff(grid.y()), grid.pixel[1])
-    assert grid.x() == pytest.approx(-grid.x()[::-1]) and grid.y() == pytest.approx(-grid.y()[::-1])
-
-
-def test_a_finer_grid_divides_every_pixel() -> None:
-    fine = WIDE.finer(3)
-    assert fine.shape == (30, 144) and fine.size == WIDE.size
-    assert np.allclose(fine.x().reshape(-1, 3).mean(axis=1), WIDE.x())
-    assert np.allclose(fine.y().reshape(-1, 3).mean(axis=1), WIDE.y())
-
-
-def test_pixels_of_a_window_are_those_whose_centres_lie_in_it() -> None:
-    x, y = np.meshgrid(WIDE.x(), WIDE.y())
-    assert np.array_equal(Window(100.0, 60.0).pixels(WIDE), (np.abs(x) <= 50.0) & (np.abs(y) <= 30.0))
-    circle = Window(radius=70.0).pixels(WIDE)
-    assert np.array_equal(circle, np.hypot(x, y) <= 70.0)
-    assert circle.sum() * np.prod(WIDE.pixel) == pytest.approx(np.pi * 70.0**2, rel=0.03)
-
-
 def test_text_stands_upright_and_has_its_width() -> None:
     image = _light(TextTarget(kind="text", text="L", width_mm=100.0, **PLACE))
     _, columns = np.nonzero(image > 0.5 * image.max())
@@ -90,16 +51,6 @@ def test_text_stands_upright_and_has_its_width() -> None:
     assert np.ptp(axis[columns]) == pytest.approx(100.0, abs=2 * GRID.pixel[0])
     bar = image[: len(image) // 2].sum() > image[len(image) // 2 :].sum()
     assert bar, "the foot of an L is at small y, which is row 0"
-
-
-def test_image_keeps_its_aspect_and_its_top(tmp_path) -> None:
-    picture = np.zeros((40, 80), dtype=np.uint8)
-    picture[:10] = 255  # a bright stripe on top
-    Image.fromarray(picture).save(tmp_path / "stripe.png")
-    target = ImageTarget(kind="image", file=tmp_path / "stripe.png", width_mm=200.0, **PLACE)
-    image = _light(target)
-    y = (image.sum(axis=1) @ GRID.y()) / image.sum()
-    assert y == pytest.approx(50.0 - 12.5, abs=0.5)
 
 
 @pytest.mark.parametrize(

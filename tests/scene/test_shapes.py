@@ -10,7 +10,7 @@ from scenes import small_spec
 from lensforge.errors import InputError
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
-from lensforge.scene.target_pattern import target_light, uniform_region
+from lensforge.scene.target_pattern import target_light
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric import write_photometric
 from lensforge.sources.photometric.photometric_file import PhotometricFile, turned_over
@@ -131,12 +131,3 @@ def test_shapes_in_the_far_field_are_angles() -> None:
     disc, receiver = wanted({"kind": "disc", "diameter_deg": 60.0}, **FAR)
     solid_angle = receiver.pixel_measure / disc.max()
     assert solid_angle == pytest.approx(2.0 * np.pi * (1.0 - np.cos(np.radians(30.0))), rel=3e-3)
-
-
-@pytest.mark.parametrize(("wider", "columns", "rows"), [(0.0, 12, 6), (1.0, 12, 8), (3.0, 14, 10)])
-def test_a_region_includes_the_pixels_whose_centres_lie_on_its_edge(wider: float, columns: int, rows: int) -> None:
-    """Centres at odd multiples of 5 mm, 10 mm apart: a region 110 mm wide ends on some, one of 60 mm between them."""
-    spec = small_spec(target__uniform_mm=[110.0, 60.0])
-    region = uniform_region(spec.all_receivers[0].targets, receivers_of(spec, 20)[0], wider_by_pixels=wider)
-    assert region is not None
-    assert (region.any(axis=0).sum(), region.any(axis=1).sum(), region.sum()) == (columns, rows, columns * rows)

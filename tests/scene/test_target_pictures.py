@@ -7,12 +7,11 @@ import pytest
 from handmade_pictures import png, tiff
 
 from lensforge.errors import InputError
-from lensforge.optics.image_reading import read_light
 from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver import ReceiverPose
 from lensforge.scene.receiver_shapes import Plane
 from lensforge.scene.target_pattern import drawn_text, target_light
-from lensforge.spec import ArrayTarget, ImageTarget, TextTarget
+from lensforge.spec import ImageTarget, TextTarget
 
 PLANE = Plane(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 100.0)), PixelGrid.square(300.0, 32))
 PLACE = {"distance_mm": 100.0, "receiver_mm": 300.0}
@@ -42,17 +41,6 @@ def test_every_bit_of_a_picture_is_irradiance(tmp_path, content, light):
     np.testing.assert_allclose(irradiance(tmp_path, content), expected(light), rtol=1e-12)
 
 
-def test_luminance_of_colours_is_that_of_the_field(tmp_path):
-    """How each is decoded: tests/optics/test_reading.py."""
-    colours = png(RNG.integers(0, 256, (32, 32, 3)), "rgb")
-    (tmp_path / "colours").write_bytes(colours)
-    for luminance in ("as_stored", "srgb"):
-        light = read_light(tmp_path / "colours", luminance, missing="")
-        np.testing.assert_allclose(irradiance(tmp_path, colours, luminance=luminance), expected(light), rtol=1e-12)
-    with pytest.raises(InputError, match=r"luminance = 'linear': .*'as_stored' or 'srgb'"):
-        irradiance(tmp_path, colours, luminance="linear")
-
-
 def test_another_picture_of_the_same_name_is_another_target(tmp_path):
     one, other = (irradiance(tmp_path, png(grey, "grey", 16)) for grey in (GREY16, GREY16[::-1]))
     np.testing.assert_array_equal(one, other[::-1])
@@ -62,28 +50,6 @@ def test_a_pattern_that_is_kept_cannot_be_changed(tmp_path):
     first = irradiance(tmp_path, png(GREY16, "grey", 16))
     first[:] = 0.0
     assert irradiance(tmp_path, png(GREY16, "grey", 16)).sum() == pytest.approx(1.0)
-
-
-@pytest.mark.parametrize("scale", [1e30, 1e-25])
-def test_large_and_small_numbers_of_an_array_are_the_same_pattern(scale):
-    values = RNG.random((32, 32)) + 0.1
-    one, other = (
-        target_light((ArrayTarget(v, width_mm=300.0, edge_mm=20.0, **PLACE),), PLANE)
-        for v in (values, values * scale * 0.5)
-    )
-    np.testing.assert_allclose(other, one, rtol=1e-12)
-
-
-@pytest.mark.parametrize("value", [1e308, np.inf, np.nan, -1.0])
-def test_numbers_of_no_light_are_refused(value):
-    with pytest.raises(InputError, match="values"):
-        ArrayTarget([[1.0, value]], width_mm=300.0, **PLACE)
-
-
-def test_arrays_that_differ_in_a_number_are_different_targets():
-    one = ArrayTarget(GREY16, width_mm=300.0, **PLACE)
-    same, other = (ArrayTarget(values, width_mm=300.0, **PLACE) for values in (GREY16, GREY16.T))
-    assert one == same and hash(one) == hash(same) and one != other
 
 
 @pytest.mark.parametrize("text", ["a\nb", "a\rb", "a\tb", "\0", "a\u2028b", "a\u202eb", "a\u200bb"])

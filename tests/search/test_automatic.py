@@ -20,7 +20,7 @@ MOST_STAGES = 1000
 
 
 def schedule(**changes: object) -> AutomaticSchedule:
-    own = {"levels": LEVELS, "effort": EFFORT, "learning_rate": 0.004, "images": 1, "start_level": 0}
+    own = {"levels": LEVELS, "effort": EFFORT, "images": 1, "start_level": 0}
     given = own | changes
     stages = AutomaticStages(**{name: given.pop(name) for name in own})  # type: ignore[arg-type]
     return AutomaticSchedule(stages, **({"uniform": False} | given))  # type: ignore[arg-type]

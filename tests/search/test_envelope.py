@@ -97,8 +97,9 @@ def test_height_and_largest_wall_of_a_freeform_are_those_of_its_points() -> None
     assert found.largest_wall_margin_mm == pytest.approx(2.5 - wall, abs=2e-3)
 
 
-def test_a_search_that_starts_outside_its_envelope_ends_inside(tmp_path: Path) -> None:
+def test_a_search_that_starts_outside_its_envelope_ends_inside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The start is a cavity of 3 mm, 3 mm of wall and 6 mm of height; a package reaches 3.2 mm up."""
+    monkeypatch.setattr("lensforge.search.schedule._LEARNING_RATE", 0.01)
     path = step_file(tmp_path / "led.step", box((1.5, 1.0, 3.4), (0.3, 0.0, 1.4)))
     spec = kept_out(
         path,
@@ -107,7 +108,6 @@ def test_a_search_that_starts_outside_its_envelope_ends_inside(tmp_path: Path) -
         constraints__max_height_mm=5.7,
         optimise__steps_per_level=[30, 30],
         optimise__rays=256,
-        optimise__learning_rate=0.01,
     )
     start = constraint_criteria(spec, measure_constraints(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft")))
     missed = {criterion.name for criterion in start if not criterion.passed}

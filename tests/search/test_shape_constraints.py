@@ -70,18 +70,18 @@ def test_a_cavity_tighter_than_the_cutter_fails_its_criterion() -> None:
     assert failed["inner curvature margin"].unit == "1/mm"
 
 
-def test_a_design_for_a_cutter_passes_the_check_of_the_shop() -> None:
+def test_a_design_for_a_cutter_passes_the_check_of_the_shop(monkeypatch: pytest.MonkeyPatch) -> None:
     """By what the check measures of the inner face.
 
     The start is a cavity of 3 mm; the cutter has 3.5 mm, and the mould wants a draft of 1 deg.
     """
+    monkeypatch.setattr("lensforge.search.schedule._LEARNING_RATE", 0.01)
     spec = small_spec(
         lens__symmetry="square",
         constraints__inner_concave_radius_mm=3.5,
         constraints__inner_draft_deg=1.0,
         optimise__steps_per_level=[15, 15],
         optimise__rays=256,
-        optimise__learning_rate=0.01,
     )
     found = search(spec, build_source(spec.source), accuracy="draft")
     inner = sample_face(OpticalFace(fit_patch(found.lens.inner), AirSide.INSIDE), SAMPLE_NODES)

@@ -8,9 +8,8 @@ from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
 from lensforge.search.feasibility import measure_constraints
 from lensforge.spec import BaseSection
-from lensforge.spec.feasible import least_rim_mm, require_base_around_cavity, smallest_inner_mm
+from lensforge.spec.feasible import require_base_around_cavity, smallest_inner_mm
 from lensforge.spec.fixed_surface import FixedAsphere, FixedSphere
-from lensforge.spec.spec_section import rounded_up
 
 POLAR = np.linspace(0.0, 0.5 * np.pi, 2001)
 LENS = {"levels": [9, 25], "outer_offset_mm": 6.0}
@@ -36,51 +35,20 @@ def inner(radius_mm: float, centre_z_mm: float = 0.0) -> dict[str, object]:
         ({"constraints__max_radius_mm": 1.9}, r"cavity_radius_mm = 1 and min_thickness_mm = 1 .*at least 2\.002"),
         ({"constraints__min_thickness_mm": 60.0}, r"min_thickness_mm = 60 do not fit into max_radius_mm = 7"),
         (
-            {
-                "constraints__inner_draft_deg": 25.0,
-                "constraints__outer_draft_deg": 25.0,
-                "constraints__cavity_height_mm": 5.99,
-                "constraints__cavity_radius_mm": 5.99,
-            },
-            r"constraints.inner_draft_deg = 25 and constraints.outer_draft_deg = 25: .*at least 7\.\d+ mm",
-        ),
-        ({"constraints__inner_concave_radius_mm": 100.0}, r"inner_concave_radius_mm = 100: .* 9\.988 mm .* leaves 6"),
-        (
-            {"constraints__outer_concave_radius_mm": 100.0, "manufacture__make": "insert"},
-            r"outer_concave_radius_mm = 100: an outer face 1.5 mm high .* 17\.26 mm .* leaves 7;",
-        ),
-        (
-            {"manufacture__required": True, "manufacture__cutter_radius_mm": 100.0},
-            r"manufacture.required = true, cutter_radius_mm = 100: .* 9\.988",
-        ),
-        (
-            {
-                "constraints__inner_concave_radius_mm": 5.5,
-                "constraints__inner_draft_deg": 25.0,
-                "constraints__cavity_height_mm": 5.5,
-            },
-            r"nowhere tighter and has constraints.inner_draft_deg = 25 is at least 6\.069 mm .* leaves 6;",
-        ),
-        (
             {"lens": inner(3.0), "constraints__min_thickness_mm": 4.5},
-            r"fixed_inner reaches 3 mm .* at least 7\.5, it is 7",
+            r"fixed_inner reaches 7\.5 mm .*max_radius_mm = 7: at least 7\.5;",
         ),
         (
             {"lens": inner(3.0), "constraints__inner_draft_deg": 1.0},
-            r"inner_draft_deg = 1: lens.fixed_inner .* of 0 deg",
+            r"lens.fixed_inner has a draft of 0 deg .*inner_draft_deg = 1;",
         ),
         ({"lens": inner(3.0, -1.0), "constraints__inner_draft_deg": 20.0}, r"has a draft of 19\.5 deg"),
         ({"lens": inner(3.0), "constraints__inner_concave_radius_mm": 3.1}, r"has a concave radius of 3 mm"),
-        ({"constraints__max_wall_mm": 1.0}, r"max_wall_mm = 1: min_thickness_mm = 1 needs at least 1\.005"),
-        (
-            {"constraints__max_height_mm": 1.4},
-            r"max_height_mm = 1.4: cavity_height_mm = 0.5 and min_thickness_mm = 1 need at least 1\.507",
-        ),
         (
             {"lens": inner(3.0), "constraints__max_height_mm": 3.9},
-            r"fixed_inner under a wall of .* = 1 reaches 4 mm above z = 0, constraints.max_height_mm = 3.9",
+            r"fixed_inner reaches 4 mm above z = 0 under a wall of .* = 1, constraints.max_height_mm = 3.9",
         ),
-        ({"lens": DOME, "constraints__max_height_mm": 2.9}, r"fixed_outer reaches 3 mm .* make it at least 3"),
+        ({"lens": DOME, "constraints__max_height_mm": 2.9}, r"fixed_outer reaches 3 mm .* at least 3;"),
         ({"constraints__keep_out_margin_mm": 0.2}, r"keep_out_margin_mm = 0.2 goes with keep_out"),
         (
             {"lens": DOME, "constraints__min_thickness_mm": 2.6},
@@ -92,27 +60,6 @@ def test_limits_that_no_lens_keeps_are_named_in_one_line(changes: dict[str, obje
     with pytest.raises(InputError, match=message) as refusal:
         small_spec(**changes)
     assert "\n" not in str(refusal.value) and len(str(refusal.value)) < 400
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"constraints__cavity_radius_mm": 5.99},
-        {"constraints__inner_concave_radius_mm": 30.0},
-        {"constraints__outer_concave_radius_mm": 100.0},  # the outer face may be convex everywhere
-        {
-            "constraints__inner_concave_radius_mm": 100.0,
-            "manufacture__make": "insert",
-        },  # and so may the cavity's insert
-        {"manufacture__cutter_radius_mm": 100.0},  # said by the check, and no failure
-        {"lens": inner(3.0), "constraints__min_thickness_mm": 3.9},
-        {"lens": inner(3.0, -1.0), "constraints__inner_draft_deg": 19.0},
-        {"lens": inner(3.0), "constraints__inner_concave_radius_mm": 3.0},
-        {"lens": DOME, "constraints__min_thickness_mm": 2.4},
-    ],
-)
-def test_limits_at_the_edge_of_what_can_be_are_accepted(changes: dict[str, object]) -> None:
-    small_spec(**changes)
 
 
 def test_the_least_lens_that_is_accepted_exists() -> None:
@@ -154,25 +101,6 @@ def test_the_smallest_cavity_with_a_draft_is_the_paraboloid_with_the_steepest_al
     assert z == pytest.approx(np.maximum(raised, 0.0), abs=2e-4 * (steepest if draft else 1.0))
 
 
-@pytest.mark.parametrize(("ball", "centre"), [(6.0, -4.0), (3.0, -0.5), (2.5, 0.0)])
-def test_a_spherical_cavity_attains_the_least_rim_of_its_ball(ball: float, centre: float) -> None:
-    """Its curvature by the search's own constraint: none to spare, and its rim is the least one."""
-    cap = FixedSphere(radius_mm=ball, centre_z_mm=centre)
-    rim = float(cap.shape.radii_mm[-1, 0])
-    assert least_rim_mm(ball + centre, ball) == pytest.approx(rim, rel=1e-9)
-    limits = {"cavity_height_mm": 0.5, "cavity_radius_mm": 1.0, "min_thickness_mm": 0.5, "max_radius_mm": 7.0}
-    spec = small_spec(lens=inner(ball, centre), constraints=limits | {"inner_concave_radius_mm": ball})
-    found = measure_constraints(Lens(cap.surface, sphere(6.5), spec, 0, "draft"), directions=2000)
-    assert found.inner_curvature_margin_per_mm == pytest.approx(0.0, abs=2e-4 / ball)
-
-
-def test_the_least_rim_with_a_draft_is_continuous_and_that_of_a_cone_on_a_ball() -> None:
-    assert least_rim_mm(5.5, 5.5, 25.0) == pytest.approx(5.5 / np.cos(np.deg2rad(25.0)), rel=1e-12)  # centre in z = 0
-    depth = 4.0 * (1.0 - np.sin(np.deg2rad(10.0)))
-    assert least_rim_mm(depth + 1e-9, 4.0, 10.0) == pytest.approx(least_rim_mm(depth - 1e-9, 4.0, 10.0), abs=1e-8)
-    assert least_rim_mm(9.0, 4.0) == 4.0  # a cylinder below a hemisphere
-
-
 def test_shape_of_fixed_surfaces_in_closed_form() -> None:
     ball = FixedSphere(radius_mm=4.0, centre_z_mm=-1.0)
     assert ball.shape.curvatures_per_mm == pytest.approx((0.25, 0.25), rel=1e-6)
@@ -200,9 +128,3 @@ def test_a_base_inside_the_cavity_is_refused_for_a_part(base: dict[str, object],
         require_base_around_cavity(spec.lens, spec.constraints, BaseSection(**base))
     for kind in ("none", "cylinder"):
         require_base_around_cavity(spec.lens, spec.constraints, BaseSection(kind=kind, diameter_mm=16.0))
-
-
-def test_a_least_value_in_a_message_is_itself_allowed() -> None:
-    for value in (1.00001, 9.9999, 123456.0, 2.0, 7.5, 3.3e-5):
-        assert value * (1.0 - 1e-11) <= float(rounded_up(value)) <= value * 1.001
-    assert rounded_up(7.5) == "7.5"

@@ -9,7 +9,6 @@ from typing import get_args
 
 import pytest
 from pydantic.fields import FieldInfo
-from scenes import small_spec
 
 import lensforge as lf
 from lensforge.spec.spec_files import input_hashes, section_sha256
@@ -90,9 +89,3 @@ def test_what_is_no_file_is_refused_at_once(tmp_path: Path) -> None:
     for name, words in (("pipe", "a pipe, must be a file"), ("none", "no such file"), (".", "a folder, must be")):
         with pytest.raises(lf.InputError, match=rf"{words}.*; the spec names it"):
             section_sha256(lf.RayfileSource(file=tmp_path / name))
-
-
-def test_fields_that_are_left_out_do_not_count() -> None:
-    one, other = small_spec(), small_spec(evaluate__rays=999)
-    assert section_sha256(one) != section_sha256(other)
-    assert section_sha256(one, without=["evaluate"]) == section_sha256(other, without=["evaluate"])

@@ -1,6 +1,5 @@
 """Limits in a spec: what they may say, in which units, and where they may lie; each mistake is one line."""
 
-import re
 import tomllib
 
 import pytest
@@ -38,20 +37,19 @@ def test_a_limit_survives_the_round_trip_through_toml(limit: dict[str, object]) 
     ("limit", "words"),
     [
         ({"kind": "points", "at_deg": [[0, 0]]}, "bounds nothing"),
-        ({"kind": "points", "unit": "cd", "at_least": 1.0}, "at_mm or at_deg"),
+        ({"kind": "points", "unit": "cd", "at_least": 1.0}, "at_mm: missing"),
         ({"kind": "points", "at_deg": [[0, 0]], "at_least_cd": 1.0, "at_most_w_per_sr": 2.0}, "give one of them"),
         ({"kind": "points", "at_deg": [[0, 0]], "unit": "cd", "at_least": 3.0, "at_most": 2.0}, "no light is both"),
         ({"kind": "points", "at_deg": [[0, 0]], "unit": "lx", "at_least": 3.0}, "in one of w_per_sr, cd"),
         ({"kind": "points", "at_mm": [[0, 0]], "unit": "cd", "at_least": 3.0}, "they are in degrees"),
         ({"kind": "points", "at_deg": [[50, 50]], "unit": "cd", "at_least": 3.0}, "reaches 60 deg"),
-        ({"kind": "line", "from_deg": [0, 0], "unit": "cd", "at_least": 3.0}, "give both of one unit"),
+        ({"kind": "line", "from_deg": [0, 0], "unit": "cd", "at_least": 3.0}, "to_deg: missing; give it, in degrees"),
         ({"kind": "zone", "zone": {"kind": "disc", "diameter_deg": 5.0, "level": 2.0}, "unit": "cd", "at_most": 1.0},
          "zone.level"),
         ({"kind": "glare", "from_deg": 70.0, "unit": "cd", "at_most": 1.0}, "reaches 60 deg"),
         ({"kind": "glare", "from_deg": 50.0, "unit": "cd", "at_least": 1.0}, "no least one"),
         ({"kind": "beam_angle", "unit": "cd", "at_most": 1.0}, "at_least_deg and at_most_deg"),
         ({"kind": "zone", "unit": "cd", "at_most": 1.0, "receiver": "wall"}, "none of that name; known: light"),
-        ({"kind": "zone", "unit": "cd", "at_most": -1.0}, "greater than or equal"),
     ],
 )  # fmt: skip
 def test_a_wrong_limit_is_refused_in_one_line(limit: dict[str, object], words: str) -> None:
@@ -78,18 +76,3 @@ def test_an_old_name_is_read_and_the_new_one_is_said() -> None:
     with pytest.warns(RenamedWarning, match=r'at_least_cd is an old name.*write at_least = 3\.0, unit = "cd"$'):
         old = far({"kind": "zone", "at_least_cd": 3.0, "at_most_lx": None})
     assert old.limits == far({"kind": "zone", "at_least": 3.0, "unit": "cd"}).limits
-
-
-@pytest.mark.parametrize(
-    ("limit", "words"),
-    [
-        ({"at_least_cd": 3.0, "unit": "lx"}, "at_least_cd = 3.0 does not go with unit = lx; give one of them"),
-        ({"at_least": 3.0}, "at_least or at_most, and unit go together"),
-        ({"unit": "cd", "at_least_share": 0.5}, "at_least or at_most, and unit go together"),
-        ({"unit": "relative", "at_least": 1.5}, "no light is above 1"),
-        ({}, "it bounds nothing; give at_least with a unit, at_least_min_over_mean"),
-    ],
-)
-def test_a_bound_has_one_unit(limit: dict[str, object], words: str) -> None:
-    with pytest.raises(InputError, match=re.escape(words)):
-        far({"kind": "zone", **limit})

@@ -23,7 +23,7 @@ RECEIVERS = (
     lf.PlaneReceiver(centre_mm=(30.0, 0.0, 100.0), tilt_deg=(0.0, 20.0), width_mm=200.0, height_mm=90.0, targets=_TWO),
     lf.PlaneReceiver(
         centre_mm=(0.0, 60.0, 80.0), normal=(0.0, 1.0, 0.5), width_mm=90.0, height_mm=90.0, window_mm=(50.0, 40.0),
-        rotation_deg=30.0, pixel_aspect=0.5, share=2.0, targets=(lf.DiscTarget(diameter_mm=30.0),),
+        rotation_deg=30.0, share=2.0, targets=(lf.DiscTarget(diameter_mm=30.0),),
     ),
     lf.FarFieldReceiver(axis=(0.1, 0.0, 1.0), half_angle_deg=60.0, targets=(lf.BeamTarget(fwhm_deg=30.0),)),
     lf.CylinderReceiver(
@@ -124,13 +124,6 @@ def test_every_target_in_degrees_is_kept_alone_and_on_its_receiver(target: Table
     _require_kept(made, tmp_path)
 
 
-def test_a_target_alone_stands_for_a_square_on_the_axis() -> None:
-    (receiver,) = small_spec().all_receivers
-    assert isinstance(receiver, lf.PlaneReceiver)
-    assert (receiver.name, receiver.centre_mm, receiver.size) == ("light", (0.0, 0.0, 100.0), (200.0, 200.0))
-    assert receiver.facing == (0.0, 0.0, 1.0) and receiver.targets == (small_spec().target,)
-
-
 def test_receivers_without_a_name_have_that_of_their_kind_and_a_number_where_it_needs_one() -> None:
     plane, far, named = (
         _on(PLANE, DISC),
@@ -176,11 +169,6 @@ def _bad_receivers() -> list[tuple[Table, str]]:
         ({**far, "axis": [0.0, 0.0, 0.0]}, "axis = (0, 0, 0) is no direction"),
         ({**sphere, "facing": [0.0, 0.0, 0.0]}, "facing = (0, 0, 0) is no direction"),
         ({**cylinder, "width_mm": 700.0}, "width_mm = 700 is more than once around a radius_mm of 100, 628.319"),
-        ({**plane, "width_mm": 0.0}, "width_mm = 0.0: Input should be greater than or equal to"),
-        ({**far, "half_angle_deg": 100.0}, "half_angle_deg = 100.0: Input should be less than or equal to 90"),
-        ({**sphere, "half_angle_deg": 170.0}, "half_angle_deg = 170.0: Input should be less than or equal to 150"),
-        ({**plane, "share": 0.0}, "share = 0.0: Input should be greater"),
-        ({**plane, "pixel_aspect": 1e3}, "pixel_aspect = 1000.0: Input should be less"),
         ({**plane, "name": "a b"}, "name = 'a b'"),
         ({**plane, "kind": "torus"}, "receivers.0.kind = 'torus': must be one of plane, far_field"),
         ({**plane, "targets": []}, "at least 1 item"),
@@ -219,14 +207,9 @@ BAD_TARGETS: list[tuple[Table, Table, str]] = [
     (PLANE, {"kind": "ring", "outer_diameter_mm": 9.0, "inner_diameter_mm": 9.0}, "inner_diameter_mm = 9 must be"),
     (FAR, {"kind": "ring", "outer_diameter_deg": 8.0, "inner_diameter_deg": 9.0}, "than outer_diameter_deg = 8"),
     (PLANE, {"kind": "polygon", "corners_mm": [[0.0, 0.0], [1.0, 1.0]]}, "2 corners, a polygon has three at least"),
-    (PLANE, {"kind": "polygon", "corners_mm": [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]}, "all lie on a line"),
     (PLANE, {"kind": "polygon", "corners_mm": [[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]]}, "all lie on a line"),
     (PLANE, {"kind": "spots", "columns": 2, "diameter_mm": 5.0, "pitch_mm": 4.0}, "pitch_mm = 4 is less than"),
-    (PLANE, {"kind": "spots", "columns": 0, "diameter_mm": 5.0, "pitch_mm": 9.0}, "columns = 0: Input should be"),
     (FAR, {"kind": "beam", "fwhm_deg": 30.0, "edge_deg": 2.0}, 'edge_deg = 2 goes with profile = "flat"; leave it out'),
-    (FAR, {"kind": "beam", "fwhm_deg": 0.0}, "Input should be greater than or equal to 0.1"),
-    (FAR, {"kind": "batwing", "to_deg": 86.0}, "to_deg = 86.0: Input should be less than or equal to 85"),
-    (PLANE, {**DISC, "level": 0.0}, "level = 0.0: Input should be greater"),
     (PLANE, {"kind": "star"}, "kind = 'star': must be one of flat_top"),
 ]  # fmt: skip
 

@@ -21,7 +21,7 @@ from lensforge.sources.build_source import build_source
 from lensforge.spec.accuracy import PRESETS, SearchEffort
 
 FEW = SearchEffort(25, (4, 6), (256, 512), 512, 0.5, 0.0)
-SPEC = small_spec(base={"kind": "none"}, optimise__uniformity_steps=2)
+SPEC = small_spec(base={"kind": "none"})
 RAYS = 2**14
 
 
