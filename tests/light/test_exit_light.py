@@ -8,8 +8,8 @@ from lensforge.errors import InputError
 from lensforge.kernels.fate import Fate
 from lensforge.light import exit_light
 from lensforge.light.exit_light import ExitLight, RaysOnSphere, _on_sphere, trace_exit_light
-from lensforge.light.photometry_export import _symmetry
-from lensforge.light.simulation import ABSORBED, CAUSES, IN_GLASS, MISSED_RECEIVER, TracedLens, lost_flux
+from lensforge.light.photometry_export import _lost, _symmetry
+from lensforge.light.simulation import ABSORBED, CAUSES, IN_GLASS, MISSED_RECEIVER, TracedLens
 from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle
@@ -136,7 +136,7 @@ def test_without_light_upwards_there_is_none_to_write() -> None:
 
 def test_every_fate_has_its_own_loss() -> None:
     flux = np.arange(1.0, CAUSES + 1.0)
-    found = lost_flux(flux).model_dump()
+    found = _lost(flux).model_dump()
     expected = {fate.name.lower(): fate + 1.0 for fate in Fate if fate != Fate.LEFT_LENS}
     others = {"missed_receiver": MISSED_RECEIVER, "absorbed": ABSORBED, "cover_glass": IN_GLASS}
     assert found == expected | {name: place + 1.0 for name, place in others.items()}
