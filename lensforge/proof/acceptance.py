@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from itertools import chain
 
 from lensforge.proof.proof_result import (
-    Agreement,
     BrepCast,
     IndependentRays,
     MitsubaCast,
@@ -186,21 +185,6 @@ def noise_limit(floor: float) -> float:
     return NOISE_FLOORS * floor + NOISE_ALLOWANCE
 
 
-def agreement_of(proof: ReceiverProof) -> Agreement:
-    """Agreement of the exported mesh with the design on one receiver, from the fields of its record."""
-    gap = proof.deviation_mm
-    return Agreement(
-        compared=proof.rays_compared,
-        rms=gap.rms,
-        p99=gap.p99,
-        max=gap.max,
-        flux=proof.flux_deviation,
-        fates=proof.fate_disagreements,
-        fates_flux=proof.fate_disagreement_flux,
-        pairs=proof.fate_pairs,
-    )
-
-
 def proof_criteria(proof: Proof) -> tuple[Criterion, ...]:
     """Acceptance criteria of all casts of a part; those of further receivers carry the receiver's name."""
     found = [
@@ -227,7 +211,8 @@ def _receiver_criteria(proof: Proof, receiver: ReceiverProof) -> list[Criterion]
     fine = proof.facet_height_um.rms <= FINE_FACETS_UM
     form = form_of_mesh(proof.open_edges, step_alike, other, fine=fine)
     fault = other if proof.open_edges == 0 else ""
-    evidence = Evidence(agreement_of(receiver), receiver.deviation_limit_mm, FLUX_SHARE, FATE_SHARE, form, fault, fine)
+    limit_mm = receiver.deviation_limit_mm
+    evidence = Evidence(receiver.against_design, limit_mm, FLUX_SHARE, FATE_SHARE, form, fault, fine)
     return [
         *_mesh_criteria(receiver, evidence),
         *([] if brep is None else brep_criteria(brep, reach_mm, other_body(proof.sizes, "lens.step"))),

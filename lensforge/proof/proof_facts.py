@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from lensforge.proof.proof_result import Agreement, BrepCast, IndependentRays, MitsubaCast, Proof, ReceiverProof
+from lensforge.proof.proof_result import BrepCast, IndependentRays, LandingDeviation, MitsubaCast, Proof, ReceiverProof
 from lensforge.proof.stray_result import ReceiverStray, StrayLight
 from lensforge.results import Fact, FactState, Group
 from lensforge.results.chart import light_unit
@@ -71,7 +71,7 @@ def suffix(receivers: Sequence[object], index: int) -> str:
 
 def _receiver(proof: Proof, index: int, designed: float | None) -> Iterator[Fact]:
     receiver = proof.receivers[index]
-    gap, quantity_of_light = receiver.deviation_mm, light_unit(None, far_field=receiver.far_field).quantity
+    gap, quantity_of_light = receiver.against_design, light_unit(None, far_field=receiver.far_field).quantity
     at = "at 1 m, " if receiver.far_field else ""
     yield Fact(
         "landing",
@@ -102,13 +102,12 @@ def _length(mm: float) -> tuple[float, str]:
 
 def _tracers(proof: Proof, index: int) -> Iterator[Group]:
     receiver, on = proof.receivers[index], suffix(proof.receivers, index)
-    gap = receiver.deviation_mm
     noise = f"NMSE {number(receiver.nmse_vs_design, 2)}, ray noise alone {number(receiver.noise_floor_nmse, 2)}"
     names = ("deviation_rms", "nmse_same_rays", "nmse_vs_design", "flux_deviation")
     yield Group(
         "tracer",
         f"Mesh with smooth normals{on}",
-        (Fact("rays", "Rays", proof.rays), *_gaps(gap.rms, gap.p99, gap.max)),
+        (Fact("rays", "Rays", proof.rays), *_gaps(receiver.against_design)),
         f"lens.stl; {noise}",
         _state(proof.criteria, receiver, index, *names),
     )
@@ -136,7 +135,7 @@ def _brep(proof: Proof, brep: BrepCast, index: int) -> Group:
     return Group(
         "tracer",
         f"CAD kernel, face by face{suffix(proof.receivers, index)}",
-        (Fact("rays", "Rays", brep.rays), *_gaps_of(brep.against_design)),
+        (Fact("rays", "Rays", brep.rays), *_gaps(brep.against_design)),
         f"lens.step; {says}",
         _state(proof.criteria, proof.receivers[index], index, *names),
     )
@@ -150,7 +149,7 @@ def _mitsuba(proof: Proof, mitsuba: MitsubaCast, index: int) -> Group:
     return Group(
         "tracer",
         f"Mitsuba {mitsuba.version}, flat facets{suffix(proof.receivers, index)}",
-        (Fact("rays", "Rays", mitsuba.rays), *_gaps_of(mitsuba.against_design)),
+        (Fact("rays", "Rays", mitsuba.rays), *_gaps(mitsuba.against_design)),
         f"lens.stl; {says}",
         _state(proof.criteria, proof.receivers[index], index, *(f"mitsuba_{name}" for name in names)),
     )
@@ -177,12 +176,8 @@ def _state(criteria: Sequence[Criterion], receiver: ReceiverProof, index: int, *
     return state_of(criteria, *(f"{start}{name}" for name in names))
 
 
-def _gaps_of(agreement: Agreement) -> tuple[Fact, ...]:
-    return _gaps(agreement.rms, agreement.p99, agreement.max)
-
-
-def _gaps(rms: float, p99: float, largest: float) -> tuple[Fact, ...]:
-    named = (("rms", "rms", rms), ("p99", "99 %", p99), ("largest", "largest", largest))
+def _gaps(found: LandingDeviation) -> tuple[Fact, ...]:
+    named = (("rms", "rms", found.rms), ("p99", "99 %", found.p99), ("largest", "largest", found.max))
     return tuple(Fact(key, label, value, "mm", digits=2) for key, label, value in named)
 
 

@@ -112,8 +112,8 @@ class FatePair(Record):
     flux: Share
 
 
-class Agreement(Record):
-    """Distances (mm) between landings of part and design, for rays that both land on the receiver.
+class Agreement(LandingDeviation):
+    """Landings and light of part and design: distances (mm) over the rays that both land on the receiver.
 
     ``flux``: sum of the differences of flux over the sum of flux. ``fates``: number of rays that one lands on the
     receiver and the other loses; ``fates_flux``: their share of the emitted flux; ``pairs``: the same by the fates in
@@ -122,9 +122,6 @@ class Agreement(Record):
     """
 
     compared: Count
-    rms: NotNegative
-    p99: NotNegative
-    max: NotNegative
     flux: NotNegative
     fates: Count
     fates_flux: Share
@@ -188,13 +185,8 @@ class ReceiverProof(OnReceiver):
     nmse_same_rays: NotNegative
     efficiency: Share
     efficiency_design_same_rays: Share
-    deviation_mm: LandingDeviation
+    against_design: Agreement
     deviation_limit_mm: Positive
-    rays_compared: Count
-    flux_deviation: NotNegative
-    fate_disagreements: Count
-    fate_disagreement_flux: Share
-    fate_pairs: tuple[FatePair, ...] = ()
     flux: PartFlux
     missed_by_cause: PartMissed
     brep: BrepCast | None
@@ -256,7 +248,7 @@ class Proof(SimulatedResult):
     @stated
     def deviation_mm(self) -> LandingDeviation:
         """Distances between the part's landings on the first receiver and the design's."""
-        return self.first.deviation_mm
+        return self.first.against_design
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -31,7 +31,6 @@ from lensforge.proof.proof_result import (
     BrepCast,
     Gaps,
     IndependentRays,
-    LandingDeviation,
     MitsubaCast,
     Proof,
     ReceiverProof,
@@ -161,7 +160,6 @@ def _on_receiver(
     brep, mitsuba, own_rays = others
     screen, landed = expected.screen, LandedRays.of(passage, expected.screen)
     image, variance = (see(landed.landings, landed.flux) for see in (screen.irradiance, screen.noise))
-    agreement = compare(rays, landed, expected)
     flux, missed = flux_budget(rays, landed, screen)
     return ReceiverProof(
         name=name,
@@ -173,13 +171,8 @@ def _on_receiver(
         nmse_same_rays=nmse(image, screen.irradiance(expected.landings, expected.flux)),
         efficiency=flux.detected,
         efficiency_design_same_rays=share(rays, expected.flux[screen.in_window(expected.landings)]),
-        deviation_mm=LandingDeviation(rms=agreement.rms, max=agreement.max, p99=agreement.p99),
+        against_design=compare(rays, landed, expected),
         deviation_limit_mm=DEVIATION_RAD * screen.reach_mm(expected.irradiance),
-        rays_compared=agreement.compared,
-        flux_deviation=agreement.flux,
-        fate_disagreements=agreement.fates,
-        fate_disagreement_flux=agreement.fates_flux,
-        fate_pairs=agreement.pairs,
         flux=flux,
         missed_by_cause=missed,
         brep=brep[0] if brep else None,

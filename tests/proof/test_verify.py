@@ -135,8 +135,8 @@ def test_rays_that_the_design_loses_are_counted(verify):
     inside = np.nonzero((np.abs(hits) < 100.0).all(axis=1))[0][:100]
     hits[inside] = np.nan
     result = verify(right(), landings=hits, plain_rays=1)
-    assert result.first.fate_disagreements == 100
-    assert result.first.fate_disagreement_flux == pytest.approx(100 / 8000)
+    assert result.first.against_design.fates == 100
+    assert result.first.against_design.fates_flux == pytest.approx(100 / 8000)
     assert "fate_disagreement_flux" in failed(result)
 
 

@@ -168,7 +168,7 @@ def proof_on_receiver(result, screen):
             continue
         extent = {"rms": float(np.sqrt(np.mean(gaps**2))), "p99": float(gaps[495]), "max": float(gaps[-1])}
         if name == "mesh":
-            change["deviation_mm"] = result.deviation_mm.model_copy(update=extent)
+            change["against_design"] = result.against_design.model_copy(update=extent)
         else:
             cast = getattr(result, name)
             against = cast.against_design.model_copy(

@@ -10,8 +10,8 @@ from lensforge.cad.part import STEP_FILE, STL_FILE, THREEMF_FILE, Faces, Part, T
 from lensforge.light.evaluation_result import Light
 from lensforge.light.receiver_light import Flux, MissedByCause, ReceiverLight
 from lensforge.proof.proof_result import (
+    Agreement,
     IndependentRays,
-    LandingDeviation,
     PartFlux,
     PartMissed,
     PlainCast,
@@ -368,12 +368,10 @@ def make_receiver_proof(section, **changes):
         "nmse_same_rays": 0.000225,
         "efficiency": 0.8475,
         "efficiency_design_same_rays": 0.8485,
-        "deviation_mm": LandingDeviation(rms=0.0125, max=0.25, p99=0.05),
+        "against_design": Agreement(
+            rms=0.0125, max=0.25, p99=0.05, compared=18765, flux=0.00035, fates=3, fates_flux=0.00015
+        ),
         "deviation_limit_mm": 0.015,
-        "rays_compared": 18765,
-        "flux_deviation": 0.00035,
-        "fate_disagreements": 3,
-        "fate_disagreement_flux": 0.00015,
         "flux": flux,
         "missed_by_cause": missed,
         "brep": None,

@@ -67,7 +67,7 @@ TOLD = (
     ("outer_departure", "Departure from it", "µm", lambda r: 1e3 * r.check.outer.best_fit_sphere.pv_mm),
     ("thinnest", "Thinnest wall", "mm", lambda r: r.check.min_wall_mm),
     ("thickest", "Thickest wall", "mm", lambda r: r.check.wall.thickest.thickness_mm),
-    ("landing", "Rays land apart by", "µm", lambda r: 1e3 * r.proof.first.deviation_mm.rms),
+    ("landing", "Rays land apart by", "µm", lambda r: 1e3 * r.proof.deviation_mm.rms),
     ("nmse_vs_design", "NMSE against the design", "", lambda r: r.proof.first.nmse_vs_design),
     ("nmse_same_rays", "NMSE with the same rays", "", lambda r: r.proof.first.nmse_same_rays),
     ("part_efficiency", "Efficiency of the part", "%", lambda r: 100.0 * r.proof.first.efficiency),
