@@ -160,6 +160,11 @@ def join_mesh(mesh: BodyMesh, base: CustomBase, chord_mm: float) -> BodyMesh:
     )
 
 
+def mesh_of_base(path: Path, chord_mm: float = 1e-2) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
+    """Vertices and triangles of the base in the file ``path``, by default finer than a drawn line."""
+    return tessellated(read_custom_base(path).solid, chord_mm)
+
+
 def tessellated(base: Solid, chord_mm: float) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
     """Vertices and triangles by the CAD kernel, face by face, equal vertices on shared edges merged."""
     from OCP.BRepMesh import BRepMesh_IncrementalMesh

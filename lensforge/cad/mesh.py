@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from lensforge.cad.facets import FacetError, facet_error, refined_dome, refined_rim
+from lensforge.cad.facets import facet_error, refined_dome, refined_rim
 from lensforge.cad.outline import FULL_TURN
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import INNER, OUTER, RIM, TOP, Plan, base_corners, rim_directions
@@ -173,10 +173,9 @@ def build_mesh(plan: Plan[Patch], rings: int, chord_mm: float | None = None) -> 
     return mesh if chord_mm is None else _refined(mesh, plan, chord_mm)
 
 
-def mesh_error(mesh: BodyMesh, plan: Plan[Patch]) -> FacetError:
-    """Largest errors of the facets of both optical surfaces."""
-    errors = [facet_error(patch, mesh.vertices, mesh.part(name)) for name, patch in _faces(plan)]
-    return FacetError(max(error.chord_mm for error in errors), max(error.normal_rad for error in errors))
+def mesh_error(mesh: BodyMesh, plan: Plan[Patch]) -> float:
+    """Largest distance (mm) of the facets of both optical surfaces from them."""
+    return max(facet_error(patch, mesh.vertices, mesh.part(name)) for name, patch in _faces(plan))
 
 
 def _faces(plan: Plan[Patch]) -> tuple[tuple[str, Patch], tuple[str, Patch]]:
@@ -265,13 +264,11 @@ class Closure:
     """Result of manifold3d; ``status`` is ``NoError`` for an oriented 2-manifold without boundary.
 
     ``genus`` counts handles: 0 for a lens, whose cavity and bore are one blind hole; -1 for two bodies.
-    ``fault_mm`` is the midpoint of an edge that does not join two consistently oriented triangles; None where all do.
     """
 
     status: str
     genus: int
     volume_mm3: float
-    fault_mm: tuple[float, float, float] | None = None
 
     @property
     def watertight(self) -> bool:
@@ -282,17 +279,4 @@ class Closure:
 def check_closed(vertices: Float[np.ndarray, "v 3"], triangles: Int[np.ndarray, "t 3"]) -> Closure:
     """Test a mesh whose neighbouring triangles share vertex indices."""
     body = manifold_of(vertices, triangles)
-    return Closure(body.status().name, int(body.genus()), float(body.volume()), _fault(vertices, triangles))
-
-
-def _fault(vertices: Float[np.ndarray, "v 3"], triangles: Int[np.ndarray, "t 3"]) -> tuple[float, float, float] | None:
-    """Midpoint (mm) of the first edge that is not traversed once in each direction; None if all are."""
-    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]).astype(np.int64)
-    forth, back = edges @ [len(vertices), 1], edges @ [1, len(vertices)]
-    ordered = np.sort(forth)
-    if (np.diff(ordered) > 0).all() and np.array_equal(ordered, np.sort(back)):
-        return None
-    _, first, times = np.unique(forth, return_index=True, return_counts=True)
-    wrong = np.concatenate([first[times > 1], np.flatnonzero(~np.isin(back, forth))])
-    x, y, z = vertices[edges[wrong.min()]].mean(axis=0).tolist()
-    return x, y, z
+    return Closure(body.status().name, int(body.genus()), float(body.volume()))

@@ -73,13 +73,12 @@ class SplineNodes(Record):
 
 
 class Triangulation(Record):
-    """Size of the mesh, and the errors of its facets against the optical surfaces."""
+    """Size of the mesh, and the largest distance of its facets from the optical surfaces."""
 
     triangles: Count
     vertices: Count
     rings: Count
     chord_error_um: NotNegative
-    normal_error_mrad: NotNegative
 
 
 class UntrimmedSurfaces(Record):

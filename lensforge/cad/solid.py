@@ -193,6 +193,7 @@ _OUTWARD = {
 
 # Relative; the volume errs by as much, in 2 s instead of the 5 s of 1e-10.
 _VOLUME_PRECISION = 1e-8
+_AREA_PRECISION = 1e-4  # the area errs by 1e-9 on a lens, and without any setting by 1e-6
 
 
 @dataclass(frozen=True)
@@ -215,7 +216,12 @@ class Solid:
     @cached_property
     def volume_mm3(self) -> float:
         """Volume, by adaptive integration over the faces."""
-        return self._volume_mm3(_VOLUME_PRECISION)
+        return self._integral("VolumeProperties_s", _VOLUME_PRECISION)
+
+    @property
+    def area_mm2(self) -> float:
+        """Area of all faces, by adaptive integration over them."""
+        return self._integral("SurfaceProperties_s", _AREA_PRECISION)
 
     @cached_property
     def default_volume_mm3(self) -> float:
@@ -223,14 +229,14 @@ class Solid:
 
         It errs by 1e-7 at most where rims are short edges, by 1e-4 on the planes of other solids with long ones.
         """
-        return self._volume_mm3()
+        return self._integral("VolumeProperties_s")
 
-    def _volume_mm3(self, *precision: float) -> float:
+    def _integral(self, kind: str, *precision: float) -> float:
         from OCP.BRepGProp import BRepGProp
         from OCP.GProp import GProp_GProps
 
         properties = GProp_GProps()
-        BRepGProp.VolumeProperties_s(self.shape.wrapped, properties, *precision)
+        getattr(BRepGProp, kind)(self.shape.wrapped, properties, *precision)
         return float(properties.Mass())
 
     @property

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.cad.form_error import refined_maximum
 from lensforge.cad.patch import Patch
+from lensforge.results.refined_maximum import refined_maximum
 from lensforge.surfaces import surface
 
 _NODES, _RIM = 101, 512  # samples of each face: across the chart's square, and around the rim

@@ -100,17 +100,18 @@ def _length(mm: float) -> tuple[float, str]:
     return (1e3 * mm, "µm") if mm < 0.1 else (mm, "mm")
 
 
+def _tracer(proof: Proof, index: int, title: str, facts: tuple[Fact, ...], says: str, names: Sequence[str]) -> Group:
+    """The row of one tracer; its state follows from the criteria of ``names`` on the receiver."""
+    state = _state(proof.criteria, proof.receivers[index], index, *names)
+    return Group("tracer", f"{title}{suffix(proof.receivers, index)}", facts, says, state)
+
+
 def _tracers(proof: Proof, index: int) -> Iterator[Group]:
-    receiver, on = proof.receivers[index], suffix(proof.receivers, index)
+    receiver = proof.receivers[index]
     noise = f"NMSE {number(receiver.nmse_vs_design, 2)}, ray noise alone {number(receiver.noise_floor_nmse, 2)}"
     names = ("deviation_rms", "nmse_same_rays", "nmse_vs_design", "flux_deviation")
-    yield Group(
-        "tracer",
-        f"Mesh with smooth normals{on}",
-        (Fact("rays", "Rays", proof.rays), *_gaps(receiver.against_design)),
-        f"lens.stl; {noise}",
-        _state(proof.criteria, receiver, index, *names),
-    )
+    facts = (_rays(proof.rays), *_gaps(receiver.against_design))
+    yield _tracer(proof, index, "Mesh with smooth normals", facts, f"lens.stl; {noise}", names)
     if receiver.brep is not None:
         yield _brep(proof, receiver.brep, index)
     if receiver.mitsuba is not None:
@@ -123,51 +124,39 @@ def _plain(proof: Proof) -> Group:
     plain = proof.plain_cast
     says = f"{number(plain.disagreements)} of {number(plain.casts)} first hits differ from those above"
     state = state_of(proof.criteria, "plain_cast_disagreements")
-    facts = (Fact("rays", "Rays", plain.rays),)
-    return Group("tracer", "Plain ray cast by trimesh", facts, f"lens.stl; {says}", state)
+    return Group("tracer", "Plain ray cast by trimesh", (_rays(plain.rays),), f"lens.stl; {says}", state)
 
 
 def _brep(proof: Proof, brep: BrepCast, index: int) -> Group:
     fates = brep.against_design.fates
     ends = "every ray has the same fate" if fates == 0 else f"{number(fates)} rays have another fate"
-    says = f"{quantity(brep.against_mesh.rms, 'mm', digits=2)} rms from the mesh; {ends}"
+    says = f"lens.step; {quantity(brep.against_mesh.rms, 'mm', digits=2)} rms from the mesh; {ends}"
     names = ("brep_deviation_rms", "brep_flux_deviation", "brep_fate_disagreements")
-    return Group(
-        "tracer",
-        f"CAD kernel, face by face{suffix(proof.receivers, index)}",
-        (Fact("rays", "Rays", brep.rays), *_gaps(brep.against_design)),
-        f"lens.step; {says}",
-        _state(proof.criteria, proof.receivers[index], index, *names),
-    )
+    facts = (_rays(brep.rays), *_gaps(brep.against_design))
+    return _tracer(proof, index, "CAD kernel, face by face", facts, says, names)
 
 
 def _mitsuba(proof: Proof, mitsuba: MitsubaCast, index: int) -> Group:
     relation = "within" if mitsuba.nmse_vs_design <= mitsuba.noise_floor_nmse else "above"
     floor = number(mitsuba.noise_floor_nmse, 2)
-    says = f"NMSE {number(mitsuba.nmse_vs_design, 2)}, {relation} the {floor} of ray noise alone"
-    names = ("nmse_vs_design", "deviation_rms", "flux_deviation", "fate_disagreement_flux")
-    return Group(
-        "tracer",
-        f"Mitsuba {mitsuba.version}, flat facets{suffix(proof.receivers, index)}",
-        (Fact("rays", "Rays", mitsuba.rays), *_gaps(mitsuba.against_design)),
-        f"lens.stl; {says}",
-        _state(proof.criteria, proof.receivers[index], index, *(f"mitsuba_{name}" for name in names)),
-    )
+    says = f"lens.stl; NMSE {number(mitsuba.nmse_vs_design, 2)}, {relation} the {floor} of ray noise alone"
+    kinds = ("nmse_vs_design", "deviation_rms", "flux_deviation", "fate_disagreement_flux")
+    facts = (_rays(mitsuba.rays), *_gaps(mitsuba.against_design))
+    title = f"Mitsuba {mitsuba.version}, flat facets"
+    return _tracer(proof, index, title, facts, says, [f"mitsuba_{kind}" for kind in kinds])
 
 
 def _independent_rays(proof: Proof, own: IndependentRays, index: int) -> Group:
     found, expected = (Fact.share("", "", share).text for share in (own.efficiency, own.efficiency_design))
-    says = f"efficiency {found}, the design’s light {expected}"
+    says = f"lens.stl; efficiency {found}, the design’s light {expected}"
     if own.nmse_less_noise is not None:
         says += f"; NMSE less noise {own.nmse_less_noise}"
     names = ("own_rays_efficiency", "own_rays_nmse", *(["own_rays_emission"] if index == 0 else []))
-    return Group(
-        "tracer",
-        f"Freshly drawn rays of the LED{suffix(proof.receivers, index)}",
-        (Fact("rays", "Rays", own.rays),),
-        f"lens.stl; {says}",
-        _state(proof.criteria, proof.receivers[index], index, *names),
-    )
+    return _tracer(proof, index, "Freshly drawn rays of the LED", (_rays(own.rays),), says, names)
+
+
+def _rays(count: int) -> Fact:
+    return Fact("rays", "Rays", count)
 
 
 def _state(criteria: Sequence[Criterion], receiver: ReceiverProof, index: int, *names: str) -> FactState:

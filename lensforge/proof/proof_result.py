@@ -129,12 +129,11 @@ class Agreement(LandingDeviation):
 
 
 class PlainCast(Record):
-    """First hits (``casts``) by trimesh's own ray cast against those of the grid; ``rate``: its casts per second."""
+    """First hits (``casts``) by trimesh's own ray cast against those of the grid."""
 
     rays: Count
     casts: Count
     disagreements: Count
-    rate: NotNegative
 
 
 class BrepCast(Record):
@@ -214,7 +213,6 @@ class Proof(SimulatedResult):
     receivers: Annotated[tuple[ReceiverProof, ...], Field(min_length=1)]
     rays: Count
     seconds: NotNegative
-    cast_seconds: NotNegative
     triangles: Count
     open_edges: Count
     volume_mm3: Number

@@ -22,6 +22,7 @@ from lensforge.sources.ray_bundle import RayBundle
 _CHUNK = 1024  # rays that a thread casts at a time: their candidates stay in its cache
 # A ray that leaves a curved point may meet the facets just left: hits nearer than this share of an edge are those.
 _SKIN_EDGES = 0.05
+_SIDES = 4  # tries to get past facets whose side contradicts the medium that the ray is in
 
 
 class CastFate(IntEnum):
@@ -149,9 +150,20 @@ class MeshBody:
     part: PartMesh
     grid: Grid
 
-    def surface_hits(self, leg: Leg) -> SurfaceHits:
-        """First hit of each ray; sides and base are those of the flat facet."""
+    def surface_hits(self, leg: Leg, inside: Bool[np.ndarray, " n"] | None = None) -> SurfaceHits:
+        """First hit of each ray; sides and base are those of the flat facet.
+
+        ``inside``: True for rays in the material; they pass facets of the other side. A grazing ray may miss its own.
+        """
         hits, count = self.grid.first_hits(leg), len(leg.origins)
+        for _ in range(0 if inside is None else _SIDES):
+            wrong = np.nonzero(hits.found & (self._leaving(leg, hits) != inside))[0]
+            if len(wrong) == 0:
+                break
+            beyond = hits.distances[wrong] * (1.0 + 1e-9) + 1e-9
+            again = self.grid.first_hits(Leg(leg.origins[wrong], leg.directions[wrong], beyond))
+            for name, values in vars(again).items():
+                getattr(hits, name)[wrong] = values
         no, place, zero = np.zeros(count, dtype=bool), np.zeros((count, 3)), np.zeros(count)
         found = SurfaceHits(np.full(count, -1), place, place.copy(), no, no.copy(), no.copy(), zero, zero.copy())
         rows = np.nonzero(hits.found)[0]
@@ -159,11 +171,19 @@ class MeshBody:
         flat, facing = leg.origins + hits.distances[:, None] * leg.directions, part.mesh.face_normals[hits.triangles]
         found.faces[rows] = part.faces[hits.triangles]
         found.points[rows], found.normals[rows] = meet(part, leg, hits)
-        found.leaving[rows] = np.sum(leg.directions * facing, axis=1) > 0.0
-        found.away[rows], found.base[rows] = faces_away(flat, facing), at_base(part, hits)
+        found.leaving[rows] = self._leaving(leg, hits)
+        # At or below z = 0 lies no optical surface.
+        found.away[rows] = faces_away(flat, facing)
+        found.base[rows] = part.mesh.triangles_center[hits.triangles, 2] <= 0.0
         found.skins[rows] = _SKIN_EDGES * np.sqrt(2.0 * part.mesh.area_faces[hits.triangles])
         found.heights[rows] = np.sum((found.points[rows] - flat) * found.normals[rows], axis=1)
         return found
+
+    def _leaving(self, leg: Leg, hits: FacetHits) -> Bool[np.ndarray, " n"]:
+        along: Bool[np.ndarray, " n"] = (
+            np.sum(leg.directions * self.part.mesh.face_normals[hits.triangles], axis=1) > 0.0
+        )
+        return along
 
 
 def refracted(leg: Leg, hits: SurfaceHits, face: RefractingFace, fields: Fields | None = None) -> tuple[Leg, AtFace]:
@@ -269,9 +289,3 @@ def _leave(passage: Passage, rows: Int[np.ndarray, " k"], behind: Leg, light: At
     passage.points[rows[passes]] = behind.origins[passes]
     passage.directions[rows[passes]] = behind.directions[passes]
     passage.fields[rows[passes]] = light.passed[passes]
-
-
-def at_base(part: PartMesh, hits: FacetHits) -> Bool[np.ndarray, " n"]:
-    """True where the triangle hit lies at or below z = 0, where no optical surface is."""
-    below: Bool[np.ndarray, " n"] = part.mesh.triangles_center[hits.triangles, 2] <= 0.0
-    return below

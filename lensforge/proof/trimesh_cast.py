@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from time import perf_counter
 
 import numpy as np
 import trimesh
@@ -39,23 +38,19 @@ def cast_plain(
     inside, _ = refracted(outside.take(entered), entry.take(entered), into.take(entered))
     bare = trimesh.Trimesh(part.mesh.vertices, part.mesh.faces, process=False)  # what others have cached stays here
     legs = outside, inside
-    cast = second.call(_timed_distances, bare, legs)
+    cast = second.call(_distances, bare, legs)
 
     def found() -> PlainCast:
-        distances, seconds = cast.result()
-        wrong = sum(_disagreements(plain, grid, leg) for plain, leg in zip(distances, legs, strict=True))
-        casts = len(rows) + len(entered)
-        return PlainCast(rays=len(rows), casts=casts, disagreements=wrong, rate=casts / max(seconds, 1e-9))
+        wrong = sum(_disagreements(plain, grid, leg) for plain, leg in zip(cast.result(), legs, strict=True))
+        return PlainCast(rays=len(rows), casts=len(rows) + len(entered), disagreements=wrong)
 
     return found
 
 
-def _timed_distances(mesh: trimesh.Trimesh, legs: tuple[Leg, ...]) -> tuple[list[Float[np.ndarray, " n"]], float]:
-    """Distances of the first hits of each leg, and the seconds that they took."""
+def _distances(mesh: trimesh.Trimesh, legs: tuple[Leg, ...]) -> list[Float[np.ndarray, " n"]]:
+    """Distances of the first hits of each leg."""
     plain = PlainCaster(mesh)
-    plain.tree  # noqa: B018  built here, so that it is not timed as casting
-    start = perf_counter()
-    return [plain.distances(leg) for leg in legs], perf_counter() - start
+    return [plain.distances(leg) for leg in legs]
 
 
 def _disagreements(plain: Float[np.ndarray, " n"], grid: Grid, leg: Leg) -> int:

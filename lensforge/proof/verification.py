@@ -88,9 +88,7 @@ def verify_part(
     part = read_part_mesh(stl)
     grid = Grid(part.mesh)
     plain = cast_plain(part, grid, rays, media, plain_rays, second)
-    casting = perf_counter()
     passage = send_through(part, grid, rays, media, threads)
-    cast_seconds = perf_counter() - casting
     none: list[Any] = [None] * len(expected)
     by_mitsuba = cast_mitsuba(part, rays, media, expected, mitsuba_rays) if mitsuba_rays else none
     by_own = none if own is None else _own_light(part, grid, own, media, expected, threads)
@@ -107,7 +105,6 @@ def verify_part(
         inputs=dict(inputs or {}),
         receivers=received,
         rays=len(rays),
-        cast_seconds=cast_seconds,
         triangles=len(part.mesh.faces),
         open_edges=part.open_edges,
         volume_mm3=float(part.mesh.volume),

@@ -299,9 +299,7 @@ def make_part(lens, stl=None, **changes):
         "form_tolerances": (),
         "signature": {"author": "", "organisation": "", "date": None},
         "untrimmed_surfaces": None,
-        "triangulation": Triangulation(
-            triangles=320, vertices=162, rings=8, chord_error_um=0.875, normal_error_mrad=0.625
-        ),
+        "triangulation": Triangulation(triangles=320, vertices=162, rings=8, chord_error_um=0.875),
         "files": {name: stamp_of(content) for name, content in files.items()},
         "seconds": 3.5,
         "criteria": (criterion("form_error", 1.75, 10.0),),
@@ -393,14 +391,13 @@ def make_proof(lens, **changes):
         "receivers": (make_receiver_proof(first, **of_first), *map(make_receiver_proof, others)),
         "rays": 20000,
         "seconds": 5.5,
-        "cast_seconds": 4.25,
         "triangles": 320,
         "open_edges": 0,
         "volume_mm3": 3832.5,
         "sizes": Sizes(exported=SIZE, chord_mm=0.000875, mesh=SizedFile(size=SIZE), step=SizedFile(size=SIZE)),
         "emission_apart": 2.25,
         "facet_height_um": Extent(max=1.125, rms=0.375),
-        "plain_cast": PlainCast(rays=200, casts=390, disagreements=0, rate=120.5),
+        "plain_cast": PlainCast(rays=200, casts=390, disagreements=0),
         "criteria": (criterion("deviation_rms", 0.0125, 0.015),),
     }
     return Proof(**{**content, **{name: value for name, value in changes.items() if name not in of_first}})
