@@ -192,9 +192,10 @@ class Part(StageResult):
     @cached_property
     def solid(self) -> "cadquery.Solid":
         """The part as a ``cadquery.Solid`` (mm), read from the STEP: cut it, fuse it, save it with cadquery."""
-        from lensforge.cad.step import solid_of_step
+        from lensforge.cad.step import parse_step
 
-        return solid_of_step(self.step)
+        solid: cadquery.Solid = parse_step(self.step).shape
+        return solid
 
     @cached_property
     def mesh(self) -> "trimesh.Trimesh":

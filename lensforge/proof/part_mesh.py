@@ -63,12 +63,8 @@ class PartMesh:
     @cached_property
     def open_edges(self) -> int:
         """Edges that do not join exactly two triangles of the same sense; 0 for a closed body."""
-        edges = self.mesh.edges
-        count = len(self.mesh.vertices)
+        edges, count = self.mesh.edges, len(self.mesh.vertices)
         forth, back = edges[:, 0] * count + edges[:, 1], edges[:, 1] * count + edges[:, 0]
-        ordered = np.sort(forth)
-        if (np.diff(ordered) > 0).all() and np.array_equal(ordered, np.sort(back)):
-            return 0  # each once, and once the other way
         senses, times = np.unique(forth, return_counts=True)
         return int(np.sum(times > 1) + np.sum(~np.isin(senses, back)))
 

@@ -172,7 +172,6 @@ def _gaps(found: LandingDeviation) -> tuple[Fact, ...]:
 
 def _stray(stray: StrayLight, receiver: ReceiverStray) -> Iterator[Fact]:
     gain = 100.0 * (receiver.efficiency - receiver.efficiency_sequential)
-    spread, chart = receiver.spread, receiver.chart
     reflections = f"share of the LED’s flux, by reflections; the base is {stray.base}"
     yield Fact.share("detected_stray", "Stray in the window", receiver.flux.detected_stray, reflections)
     yield Fact.share("stray_absorbed", "Absorbed", receiver.flux.absorbed, digits=3)
@@ -181,10 +180,8 @@ def _stray(stray: StrayLight, receiver: ReceiverStray) -> Iterator[Fact]:
     nmse = receiver.nmse_vs_sequential
     wrong = "" if nmse is None else f"an NMSE of {number(nmse, 2)}"
     yield Fact.share("misplaced", "Light not as designed", receiver.misplaced_flux, wrong)
-    if spread.rms_radius is not None and spread.peak_of_mean is not None:
+    if receiver.peak_of_mean is not None:
         note = "of the stray light, of the mean light on the receiver"
-        yield Fact.share("stray_peak", "Peak of the stray light", spread.peak_of_mean, note, digits=3)
-        reach = chart.labelled(spread.rms_radius)
-        yield Fact("stray_reach", "Spread of the stray", reach, chart.unit, note="rms about its centroid", digits=3)
+        yield Fact.share("stray_peak", "Peak of the stray light", receiver.peak_of_mean, note, digits=3)
     note = f"absorption {quantity(stray.absorption_per_mm, '1/mm')}"
     yield Fact("stray_rays", "Rays followed", stray.rays, note=note)

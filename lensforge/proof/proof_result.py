@@ -42,26 +42,12 @@ class PartFlux(Record):
     reflected: Share
 
 
-class PartMissed(Record):
-    """Flux that never reaches the receiver's plane, by cause; shares of the emitted flux.
-
-    ``base``: met on the way in or in the body. ``starts_outside``: met the outside of the lens before the inside.
-    """
-
-    no_hit: Share
-    starts_inside: Share
-    starts_outside: Share = 0.0
-    base: Share
-    back_into_cavity: Share
-    missed_receiver: Share
-
-
 class IndependentRays(Record):
     """Light of rays that verification has drawn from the description of the source, not by the design's sampler.
 
     Sent through the mesh, against the light of the design: ``efficiency`` in the window, with ``efficiency_design``;
     ``nmse_less_noise`` of the picture against the design's, without the noise of either, None where that of the
-    design's is not known. Every ray counts in ``flux``, those that are lost by ``missed_by_cause``.
+    design's is not known. Every ray counts in ``flux``.
     """
 
     rays: Count
@@ -69,7 +55,6 @@ class IndependentRays(Record):
     efficiency_design: Metric
     nmse_less_noise: Metric | None
     flux: PartFlux
-    missed_by_cause: PartMissed
 
 
 class SizedFile(Record):
@@ -187,7 +172,6 @@ class ReceiverProof(OnReceiver):
     against_design: Agreement
     deviation_limit_mm: Positive
     flux: PartFlux
-    missed_by_cause: PartMissed
     brep: BrepCast | None
     mitsuba: MitsubaCast | None
     own_rays: IndependentRays | None

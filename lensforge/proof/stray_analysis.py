@@ -21,7 +21,7 @@ from lensforge.proof.part_mesh import read_part_mesh
 from lensforge.proof.receiver_screen import Screen, nmse
 from lensforge.proof.refraction import through_glass
 from lensforge.proof.sequential_cast import LandedRays, Passage, send_through
-from lensforge.proof.stray_result import ReceiverStray, StrayByCause, StrayFlux, StrayLight, StraySpread
+from lensforge.proof.stray_result import ReceiverStray, StrayByCause, StrayFlux, StrayLight
 from lensforge.sources.ray_bundle import RayBundle
 
 
@@ -87,7 +87,7 @@ def _on_receiver(
         detected_stray_by_cause=_by_cause(landed, emitted),
         misplaced_flux=float(np.abs(whole - reference).sum()) * screen.pixel_measure / emitted,
         nmse_vs_sequential=nmse(whole, reference) if reference.any() else None,
-        spread=_spread(landed, screen, float(stray.max()), float(reference.mean())),
+        peak_of_mean=float(stray.max() / reference.mean()) if reference.any() else None,
         efficiency=flux.detected_direct + flux.detected_stray,
         efficiency_sequential=float(sequential.flux[screen.in_window(sequential.landings)].sum()) / emitted,
         sequential=reference,
@@ -150,21 +150,4 @@ def _by_cause(landed: _ReceivedLight, emitted: float) -> StrayByCause:
     stray = [cause for cause in Cause if cause != Cause.SEQUENTIAL]
     return StrayByCause.model_validate(
         {cause.name.lower(): float(landed.flux[inside & (landed.causes == cause)].sum()) / emitted for cause in stray}
-    )
-
-
-def _spread(landed: _ReceivedLight, receiver: Screen, peak: float, mean: float) -> StraySpread:
-    """``peak``: of the stray light, ``mean``: of all by the sequential trace."""
-    inside = landed.stray & receiver.on_pixels(landed.points)
-    points, total = landed.points[inside], float(landed.flux[inside].sum())
-    if total <= 0.0:
-        return StraySpread(centroid=None, rms_radius=None, peak_w_m2=0.0, peak_of_mean=0.0)
-    shares = landed.flux[inside] / total
-    centroid = shares @ points
-    radius = np.sqrt(shares @ np.sum((points - centroid) ** 2, axis=1))
-    return StraySpread(
-        centroid=(float(centroid[0]), float(centroid[1])),
-        rms_radius=float(radius),
-        peak_w_m2=peak,
-        peak_of_mean=peak / mean if mean > 0.0 else None,
     )

@@ -2,13 +2,11 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import trimesh
 from jaxtyping import Float, Int
-from rtree.index import Index, Property
-from trimesh.ray.ray_triangle import ray_bounds, ray_triangle_id
+from trimesh.ray.ray_triangle import ray_triangle_id
 
 from lensforge.optics.media import Media
 from lensforge.proof.facet_casting import Grid, Leg
@@ -19,8 +17,7 @@ from lensforge.proof.sequential_cast import MeshBody, outside_leg, refracted
 from lensforge.results.second_process import IN_TURN, SecondProcess
 from lensforge.sources.ray_bundle import RayBundle
 
-# The box of a whole ray through a lens holds a sixteenth of its triangles, those of its pieces some hundred together.
-_PIECES = 64
+_BALLS, _ROUNDING = 1.0 + 1e-6, 1e-12  # of the radii, and of the size of the mesh, both squared
 AGREE_MM = 1e-6  # both compute the same plane intersection; only the last digits may differ
 
 
@@ -62,44 +59,30 @@ def _disagreements(plain: Float[np.ndarray, " n"], grid: Grid, leg: Leg) -> int:
     return int(np.sum(apart | (np.isfinite(plain) != np.isfinite(quick))))
 
 
-@dataclass(frozen=True)
 class PlainCaster:
-    """trimesh's own ray cast, never Embree, but for its choice of triangles: those near a ray, by an R-tree of boxes.
+    """trimesh's own ray cast, never Embree, but for its choice of triangles: those whose balls a line goes through.
 
-    trimesh takes all triangles in the box of the whole ray, 31,000 of 500,000. Here the box is cut into pieces along
-    the ray, by trimesh's own function, and the tree is asked for each of them.
+    trimesh takes all triangles in the box of the whole ray, 31,000 of 500,000, and tests each of them.
     """
 
-    mesh: trimesh.Trimesh
-
-    @cached_property
-    def tree(self) -> Index:
-        """R-tree of the boxes of all triangles."""
-        corners = self.mesh.triangles
-        numbers = np.arange(len(corners))
-        return Index((numbers, corners.min(axis=1), corners.max(axis=1)), properties=Property(dimension=3))
+    def __init__(self, mesh: trimesh.Trimesh) -> None:
+        self.mesh = mesh
+        self.centres: Float[np.ndarray, "t 3"] = mesh.triangles.mean(axis=1)
+        reach = np.linalg.norm(mesh.triangles - self.centres[:, None], axis=2).max(axis=1)
+        self.most = (_BALLS * reach) ** 2 + _ROUNDING * float(np.sum(mesh.extents**2))
 
     def distances(self, leg: Leg) -> Float[np.ndarray, " n"]:
         """Distance (mm) of each ray's first hit; infinite where there is none."""
-        boxes, nearest = self._boxes(leg), np.full(len(leg.origins), np.inf)
-        for row, own in enumerate(boxes):
-            near = np.unique(self.tree.intersection_v(own[:, :3], own[:, 3:])[0])
-            if not len(near):
-                continue
+        nearest = np.full(len(leg.origins), np.inf)
+        for row in range(len(nearest)):
             origin, direction = leg.origins[row : row + 1], leg.directions[row : row + 1]
+            away = self.centres - origin
+            near = np.flatnonzero(np.einsum("ti,ti->t", away, away) - (away @ direction[0]) ** 2 <= self.most)
             corners, normals = self.mesh.triangles[near], self.mesh.face_normals[near]
             points = ray_triangle_id(corners, origin, direction, normals, _Listed(near, self.mesh.bounds))[2]
             distance = (np.reshape(points, (-1, 3)) - origin) @ direction[0]
             nearest[row] = distance[distance > leg.beyond[row]].min(initial=np.inf)
         return nearest
-
-    def _boxes(self, leg: Leg) -> Float[np.ndarray, "n p 6"]:
-        """Boxes of the pieces of each ray, least and largest corner: those where it passes slices of the mesh's box."""
-        low, high = self.mesh.bounds
-        ends = low + np.linspace(0.0, 1.0, _PIECES + 1)[:, None] * (high - low)
-        pieces = [ray_bounds(leg.origins, leg.directions, ends[k : k + 2]) for k in range(_PIECES)]
-        boxes: Float[np.ndarray, "n p 6"] = np.stack(pieces, axis=1)
-        return boxes
 
 
 @dataclass(frozen=True)

@@ -157,7 +157,7 @@ def _on_receiver(
     brep, mitsuba, own_rays = others
     screen, landed = expected.screen, LandedRays.of(passage, expected.screen)
     image, variance = (see(landed.landings, landed.flux) for see in (screen.irradiance, screen.noise))
-    flux, missed = flux_budget(rays, landed, screen)
+    flux = flux_budget(rays, landed, screen)
     return ReceiverProof(
         name=name,
         width=screen.width,
@@ -171,7 +171,6 @@ def _on_receiver(
         against_design=compare(rays, landed, expected),
         deviation_limit_mm=DEVIATION_RAD * screen.reach_mm(expected.irradiance),
         flux=flux,
-        missed_by_cause=missed,
         brep=brep[0] if brep else None,
         mitsuba=mitsuba[0] if mitsuba else None,
         own_rays=own_rays,

@@ -65,7 +65,6 @@ def test_units_follow_by_their_own_gap(value, unit, text):
         ("source_lm", "lm"),
         ("exit_lm.standard_error", "lm"),
         ("lumens_per_watt", "lm/W"),
-        ("peak_w_m2", "W/m²"),
         ("turned_rad", "rad"),
     ],
 )

@@ -13,7 +13,6 @@ from lensforge.proof.proof_result import (
     Agreement,
     IndependentRays,
     PartFlux,
-    PartMissed,
     PlainCast,
     Proof,
     ReceiverProof,
@@ -347,14 +346,12 @@ def make_receiver_proof(section, **changes):
     """The rays through the part on one receiver."""
     images = light_images(*build_receiver(section, PIXELS).grid.shape)
     flux = PartFlux(detected=0.8475, outside=0.02, missed=0.0325, total_reflection=0.01, reflected=0.09)
-    missed = PartMissed(no_hit=0.0, starts_inside=0.0, base=0.0125, back_into_cavity=0.0, missed_receiver=0.02)
     own = IndependentRays(
         rays=16384,
         efficiency=Metric(value=0.8475, standard_error=0.00075),
         efficiency_design=make_receiver_light(section).efficiency,
         nmse_less_noise=Metric(value=0.00035, standard_error=0.0015),
         flux=flux,
-        missed_by_cause=missed,
     )
     content = {
         "name": section.name,
@@ -371,7 +368,6 @@ def make_receiver_proof(section, **changes):
         ),
         "deviation_limit_mm": 0.015,
         "flux": flux,
-        "missed_by_cause": missed,
         "brep": None,
         "mitsuba": None,
         "own_rays": own,

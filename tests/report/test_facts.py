@@ -39,8 +39,6 @@ def test_the_value_of_every_fact_is_one_of_its_record(name):
         for group in results.facts(result):
             for fact in group.facts:
                 limit = None if fact.key == "share_in_target" else fact.limit  # a part of what is possible
-                if fact.key == "stray_reach":  # of directions, an angle by the chart
-                    continue
                 for value in (fact.value, fact.standard_error, limit and limit.value):
                     if isinstance(value, int | float):
                         assert any(value == pytest.approx(each, rel=1e-12) for each in known), (group.title, fact)
