@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from lensforge.optics.media import Media
-from lensforge.proof.facet_casting import Leg
+from lensforge.proof.facet_casting import Leg, RayRows
 from lensforge.proof.refraction import AtFace, Fields, RefractingFace, unpolarised
 from lensforge.proof.sequential_cast import MeshBody, SurfaceHits, outside_leg
 from lensforge.sources.ray_bundle import RayBundle
@@ -37,7 +37,7 @@ class Cause(IntEnum):
 
 
 @dataclass(frozen=True)
-class SplitRays:
+class SplitRays(RayRows):
     """Rays on their way or out of the part: last points (mm), directions, flux (W), True in the material, cause.
 
     ``crossings``: surfaces passed on the sequential path, ``entered_by``: the face by which it began (-1: none).
@@ -55,10 +55,6 @@ class SplitRays:
     absorptions: Float[np.ndarray, " n"]
     wavelengths_nm: Float[np.ndarray, " n"]
     fields: Fields
-
-    def take(self, rows: Int[np.ndarray, " k"]) -> "SplitRays":
-        """Some of the rays."""
-        return SplitRays(*(each[rows] for each in vars(self).values()))
 
     @property
     def stray(self) -> Bool[np.ndarray, " n"]:

@@ -148,20 +148,14 @@ RAYS = 2**14  # as many as the grid casts in the five seconds that this may take
 
 
 @dataclass(frozen=True)
-class DesignLight:
-    """Light of the design on a receiver: its efficiency and the standard error, None if unknown; noise in its map."""
-
-    efficiency: float
-    standard_error: float | None
-    nmse_of_noise: float | None
-
-
-@dataclass(frozen=True)
 class IndependentLight:
-    """Rays (of the same flux each) that verification has drawn, and the design's light on each receiver."""
+    """Rays (of the same flux each) that verification has drawn, and the design's light on each receiver.
+
+    That is its efficiency, and the NMSE of its map that is noise, None where unknown.
+    """
 
     rays: RayBundle
-    designs: tuple[DesignLight, ...]
+    designs: tuple[tuple[Metric, float | None], ...]
 
 
 def emission_difference(own: RayBundle, design: RayBundle) -> float:
@@ -183,7 +177,7 @@ def emission_difference(own: RayBundle, design: RayBundle) -> float:
 
 
 def judge_independent_rays(
-    rays: RayBundle, passage: Passage, expected: Expected, design: DesignLight
+    rays: RayBundle, passage: Passage, expected: Expected, design: tuple[Metric, float | None]
 ) -> IndependentRays:
     """Light of ``rays``, all of the same flux, on the screen of ``expected``, against its picture and ``design``."""
     landed, screen = LandedRays.of(passage, expected.screen), expected.screen
@@ -193,8 +187,8 @@ def judge_independent_rays(
     return IndependentRays(
         rays=len(rays),
         efficiency=Metric(value=flux.detected, standard_error=error),
-        efficiency_design=Metric(value=design.efficiency, standard_error=design.standard_error),
-        nmse_less_noise=_nmse_less_noise(landed, expected, design.nmse_of_noise),
+        efficiency_design=design[0],
+        nmse_less_noise=_nmse_less_noise(landed, expected, design[1]),
         flux=flux,
     )
 

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int, Shaped
 from trimesh.triangles import points_to_barycentric
 
 from lensforge.optics.media import Media
-from lensforge.proof.facet_casting import FacetHits, Grid, Leg
+from lensforge.proof.facet_casting import FacetHits, Grid, Leg, RayRows
 from lensforge.proof.part_mesh import PartMesh
 from lensforge.proof.receiver_screen import Screen
 from lensforge.proof.refraction import AtFace, Fields, RefractingFace, through_glass, unpolarised
@@ -112,7 +112,7 @@ class LandedRays:
 
 
 @dataclass(frozen=True)
-class SurfaceHits:
+class SurfaceHits(RayRows):
     """First hits of rays on a body: number of its smooth face (-1: none), point (mm), unit normal of either sign.
 
     ``leaving``: the ray leaves the material there. ``away``: that side of the body faces away from the origin, as the
@@ -128,10 +128,6 @@ class SurfaceHits:
     base: Bool[np.ndarray, " n"]
     skins: Float[np.ndarray, " n"]
     heights: Float[np.ndarray, " n"]
-
-    def take(self, rows: Int[np.ndarray, " k"]) -> "SurfaceHits":
-        """The hits of some of the rays."""
-        return SurfaceHits(*(values[rows] for values in vars(self).values()))
 
 
 @runtime_checkable

@@ -26,7 +26,7 @@ from lensforge.proof.part_comparison import (
     judge_independent_rays,
     share,
 )
-from lensforge.proof.part_mesh import PartMesh, facet_errors, mesh_size, read_part_mesh
+from lensforge.proof.part_mesh import PartMesh, read_part_mesh, sized_mesh
 from lensforge.proof.proof_result import (
     BrepCast,
     Gaps,
@@ -129,12 +129,8 @@ def _own_light(
 
 def _sizes(part: PartMesh, cast: StepCast | None, exported: BodySize, chord_mm: float) -> Sizes:
     """Size of the part in its files, beside that of the export."""
-    facets = facet_errors(part.mesh)
-    mesh = SizedFile(
-        size=mesh_size(part.mesh), chord_mm=facets.chord_mm, facets_mm3=facets.volume_mm3, facets_mm2=facets.area_mm2
-    )
     step = None if cast is None or cast.size is None else SizedFile(size=cast.size)
-    return Sizes(exported=exported, chord_mm=chord_mm, mesh=mesh, step=step)
+    return Sizes(exported=exported, chord_mm=chord_mm, mesh=sized_mesh(part.mesh), step=step)
 
 
 def _require_rays(rays: RayBundle, expected: Sequence[Expected]) -> None:
