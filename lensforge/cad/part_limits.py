@@ -3,7 +3,7 @@
 Every value is measured by reading the files back.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from lensforge.results import Positive, Record, Text
 from lensforge.results.criteria import Criterion, at_least, at_most
@@ -24,7 +24,7 @@ def part_criteria(
     """
     finer, rings = "raise the number of nodes", "change the number of rings"
     wrong = f"try another base.diameter_mm, or no base; not valid: {', '.join(faults) or 'the whole solid'}"
-    limits = {
+    limits: dict[str, tuple[Callable[..., Criterion], float, str, str]] = {
         "form_error": (at_most, FORM_LIMIT_NM, "nm", finer),
         "normal_error": (at_most, NORMAL_LIMIT_MRAD, "mrad", finer),
         "step_valid": (at_least, 1.0, "", wrong),
@@ -34,7 +34,9 @@ def part_criteria(
         "genus_difference": (at_most, 0.0, "", rings),
         "mesh_volume_change": (at_most, mesh_volume_limit, "", "raise the number of rings"),
     }
-    return tuple(compared(name, measured[name], *limit) for name, (compared, *limit) in limits.items())
+    return tuple(
+        compared(name, measured[name], limit, unit, remedy) for name, (compared, limit, unit, remedy) in limits.items()
+    )
 
 
 def mass_g(spec: Spec, volume_mm3: float) -> float | None:

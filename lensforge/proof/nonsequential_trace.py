@@ -40,8 +40,8 @@ class Cause(IntEnum):
 class SplitRays(RayRows):
     """Rays on their way or out of the part: last points (mm), directions, flux (W), True in the material, cause.
 
-    ``crossings``: surfaces passed on the sequential path, ``entered_by``: the face by which it began (-1: none).
-    ``indices``, ``absorptions``: refractive index and absorption (1/mm) of the lens for each, at ``wavelengths_nm``.
+    ``crossings``: surfaces passed on the sequential path. ``indices``, ``absorptions``: refractive index and absorption
+    (1/mm) of the lens for each, at ``wavelengths_nm``.
     """
 
     points: Float[np.ndarray, "n 3"]
@@ -50,7 +50,6 @@ class SplitRays(RayRows):
     inside: Bool[np.ndarray, " n"]
     causes: Int[np.ndarray, " n"]
     crossings: Int[np.ndarray, " n"]
-    entered_by: Int[np.ndarray, " n"]
     indices: Float[np.ndarray, " n"]
     absorptions: Float[np.ndarray, " n"]
     wavelengths_nm: Float[np.ndarray, " n"]
@@ -117,14 +116,14 @@ def _emitted(body: Body, rays: RayBundle) -> SplitRays:
     causes = np.where(hits.leaving | hits.away, Cause.BASE, Cause.SEQUENTIAL)
     nothing, media = np.zeros(len(rays), dtype=np.int64), body.media
     own = (rays.indices(media), rays.absorptions(media), rays.wavelengths(media), unpolarised(rays.directions))
-    return SplitRays(rays.origins, rays.directions, rays.flux.copy(), hits.leaving, causes, nothing, nothing - 1, *own)
+    return SplitRays(rays.origins, rays.directions, rays.flux.copy(), hits.leaving, causes, nothing, *own)
 
 
 def _step(body: Body, light: SplitRays, least: float, budget: FluxBudget) -> SplitRays:
     """Trace all rays to the next surface, or out; return those that go on from there."""
     leg = Leg(light.points, light.directions, np.full(len(light.flux), _SKIN_MM))
     hits = body.surface_hits(leg, light.inside)
-    gone = hits.faces < 0
+    gone = ~hits.found
     budget.leaked += float(light.flux[gone & light.inside].sum())
     budget.pieces.append(light.take(np.nonzero(gone & ~light.inside)[0]))
     rows = np.nonzero(~gone)[0]
@@ -149,7 +148,6 @@ def _split(media: Media, light: SplitRays, hits: SurfaceHits) -> SplitRays:
     at = _at_face(media, light, hits)
     causes = _causes(light, hits, at.transmittance)
     on_path = causes[0] == Cause.SEQUENTIAL
-    entering = on_path & (light.crossings == 0)
     return SplitRays(
         np.tile(hits.points, (2, 1)),
         np.concatenate([at.bent, at.mirrored]),
@@ -157,7 +155,6 @@ def _split(media: Media, light: SplitRays, hits: SurfaceHits) -> SplitRays:
         np.concatenate([~light.inside, light.inside]),
         np.concatenate(causes),
         np.tile(light.crossings + on_path, 2),
-        np.tile(np.where(entering, hits.faces, light.entered_by), 2),
         np.tile(light.indices, 2),
         np.tile(light.absorptions, 2),
         np.tile(light.wavelengths_nm, 2),
@@ -189,7 +186,7 @@ def _causes(
     light: SplitRays, hits: SurfaceHits, transmittance: Float[np.ndarray, " n"]
 ) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
     """Causes of the transmitted and of the reflected rays; an earlier cause is kept."""
-    back = (light.crossings == 1) & (hits.faces == light.entered_by)
+    back = (light.crossings == 1) & ~hits.away
     missed = [light.crossings >= 2, hits.base | back]
     transmitted = np.select(missed, [Cause.MET_AGAIN, Cause.BASE], Cause.SEQUENTIAL)
     total = np.where(transmittance > 0.0, Cause.OUTER_REFLECTION, Cause.TOTAL_REFLECTION)

@@ -32,7 +32,7 @@ class CastFate(IntEnum):
     NO_HIT = 1  # met no part of the body
     STARTS_INSIDE = 2  # its first hit leaves the material: it started in the body, or the mesh is inside out
     BASE = 3  # met a surface at or below z = 0 in the material, instead of leaving it
-    BACK_INTO_CAVITY = 4  # left the material through the face by which it entered
+    BACK_INTO_CAVITY = 4  # left the material by a surface that faces the origin, as the inner one
     TOTAL_REFLECTION = 5  # totally reflected on the way out
     MISSED_RECEIVER = 6  # left the lens, but never reaches the receiver's plane
     OPENING = 7  # met a surface at or below z = 0 on the way in: the wall of the base's opening, or its bottom
@@ -113,14 +113,14 @@ class LandedRays:
 
 @dataclass(frozen=True)
 class SurfaceHits(RayRows):
-    """First hits of rays on a body: number of its smooth face (-1: none), point (mm), unit normal of either sign.
+    """First hits of rays on a body: whether there is one, point (mm), unit normal of either sign.
 
     ``leaving``: the ray leaves the material there. ``away``: that side of the body faces away from the origin, as the
     outside of a lens does. ``base``: it lies at or below z = 0, where no optical surface is. ``skins``: distance (mm)
     within which a ray that goes on from there may meet what it just left. ``heights``: of the point over a facet (mm).
     """
 
-    faces: Int[np.ndarray, " n"]
+    found: Bool[np.ndarray, " n"]
     points: Float[np.ndarray, "n 3"]
     normals: Float[np.ndarray, "n 3"]
     leaving: Bool[np.ndarray, " n"]
@@ -161,11 +161,10 @@ class MeshBody:
             for name, values in vars(again).items():
                 getattr(hits, name)[wrong] = values
         no, place, zero = np.zeros(count, dtype=bool), np.zeros((count, 3)), np.zeros(count)
-        found = SurfaceHits(np.full(count, -1), place, place.copy(), no, no.copy(), no.copy(), zero, zero.copy())
+        found = SurfaceHits(hits.found, place, place.copy(), no, no.copy(), no.copy(), zero, zero.copy())
         rows = np.nonzero(hits.found)[0]
         leg, hits, part = leg.take(rows), hits.take(rows), self.part
         flat, facing = leg.origins + hits.distances[:, None] * leg.directions, part.mesh.face_normals[hits.triangles]
-        found.faces[rows] = part.faces[hits.triangles]
         found.points[rows], found.normals[rows] = meet(part, leg, hits)
         found.leaving[rows] = self._leaving(leg, hits)
         # At or below z = 0 lies no optical surface.
@@ -242,7 +241,7 @@ def send_through_body(body: CastBody, rays: RayBundle, media: Media) -> Passage:
     leg, into, out_of = outside_leg(rays), RefractingFace.inner(rays, media), RefractingFace.outer(rays, media)
     entry = body.surface_hits(leg)
     passage.fates[:] = np.select(
-        [entry.faces < 0, entry.leaving, entry.base, entry.away],
+        [~entry.found, entry.leaving, entry.base, entry.away],
         [CastFate.NO_HIT, CastFate.STARTS_INSIDE, CastFate.OPENING, CastFate.STARTS_OUTSIDE],
         CastFate.LANDED,
     )
@@ -254,7 +253,7 @@ def send_through_body(body: CastBody, rays: RayBundle, media: Media) -> Passage:
 
     exits = body.surface_hits(inside)
     passage.fates[rows] = np.select(
-        [exits.faces < 0, exits.base, exits.faces == entry.faces],
+        [~exits.found, exits.base, ~exits.away],
         [CastFate.NO_HIT, CastFate.BASE, CastFate.BACK_INTO_CAVITY],
         CastFate.LANDED,
     )

@@ -5,18 +5,16 @@ seconds for each side; so the box is that of all edges, and of the tops of the f
 """
 
 from collections.abc import Sequence
-from functools import cached_property, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from scipy.ndimage import maximum_filter
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from lensforge.errors import InputError
 from lensforge.proof.facet_casting import Leg
-from lensforge.proof.part_mesh import CREASE_RAD, LEVEL_MM, as_box
+from lensforge.proof.part_mesh import as_box
 from lensforge.proof.sequential_cast import SurfaceHits, faces_away
 from lensforge.results import BodySize
 from lensforge.results.file_bounds import made_here, require_small_step
@@ -141,68 +139,18 @@ class StepBody:
             bounds_mm=as_box(np.array(corners)),
         )
 
-    @cached_property
-    def smooth_faces(self) -> Int[np.ndarray, " faces"]:
-        """Number of the smooth face of each face of the file: another program may have split one into several.
-
-        They end at creases, and where lens and base meet, at z = 0 across that plane, as those of a mesh do.
-        """
-        joined = [pair for pair in self._neighbours() if pair[0] != pair[1]]
-        first, second = np.array(joined, dtype=np.int64).reshape(-1, 2).T
-        count = len(self._faces)
-        graph = coo_array((np.ones(len(first)), (first, second)), shape=(count, count))
-        numbers: Int[np.ndarray, " faces"] = connected_components(graph, directed=False)[1].astype(np.int64)
-        return numbers
-
-    def _neighbours(self) -> list[tuple[int, int]]:
-        """Pairs of faces that meet at an edge without a crease there."""
-        from OCP.BRep import BRep_Tool
-        from OCP.TopAbs import TopAbs_ShapeEnum
-        from OCP.TopExp import TopExp
-        from OCP.TopoDS import TopoDS
-        from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape, TopTools_IndexedMapOfShape
-
-        edges, numbers = TopTools_IndexedDataMapOfShapeListOfShape(), TopTools_IndexedMapOfShape()
-        TopExp.MapShapesAndAncestors_s(self._solid, TopAbs_ShapeEnum.TopAbs_EDGE, TopAbs_ShapeEnum.TopAbs_FACE, edges)
-        for face in self._faces:
-            numbers.Add(face)
-        pairs = []
-        for k in range(1, edges.Extent() + 1):
-            edge, faces = TopoDS.Edge_s(edges.FindKey(k)), list(edges.FindFromIndex(k))
-            if len(faces) != 2 or BRep_Tool.Degenerated_s(edge):
-                continue
-            one, other = (numbers.FindIndex(face) - 1 for face in faces)
-            (point, normal), (_, facing) = self._at_edge(edge, one), self._at_edge(edge, other)
-            turned = float(normal @ facing)
-            between = abs(point[2]) <= LEVEL_MM and abs(float(normal[2])) < np.cos(CREASE_RAD)  # of lens and base
-            if turned > np.cos(CREASE_RAD) and not between:
-                pairs.append((one, other))
-        return pairs
-
-    def _at_edge(self, edge: Any, face: int) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
-        """Middle of an edge (mm), and the outward unit normal of one of its faces there."""
-        from OCP.BRepAdaptor import BRepAdaptor_Curve2d
-        from OCP.TopAbs import TopAbs_Orientation
-
-        along = BRepAdaptor_Curve2d(edge, self._faces[face])
-        place = along.Value(0.5 * (along.FirstParameter() + along.LastParameter()))
-        point, normal = self._point_and_normal(face, place.X(), place.Y())
-        outward = 1.0 if self._faces[face].Orientation() == TopAbs_Orientation.TopAbs_FORWARD else -1.0
-        return point, outward * normal
-
     def surface_hits(self, leg: Leg) -> SurfaceHits:
         """First hit of each ray, about a millisecond each."""
         count = len(leg.origins)
-        faces, leaving = np.full(count, -1), np.zeros(count, dtype=bool)
+        found, leaving = np.zeros((2, count), dtype=bool)
         points, normals = np.zeros((2, count, 3))
         for row in range(count):
             if (hit := self._first_hit(leg, row)) is not None:
-                faces[row], leaving[row] = hit[:2]
+                found[row], leaving[row] = True, hit[1]
                 points[row], normals[row] = self._point_and_normal(hit[0], *hit[2:])
-        against = np.where(np.sum(normals * leg.directions, axis=1) > 0.0, -1.0, 1.0)[:, None]
-        away, base = faces_away(points, against * normals), points[:, 2] <= 0.0
-        smooth = np.where(faces < 0, -1, self.smooth_faces[faces])
-        return SurfaceHits(smooth, points, normals, leaving, away, base, np.full(count, _SKIN_MM), np.zeros(count))
+        outwards = np.where((np.sum(normals * leg.directions, axis=1) > 0.0) == leaving, 1.0, -1.0)[:, None]
+        away, base = faces_away(points, outwards * normals), points[:, 2] <= 0.0
+        return SurfaceHits(found, points, normals, leaving, away, base, np.full(count, _SKIN_MM), np.zeros(count))
 
     def _first_hit(self, leg: Leg, row: int) -> tuple[int, bool, float, float] | None:
         """Face of the file that a ray hits first, True where the ray leaves the body there, and its parameters."""

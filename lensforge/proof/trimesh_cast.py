@@ -31,7 +31,7 @@ def cast_plain(
     rows = np.unique(np.linspace(0, len(rays) - 1, min(count, len(rays))).astype(np.int64))
     outside, into = outside_leg(rays).take(rows), RefractingFace.inner(rays, media).take(rows)
     entry = MeshBody(part, grid).surface_hits(outside)
-    entered = np.nonzero(entry.faces >= 0)[0]
+    entered = np.nonzero(entry.found)[0]
     inside, _ = refracted(outside.take(entered), entry.take(entered), into.take(entered))
     bare = trimesh.Trimesh(part.mesh.vertices, part.mesh.faces, process=False)  # what others have cached stays here
     legs = outside, inside
