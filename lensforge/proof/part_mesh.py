@@ -52,12 +52,10 @@ class VertexFit:
 class PartMesh:
     """A closed body as a triangle mesh; lengths in mm, normals point out of the material.
 
-    ``faces`` numbers the smooth face that each triangle belongs to. ``fit`` has one row for each vertex and face that
-    meet there, ``corners`` the rows of it at the corners of each triangle.
+    ``fit`` has a row for each vertex and smooth face that meet there, ``corners`` its rows at each triangle's corners.
     """
 
     mesh: trimesh.Trimesh
-    faces: Int[np.ndarray, " t"]
     corners: Int[np.ndarray, "t 3"]
     fit: VertexFit
 
@@ -109,7 +107,7 @@ def part_mesh_of(mesh: trimesh.Trimesh) -> PartMesh:
     keys, corners = np.unique(mesh.faces.astype(np.int64) * (faces.max() + 1) + faces[:, None], return_inverse=True)
     corners = corners.reshape(-1, 3)
     vertices, face_of = np.divmod(keys, faces.max() + 1)
-    return PartMesh(mesh, faces, corners, fit_vertices(mesh.vertices[vertices], corners, face_of))
+    return PartMesh(mesh, corners, fit_vertices(mesh.vertices[vertices], corners, face_of))
 
 
 def smooth_faces(mesh: trimesh.Trimesh) -> Int[np.ndarray, " t"]:

@@ -30,11 +30,10 @@ _ENDS = {
 
 def proof_facts(proof: Proof, designed: Mapping[str, float]) -> list[Group]:
     """A group for each receiver; ``designed``: efficiency of the design's light by the receiver's name."""
-    several = len(proof.receivers) > 1
     return [
         Group(
             "part",
-            f"Exported part{f', {receiver.name}' if several else ''}",
+            f"Exported part{suffix(proof.receivers, index)}",
             tuple(_receiver(proof, index, designed.get(receiver.name))),
         )
         for index, receiver in enumerate(proof.receivers)
@@ -49,10 +48,9 @@ def tracer_groups(proof: Proof) -> list[Group]:
 
 def stray_facts(stray: StrayLight) -> list[Group]:
     """A group of the stray light on each receiver."""
-    several = len(stray.receivers) > 1
     return [
-        Group("stray", f"Stray light{f', {each.name}' if several else ''}", tuple(_stray(stray, each)))
-        for each in stray.receivers
+        Group("stray", f"Stray light{suffix(stray.receivers, index)}", tuple(_stray(stray, each)))
+        for index, each in enumerate(stray.receivers)
     ]
 
 

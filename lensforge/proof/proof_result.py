@@ -238,16 +238,6 @@ class Proof(SimulatedResult):
         judged = (name for name in self.altered_files if name in JUDGED_FILES)
         return tuple(f"{name} is not the file that was exported: judged by its geometry and light" for name in judged)
 
-    @property
-    def brep(self) -> BrepCast | None:
-        """Rays through the STEP file, on the first receiver."""
-        return self.first.brep
-
-    @property
-    def mitsuba(self) -> MitsubaCast | None:
-        """Rays through the mesh by Mitsuba, on the first receiver."""
-        return self.first.mitsuba
-
     def __str__(self) -> str:
         failed = [str(criterion) for criterion in self.criteria if not criterion.passed]
         deviation = f"{self.deviation_mm.rms:.3g} mm rms, {self.deviation_mm.max:.3g} mm at most"

@@ -194,19 +194,12 @@ def meet(part: PartMesh, leg: Leg, hits: FacetHits) -> tuple[Float[np.ndarray, "
     # An oblique ray meets the curved surface not over its flat hit but near it: the second round corrects this.
     for _ in range(2):
         curved, normals = part.curved(hits.triangles, barycentric)
-        points = points + _ahead(leg.directions, curved - points, normals)[:, None] * leg.directions
+        cosine, height = (np.sum(each * normals, axis=1) for each in (leg.directions, curved - points))
+        # To the plane there; no further than at a slope of 3 degrees.
+        ahead = height / np.copysign(np.maximum(np.abs(cosine), 0.05), cosine)
+        points = points + ahead[:, None] * leg.directions
         barycentric = points_to_barycentric(facets, points)
     return points, normals
-
-
-def _ahead(
-    directions: Float[np.ndarray, "n 3"], offsets: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]
-) -> Float[np.ndarray, " n"]:
-    """Distance along the ray to the plane at ``offsets``; limited for grazing rays."""
-    cosine = np.sum(directions * normals, axis=1)
-    height = np.sum(offsets * normals, axis=1)
-    ahead: Float[np.ndarray, " n"] = height / np.copysign(np.maximum(np.abs(cosine), 0.05), cosine)
-    return ahead
 
 
 def absorb(
@@ -263,7 +256,12 @@ def send_through_body(body: CastBody, rays: RayBundle, media: Media) -> Passage:
     lengths = np.linalg.norm(exits.points - inside.origins, axis=1)
     absorb(passage, rows, lengths, rays.absorptions(media)[rows])
     passage.facets_um[rows, 1] = 1e3 * exits.heights
-    _leave(passage, rows, behind, left)
+    passes = left.transmittance > 0.0
+    passage.fates[rows] = np.where(passes, CastFate.LANDED, CastFate.TOTAL_REFLECTION)
+    passage.flux[rows] *= np.where(passes, left.transmittance, 1.0)
+    passage.points[rows[passes]] = behind.origins[passes]
+    passage.directions[rows[passes]] = behind.directions[passes]
+    passage.fields[rows[passes]] = left.passed[passes]
     return behind_glass(passage, rays, media)
 
 
@@ -274,13 +272,3 @@ def faces_away(points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3
     """
     away: Bool[np.ndarray, " n"] = np.sum(points * normals, axis=1) > 0.0
     return away
-
-
-def _leave(passage: Passage, rows: Int[np.ndarray, " k"], behind: Leg, light: AtFace) -> None:
-    """Write where rays refracted at the exit face leave it, or that they are totally reflected."""
-    passes = light.transmittance > 0.0
-    passage.fates[rows] = np.where(passes, CastFate.LANDED, CastFate.TOTAL_REFLECTION)
-    passage.flux[rows] *= np.where(passes, light.transmittance, 1.0)
-    passage.points[rows[passes]] = behind.origins[passes]
-    passage.directions[rows[passes]] = behind.directions[passes]
-    passage.fields[rows[passes]] = light.passed[passes]
