@@ -7,7 +7,7 @@ triangles of the cells that each ray visits until the first hit.
 
 import itertools
 from dataclasses import dataclass
-from typing import Self
+from typing import TypeVar
 
 import numpy as np
 import trimesh
@@ -27,10 +27,13 @@ _BOX_CELLS, _BOX_CELLS_EACH = 2e7, 16
 MOST_TOGETHER = 5000.0
 
 
+_Rows = TypeVar("_Rows", bound="RayRows")
+
+
 class RayRows:
     """Base of dataclasses whose fields are arrays with a row for each ray."""
 
-    def take(self, rows: Int[np.ndarray, " k"]) -> Self:
+    def take(self: _Rows, rows: Int[np.ndarray, " k"]) -> _Rows:
         """The same for some of the rays."""
         return type(self)(*(values[rows] for values in vars(self).values()))
 

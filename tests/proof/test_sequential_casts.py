@@ -98,7 +98,7 @@ def test_rays_lose_by_their_paths_in_the_body_what_the_law_says(caster, own):
     absorbed, rough = (RAYS.flux * once * lost)[left], max(1e-4, 10.0 * precision)
     np.testing.assert_allclose(found.absorbed[left], absorbed, rtol=rough, atol=rough * absorbed.max())
     assert not clear.absorbed.any() and not found.absorbed[found.fates == CastFate.BASE].any()
-    assert flux_budget(RAYS, LandedRays.of(found, SCREEN), SCREEN)[0].absorbed == pytest.approx(
+    assert flux_budget(RAYS, LandedRays.of(found, SCREEN), SCREEN).absorbed == pytest.approx(
         found.absorbed.sum() / RAYS.flux.sum(), rel=1e-12
     )
 
