@@ -94,9 +94,9 @@ def outline_edges(outline: Outline, depth_mm: float, rims: list[list[Any]], arcs
     edges = []
     for start, end in zip(breaks, [*breaks[1:], breaks[0] + FULL_TURN], strict=True):
         piece = outline.piece_at(0.5 * (start + end))
-        ends = (start, end)
+        ends = [start, end]
         if piece.normal is not None:
-            ends = tuple(piece.distance_mm * float(np.tan(azimuth - piece.normal)) for azimuth in ends)
+            ends = [piece.distance_mm * float(np.tan(azimuth - piece.normal)) for azimuth in ends]
         following = vertices[end if end in vertices else breaks[0]]
         edges.append(BRepBuilderAPI_MakeEdge(_piece_curve(piece, depth_mm), vertices[start], following, *ends).Edge())
     return edges
