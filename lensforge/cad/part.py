@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from lensforge.cad.part_limits import FormTolerance
+from lensforge.cad.part_limits import FormTolerance, Signature
 from lensforge.errors import InputError
 from lensforge.results import (
     BodySize,
@@ -34,7 +34,6 @@ from lensforge.results import (
 from lensforge.results.criteria import Criterion, kept
 from lensforge.results.numerals import quantity
 from lensforge.scene.lens import Lens
-from lensforge.spec.spec_section import CalendarDate
 
 if TYPE_CHECKING:
     import cadquery
@@ -113,14 +112,6 @@ class KeepOutDistance(Record):
     body_point_mm: Point
     keep_out_point_mm: Point
     error_mm: NotNegative
-
-
-class Signature(Record):
-    """Author, organisation ("" where not given) and date (2026-01-31) of the files."""
-
-    author: Text
-    organisation: Text
-    date: CalendarDate | None
 
 
 class Part(StageResult):

@@ -1,4 +1,4 @@
-"""Limits of the exported files: the largest errors, the criteria on measured values, form tolerances, and the mass.
+"""Limits of the exported files: the largest errors, criteria on measured values; form tolerances, signature, and mass.
 
 Every value is measured by reading the files back.
 """
@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from lensforge.results import Positive, Record, Text
 from lensforge.results.criteria import Criterion, at_least, at_most
 from lensforge.spec import Spec
+from lensforge.spec.spec_section import CalendarDate
 
 # The largest errors of an exported face.
 FORM_LIMIT_NM, NORMAL_LIMIT_MRAD = 1.0, 0.02
@@ -59,3 +60,11 @@ class FormTolerance(Record):
     face: Text
     width_um: Positive
     datum_faces: tuple[Text, ...]
+
+
+class Signature(Record):
+    """Author, organisation ("" where not given) and date (2026-01-31) of the files."""
+
+    author: Text
+    organisation: Text
+    date: CalendarDate | None

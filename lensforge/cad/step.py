@@ -12,8 +12,7 @@ every file is read back before it is handed out.
 from pathlib import Path
 from typing import Any
 
-from lensforge.cad.part import Signature
-from lensforge.cad.part_limits import FormTolerance
+from lensforge.cad.part_limits import FormTolerance, Signature
 from lensforge.cad.plan import INNER, OUTER
 from lensforge.cad.solid import Shapes, Solid
 from lensforge.errors import InputError
