@@ -49,7 +49,7 @@ SWEEP = (
     ("sweep", "lens.toml", "--vary", "constraints.max_radius_mm=13.8,14", "--accuracy", "draft", "--out", "made"),
 )  # fmt: skip
 _EXAMPLE = Path(__file__).parents[1] / "examples" / "quickstart.toml"
-_TIMES = ("seconds", "cast_seconds", "rate", "content_sha256")  # computing times, and the checksum that covers them
+_TIMES = ("seconds", "content_sha256")  # computing times, and the checksum that covers them
 _WITH_TIMES = (".html", ".bin")  # pages and checkpoints; all other files but records have the same bits every time
 # On a page, where two may be alike by chance: its minute, seconds, and what is said where seconds add up to more.
 _MOMENT = re.compile(rb"\d{4}-\d\d-\d\d \d\d:\d\d UTC|\b\d+\.\d s\b( \(stages can run side by side\))?")

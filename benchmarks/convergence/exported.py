@@ -28,7 +28,7 @@ MESH_RINGS, CAST_RINGS = (24, 48, 96, 128), (24, 48, 96)
 CURVED, FLAT = "curved facets", "flat facets"
 EQUAL, SPLIT = "equal rings", "rings, split to the tolerance"
 _SAMPLES = 2048
-_FORM_UNITS, _CHORD_UNITS = {"form": "nm", "normal": "mrad"}, {"chord": "um", "normal": "mrad"}
+_FORM_UNITS, _CHORD_UNITS = {"form": "nm", "normal": "mrad"}, {"chord": "um"}
 
 Patches = dict[str, Patch]
 
@@ -78,27 +78,23 @@ def _step_kb(patches: Patches, lens: Lens) -> float:
 
 
 def mesh_study(plan: Plan[Patch], settings: Sequence[int] = MESH_RINGS) -> ConvergenceStudy:
-    """Largest distance and angle between the facets of the optical faces and the spline faces."""
+    """Largest distance between the facets of the optical faces and the spline faces."""
     levels = []
     for rings, chord_mm in [*((rings, None) for rings in settings), (rings_for(plan, CHORD_MM), CHORD_MM)]:
         with Meter() as meter:
             mesh = build_mesh(plan, rings, chord_mm)
-        reached = mesh_error(mesh, plan)
         triangles = len(mesh.part(OUTER)) + len(mesh.part(INNER))
-        errors = {
-            "chord": Metric(value=1e3 * reached.chord_mm, unit="um"),
-            "normal": Metric(value=1e3 * reached.normal_rad, unit="mrad"),
-        }
+        errors = {"chord": Metric(value=1e3 * mesh_error(mesh, plan), unit="um")}
         series, users = (EQUAL, ()) if chord_mm is None else (SPLIT, ("the export",))
         levels.append(meter.level(rings, series, errors, users, triangles=triangles))
-    orders = {EQUAL: orders_of([level for level in levels if level.series == EQUAL], ("chord", "normal"))}
+    orders = {EQUAL: orders_of([level for level in levels if level.series == EQUAL], ("chord",))}
     levels.append(reference_level("spline faces", _CHORD_UNITS))
     return ConvergenceStudy(
         name="mesh",
         title="Rings of the mesh",
         knob="export --rings",
         reference="the spline faces",
-        plotted=("chord", "normal"),
+        plotted=("chord",),
         against="setting",
         levels=tuple(levels),
         order=orders,

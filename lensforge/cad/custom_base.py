@@ -43,19 +43,24 @@ def read_custom_base(path: Path) -> CustomBase:
     """
     missing = "base.file is relative to the folder of its spec"
     content = read_file(path, missing=missing, most_bytes=MOST_STEP_MIB * MIB)
-    parts = parse_apart(
-        content, str(path), "repair it in CAD, and export it as AP203, AP214 or AP242", to_be_joined=True
-    )
-    solids = [(solid, part) for part in parts for solid in part.shape.Solids()]
+    solids = solids_in(content, path)
     if len(solids) != 1:
         raise InputError(f"{path}: holds {len(solids)} solids, a base is one; join them, or export the one alone")
-    base = Solid(solids[0][0], solids[0][1].faces)
+    (base,) = solids
     if not base.valid:
         raise InputError(f"{path}: its solid is not valid (open, or self-intersecting); repair it in CAD")
     top = _top_mm(base)
     if abs(top) > _PLANE_MM:
         raise InputError(f"{path}: its top is at z = {top:.6g} mm, the lens ends at 0; move it by {-top:.6g} mm in z")
     return CustomBase(base, path)
+
+
+def solids_in(content: bytes, path: Path) -> list[Solid]:
+    """The solids in the bytes of the user's STEP file ``path``. Raises :class:`InputError` for anything else."""
+    parts = parse_apart(
+        content, str(path), "repair it in CAD, and export it as AP203, AP214 or AP242", to_be_joined=True
+    )
+    return [Solid(solid, part.faces) for part in parts for solid in part.shape.Solids()]
 
 
 def join_base(body: Solid, base: CustomBase) -> Solid:
@@ -158,6 +163,11 @@ def join_mesh(mesh: BodyMesh, base: CustomBase, chord_mm: float) -> BodyMesh:
         (*mesh.names, BASE),
         mesh.rings,
     )
+
+
+def mesh_of_base(path: Path, chord_mm: float = 1e-2) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
+    """Vertices and triangles of the base in the file ``path``, by default finer than a drawn line."""
+    return tessellated(read_custom_base(path).solid, chord_mm)
 
 
 def tessellated(base: Solid, chord_mm: float) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:

@@ -50,7 +50,9 @@ def rim_edges(patch: Patch, face_surface: Any, arcs: tuple[Arc, ...], *, split: 
     from OCP.TopLoc import TopLoc_Location
 
     unit_circle = Geom2d_Circle(gp_Ax2d(gp_Pnt2d(0.0, 0.0), gp_Dir2d(1.0, 0.0)), 1.0)
-    tolerance = _rim_tolerance(patch)
+    azimuths = np.linspace(0.0, FULL_TURN, 4 * _RIM_NODES_PER_NODE * patch.nodes)
+    gap = float(np.abs(patch.points(rim_directions(azimuths)[:, :2])[:, 2]).max())
+    tolerance = max(_MIN_TOLERANCE_MM, _GAP_MARGIN * gap)
     chains = [_split(arc, patch) if split else [(arc.start, arc.end)] for arc in arcs]
     starts = [start for chain in chains for start, _ in chain]
     vertices = dict(zip(starts, _corners(patch, starts, tolerance), strict=True))
@@ -92,7 +94,9 @@ def outline_edges(outline: Outline, depth_mm: float, rims: list[list[Any]], arcs
     edges = []
     for start, end in zip(breaks, [*breaks[1:], breaks[0] + FULL_TURN], strict=True):
         piece = outline.piece_at(0.5 * (start + end))
-        ends = [_parameter(piece, azimuth) for azimuth in (start, end)]
+        ends = [start, end]
+        if piece.normal is not None:
+            ends = [piece.distance_mm * float(np.tan(azimuth - piece.normal)) for azimuth in ends]
         following = vertices[end if end in vertices else breaks[0]]
         edges.append(BRepBuilderAPI_MakeEdge(_piece_curve(piece, depth_mm), vertices[start], following, *ends).Edge())
     return edges
@@ -107,10 +111,6 @@ def _piece_curve(piece: Piece, depth_mm: float) -> Any:
         return Geom_Circle(gp_Ax2(gp_Pnt(0.0, 0.0, -depth_mm), gp_Dir(0.0, 0.0, 1.0)), piece.distance_mm)
     x, y = float(np.cos(piece.normal)), float(np.sin(piece.normal))
     return Geom_Line(gp_Pnt(piece.distance_mm * x, piece.distance_mm * y, -depth_mm), gp_Dir(-y, x, 0.0))
-
-
-def _parameter(piece: Piece, azimuth: float) -> float:
-    return azimuth if piece.normal is None else piece.distance_mm * float(np.tan(azimuth - piece.normal))
 
 
 def wire(edges: list[Any]) -> Any:
@@ -135,12 +135,6 @@ def _corners(patch: Patch, azimuths: list[float], tolerance: float) -> list[Any]
         BRep_Builder().MakeVertex(vertex, gp_Pnt(*point), tolerance)
         corners.append(vertex)
     return corners
-
-
-def _rim_tolerance(patch: Patch) -> float:
-    azimuths = np.linspace(0.0, FULL_TURN, 4 * _RIM_NODES_PER_NODE * patch.nodes)
-    gap = float(np.abs(patch.points(rim_directions(azimuths)[:, :2])[:, 2]).max())
-    return max(_MIN_TOLERANCE_MM, _GAP_MARGIN * gap)
 
 
 def _rim_curve(patch: Patch, start: float, end: float) -> Any:

@@ -1,15 +1,11 @@
 """Form and normal error of a CAD face against the exact surface, never measured at the nodes of its spline.
 
 "Valid and watertight" says nothing about form: a face that is 12 um off passes every topological test.
-
-Largest values are searched for between the samples of the chart's unit disc. A largest sample is below the largest
-value by the square of the samples' spacing. Grids that shrink about the best few samples close that gap: each round
-halves the window, so after ``rounds`` the place is known to ``reach / 2^rounds``.
 """
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -21,46 +17,9 @@ from lensforge.cad.part_limits import FORM_LIMIT_NM, NORMAL_LIMIT_MRAD
 from lensforge.cad.patch import MAX_NODES, Patch, default_nodes, fit_patch
 from lensforge.cad.plan import rim_directions
 from lensforge.errors import InputError
+from lensforge.results.refined_maximum import refined_maximum
 from lensforge.scene.lens import Lens
 from lensforge.surfaces.surface import Surface, to_chart
-
-_WINDOW_SIDE = 5  # nodes across the grid about each start
-STARTS = 8  # the best sample alone may lie beside a lower peak
-
-
-def refined_maximum(
-    figure: Callable[[Float[np.ndarray, "m 2"]], Float[np.ndarray, " m"]],
-    chart: Float[np.ndarray, "k 2"],
-    values: Float[np.ndarray, " k"],
-    reach: float,
-    *,
-    starts: int = STARTS,
-    rounds: int = 8,
-) -> tuple[Float[np.ndarray, "2"], float]:
-    """Chart point and value of the largest ``figure`` of the disc, searched within ``reach`` of the best samples.
-
-    ``values``: the figure at the samples ``chart``, NaN where it has none; never less than their largest is returned.
-    ``reach``: chart units, about the spacing of the samples or, if that is less, the width of the figure's peaks.
-    """
-    known = np.where(np.isnan(values), -np.inf, values)
-    best = np.argsort(-known, kind="stable")[:starts]
-    places, highest = chart[best], known[best]
-    axis = np.linspace(-1.0, 1.0, _WINDOW_SIDE)
-    around = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
-    for _ in range(rounds):
-        window = (places[:, None] + reach * around).reshape(-1, 2)
-        window /= np.maximum(1.0, np.linalg.norm(window, axis=1, keepdims=True))
-        found = figure(window).reshape(len(places), -1)
-        found = np.where(np.isnan(found), -np.inf, found)
-        top = np.argmax(found, axis=1)
-        higher = np.take_along_axis(found, top[:, None], axis=1)[:, 0]
-        there = window.reshape(len(places), -1, 2)[np.arange(len(places)), top]
-        places = np.where((higher > highest)[:, None], there, places)
-        highest = np.maximum(highest, higher)
-        reach /= 2.0
-    first = int(np.argmax(highest))
-    return places[first], float(highest[first])
-
 
 SAMPLES = 4096
 _RIM_SHARE = 4  # for every four samples a further one lies exactly on the rim, where splines are worst
@@ -72,33 +31,20 @@ _REACH, _STARTS, _ROUNDS = 0.01, 24, 4
 _FORM_AIM_NM, _NORMAL_AIM_MRAD = 0.5 * FORM_LIMIT_NM, 0.5 * NORMAL_LIMIT_MRAD
 _FORM_ORDER, _NORMAL_ORDER = 6, 5
 
-Place = tuple[float, float, float]
-
 
 @dataclass(frozen=True)
 class FormError:
-    """Largest and rms distance along the normal (nm) and angle between normals (mrad); points of the largest (mm)."""
+    """Largest and rms distance along the normal (nm) and angle between normals (mrad)."""
 
     form_max_nm: float
     form_rms_nm: float
     normal_max_mrad: float
     normal_rms_mrad: float
-    form_at_mm: Place
-    normal_at_mm: Place
 
 
 def worst(errors: list[FormError]) -> FormError:
-    """The largest of each error, with its point."""
-    form = max(errors, key=lambda error: error.form_max_nm)
-    normal = max(errors, key=lambda error: error.normal_max_mrad)
-    return FormError(
-        form.form_max_nm,
-        max(error.form_rms_nm for error in errors),
-        normal.normal_max_mrad,
-        max(error.normal_rms_mrad for error in errors),
-        form.form_at_mm,
-        normal.normal_at_mm,
-    )
+    """The largest of each error."""
+    return FormError(*(max(values) for values in zip(*map(astuple, errors), strict=True)))
 
 
 def chart_samples(count: int = SAMPLES, seed: int = 0) -> Float[np.ndarray, "n 2"]:
@@ -158,15 +104,7 @@ def face_points(
 def form_error(surface: Surface, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]) -> FormError:
     """Compare points and normals with ``surface``; the distance is the radial one times the cosine, to first order."""
     distance, angle = _errors(surface, points, normals)
-    farthest, steepest = int(np.argmax(distance)), int(np.argmax(angle))
-    return FormError(
-        float(distance[farthest]),
-        _rms(distance),
-        float(angle[steepest]),
-        _rms(angle),
-        _place(points[farthest]),
-        _place(points[steepest]),
-    )
+    return FormError(float(distance.max()), _rms(distance), float(angle.max()), _rms(angle))
 
 
 def _errors(
@@ -192,20 +130,15 @@ def largest_errors(surface: Surface, evaluate: Evaluate, chart: Float[np.ndarray
 
     ``evaluate``: points (mm) and unit normals of the face at chart points.
     """
-    sampled = evaluate(chart)
-    found = form_error(surface, *sampled)
-    for kind, values in enumerate(_errors(surface, *sampled)):
+    distance, angle = _errors(surface, *evaluate(chart))
 
-        def error(points: Float[np.ndarray, "m 2"], kind: int = kind) -> Float[np.ndarray, " m"]:
+    def largest(kind: int, values: Float[np.ndarray, " n"]) -> float:
+        def error(points: Float[np.ndarray, "m 2"]) -> Float[np.ndarray, " m"]:
             return _errors(surface, *evaluate(points))[kind]
 
-        place, largest = refined_maximum(error, chart, values, _REACH, starts=_STARTS, rounds=_ROUNDS)
-        at = _place(evaluate(place[None])[0][0])
-        if kind == 0:
-            found = replace(found, form_max_nm=largest, form_at_mm=at)
-        else:
-            found = replace(found, normal_max_mrad=largest, normal_at_mm=at)
-    return found
+        return refined_maximum(error, chart, values, _REACH, starts=_STARTS, rounds=_ROUNDS)[1]
+
+    return FormError(largest(0, distance), _rms(distance), largest(1, angle), _rms(angle))
 
 
 def face_error(surface: Surface, face: Any, count: int = SAMPLES) -> FormError:
@@ -218,8 +151,3 @@ def face_error(surface: Surface, face: Any, count: int = SAMPLES) -> FormError:
 
 def _rms(values: Float[np.ndarray, " n"]) -> float:
     return float(np.sqrt(np.mean(values**2)))
-
-
-def _place(point: Float[np.ndarray, "3"]) -> Place:
-    x, y, z = point.tolist()
-    return x, y, z

@@ -14,17 +14,15 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from lensforge.cad.custom_base import tessellated
+from lensforge.cad.custom_base import solids_in, tessellated
 from lensforge.cad.mesh import BodyMesh, manifold_of
 from lensforge.cad.part import KeepOutDistance
-from lensforge.cad.solid import Solid
 from lensforge.errors import InputError
 from lensforge.results.criteria import Criterion, at_least
 from lensforge.results.file_bounds import MOST_STEP_MIB
 from lensforge.results.files import MIB, read_file
 from lensforge.spec import BaseSection, Spec
 from lensforge.spec.spec_section import rounded_up
-from lensforge.surfaces.step_file import parse_apart
 
 # Largest distance of the meshes from curved faces. The CAD kernel keeps its chord at the edges of its triangles; in the
 # middle of those of a ball it is off by 1.7 times as much.
@@ -41,7 +39,6 @@ def mesh_error_mm(base: BaseSection, rings: int, chord_mm: float) -> float:
 
 
 _CHORD_MM = 0.5 * FACET_MM
-_REMEDY = "repair it in CAD, and export it as AP203, AP214 or AP242"
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +74,7 @@ def read_keep_out(path: Path) -> KeepOut:
 
 @lru_cache(maxsize=2)
 def _meshed(content: bytes, path: Path) -> KeepOut:
-    parts = parse_apart(content, str(path), _REMEDY, to_be_joined=True)
-    solids = [Solid(shape, {}) for part in parts for shape in part.shape.Solids()]
+    solids = solids_in(content, path)
     if not solids:
         raise InputError(f"{path}: holds no solid, a keep-out is one or several; export closed bodies, not surfaces")
     for number, solid in enumerate(solids, start=1):

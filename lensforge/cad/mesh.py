@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from lensforge.cad.facets import FacetError, facet_error, refined_dome, refined_rim
+from lensforge.cad.facets import facet_error, refined_dome, refined_rim
 from lensforge.cad.outline import FULL_TURN
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import INNER, OUTER, RIM, TOP, Plan, base_corners, rim_directions
@@ -86,12 +86,6 @@ def zip_rings(
     return triangles[distinct]
 
 
-def number_rings(stack: list[Ring]) -> list[Int[np.ndarray, " _"]]:
-    """Vertex numbers of each ring, counted through the stack."""
-    counts = [len(ring.azimuths) for ring in stack]
-    return np.split(np.arange(sum(counts)), np.cumsum(counts)[:-1])
-
-
 def _midpoints(azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     midpoints: Float[np.ndarray, " n"] = (azimuths + np.append(azimuths[1:], azimuths[0] + FULL_TURN)) / 2.0
     return midpoints
@@ -105,16 +99,11 @@ def _cone(polar: float, azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, 
 
 def rings_for(plan: Plan[Patch], chord_mm: float) -> int:
     """Rings to begin with: for the detail of the faces, and for the base's cylinder to be within ``chord_mm``."""
-    of_detail = int(np.ceil(_RINGS_PER_NODE * max(plan.inner.nodes, plan.outer.nodes)))
-    return min(MOST_RINGS, max(MIN_RINGS, of_detail, _rings_of_base(plan, chord_mm)))
-
-
-def _rings_of_base(plan: Plan[Patch], chord_mm: float) -> int:
-    """Rings for the widest cylinder, from which a polygon of 6 n corners is R (pi / 6n)^2 / 2 away."""
-    if not plan.has_base:
-        return 0
-    radius = (plan.base.flange_diameter_mm or plan.base.widest_mm) / 2.0
-    return int(np.ceil(np.pi / 6.0 * np.sqrt(radius / (2.0 * chord_mm))))
+    of_base, of_detail = 0.0, _RINGS_PER_NODE * max(plan.inner.nodes, plan.outer.nodes)
+    if plan.has_base:  # a polygon of 6 n corners is R (pi / 6n)^2 / 2 away from the widest cylinder
+        radius = (plan.base.flange_diameter_mm or plan.base.widest_mm) / 2.0
+        of_base = np.pi / 6.0 * np.sqrt(radius / (2.0 * chord_mm))
+    return min(MOST_RINGS, max(MIN_RINGS, int(np.ceil(max(of_detail, of_base)))))
 
 
 # Rim and outline closer than this share a vertex; the others are 20 steps of single precision (STL) apart, or more.
@@ -162,7 +151,8 @@ def build_mesh(plan: Plan[Patch], rings: int, chord_mm: float | None = None) -> 
     below = list(_below(plan, rim))
     stack = [*dome[:-1], *below, *reversed(dome_rings(plan.inner, rings, rim, INNER))]
     seat = rings + [ring.strip for ring in below].index(TOP if plan.has_base else RIM)  # it meets the base's outline
-    ids = number_rings(stack)
+    counts = [len(ring.azimuths) for ring in stack]
+    ids = np.split(np.arange(sum(counts)), np.cumsum(counts)[:-1])
     if plan.has_base:
         _share_crossings(plan, stack, ids, seat)
     strips = [zip_rings(stack[k], stack[k + 1], ids[k], ids[k + 1]) for k in range(len(stack) - 1)]
@@ -173,10 +163,9 @@ def build_mesh(plan: Plan[Patch], rings: int, chord_mm: float | None = None) -> 
     return mesh if chord_mm is None else _refined(mesh, plan, chord_mm)
 
 
-def mesh_error(mesh: BodyMesh, plan: Plan[Patch]) -> FacetError:
-    """Largest errors of the facets of both optical surfaces."""
-    errors = [facet_error(patch, mesh.vertices, mesh.part(name)) for name, patch in _faces(plan)]
-    return FacetError(max(error.chord_mm for error in errors), max(error.normal_rad for error in errors))
+def mesh_error(mesh: BodyMesh, plan: Plan[Patch]) -> float:
+    """Largest distance (mm) of the facets of both optical surfaces from them."""
+    return max(facet_error(patch, mesh.vertices, mesh.part(name)) for name, patch in _faces(plan))
 
 
 def _faces(plan: Plan[Patch]) -> tuple[tuple[str, Patch], tuple[str, Patch]]:
@@ -204,17 +193,12 @@ def _below(plan: Plan[Patch], rim: Float[np.ndarray, " n"]) -> Iterator[Ring]:
 
 def _share_crossings(plan: Plan[Patch], stack: list[Ring], ids: list[Int[np.ndarray, " _"]], seat: int) -> None:
     """Replace vertices of the outline by those of the rim where the two meet, so that the optical face stays exact."""
-    overhang_mm = _overhang_mm(plan, stack[seat])
-    overhangs = _overhangs(plan, stack[seat].azimuths)
+    rim = stack[seat]
+    overhang_mm = np.hypot(rim.points[:, 0], rim.points[:, 1]) - plan.outline.radius(rim.azimuths)
+    overhangs = _overhangs(plan, rim.azimuths)
     # Crossings that the plan did not resolve share vertices as well: strips never fold over.
     resolved = np.where(overhangs, overhang_mm, -overhang_mm) > _SNAP_MM
     ids[seat + 1] = np.where(resolved, ids[seat + 1], ids[seat])
-
-
-def _overhang_mm(plan: Plan[Patch], rim: Ring) -> Float[np.ndarray, " n"]:
-    distance = np.hypot(rim.points[:, 0], rim.points[:, 1])
-    overhang: Float[np.ndarray, " n"] = distance - plan.outline.radius(rim.azimuths)
-    return overhang
 
 
 def _overhangs(plan: Plan[Patch], azimuths: Float[np.ndarray, " n"]) -> np.ndarray:
@@ -265,13 +249,11 @@ class Closure:
     """Result of manifold3d; ``status`` is ``NoError`` for an oriented 2-manifold without boundary.
 
     ``genus`` counts handles: 0 for a lens, whose cavity and bore are one blind hole; -1 for two bodies.
-    ``fault_mm`` is the midpoint of an edge that does not join two consistently oriented triangles; None where all do.
     """
 
     status: str
     genus: int
     volume_mm3: float
-    fault_mm: tuple[float, float, float] | None = None
 
     @property
     def watertight(self) -> bool:
@@ -282,17 +264,4 @@ class Closure:
 def check_closed(vertices: Float[np.ndarray, "v 3"], triangles: Int[np.ndarray, "t 3"]) -> Closure:
     """Test a mesh whose neighbouring triangles share vertex indices."""
     body = manifold_of(vertices, triangles)
-    return Closure(body.status().name, int(body.genus()), float(body.volume()), _fault(vertices, triangles))
-
-
-def _fault(vertices: Float[np.ndarray, "v 3"], triangles: Int[np.ndarray, "t 3"]) -> tuple[float, float, float] | None:
-    """Midpoint (mm) of the first edge that is not traversed once in each direction; None if all are."""
-    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]).astype(np.int64)
-    forth, back = edges @ [len(vertices), 1], edges @ [1, len(vertices)]
-    ordered = np.sort(forth)
-    if (np.diff(ordered) > 0).all() and np.array_equal(ordered, np.sort(back)):
-        return None
-    _, first, times = np.unique(forth, return_index=True, return_counts=True)
-    wrong = np.concatenate([first[times > 1], np.flatnonzero(~np.isin(back, forth))])
-    x, y, z = vertices[edges[wrong.min()]].mean(axis=0).tolist()
-    return x, y, z
+    return Closure(body.status().name, int(body.genus()), float(body.volume()))

@@ -117,22 +117,15 @@ def arcs_between(seat: Radius, outline: Outline) -> tuple[Arc, ...]:
     if len(changes) == 0:
         return (Arc(0.0, FULL_TURN, "overhang" if outside[0] else "ledge"),)
     step = FULL_TURN / len(azimuths)
-    starts = [_root(_overhang_at(seat, outline), azimuths[k], azimuths[k] + step) for k in changes]
-    ends = [*starts[1:], starts[0] + FULL_TURN]
-    relations: list[Relation] = ["ledge" if outside[k] else "overhang" for k in changes]
-    return tuple(Arc(*arc) for arc in zip(starts, ends, relations, strict=True))
 
-
-def _overhang_at(seat: Radius, outline: Outline) -> Callable[[float], float]:
-    def overhang(azimuth: float) -> float:
+    def overhang_at(azimuth: float) -> float:
         at = np.array([azimuth])
         return float(seat(at)[0] - outline.radius(at)[0])
 
-    return overhang
-
-
-def _root(function: Callable[[float], float], low: float, high: float) -> float:
-    return float(brentq(function, low, high, xtol=1e-14))
+    starts = [float(brentq(overhang_at, azimuths[k], azimuths[k] + step, xtol=1e-14)) for k in changes]
+    ends = [*starts[1:], starts[0] + FULL_TURN]
+    relations: list[Relation] = ["ledge" if outside[k] else "overhang" for k in changes]
+    return tuple(Arc(*arc) for arc in zip(starts, ends, relations, strict=True))
 
 
 def sampled_azimuths() -> Float[np.ndarray, " n"]:

@@ -72,13 +72,12 @@ class SplineNodes(Record):
 
 
 class Triangulation(Record):
-    """Size of the mesh, and the errors of its facets against the optical surfaces."""
+    """Size of the mesh, and the largest distance of its facets from the optical surfaces."""
 
     triangles: Count
     vertices: Count
     rings: Count
     chord_error_um: NotNegative
-    normal_error_mrad: NotNegative
 
 
 class UntrimmedSurfaces(Record):
@@ -184,9 +183,10 @@ class Part(StageResult):
     @cached_property
     def solid(self) -> "cadquery.Solid":
         """The part as a ``cadquery.Solid`` (mm), read from the STEP: cut it, fuse it, save it with cadquery."""
-        from lensforge.cad.step import solid_of_step
+        from lensforge.cad.step import parse_step
 
-        return solid_of_step(self.step)
+        solid: cadquery.Solid = parse_step(self.step).shape
+        return solid
 
     @cached_property
     def mesh(self) -> "trimesh.Trimesh":

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 from lensforge.cad.custom_base import CustomBase, join_base, join_mesh, read_custom_base
 from lensforge.cad.cutter_room import base_with_room
-from lensforge.cad.facets import CHORD_MM, FacetError
-from lensforge.cad.form_error import FormError, Place, face_error, fit_faces, worst
+from lensforge.cad.facets import CHORD_MM
+from lensforge.cad.form_error import FormError, face_error, fit_faces, worst
 from lensforge.cad.keep_out import keep_out_criteria, keep_out_distance, mesh_error_mm, read_keep_out
 from lensforge.cad.mesh import BodyMesh, Closure, build_mesh, check_closed, mesh_error, rings_for
 from lensforge.cad.mesh_files import parse_3mf, parse_stl, stl_bytes, threemf_bytes
@@ -55,18 +55,6 @@ from lensforge.scene.lens import Lens
 from lensforge.spec import Spec
 from lensforge.surfaces.step_file import Schema
 from lensforge.surfaces.surface import scaled
-
-_AREA_PRECISION = 1e-4  # relative; the error is 1e-9 on a lens, and without any setting 1e-6
-
-
-def solid_area_mm2(solid: Solid) -> float:
-    """Area (mm^2) of all faces of ``solid``, by adaptive integration over them."""
-    from OCP.BRepGProp import BRepGProp
-    from OCP.GProp import GProp_GProps
-
-    properties = GProp_GProps()
-    BRepGProp.SurfaceProperties_s(solid.shape.wrapped, properties, _AREA_PRECISION)
-    return float(properties.Mass())
 
 
 def mesh_bounds_mm(mesh: BodyMesh) -> Box:
@@ -116,25 +104,22 @@ def untrimmed_criteria(found: UntrimmedSurfaces | None) -> tuple[Criterion, ...]
 
 @dataclass(frozen=True)
 class _Body:
-    """Plan, mesh and solid of the lens, and the errors of the mesh's facets against its faces."""
+    """Plan, mesh and solid of the lens, and the largest distance (mm) of the mesh's facets from its faces."""
 
     plan: Plan[Patch]
     mesh: BodyMesh
-    reached: FacetError
+    chord_mm: float
     solid: Solid
 
 
 @dataclass(frozen=True)
 class _Proof:
-    """Measurements on the files as read back."""
+    """The files as read back."""
 
     solid: Solid
     stl: Closure
     threemf: Closure
     form: FormError
-    volume_change: float
-    mesh_volume_change: float
-    mesh_volume_limit: float
 
 
 def build_part(
@@ -169,7 +154,7 @@ def build_part(
         untrimmed, surfaces_step = _untrimmed(lens, body.plan, extension_deg, schema, signed.signature)
     stl = stl_bytes(body.mesh)
     threemf = threemf_bytes(body.mesh, name)
-    proof = _prove(lens, body, step, stl, threemf)
+    proof = _prove(lens, step, stl, threemf)
     keep_out = _keep_out(lens, body)
     files = {STEP_FILE: step, STL_FILE: stl, THREEMF_FILE: threemf}
     if surfaces_step is not None:
@@ -183,7 +168,7 @@ def build_part(
         volume_mesh_mm3=proof.stl.volume_mm3,
         mass_g=mass_g(lens.spec, proof.solid.volume_mm3),
         keep_out=keep_out,
-        area_mm2=solid_area_mm2(proof.solid),
+        area_mm2=proof.solid.area_mm2,
         area_mesh_mm2=body.mesh.area(),
         bounds_mm=mesh_bounds_mm(body.mesh),
         watertight=proof.stl.watertight,
@@ -194,10 +179,15 @@ def build_part(
         form_tolerances=signed.tolerances,
         signature=signed.signature,
         untrimmed_surfaces=untrimmed,
-        triangulation=_describe(body),
+        triangulation=Triangulation(
+            triangles=len(body.mesh.triangles),
+            vertices=len(body.mesh.vertices),
+            rings=body.mesh.rings,
+            chord_error_um=1e3 * body.chord_mm,
+        ),
         files={name: stamp_of(content) for name, content in files.items()},
         seconds=round(time.perf_counter() - start, 3),
-        criteria=(*_criteria(proof), *untrimmed_criteria(untrimmed), *keep_out_criteria(lens.spec, keep_out)),
+        criteria=(*_criteria(body, proof), *untrimmed_criteria(untrimmed), *keep_out_criteria(lens.spec, keep_out)),
         step=step,
         stl=stl,
         threemf=threemf,
@@ -210,11 +200,11 @@ def _build(lens: Lens, nodes: int | None, rings: int | None, chord_mm: float) ->
     base = None if lens.spec.base.file is None else read_custom_base(lens.spec.base.file)
     plan = make_plan(*fit_faces(lens, nodes, nodes), base_with_room(lens))
     mesh = build_mesh(plan, rings_for(plan, chord_mm), chord_mm) if rings is None else build_mesh(plan, rings)
-    reached = mesh_error(mesh, plan)
+    reached_mm = mesh_error(mesh, plan)
     solid = solid_on_base(plan, base)
     if base is not None:
-        mesh = join_mesh(mesh, base, reached.chord_mm)
-    return _Body(plan, mesh, reached, solid)
+        mesh = join_mesh(mesh, base, reached_mm)
+    return _Body(plan, mesh, reached_mm, solid)
 
 
 def _keep_out(lens: Lens, body: _Body) -> KeepOutDistance | None:
@@ -222,7 +212,7 @@ def _keep_out(lens: Lens, body: _Body) -> KeepOutDistance | None:
     path = lens.spec.constraints.keep_out
     if path is None:
         return None
-    error_mm = mesh_error_mm(lens.spec.base, body.mesh.rings, body.reached.chord_mm)
+    error_mm = mesh_error_mm(lens.spec.base, body.mesh.rings, body.chord_mm)
     return keep_out_distance(body.mesh, read_keep_out(path), error_mm)
 
 
@@ -251,61 +241,26 @@ def _untrimmed(
     return found, content
 
 
-def _prove(lens: Lens, body: _Body, step: bytes, stl: bytes, threemf: bytes) -> _Proof:
-    """Read the files again and compare them with the surfaces and with each other."""
+def _prove(lens: Lens, step: bytes, stl: bytes, threemf: bytes) -> _Proof:
+    """Read the files again, and compare their faces with the surfaces."""
     solid = parse_step(step)
-    closure = check_closed(*parse_stl(stl))
     with ThreadPoolExecutor() as pool:
         errors = pool.map(face_error, (lens.outer, lens.inner), (solid.faces[OUTER], solid.faces[INNER]))
-    return _Proof(
-        solid=solid,
-        stl=closure,
-        threemf=check_closed(*parse_3mf(threemf)),
-        form=worst(list(errors)),
-        volume_change=abs(solid.default_volume_mm3 / body.solid.default_volume_mm3 - 1.0),
-        mesh_volume_change=abs(closure.volume_mm3 / solid.volume_mm3 - 1.0),
-        mesh_volume_limit=mesh_volume_limit(body.mesh.area(), body.reached.chord_mm, solid.volume_mm3),
-    )
+    return _Proof(solid, check_closed(*parse_stl(stl)), check_closed(*parse_3mf(threemf)), worst(list(errors)))
 
 
-def _criteria(proof: _Proof) -> tuple[Criterion, ...]:
+def _criteria(body: _Body, proof: _Proof) -> tuple[Criterion, ...]:
     """The criteria that the files must meet before they go to a shop."""
-    finer, rings = "raise the number of nodes", "change the number of rings"
-    form, faults = proof.form, ", ".join(proof.solid.faults) or "the whole solid"
-    wrong_at = f"try another base.diameter_mm, or no base; not valid: {faults}"
-    stl, threemf = proof.stl, proof.threemf
+    solid, stl = proof.solid, proof.stl
     measured = {
-        "form_error": form.form_max_nm,
-        "normal_error": form.normal_max_mrad,
-        "step_valid": float(proof.solid.valid),
-        "step_volume_change": proof.volume_change,
+        "form_error": proof.form.form_max_nm,
+        "normal_error": proof.form.normal_max_mrad,
+        "step_valid": float(solid.valid),
+        "step_volume_change": abs(solid.default_volume_mm3 / body.solid.default_volume_mm3 - 1.0),
         "watertight": float(stl.watertight),
-        "watertight_3mf": float(threemf.watertight),
-        "genus_difference": float(abs(stl.genus - proof.solid.genus)),
-        "mesh_volume_change": proof.mesh_volume_change,
+        "watertight_3mf": float(proof.threemf.watertight),
+        "genus_difference": float(abs(stl.genus - solid.genus)),
+        "mesh_volume_change": abs(stl.volume_mm3 / solid.volume_mm3 - 1.0),
     }
-    remedies = {
-        "form_error": finer + _at(form.form_at_mm),
-        "normal_error": finer + _at(form.normal_at_mm),
-        "step_valid": wrong_at,
-        "step_volume_change": finer,
-        "watertight": rings + _at(stl.fault_mm),
-        "watertight_3mf": rings + _at(threemf.fault_mm),
-        "genus_difference": rings,
-        "mesh_volume_change": "raise the number of rings",
-    }
-    return part_criteria(measured, proof.mesh_volume_limit, remedies)
-
-
-def _at(place_mm: Place | None) -> str:
-    return "" if place_mm is None else f"; it is at ({', '.join(f'{value:.4g}' for value in place_mm)}) mm"
-
-
-def _describe(body: _Body) -> Triangulation:
-    return Triangulation(
-        triangles=len(body.mesh.triangles),
-        vertices=len(body.mesh.vertices),
-        rings=body.mesh.rings,
-        chord_error_um=body.reached.chord_mm * 1e3,
-        normal_error_mrad=body.reached.normal_rad * 1e3,
-    )
+    limit = mesh_volume_limit(body.mesh.area(), body.chord_mm, solid.volume_mm3)
+    return part_criteria(measured, limit, solid.faults)

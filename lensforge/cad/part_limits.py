@@ -1,9 +1,9 @@
-"""Limits of the exported files: the largest errors, the criteria on measured values, form tolerances, and the mass.
+"""Limits of the exported files: the largest errors, criteria on measured values; form tolerances, signature, and mass.
 
 Every value is measured by reading the files back.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from lensforge.results import Positive, Record, Text
 from lensforge.results.criteria import Criterion, at_least, at_most
@@ -16,24 +16,27 @@ ROUND_TRIP_LIMIT = 1e-9  # relative change of the volume by writing and reading:
 
 
 def part_criteria(
-    measured: Mapping[str, float], mesh_volume_limit: float, remedies: Mapping[str, str]
+    measured: Mapping[str, float], mesh_volume_limit: float, faults: Sequence[str] = ()
 ) -> tuple[Criterion, ...]:
-    """The criteria that the files must meet before they go to a shop; ``measured``, ``remedies``: by their names.
+    """The criteria that the files must meet before they go to a shop, on what is ``measured``, by their names.
 
-    ``mesh_volume_limit``: relative, what flat facets cut off. Flags count as 1 or 0.
+    ``mesh_volume_limit``: relative, what flat facets cut off. ``faults``: names of faces that are not valid. Flags
+    count as 1 or 0.
     """
-    limits = {
-        "form_error": (at_most, FORM_LIMIT_NM, "nm"),
-        "normal_error": (at_most, NORMAL_LIMIT_MRAD, "mrad"),
-        "step_valid": (at_least, 1.0, ""),
-        "step_volume_change": (at_most, ROUND_TRIP_LIMIT, ""),
-        "watertight": (at_least, 1.0, ""),
-        "watertight_3mf": (at_least, 1.0, ""),
-        "genus_difference": (at_most, 0.0, ""),
-        "mesh_volume_change": (at_most, mesh_volume_limit, ""),
+    finer, rings = "raise the number of nodes", "change the number of rings"
+    wrong = f"try another base.diameter_mm, or no base; not valid: {', '.join(faults) or 'the whole solid'}"
+    limits: dict[str, tuple[Callable[..., Criterion], float, str, str]] = {
+        "form_error": (at_most, FORM_LIMIT_NM, "nm", finer),
+        "normal_error": (at_most, NORMAL_LIMIT_MRAD, "mrad", finer),
+        "step_valid": (at_least, 1.0, "", wrong),
+        "step_volume_change": (at_most, ROUND_TRIP_LIMIT, "", finer),
+        "watertight": (at_least, 1.0, "", rings),
+        "watertight_3mf": (at_least, 1.0, "", rings),
+        "genus_difference": (at_most, 0.0, "", rings),
+        "mesh_volume_change": (at_most, mesh_volume_limit, "", "raise the number of rings"),
     }
     return tuple(
-        compared(name, measured[name], limit, unit, remedies[name]) for name, (compared, limit, unit) in limits.items()
+        compared(name, measured[name], limit, unit, remedy) for name, (compared, limit, unit, remedy) in limits.items()
     )
 
 
@@ -65,3 +68,11 @@ class FormTolerance(Record):
     face: Text
     width_um: Positive
     datum_faces: tuple[Text, ...]
+
+
+class Signature(Record):
+    """Author, organisation ("" where not given) and date (2026-01-31) of the files."""
+
+    author: Text
+    organisation: Text
+    date: CalendarDate | None

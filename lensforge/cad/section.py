@@ -6,7 +6,7 @@ Lens and built-in bases are cut in closed form, a base from a STEP file by its m
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.cad.custom_base import read_custom_base, tessellated
+from lensforge.cad.custom_base import mesh_of_base
 from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.plan import Corner, base_corners, lay_out, rim_directions
 from lensforge.scene.lens import Lens
@@ -15,7 +15,6 @@ from lensforge.surfaces.surface import Surface
 
 Curve = Float[np.ndarray, "n 2"]
 
-_CHORD_MM = 1e-2  # of a base's curved faces: finer than a drawn line
 _DRAWN_MM = 1e-3  # last digit of a drawn size: sections that differ by less are the same
 
 
@@ -67,7 +66,6 @@ def _cut_of_file(base: BaseSection, across: Float[np.ndarray, " 3"]) -> list[Cur
     import trimesh
 
     assert base.file is not None
-    vertices, triangles = tessellated(read_custom_base(base.file).solid, _CHORD_MM)
-    mesh = trimesh.Trimesh(vertices, triangles, process=False)
+    mesh = trimesh.Trimesh(*mesh_of_base(base.file), process=False)
     cut = mesh.section(plane_origin=np.zeros(3), plane_normal=np.cross([0.0, 0.0, 1.0], across))
     return [] if cut is None else [np.column_stack([line @ across, line[:, 2]]) for line in cut.discrete]

@@ -10,7 +10,7 @@ every file is read back before it is handed out.
 """
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from lensforge.cad.part_limits import FormTolerance, Signature
 from lensforge.cad.plan import INNER, OUTER
@@ -28,9 +28,6 @@ from lensforge.surfaces.step_file import (
     products_in,
 )
 from lensforge.version import __version__
-
-if TYPE_CHECKING:
-    import cadquery
 
 
 def sign(model: Any, product: str, header: Signature) -> None:
@@ -52,14 +49,14 @@ def sign(model: Any, product: str, header: Signature) -> None:
 
 def step_text(words: str) -> str:
     """``words`` as ISO 10303-21 writes them: ASCII, all other characters by their code; the kernel doubles quotes."""
-    return "".join(_coded(character) for character in words)
 
+    def coded(character: str) -> str:
+        code = ord(character)
+        if character.isascii() and character != "\\":
+            return character
+        return f"\\X2\\{code:04X}\\X0\\" if code < 0x10000 else f"\\X4\\{code:08X}\\X0\\"
 
-def _coded(character: str) -> str:
-    if character.isascii() and character != "\\":
-        return character
-    code = ord(character)
-    return f"\\X2\\{code:04X}\\X0\\" if code < 0x10000 else f"\\X4\\{code:08X}\\X0\\"
+    return "".join(map(coded, words))
 
 
 _DATUM = "A"
@@ -251,12 +248,6 @@ def parse_step(content: bytes, origin: str = "lens.step") -> Solid:
     if len(solids) != 1:
         raise InputError(f"{origin}: holds {len(solids)} solids, a lens is one; {_EXPORT_AGAIN}")
     return Solid(solids[0], parts[0].faces)
-
-
-def solid_of_step(content: bytes) -> "cadquery.Solid":
-    """The one solid (mm) of a STEP file's bytes. Raises :class:`InputError`."""
-    solid: cadquery.Solid = parse_step(content).shape
-    return solid
 
 
 def parse_surfaces(content: bytes, origin: str = "lens_surfaces.step") -> Shapes:

@@ -4,14 +4,13 @@ The least distance is what a caliper finds. Its line is normal to both faces, or
 but the wall: from whichever face the lines along the normal start, none that ends at its first hit is shorter.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.cad.form_error import refined_maximum
 from lensforge.cad.patch import Patch
+from lensforge.results.refined_maximum import refined_maximum
 from lensforge.surfaces import surface
 
 _NODES, _RIM = 101, 512  # samples of each face: across the chart's square, and around the rim
@@ -88,23 +87,10 @@ def _shortest_near(inner: Patch, outer: Patch, start: Float[np.ndarray, "4"]) ->
         along = np.stack([-one.x[0], -one.y[0], other.x[0], other.y[0]])
         return float(line @ line) / size, 2.0 * along @ line / size
 
-    within = [{"type": "ineq", "fun": _room(face), "jac": _room_slope(face)} for face in (slice(0, 2), slice(2, 4))]
+    of_face = np.repeat(np.eye(2), 2, axis=1)  # 1 - X^2 - Y^2 of each face is at least 0 within its rim
+    within = {"type": "ineq", "fun": lambda at: 1.0 - of_face @ at**2, "jac": lambda at: -2.0 * of_face * at}
     options = {"ftol": _PRECISION, "maxiter": 100}
     best = minimize(squared, start, jac=True, bounds=[(-1.0, 1.0)] * 4, constraints=within, options=options).x
     ends = [at / max(1.0, float(np.linalg.norm(at))) for at in (best[:2], best[2:])]
     one, other = inner.points(ends[0]), outer.points(ends[1])
     return Span(float(np.linalg.norm(other - one)), one, other)
-
-
-def _room(face: slice) -> Callable[[Float[np.ndarray, "4"]], float]:
-    """1 - X^2 - Y^2 of the chart point of one face: at least 0 within the rim."""
-    return lambda at: 1.0 - float(at[face] @ at[face])
-
-
-def _room_slope(face: slice) -> Callable[[Float[np.ndarray, "4"]], Float[np.ndarray, "4"]]:
-    def slope(at: Float[np.ndarray, "4"]) -> Float[np.ndarray, "4"]:
-        found = np.zeros(4)
-        found[face] = -2.0 * at[face]
-        return found
-
-    return slope

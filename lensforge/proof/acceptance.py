@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from itertools import chain
 
 from lensforge.proof.proof_result import (
-    Agreement,
     BrepCast,
     IndependentRays,
     MitsubaCast,
@@ -186,21 +185,6 @@ def noise_limit(floor: float) -> float:
     return NOISE_FLOORS * floor + NOISE_ALLOWANCE
 
 
-def agreement_of(proof: ReceiverProof) -> Agreement:
-    """Agreement of the exported mesh with the design on one receiver, from the fields of its record."""
-    gap = proof.deviation_mm
-    return Agreement(
-        compared=proof.rays_compared,
-        rms=gap.rms,
-        p99=gap.p99,
-        max=gap.max,
-        flux=proof.flux_deviation,
-        fates=proof.fate_disagreements,
-        fates_flux=proof.fate_disagreement_flux,
-        pairs=proof.fate_pairs,
-    )
-
-
 def proof_criteria(proof: Proof) -> tuple[Criterion, ...]:
     """Acceptance criteria of all casts of a part; those of further receivers carry the receiver's name."""
     found = [
@@ -227,7 +211,8 @@ def _receiver_criteria(proof: Proof, receiver: ReceiverProof) -> list[Criterion]
     fine = proof.facet_height_um.rms <= FINE_FACETS_UM
     form = form_of_mesh(proof.open_edges, step_alike, other, fine=fine)
     fault = other if proof.open_edges == 0 else ""
-    evidence = Evidence(agreement_of(receiver), receiver.deviation_limit_mm, FLUX_SHARE, FATE_SHARE, form, fault, fine)
+    limit_mm = receiver.deviation_limit_mm
+    evidence = Evidence(receiver.against_design, limit_mm, FLUX_SHARE, FATE_SHARE, form, fault, fine)
     return [
         *_mesh_criteria(receiver, evidence),
         *([] if brep is None else brep_criteria(brep, reach_mm, other_body(proof.sizes, "lens.step"))),
@@ -237,18 +222,23 @@ def _receiver_criteria(proof: Proof, receiver: ReceiverProof) -> list[Criterion]
 
 
 def _mesh_criteria(proof: ReceiverProof, found: Evidence) -> Iterator[Criterion]:
-    agreement, floor = found.agreement, proof.noise_floor_nmse
+    floor = proof.noise_floor_nmse
     same_rays = SAME_RAYS_FLOORS * floor + SAME_RAYS_ALLOWANCE
     noise = "evaluate the design with more rays and the same filter, or verify with more rays"
     light = noise if proof.nmse_same_rays <= same_rays else found.of_pixels()
-    limits: tuple[tuple[str, float, float, str, str], ...] = (
-        ("deviation_rms", agreement.rms, found.deviation_mm, "mm", found.of_deviation()),
-        ("flux_deviation", agreement.flux, FLUX_SHARE, "of the flux", found.of_flux()),
-        ("fate_disagreement_flux", agreement.fates_flux, FATE_SHARE, "of the flux", found.of_fates()),
-        ("nmse_same_rays", proof.nmse_same_rays, same_rays, "", found.of_pixels()),
-        ("nmse_vs_design", proof.nmse_vs_design, noise_limit(floor), "", light),
-    )
-    yield from (at_most(*limit) for limit in limits)
+    yield from _cast_criteria("", found)
+    yield at_most("nmse_same_rays", proof.nmse_same_rays, same_rays, "", found.of_pixels())
+    yield at_most("nmse_vs_design", proof.nmse_vs_design, noise_limit(floor), "", light)
+
+
+def _cast_criteria(prefix: str, found: Evidence) -> list[Criterion]:
+    """Criteria of rays cast through a file: where they land, their flux, and their fates."""
+    design = found.agreement
+    return [
+        at_most(f"{prefix}deviation_rms", design.rms, found.deviation_mm, "mm", found.of_deviation()),
+        at_most(f"{prefix}flux_deviation", design.flux, found.flux, "of the flux", found.of_flux()),
+        at_most(f"{prefix}fate_disagreement_flux", design.fates_flux, found.fates, "of the flux", found.of_fates()),
+    ]
 
 
 def plain_criterion(plain: PlainCast) -> Criterion:
@@ -259,12 +249,11 @@ def plain_criterion(plain: PlainCast) -> Criterion:
 
 def brep_criteria(cast: BrepCast, reach_mm: float, fault: str = "") -> list[Criterion]:
     """Acceptance criteria of a STEP file; ``reach_mm``: of the receiver's light, ``fault``: recognised in the file."""
-    design, seen = cast.against_design, brep_evidence(cast, reach_mm, fault)
+    seen = brep_evidence(cast, reach_mm, fault)
     allowed = BREP_FATE_RAYS * max(1.0, cast.rays / BREP_RAYS)
     return [
-        at_most("brep_deviation_rms", design.rms, seen.deviation_mm, "mm", seen.of_deviation()),
-        at_most("brep_flux_deviation", design.flux, BREP_FLUX_SHARE, "of the flux", seen.of_flux()),
-        at_most("brep_fate_disagreements", design.fates, allowed, "rays", seen.of_fates()),
+        *_cast_criteria("brep_", seen)[:2],
+        at_most("brep_fate_disagreements", cast.against_design.fates, allowed, "rays", seen.of_fates()),
     ]
 
 
@@ -283,13 +272,8 @@ def mitsuba_criteria(cast: MitsubaCast, reach_mm: float, fault: str = "", *, fin
     design, floor = cast.against_design, noise_limit(cast.noise_floor_nmse)
     limit, form = MITSUBA_DEVIATION_RAD * reach_mm, form_of_mesh(0, None, fine=fine)
     seen = Evidence(design, limit, MITSUBA_FLUX_SHARE, MITSUBA_FATE_SHARE, form, fault, fine)
-    fates = design.fates_flux
-    return [
-        at_most("mitsuba_nmse_vs_design", cast.nmse_vs_design, floor, "", seen.of_pixels()),
-        at_most("mitsuba_deviation_rms", design.rms, seen.deviation_mm, "mm", seen.of_deviation()),
-        at_most("mitsuba_flux_deviation", design.flux, MITSUBA_FLUX_SHARE, "of the flux", seen.of_flux()),
-        at_most("mitsuba_fate_disagreement_flux", fates, MITSUBA_FATE_SHARE, "of the flux", seen.of_fates()),
-    ]
+    nmse = at_most("mitsuba_nmse_vs_design", cast.nmse_vs_design, floor, "", seen.of_pixels())
+    return [nmse, *_cast_criteria("mitsuba_", seen)]
 
 
 def balance_error(flux: StrayFlux) -> float:

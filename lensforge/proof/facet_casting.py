@@ -7,6 +7,7 @@ triangles of the cells that each ray visits until the first hit.
 
 import itertools
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import trimesh
@@ -26,8 +27,19 @@ _BOX_CELLS, _BOX_CELLS_EACH = 2e7, 16
 MOST_TOGETHER = 5000.0
 
 
+_Rows = TypeVar("_Rows", bound="RayRows")
+
+
+class RayRows:
+    """Base of dataclasses whose fields are arrays with a row for each ray."""
+
+    def take(self: _Rows, rows: Int[np.ndarray, " k"]) -> _Rows:
+        """The same for some of the rays."""
+        return type(self)(*(values[rows] for values in vars(self).values()))
+
+
 @dataclass(frozen=True)
-class FacetHits:
+class FacetHits(RayRows):
     """First hits: triangle (-1: none), distance along the ray (mm, infinite: none), barycentric coordinates."""
 
     triangles: Int[np.ndarray, " n"]
@@ -39,22 +51,14 @@ class FacetHits:
         """True for rays that hit anything."""
         return self.triangles >= 0
 
-    def take(self, rows: Int[np.ndarray, " k"]) -> "FacetHits":
-        """The hits of some of the rays."""
-        return FacetHits(self.triangles[rows], self.distances[rows], self.barycentric[rows])
-
 
 @dataclass(frozen=True)
-class Leg:
+class Leg(RayRows):
     """Rays to cast: start (mm), unit direction, and distance (mm) up to which a hit is the surface just left."""
 
     origins: Float[np.ndarray, "n 3"]
     directions: Float[np.ndarray, "n 3"]
     beyond: Float[np.ndarray, " n"]
-
-    def take(self, rows: Int[np.ndarray, " k"]) -> "Leg":
-        """Some of the rays."""
-        return Leg(self.origins[rows], self.directions[rows], self.beyond[rows])
 
 
 class Grid:

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int, Shaped
 
 from lensforge.errors import InputError
 from lensforge.proof.acceptance import BLOCKS, LEAST_RAYS
-from lensforge.proof.proof_result import Agreement, FatePair, IndependentRays, PartFlux, PartMissed
+from lensforge.proof.proof_result import Agreement, FatePair, IndependentRays, PartFlux
 from lensforge.proof.receiver_screen import Screen, squared_norm
 from lensforge.proof.sequential_cast import CastFate, LandedRays, Passage
 from lensforge.results import Metric
@@ -119,34 +119,23 @@ def gap_quantiles(landed: LandedRays, expected: Expected) -> Float[np.ndarray, "
     return gaps
 
 
-def flux_budget(rays: RayBundle, landed: LandedRays, screen: Screen) -> tuple[PartFlux, PartMissed]:
-    """Shares of the emitted flux by fate, which add up to 1; and the missed flux by cause.
+def flux_budget(rays: RayBundle, landed: LandedRays, screen: Screen) -> PartFlux:
+    """Shares of the emitted flux by fate, which add up to 1.
 
     ``reflected`` is what rays lose by reflection at the surfaces, ``absorbed`` in the body; the rest of a ray's flux
-    counts by its fate.
-    Rays that reach the receiver's surface outside the window are ``outside``.
+    counts by its fate: rays that reach the receiver's surface outside the window are ``outside``.
     """
-    reached = landed.fates == CastFate.LANDED
+    reached, total = landed.fates == CastFate.LANDED, landed.fates == CastFate.TOTAL_REFLECTION
     inside = reached & screen.in_window(landed.landings)
-    by_fate = {fate: share(rays, landed.flux[landed.fates == fate]) for fate in CastFate}
-    missed = PartMissed(
-        no_hit=by_fate[CastFate.NO_HIT],
-        starts_inside=by_fate[CastFate.STARTS_INSIDE],
-        starts_outside=by_fate[CastFate.STARTS_OUTSIDE],
-        base=by_fate[CastFate.BASE] + by_fate[CastFate.OPENING],
-        back_into_cavity=by_fate[CastFate.BACK_INTO_CAVITY],
-        missed_receiver=by_fate[CastFate.MISSED_RECEIVER],
-    )
-    flux = PartFlux(
+    return PartFlux(
         detected=share(rays, landed.flux[inside]),
         outside=share(rays, landed.flux[reached & ~inside]),
-        missed=sum(missed.model_dump().values()),
-        total_reflection=by_fate[CastFate.TOTAL_REFLECTION],
+        missed=share(rays, landed.flux[~reached & ~total]),
+        total_reflection=share(rays, landed.flux[total]),
         absorbed=share(rays, landed.absorbed),
         cover_glass=share(rays, landed.in_glass),
         reflected=share(rays, rays.flux - landed.flux - landed.absorbed - landed.in_glass),
     )
-    return flux, missed
 
 
 def share(rays: RayBundle, flux: Float[np.ndarray, " k"]) -> float:
@@ -159,20 +148,14 @@ RAYS = 2**14  # as many as the grid casts in the five seconds that this may take
 
 
 @dataclass(frozen=True)
-class DesignLight:
-    """Light of the design on a receiver: its efficiency and the standard error, None if unknown; noise in its map."""
-
-    efficiency: float
-    standard_error: float | None
-    nmse_of_noise: float | None
-
-
-@dataclass(frozen=True)
 class IndependentLight:
-    """Rays (of the same flux each) that verification has drawn, and the design's light on each receiver."""
+    """Rays (of the same flux each) that verification has drawn, and the design's light on each receiver.
+
+    That is its efficiency, and the NMSE of its map that is noise, None where unknown.
+    """
 
     rays: RayBundle
-    designs: tuple[DesignLight, ...]
+    designs: tuple[tuple[Metric, float | None], ...]
 
 
 def emission_difference(own: RayBundle, design: RayBundle) -> float:
@@ -194,20 +177,19 @@ def emission_difference(own: RayBundle, design: RayBundle) -> float:
 
 
 def judge_independent_rays(
-    rays: RayBundle, passage: Passage, expected: Expected, design: DesignLight
+    rays: RayBundle, passage: Passage, expected: Expected, design: tuple[Metric, float | None]
 ) -> IndependentRays:
     """Light of ``rays``, all of the same flux, on the screen of ``expected``, against its picture and ``design``."""
     landed, screen = LandedRays.of(passage, expected.screen), expected.screen
-    flux, missed = flux_budget(rays, landed, screen)
+    flux = flux_budget(rays, landed, screen)
     detected = np.where(screen.in_window(landed.landings), landed.flux, 0.0) / rays.flux.sum() * len(rays)
     error = float(np.std(detected, ddof=1)) / np.sqrt(len(rays)) if len(rays) > 1 else None
     return IndependentRays(
         rays=len(rays),
         efficiency=Metric(value=flux.detected, standard_error=error),
-        efficiency_design=Metric(value=design.efficiency, standard_error=design.standard_error),
-        nmse_less_noise=_nmse_less_noise(landed, expected, design.nmse_of_noise),
+        efficiency_design=design[0],
+        nmse_less_noise=_nmse_less_noise(landed, expected, design[1]),
         flux=flux,
-        missed_by_cause=missed,
     )
 
 

@@ -19,6 +19,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from lensforge.errors import InputError
+from lensforge.proof.proof_result import SizedFile
 from lensforge.results import BodySize, Box
 from lensforge.results.file_bounds import MOST_TRIANGLES, made_here, stl_corners
 
@@ -51,24 +52,18 @@ class VertexFit:
 class PartMesh:
     """A closed body as a triangle mesh; lengths in mm, normals point out of the material.
 
-    ``faces`` numbers the smooth face that each triangle belongs to. ``fit`` has one row for each vertex and face that
-    meet there, ``corners`` the rows of it at the corners of each triangle.
+    ``fit`` has a row for each vertex and smooth face that meet there, ``corners`` its rows at each triangle's corners.
     """
 
     mesh: trimesh.Trimesh
-    faces: Int[np.ndarray, " t"]
     corners: Int[np.ndarray, "t 3"]
     fit: VertexFit
 
     @cached_property
     def open_edges(self) -> int:
         """Edges that do not join exactly two triangles of the same sense; 0 for a closed body."""
-        edges = self.mesh.edges
-        count = len(self.mesh.vertices)
+        edges, count = self.mesh.edges, len(self.mesh.vertices)
         forth, back = edges[:, 0] * count + edges[:, 1], edges[:, 1] * count + edges[:, 0]
-        ordered = np.sort(forth)
-        if (np.diff(ordered) > 0).all() and np.array_equal(ordered, np.sort(back)):
-            return 0  # each once, and once the other way
         senses, times = np.unique(forth, return_counts=True)
         return int(np.sum(times > 1) + np.sum(~np.isin(senses, back)))
 
@@ -112,7 +107,7 @@ def part_mesh_of(mesh: trimesh.Trimesh) -> PartMesh:
     keys, corners = np.unique(mesh.faces.astype(np.int64) * (faces.max() + 1) + faces[:, None], return_inverse=True)
     corners = corners.reshape(-1, 3)
     vertices, face_of = np.divmod(keys, faces.max() + 1)
-    return PartMesh(mesh, faces, corners, fit_vertices(mesh.vertices[vertices], corners, face_of))
+    return PartMesh(mesh, corners, fit_vertices(mesh.vertices[vertices], corners, face_of))
 
 
 def smooth_faces(mesh: trimesh.Trimesh) -> Int[np.ndarray, " t"]:
@@ -208,28 +203,14 @@ def _monomials(x: Float[np.ndarray, "n m"], y: Float[np.ndarray, "n m"]) -> Floa
     return np.stack([of_x[i] * of_y[j] for i, j in _POWERS], axis=1)
 
 
-@dataclass(frozen=True)
-class FacetErrors:
-    """Amounts by which flat facets change a body: largest height of the curved face over them (mm), volume, area."""
-
-    chord_mm: float
-    volume_mm3: float
-    area_mm2: float
-
-
-def mesh_size(mesh: trimesh.Trimesh) -> BodySize:
-    """Volume, area and box of a closed mesh (mm)."""
-    return BodySize(volume_mm3=float(mesh.volume), area_mm2=float(mesh.area), bounds_mm=as_box(mesh.bounds))
-
-
 def as_box(corners: Float[np.ndarray, "2 3"]) -> Box:
     """Least and largest corner as plain numbers."""
     (x0, y0, z0), (x1, y1, z1) = corners.tolist()
     return (x0, y0, z0), (x1, y1, z1)
 
 
-def facet_errors(mesh: trimesh.Trimesh) -> FacetErrors:
-    """Bounds of what the facets of ``mesh`` change, by the angles at which they meet.
+def sized_mesh(mesh: trimesh.Trimesh) -> SizedFile:
+    """Size of a closed mesh (mm), and bounds of what its facets change of it, by the angles at which they meet.
 
     Over an equilateral facet of height h on a sphere of radius R the sphere rises to 2 h^2 / (9 R), and its neighbours
     turn by 2 h / (3 R): so by h / 3 times that angle; over the strip of a cylinder by h / 8 times it. The facets of a
@@ -245,8 +226,9 @@ def facet_errors(mesh: trimesh.Trimesh) -> FacetErrors:
     np.maximum.at(rises, pairs, angles[:, None] * heights / 3.0)
     np.maximum.at(turns, pairs, angles[:, None])
     at_rims = rises[mesh.face_adjacency[~smooth]].max(axis=1)
-    return FacetErrors(
+    return SizedFile(
+        size=BodySize(volume_mm3=float(mesh.volume), area_mm2=float(mesh.area), bounds_mm=as_box(mesh.bounds)),
         chord_mm=float(rises.max(initial=0.0)),
-        volume_mm3=float(mesh.area_faces @ rises),
-        area_mm2=float(mesh.area_faces @ turns**2 + lengths[~smooth] @ at_rims),
+        facets_mm3=float(mesh.area_faces @ rises),
+        facets_mm2=float(mesh.area_faces @ turns**2 + lengths[~smooth] @ at_rims),
     )

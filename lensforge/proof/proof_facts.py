@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from lensforge.proof.proof_result import Agreement, BrepCast, IndependentRays, MitsubaCast, Proof, ReceiverProof
+from lensforge.proof.proof_result import BrepCast, IndependentRays, LandingDeviation, MitsubaCast, Proof, ReceiverProof
 from lensforge.proof.stray_result import ReceiverStray, StrayLight
 from lensforge.results import Fact, FactState, Group
 from lensforge.results.chart import light_unit
@@ -30,11 +30,10 @@ _ENDS = {
 
 def proof_facts(proof: Proof, designed: Mapping[str, float]) -> list[Group]:
     """A group for each receiver; ``designed``: efficiency of the design's light by the receiver's name."""
-    several = len(proof.receivers) > 1
     return [
         Group(
             "part",
-            f"Exported part{f', {receiver.name}' if several else ''}",
+            f"Exported part{suffix(proof.receivers, index)}",
             tuple(_receiver(proof, index, designed.get(receiver.name))),
         )
         for index, receiver in enumerate(proof.receivers)
@@ -49,10 +48,9 @@ def tracer_groups(proof: Proof) -> list[Group]:
 
 def stray_facts(stray: StrayLight) -> list[Group]:
     """A group of the stray light on each receiver."""
-    several = len(stray.receivers) > 1
     return [
-        Group("stray", f"Stray light{f', {each.name}' if several else ''}", tuple(_stray(stray, each)))
-        for each in stray.receivers
+        Group("stray", f"Stray light{suffix(stray.receivers, index)}", tuple(_stray(stray, each)))
+        for index, each in enumerate(stray.receivers)
     ]
 
 
@@ -71,7 +69,7 @@ def suffix(receivers: Sequence[object], index: int) -> str:
 
 def _receiver(proof: Proof, index: int, designed: float | None) -> Iterator[Fact]:
     receiver = proof.receivers[index]
-    gap, quantity_of_light = receiver.deviation_mm, light_unit(None, far_field=receiver.far_field).quantity
+    gap, quantity_of_light = receiver.against_design, light_unit(None, far_field=receiver.far_field).quantity
     at = "at 1 m, " if receiver.far_field else ""
     yield Fact(
         "landing",
@@ -100,18 +98,18 @@ def _length(mm: float) -> tuple[float, str]:
     return (1e3 * mm, "µm") if mm < 0.1 else (mm, "mm")
 
 
+def _tracer(proof: Proof, index: int, title: str, facts: tuple[Fact, ...], says: str, names: Sequence[str]) -> Group:
+    """The row of one tracer; its state follows from the criteria of ``names`` on the receiver."""
+    state = _state(proof.criteria, proof.receivers[index], index, *names)
+    return Group("tracer", f"{title}{suffix(proof.receivers, index)}", facts, says, state)
+
+
 def _tracers(proof: Proof, index: int) -> Iterator[Group]:
-    receiver, on = proof.receivers[index], suffix(proof.receivers, index)
-    gap = receiver.deviation_mm
+    receiver = proof.receivers[index]
     noise = f"NMSE {number(receiver.nmse_vs_design, 2)}, ray noise alone {number(receiver.noise_floor_nmse, 2)}"
     names = ("deviation_rms", "nmse_same_rays", "nmse_vs_design", "flux_deviation")
-    yield Group(
-        "tracer",
-        f"Mesh with smooth normals{on}",
-        (Fact("rays", "Rays", proof.rays), *_gaps(gap.rms, gap.p99, gap.max)),
-        f"lens.stl; {noise}",
-        _state(proof.criteria, receiver, index, *names),
-    )
+    facts = (_rays(proof.rays), *_gaps(receiver.against_design))
+    yield _tracer(proof, index, "Mesh with smooth normals", facts, f"lens.stl; {noise}", names)
     if receiver.brep is not None:
         yield _brep(proof, receiver.brep, index)
     if receiver.mitsuba is not None:
@@ -124,51 +122,39 @@ def _plain(proof: Proof) -> Group:
     plain = proof.plain_cast
     says = f"{number(plain.disagreements)} of {number(plain.casts)} first hits differ from those above"
     state = state_of(proof.criteria, "plain_cast_disagreements")
-    facts = (Fact("rays", "Rays", plain.rays),)
-    return Group("tracer", "Plain ray cast by trimesh", facts, f"lens.stl; {says}", state)
+    return Group("tracer", "Plain ray cast by trimesh", (_rays(plain.rays),), f"lens.stl; {says}", state)
 
 
 def _brep(proof: Proof, brep: BrepCast, index: int) -> Group:
     fates = brep.against_design.fates
     ends = "every ray has the same fate" if fates == 0 else f"{number(fates)} rays have another fate"
-    says = f"{quantity(brep.against_mesh.rms, 'mm', digits=2)} rms from the mesh; {ends}"
+    says = f"lens.step; {quantity(brep.against_mesh.rms, 'mm', digits=2)} rms from the mesh; {ends}"
     names = ("brep_deviation_rms", "brep_flux_deviation", "brep_fate_disagreements")
-    return Group(
-        "tracer",
-        f"CAD kernel, face by face{suffix(proof.receivers, index)}",
-        (Fact("rays", "Rays", brep.rays), *_gaps_of(brep.against_design)),
-        f"lens.step; {says}",
-        _state(proof.criteria, proof.receivers[index], index, *names),
-    )
+    facts = (_rays(brep.rays), *_gaps(brep.against_design))
+    return _tracer(proof, index, "CAD kernel, face by face", facts, says, names)
 
 
 def _mitsuba(proof: Proof, mitsuba: MitsubaCast, index: int) -> Group:
     relation = "within" if mitsuba.nmse_vs_design <= mitsuba.noise_floor_nmse else "above"
     floor = number(mitsuba.noise_floor_nmse, 2)
-    says = f"NMSE {number(mitsuba.nmse_vs_design, 2)}, {relation} the {floor} of ray noise alone"
-    names = ("nmse_vs_design", "deviation_rms", "flux_deviation", "fate_disagreement_flux")
-    return Group(
-        "tracer",
-        f"Mitsuba {mitsuba.version}, flat facets{suffix(proof.receivers, index)}",
-        (Fact("rays", "Rays", mitsuba.rays), *_gaps_of(mitsuba.against_design)),
-        f"lens.stl; {says}",
-        _state(proof.criteria, proof.receivers[index], index, *(f"mitsuba_{name}" for name in names)),
-    )
+    says = f"lens.stl; NMSE {number(mitsuba.nmse_vs_design, 2)}, {relation} the {floor} of ray noise alone"
+    kinds = ("nmse_vs_design", "deviation_rms", "flux_deviation", "fate_disagreement_flux")
+    facts = (_rays(mitsuba.rays), *_gaps(mitsuba.against_design))
+    title = f"Mitsuba {mitsuba.version}, flat facets"
+    return _tracer(proof, index, title, facts, says, [f"mitsuba_{kind}" for kind in kinds])
 
 
 def _independent_rays(proof: Proof, own: IndependentRays, index: int) -> Group:
     found, expected = (Fact.share("", "", share).text for share in (own.efficiency, own.efficiency_design))
-    says = f"efficiency {found}, the design’s light {expected}"
+    says = f"lens.stl; efficiency {found}, the design’s light {expected}"
     if own.nmse_less_noise is not None:
         says += f"; NMSE less noise {own.nmse_less_noise}"
     names = ("own_rays_efficiency", "own_rays_nmse", *(["own_rays_emission"] if index == 0 else []))
-    return Group(
-        "tracer",
-        f"Freshly drawn rays of the LED{suffix(proof.receivers, index)}",
-        (Fact("rays", "Rays", own.rays),),
-        f"lens.stl; {says}",
-        _state(proof.criteria, proof.receivers[index], index, *names),
-    )
+    return _tracer(proof, index, "Freshly drawn rays of the LED", (_rays(own.rays),), says, names)
+
+
+def _rays(count: int) -> Fact:
+    return Fact("rays", "Rays", count)
 
 
 def _state(criteria: Sequence[Criterion], receiver: ReceiverProof, index: int, *names: str) -> FactState:
@@ -177,18 +163,13 @@ def _state(criteria: Sequence[Criterion], receiver: ReceiverProof, index: int, *
     return state_of(criteria, *(f"{start}{name}" for name in names))
 
 
-def _gaps_of(agreement: Agreement) -> tuple[Fact, ...]:
-    return _gaps(agreement.rms, agreement.p99, agreement.max)
-
-
-def _gaps(rms: float, p99: float, largest: float) -> tuple[Fact, ...]:
-    named = (("rms", "rms", rms), ("p99", "99 %", p99), ("largest", "largest", largest))
+def _gaps(found: LandingDeviation) -> tuple[Fact, ...]:
+    named = (("rms", "rms", found.rms), ("p99", "99 %", found.p99), ("largest", "largest", found.max))
     return tuple(Fact(key, label, value, "mm", digits=2) for key, label, value in named)
 
 
 def _stray(stray: StrayLight, receiver: ReceiverStray) -> Iterator[Fact]:
     gain = 100.0 * (receiver.efficiency - receiver.efficiency_sequential)
-    spread, chart = receiver.spread, receiver.chart
     reflections = f"share of the LED’s flux, by reflections; the base is {stray.base}"
     yield Fact.share("detected_stray", "Stray in the window", receiver.flux.detected_stray, reflections)
     yield Fact.share("stray_absorbed", "Absorbed", receiver.flux.absorbed, digits=3)
@@ -197,10 +178,8 @@ def _stray(stray: StrayLight, receiver: ReceiverStray) -> Iterator[Fact]:
     nmse = receiver.nmse_vs_sequential
     wrong = "" if nmse is None else f"an NMSE of {number(nmse, 2)}"
     yield Fact.share("misplaced", "Light not as designed", receiver.misplaced_flux, wrong)
-    if spread.rms_radius is not None and spread.peak_of_mean is not None:
+    if receiver.peak_of_mean is not None:
         note = "of the stray light, of the mean light on the receiver"
-        yield Fact.share("stray_peak", "Peak of the stray light", spread.peak_of_mean, note, digits=3)
-        reach = chart.labelled(spread.rms_radius)
-        yield Fact("stray_reach", "Spread of the stray", reach, chart.unit, note="rms about its centroid", digits=3)
+        yield Fact.share("stray_peak", "Peak of the stray light", receiver.peak_of_mean, note, digits=3)
     note = f"absorption {quantity(stray.absorption_per_mm, '1/mm')}"
     yield Fact("stray_rays", "Rays followed", stray.rays, note=note)

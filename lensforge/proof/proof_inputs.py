@@ -15,7 +15,7 @@ from lensforge.errors import InputError
 from lensforge.light.evaluation_result import Light
 from lensforge.optics.image_reading import read_light
 from lensforge.proof import independent_draws
-from lensforge.proof.part_comparison import RAYS, DesignLight, IndependentLight
+from lensforge.proof.part_comparison import RAYS, IndependentLight
 from lensforge.proof.receiver_screen import Screen
 from lensforge.scene.lens import Lens
 from lensforge.scene.receiver_shapes import receivers_of
@@ -68,10 +68,7 @@ def screens_of(spec: Spec, pixels: int | None = None) -> list[Screen]:
 def independent_light(lens: Lens, source: Source, light: Light, most: int) -> IndependentLight:
     """Rays of verification's own, at most ``most``, and the ``light`` of ``lens`` that theirs is compared with."""
     rays = independent_rays(lens.spec, source, min(most, RAYS), seeds.of_own_rays(lens.seed))
-    designs = (
-        DesignLight(lit.efficiency.value, lit.efficiency.standard_error, lit.nmse_of_noise) for lit in light.receivers
-    )
-    return IndependentLight(rays, tuple(designs))
+    return IndependentLight(rays, tuple((lit.efficiency, lit.nmse_of_noise) for lit in light.receivers))
 
 
 def independent_rays(spec: Spec, source: Source, count: int, seed: int) -> RayBundle:

@@ -42,26 +42,12 @@ class PartFlux(Record):
     reflected: Share
 
 
-class PartMissed(Record):
-    """Flux that never reaches the receiver's plane, by cause; shares of the emitted flux.
-
-    ``base``: met on the way in or in the body. ``starts_outside``: met the outside of the lens before the inside.
-    """
-
-    no_hit: Share
-    starts_inside: Share
-    starts_outside: Share = 0.0
-    base: Share
-    back_into_cavity: Share
-    missed_receiver: Share
-
-
 class IndependentRays(Record):
     """Light of rays that verification has drawn from the description of the source, not by the design's sampler.
 
     Sent through the mesh, against the light of the design: ``efficiency`` in the window, with ``efficiency_design``;
     ``nmse_less_noise`` of the picture against the design's, without the noise of either, None where that of the
-    design's is not known. Every ray counts in ``flux``, those that are lost by ``missed_by_cause``.
+    design's is not known. Every ray counts in ``flux``.
     """
 
     rays: Count
@@ -69,7 +55,6 @@ class IndependentRays(Record):
     efficiency_design: Metric
     nmse_less_noise: Metric | None
     flux: PartFlux
-    missed_by_cause: PartMissed
 
 
 class SizedFile(Record):
@@ -112,8 +97,8 @@ class FatePair(Record):
     flux: Share
 
 
-class Agreement(Record):
-    """Distances (mm) between landings of part and design, for rays that both land on the receiver.
+class Agreement(LandingDeviation):
+    """Landings and light of part and design: distances (mm) over the rays that both land on the receiver.
 
     ``flux``: sum of the differences of flux over the sum of flux. ``fates``: number of rays that one lands on the
     receiver and the other loses; ``fates_flux``: their share of the emitted flux; ``pairs``: the same by the fates in
@@ -122,9 +107,6 @@ class Agreement(Record):
     """
 
     compared: Count
-    rms: NotNegative
-    p99: NotNegative
-    max: NotNegative
     flux: NotNegative
     fates: Count
     fates_flux: Share
@@ -132,12 +114,11 @@ class Agreement(Record):
 
 
 class PlainCast(Record):
-    """First hits (``casts``) by trimesh's own ray cast against those of the grid; ``rate``: its casts per second."""
+    """First hits (``casts``) by trimesh's own ray cast against those of the grid."""
 
     rays: Count
     casts: Count
     disagreements: Count
-    rate: NotNegative
 
 
 class BrepCast(Record):
@@ -188,15 +169,9 @@ class ReceiverProof(OnReceiver):
     nmse_same_rays: NotNegative
     efficiency: Share
     efficiency_design_same_rays: Share
-    deviation_mm: LandingDeviation
+    against_design: Agreement
     deviation_limit_mm: Positive
-    rays_compared: Count
-    flux_deviation: NotNegative
-    fate_disagreements: Count
-    fate_disagreement_flux: Share
-    fate_pairs: tuple[FatePair, ...] = ()
     flux: PartFlux
-    missed_by_cause: PartMissed
     brep: BrepCast | None
     mitsuba: MitsubaCast | None
     own_rays: IndependentRays | None
@@ -222,7 +197,6 @@ class Proof(SimulatedResult):
     receivers: Annotated[tuple[ReceiverProof, ...], Field(min_length=1)]
     rays: Count
     seconds: NotNegative
-    cast_seconds: NotNegative
     triangles: Count
     open_edges: Count
     volume_mm3: Number
@@ -256,23 +230,13 @@ class Proof(SimulatedResult):
     @stated
     def deviation_mm(self) -> LandingDeviation:
         """Distances between the part's landings on the first receiver and the design's."""
-        return self.first.deviation_mm
+        return self.first.against_design
 
     @property
     def notes(self) -> tuple[str, ...]:
         """A sentence for each file that is not as exported: it was judged all the same."""
         judged = (name for name in self.altered_files if name in JUDGED_FILES)
         return tuple(f"{name} is not the file that was exported: judged by its geometry and light" for name in judged)
-
-    @property
-    def brep(self) -> BrepCast | None:
-        """Rays through the STEP file, on the first receiver."""
-        return self.first.brep
-
-    @property
-    def mitsuba(self) -> MitsubaCast | None:
-        """Rays through the mesh by Mitsuba, on the first receiver."""
-        return self.first.mitsuba
 
     def __str__(self) -> str:
         failed = [str(criterion) for criterion in self.criteria if not criterion.passed]

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int, Shaped
 from trimesh.triangles import points_to_barycentric
 
 from lensforge.optics.media import Media
-from lensforge.proof.facet_casting import FacetHits, Grid, Leg
+from lensforge.proof.facet_casting import FacetHits, Grid, Leg, RayRows
 from lensforge.proof.part_mesh import PartMesh
 from lensforge.proof.receiver_screen import Screen
 from lensforge.proof.refraction import AtFace, Fields, RefractingFace, through_glass, unpolarised
@@ -22,6 +22,7 @@ from lensforge.sources.ray_bundle import RayBundle
 _CHUNK = 1024  # rays that a thread casts at a time: their candidates stay in its cache
 # A ray that leaves a curved point may meet the facets just left: hits nearer than this share of an edge are those.
 _SKIN_EDGES = 0.05
+_SIDES = 4  # tries to get past facets whose side contradicts the medium that the ray is in
 
 
 class CastFate(IntEnum):
@@ -31,7 +32,7 @@ class CastFate(IntEnum):
     NO_HIT = 1  # met no part of the body
     STARTS_INSIDE = 2  # its first hit leaves the material: it started in the body, or the mesh is inside out
     BASE = 3  # met a surface at or below z = 0 in the material, instead of leaving it
-    BACK_INTO_CAVITY = 4  # left the material through the face by which it entered
+    BACK_INTO_CAVITY = 4  # left the material by a surface that faces the origin, as the inner one
     TOTAL_REFLECTION = 5  # totally reflected on the way out
     MISSED_RECEIVER = 6  # left the lens, but never reaches the receiver's plane
     OPENING = 7  # met a surface at or below z = 0 on the way in: the wall of the base's opening, or its bottom
@@ -111,15 +112,15 @@ class LandedRays:
 
 
 @dataclass(frozen=True)
-class SurfaceHits:
-    """First hits of rays on a body: number of its smooth face (-1: none), point (mm), unit normal of either sign.
+class SurfaceHits(RayRows):
+    """First hits of rays on a body: whether there is one, point (mm), unit normal of either sign.
 
     ``leaving``: the ray leaves the material there. ``away``: that side of the body faces away from the origin, as the
     outside of a lens does. ``base``: it lies at or below z = 0, where no optical surface is. ``skins``: distance (mm)
     within which a ray that goes on from there may meet what it just left. ``heights``: of the point over a facet (mm).
     """
 
-    faces: Int[np.ndarray, " n"]
+    found: Bool[np.ndarray, " n"]
     points: Float[np.ndarray, "n 3"]
     normals: Float[np.ndarray, "n 3"]
     leaving: Bool[np.ndarray, " n"]
@@ -127,10 +128,6 @@ class SurfaceHits:
     base: Bool[np.ndarray, " n"]
     skins: Float[np.ndarray, " n"]
     heights: Float[np.ndarray, " n"]
-
-    def take(self, rows: Int[np.ndarray, " k"]) -> "SurfaceHits":
-        """The hits of some of the rays."""
-        return SurfaceHits(*(values[rows] for values in vars(self).values()))
 
 
 @runtime_checkable
@@ -149,21 +146,39 @@ class MeshBody:
     part: PartMesh
     grid: Grid
 
-    def surface_hits(self, leg: Leg) -> SurfaceHits:
-        """First hit of each ray; sides and base are those of the flat facet."""
+    def surface_hits(self, leg: Leg, inside: Bool[np.ndarray, " n"] | None = None) -> SurfaceHits:
+        """First hit of each ray; sides and base are those of the flat facet.
+
+        ``inside``: True for rays in the material; they pass facets of the other side. A grazing ray may miss its own.
+        """
         hits, count = self.grid.first_hits(leg), len(leg.origins)
+        for _ in range(0 if inside is None else _SIDES):
+            wrong = np.nonzero(hits.found & (self._leaving(leg, hits) != inside))[0]
+            if len(wrong) == 0:
+                break
+            beyond = hits.distances[wrong] * (1.0 + 1e-9) + 1e-9
+            again = self.grid.first_hits(Leg(leg.origins[wrong], leg.directions[wrong], beyond))
+            for name, values in vars(again).items():
+                getattr(hits, name)[wrong] = values
         no, place, zero = np.zeros(count, dtype=bool), np.zeros((count, 3)), np.zeros(count)
-        found = SurfaceHits(np.full(count, -1), place, place.copy(), no, no.copy(), no.copy(), zero, zero.copy())
+        found = SurfaceHits(hits.found, place, place.copy(), no, no.copy(), no.copy(), zero, zero.copy())
         rows = np.nonzero(hits.found)[0]
         leg, hits, part = leg.take(rows), hits.take(rows), self.part
         flat, facing = leg.origins + hits.distances[:, None] * leg.directions, part.mesh.face_normals[hits.triangles]
-        found.faces[rows] = part.faces[hits.triangles]
         found.points[rows], found.normals[rows] = meet(part, leg, hits)
-        found.leaving[rows] = np.sum(leg.directions * facing, axis=1) > 0.0
-        found.away[rows], found.base[rows] = faces_away(flat, facing), at_base(part, hits)
+        found.leaving[rows] = self._leaving(leg, hits)
+        # At or below z = 0 lies no optical surface.
+        found.away[rows] = faces_away(flat, facing)
+        found.base[rows] = part.mesh.triangles_center[hits.triangles, 2] <= 0.0
         found.skins[rows] = _SKIN_EDGES * np.sqrt(2.0 * part.mesh.area_faces[hits.triangles])
         found.heights[rows] = np.sum((found.points[rows] - flat) * found.normals[rows], axis=1)
         return found
+
+    def _leaving(self, leg: Leg, hits: FacetHits) -> Bool[np.ndarray, " n"]:
+        along: Bool[np.ndarray, " n"] = (
+            np.sum(leg.directions * self.part.mesh.face_normals[hits.triangles], axis=1) > 0.0
+        )
+        return along
 
 
 def refracted(leg: Leg, hits: SurfaceHits, face: RefractingFace, fields: Fields | None = None) -> tuple[Leg, AtFace]:
@@ -179,19 +194,12 @@ def meet(part: PartMesh, leg: Leg, hits: FacetHits) -> tuple[Float[np.ndarray, "
     # An oblique ray meets the curved surface not over its flat hit but near it: the second round corrects this.
     for _ in range(2):
         curved, normals = part.curved(hits.triangles, barycentric)
-        points = points + _ahead(leg.directions, curved - points, normals)[:, None] * leg.directions
+        cosine, height = (np.sum(each * normals, axis=1) for each in (leg.directions, curved - points))
+        # To the plane there; no further than at a slope of 3 degrees.
+        ahead = height / np.copysign(np.maximum(np.abs(cosine), 0.05), cosine)
+        points = points + ahead[:, None] * leg.directions
         barycentric = points_to_barycentric(facets, points)
     return points, normals
-
-
-def _ahead(
-    directions: Float[np.ndarray, "n 3"], offsets: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]
-) -> Float[np.ndarray, " n"]:
-    """Distance along the ray to the plane at ``offsets``; limited for grazing rays."""
-    cosine = np.sum(directions * normals, axis=1)
-    height = np.sum(offsets * normals, axis=1)
-    ahead: Float[np.ndarray, " n"] = height / np.copysign(np.maximum(np.abs(cosine), 0.05), cosine)
-    return ahead
 
 
 def absorb(
@@ -226,7 +234,7 @@ def send_through_body(body: CastBody, rays: RayBundle, media: Media) -> Passage:
     leg, into, out_of = outside_leg(rays), RefractingFace.inner(rays, media), RefractingFace.outer(rays, media)
     entry = body.surface_hits(leg)
     passage.fates[:] = np.select(
-        [entry.faces < 0, entry.leaving, entry.base, entry.away],
+        [~entry.found, entry.leaving, entry.base, entry.away],
         [CastFate.NO_HIT, CastFate.STARTS_INSIDE, CastFate.OPENING, CastFate.STARTS_OUTSIDE],
         CastFate.LANDED,
     )
@@ -238,7 +246,7 @@ def send_through_body(body: CastBody, rays: RayBundle, media: Media) -> Passage:
 
     exits = body.surface_hits(inside)
     passage.fates[rows] = np.select(
-        [exits.faces < 0, exits.base, exits.faces == entry.faces],
+        [~exits.found, exits.base, ~exits.away],
         [CastFate.NO_HIT, CastFate.BASE, CastFate.BACK_INTO_CAVITY],
         CastFate.LANDED,
     )
@@ -248,7 +256,12 @@ def send_through_body(body: CastBody, rays: RayBundle, media: Media) -> Passage:
     lengths = np.linalg.norm(exits.points - inside.origins, axis=1)
     absorb(passage, rows, lengths, rays.absorptions(media)[rows])
     passage.facets_um[rows, 1] = 1e3 * exits.heights
-    _leave(passage, rows, behind, left)
+    passes = left.transmittance > 0.0
+    passage.fates[rows] = np.where(passes, CastFate.LANDED, CastFate.TOTAL_REFLECTION)
+    passage.flux[rows] *= np.where(passes, left.transmittance, 1.0)
+    passage.points[rows[passes]] = behind.origins[passes]
+    passage.directions[rows[passes]] = behind.directions[passes]
+    passage.fields[rows[passes]] = left.passed[passes]
     return behind_glass(passage, rays, media)
 
 
@@ -259,19 +272,3 @@ def faces_away(points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3
     """
     away: Bool[np.ndarray, " n"] = np.sum(points * normals, axis=1) > 0.0
     return away
-
-
-def _leave(passage: Passage, rows: Int[np.ndarray, " k"], behind: Leg, light: AtFace) -> None:
-    """Write where rays refracted at the exit face leave it, or that they are totally reflected."""
-    passes = light.transmittance > 0.0
-    passage.fates[rows] = np.where(passes, CastFate.LANDED, CastFate.TOTAL_REFLECTION)
-    passage.flux[rows] *= np.where(passes, light.transmittance, 1.0)
-    passage.points[rows[passes]] = behind.origins[passes]
-    passage.directions[rows[passes]] = behind.directions[passes]
-    passage.fields[rows[passes]] = light.passed[passes]
-
-
-def at_base(part: PartMesh, hits: FacetHits) -> Bool[np.ndarray, " n"]:
-    """True where the triangle hit lies at or below z = 0, where no optical surface is."""
-    below: Bool[np.ndarray, " n"] = part.mesh.triangles_center[hits.triangles, 2] <= 0.0
-    return below

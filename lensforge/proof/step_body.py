@@ -4,50 +4,39 @@ The kernel's own box of a trimmed face is that of the whole surface beyond the t
 seconds for each side; so the box is that of all edges, and of the tops of the faces, searched from coarse to fine.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from functools import cached_property
+from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
-from scipy.ndimage import maximum_filter, minimum_filter
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+from jaxtyping import Float
+from scipy.ndimage import maximum_filter
 
 from lensforge.errors import InputError
 from lensforge.proof.facet_casting import Leg
-from lensforge.proof.part_mesh import CREASE_RAD, LEVEL_MM, as_box
+from lensforge.proof.part_mesh import as_box
 from lensforge.proof.sequential_cast import SurfaceHits, faces_away
 from lensforge.results import BodySize
 from lensforge.results.file_bounds import made_here, require_small_step
 from lensforge.results.files import temporary_file
+from lensforge.results.refined_maximum import refined_maximum
 
 # Relative. The errors are 5e-9 of a lens's volume and 1e-9 of its area; without a setting 1e-4 and 1e-6 where another
 # program has joined the rims to long edges, 1e-7 as exported.
 _VOLUME_PRECISION, _AREA_PRECISION = 1e-6, 1e-4
 _TOP_TOLERANCE_MM = 1e-6  # what the box of a face exceeds that of the edges by rounding
-# Points along u and v: as many as the knots of a spline, whose bumps are three knots wide. About each top of theirs the
-# window shrinks by a factor of 4 each time: a top is then missed by 1e-7 of its height above its neighbours.
-_LEAST_COARSE, _MOST_COARSE, _FINE, _ROUNDS = 48, 400, 9, 6
+# Points along u and v: as many as the knots of a spline, whose bumps are three knots wide. About so many of their tops
+# the window is halved as often: a top is then missed by 1e-5 of its height above its neighbours.
+_LEAST_COARSE, _MOST_COARSE, _TOPS, _ROUNDS = 48, 400, 64, 8
 
 
-def volume_mm3(shape: Any) -> float:
-    """Volume of a solid, negative where its faces face inwards."""
+def _integral(kind: str, shape: Any, precision: float) -> float:
+    """Volume (mm^3), negative where the faces face inwards, or area (mm^2), as the kernel's function ``kind`` says."""
     from OCP.BRepGProp import BRepGProp
     from OCP.GProp import GProp_GProps
 
     found = GProp_GProps()
-    BRepGProp.VolumeProperties_s(shape, found, _VOLUME_PRECISION)
-    return float(found.Mass())
-
-
-def area_mm2(shape: Any) -> float:
-    """Area of all faces of a solid."""
-    from OCP.BRepGProp import BRepGProp
-    from OCP.GProp import GProp_GProps
-
-    found = GProp_GProps()
-    BRepGProp.SurfaceProperties_s(shape, found, _AREA_PRECISION)
+    getattr(BRepGProp, kind)(shape, found, precision)
     return float(found.Mass())
 
 
@@ -79,10 +68,9 @@ def bounds_mm(shape: Any, faces: Sequence[Any]) -> tuple[list[float], list[float
 
 
 def _reach(face: Any, axis: int, sign: float) -> float:
-    """Largest coordinate times ``sign`` along an axis, of the tops of ``face`` inside its trim; -inf: it has none.
+    """Largest coordinate times ``sign`` along an axis, of points of ``face`` inside its trim; -inf: it has none.
 
-    What is not on an edge is highest where the surface has a top. Each is followed: the highest sample of a wavy face
-    may lie beside another top than the highest.
+    Every sample above its neighbours is a start: the highest of a wavy face may lie beside another top.
     """
     from OCP.BRepAdaptor import BRepAdaptor_Surface
     from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
@@ -91,30 +79,27 @@ def _reach(face: Any, axis: int, sign: float) -> float:
 
     surface, trim = BRepAdaptor_Surface(face), BRepTopAdaptor_FClass2d(face, 1e-9)
     low = np.array([surface.FirstUParameter(), surface.FirstVParameter()])
-    high = np.array([surface.LastUParameter(), surface.LastVParameter()])
+    sides = np.array([surface.LastUParameter(), surface.LastVParameter()]) - low
 
     def heights(places: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
-        points = (surface.Value(u, v) for u, v in places.tolist())
-        return np.array([sign * (point.X(), point.Y(), point.Z())[axis] for point in points])
+        found = np.full(len(places), np.nan)
+        for row, (u, v) in enumerate((low + places * sides).tolist()):
+            if trim.Perform(gp_Pnt2d(u, v)) != TopAbs_State.TopAbs_OUT:
+                point = surface.Value(u, v)
+                found[row] = sign * (point.X(), point.Y(), point.Z())[axis]
+        return found
 
-    def inside(place: Float[np.ndarray, " 2"]) -> bool:
-        return bool(trim.Perform(gp_Pnt2d(*place.tolist())) != TopAbs_State.TopAbs_OUT)
-
-    def around(place: Float[np.ndarray, " 2"], half: Float[np.ndarray, " 2"], count: int) -> Float[np.ndarray, "n 2"]:
-        return _grid(np.maximum(place - half, low), np.minimum(place + half, high), count)
-
-    count, best = _samples(surface), -np.inf
-    for place, bound in _tops(heights, low, high, count):
-        half = (high - low) / (count - 1)
-        if bound <= best or not any(map(inside, around(place, half, 3))):
-            continue
-        for _ in range(_ROUNDS):
-            window = around(place, half, _FINE)
-            found = heights(window)
-            place, half = window[np.argmax(found)], 0.25 * half
-        if found.max() > best and inside(place):
-            best = float(found.max())
-    return best
+    along = np.linspace(0.0, 1.0, _samples(surface))
+    places = np.stack(np.meshgrid(along, along, indexing="ij"), axis=-1).reshape(-1, 2)
+    values = heights(places)
+    known = np.where(np.isnan(values), -np.inf, values).reshape(len(along), -1)
+    tops = np.flatnonzero((known == maximum_filter(known, 3, mode="nearest")) & np.isfinite(known))
+    if not len(tops):
+        return -np.inf
+    within = partial(np.clip, a_min=0.0, a_max=1.0)
+    return refined_maximum(heights, places[tops], values[tops], along[1], starts=_TOPS, rounds=_ROUNDS, within=within)[
+        1
+    ]
 
 
 def _samples(surface: Any) -> int:
@@ -124,31 +109,6 @@ def _samples(surface: Any) -> int:
     if surface.GetType() != GeomAbs_SurfaceType.GeomAbs_BSplineSurface:
         return _LEAST_COARSE
     return int(np.clip(max(surface.NbUKnots(), surface.NbVKnots()), _LEAST_COARSE, _MOST_COARSE))
-
-
-def _tops(
-    heights: Callable[[Float[np.ndarray, "n 2"]], Float[np.ndarray, " n"]],
-    low: Float[np.ndarray, " 2"],
-    high: Float[np.ndarray, " 2"],
-    count: int,
-) -> Iterator[tuple[Float[np.ndarray, " 2"], float]]:
-    """Parameters (u, v) of the samples above all of their neighbours, the highest first, and what no top there exceeds.
-
-    A paraboloid rises less from its highest sample to its top than from the lowest neighbour to that sample.
-    """
-    places = _grid(low, high, count)
-    values = heights(places)
-    square = values.reshape(count, count)
-    highest, lowest = (filtered(square, 3, mode="nearest").ravel() for filtered in (maximum_filter, minimum_filter))
-    tops = np.nonzero(values == highest)[0]
-    for top in tops[np.argsort(-values[tops], kind="stable")]:
-        yield places[top], float(2.0 * values[top] - lowest[top])
-
-
-def _grid(low: Float[np.ndarray, " 2"], high: Float[np.ndarray, " 2"], count: int) -> Float[np.ndarray, "n 2"]:
-    """Parameters (u, v) on a grid from ``low`` to ``high``."""
-    u, v = (np.linspace(low[k], high[k], count) for k in (0, 1))
-    return np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
 _TOLERANCE_MM = 1e-7  # within which the CAD kernel takes two points as one
@@ -174,71 +134,23 @@ class StepBody:
         """Volume, area and box of the solid, by the kernel's integrals and by points on its faces; takes a second."""
         corners = bounds_mm(self._solid, self._faces)
         return BodySize(
-            volume_mm3=volume_mm3(self._solid), area_mm2=area_mm2(self._solid), bounds_mm=as_box(np.array(corners))
+            volume_mm3=_integral("VolumeProperties_s", self._solid, _VOLUME_PRECISION),
+            area_mm2=_integral("SurfaceProperties_s", self._solid, _AREA_PRECISION),
+            bounds_mm=as_box(np.array(corners)),
         )
-
-    @cached_property
-    def smooth_faces(self) -> Int[np.ndarray, " faces"]:
-        """Number of the smooth face of each face of the file: another program may have split one into several.
-
-        They end at creases, and where lens and base meet, at z = 0 across that plane, as those of a mesh do.
-        """
-        joined = [pair for pair in self._neighbours() if pair[0] != pair[1]]
-        first, second = np.array(joined, dtype=np.int64).reshape(-1, 2).T
-        count = len(self._faces)
-        graph = coo_array((np.ones(len(first)), (first, second)), shape=(count, count))
-        numbers: Int[np.ndarray, " faces"] = connected_components(graph, directed=False)[1].astype(np.int64)
-        return numbers
-
-    def _neighbours(self) -> list[tuple[int, int]]:
-        """Pairs of faces that meet at an edge without a crease there."""
-        from OCP.BRep import BRep_Tool
-        from OCP.TopAbs import TopAbs_ShapeEnum
-        from OCP.TopExp import TopExp
-        from OCP.TopoDS import TopoDS
-        from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape, TopTools_IndexedMapOfShape
-
-        edges, numbers = TopTools_IndexedDataMapOfShapeListOfShape(), TopTools_IndexedMapOfShape()
-        TopExp.MapShapesAndAncestors_s(self._solid, TopAbs_ShapeEnum.TopAbs_EDGE, TopAbs_ShapeEnum.TopAbs_FACE, edges)
-        for face in self._faces:
-            numbers.Add(face)
-        pairs = []
-        for k in range(1, edges.Extent() + 1):
-            edge, faces = TopoDS.Edge_s(edges.FindKey(k)), list(edges.FindFromIndex(k))
-            if len(faces) != 2 or BRep_Tool.Degenerated_s(edge):
-                continue
-            one, other = (numbers.FindIndex(face) - 1 for face in faces)
-            (point, normal), (_, facing) = self._at_edge(edge, one), self._at_edge(edge, other)
-            turned = float(normal @ facing)
-            between = abs(point[2]) <= LEVEL_MM and abs(float(normal[2])) < np.cos(CREASE_RAD)  # of lens and base
-            if turned > np.cos(CREASE_RAD) and not between:
-                pairs.append((one, other))
-        return pairs
-
-    def _at_edge(self, edge: Any, face: int) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
-        """Middle of an edge (mm), and the outward unit normal of one of its faces there."""
-        from OCP.BRepAdaptor import BRepAdaptor_Curve2d
-        from OCP.TopAbs import TopAbs_Orientation
-
-        along = BRepAdaptor_Curve2d(edge, self._faces[face])
-        place = along.Value(0.5 * (along.FirstParameter() + along.LastParameter()))
-        point, normal = self._point_and_normal(face, place.X(), place.Y())
-        outward = 1.0 if self._faces[face].Orientation() == TopAbs_Orientation.TopAbs_FORWARD else -1.0
-        return point, outward * normal
 
     def surface_hits(self, leg: Leg) -> SurfaceHits:
         """First hit of each ray, about a millisecond each."""
         count = len(leg.origins)
-        faces, leaving = np.full(count, -1), np.zeros(count, dtype=bool)
+        found, leaving = np.zeros((2, count), dtype=bool)
         points, normals = np.zeros((2, count, 3))
         for row in range(count):
             if (hit := self._first_hit(leg, row)) is not None:
-                faces[row], leaving[row] = hit[:2]
+                found[row], leaving[row] = True, hit[1]
                 points[row], normals[row] = self._point_and_normal(hit[0], *hit[2:])
-        against = np.where(np.sum(normals * leg.directions, axis=1) > 0.0, -1.0, 1.0)[:, None]
-        away, base = faces_away(points, against * normals), points[:, 2] <= 0.0
-        smooth = np.where(faces < 0, -1, self.smooth_faces[faces])
-        return SurfaceHits(smooth, points, normals, leaving, away, base, np.full(count, _SKIN_MM), np.zeros(count))
+        outwards = np.where((np.sum(normals * leg.directions, axis=1) > 0.0) == leaving, 1.0, -1.0)[:, None]
+        away, base = faces_away(points, outwards * normals), points[:, 2] <= 0.0
+        return SurfaceHits(found, points, normals, leaving, away, base, np.full(count, _SKIN_MM), np.zeros(count))
 
     def _first_hit(self, leg: Leg, row: int) -> tuple[int, bool, float, float] | None:
         """Face of the file that a ray hits first, True where the ray leaves the body there, and its parameters."""

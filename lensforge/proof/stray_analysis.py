@@ -21,7 +21,7 @@ from lensforge.proof.part_mesh import read_part_mesh
 from lensforge.proof.receiver_screen import Screen, nmse
 from lensforge.proof.refraction import through_glass
 from lensforge.proof.sequential_cast import LandedRays, Passage, send_through
-from lensforge.proof.stray_result import ReceiverStray, StrayByCause, StrayFlux, StrayLight, StraySpread
+from lensforge.proof.stray_result import ReceiverStray, StrayByCause, StrayFlux, StrayLight
 from lensforge.sources.ray_bundle import RayBundle
 
 
@@ -72,8 +72,11 @@ def _on_receiver(
 ) -> ReceiverStray:
     """Stray light on one receiver, of ``emitted`` (W)."""
     sequential, landed = LandedRays.of(passage, screen), _ReceivedLight.of(budget, screen, media)
-    images, flux = _images(landed, sequential, screen), _flux(budget, landed, emitted)
-    misplaced, nmse_vs_sequential = _against_sequential(images, screen, emitted)
+    reference, flux = screen.irradiance(sequential.landings, sequential.flux), _flux(budget, landed, emitted)
+    direct, stray = (
+        screen.irradiance(landed.points[rows], landed.flux[rows]) for rows in (~landed.stray, landed.stray)
+    )
+    whole = direct + stray
     return ReceiverStray(
         name=name,
         width=screen.width,
@@ -82,14 +85,14 @@ def _on_receiver(
         flux=flux,
         balance_error=balance_error(flux),
         detected_stray_by_cause=_by_cause(landed, emitted),
-        misplaced_flux=misplaced,
-        nmse_vs_sequential=nmse_vs_sequential,
-        spread=_spread(landed, images, screen),
+        misplaced_flux=float(np.abs(whole - reference).sum()) * screen.pixel_measure / emitted,
+        nmse_vs_sequential=nmse(whole, reference) if reference.any() else None,
+        peak_of_mean=float(stray.max() / reference.mean()) if reference.any() else None,
         efficiency=flux.detected_direct + flux.detected_stray,
         efficiency_sequential=float(sequential.flux[screen.in_window(sequential.landings)].sum()) / emitted,
-        sequential=images.sequential,
-        direct=images.direct,
-        stray=images.stray,
+        sequential=reference,
+        direct=direct,
+        stray=stray,
     )
 
 
@@ -126,24 +129,6 @@ class _ReceivedLight:
         return stray
 
 
-@dataclass(frozen=True)
-class _Images:
-    """Irradiance (W/m^2, [y, x]): by the sequential trace, and by the non-sequential one, direct and stray."""
-
-    sequential: Float[np.ndarray, "p p"]
-    direct: Float[np.ndarray, "p p"]
-    stray: Float[np.ndarray, "p p"]
-
-
-def _images(landed: _ReceivedLight, passage: LandedRays, receiver: Screen) -> _Images:
-    direct, stray = ~landed.stray, landed.stray
-    return _Images(
-        sequential=receiver.irradiance(passage.landings, passage.flux),
-        direct=receiver.irradiance(landed.points[direct], landed.flux[direct]),
-        stray=receiver.irradiance(landed.points[stray], landed.flux[stray]),
-    )
-
-
 def _flux(budget: FluxBudget, landed: _ReceivedLight, emitted: float) -> StrayFlux:
     flux, inside, stray = landed.flux, landed.in_window, landed.stray
     return StrayFlux(
@@ -165,32 +150,4 @@ def _by_cause(landed: _ReceivedLight, emitted: float) -> StrayByCause:
     stray = [cause for cause in Cause if cause != Cause.SEQUENTIAL]
     return StrayByCause.model_validate(
         {cause.name.lower(): float(landed.flux[inside & (landed.causes == cause)].sum()) / emitted for cause in stray}
-    )
-
-
-def _against_sequential(images: _Images, receiver: Screen, emitted: float) -> tuple[float, float | None]:
-    """Difference of the irradiance of all light from that of the sequential trace of the same rays.
-
-    Flux that lands on other pixels, as a share of the emitted flux, and the NMSE; None where the sequential trace lands
-    no light.
-    """
-    whole, sequential = images.direct + images.stray, images.sequential
-    misplaced = float(np.abs(whole - sequential).sum()) * receiver.pixel_measure / emitted
-    return misplaced, nmse(whole, sequential) if sequential.any() else None
-
-
-def _spread(landed: _ReceivedLight, images: _Images, receiver: Screen) -> StraySpread:
-    inside = landed.stray & receiver.on_pixels(landed.points)
-    points, total = landed.points[inside], float(landed.flux[inside].sum())
-    if total <= 0.0:
-        return StraySpread(centroid=None, rms_radius=None, peak_w_m2=0.0, peak_of_mean=0.0)
-    shares = landed.flux[inside] / total
-    centroid = shares @ points
-    radius = np.sqrt(shares @ np.sum((points - centroid) ** 2, axis=1))
-    peak, mean = float(images.stray.max()), float(images.sequential.mean())
-    return StraySpread(
-        centroid=(float(centroid[0]), float(centroid[1])),
-        rms_radius=float(radius),
-        peak_w_m2=peak,
-        peak_of_mean=peak / mean if mean > 0.0 else None,
     )

@@ -9,7 +9,6 @@ from lensforge.results import (
     Count,
     Irradiance,
     NotNegative,
-    Number,
     Record,
     Share,
     SimulatedResult,
@@ -49,21 +48,12 @@ class StrayByCause(Record):
     met_again: Share
 
 
-class StraySpread(Record):
-    """Position and size of the stray light on the receiver's chart, and its peak; None where there is none."""
-
-    centroid: tuple[Number, Number] | None
-    rms_radius: NotNegative | None
-    peak_w_m2: NotNegative
-    peak_of_mean: NotNegative | None
-
-
 class ReceiverStray(OnReceiver):
     """Stray light on one receiver.
 
     ``sequential``, ``direct``, ``stray``: irradiance (W/m^2) or intensity (W/sr)
     [row y, column x]. ``misplaced_flux``: flux that lands on other pixels than by the sequential trace, as a share of
-    the emitted flux.
+    the emitted flux. ``peak_of_mean``: largest stray light over the mean of the sequential light; None where that is 0.
     """
 
     flux: StrayFlux
@@ -71,7 +61,7 @@ class ReceiverStray(OnReceiver):
     detected_stray_by_cause: StrayByCause
     misplaced_flux: NotNegative
     nmse_vs_sequential: NotNegative | None
-    spread: StraySpread
+    peak_of_mean: NotNegative | None
     efficiency: Share
     efficiency_sequential: Share
     sequential: Irradiance

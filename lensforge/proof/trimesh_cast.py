@@ -2,14 +2,11 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import cached_property
-from time import perf_counter
 
 import numpy as np
 import trimesh
 from jaxtyping import Float, Int
-from rtree.index import Index, Property
-from trimesh.ray.ray_triangle import ray_bounds, ray_triangle_id
+from trimesh.ray.ray_triangle import ray_triangle_id
 
 from lensforge.optics.media import Media
 from lensforge.proof.facet_casting import Grid, Leg
@@ -20,8 +17,7 @@ from lensforge.proof.sequential_cast import MeshBody, outside_leg, refracted
 from lensforge.results.second_process import IN_TURN, SecondProcess
 from lensforge.sources.ray_bundle import RayBundle
 
-# The box of a whole ray through a lens holds a sixteenth of its triangles, those of its pieces some hundred together.
-_PIECES = 64
+_BALLS, _ROUNDING = 1.0 + 1e-6, 1e-12  # of the radii, and of the size of the mesh, both squared
 AGREE_MM = 1e-6  # both compute the same plane intersection; only the last digits may differ
 
 
@@ -35,27 +31,23 @@ def cast_plain(
     rows = np.unique(np.linspace(0, len(rays) - 1, min(count, len(rays))).astype(np.int64))
     outside, into = outside_leg(rays).take(rows), RefractingFace.inner(rays, media).take(rows)
     entry = MeshBody(part, grid).surface_hits(outside)
-    entered = np.nonzero(entry.faces >= 0)[0]
+    entered = np.nonzero(entry.found)[0]
     inside, _ = refracted(outside.take(entered), entry.take(entered), into.take(entered))
     bare = trimesh.Trimesh(part.mesh.vertices, part.mesh.faces, process=False)  # what others have cached stays here
     legs = outside, inside
-    cast = second.call(_timed_distances, bare, legs)
+    cast = second.call(_distances, bare, legs)
 
     def found() -> PlainCast:
-        distances, seconds = cast.result()
-        wrong = sum(_disagreements(plain, grid, leg) for plain, leg in zip(distances, legs, strict=True))
-        casts = len(rows) + len(entered)
-        return PlainCast(rays=len(rows), casts=casts, disagreements=wrong, rate=casts / max(seconds, 1e-9))
+        wrong = sum(_disagreements(plain, grid, leg) for plain, leg in zip(cast.result(), legs, strict=True))
+        return PlainCast(rays=len(rows), casts=len(rows) + len(entered), disagreements=wrong)
 
     return found
 
 
-def _timed_distances(mesh: trimesh.Trimesh, legs: tuple[Leg, ...]) -> tuple[list[Float[np.ndarray, " n"]], float]:
-    """Distances of the first hits of each leg, and the seconds that they took."""
+def _distances(mesh: trimesh.Trimesh, legs: tuple[Leg, ...]) -> list[Float[np.ndarray, " n"]]:
+    """Distances of the first hits of each leg."""
     plain = PlainCaster(mesh)
-    plain.tree  # noqa: B018  built here, so that it is not timed as casting
-    start = perf_counter()
-    return [plain.distances(leg) for leg in legs], perf_counter() - start
+    return [plain.distances(leg) for leg in legs]
 
 
 def _disagreements(plain: Float[np.ndarray, " n"], grid: Grid, leg: Leg) -> int:
@@ -67,44 +59,30 @@ def _disagreements(plain: Float[np.ndarray, " n"], grid: Grid, leg: Leg) -> int:
     return int(np.sum(apart | (np.isfinite(plain) != np.isfinite(quick))))
 
 
-@dataclass(frozen=True)
 class PlainCaster:
-    """trimesh's own ray cast, never Embree, but for its choice of triangles: those near a ray, by an R-tree of boxes.
+    """trimesh's own ray cast, never Embree, but for its choice of triangles: those whose balls a line goes through.
 
-    trimesh takes all triangles in the box of the whole ray, 31,000 of 500,000. Here the box is cut into pieces along
-    the ray, by trimesh's own function, and the tree is asked for each of them.
+    trimesh takes all triangles in the box of the whole ray, 31,000 of 500,000, and tests each of them.
     """
 
-    mesh: trimesh.Trimesh
-
-    @cached_property
-    def tree(self) -> Index:
-        """R-tree of the boxes of all triangles."""
-        corners = self.mesh.triangles
-        numbers = np.arange(len(corners))
-        return Index((numbers, corners.min(axis=1), corners.max(axis=1)), properties=Property(dimension=3))
+    def __init__(self, mesh: trimesh.Trimesh) -> None:
+        self.mesh = mesh
+        self.centres: Float[np.ndarray, "t 3"] = mesh.triangles.mean(axis=1)
+        reach = np.linalg.norm(mesh.triangles - self.centres[:, None], axis=2).max(axis=1)
+        self.most = (_BALLS * reach) ** 2 + _ROUNDING * float(np.sum(mesh.extents**2))
 
     def distances(self, leg: Leg) -> Float[np.ndarray, " n"]:
         """Distance (mm) of each ray's first hit; infinite where there is none."""
-        boxes, nearest = self._boxes(leg), np.full(len(leg.origins), np.inf)
-        for row, own in enumerate(boxes):
-            near = np.unique(self.tree.intersection_v(own[:, :3], own[:, 3:])[0])
-            if not len(near):
-                continue
+        nearest = np.full(len(leg.origins), np.inf)
+        for row in range(len(nearest)):
             origin, direction = leg.origins[row : row + 1], leg.directions[row : row + 1]
+            away = self.centres - origin
+            near = np.flatnonzero(np.einsum("ti,ti->t", away, away) - (away @ direction[0]) ** 2 <= self.most)
             corners, normals = self.mesh.triangles[near], self.mesh.face_normals[near]
             points = ray_triangle_id(corners, origin, direction, normals, _Listed(near, self.mesh.bounds))[2]
             distance = (np.reshape(points, (-1, 3)) - origin) @ direction[0]
             nearest[row] = distance[distance > leg.beyond[row]].min(initial=np.inf)
         return nearest
-
-    def _boxes(self, leg: Leg) -> Float[np.ndarray, "n p 6"]:
-        """Boxes of the pieces of each ray, least and largest corner: those where it passes slices of the mesh's box."""
-        low, high = self.mesh.bounds
-        ends = low + np.linspace(0.0, 1.0, _PIECES + 1)[:, None] * (high - low)
-        pieces = [ray_bounds(leg.origins, leg.directions, ends[k : k + 2]) for k in range(_PIECES)]
-        boxes: Float[np.ndarray, "n p 6"] = np.stack(pieces, axis=1)
-        return boxes
 
 
 @dataclass(frozen=True)

@@ -26,12 +26,11 @@ from lensforge.proof.part_comparison import (
     judge_independent_rays,
     share,
 )
-from lensforge.proof.part_mesh import PartMesh, facet_errors, mesh_size, read_part_mesh
+from lensforge.proof.part_mesh import PartMesh, read_part_mesh, sized_mesh
 from lensforge.proof.proof_result import (
     BrepCast,
     Gaps,
     IndependentRays,
-    LandingDeviation,
     MitsubaCast,
     Proof,
     ReceiverProof,
@@ -89,9 +88,7 @@ def verify_part(
     part = read_part_mesh(stl)
     grid = Grid(part.mesh)
     plain = cast_plain(part, grid, rays, media, plain_rays, second)
-    casting = perf_counter()
     passage = send_through(part, grid, rays, media, threads)
-    cast_seconds = perf_counter() - casting
     none: list[Any] = [None] * len(expected)
     by_mitsuba = cast_mitsuba(part, rays, media, expected, mitsuba_rays) if mitsuba_rays else none
     by_own = none if own is None else _own_light(part, grid, own, media, expected, threads)
@@ -108,7 +105,6 @@ def verify_part(
         inputs=dict(inputs or {}),
         receivers=received,
         rays=len(rays),
-        cast_seconds=cast_seconds,
         triangles=len(part.mesh.faces),
         open_edges=part.open_edges,
         volume_mm3=float(part.mesh.volume),
@@ -133,12 +129,8 @@ def _own_light(
 
 def _sizes(part: PartMesh, cast: StepCast | None, exported: BodySize, chord_mm: float) -> Sizes:
     """Size of the part in its files, beside that of the export."""
-    facets = facet_errors(part.mesh)
-    mesh = SizedFile(
-        size=mesh_size(part.mesh), chord_mm=facets.chord_mm, facets_mm3=facets.volume_mm3, facets_mm2=facets.area_mm2
-    )
     step = None if cast is None or cast.size is None else SizedFile(size=cast.size)
-    return Sizes(exported=exported, chord_mm=chord_mm, mesh=mesh, step=step)
+    return Sizes(exported=exported, chord_mm=chord_mm, mesh=sized_mesh(part.mesh), step=step)
 
 
 def _require_rays(rays: RayBundle, expected: Sequence[Expected]) -> None:
@@ -161,8 +153,7 @@ def _on_receiver(
     brep, mitsuba, own_rays = others
     screen, landed = expected.screen, LandedRays.of(passage, expected.screen)
     image, variance = (see(landed.landings, landed.flux) for see in (screen.irradiance, screen.noise))
-    agreement = compare(rays, landed, expected)
-    flux, missed = flux_budget(rays, landed, screen)
+    flux = flux_budget(rays, landed, screen)
     return ReceiverProof(
         name=name,
         width=screen.width,
@@ -173,15 +164,9 @@ def _on_receiver(
         nmse_same_rays=nmse(image, screen.irradiance(expected.landings, expected.flux)),
         efficiency=flux.detected,
         efficiency_design_same_rays=share(rays, expected.flux[screen.in_window(expected.landings)]),
-        deviation_mm=LandingDeviation(rms=agreement.rms, max=agreement.max, p99=agreement.p99),
+        against_design=compare(rays, landed, expected),
         deviation_limit_mm=DEVIATION_RAD * screen.reach_mm(expected.irradiance),
-        rays_compared=agreement.compared,
-        flux_deviation=agreement.flux,
-        fate_disagreements=agreement.fates,
-        fate_disagreement_flux=agreement.fates_flux,
-        fate_pairs=agreement.pairs,
         flux=flux,
-        missed_by_cause=missed,
         brep=brep[0] if brep else None,
         mitsuba=mitsuba[0] if mitsuba else None,
         own_rays=own_rays,

@@ -181,8 +181,7 @@ def _stray_on_receiver(results: Results, stray: StrayLight, index: int) -> list[
     scattered = light_figures.irradiance_map(receiver.stray, chart, top_of([receiver.stray]), unit=unit)
     difference = light_figures.difference_map(receiver.direct + receiver.stray - receiver.sequential, chart, unit)
     budget = light_figures.waterfall(*stray_budget(receiver))
-    dark = receiver.spread.rms_radius is None
-    scale = "No stray light lands on the receiver." if dark else "On its own scale."
+    scale = "No stray light lands on the receiver." if not receiver.stray.any() else "On its own scale."
     detected, less = "Green: detected in the window.", "Red: the design predicts too little."
     title = f"All light minus the design's model{on}"
     return [

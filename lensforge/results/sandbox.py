@@ -1,8 +1,8 @@
 """Work on a file from outside in a child process: with limits of memory and time, and free to crash.
 
 A child imports nothing from the current folder (``-P``, a working folder of its own), reads and writes nothing but
-files of that folder, never pickles, and ends with its own children when its parent is done with it or dies. CAD and
-mesh libraries are written in C++: a hostile file may end their process, or let it grow, where no exception says so.
+files of that folder, hands back no pickle, and ends with its own children when its parent is done with it or dies. CAD
+and mesh libraries are written in C++: a hostile file may end their process, or let it grow, where no exception says so.
 """
 
 import os

@@ -118,7 +118,7 @@ def read_arrays(path: Path, sha256: object, remedy: str) -> dict[str, np.ndarray
 SCHEMA_VERSION = 3  # 1: the records of version 0.1.0, which named no schema; 2: of one receiver, a square on the axis
 _MOST_FILE_BYTES = 384 * MIB  # of a CAD file or a mesh: eight million triangles, several times those of a reference run
 _ARRAYS = "arrays_sha256"  # the key of the npz file's hash in the JSON
-_UNHASHED = ("seconds", "cast_seconds", "rate", "version")  # differ between runs with the same result
+_UNHASHED = ("seconds", "version")  # differ between runs with the same result
 
 
 @dataclass(frozen=True)

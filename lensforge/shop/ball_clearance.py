@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial import cKDTree
 
-from lensforge.cad.custom_base import read_custom_base, tessellated
+from lensforge.cad.custom_base import mesh_of_base
 from lensforge.cad.cutter_room import ball_centres_mm, largest_wall_mm, needed_step_mm, smallest_bore_mm
 from lensforge.cad.part_limits import FORM_LIMIT_NM
 from lensforge.cad.patch import Patch
@@ -59,8 +59,7 @@ def read_base_mesh(path: Path) -> CustomBaseMesh:
     """Mesh of the base in the STEP file ``path``. Raises :class:`InputError` as the export does."""
     import trimesh
 
-    vertices, triangles = tessellated(read_custom_base(path).solid, _BASE_CHORD_MM)
-    return CustomBaseMesh(trimesh.Trimesh(vertices, triangles, process=False))
+    return CustomBaseMesh(trimesh.Trimesh(*mesh_of_base(path, _BASE_CHORD_MM), process=False))
 
 
 def wall_retreat_mm(face: FaceSamples, cutter_radius_mm: float, depth_mm: float) -> Float[np.ndarray, " k"]:

@@ -15,12 +15,12 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.cad.custom_base import read_custom_base, tessellated
+from lensforge.cad.custom_base import mesh_of_base
 from lensforge.cad.cutter_room import base_with_room
-from lensforge.cad.form_error import refined_maximum
 from lensforge.cad.part import Part
 from lensforge.cad.plan import BOTTOM, RIM, SIDE, TOP, lay_out, rim_radius
 from lensforge.cad.section import body_outlines, other_section_deg
+from lensforge.results.refined_maximum import refined_maximum
 from lensforge.scene.lens import Lens
 from lensforge.spec import BaseSection
 from lensforge.surfaces.srbf import fibonacci_hemisphere
@@ -28,7 +28,6 @@ from lensforge.surfaces.surface import Surface, to_chart, to_sphere
 
 _SAMPLES, _REACH = 5_000, 0.02  # samples 1.8 degrees apart, in the chart as here
 _AXIS = np.array([[0.0, 0.0, 1.0]])
-_CHORD_MM = 1e-2  # of the round faces of a base from a file
 
 Measured = Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, " n"]]
 Scope = Literal["axis", "section", "second", "largest", "part", "base"]
@@ -125,7 +124,7 @@ def _part_dimensions(lens: Lens) -> Iterator[Dimension]:
     base, (across, _, highest) = base_with_room(lens), highest_point_mm(lens.outer).tolist()
     bottom, side, wide = 0.0, -float(rim_radius(lens.outer)(np.array([np.pi]))[0]), widest_mm(lens.outer)
     if base.file is not None:
-        vertices, _ = tessellated(read_custom_base(base.file).solid, _CHORD_MM)
+        vertices, _ = mesh_of_base(base.file)
         lowest = vertices[np.argmin(vertices[:, 2])]
         bottom, side = float(lowest[2]), float(lowest[0])
         wide = max(wide, 2.0 * float(np.hypot(vertices[:, 0], vertices[:, 1]).max()))

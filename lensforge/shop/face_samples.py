@@ -19,9 +19,9 @@ from functools import cache, cached_property
 import numpy as np
 from jaxtyping import Bool, Float
 
-from lensforge.cad.form_error import refined_maximum
 from lensforge.cad.part_limits import NORMAL_LIMIT_MRAD
 from lensforge.cad.patch import Jet, Patch, PrincipalCurvatures, principal_curvatures
+from lensforge.results.refined_maximum import refined_maximum
 from lensforge.surfaces.surface import HALF_WIDTH
 
 RADII, AZIMUTHS = 96, 192

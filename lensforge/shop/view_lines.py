@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float
 
-from lensforge.cad.custom_base import read_custom_base, tessellated
+from lensforge.cad.custom_base import mesh_of_base
 from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.mesh import manifold_of
 from lensforge.cad.plan import lay_out, rim_directions, rim_radius
@@ -22,7 +22,6 @@ from lensforge.spec import BaseSection
 # Of the curves of a view, and of the meridians whose widest place is the silhouette: 1 um on a lens of 14 mm, a
 # hundredth of a line's width at 5 : 1. Twice as many of each cost 6 s on a lens of 400 functions.
 _AZIMUTHS, _POLAR = 361, 91
-_CHORD_MM = 1e-2
 _BEYOND_MM = 1e-4  # silhouettes nearer to the cut are not drawn beside it
 _AXIS = np.array([0.0, 0.0, 1.0])
 
@@ -159,6 +158,5 @@ def _runs(flags: Bool[np.ndarray, " n"]) -> list[tuple[int, int]]:
 def _shadow_of_file(base: BaseSection) -> list[Points]:
     """Outlines, and holes that go through, of a base from a file, seen along the axis."""
     assert base.file is not None
-    vertices, triangles = tessellated(read_custom_base(base.file).solid, _CHORD_MM)
-    loops = manifold_of(vertices, triangles).project().to_polygons()
+    loops = manifold_of(*mesh_of_base(base.file)).project().to_polygons()
     return [np.asarray(loop)[:, ::-1] for loop in loops]

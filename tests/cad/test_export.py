@@ -50,8 +50,6 @@ def test_random_lenses_are_valid_closed_and_watertight(seed):
 def test_too_few_nodes_fail_the_form_criteria_without_raising():
     part = build_part(make_lens(0.8, 2.45, 0.02, levels=(9, 25, 81)), nodes=20, rings=16)
     assert {"form_error", "normal_error"} <= set(failed(part))
-    for criterion in part.criteria[:2]:
-        assert re.search(r"at \(.+, .+, .+\) mm", criterion.remedy), "it names the place"
     assert part.watertight, "a wrong form is no hole: each criterion must see its own fault"
 
 

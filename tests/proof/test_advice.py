@@ -42,10 +42,10 @@ def test_light_that_only_the_design_loses_is_named_with_its_flux():
     assert MESH not in remedies["fate_disagreement_flux"]
     assert remedies["nmse_same_rays"] == remedies["fate_disagreement_flux"]
     assert "deviation_rms" not in remedies
-    (pair, *_) = result.fate_pairs
+    (pair, *_) = result.against_design.pairs
     assert (pair.design, pair.part, pair.rays, pair.flux) == ("backward", "landed", 120, pytest.approx(0.03))
-    assert sum(each.rays for each in result.fate_pairs) == result.fate_disagreements
-    assert sum(each.flux for each in result.fate_pairs) == pytest.approx(result.fate_disagreement_flux)
+    assert sum(each.rays for each in result.against_design.pairs) == result.against_design.fates
+    assert sum(each.flux for each in result.against_design.pairs) == pytest.approx(result.against_design.fates_flux)
 
 
 def test_light_that_the_base_cuts_off_asks_for_another_base():
@@ -59,7 +59,9 @@ def test_light_that_the_base_cuts_off_asks_for_another_base():
     hits[~passes], flux[~passes] = np.nan, 0.0
     fates = np.where(passes, "base", "outside_cavity")
     remedies, result = failed(right(base=(16.0, 8.0)), rays, hits, flux, fates)
-    assert result.fate_pairs == ()  # the rim itself decides, however deep the opening, if its walls are upright
+    assert (
+        result.against_design.pairs == ()
+    )  # the rim itself decides, however deep the opening, if its walls are upright
     narrow = right(base=(16.0, 8.0))
     low = narrow.vertices[:, 2] < -7.9
     inside = low & (np.linalg.norm(narrow.vertices[:, :2], axis=1) < 8.0)

@@ -67,8 +67,8 @@ def test_verify_asks_mitsuba_and_leaves_the_variant_of_its_caller():
     given = {"rays": RAYS, "media": Media(INDEX), "expected": [expected], "plain_rays": 1}
     result = verify_part(stl, **given, mitsuba_rays=500)
     assert mitsuba.variant() == "scalar_spectral"
-    assert result.mitsuba.rays == 500
-    assert result.first.gaps_mitsuba_mm[-1] == result.mitsuba.against_design.max
+    assert result.first.mitsuba.rays == 500
+    assert result.first.gaps_mitsuba_mm[-1] == result.first.mitsuba.against_design.max
     assert "mitsuba_nmse_vs_design" in {criterion.name for criterion in result.criteria}
     without = verify_part(stl, **given)
     assert without.mitsuba is None and without.first.gaps_mitsuba_mm is None

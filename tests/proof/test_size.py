@@ -13,7 +13,7 @@ from scipy.interpolate import make_interp_spline
 from lensforge.cad.edges import geom_surface
 from lensforge.cad.patch import Patch
 from lensforge.proof.acceptance import size_criteria
-from lensforge.proof.part_mesh import facet_errors, mesh_size
+from lensforge.proof.part_mesh import sized_mesh
 from lensforge.proof.proof_result import SizedFile, Sizes
 from lensforge.proof.step_body import StepBody, bounds_mm
 from lensforge.results import BodySize
@@ -45,16 +45,9 @@ def mesh_of(shape, path, tolerance=0.001):
 
 
 def failed(mesh=None, step=None):
-    mesh = SizedFile(size=exact()) if mesh is None else sized(mesh)
+    mesh = SizedFile(size=exact()) if mesh is None else sized_mesh(mesh)
     sizes = Sizes(exported=exact(), chord_mm=0.001, mesh=mesh, step=None if step is None else SizedFile(size=step))
     return {each.name: each.remedy for each in size_criteria(sizes) if not each.passed}
-
-
-def sized(mesh):
-    facets = facet_errors(mesh)
-    return SizedFile(
-        size=mesh_size(mesh), chord_mm=facets.chord_mm, facets_mm3=facets.volume_mm3, facets_mm2=facets.area_mm2
-    )
 
 
 def test_the_size_of_a_step_is_that_of_the_closed_form(tmp_path):
@@ -89,18 +82,18 @@ def test_the_top_of_a_wavy_face_is_that_of_its_highest_bump():
 @pytest.mark.parametrize("rows", [2, 3, 4])
 def test_facets_of_a_sphere_change_no_more_than_their_angles_say(rows):
     mesh = trimesh.creation.icosphere(subdivisions=rows, radius=10.0).apply_translation([0.0, 0.0, 20.0])
-    bounds = facet_errors(mesh)
+    bounds = sized_mesh(mesh)
     volume, area = 4.0 / 3.0 * np.pi * 1e3 - mesh.volume, 400.0 * np.pi - mesh.area
-    assert volume <= bounds.volume_mm3 <= 3.0 * volume
-    assert area <= bounds.area_mm2 <= 4.0 * area
+    assert volume <= bounds.facets_mm3 <= 3.0 * volume
+    assert area <= bounds.facets_mm2 <= 4.0 * area
 
 
 @pytest.mark.parametrize("sections", [48, 400])
 def test_facets_of_a_cylinder_change_no_more_than_their_angles_say(sections):
     mesh = trimesh.creation.cylinder(10.0, 5.0, sections=sections).apply_translation([0.0, 0.0, -20.0])
-    bounds = facet_errors(mesh)
-    assert 500.0 * np.pi - mesh.volume <= bounds.volume_mm3
-    assert 300.0 * np.pi - mesh.area <= bounds.area_mm2
+    bounds = sized_mesh(mesh)
+    assert 500.0 * np.pi - mesh.volume <= bounds.facets_mm3
+    assert 300.0 * np.pi - mesh.area <= bounds.facets_mm2
     chord = 10.0 * (1.0 - np.cos(np.pi / sections))
     assert chord <= bounds.chord_mm <= 3.0 * chord
 

@@ -13,7 +13,6 @@ from lensforge.light.photometry_result import (
     WrittenFiles,
     photometry_criteria,
 )
-from lensforge.light.receiver_light import LostFlux
 from lensforge.light.road_lighting import RoadFigures
 from lensforge.results import Extent, Metric
 from lensforge.sources.intensity import TabulatedIntensity, plane_profile, width_above

@@ -21,7 +21,7 @@ from lensforge.results import second_process
 from lensforge.results.arguments import threads_of_torch
 from lensforge.verbs import CHECK
 
-TIMES = {"seconds", "cast_seconds", "rate", "content_sha256"}  # computing times, and the checksum that covers them
+TIMES = {"seconds", "content_sha256"}  # computing times, and the checksum that covers them
 LATER = ["evaluate", "export", "check", "verify", "photometry"]
 
 

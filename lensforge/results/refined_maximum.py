@@ -1,0 +1,57 @@
+"""The largest value of a figure over a region of the plane, searched for between samples.
+
+A largest sample is below the largest value by the square of the samples' spacing. Grids that shrink about the best few
+samples close that gap: each round halves the window, so after ``rounds`` the place is known to ``reach / 2^rounds``.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float
+
+_WINDOW_SIDE = 5  # nodes across the grid about each start
+STARTS = 8  # the best sample alone may lie beside a lower peak
+
+Places = Float[np.ndarray, "*m 2"]
+
+
+def in_disc(places: Places) -> Places:
+    """Places outside of the unit disc moved to its rim."""
+    moved: Places = places / np.maximum(1.0, np.linalg.norm(places, axis=-1, keepdims=True))
+    return moved
+
+
+def refined_maximum(
+    figure: Callable[[Float[np.ndarray, "m 2"]], Float[np.ndarray, " m"]],
+    samples: Float[np.ndarray, "k 2"],
+    values: Float[np.ndarray, " k"],
+    reach: float,
+    *,
+    starts: int = STARTS,
+    rounds: int = 8,
+    within: Callable[[Places], Places] = in_disc,
+) -> tuple[Float[np.ndarray, "2"], float]:
+    """Place and value of the largest ``figure`` of a region, searched within ``reach`` of the best samples.
+
+    ``values``: the figure at ``samples``, NaN where it has none; never less than their largest is returned. ``reach``:
+    in the unit of the places, about the spacing of the samples or, if that is less, the width of the figure's peaks.
+    ``within``: moves places into the region, by default the unit disc. The figure gets those about each start together,
+    the starts in the order of their values.
+    """
+    known = np.where(np.isnan(values), -np.inf, values)
+    best = np.argsort(-known, kind="stable")[:starts]
+    places, highest = samples[best], known[best]
+    axis = np.linspace(-1.0, 1.0, _WINDOW_SIDE)
+    around = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
+    for _ in range(rounds):
+        window = within(places[:, None] + reach * around)
+        found = figure(window.reshape(-1, 2)).reshape(len(places), -1)
+        found = np.where(np.isnan(found), -np.inf, found)
+        top = np.argmax(found, axis=1)
+        rows = np.arange(len(places))
+        higher = found[rows, top]
+        places = np.where((higher > highest)[:, None], window[rows, top], places)
+        highest = np.maximum(highest, higher)
+        reach /= 2.0
+    first = int(np.argmax(highest))
+    return places[first], float(highest[first])
