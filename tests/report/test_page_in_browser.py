@@ -3,6 +3,7 @@ from html import escape
 
 import browser
 import pytest
+from nightly import first_by_day
 from part_files import whole_results
 
 from lensforge.report.lens_page import render_report
@@ -67,7 +68,7 @@ def markup():
     return page
 
 
-@pytest.mark.parametrize(("width", "scripts"), [(400, True), (1280, True), (1280, False)])
+@pytest.mark.parametrize(("width", "scripts"), first_by_day(1, [(400, True), (1280, True), (1280, False)], "widths"))
 def test_every_picture_is_seen_without_scrolling_sideways(markup, tmp_path, width, scripts):
     sandbox = "" if scripts else 'sandbox="allow-same-origin"'
     frame = tmp_path / "frame.html"

@@ -57,7 +57,7 @@ def test_the_page_can_be_sent_by_mail(page):
     assert page.stat().st_size <= 2_000_000
 
 
-@pytest.mark.parametrize("width", HIGHEST)
+@pytest.mark.parametrize("width", first_by_day(1, HIGHEST, "another width"))
 def test_the_page_is_short_until_it_is_unfolded(started, page, width):
     with browser.opened(started, page, width, "light") as window:
         assert window.evaluate("document.documentElement.scrollHeight") <= HIGHEST[width]

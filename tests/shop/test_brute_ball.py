@@ -102,7 +102,7 @@ def test_a_base_that_says_nothing_gives_the_cutter_room(base: dict[str, float]) 
 @pytest.mark.parametrize(
     "base",
     first_by_day(
-        2,
+        1,
         [
             {"relief_step_mm": 0.6, "relief_setback_mm": 0.0, "bore_setback_mm": 0.05},
             {"bore_setback_mm": 0.0, "pocket_diameter_mm": 4.0, "pocket_depth_mm": 2.9},

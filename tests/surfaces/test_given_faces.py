@@ -6,6 +6,7 @@ import cadquery as cq
 import numpy as np
 import pytest
 from cad_shapes import ball, in_inches, shell, write
+from nightly import NIGHTLY
 from scenes import hemisphere_directions, random_surface, small_spec
 
 import lensforge as lf
@@ -44,9 +45,10 @@ def test_a_sphere_given_in_three_ways_is_one_lens(step: Path, tmp_path: Path) ->
     np.savetxt(tmp_path / "cloud.txt", directions * distance[:, None], fmt="%.12g")
     ways = {
         "kind": FixedSphere(radius_mm=RADIUS, centre_z_mm=CENTRE),
-        "step": FixedCadFace(file=step, face="first").resolved(),
         "points": FixedPoints(file=tmp_path / "cloud.txt").resolved(),
     }
+    if NIGHTLY:  # five seconds; by day the moved sphere of another file
+        ways["step"] = FixedCadFace(file=step, face="first").resolved()
     for name, way in ways.items():
         nm, urad = differences(way.surface, exact)
         assert nm < 1.0 and urad < 1.0, name
@@ -78,6 +80,7 @@ def test_a_lens_file_that_was_changed_is_no_given_face(tmp_path: Path) -> None:
         FixedLensFace(file=tmp_path, face="inner").resolved()
 
 
+@pytest.mark.nightly("five seconds; by day a base in inches")
 @HERE
 def test_a_file_in_inches_is_converted_and_says_so(step: Path, tmp_path: Path) -> None:
     given = FixedCadFace(file=in_inches(step, tmp_path / "inches.step")).resolved()
@@ -129,6 +132,7 @@ def test_a_spec_needs_the_file_no_more(step: Path, tmp_path: Path) -> None:
     assert "of mould.step, to" in section.fixed_inner.title
 
 
+@pytest.mark.nightly("ten seconds; by day a sphere of a file to a nanometre")
 @HERE
 def test_the_exported_face_is_the_given_one_to_a_nanometre(tmp_path: Path) -> None:
     """A freeform face written as STEP, given back, and exported again."""
