@@ -116,6 +116,7 @@ def test_a_good_part_makes_the_light_of_the_design(compared):
     assert len(found.criteria) == 2 and all(criterion.passed for criterion in found.criteria)
 
 
+@pytest.mark.nightly("three seconds; by day the light is that of the deformed lens")
 def test_a_deformed_part_makes_other_light(compared, tmp_path):
     found = compared(HEIGHT)
     found.write(tmp_path, "compare_outer")

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from nightly import first_by_day
 from scenes import random_surface, sphere
 
 from lensforge.scene.made_part import FaceNodes, low_order, ripple, waviness
@@ -22,8 +23,8 @@ def _rms_along_normal(tables, surface) -> float:
 
 @pytest.mark.parametrize(
     "surface",
-    [sphere(5.0), random_surface(1, 5.0, 0.02), random_surface(1, 5.0, 0.06)],
-    ids=["sphere", "freeform", "steep"],
+    first_by_day(1, [random_surface(1, 5.0, 0.02), sphere(5.0), random_surface(1, 5.0, 0.06)], "two seconds each"),
+    ids=["freeform", "sphere", "steep"],
 )
 def test_an_error_has_its_rms_along_the_normal(surface) -> None:
     nodes = FaceNodes.of(GRID, surface)
@@ -54,7 +55,7 @@ def _structure(exponent: float, lags_mm: np.ndarray) -> np.ndarray:
     return np.array(found) * len(tables)
 
 
-@pytest.mark.parametrize("exponent", [2.0, 3.0])
+@pytest.mark.parametrize("exponent", first_by_day(1, [2.0, 3.0], "two seconds each"))
 def test_the_spectrum_is_a_power_law_between_its_wavelengths(exponent: float) -> None:
     """Structure function of the mixture: 2 (1 - exp(-r^2 / 2 s^2)) over widths with their variances."""
     lags = np.array([0.3, 1.0, 3.0, 6.0])
