@@ -28,7 +28,7 @@ def verified(tmp_path_factory):
 def test_the_step_is_cast_beside_the_mesh(verified):
     folder, printed = verified
     brep = json.loads((folder / "verify_512rays.json").read_text(encoding="utf-8"))["receivers"][0]["brep"]
-    assert brep["rays"] == 256
+    assert brep["rays"] == 512
     assert brep["against_design"]["rms"] < 5e-5 * 100.0
     assert printed["verify_512rays"]["receivers"][0]["brep"] == brep
 

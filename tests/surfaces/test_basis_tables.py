@@ -37,10 +37,8 @@ def test_tables_are_no_worse_than_those_of_the_exact_sum(symmetry: str, nodes_pe
         assert table_error(ours.grid, table.numpy(), surface) < 1.5 * best + 3e-5 * 0.01 * scale
 
 
-@pytest.mark.parametrize(
-    "levels", first_by_day(4, [(1,), (4,), (60,), (1, 9, 49, 200), (49, 9), (81, 25, 1)], "more levels")
-)
-@pytest.mark.parametrize("sigma_c", [1.0, 1.75, 3.0, 30.0])
+@pytest.mark.parametrize("levels", [(1,), (4,), (60,), (1, 9, 49, 200), (49, 9), (81, 25, 1)])
+@pytest.mark.parametrize("sigma_c", first_by_day(2, [1.75, 30.0, 1.0, 3.0], "more widths"))
 def test_any_levels_of_any_width_in_any_order_are_tables(levels: tuple[int, ...], sigma_c: float) -> None:
     basis, rng = SrbfBasis(levels, sigma_c), np.random.default_rng(1)
     grid, halvings = dyadic_grid([level_sigma(count, sigma_c) for count in levels], 3.4)
