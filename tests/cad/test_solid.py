@@ -44,7 +44,7 @@ def test_a_shell_has_its_faces_and_the_volume_of_its_closed_form(radii, base, na
     assert solid.volume_mm3 == pytest.approx(volume, rel=1e-9)
 
 
-@pytest.mark.parametrize("seed", first_by_day(2, range(4)))
+@pytest.mark.parametrize("seed", first_by_day(1, range(4)))
 def test_a_rim_that_crosses_the_cylinder_gives_a_valid_solid_of_the_right_volume(seed):
     inner, outer = random_surface(6.0, 0.02, seed), random_surface(12.7, 0.02, seed + 50)
     solid = solid_of(inner, outer, BaseSection())

@@ -152,7 +152,7 @@ def test_figures_without_noise_of_the_same_replicates() -> None:
     assert region is not None and region.peak.value == pytest.approx(page_light.peak(page, target), rel=1e-10)
 
 
-@pytest.mark.parametrize("name", LENSES)
+@pytest.mark.parametrize("name", first_by_day(3, LENSES))
 def test_radius_and_normal(folder: Path, name: str) -> None:
     lens = scene(folder, name)
     rng = np.random.default_rng(1)

@@ -1,6 +1,7 @@
 """The search from hopeless starts: dark receivers, empty masks, clipped sources; refused, or finite numbers."""
 
 import numpy as np
+import pytest
 from extremes import fuzzed
 from hypothesis import example, given
 from hypothesis import strategies as st
@@ -11,6 +12,7 @@ from lensforge.search.optimiser import search
 from lensforge.sources.build_source import SquareEmitter
 
 
+@pytest.mark.nightly("random starts of searches")
 @fuzzed(5)
 @given(
     index=st.sampled_from([1.0, 1.4936, 4.0]),

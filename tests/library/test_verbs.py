@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from coarse_part import coarse_part
 from matplotlib.axes import Axes
-from nightly import NIGHTLY
+from nightly import NIGHTLY, first_by_day
 from scenes import small_spec, sphere
 
 import lensforge as lf
@@ -200,7 +200,12 @@ def test_light_of_another_source_is_known_as_such(small_run: lf.Run) -> None:
         lf.verify(small_run.part, light)
 
 
-@pytest.mark.parametrize("damage", ["no JSON", "other arrays", "other files", "an extra that nobody makes again"])
+@pytest.mark.parametrize(
+    "damage",
+    first_by_day(
+        2, ["no JSON", "other arrays", "other files", "an extra that nobody makes again"], "more cases of the same"
+    ),
+)
 def test_a_stage_that_is_run_again_mends_a_damaged_record(small_run: lf.Run, tmp_path: Path, damage: str) -> None:
     folder = tmp_path / "run"
     shutil.copytree(small_run.folder, folder)

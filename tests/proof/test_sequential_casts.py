@@ -87,7 +87,11 @@ def caster(request, lens_step):
     return casts[request.param], PRECISION[request.param]
 
 
-@pytest.mark.parametrize("own", [None, np.linspace(0.0, 0.1, len(RAYS))], ids=["one for all", "of each ray"])
+@pytest.mark.parametrize(
+    "own",
+    first_by_day(1, [None, np.linspace(0.0, 0.1, len(RAYS))]),
+    ids=["one for all", "of each ray"],
+)
 def test_rays_lose_by_their_paths_in_the_body_what_the_law_says(caster, own):
     send, precision = caster
     entered = RAYS.origins + INNER.far_hit(RAYS.origins, RAYS.directions)[:, None] * RAYS.directions

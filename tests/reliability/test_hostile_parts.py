@@ -165,7 +165,6 @@ def test_shuffled_references_are_one_line(tmp_path: Path, seed: int) -> None:
         assert "\n" not in str(caught.value)
 
 
-@pytest.mark.nightly("ten seconds; by day the faults of parts and the note on files written again")
 def test_verification_judges_the_light_of_an_altered_file_and_names_it(small_run: lf.Run) -> None:
     stl = b"altered" + small_run.part.stl[7:]  # the header: the same triangles
     altered = small_run.part.model_copy(update={"stl": stl})

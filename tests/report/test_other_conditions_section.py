@@ -4,7 +4,7 @@ from contextlib import nullcontext
 
 import pytest
 from agreeing_results import agreeing
-from nightly import NIGHTLY
+from nightly import NIGHTLY, first_by_day
 from page_text import Page, text_of, undrawn_page_of
 from result_folders import (
     STAGES,
@@ -104,15 +104,18 @@ def test_others_are_read_back_and_no_stage_takes_them(tmp_path):
 
 @pytest.mark.parametrize(
     ("changes", "sentence", "shown"),
-    [
-        ({}, "Light, files and cutting pass.", "pass"),
-        (
-            {"evaluate": {"nmse": Metric(value=0.46, standard_error=0.001)}},
-            "Light fails. Files and cutting pass.",
-            "fail",
-        ),
-        ({"evaluate": {"nmse": Metric(value=0.1, standard_error=0.01)}}, "Light is undecided.", "open"),
-    ],
+    first_by_day(
+        2,
+        [
+            ({}, "Light, files and cutting pass.", "pass"),
+            (
+                {"evaluate": {"nmse": Metric(value=0.46, standard_error=0.001)}},
+                "Light fails. Files and cutting pass.",
+                "fail",
+            ),
+            ({"evaluate": {"nmse": Metric(value=0.1, standard_error=0.01)}}, "Light is undecided.", "open"),
+        ],
+    ),
 )
 def test_the_top_line_is_the_verdict(changes, sentence, shown):
     page = undrawn_page_of(make_results(**changes))
