@@ -1,7 +1,6 @@
 """The search from hopeless starts: dark receivers, empty masks, clipped sources; refused, or finite numbers."""
 
 import numpy as np
-import pytest
 from extremes import fuzzed
 from hypothesis import example, given
 from hypothesis import strategies as st
@@ -12,8 +11,7 @@ from lensforge.search.optimiser import search
 from lensforge.sources.build_source import SquareEmitter
 
 
-@pytest.mark.nightly("random starts of searches")
-@fuzzed(5)
+@fuzzed(5, by_day=2)
 @given(
     index=st.sampled_from([1.0, 1.4936, 4.0]),
     side=st.sampled_from([0.0, 1e-9, 1.0, 5.9, 20.0]),
