@@ -162,6 +162,7 @@ def test_a_window_with_a_gap_reports_what_leaks():
     assert total(budget) == pytest.approx(1.0, abs=1e-12)
 
 
+@pytest.mark.nightly("two seconds; by day the sequential casts")
 def test_rays_with_an_index_each_go_as_if_the_lens_had_it():
     rays = lambertian(12, 2.0, seed=5)
     for index in (1.45, 1.55):

@@ -77,6 +77,7 @@ def test_what_is_too_fine_counts_by_its_slope() -> None:
     assert ripple(coarse, 0.1).slope == pytest.approx(np.pi / (np.sqrt(2.0) * 0.1) / np.sqrt(2.0))
 
 
+@pytest.mark.nightly("two seconds")
 def test_tables_hold_a_wave_that_counts_as_fitting() -> None:
     """The narrowest field that a table takes, against its values between the nodes: by a table twice as fine."""
     surface, grid, finer = sphere(5.0), TableGrid(101), GRID

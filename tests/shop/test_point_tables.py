@@ -104,6 +104,7 @@ def test_a_table_read_back_and_interpolated_is_within_its_stated_error_down_to_t
         assert 0.2 * stated_nm(head) < found <= 1.05 * stated_nm(head)
 
 
+@pytest.mark.nightly("two seconds; by day tables are within their errors")
 def test_the_error_falls_with_the_order_of_the_interpolation():
     face = FaceToCut("outer", rough(6.0, 2), 1)
     for scheme, order in (("bicubic", 4.0), ("linear", 2.0)):

@@ -179,6 +179,7 @@ def test_a_cad_face_that_is_none_is_one_line(shape, face, message: str, tmp_path
     assert "\n" not in str(caught.value) and "part.step" in str(caught.value)
 
 
+@pytest.mark.nightly("two seconds; by day a cone")
 @HERE
 def test_several_faces_with_a_kink_between_them_are_refused_with_the_place(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
