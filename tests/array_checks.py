@@ -14,7 +14,7 @@ from typing import Any
 import jaxtyping
 from nightly import NIGHTLY
 
-CALLS = 8  # of each function in each test
+CALLS = 3  # of each function in each test
 _jaxtyped = jaxtyping.jaxtyped
 _calls: dict[tuple[str, str, int], list[int]] = {}
 _begun: list[list[int]] = []

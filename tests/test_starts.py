@@ -32,6 +32,7 @@ def test_the_best_of_the_starts_is_the_design_of_its_seed(tmp_path):
     assert said[0].startswith("start 1 of 2: seed 5, NMSE ")
 
 
+@pytest.mark.nightly("three searches")
 def test_rays_of_a_file_that_judge_the_best_do_not_choose_it(monkeypatch):
     """The rays that are held back are in no evaluation of the starts."""
     rays = Path(__file__).parents[1] / "examples" / "led.tm25ray"

@@ -68,11 +68,3 @@ class FormTolerance(Record):
     face: Text
     width_um: Positive
     datum_faces: tuple[Text, ...]
-
-
-class Signature(Record):
-    """Author, organisation ("" where not given) and date (2026-01-31) of the files."""
-
-    author: Text
-    organisation: Text
-    date: CalendarDate | None

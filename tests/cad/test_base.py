@@ -57,12 +57,12 @@ def closed_form(inner, outer, base, below, relief):
     return shell + below - opening * (base.height_mm - pocket) - relief * (area - seat)
 
 
-# Each base, and the step, by day; all pairs nightly.
-PAIRS = [("square", 0.0), ("flat", 0.7), ("flange", 0.0), ("pocket", 0.7), ("square, pocket, flange", 0.7)]
+# Each feature of a base by day, with a step and without; all pairs nightly.
+PAIRS = [("square, pocket, flange", 0.7), ("flat", 0.0), ("square", 0.0), ("flange", 0.0), ("pocket", 0.7)]
 PAIRS += [(name, relief) for name in BASES for relief in (0.0, 0.7) if (name, relief) not in PAIRS]
 
 
-@pytest.mark.parametrize(("name", "relief"), first_by_day(5, PAIRS))
+@pytest.mark.parametrize(("name", "relief"), first_by_day(2, PAIRS))
 def test_every_base_is_one_closed_named_body_of_its_closed_form(name, relief):
     keys, faces, below = BASES[name]
     base = BaseSection(**keys, relief_step_mm=relief)
@@ -109,7 +109,7 @@ def test_a_step_that_stands_back_from_the_rim_is_a_circle_all_around(width):
 
 
 # Each takes a second: a thousand of them nightly.
-@settings(max_examples=min(scaled(12, by_day=5), 1000), deadline=None, derandomize=True)
+@settings(max_examples=min(scaled(12, by_day=2), 1000), deadline=None, derandomize=True)
 @given(
     seed=st.integers(0, 10_000),
     outer=st.floats(8.0, 13.7),

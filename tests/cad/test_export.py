@@ -19,7 +19,9 @@ def failed(part):
     return [criterion.name for criterion in part.criteria if not criterion.passed]
 
 
-@pytest.mark.parametrize(("inner", "outer"), first_by_day(1, PAPER_SCALES[::-1]))
+@pytest.mark.parametrize(
+    ("inner", "outer"), first_by_day(0, PAPER_SCALES[::-1], "five seconds; by day random lenses of fewer functions")
+)
 def test_a_lens_of_the_paper_passes_every_criterion(inner, outer):
     lens = make_lens(inner, outer, 0.01, levels=ALL_LEVELS)
     part = build_part(lens)
@@ -37,7 +39,8 @@ def test_a_lens_of_the_paper_passes_every_criterion(inner, outer):
     assert len(part.step) <= 3_000_000
 
 
-@pytest.mark.parametrize("seed", first_by_day(3, range(10)))  # the first three hold every base and symmetry
+# By day bases of two widths, and two symmetries.
+@pytest.mark.parametrize("seed", first_by_day(2, [1, 2, 0, *range(3, 10)]))
 def test_random_lenses_are_valid_closed_and_watertight(seed):
     inner, outer = PAPER_SCALES[seed % 2]
     base = [{"kind": "none"}, {"diameter_mm": 2.0 * outer}, {"diameter_mm": 2.02 * outer}][seed % 3]

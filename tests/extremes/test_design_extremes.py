@@ -11,7 +11,7 @@ from lensforge.search.optimiser import search
 from lensforge.sources.build_source import SquareEmitter
 
 
-@fuzzed(5)
+@fuzzed(5, by_day=2)
 @given(
     index=st.sampled_from([1.0, 1.4936, 4.0]),
     side=st.sampled_from([0.0, 1e-9, 1.0, 5.9, 20.0]),

@@ -97,7 +97,7 @@ def _one_line(refusal: InputError) -> None:
     assert lines and all("\n" not in line and 0 < len(line) < 400 for line in lines)
 
 
-@fuzzed(60, by_day=25)
+@fuzzed(60, by_day=8)
 @given(_contents(), st.integers(0, 2**31), st.sampled_from([0.0, 1e-12, 0.01, 0.1, 1.0]))
 def test_any_spec_is_refused_in_one_line_or_judged_soundly(content: dict, seed: int, roughness: float) -> None:
     try:

@@ -43,6 +43,7 @@ print(found.cache_path, len(found.cache_hits), len(found.cache_misses))
 """
 
 
+@pytest.mark.nightly("two more processes that compile")
 def test_a_second_checkout_runs_what_the_first_has_compiled(tmp_path: Path) -> None:
     found = []
     for name in ("first", "second"):

@@ -4,6 +4,8 @@ import inspect
 import subprocess
 import sys
 
+import pytest
+
 import lensforge as lf
 from lensforge.results import StageResult
 
@@ -55,6 +57,7 @@ def test_every_plot_takes_axes_first_and_choices_by_name() -> None:
             assert choice.kind == choice.KEYWORD_ONLY and choice.default is not choice.empty, (cls, choice)
 
 
+@pytest.mark.nightly("a process with every result")
 def test_what_cannot_be_plotted_is_one_line(whole_run: lf.Run) -> None:
     run = subprocess.run([sys.executable, "-c", _WRONG, str(whole_run.folder)], capture_output=True, encoding="utf-8")
     assert (run.returncode, run.stdout) == (0, "all refused\n"), run.stderr

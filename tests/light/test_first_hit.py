@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from hard_rays import all_hits, gap, hard_rays
+from nightly import first_by_day
 from scenes import random_surface
 
 from lensforge.kernels.bicubic import surface_bounds
@@ -46,7 +47,7 @@ def _wrong(seed: int, roughness: float, count: int) -> tuple[int, int]:
     return int((late | missed | astray | lost).sum()), several
 
 
-@pytest.mark.parametrize(("seed", "roughness"), [(1, 0.01), (2, 0.03), (3, 0.06)])
+@pytest.mark.parametrize(("seed", "roughness"), first_by_day(1, [(1, 0.01), (2, 0.03), (3, 0.06)], "a second each"))
 def test_no_hard_ray_is_wrong(seed: int, roughness: float) -> None:
     wrong, several = _wrong(seed, roughness, 4000)
     assert several > 20, "the surface should be wavy enough for rays that cross it more than once"

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from nightly import first_by_day
 from scenes import random_surface, small_spec, sphere
 
 import lensforge as lf
@@ -45,7 +46,9 @@ def test_the_index_alone_is_that_of_another_material() -> None:
     assert warm.efficiency.value > lf.evaluate(lens_of(small_spec())).efficiency.value, "less is reflected"
 
 
-@pytest.mark.parametrize("base", [{"kind": "none"}, {"diameter_mm": 16.0, "height_mm": 2.5}])
+@pytest.mark.parametrize(
+    "base", first_by_day(1, [{"kind": "none"}, {"diameter_mm": 16.0, "height_mm": 2.5}], "another base")
+)
 def test_expansion_alone_conserves_the_light_of_a_scene_that_is_as_much_smaller(base: dict[str, object]) -> None:
     """Lens, source and receiver of one scale have one light; the seat stays, and the source is nearer to it."""
     e, depth = 5e-4 * 100.0, 2.5 if "height_mm" in base else 0.0

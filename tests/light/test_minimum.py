@@ -4,6 +4,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from nightly import first_by_day
 from noisy_images import bumpy, noisy
 from scipy.stats import norm
 
@@ -29,15 +30,18 @@ def _spot(depth: float, width: float = 3.0) -> np.ndarray:
 
 @pytest.mark.parametrize(
     ("truth", "noise"),
-    [
-        (np.ones((SIDE, SIDE)), 0.01),  # all pixels alike: the noise alone decides
-        (bumpy(SIDE, 0.01), 0.001),
-        (bumpy(SIDE, 0.01), 0.005),
-        (bumpy(SIDE, 0.01), 0.03),  # the noise outweighs the bumps
-        (_spot(0.1), 0.002),
-        (_spot(0.1), 0.02),
-        (np.linspace(0.9, 1.1, SIDE)[:, None] * np.ones((SIDE, SIDE)), 0.01),  # a dark edge of equal pixels
-    ],
+    first_by_day(
+        3,
+        [
+            (np.ones((SIDE, SIDE)), 0.01),  # all pixels alike: the noise alone decides
+            (bumpy(SIDE, 0.01), 0.001),
+            (bumpy(SIDE, 0.01), 0.005),
+            (bumpy(SIDE, 0.01), 0.03),  # the noise outweighs the bumps
+            (_spot(0.1), 0.002),
+            (_spot(0.1), 0.02),
+            (np.linspace(0.9, 1.1, SIDE)[:, None] * np.ones((SIDE, SIDE)), 0.01),  # a dark edge of equal pixels
+        ],
+    ),
     ids=["flat", "bumps, little noise", "bumps", "bumps, much noise", "spot, little noise", "spot", "dark edge"],
 )
 def test_the_bias_is_within_one_standard_error_which_covers(truth: np.ndarray, noise: float) -> None:

@@ -62,6 +62,7 @@ def test_the_page_shows_it(folder: Path, undrawn: None) -> None:
     assert "lens_corrected_inner.step" in page and "longer waves pass; given" in page.replace("\u202f", " ")
 
 
+@pytest.mark.nightly("two seconds; by day other conditions of the light")
 def test_other_rays_have_files_of_their_own(folder: Path) -> None:
     done = run(folder, "--points", folder / "points.csv", "--surface", "inner", "--wavelength", 3.0, "--rays", 64)
     assert done.exit_code == 0, done.output

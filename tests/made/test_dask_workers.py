@@ -69,6 +69,7 @@ def one_killed(cluster):
     return progress, killed
 
 
+@pytest.mark.nightly("workers that are killed")
 def test_one_worker_four_and_one_killed_give_the_bits_of_this_process(cluster, few_rays):
     here, address = study(), cluster.scheduler_address
     assert study(scheduler=address) == here
@@ -96,6 +97,7 @@ def test_a_worker_with_other_versions_is_named_in_one_line(cluster, few_rays, mo
         study(scheduler=cluster.scheduler_address)
 
 
+@pytest.mark.nightly("a scheduler that is killed")
 def test_parts_that_were_measured_outlive_a_lost_scheduler(few_rays, tmp_path, monkeypatch):
     monkeypatch.setattr("lensforge.made.measured_parts._SAVE_SECONDS", 0.0)
     kept = tmp_path / "parts.npz"

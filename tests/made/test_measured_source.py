@@ -38,6 +38,7 @@ def studies(made, **rays):
     yield lf.sensitivity(design, **rays)
 
 
+@pytest.mark.nightly("three studies; by day they state fewer rays")
 def test_a_study_states_the_rays_of_the_file(made):
     for found in studies(made, rays=4096):
         assert found.rays == 0.3 * MEASURED and found.conditions is None, "those that no search has used"

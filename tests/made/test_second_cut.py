@@ -88,6 +88,7 @@ def test_the_second_cut_has_the_light_of_the_design(corrected, side):
     assert abs(found.change.nmse.value) <= 3.0 * found.change.nmse.standard_error
 
 
+@pytest.mark.nightly("four seconds; by day a whole gain")
 def test_half_a_gain_leaves_half(corrected):
     found, again, error = corrected("inner", "rigid", gain=0.5, wavelength_mm=1.5, rays=64)
     u = directions(5000, 5)

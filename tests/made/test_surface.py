@@ -38,7 +38,7 @@ def recovered(cloud):
     return form, np.sum(LENS.outer.normal(u) * u, axis=1) * form.deviation.surface.radius(u), u
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.002])
+@pytest.mark.parametrize("noise", first_by_day(1, [0.0, 0.002]))
 def test_a_deformation_is_found_in_a_moved_cloud(noise):
     cloud = probed(LENS.outer, 5000, height_mm=HEIGHT, noise_mm=noise, rotation=ROTATION, shift=SHIFT)
     form, found, u = recovered(cloud)
@@ -116,6 +116,7 @@ def test_a_good_part_makes_the_light_of_the_design(compared):
     assert len(found.criteria) == 2 and all(criterion.passed for criterion in found.criteria)
 
 
+@pytest.mark.nightly("three seconds; by day the light is that of the deformed lens")
 def test_a_deformed_part_makes_other_light(compared, tmp_path):
     found = compared(HEIGHT)
     found.write(tmp_path, "compare_outer")

@@ -147,9 +147,10 @@ def test_the_interval_is_that_of_published_examples(passed: int, count: int, low
     assert (mirrored.low, mirrored.high) == pytest.approx((1.0 - high, 1.0 - low), abs=5e-5)
 
 
+@pytest.mark.nightly("hundreds of parts")
 def test_yields_of_many_seeds_scatter_no_more_than_binomial() -> None:
     first = study_of(None, rays=512)
-    seeds, parts = scaled(200, by_day=12), 40
+    seeds, parts = scaled(200), 40
     median = None
     rates = []
     for seed in range(seeds):

@@ -4,6 +4,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from page_sources import ROOT
 
 # Without the search for garbage, which goes through all pages again and again: a third of the time.
@@ -12,6 +13,7 @@ _BUILD = "import gc, sys; gc.disable(); from sphinx.cmd.build import main; sys.e
 _OPTIONS = ("-W", "--keep-going", "-n", "-q", "-D", "toc_object_entries=0")
 
 
+@pytest.mark.nightly("half a minute")
 def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
     command = [sys.executable, "-c", _BUILD, *_OPTIONS, "-d", tmp_path / "trees", "docs", tmp_path / "site"]
     run = subprocess.run(command, cwd=ROOT, capture_output=True, encoding="utf-8")

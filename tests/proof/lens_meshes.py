@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 import trimesh
@@ -59,6 +60,7 @@ def sphere(radius, centre=(0.0, 0.0, 0.0)):
     return Quadric(centre, (radius,) * 3)
 
 
+@cache
 def rings(count):
     """Directions on the hemisphere in ``count`` rings of 6, 12, 18 ... points, and their triangles."""
     points, first = [np.array([[0.0, 0.0, 1.0]])], [0, 1]

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 from lens_meshes import INDEX, lambertian, right
+from nightly import first_by_day
 
 from lensforge.optics.media import Media, ReflectanceTable
 from lensforge.proof.facet_casting import Grid
@@ -97,7 +98,7 @@ def test_echoes_in_a_slanted_window_land_side_by_side():
     np.testing.assert_allclose(np.diff(x)[:2], 2.0 * thickness * np.tan(bent), rtol=1e-9)
 
 
-@pytest.mark.parametrize("absorption", [0.0, 0.02])
+@pytest.mark.parametrize("absorption", first_by_day(1, [0.02, 0.0], "another absorption"))
 def test_a_source_inside_of_a_ball_shell_gets_out_by_the_closed_form(absorption):
     outer, inner = (trimesh.creation.icosphere(subdivisions=4, radius=radius) for radius in (13.0, 6.0))
     inner.invert()
@@ -112,7 +113,7 @@ def test_a_source_inside_of_a_ball_shell_gets_out_by_the_closed_form(absorption)
     assert total(budget) == pytest.approx(1.0, abs=1e-12)
 
 
-@pytest.mark.parametrize("base", ["polished", "black"])
+@pytest.mark.parametrize("base", first_by_day(2, ["polished", "black"], "more bases"))
 @pytest.mark.parametrize("absorption", [0.0, 0.01])
 def test_all_flux_of_a_lens_is_accounted_for(base, absorption):
     rays = lambertian(2000, 2.0, seed=4)
@@ -161,6 +162,7 @@ def test_a_window_with_a_gap_reports_what_leaks():
     assert total(budget) == pytest.approx(1.0, abs=1e-12)
 
 
+@pytest.mark.nightly("two seconds; by day the sequential casts")
 def test_rays_with_an_index_each_go_as_if_the_lens_had_it():
     rays = lambertian(12, 2.0, seed=5)
     for index in (1.45, 1.55):

@@ -8,6 +8,7 @@ import cadquery as cq
 import numpy as np
 import pytest
 from lens_meshes import lambertian, lens_mesh, oracle, sphere
+from nightly import first_by_day
 
 from lensforge.errors import InputError
 from lensforge.optics.media import CoverGlass, Media, ReflectanceTable
@@ -86,7 +87,11 @@ def caster(request, lens_step):
     return casts[request.param], PRECISION[request.param]
 
 
-@pytest.mark.parametrize("own", [None, np.linspace(0.0, 0.1, len(RAYS))], ids=["one for all", "of each ray"])
+@pytest.mark.parametrize(
+    "own",
+    first_by_day(1, [None, np.linspace(0.0, 0.1, len(RAYS))]),
+    ids=["one for all", "of each ray"],
+)
 def test_rays_lose_by_their_paths_in_the_body_what_the_law_says(caster, own):
     send, precision = caster
     entered = RAYS.origins + INNER.far_hit(RAYS.origins, RAYS.directions)[:, None] * RAYS.directions
@@ -192,7 +197,7 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("name", WRONG)
+@pytest.mark.parametrize("name", first_by_day(2, WRONG, "other ways to be wrong"))
 def test_a_wrong_step_fails(tmp_path, name):
     assert "brep_deviation_rms" in failed(cast_of(step(tmp_path / "lens.step", **WRONG[name]))[0])
 

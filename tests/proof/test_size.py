@@ -62,6 +62,7 @@ def wavy(x, y):
     return 3.0 - 0.2 * (x - 0.4) ** 2 - 0.3 * (y + 0.1) ** 2 + 0.1 * np.cos(51.0 * x + 2.1) * np.cos(49.0 * y - 0.9)
 
 
+@pytest.mark.nightly("three seconds")
 def test_the_top_of_a_wavy_face_is_that_of_its_highest_bump():
     middle, radius, along = (0.15, -0.2), 0.7, np.linspace(-1.02, 1.02, 180)
     x, y = np.meshgrid(along, along, indexing="ij")

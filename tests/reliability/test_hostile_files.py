@@ -168,7 +168,7 @@ def test_a_changed_file_is_read_or_refused_in_one_line(name: str, tmp_path: Path
     path = tmp_path / file
     path.write_bytes(content)
     read(path)
-    for number in range(scaled(40)):
+    for number in range(scaled(40, by_day=20)):
         path.write_bytes(changed(content, random.Random(f"{name} {number}")))
         require_line(lambda: read(path), f"{name} {number}")
 
@@ -179,7 +179,7 @@ def test_a_changed_result_is_read_or_refused_in_one_line(whole_run: lf.Run, tmp_
     before = lf.load(folder)
     for path in sorted(path for path in folder.iterdir() if path.suffix in (".json", ".npz", ".step", ".stl", ".3mf")):
         content = path.read_bytes()
-        for number in range(scaled(4)):
+        for number in range(scaled(4, by_day=1)):
             path.write_bytes(changed(content, random.Random(f"{path.name} {number}")))
             if require_line(lambda: lf.load(folder), f"{path.name} {number}") and path.name != "run.json":
                 assert lf.load(folder).found == before.found, (path.name, number)
@@ -191,7 +191,7 @@ def test_a_changed_checkpoint_is_resumed_or_refused_in_one_line(small_run: lf.Ru
     with pytest.raises(lf.Cancelled):
         lf.design(small_run.spec, accuracy="draft", checkpoint=path, progress=lambda step: step.steps_done < 3)
     content = path.read_bytes()
-    for number in range(scaled(5)):
+    for number in range(scaled(5, by_day=2)):
         path.write_bytes(changed(content, random.Random(number)))
         with pytest.raises((lf.Cancelled, lf.InputError)) as caught:
             lf.design(small_run.spec, accuracy="draft", checkpoint=path, resume=True, progress=lambda _: False)

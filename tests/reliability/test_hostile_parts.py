@@ -158,7 +158,8 @@ def test_a_step_file_from_outside_is_read_as_it_is() -> None:
 def test_shuffled_references_are_one_line(tmp_path: Path, seed: int) -> None:
     content = shuffled(clamp(), seed)
     (tmp_path / "clamp.step").write_bytes(content)
-    for read in (lambda: parse_step(content), lambda: read_custom_base(tmp_path / "clamp.step")):
+    readers = (lambda: read_custom_base(tmp_path / "clamp.step"), lambda: parse_step(content))
+    for read in readers if NIGHTLY else readers[:1]:  # in a child each
         with pytest.raises(InputError, match=r"^\S*(lens|clamp)\.step: ") as caught:
             read()
         assert "\n" not in str(caught.value)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from foreground import default_signals
+from nightly import first_by_day
 from scenes import small_spec
 
 import lensforge as lf
@@ -157,7 +158,7 @@ def test_sigterm_saves_the_search_and_says_so(tmp_path: Path) -> None:
     assert [path.name for path in (tmp_path / "out").iterdir()] == [CHECKPOINT]
 
 
-@pytest.mark.parametrize("seconds", [0.3, 1.0])
+@pytest.mark.parametrize("seconds", first_by_day(1, [0.3, 1.0], "another moment of the same"))
 def test_an_early_ctrl_c_advises_nothing_that_is_not_there(seconds: float, tmp_path: Path) -> None:
     """While the libraries load, or before the first step."""
     spec = tmp_path / "small.toml"
@@ -177,6 +178,7 @@ def test_an_early_ctrl_c_advises_nothing_that_is_not_there(seconds: float, tmp_p
         assert process.returncode == -signal.SIGINT, "before Python had begun the program"
 
 
+@pytest.mark.nightly("ten seconds")
 def test_ctrl_c_while_nearest_points_are_searched_is_no_crash(small_run: lf.Run) -> None:
     """It was a segmentation fault with the threads of ``cKDTree.query``."""
     done = script(

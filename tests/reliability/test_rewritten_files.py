@@ -56,6 +56,7 @@ def verified(folder: Path) -> tuple[int, str, str]:
     return done.exit_code, done.stdout, done.stderr
 
 
+@pytest.mark.nightly("ten seconds; by day an altered file is named")
 def test_files_written_again_pass_with_a_note(folder: Path) -> None:
     rewritten_step(folder, lambda shape: shape, "INCH")
     rewritten_stl(folder, lambda mesh: mesh)

@@ -5,6 +5,7 @@ from itertools import combinations
 
 import pytest
 from matplotlib.text import Text
+from nightly import first_by_day
 from part_files import EXTRAS, verified
 from result_folders import STAGES, make_results, small_lens
 from test_readable_page import SKY, WALL
@@ -58,13 +59,13 @@ def faults(figure):
 # A floor 40 m wide: its places have five digits in mm. Pictures of the lens alone are those of the first lens.
 FLOOR = {"kind": "rectangle", "width_mm": 3e4, "height_mm": 7e3, "distance_mm": 8e3, "receiver_mm": 4e4}
 LENSES = {
-    "one receiver": ({}, (*STAGES, *EXTRAS)),
     "two": ({"wanted": {"receivers": (WALL, SKY)}}, (*STAGES, *EXTRAS)),
+    "one receiver": ({}, (*STAGES, *EXTRAS)),
     "a floor": ({"wanted": {"target": FLOOR}}, ("evaluate", "verify", "stray", "compare", "compare_outer")),
 }
 
 
-@pytest.mark.parametrize(("wanted", "stages"), LENSES.values(), ids=LENSES)
+@pytest.mark.parametrize(("wanted", "stages"), first_by_day(1, LENSES.values(), "ten seconds each"), ids=LENSES)
 def test_labels_are_whole_and_stand_alone(wanted, stages, monkeypatch):
     figures = {}
 
@@ -79,7 +80,7 @@ def test_labels_are_whole_and_stand_alone(wanted, stages, monkeypatch):
     assert {name: found for name, found in figures.items() if found} == {}
 
 
-@pytest.mark.parametrize("height_mm", [2.0, 2.5, 3.0, 5.0])
+@pytest.mark.parametrize("height_mm", first_by_day(2, [2.0, 2.5, 3.0, 5.0], "more heights"))
 def test_the_label_below_a_base_of_any_height_is_whole(height_mm):
     lens = small_lens()
     lens = replace(lens, spec=lens.spec.replace(base={"height_mm": height_mm}))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from made_yield import make_yield
+from nightly import first_by_day
 from page_text import undrawn_page_of
 from shown_folders import FOLDERS, folder_of, lens_of
 from undrawn import undrawn
@@ -88,7 +89,7 @@ def unknown(text: str, known: set[str]) -> list[str]:
     return sorted(numbers_in(text) - known)
 
 
-@pytest.mark.parametrize("name", FOLDERS)
+@pytest.mark.parametrize("name", first_by_day(5, FOLDERS))
 def test_every_number_of_page_and_notebook_is_one_of_a_fact(name):
     results = folder_of(name)
     known = known_of(results)
@@ -157,7 +158,7 @@ def test_every_number_of_the_tradeoff_is_one_of_a_fact(capsys):
     assert len(tables) == 3 and unknown(seen_in("<body>" + " ".join(tables)), known) == []
 
 
-@pytest.mark.parametrize("name", ["every stage", "moulded"])
+@pytest.mark.parametrize("name", first_by_day(1, ["moulded", "every stage"], "five seconds each"))
 def test_every_number_of_the_page_for_the_shop_is_one_of_a_fact(name):
     results = folder_of(name)
     kept = {}

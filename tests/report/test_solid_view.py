@@ -61,6 +61,7 @@ def test_edges_stay_sharp():
             assert normal == pytest.approx(outward / np.linalg.norm(outward), abs=0.01)
 
 
+@pytest.mark.nightly("a renderer; by day the page in a browser has its pictures")
 def test_the_part_is_shown_from_three_sides(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # the renderer finds lensforge wherever its caller stands
     markup = render_report(make_results(("export",)))

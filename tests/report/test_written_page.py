@@ -10,6 +10,7 @@ from lensforge.report.page import write_page, write_pdf
 from lensforge.results.files import pdf_mark
 
 
+@pytest.mark.nightly("a page with every picture, printed")
 @browser.needed
 def test_the_report_on_paper_is_wide_a4_with_every_picture(tmp_path):
     page, results = tmp_path / "report.html", make_results()

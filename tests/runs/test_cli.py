@@ -117,31 +117,29 @@ def killed(tmp_path_factory: pytest.TempPathFactory) -> Killed:
     return Killed(folder / "cad_out" / "small", spec, process.returncode, stderr, resumed)
 
 
-@pytest.fixture
-def designed(killed: Killed) -> Path:
-    """The result folder of that design."""
-    assert killed.resumed.returncode == 0, killed.resumed.stderr
-    assert "  Efficiency " in killed.resumed.stdout
-    return killed.folder
+def test_a_design_leaves_every_file(small_run: lf.Run) -> None:
+    require_every_file(small_run.folder, light=small_run.verdict.light)  # of few steps
 
 
-def test_a_design_leaves_every_file(designed: Path) -> None:
+def require_every_file(designed: Path, light: str = "pass") -> None:
+    """The files of a design that went well, but for its ``light``."""
     for name in ("lens.json", "lens.step", "lens.stl", "report.html"):
         assert (designed / name).stat().st_size > 1000
     for name in ("design", "evaluate", "export", "check", "verify"):
         content = json.loads((designed / f"{name}.json").read_text(encoding="utf-8"))
-        assert all(criterion["passed"] for criterion in content["criteria"]), name
+        failed = [criterion["name"] for criterion in content["criteria"] if not criterion["passed"]]
+        assert failed == [] or (name, light) == ("evaluate", "fail"), name
     verdict = json.loads((designed / "run.json").read_text(encoding="utf-8"))["verdict"]
-    assert (verdict["light"], verdict["files"]) == ("pass", "pass")
+    assert (verdict["light"], verdict["files"]) == (light, "pass")
     assert verdict["cutting"] == "fail" and verdict["reasons"]["cutting"], "said, but no failure of the run"
     assert not list(designed.glob(".writing-*"))
     assert not (designed / "checkpoint.bin").exists()
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_single_stages_run_again(designed: Path, tmp_path: Path) -> None:
+def test_single_stages_run_again(small_run: lf.Run, tmp_path: Path) -> None:
     folder = tmp_path / "again"
-    shutil.copytree(designed, folder)
+    shutil.copytree(small_run.folder, folder)
     own_light, page = (folder / "evaluate.json").read_bytes(), (folder / "report.html").stat().st_mtime_ns
     done = lensforge_here("evaluate", folder, "--rays", 2048, "--pixels", 8, "--json")
     assert done.returncode == 0, done.stderr
@@ -152,12 +150,13 @@ def test_single_stages_run_again(designed: Path, tmp_path: Path) -> None:
     assert json.loads((folder / "evaluate_2048rays_8px.json").read_text(encoding="utf-8"))["rays"] == 2048
     assert (folder / "report.html").stat().st_mtime_ns > page, "a report that is there is renewed"
     (folder / "report.html").unlink()
-    assert lensforge_here("check", folder).returncode == 0
+    with coarse_part():
+        assert lensforge_here("check", folder).returncode == 0
     assert not (folder / "report.html").exists()
     assert lensforge_here("evaluate", folder, "--source", folder / "lens.stl").returncode == 2
 
 
-@pytest.mark.usefixtures("designed")
+@pytest.mark.nightly("a design twice; by day a search is ended by a signal, and another resumed")
 def test_a_killed_design_says_how_to_go_on_and_goes_on_where_it_was(killed: Killed) -> None:
     assert killed.code == 130
     assert "--resume" in killed.stderr
@@ -166,9 +165,12 @@ def test_a_killed_design_says_how_to_go_on_and_goes_on_where_it_was(killed: Kill
 
 
 @pytest.mark.nightly("the whole search again; by day a shorter one resumes to the same bits")
-def test_a_killed_design_resumes_to_the_same_lens(killed: Killed, designed: Path) -> None:
+def test_a_killed_design_resumes_to_the_same_lens(killed: Killed) -> None:
+    assert killed.resumed.returncode == 0, killed.resumed.stderr
+    assert "  Efficiency " in killed.resumed.stdout
+    require_every_file(killed.folder)
     straight = lf.design(lf.load_spec(killed.spec), accuracy="draft").lens
-    assert straight == lf.load_lens(designed / "lens.json")
+    assert straight == lf.load_lens(killed.folder / "lens.json")
 
 
 @pytest.mark.parametrize(

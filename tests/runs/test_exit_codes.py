@@ -84,7 +84,7 @@ COMMANDS = [
 ]
 
 
-@pytest.mark.parametrize(("command", "code"), first_by_day(3, COMMANDS, "five to twenty seconds each"))
+@pytest.mark.parametrize(("command", "code"), first_by_day(2, COMMANDS, "five to twenty seconds each"))
 def test_every_command_renews_the_verdict_and_exits_by_what_it_decides(
     folder: Path, command: tuple[object, ...], code: int
 ) -> None:
@@ -109,7 +109,8 @@ def test_a_part_that_cannot_be_cut_exits_with_1_only_where_the_spec_requires_it(
     record["spec"]["manufacture"] = {"required": True}
     del record["content_sha256"]  # of the lens as it was
     (folder / "lens.json").write_text(json.dumps(record), encoding="utf-8")
-    code, stderr = lensforge("check", folder)  # 0 in the spec as it was, see above
+    with coarse_part():
+        code, stderr = lensforge("check", folder)  # 0 in the spec as it was, see above
     assert code == 1 and "cutting: " in stderr
     assert verdict_in(folder)["cutting"] == "fail"
 
@@ -117,7 +118,8 @@ def test_a_part_that_cannot_be_cut_exits_with_1_only_where_the_spec_requires_it(
 @pytest.mark.usefixtures("undrawn")
 def test_files_that_fail_exit_with_1(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(part_limits, "FORM_LIMIT_NM", 1e-9)  # below rounding: no STEP file is as good
-    code, stderr = lensforge("export", folder)
+    with coarse_part():
+        code, stderr = lensforge("export", folder)
     assert code == 1 and "form_error = " in stderr.splitlines()[-1], stderr
     assert verdict_in(folder)["files"] == "fail"
 

@@ -11,6 +11,7 @@ from typing import TypeVar
 
 import pytest
 from foreground import default_signals
+from nightly import first_by_day
 
 from lensforge.errors import InputError
 from lensforge.results.second_process import IN_TURN, Called, SecondProcess, second_process
@@ -122,7 +123,7 @@ def test_a_script_needs_no_guard_and_its_end_is_that_of_the_other_process(tmp_pa
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere it ends with its work")
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize("how", first_by_day(1, [signal.SIGKILL, signal.SIGINT, signal.SIGTERM], "other signals"))
 def test_no_process_is_left_however_the_first_one_ends(how: signal.Signals, tmp_path: Path) -> None:
     process = started(tmp_path, "wait")
     assert process.stdout is not None and process.stdout.readline() == "script\n"

@@ -57,6 +57,7 @@ def in_a_copy(run: lf.Run, folder: Path, threads: int) -> list[tuple[str, str]]:
     return told
 
 
+@pytest.mark.nightly("fifteen seconds")
 def test_one_thread_and_two_make_the_same_files(
     small_run: lf.Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

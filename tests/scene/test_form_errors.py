@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from nightly import first_by_day
 from scenes import random_surface, sphere
 
 from lensforge.scene.made_part import FaceNodes, low_order, ripple, waviness
@@ -22,8 +23,8 @@ def _rms_along_normal(tables, surface) -> float:
 
 @pytest.mark.parametrize(
     "surface",
-    [sphere(5.0), random_surface(1, 5.0, 0.02), random_surface(1, 5.0, 0.06)],
-    ids=["sphere", "freeform", "steep"],
+    first_by_day(1, [random_surface(1, 5.0, 0.02), sphere(5.0), random_surface(1, 5.0, 0.06)], "two seconds each"),
+    ids=["freeform", "sphere", "steep"],
 )
 def test_an_error_has_its_rms_along_the_normal(surface) -> None:
     nodes = FaceNodes.of(GRID, surface)
@@ -73,6 +74,7 @@ def test_what_is_too_fine_counts_by_its_slope() -> None:
     assert ripple(coarse, 0.1).slope == pytest.approx(np.pi / (np.sqrt(2.0) * 0.1) / np.sqrt(2.0))
 
 
+@pytest.mark.nightly("two seconds")
 def test_tables_hold_a_wave_that_counts_as_fitting() -> None:
     """The narrowest field that a table takes, against its values between the nodes: by a table twice as fine."""
     surface, grid, finer = sphere(5.0), TableGrid(101), GRID

@@ -105,6 +105,7 @@ def test_a_search_by_few_points_still_ends_within_its_limits(seed: int) -> None:
     assert all(each.passed for each in constraint_criteria(lens.spec, feasibility.measure_constraints(lens)))
 
 
+@pytest.mark.nightly("six seconds; by day a search by few points ends within its limits")
 def test_a_limit_that_the_coarse_table_keeps_is_kept_by_the_lens_itself() -> None:
     """Curvatures of a table of 2.5 nodes a sigma are off by more than the margin: one projection is not enough."""
     problem = Problems(

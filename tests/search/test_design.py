@@ -2,6 +2,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from nightly import NIGHTLY
 from scenes import hemisphere_directions, small_spec
 from search_scenes import require_same_bits_after
 
@@ -35,7 +36,7 @@ def test_an_interrupted_design_goes_on_to_the_same_bits(tmp_path: Path, monkeypa
     whole = search(spec, source, accuracy="draft", seed=3)
     assert whole.history[0].constraints["wall_margin_mm"][1] < 0.0, "multipliers are not 0 at the first stop"
 
-    for stop_at in (2, 4, 7):  # within a level, at its end, within the last
+    for stop_at in (2, 4, 7) if NIGHTLY else (4,):  # within a level, at its end, within the last
         require_same_bits_after(stop_at, spec, source, tmp_path / f"{stop_at}.bin", whole, seed=3)
 
 

@@ -4,6 +4,7 @@ import sys
 import numpy as np
 import pytest
 import torch
+from nightly import first_by_day
 from scenes import small_spec
 
 from lensforge.errors import InputError
@@ -120,7 +121,7 @@ def test_limits_that_only_a_projection_shows_to_exclude_each_other_are_named_bef
     require_feasible_start([problem_of(wider, wider.lens.basis.levels)])  # 7.17 mm of radius are enough
 
 
-@pytest.mark.parametrize("symmetry", ["mirror_x", "rectangle", "square"])
+@pytest.mark.parametrize("symmetry", first_by_day(1, ["mirror_x", "rectangle", "square"], "other groups of mirrors"))
 def test_one_of_each_mirror_image_has_the_margins_of_all(symmetry: str, monkeypatch: pytest.MonkeyPatch) -> None:
     spec = small_spec(lens__symmetry=symmetry)
     parametrisation, _, weights, offsets = scene(spec, 0.01, 1.0)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from nightly import first_by_day
 from scenes import small_spec
 from search_scenes import LARGE, Step, require_same_bits_after
 
@@ -109,7 +110,7 @@ def test_a_spec_without_deviations_is_refused_in_one_line() -> None:
         search(spec, build_source(spec.source), accuracy="draft")
 
 
-@pytest.mark.parametrize("levels", [[9, 25], "auto"])
+@pytest.mark.parametrize("levels", first_by_day(1, [[9, 25], "auto"], "three seconds"))
 def test_an_interrupted_search_goes_on_to_the_same_bits(
     levels: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -124,6 +125,7 @@ def test_an_interrupted_search_goes_on_to_the_same_bits(
         search(other, source, accuracy="draft", seed=3, checkpoint=path, resume=True)
 
 
+@pytest.mark.nightly("two searches of seventy steps")
 def test_a_robust_lens_is_better_on_average_over_other_parts() -> None:
     changes = {"optimise__steps_per_level": [30, 40], "optimise__rays": 4096, "optimise__pixels": 16}
     changes |= {"tolerances": {"source_shift_mm": 0.5, "lens_shift_mm": 0.3}}

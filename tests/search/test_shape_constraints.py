@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from nightly import first_by_day
 from scenes import random_surface, small_spec, sphere
 
 from lensforge.cad.patch import fit_patch
@@ -42,7 +43,7 @@ def shop_spec(**changes: Any) -> Spec:
     return small_spec(**(wishes | changes))
 
 
-@pytest.mark.parametrize("make", ["part", "insert"])
+@pytest.mark.parametrize("make", first_by_day(1, ["part", "insert"]))
 def test_the_manufacturing_check_finds_the_same_curvature_and_draft(make: str) -> None:
     spec = shop_spec(manufacture={"make": make})
     lens = Lens(random_surface(1, 3.0, 0.01, (25,)), random_surface(2, 6.0, 0.01, (25,)), spec, 0, "draft")

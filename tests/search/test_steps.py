@@ -50,6 +50,7 @@ def test_the_steps_are_those_of_torch_to_the_last_bit() -> None:
         assert all(torch.equal(a, b) for a, b in zip(ours, theirs, strict=True))
 
 
+@pytest.mark.nightly("a process that loads torch")
 def test_a_step_does_not_load_the_compiler_of_torch() -> None:
     code = (
         "import sys, torch; from lensforge.search.search_state import Adam; "

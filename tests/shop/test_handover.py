@@ -91,6 +91,7 @@ def test_page_and_pdf_say_what_the_shop_must_know(results, handed):
     assert handed.pdf.startswith(b"%PDF")
 
 
+@pytest.mark.nightly("four seconds; by day the same sheet is the same DXF")
 def test_the_same_results_give_the_same_bytes(results, handed):
     assert files_of(results) == handed
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from nightly import first_by_day
 from round_surfaces import Ball
 from shop_lenses import small_lens
 
@@ -69,7 +70,9 @@ def off_surface_nm(points, surface):
     return 1e6 * np.abs(height[:, 0])
 
 
-@pytest.mark.parametrize(("scheme", "error_nm"), [("bicubic", 50.0), ("linear", 5000.0)])
+@pytest.mark.parametrize(
+    ("scheme", "error_nm"), first_by_day(2, [("bicubic", 50.0), ("linear", 5000.0)], "a second each")
+)
 def test_a_table_read_back_and_interpolated_is_within_its_stated_error_down_to_the_rim(scheme, error_nm):
     lens = lens_of(rough(3.0, 1), rough(6.0, 2))
     for name, (head, rows) in written(lens, GridRequest(error_nm=error_nm, interpolation=scheme)).items():
@@ -101,6 +104,7 @@ def test_a_table_read_back_and_interpolated_is_within_its_stated_error_down_to_t
         assert 0.2 * stated_nm(head) < found <= 1.05 * stated_nm(head)
 
 
+@pytest.mark.nightly("two seconds; by day tables are within their errors")
 def test_the_error_falls_with_the_order_of_the_interpolation():
     face = FaceToCut("outer", rough(6.0, 2), 1)
     for scheme, order in (("bicubic", 4.0), ("linear", 2.0)):

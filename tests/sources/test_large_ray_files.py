@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from nightly import first_by_day
 from rayfile_samples import with_spectrum_numbers, with_tables
 from scenes import small_spec
 
@@ -115,7 +116,7 @@ def light(emitter, spec):
     return found
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", first_by_day(4, NAMES))
 def test_the_light_of_a_file_left_on_disk_is_that_of_the_loaded_one_to_the_bit(name, tmp_path, unread):
     spec = sources(tmp_path)[name]
     material = None if name in ("plain", "placed", "arrays", "two files") else MATERIALS["PMMA"]
@@ -146,6 +147,7 @@ def alike(one, other):
     return one == pytest.approx(other, rel=1e-11, abs=1e-14) if isinstance(one, float) else one == other
 
 
+@pytest.mark.nightly("large files, in processes")
 def test_the_memory_of_a_source_does_not_grow_with_its_file(tmp_path):
     """2.2 million rays would be 123 MB loaded, and half as much again for each change of them; numbers are 18 MB."""
     count = 2_200_000

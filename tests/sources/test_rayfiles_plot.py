@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from nightly import first_by_day
 from PIL import Image
 from rayfile_samples import rays
 
@@ -35,7 +36,7 @@ def test_intensity_of_a_lambertian_emitter_is_its_closed_form():
     assert np.count_nonzero(histograms.cosines) / 64**2 == pytest.approx(np.pi / 4, rel=0.05)
 
 
-@pytest.mark.parametrize("role", ["total", "scale"])
+@pytest.mark.parametrize("role", first_by_day(1, ["total", "scale"]))
 def test_intensity_is_absolute_where_the_fluxes_of_the_rays_are_relative(role):
     """Fluxes that add up to 10,000 in a file of 2 W: the scale of the picture is that of 2 W."""
     relative = replace(_lambertian(), flux=_lambertian().flux * 5000.0, header_role=role)

@@ -198,6 +198,7 @@ def test_a_sweep_in_memory_is_that_of_the_folders(swept):
         sweep_of(SPEC, variation, [(found[0][0], Results(found[0][1].lens))])
 
 
+@pytest.mark.nightly("two sweeps")
 def test_a_picture_that_changed_is_not_resumed_from(tmp_path):
     picture = tmp_path / "arrow.png"
     Image.fromarray(np.tri(32, dtype=np.uint8) * 255).save(picture)

@@ -33,6 +33,7 @@ def _without_times(sweep: Sweep) -> dict:
     return content
 
 
+@pytest.mark.nightly("four seconds; by day searches on workers")
 def test_the_files_of_the_workers_make_the_same_sweep(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr("lensforge.report.pipeline.run", _design_only)
     here = run_sweep(

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from nightly import first_by_day
 from scenes import small_spec
 
 from lensforge.kernels.bicubic import refine, refine_adjoint
@@ -22,8 +23,10 @@ def random_weights(count: int) -> torch.Tensor:
     return torch.from_numpy(np.random.default_rng(3).normal(size=(count, 2)) * 0.01)
 
 
-@pytest.mark.parametrize("symmetry", ["none", "mirror_x", "rectangle", "square"])
-@pytest.mark.parametrize("nodes_per_sigma", [2.5, 3.4, 5.0])
+@pytest.mark.parametrize(
+    "symmetry", first_by_day(2, ["none", "mirror_x", "rectangle", "square"], "more widths and groups")
+)
+@pytest.mark.parametrize("nodes_per_sigma", first_by_day(2, [2.5, 3.4, 5.0], "more nodes"))
 def test_tables_are_no_worse_than_those_of_the_exact_sum(symmetry: str, nodes_per_sigma: float) -> None:
     ours = parametrisation(nodes_per_sigma, lens__symmetry=symmetry)
     weights, offsets = random_weights(ours.basis.size), torch.tensor([1.0, 1.1], dtype=torch.float64)
@@ -35,7 +38,7 @@ def test_tables_are_no_worse_than_those_of_the_exact_sum(symmetry: str, nodes_pe
 
 
 @pytest.mark.parametrize("levels", [(1,), (4,), (60,), (1, 9, 49, 200), (49, 9), (81, 25, 1)])
-@pytest.mark.parametrize("sigma_c", [1.0, 1.75, 3.0, 30.0])
+@pytest.mark.parametrize("sigma_c", first_by_day(2, [1.75, 30.0, 1.0, 3.0], "more widths"))
 def test_any_levels_of_any_width_in_any_order_are_tables(levels: tuple[int, ...], sigma_c: float) -> None:
     basis, rng = SrbfBasis(levels, sigma_c), np.random.default_rng(1)
     grid, halvings = dyadic_grid([level_sigma(count, sigma_c) for count in levels], 3.4)
@@ -47,7 +50,7 @@ def test_any_levels_of_any_width_in_any_order_are_tables(levels: tuple[int, ...]
     assert along == pytest.approx(np.sum(by_table * table), rel=1e-9)
 
 
-@pytest.mark.parametrize("count", [9, 34, 115, 404])
+@pytest.mark.parametrize("count", first_by_day(2, [9, 34, 115, 404]))
 def test_the_first_levels_alone_are_the_same_as_zeros_in_the_others(count: int) -> None:
     ours, weights = parametrisation(3.4), random_weights(404)
     weights[count:] = 0.0

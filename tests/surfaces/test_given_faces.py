@@ -6,6 +6,7 @@ import cadquery as cq
 import numpy as np
 import pytest
 from cad_shapes import ball, in_inches, shell, write
+from nightly import NIGHTLY, first_by_day
 from scenes import hemisphere_directions, random_surface, small_spec
 
 import lensforge as lf
@@ -44,15 +45,16 @@ def test_a_sphere_given_in_three_ways_is_one_lens(step: Path, tmp_path: Path) ->
     np.savetxt(tmp_path / "cloud.txt", directions * distance[:, None], fmt="%.12g")
     ways = {
         "kind": FixedSphere(radius_mm=RADIUS, centre_z_mm=CENTRE),
-        "step": FixedCadFace(file=step, face="first").resolved(),
         "points": FixedPoints(file=tmp_path / "cloud.txt").resolved(),
     }
+    if NIGHTLY:  # five seconds; by day the moved sphere of another file
+        ways["step"] = FixedCadFace(file=step, face="first").resolved()
     for name, way in ways.items():
         nm, urad = differences(way.surface, exact)
         assert nm < 1.0 and urad < 1.0, name
 
 
-@pytest.mark.parametrize("coordinates", ["cartesian", "polar"])
+@pytest.mark.parametrize("coordinates", first_by_day(1, ["cartesian", "polar"]))
 def test_points_are_moved_by_their_shift(coordinates: str, tmp_path: Path) -> None:
     """Points on a sphere whose centre is off in three directions, measured about another origin."""
     shift = np.array([0.3, -0.2, 0.5])
@@ -78,6 +80,7 @@ def test_a_lens_file_that_was_changed_is_no_given_face(tmp_path: Path) -> None:
         FixedLensFace(file=tmp_path, face="inner").resolved()
 
 
+@pytest.mark.nightly("five seconds; by day a base in inches")
 @HERE
 def test_a_file_in_inches_is_converted_and_says_so(step: Path, tmp_path: Path) -> None:
     given = FixedCadFace(file=in_inches(step, tmp_path / "inches.step")).resolved()
@@ -129,6 +132,7 @@ def test_a_spec_needs_the_file_no_more(step: Path, tmp_path: Path) -> None:
     assert "of mould.step, to" in section.fixed_inner.title
 
 
+@pytest.mark.nightly("ten seconds; by day a sphere of a file to a nanometre")
 @HERE
 def test_the_exported_face_is_the_given_one_to_a_nanometre(tmp_path: Path) -> None:
     """A freeform face written as STEP, given back, and exported again."""
@@ -175,6 +179,7 @@ def test_a_cad_face_that_is_none_is_one_line(shape, face, message: str, tmp_path
     assert "\n" not in str(caught.value) and "part.step" in str(caught.value)
 
 
+@pytest.mark.nightly("two seconds; by day a cone")
 @HERE
 def test_several_faces_with_a_kink_between_them_are_refused_with_the_place(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -193,10 +198,14 @@ def _is_of_cavity(path: Path, number: int) -> bool:
 
 @pytest.mark.parametrize(
     ("content", "message"),
-    [
-        (b"ISO-10303-21;\nnothing", "not readable as STEP"),
-        (b"", "not readable as STEP|is empty"),
-    ],
+    first_by_day(
+        1,
+        [
+            (b"ISO-10303-21;\nnothing", "not readable as STEP"),
+            (b"", "not readable as STEP|is empty"),
+        ],
+        "another process",
+    ),
 )
 def test_what_is_no_step_file_is_one_line(content: bytes, message: str, tmp_path: Path) -> None:
     (tmp_path / "a.step").write_bytes(content)
