@@ -354,7 +354,7 @@ class Correction(SimulatedResult):
     change: LightMetrics
     criteria: tuple[Criterion, ...]
     file: FileStamp
-    chart: Annotated[Float[np.ndarray, " m"], Array("m", centred=True)]
+    chart: Annotated[Float[np.ndarray, " m"], Array("m")]
     area_mm2: FaceMap
     deviation_map_um: FaceMap
     correction_map_um: FaceMap

@@ -200,13 +200,13 @@ def exported_files(results: Results) -> list[FileRow]:
 
 
 def folder_files(folder: Path, linked: bool) -> list[FileRow]:
-    """Files in ``folder``, without this report (HTML or PDF) and hidden files; ``linked``: relative to the folder.
+    """Files in ``folder``, without this report and hidden files; ``linked``: relative to the folder.
 
     Raises :class:`InputError` for a file that cannot be read.
     """
     found = []
     for path in sorted(folder.iterdir()):
-        if path.is_file() and path.name not in (REPORT_FILE, "report.pdf") and not path.name.startswith("."):
+        if path.is_file() and path.name != REPORT_FILE and not path.name.startswith("."):
             try:
                 with path.open("rb") as file:
                     digest = hashlib.file_digest(file, "sha256").hexdigest()

@@ -11,7 +11,6 @@ from lensforge.light.evaluation_result import Light
 from lensforge.light.photometry_result import Photometry
 from lensforge.made.measured_facts import FIRST
 from lensforge.made.tolerance_result import Sensitivity, Yield
-from lensforge.made.yield_facts import budget_sentence, pass_sentence
 from lensforge.proof.proof_facts import tracer_groups
 from lensforge.proof.proof_result import Proof, ReceiverProof
 from lensforge.proof.stray_result import StrayLight
@@ -22,6 +21,7 @@ from lensforge.report.page import template
 from lensforge.report.record_tables import number_tables, spec_tables
 from lensforge.report.results import REPORT_FILE, Results
 from lensforge.report.solid_view import Rendering, SolidViews
+from lensforge.report.yield_section import yield_section
 from lensforge.results import Group, StageResult
 from lensforge.results.numerals import number, percent
 from lensforge.scene.lens import Lens
@@ -81,7 +81,7 @@ def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, o
         "pictures": _pictures(results),
         "measured": measured_sections(results),
         "seen_at_once": FIRST,
-        "parts": _yield_sentences(results, folder if beside else None),
+        "parts": yield_section(results),
         "other_lights": lights,
         "other_conditions": sum(isinstance(each, Light) for each in results.others.values()),
         "other_results": light_section.other_results(results),
@@ -133,19 +133,6 @@ def _photometry_sentence(results: Results) -> str:
     basis = "per 1000 lm of the source, whose own are not known" if found.per_1000_lm else "are absolute"
     noise = "" if found.node_error is None else f"; the table’s noise is {percent(found.node_error.rms)} rms"
     return f"By {number(found.rays)} rays{noise}. Candela and lumens {basis}."
-
-
-def _yield_sentences(results: Results, folder: Path | None) -> dict[str, str] | None:
-    """Sentences on the yield, and the name of its own page where that lies in ``folder``; None without the study."""
-    found = results.find(Yield)
-    if found is None:
-        return None
-    page = f"{Yield.stage}.html"
-    return {
-        "sentence": pass_sentence(found),
-        "budget": budget_sentence(found),
-        "page": page if folder is not None and (folder / page).is_file() else "",
-    }
 
 
 def _pictures(results: Results) -> dict[str, object]:
