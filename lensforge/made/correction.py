@@ -146,7 +146,6 @@ def correct_face(
     first, second = cut.likeliest.change, _expected(cut, made, request.gain)
     cuts = ChangedLens(lens, side, source, preset.evaluate_nodes_per_sigma, rays)
     design, before, after = cuts.lights(None, first, second)
-    left = cut.points.deviations - made.filtered.values
     error = built.error
     return Correction(
         inputs={"lens": lens.sha256},
@@ -156,14 +155,14 @@ def correct_face(
         scale=scale,
         point_count=len(cloud),
         point_spacing_mm=cut.span.spacing_mm,
-        used_share=cut.used,
+        used_share=cut.placed.share,
         covered_share=cut.covered,
-        pose=pose_of(cut.motion),
+        pose=pose_of(cut.placed.motion),
         gain=request.gain,
         wavelength_mm=cut.chosen.areal.wavelength_mm,
         wavelength_given=request.wavelength_mm is not None,
         noise_rms_um=1e3 * cut.noise_mm,
-        residual_rms_um=1e3 * float(np.sqrt(cut.points.mean_square(left))),
+        residual_rms_um=cut.left_um(made.filtered),
         deviation_um=pixels.extent_um(first),
         correction_um=pixels.extent_um(made.change),
         expected_um=pixels.extent_um(second),
@@ -179,7 +178,7 @@ def correct_face(
         second_cut=after.metrics,
         change=after.replicates.change_from(design.replicates, rays),
         criteria=correction_criteria(
-            cut.used, cut.covered, error.form_max_nm, error.normal_max_mrad, built.volume_change, limit
+            cut.placed.share, cut.covered, error.form_max_nm, error.normal_max_mrad, built.volume_change, limit
         ),
         file=stamp_of(built.step),
         chart=pixels.axis,
