@@ -137,7 +137,8 @@ def correct_face(
     surface: Surface = getattr(lens, side)
     patch = fit_patch(surface)
     cut = FirstCut.of(surface, patch, cloud, request)
-    face, pixels = OpticalFace(patch, _air_side(lens, side)), FacePixels.of(patch)
+    outside = (side == "outer") == (lens.spec.manufacture.make == "part")  # an insert has air where the lens has none
+    face, pixels = OpticalFace(patch, AirSide.OUTSIDE if outside else AirSide.INSIDE), FacePixels.of(patch)
     cutter_mm, scale = lens.spec.manufacture.cutter_radius_mm, lens.spec.manufacture.scale
     made = limited_by_cutter(surface, face, cut.chosen, request.gain, cutter_mm / scale)
     corrected = ChangedSurface(surface, made.change)
@@ -199,12 +200,6 @@ def _expected(cut: FirstCut, made: CutFace, gain: float) -> ChangedSurface:
     noise = cut.noise_mm * np.random.default_rng(_SEED).normal(size=len(cut.points.deviations)) / cut.points.cosines
     measured_again = made.filtered.again(cut.likeliest.values + noise)
     return ChangedSurface(cut.likeliest.change, measured_again.times(-gain))
-
-
-def _air_side(lens: Lens, side: Side) -> AirSide:
-    """The side from which a face is cut; a mould insert has air where the lens has material."""
-    outside = (side == "outer") == (lens.spec.manufacture.make == "part")
-    return AirSide.OUTSIDE if outside else AirSide.INSIDE
 
 
 def _limit(

@@ -12,7 +12,7 @@ from lensforge.light.photometry_result import Photometry
 from lensforge.made.measured_facts import FIRST
 from lensforge.made.tolerance_result import Sensitivity, Yield
 from lensforge.proof.proof_facts import tracer_groups
-from lensforge.proof.proof_result import Proof, ReceiverProof
+from lensforge.proof.proof_result import Proof
 from lensforge.proof.stray_result import StrayLight
 from lensforge.report import exported_part, headline, light_section
 from lensforge.report.exported_part import measured_sections
@@ -24,7 +24,6 @@ from lensforge.report.solid_view import Rendering, SolidViews
 from lensforge.report.yield_section import yield_section
 from lensforge.results import Group, StageResult
 from lensforge.results.numerals import number, percent
-from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Design
 from lensforge.shop.check_facts import finding_groups
 from lensforge.shop.check_result import Check
@@ -46,18 +45,14 @@ def render_report(results: Results, folder: Path | None = None, *, beside: bool 
     if part is None:
         views = SolidViews({}, problem="No 3-D picture: no part has been exported.")
         return template(REPORT_FILE).render(**_context(results, folder, beside), **_solid(views))
-    with closing(Rendering(part.stl, _optics_radius_mm(results.lens))) as rendering:
+    radius_mm = float(results.lens.outer.radius(fibonacci_hemisphere(500)).max())  # to a per cent
+    with closing(Rendering(part.stl, radius_mm)) as rendering:
         context = _context(results, folder, beside)
         return template(REPORT_FILE).render(**context, **_solid(rendering.result()))
 
 
-def _optics_radius_mm(lens: Lens) -> float:
-    """The largest radius (mm) of the outer surface, to a per cent."""
-    return float(lens.outer.radius(fibonacci_hemisphere(500)).max())
-
-
 def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, object]:
-    lens = results.lens
+    lens, proof = results.lens, results.find(Proof)
     possible = light_section.possible_limits(results.spec)
     lights = light_section.other_lights(results)
     return {
@@ -75,7 +70,7 @@ def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, o
         "search_end": headline.search_end(results),
         "times": headline.times(results),
         "facts": _facts(results),
-        "far_proof": any(each.far_field for each in _proofs(results)),
+        "far_proof": proof is not None and any(each.far_field for each in proof.receivers),
         "first": light_section.first_picture(results),
         "photometry": _photometry_sentence(results),
         "pictures": _pictures(results),
@@ -118,11 +113,6 @@ def _facts(results: Results) -> dict[str, list[Group]]:
         "sensitivity": of(Sensitivity),
         "yield": of(Yield),
     }
-
-
-def _proofs(results: Results) -> tuple[ReceiverProof, ...]:
-    proof = results.find(Proof)
-    return () if proof is None else proof.receivers
 
 
 def _photometry_sentence(results: Results) -> str:
