@@ -37,7 +37,7 @@ def yield_facts(found: Yield) -> list[Group]:
 def sensitivity_facts(found: Sensitivity) -> list[Group]:
     """The lens as designed, then a row for each tolerance at its end, that with the largest effect first."""
     designed = (*metric_facts(found.nominal), Fact("rays", "Rays", found.rays))
-    rows = sorted(found.rows, key=lambda row: -abs(row.change.nmse.value))
+    rows = sorted(found.rows, key=lambda row: abs(row.change.nmse.value), reverse=True)
     return [Group("nominal", "As designed", designed), *(_change(row) for row in rows)]
 
 

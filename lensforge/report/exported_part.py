@@ -119,8 +119,10 @@ def _face_pictures(name: str, face: FaceResult, sag: ChartMap, kappa: ChartMap, 
 
 def verification_pictures(results: Results) -> list[list[PagePicture]]:
     """Light of the design, of the part, and their difference, for each receiver."""
-    proof, found = results.find(Proof), []
-    for index, receiver in enumerate(() if proof is None else proof.receivers):
+    proof, found = results.find(Proof), list[list[PagePicture]]()
+    if proof is None:
+        return found
+    for index, receiver in enumerate(proof.receivers):
         chart, unit = receiver.chart, unit_of_light(results, far_field=receiver.far_field)
         design, part, on = receiver.design_irradiance, receiver.irradiance, suffix(proof.receivers, index)
         top = top_of([design, part])
@@ -166,8 +168,10 @@ def _quantiles(receiver: ReceiverProof) -> dict[str, Float[np.ndarray, " q"]]:
 
 def stray_pictures(results: Results) -> list[list[PagePicture]]:
     """Flux budget with all reflections, stray light, and all light minus the design's model, for each receiver."""
-    stray, found = results.find(StrayLight), []
-    for index, receiver in enumerate(() if stray is None else stray.receivers):
+    stray, found = results.find(StrayLight), list[list[PagePicture]]()
+    if stray is None:
+        return found
+    for index, receiver in enumerate(stray.receivers):
         chart, unit = receiver.chart, unit_of_light(results, far_field=receiver.far_field)
         scattered = light_figures.irradiance_map(receiver.stray, chart, top_of([receiver.stray]), unit=unit)
         change = light_figures.difference_map(receiver.direct + receiver.stray - receiver.sequential, chart, unit)
