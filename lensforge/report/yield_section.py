@@ -32,7 +32,7 @@ _MOST_PLOTS = 9  # of distributions: a spec may have hundreds of limits, all of 
 
 @dataclass(frozen=True)
 class YieldSection:
-    """What the report says of the ``result`` beside its facts: sentences, pictures, and the tolerances ``drawn``."""
+    """Sentences and pictures of the ``result`` beside its facts, and the tolerances that were ``drawn``."""
 
     result: Yield
     sentence: str
