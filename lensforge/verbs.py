@@ -34,7 +34,6 @@ from lensforge.report.sweep import Sweep
 from lensforge.report.tradeoff import Tradeoff
 from lensforge.results import Conditions, Metric
 from lensforge.results.criteria import Criterion
-from lensforge.results.files import require_own
 from lensforge.results.verdict import Verdict
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.search.design_result import Design, Progress
@@ -142,21 +141,9 @@ def _lens_of_photo(here: RunFolder, options: Mapping[str, Any]) -> dict[str, obj
     return {"lens": here.run.lens} if options.get("on") is not None else {}
 
 
-def _kept_parts(here: RunFolder, options: Mapping[str, Any]) -> dict[str, object]:
-    """The file of measured parts; a page that is not ours is refused before the study, not after it."""
-    if options.get("tolerances") is None:
-        require_own(here.path / f"{Yield.stage}.html")
-    return {"checkpoint": here.path / YIELD_PARTS}
-
-
 def _write_parts(here: RunFolder, found: Yield) -> None:
-    """Write the table of parts and the page beside the record; what was kept of an interrupted study goes."""
-    from lensforge.report.page import write_page
-    from lensforge.report.yield_page import render_yield
-
-    stem = stem_of(found)
-    found.save(here.path / f"{stem}.csv")
-    write_page(render_yield(found, here.run, f"{stem}.csv"), here.path / f"{stem}.html")
+    """Write the table of parts beside the record; what was kept of an interrupted study goes."""
+    found.save(here.path / f"{stem_of(found)}.csv")
     (here.path / YIELD_PARTS).unlink(missing_ok=True)
 
 
@@ -232,11 +219,11 @@ YIELD = FolderStage(
     tolerance,
     """Draw parts of the lens in DIR from its tolerances.
 
-    The share that passes, which tolerance decides, and how large each may be; writes yield.json, yield.csv and
-    yield.html. An interrupted study goes on where it was.
+    The share that passes, which tolerance decides, and how large each may be; writes yield.json and
+    yield.csv, and the report shows them. An interrupted study goes on where it was.
     """,
     options=("parts", "rays", "seed", "tolerances", "budget", "threads", "scheduler"),
-    settings=_kept_parts,
+    settings=lambda here, _: {"checkpoint": here.path / YIELD_PARTS},
     after=_write_parts,
     counts="parts",
 )

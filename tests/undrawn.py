@@ -9,10 +9,8 @@ from typing import Any
 import pytest
 from matplotlib.figure import Figure
 
-from lensforge.report import lens_page, yield_page
+from lensforge.report import lens_page
 from lensforge.report.solid_view import SolidViews
-
-PAGES = (lens_page, yield_page)  # loaded with all that they draw, so that it can be replaced
 
 
 class NoViews:

@@ -1,7 +1,7 @@
 """The end of a command: its results as blocks of the screen or as JSON, warnings, and the criteria it must meet."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -67,14 +67,13 @@ def finish_run(output: Output, run: Run) -> None:
     _require_pass(run)
 
 
-def finish_page(output: Output, run: Run | None, written: Mapping[str, Path]) -> None:
-    """Print the paths of the pages that were ``written``, and the verdict of the ``run`` where they are on one."""
-    names = {name: str(path) for name, path in written.items()}
+def finish_page(output: Output, run: Run | None, page: Path) -> None:
+    """Print the path of the ``page`` that was written, and the verdict of the ``run`` where it is on one."""
     if output.json:
-        print_json({**({} if run is None else document(run)), **names})
+        print_json({**({} if run is None else document(run)), "report": str(page)})
     elif output.screen:
         title = "Comparison" if run is None else headline(run).sentence
-        print_screen([Block(title, list(names.items()))])
+        print_screen([Block(title, [("report", str(page))])])
 
 
 def finish_handover(output: Output, here: RunFolder, made: "Handover") -> None:

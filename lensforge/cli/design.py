@@ -1,5 +1,6 @@
 """Commands that design: ``design``, a whole run; ``preview``, a first look; ``sweep`` and ``tradeoff``, studies."""
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Unpack
 
@@ -171,7 +172,7 @@ def sweep(
 ) -> None:
     """Design SPEC for each value of one field.
 
-    Writes sweep.json, sweep.png and sweep.html.
+    Writes sweep.json and sweep.html.
 
     \b
     lensforge sweep examples/pi.toml --vary constraints.max_radius_mm=8,10,12,14 \\
@@ -229,11 +230,11 @@ def tradeoff(spec: Path, out: Path | None, most_rays: int, threads: int | None, 
     content = load_spec(spec)
     directory = out or Path("cad_out") / content.name
 
-    from lensforge.cli.progress import StageClock, StudyProgress
+    from lensforge.cli.progress import StageClock
     from lensforge.report.tradeoff_study import run_tradeoff
 
     with StageClock("tradeoff", quiet=output.quiet, study=True) as clock, threads_of_torch(threads):
-        announce = StudyProgress(clock).on_stage
-        found = run_tradeoff(content, directory, most_rays=most_rays, announce=announce)
+        begin = partial(clock.begin, "study")
+        found = run_tradeoff(content, directory, most_rays=most_rays, announce=begin, warn=clock.warn)
     block = study_block("Error of each preset on this scene", found.facts)
     finish_study(output, directory, found, block, "tradeoff.html")

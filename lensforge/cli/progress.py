@@ -262,18 +262,3 @@ class PartsProgress:
     def on_parts(self, done: int, expected: int) -> None:
         """Show how many parts have been measured."""
         self._clock.show(f"{done} of {expected} {self._parts}")
-
-
-class StudyProgress:
-    """Progress of a trade-off on ``clock``: a line for each of its studies."""
-
-    def __init__(self, clock: StageClock) -> None:
-        self._clock = clock
-
-    def on_stage(self, words: str) -> None:
-        """Begin a study; a warning is a line of its own."""
-        kind, _, rest = words.partition(": ")
-        if kind == "warning":
-            self._clock.warn(rest)
-        else:
-            self._clock.begin("study", words)

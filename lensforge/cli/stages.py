@@ -16,7 +16,7 @@ from lensforge.report.pipeline import FolderStage, write_comparison, write_repor
 from lensforge.report.pipeline import handover as make_handover
 from lensforge.report.results import REPORT_FILE
 from lensforge.results import StageResult
-from lensforge.results.files import is_free_or_own, require_own, require_writable
+from lensforge.results.files import require_own, require_writable
 from lensforge.verbs import STAGES, STRAY, VERIFY
 
 
@@ -108,9 +108,8 @@ def handover(
 @click.command()
 @click.argument("directories", metavar="DIR...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path), help="The page on several designs; default: compare.html.")
-@click.option("--pdf", is_flag=True, help="Also write a PDF next to the page; needs Chromium or Chrome.")
 @with_output
-def report(directories: tuple[Path, ...], out: Path | None, pdf: bool, output: Output) -> None:
+def report(directories: tuple[Path, ...], out: Path | None, output: Output) -> None:
     """Build report.html from the files in DIR.
 
     Of several folders one page is built that compares the designs.
@@ -118,21 +117,15 @@ def report(directories: tuple[Path, ...], out: Path | None, pdf: bool, output: O
     if len(directories) == 1 and out is not None:
         raise InputError(f"--out = {out}: the report on one design is written to its folder; give two folders or more")
     from lensforge.cli.progress import StageClock
-    from lensforge.report.page import write_pdf
 
     page = directories[0] / REPORT_FILE if len(directories) == 1 else out or Path("compare.html")
-    printed = page.with_suffix(".pdf")
-    for path in (page, printed) if pdf else (page,):  # before the pages are drawn
-        require_own(path)
+    require_own(page)  # before it is drawn
     if len(directories) > 1:
         require_writable(page)
-    stale, run = printed.exists() and is_free_or_own(printed), None
+    run = None
     with StageClock("report", quiet=output.quiet):
         if len(directories) == 1:
             run = write_report(directories[0])
         else:
             write_comparison(directories, page)
-        written = {"report": page, **({"pdf": write_pdf(page)} if pdf else {})}
-    if stale and not pdf:
-        click.echo(f"{printed} showed the earlier page and is removed; --pdf writes a new one", err=True)
-    finish_page(output, run, written)
+    finish_page(output, run, page)

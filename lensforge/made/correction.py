@@ -137,7 +137,8 @@ def correct_face(
     surface: Surface = getattr(lens, side)
     patch = fit_patch(surface)
     cut = FirstCut.of(surface, patch, cloud, request)
-    face, pixels = OpticalFace(patch, _air_side(lens, side)), FacePixels.of(patch)
+    outside = (side == "outer") == (lens.spec.manufacture.make == "part")  # an insert has air where the lens has none
+    face, pixels = OpticalFace(patch, AirSide.OUTSIDE if outside else AirSide.INSIDE), FacePixels.of(patch)
     cutter_mm, scale = lens.spec.manufacture.cutter_radius_mm, lens.spec.manufacture.scale
     made = limited_by_cutter(surface, face, cut.chosen, request.gain, cutter_mm / scale)
     corrected = ChangedSurface(surface, made.change)
@@ -146,7 +147,6 @@ def correct_face(
     first, second = cut.likeliest.change, _expected(cut, made, request.gain)
     cuts = ChangedLens(lens, side, source, preset.evaluate_nodes_per_sigma, rays)
     design, before, after = cuts.lights(None, first, second)
-    left = cut.points.deviations - made.filtered.values
     error = built.error
     return Correction(
         inputs={"lens": lens.sha256},
@@ -156,14 +156,14 @@ def correct_face(
         scale=scale,
         point_count=len(cloud),
         point_spacing_mm=cut.span.spacing_mm,
-        used_share=cut.used,
+        used_share=cut.placed.share,
         covered_share=cut.covered,
-        pose=pose_of(cut.motion),
+        pose=pose_of(cut.placed.motion),
         gain=request.gain,
         wavelength_mm=cut.chosen.areal.wavelength_mm,
         wavelength_given=request.wavelength_mm is not None,
         noise_rms_um=1e3 * cut.noise_mm,
-        residual_rms_um=1e3 * float(np.sqrt(cut.points.mean_square(left))),
+        residual_rms_um=cut.left_um(made.filtered),
         deviation_um=pixels.extent_um(first),
         correction_um=pixels.extent_um(made.change),
         expected_um=pixels.extent_um(second),
@@ -179,7 +179,7 @@ def correct_face(
         second_cut=after.metrics,
         change=after.replicates.change_from(design.replicates, rays),
         criteria=correction_criteria(
-            cut.used, cut.covered, error.form_max_nm, error.normal_max_mrad, built.volume_change, limit
+            cut.placed.share, cut.covered, error.form_max_nm, error.normal_max_mrad, built.volume_change, limit
         ),
         file=stamp_of(built.step),
         chart=pixels.axis,
@@ -200,12 +200,6 @@ def _expected(cut: FirstCut, made: CutFace, gain: float) -> ChangedSurface:
     noise = cut.noise_mm * np.random.default_rng(_SEED).normal(size=len(cut.points.deviations)) / cut.points.cosines
     measured_again = made.filtered.again(cut.likeliest.values + noise)
     return ChangedSurface(cut.likeliest.change, measured_again.times(-gain))
-
-
-def _air_side(lens: Lens, side: Side) -> AirSide:
-    """The side from which a face is cut; a mould insert has air where the lens has material."""
-    outside = (side == "outer") == (lens.spec.manufacture.make == "part")
-    return AirSide.OUTSIDE if outside else AirSide.INSIDE
 
 
 def _limit(

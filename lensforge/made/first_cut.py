@@ -14,9 +14,9 @@ from scipy.spatial import cKDTree
 from lensforge.cad.patch import Patch
 from lensforge.errors import InputError
 from lensforge.made.areal_filter import ArealFilter, FilteredPoints, PointDeviations, shortest_by_nodes_mm
-from lensforge.made.measured_surface import coverage
 from lensforge.made.measurement_result import Registration
-from lensforge.made.registration import RigidMotion, registered
+from lensforge.made.registration import Registered, registered
+from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface
 
 # The filter takes 0.55 of the degrees of freedom of a square grid of points, (2 pi / 3)^2 / 8; with two spacings it
@@ -44,7 +44,7 @@ class FilterRange:
         if shortest > longest:
             raise InputError(
                 f"points: {spacing:.3g} mm apart, must be at most {longest / _SPACINGS:.3g} on a face of "
-                f"{radius:.3g} mm; measure more points"
+                f"{radius:.3g} mm; measure more points, over all of the face"
             )
         return FilterRange(spacing, shortest, longest)
 
@@ -112,6 +112,14 @@ def longest_fitting(points: PointDeviations, span: FilterRange, finest: TriedFil
 
 _MOST_GAIN = 2.0  # beyond, errors grow from cut to cut
 _COVERED_SPACINGS = 2.0  # a place further from the next point than two spacings of them is not measured
+_COVERAGE_DIRECTIONS = 2000
+
+
+def coverage(directions: Float[np.ndarray, "n 3"], reach_rad: float) -> float:
+    """Share of the hemisphere that has a measured point within ``reach_rad``; elsewhere the design is assumed."""
+    chord = 2.0 * np.sin(0.5 * reach_rad)
+    nearest, _ = cKDTree(directions).query(fibonacci_hemisphere(_COVERAGE_DIRECTIONS), distance_upper_bound=chord)
+    return float(np.isfinite(nearest).mean())
 
 
 @dataclass(frozen=True)
@@ -131,15 +139,14 @@ class Request:
 
 @dataclass(frozen=True)
 class FirstCut:
-    """The measured face: motion of its points, their deviations, shares that were used and covered, and the filters.
+    """The measured face: its registered points, their deviations, the share that they cover, and the filters.
 
     ``noise_mm``: rms of the points. ``likeliest``: the deviation by the wavelength that the points themselves ask for;
     ``chosen``: by that of the request.
     """
 
-    motion: RigidMotion
+    placed: Registered
     points: PointDeviations
-    used: float
     covered: float
     span: FilterRange
     noise_mm: float
@@ -162,12 +169,15 @@ class FirstCut:
         chosen = likeliest if wavelength is None else ArealFilter(points, wavelength).solve()
         reach = _COVERED_SPACINGS * span.spacing_mm / points.largest_radius_mm
         return FirstCut(
-            motion=placed.motion,
+            placed=placed,
             points=points,
-            used=placed.share,
             covered=coverage(directions, reach),
             span=span,
             noise_mm=finest.noise_mm,
             likeliest=likeliest,
             chosen=chosen,
         )
+
+    def left_um(self, filtered: FilteredPoints) -> float:
+        """Rms (um), along the normal and over the area, of what ``filtered`` leaves of the points."""
+        return 1e3 * float(np.sqrt(self.points.mean_square(self.points.deviations - filtered.values)))

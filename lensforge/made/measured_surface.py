@@ -8,13 +8,13 @@ from typing import get_args
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial import cKDTree
 
 from lensforge.cad.patch import Patch, fit_patch
 from lensforge.errors import InputError
 from lensforge.light.metrics import relative_square
 from lensforge.light.simulation import TracedLens, TracedLight, traced_light
 from lensforge.light.table_trace import Scene
+from lensforge.made.first_cut import FirstCut, Request
 from lensforge.made.measurement_result import (
     DeviationExtent,
     Pose,
@@ -24,71 +24,14 @@ from lensforge.made.measurement_result import (
     area_extent,
     surface_criteria,
 )
-from lensforge.made.registration import RigidMotion, distances, registered
+from lensforge.made.registration import RigidMotion, distances
 from lensforge.results import Extent, Metric
 from lensforge.scene.lens import Lens
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.sources.ray_bundle import Source
 from lensforge.spec.accuracy import Preset
 from lensforge.surfaces.bicubic_table import grid_for, tabulate
-from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface, to_sphere
-
-_CHUNK = 8192
-_RIDGES = np.logspace(-12, 2, 57)  # of the largest eigenvalue
-_COVERAGE_DIRECTIONS = 2000
-
-
-@dataclass(frozen=True)
-class FormDeviation:
-    """Radial deviation (mm) over direction as an SRBF sum of offset 0, and the rms residual (mm) of the fit."""
-
-    surface: SrbfSurface
-    residual_rms_mm: float
-
-
-def fit_deviation(
-    basis: SrbfBasis, directions: Float[np.ndarray, "n 3"], deviations: Float[np.ndarray, " n"]
-) -> FormDeviation:
-    """Fit radial ``deviations`` (mm) at unit ``directions`` by the functions of ``basis``, without its symmetry.
-
-    Ridge regression, its strength by generalised cross-validation (Golub, Heath and Wahba, Technometrics 21, 1979):
-    the noise of the points decides how much of the detail is kept.
-    """
-    free = SrbfBasis(basis.levels, basis.sigma_c)
-    moments, load, total = np.zeros((free.size, free.size)), np.zeros(free.size), float(np.sum(deviations**2))
-    for rows in np.split(np.arange(len(directions)), range(_CHUNK, len(directions), _CHUNK)):
-        values = free.evaluate(directions[rows])
-        moments += values.T @ values
-        load += values.T @ deviations[rows]
-    eigenvalues, vectors = np.linalg.eigh(moments)
-    eigenvalues, turned = np.maximum(eigenvalues, 0.0), vectors.T @ load
-    ridge = _best_ridge(eigenvalues, turned, total, len(directions))
-    weights = vectors @ (turned / (eigenvalues + ridge))
-    surface = SrbfSurface(free, weights, 0.0)
-    residual = deviations - surface.radius(directions)
-    return FormDeviation(surface, float(np.sqrt(np.mean(residual**2))))
-
-
-def _best_ridge(
-    eigenvalues: Float[np.ndarray, " m"], turned: Float[np.ndarray, " m"], total: float, count: int
-) -> float:
-    """Ridge with the least ``RSS / (n - degrees of freedom)^2``."""
-    ridges = _RIDGES[:, None] * eigenvalues.max()
-    kept = eigenvalues / (eigenvalues + ridges)
-    explained = turned**2 / (eigenvalues + ridges)
-    rss = np.maximum(total - np.sum(explained * (2.0 - kept), axis=1), 1e-14 * total)
-    freedom = count - kept.sum(axis=1)
-    score = np.where(freedom > 0.0, rss / np.maximum(freedom, 1.0) ** 2, np.inf)
-    return float(ridges[np.argmin(score), 0])
-
-
-def coverage(directions: Float[np.ndarray, "n 3"], reach_rad: float) -> float:
-    """Share of the hemisphere that has a measured point within ``reach_rad``; elsewhere the design is assumed."""
-    chord = 2.0 * np.sin(0.5 * reach_rad)
-    nearest, _ = cKDTree(directions).query(fibonacci_hemisphere(_COVERAGE_DIRECTIONS), distance_upper_bound=chord)
-    return float(np.isfinite(nearest).mean())
-
 
 _MAP_PIXELS = 201
 
@@ -156,21 +99,6 @@ class ChangedLens:
 _MOST_RAYS = 2**20
 
 
-@dataclass(frozen=True)
-class Form:
-    """The measured surface in lens coordinates: motion, registered points and distances (mm), and the fit.
-
-    ``used``: share of the points over the surface; ``covered``: share of the surface that was measured.
-    """
-
-    motion: RigidMotion
-    points: Float[np.ndarray, "n 3"]
-    distances: Float[np.ndarray, " n"]
-    deviation: FormDeviation
-    used: float
-    covered: float
-
-
 def compare_surface(
     cloud: Float[np.ndarray, "k 3"],
     *,
@@ -189,25 +117,28 @@ def compare_surface(
     """
     if registration not in get_args(Registration):
         raise InputError(f"registration = {registration!r}: must be one of {', '.join(get_args(Registration))}")
-    patch = fit_patch(getattr(lens, side))
-    form = measure_form(patch, lens.basis, cloud, registration)
+    surface: Surface = getattr(lens, side)
+    patch = fit_patch(surface)
+    cut = FirstCut.of(surface, patch, cloud, Request(registration=registration))
+    form = cut.likeliest
     traced = ChangedLens(lens, side, source, preset.evaluate_nodes_per_sigma, rays)
-    before, after = traced.lights(None, form.deviation.surface)
+    before, after = traced.lights(None, form.change)
+    distance_um = 1e3 * distances(patch, cut.placed.points)[0]
     section, receiver = lens.spec.all_receivers[0], receivers_of(lens.spec, lens.spec.evaluate.pixels)[0]
     pixels = FacePixels.of(patch)
-    form_um = pixels.map_um(form.deviation.surface)
+    form_um = pixels.map_um(form.change)
     inside = np.isfinite(form_um)
     return SurfaceComparison(
         inputs={"lens": lens.sha256},
         surface=side,
         registration=registration,
         point_count=len(cloud),
-        used_share=form.used,
-        covered_share=form.covered,
-        pose=pose_of(form.motion),
-        point_deviation_um=DeviationExtent.of(1e3 * form.distances),
+        used_share=cut.placed.share,
+        covered_share=cut.covered,
+        pose=pose_of(cut.placed.motion),
+        point_deviation_um=DeviationExtent.of(distance_um),
         form_deviation_um=DeviationExtent.of(form_um[inside], pixels.area_mm2[inside]),
-        residual_rms_um=1e3 * form.deviation.residual_rms_mm,
+        residual_rms_um=cut.left_um(form),
         rays=rays,
         receiver=section.name or section.kind,
         far_field=section.kind == "far_field",
@@ -217,31 +148,14 @@ def compare_surface(
         measured=after.metrics,
         change=after.replicates.change_from(before.replicates, rays),
         nmse_between=relative_square(np.stack([after.map, before.map])),
-        criteria=surface_criteria(form.used, form.covered),
-        points=form.points,
-        distance_um=1e3 * form.distances,
+        criteria=surface_criteria(cut.placed.share, cut.covered),
+        points=cut.placed.points,
+        distance_um=distance_um,
         chart=pixels.axis,
         deviation_um=form_um,
         area_mm2=pixels.area_mm2,
         irradiance_design=before.map,
         irradiance_measured=after.map,
-    )
-
-
-def measure_form(
-    patch: Patch, basis: SrbfBasis, cloud: Float[np.ndarray, "k 3"], registration: Registration = "rigid"
-) -> Form:
-    """Register ``cloud`` (mm) to the surface of ``patch``, and fit its radial deviation by ``basis``."""
-    placed = registered(patch, cloud, registration)
-    radius = np.linalg.norm(placed.points, axis=1)
-    directions = placed.points / radius[:, None]
-    return Form(
-        motion=placed.motion,
-        points=placed.points,
-        distances=distances(patch, placed.points)[0],
-        deviation=fit_deviation(basis, directions, radius - patch.radius(directions)),
-        used=placed.share,
-        covered=coverage(directions, float(basis.sigmas.min())),
     )
 
 

@@ -56,8 +56,9 @@ class Alignment(Record):
     def causes(self) -> Iterator[str]:
         """Likely cause of each figure that is beyond doubt, in words."""
         if _beyond_doubt(self.scale, 1.0):
+            where = "farther away" if self.scale is not None and self.scale.value > 1.0 else "closer"
             yield (
-                f"scale {self.scale}: the target may stand {_farther(self.scale)} than in the spec, by that ratio, or "
+                f"scale {self.scale}: the target may stand {where} than in the spec, by that ratio, or "
                 "the corners bound a target of another size than given"
             )
         if _beyond_doubt(self.rotation_deg, 0.0):
@@ -77,10 +78,6 @@ def _beyond_doubt(metric: Metric | None, expected: float) -> bool:
     if metric is None or metric.standard_error is None:
         return False
     return abs(metric.value - expected) > _ERRORS * metric.standard_error
-
-
-def _farther(scale: Metric | None) -> str:
-    return "farther away" if scale is not None and scale.value > 1.0 else "closer"
 
 
 CLIPPED_SHARE = 0.01  # of the target: clipped pixels make a pattern look more uniform than it is

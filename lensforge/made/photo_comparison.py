@@ -267,10 +267,11 @@ def _picture(shot: Shot, grid: PixelGrid, reference: Float[np.ndarray, "h w"]) -
     lit = lit_only(on, dark)
     if shot.corners is not None:
         return _on_target(lit, shot, shot.corners, grid), None
+    border = np.concatenate([reference[0], reference[-1], reference[:, 0], reference[:, -1]])
     square = locate(
         on.light,
         None if dark is None else dark.light,
-        border_share=_border_share(reference),
+        border_share=float(border.mean() / reference.max()),
         lit_square=shot.target_mm is not None,
     )
     seen = _on_target(lit, shot, square.corners, grid)
@@ -293,12 +294,6 @@ def _on_target(picture: Photograph, shot: Shot, corners: Float[np.ndarray, "4 2"
         )
     clipped = float(rectify(picture.clipped.astype(np.float64), corners, target_mm, grid).mean())
     return _OnTarget(normalised(image), clipped, corners)
-
-
-def _border_share(reference: Float[np.ndarray, "h w"]) -> float:
-    """Mean of the simulation at its border over its peak."""
-    border = np.concatenate([reference[0], reference[-1], reference[:, 0], reference[:, -1]])
-    return float(border.mean() / reference.max())
 
 
 def _evenness(image: Float[np.ndarray, "h w"], mask: Bool[np.ndarray, "h w"] | None) -> Evenness:

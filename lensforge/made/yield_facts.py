@@ -37,7 +37,7 @@ def yield_facts(found: Yield) -> list[Group]:
 def sensitivity_facts(found: Sensitivity) -> list[Group]:
     """The lens as designed, then a row for each tolerance at its end, that with the largest effect first."""
     designed = (*metric_facts(found.nominal), Fact("rays", "Rays", found.rays))
-    rows = sorted(found.rows, key=_effect, reverse=True)
+    rows = sorted(found.rows, key=lambda row: abs(row.change.nmse.value), reverse=True)
     return [Group("nominal", "As designed", designed), *(_change(row) for row in rows)]
 
 
@@ -233,7 +233,3 @@ def _change(row: ErrorRow) -> Group:
     """The change of every metric by one tolerance at its end."""
     size = Fact("amount", "Amount", row.amount, _UNITS.get(row.unit, row.unit), digits=3)
     return Group("error", row.name, (size, *metric_facts(row.change)))
-
-
-def _effect(row: ErrorRow) -> float:
-    return abs(row.change.nmse.value)

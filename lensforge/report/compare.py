@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import Light
 from lensforge.light.receiver_light import ReceiverLight
-from lensforge.made.measurement_result import PhotoComparison
-from lensforge.report.exported_part import RELATIVE, source_outline
+from lensforge.report.exported_part import source_outline
 from lensforge.report.headline import asked_facts, further_facts, headline, task
 from lensforge.report.lens_figures import lens_section, reach_mm
 from lensforge.report.light_figures import along, encircled_share, irradiance_map, label_positions, label_radii
@@ -35,7 +34,7 @@ from lensforge.results.figure_style import (
     in_report_style,
     new_figure,
 )
-from lensforge.results.numerals import NOTHING, number
+from lensforge.results.numerals import NOTHING
 from lensforge.version import __version__
 
 _MOST = 8  # columns: more do not fit on a page
@@ -230,35 +229,15 @@ class ComparedPictures:
 
     @cached_property
     def curves(self) -> list[PagePicture]:
-        """Lines across the receivers and encircled energy: all designs whose places have one unit in one picture."""
-        groups = [[lit for lit in self._lit if lit.chart.far_field == far_field] for far_field in (False, True)]
-        found: list[PagePicture] = []
-        for lit in groups:
-            if lit:
-                where = ("in the far field" if lit[0].chart.far_field else "at a distance") if all(groups) else ""
-                found += self._curves(lit, "-far" if found else "", f", {where}" if where else "")
-        return found
-
-    def _curves(self, lit: Sequence[_Lit], end: str, where: str) -> list[PagePicture]:
-        share = "Share of each receiver's flux."
+        """Lines across the receivers and encircled energy, all that have the unit of the first in one picture."""
+        lit = [each for each in self._lit if each.chart.far_field == self._lit[0].chart.far_field]
+        if not lit:
+            return []
         return [
-            picture(f"across{end}", _lines(lit, (1.0, 0.0)), f"Along y = 0{where}"),
-            picture(f"up{end}", _lines(lit, (0.0, 1.0)), f"Along x = 0{where}"),
-            picture(f"circles{end}", _circles(lit), f"Encircled energy{where}", share),
+            picture("across", _lines(lit, (1.0, 0.0)), "Along y = 0"),
+            picture("up", _lines(lit, (0.0, 1.0)), "Along x = 0"),
+            picture("circles", _circles(lit), "Encircled energy", "Share of each receiver's flux."),
         ]
-
-    @cached_property
-    def photographs(self) -> list[PagePicture]:
-        """Photographs of the machined parts' light, each scaled to a mean of 1, on one scale."""
-        found = ((name, design.find(PhotoComparison)) for name, design in self._designs)
-        taken = [(name, photo) for name, photo in found if photo is not None]
-        top = float(max((photo.measured.max() for _, photo in taken), default=1.0)) or 1.0
-        pictures, width = [], WIDE if len(self._designs) == 2 else NARROW
-        for index, (name, photo) in enumerate(taken):
-            figure = irradiance_map(photo.measured, photo.chart, top, unit=RELATIVE, width=width)
-            alike = f"SSIM to the simulation {number(photo.ssim, 3)}, NMSE {number(photo.nmse, 3)}."
-            pictures.append(picture(f"photo{index}", figure, name, alike))
-        return pictures
 
     @cached_property
     def sections(self) -> list[PagePicture]:

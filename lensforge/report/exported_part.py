@@ -119,25 +119,24 @@ def _face_pictures(name: str, face: FaceResult, sag: ChartMap, kappa: ChartMap, 
 
 def verification_pictures(results: Results) -> list[list[PagePicture]]:
     """Light of the design, of the part, and their difference, for each receiver."""
-    proof = results.find(Proof)
+    proof, found = results.find(Proof), list[list[PagePicture]]()
     if proof is None:
-        return []
-    return [_receiver_pictures(results, proof, index) for index in range(len(proof.receivers))]
-
-
-def _receiver_pictures(results: Results, proof: Proof, index: int) -> list[PagePicture]:
-    receiver, on = proof.receivers[index], suffix(proof.receivers, index)
-    chart, unit = receiver.chart, unit_of_light(results, far_field=receiver.far_field)
-    design, part = receiver.design_irradiance, receiver.irradiance
-    top = top_of([design, part])
-    rays = f"{number(proof.rays)} rays cast through the exported mesh."
-    noise = "Where the two agree, only the noise of the rays is left."
-    draw, difference = light_figures.irradiance_map, light_figures.difference_map(part - design, chart, unit)
-    return [
-        picture(numbered("design", index), draw(design, chart, top, unit=unit), f"Design{on}"),
-        picture(numbered("part", index), draw(part, chart, top, unit=unit), f"Exported part{on}", rays),
-        picture(numbered("part-minus-design", index), difference, f"Part minus design{on}", noise),
-    ]
+        return found
+    for index, receiver in enumerate(proof.receivers):
+        chart, unit = receiver.chart, unit_of_light(results, far_field=receiver.far_field)
+        design, part, on = receiver.design_irradiance, receiver.irradiance, suffix(proof.receivers, index)
+        top = top_of([design, part])
+        rays = f"{number(proof.rays)} rays cast through the exported mesh."
+        noise = "Where the two agree, only the noise of the rays is left."
+        draw, difference = light_figures.irradiance_map, light_figures.difference_map(part - design, chart, unit)
+        found.append(
+            [
+                picture(numbered("design", index), draw(design, chart, top, unit=unit), f"Design{on}"),
+                picture(numbered("part", index), draw(part, chart, top, unit=unit), f"Exported part{on}", rays),
+                picture(numbered("part-minus-design", index), difference, f"Part minus design{on}", noise),
+            ]
+        )
+    return found
 
 
 def gap_pictures(results: Results) -> list[PagePicture]:
@@ -169,26 +168,24 @@ def _quantiles(receiver: ReceiverProof) -> dict[str, Float[np.ndarray, " q"]]:
 
 def stray_pictures(results: Results) -> list[list[PagePicture]]:
     """Flux budget with all reflections, stray light, and all light minus the design's model, for each receiver."""
-    stray = results.find(StrayLight)
+    stray, found = results.find(StrayLight), list[list[PagePicture]]()
     if stray is None:
-        return []
-    return [_stray_on_receiver(results, stray, index) for index in range(len(stray.receivers))]
-
-
-def _stray_on_receiver(results: Results, stray: StrayLight, index: int) -> list[PagePicture]:
-    receiver, on = stray.receivers[index], suffix(stray.receivers, index)
-    chart, unit = receiver.chart, unit_of_light(results, far_field=receiver.far_field)
-    scattered = light_figures.irradiance_map(receiver.stray, chart, top_of([receiver.stray]), unit=unit)
-    difference = light_figures.difference_map(receiver.direct + receiver.stray - receiver.sequential, chart, unit)
-    budget = light_figures.waterfall(*stray_budget(receiver))
-    scale = "No stray light lands on the receiver." if not receiver.stray.any() else "On its own scale."
-    detected, less = "Green: detected in the window.", "Red: the design predicts too little."
-    title = f"All light minus the design's model{on}"
-    return [
-        picture(numbered("stray-budget", index), budget, f"Flux budget with all reflections{on}", detected),
-        picture(numbered("stray-light", index), scattered, f"Stray light on the receiver{on}", scale),
-        picture(numbered("unmodelled", index), difference, title, less),
-    ]
+        return found
+    for index, receiver in enumerate(stray.receivers):
+        chart, unit = receiver.chart, unit_of_light(results, far_field=receiver.far_field)
+        scattered = light_figures.irradiance_map(receiver.stray, chart, top_of([receiver.stray]), unit=unit)
+        change = light_figures.difference_map(receiver.direct + receiver.stray - receiver.sequential, chart, unit)
+        budget, on = light_figures.waterfall(*stray_budget(receiver)), suffix(stray.receivers, index)
+        scale = "No stray light lands on the receiver." if not receiver.stray.any() else "On its own scale."
+        detected, less = "Green: detected in the window.", "Red: the design predicts too little."
+        found.append(
+            [
+                picture(numbered("stray-budget", index), budget, f"Flux budget with all reflections{on}", detected),
+                picture(numbered("stray-light", index), scattered, f"Stray light on the receiver{on}", scale),
+                picture(numbered("unmodelled", index), change, f"All light minus the design's model{on}", less),
+            ]
+        )
+    return found
 
 
 def exported_files(results: Results) -> list[FileRow]:
@@ -199,13 +196,13 @@ def exported_files(results: Results) -> list[FileRow]:
 
 
 def folder_files(folder: Path, linked: bool) -> list[FileRow]:
-    """Files in ``folder``, without this report (HTML or PDF) and hidden files; ``linked``: relative to the folder.
+    """Files in ``folder``, without this report and hidden files; ``linked``: relative to the folder.
 
     Raises :class:`InputError` for a file that cannot be read.
     """
     found = []
     for path in sorted(folder.iterdir()):
-        if path.is_file() and path.name not in (REPORT_FILE, "report.pdf") and not path.name.startswith("."):
+        if path.is_file() and path.name != REPORT_FILE and not path.name.startswith("."):
             try:
                 with path.open("rb") as file:
                     digest = hashlib.file_digest(file, "sha256").hexdigest()

@@ -30,7 +30,7 @@ class Run(Results):
     folder: Path = Path()
 
     def report(self, path: Path | str) -> Path:
-        """Write the report as one page of HTML to ``path``, and return it; a PDF of an earlier page is deleted.
+        """Write the report as one page of HTML to ``path``, and return it.
 
         Raises :class:`InputError` where ``path`` cannot be written, or holds a file that this program did not write.
         """
@@ -212,7 +212,7 @@ class RunFolder:
         self._record.write(self.path)
 
     def write_report(self, *, seconds: float | None = None) -> Path:
-        """Write ``report.html`` on what counts, and return its path; a PDF of an earlier page is deleted."""
+        """Write ``report.html`` on what counts, and return its path."""
         run = self.renew(seconds=seconds)  # before the page is written: it states the hash of every file
         return run.report(self.path / REPORT_FILE)
 

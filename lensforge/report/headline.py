@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, assert_never
+from typing import Literal
 
 from lensforge.cad.part import Part
 from lensforge.light.evaluation_result import Light
@@ -14,21 +14,7 @@ from lensforge.results import Fact, Group, State
 from lensforge.results.numerals import quantity
 from lensforge.search.design_result import Design
 from lensforge.shop.check_result import Check
-from lensforge.spec import (
-    AnyReceiver,
-    ArrayTarget,
-    CrossTarget,
-    FlatTopTarget,
-    ImageTarget,
-    LensSection,
-    RectangleTarget,
-    Spec,
-    TableTarget,
-    Target,
-    TextTarget,
-)
-from lensforge.spec.shape_targets import DiscTarget, EllipseTarget, PolygonTarget, RingTarget, SpotsTarget
-from lensforge.spec.target_sections import BatwingTarget, BeamTarget, PhotometricTarget
+from lensforge.spec import AnyReceiver, LensSection, Spec, Target
 
 Shown = Literal["pass", "fail", "open"]  # the style of a verdict on the page
 
@@ -273,70 +259,30 @@ def _targets(targets: Sequence[Target]) -> str:
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
+# A target in a few words, by its kind; of its lengths each is with its unit, along x and y where they differ.
+_TARGETS = {
+    "array": "given pattern, {width} wide",
+    "batwing": "batwing to {to}",
+    "beam": "{target.profile} beam {fwhm}",
+    "cross": "cross, {length} long",
+    "disc": "disc, {diameter} wide",
+    "ellipse": "ellipse, {width} × {height}",
+    "flat_top": "flat top, {width} × {height}",
+    "image": "{target.file.name}, {width} wide",
+    "photometric": "intensity of {target.file.name}",
+    "polygon": "polygon with {corners} corners",
+    "rectangle": "rectangle, {width} × {height}",
+    "ring": "ring, {inner_diameter} to {outer_diameter} wide",
+    "spots": "{target.columns} × {target.rows} spots, {pitch} apart",
+    "table": "{target.file.name}, {width} wide",
+    "text": "“{target.text}”, {width} wide",
+}
+
+
 def _target(target: Target) -> str:
     """A target in a few words."""
-    match target:
-        case BeamTarget():
-            return f"{'' if target.profile == 'gaussian' else f'{target.profile} '}beam {_angles(target)}"
-        case BatwingTarget():
-            return f"batwing to {target.size('to'):g}°"
-        case PhotometricTarget():
-            return f"intensity of {target.file.name}"
-        case TextTarget():
-            return f"“{target.text}”, {_wide(target)}"
-        case ArrayTarget():
-            return f"given pattern, {_wide(target)}"
-        case ImageTarget() | TableTarget():
-            return f"{target.file.name}, {_wide(target)}"
-        case _:
-            return _shape(target)
-
-
-def _shape(
-    target: FlatTopTarget
-    | RectangleTarget
-    | DiscTarget
-    | EllipseTarget
-    | RingTarget
-    | PolygonTarget
-    | CrossTarget
-    | SpotsTarget,
-) -> str:
-    """A target that is a shape, with its size."""
-    unit = _unit(target)
-    match target:
-        case FlatTopTarget():
-            width, height = target.widths
-            equal = f"square flat top, {width:g}{unit} wide"
-            return equal if width == height else f"flat top, {width:g} × {height:g}{unit}"
-        case RectangleTarget():
-            width, height = target.size("width"), target.size("height")
-            return f"square, {width:g}{unit} wide" if width == height else f"rectangle, {width:g} × {height:g}{unit}"
-        case DiscTarget():
-            return f"disc, {target.size('diameter'):g}{unit} wide"
-        case EllipseTarget():
-            return f"ellipse, {target.size('width'):g} × {target.size('height'):g}{unit}"
-        case RingTarget():
-            return f"ring, {target.size('inner_diameter'):g} to {target.size('outer_diameter'):g}{unit} wide"
-        case PolygonTarget():
-            return f"polygon with {len(target.corners)} corners"
-        case CrossTarget():
-            return f"cross, {target.size('length'):g}{unit} long"
-        case SpotsTarget():
-            return f"{target.columns} × {target.rows} spots, {target.size('pitch'):g}{unit} apart"
-        case _:
-            assert_never(target)
-
-
-def _wide(target: TextTarget | ArrayTarget | ImageTarget | TableTarget) -> str:
-    return f"{target.size('width'):g}{_unit(target)} wide"
-
-
-def _angles(target: BeamTarget) -> str:
-    """Full width at half maximum of a beam; along x and y where they differ."""
-    x, y = target.pair("fwhm") or (0.0, 0.0)
-    return f"{x:g}°" if x == y else f"{x:g}° × {y:g}°"
-
-
-def _unit(target: Target) -> str:
-    return "°" if target.unit == "deg" else " mm"
+    unit = "°" if target.unit == "deg" else " mm"
+    names = [name for name in (*target.needs, *target.takes) if name != "corners" and target.length(name) is not None]
+    lengths = {name: " × ".join(f"{side:g}{unit}" for side in dict.fromkeys(target.sides(name))) for name in names}
+    lengths.setdefault("height", lengths.get("width", ""))  # of a flat top
+    return _TARGETS[target.kind].format(target=target, corners=len(getattr(target, "corners", ())), **lengths)

@@ -127,17 +127,14 @@ def draw_section(
         _draw_source(axes, outline_mm @ across, outline_mm[:, 2])
         lowest = min(lowest, float(outline_mm[:, 2].min()))
     axes.set(xlim=(-reach, reach), ylim=(lowest - 0.08 * reach, reach), aspect="equal", anchor="N")
-    axes.set(xlabel=f"{_axis_name(azimuth_deg)} (mm)", ylabel="z (mm)")
+    name = {0.0: "x", 90.0: "y"}.get(azimuth_deg, f"across, at {azimuth_deg:g}°")
+    axes.set(xlabel=f"{name} (mm)", ylabel="z (mm)")
 
 
 def reach_mm(lens: Lens) -> float:
     """Half the width (mm) of a drawing that holds the lens and its maximum radius."""
     largest = float(lens.outer.radius(fibonacci_hemisphere(2000)).max())
     return _MARGIN * max(largest, lens.spec.constraints.max_radius_mm)
-
-
-def _axis_name(azimuth_deg: float) -> str:
-    return {0.0: "x", 90.0: "y"}.get(azimuth_deg, f"across, at {azimuth_deg:g}°")
 
 
 def _draw_body(axes: Axes, outlines: list[Float[np.ndarray, "n 2"]]) -> None:
@@ -202,7 +199,8 @@ def history(levels: Sequence[Level], quantity: Literal["loss", "nmse", "efficien
         values = np.array(getattr(level, quantity), dtype=np.float64)
         axes.plot(_steps(start, values), values, color=_CURVE_COLOURS[quantity])
     axes.set_ylabel({"nmse": "NMSE", "loss": "merit function"}.get(quantity, quantity))
-    if quantity != "efficiency" and _positive(levels, quantity):
+    above_zero = all(value > 0.0 for level in levels for value in getattr(level, quantity))
+    if quantity != "efficiency" and above_zero:
         axes.set_yscale("log")
         axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
@@ -210,11 +208,6 @@ def history(levels: Sequence[Level], quantity: Literal["loss", "nmse", "efficien
     elif quantity == "efficiency":
         axes.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0, symbol=" %"))
     return figure
-
-
-def _positive(levels: Sequence[Level], quantity: str) -> bool:
-    """True where a logarithmic scale can show it: penalties with multipliers may make the merit function negative."""
-    return all(value > 0.0 for level in levels for value in getattr(level, quantity))
 
 
 @in_report_style

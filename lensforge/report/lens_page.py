@@ -11,9 +11,8 @@ from lensforge.light.evaluation_result import Light
 from lensforge.light.photometry_result import Photometry
 from lensforge.made.measured_facts import FIRST
 from lensforge.made.tolerance_result import Sensitivity, Yield
-from lensforge.made.yield_facts import budget_sentence, pass_sentence
 from lensforge.proof.proof_facts import tracer_groups
-from lensforge.proof.proof_result import Proof, ReceiverProof
+from lensforge.proof.proof_result import Proof
 from lensforge.proof.stray_result import StrayLight
 from lensforge.report import exported_part, headline, light_section
 from lensforge.report.exported_part import measured_sections
@@ -22,9 +21,9 @@ from lensforge.report.page import template
 from lensforge.report.record_tables import number_tables, spec_tables
 from lensforge.report.results import REPORT_FILE, Results
 from lensforge.report.solid_view import Rendering, SolidViews
+from lensforge.report.yield_section import yield_section
 from lensforge.results import Group, StageResult
 from lensforge.results.numerals import number, percent
-from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Design
 from lensforge.shop.check_facts import finding_groups
 from lensforge.shop.check_result import Check
@@ -46,18 +45,14 @@ def render_report(results: Results, folder: Path | None = None, *, beside: bool 
     if part is None:
         views = SolidViews({}, problem="No 3-D picture: no part has been exported.")
         return template(REPORT_FILE).render(**_context(results, folder, beside), **_solid(views))
-    with closing(Rendering(part.stl, _optics_radius_mm(results.lens))) as rendering:
+    radius_mm = float(results.lens.outer.radius(fibonacci_hemisphere(500)).max())  # to a per cent
+    with closing(Rendering(part.stl, radius_mm)) as rendering:
         context = _context(results, folder, beside)
         return template(REPORT_FILE).render(**context, **_solid(rendering.result()))
 
 
-def _optics_radius_mm(lens: Lens) -> float:
-    """The largest radius (mm) of the outer surface, to a per cent."""
-    return float(lens.outer.radius(fibonacci_hemisphere(500)).max())
-
-
 def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, object]:
-    lens = results.lens
+    lens, proof = results.lens, results.find(Proof)
     possible = light_section.possible_limits(results.spec)
     lights = light_section.other_lights(results)
     return {
@@ -75,13 +70,13 @@ def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, o
         "search_end": headline.search_end(results),
         "times": headline.times(results),
         "facts": _facts(results),
-        "far_proof": any(each.far_field for each in _proofs(results)),
+        "far_proof": proof is not None and any(each.far_field for each in proof.receivers),
         "first": light_section.first_picture(results),
         "photometry": _photometry_sentence(results),
         "pictures": _pictures(results),
         "measured": measured_sections(results),
         "seen_at_once": FIRST,
-        "parts": _yield_sentences(results, folder if beside else None),
+        "parts": yield_section(results),
         "other_lights": lights,
         "other_conditions": sum(isinstance(each, Light) for each in results.others.values()),
         "other_results": light_section.other_results(results),
@@ -120,11 +115,6 @@ def _facts(results: Results) -> dict[str, list[Group]]:
     }
 
 
-def _proofs(results: Results) -> tuple[ReceiverProof, ...]:
-    proof = results.find(Proof)
-    return () if proof is None else proof.receivers
-
-
 def _photometry_sentence(results: Results) -> str:
     """A sentence on rays and noise of the far field; empty without one."""
     found = results.find(Photometry)
@@ -133,19 +123,6 @@ def _photometry_sentence(results: Results) -> str:
     basis = "per 1000 lm of the source, whose own are not known" if found.per_1000_lm else "are absolute"
     noise = "" if found.node_error is None else f"; the table’s noise is {percent(found.node_error.rms)} rms"
     return f"By {number(found.rays)} rays{noise}. Candela and lumens {basis}."
-
-
-def _yield_sentences(results: Results, folder: Path | None) -> dict[str, str] | None:
-    """Sentences on the yield, and the name of its own page where that lies in ``folder``; None without the study."""
-    found = results.find(Yield)
-    if found is None:
-        return None
-    page = f"{Yield.stage}.html"
-    return {
-        "sentence": pass_sentence(found),
-        "budget": budget_sentence(found),
-        "page": page if folder is not None and (folder / page).is_file() else "",
-    }
 
 
 def _pictures(results: Results) -> dict[str, object]:

@@ -309,7 +309,7 @@ def _side_by_side(here: RunFolder, heard: Listener, second: SecondProcess) -> No
 
 
 def write_report(folder: Path) -> Run:
-    """Write ``report.html`` from the results in ``folder``, and return the run; a PDF of an earlier page is deleted.
+    """Write ``report.html`` from the results in ``folder``, and return the run.
 
     Raises :class:`InputError` for a record or a file of other content than the hashes say, before anything is written.
     """
@@ -320,7 +320,7 @@ def write_report(folder: Path) -> Run:
 
 
 def write_comparison(folders: Sequence[Path], page: Path) -> None:
-    """Write one page that compares the designs in ``folders``; a PDF of an earlier page is deleted."""
+    """Write one page that compares the designs in ``folders``."""
     from lensforge.report.compare import folder_names, render_comparison
     from lensforge.report.page import write_page
 

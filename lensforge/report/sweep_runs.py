@@ -20,7 +20,7 @@ from lensforge.report.results import Results
 from lensforge.report.stored import load_results
 from lensforge.report.sweep import Curve, Sweep, Variant, Variation, sweep_of
 from lensforge.results.cluster import connected
-from lensforge.results.figure_style import BLUE, GREEN, GREY, ORANGE, WIDE, in_report_style, new_figure, to_png
+from lensforge.results.figure_style import BLUE, GREEN, GREY, ORANGE, WIDE, in_report_style, new_figure
 from lensforge.results.files import replacing, require_own
 from lensforge.results.folder_lock import locked
 from lensforge.scene.lens import load_lens
@@ -58,7 +58,7 @@ def write_run(files: Files, folder: Path) -> None:
                 temporary.write_bytes(files[name])
 
 
-PAGE, PLOT = "sweep.html", "sweep.png"
+PAGE = "sweep.html"
 
 
 class RunDesign(Protocol):
@@ -81,7 +81,7 @@ def run_sweep(
     scheduler: str | None = None,
     announce: Callable[[str], None] = lambda _: None,
 ) -> Sweep:
-    """Make every design of ``variation`` in ``directory``; write sweep.json, .html and .png; return the sweep.
+    """Make every design of ``variation`` in ``directory``; write sweep.json and sweep.html; return the sweep.
 
     ``accuracy`` and ``seed``: those that ``run_design`` uses. ``scheduler``: a Dask cluster, whose workers then make
     whole runs in its place, several at once, without checkpoints. With ``resume`` designs that sweep.json lists are
@@ -149,15 +149,9 @@ def _joined(spec: Spec, variation: Variation, made: Iterator[Variant], directory
         sweep = one if sweep is None else sweep.joined(one)
         sweep.write(directory)
     assert sweep is not None, "a variation has values"
-    _write_page(sweep, directory)
-    return sweep
-
-
-def _write_page(sweep: Sweep, directory: Path) -> None:
     results = [load_results(directory / row.folder) for row in sweep.designs]
     write_page(sweep_page(sweep, results), directory / PAGE)
-    with replacing(directory / PLOT) as temporary:
-        temporary.write_bytes(sweep_png(sweep))
+    return sweep
 
 
 def _finished(directory: Path, spec: Spec, variation: Variation, accuracy: Accuracy, seed: int) -> Sweep | None:
@@ -210,11 +204,6 @@ def sweep_page(sweep: Sweep, results: Sequence[Results]) -> str:
         pictures=ComparedPictures(names, results),
         version=sweep.version,
     )
-
-
-def sweep_png(sweep: Sweep) -> bytes:
-    """The plot of the sweep as a PNG file."""
-    return to_png(sweep_figure(sweep))
 
 
 def _label(sweep: Sweep) -> str:

@@ -37,32 +37,36 @@ _SEARCH: Accuracy = "standard"  # of the search that is followed
 
 
 def run_tradeoff(
-    spec: Spec, directory: Path, *, most_rays: int = 2**20, announce: Callable[[str], None] = lambda _: None
+    spec: Spec,
+    directory: Path,
+    *,
+    most_rays: int = 2**20,
+    announce: Callable[[str], None] = lambda _: None,
+    warn: Callable[[str], None] = lambda _: None,
 ) -> Tradeoff:
     """Measure the lens in ``directory`` for the scene ``spec``; without a lens there, a draft is designed first.
 
-    Writes ``tradeoff.json`` and ``tradeoff.html`` there. ``announce`` is called with what is measured next. Raises
-    :class:`InputError` if the lens is that of another scene, for a page of another program, and where another process
-    writes there.
+    Writes ``tradeoff.json`` and ``tradeoff.html`` there. ``announce`` is called with what is measured next, ``warn``
+    with each warning on the spec. Raises :class:`InputError` if the lens is that of another scene, for a page of
+    another program, and where another process writes there.
     """
     require_own(directory / PAGE)
     with locked(directory, create=True):
         source = build_source(spec.source, spec.lens.dispersion)
-        lens = _lens_in(directory, spec, source, announce)
+        if (directory / LENS_FILE).exists():
+            lens = _lens_in(directory, spec, source)
+        else:
+            announce("no lens yet: a draft is designed")
+            lens = RunFolder(directory).write(design(spec, accuracy="draft", warn=warn)).lens
         measured = measure(lens, source, most_rays, announce)
         measured.write(directory)
         write_page(tradeoff_page(measured), directory / PAGE)
         return measured
 
 
-def _lens_in(directory: Path, spec: Spec, source: Source, announce: Callable[[str], None]) -> Lens:
-    """The lens in ``directory``, or where there is none a draft that is designed and written there."""
-    path = directory / LENS_FILE
-    if not path.exists():
-        announce("no lens yet: a draft is designed")
-        draft = design(spec, accuracy="draft", warn=lambda words: announce(f"warning: {words}"))
-        return RunFolder(directory).write(draft).lens
-    results = RunFolder(directory).run
+def _lens_in(directory: Path, spec: Spec, source: Source) -> Lens:
+    """The lens in ``directory``. Raises :class:`InputError` where it is that of another scene."""
+    path, results = directory / LENS_FILE, RunFolder(directory).run
     require_same_scene(results.lens, spec, source, str(path))
     made = results.find(Design)
     if made is not None and made.inputs["spec"] != section_sha256(results.spec):

@@ -7,7 +7,6 @@ import io
 import re
 from collections.abc import Callable
 from functools import wraps
-from pathlib import Path
 from typing import Any, ParamSpec
 
 import matplotlib as mpl
@@ -18,8 +17,6 @@ from matplotlib.colorbar import Colorbar
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from PIL import Image
-
-from lensforge.results.files import replacing
 
 _EMBEDDED = re.compile(r"(data:image/png;base64,)([A-Za-z0-9+/=\s]+)")
 _MOST_COLOURS = 256  # of a palette
@@ -139,20 +136,6 @@ def add_colour_bar(
         scale.solids.set_rasterized(True)
     scale.ax.tick_params(length=2.0)
     return scale
-
-
-def save_picture(figure: Figure, path: Path) -> None:
-    """``figure`` as a file on white; the suffix of ``path`` gives the format."""
-    with replacing(path) as temporary, mpl.rc_context(_STYLE):
-        figure.savefig(temporary, facecolor="white")
-
-
-def to_png(figure: Figure) -> bytes:
-    """``figure`` on white as a PNG file."""
-    buffer = io.BytesIO()
-    with mpl.rc_context(_STYLE):
-        figure.savefig(buffer, format="png", facecolor="white")
-    return buffer.getvalue()
 
 
 def to_svg(figure: Figure, name: str, description: str) -> str:

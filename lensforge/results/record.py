@@ -262,12 +262,9 @@ State = Literal["pass", "fail", "undecided"]
 Point = tuple[Number, Number, Number]  # x, y, z in mm
 Box = tuple[Point, Point]  # least and largest corner, in mm
 
-# An image [row y, column x], a square one, one of light; a line of a square one, and the positions of its pixels.
+# An image [row y, column x], and one of light.
 Image = Annotated[Float[np.ndarray, "h w"], Array("h", "w")]
-SquareImage = Annotated[Float[np.ndarray, "p p"], Array("p", "p")]
 Irradiance = Annotated[Float[np.ndarray, "h w"], Array("h", "w", least=0.0)]
-Line = Annotated[Float[np.ndarray, " p"], Array("p")]
-PixelCentres = Annotated[Float[np.ndarray, " p"], Array("p")]
 
 
 class Metric(Record):

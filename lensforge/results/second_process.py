@@ -34,14 +34,9 @@ class Called(Generic[_Result]):
     def result(self) -> _Result:
         """Wait for what the function returns; where the second process has failed or not begun, call it here."""
         if not self._results:
-            self._results.append(self._taken())
+            done, result = (False, None) if self.there is None or self.there.cancel() else self.there.result()
+            self._results.append(cast(_Result, result) if done else self._here())
         return self._results[0]
-
-    def _taken(self) -> _Result:
-        if self.there is None or self.there.cancel():
-            return self._here()
-        done, result = self.there.result()
-        return cast(_Result, result) if done else self._here()
 
 
 class SecondProcess:

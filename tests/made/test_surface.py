@@ -9,7 +9,8 @@ from nightly import first_by_day
 from lensforge.cad.patch import fit_patch
 from lensforge.errors import InputError
 from lensforge.light.evaluation import evaluate_lens
-from lensforge.made.measured_surface import FacePixels, compare_surface, coverage, fit_deviation, measure_form
+from lensforge.made.first_cut import FirstCut, Request, coverage
+from lensforge.made.measured_surface import FacePixels, compare_surface
 from lensforge.made.measurement_result import DeviationExtent, SurfaceComparison
 from lensforge.results import Metric
 from lensforge.sources.build_source import build_source
@@ -33,27 +34,20 @@ def without_motion(u, radial):
 
 
 def recovered(cloud):
-    form = measure_form(PATCH, LENS.basis, cloud)
+    cut = FirstCut.of(LENS.outer, PATCH, cloud, Request())
     u = directions(3000, 99)
-    return form, np.sum(LENS.outer.normal(u) * u, axis=1) * form.deviation.surface.radius(u), u
+    return cut, np.sum(LENS.outer.normal(u) * u, axis=1) * cut.likeliest.change.radius(u), u
 
 
 @pytest.mark.parametrize("noise", first_by_day(1, [0.0, 0.002]))
 def test_a_deformation_is_found_in_a_moved_cloud(noise):
     cloud = probed(LENS.outer, 5000, height_mm=HEIGHT, noise_mm=noise, rotation=ROTATION, shift=SHIFT)
-    form, found, u = recovered(cloud)
+    cut, found, u = recovered(cloud)
     wanted = without_motion(u, dent(u, HEIGHT))
     error = np.sqrt(np.mean((found - wanted) ** 2))
     assert error < 0.02 * HEIGHT + 0.25 * noise
     assert np.corrcoef(found, wanted)[0, 1] > 0.99
-    assert form.deviation.residual_rms_mm == pytest.approx(noise, abs=2e-4)
-
-
-def test_noise_is_not_believed():
-    """Least squares alone would make half of the noise of 400 points a deformation: it has 115 functions for them."""
-    noise = 0.01 * np.random.default_rng(0).normal(size=400)
-    fitted = fit_deviation(LENS.outer.basis, directions(400, 1), noise)
-    assert np.sqrt(np.mean(fitted.surface.radius(directions(2000, 2)) ** 2)) < 0.003
+    assert cut.left_um(cut.likeliest) == pytest.approx(1e3 * noise, abs=0.2)
 
 
 @dataclass(frozen=True)
@@ -184,14 +178,14 @@ def test_a_registration_of_no_kind_is_input_error():
         bare(probed(LENS.outer, 200), **given, registration="loose")
 
 
-def test_half_a_surface_fails():
+def test_half_a_surface_is_no_face():
     cloud = probed(LENS.outer, 2500)
-    found = compare_surface(
-        cloud[cloud[:, 0] > 0.0],
-        lens=LENS,
-        side="outer",
-        source=build_source(LENS.spec.source),
-        preset=PRESETS["draft"],
-        rays=64,
-    )
-    assert {criterion.name for criterion in found.criteria if not criterion.passed} == {"surface_covered"}
+    with pytest.raises(InputError, match=r"points: 1[45]\.?\d* mm apart.* over all of the face"):
+        compare_surface(
+            cloud[cloud[:, 0] > 0.0],
+            lens=LENS,
+            side="outer",
+            source=build_source(LENS.spec.source),
+            preset=PRESETS["draft"],
+            rays=64,
+        )

@@ -5,7 +5,6 @@ from result_folders import (
     MAKERS,
     PIXELS,
     STAGES,
-    agreeing_results,
     criterion,
     evaluate_arrays,
     light_images,
@@ -185,11 +184,6 @@ def whole_results(**records):
     return make_results((*STAGES, *EXTRAS), **{"verify": verified(), **records})
 
 
-def whole_agreeing(**records):
-    """The same with figures that agree with each other."""
-    return agreeing_results((*STAGES, *EXTRAS), **{"verify": verified(), **records})
-
-
 def whole_folder(folder, **records):
-    """The files of :func:`whole_agreeing`."""
+    """The files of :func:`whole_results`."""
     return make_folder(folder, (*STAGES, *EXTRAS), **{"verify": verified(), **records})

@@ -2,7 +2,6 @@
 
 import numpy as np
 import trimesh
-from agreeing_results import agreeing, proof_of
 from made_photometry import make_photometry
 from undrawn import without_views
 
@@ -98,30 +97,10 @@ def make_results(stages=STAGES, lens=None, outdated=None, **records):
     return Results(lens, found, outdated or {})
 
 
-def _made_from_each_other(found):
-    """The same results, each with the hashes of those that it was made from."""
-    linked = {}
-    for stem, result in found.items():
-        known = {
-            name: linked[name].sha256 for name in ("export", "evaluate") if name in linked and name in result.inputs
-        }
-        linked[stem] = result.model_copy(update={"inputs": {**result.inputs, **known}})
-    return linked
-
-
-def agreeing_results(stages=STAGES, lens=None, **records):
-    """The same with figures that agree with each other, as those of files must."""
-    given = make_results(stages, lens, **records)
-    found = {stem: agreeing(stem, result, given.lens) for stem, result in given.found.items()}
-    if {"verify", "export", "evaluate"} <= set(found):
-        found["verify"] = proof_of(found["verify"], found["export"], found["evaluate"])
-    return make_results((), given.lens, **_made_from_each_other(found))
-
-
 def make_folder(folder, stages=STAGES, lens=None, **records):
-    """Write the files of :func:`agreeing_results` into ``folder``; return it."""
+    """Write the files of :func:`make_results` into ``folder``; return it."""
     folder.mkdir(parents=True, exist_ok=True)
-    results = agreeing_results(stages, lens, **records)
+    results = make_results(stages, lens, **records)
     results.lens.save(folder / "lens.json")
     for stem, result in results.found.items():
         result.write(folder, stem)

@@ -11,7 +11,6 @@ from result_folders import criterion, make_results
 
 from lensforge.errors import InputError
 from lensforge.proof.proof_facts import tracer_groups
-from lensforge.report.compare import render_comparison
 from lensforge.report.lens_figures import history
 from lensforge.report.stored import load_results
 from lensforge.shop import surface_figures
@@ -94,15 +93,6 @@ def test_the_loss_has_a_scale_that_holds_it(results):
     np.testing.assert_allclose(drawn, [1.8, 1.0, 0.6, 0.4, 0.2, 0.1, 0.05])
     negative = [level.model_copy(update={"loss": tuple(-value for value in level.loss)}) for level in levels]
     assert history(negative, "loss").axes[0].get_yscale() == "linear"
-
-
-def test_photographs_stand_side_by_side(results):
-    markup = render_comparison([results, make_results()])
-    assert markup.count("<svg") == 2 + 3 + 2 + 1
-    text = Page(markup).text
-    assert "Photographs of the parts" in text
-    assert "SSIM to the simulation 0.925" in text
-    assert "Stray in the window" in text
 
 
 def test_corners_that_were_given_are_said_to_be_given():

@@ -3,12 +3,10 @@
 from contextlib import nullcontext
 
 import pytest
-from agreeing_results import agreeing
 from nightly import NIGHTLY, first_by_day
 from page_text import Page, text_of, undrawn_page_of
 from result_folders import (
     STAGES,
-    agreeing_results,
     make_folder,
     make_light,
     make_proof,
@@ -94,12 +92,12 @@ def test_designs_are_compared_by_their_own_light():
 def test_others_are_read_back_and_no_stage_takes_them(tmp_path):
     lens = small_lens()
     folder = make_folder(tmp_path / "run", lens=lens)
-    other = agreeing("evaluate", dim_light(lens), lens)
+    other = dim_light(lens)
     other.write(folder, "evaluate_cold_64rays")
     results = load_results(folder)
     assert results.others == {"evaluate_cold_64rays": other}
-    assert results.light == agreeing("evaluate", make_light(lens), lens) and "evaluate_cold_64rays" not in results.found
-    assert results.verdict == agreeing_results(lens=lens).verdict
+    assert results.light == make_light(lens) and "evaluate_cold_64rays" not in results.found
+    assert results.verdict == make_results(lens=lens).verdict
 
 
 @pytest.mark.parametrize(

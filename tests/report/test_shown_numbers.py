@@ -6,7 +6,6 @@ from html import unescape
 from pathlib import Path
 
 import pytest
-from made_yield import make_yield
 from nightly import first_by_day
 from page_text import undrawn_page_of
 from shown_folders import FOLDERS, folder_of, lens_of
@@ -26,7 +25,6 @@ from lensforge.report.record_tables import number_tables, spec_tables
 from lensforge.report.results import Results
 from lensforge.report.tradeoff import Tradeoff, TradeoffRow
 from lensforge.report.tradeoff_study import tradeoff_page
-from lensforge.report.yield_page import render_yield
 from lensforge.results import Fact, Group, Metric
 from lensforge.shop import shop_files
 from lensforge.shop.check_facts import finding_groups
@@ -80,7 +78,8 @@ def known_of(results: Results) -> set[str]:
     texts += [str(result.conditions) for result in results.others.values()]
     texts += [f"{len(group.facts)} criteria" for group in headline.criterion_groups(results)]
     if (study := results.find(Yield)) is not None:
-        texts += [pass_sentence(study), budget_sentence(study)]
+        texts += [pass_sentence(study), budget_sentence(study), *texts_of(drawn_rows(study)), *study.notes]
+        texts += [worst_words(study, worst) for worst in study.worst]
     texts += [template.read_text(encoding="utf-8") for template in TEMPLATES.glob("*.html")]
     return {each for text in texts for each in numbers_in(text)} | {str(len(results.others)), *map(str, range(40))}
 
@@ -119,17 +118,6 @@ def test_every_number_of_the_comparison_is_one_of_a_fact():
     known = set.union(*map(known_of, designs))
     with undrawn():
         page = render_comparison(designs, ["a", "b"])
-    assert unknown(seen_in(page).partition("Written by")[0], known) == []
-
-
-def test_every_number_of_the_page_on_the_yield_is_one_of_a_fact():
-    lens = lens_of()
-    found = make_yield(lens)
-    results = Results(lens, {"yield": found})
-    with undrawn():
-        page = render_yield(found, results, "yield.csv")
-    texts = [*texts_of(drawn_rows(found)), *(worst_words(found, worst) for worst in found.worst), *found.notes]
-    known = known_of(results) | {each for text in texts for each in numbers_in(text)}
     assert unknown(seen_in(page).partition("Written by")[0], known) == []
 
 

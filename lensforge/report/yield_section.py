@@ -1,0 +1,98 @@
+"""Section of the report on the yield: how far the light of the parts scatters, why, and the worst of them."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from lensforge.light.evaluation_result import Light
+from lensforge.made.tolerance_result import Yield
+from lensforge.made.yield_facts import (
+    bound_words,
+    budget_sentence,
+    drawn_rows,
+    failing_first,
+    is_share,
+    judged_metrics,
+    metric_words,
+    pass_sentence,
+    worst_words,
+)
+from lensforge.report.light_figures import irradiance_map
+from lensforge.report.light_section import top_of, unit_of_light
+from lensforge.report.page import PagePicture, picture
+from lensforge.report.results import Results
+from lensforge.report.study_figures import beyond, cause_bars, distribution
+from lensforge.results import Group
+from lensforge.results.chart import Chart
+from lensforge.results.numerals import with_unit
+
+_MOST_PLOTS = 9  # of distributions: a spec may have hundreds of limits, all of which are in the tables
+
+
+@dataclass(frozen=True)
+class YieldSection:
+    """Sentences and pictures of the ``result`` beside its facts, and the tolerances that were ``drawn``."""
+
+    result: Yield
+    sentence: str
+    budget: str
+    distributions: list[PagePicture]
+    causes: list[PagePicture]
+    worst: list[PagePicture]
+    drawn: list[Group]
+
+
+def yield_section(results: Results) -> YieldSection | None:
+    """The section of ``results``; None without the study."""
+    found = results.find(Yield)
+    if found is None:
+        return None
+    names = list(dict.fromkeys([*failing_first(found), *found.metrics]))[:_MOST_PLOTS]  # those with bounds first
+    varied = [name for name in names if name in found.variance]
+    return YieldSection(
+        result=found,
+        sentence=pass_sentence(found),
+        budget=budget_sentence(found),
+        distributions=[_distribution(found, name, f"distribution{index}") for index, name in enumerate(names)],
+        causes=[
+            picture(f"causes{index}", cause_bars(found.variance[name]), metric_words(name))
+            for index, name in enumerate([name for name in varied if name in judged_metrics(found)] or varied)
+        ],
+        worst=_worst_pictures(found, results),
+        drawn=drawn_rows(found),
+    )
+
+
+def _distribution(found: Yield, name: str, on_page: str) -> PagePicture:
+    """The parts by one metric; a bound far from all of them is said, not drawn."""
+    values, spread = found.without_noise(name), found.metrics[name]
+    bounds = [bound for bound in found.bounds if bound.metric == name]
+    label = with_unit(metric_words(name), f"({spread.unit})" if spread.unit else "")
+    figure = distribution(values, spread.designed.value, bounds, label, share=is_share(name))
+    far = [bound_words(bound) for bound in bounds if beyond(values, bound.bound)]
+    caption = f"The bound, {far[0]}, is far from all parts, and not drawn." if far else ""
+    if spread.undecided:
+        caption = f"Undecided: a part's ray noise outweighs the spread of the parts. {caption}".rstrip()
+    return picture(on_page, figure, metric_words(name), caption)
+
+
+def _worst_pictures(found: Yield, results: Results) -> list[PagePicture]:
+    """Light of the lens as designed, where it was evaluated, and of the worst parts, with the same colours."""
+    section, unit = results.spec.all_receivers[0], unit_of_light(results)
+    chart = Chart(*section.size, section.kind == "far_field")
+    light = results.find(Light)
+    maps = list(_worst_maps(found))
+    designed = [] if light is None else [("As designed", "", light.receivers[0].map)]
+    top = top_of(each for _, _, each in (designed or maps))
+    return [
+        picture(f"worst{index}", irradiance_map(image, chart, top, unit=unit), title, caption)
+        for index, (title, caption, image) in enumerate((*designed, *maps))
+    ]
+
+
+def _worst_maps(found: Yield) -> Iterator[tuple[str, str, np.ndarray]]:
+    """Title, caption and light of each of the worst parts."""
+    for worst, image in zip(found.worst, found.worst_maps, strict=True):
+        state = "passes" if worst.passes else "fails"
+        yield f"Part {worst.part}: {state}", f"{worst_words(found, worst)}.", image
