@@ -1,5 +1,6 @@
 """Measured parts: kept at an interrupt, the same bits after it, nothing of another study."""
 
+import json
 import os
 
 import numpy as np
@@ -8,8 +9,10 @@ from nightly import first_by_day
 from parts import lens_with, study_of
 
 from lensforge.errors import Cancelled, InputError
+from lensforge.made import measured_parts
 from lensforge.made.measured_parts import KeptParts, MeasuredParts, Threads
 from lensforge.made.yield_study import measure_yield
+from lensforge.results.stage_result import with_checksum
 
 
 def _parts(study, file=None, progress=None) -> MeasuredParts:
