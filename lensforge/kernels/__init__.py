@@ -1,1 +1,13 @@
-"""Compiled code: first hits of tables, the path of rays and its adjoint, splines, landing on receivers."""
+"""How does a ray run through tabulated faces, and what does the light change by? Compiled code.
+
+- ``bicubic.SurfaceBounds``: bounds of a table by which a first hit is proven
+- ``first_hit``: the first crossing of a ray and a face
+- ``trace``: rays through both faces
+- ``adjoint``: gradients of what trace computes, backwards along each ray
+- ``fresnel``: refraction, transmittance, coatings
+- ``landing``: receivers, and their adjoint
+- ``image_sums``: flux on pixels, and its adjoint
+- ``clearance``: a ball along a face
+- ``fate.Fate``: what became of a ray
+- ``parallel.in_chunks``: work on several threads, summed in one order
+"""

@@ -1,1 +1,12 @@
-"""Matter that light meets: media, materials, coatings, the bounds set by étendue, and images of light."""
+"""What does matter do to light? Media, materials, coatings, the bounds set by étendue, and images of light.
+
+- ``media.Media``: index, absorption and coatings along a ray
+- ``material.Material``: index and absorption by wavelength and temperature
+- ``material.MATERIALS``: the materials that a spec may name
+- ``material_files``: AGF and refractiveindex.info files
+- ``coatings``: thin-film stacks and tables of reflectance
+- ``dielectric``: the laws of Snell and Fresnel, for NumPy and torch
+- ``fundamental_limits``: light that étendue and two refractions leave
+- ``image_reading.read_light``: a picture as light
+- ``photopic``: lumens from watts
+"""

@@ -1,4 +1,16 @@
-"""Results, how they are judged and how they are kept: records, facts, criteria, files, plots; and child processes."""
+"""What came out, is it good, and how is it kept? Records, facts, criteria, files, plots, and child processes.
+
+- ``record.Record``: a result: frozen, checked, written as JSON and npz
+- ``stage_result.StageResult``: the result of a stage
+- ``record.Metric``: a value with its standard error
+- ``fact.Fact``: a value as page, screen and JSON show it
+- ``numerals.quantity``: the one formatter of numbers
+- ``criteria.Criterion``: a value and its limit
+- ``verdict.Verdict``: the judgement on light, files and cutting
+- ``files.replacing``: a file that is written whole or not at all
+- ``sandbox.work_in_child``: foreign files, read in a child process
+- ``cluster.connected``: work on many machines
+"""
 
 from lensforge.results.fact import Bound, Fact, FactState, Group, Sense
 from lensforge.results.record import (

@@ -1,1 +1,14 @@
-"""Manufacture: can the part be made, and with what; drawing, tables and point files for the shop."""
+"""Can it be made, and with what? The check, the drawing, and tables of points.
+
+- ``check.check_part``: the check of a part
+- ``check_result.Check``: its result
+- ``face_check``: curvature and best-fit sphere of a face
+- ``ball_cutter``: the largest ball that reaches a face
+- ``ball_clearance``: room of a ball beside the base
+- ``tool_reach``: which tools reach how much
+- ``findings``: what the shop can do, and what to change
+- ``drawing``: the sheet's content
+- ``sheet_writers``: the sheet as SVG, PDF and DXF
+- ``point_tables``: points for measuring and milling
+- ``handover.Handover``: all files for the shop
+"""

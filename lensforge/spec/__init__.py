@@ -1,4 +1,4 @@
-"""The specification of a design, read from TOML: validated once, immutable, every length in mm."""
+"""What is wanted? The TOML of a design: validated once, immutable, every length in mm."""
 
 from lensforge.spec.design_spec import Spec, load_spec, parse_spec
 from lensforge.spec.lens_section import LensSection
