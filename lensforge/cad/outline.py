@@ -62,7 +62,7 @@ class Outline:
         return next(piece for piece in self.pieces if piece.start <= turned <= piece.end)
 
     def _turned(self, azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """The same azimuths within the turn that begins with the first piece."""
+        """Azimuths within the turn that begins with the first piece."""
         first, last = self.pieces[0].start, self.pieces[-1].end
         return np.clip(first + np.mod(azimuths - first, FULL_TURN), first, last)
 

@@ -126,7 +126,7 @@ class Patch:
 
     @cached_property
     def trimmed(self) -> "Patch":
-        """The same patch over the unit disc; at the corners of its square it goes no deeper than near the disc.
+        """The patch over the unit disc; at the corners of its square it goes no deeper than near the disc.
 
         CAD programs take the bounding box of a face from all control points. Those that no point of the disc depends
         on are raised to the lowest one on which the disc does.
@@ -191,7 +191,7 @@ def _interpolate(surface: Surface, count: int, half_width: float) -> Patch:
 
 
 def _within_square(wide: BSpline, half_width: float) -> BSpline:
-    """The same piecewise polynomial on the square only, its end knots clamped; interpolation reproduces it exactly."""
+    """The piecewise polynomial on the square only, its end knots clamped; interpolation reproduces it exactly."""
     ends = np.full(DEGREE + 1, half_width)
     interior = wide.t[np.abs(wide.t) < half_width * (1.0 - 1e-12)]
     knots = np.concatenate([-ends, interior, ends])

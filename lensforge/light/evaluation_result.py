@@ -205,7 +205,7 @@ class Light(SimulatedResult):
 
     @property
     def raw_map(self) -> Image:
-        """The same before the filter."""
+        """Light on the first receiver before the filter (W/m^2 or W/sr), [row y, column x]."""
         return self.first.raw_map
 
     @property

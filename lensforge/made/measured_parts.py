@@ -165,7 +165,7 @@ class MeasuredParts:
     progress: Progress | None = None
 
     def with_rays(self, rays: int) -> "MeasuredParts":
-        """The same parts by other ``rays`` each, kept beside those of these rays."""
+        """Parts of these draws, measured by other ``rays`` each; both are kept in one file."""
         return self if rays == self.study.recipe.rays else replace(self, study=self.study.with_rays(rays))
 
     def of(self, parts: Iterable[int], scales: Scales | None = None) -> Float[np.ndarray, "n m 2"]:

@@ -286,7 +286,7 @@ class PartStudy:
         return tuple(found)
 
     def with_rays(self, rays: int) -> "PartStudy":
-        """The same study with other ``rays`` of each part; what does not depend on them is kept."""
+        """Study with other ``rays`` for each part; what does not depend on them is kept."""
         other = PartStudy(replace(self.recipe, rays=rays))
         for name in ("draws", "maker", "designed_light"):
             other.__dict__[name] = getattr(self, name)

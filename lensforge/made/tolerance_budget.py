@@ -64,7 +64,7 @@ class ScaleSearch:
         return None, high
 
     def _above(self) -> tuple[float, float | None]:
-        """The same where enough parts pass as specified."""
+        """The largest scale that passes and the smallest that does not, where enough parts pass as specified."""
         high, low, nothing = None, 1.0, np.zeros(self.count, dtype=bool)
         for scale in _UP:
             above = nothing if high is None else self.known[high]

@@ -175,14 +175,14 @@ def measure_yield(
 
 
 def _with_enough_rays(found: MeasuredParts, pilot: int) -> MeasuredParts:
-    """The same parts by as many rays as the metrics that are judged need, by the first ``pilot`` parts."""
+    """Parts measured by as many rays as the judged metrics need, judged by the first ``pilot`` parts."""
     while found.study.recipe.rays < _MOST_RAYS and not _is_certain(found.study, found.of(range(pilot))):
         found = found.with_rays(2 * found.study.recipe.rays)
     return found
 
 
 def _for_budget(found: MeasuredParts, measured: Float[np.ndarray, "n m 2"]) -> MeasuredParts:
-    """The same parts by as few rays as tell whether they pass: a third of what separates metrics and bounds."""
+    """Parts measured by as few rays as tell whether they pass: a third of what separates metrics and bounds."""
     study, rays = found.study, found.study.recipe.rays
     columns = [study.names.index(bound.metric) for bound in study.bounds]
     errors = np.median(measured[:, columns, 1], axis=0)

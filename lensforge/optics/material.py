@@ -303,7 +303,7 @@ class Material:
         return float(self.index(np.array([wavelength_nm]))[0])
 
     def at(self, law: TemperatureLaw, celsius: float) -> "Material":
-        """The same with its index at ``celsius`` by ``law``; its absorption stays."""
+        """Material whose index is that at ``celsius`` by ``law``; its absorption stays."""
         return replace(self, dispersion=IndexAtTemperature(self.dispersion, law, celsius))
 
     @property

@@ -34,7 +34,7 @@ class RayRows:
     """Base of dataclasses whose fields are arrays with a row for each ray."""
 
     def take(self: _Rows, rows: Int[np.ndarray, " k"]) -> _Rows:
-        """The same for some of the rays."""
+        """Values of the rays ``rows``."""
         return type(self)(*(values[rows] for values in vars(self).values()))
 
 

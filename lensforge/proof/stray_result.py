@@ -105,7 +105,7 @@ class StrayLight(SimulatedResult):
 
     @stated
     def efficiency_sequential(self) -> float:
-        """The same without reflections."""
+        """Share of the emitted flux in the first receiver's window, without reflections."""
         return self.first.efficiency_sequential
 
     def plot(self, axes: "Axes | None" = None, *, which: LightPath = "stray", receiver: str | None = None) -> "Axes":

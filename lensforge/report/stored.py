@@ -48,7 +48,7 @@ class Stored:
         return Stored(lens, records, unreadable)
 
     def with_result(self, result: StageResult) -> "Stored":
-        """The same after ``result`` was written; a design brings another lens."""
+        """Records of the folder after ``result`` was written; a design brings another lens."""
         lens, stem = result.lens if isinstance(result, Design) else self.lens, stem_of(result)
         unreadable = {name: error for name, error in self.unreadable.items() if name != stem}
         return Stored(lens, {**self.records, stem: result}, unreadable)

@@ -28,7 +28,7 @@ def with_palettes(svg: str) -> str:
 
 
 def _with_palette(encoded: str) -> str:
-    """The same picture in base64; as it was where its colours are too many, or a palette saves nothing."""
+    """A picture in base64 with a palette; as it was where its colours are too many, or a palette saves nothing."""
     png = base64.b64decode(encoded)
     pixels = np.asarray(Image.open(io.BytesIO(png)).convert("RGBA"))
     colours, indices = np.unique(np.ascontiguousarray(pixels).view("<u4")[..., 0], return_inverse=True)

@@ -335,7 +335,7 @@ class Conditions(Record):
         return unnamed.renamed("_".join([*source, *(text for _, text in unnamed._short())]))
 
     def renamed(self, name: str) -> "Conditions":
-        """The same with another name. Raises :class:`InputError` for one that cannot be part of a file's name."""
+        """Conditions with another name. Raises :class:`InputError` for one that cannot be part of a file's name."""
         if not re.fullmatch(_ALLOWED, name):
             raise InputError(
                 f"name = {name!r}: must be letters, digits, '_', '-' and '.', at most 120, and begin with none of '-.'"

@@ -216,6 +216,8 @@ class LensRecord(Record):
     spec: dict[str, object]
 
 
+_LEAST_INDEX, _LARGEST_INDEX = 1.0, 4.0  # as of a spec
+_CHECKED = 100  # wavelengths of the range at which the index is tried
 _FIELDS = {
     "index_per_k": "lens.index_per_k (1/K, of a data sheet: about -1e-4 for plastics, -4e-4 for silicones)",
     "expansion_per_k": "lens.expansion_per_k (1/K: about 7e-5 for plastics, 3e-4 for silicones, 7e-6 for glasses)",
@@ -289,7 +291,7 @@ def at_temperature(lens: Lens, celsius: float) -> Lens:
         )
     scale = law.scale(celsius)
     inner, outer = (scaled(surface, scale) for surface in (lens.inner, lens.outer))
-    return LensAtTemperature(
+    warm = LensAtTemperature(
         inner=inner,
         outer=outer,
         spec=lens.spec,
@@ -299,3 +301,18 @@ def at_temperature(lens: Lens, celsius: float) -> Lens:
         designed=lens,
         temperature_c=celsius,
     )
+    _require_indices(warm)
+    return warm
+
+
+def _require_indices(lens: LensAtTemperature) -> None:
+    """Refuse a temperature at which the law gives an index that no material has."""
+    indices = np.array([lens.refractive_index])
+    if lens.dispersion is not None:
+        indices = np.append(indices, lens.dispersion.index(np.linspace(*lens.dispersion.range_nm, _CHECKED)))
+    wrong = indices[~((indices >= _LEAST_INDEX) & (indices <= _LARGEST_INDEX))]
+    if len(wrong):
+        raise InputError(
+            f"temperature_c = {lens.temperature_c:g}: the index of {lens.spec.lens.material} would be {wrong[0]:.4g}, "
+            f"must be {_LEAST_INDEX:g} to {_LARGEST_INDEX:g}; correct its change per kelvin"
+        )

@@ -70,7 +70,7 @@ class EtendueCurve:
         return float(np.interp(etendue_mm2_sr, self.etendue_mm2_sr, self.share))
 
     def shares_within(self, etendue_mm2_sr: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-        """The same for each of many."""
+        """Largest share of the flux for each of many étendues (mm^2 sr)."""
         shares: Float[np.ndarray, "*n"] = np.interp(etendue_mm2_sr, self.etendue_mm2_sr, self.share)
         return shares
 
@@ -166,7 +166,7 @@ class SourceLight:
 
     @staticmethod
     def of_rays(rays: RayBundle, curve: EtendueCurve, media: Media) -> "SourceLight":
-        """The same of given ``rays``; ``curve``: of the étendue that they have in the cavity."""
+        """Light of given ``rays``; ``curve``: of the étendue that they have in the cavity."""
         outside = replace(curve, etendue_mm2_sr=media.etendue_factor * curve.etendue_mm2_sr)
         return SourceLight(rays, outside, media)
 

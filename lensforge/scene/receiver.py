@@ -165,7 +165,7 @@ class PosedReceiver(ABC):
 
     @abstractmethod
     def _local(self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:
-        """The same points in the pose."""
+        """Points (mm) of chart coordinates, before the receiver is put into its place."""
 
     def corners(self) -> Float[np.ndarray, "k l 3"]:
         """Points (mm) of the corners of all pixels [row, column]; of a far field unit directions."""

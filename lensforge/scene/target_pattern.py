@@ -177,7 +177,7 @@ def drawn_target(targets: Targets, receiver: PosedReceiver) -> DrawnTarget:
 
 
 def coarser_target(targets: Targets, receiver: PosedReceiver) -> DrawnTarget:
-    """The same on half as many pixels, with sub-pixels twice as wide: what a raster changes is seen by both."""
+    """The light wanted, on half as many pixels and with sub-pixels twice as wide: it shows what a raster changes."""
     half = replace(receiver, grid=receiver.grid.halved())
     return _drawn(targets, half, tuple(_content(target) for target in targets), _subpixels(receiver))
 

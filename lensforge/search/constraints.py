@@ -175,7 +175,7 @@ class AugmentedLagrangian:
         return tuple(constraint.key for constraint in self.constraints)
 
     def fresh(self, penalty: float) -> "AugmentedLagrangian":
-        """The same constraints with multipliers of 0."""
+        """These constraints with multipliers of 0."""
         return AugmentedLagrangian(self.constraints, self.chart_operator, penalty)
 
     def tightened(self, by: Mapping[str, float]) -> "AugmentedLagrangian":

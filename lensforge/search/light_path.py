@@ -184,7 +184,7 @@ class LightPath:
         rays: RayBundle,
         part: MadePart,
     ) -> tuple[Collected, ...]:
-        """The same for one part of the lens with these tables, whose source has its own flux."""
+        """Light through one part of the lens with these tables; its source has a flux of its own."""
         scene = replace(self.scene, media=part.media(self.scene.media), made=part.made)
         own = part.rays(replace(rays, flux=part.flux * rays.flux))
         return replace(self, scene=scene).collect(*part.tables(inner, outer), own)

@@ -83,7 +83,7 @@ class ImageTerms:
         )
 
     def judge(self, first: Image, second: Image, uniform: bool) -> Float[Tensor, ""]:
-        """The same from two independent samples, without their noise.
+        """Loss by the images of two independent samples, without their noise.
 
         The product of the errors of both images has the expectation of the error without the noise of the rays; of
         the shortfall, whose image is smoothed, that of both together is taken.

@@ -85,7 +85,7 @@ class Parametrisation:
         return Parametrisation(basis, grid, tables, torch.tensor(lens.start_mm, dtype=torch.float64), lens.fixed)
 
     def refined(self) -> "Parametrisation":
-        """The same splines as tables of half the step."""
+        """Parametrisation whose tables have half the step, of the same splines."""
         grid = TableGrid(2 * self.grid.nodes - 1)
         return replace(self, grid=grid, basis_tables=replace(self.basis_tables, side=grid.side))
 

@@ -43,7 +43,7 @@ class Disc:
         return np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth)], axis=1)
 
     def density(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
-        """The same everywhere."""
+        """Density (1/mm^2) at each point: uniform over the disc."""
         return np.full(len(points), 1.0 / (np.pi * self.radius_mm**2))
 
     def corners(self) -> Float[np.ndarray, "k 2"]:

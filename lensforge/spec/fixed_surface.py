@@ -48,7 +48,7 @@ class FixedFace(Section):
         return float(self.shape.radii_mm[0, 0])
 
     def resolved(self) -> "FixedFace":
-        """The same face without a file. Raises :class:`InputError` for a file that does not hold it."""
+        """The face with what its file holds. Raises :class:`InputError` for a file that does not hold it."""
         return self
 
 

@@ -32,7 +32,7 @@ def spec_schema() -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """The same without what only Python has: None, and the titles that pydantic makes of the names of fields."""
+    """The schema ``value`` without what only Python has: None, and the titles that pydantic makes of field names."""
     if isinstance(value, list):
         return [_plain(entry) for entry in value]
     if not isinstance(value, dict):

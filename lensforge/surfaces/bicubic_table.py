@@ -206,7 +206,7 @@ class BasisTables:
 
 
 def _finer(table: Float[np.ndarray, "s s"], side: int) -> Float[np.ndarray, "t t"]:
-    """The same spline on a grid of ``side``, which is the table's or halves its step once or more."""
+    """The spline of ``table`` on a grid of ``side``, which is the table's or halves its step once or more."""
     while len(table) < side:
         fine = 2 * len(table) - 3  # twice the cells, and a coefficient beyond each end
         halfway, finer = np.empty((fine, len(table))), np.empty((fine, fine))

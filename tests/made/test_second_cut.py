@@ -107,7 +107,7 @@ def test_a_motion_of_the_part_is_no_correction():
         for registration in ("rigid", "none")
     }
     assert np.abs(found["rigid"].chosen.change.radius(u)).max() < 2e-5
-    np.testing.assert_allclose(found["rigid"].motion.translation_mm, (-0.02, 0.01, -0.03), atol=1e-4)
+    np.testing.assert_allclose(found["rigid"].placed.motion.translation_mm, (-0.02, 0.01, -0.03), atol=1e-4)
     shifted = np.abs(found["none"].chosen.change.radius(u)).max()
     assert shifted == pytest.approx(np.linalg.norm([0.02, -0.01, 0.03]), rel=0.05)
 
