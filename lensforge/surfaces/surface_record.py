@@ -95,6 +95,7 @@ def surface_record(surface: Surface) -> SurfaceRecord:
     match surface:
         case SrbfSurface(basis=basis):
             return SrbfRecord(
+                kind="srbf",
                 levels=basis.levels,
                 sigma_c=basis.sigma_c,
                 symmetry=basis.symmetry,

@@ -12,7 +12,7 @@ from lensforge.search.search_state import Adam
 
 @pytest.mark.parametrize("steps", [40, 100])
 def test_the_rate_falls_by_half_a_cosine_to_a_twentieth(steps: int) -> None:
-    stage = Stage(0, (9,), 9, steps, 64, 0.2, steps)
+    stage = Stage(0, (9,), 9, steps, 64, 0.2, uniform=False)
     found = [stage.rate(quarter * steps // 4) for quarter in range(5)]
     shares = [1.0, 0.05 + 0.95 * (0.5 + 8.0**-0.5), 0.525, 0.05 + 0.95 * (0.5 - 8.0**-0.5), 0.05]
     assert found == pytest.approx([0.2 * share for share in shares], rel=1e-12)
