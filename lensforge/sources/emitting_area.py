@@ -153,7 +153,7 @@ Area: TypeAlias = Disc | Rectangles | LuminanceImage
 
 
 def hull_points(points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "k 2"]:
-    """Those of the points that are corners of their convex hull, in order; both ends where all lie on one line."""
+    """Corners of the convex hull of the points, in order; both ends where all lie on one line."""
     try:
         corners: Float[np.ndarray, "k 2"] = points[ConvexHull(points).vertices]
         return corners

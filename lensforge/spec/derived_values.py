@@ -68,7 +68,7 @@ class LensSizes:
 
 
 def derived_sizes(source: Any, lens: Any, limits: Any, target: Any) -> dict[str, dict[str, float]]:
-    """What the rules give for the fields of each section, by the names of section and field.
+    """Values of fields that the spec leaves out, by the rules, by the names of section and field.
 
     The arguments are the sections of a spec, ``target`` may be None. Of a source that is no uniform area the cavity is
     not known, and of a target without a size its receiver.

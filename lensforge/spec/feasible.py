@@ -65,7 +65,7 @@ def smallest_inner_mm(lens: LensSection, limits: ConstraintsSection) -> _Meridia
 
 
 def _faults(side: str, fixed: FixedFace, limits: ConstraintsSection, manufacture: ManufactureSection) -> Iterator[str]:
-    """What a surface that the search does not change does against the limits, in words."""
+    """Limits that a surface breaks which the search does not change, in words."""
     shape, wall = fixed.shape, limits.min_thickness_mm if side == "inner" else 0.0
     under = f" under a wall of constraints.min_thickness_mm = {wall:g}" if wall else ""
     reached = float(shape.radii_mm.max()) + wall
