@@ -1,4 +1,4 @@
-"""Which shape has a face? Each is a radius over direction.
+"""What shape does a face have? Each is a radius over direction.
 
 - ``surface.Surface``: what a shape answers: radius and slope
 - ``srbf.SrbfSurface``: a freeform face of spherical radial basis functions
