@@ -232,7 +232,8 @@ class Light(SimulatedResult):
 
         Raises :class:`InputError` for an unknown map or receiver.
         """
-        from lensforge.results.plots import plot_map, require_choice
+        from lensforge.results.arguments import require_choice
+        from lensforge.results.plots import plot_map
 
         require_choice("which", which, get_args(Picture))
         named = {each.name: each for each in self.receivers}

@@ -10,7 +10,6 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.cad.patch import Patch, fit_patch
-from lensforge.errors import InputError
 from lensforge.light.metrics import relative_square
 from lensforge.light.simulation import TracedLens, TracedLight, traced_light
 from lensforge.light.table_trace import Scene
@@ -26,6 +25,7 @@ from lensforge.made.measurement_result import (
 )
 from lensforge.made.registration import RigidMotion, distances
 from lensforge.results import Extent, Metric
+from lensforge.results.arguments import require_choice
 from lensforge.scene.lens import Lens
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.sources.ray_bundle import Source
@@ -115,8 +115,7 @@ def compare_surface(
     on the inner one. The motion that ``registration`` allows is removed, the rest is form; the other surface is the
     design's. Raises :class:`InputError` for points that cannot be registered, and for an unknown ``registration``.
     """
-    if registration not in get_args(Registration):
-        raise InputError(f"registration = {registration!r}: must be one of {', '.join(get_args(Registration))}")
+    require_choice("registration", registration, get_args(Registration))
     surface: Surface = getattr(lens, side)
     patch = fit_patch(surface)
     cut = FirstCut.of(surface, patch, cloud, Request(registration=registration))

@@ -162,7 +162,8 @@ class PhotoComparison(StageResult):
 
     def plot(self, axes: "Axes | None" = None, *, axis: AxisName = "x") -> "Axes":
         """Plot photograph and simulation along a central line. Raises :class:`InputError` for an unknown axis."""
-        from lensforge.results.plots import plot_curves, require_choice
+        from lensforge.results.arguments import require_choice
+        from lensforge.results.plots import plot_curves
 
         require_choice("axis", axis, get_args(AxisName))
         rows, columns = self.measured.shape

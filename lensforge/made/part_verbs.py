@@ -16,7 +16,7 @@ from lensforge.light.lens_light import judging_source, rays_of, unless_own
 from lensforge.made.measurement_result import Correction, PhotoComparison, Registration, Side, SurfaceComparison
 from lensforge.made.tolerance_result import MOST_PARTS, Sensitivity, Yield
 from lensforge.results import Conditions
-from lensforge.results.arguments import count_of, number_of, path_of, require, threads_of_torch
+from lensforge.results.arguments import count_of, number_of, path_of, require, require_choice, threads_of_torch
 from lensforge.results.cluster import connected
 from lensforge.scene.lens import Lens
 from lensforge.spec.accuracy import preset_of
@@ -200,12 +200,8 @@ def correct(
     file = path_of("points", points)
     if file is None:
         raise InputError("points = None: give the file of the points measured on the first cut")
-    for name, value, allowed in (
-        ("surface", surface, get_args(Side)),
-        ("registration", registration, get_args(Registration)),
-    ):
-        if value not in allowed:
-            raise InputError(f"{name} = {value!r}: must be one of {', '.join(allowed)}")
+    require_choice("surface", surface, get_args(Side))
+    require_choice("registration", registration, get_args(Registration))
     rays, preset, factor = count_of("rays", rays), preset_of(lens.accuracy), number_of("gain", gain)
     request = Request(number_of("wavelength_mm", wavelength_mm), 1.0 if factor is None else factor, registration)
     source = judging_source(lens.spec)

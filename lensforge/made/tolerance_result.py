@@ -73,7 +73,8 @@ class Sensitivity(SimulatedResult):
 
         Raises :class:`InputError` for an unknown one, and for one that the spec has no region for.
         """
-        from lensforge.results.plots import plot_bars, require_choice
+        from lensforge.results.arguments import require_choice
+        from lensforge.results.plots import plot_bars
 
         require_choice("metric", metric, get_args(MetricName))
         if getattr(self.nominal, metric) is None:
@@ -294,7 +295,8 @@ class Yield(SimulatedResult):
 
         Raises :class:`InputError` for an unknown one.
         """
-        from lensforge.results.plots import plot_distribution, require_choice
+        from lensforge.results.arguments import require_choice
+        from lensforge.results.plots import plot_distribution
 
         require_choice("metric", metric, tuple(self.metrics))
         bound = next((each.bound for each in self.bounds if each.metric == metric), None)

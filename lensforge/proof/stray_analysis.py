@@ -12,7 +12,6 @@ from typing import get_args
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from lensforge.errors import InputError
 from lensforge.optics.media import Media
 from lensforge.proof.acceptance import balance_error, stray_criteria
 from lensforge.proof.facet_casting import Grid
@@ -42,8 +41,7 @@ def trace_stray(
     ``inputs``: hashes of the inputs, by name. Raises :class:`InputError` for bytes that hold no mesh, and for an
     unknown ``base``.
     """
-    if base not in get_args(Base):
-        raise InputError(f"base = {base!r}: must be one of {', '.join(get_args(Base))}")
+    require_choice("base", base, get_args(Base))
     start = perf_counter()
     limits = limits or Limits()
     part = read_part_mesh(stl)

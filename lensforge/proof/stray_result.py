@@ -113,7 +113,8 @@ class StrayLight(SimulatedResult):
 
         Raises :class:`InputError` for an unknown part or receiver.
         """
-        from lensforge.results.plots import plot_map, require_choice
+        from lensforge.results.arguments import require_choice
+        from lensforge.results.plots import plot_map
 
         require_choice("which", which, get_args(LightPath))
         named = {each.name: each for each in self.receivers}

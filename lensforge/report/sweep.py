@@ -228,7 +228,8 @@ class Sweep(StageResult):
 
         Raises :class:`InputError` for an unknown metric.
         """
-        from lensforge.results.plots import new_axes, require_choice
+        from lensforge.results.arguments import require_choice
+        from lensforge.results.plots import new_axes
 
         require_choice("metric", metric, get_args(SweptMetric))
         axes, curve = new_axes(axes), Curve.of(self, metric)

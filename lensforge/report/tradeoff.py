@@ -94,7 +94,8 @@ class Tradeoff(StageResult):
 
         Raises :class:`InputError` for an unknown series or error.
         """
-        from lensforge.results.plots import plot_curves, require_choice
+        from lensforge.results.arguments import require_choice
+        from lensforge.results.plots import plot_curves
 
         require_choice("series", series, get_args(Series))
         require_choice("error", error, get_args(TradedError))

@@ -1,6 +1,6 @@
 """Arguments of a verb: validated with one-line errors, and converted."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from math import isfinite
 from operator import index
@@ -52,6 +52,13 @@ def path_of(name: str, value: object) -> Path | None:
     if not isinstance(value, Path | str):
         raise InputError(f"{name} = {value!r}: give the path of a file")
     return Path(value)
+
+
+def require_choice(name: str, value: object, allowed: Iterable[str]) -> None:
+    """Raise :class:`InputError` unless the argument ``name`` is one of those ``allowed``."""
+    choices = tuple(allowed)
+    if not (isinstance(value, str) and value in choices):
+        raise InputError(f"{name} = {value!r}: must be one of {', '.join(choices)}")
 
 
 def require(value: object, kind: type[_Kind], verb: str) -> _Kind:

@@ -1,6 +1,6 @@
 """Plots of arrays, on the caller's axes or new ones; each returns its axes."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -91,13 +91,6 @@ def plot_distribution(
     axes.set(xlabel=label, ylabel="parts with at most this (%)", ylim=(0.0, 100.0))
     axes.legend()
     return axes
-
-
-def require_choice(name: str, value: object, allowed: Iterable[str]) -> None:
-    """Raise :class:`InputError` unless the argument ``name`` of a plot is one of those ``allowed``."""
-    choices = tuple(allowed)
-    if not (isinstance(value, str) and value in choices):
-        raise InputError(f"{name} = {value!r}: must be one of {', '.join(choices)}")
 
 
 def new_axes(axes: Axes | None) -> Axes:

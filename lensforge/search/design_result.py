@@ -139,7 +139,8 @@ class Design(StageResult):
 
         Raises :class:`InputError` for an unknown one.
         """
-        from lensforge.results.plots import plot_curves, require_choice
+        from lensforge.results.arguments import require_choice
+        from lensforge.results.plots import plot_curves
 
         require_choice("quantity", quantity, get_args(Quantity))
         curves, start = {}, 1

@@ -232,7 +232,8 @@ class Check(StageResult):
         quantity: Literal["sag_mm", "kappa_min", "kappa_max", "residual_mm"] = "sag_mm",
     ) -> "Axes":
         """``quantity`` of one face over its chart. Raises :class:`InputError` for an unknown face or quantity."""
-        from lensforge.results.plots import plot_face, require_choice
+        from lensforge.results.arguments import require_choice
+        from lensforge.results.plots import plot_face
 
         labels = {
             "sag_mm": "departure from the best-fit sphere (mm)",

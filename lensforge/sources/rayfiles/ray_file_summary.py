@@ -197,7 +197,8 @@ class RayFileSummary(StageResult):
 
         Raises :class:`InputError` for an unknown panel, and for a summary that was read from a file: it has no rays.
         """
-        from lensforge.results.plots import new_axes, require_choice
+        from lensforge.results.arguments import require_choice
+        from lensforge.results.plots import new_axes
 
         require_choice("which", which, get_args(Panel))
         if self._rayfile is None:
