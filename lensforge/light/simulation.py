@@ -44,6 +44,11 @@ CAUSES = len(Fate) + 3
 _MOST_RAYS_AT_ONCE = 2**20  # bounds the memory: about 200 MB of rays and hits
 
 
+# Large weights of the broadest functions make a shape that is finer than they are: the tables of a lens of 9 functions
+# (sigma 0.83 rad, weights to 4.4 mm) moved rays by 13 um rms at 150 mm by six nodes across it, now by 1.3 um.
+_WIDEST_DETAIL_RAD = 0.4
+
+
 @dataclass(frozen=True)
 class TracedLens:
     """A lens with its tables, ready to trace.
@@ -63,7 +68,7 @@ class TracedLens:
     def of(lens: Lens, nodes_per_sigma: float) -> "TracedLens":
         """Tabulate both surfaces from the exact sum; the tables' error against it is measured at once."""
         with remedy("take a lower accuracy"):
-            grid: TableGrid = grid_for(lens.detail_rad, nodes_per_sigma)
+            grid: TableGrid = grid_for(min(lens.detail_rad, _WIDEST_DETAIL_RAD), nodes_per_sigma)
         surfaces = {"inner": lens.inner, "outer": lens.outer}
         tables = {name: tabulate(grid, surface) for name, surface in surfaces.items()}
         errors = {name: 1e6 * table_error(grid, tables[name], surface) for name, surface in surfaces.items()}

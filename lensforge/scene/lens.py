@@ -7,6 +7,7 @@ base, which stays where it is, as do source and receivers.
 
 import hashlib
 import json
+import warnings
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -15,7 +16,7 @@ from typing import Literal
 import numpy as np
 from pydantic import JsonValue
 
-from lensforge.errors import InputError, WrongFields
+from lensforge.errors import InputError, RenamedWarning, WrongFields
 from lensforge.optics.material import HIGHEST_C, LOWEST_C, Material
 from lensforge.optics.media import Media
 from lensforge.results import Count, Record, Text
@@ -169,7 +170,8 @@ def _lens_in(file: bytes, path: Path) -> Lens:
                 content[side].setdefault("kind", "srbf")
     record = validated(LensRecord, without_schema(content, SCHEMA, path, _REMEDY), path, _REMEDY)
     try:
-        spec = parse_spec(record.spec, str(path))
+        with warnings.catch_warnings(category=RenamedWarning, action="ignore"):  # the program wrote the old names
+            spec = parse_spec(record.spec, str(path))
     except WrongFields as error:  # nobody wrote this spec: the first field says as much as all
         raise InputError(f"{error.lines[0]}; {_REMEDY}") from None
     if spec.lens.levels == "auto":
