@@ -56,7 +56,7 @@ def casts(directory: Path, most: int) -> Iterator[dict[str, Any]]:
     expected = Expected(screen, designed, landed.hits, landed.flux)
     count = 2**12
     while count <= len(rays):
-        ((cast, _),) = cast_mitsuba(part, rays, lens.refractive_index, [expected], count)
+        ((cast, _),) = cast_mitsuba(part, rays, lens.media, [expected], count)
         criteria = mitsuba_criteria(cast, screen.reach_mm(designed))
         yield cast.model_dump(mode="json") | {"criteria": [criterion.model_dump(mode="json") for criterion in criteria]}
         count *= 4

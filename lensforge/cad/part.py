@@ -2,10 +2,10 @@
 
 import hashlib
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from functools import cached_property
 from numbers import Real
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -90,14 +90,6 @@ class UntrimmedSurfaces(Record):
     scale: Positive
     form_error_nm: NotNegative
     normal_error_mrad: NotNegative
-
-    @model_validator(mode="before")
-    @classmethod
-    def _old_name(cls, content: Any) -> Any:
-        """Results of version 0.2.0 and earlier call it ``runout_deg``."""
-        if isinstance(content, Mapping) and "runout_deg" in content:
-            return {("extension_deg" if name == "runout_deg" else name): value for name, value in content.items()}
-        return content
 
 
 class KeepOutDistance(Record):

@@ -127,7 +127,7 @@ def _scale(exported: BodySize, found: BodySize) -> float | None:
     powers = (
         *((ratio, 1) for ratio in ratios),
         (found.area_mm2 / exported.area_mm2, 2),
-        (abs(found.volume_mm3) / exported.volume_mm3, 3),
+        (found.volume_mm3 / exported.volume_mm3, 3),
     )
     alike = all(abs(ratio - scale**power) <= _SCALED_ALIKE * abs(scale**power - 1.0) for ratio, power in powers)
     return scale if alike and scale != 1.0 else None
@@ -231,13 +231,21 @@ def _mesh_criteria(proof: ReceiverProof, found: Evidence) -> Iterator[Criterion]
     yield at_most("nmse_vs_design", proof.nmse_vs_design, noise_limit(floor), "", light)
 
 
-def _cast_criteria(prefix: str, found: Evidence) -> list[Criterion]:
-    """Criteria of rays cast through a file: where they land, their flux, and their fates."""
+def _landing_criteria(prefix: str, found: Evidence) -> list[Criterion]:
+    """Criteria of rays cast through a file: where they land, and their flux."""
     design = found.agreement
     return [
         at_most(f"{prefix}deviation_rms", design.rms, found.deviation_mm, "mm", found.of_deviation()),
         at_most(f"{prefix}flux_deviation", design.flux, found.flux, "of the flux", found.of_flux()),
-        at_most(f"{prefix}fate_disagreement_flux", design.fates_flux, found.fates, "of the flux", found.of_fates()),
+    ]
+
+
+def _cast_criteria(prefix: str, found: Evidence) -> list[Criterion]:
+    """Criteria of rays cast through a mesh: where they land, their flux, and the flux of other fates."""
+    fates = found.agreement.fates_flux
+    return [
+        *_landing_criteria(prefix, found),
+        at_most(f"{prefix}fate_disagreement_flux", fates, found.fates, "of the flux", found.of_fates()),
     ]
 
 
@@ -252,7 +260,7 @@ def brep_criteria(cast: BrepCast, reach_mm: float, fault: str = "") -> list[Crit
     seen = brep_evidence(cast, reach_mm, fault)
     allowed = BREP_FATE_RAYS * max(1.0, cast.rays / BREP_RAYS)
     return [
-        *_cast_criteria("brep_", seen)[:2],
+        *_landing_criteria("brep_", seen),
         at_most("brep_fate_disagreements", cast.against_design.fates, allowed, "rays", seen.of_fates()),
     ]
 

@@ -167,8 +167,8 @@ class MeshBody:
         flat, facing = leg.origins + hits.distances[:, None] * leg.directions, part.mesh.face_normals[hits.triangles]
         found.points[rows], found.normals[rows] = meet(part, leg, hits)
         found.leaving[rows] = self._leaving(leg, hits)
-        # At or below z = 0 lies no optical surface.
         found.away[rows] = faces_away(flat, facing)
+        # At or below z = 0 lies no optical surface.
         found.base[rows] = part.mesh.triangles_center[hits.triangles, 2] <= 0.0
         found.skins[rows] = _SKIN_EDGES * np.sqrt(2.0 * part.mesh.area_faces[hits.triangles])
         found.heights[rows] = np.sum((found.points[rows] - flat) * found.normals[rows], axis=1)

@@ -263,7 +263,8 @@ def datum_scheme(lens: Lens, part: Part) -> DatumScheme:
     if base.kind in ("none", "step"):
         missing.append("No datum feature for the axis: z through the origin of lens.step, aligned by the optical faces")
     if len(found) < 3:
-        would = "; base.flat_mm would" if base.kind == "cylinder" else ""
+        marked = base.kind == "cylinder" and other_section_deg(lens) is not None
+        would = "; base.flat_mm would" if marked else ""
         missing.append(f"Nothing on the part marks the azimuth, which counts from +x of lens.step{would}")
     if base.kind == "step":
         missing[-1] = "The azimuth is that of the base in its own file"

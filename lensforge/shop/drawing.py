@@ -35,12 +35,12 @@ def drawing_notes(
         _edges(words),
         "Optical faces polished, free of marks; all other faces as machined, no roughness stated.",
         *_mould(lens),
-        *tool_notes(lens, check),
+        *tool_notes(check),
         "Notation as in ISO 10110 and ISO 1101; conformance is not claimed. A dash: nothing is stated.",
     ]
 
 
-def tool_notes(lens: Lens, check: Check) -> list[str]:
+def tool_notes(check: Check) -> list[str]:
     """Tools that the faces take, by the check, and how many of its findings do not hold."""
     faces = f"{_ball(check.inner)} for the inner face, {_ball(check.outer)} for the outer one{_base(check)}"
     steepest = max(check.inner.largest_tilt_deg, check.outer.largest_tilt_deg)

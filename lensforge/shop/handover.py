@@ -39,10 +39,10 @@ class PointGrid(Record):
 
 
 class Handover(Record):
-    """Drawing and verdicts as page and PDF, the drawing as DXF, tables of points, as the bytes of files.
+    """Page with drawing and verdicts, the drawing as PDF and DXF, tables of points, as the bytes of files.
 
     ``points``: number of points in the table for a measuring machine; ``grids``: dense tables for milling and turning.
-    ``sha256``: of the files that go to the shop, by name, except page and PDF, which list them.
+    ``sha256``: of the files that go to the shop, by name, except page and PDF; the page lists them.
     ``refused``: verdicts of the check that do not hold.
     """
 

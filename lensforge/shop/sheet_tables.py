@@ -9,7 +9,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from lensforge.cad.part import Part
+from lensforge.cad.part import STEP_FILE, Part
 from lensforge.cad.plan import INNER, OUTER
 from lensforge.errors import InputError
 from lensforge.optics.material import D_LINE_NM
@@ -107,8 +107,10 @@ def _profile(name: FaceName, lens: Lens, part: Part) -> str:
     if width_um is None:
         return f"Profile of the surface: {NOTHING}"
     face = OUTER if name == "outer" else INNER
-    carried = any(each.face == face and each.datum_faces for each in part.form_tolerances)
-    return f"Profile of the surface: {1e-3 * width_um:g}{' | A' if carried else ''}"
+    carried = [tolerance for tolerance in part.form_tolerances if tolerance.face == face]
+    if not carried:
+        return f"Profile of the surface: {1e-3 * width_um:g} (none in {STEP_FILE})"
+    return f"Profile of the surface: {1e-3 * width_um:g}{' | A' if carried[0].datum_faces else ''}"
 
 
 def _centring(name: FaceName, lens: Lens) -> str:

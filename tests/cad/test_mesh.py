@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from nightly import first_by_day, scaled
 
-from lensforge.cad.mesh import build_mesh, check_closed, mesh_error
+from lensforge.cad.mesh import build_mesh, check_closed, mesh_error, rings_for
 from lensforge.cad.patch import fit_patch
 from lensforge.cad.plan import BORE, BOTTOM, INNER, OUTER, RIM, SIDE, TOP, make_plan, rim_directions
 from lensforge.errors import InputError
@@ -181,3 +181,14 @@ def test_a_tolerance_that_takes_too_many_triangles_is_refused(monkeypatch):
     monkeypatch.setattr("lensforge.cad.facets.MOST_TRIANGLES", 5000)
     with pytest.raises(InputError, match=r"with 5000 triangles, the most that are made; export with a number of"):
         build_mesh(rough_plan(), 20, 1e-4)
+
+
+def test_rings_follow_the_detail_of_the_faces_and_the_width_of_the_base():
+    plan = rough_plan()
+    assert rings_for(plan, 1e-3) == 96
+    fine = make_plan(fit_patch(random_surface(6.0, 0.02, 1), 200), plan.outer, NONE)
+    assert rings_for(fine, 1e-3) == 184
+    wide = plan_of(random_surface(6.0, 0.0, 1), random_surface(13.7, 0.0, 51), BaseSection(diameter_mm=600.0))
+    rings = rings_for(wide, 1e-3)
+    assert rings > 128
+    assert 300.0 * (1.0 - np.cos(np.pi / (6 * rings))) <= 1e-3

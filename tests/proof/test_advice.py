@@ -8,10 +8,11 @@ import trimesh
 from lens_meshes import DISTANCE, INDEX, INNER, OUTER, lambertian, oracle, right
 
 from lensforge.optics.media import Media
-from lensforge.proof.part_comparison import Expected
+from lensforge.proof.part_comparison import Expected, compare
 from lensforge.proof.proof_result import Agreement
 from lensforge.proof.receiver_screen import Screen
 from lensforge.proof.remedies import Evidence, form_of_mesh
+from lensforge.proof.sequential_cast import CastFate, LandedRays
 from lensforge.proof.verification import verify_part
 
 SCREEN = Screen.square(DISTANCE, 300.0, 32)
@@ -114,3 +115,27 @@ def test_form_comes_before_fates_and_fates_before_losses():
     assert right.of_pixels() == right.of_flux() != "FORM"
     none = Evidence(some.model_copy(update={"rms": 0.5, "fates_flux": 0.0, "flux": 0.0}), 1.0, 0.1, 0.1, "FORM")
     assert "borders of pixels" in none.of_pixels()
+
+
+@pytest.mark.parametrize("fate", list(CastFate)[1:])
+@pytest.mark.parametrize(
+    "design",
+    ["backward", "outside_cavity", "base", "total_reflection", "not_converged", "surfaces_intersect", "lost"],
+)
+def test_every_pair_of_fates_has_its_advice(design, fate):
+    """Both ways; the mesh is blamed for light at a limit only, never for light that starts somewhere else."""
+    nowhere, there, ones = np.full((2, 2), np.nan), np.zeros((2, 2)), np.ones(2)
+    rays = lambertian(2, 0.0)
+    for landed in (False, True):
+        fates = np.full(2, CastFate.LANDED if landed else fate, dtype=np.int64)
+        passage = LandedRays(there if landed else nowhere, ones, 0.0 * ones, 0.0 * ones, fates)
+        screen = Screen.square(DISTANCE, 10.0, 2)
+        expected = Expected(screen, np.ones((2, 2)), nowhere if landed else there, ones, np.full(2, design))
+        agreement = compare(rays, passage, expected)
+        pair = agreement.pairs[0]
+        assert (pair.design, pair.part) == ((design, "landed") if landed else ("landed", fate.name.lower()))
+        alike = agreement.model_copy(update={"compared": 5, "rms": 0.0})
+        says = Evidence(alike, 1.0, 1.0, 0.0, "FORM").of_fates()
+        assert says.startswith("100.00% of the flux: design ") and "FORM" not in says
+        start = {"backward", "outside_cavity"} if landed else {"opening", "no_hit", "starts_inside", "starts_outside"}
+        assert (MESH in says) == (not {pair.design, pair.part} & (start | {"not_converged", "surfaces_intersect"}))

@@ -25,7 +25,7 @@ MESHES = {
     "soup": soup(150),
     "shell": lens_mesh(sphere(6.0).radius, sphere(13.7).radius, 10),
     "on a base": lens_mesh(Quadric((0.2, 0.1, 0.0), (1.0, 0.8, 0.9)).radius, sphere(2.45).radius, 12, (4.0, 1.0)),
-    "box": trimesh.creation.box((20.0, 12.0, 8.0)),  # triangles larger than the pieces of a ray
+    "box": trimesh.creation.box((20.0, 12.0, 8.0)),
 }
 
 

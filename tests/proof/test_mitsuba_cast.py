@@ -71,7 +71,7 @@ def test_verify_asks_mitsuba_and_leaves_the_variant_of_its_caller():
     assert result.first.gaps_mitsuba_mm[-1] == result.first.mitsuba.against_design.max
     assert "mitsuba_nmse_vs_design" in {criterion.name for criterion in result.criteria}
     without = verify_part(stl, **given)
-    assert without.mitsuba is None and without.first.gaps_mitsuba_mm is None
+    assert without.first.mitsuba is None and without.first.gaps_mitsuba_mm is None
 
 
 def test_a_mitsuba_that_does_not_load_is_one_line(monkeypatch):

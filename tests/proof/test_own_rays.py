@@ -185,3 +185,23 @@ def test_a_broken_sampler_is_seen_by_these_rays_alone(
     own = proof.first.own_rays
     assert own is not None and own.efficiency.standard_error is not None and own.efficiency.standard_error < 0.005
     assert sum(own.flux.model_dump().values()) == pytest.approx(1.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("power", [0.0, 1.0, 2.5, 300.0])
+def test_cosines_have_the_moments_of_their_power(power: float) -> None:
+    z = independent_draws.along_cosine(random(), COUNT, power)[:, 2]
+    assert near(z, (power + 1.0) / (power + 2.0)) and near(z**2, (power + 1.0) / (power + 3.0))
+
+
+def test_a_disc_is_round_and_even() -> None:
+    points = independent_draws.in_disc(random(), COUNT, 2.0)
+    square = (points**2).sum(axis=1)
+    assert square.max() <= 4.0 and near(square, 2.0) and near(points[:, 0], 0.0) and near(square**2, 16.0 / 3.0)
+
+
+def test_rectangles_share_the_flux() -> None:
+    centres, sides = np.array([[-1.0, 0.0], [2.0, 3.0]]), np.array([[1.0, 2.0], [0.5, 0.25]])
+    points = independent_draws.in_rectangles(random(), COUNT, centres, sides, np.array([3.0, 1.0]))
+    first = points[:, 0] < 0.0
+    assert near(first.astype(float), 0.75)
+    assert near((points[first, 0] + 1.0) ** 2, 1.0 / 12.0) and near((points[~first, 1] - 3.0) ** 2, 0.0625 / 12.0)

@@ -178,8 +178,8 @@ def test_the_step_is_nearer_to_the_design_than_the_mesh(lens_step):
     assert gaps[-1] == cast.against_design.max
 
 
-def test_faces_that_another_program_has_split_are_one_smooth_face(tmp_path, lens_step):
-    """Split at y = 0: a ray from one half of the cavity to the other has left the part by the face it came in by."""
+def test_a_step_whose_faces_another_program_has_split_casts_the_same(tmp_path, lens_step):
+    """Split at y = 0, where rays cross from one half of a face to the other."""
     half = cq.Workplane().box(100.0, 50.0, 100.0)
     one, other = (body_of().intersect(half.translate((0.0, side, 0.0))) for side in (25.0, -25.0))
     whole, split = StepBody(lens_step), StepBody(written(one.union(other, clean=False), tmp_path / "split.step"))

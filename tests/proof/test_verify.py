@@ -76,8 +76,9 @@ def test_a_step_file_is_refused_before_any_ray_is_cast(verify, monkeypatch):
         verify(right(), step=b"no STEP file")
 
 
-# Faults of a whole file, unit, turn or mirror image, are named: test_misplaced.
 WRONG = {
+    "mirrored": lambda: right().apply_transform(np.diag([-1.0, 1.0, 1.0, 1.0])),
+    "upside down": lambda: right().apply_transform(trimesh.transformations.rotation_matrix(np.pi, [1.0, 0.0, 0.0])),
     "turned": lambda: right().apply_transform(trimesh.transformations.rotation_matrix(0.01, [0.0, 0.0, 1.0])),
     "raised 20 um": lambda: right().apply_translation([0.0, 0.0, 0.02]),
     "inner 20 um to +x": lambda: right(inner=moved(INNER, 0, 0.02)),
@@ -92,6 +93,18 @@ def test_a_lens_exported_wrongly_fails(verify, name):
     result = verify(WRONG[name](), plain_rays=1)
     assert "deviation_rms" in failed(result)
     assert sum(result.first.flux.model_dump().values()) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_facets_that_face_inwards_are_named(verify):
+    mesh = right()
+    mesh.invert()
+    missed = [criterion for criterion in verify(mesh, plain_rays=1).criteria if not criterion.passed]
+    assert missed and any("facets face inwards" in str(criterion) for criterion in missed)
+
+
+def test_a_mesh_too_coarse_for_the_light_is_told_of_a_finer_one(verify):
+    missed = [str(criterion) for criterion in verify(right(rings=8), plain_rays=1).criteria if not criterion.passed]
+    assert any("finer mesh (--rings N)" in words for words in missed)
 
 
 def test_the_deviation_of_landings_is_their_root_mean_square(verify):

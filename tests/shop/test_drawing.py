@@ -17,12 +17,14 @@ from lensforge.cad.part import Faces
 from lensforge.cad.part_export import build_part, signed_step
 from lensforge.cad.plan import make_plan
 from lensforge.cad.solid import build_solid
+from lensforge.errors import InputError
 from lensforge.shop.dimensions import datum_scheme, dimensions
 from lensforge.shop.drawing import SCALES, SIZES, drawing_content, make_sheet
 from lensforge.shop.sheet import box_of, shown
 from lensforge.shop.sheet_marks import strokes_of, words_of_dimension
-from lensforge.shop.sheet_tables import tolerance_table
+from lensforge.shop.sheet_tables import index_wavelength, tolerance_table
 from lensforge.shop.sheet_writers import sheet_dxf, sheet_pdf
+from lensforge.spec.part_section import read_drawing
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 ROUND = {"diameter_mm": 16.0}
@@ -328,3 +330,33 @@ def test_a_part_of_any_size_has_a_scale_that_fills_the_sheet(drawings, factor):
     views = replace(content.views, sections=sections, base=base, dome=dome, dimensions=[])
     sheet = make_sheet(replace(content, views=views))
     assert sheet.scale in SCALES and 0.2 < sheet.scale * factor / usual.scale < 5.0
+
+
+def test_another_revision_is_read_from_a_file_and_wrong_ones_are_a_line(tmp_path):
+    path = tmp_path / "revision.toml"
+    path.write_text('[drawing]\nrevision = "D"\n[other]\nx = 1\n', encoding="utf-8")
+    assert read_drawing(path).revision == "D"
+    for content, line in (
+        ("[other]\n", "has no \\[drawing\\]; add one"),
+        ("[drawing]\nrevison = 'D'\n", "drawing: revison.*revision"),
+        ("[drawing]\nroughness_nm = -1\n", "drawing: roughness_nm = -1"),
+    ):
+        path.write_text(content, encoding="utf-8")
+        with pytest.raises(InputError, match=line) as caught:
+            read_drawing(path)
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("material", "words"),
+    [
+        ({"material": "PMMA at 564 nm", "refractive_index": 1.49}, "at 564 nm"),
+        ({"material": "PMMA"}, "at 587.56"),
+        ({"material": "PMMA", "design_wavelength_nm": 620.0}, "at 620 nm"),
+        ({"material": "own", "refractive_index": 1.5}, "wavelength not stated"),
+        ({"material": "own", "refractive_index": 1.5, "abbe_number": 50.0}, "at 587.56"),
+    ],
+)
+def test_the_index_has_its_wavelength(material, words):
+    lens = small_lens(lens={"levels": [9], "inner_offset_mm": 3.0, "outer_offset_mm": 6.0, **material})
+    assert index_wavelength(lens).startswith(words)

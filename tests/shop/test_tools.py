@@ -61,3 +61,16 @@ def test_a_mould_insert_swaps_hollow_and_bump():
     assert found.inner.curvature.kappa_min_per_mm == pytest.approx(1.0 / 0.8, abs=1e-5)
     assert found.outer.cutter.largest_radius_mm == pytest.approx(2.45, abs=1e-5)
     assert found.inner.undercut_fraction == 0.0
+
+
+def test_a_thick_shank_stops_where_it_meets_the_wall():
+    # In a cavity of radius a, a ball of radius R touches at polar angle t with its centre (a - R) sin t off the axis;
+    # the shank of radius s > R meets the wall at once where (a - R) sin t + s exceeds the radius at that height.
+    a, ball, shank = 3.0, 0.5, 1.5
+    samples = sampled(sphere(a), AirSide.INSIDE, nodes=81)
+    polar = np.arccos(np.minimum(samples.points[:, 2] / a, 1.0))
+    off, height = (a - ball) * np.sin(polar), (a - ball) * np.cos(polar)
+    clear = off + shank <= np.sqrt(a**2 - height**2)
+    assert 0.0 < samples.fraction(clear) < 1.0
+    found = reach(samples, mill(ball, shank), DOWN)
+    assert found.reachable_fraction_untilted == pytest.approx(samples.fraction(clear), abs=0.02)
