@@ -26,7 +26,7 @@ def kernel_threads(threads: int | None) -> Iterator[None]:
     try:
         yield
     finally:
-        _asked.remove(threads)
+        _asked.pop()
 
 
 def thread_count() -> int:

@@ -9,6 +9,6 @@
 - ``receiver_light.ReceiverLight``: the figures of one receiver
 - ``metrics.jackknife_error``: standard errors
 - ``photometry_result.Photometry``: lumens, candela, beam angles
-- ``luminaire_classes``: BUG rating and glare classes
-- ``road_lighting``: distribution types of street lamps
+- ``luminaire_classes``: distribution type, BUG rating and glare of a lamp
+- ``road_lighting``: light on a road, EN 13201
 """

@@ -202,7 +202,7 @@ def _entered(inner: TracedSurface, rays: EnteringRays) -> tuple[Int8[Array, " n"
     xp = module_of(rise)
     start = xp.where(height < 0.0, -height / xp.where(rising, rise, 1.0), 0.0)
     points = rays.origins + start[:, None] * rays.directions
-    points[:, 2] = xp.where(height > 0.0, height, 0.0)
+    points[:, 2] = xp.where(height < 0.0, 0.0, height)
     with without_gradient(points):
         inside = inner.gap(points) > 0.0
     entered = _fates(inside, Fate.LEFT_LENS, Fate.OUTSIDE_CAVITY)

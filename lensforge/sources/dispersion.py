@@ -1,4 +1,4 @@
-"""Index of a dispersive lens at the wavelengths of a source, with an account of the light at which it is not known."""
+"""Index of a dispersive lens at the wavelengths of a source."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

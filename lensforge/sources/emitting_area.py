@@ -29,10 +29,7 @@ _SAME_MM = 1e-9
 
 @dataclass(frozen=True)
 class Disc:
-    """A uniform disc about the axis.
-
-    As every area, it has its ``symmetry``, the largest mirror group that leaves it as it is.
-    """
+    """A uniform disc about the axis."""
 
     radius_mm: float
     symmetry: str = "square"
@@ -150,6 +147,8 @@ class LuminanceImage:
 
 
 Area: TypeAlias = Disc | Rectangles | LuminanceImage
+"""Each has its ``symmetry``, the largest mirror group that leaves it as it is; ``place`` takes pairs of uniform numbers
+to points (mm) in its light, ``density`` is that light (1/mm^2) at points, ``corners`` are those of its outline."""
 
 
 def hull_points(points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "k 2"]:

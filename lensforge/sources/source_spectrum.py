@@ -37,7 +37,8 @@ def read_spectrum_file(path: Path) -> Columns:
     lines = _lines(Path(path))
     first = next((place for place, (_, text) in enumerate(lines) if _numbers(text) is not None), len(lines))
     for number, text in lines[:first]:
-        if len(text.split()) > 1 and all(map(_is_number, text.split())):
+        words = re.split(r"[\s;,]+", text)
+        if len(words) > 1 and _is_number(words[0]):
             raise InputError(f"{path}, line {number}: not two columns of numbers; wavelength (nm) and power")
         if _ANOTHER_KIND.match(text):
             raise InputError(
@@ -46,6 +47,8 @@ def read_spectrum_file(path: Path) -> Columns:
     if first == len(lines):
         raise InputError(f"{path}: not two columns of numbers: it has none; wavelength (nm) and relative power density")
     announced = re.fullmatch(r"0*([0-9]+)", lines[first - 1].text) if first else None
+    if first and announced is None and lines[0].text.upper().startswith("OPTIS"):
+        raise InputError(f"{path}: line 3 of an OPTIS spectrum is the number of its samples; export it again")
     if announced and announced[1] != str(len(lines) - first):
         raise InputError(f"{path}: {announced[0][:9]} samples announced, {len(lines) - first} found; export it again")
     found = np.array([_row(line, path) for line in lines[first:]])

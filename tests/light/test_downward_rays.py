@@ -145,6 +145,7 @@ def test_a_scan_ends_at_the_plane() -> None:
         ([0.0, 0.0, 3.0], [0.0, 0.0, 1.0], Fate.OUTSIDE_CAVITY),
         ([np.nan, 0.0, 0.1], [0.0, 0.0, -1.0], Fate.OUTSIDE_CAVITY),
         ([0.0, 0.0, np.nan], [0.0, 0.0, -1.0], Fate.BACKWARD),
+        ([0.0, 0.0, np.nan], [0.0, 0.0, 1.0], Fate.OUTSIDE_CAVITY),
     ],
 )
 def test_every_ray_has_its_fate(tracer: str, origin, direction, fate) -> None:

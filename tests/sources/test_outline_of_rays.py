@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lensforge.sources import ray_set
+from lensforge.sources import ray_bundle, ray_set
 from lensforge.sources.ray_bundle import RayBundle, UnreadRays
 from lensforge.sources.ray_set import _around, _crossings, _value_at, outline_of
 from lensforge.sources.source_pose import SourcePose, rotation_about
@@ -55,8 +55,11 @@ def agrees(outline: np.ndarray, points: set[tuple[float, float]]) -> None:
 
 @pytest.mark.parametrize("unread", [False, True])
 @pytest.mark.parametrize(("down", "forward"), [(0.1, True), (1.0, False)])
-def test_the_outline_is_around_the_nearest_of_the_crossings(unread: bool, down: float, forward: bool) -> None:
-    """Of rays that go up, or, where none does, of those that go down."""
+def test_the_outline_is_around_the_nearest_of_the_crossings(
+    unread: bool, down: float, forward: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of rays that go up, or, where none does, of those that go down; rays of a file in nine blocks."""
+    monkeypatch.setattr(ray_bundle, "BLOCK_RAYS", 100)
     found = rays(900, down=down)
     assert (found.directions[:, 2] > 0.0).any() == forward
     agrees(outline_of(UnreadRays([found]) if unread else found, None), by_loop(found, forward)[0])

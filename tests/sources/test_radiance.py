@@ -1,4 +1,4 @@
-"""Radiance tables: étendue, symmetry and files; rays one by one, traced back to the numbers that they were drawn by."""
+"""Radiance tables: étendue and files; rays one by one, traced back to the numbers that they were drawn by."""
 
 from pathlib import Path
 

@@ -65,6 +65,9 @@ def test_rows_are_read_from_every_dress_from_blue_to_red(content, rows, tmp_path
         (LIGHTTOOLS.replace("radiometric", "photometric"), "'photometric': only continuous"),
         ("OPTIS - Material file v13\n\n0\n", "only continuous, radiometric spectra"),
         ("440 1\n450 1e12\n", "line 2: its numbers are not all finite and below 1e"),
+        ("380 n/a\n390 #DIV/0!\n400 1\n500 2\n", "line 1: not two columns"),
+        ("380;abc\n400;1\n500;2\n", "line 1: not two columns"),
+        ("OPTIS - Spectrum file v1.0\nled\n400 1\n500 2\n", "line 3 of an OPTIS spectrum"),
         ("98 1\n99.9 2\n", "wavelengths from 98 to 99.9: nm are expected"),
     ],
 )

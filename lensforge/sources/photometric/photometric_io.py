@@ -9,6 +9,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from lensforge.errors import InputError
 from lensforge.results import Count, Record, Text
 from lensforge.results.files import MIB, read_file, replacing
@@ -108,6 +110,9 @@ _FIELDS = {
 }
 
 
+_SAME = 1e-6  # relative: numbers are written with seven digits
+
+
 class PhotometricConversion(Record):
     """Conversion of a photometric file: formats, size of the table, and what the new file lost."""
 
@@ -134,6 +139,8 @@ def convert_photometric(path_in: Path, path_out: Path, *, ies_version: IesVersio
         )
     write_photometric(path_out, kept, ies_version=ies_version)
     back = read_photometric(path_out)
+    if not _same_intensities(kept, back):
+        raise InputError(f"{path_out}: its intensities read back are not those of {path_in}; report this")
     return PhotometricConversion(
         from_format=found.format,
         to_format=back.format,
@@ -142,6 +149,19 @@ def convert_photometric(path_in: Path, path_out: Path, *, ies_version: IesVersio
         bytes=Path(path_out).stat().st_size,
         lost=tuple(_lost(found, back)),
         warnings=(*found.warnings, *warnings),
+    )
+
+
+def _same_intensities(before: PhotometricFile, after: PhotometricFile) -> bool:
+    """True where both have the same table, to the digits written."""
+    one, other = before.intensity, after.intensity
+    if one.values.shape != other.values.shape:
+        return False
+    peak = float(one.values.max())
+    return bool(
+        np.allclose(one.gamma_deg, other.gamma_deg, rtol=_SAME, atol=1e-9)
+        and np.allclose(one.c_deg, other.c_deg, rtol=_SAME, atol=1e-9)
+        and np.allclose(one.values, other.values, rtol=0.0, atol=_SAME * peak)
     )
 
 

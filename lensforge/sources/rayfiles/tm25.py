@@ -171,6 +171,12 @@ def _warnings(fields: _Fields) -> Iterator[str]:
         yield f"columns not used here, and lost when converted: {', '.join(unused)}"
     if fields.flags["radiant"] and fields.flags["luminous"]:
         yield "holds radiant and luminous flux for each ray: the radiant flux (W) is used"
+    if fields.spectral_id in (2, 4) and (fields.flags["luminous"] or not fields.flags["radiant"]):
+        yield f"spectral identifier {fields.spectral_id} needs radiant flux and no luminous flux"
+    if fields.flags["spectrum_index"] != (fields.spectral_id == 4):
+        yield "the spectrum-index column and spectral identifier 4 go together; this file has only one of them"
+    if fields.flags["wavelength"] != (fields.spectral_id == 2):
+        yield "the wavelength column and spectral identifier 2 go together; this file has only one of them"
 
 
 def _unused(fields: _Fields) -> list[str]:

@@ -1,0 +1,238 @@
+"""Figures of few replicates, each written out as loops over pixels, pairs and blocks of replicates."""
+
+from itertools import combinations, permutations
+
+import numpy as np
+import pytest
+
+from lensforge.light.metrics import (
+    LeastEstimate,
+    PairEstimate,
+    _Choices,
+    _darkest,
+    _error_over_pairs,
+    _slope,
+    jackknife_error,
+    largest_without_noise,
+    least_without_noise,
+    nmse,
+    nmse_estimate,
+    ratio_of,
+    relative_deviation,
+    relative_square,
+    rsd_estimate,
+    uniformity,
+    uniformity_estimate,
+)
+from lensforge.results import Metric
+
+SHAPE = (3, 4)
+MASK = np.array([[False, True, True, False], [False, True, True, True], [False] * 4])
+
+
+def pictures(count: int, noise: float, scale: float = 0.01, seed: int = 0) -> np.ndarray:
+    """Light far below 1 in all pixels together, as watts on a receiver often are."""
+    chance = np.random.default_rng(seed)
+    truth = np.linspace(0.6, 1.4, 12).reshape(SHAPE)
+    return scale * truth * (1.0 + noise * chance.normal(size=(count, *SHAPE)))
+
+
+def test_metrics_of_a_picture_are_their_sums_over_pixels() -> None:
+    image, target = pictures(1, 0.2)[0], np.arange(1.0, 13.0).reshape(SHAPE)
+    share = sum(image.flat) / sum(target.flat)
+    above = sum((one - share * other) ** 2 for one, other in zip(image.flat, target.flat, strict=True))
+    assert nmse(image, target) == pytest.approx(above / sum((share * each) ** 2 for each in target.flat), rel=1e-12)
+    inside = [value for value, within in zip(image.flat, MASK.flat, strict=True) if within]
+    mean = sum(inside) / len(inside)
+    assert uniformity(image, MASK) == pytest.approx(min(inside) / mean, rel=1e-12)
+    spread = (sum((value - mean) ** 2 for value in inside) / len(inside)) ** 0.5
+    assert relative_deviation(image, MASK) == pytest.approx(spread / mean, rel=1e-12)
+    both = np.stack([image, 0.01 * target])
+    apart = sum((one - other) ** 2 for one, other in zip(*both.reshape(2, -1), strict=True))
+    assert relative_square(both) == pytest.approx(apart / sum(each**2 for each in both[1].flat), rel=1e-12)
+
+
+def test_a_dark_picture_has_the_largest_error_and_no_uniformity() -> None:
+    dark, light = np.zeros(SHAPE), np.ones(SHAPE)
+    assert nmse(dark, light) == 1.0
+    assert uniformity(dark, MASK) == relative_deviation(dark, MASK) == 0.0
+    assert relative_square(np.stack([light, dark])) == 0.0
+
+
+@pytest.mark.parametrize("own", [0.0, 3.0])
+def test_the_error_over_pairs_is_the_jackknife_less_what_it_counts_twice(own: float) -> None:
+    """Products with effects of their replicates, and without, where noise outweighs them."""
+    chance, count = np.random.default_rng(3), 6
+    apart = chance.normal(size=(count, count))
+    products = apart + apart.T + own * np.add.outer(*2 * (chance.normal(size=count),))
+    pairs = list(permutations(range(count), 2))
+    if own == 0.0:  # no effects: every row has the same mean
+        for _ in range(60):
+            rows = np.array([sum(products[j, k] for k in range(count) if k != j) for j in range(count)])
+            products -= np.add.outer(rows, rows) / (2.0 * (count - 1))
+    mean = sum(products[j, k] for j, k in pairs) / len(pairs)
+    without = [np.mean([products[j, k] for j, k in pairs if left not in (j, k)]) for left in range(count)]
+    jackknife = (count - 1) / count * sum((each - np.mean(without)) ** 2 for each in without)
+    effects = [
+        (sum(products[j, k] for k in range(count) if k != j) - (count - 1) * mean) / (count - 2) for j in range(count)
+    ]
+    z = sum((products[j, k] - mean - effects[j] - effects[k]) ** 2 for j, k in pairs) / (count * (count - 3))
+    expected = max(jackknife - 4.0 * z / (count * (count - 2)), 0.0) + 2.0 * z / (count * (count - 1))
+    assert _error_over_pairs(products) == pytest.approx(expected**0.5, rel=1e-9)
+    assert (jackknife > 4.0 * z / (count * (count - 2))) == (own > 0.0)
+
+
+def pair_means(first: list[np.ndarray], scales: list[float]) -> tuple[float, float]:
+    pairs = list(permutations(range(len(first)), 2))
+    return tuple(  # type: ignore[return-value]
+        sum(float(np.sum(each[j] * each[k])) for j, k in pairs) / len(pairs) for each in (first, scales)
+    )
+
+
+@pytest.mark.parametrize("count", [4, 7])
+def test_the_nmse_of_each_pair_and_its_distance_from_the_estimate(count: int) -> None:
+    images, target = pictures(count, 0.1), np.arange(2.0, 14.0).reshape(SHAPE)
+    scales = [image.sum() / target.sum() for image in images]
+    errors = [image - scale * target for image, scale in zip(images, scales, strict=True)]
+    norms = [scale * np.sqrt(np.sum(target**2)) for scale in scales]
+    above, below = pair_means(errors, norms)
+    found = nmse_estimate(images, target)
+    assert found.value == pytest.approx(above / below, rel=1e-10)
+    assert found.deviations is not None
+    for j, k in np.ndindex(count, count):
+        away = (np.sum(errors[j] * errors[k]) - found.value * norms[j] * norms[k]) / below
+        assert found.deviations[j, k] == pytest.approx(away, rel=1e-9, abs=1e-12)
+    assert found.metric().standard_error == _error_over_pairs(found.deviations)
+
+
+@pytest.mark.parametrize("noise", [0.02, 2.0])
+def test_the_rsd_is_the_root_of_the_mean_over_pairs_or_zero(noise: float) -> None:
+    """Light whose unevenness is far above its noise, and even light of much noise, whose square is below 0."""
+    images = pictures(6, noise)
+    if noise > 1.0:  # each is as uneven as the one before, the other way
+        images = 0.01 + np.array([1.0, -1.0, 1.5, -1.5, 0.5, -0.5])[:, None, None] * (pictures(1, 0.1) - 0.01)
+    inside = [image[MASK] for image in images]
+    means = [float(each.mean()) for each in inside]
+    errors = [(each - mean) / len(each) ** 0.5 for each, mean in zip(inside, means, strict=True)]
+    above, below = pair_means(errors, means)
+    found = rsd_estimate(images, MASK)
+    assert found.value == pytest.approx(max(above / below, 0.0) ** 0.5, rel=1e-9)
+    assert (found.value == 0.0) == (noise > 1.0)
+    squares = np.array([[(a @ b - above / below * m * n) / below for b, n in zip(errors, means, strict=True)]
+                        for a, m in zip(errors, means, strict=True)])  # fmt: skip
+    slope = 2.0 * max(found.value, 0.5 * _error_over_pairs(squares) ** 0.5)
+    np.testing.assert_allclose(found.deviations, squares / slope, rtol=1e-8)
+    assert found.metric().standard_error == pytest.approx(_error_over_pairs(squares) / slope, rel=1e-8)
+
+
+def test_exactly_even_light_has_no_deviation_and_no_error() -> None:
+    found = rsd_estimate(np.full((5, *SHAPE), 0.25), MASK).metric()
+    assert (found.value, found.standard_error) == (0.0, 0.0)
+
+
+def test_four_replicates_with_light_are_enough_whatever_the_others() -> None:
+    images = np.concatenate([pictures(4, 0.1), np.zeros((3, *SHAPE))])
+    target = np.ones(SHAPE)
+    for estimate in (nmse_estimate(images, target), rsd_estimate(images, MASK)):
+        assert estimate.deviations is not None and estimate.deviations.shape == (7, 7)
+    for estimate in (nmse_estimate(images[1:], target), rsd_estimate(images[1:], MASK)):
+        assert estimate.deviations is None
+
+
+def test_a_change_has_the_error_of_the_differences_of_pairs() -> None:
+    images, other, target = pictures(6, 0.1), pictures(6, 0.1, seed=5), np.ones(SHAPE)
+    before, after = nmse_estimate(images, target), nmse_estimate(other, target)
+    change = after.change_from(before)
+    assert change.value == pytest.approx(after.value - before.value)
+    assert change.standard_error == _error_over_pairs(after.deviations - before.deviations)  # type: ignore[operator]
+    alone = PairEstimate(0.5)
+    assert alone.change_from(before) == Metric(value=0.5 - before.value)
+    assert before.change_from(alone) == Metric(value=before.value - 0.5)
+
+
+def darkest_by_blocks(readings: np.ndarray, size: int) -> tuple[float, float]:
+    """Mean least value by every balanced block of ``size`` replicates, and its mean reading in the others."""
+    vectors = range(16)
+    if size == 4:
+        blocks = [four for four in combinations(vectors, 4) if four[0] ^ four[1] ^ four[2] == four[3]]
+    else:
+        parities = [[bin(row & k).count("1") % 2 for k in vectors] for row in range(1, 16)]
+        blocks = [tuple(k for k in vectors if each[k] == odd) for each in parities for odd in (0, 1)]
+    least, read = [], []
+    for block in blocks:
+        light = readings[list(block)].mean(axis=0)
+        place = int(light.argmin())
+        least.append(light[place])
+        read += [readings[k, place] for k in vectors if k not in block]
+    return float(np.mean(least)), float(np.mean(read))
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.3])
+def test_the_least_reading_is_on_the_line_through_both_levels_of_noise(noise: float) -> None:
+    readings = pictures(16, noise).reshape(16, -1)
+    (u8, v8), (u4, v4) = (darkest_by_blocks(readings, size) for size in (8, 4))
+    optimism = (v4 - u4) - (v8 - u8)
+    slope = min(max((u8 - u4) / optimism, 0.0), 1.0) if optimism > 0.0 else 1.0
+    mean = readings.mean(axis=0)
+    least, value = least_without_noise(readings), min(max(u8 + slope * (v8 - u8), mean.min()), mean.mean())
+    assert least.value == pytest.approx(value, rel=1e-9)
+    of_noise = jackknife_error(_Choices.of(readings, _blocks_of(8)).left_out(slope))
+    assert least.standard_error == pytest.approx(np.hypot(of_noise, v8 - value), rel=1e-9)
+    largest = largest_without_noise(-readings)
+    assert largest.value == -least.value and largest.standard_error == least.standard_error
+    images = readings.reshape(16, *SHAPE)
+    relative = images[:, MASK] / images[:, MASK].mean(axis=1, keepdims=True)
+    assert uniformity_estimate(images, MASK).metric() == least_without_noise(relative)
+
+
+def _blocks_of(size: int) -> np.ndarray:
+    from lensforge.light.metrics import _halves, _quarters
+
+    return _halves() if size == 8 else _quarters()
+
+
+def level(minimum: float, read: float) -> _Choices:
+    """Choices of one block of two replicates."""
+    return _Choices(np.array([[1.0, 0.0]]), np.array([minimum]), np.array([[0.0, read]]))
+
+
+@pytest.mark.parametrize(
+    ("halves", "quarters", "slope"),
+    [
+        ((1.0, 1.1), (0.92, 1.22), 0.4),  # both on a line of slope 0.4 through 1.04
+        ((1.0, 1.1), (0.5, 0.7), 1.0),  # more by noise than by optimism
+        ((1.0, 1.1), (1.01, 1.3), 0.0),  # darker with less noise, which no light is
+        ((1.0, 1.25), (0.75, 1.0), 1.0),  # as optimistic
+        ((1.0, 1.5), (0.75, 1.0), 1.0),  # less optimistic
+    ],
+)
+def test_the_slope_is_that_of_the_line_within_its_bounds(halves, quarters, slope) -> None:
+    assert _slope(level(*halves), level(*quarters)) == pytest.approx(slope, abs=1e-12)
+    assert level(*halves).extrapolated(0.25) == pytest.approx(0.75 * halves[0] + 0.25 * halves[1])
+
+
+def test_pixels_that_are_equally_dark_are_read_together() -> None:
+    images = np.array([[0.0, 0.0, 2.0], [1.0, 3.0, 2.0], [0.0, 4.0, 5.0]])
+    np.testing.assert_array_equal(_darkest(np.array([1.0, 0.0, 0.0]), images), [0.0, 2.0, 2.0])
+
+
+@pytest.mark.parametrize("count", [1, 15, 17])
+def test_other_than_sixteen_replicates_have_the_least_of_their_mean(count: int) -> None:
+    readings = pictures(count, 0.3).reshape(count, -1)
+    means = [sum(column) / count for column in readings.T]
+    assert least_without_noise(readings).value == pytest.approx(min(means), rel=1e-12)
+    assert largest_without_noise(readings).value == pytest.approx(max(means), rel=1e-12)
+    assert least_without_noise(readings).standard_error is None
+
+
+def test_a_ratio_to_little_light_is_a_ratio_and_one_to_none_is_zero() -> None:
+    above = Metric(value=0.03, standard_error=0.003)
+    assert ratio_of(above, Metric(value=0.06)).value == pytest.approx(0.5)
+    assert ratio_of(above, Metric(value=-0.06)) == ratio_of(above, Metric(value=0.0)) == Metric(value=0.0)
+
+
+def test_what_was_taken_off_is_a_part_of_the_error() -> None:
+    left_out = np.linspace(0.4, 0.6, 16)
+    error = LeastEstimate(0.5, left_out, 0.04).metric().standard_error
+    assert error == pytest.approx(np.hypot(jackknife_error(left_out), 0.04), rel=1e-12)
+    assert LeastEstimate(0.5).metric() == Metric(value=0.5)
