@@ -6,7 +6,6 @@ Only this module exits.
 
 import atexit
 import errno
-import io
 import os
 import sys
 import tempfile
@@ -20,10 +19,11 @@ import click
 
 from lensforge.cli.design import design, preview, sweep, tradeoff
 from lensforge.cli.interrupts import Interrupts
-from lensforge.cli.output import drop_stdout, printable, warning_line
+from lensforge.cli.output import printable, warning_line
 from lensforge.cli.rays import rays
 from lensforge.cli.specs import examples, new, schema
 from lensforge.cli.stages import STAGE_COMMANDS, handover, report
+from lensforge.cli.streams import lasting_streams, open_standard_streams
 from lensforge.errors import LensforgeError, RenamedWarning, WrongFields
 from lensforge.version import __version__
 
@@ -59,6 +59,10 @@ class _Interrupted(Exception):
     """An interrupt on its way through click, which would print an empty line for :class:`KeyboardInterrupt`."""
 
 
+class _CutShort(Exception):
+    """A file that ends too early on its way through click, which would take :class:`EOFError` for an interrupt."""
+
+
 class _Group(click.Group):
     """The group of all commands, which is called without one, too."""
 
@@ -68,7 +72,7 @@ class _Group(click.Group):
         except KeyboardInterrupt:
             raise _Interrupted from None
         except EOFError as error:  # which click would take for an interrupt
-            raise RuntimeError(f"a file ends too early: {error}") from error
+            raise _CutShort from error
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the commands under their headings, those of no heading last."""
@@ -107,36 +111,22 @@ def main(interrupts: Interrupts | None = None) -> None:
 
     ``interrupts``: installed already.
     """
-    _make_streams_safe()
+    open_standard_streams()
     _show_renamed_fields_in_a_line()
     own = Interrupts().install() if interrupts is None else interrupts
     try:
-        code = _run(own)
-        try:
-            if sys.stdout is not None:  # closed by the shell
-                sys.stdout.flush()
-        except OSError:  # said already, or a reader of --help that has left
-            drop_stdout()
+        with lasting_streams() as stdout_failure:
+            code = _run(own)
+            failure = stdout_failure()
+            if failure is not None and code == 0:
+                code = _say(
+                    f"stdout: cannot be written ({failure.strerror}); the command is done, and its files are written", 2
+                )
         if own.received is not None and code == own.exit_code:
             _end_at_once(code)
     finally:
         own.uninstall(at_exit=interrupts is not None)
     sys.exit(code)
-
-
-def _make_streams_safe() -> None:
-    """Open a standard stream that the shell has closed (``>&-``), and write what an encoding lacks as escapes.
-
-    The next file would get the number of a closed one, and with it what native libraries print.
-    """
-    for descriptor in (0, 1, 2):
-        try:
-            os.fstat(descriptor)
-        except OSError:
-            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # it gets the lowest free number
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")
 
 
 def _show_renamed_fields_in_a_line() -> None:
@@ -162,7 +152,7 @@ def _run(interrupts: Interrupts) -> int:
     except BaseException as error:
         if interrupts.received is not None or isinstance(error, _Interrupted | KeyboardInterrupt | click.Abort):
             return _say(interrupts.words, interrupts.exit_code)  # whatever a library made of it
-        return _failure(error)
+        return _failure(error.__cause__ if isinstance(error, _CutShort) and error.__cause__ else error)
     return 0
 
 
@@ -174,15 +164,24 @@ def _failure(error: BaseException) -> int:
         return _say(str(error), error.exit_code)
     if isinstance(error, click.ClickException):
         return _say(f"{error.format_message().rstrip('.')}; see --help", 2)
-    if isinstance(error, BrokenPipeError):
-        return 0
     if isinstance(error, MemoryError):
         return _say("out of memory; use fewer --rays or a lower --accuracy", 1)
     if isinstance(error, OSError) and error.errno in _FULL_OR_FAILING:
         where = "" if error.filename is None else f"{error.filename}: "
         return _say(f"{where}{error.strerror}; a full disk, or a limit of this machine?", 2)
+    module = _module_cut_short(error)
+    if module is not None:
+        return _say(f"{module}: a compiled module, cut short as a full disk leaves it; delete it and try again", 2)
     # a bug: the user gets a line, the developer the details
     return _say(f"internal error: {type(error).__name__}: {error}; {_details(error)}", 1)
+
+
+def _module_cut_short(error: BaseException) -> str | None:
+    """The file that Python could not load as a compiled module: Python 3.11 keeps one that it could not write whole."""
+    if not isinstance(error, EOFError):
+        return None
+    frames = [frame.f_locals for frame, _ in traceback.walk_tb(error.__traceback__)]
+    return next((str(names["bytecode_path"]) for names in frames if names.get("bytecode_path")), None)
 
 
 def _details(error: BaseException) -> str:

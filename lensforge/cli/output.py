@@ -5,7 +5,6 @@ The screen is titled blocks of labelled lines; a terminal wraps long ones, a pip
 
 import functools
 import json
-import os
 import shutil
 import sys
 import textwrap
@@ -51,7 +50,7 @@ def with_output(command: Callable[..., None]) -> Callable[..., None]:
 
 def print_json(content: Mapping[str, object]) -> None:
     """Print one JSON document."""
-    _print(json.dumps(content, indent=2, allow_nan=False))
+    click.echo(json.dumps(content, indent=2, allow_nan=False))
 
 
 @dataclass(frozen=True)
@@ -74,20 +73,7 @@ def print_screen(blocks: Sequence[Block]) -> None:
             with shown.indentation():
                 rows = [(_line(label).ljust(widest), _line(text)) for label, text in block.rows]
                 shown.write_dl(rows, col_max=widest)
-    _print(shown.getvalue().rstrip("\n"))
-
-
-def _print(text: str) -> None:
-    """Print to stdout; a reader that has left (``| head``) is no error, and costs no work."""
-    try:
-        click.echo(text)
-    except BrokenPipeError:
-        drop_stdout()
-
-
-def drop_stdout() -> None:
-    """Let what is printed from here on, or was not written yet, go nowhere."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    click.echo(shown.getvalue().rstrip("\n"))
 
 
 def _width() -> int:

@@ -1,11 +1,14 @@
 """A lock on a result folder: one command at a time writes there, and another one says at once which process does.
 
-The lock is a hidden file, locked by the system where its file system can (flock, by way of filelock): it is free when
-its process ends, killed or not.
+The lock is a hidden file, locked by the system (flock, by way of filelock): it is free when its process ends, killed
+or not. Where a file system knows no such locks, as some of clusters, the file's existence counts instead: filelock
+then compares the process that it names with those that run.
 """
 
+import errno
 import os
 import shlex
+import stat
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -17,7 +20,11 @@ from lensforge.errors import InputError
 from lensforge.results.files import delete_half_written
 
 LOCK_FILE = ".lensforge-lock"
-_SHOWN = 300  # characters of a holder's text, of a path that no file can have
+_MARKER_FILE = f"{LOCK_FILE}-held"  # the lock of file systems without locks
+_NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL)  # of such file systems
+_TRIES_SECONDS = 0.2  # without locks: one try finds that the holder has ended, the next takes its place
+_OTHERS = "wait until it has ended, or give another folder"
+_MOST_BYTES, _SHOWN = 4096, 160  # of a holder's text; of each of its lines, in characters
 
 
 @contextmanager
@@ -28,14 +35,7 @@ def locked(folder: Path, *, create: bool = False) -> Iterator[None]:
     a folder needs no lock. Files that killed processes left half written are deleted. Raises :class:`InputError` at
     once where another process, or another thread of this one, holds the lock, and where the folder cannot be written.
     """
-    missing: list[Path] = []
-    try:
-        if create:
-            missing = [path for path in (folder, *folder.parents) if not path.exists()]  # the deepest first
-            folder.mkdir(parents=True, exist_ok=True)
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise InputError(f"{str(folder)[:_SHOWN]}: cannot be written ({reason}); give another folder") from None
+    missing = _make(folder) if create else []
     try:
         if folder.is_dir():
             with _held(folder):
@@ -48,52 +48,87 @@ def locked(folder: Path, *, create: bool = False) -> Iterator[None]:
                 made.rmdir()
 
 
+def _make(folder: Path) -> list[Path]:
+    """Make ``folder``; return what was missing of its path, the deepest first."""
+    try:
+        missing = [path for path in (folder, *folder.parents) if not path.exists()]
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise InputError(f"{str(folder)[:_SHOWN]}: cannot be written ({reason}); give another folder") from None
+    return missing
+
+
 @contextmanager
 def _held(folder: Path) -> Iterator[None]:
-    from filelock import FileLock, Timeout
+    from filelock import FileLock, SoftFileLock, Timeout
 
-    path = folder.resolve() / LOCK_FILE
-    lock = FileLock(path, timeout=0, is_singleton=True)
+    path, marker = (folder.resolve() / name for name in (LOCK_FILE, _MARKER_FILE))
+    _require_own_file(path)
+    lock = FileLock(path, timeout=0, is_singleton=True, fallback_to_soft=False)
     already = lock.is_locked
     try:
-        lock.acquire()
-        if not already:
-            path.write_text(_holder(), encoding="utf-8", errors="replace")
-            delete_half_written(folder)
+        try:
+            lock.acquire()
+        except OSError as error:
+            if error.errno not in _NO_LOCKS:
+                raise
+            path.unlink(missing_ok=True)
+            lock, path = SoftFileLock(marker, timeout=_TRIES_SECONDS, is_singleton=True), marker
+            already = lock.is_locked
+            lock.acquire()
     except Timeout:
-        raise InputError(
-            f"{folder}: in use by {_words_of(path)}; wait until it has ended, or give another folder"
-        ) from None
+        raise InputError(f"{folder}: in use by {_holder(path)}; {_OTHERS}") from None
     except OSError as error:
-        lock.release()
         raise InputError(f"{path}: cannot be written ({error.strerror}); give another folder") from None
     try:
+        if not already:
+            if path != marker:
+                _write_holder(path)
+            delete_half_written(folder)
         yield
     finally:
-        if not already:
+        if not already and path != marker:
             with suppress(OSError):
                 path.unlink()  # before the lock is free: after that it may be another's
         lock.release()
 
 
-def _holder() -> str:
-    """Words for this process: its number, machine, command and time."""
+def _require_own_file(path: Path) -> None:
+    """Raise :class:`InputError` for a link, a pipe or a folder in the place of the lock: text is written into it."""
+    with suppress(OSError):
+        found = path.lstat()
+        if not stat.S_ISREG(found.st_mode) or found.st_nlink > 1:
+            raise InputError(f"{path}: no file of its own, so it cannot be a lock; delete it")
+
+
+def _write_holder(path: Path) -> None:
+    """Write into the lock who holds it: process, machine, command and time, a line each."""
     program, *arguments = sys.argv or [""]
     name = "lensforge" if Path(program).name in ("lensforge", "__main__.py") else Path(program).name or "python"
     since = datetime.now().astimezone().isoformat(" ", "seconds")
-    return f"{_this_process()} (`{shlex.join([name, *arguments])[:_SHOWN]}`, since {since})"
-
-
-def _this_process() -> str:
-    return f"process {os.getpid()} on {node()}"
-
-
-def _words_of(path: Path) -> str:
-    """The words of the process that holds the lock at ``path``."""
+    lines = str(os.getpid()), node(), shlex.join([name, *arguments])[:_SHOWN], since
+    text = "\n".join("".join(each if each.isprintable() else "?" for each in line) for line in lines)
     try:
-        text = path.read_bytes()[: 2 * _SHOWN].decode(errors="replace")
-    except OSError:  # it has ended meanwhile
+        path.write_text(text, encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror}); give another folder") from None
+
+
+def _holder(path: Path) -> str:
+    """Words for the process that holds the lock at ``path``; filelock's own marker names process and machine only."""
+    try:
+        with path.open("rb") as file:
+            text = file.read(_MOST_BYTES).decode(errors="replace")
+    except OSError:
+        return "another process"  # it has ended meanwhile
+    lines = ["".join(each if each.isprintable() else "?" for each in line)[:_SHOWN] for line in text.splitlines()]
+    if len(lines) < 2:
         return "another process"
-    if text.startswith(f"{_this_process()} "):
+    process, machine, *details = lines
+    if (process, machine) == (str(os.getpid()), node()):
         return "another thread of this process"
-    return "".join(each if each.isprintable() else "?" for each in text) or "another process"
+    words = f"process {process} on {machine}"
+    if len(details) == 2:
+        words += f" (`{details[0]}`, since {details[1]})"
+    return words if machine == node() else f"{words}; if it is gone, delete {path.name} there"

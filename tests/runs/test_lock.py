@@ -61,7 +61,7 @@ def test_another_process_is_named_and_a_kill_frees_the_folder(tmp_path: Path) ->
         process.send_signal(signal.SIGKILL)
         process.wait()
         with locked(tmp_path):
-            assert (tmp_path / LOCK_FILE).read_text(encoding="utf-8").startswith(f"process {os.getpid()} on ")
+            assert (tmp_path / LOCK_FILE).read_text(encoding="utf-8").startswith(f"{os.getpid()}\n")
     assert list(tmp_path.iterdir()) == []
 
 
