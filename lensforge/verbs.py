@@ -174,7 +174,7 @@ CHECK = FolderStage(
     """Say if the lens in DIR can be cut, and what to change.
 
     Each face, each tool, how much of the face it reaches, and the fields of the spec that change it. --json has all
-    measurements: best-fit spheres, curvature, walls, draft, cusps.
+    measurements: best-fit sphere, curvature, walls, draft.
     """,
     inputs=lambda run, _: (run.part_or_lens,),
     decides="cutting",

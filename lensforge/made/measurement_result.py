@@ -317,7 +317,8 @@ class Correction(SimulatedResult):
     the area of the face, ``residual_rms_um`` is what the filter of ``wavelength_mm`` leaves of the points: their noise
     and form of shorter waves; ``noise_rms_um``: of the points. Maps over the chart are [Y, X], NaN outside.
     The STEP and all lengths are in the lens's own size, but the radii of ``cutter``: they are of the face that is cut,
-    ``scale`` times as large, 1 + shrinkage for a mould insert. ``step_volume_change``: relative, by reading back."""
+    ``scale`` times as large, 1 + shrinkage for a mould insert. ``step_volume_change``: relative, by reading back.
+    """
 
     stage: ClassVar[str] = "correct"
     command: ClassVar[str] = "correct --points"

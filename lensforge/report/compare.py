@@ -229,15 +229,14 @@ class ComparedPictures:
 
     @cached_property
     def curves(self) -> list[PagePicture]:
-        """Lines across the receivers and encircled energy, all that have the unit of the first in one picture."""
-        lit = [each for each in self._lit if each.chart.far_field == self._lit[0].chart.far_field]
-        if not lit:
-            return []
-        return [
-            picture("across", _lines(lit, (1.0, 0.0)), "Along y = 0"),
-            picture("up", _lines(lit, (0.0, 1.0)), "Along x = 0"),
-            picture("circles", _circles(lit), "Encircled energy", "Share of each receiver's flux."),
-        ]
+        """Lines across the receivers and encircled energy: all designs whose places have one unit in one picture."""
+        groups = [[lit for lit in self._lit if lit.chart.far_field == far_field] for far_field in (False, True)]
+        found: list[PagePicture] = []
+        for lit in groups:
+            if lit:
+                where = ("in the far field" if lit[0].chart.far_field else "at a distance") if all(groups) else ""
+                found += _curves(lit, "-far" if found else "", f", {where}" if where else "")
+        return found
 
     @cached_property
     def sections(self) -> list[PagePicture]:
@@ -250,6 +249,15 @@ class ComparedPictures:
 
 
 @in_report_style
+def _curves(lit: Sequence[_Lit], end: str, where: str) -> list[PagePicture]:
+    share = "Share of each receiver's flux."
+    return [
+        picture(f"across{end}", _lines(lit, (1.0, 0.0)), f"Along y = 0{where}"),
+        picture(f"up{end}", _lines(lit, (0.0, 1.0)), f"Along x = 0{where}"),
+        picture(f"circles{end}", _circles(lit), f"Encircled energy{where}", share),
+    ]
+
+
 def _lines(lit: Sequence[_Lit], direction: tuple[float, float]) -> Figure:
     figure, axes = new_figure(NARROW, 2.6)
     across, up = direction

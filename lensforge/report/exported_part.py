@@ -36,7 +36,7 @@ _PURPOSES = {
     ".iesxml": "intensity, ANSI/IES TM-33",
     ".ldt": "intensity, EULUMDAT",
     ".tm25ray": "rays that leave the lens, ANSI/IES TM-25",
-    ".pdf": "page to print",
+    ".pdf": "drawing to print",
     ".html": "page",
     ".csv": "table",
 }

@@ -21,7 +21,7 @@ from lensforge.report.page import template
 from lensforge.report.record_tables import number_tables, spec_tables
 from lensforge.report.results import REPORT_FILE, Results
 from lensforge.report.solid_view import Rendering, SolidViews
-from lensforge.report.yield_section import yield_section
+from lensforge.report.yield_section import yield_sections
 from lensforge.results import Group, StageResult
 from lensforge.results.numerals import number, percent
 from lensforge.search.design_result import Design
@@ -76,7 +76,7 @@ def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, o
         "pictures": _pictures(results),
         "measured": measured_sections(results),
         "seen_at_once": FIRST,
-        "parts": yield_section(results),
+        "yields": yield_sections(results),
         "other_lights": lights,
         "other_conditions": sum(isinstance(each, Light) for each in results.others.values()),
         "other_results": light_section.other_results(results),

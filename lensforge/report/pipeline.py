@@ -121,7 +121,7 @@ def build(
 
 
 def check(part: Part | Lens) -> Check:
-    """Check whether ``part`` can be cut, and with which tools: best-fit spheres, curvature, cutter, wall, draft.
+    """Check whether ``part`` can be cut, and with which tools: best-fit sphere, curvature, cutter, wall, draft.
 
     Of a lens the part is checked that an export would make.
     """

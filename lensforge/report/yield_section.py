@@ -21,7 +21,7 @@ from lensforge.made.yield_facts import (
 from lensforge.report.light_figures import irradiance_map
 from lensforge.report.light_section import top_of, unit_of_light
 from lensforge.report.page import PagePicture, picture
-from lensforge.report.results import Results
+from lensforge.report.results import Results, stem_of
 from lensforge.report.study_figures import beyond, cause_bars, distribution
 from lensforge.results import Group
 from lensforge.results.chart import Chart
@@ -32,9 +32,11 @@ _MOST_PLOTS = 9  # of distributions: a spec may have hundreds of limits, all of 
 
 @dataclass(frozen=True)
 class YieldSection:
-    """Sentences and pictures of the ``result`` beside its facts, and the tolerances that were ``drawn``."""
+    """Facts, sentences and pictures of the ``result`` in the file ``stem``; ``drawn``: the tolerances."""
 
+    stem: str
     result: Yield
+    facts: list[Group]
     sentence: str
     budget: str
     distributions: list[PagePicture]
@@ -43,23 +45,30 @@ class YieldSection:
     drawn: list[Group]
 
 
-def yield_section(results: Results) -> YieldSection | None:
-    """The section of ``results``; None without the study."""
-    found = results.find(Yield)
-    if found is None:
-        return None
+def yield_sections(results: Results) -> list[YieldSection]:
+    """Sections on the study of ``results``, and on those under other conditions: other tolerances, seeds, rays."""
+    found = {stem: result for stem, result in results.others.items() if isinstance(result, Yield)}
+    own = results.find(Yield)
+    if own is not None:
+        found = {stem_of(own): own, **found}
+    return [_section(stem, result, results) for stem, result in found.items()]
+
+
+def _section(stem: str, found: Yield, results: Results) -> YieldSection:
     names = list(dict.fromkeys([*failing_first(found), *found.metrics]))[:_MOST_PLOTS]  # those with bounds first
     varied = [name for name in names if name in found.variance]
     return YieldSection(
+        stem=stem,
         result=found,
+        facts=results.facts(found),
         sentence=pass_sentence(found),
         budget=budget_sentence(found),
-        distributions=[_distribution(found, name, f"distribution{index}") for index, name in enumerate(names)],
+        distributions=[_distribution(found, name, f"{stem}-{index}") for index, name in enumerate(names)],
         causes=[
-            picture(f"causes{index}", cause_bars(found.variance[name]), metric_words(name))
+            picture(f"{stem}-causes{index}", cause_bars(found.variance[name]), metric_words(name))
             for index, name in enumerate([name for name in varied if name in judged_metrics(found)] or varied)
         ],
-        worst=_worst_pictures(found, results),
+        worst=_worst_pictures(stem, found, results),
         drawn=drawn_rows(found),
     )
 
@@ -77,7 +86,7 @@ def _distribution(found: Yield, name: str, on_page: str) -> PagePicture:
     return picture(on_page, figure, metric_words(name), caption)
 
 
-def _worst_pictures(found: Yield, results: Results) -> list[PagePicture]:
+def _worst_pictures(stem: str, found: Yield, results: Results) -> list[PagePicture]:
     """Light of the lens as designed, where it was evaluated, and of the worst parts, with the same colours."""
     section, unit = results.spec.all_receivers[0], unit_of_light(results)
     chart = Chart(*section.size, section.kind == "far_field")
@@ -86,7 +95,7 @@ def _worst_pictures(found: Yield, results: Results) -> list[PagePicture]:
     designed = [] if light is None else [("As designed", "", light.receivers[0].map)]
     top = top_of(each for _, _, each in (designed or maps))
     return [
-        picture(f"worst{index}", irradiance_map(image, chart, top, unit=unit), title, caption)
+        picture(f"{stem}-worst{index}", irradiance_map(image, chart, top, unit=unit), title, caption)
         for index, (title, caption, image) in enumerate((*designed, *maps))
     ]
 

@@ -39,7 +39,7 @@ def recovered(cloud):
     return cut, np.sum(LENS.outer.normal(u) * u, axis=1) * cut.likeliest.change.radius(u), u
 
 
-@pytest.mark.parametrize("noise", first_by_day(1, [0.0, 0.002]))
+@pytest.mark.parametrize("noise", first_by_day(1, [0.002, 0.0]))
 def test_a_deformation_is_found_in_a_moved_cloud(noise):
     cloud = probed(LENS.outer, 5000, height_mm=HEIGHT, noise_mm=noise, rotation=ROTATION, shift=SHIFT)
     cut, found, u = recovered(cloud)

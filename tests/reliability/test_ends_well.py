@@ -271,3 +271,15 @@ def test_a_reader_of_progress_that_leaves_costs_no_work(examples: Path, tmp_path
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (0, "done\n")
+
+
+@pytest.mark.nightly("two processes")
+def test_the_module_searches_the_working_folder_last(tmp_path: Path) -> None:
+    """Python itself searches it first for ``-m``; with -P it does not search it at all."""
+    (tmp_path / "click.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'w')", encoding="utf-8")
+    for safe in ((), ("-P",)):
+        done = subprocess.run(
+            [sys.executable, *safe, "-m", "lensforge", "--version"], cwd=tmp_path, capture_output=True, encoding="utf-8"
+        )
+        assert done.returncode == 0, done
+        assert not (tmp_path / "ran").exists()

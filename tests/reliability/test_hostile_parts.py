@@ -60,6 +60,14 @@ def test_a_child_that_takes_too_long_ends_with_all_that_it_started(tmp_path: Pat
     assert not is_running(grandchild)
 
 
+@pytest.mark.nightly("five seconds")
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems may not limit processor time")
+def test_processor_time_is_limited_and_a_busy_machine_does_not_count(tmp_path: Path) -> None:
+    busy = child_of(tmp_path, "while True:\n    pass", ChildLimits(400, 2.0))
+    assert busy == (Ending.TIME, "took more than 2 s of processor time")
+    assert child_of(tmp_path, "import time\ntime.sleep(2.5)", ChildLimits(400, 2.0)) == (Ending.DONE, "")
+
+
 def is_running(process: int) -> bool:
     try:
         state = Path(f"/proc/{process}/stat").read_text(encoding="utf-8")

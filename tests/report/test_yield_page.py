@@ -2,6 +2,7 @@
 
 import csv
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from page_text import Page, folded, text_of, undrawn_page_of
 from result_folders import make_results, small_lens
 
 from lensforge.made.yield_facts import budget_row, budget_rows, cause_rows, metric_words, spread_rows, yield_facts
+from lensforge.results import Conditions
 from lensforge.results.numerals import percent
 from lensforge.shop.sheet_tables import tolerance_table
 from lensforge.spec.tolerances_section import TolerancesSection, amount_words
@@ -132,3 +134,11 @@ def test_the_table_of_parts_keeps_names_with_commas_whole(found):
     rows = list(csv.reader(io.StringIO(renamed.products()[".csv"].decode())))
     assert rows[0] == ["part", *renamed.columns] and len(rows) == PARTS + 1
     np.testing.assert_allclose(np.array(rows[1:], dtype=float)[:, 1:], found.table, rtol=1e-8)
+
+
+def test_a_yield_by_other_tolerances_has_a_section_of_its_own(lens, found):
+    other = found.model_copy(update={"conditions": Conditions.of(tolerances="moulded")})
+    results = replace(make_results(("evaluate",), lens, **{"yield": found}), others={"yield_moulded": other})
+    both = Page(undrawn_page_of(results)).text
+    assert both.count("How far the light scatters") == 2 and "yield_moulded.csv" in both
+    assert str(other.conditions) in both

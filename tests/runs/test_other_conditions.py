@@ -246,3 +246,9 @@ def test_a_source_is_warned_of_before_the_search(tmp_path: Path, monkeypatch: py
     assert tuple(stored["source"]["warnings"]) == found.source.warnings
     page = (tmp_path / "o" / "report.html").read_text(encoding="utf-8")
     assert "on the source</strong>" in page[: page.index('id="light"')]
+
+
+@pytest.mark.parametrize("name", ["", "a/b", "../up", "-x", ".hidden", "a" * 121, "a b", "a\x00b", "a\n"])
+def test_a_name_of_conditions_stays_inside_the_folder(name: str) -> None:
+    with pytest.raises(lf.InputError, match="letters, digits"):
+        lf.Conditions.of(rays=64).renamed(name)
