@@ -33,11 +33,12 @@ def read(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
     return counted
 
 
+COMMANDS = [["report"], ["evaluate", "--pixels", "8"], ["check"], ["photometry", "--rays", "512"], ["handover"]]
+
+
 @pytest.mark.parametrize(
-    "command",
-    first_by_day(
-        1, [("report",), ("evaluate", "--pixels", "8"), ("check",), ("photometry", "--rays", "512"), ("handover",)]
-    ),
+    ("command",),
+    first_by_day(1, [((name, *options),) for name, *options in COMMANDS]),
 )
 def test_one_command_reads_each_record_once(
     command: tuple[str, ...], small_run: lf.Run, tmp_path: Path, read: Counter[str]
