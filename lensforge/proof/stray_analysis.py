@@ -21,6 +21,7 @@ from lensforge.proof.receiver_screen import Screen, nmse
 from lensforge.proof.refraction import through_glass
 from lensforge.proof.sequential_cast import LandedRays, Passage, send_through
 from lensforge.proof.stray_result import ReceiverStray, StrayByCause, StrayFlux, StrayLight
+from lensforge.results.arguments import require_choice
 from lensforge.sources.ray_bundle import RayBundle
 
 

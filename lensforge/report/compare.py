@@ -248,7 +248,6 @@ class ComparedPictures:
         ]
 
 
-@in_report_style
 def _curves(lit: Sequence[_Lit], end: str, where: str) -> list[PagePicture]:
     share = "Share of each receiver's flux."
     return [
@@ -258,6 +257,7 @@ def _curves(lit: Sequence[_Lit], end: str, where: str) -> list[PagePicture]:
     ]
 
 
+@in_report_style
 def _lines(lit: Sequence[_Lit], direction: tuple[float, float]) -> Figure:
     figure, axes = new_figure(NARROW, 2.6)
     across, up = direction
