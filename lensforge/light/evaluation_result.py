@@ -21,6 +21,7 @@ from lensforge.results import (
     Text,
     stated,
 )
+from lensforge.results.arguments import require_choice
 from lensforge.results.chart import light_unit
 from lensforge.results.criteria import Criterion, at_most
 from lensforge.results.record import MOST_PIXELS
@@ -232,7 +233,6 @@ class Light(SimulatedResult):
 
         Raises :class:`InputError` for an unknown map or receiver.
         """
-        from lensforge.results.arguments import require_choice
         from lensforge.results.plots import plot_map
 
         require_choice("which", which, get_args(Picture))

@@ -29,6 +29,7 @@ from lensforge.results import (
     Text,
     stated,
 )
+from lensforge.results.arguments import require_choice
 from lensforge.results.chart import Chart
 from lensforge.results.criteria import Criterion, at_least, at_most
 from lensforge.surfaces.step_file import Schema
@@ -162,7 +163,6 @@ class PhotoComparison(StageResult):
 
     def plot(self, axes: "Axes | None" = None, *, axis: AxisName = "x") -> "Axes":
         """Plot photograph and simulation along a central line. Raises :class:`InputError` for an unknown axis."""
-        from lensforge.results.arguments import require_choice
         from lensforge.results.plots import plot_curves
 
         require_choice("axis", axis, get_args(AxisName))

@@ -29,6 +29,7 @@ from lensforge.results import (
     Text,
     stated,
 )
+from lensforge.results.arguments import require_choice
 from lensforge.spec.tolerances_section import Factor
 
 if TYPE_CHECKING:
@@ -73,7 +74,6 @@ class Sensitivity(SimulatedResult):
 
         Raises :class:`InputError` for an unknown one, and for one that the spec has no region for.
         """
-        from lensforge.results.arguments import require_choice
         from lensforge.results.plots import plot_bars
 
         require_choice("metric", metric, get_args(MetricName))
@@ -295,7 +295,6 @@ class Yield(SimulatedResult):
 
         Raises :class:`InputError` for an unknown one.
         """
-        from lensforge.results.arguments import require_choice
         from lensforge.results.plots import plot_distribution
 
         require_choice("metric", metric, tuple(self.metrics))

@@ -14,6 +14,7 @@ from lensforge.results import (
     SimulatedResult,
     stated,
 )
+from lensforge.results.arguments import require_choice
 from lensforge.results.chart import light_unit
 from lensforge.results.criteria import Criterion
 
@@ -113,7 +114,6 @@ class StrayLight(SimulatedResult):
 
         Raises :class:`InputError` for an unknown part or receiver.
         """
-        from lensforge.results.arguments import require_choice
         from lensforge.results.plots import plot_map
 
         require_choice("which", which, get_args(LightPath))

@@ -24,6 +24,7 @@ from lensforge.results import (
     State,
     Text,
 )
+from lensforge.results.arguments import require_choice
 from lensforge.results.criteria import Criterion
 from lensforge.search.design_result import Margins
 from lensforge.spec import Accuracy, Spec
@@ -228,7 +229,6 @@ class Sweep(StageResult):
 
         Raises :class:`InputError` for an unknown metric.
         """
-        from lensforge.results.arguments import require_choice
         from lensforge.results.plots import new_axes
 
         require_choice("metric", metric, get_args(SweptMetric))

@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
 from lensforge.results import Count, Fact, Group, Metric, NotNegative, Record, StageResult, Text
+from lensforge.results.arguments import require_choice
 from lensforge.spec import Accuracy
 
 if TYPE_CHECKING:
@@ -94,7 +95,6 @@ class Tradeoff(StageResult):
 
         Raises :class:`InputError` for an unknown series or error.
         """
-        from lensforge.results.arguments import require_choice
         from lensforge.results.plots import plot_curves
 
         require_choice("series", series, get_args(Series))

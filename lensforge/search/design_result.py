@@ -28,6 +28,7 @@ from lensforge.results import (
     StageResult,
     Text,
 )
+from lensforge.results.arguments import require_choice
 from lensforge.results.criteria import Criterion, at_least, state_of
 from lensforge.results.numerals import quantity
 from lensforge.scene.lens import Lens
@@ -139,7 +140,6 @@ class Design(StageResult):
 
         Raises :class:`InputError` for an unknown one.
         """
-        from lensforge.results.arguments import require_choice
         from lensforge.results.plots import plot_curves
 
         require_choice("quantity", quantity, get_args(Quantity))

@@ -7,6 +7,7 @@ from jaxtyping import Float
 from pydantic import computed_field
 
 from lensforge.results import Array, NotNegative, Number, Point, Positive, Record, Share, StageResult, Text
+from lensforge.results.arguments import require_choice
 from lensforge.results.criteria import Criterion, Judged
 from lensforge.results.verdict import within
 
@@ -232,7 +233,6 @@ class Check(StageResult):
         quantity: Literal["sag_mm", "kappa_min", "kappa_max", "residual_mm"] = "sag_mm",
     ) -> "Axes":
         """``quantity`` of one face over its chart. Raises :class:`InputError` for an unknown face or quantity."""
-        from lensforge.results.arguments import require_choice
         from lensforge.results.plots import plot_face
 
         labels = {

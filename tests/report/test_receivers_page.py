@@ -164,10 +164,13 @@ def test_designs_on_receivers_of_different_kinds_have_no_common_scale():
     pictures = ComparedPictures(("near", "far"), designs)
     assert not pictures.one_scale and "the designs differ too much for one scale" in pictures.scale_words
     assert [each.caption for each in pictures.maps] == ["At 150 mm.", "In the far field, to 80°."]
-    assert [each.title for each in pictures.curves] == ["Along y = 0", "Along x = 0", "Encircled energy"]
+    curves = ("Along y = 0", "Along x = 0", "Encircled energy")
+    assert [each.title for each in pictures.curves] == [
+        f"{curve}, {where}" for where in ("at a distance", "in the far field") for curve in curves
+    ]
     markup = render_comparison(designs, ["near", "far"])
     ids = Page(markup).ids
-    assert len(ids) == len(set(ids)) and markup.count("<svg") == 2 + 3 + 2
+    assert len(ids) == len(set(ids)) and markup.count("<svg") == 2 + 6 + 2
 
 
 def test_far_fields_are_compared_on_one_scale_in_degrees():

@@ -13,6 +13,7 @@ from pydantic import PrivateAttr
 
 from lensforge.errors import InputError
 from lensforge.results import Count, NotNegative, Number, Point, Record, Share, StageResult, Text
+from lensforge.results.arguments import require_choice
 from lensforge.results.files import replacing
 from lensforge.results.validation import shortened
 from lensforge.sources.ray_bundle import RayBundle
@@ -197,7 +198,6 @@ class RayFileSummary(StageResult):
 
         Raises :class:`InputError` for an unknown panel, and for a summary that was read from a file: it has no rays.
         """
-        from lensforge.results.arguments import require_choice
         from lensforge.results.plots import new_axes
 
         require_choice("which", which, get_args(Panel))
