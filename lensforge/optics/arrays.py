@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager, nullcontext
 from typing import Any, TypeAlias
 
 import numpy as np
-from jaxtyping import Float, Int, Int8
+from jaxtyping import Float, Inexact, Int, Int8
 
 Array: TypeAlias = Any
 """A NumPy array or a torch tensor, with jaxtyping's shapes: ``Float[Array, "n 3"]``."""
@@ -36,7 +36,7 @@ def without_gradient(array: Array) -> AbstractContextManager[Any]:
     return nullcontext() if isinstance(array, np.ndarray) else sys.modules["torch"].no_grad()
 
 
-def replaced(array: Array, rows: Int[Array, " k"], values: Float[Array, "k *shape"]) -> Array:
+def replaced(array: Array, rows: Int[Array, " k"], values: Inexact[Array, "k *shape"]) -> Array:
     """A copy of ``array`` with ``values`` in some of its rows; differentiable in both."""
     if not isinstance(array, np.ndarray):
         return array.index_put((rows,), values)

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.optics.media import Coating, LayerStack, Media, ReflectanceTable
+from lensforge.optics.media import Film, LayerStack, Media, Mirror, ReflectanceTable
 
 Waves = Float[np.ndarray, " k"]
 Cosines = Float[np.ndarray, " m"]
@@ -48,7 +48,7 @@ class Reflectance:
 
 
 @lru_cache(maxsize=64)
-def reflectance_of(coating: Coating, around: float, span_nm: tuple[float, float]) -> Reflectance:
+def reflectance_of(coating: Film, around: float, span_nm: tuple[float, float]) -> Reflectance:
     """Reflectance of a face between ``around``, the index of what surrounds the body, and the body, over ``span_nm``.
 
     Raises :class:`InputError` for layers too thick for a table.
@@ -99,7 +99,7 @@ def _least_of_stack(stack: LayerStack, around: float, waves: Waves) -> float:
 
 
 @lru_cache(maxsize=64)
-def least_reflectance(coating: Coating, around: float) -> float:
+def least_reflectance(coating: Film, around: float) -> float:
     """Lower bound of the reflectance at any angle and wavelength; 0 where a thick stack has too many fringes."""
     if isinstance(coating, ReflectanceTable):
         return min(map(min, coating.reflectance))
@@ -166,6 +166,7 @@ def _waves(squared: Reflectances) -> tuple[Reflectances, Reflectances]:
     return cosine, sine
 
 
+GLASS = "glass"  # name of the faces of the cover glass: a face of a lens has another
 Table = Float[np.ndarray, "k m 2"]
 Span = tuple[float, float]  # least and largest wavelength (nm)
 
@@ -178,19 +179,17 @@ _WHOLE_NM = 50.0  # the ends of a span are moved out to multiples, so that sampl
 
 @dataclass(frozen=True, eq=False)
 class CoatingTables:
-    """Reflectance of the faces that are coated; the same rows in each."""
+    """Reflectance of the faces that are coated, by their names; the same rows in each."""
 
     wavelengths_nm: Float[np.ndarray, " k"]
-    inner: Float[np.ndarray, "k a 2"] | None
-    outer: Float[np.ndarray, "k b 2"] | None
-    glass: Float[np.ndarray, "k c 2"] | None
+    faces: dict[str, Table]
 
 
 @dataclass(frozen=True)
 class CoatedFace:
     """A coating, and the index of what surrounds the body that carries it."""
 
-    coating: Coating
+    coating: Film
     around: float
 
     def reflectance(self, span_nm: Span) -> Reflectance:
@@ -207,14 +206,16 @@ class CoatedFace:
 
 
 def coated_faces(media: Media) -> dict[str, CoatedFace]:
-    """The coated faces by name: inner, outer, glass."""
-    glass = media.cover_glass
-    each = {
-        "inner": (media.inner_coating, media.cavity_index),
-        "outer": (media.outer_coating, media.outside_index),
-        "glass": (None if glass is None else glass.coating, media.outside_index),
+    """The faces with a film by name, both of the cover glass last, as GLASS; a mirror is none."""
+    found = {
+        each.face: CoatedFace(each.coating, media.around(each.around))
+        for each in media.coatings
+        if not isinstance(each.coating, Mirror)
     }
-    return {name: CoatedFace(coating, around) for name, (coating, around) in each.items() if coating is not None}
+    glass = media.cover_glass
+    if glass is not None and glass.coating is not None:
+        found[GLASS] = CoatedFace(glass.coating, media.outside_index)
+    return found
 
 
 def whole_span(wavelengths_nm: Float[np.ndarray, " n"] | None, media: Media) -> Span:
@@ -235,25 +236,20 @@ def coating_tables(media: Media, span_nm: Span) -> CoatingTables:
     nodes = np.unique(np.concatenate([each.nodes_nm for each in found.values()]))
     single = span_nm[0] == span_nm[1] or len(nodes) == 0
     waves = np.array(span_nm[:1]) if single else nodes
-    tables = {name: _coefficients(each, waves) for name, each in found.items()}
-    return CoatingTables(waves, *(tables.get(name) for name in ("inner", "outer", "glass")))
+    return CoatingTables(waves, {name: _coefficients(each, waves) for name, each in found.items()})
 
 
-def least_reflectances(media: Media, span_nm: Span | None) -> tuple[float | None, float | None]:
-    """Lower bounds of the reflectance of the inner and the outer face, at any angle; None: the face is not coated.
+def least_reflectances(media: Media, span_nm: Span | None) -> dict[str, float]:
+    """Lower bound of the reflectance of each coated face, at any angle.
 
     Where s and p differ, of 1 less the root mean square of what they transmit.
 
     ``span_nm`` None: for light of any wavelengths.
     """
-    faces = coated_faces(media)
-
-    def least(face: CoatedFace | None) -> float | None:
-        if face is None:
-            return None
-        return least_reflectance(face.coating, face.around) if span_nm is None else face.reflectance(span_nm).least
-
-    return least(faces.get("inner")), least(faces.get("outer"))
+    return {
+        name: least_reflectance(face.coating, face.around) if span_nm is None else face.reflectance(span_nm).least
+        for name, face in coated_faces(media).items()
+    }
 
 
 def _coefficients(face: Reflectance, waves: Float[np.ndarray, " k"]) -> Table:

@@ -96,10 +96,10 @@ def transmittance_of(media: Media) -> float:
 
     Of a coated face at the angle and wavelength at which it reflects least; for indices above 2.6 near Brewster's.
     """
-    index = np.full(1, media.refractive_index)
-    ratios = (_ratio(index, each) for each in (media.cavity_index, media.outside_index))
-    pairs = zip(ratios, least_reflectances(media, None), strict=True)
-    one, other = (float(_at_most(np.zeros(1), ratio, least)[0]) for ratio, least in pairs)
+    index = np.full(1, media.body.refractive_index)
+    least = least_reflectances(media, None)
+    faces = (("inner", media.cavity_index), ("outer", media.outside_index))
+    one, other = (float(_at_most(np.zeros(1), _ratio(index, around), least.get(name))[0]) for name, around in faces)
     return one * other
 
 

@@ -1,12 +1,19 @@
 """The media that a ray passes: what fills the cavity, the body of the lens, what surrounds it, and a cover glass.
 
-Each face between them may carry a coating, which replaces Fresnel's reflectance.
+A ray has its wavelength; a medium answers what index and absorption it has there. Each face between media may carry a
+coating, which replaces Fresnel's reflectance.
 """
 
 from dataclasses import dataclass
+from weakref import ref
 
 import numpy as np
 from jaxtyping import Float
+
+from lensforge.kernels.parallel import in_chunks
+from lensforge.optics.material import Material
+
+CAVITY, BODY, OUTSIDE = MEDIA = "cavity", "body", "outside"  # from the source on
 
 
 @dataclass(frozen=True)
@@ -57,7 +64,15 @@ class LayerStack:
     range_nm: tuple[float, float]
 
 
-Coating = ReflectanceTable | LayerStack
+@dataclass(frozen=True)
+class Mirror:
+    """A metal film: it reflects ``reflectance`` at every angle, in either polarisation, and absorbs the rest."""
+
+    reflectance: float
+
+
+Film = ReflectanceTable | LayerStack
+Coating = Film | Mirror
 
 
 @dataclass(frozen=True)
@@ -72,36 +87,155 @@ class CoverGlass:
     thickness_mm: float
     distance_mm: float
     absorption_per_mm: float = 0.0
-    coating: Coating | None = None
+    coating: Film | None = None
+
+
+_Waves = Float[np.ndarray, " n"]
+_Rows = np.ndarray | slice  # numbers, a mask
+_Values = tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"] | None]
+
+
+@dataclass(eq=False)
+class _Known:
+    """Wavelengths as long as their array lives: of which others they are some, and the last answer at them.
+
+    The same rays go through part after part, and every step of a search takes some of the same file: a formula of many
+    powers takes half as long as their trace.
+    """
+
+    array: "ref[np.ndarray]"
+    of: tuple[np.ndarray, _Rows] | None
+    answer: tuple[Material, _Values] | None = None
+
+
+_KNOWN: dict[int, _Known] = {}  # by the identity of the array
+
+
+def some_of(wavelengths_nm: _Waves, rows: _Rows) -> Float[np.ndarray, " k"]:
+    """Wavelengths (nm) of some of the rays; neither array is changed afterwards."""
+    found: Float[np.ndarray, " k"] = wavelengths_nm[rows]
+    _known(found, (wavelengths_nm, rows))
+    return found
+
+
+def values_at(material: Material, wavelengths_nm: _Waves) -> _Values:
+    """Index of ``material`` at each wavelength (nm), and its absorption (1/mm) where it states one."""
+    known = _known(wavelengths_nm)
+    if known.answer is None or known.answer[0] != material:
+        known.answer = material, _found(material, wavelengths_nm, known.of)
+    return known.answer[1]
+
+
+def _known(array: np.ndarray, of: tuple[np.ndarray, _Rows] | None = None) -> _Known:
+    key, drop = id(array), _KNOWN.pop
+    if key not in _KNOWN:  # an array that ends takes its entry along
+        _KNOWN[key] = _Known(ref(array, lambda _: drop(key, None)), of)
+    return _KNOWN[key]
+
+
+def _found(material: Material, wavelengths_nm: _Waves, of: tuple[np.ndarray, _Rows] | None) -> _Values:
+    if of is not None:
+        indices, absorptions = values_at(material, of[0])
+        return indices[of[1]], None if absorptions is None else absorptions[of[1]]
+    indices = np.empty(len(wavelengths_nm))
+
+    def work(_: int, part: slice) -> None:
+        indices[part] = material.nearest_index(wavelengths_nm[part])
+
+    in_chunks(work, len(wavelengths_nm))
+    return indices, None if material.absorption is None else material.absorption.at(wavelengths_nm)
 
 
 @dataclass(frozen=True)
-class Media:
-    """Refractive index of the body, and its absorption (1/mm) by the law of Beer and Lambert.
+class Medium:
+    """A medium's refractive index, and its absorption (1/mm) by the law of Beer and Lambert.
 
-    Both for rays without their own. ``cavity_index`` and ``outside_index`` hold for all rays: 1 is air.
-    ``wavelength_nm``: of rays without their own, where a coating depends on it.
+    Both are of rays without a wavelength; with ``material`` other rays have what it says at theirs, of the absorption
+    where it states one. ``index_error``: what a part's index has more at every wavelength.
     """
 
     refractive_index: float
     absorption_per_mm: float = 0.0
+    material: Material | None = None
+    index_error: float = 0.0
+
+    def index(self, wavelengths_nm: Float[np.ndarray, " n"] | None) -> Float[np.ndarray, " k"]:
+        """Index for each ray; one for all where none has a wavelength, or where that does not count."""
+        if wavelengths_nm is None or self.material is None:
+            return np.array([self.refractive_index + self.index_error])
+        found = values_at(self.material, wavelengths_nm)[0]
+        return found if self.index_error == 0.0 else found + self.index_error
+
+    def absorption(self, wavelengths_nm: Float[np.ndarray, " n"] | None) -> Float[np.ndarray, " k"]:
+        """Absorption (1/mm) for each ray, or one for all; empty where the medium is clear."""
+        if wavelengths_nm is not None and self.material is not None:
+            own = values_at(self.material, wavelengths_nm)[1]
+            if own is not None:
+                return own
+        return np.full(int(self.absorption_per_mm > 0.0), self.absorption_per_mm)
+
+    def indices(self, wavelengths_nm: Float[np.ndarray, " n"] | None, count: int) -> Float[np.ndarray, " n"]:
+        """Index for each of ``count`` rays."""
+        return _of_each(self.index(wavelengths_nm), count)
+
+    def absorptions(self, wavelengths_nm: Float[np.ndarray, " n"] | None, count: int) -> Float[np.ndarray, " n"]:
+        """Absorption (1/mm) for each of ``count`` rays, 0 where the medium is clear."""
+        return _of_each(self.absorption(wavelengths_nm), count)
+
+
+def _of_each(values: Float[np.ndarray, " k"], count: int) -> Float[np.ndarray, " n"]:
+    """``values`` of ``count`` rays, where there may be one for all, or none: 0."""
+    return values if len(values) == count else np.full(count, values[0] if len(values) else 0.0)
+
+
+@dataclass(frozen=True)
+class FaceCoating:
+    """Coating of the face of this name; ``around``: what lies on its other side than the body, CAVITY or OUTSIDE."""
+
+    face: str
+    around: str
+    coating: Coating
+
+
+@dataclass(frozen=True)
+class Media:
+    """The body of the lens, the indices of what fills its cavity and surrounds it (1 is air), and a cover glass.
+
+    ``coatings``: of the body's faces, at most one of each. ``wavelength_nm``: of rays without their own, where a
+    coating depends on it.
+    """
+
+    body: Medium
     cavity_index: float = 1.0
     outside_index: float = 1.0
     cover_glass: CoverGlass | None = None
-    inner_coating: Coating | None = None
-    outer_coating: Coating | None = None
+    coatings: tuple[FaceCoating, ...] = ()
     wavelength_nm: float = 587.5618  # the He d line
+
+    def coating(self, face: str) -> Coating | None:
+        """Coating of the face of this name; None for a bare one."""
+        return next((each.coating for each in self.coatings if each.face == face), None)
+
+    def around(self, medium: str) -> float:
+        """Index of what lies around the body: CAVITY or OUTSIDE."""
+        return {CAVITY: self.cavity_index, OUTSIDE: self.outside_index}[medium]
+
+    def wavelengths(self, wavelengths_nm: Float[np.ndarray, " n"] | None, count: int) -> Float[np.ndarray, " n"]:
+        """Wavelength (nm) of each of ``count`` rays: its own, or that of ``wavelength_nm``."""
+        return np.full(count, self.wavelength_nm) if wavelengths_nm is None else wavelengths_nm
 
     @property
     def coated(self) -> bool:
-        """True where a face carries a coating, those of the cover glass too."""
+        """True where a face carries a film, those of the cover glass too; a mirror is none."""
+        films = [each for each in self.coatings if not isinstance(each.coating, Mirror)]
         glass = self.cover_glass
-        return any((self.inner_coating, self.outer_coating, glass is not None and glass.coating))
+        return bool(films) or (glass is not None and glass.coating is not None)
 
     @property
     def largest_turning_power(self) -> float:
         """Larger step of the index of the two faces: a facet of slope s turns light by about s times it."""
-        return max(abs(self.refractive_index - self.cavity_index), abs(self.refractive_index - self.outside_index))
+        index = self.body.refractive_index
+        return max(abs(index - self.cavity_index), abs(index - self.outside_index))
 
     @property
     def etendue_factor(self) -> float:

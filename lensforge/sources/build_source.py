@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.optics.material import Material
-from lensforge.sources.dispersion import DispersedSource, index_warnings
+from lensforge.sources.dispersion import ColouredSource
 from lensforge.sources.emitting_area import sobol
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.sources.source_flux import emitter_flux
@@ -68,7 +68,8 @@ class SquareEmitter:
 def build_source(spec: SourceSpec, material: Material | None = None) -> Source:
     """Build the emitter that ``spec`` describes. Raises :class:`InputError` for a file that cannot be used.
 
-    ``material``: of the lens if it is dispersive; then rays whose wavelength is known carry their index in it.
+    ``material``: of the lens if it is dispersive; then rays carry their wavelengths, where these are known, and
+    :class:`InputError` is raised too where its index is not known at them.
     """
     match spec:
         case RayfileSource() | RayfilesSource() | RaySource():
@@ -88,15 +89,15 @@ def build_source(spec: SourceSpec, material: Material | None = None) -> Source:
     emitter = placed_source(emitter, spec)
     if material is None or spec.spectrum is None:
         return emitter
-    return DispersedSource(emitter, spectrum_of(spec.spectrum), material)
+    return ColouredSource.of(emitter, spectrum_of(spec.spectrum), material)
 
 
 def summarise(source: Source, spec: SourceSpec) -> SourceSummary:
     """Summarise ``source``, built from ``spec``; of a ray set also its files, and all that was done to them."""
-    if isinstance(source, DispersedSource):
-        found, plain = source.index_range, summarise(source.source, spec)
-        warnings = (*plain.warnings, *index_warnings(found, source.material))
-        return plain.model_copy(update={**found.fields(), "warnings": warnings})
+    if isinstance(source, ColouredSource):
+        plain = summarise(source.source, spec)
+        warnings = (*plain.warnings, *source.warnings)
+        return plain.model_copy(update={**source.index_range.fields(), "warnings": warnings})
     known = getattr(source, "summary", None)  # ray sets have one; their module is loaded for them alone
     if isinstance(known, SourceSummary):
         return known

@@ -1,15 +1,14 @@
-"""Index of a dispersive lens at the wavelengths of a source."""
+"""Wavelengths of a source's rays, and how much is known of the lens's index at them."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.errors import InputError
 from lensforge.optics.material import Material
-from lensforge.sources.ray_bundle import ChangedSource, RayBundle, Rays, blocks_of, changed
+from lensforge.sources.ray_bundle import ChangedSource, RayBundle, Rays, Source, blocks_of, changed
 from lensforge.sources.source_spectrum import ColourSums, Spectrum, usable_wavelengths
 from lensforge.sources.source_summary import IndexRange
 
@@ -49,10 +48,11 @@ def index_warnings(found: IndexRange, material: Material) -> Iterator[str]:
         )
 
 
-def dispersed(rays: Rays, material: Material, name: str) -> tuple[Rays, IndexRange]:
-    """Give each of ``rays`` what ``material`` has at its wavelength; ``name`` is the source in errors.
+def coloured(rays: Rays, material: Material, name: str) -> tuple[Rays, IndexRange]:
+    """Give rays without a usable wavelength the mean one, and account for what ``material`` is at all of them.
 
-    Raises :class:`InputError` where more than 1 % of the flux is beyond the material's trusted range.
+    ``name`` is the source in errors. Raises :class:`InputError` where more than 1 % of the flux is beyond the trusted
+    range of ``material``.
     """
     sums, flux, clamped, extrapolated = ColourSums(), 0.0, 0.0, 0.0
     for block in blocks_of(rays):
@@ -68,11 +68,11 @@ def dispersed(rays: Rays, material: Material, name: str) -> tuple[Rays, IndexRan
     _require_few(clamped / flux, sums.low_nm, sums.high_nm, material, name)
     found = index_range_of(sums.low_nm, sums.high_nm, material, extrapolated / flux, clamped / flux)
 
-    def indexed(some: RayBundle) -> RayBundle:
+    def usable(some: RayBundle) -> RayBundle:
         waves = _wavelengths(some)
-        return in_material(some, np.where(usable_wavelengths(waves), waves, mean_nm), material)
+        return replace(some, wavelengths_nm=np.where(usable_wavelengths(waves), waves, mean_nm))
 
-    return changed(rays, indexed), found
+    return changed(rays, usable), found
 
 
 def _wavelengths(rays: RayBundle) -> Float[np.ndarray, " n"]:
@@ -114,34 +114,26 @@ def _require_few(clamped: float, low: float, high: float, material: Material, na
     )
 
 
-def in_material(rays: RayBundle, wavelengths_nm: Float[np.ndarray, " n"], material: Material) -> RayBundle:
-    """Give each of ``rays`` its wavelength, and the index and the absorption, where known, of ``material`` there."""
-    absorption = None if material.absorption is None else material.absorption.at(wavelengths_nm)
-    indices = material.nearest_index(wavelengths_nm)
-    return replace(
-        rays, refractive_indices=indices, absorption_per_mm=absorption, wavelengths_nm=np.asarray(wavelengths_nm)
-    )
-
-
 @dataclass(frozen=True, eq=False)
-class DispersedSource(ChangedSource):
-    """Source that emits ``spectrum`` from every point in every direction, each ray with its index in ``material``.
+class ColouredSource(ChangedSource):
+    """Source that emits ``spectrum`` from every point in every direction.
 
-    Raises :class:`InputError` for a spectrum of which too much is beyond what is known of the material.
+    ``index_range`` and ``warnings``: what is known of the lens's index at its wavelengths.
     """
 
     spectrum: Spectrum
-    material: Material
+    index_range: IndexRange
+    warnings: tuple[str, ...] = ()
 
-    def __post_init__(self) -> None:
-        _ = self.index_range
+    @staticmethod
+    def of(source: Source, spectrum: Spectrum, material: Material) -> "ColouredSource":
+        """``source`` in the light of ``spectrum``.
 
-    @cached_property
-    def index_range(self) -> IndexRange:
-        """Ends of the spectrum, the indices there, and the power at which the index is not known."""
-        return index_of_spectrum(self.spectrum, self.material)
+        Raises :class:`InputError` where more than 1 % of it is beyond the trusted range of ``material``.
+        """
+        found = index_of_spectrum(spectrum, material)
+        return ColouredSource(source, spectrum, found, tuple(index_warnings(found, material)))
 
     def sample(self, count: int, seed: int) -> RayBundle:
-        """Draw the rays of the source itself, each with the index at a wavelength drawn by ``seed``."""
-        rays = self.source.sample(count, seed)
-        return in_material(rays, self.spectrum.draw(count, seed), self.material)
+        """Draw the rays of the source itself, each with a wavelength drawn by ``seed``."""
+        return replace(self.source.sample(count, seed), wavelengths_nm=self.spectrum.draw(count, seed))

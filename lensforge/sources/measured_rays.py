@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from lensforge import seeds
 from lensforge.errors import InputError
-from lensforge.sources.dispersion import DispersedSource
+from lensforge.sources.dispersion import ColouredSource
 from lensforge.sources.ray_bundle import ChangedSource, RayBundle, Source
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def divided(source: Source, fraction: float, seed: int) -> tuple[Source, Source]
     """
     if source.ray_count is None:
         return source, source
-    if isinstance(source, DispersedSource):
+    if isinstance(source, ColouredSource):
         first, second = divided(source.source, fraction, seed)
         return replace(source, source=first), replace(source, source=second)
     return _ray_set(source, seed).split(fraction, seed)
@@ -70,7 +70,7 @@ def smoothed(source: Source) -> Source:
     """``source`` with its rays turned by small random angles; as it is where it draws new rays with every seed."""
     if source.ray_count is None:
         return source
-    if isinstance(source, DispersedSource):
+    if isinstance(source, ColouredSource):
         return replace(source, source=smoothed(source.source))
     sigma_rad = min(float(np.sqrt(0.5 * _RAYS_IN_TURN / source.ray_count)), _MOST_TURN_RAD)
     return TurnedRays(_ray_set(source, 0), sigma_rad)

@@ -12,7 +12,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from lensforge.optics.media import Media
+from lensforge.optics.media import some_of
 
 BLOCK_RAYS = 2**18  # rays handled at a time: bounds the memory whatever their number
 
@@ -51,15 +51,12 @@ def _first_half(count: int) -> int:
 class RayBundle:
     """Rays: start points ``origins`` (mm), unit directions, and the flux each carries (W). NumPy, float64.
 
-    ``refractive_indices`` and ``absorption_per_mm``: of the lens at the wavelength of each ray, ``wavelengths_nm``;
-    None where that of the spec holds for all.
+    ``wavelengths_nm``: of each, at which media answer their index; None where that does not count, or is not known.
     """
 
     origins: Float[np.ndarray, "n 3"]
     directions: Float[np.ndarray, "n 3"]
     flux: Float[np.ndarray, " n"]
-    refractive_indices: Float[np.ndarray, " n"] | None = None
-    absorption_per_mm: Float[np.ndarray, " n"] | None = None
     wavelengths_nm: Float[np.ndarray, " n"] | None = None
 
     def __len__(self) -> int:
@@ -67,52 +64,23 @@ class RayBundle:
 
     def take(self, rows: Int[np.ndarray, " k"] | Bool[np.ndarray, " n"] | slice) -> "RayBundle":
         """Select some of the rays."""
-        own = (None if each is None else each[rows] for each in self._own)
-        return RayBundle(self.origins[rows], self.directions[rows], self.flux[rows], *own)
+        waves = None if self.wavelengths_nm is None else some_of(self.wavelengths_nm, rows)
+        return RayBundle(self.origins[rows], self.directions[rows], self.flux[rows], waves)
 
     def divided(self, parts: int) -> list["RayBundle"]:
         """Consecutive parts: those of a low-discrepancy sample are such samples themselves."""
         edges = np.linspace(0, len(self), parts + 1).astype(int)
         return [self.take(slice(start, stop)) for start, stop in pairwise(edges)]
 
-    @property
-    def _own(self) -> tuple[Float[np.ndarray, " n"] | None, ...]:
-        return self.refractive_indices, self.absorption_per_mm, self.wavelengths_nm
-
-    def indices(self, media: Media) -> Float[np.ndarray, " n"]:
-        """Refractive index of the lens for each ray: its own where it has one, else that of ``media``."""
-        own = self.refractive_indices
-        return np.full(len(self), media.refractive_index) if own is None else own
-
-    def entry_ratios(self, media: Media) -> Float[np.ndarray, " n"]:
-        """Index before over index behind the inner face, for each ray."""
-        ratios: Float[np.ndarray, " n"] = media.cavity_index / self.indices(media)
-        return ratios
-
-    def exit_ratios(self, media: Media) -> Float[np.ndarray, " n"]:
-        """Index before over index behind the outer face, for each ray."""
-        ratios: Float[np.ndarray, " n"] = self.indices(media) / media.outside_index
-        return ratios
-
-    def absorptions(self, media: Media) -> Float[np.ndarray, " n"]:
-        """Absorption (1/mm) of the lens for each ray: its own where it has one, else that of ``media``."""
-        own = self.absorption_per_mm
-        return np.full(len(self), media.absorption_per_mm) if own is None else own
-
-    def wavelengths(self, media: Media) -> Float[np.ndarray, " n"]:
-        """Wavelength (nm) of each ray: its own where it has one, else that of ``media``."""
-        own = self.wavelengths_nm
-        return np.full(len(self), media.wavelength_nm) if own is None else own
-
     @classmethod
     def joined(cls, parts: Sequence["RayBundle"]) -> "RayBundle":
-        """Join the rays of all parts in their order; what is of each ray, all of them have, or none."""
-        own = ([each for each in rows if each is not None] for rows in zip(*(part._own for part in parts), strict=True))
+        """Join the rays of all parts in their order; a wavelength all of them have, or none."""
+        waves = [part.wavelengths_nm for part in parts if part.wavelengths_nm is not None]
         return cls(
             np.concatenate([part.origins for part in parts]),
             np.concatenate([part.directions for part in parts]),
             np.concatenate([part.flux for part in parts]),
-            *(np.concatenate(rows) if rows else None for rows in own),
+            np.concatenate(waves) if waves else None,
         )
 
 
@@ -202,8 +170,8 @@ class ChangedSource:
 class UnreadRays:
     """The rays of all ``parts``, one part after the other, read and changed when they are taken.
 
-    ``numbers``: those chosen among them, in that order; None for all. ``change`` treats every ray by itself. What is
-    of each ray, all parts have, or none.
+    ``numbers``: those chosen among them, in that order; None for all. ``change`` treats every ray by itself. A
+    wavelength all parts have, or none.
     """
 
     parts: Sequence[Rays]

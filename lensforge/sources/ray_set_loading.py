@@ -1,6 +1,6 @@
 """Loading of a ray set: ray files or given arrays become one emitter, with a summary of what was done to them.
 
-Rays of a large file stay in it: they are in W, and have what the lens's material has at their wavelengths.
+Rays of a large file stay in it: they are in W, and have wavelengths where the lens's index depends on them.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from jaxtyping import Float
 from lensforge.errors import InputError, remedy
 from lensforge.optics.material import Material
 from lensforge.results import Point
-from lensforge.sources.dispersion import dispersed, index_warnings
+from lensforge.sources.dispersion import coloured, index_warnings
 from lensforge.sources.ray_bundle import Rays, changed, joined
 from lensforge.sources.ray_set import RaySetEmitter, placed
 from lensforge.sources.rayfiles.ray_file import RayFile, no_usable_ray
@@ -74,7 +74,7 @@ class _Loaded:
 
 
 def load_ray_set(spec: RaySetSource, material: Material | None = None) -> RaySetEmitter:
-    """Load the emitter that ``spec`` describes; with ``material`` each ray carries its refractive index there.
+    """Load the emitter that ``spec`` describes; with ``material``, of a dispersive lens, rays carry their wavelengths.
 
     Several files keep their powers, or with ``spec.flux_w`` their ratio. Raises :class:`InputError`, one line,
     for files or arrays that cannot be used.
@@ -121,7 +121,7 @@ def _load_arrays(spec: RaySource, material: Material | None) -> _Loaded:
 def _loaded(
     rayfile: RayFile, stated: FluxSection, spec: RaySetSource, spectrum: SpectrumSpec | None, material: Material | None
 ) -> _Loaded:
-    """Load the usable rays of a file, in W, and with their index in ``material``.
+    """Load the usable rays of a file, in W, and with their wavelengths for a lens of ``material``.
 
     ``stated``: the flux by the spec. ``spectrum``: of the spec, in place of the file's own.
     """
@@ -139,7 +139,7 @@ def _loaded(
             stored = stored.coloured(None if spectrum is None else spectrum_of(spectrum))
         if stored.has_wavelengths:
             rays = changed(stored.loaded(), lambda some: replace(some, flux=some.flux * factor))
-            rays, index_range = dispersed(rays, material, rayfile.path if spectrum is None else "source.spectrum")
+            rays, index_range = coloured(rays, material, rayfile.path if spectrum is None else "source.spectrum")
             dispersion = tuple(index_warnings(index_range, material))
     given_flux = stated.flux_w is not None or stated.flux_lm is not None
     warnings = (*file_warnings(rayfile, sums, given_flux), *dispersion)

@@ -16,7 +16,7 @@ from lensforge.optics.fundamental_limits import (
     face_transmittance,
     transmittance_of,
 )
-from lensforge.optics.media import Media
+from lensforge.optics.media import Media, Medium
 
 
 def corners_of(x_mm: np.ndarray, y_mm: np.ndarray, distance_mm: float) -> np.ndarray:
@@ -117,7 +117,7 @@ def test_no_split_of_the_turn_transmits_more_than_halves(index: float) -> None:
     assert (np.diff(best) <= 0.0).all(), "a larger turn never transmits more"
     if index < 2.5:
         assert best[0] == pytest.approx(normal_transmittance(index) ** 2, abs=1e-15)
-    assert best[0] == transmittance_of(Media(index)), "and no other light does"
+    assert best[0] == transmittance_of(Media(Medium(index))), "and no other light does"
     one_by_one = s_and_p(0.5 * turns, index).mean(axis=0) ** 2  # as if each face met unpolarised light
     assert index == 1.0 or (best - one_by_one).max() > 5e-4
 
@@ -135,4 +135,4 @@ def test_two_faces_that_differ_have_a_bound_that_no_split_passes_and_some_nearly
     assert (bound >= brute - 1e-12).all()
     seen = brute > 0.5
     assert (bound[seen] < 1.03 * brute[seen]).all()
-    assert bound[0] == pytest.approx(transmittance_of(Media(index, 0.0, cavity, outside)), rel=1e-12)
+    assert bound[0] == pytest.approx(transmittance_of(Media(Medium(index, 0.0), cavity, outside)), rel=1e-12)

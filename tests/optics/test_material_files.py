@@ -115,7 +115,7 @@ def test_a_spec_keeps_the_numbers_and_needs_the_file_no_more(tmp_path):
     (tmp_path / "c.agf").unlink()
     assert spec.lens.material == "GLASS-A" and spec.lens.material_file is None
     assert spec.lens.refractive_index == pytest.approx(MATERIALS["N-BK7"].index_at(550.0), rel=1e-14)
-    assert spec.lens.media.absorption_per_mm == pytest.approx(-np.log(0.9) / 5)
+    assert spec.lens.media.body.absorption_per_mm == pytest.approx(-np.log(0.9) / 5)
     spec.save(tmp_path / "again.toml")
     again = load_spec(tmp_path / "again.toml")
     assert again == spec and again.lens.dispersion == spec.lens.dispersion
@@ -191,7 +191,7 @@ def test_numbers_in_the_spec_itself():
     spec = small_spec(lens__material="my resin", lens__optical_data=data)
     assert spec.lens.refractive_index == pytest.approx(MATERIALS["COP"].index_at(587.5618), rel=1e-14)
     dim = data | {"absorption_nm": [500.0, 700.0], "absorption_per_mm": [0.01, 0.03]}
-    assert small_spec(lens__optical_data=dim).lens.media.absorption_per_mm == pytest.approx(0.018756, rel=1e-4)
+    assert small_spec(lens__optical_data=dim).lens.media.body.absorption_per_mm == pytest.approx(0.018756, rel=1e-4)
     for wrong, message in (
         ({"formula": "sellmeier"}, "formula needs coefficients, and range_nm"),
         ({}, "give formula with coefficients and range_nm, or wavelength_nm with refractive_index"),

@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 import torch
 from known_refraction import largest_deviation_rad
+from own_media import coatings
 
 from lensforge.errors import InputError
 from lensforge.optics.coatings import coating_tables, least_reflectances, reflectance_of, stack_reflectances
 from lensforge.optics.dielectric import coated_transmittances, fresnel_transmittances
 from lensforge.optics.fundamental_limits import best_transmittance, transmittance_of
-from lensforge.optics.media import CoatingLayer, IndexCurve, LayerStack, Media, ReflectanceTable
+from lensforge.optics.media import CoatingLayer, IndexCurve, LayerStack, Media, Medium, ReflectanceTable
 from lensforge.proof.refraction import RefractingFace
 
 RNG = np.random.default_rng(4)
@@ -94,13 +95,13 @@ def by_table(media, which):
     tables = coating_tables(media, (400.0, 700.0))
     rows = np.interp(WAVES, tables.wavelengths_nm, np.arange(len(tables.wavelengths_nm)))
     ratio = 0.5  # into what is denser: the cosine before counts
-    given = (torch.from_numpy(each) for each in (getattr(tables, which), rows))
+    given = (torch.from_numpy(each) for each in (tables.faces[which], rows))
     return 1.0 - torch.stack(coated_transmittances(torch.from_numpy(COSINES), ratio, *given)[:2]).numpy()
 
 
 def test_tables_err_by_less_than_a_hundred_thousandth(face):
     coating, around, body = face
-    found = by_table(Media(body, outside_index=around, outer_coating=coating), "outer")
+    found = by_table(Media(Medium(body), outside_index=around, coatings=coatings(outer=coating)), "outer")
     far = COSINES > 0.25
     assert np.abs(found - one_by_one(coating, around))[:, far].max() < 1.5e-5
 
@@ -116,7 +117,9 @@ def test_a_table_is_its_own_interpolation():
     np.testing.assert_allclose(middle, [0.005, 0.01], atol=1e-15)
     face = RefractingFace(np.ones(60), np.full(60, 1.5), table, WAVES, True)
     by_rays = np.abs(face.reflected(COSINES, np.ones(60, dtype=bool))) ** 2
-    np.testing.assert_allclose(by_table(Media(1.5, inner_coating=table), "inner"), by_rays, atol=5e-6)
+    np.testing.assert_allclose(
+        by_table(Media(Medium(1.5), coatings=coatings(inner=table)), "inner"), by_rays, atol=5e-6
+    )
 
 
 def test_layers_too_thick_for_a_table_are_one_line():
@@ -128,8 +131,9 @@ def test_layers_too_thick_for_a_table_are_one_line():
 
 def test_no_light_passes_two_coated_faces_beyond_the_bound(face):
     coating, around, body = face
-    media = Media(body, cavity_index=around, outside_index=around, inner_coating=coating, outer_coating=coating)
-    least = least_reflectances(media, (400.0, 700.0))
+    media = Media(Medium(body), around, around, coatings=coatings(coating, coating))
+    bounds = least_reflectances(media, (400.0, 700.0))
+    least = bounds["inner"], bounds["outer"]
     assert least[0] == least[1] and 0.0 <= least[0] <= one_by_one(coating, around).mean(axis=0).min()
     fine = both(coating, around, np.linspace(400.0, 700.0, 301), np.linspace(0.0, 1.0, 301))
     assert least[0] <= 1.0 - np.sqrt(np.mean((1.0 - fine) ** 2, axis=0).max()) < least[0] + 1e-3
@@ -143,9 +147,9 @@ def test_no_light_passes_two_coated_faces_beyond_the_bound(face):
     assert (one_bare >= best_transmittance(turns, body, around, around) * 0.97).all() and (
         one_bare <= bound / 0.97
     ).all()
-    anywhere = least_reflectances(media, None)[0]
+    anywhere = least_reflectances(media, None)["inner"]
     assert transmittance_of(media) == pytest.approx((1.0 - anywhere) ** 2)
     whole = both(coating, around, np.linspace(301.0, 1999.0, 501), np.linspace(0.0, 1.0, 201))
     assert anywhere <= 1.0 - np.sqrt(np.mean((1.0 - whole) ** 2, axis=0).max()) < anywhere + 1e-3
     half = ReflectanceTable((0.0, 90.0), ((0.5, 0.5),))
-    assert transmittance_of(Media(1.5, inner_coating=half, outer_coating=half)) == 0.25
+    assert transmittance_of(Media(Medium(1.5), coatings=coatings(half, half))) == 0.25

@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from own_media import with_own
 from scenes import small_spec, sphere
 
 from lensforge.light.exact_trace import DenseScan, FixedSurface, trace_exact
 from lensforge.light.table_trace import Scene, trace_tables
 from lensforge.optics.material import MATERIALS
-from lensforge.optics.media import Media
+from lensforge.optics.media import Media, Medium
 from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver import ReceiverPose
 from lensforge.scene.receiver_shapes import Plane
@@ -22,12 +23,12 @@ SHIFT = (1.2, -0.5, 0.0)
 
 
 def dispersed_rays(material="PC", count=256):
-    """A point source off the centre, blue to red; its rays, and the wavelength-free scene index."""
+    """A point source off the centre, blue to red; its rays, and the body that they pass."""
     spectrum = {"kind": "table", "wavelength_nm": [440.0, 460.0, 550.0, 680.0], "weight": [0.0, 1.0, 0.6, 0.0]}
     spec = small_spec(source={"kind": "square", "side_mm": 0.0, "spectrum": spectrum}, lens__material=material)
     rays = build_source(spec.source, spec.lens.dispersion).sample(count, 1)
     rays = replace(rays, origins=rays.origins + np.array(SHIFT))
-    return rays.take(rays.directions[:, 2] > 0.3), spec.lens.refractive_index
+    return rays.take(rays.directions[:, 2] > 0.3), spec.lens.media.body
 
 
 def bouguer(rays, index):
@@ -45,33 +46,35 @@ def bouguer(rays, index):
     return (foot + ((Z - foot[:, 2]) / direction[:, 2])[:, None] * direction)[:, :2]
 
 
-def exact(rays, index):
+def exact(rays, body):
     scans = DenseScan(), DenseScan()
     surfaces = map(FixedSurface, (sphere(INNER), sphere(OUTER)), scans)
-    return RECEIVER.land(trace_exact(*surfaces, Media(index), rays))
+    return RECEIVER.land(trace_exact(*surfaces, Media(body), rays))
 
 
-def fused(rays, index):
+def fused(rays, body):
     grid = TableGrid(32)
     tables = (tabulate(grid, sphere(radius)) for radius in (INNER, OUTER))
-    return RECEIVER.land(trace_tables(*tables, Scene(Media(index), grid), rays))
+    return RECEIVER.land(trace_tables(tables, Scene(Media(body), grid), rays))
 
 
 @pytest.mark.parametrize("trace", [exact, fused])
 def test_every_colour_lands_where_bouguer_says(trace):
-    rays, index = dispersed_rays()
-    found = trace(rays, index)
+    rays, body = dispersed_rays()
+    found = trace(rays, body)
     assert found.arrived.all()
-    landed = bouguer(rays, rays.refractive_indices)
+    landed = bouguer(rays, body.indices(rays.wavelengths_nm, len(rays)))
     np.testing.assert_allclose(found.hits, landed, atol=1e-8)
-    assert np.linalg.norm(landed - bouguer(rays, index), axis=1).max() > 0.05, "colours must part, or nothing is shown"
+    assert np.linalg.norm(landed - bouguer(rays, body.refractive_index), axis=1).max() > 0.05, (
+        "colours must part, or nothing is shown"
+    )
 
 
 @pytest.mark.parametrize("trace", [exact, fused])
 def test_equal_indices_for_all_rays_are_the_scene_of_that_index(trace):
     rays, _ = dispersed_rays()
     index = MATERIALS["PC"].index_at(450.0)
-    alike = trace(replace(rays, refractive_indices=np.full(len(rays), index)), 1.1)
-    plain = trace(replace(rays, refractive_indices=None), index)
+    alike = trace(*with_own(rays, Medium(1.1), np.full(len(rays), index)))
+    plain = trace(rays, Medium(index))
     np.testing.assert_allclose(alike.hits, plain.hits, atol=1e-10)
     np.testing.assert_allclose(alike.flux, plain.flux, rtol=1e-12)

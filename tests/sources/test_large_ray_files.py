@@ -94,7 +94,7 @@ NAMES = [
 
 
 def arrays(bundle):
-    every = bundle.origins, bundle.directions, bundle.flux, bundle.refractive_indices, bundle.wavelengths_nm
+    every = bundle.origins, bundle.directions, bundle.flux, bundle.wavelengths_nm
     return [each for each in every if each is not None]
 
 

@@ -32,16 +32,16 @@ def load(tmp_path):
 
 
 @pytest.mark.parametrize("wavelengths_nm", [None, np.full(50, 600.0)])
-def test_rays_bring_an_index_only_where_the_lens_disperses_and_their_wavelengths_are_known(load, wavelengths_nm):
+def test_rays_bring_wavelengths_only_where_the_lens_disperses_and_they_are_known(load, wavelengths_nm):
     original, pmma = replace(rays(50), wavelengths_nm=wavelengths_nm), MATERIALS["PMMA"]
     places = {"positions_mm": original.positions_mm, "directions": original.directions}
     spec = RaySource(**places, flux_w=1.0, wavelengths_nm=wavelengths_nm)
-    one_index = load(original).rays.refractive_indices
+    one_index = load(original).rays.wavelengths_nm
     for found in (load_ray_set(spec, pmma), load(original, material=pmma)):
         if wavelengths_nm is None:
-            assert found.rays.refractive_indices is None and found.summary.wavelengths_nm is None
+            assert found.rays.wavelengths_nm is None and found.summary.wavelengths_nm is None
         else:
-            np.testing.assert_allclose(found.rays.refractive_indices, pmma.index_at(600.0))
+            assert (found.rays.wavelengths_nm == 600.0).all()
             assert found.summary.wavelengths_nm == (600.0, 600.0)
     assert one_index is None
 

@@ -140,7 +140,7 @@ def _spec(source):
     content = {
         "name": "case",
         "source": source,
-        "lens": {"inner_offset_mm": 6.0, "outer_offset_mm": 13.0},
+        "lens": {"inner": {"offset_mm": 6.0}, "outer": {"offset_mm": 13.0}},
         "constraints": {"cavity_height_mm": 1.0, "cavity_radius_mm": 1.6, "min_thickness_mm": 1.0, "max_radius_mm": 14},
         "target": {"kind": "flat_top", "width_mm": 100.0, "distance_mm": 100.0, "receiver_mm": 200.0},
     }
@@ -195,7 +195,7 @@ def test_it_is_a_source_of_the_stated_flux_with_unit_directions(source):
 @every
 def test_the_seed_decides(source):
     first, again, other = source.sample(777, seed=5), source.sample(777, seed=5), source.sample(777, seed=6)
-    for name in ("origins", "directions", "flux", "refractive_indices"):
+    for name in ("origins", "directions", "flux", "wavelengths_nm"):
         np.testing.assert_array_equal(getattr(first, name), getattr(again, name))
     assert not np.array_equal(first.directions, other.directions)
 
@@ -255,7 +255,7 @@ def test_its_place_moves_every_ray_by_one_rotation_and_one_shift(source, request
     np.testing.assert_allclose(moved.origins, turn.apply(own.origins) + shift, rtol=0.0, atol=1e-12)
     np.testing.assert_allclose(moved.directions, turn.apply(own.directions), rtol=0.0, atol=1e-12)
     np.testing.assert_array_equal(moved.flux, own.flux)
-    np.testing.assert_array_equal(moved.refractive_indices, own.refractive_indices)
+    np.testing.assert_array_equal(moved.wavelengths_nm, own.wavelengths_nm)
     np.testing.assert_allclose(source.outline(), turn.apply(plain.outline()) + shift, rtol=0.0, atol=1e-9)
 
 

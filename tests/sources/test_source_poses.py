@@ -11,7 +11,7 @@ from scenes import small_spec, sphere, table_of
 import lensforge as lf
 from lensforge.kernels.fate import Fate
 from lensforge.light.table_trace import Scene
-from lensforge.optics.media import Media
+from lensforge.optics.media import Media, Medium
 from lensforge.sources.build_source import SquareEmitter, build_source, summarise
 from lensforge.sources.ray_bundle import BLOCK_RAYS, ChangedSource, RayBundle, block_slices, drawn, total_of
 from lensforge.sources.source_pose import PlacedSource, SourcePose, rotation_about
@@ -55,10 +55,10 @@ def test_a_pose_turns_then_tilts_about_x_then_about_y_then_shifts() -> None:
 
 BUNDLE = RayBundle(
     np.arange(15.0).reshape(5, 3), np.eye(3)[[0, 1, 2, 0, 1]], np.arange(1.0, 6.0),
-    np.linspace(1.4, 1.5, 5), np.linspace(0.1, 0.5, 5), np.linspace(400.0, 500.0, 5),
+    np.linspace(400.0, 500.0, 5),
 )  # fmt: skip
 PLAIN = RayBundle(BUNDLE.origins, BUNDLE.directions, BUNDLE.flux)
-FIELDS = ("origins", "directions", "flux", "refractive_indices", "absorption_per_mm", "wavelengths_nm")
+FIELDS = ("origins", "directions", "flux", "wavelengths_nm")
 
 
 def test_parts_of_a_bundle_have_all_its_fields_and_join_to_it_again() -> None:
@@ -68,19 +68,8 @@ def test_parts_of_a_bundle_have_all_its_fields_and_join_to_it_again() -> None:
         np.testing.assert_array_equal(getattr(RayBundle.joined(parts), name), getattr(BUNDLE, name))
         np.testing.assert_array_equal(getattr(BUNDLE.take(slice(1, 3)), name), getattr(BUNDLE, name)[1:3])
     again = RayBundle.joined(PLAIN.divided(2))
-    assert (again.refractive_indices, again.absorption_per_mm, again.wavelengths_nm) == (None, None, None)
+    assert again.wavelengths_nm is None
     np.testing.assert_array_equal(again.origins, BUNDLE.origins)
-
-
-def test_rays_without_what_is_their_own_have_that_of_the_media() -> None:
-    media = Media(1.5, cavity_index=1.1, outside_index=1.2, absorption_per_mm=0.01, wavelength_nm=555.0)
-    assert PLAIN.indices(media).tolist() == [1.5] * 5 and PLAIN.absorptions(media).tolist() == [0.01] * 5
-    assert PLAIN.wavelengths(media).tolist() == [555.0] * 5
-    np.testing.assert_array_equal(BUNDLE.indices(media), BUNDLE.refractive_indices)
-    np.testing.assert_array_equal(BUNDLE.absorptions(media), BUNDLE.absorption_per_mm)
-    np.testing.assert_array_equal(BUNDLE.wavelengths(media), BUNDLE.wavelengths_nm)
-    np.testing.assert_allclose(BUNDLE.entry_ratios(media), media.cavity_index / BUNDLE.refractive_indices)
-    np.testing.assert_allclose(BUNDLE.exit_ratios(media), BUNDLE.refractive_indices / media.outside_index)
 
 
 def test_a_changed_source_passes_on_all_but_its_rays() -> None:
@@ -105,7 +94,7 @@ def test_blocks_follow_each_other_and_end_at_the_count(count: int) -> None:
 
 GRID = TableGrid(65)
 SPHERES = tuple(table_of(sphere(radius), GRID) for radius in (3.0, 6.0))
-SCENE = Scene(Media(1.5), GRID)
+SCENE = Scene(Media(Medium(1.5)), GRID)
 BEAM = lf.CosineIntensity(power=1e4)
 
 
