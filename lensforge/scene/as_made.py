@@ -3,16 +3,19 @@
 The form of the faces is not here: it is that of the tables, or of the surfaces, that are traced.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.optics.arrays import Array, like
+from lensforge.scene.body import DOUBLE
 
-Placed = tuple[Float[np.ndarray, "3 3 4"], float, float]
-Rough = tuple[Float[np.ndarray, "_ 6"], float, float]
+Placed = tuple[Float[np.ndarray, "k 3 4"], float, float]
+Rough = tuple[Float[np.ndarray, "_ m"], Float[np.ndarray, " f"]]
 
 _NOISE_SEED = 20_29  # of the roughness: any number; the same in every trace, so that parts compare ray by ray
 
@@ -50,58 +53,61 @@ class Displacement:
 class AsMade:
     """Deviations of one made lens from its design, the same for all rays.
 
-    ``source``: displacement of the source, which is ``source_size`` times as large about the centre of that
-    displacement; ``lens``: of the whole lens, which is ``scale`` times as large about its seat, ``seat_mm`` below its
-    origin; ``outer``: of its outer face against the inner one. ``inner_slope``, ``outer_slope``: roughness, rms of the
-    slope along any line on the face.
+    ``names``: of the faces, from the source on. ``source``: displacement of the source, which is ``source_size`` times
+    as large about the centre of that displacement; ``lens``: of the whole lens, which is ``scale`` times as large about
+    its seat, ``seat_mm`` below its origin; ``faces``: of a face against the body, whose place is that of the first
+    face. ``slopes``: roughness of a face, rms of the slope along any line on it. Faces left out are as designed.
     """
 
+    names: tuple[str, ...] = DOUBLE
     source: Displacement = field(default_factory=Displacement)
     lens: Displacement = field(default_factory=Displacement)
-    outer: Displacement = field(default_factory=Displacement)
+    faces: Mapping[str, Displacement] = field(default_factory=dict)
     source_size: float = 1.0
     scale: float = 1.0
     seat_mm: float = 0.0
-    inner_slope: float = 0.0
-    outer_slope: float = 0.0
+    slopes: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def placed(self) -> Placed:
-        """Frames and factors as the kernels take them, see ``kernels.trace``.
+        """Frames (k + 1, 3, 4) and factors as the kernels take them, see ``kernels.trace``.
 
-        The seat stays: an origin ``seat_mm`` above it comes to lie ``seat_mm (scale - 1)`` higher.
+        From the source to the first face, from face to face, and from the last one to the world. The seat stays: an
+        origin ``seat_mm`` above it comes to lie ``seat_mm (scale - 1)`` higher.
         """
-        lens, outer, source = self.lens.rotation, self.outer.rotation, self.source.rotation
+        lens, source = self.lens.rotation, self.source.rotation
         centre, up = np.array(self.source.centre_mm), np.array([0.0, 0.0, self.seat_mm * (self.scale - 1.0)])
         # source: o' = R (c + k (o - c)) + shift; lens: p' = R (s p + up) + shift
         emitted = source @ centre * (1.0 - self.source_size) + self.source.shift
         at = (lens.T @ (emitted - self.lens.shift) - up) / self.scale
-        back = lens @ (self.scale * self.outer.shift + up) + self.lens.shift
+        faces = [self.faces.get(name, Displacement()) for name in self.names]
+        turns, shifts = [each.rotation for each in faces], [each.shift for each in faces]
+        back = lens @ (self.scale * shifts[-1] + up) + self.lens.shift
+        between = pairwise(zip(turns, shifts, strict=True))
         frames = np.stack(
             [
-                np.column_stack([lens.T @ source, at]),
-                np.column_stack([outer.T, -outer.T @ self.outer.shift]),
-                np.column_stack([lens @ outer, back]),
+                np.column_stack([turns[0].T @ lens.T @ source, turns[0].T @ (at - shifts[0])]),
+                *(np.column_stack([own.T @ last, own.T @ (left - shift)]) for (last, left), (own, shift) in between),
+                np.column_stack([lens @ turns[-1], back]),
             ]
         )
         return frames, self.source_size / self.scale, self.scale
 
     def rough(self, rays: int) -> Rough | None:
-        """Roughness as the kernels take it, for so many rays; None for polished faces."""
-        if self.inner_slope == 0.0 and self.outer_slope == 0.0:
-            return None
-        return _noise(rays), self.inner_slope, self.outer_slope
+        """Roughness as the kernels take it, for so many rays: noise, and the slope of each face; None for polished."""
+        slopes = np.array([self.slopes.get(name, 0.0) for name in self.names])
+        return (_noise(rays, len(slopes)), slopes) if slopes.any() else None
 
 
 def rough_part(rough: Rough | None, part: slice) -> Rough | None:
     """Roughness of some of the rays."""
-    return None if rough is None else (rough[0][part], *rough[1:])
+    return None if rough is None else (rough[0][part], rough[1])
 
 
 @lru_cache(maxsize=2)
-def _noise(rays: int) -> Float[np.ndarray, "n 6"]:
-    """Standard normal numbers of each ray at both faces, (x, y, z) each."""
-    found = np.random.default_rng(_NOISE_SEED).standard_normal((rays, 6))
+def _noise(rays: int, faces: int) -> Float[np.ndarray, "n m"]:
+    """Standard normal numbers of each ray at every face, (x, y, z) each."""
+    found = np.random.default_rng(_NOISE_SEED).standard_normal((rays, 3 * faces))
     found.flags.writeable = False
     return found
 

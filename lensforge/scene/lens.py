@@ -8,6 +8,7 @@ base, which stays where it is, as do source and receivers.
 import hashlib
 import json
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -23,6 +24,7 @@ from lensforge.results import Count, Record, Text
 from lensforge.results.files import json_in, read_json_bytes, write_json
 from lensforge.results.notebook_html import section_html
 from lensforge.results.stage_result import CHECKSUM, require_checksum, validated, with_checksum, without_schema
+from lensforge.scene.body import DOUBLE, Body, radii
 from lensforge.spec import Accuracy, AnyReceiver, Spec, parse_spec
 from lensforge.surfaces.mirror_group import NAMES, contains
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere
@@ -30,7 +32,8 @@ from lensforge.surfaces.surface import Surface, scaled
 from lensforge.surfaces.surface_record import SurfaceRecord, surface_record
 from lensforge.version import __version__
 
-SCHEMA = "lensforge-lens-2"
+SCHEMA = "lensforge-lens-3"
+EARLIER_SCHEMA = "lensforge-lens-2"  # inner and outer beside the spec, not under "faces"
 EARLIER_FORMAT = "lensforge-lens-1"  # stated as "format"; the surfaces are written in the same way
 _REMEDY = "run `lensforge design` again"
 _WORDS = {"Asphere": "asphere", "Biconic": "biconic"}
@@ -39,17 +42,38 @@ _DIRECTIONS, _LARGEST = 200, 10.0  # a lens may miss its largest radius, but not
 
 @dataclass(frozen=True, eq=False)
 class Lens:
-    """A body between two surfaces (mm), freeform or fixed: ``inner`` faces the source, ``outer`` the target.
+    """A body of named surfaces (mm), freeform or fixed, in order from the source on: of the usual lens inner and outer.
 
     ``spec``, ``seed``, ``accuracy`` and ``version`` (of the program) are those of its design.
     """
 
-    inner: Surface
-    outer: Surface
+    surfaces: Mapping[str, Surface]
     spec: Spec
     seed: int
     accuracy: Accuracy
     version: str = __version__
+
+    @staticmethod
+    def double(
+        inner: Surface, outer: Surface, spec: Spec, seed: int, accuracy: Accuracy, version: str = __version__
+    ) -> "Lens":
+        """The usual lens: ``inner`` faces the source, ``outer`` the target."""
+        return Lens({"inner": inner, "outer": outer}, spec, seed, accuracy, version)
+
+    @cached_property
+    def body(self) -> Body:
+        """The faces, and the media between them."""
+        return Body.double(**self.surfaces)
+
+    @property
+    def inner(self) -> Surface:
+        """The surface that faces the source."""
+        return self.surfaces["inner"]
+
+    @property
+    def outer(self) -> Surface:
+        """The surface that faces the target."""
+        return self.surfaces["outer"]
 
     @property
     def refractive_index(self) -> float:
@@ -78,13 +102,13 @@ class Lens:
 
     @property
     def detail_rad(self) -> float:
-        """Sigma (rad) of the narrowest feature of both surfaces, which a common table must resolve."""
-        return min(self.inner.detail_rad, self.outer.detail_rad)
+        """Sigma (rad) of the narrowest feature of all surfaces, which a common table must resolve."""
+        return min(surface.detail_rad for surface in self.surfaces.values())
 
     @property
     def symmetry(self) -> str:
-        """Largest mirror group of both surfaces, a name of ``surfaces.symmetry``."""
-        own = (self.inner.symmetry, self.outer.symmetry)
+        """Largest mirror group of all surfaces, a name of ``surfaces.symmetry``."""
+        own = [surface.symmetry for surface in self.surfaces.values()]
         return next(name for name in reversed(NAMES) if all(contains(each, name) for each in own))
 
     def to_json(self) -> dict[str, JsonValue]:
@@ -95,8 +119,7 @@ class Lens:
             "seed": self.seed,
             "accuracy": self.accuracy,
             "units": {"length": "mm", "angle": "rad"},
-            "inner": surface_record(self.inner).model_dump(mode="json"),
-            "outer": surface_record(self.outer).model_dump(mode="json"),
+            "faces": {name: surface_record(each).model_dump(mode="json") for name, each in self.surfaces.items()},
             "spec": self.spec.model_dump(mode="json"),
         }
 
@@ -123,12 +146,14 @@ class Lens:
             "material": f"{spec.lens.material}, n = {self.refractive_index:g}",
             "source": spec.source.title,
             "receiver": "; ".join(_where(receiver) for receiver in spec.all_receivers),
-            "surfaces": ", ".join(f"{name}: {_describe(getattr(self, name))}" for name in ("inner", "outer")),
+            "surfaces": ", ".join(f"{name}: {_describe(each)}" for name, each in self.surfaces.items()),
             "made by": f"lensforge {self.version}, {self.accuracy}, seed {self.seed}",
         }
         theta = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 181)
         u = np.stack([np.sin(theta), np.zeros_like(theta), np.cos(theta)], axis=1)
-        outer, inner = (surface.radius(u)[:, None] * u[:, [0, 2]] for surface in (self.outer, self.inner))
+        outer, inner = (
+            radii(faces, u).min(axis=0)[:, None] * u[:, [0, 2]] for faces in (self.body.envelope, self.body.cavity)
+        )
         return section_html(spec.name, np.concatenate([outer, inner[::-1]]), facts)
 
 
@@ -163,11 +188,7 @@ def _lens_in(file: bytes, path: Path) -> Lens:
     hashed = content if isinstance(content, dict) and CHECKSUM in content else None
     if isinstance(content, dict):
         content = {key: value for key, value in content.items() if key != CHECKSUM}
-    if isinstance(content, dict) and content.get("format") == EARLIER_FORMAT:
-        content = {"schema": SCHEMA, **{key: value for key, value in content.items() if key != "format"}}
-        for side in ("inner", "outer"):
-            if isinstance(content.get(side), dict):
-                content[side].setdefault("kind", "srbf")
+    content = _of_this_version(content)
     record = validated(LensRecord, without_schema(content, SCHEMA, path, _REMEDY), path, _REMEDY)
     try:
         with warnings.catch_warnings(category=RenamedWarning, action="ignore"):  # the program wrote the old names
@@ -177,22 +198,36 @@ def _lens_in(file: bytes, path: Path) -> Lens:
     if spec.lens.levels == "auto":
         raise InputError(f'{path}: spec.lens.levels = "auto", must be the numbers of its lens; {_REMEDY}')
     try:
-        inner, outer = record.inner.surface(), record.outer.surface()
-        for side, surface in (("inner", inner), ("outer", outer)):
-            _require_size(side, surface, _LARGEST * spec.constraints.max_radius_mm)
+        surfaces = {name: face.surface() for name, face in record.faces.items()}
+        for name, surface in surfaces.items():
+            _require_size(name, surface, _LARGEST * spec.constraints.max_radius_mm)
     except InputError as error:
         raise InputError(f"{path}: {error}; {_REMEDY}") from None
     if hashed is not None:
         require_checksum(hashed, path, _REMEDY)
-    return Lens(inner, outer, spec, record.seed, record.accuracy, record.version)
+    return Lens(surfaces, spec, record.seed, record.accuracy, record.version)
 
 
-def _require_size(side: str, surface: Surface, most_mm: float) -> None:
+def _of_this_version(content: object) -> object:
+    """``content`` of a lens file of an earlier version as this one writes it; anything else as it is."""
+    if not isinstance(content, dict):
+        return content
+    first = content.get("format") == EARLIER_FORMAT
+    if not (first or content.get("schema") == EARLIER_SCHEMA):
+        return content
+    faces = {name: content[name] for name in DOUBLE if name in content}
+    if first:
+        faces = {name: {"kind": "srbf", **face} if isinstance(face, dict) else face for name, face in faces.items()}
+    rest = {key: value for key, value in content.items() if key not in (*DOUBLE, "format", "schema")}
+    return {"schema": SCHEMA, **rest, "faces": faces}
+
+
+def _require_size(name: str, surface: Surface, most_mm: float) -> None:
     """Raise :class:`InputError` where a surface meets the origin, or is larger than any lens of its spec."""
     radius = surface.radius(fibonacci_hemisphere(_DIRECTIONS))
     if not (radius.min() > 0.0 and radius.max() <= most_mm):
         raise InputError(
-            f"{side}: {radius.min():.4g} to {radius.max():.4g} mm from the origin, must be above 0 and at most "
+            f"{name}: {radius.min():.4g} to {radius.max():.4g} mm from the origin, must be above 0 and at most "
             f"{most_mm:.4g}, ten times constraints.max_radius_mm"
         )
 
@@ -207,14 +242,13 @@ class LensUnits(Record):
 class LensRecord(Record):
     """``lens.json`` without the name of its schema; the spec is validated by :func:`parse_spec`."""
 
-    unions = ("inner", "outer")
+    unions = DOUBLE
 
     version: Text
     seed: Count
     accuracy: Literal["draft", "standard", "reference"]
     units: LensUnits
-    inner: SurfaceRecord
-    outer: SurfaceRecord
+    faces: dict[str, SurfaceRecord]
     spec: dict[str, object]
 
 
@@ -261,7 +295,9 @@ class LensAtTemperature(Lens):
     @property
     def media(self) -> Media:
         """Media of the design, but for the index of the body."""
-        return replace(self.designed.media, refractive_index=self.refractive_index)
+        cold = self.designed.media
+        body = replace(cold.body, refractive_index=self.refractive_index, material=self.dispersion)
+        return replace(cold, body=body)
 
     @property
     def dispersion(self) -> Material | None:
@@ -292,10 +328,8 @@ def at_temperature(lens: Lens, celsius: float) -> Lens:
             f"{' and '.join(missing)}"
         )
     scale = law.scale(celsius)
-    inner, outer = (scaled(surface, scale) for surface in (lens.inner, lens.outer))
     warm = LensAtTemperature(
-        inner=inner,
-        outer=outer,
+        surfaces={name: scaled(surface, scale) for name, surface in lens.surfaces.items()},
         spec=lens.spec,
         seed=lens.seed,
         accuracy=lens.accuracy,

@@ -12,17 +12,17 @@ the same variance. A sum of waves in space with normally distributed wave vector
 has, the same along every line.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.optics.arrays import Array, like
+from lensforge.optics.arrays import Array, like, module_of
 from lensforge.optics.media import Media
 from lensforge.scene.as_made import AsMade, Displacement
 from lensforge.scene.lens import Lens
 from lensforge.scene.perturbations import Deviations
-from lensforge.sources.ray_bundle import RayBundle
 from lensforge.spec import Spec
 from lensforge.spec.tolerances_section import FORM_NUMBERS, WAVINESS_NUMBERS, Factor
 from lensforge.surfaces.bicubic_table import TableGrid
@@ -119,68 +119,68 @@ def ripple(face: FaceNodes, period_mm: float) -> ErrorField:
 
 _SEED = 5  # of the shapes of waviness: any number; those of two faces differ
 _NONE = np.zeros(2)
+_FIELDS = ("form", "waviness", "ripple")  # errors of a face that have tables
+_ORIGIN = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
 class MadePart:
-    """One part: errors of its faces' tables (mm, None for none), its deviations, and those of index and flux."""
+    """One part: errors of its faces' tables (mm) by name, none where left out, its deviations, of index and flux too.
 
-    inner_error: Float[np.ndarray, "side side"] | None
-    outer_error: Float[np.ndarray, "side side"] | None
+    ``made``: also names the faces, in the order of all tables.
+    """
+
+    errors: Mapping[str, Float[np.ndarray, "side side"]]
     made: AsMade
     index: float
     flux: float
 
     def media(self, media: Media) -> Media:
         """``media`` with the index of the batch."""
-        return media if self.index == 0.0 else replace(media, refractive_index=media.refractive_index + self.index)
+        return media if self.index == 0.0 else replace(media, body=replace(media.body, index_error=self.index))
 
-    def rays(self, rays: RayBundle) -> RayBundle:
-        """``rays`` with the index of the batch, where they carry their own."""
-        own = rays.refractive_indices
-        return rays if own is None or self.index == 0.0 else replace(rays, refractive_indices=own + self.index)
-
-    def tables(
-        self, inner: Float[Array, "side side"], outer: Float[Array, "side side"]
-    ) -> tuple[Float[Array, "side side"], Float[Array, "side side"]]:
-        """The faces' tables with their errors; differentiable in the tables as designed."""
-        first, second = (
-            table if error is None else table + like(table, error)
-            for table, error in ((inner, self.inner_error), (outer, self.outer_error))
-        )
-        return first, second
+    def tables(self, designed: Float[Array, "f side side"]) -> Float[Array, "f side side"]:
+        """The faces' tables with their errors, in the order of ``made.names``; differentiable in those as designed."""
+        errors = [self.errors.get(name) for name in self.made.names]
+        if all(error is None for error in errors):
+            return designed
+        faces = zip(designed, errors, strict=True)
+        made = [table if error is None else table + like(table, error) for table, error in faces]
+        return module_of(designed).stack(made)
 
 
 @dataclass(frozen=True, eq=False)
 class PartMaker:
-    """All that is prepared once: the tables of each face's form errors, by the name of the factor."""
+    """All that is prepared once for the faces of a lens: the tables of their form errors, by the name of the factor."""
 
+    names: tuple[str, ...]
     errors: dict[str, ErrorField]
     seat_mm: float
     source_mm: tuple[float, float, float]
 
     @staticmethod
-    def of(spec: Spec, surfaces: tuple[Surface, Surface], grid: TableGrid, factors: tuple[Factor, ...]) -> "PartMaker":
-        """Prepare the form errors of ``surfaces``, inner and outer, on tables of ``grid``."""
-        section, names = spec.tolerances, {factor.name for factor in factors}
+    def of(spec: Spec, surfaces: Mapping[str, Surface], grid: TableGrid, factors: tuple[Factor, ...]) -> "PartMaker":
+        """Prepare the form errors of ``surfaces``, by name from the source on, on tables of ``grid``."""
+        section, wanted = spec.tolerances, {factor.name for factor in factors}
+        band = section.waviness_shortest_mm, section.waviness_longest_mm
         errors = {}
-        for number, (face, surface) in enumerate(zip(("inner", "outer"), surfaces, strict=True)):
-            if not any(f"{face}_{kind}_um" in names for kind in ("form", "waviness", "ripple")):
+        for number, (face, surface) in enumerate(surfaces.items()):
+            form, waves, rings = own = [f"{face}_{kind}_um" for kind in _FIELDS]
+            if wanted.isdisjoint(own):
                 continue
             sampled = FaceNodes.of(grid, surface)
-            if f"{face}_form_um" in names:
-                errors[f"{face}_form_um"] = low_order(sampled)
-            if f"{face}_waviness_um" in names:
-                band = section.waviness_shortest_mm, section.waviness_longest_mm
-                errors[f"{face}_waviness_um"] = waviness(sampled, *band, _SEED + number)
-            if f"{face}_ripple_um" in names:
-                errors[f"{face}_ripple_um"] = ripple(sampled, section.ripple_period_mm)
-        return PartMaker(errors, spec.base.seat_mm, spec.source.position_mm)
+            if form in wanted:
+                errors[form] = low_order(sampled)
+            if waves in wanted:
+                errors[waves] = waviness(sampled, *band, _SEED + number)
+            if rings in wanted:
+                errors[rings] = ripple(sampled, section.ripple_period_mm)
+        return PartMaker(tuple(surfaces), errors, spec.base.seat_mm, spec.source.position_mm)
 
     @staticmethod
     def of_lens(lens: Lens, grid: TableGrid, factors: tuple[Factor, ...]) -> "PartMaker":
-        """Prepare the form errors of both faces of a finished lens."""
-        return PartMaker.of(lens.spec, (lens.inner, lens.outer), grid, factors)
+        """Prepare the form errors of the faces of a finished lens."""
+        return PartMaker.of(lens.spec, lens.surfaces, grid, factors)
 
     def part(self, found: Deviations) -> MadePart:
         """The part with these deviations."""
@@ -188,25 +188,23 @@ class PartMaker:
         def one(name: str) -> float:
             return float(found[name][0]) if name in found else 0.0
 
-        def placed(shift: str, height: str, tilt: str, centre: tuple[float, float, float]) -> Displacement:
-            x, y = found.get(shift, _NONE).tolist()
-            about_x, about_y = found.get(tilt, _NONE).tolist()
+        def placed(of: str, height: str, centre: tuple[float, float, float] = _ORIGIN) -> Displacement:
+            x, y = found.get(f"{of}_shift_mm", _NONE).tolist()
+            about_x, about_y = found.get(f"{of}_tilt_deg", _NONE).tolist()
             return Displacement((x, y, one(height)), (about_x, about_y), centre)
 
-        origin = (0.0, 0.0, 0.0)
         made = AsMade(
-            source=placed("source_shift_mm", "source_height_mm", "source_tilt_deg", self.source_mm),
-            lens=placed("lens_shift_mm", "lens_height_mm", "lens_tilt_deg", origin),
-            outer=placed("outer_shift_mm", "gap_mm", "outer_tilt_deg", origin),
+            names=self.names,
+            source=placed("source", "source_height_mm", self.source_mm),
+            lens=placed("lens", "lens_height_mm"),
+            faces={name: placed(name, "gap_mm") for name in self.names[1:]},
             source_size=1.0 + one("source_size"),
             scale=1.0 + one("shrinkage"),
             seat_mm=self.seat_mm,
-            inner_slope=self._slope("inner", found),
-            outer_slope=self._slope("outer", found),
+            slopes={name: self._slope(name, found) for name in self.names},
         )
-        return MadePart(
-            self._error("inner", found), self._error("outer", found), made, one("index"), 1.0 + one("source_flux")
-        )
+        errors = {name: error for name in self.names if (error := self._error(name, found)) is not None}
+        return MadePart(errors, made, one("index"), 1.0 + one("source_flux"))
 
     def _slope(self, face: str, found: Deviations) -> float:
         """Rms slope of a face along any line: its roughness, and what of its errors is too fine for the tables."""
@@ -219,7 +217,7 @@ class PartMaker:
 
     def _error(self, face: str, found: Deviations) -> Float[np.ndarray, "side side"] | None:
         total = None
-        for name in (f"{face}_form_um", f"{face}_waviness_um", f"{face}_ripple_um"):
+        for name in (f"{face}_{kind}_um" for kind in _FIELDS):
             if name in self.errors and name in found and len(self.errors[name].tables):
                 error = np.tensordot(found[name], self.errors[name].tables, axes=1)
                 total = error if total is None else total + error

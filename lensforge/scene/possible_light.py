@@ -159,7 +159,7 @@ class SourceLight:
 
     @staticmethod
     def of(source: Source, media: Media, count: int = _RAYS) -> "SourceLight":
-        """Sample ``source``; rays without an index of their own have that of ``media``."""
+        """Sample ``source``."""
         count = min(count, source.ray_count or count)
         rays = source.sample(count, _SEED)
         return SourceLight.of_rays(rays, EtendueCurve.of_source(source, rays, _SEED), media)
@@ -172,10 +172,11 @@ class SourceLight:
 
     def best_transmittances(self, turns_rad: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Largest transmittance of two faces that turn each of the rays by at least so much."""
-        media = self.media
-        least = least_reflectances(media, whole_span(self.rays.wavelengths_nm, media))
-        indices = self.rays.indices(media)
-        return best_transmittance(turns_rad, indices, media.cavity_index, media.outside_index, least)
+        media, waves = self.media, self.rays.wavelengths_nm
+        least = least_reflectances(media, whole_span(waves, media))
+        indices = media.body.indices(waves, len(self.rays))
+        of_faces = least.get("inner"), least.get("outer")
+        return best_transmittance(turns_rad, indices, media.cavity_index, media.outside_index, of_faces)
 
     @cached_property
     def transmittance(self) -> float:

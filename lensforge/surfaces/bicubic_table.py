@@ -9,13 +9,13 @@ the next finer grid exactly. A step of a search then costs little more with thou
 hundreds: each covers few nodes, and broad functions do not fill a fine grid.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.ndimage import spline_filter1d
 
 from lensforge.errors import InputError
@@ -108,13 +108,23 @@ def cubic_basis(f: Float[np.ndarray, " k"], order: int = 0) -> list[Float[np.nda
 
 
 def table_error(
-    grid: TableGrid, table: Float[np.ndarray, "side side"], surface: Surface, samples: int = 4096, seed: int = 0
+    grid: TableGrid,
+    table: Float[np.ndarray, "side side"],
+    surface: Surface,
+    samples: int = 4096,
+    seed: int = 0,
+    within: Callable[[Float[np.ndarray, "n 3"]], Bool[np.ndarray, " n"]] | None = None,
 ) -> float:
-    """Largest |table - exact radius| (mm) over random directions of the hemisphere, off the nodes."""
+    """Largest |table - exact radius| (mm) over random directions of the hemisphere, off the nodes.
+
+    ``within``: the directions that count; None: all.
+    """
     rng = np.random.default_rng(seed)
     z, azimuth = rng.random(samples), 2.0 * np.pi * rng.random(samples)
     sine = np.sqrt(1.0 - z * z)
     directions = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), z], axis=-1)
+    if within is not None:
+        directions = directions[within(directions)]
     return float(np.abs(evaluate_table(grid, table, directions) - surface.radius(directions)).max())
 
 

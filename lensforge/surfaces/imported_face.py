@@ -70,12 +70,14 @@ class _Face(Record):
 def face_of_lens(path: Path, side: Literal["inner", "outer"]) -> GivenFace:
     """The ``side`` of the lens in ``path``. Raises :class:`InputError` for any other file."""
     content = read_json(path, _LENS_REMEDY)
-    if not isinstance(content, dict) or not isinstance(content.get(side), dict):
+    faces = content.get("faces", content) if isinstance(content, dict) else None  # earlier versions: beside the spec
+    face = faces.get(side) if isinstance(faces, dict) else None
+    if not isinstance(content, dict) or not isinstance(face, dict):
         raise InputError(f"{path}: not a lens file; {_LENS_REMEDY}")
     if CHECKSUM in content:
         require_checksum(content, path, _LENS_REMEDY)
     # files of version 0.1.0 state no kind: they knew one
-    record = validated(_Face, {"face": {"kind": "srbf", **content[side]}}, path, _LENS_REMEDY)
+    record = validated(_Face, {"face": {"kind": "srbf", **face}}, path, _LENS_REMEDY)
     try:
         surface = record.face.surface()
     except InputError as error:

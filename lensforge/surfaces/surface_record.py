@@ -10,6 +10,7 @@ from lensforge.errors import InputError
 from lensforge.results import Number, Record
 from lensforge.surfaces.asphere import Asphere, Biconic
 from lensforge.surfaces.chart_spline import DEGREE, ChartSpline
+from lensforge.surfaces.reciprocal import ConeFace, ConicFace, PlaneFace, ReciprocalSurface
 from lensforge.surfaces.srbf import MOST_FUNCTIONS, SrbfBasis, SrbfSurface
 from lensforge.surfaces.surface import Surface
 
@@ -65,6 +66,49 @@ class BiconicRecord(Record):
         return Biconic(self.vertex_mm, self.radius_x_mm, self.radius_y_mm, self.conic_x, self.conic_y)
 
 
+_Axis = tuple[Place, Place, Place]
+
+
+class PlaneRecord(Record):
+    """A given face: a plane."""
+
+    kind: Literal["plane"]
+    reach_mm: Length
+    height_mm: Length
+    axis: _Axis
+
+    def surface(self) -> PlaneFace:
+        """The surface. Raises :class:`InputError` where it is no plane above the origin."""
+        return PlaneFace(self.reach_mm, self.height_mm, self.axis)
+
+
+class ConeRecord(Record):
+    """A given face: a cone about the axis."""
+
+    kind: Literal["cone"]
+    reach_mm: Length
+    radius_mm: Length
+    slope: Place
+
+    def surface(self) -> ConeFace:
+        """The surface. Raises :class:`InputError` where its tip is too near."""
+        return ConeFace(self.reach_mm, self.radius_mm, self.slope)
+
+
+class ConicRecord(Record):
+    """A given face: a conic of revolution about a focus at the origin."""
+
+    kind: Literal["conic"]
+    reach_mm: Length
+    parameter_mm: Length
+    eccentricity: Annotated[Number, Field(ge=0.0, le=1e3)]
+    axis: _Axis
+
+    def surface(self) -> ConicFace:
+        """The surface. Raises :class:`InputError` where it is nowhere within its reach."""
+        return ConicFace(self.reach_mm, self.parameter_mm, self.eccentricity, self.axis)
+
+
 class ChartSplineRecord(Record):
     """A given face: its radius as a quintic spline over the stereographic chart, control values by rows of X."""
 
@@ -85,7 +129,7 @@ class ChartSplineRecord(Record):
 
 
 SurfaceRecord: TypeAlias = Annotated[
-    SrbfRecord | AsphereRecord | BiconicRecord | ChartSplineRecord,
+    SrbfRecord | AsphereRecord | BiconicRecord | ChartSplineRecord | PlaneRecord | ConeRecord | ConicRecord,
     Field(discriminator="kind"),
 ]
 
@@ -106,12 +150,18 @@ def surface_record(surface: Surface) -> SurfaceRecord:
             return AsphereRecord(kind="asphere", **_fields(surface))
         case Biconic():
             return BiconicRecord(kind="biconic", **_fields(surface))
+        case PlaneFace():
+            return PlaneRecord(kind="plane", **_fields(surface))
+        case ConeFace():
+            return ConeRecord(kind="cone", **_fields(surface))
+        case ConicFace():
+            return ConicRecord(kind="conic", **_fields(surface))
         case ChartSpline():
             knots, control = tuple(surface.knots.tolist()), tuple(surface.control.ravel().tolist())
             return ChartSplineRecord(kind="chart_spline", knots=knots, control_mm=control, detail_rad=surface.detail)
     raise TypeError(f"{type(surface).__name__} cannot be written to a lens file")
 
 
-def _fields(surface: Asphere | Biconic) -> dict[str, Any]:
+def _fields(surface: Asphere | Biconic | ReciprocalSurface) -> dict[str, Any]:
     """Fields of a surface by its equation; those of its record have the same names."""
     return {field.name: getattr(surface, field.name) for field in fields(surface)}

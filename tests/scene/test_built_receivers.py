@@ -40,7 +40,8 @@ def test_a_receiver_of_a_spec_stands_where_it_says(kind: str) -> None:
 @pytest.mark.parametrize(("distance", "behind"), [(30.0, True), (31.0, True), (29.9, False)])
 def test_receivers_stand_behind_the_cover_glass_and_the_far_field_always_does(distance: float, behind: bool) -> None:
     glass = {"distance_mm": 20.0, "thickness_mm": 10.0, "refractive_index": 1.5}
-    lens = {"levels": [9, 25], "inner_offset_mm": 3.0, "outer_offset_mm": 6.0, "symmetry": "none", "cover_glass": glass}
+    faces = {"inner": {"offset_mm": 3.0}, "outer": {"offset_mm": 6.0}}
+    lens = {"levels": [9, 25], **faces, "symmetry": "none", "cover_glass": glass}
     wall = {"kind": "plane", "centre_mm": [0.0, 0.0, distance], "width_mm": 80.0, "height_mm": 40.0, "targets": [DISC]}
     spec = small_spec(target=None, receivers=[wall, {**SECTIONS["far_field"], "name": "sky"}], lens=lens)
     if behind:

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from scenes import part_tolerances
 from scipy.stats import kstest, norm, truncnorm, uniform
 
 from lensforge.errors import InputError
 from lensforge.scene.perturbations import Draws, orthonormal, quantiles
-from lensforge.spec.tolerances_section import PRESET_AMOUNTS, Factor, TolerancesSection, factors_of, read_tolerances
+from lensforge.spec.tolerances_section import Factor, PartTolerances, factors_of, read_tolerances
 
-NONE = dict.fromkeys(PRESET_AMOUNTS["standard"], 0)
 TRUTHS = {
     "uniform": uniform(-1.0, 2.0),
     "normal": norm(0.0, 0.5),
@@ -41,8 +41,7 @@ def test_polynomials_are_orthonormal_over_the_parts(distribution: str, kind: str
 
 
 def test_a_tolerance_has_its_amount_in_the_unit_of_its_name() -> None:
-    section = TolerancesSection(**{**NONE, "gap_mm": 0.3, "outer_tilt_deg": {"amount": 2.0, "distribution": "uniform"}})
-    factors = factors_of(section)
+    factors = factors_of(part_tolerances(gap_mm=0.3, outer_tilt_deg={"amount": 2.0, "distribution": "uniform"}))
     assert [factor.name for factor in factors] == ["gap_mm", "outer_tilt_deg"]
     draws = Draws.of(factors, 512, 0)
     gap = np.array([draws.deviations(part)["gap_mm"][0] for part in range(512)])
@@ -58,7 +57,7 @@ def test_a_tolerance_has_its_amount_in_the_unit_of_its_name() -> None:
 
 
 def test_parts_are_the_first_of_an_endless_row_and_other_seeds_give_others() -> None:
-    factors = factors_of(TolerancesSection())
+    factors = factors_of(PartTolerances())
     few, many, other = Draws.of(factors, 100, 3), Draws.of(factors, 1000, 3), Draws.of(factors, 100, 4)
     for name, numbers in few.numbers.items():
         assert (numbers == many.numbers[name][:100]).all()
@@ -66,13 +65,13 @@ def test_parts_are_the_first_of_an_endless_row_and_other_seeds_give_others() -> 
 
 
 def test_fields_do_not_depend_on_other_tolerances() -> None:
-    every = Draws.of(factors_of(TolerancesSection()), 10, 0).numbers["outer_form_um"]
-    alone = Draws.of(factors_of(TolerancesSection(**{**NONE, "outer_form_um": 1.0})), 10, 0).numbers["outer_form_um"]
+    every = Draws.of(factors_of(PartTolerances()), 10, 0).numbers["outer_form_um"]
+    alone = Draws.of(factors_of(part_tolerances(outer_form_um=1.0)), 10, 0).numbers["outer_form_um"]
     assert (every == alone).all()
 
 
 def test_mirrored_parts_are_the_opposite_but_for_roughness() -> None:
-    draws = Draws.of(factors_of(TolerancesSection()), 10, 0)
+    draws = Draws.of(factors_of(PartTolerances()), 10, 0)
     other = draws.mirrored()
     for factor in draws.factors:
         sign = 1.0 if factor.kind == "one-sided" else -1.0
@@ -82,31 +81,48 @@ def test_mirrored_parts_are_the_opposite_but_for_roughness() -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"gap_mm": {"amount": 0, "distribution": "normal"}}, "a distribution has a width"),
-        ({"gap_mm": {"distribution": "normal"}}, "gap_mm.amount: missing"),
-        ({"gap_mm": 9.0}, "gap_mm = 9: must be at most 5"),
-        ({"gap_mm": "wide"}, "must be a number, or a table"),
-        ({"inner_form_um": {"amount": 1.0, "distribution": "normal"}}, "leave out distribution"),
+        ({"outer": {"gap_mm": {"amount": 0, "distribution": "normal"}}}, "a distribution has a width"),
+        ({"outer": {"gap_mm": {"distribution": "normal"}}}, "outer.gap_mm.amount: missing"),
+        ({"outer": {"gap_mm": 9.0}}, "outer: gap_mm = 9: must be at most 5"),
+        ({"outer": {"gap_mm": "wide"}}, "must be a number, or a table"),
+        ({"inner": {"form_um": {"amount": 1.0, "distribution": "normal"}}}, "leave out distribution"),
+        ({"inner": {"tilt_deg": 1.0}}, "inner.tilt_deg: this face is what the next is placed against; give outer.tilt"),
+        ({"gap_mm": 0.1}, "gap_mm = 0.1: unknown; it is lens.outer.gap_mm now"),
         ({"waviness_shortest_mm": 8.0}, "must be below waviness_longest_mm = 5"),
     ],
 )
 def test_a_wrong_tolerance_is_one_line(changes: dict, words: str) -> None:
     with pytest.raises(InputError, match=words) as error:
-        TolerancesSection(**changes)
+        PartTolerances(**changes)
     assert "\n" not in str(error.value)
 
 
 def test_no_tolerance_at_all_is_one_line() -> None:
     with pytest.raises(InputError, match="all of them are 0"):
-        factors_of(TolerancesSection(**NONE))
+        factors_of(part_tolerances())
 
 
 def test_tolerances_come_from_a_preset_or_a_file(tmp_path) -> None:
-    assert read_tolerances("moulded").of("shrinkage").amount == 0.001
+    assert read_tolerances("moulded").tolerance("shrinkage").amount == 0.001
     file = tmp_path / "own.toml"
-    file.write_text("[tolerances]\npreset = 'precision'\ngap_mm = 0.5\n")
-    found = read_tolerances(str(file))
-    assert (found.of("gap_mm").amount, found.of("outer_shift_mm").amount) == (0.5, 0.005)
+    for text in (
+        "[tolerances]\npreset = 'precision'\n[lens.outer]\ngap_mm = 0.5\n",
+        "[source]\nkind = 'disc'\n[tolerances]\npreset = 'precision'\n[lens.outer]\ngap_mm = 0.5\noffset_mm = 6.0\n",
+    ):
+        file.write_text(text)
+        found = read_tolerances(str(file))
+        assert (found.tolerance("gap_mm").amount, found.tolerance("outer_shift_mm").amount) == (0.5, 0.005)
+    file.write_text("[lens.outer]\ngap_mm = 0.5\n")
+    assert read_tolerances(str(file)) == PartTolerances(outer={"gap_mm": 0.5})
+    for text, words in (
+        ("[lens.outer]\ngap_mm = 9.0\n", "own.toml: lens.outer: gap_mm = 9: must be at most 5"),
+        ("[lens.outer]\ngapp_mm = 0.5\n", "own.toml: lens.outer: gapp_mm = 0.5: unknown; did you mean gap_mm"),
+        ("[lens.inner]\ngap_mm = 0.5\n", "own.toml: lens: inner.gap_mm: this face is what"),
+        ("[tolerances]\nouter = {}\n", "own.toml: tolerances: outer: unknown"),
+    ):
+        file.write_text(text)
+        with pytest.raises(InputError, match=words):
+            read_tolerances(str(file))
     file.write_text("[lens]\n")
     with pytest.raises(InputError, match="has no \\[tolerances\\]"):
         read_tolerances(str(file))

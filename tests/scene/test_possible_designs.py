@@ -23,7 +23,7 @@ def require_possible(light: lf.Light) -> None:
 
 
 def starting_lens(spec: Spec) -> Lens:
-    return Lens(*starting_surfaces(spec), spec, 0, "draft")
+    return Lens(starting_surfaces(spec), spec, 0, "draft")
 
 
 @pytest.mark.parametrize("path", [path for path in SCENES if path.stem in KINDS], ids=lambda path: path.stem)

@@ -21,7 +21,7 @@ OUTER_MM = 6.0
 
 
 def bumpy_lens(spec: Spec) -> TracedLens:
-    return TracedLens.of(Lens(random_surface(1, 3.0), random_surface(2, OUTER_MM), spec, 0, "draft"), 4.0)
+    return TracedLens.of(Lens.double(random_surface(1, 3.0), random_surface(2, OUTER_MM), spec, 0, "draft"), 4.0)
 
 
 def exit_rays(count: int = 2**15) -> ExitRays:
@@ -68,7 +68,7 @@ RECEIVERS = bare_spec().model_dump(exclude_unset=True)["receivers"][:2]
 
 @pytest.fixture(scope="module")
 def bare() -> lf.Light:
-    return lf.evaluate(Lens(sphere(3.0), sphere(6.0), bare_spec(), 0, "draft"), rays=2**20, pixels=32)
+    return lf.evaluate(Lens.double(sphere(3.0), sphere(6.0), bare_spec(), 0, "draft"), rays=2**20, pixels=32)
 
 
 def image(lens: TracedLens, source: Source, number: int) -> np.ndarray:

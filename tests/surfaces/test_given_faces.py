@@ -71,11 +71,12 @@ def test_points_are_moved_by_their_shift(coordinates: str, tmp_path: Path) -> No
 
 
 def test_a_lens_file_that_was_changed_is_no_given_face(tmp_path: Path) -> None:
-    lens = Lens(random_surface(1, 3.0), random_surface(2, 6.0), small_spec(), 0, "draft")
+    lens = Lens.double(random_surface(1, 3.0), random_surface(2, 6.0), small_spec(), 0, "draft")
     lens.save(tmp_path / "lens.json")
     text = (tmp_path / "lens.json").read_text(encoding="utf-8")
-    assert text.count('"offset_mm": 3.0') == 1
-    (tmp_path / "lens.json").write_text(text.replace('"offset_mm": 3.0', '"offset_mm": 3.1'), encoding="utf-8")
+    assert text.count('"cavity_height_mm": 0.5') == 1
+    changed = text.replace('"cavity_height_mm": 0.5', '"cavity_height_mm": 0.6')
+    (tmp_path / "lens.json").write_text(changed, encoding="utf-8")
     with pytest.raises(InputError, match=r"lens\.json: .*name the folder of a result, or its lens\.json"):
         FixedLensFace(file=tmp_path, face="inner").resolved()
 
@@ -106,30 +107,30 @@ def test_iges(tmp_path: Path) -> None:
 
 
 def test_the_face_of_a_lens_is_that_face(tmp_path: Path) -> None:
-    lens = Lens(random_surface(1, 3.0, levels=(9, 25)), sphere(6.0), small_spec(), 0, "draft")
+    lens = Lens.double(random_surface(1, 3.0, levels=(9, 25)), sphere(6.0), small_spec(), 0, "draft")
     lens.save(tmp_path / "lens.json")
     given = FixedLensFace(file=tmp_path, face="inner").resolved()
     assert np.array_equal(given.surface.radius(U), lens.inner.radius(U))
     assert FixedLensFace(file=tmp_path / "lens.json", face="outer").surface == lens.outer
     assert given.title == f"inner face of {tmp_path.name}/lens.json"
     face = {"kind": "lens", "file": str(tmp_path), "face": "inner"}
-    spec = small_spec(lens={"levels": [9, 25], "fixed_inner": face, "outer_offset_mm": 6.0})
+    spec = small_spec(lens={"levels": [9, 25], "inner": {"fixed": face}, "outer": {"offset_mm": 6.0}})
     changed = spec.replace(name="other")
     changed.save(tmp_path / "spec.toml")
     assert lf.load_spec(tmp_path / "spec.toml") == changed and changed.lens == spec.lens
-    assert isinstance(changed.lens.fixed_inner, GivenSurface)
-    assert np.array_equal(changed.lens.fixed_inner.surface.radius(U), lens.inner.radius(U))
+    assert isinstance(changed.lens.inner.fixed, GivenSurface)
+    assert np.array_equal(changed.lens.inner.fixed.surface.radius(U), lens.inner.radius(U))
 
 
 @HERE
 def test_a_spec_needs_the_file_no_more(step: Path, tmp_path: Path) -> None:
-    section = LensSection(levels=(9, 25), fixed_inner={"kind": "cad", "file": step}, outer_offset_mm=6.0)
-    assert isinstance(section.fixed_inner, GivenSurface)
+    section = LensSection(levels=(9, 25), inner={"fixed": {"kind": "cad", "file": step}}, outer={"offset_mm": 6.0})
+    assert isinstance(section.inner.fixed, GivenSurface)
     away = step.rename(tmp_path / "elsewhere")  # and back, for the other tests, which have sampled it already
     again = LensSection.model_validate_json(section.model_dump_json())
     away.rename(step)
-    assert again == section and again.start_mm == (pytest.approx(3.4, abs=1e-9), 6.0)
-    assert "of mould.step, to" in section.fixed_inner.title
+    assert again == section and again.start_mm == pytest.approx({"inner": 3.4, "outer": 6.0}, abs=1e-9)
+    assert "of mould.step, to" in section.inner.fixed.title
 
 
 @pytest.mark.nightly("ten seconds; by day a sphere of a file to a nanometre")
@@ -223,5 +224,5 @@ def test_other_files_and_open_clouds_are_one_line(tmp_path: Path) -> None:
     (tmp_path / "lens.json").write_text("{}")
     with pytest.raises(InputError, match="not a lens file"):
         FixedLensFace(file=tmp_path, face="inner").resolved()
-    with pytest.raises(InputError, match=r"fixed_inner.*cap.txt"):
-        LensSection(levels=(9,), fixed_inner={"kind": "points", "file": tmp_path / "cap.txt"}, outer_offset_mm=6.0)
+    with pytest.raises(InputError, match=r"inner.fixed.*cap.txt"):
+        LensSection(levels=(9,), inner={"fixed": {"kind": "points", "file": tmp_path / "cap.txt"}})

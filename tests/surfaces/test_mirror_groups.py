@@ -30,4 +30,4 @@ def test_of_mirror_images_one_comes_first(name: str) -> None:
     ],
 )
 def test_a_lens_has_the_mirrors_that_both_surfaces_have(inner: Surface, outer: Surface, shared: str) -> None:
-    assert Lens(inner, outer, small_spec(), 0, "draft").symmetry == shared
+    assert Lens.double(inner, outer, small_spec(), 0, "draft").symmetry == shared

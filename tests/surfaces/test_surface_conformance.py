@@ -13,7 +13,7 @@ from lensforge.surfaces import surface as chart
 from lensforge.surfaces.asphere import Asphere, Biconic, ImplicitSurface, sphere
 from lensforge.surfaces.bicubic_table import grid_for, table_error, tabulate
 from lensforge.surfaces.chart_spline import HALF_WIDTH, ChartSpline
-from lensforge.surfaces.srbf import SrbfSurface
+from lensforge.surfaces.reciprocal import ConeFace, ConicFace, PlaneFace, ReciprocalSurface
 from lensforge.surfaces.surface import ScaledSurface, Surface, scaled
 
 AXIS = np.tan(np.linspace(-1.0, 1.0, 80) * np.arctan(HALF_WIDTH))
@@ -29,12 +29,16 @@ CASES = {
     "dented dome": Asphere(5.0, 30.0, 0.0, (-4e-3,)),
     "biconic": Biconic(8.0, -7.0, -9.0, -0.5, 0.2),
     "given face": ChartSpline.through(AXIS, random_surface(1, 6.0, levels=(9, 25)).radius_on_grid(ON_AXIS)),
+    "plane": PlaneFace(8.0, 6.0, (0.1, -0.05, 1.0)),
+    "cone": ConeFace(8.0, 6.0, 0.1),
+    "conic": ConicFace(20.0, 6.0, 0.7, (0.1, 0.2, 1.0)),
     "face of an insert": scaled(random_surface(3, 6.0, levels=(9, 25)), 1.006),
 }
 
 
 def test_every_kind_of_surface_has_a_case() -> None:
-    known = {*Surface.__subclasses__(), *ImplicitSurface.__subclasses__()} - {ImplicitSurface}
+    known = {*Surface.__subclasses__(), *ImplicitSurface.__subclasses__(), *ReciprocalSurface.__subclasses__()}
+    known -= {ImplicitSurface, ReciprocalSurface}
     kinds = {kind for kind in known if kind.__module__.startswith("lensforge.surfaces.")}
     assert {type(surface) for surface in CASES.values()} == kinds
 
@@ -91,22 +95,27 @@ def test_its_spline_reaches_the_form_of_an_export(surface: Surface) -> None:
 def test_a_lens_file_gives_the_same_surface_back(name: str, tmp_path) -> None:
     """But for the face of an insert, which is written with a factor on the lens's."""
     surface = CASES[name]
-    lens = Lens(surface, freeform_sphere(20.0), small_spec(), 0, "draft")
+    lens = Lens.double(surface, freeform_sphere(20.0), small_spec(), 0, "draft")
     lens.save(tmp_path / "lens.json")
     again = load_lens(tmp_path / "lens.json").inner
     u = _everywhere(100)
     assert type(again) is type(surface)
     assert np.array_equal(again.radius(u), surface.radius(u))
-    again_saved = Lens(again, freeform_sphere(20.0), small_spec(), 0, "draft")
+    again_saved = Lens.double(again, freeform_sphere(20.0), small_spec(), 0, "draft")
     again_saved.save(tmp_path / "again.json")
     assert (tmp_path / "again.json").read_bytes() == (tmp_path / "lens.json").read_bytes()
 
 
 def test_a_lens_file_of_before_there_were_kinds_is_a_freeform(tmp_path) -> None:
     path = tmp_path / "lens.json"
-    Lens(CASES["freeform"], freeform_sphere(20.0), small_spec(), 0, "draft").save(path)
+    lens = Lens.double(CASES["freeform"], freeform_sphere(20.0), small_spec(), 0, "draft")
+    lens.save(path)
     content = json.loads(path.read_text(encoding="utf-8"))
-    del content["inner"]["kind"], content["outer"]["kind"], content["content_sha256"]
-    assert content.pop("schema") == "lensforge-lens-2"
+    del content["content_sha256"]
+    assert content.pop("schema") == "lensforge-lens-3"
+    content |= content.pop("faces")  # beside the spec
+    path.write_text(json.dumps({"schema": "lensforge-lens-2", **content}), encoding="utf-8")
+    assert load_lens(path) == lens
+    del content["inner"]["kind"], content["outer"]["kind"]
     path.write_text(json.dumps({"format": "lensforge-lens-1", **content}), encoding="utf-8")
-    assert isinstance(load_lens(path).inner, SrbfSurface)
+    assert load_lens(path) == lens

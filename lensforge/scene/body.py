@@ -1,0 +1,152 @@
+"""Faces as data: a body of named faces between the cavity, its material and what surrounds it.
+
+Every face is a radius over the hemisphere about the origin. Where several faces bound the same medium on the side of
+the origin, the nearest of them bounds it in each direction: the medium is the intersection of star-shaped bodies, and
+two faces meet in a crease. The cavity of a lens for total internal reflection is bounded by its cap and its side, the
+body by its reflecting wall and its exit.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from lensforge.errors import InputError
+from lensforge.optics.media import BODY, CAVITY, MEDIA, OUTSIDE, Media, Mirror
+from lensforge.surfaces.surface import Surface, grid, to_sphere
+
+MOST_EVENTS = 64
+_Sides = Int[np.ndarray, " f"]
+
+DOUBLE = ("inner", "outer")  # the faces of the usual lens
+_NODES = 96  # of the chart's grid on which faces are compared
+
+
+@dataclass(frozen=True)
+class Face:
+    """One optical face: its shape, and the media ``before`` it, on the origin's side, and ``behind`` it."""
+
+    name: str
+    surface: Surface
+    before: str
+    behind: str
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Faces of which a ray meets the nearest that bounds the medium in which it is, at most ``events`` times.
+
+    ``names`` of the faces, and the media ``before`` and ``behind`` each. What a face reflects beside light that passes
+    is not followed. Raises :class:`InputError` for less than one event and more than 64.
+    """
+
+    names: tuple[str, ...]
+    before: tuple[str, ...]
+    behind: tuple[str, ...]
+    events: int
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.events <= MOST_EVENTS:
+            raise InputError(f"events = {self.events}: must be 1 to {MOST_EVENTS}, at each of which a ray meets a face")
+
+    def packed(self, media: Media) -> tuple[_Sides, _Sides, Float[np.ndarray, " f"]]:
+        """Media before and behind the faces by number, and what mirrors reflect, as ``kernels.trace`` takes them."""
+        before, behind = (
+            np.array([MEDIA.index(each) for each in sides], dtype=np.int8) for sides in (self.before, self.behind)
+        )
+        coatings = [media.coating(name) for name in self.names]
+        mirrors = np.array([each.reflectance if isinstance(each, Mirror) else -1.0 for each in coatings])
+        return before, behind, mirrors
+
+
+@dataclass(frozen=True)
+class Body:
+    """The faces of a body, in the order in which light from the source meets the media that they bound."""
+
+    faces: tuple[Face, ...]
+
+    @staticmethod
+    def double(inner: Surface, outer: Surface) -> "Body":
+        """The usual lens: one face towards the source, and one towards the target."""
+        return Body((Face("inner", inner, CAVITY, BODY), Face("outer", outer, BODY, OUTSIDE)))
+
+    def face(self, name: str) -> Face:
+        """The face of that name."""
+        return next(face for face in self.faces if face.name == name)
+
+    def bounding(self, medium: str) -> tuple[Face, ...]:
+        """The faces that bound ``medium`` on the side away from the origin."""
+        return tuple(face for face in self.faces if face.before == medium)
+
+    @cached_property
+    def cavity(self) -> tuple[Face, ...]:
+        """The faces that bound the cavity."""
+        return self.bounding(CAVITY)
+
+    @cached_property
+    def envelope(self) -> tuple[Face, ...]:
+        """The faces by which light leaves the body, or is reflected in it."""
+        return self.bounding(BODY)
+
+    def chain(self, events: int) -> Chain:
+        """The faces as rays meet them that may meet any of them."""
+        return Chain(
+            tuple(face.name for face in self.faces),
+            tuple(face.before for face in self.faces),
+            tuple(face.behind for face in self.faces),
+            events,
+        )
+
+    def require_sound(self) -> None:
+        """Raise :class:`InputError` for media that no face bounds, faces that cross, and faces in several pieces."""
+        for medium in (CAVITY, BODY):
+            if not self.bounding(medium):
+                names = ", ".join(face.name for face in self.faces)
+                raise InputError(f"faces {names}: none bounds the {medium}; the body is not closed, add one")
+        directions, inside = _hemisphere()
+        inner, outer = (radii(faces, directions).min(axis=0) for faces in (self.cavity, self.envelope))
+        wall = np.where(inside, outer - inner, np.inf)
+        worst = np.unravel_index(int(np.argmin(wall)), wall.shape)
+        if not wall[worst] > 0.0:
+            x, y, z = directions[worst]
+            raise InputError(
+                f"wall = {wall[worst]:.4g} mm in the direction ({x:.3f}, {y:.3f}, {z:.3f}): the faces "
+                f"{', '.join(face.name for face in self.envelope)} must lie outside of "
+                f"{', '.join(face.name for face in self.cavity)}"
+            )
+        for faces in (self.cavity, self.envelope):
+            _require_whole(faces, nearest(faces, directions), inside)
+
+
+def radii(faces: tuple[Face, ...], directions: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "f *n"]:
+    """Radius (mm) of each face in unit ``directions``."""
+    flat = directions.reshape(-1, 3)
+    return np.stack([face.surface.radius(flat) for face in faces]).reshape(len(faces), *directions.shape[:-1])
+
+
+def nearest(faces: tuple[Face, ...], directions: Float[np.ndarray, "*n 3"]) -> Int[np.ndarray, "*n"]:
+    """Number of the face that bounds the medium in each direction."""
+    found: Int[np.ndarray, "*n"] = np.argmin(radii(faces, directions), axis=0)
+    return found
+
+
+def _hemisphere() -> tuple[Float[np.ndarray, "n n 3"], np.ndarray]:
+    """Directions of a square grid of the chart, and which of them lie on the hemisphere."""
+    chart = grid(_NODES)
+    return to_sphere(chart), np.sum(chart**2, axis=-1) <= 1.0
+
+
+def _require_whole(faces: tuple[Face, ...], numbers: Int[np.ndarray, "n n"], inside: np.ndarray) -> None:
+    """Raise :class:`InputError` where a face is nowhere the nearest, or bounds its medium in several pieces."""
+    from scipy.ndimage import label
+
+    for number, face in enumerate(faces):
+        pieces = label((numbers == number) & inside)[1]
+        if pieces != 1:
+            others = ", ".join(each.name for each in faces if each is not face)
+            words = "nowhere the nearest" if pieces == 0 else f"cut into {pieces} pieces"
+            raise InputError(
+                f"{face.name}: {words} seen from the origin, by {others}: must be one piece without a hole; move one "
+                "of these faces, or leave it out"
+            )
