@@ -1,6 +1,7 @@
 """What is wanted? The TOML of a design: validated once, immutable, every length in mm."""
 
 from lensforge.spec.design_spec import Spec, load_spec, parse_spec
+from lensforge.spec.face_section import FaceSection
 from lensforge.spec.lens_section import LensSection
 from lensforge.spec.part_section import BaseSection, DrawingSection, ManufactureSection, Tool
 from lensforge.spec.receiver_sections import AnyReceiver, Target
@@ -17,6 +18,7 @@ __all__ = [
     "CrossTarget",
     "DrawingSection",
     "EvaluateSection",
+    "FaceSection",
     "FlatTopTarget",
     "ImageTarget",
     "LensSection",

@@ -15,7 +15,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from lensforge.errors import InputError
 from lensforge.optics.material import MATERIALS, Material
-from lensforge.optics.media import Coating, CoatingLayer, CoverGlass, IndexCurve, LayerStack, ReflectanceTable
+from lensforge.optics.media import CoatingLayer, CoverGlass, Film, IndexCurve, LayerStack, ReflectanceTable
 from lensforge.results.files import MIB, read_file
 from lensforge.spec.spec_section import FilePath, Label, Millimetres, Section
 
@@ -189,7 +189,7 @@ class CoatingSection(Section):
         known = [_LIGHT_NM, *(layer.dispersion.trusted_nm for layer in self.layers if layer.dispersion is not None)]
         return max(low for low, _ in known), min(high for _, high in known)
 
-    def coating(self, body: float | Material) -> Coating:
+    def coating(self, body: float | Material) -> Film:
         """The coating as rays meet it; ``body``: index of what carries it, or its material."""
         if not self.layers:
             if not self.angle_deg:

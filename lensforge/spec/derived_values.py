@@ -25,8 +25,8 @@ WHY = {
     "constraints.cavity_radius_mm": f"{_CAVITY:g} x the circle around the source",
     "constraints.cavity_height_mm": f"{CAVITY_HEIGHT:g} x cavity_radius_mm",
     "constraints.min_thickness_mm": f"{_WALL:g} x the root of max_radius_mm",
-    "lens.inner_offset_mm": f"{_INNER:g} x max_radius_mm: the search starts from this hemisphere",
-    "lens.outer_offset_mm": f"{_OUTER:g} x max_radius_mm",
+    "lens.inner.offset_mm": f"{_INNER:g} x max_radius_mm, the inner hemisphere of the start",
+    "lens.outer.offset_mm": f"{_OUTER:g} x max_radius_mm, the outer hemisphere of the start",
     "target.receiver_mm": f"{_RECEIVER:g} x the pattern",
     "target.half_angle_deg": "4/3 x the beam, of beam and batwing",
 }
@@ -56,19 +56,15 @@ class LensSizes:
         return _digits(min(_WALL * self.max_radius_mm**0.5, _WALL_MOST * self.max_radius_mm))
 
     @property
-    def outer_offset_mm(self) -> float:
-        """Outer hemisphere."""
-        return _digits(_OUTER * self.max_radius_mm, floor)
-
-    @property
-    def inner_offset_mm(self) -> float:
-        """Inner hemisphere: around the cavity, and with some wall."""
+    def offset_mm(self) -> dict[str, float]:
+        """Hemispheres by face: the inner one around the cavity, and with some wall."""
+        outer = _digits(_OUTER * self.max_radius_mm, floor)
         wanted = max(_INNER * self.max_radius_mm, _AROUND_CAVITY * self.cavity_radius_mm)
-        return _digits(min(wanted, self.outer_offset_mm - 1.5 * self.min_thickness_mm), floor)
+        return {"inner": _digits(min(wanted, outer - 1.5 * self.min_thickness_mm), floor), "outer": outer}
 
 
-def derived_sizes(source: Any, lens: Any, limits: Any, target: Any) -> dict[str, dict[str, float]]:
-    """Values of fields that the spec leaves out, by the rules, by the names of section and field.
+def derived_sizes(source: Any, lens: Any, limits: Any, target: Any) -> dict[str, dict[str, Any]]:
+    """Values of fields that the spec leaves out, by the rules, in tables by section and face.
 
     The arguments are the sections of a spec, ``target`` may be None. Of a source that is no uniform area the cavity is
     not known, and of a target without a size its receiver.
@@ -80,10 +76,9 @@ def derived_sizes(source: Any, lens: Any, limits: Any, target: Any) -> dict[str,
         if extent is None
         else LensSizes(limits.max_radius_mm, extent + hypot(x, y), z)
     )
-    free = [side for side in ("inner", "outer") if getattr(lens, f"fixed_{side}") is None]
     known = ("min_thickness_mm",) if extent is None else ("min_thickness_mm", "cavity_radius_mm", "cavity_height_mm")
     return {
-        "lens": {f"{side}_offset_mm": getattr(sizes, f"{side}_offset_mm") for side in free},
+        "lens": {name: {"offset_mm": sizes.offset_mm[name]} for name, face in lens.faces.items() if face.fixed is None},
         "constraints": {name: getattr(sizes, name) for name in known},
         "target": {} if target is None else _receiver_of(target),
     }

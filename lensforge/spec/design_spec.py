@@ -6,7 +6,7 @@ dotted names, and made plain enough for TOML.
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, TypeVar
 
 import tomli_w
 from pydantic import Field, ValidationError, model_validator
@@ -25,7 +25,7 @@ from lensforge.spec.source_sections import SourceSpec
 from lensforge.spec.spec_fields import words_of
 from lensforge.spec.spec_files import read_toml, resolve_files
 from lensforge.spec.spec_section import Section, spec_error
-from lensforge.spec.tolerances_section import TolerancesSection
+from lensforge.spec.tolerances_section import FACES, PartTolerances, TolerancesSection
 
 
 def short(value: object) -> str:
@@ -59,6 +59,24 @@ def plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [plain(entry) for entry in value]
     return str(value) if isinstance(value, Path) else value
+
+
+_Filled = TypeVar("_Filled", bound=Section)
+
+
+def _filled(section: _Filled, derived: Mapping[str, Any]) -> _Filled:
+    """``section`` and its tables with the ``derived`` values that they leave out; these count as left out."""
+    given = {name: getattr(section, name) for name in section.model_fields_set}
+    new = {
+        name: _filled(getattr(section, name), value) if isinstance(value, Mapping) else value
+        for name, value in derived.items()
+        if isinstance(value, Mapping) or given.get(name) is None
+    }
+    if all(value is given.get(name) for name, value in new.items()):
+        return section
+    filled = type(section)(**{**given, **new})
+    filled.model_fields_set.difference_update(name for name in new if given.get(name) is None)
+    return filled
 
 
 _MOST_RECEIVERS, _MOST_LIMITS = 16, 1000
@@ -103,16 +121,12 @@ class Spec(Section):
         """Derive what is left out; it counts as left out, so that it follows when the spec is changed or saved."""
         for name, derived in derived_sizes(self.source, self.lens, self.constraints, self.target).items():
             section: Section | None = getattr(self, name)
-            given = {} if section is None else {field: getattr(section, field) for field in section.model_fields_set}
-            left_out = {field: value for field, value in derived.items() if given.get(field) is None}
-            if section is None or not left_out:
+            if section is None:
                 continue
             try:
-                filled = type(section)(**{**given, **left_out})
+                object.__setattr__(self, name, _filled(section, derived))
             except InputError as error:
                 raise ValueError(str(error).replace(type(section).__name__, name, 1)) from None
-            filled.model_fields_set.difference_update(left_out)
-            object.__setattr__(self, name, filled)
         return self
 
     def replace(self, changes: Mapping[str, object] | None = None, /, **sections: object) -> "Spec":
@@ -212,12 +226,23 @@ class Spec(Section):
             raise ValueError(f"target or receivers: {given}; give one: what light is wanted, and where{also}")
         return (implied_receiver(self.target),) if self.target is not None else named(self.receivers)
 
-    def is_cut(self, face: Literal["inner", "outer"]) -> bool:
+    @property
+    def part_tolerances(self) -> PartTolerances:
+        """All tolerances: ``[tolerances]``, and those of the faces."""
+        return PartTolerances.of(self.tolerances, self.lens.faces)
+
+    def with_tolerances(self, other: PartTolerances) -> "Spec":
+        """The spec with all tolerances of ``other`` in place of its own."""
+        faces = {name: face.with_tolerances(getattr(other, name)) for name, face in self.lens.faces.items()}
+        own = TolerancesSection(**other.model_dump(exclude_unset=True, exclude=set(FACES)))
+        return self.model_copy(update={"lens": self.lens.model_copy(update=faces), "tolerances": own})
+
+    def is_cut(self, face: str) -> bool:
         """True for a face that is designed for the cutter of ``[manufacture]``: the base gives it room there.
 
         Its concave radius is bounded by the cutter's or more, or the whole part is required to be cut.
         """
-        radius_mm: float | None = getattr(self.constraints, f"{face}_concave_radius_mm")
+        radius_mm = self.lens.faces[face].concave_radius_mm
         designed = radius_mm is not None and radius_mm >= self.manufacture.cutter_radius_mm
         return self.manufacture.make == "part" and (designed or self.manufacture.required)
 
@@ -243,12 +268,13 @@ class Spec(Section):
 
     @model_validator(mode="after")
     def _starts_within_the_largest_radius(self) -> "Spec":
-        start, largest = self.lens.outer_offset_mm, self.constraints.max_radius_mm
-        if start is not None and start > largest:
-            raise ValueError(
-                f"lens.outer_offset_mm = {start:g} is beyond constraints.max_radius_mm = {largest:g}, the largest "
-                "lens; lower it, or raise the radius"
-            )
+        largest = self.constraints.max_radius_mm
+        for name, face in self.lens.faces.items():
+            if face.offset_mm is not None and face.offset_mm > largest:
+                raise ValueError(
+                    f"lens.{name}.offset_mm = {face.offset_mm:g} is beyond constraints.max_radius_mm = {largest:g}, "
+                    "the largest lens; lower it, or raise the radius"
+                )
         return self
 
     @model_validator(mode="after")

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
+from lensforge.spec.face_section import FaceSection
 from lensforge.spec.fixed_surface import FixedFace
 from lensforge.spec.lens_section import LensSection
 from lensforge.spec.part_section import BaseSection, ManufactureSection
@@ -28,11 +29,11 @@ _Meridian = Float[np.ndarray, " k"]
 def require_feasible(lens: LensSection, limits: ConstraintsSection, manufacture: ManufactureSection) -> None:
     """Raise ``ValueError`` where no lens keeps all limits: the fields, their values, and what is allowed."""
     _require_below_glass(lens, limits)
-    for side, fixed in (("inner", lens.fixed_inner), ("outer", lens.fixed_outer)):
-        for fault in () if fixed is None else _faults(side, fixed, limits, manufacture):
-            raise ValueError(f"lens.fixed_{side} {fault}; change the limit, or choose another surface")
-    if lens.fixed_outer is not None:
-        _require_room_for_wall(lens.fixed_outer, limits, smallest_inner_mm(lens, limits))
+    for name, face in lens.faces.items():
+        for fault in () if face.fixed is None else _faults(name, face, face.fixed, limits, manufacture):
+            raise ValueError(f"lens.{name}.fixed {fault}; change the limit, or choose another surface")
+    if lens.outer.fixed is not None:
+        _require_room_for_wall(lens.outer.fixed, limits, smallest_cavity_mm(lens, limits))
 
 
 def _require_below_glass(lens: LensSection, limits: ConstraintsSection) -> None:
@@ -45,17 +46,17 @@ def _require_below_glass(lens: LensSection, limits: ConstraintsSection) -> None:
         )
 
 
-def smallest_inner_mm(lens: LensSection, limits: ConstraintsSection) -> _Meridian:
+def smallest_cavity_mm(lens: LensSection, limits: ConstraintsSection) -> _Meridian:
     """Distance (mm) of the smallest inner surface from the origin, from the axis to the horizon.
 
     That of a fixed one is its own, the least all around.
     """
-    if lens.fixed_inner is not None:
-        return lens.fixed_inner.shape.least_mm(_POLAR)
+    if lens.inner.fixed is not None:
+        return lens.inner.fixed.shape.least_mm(_POLAR)
     height, radius = limits.cavity_height_mm, limits.cavity_radius_mm
     sine, cosine = np.sin(_POLAR), np.cos(_POLAR)
     paraboloid: _Meridian = 2.0 * height / (cosine + np.sqrt(cosine**2 + (2.0 * height / radius * sine) ** 2))
-    tangent = tan(radians(limits.inner_draft_deg or 0.0))
+    tangent = tan(radians(lens.inner.draft_deg or 0.0))
     if 2.0 * height * tangent <= radius:  # its steepest slope, at the rim, has the draft
         return paraboloid
     touches_mm = radius**2 / (2.0 * height * tangent)
@@ -64,9 +65,11 @@ def smallest_inner_mm(lens: LensSection, limits: ConstraintsSection) -> _Meridia
     return np.where(paraboloid * sine <= touches_mm, paraboloid, cone)
 
 
-def _faults(side: str, fixed: FixedFace, limits: ConstraintsSection, manufacture: ManufactureSection) -> Iterator[str]:
+def _faults(
+    name: str, face: FaceSection, fixed: FixedFace, limits: ConstraintsSection, manufacture: ManufactureSection
+) -> Iterator[str]:
     """Limits that a surface breaks which the search does not change, in words."""
-    shape, wall = fixed.shape, limits.min_thickness_mm if side == "inner" else 0.0
+    shape, wall = fixed.shape, limits.min_thickness_mm if name == "inner" else 0.0
     under = f" under a wall of constraints.min_thickness_mm = {wall:g}" if wall else ""
     reached = float(shape.radii_mm.max()) + wall
     if reached > limits.max_radius_mm:
@@ -81,20 +84,20 @@ def _faults(side: str, fixed: FixedFace, limits: ConstraintsSection, manufacture
             f"least {rounded_up(height)}"
         )
     inside = shape.clearance_mm(limits.cavity_height_mm, limits.cavity_radius_mm)
-    if side == "inner" and inside < 0.0:
+    if name == "inner" and inside < 0.0:
         yield (
             f"cuts {-inside:.3g} mm into the paraboloid of constraints.cavity_height_mm = {limits.cavity_height_mm:g} "
             f"and cavity_radius_mm = {limits.cavity_radius_mm:g}"
         )
-    draft, ball = getattr(limits, f"{side}_draft_deg"), getattr(limits, f"{side}_concave_radius_mm")
+    draft, ball = face.draft_deg, face.concave_radius_mm
     if draft is not None and sin(radians(shape.least_draft_deg)) < sin(radians(draft)) - _SHAPE_TOLERANCE:
-        yield f"has a draft of {shape.least_draft_deg:.3g} deg at least, constraints.{side}_draft_deg = {draft:g}"
+        yield f"has a draft of {shape.least_draft_deg:.3g} deg at least, lens.{name}.draft_deg = {draft:g}"
     least, most = shape.curvatures_per_mm
     concave = (
-        most if (side == "inner") == (manufacture.make == "part") else -least
+        most if (name == "inner") == (manufacture.make == "part") else -least
     )  # of a convex body: where the air is
     if ball is not None and concave * ball > 1.0 + _SHAPE_TOLERANCE:
-        yield f"has a concave radius of {1.0 / concave:.4g} mm, constraints.{side}_concave_radius_mm = {ball:g}"
+        yield f"has a concave radius of {1.0 / concave:.4g} mm, lens.{name}.concave_radius_mm = {ball:g}"
 
 
 def _require_room_for_wall(fixed_outer: FixedFace, limits: ConstraintsSection, inner: _Meridian) -> None:
@@ -103,7 +106,7 @@ def _require_room_for_wall(fixed_outer: FixedFace, limits: ConstraintsSection, i
     worst = int(room.argmin())
     if room[worst] < -limits.tolerance_mm:
         raise ValueError(
-            f"lens.fixed_outer leaves no room for the wall: {np.degrees(_POLAR[worst]):.3g} deg from the axis "
+            f"lens.outer.fixed leaves no room for the wall: {np.degrees(_POLAR[worst]):.3g} deg from the axis "
             f"they reach {inner[worst] + wall:.4g} mm from the origin (constraints.cavity_height_mm = "
             f"{limits.cavity_height_mm:g}, cavity_radius_mm = {limits.cavity_radius_mm:g}, min_thickness_mm = "
             f"{wall:g}), the surface is at {inner[worst] + wall + room[worst]:.4g}; lower one of the three"
@@ -114,9 +117,9 @@ def require_base_around_cavity(lens: LensSection, limits: ConstraintsSection, ba
     """Raise :class:`InputError` where the smallest cavity opens wider than the base: for a part, not for its light."""
     if base.kind in ("none", "step"):
         return
-    fixed = lens.fixed_inner
-    opening_mm = float((smallest_inner_mm(lens, limits) if fixed is None else fixed.shape.largest_mm(_POLAR))[-1])
-    cause = "the cavity of constraints.cavity_radius_mm" if fixed is None else "lens.fixed_inner"
+    fixed = lens.inner.fixed
+    opening_mm = float((smallest_cavity_mm(lens, limits) if fixed is None else fixed.shape.largest_mm(_POLAR))[-1])
+    cause = "the cavity of constraints.cavity_radius_mm" if fixed is None else "lens.inner.fixed"
     field, width = ("side_mm", base.side_mm) if base.kind == "square" else ("diameter_mm", base.diameter_mm)
     for name, given, across in (
         (field, width, 2.0),

@@ -1,4 +1,4 @@
-"""The ``[lens.fixed_inner]`` or ``[lens.fixed_outer]`` of a spec: a surface that the search does not change.
+"""The ``fixed`` of a face, such as ``[lens.inner.fixed]``: a surface that the search does not change.
 
 It is given by a formula, as a face of another lens or of a CAD file, or as points; files are read as the spec is
 read.

@@ -30,8 +30,9 @@ from lensforge.optics.material import (
     by_abbe_number,
 )
 from lensforge.optics.material_files import MaterialData, read_material
-from lensforge.optics.media import Media
+from lensforge.optics.media import CAVITY, OUTSIDE, FaceCoating, Media, Medium
 from lensforge.spec.coating_section import CoatingSection, CoverGlassSection
+from lensforge.spec.face_section import LensFaces
 from lensforge.spec.spec_section import FilePath, Label, Section
 
 _Wavelength = Annotated[float, Field(ge=100.0, le=20_000.0)]
@@ -168,7 +169,7 @@ _SAME_INDEX = 1e-9  # tolerance between a material's index and the one stored be
 _Index = Annotated[float, Field(ge=1.0, le=4.0)]
 
 
-class LensMaterial(Section):
+class LensMaterial(LensFaces):
     """Material of the body, and what lies on its faces and around it.
 
     Either ``refractive_index`` holds for all wavelengths; or the material is dispersive: a ``material`` of
@@ -191,10 +192,6 @@ class LensMaterial(Section):
     """Index of what fills the cavity, such as a gel that couples the LED to the lens."""
     outside_index: _Index = 1.0
     """Index of what surrounds the lens, such as water."""
-    inner_coating: CoatingSection | None = None
-    """Coating of the inner face."""
-    outer_coating: CoatingSection | None = None
-    """Coating of the outer face."""
     cover_glass: CoverGlassSection | None = None
     """Plate in front of the lens."""
     design_wavelength_nm: Annotated[float, Field(ge=100.0, le=20_000.0)] = D_LINE_NM
@@ -286,7 +283,7 @@ class LensMaterial(Section):
 
     @property
     def media(self) -> Media:
-        """The body at the design wavelength, and what fills the cavity and surrounds the lens."""
+        """The body, what fills the cavity and surrounds the lens, and the coatings of its faces."""
         material = self._material
         if material is None or material.absorption is None:
             absorption = self.absorption_per_mm
@@ -294,17 +291,26 @@ class LensMaterial(Section):
             absorption = float(material.absorption.at(np.array([self.design_wavelength_nm]))[0])
         glass = None if self.cover_glass is None else self.cover_glass.glass
         body = self._material or self.refractive_index
-        inner, outer = (
-            None if each is None else each.coating(body) for each in (self.inner_coating, self.outer_coating)
+        around = {"inner": CAVITY, "outer": OUTSIDE}
+        coatings = tuple(
+            FaceCoating(name, around[name], face.coating.coating(body))
+            for name, face in self.faces.items()
+            if face.coating is not None
         )
-        around, wavelength_nm = (self.cavity_index, self.outside_index), self.design_wavelength_nm
-        return Media(self.refractive_index, absorption, *around, glass, inner, outer, wavelength_nm)
+        medium = Medium(self.refractive_index, absorption, self.dispersion)
+        return Media(
+            medium, self.cavity_index, self.outside_index, glass, coatings, wavelength_nm=self.design_wavelength_nm
+        )
+
+    @property
+    def _coatings(self) -> list[CoatingSection | None]:
+        return [face.coating for face in self.faces.values()]
 
     @property
     def _chromatic(self) -> bool:
         """True where a coating depends on the wavelength."""
         glass = None if self.cover_glass is None else self.cover_glass.coating
-        return any(each is not None and each.chromatic for each in (self.inner_coating, self.outer_coating, glass))
+        return any(each is not None and each.chromatic for each in (*self._coatings, glass))
 
     @property
     def _own_or_catalogued(self) -> Material | None:

@@ -116,8 +116,8 @@ _NOTES = {
     "lens.material": "its index by wavelength comes from the catalogue",
     "source.origin": "the file's virtual focus lies at the lens origin",
     **dict.fromkeys(("constraints.cavity_radius_mm", "constraints.cavity_height_mm"), _MEASURED),
-    "constraints.inner_concave_radius_mm": "no hollow is tighter than the ball that mills it",
-    "constraints.inner_draft_deg": "no undercut, as seen from the tool or the mould's other half",
+    "lens.inner.concave_radius_mm": "no hollow is tighter than the ball that mills it",
+    "lens.inner.draft_deg": "no undercut, as seen from the tool or the mould's other half",
     "manufacture.cutter_radius_mm": "of the ball",
     "manufacture.make": "inserts of a mould are cut, not the lens; shrinkage = 0.005: of its material",
     "base.diameter_mm": "1.8 x max_radius_mm, around the cavity",
@@ -133,17 +133,22 @@ def new_text(content: Mapping[str, Any], derived: Mapping[str, str], title: str,
 
 def _sections(content: Mapping[str, Any], derived: Mapping[str, str]) -> Iterator[str]:
     for section, table in content.items():
-        if not isinstance(table, Mapping):
-            continue
-        yield f"\n[{section}]"
-        for field, value in table.items():
-            name = f"{section}.{field}"
-            if name in derived:
-                yield _line(field, value, f"derived: {derived[name]}", "# ")
-            else:
-                yield _line(field, value, _NOTES.get(name, ""))
-        far = section == "target" and "distance_mm" not in table
-        yield from (f"# {words}" for words in _OPTIONS.get(section, ()) if not far)
+        if isinstance(table, Mapping):
+            yield from _section(section, table, derived)
+
+
+def _section(section: str, table: Mapping[str, Any], derived: Mapping[str, str]) -> Iterator[str]:
+    """Lines of a table; the tables within it follow, as TOML has it."""
+    yield f"\n[{section}]"
+    for field, value in table.items():
+        name = f"{section}.{field}"
+        if name in derived:
+            yield _line(field, value, f"derived: {derived[name]}", "# ")
+        elif not isinstance(value, Mapping):
+            yield _line(field, value, _NOTES.get(name, ""))
+    far = section == "target" and "distance_mm" not in table
+    yield from (f"# {words}" for words in _OPTIONS.get(section, ()) if not far)
+    yield from _sections({f"{section}.{name}": value for name, value in table.items()}, derived)
 
 
 def _line(field: str, value: object, comment: str, before: str = "") -> str:

@@ -12,23 +12,45 @@ from typing import Any
 from lensforge.errors import RenamedWarning
 
 
-def _bound(name: str, unit: str, value: Any) -> dict[str, Any]:
+def _bound(name: str, unit: str, value: Any) -> dict[str, object]:
     return {name: value, "unit": unit}
 
 
-def _gone(value: Any) -> dict[str, Any]:
+def _gone(value: Any) -> dict[str, object]:
     return {}
 
 
-def _whole_widths(unit: str, value: Any) -> dict[str, Any]:
+def _whole_widths(unit: str, value: Any) -> dict[str, object]:
     """Width, and height, of a flat top from its half widths; what is no number is left to its section."""
     halves = value if isinstance(value, list | tuple) else [value]
     sides = [2.0 * half if isinstance(half, int | float) else half for half in halves]
     return dict(zip((f"width_{unit}", f"height_{unit}"), sides, strict=False))
 
 
+def _as(new: str, value: Any) -> dict[str, object]:
+    return {new: value}
+
+
+_FIELDS = ("concave_radius_mm", "draft_deg")
+_ERRORS = ("form_um", "waviness_um", "ripple_um", "roughness_mrad")
+_OF_LENS = {
+    old: f"{face}.{new}"
+    for face in ("inner", "outer")
+    for old, new in (
+        (f"{face}_offset_mm", "offset_mm"), (f"fixed_{face}", "fixed"), (f"{face}_coating", "coating"),
+    )
+}  # fmt: skip
+# Fields that stand in the table of a face now, by their dotted names in a spec.
+MOVED = {
+    **{f"lens.{old}": f"lens.{new}" for old, new in _OF_LENS.items()},
+    **{f"constraints.{face}_{name}": f"lens.{face}.{name}" for face in ("inner", "outer") for name in _FIELDS},
+    **{f"tolerances.{face}_{name}": f"lens.{face}.{name}" for face in ("inner", "outer") for name in _ERRORS},
+    **{f"tolerances.outer_{name}": f"lens.outer.{name}" for name in ("shift_mm", "tilt_deg")},
+    "tolerances.gap_mm": "lens.outer.gap_mm",
+}
 # By the class of the section, then by the old name.
-RENAMED: dict[str, dict[str, Callable[[Any], dict[str, Any]]]] = {
+RENAMED: dict[str, dict[str, Callable[[Any], dict[str, object]]]] = {
+    "LensFaces": {old: partial(_as, new) for old, new in _OF_LENS.items()},
     "LimitSection": {
         f"{name}_{unit}": partial(_bound, name, unit)
         for name in ("at_least", "at_most")
@@ -37,6 +59,7 @@ RENAMED: dict[str, dict[str, Callable[[Any], dict[str, Any]]]] = {
     "ManufactureSection": {"stepover_mm": _gone, "slope_limit_mrad": _gone},
     "OptimiseSection": {"learning_rate": _gone, "uniformity_steps": _gone},
     "ReceiverSection": {"pixel_aspect": _gone},
+    "Spec": {old: partial(_as, new) for old, new in MOVED.items()},
     "TolerancesSection": {"waviness_exponent": _gone},
     "FlatTopTarget": {f"half_width_{unit}": partial(_whole_widths, unit) for unit in ("mm", "deg")},
 }
@@ -45,24 +68,49 @@ RENAMED: dict[str, dict[str, Callable[[Any], dict[str, Any]]]] = {
 def with_new_names(section: str, content: Any) -> Any:
     """The table ``content`` of a section class by the names of its fields now; anything else as it is.
 
-    Raises ``ValueError`` where an old name and a field beside it say two things.
+    Names may be dotted: of fields in tables within it. Raises ``ValueError`` where an old name and a field beside it
+    say two things.
     """
-    old_names = RENAMED.get(section, {})
-    if not isinstance(content, Mapping) or not any(name in old_names for name in content):
-        return content
-    table = {name: value for name, value in content.items() if name not in old_names}
-    for old, value in content.items():
-        if old not in old_names or value is None:
+    for old, replacement in RENAMED.get(section, {}).items():
+        content, value = _without(content, old)
+        if value is None:
             continue
-        new = old_names[old](value)
-        if not new:
-            warnings.warn(f"{old} is read no more, and goes with the next version", RenamedWarning, stacklevel=2)
-            continue
+        new = replacement(value)
         for name, implied in new.items():
-            if table.setdefault(name, implied) != implied:
-                raise ValueError(f"{old} = {value} does not go with {name} = {table[name]}; give one of them")
-        words = ", ".join(
-            f'{name} = "{given}"' if isinstance(given, str) else f"{name} = {given}" for name, given in new.items()
-        )
-        warnings.warn(f"{old} is an old name, read in this version only: write {words}", RenamedWarning, stacklevel=2)
-    return table
+            _, before = _without(content, name)
+            if before not in (None, implied):
+                raise ValueError(f"{_words(old, value)} does not go with {_words(name, before)}; give one of them")
+            content = _with(content, name, implied)
+        words = ", ".join(map(_words, new, new.values()))
+        said = f"is an old name, read in this version only: write {words}"
+        warnings.warn(f"{old} {said if new else _NO_MORE}", RenamedWarning, stacklevel=2)
+    return content
+
+
+_NO_MORE = "is read no more, and goes with the next version"
+
+
+def _without(content: Any, name: str) -> tuple[Any, Any]:
+    """``content`` without the field of a dotted name, and the value that it had; None where it had none."""
+    first, _, rest = name.partition(".")
+    if not isinstance(content, Mapping) or first not in content:
+        return content, None
+    others = {key: value for key, value in content.items() if key != first}
+    if not rest:
+        return others, content[first]
+    inside, value = _without(content[first], rest)
+    return (content, None) if inside is content[first] else ({**content, first: inside}, value)
+
+
+def _with(content: Any, name: str, value: Any) -> dict[str, object]:
+    """``content`` with a field of a dotted name, in new tables where it has none."""
+    if not isinstance(content, Mapping):
+        raise ValueError(f"{_words(name, value)}: give it in {str(content)[:60]!r}")
+    first, _, rest = name.partition(".")
+    return {**content, first: _with(content.get(first) or {}, rest, value) if rest else value}
+
+
+def _words(name: str, value: Any) -> str:
+    if isinstance(value, Mapping):
+        return f"[{name}]"
+    return f'{name} = "{value}"' if isinstance(value, str) else f"{name} = {value}"

@@ -20,11 +20,10 @@ Accuracy = Literal["draft", "standard", "reference"]
 MOST_STEPS = 1_000_000  # of a level; a search of 5000 takes minutes, and its history is kept
 Steps = Annotated[int, Field(ge=1, le=MOST_STEPS)]
 KEEP_OUT_MARGIN_MM = 0.1  # a placed package may be off by 0.05 mm, and so may a lens on its board
-DraftDegrees = Annotated[float, Field(ge=0.0, le=25.0)]
 
 
 class ConstraintsSection(Section):
-    """Feasible lenses, Eqs. (10) to (14); optional limits are for manufacture and assembly."""
+    """Feasible lenses, Eqs. (10) to (14); optional limits, and those of each face, are for manufacture and assembly."""
 
     cavity_height_mm: DerivedMillimetres = LEFT_OUT
     """Height of the paraboloid that stays inside the cavity: room for the LED. A ray file needs it given."""
@@ -34,14 +33,6 @@ class ConstraintsSection(Section):
     """Least wall along the normal: the least distance between the two faces."""
     max_radius_mm: Millimetres
     """Largest distance of the outer surface from the origin."""
-    inner_concave_radius_mm: Millimetres | None = None
-    """Least concave radius of the inner face: of the ball that mills it."""
-    outer_concave_radius_mm: Millimetres | None = None
-    """Least concave radius of the outer face: of the ball that mills it."""
-    inner_draft_deg: DraftDegrees | None = None
-    """Least draft of the inner face along the axis, the direction in which its mould opens."""
-    outer_draft_deg: DraftDegrees | None = None
-    """Least draft of the outer face along the axis, the direction in which its mould opens."""
     max_wall_mm: Millimetres | None = None
     """Largest wall, along rays from the origin, for sink marks and cycle time."""
     max_height_mm: Millimetres | None = None

@@ -57,7 +57,8 @@ def default_of(section: type[BaseModel], name: str) -> str:
     if field.default_factory is not None:
         return f"default: {getattr(field.default_factory, '__name__', '')}()"
     if field.default is None:
-        return next((f"derived: {why}" for key, why in WHY.items() if key.rpartition(".")[2] == name), "")
+        why = "; ".join(words for key, words in WHY.items() if key.rpartition(".")[2] == name)
+        return f"derived: {why}" if why else ""
     return f"default: {field.default!r}"
 
 

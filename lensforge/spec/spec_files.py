@@ -87,9 +87,16 @@ def input_hashes(section: Section) -> dict[str, str]:
 def section_sha256(section: Section, *, without: Collection[str] = ()) -> str:
     """SHA-256 of the fields of a section, in which a file counts by its name and content, whatever its folder.
 
-    ``without``: fields that do not count. Raises :class:`InputError` for a file that is not there.
+    ``without``: dotted names of fields that do not count. Raises :class:`InputError` for a file that is not there.
     """
-    content = _by_content(section.model_dump(exclude=set(without)))
+    left_out: dict[str, Any] = {}
+    for name in without:
+        *holders, last = name.split(".")
+        table = left_out
+        for each in holders:
+            table = table.setdefault(each, {})
+        table[last] = True
+    content = _by_content(section.model_dump(exclude=left_out))
     return hashlib.sha256(json.dumps(content, allow_nan=False).encode()).hexdigest()
 
 

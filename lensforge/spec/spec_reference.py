@@ -114,6 +114,7 @@ Sections stand in the order of the file. "needed": the section or field has no d
 target and `constraints.max_radius_mm`. What formulas stand behind the
 numbers: [definitions.md](definitions.md).
 """
+_AND = "`, `"  # between tables that have the same fields
 _COLUMNS = "| field | unit | allowed | default | |\n|---|---|---|---|---|"
 
 
@@ -126,7 +127,7 @@ def reference_page() -> str:
 
 
 def _tables(section: type[BaseModel], path: str) -> Iterator[tuple[str, tuple[type[BaseModel], ...]]]:
-    """Sections by their dotted names in a file, each once, where it first occurs."""
+    """Sections by their dotted names in a file, each once, where it first occurs; tables of one kind go together."""
     waiting, seen = [(section, path)], set[type[BaseModel]]()
     while waiting:
         holder, place = waiting.pop(0)
@@ -135,9 +136,9 @@ def _tables(section: type[BaseModel], path: str) -> Iterator[tuple[str, tuple[ty
             inside = tuple(each for each in sections_in(field.annotation) if each not in seen)
             if inside:
                 seen |= set(inside)
-                title = f"{place}{name}"
-                yield title, inside
-                nested += [(each, f"{title}.") for each in inside]
+                alike = [key for key, each in holder.model_fields.items() if each.default_factory is inside[0]]
+                yield _AND.join(f"{place}{each}" for each in alike or [name]), inside
+                nested += [(each, f"{place}{name}.") for each in inside]
         waiting = nested + waiting
 
 
@@ -176,7 +177,7 @@ def _field_table(section: type[BaseModel], names: Sequence[str], place: str = ""
 def _row(section: type[BaseModel], name: str, schema: dict[str, Any], needed: bool, place: str) -> str:
     unit = unit_of(name)
     default = f"`{json.dumps(schema['default'], ensure_ascii=False)}`" if "default" in schema else ""
-    derived = WHY.get(f"{place}.{name}")
+    derived = "; ".join(WHY[key] for each in place.split(_AND) if (key := f"{each}.{name}") in WHY)
     default = f"derived: {derived}" if derived and not default else default
     words = words_of(section, name).removesuffix(f" [{unit}]")
     cells = (f"`{name}`", unit, allowed_words(schema), "needed" if needed else default, words)

@@ -33,7 +33,7 @@ from pydantic_core import CoreSchema, ErrorDetails, core_schema
 from lensforge.errors import InputError, WrongFields
 from lensforge.results.record import read_only, real_numbers
 from lensforge.results.validation import given_words, same, shortened
-from lensforge.spec.renamed import with_new_names
+from lensforge.spec.renamed import MOVED, with_new_names
 from lensforge.spec.spec_fields import all_sections, help_of, kind_of, sections_in, signature_of, unit_of, words_of
 
 _MOST_LINES = 20  # of a message; a list of a thousand wrong numbers has one cause
@@ -119,6 +119,9 @@ def _kinds_of(place: _FieldPlace) -> list[str]:
 def _hint(place: _FieldPlace, root: type[BaseModel]) -> tuple[str, str]:
     """Advice on an unknown name, and the whole name that was meant, "" where none is near."""
     before = place.name.rpartition(".")[0]
+    for old, new in MOVED.items():
+        if old.endswith(f".{place.last}"):
+            return f"it is {new} now", new
     near = _nearest(place.last, place.known)
     if near:
         return f"did you mean {near}?", f"{before}.{near}".lstrip(".")

@@ -27,9 +27,9 @@ max_radius_mm = 14.0
 def test_derived_values_follow_a_change_and_given_ones_stay() -> None:
     spec = parse_spec(tomllib.loads(SHORTEST), "lamp")
     wider = spec.replace({"constraints.max_radius_mm": 28.0, "source.diameter_mm": 2.0})
-    assert wider.lens.start_mm == (12.0, 27.4) and wider.constraints.cavity_radius_mm == 1.2
-    fixed = spec.replace({"lens.inner_offset_mm": 7.0}).replace({"constraints.max_radius_mm": 28.0})
-    assert fixed.lens.start_mm == (7.0, 27.4)
+    assert wider.lens.start_mm == {"inner": 12.0, "outer": 27.4} and wider.constraints.cavity_radius_mm == 1.2
+    fixed = spec.replace({"lens.inner.offset_mm": 7.0}).replace({"constraints.max_radius_mm": 28.0})
+    assert fixed.lens.start_mm == {"inner": 7.0, "outer": 27.4}
 
 
 LAMP = lf.DiscSource(diameter_mm=1.0)
@@ -44,15 +44,15 @@ def test_the_shortest_spec_of_objects_is_that_of_the_file(tmp_path: Path) -> Non
     assert short == table and spec == table.replace({"lens.material": "PC"})
     spec.save(tmp_path / "lens.toml")
     saved = (tmp_path / "lens.toml").read_text(encoding="utf-8")
-    assert not any(name.partition(".")[2] in saved for name in WHY) and load_spec(tmp_path / "lens.toml") == spec
+    assert not any(name.rpartition(".")[2] in saved for name in WHY) and load_spec(tmp_path / "lens.toml") == spec
     assert limits.missing and hash(limits) != hash(spec.constraints), "a section by itself knows no source"
 
 
 def test_sections_of_another_spec_bring_what_was_given_and_no_derived_value() -> None:
-    first = parse_spec(tomllib.loads(SHORTEST), "lens").replace({"lens.inner_offset_mm": 7.0})
+    first = parse_spec(tomllib.loads(SHORTEST), "lens").replace({"lens.inner.offset_mm": 7.0})
     wide = lf.DiscSource(diameter_mm=3.0, position_mm=(0.5, 0.0, 0.2))
     made = lf.Spec(source=wide, target=first.target, constraints=first.constraints, lens=first.lens)
-    assert made.constraints.cavity_radius_mm == 2.4 and made.lens.start_mm == (7.0, 13.7)
+    assert made.constraints.cavity_radius_mm == 2.4 and made.lens.start_mm == {"inner": 7.0, "outer": 13.7}
     assert made.constraints.cavity_height_mm == pytest.approx(0.6 * 2.4 + 0.2)
     assert first.constraints.cavity_radius_mm == 0.6
 
@@ -82,7 +82,7 @@ def test_the_rules_are_those_of_the_shipped_specs(name: str) -> None:
     content = tomllib.loads((EXAMPLES / f"{name}.toml").read_text(encoding="utf-8"))
     for section, names in {
         "constraints": ("cavity_height_mm", "cavity_radius_mm", "min_thickness_mm"),
-        "lens": ("inner_offset_mm", "outer_offset_mm"),
+        "lens": ("inner", "outer"),
         "target": ("receiver_mm", "half_angle_deg"),
     }.items():
         for field in names:
@@ -99,9 +99,10 @@ def test_the_rules_are_those_of_the_shipped_specs(name: str) -> None:
 @pytest.mark.parametrize("share", [0.0, 0.05, 0.3, 0.5])
 def test_a_lens_of_any_size_holds_its_source_and_starts_with_a_wall(radius_mm: float, share: float) -> None:
     sizes = LensSizes(radius_mm, share * radius_mm)
+    inner_mm, outer_mm = sizes.offset_mm.values()
     assert sizes.cavity_radius_mm >= 1.19 * share * radius_mm and sizes.cavity_radius_mm > 0.0
-    assert sizes.cavity_radius_mm < sizes.inner_offset_mm < sizes.outer_offset_mm <= radius_mm
-    assert sizes.outer_offset_mm - sizes.inner_offset_mm > sizes.min_thickness_mm > 0.0
+    assert sizes.cavity_radius_mm < inner_mm < outer_mm <= radius_mm
+    assert outer_mm - inner_mm > sizes.min_thickness_mm > 0.0
 
 
 def test_a_ray_file_needs_its_cavity_and_given_tables_are_not_changed() -> None:

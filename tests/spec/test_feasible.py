@@ -9,20 +9,20 @@ from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
 from lensforge.search.feasibility import measure_constraints
 from lensforge.spec import BaseSection
-from lensforge.spec.feasible import require_base_around_cavity, smallest_inner_mm
+from lensforge.spec.feasible import require_base_around_cavity, smallest_cavity_mm
 from lensforge.spec.fixed_surface import FixedAsphere, FixedSphere
 
 POLAR = np.linspace(0.0, 0.5 * np.pi, 2001)
-LENS = {"levels": [9, 25], "outer_offset_mm": 6.0}
+LENS = {"levels": [9, 25], "outer": {"offset_mm": 6.0}}
 DOME = {
     "levels": [9, 25],
-    "inner_offset_mm": 2.0,
-    "fixed_outer": {"kind": "sphere", "radius_mm": 4.0, "centre_z_mm": -1},
+    "inner": {"offset_mm": 2.0},
+    "outer": {"fixed": {"kind": "sphere", "radius_mm": 4.0, "centre_z_mm": -1}},
 }
 
 
 def inner(radius_mm: float, centre_z_mm: float = 0.0) -> dict[str, object]:
-    return LENS | {"fixed_inner": {"kind": "sphere", "radius_mm": radius_mm, "centre_z_mm": centre_z_mm}}
+    return LENS | {"inner": {"fixed": {"kind": "sphere", "radius_mm": radius_mm, "centre_z_mm": centre_z_mm}}}
 
 
 @pytest.mark.parametrize(
@@ -37,23 +37,23 @@ def inner(radius_mm: float, centre_z_mm: float = 0.0) -> dict[str, object]:
         ({"constraints__min_thickness_mm": 60.0}, r"min_thickness_mm = 60 do not fit into max_radius_mm = 7"),
         (
             {"lens": inner(3.0), "constraints__min_thickness_mm": 4.5},
-            r"fixed_inner reaches 7\.5 mm .*max_radius_mm = 7: at least 7\.5;",
+            r"inner.fixed reaches 7\.5 mm .*max_radius_mm = 7: at least 7\.5;",
         ),
         (
-            {"lens": inner(3.0), "constraints__inner_draft_deg": 1.0},
-            r"lens.fixed_inner has a draft of 0 deg .*inner_draft_deg = 1;",
+            {"lens": inner(3.0), "lens__inner__draft_deg": 1.0},
+            r"lens.inner.fixed has a draft of 0 deg .*lens.inner.draft_deg = 1;",
         ),
-        ({"lens": inner(3.0, -1.0), "constraints__inner_draft_deg": 20.0}, r"has a draft of 19\.5 deg"),
-        ({"lens": inner(3.0), "constraints__inner_concave_radius_mm": 3.1}, r"has a concave radius of 3 mm"),
+        ({"lens": inner(3.0, -1.0), "lens__inner__draft_deg": 20.0}, r"has a draft of 19\.5 deg"),
+        ({"lens": inner(3.0), "lens__inner__concave_radius_mm": 3.1}, r"has a concave radius of 3 mm"),
         (
             {"lens": inner(3.0), "constraints__max_height_mm": 3.9},
-            r"fixed_inner reaches 4 mm above z = 0 under a wall of .* = 1, constraints.max_height_mm = 3.9",
+            r"inner.fixed reaches 4 mm above z = 0 under a wall of .* = 1, constraints.max_height_mm = 3.9",
         ),
-        ({"lens": DOME, "constraints__max_height_mm": 2.9}, r"fixed_outer reaches 3 mm .* at least 3;"),
+        ({"lens": DOME, "constraints__max_height_mm": 2.9}, r"outer.fixed reaches 3 mm .* at least 3;"),
         ({"constraints__keep_out_margin_mm": 0.2}, r"keep_out_margin_mm = 0.2 goes with keep_out"),
         (
             {"lens": DOME, "constraints__min_thickness_mm": 2.6},
-            r"fixed_outer leaves no room .* they reach 3\.1 .* is at 3;",
+            r"outer.fixed leaves no room .* they reach 3\.1 .* is at 3;",
         ),
     ],
 )
@@ -69,13 +69,13 @@ def test_the_least_lens_that_is_accepted_exists() -> None:
     for height, radius, wall in rng.uniform(0.1, 5.0, (20, 3)):
         limits = {"cavity_height_mm": height, "cavity_radius_mm": radius, "min_thickness_mm": wall}
         least = (max(height, radius) + wall) / (1.0 - 9e-4)
-        start = {"lens__inner_offset_mm": 0.5 * least, "lens__outer_offset_mm": 0.9 * least}
+        start = {"lens__inner__offset_mm": 0.5 * least, "lens__outer__offset_mm": 0.9 * least}
         spec = small_spec(
             constraints=limits | {"max_radius_mm": least * (1.0 + 1e-9)}, target__distance_mm=1e3, **start
         )
         margin = spec.constraints.margin_mm
         spheres = sphere(max(height, radius) + margin), sphere(max(height, radius) + wall + 2.0 * margin)
-        found = measure_constraints(Lens(*spheres, spec, 0, "draft"), directions=2000)
+        found = measure_constraints(Lens.double(*spheres, spec, 0, "draft"), directions=2000)
         assert found.wall_margin_mm >= margin * 0.999 and found.radius_margin_mm >= margin * 0.999
         assert found.cavity_clearance_mm >= 0.0
         with pytest.raises(InputError, match="do not fit into max_radius_mm"):
@@ -91,8 +91,8 @@ def test_the_smallest_cavity_with_a_draft_is_the_paraboloid_with_the_steepest_al
 ) -> None:
     """By brute force: of all heights of the paraboloid, each falls by cot(draft) per mm at most."""
     limits = {"cavity_height_mm": height, "cavity_radius_mm": radius, "min_thickness_mm": 0.1, "max_radius_mm": 20.0}
-    spec = small_spec(constraints=limits | ({"inner_draft_deg": draft} if draft else {}))
-    found = smallest_inner_mm(spec.lens, spec.constraints)
+    spec = small_spec(constraints=limits, lens__inner__draft_deg=draft or None)
+    found = smallest_cavity_mm(spec.lens, spec.constraints)
     r, z = found * np.sin(POLAR), found * np.cos(POLAR)
     source = np.linspace(0.0, radius, 20_001)
     paraboloid = height * (1.0 - (source / radius) ** 2)

@@ -72,7 +72,9 @@ def test_the_schema_accepts_every_shipped_spec_and_what_the_program_writes(path:
         ("lens", "levels", [0]),
         ("lens", "refractive_index", 5.0),
         ("targets", "kind", "disc"),
-        ("tolerances", "gap_mm", {"amount": -1.0}),
+        ("tolerances", "index", {"amount": -1.0}),
+        ("lens", "outer", {"gap_mm": {"amount": -1.0}}),
+        ("lens", "middle", {"offset_mm": 6.0}),
         ("manufacture", "make", "mould"),
     ],
 )
@@ -86,8 +88,8 @@ def test_the_schema_refuses_what_the_program_refuses(
 
 def test_numbers_of_a_tolerance_and_of_a_coating_may_be_bare(schema: dict[str, Any]) -> None:
     content = tomllib.loads((ROOT / "examples" / "rectangle.toml").read_text(encoding="utf-8"))
-    content["tolerances"] = {"gap_mm": 0.1, "index": {"amount": 0.1}}
-    content["lens"]["outer_coating"] = {"reflectance": 0.005}
+    content["tolerances"] = {"source_flux": 0.1, "index": {"amount": 0.1}}
+    content["lens"]["outer"] = {"gap_mm": 0.1, "coating": {"reflectance": 0.005}}
     jsonschema.Draft202012Validator(schema).validate(content)
 
 

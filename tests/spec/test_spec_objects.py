@@ -181,8 +181,8 @@ SECTIONS: list[dict[str, Section]] = [
         {"source": source_sections.RayfilesSource(files=(source_sections.RayfilePart(file="a.ray", spectrum=each),))}
         for each in SPECTRA
     ),
-    *({"lens": lf.LensSection(levels=(9, 25), fixed_inner=each, outer_offset_mm=6.0)} for each in INNER),
-    *({"lens": lf.LensSection(levels=(9, 25), inner_offset_mm=3.0, fixed_outer=each)} for each in OUTER),
+    *({"lens": lf.LensSection(levels=(9, 25), inner={"fixed": each}, outer={"offset_mm": 6.0})} for each in INNER),
+    *({"lens": lf.LensSection(levels=(9, 25), inner={"offset_mm": 3.0}, outer={"fixed": each})} for each in OUTER),
 ]
 
 

@@ -47,7 +47,13 @@ def lines_of(changes: dict[str, Any]) -> tuple[str, ...]:
             {"source.intensity": {"kind": "cosine"}},
             "source.intensity: unknown; it goes with kind = rectangle, disc, chips, chip_array, luminance",
         ),
-        ({"tolerances.gap_mm": {"amont": 1}}, "tolerances.gap_mm.amont = 1: unknown; did you mean amount?"),
+        ({"lens.outer.gap_mm": {"amont": 1}}, "lens.outer.gap_mm.amont = 1: unknown; did you mean amount?"),
+        ({"lens.middle": {"offset_mm": 6.0}}, "lens.middle: unknown; known here: inner, outer, "),
+        (
+            {"lens.inner.gap_mm": 0.1},
+            "lens: inner.gap_mm: this face is what the next is placed against; give outer.",
+        ),
+        ({"lens.outer.draught_deg": 2.0}, "lens.outer.draught_deg = 2.0: unknown; did you mean draft_deg?"),
         (
             {"manufacture.make": "inser"},
             "manufacture.make = 'inser': Input should be 'part' or 'insert'; did you mean ",
@@ -61,8 +67,8 @@ def lines_of(changes: dict[str, Any]) -> tuple[str, ...]:
         ),
         ({"lens.levels": ["a"]}, "lens.levels.0 = 'a': Input should be a valid integer"),
         (
-            {"lens.outer_offset_mm": 20.0},
-            "lens.outer_offset_mm = 20 is beyond constraints.max_radius_mm = 14, the largest lens; lower it, or ",
+            {"lens.outer.offset_mm": 20.0},
+            "lens.outer.offset_mm = 20 is beyond constraints.max_radius_mm = 14, the largest lens; lower it, or ",
         ),
     ],
 )
@@ -72,10 +78,10 @@ def test_a_wrong_field_is_named_as_written_with_what_was_meant(changes: dict[str
 
 
 def test_all_wrong_fields_are_told_unknown_names_first() -> None:
-    found = lines_of({"source.side_mm": -1.0, "evaluate.pixel": 9, "optimise.rays": 2, "tolerances.gap": 1.0})
+    found = lines_of({"source.side_mm": -1.0, "evaluate.pixel": 9, "optimise.rays": 2, "tolerances.lens_height": 1.0})
     assert [line.split(":")[0] for line in found] == [
         "evaluate.pixel = 9",
-        "tolerances.gap = 1.0",
+        "tolerances.lens_height = 1.0",
         "source.side_mm = -1.0",
         "optimise.rays = 2",
     ]

@@ -1,0 +1,94 @@
+"""The faces of a lens, ``[lens.inner]`` and ``[lens.outer]``: each a table with all that is its own."""
+
+from itertools import pairwise
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from lensforge.spec.coating_section import CoatingSection
+from lensforge.spec.fixed_surface import FixedSurface
+from lensforge.spec.spec_section import Millimetres, Section
+from lensforge.spec.tolerances_section import FACES, FaceTolerances, refuse_placement
+from lensforge.surfaces.surface import Surface
+
+
+class _DesignedFace(Section):
+    offset_mm: Millimetres | None = None
+    """Radius of the hemisphere from which the search of the face starts."""
+    fixed: FixedSurface | None = None
+    """Surface that the search does not change, in place of ``offset_mm``."""
+    coating: CoatingSection | None = None
+    """Coating of the face."""
+    concave_radius_mm: Millimetres | None = None
+    """Least concave radius: of the ball that mills the face."""
+    draft_deg: Annotated[float, Field(ge=0.0, le=25.0)] | None = None
+    """Least draft along the axis, the direction in which the mould of the face opens."""
+
+    @model_validator(mode="after")
+    def _starts_once(self) -> "_DesignedFace":
+        if self.offset_mm is not None and self.fixed is not None:
+            raise ValueError("give one of offset_mm, where the search starts, and fixed, a surface that stays")
+        return self
+
+    @property
+    def apex_mm(self) -> float | None:
+        """Height on the axis before the search; None before it is derived."""
+        return self.offset_mm if self.fixed is None else self.fixed.apex_mm
+
+
+class FaceSection(FaceTolerances, _DesignedFace):  # in the file, the face stands before its errors
+    """A face of the lens: the hemisphere from which its search starts, or the surface that it is; coating, limits that
+    the search keeps, and tolerances.
+    """
+
+    def with_tolerances(self, other: FaceTolerances) -> "FaceSection":
+        """The face with the tolerances of ``other`` in place of its own."""
+        own = self.model_copy(update={name: getattr(other, name) for name in FaceTolerances.model_fields})
+        own.model_fields_set.difference_update(FaceTolerances.model_fields.keys() - other.model_fields_set)
+        return own
+
+
+class LensFaces(Section):
+    """The faces of a lens by name, from the source on."""
+
+    inner: FaceSection = Field(default_factory=FaceSection)
+    """Face towards the source: it bounds the cavity, and the others are placed against it."""
+    outer: FaceSection = Field(default_factory=FaceSection)
+    """Face towards the light that is wanted."""
+
+    @property
+    def faces(self) -> dict[str, FaceSection]:
+        """The tables of the faces."""
+        return {name: getattr(self, name) for name in FACES}
+
+    @model_validator(mode="after")
+    def _one_is_free(self) -> "LensFaces":
+        if all(face.fixed is not None for face in self.faces.values()):
+            raise ValueError(f"{' and '.join(f'{name}.fixed' for name in FACES)}: one of the faces must be free")
+        return self
+
+    @model_validator(mode="after")
+    def _each_outside_the_one_before(self) -> "LensFaces":
+        for (before, inside), (name, face) in pairwise(self.faces.items()):
+            low, high = inside.apex_mm, face.apex_mm
+            if low is not None and high is not None and high <= low:
+                field = f"{name}.offset_mm" if face.fixed is None else f"the vertex of {name}.fixed"
+                raise ValueError(f"{field} = {high} must exceed where the {before} face meets the axis, {low:g} mm")
+        return self
+
+    @model_validator(mode="after")
+    def _first_is_the_reference(self) -> "LensFaces":
+        refuse_placement(self.inner)
+        return self
+
+    @property
+    def start_mm(self) -> dict[str, float]:
+        """Heights of the faces on the axis before the search."""
+        found = {name: face.apex_mm for name, face in self.faces.items()}
+        assert None not in found.values(), "a spec derives what is left out"
+        return {name: height for name, height in found.items() if height is not None}
+
+    @property
+    def fixed(self) -> dict[str, Surface | None]:
+        """The surfaces of the faces that are fixed."""
+        return {name: None if face.fixed is None else face.fixed.surface for name, face in self.faces.items()}
