@@ -61,14 +61,14 @@ def as_tensors(exits: ExitRays) -> ExitRays:
     return ExitRays(*(None if each is None else torch.as_tensor(each).cpu() for each in arrays))
 
 
-def trace_bundle(inner: torch.Tensor, outer: torch.Tensor, scene: Scene, rays: RayBundle) -> TracedBundle:
+def trace_bundle(tables: list[torch.Tensor], scene: Scene, rays: RayBundle) -> TracedBundle:
     """By the kernels, in NumPy."""
-    return TracedBundle.of(inner.detach().numpy(), outer.detach().numpy(), scene, rays)
+    return TracedBundle.of([table.detach().numpy() for table in tables], scene, rays)
 
 
-def trace_tables(inner: torch.Tensor, outer: torch.Tensor, scene: Scene, rays: RayBundle) -> ExitRays:
+def trace_tables(tables: list[torch.Tensor], scene: Scene, rays: RayBundle) -> ExitRays:
     """By the kernels, without a gradient."""
-    return as_tensors(trace_bundle(inner, outer, scene, rays).exits)
+    return as_tensors(trace_bundle(tables, scene, rays).exits)
 
 
 def trace_exact(
@@ -94,8 +94,8 @@ def on_device(tables: list[torch.Tensor], scene: Scene, rays: RayBundle, device:
 
 def by_kernels(tables: list[torch.Tensor], scene: Scene, rays: RayBundle, distance: float) -> Landed:
     """Through two tables, differentiable in them."""
-    (landings,), sin2_exit = landed_through(*tables, scene, rays, (plane_at(distance),))
-    return Landed(trace_tables(*tables, scene, rays), landings, sin2_exit)
+    (landings,), sin2_exit = landed_through(torch.stack(list(tables)), scene, rays, (plane_at(distance),))
+    return Landed(trace_tables(tables, scene, rays), landings, sin2_exit)
 
 
 def in_torch(exits: ExitRays, distance: float) -> Landed:

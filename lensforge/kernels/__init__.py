@@ -7,7 +7,7 @@
 - ``fresnel``: refraction, transmittance, coatings
 - ``landing``: receivers, and their adjoint
 - ``image_sums``: flux on pixels, and its adjoint
-- ``sparse.SparseMatrix``: a sparse matrix times the columns of both faces, for the search
+- ``sparse.SparseMatrix``: a sparse matrix times a column for each face, for the search
 - ``clearance``: a ball along a face
 - ``fate.Fate``: what became of a ray
 - ``parallel.in_chunks``: work on several threads, summed in one order

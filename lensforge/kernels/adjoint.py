@@ -1,7 +1,6 @@
 """Adjoint of ``trace``: a packet of rays again, forward without a search, and backward. See ``kernels.first_hit``.
 
-Differentiating ``|p| = rho`` at the hit gives Eq. (9) of the paper; the change of the normal with the hit needs the
-Hessian of ``|p| - rho``, contracted with one vector. Both are exact for the table.
+Here two refractions, at both faces of the usual lens, in vectors; ``kernels.chain_adjoint`` has any chain of events.
 """
 
 from math import exp, sqrt
@@ -10,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.kernels.bicubic import scatter
+from lensforge.kernels.chain_adjoint import chain_adjoint
 from lensforge.kernels.compiled import inline, kernel
 from lensforge.kernels.fate import Fate
 from lensforge.kernels.first_hit import (
@@ -22,53 +22,18 @@ from lensforge.kernels.first_hit import (
     mark_hit,
     three,
 )
-from lensforge.kernels.fresnel import dot, outward_normal, refract, refract_adjoint, scaled, through, through_both, unit
-from lensforge.kernels.trace import place, rough_normal, rough_normal_adjoint, turn, turn_back, z_axis
-
-
-@inline
-def hessian_times(x, y, z, vx, vy, vz, jet):
-    """Hessian of ``|p| - rho`` times v, and the sensitivities of ``v . normal`` to the slopes of the table."""
-    rho_x, rho_y, xx, xy, yy = jet
-    r = sqrt(x * x + y * y + z * z)
-    ux, uy, uz = x / r, y / r, z / r
-    shift = r + z
-    X, Y = x / shift, y / shift
-    gx, gy, gz = ux, uy, uz + 1.0  # gradient of shift
-    ax, ay, az = (1.0 - X * gx) / shift, -X * gy / shift, -X * gz / shift  # gradient of X
-    bx, by, bz = -Y * gx / shift, (1.0 - Y * gy) / shift, -Y * gz / shift  # gradient of Y
-    radial = ux * vx + uy * vy + uz * vz
-    hx, hy, hz = (vx - ux * radial) / r, (vy - uy * radial) / r, (vz - uz * radial) / r  # Hessian of |p| times v
-    av = ax * vx + ay * vy + az * vz
-    bv = bx * vx + by * vy + bz * vz
-    gv = gx * vx + gy * vy + gz * vz
-    # Hessian of X times v = -(av g + X h + gv a) / shift, and likewise for Y.
-    to_a = -(xx * av + xy * bv) + rho_x * gv / shift
-    to_b = -(xy * av + yy * bv) + rho_y * gv / shift
-    to_g = (rho_x * av + rho_y * bv) / shift
-    to_h = 1.0 + (rho_x * X + rho_y * Y) / shift
-    return (
-        to_h * hx + to_a * ax + to_b * bx + to_g * gx,
-        to_h * hy + to_a * ay + to_b * by + to_g * gy,
-        to_h * hz + to_a * az + to_b * bz + to_g * gz,
-        -av,
-        -bv,
-    )
-
-
-@inline
-def hit_adjoint(x, y, z, dx, dy, dz, nx, ny, nz, ex, ey, ez, mx, my, mz, jet):
-    """Adjoint of a hit p and its normal: from sensitivities to p (e) and to the normal (m) to those of the ray's start.
-
-    That to the direction is the path length times it. Then come the sensitivities to the table's value and slopes at
-    the hit.
-    """
-    hx, hy, hz, by_slope_x, by_slope_y = hessian_times(x, y, z, mx, my, mz, jet)
-    ex, ey, ez = ex + hx, ey + hy, ez + hz
-    by_radius = (ex * dx + ey * dy + ez * dz) / (nx * dx + ny * dy + nz * dz)
-    start = ex - by_radius * nx, ey - by_radius * ny, ez - by_radius * nz
-    return start, (by_radius, by_slope_x, by_slope_y)
-
+from lensforge.kernels.frames import place, rough_normal, rough_normal_adjoint, turn, turn_back, z_axis
+from lensforge.kernels.fresnel import (
+    dot,
+    outward_normal,
+    refract,
+    refract_adjoint,
+    scaled,
+    through,
+    through_both,
+    unit,
+)
+from lensforge.kernels.hit_adjoint import hit_adjoint
 
 # A ray's number; its point and direction in the inner face's frame, and its path lengths; sensitivities to the exit
 # point, the direction, the flux, that along z and the squared sine; whether it left the lens; flux, index ratios and
@@ -168,7 +133,7 @@ def to_outer(rays, count, side, scene, coating, rows, placed, rough):
         put(rays, JET + 2 * SIZE + k, jet[2:])
         px, py, pz = rays[PX + k], rays[PY + k], rays[PZ + k]
         nx, ny, nz = outward_normal(px, py, pz, jet[0], jet[1])
-        nx, ny, nz = rough_normal(nx, ny, nz, rough, number, 0)
+        nx, ny, nz = rough_normal(nx, ny, nz, rough, number, 0, 0)
         nx, ny, nz = unit(nx, ny, nz)
         vx, vy, vz, c, q_squared = refract(rays[AX + k], rays[AY + k], rays[AZ + k], nx, ny, nz, ratio)
         (t_s, t_p, excess), slopes = through(c, sqrt(q_squared), ratio, fresnel, coating, rows, number)
@@ -198,7 +163,7 @@ def back_through_outer(rays, count, scene, coating, rows, absorbing, placed, rou
         vx, vy, vz = three(rays, VX + k)
         jet = jet_in(rays, k, OUTER_CELL, inverse_step)
         mx, my, mz = outward_normal(x, y, z, jet[0], jet[1])
-        ux, uy, uz = rough_normal(mx, my, mz, rough, number, 1)
+        ux, uy, uz = rough_normal(mx, my, mz, rough, number, 1, 1)
         wx, wy, wz = unit(ux, uy, uz)
         cx, cy, cz, c, q_squared = refract(vx, vy, vz, wx, wy, wz, ratio)
         q = sqrt(q_squared if left else 1.0)  # reflected totally, it has no flux behind the face
@@ -231,7 +196,7 @@ def back_through_outer(rays, count, scene, coating, rows, absorbing, placed, rou
         )
         fx, fy, fz = fx + arrived * by_d[0], fy + arrived * by_d[1], fz + arrived * by_d[2]
         gx, gy, gz = scaled(arrived, by_m)
-        hx, hy, hz = rough_normal_adjoint(mx, my, mz, rough, number, 1, hx, hy, hz)
+        hx, hy, hz = rough_normal_adjoint(mx, my, mz, rough, number, 1, 1, hx, hy, hz)
         ex, ey, ez = ex + by_t * vx, ey + by_t * vy, ez + by_t * vz
         (ex, ey, ez), by_table = hit_adjoint(x, y, z, vx, vy, vz, mx, my, mz, ex, ey, ez, hx, hy, hz, jet)
         put(rays, BY_OUTER + k, by_table if smooth else (0.0, 0.0, 0.0))
@@ -257,13 +222,13 @@ def back_through_inner(rays, count, rough):
         xx, xy, yy = three(rays, JET + 2 * SIZE + k)
         jet = rho_x, rho_y, xx, xy, yy
         nx, ny, nz = outward_normal(x, y, z, jet[0], jet[1])
-        gx, gy, gz = rough_normal(nx, ny, nz, rough, number, 0)
+        gx, gy, gz = rough_normal(nx, ny, nz, rough, number, 0, 0)
         fx, fy, fz = three(rays, FX + k)
         bx, by, bz = three(rays, BY_NORMAL + k)
         _, _, _, hx, hy, hz = refract_adjoint(
             ax, ay, az, gx, gy, gz, rays[INTO + k], fx, fy, fz, rays[BY_COSINE + k], bx, by, bz
         )
-        hx, hy, hz = rough_normal_adjoint(nx, ny, nz, rough, number, 0, hx, hy, hz)
+        hx, hy, hz = rough_normal_adjoint(nx, ny, nz, rough, number, 0, 0, hx, hy, hz)
         ex, ey, ez = three(rays, EX + k)
         _, by_table = hit_adjoint(x, y, z, ax, ay, az, nx, ny, nz, ex, ey, ez, hx, hy, hz, jet)
         put(rays, BY_INNER + k, by_table if rays[SMOOTH + k] == 1.0 else (0.0, 0.0, 0.0))
@@ -280,19 +245,52 @@ def add(rays, count, cell, by, inverse_step, gradient):
         )  # fmt: skip
 
 
+@inline
+def forward_at_inner(rays, whole, side, scene, coatings, rows, placed, rough):
+    """:func:`to_outer` at an inner face that may be coated."""
+    if coatings is None:  # known to the compiler
+        to_outer(rays, whole, side, scene, None, rows, placed, rough)
+    else:
+        if coatings[1][0] == 0:
+            to_outer(rays, whole, side, scene, None, rows, placed, rough)
+        else:
+            to_outer(rays, whole, side, scene, coatings[0][0, ..., : coatings[1][0], :], rows, placed, rough)
+
+
+@inline
+def back_at_outer(rays, whole, scene, coatings, rows, absorbing, placed, rough, axis):
+    """:func:`back_through_outer` at an outer face that may be coated."""
+    if coatings is None:  # known to the compiler
+        back_through_outer(rays, whole, scene, None, rows, absorbing, placed, rough, axis)
+    else:
+        if coatings[1][1] == 0:
+            back_through_outer(rays, whole, scene, None, rows, absorbing, placed, rough, axis)
+        else:
+            back_through_outer(
+                rays, whole, scene, coatings[0][1, ..., : coatings[1][1], :], rows, absorbing, placed, rough, axis
+            )
+
+
 @kernel
 def trace_adjoint(
-    origins, directions, emitted, indices, absorptions, inner, outer, scene, inner_coating, outer_coating, rows,
-    placed, rough, lengths, fates,
-    by_points, by_directions, by_flux, by_axial, by_sin2, inner_gradient, outer_gradient, rays,
+    origins, directions, emitted, indices, absorptions, tables, scene, coatings, rows, placed, rough, chain,
+    lengths, met, fates, by_points, by_directions, by_flux, by_axial, by_sin2, gradients, rays, memory, by_fields,
 ):  # fmt: skip
     """Add every ray's contribution to the gradients with respect to the tables' coefficients.
 
     Through a ray that left the lens: by its exit point, its direction, its flux, that along z and sin^2; through one
-    that the outer surface reflected totally: by sin^2. ``by_axial`` is None without a cover glass. Without Fresnel
-    losses both coatings are None. ``rays``: memory of a packet.
+    that the last surface reflected totally: by sin^2. ``by_axial`` is None without a cover glass. Without Fresnel
+    losses no face is coated. ``rays``: memory of a packet; ``memory`` and ``by_fields``: of a ray in a chain.
     """
-    side, inverse_step, absorbing = float(len(inner)), scene[4], len(absorptions) > 0
+    if chain is not None:  # known to the compiler
+        for k in range(len(emitted)):
+            chain_adjoint(
+                k, origins[k], directions[k], emitted[k], indices, absorptions, tables, scene, coatings, rows, placed,
+                rough, chain, lengths, met, fates[k], by_points[k], by_directions[k], by_flux[k],
+                0.0 if by_axial is None else by_axial[k], by_sin2[k], gradients, memory, by_fields,
+            )  # fmt: skip
+        return
+    side, inverse_step, absorbing = float(tables.shape[1]), scene[4], len(absorptions) > 0
     for first in range(0, len(emitted), SIZE):
         count = load(
             origins, directions, emitted, indices, absorptions, scene, placed, lengths, fates,
@@ -300,13 +298,13 @@ def trace_adjoint(
         )  # fmt: skip
         whole = in_whole_vectors(count)
         to_inner(rays, whole, side, scene)
-        fetch_table(rays, count, inner, INNER_CELL)
-        to_outer(rays, whole, side, scene, inner_coating, rows, placed, rough)
-        fetch_table(rays, count, outer, OUTER_CELL)
+        fetch_table(rays, count, tables[0], INNER_CELL)
+        forward_at_inner(rays, whole, side, scene, coatings, rows, placed, rough)
+        fetch_table(rays, count, tables[1], OUTER_CELL)
         if by_axial is None:  # known to the compiler
-            back_through_outer(rays, whole, scene, outer_coating, rows, absorbing, placed, rough, None)
+            back_at_outer(rays, whole, scene, coatings, rows, absorbing, placed, rough, None)
         else:
-            back_through_outer(rays, whole, scene, outer_coating, rows, absorbing, placed, rough, z_axis(placed))
+            back_at_outer(rays, whole, scene, coatings, rows, absorbing, placed, rough, z_axis(placed))
         back_through_inner(rays, whole, rough)
-        add(rays, count, INNER_CELL, BY_INNER, inverse_step, inner_gradient)
-        add(rays, count, OUTER_CELL, BY_OUTER, inverse_step, outer_gradient)
+        add(rays, count, INNER_CELL, BY_INNER, inverse_step, gradients[0])
+        add(rays, count, OUTER_CELL, BY_OUTER, inverse_step, gradients[1])

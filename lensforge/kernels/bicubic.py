@@ -9,6 +9,7 @@ hold between the nodes too. Chart derivatives become derivatives on the unit sph
 2/(1+R^2) of the chart.
 """
 
+from collections.abc import Sequence
 from math import ceil, sqrt, tan
 from typing import Any, NamedTuple
 
@@ -204,6 +205,28 @@ class SurfaceBounds(NamedTuple):
     tiles: Float[np.ndarray, "t t 3"]
     per_unit: float
     tan_reach: float
+
+
+class FaceBounds(NamedTuple):
+    """Bounds of several surfaces on one grid, as the kernels take them: arrays in place of the numbers of one."""
+
+    least: Float[np.ndarray, " f"]
+    most: Float[np.ndarray, " f"]
+    tiles: Float[np.ndarray, "f t t 3"]
+    per_unit: float
+    tan_reach: float
+
+    @staticmethod
+    def of(bounds: Sequence[SurfaceBounds]) -> "FaceBounds":
+        """The bounds of each surface, together."""
+        least, most, tiles = (np.array([each[number] for each in bounds]) for number in range(3))
+        return FaceBounds(least, most, tiles, bounds[0].per_unit, bounds[0].tan_reach)
+
+
+@inline
+def bounds_of(bounds, face):
+    """Bounds of one face."""
+    return SurfaceBounds(bounds.least[face], bounds.most[face], bounds.tiles[face], bounds.per_unit, bounds.tan_reach)
 
 
 @inline

@@ -1,9 +1,10 @@
 """First crossings of a packet of rays with a star-shaped surface, proven and fast.
 
-The search walks from the inside along ``F(t) = rho(u(t)) - |p(t)|`` with steps that cannot jump over a root: where
+The search walks along ``F(t) = rho(u(t)) - |p(t)|`` with steps that cannot jump over a root: where
 ``|F''| <= C`` along the ray ahead, the parabola ``F + F' s - C s^2/2`` bounds F from below, and its root is a safe
 step. C comes from the bounds on the surface near the ray (``kernels.bicubic``), and a step never leaves their reach.
 Once Kantorovich's condition ``C F <= F'^2 / 2`` holds the next root is unique, and bracketed Newton steps find it.
+Rays come from the inside, where F > 0; where a scene asks for it from ``outside``, too, and are searched with -F.
 
 All rays of a packet go in step, so that the vector units of a core work on several rays at once; one that has found its
 crossing leaves its place to the last. A loop over the rays of a packet that reads and writes nothing but one array, at
@@ -55,7 +56,14 @@ OWN = 17
     R, OUTWARD, CHART_X, CHART_Y, PER_SHIFT, CELL, _, _, _, TILE_ROW, TILE_COLUMN,
     NEARBY, MOST_SLOPE, MOST_HESSIAN, F, SLOPE,
 ) = fields(COEFFICIENTS + PER_RAY + OWN, 16)  # fmt: skip
-PACKET_NUMBERS = (COEFFICIENTS + PER_RAY + OWN + 16) * SIZE
+# In a scene where a ray may meet any of several faces: the medium in which it is, the face last met, the face that it
+# meets next, and the crossing found there; likewise on the way back into the cavity, as far as it has been followed;
+# what is left of its flux by absorption and mirrors; its fields (real and imaginary part of both).
+MEDIUM, LAST, FACE, NEXT, NEXT_STATUS, NEXT_X, NEXT_Y, BACK_FACE, BACK, BACK_STATUS, BACK_X, BACK_Y, CLEAR, ASKED = (
+    fields(COEFFICIENTS + PER_RAY + OWN + 16, 14)
+)
+FIELDS = fields(COEFFICIENTS + PER_RAY + OWN + 30, 12)[0]
+PACKET_NUMBERS = (COEFFICIENTS + PER_RAY + OWN + 42) * SIZE
 
 
 def empty_packet() -> Float[np.ndarray, " k"]:
@@ -146,8 +154,8 @@ def along_row(rays, row, w):
 
 
 @inline
-def evaluate(rays, count, inverse_step):
-    """F and F' of every ray, and the slopes of the table."""
+def evaluate(rays, count, inverse_step, outside):
+    """F and F' of every ray, from outside of the surface -F and -F', and the slopes of the table."""
     for k in range(count):
         wx, vx, _ = cubic_splines(rays[CELL + 2 * SIZE + k])
         wy, vy, _ = cubic_splines(rays[CELL + 3 * SIZE + k])
@@ -163,7 +171,8 @@ def evaluate(rays, count, inverse_step):
         cos_radial = rays[OUTWARD + k] / r
         ahead = cos_radial + dz
         turn = rho_x * (dx - rays[CHART_X + k] * ahead) + rho_y * (dy - rays[CHART_Y + k] * ahead)
-        rays[F + k], rays[SLOPE + k] = value - r, turn * rays[PER_SHIFT + k] - cos_radial
+        gap, slope = value - r, turn * rays[PER_SHIFT + k] - cos_radial
+        rays[F + k], rays[SLOPE + k] = (-gap, -slope) if outside else (gap, slope)
         rays[SLOPE_X + k], rays[SLOPE_Y + k] = rho_x, rho_y
 
 
@@ -189,6 +198,7 @@ FOUND = 0.0
 BELOW = 1.0  # passed the plane z = 0 first
 LOST = 2.0  # no convergence
 GOING = 3.0
+MISSED = 4.0  # goes past the surface, outside of it
 
 MAX_STEPS = 200
 MAX_CLOSING = 60
@@ -240,10 +250,19 @@ def bound_ahead(outward, r, sine, cos_radial, slope, hessian, least):
 
 
 @inline
-def walk(rays, count, least, tan_reach):
+def approach(r, outward, most):
+    """Path (mm) to the ball in which the whole surface lies, from outside of it; infinite for a ray that misses it."""
+    square = outward * outward - (r - most) * (r + most)
+    ahead = outward < 0.0 and square > 0.0
+    return -outward - sqrt(square if ahead else 0.0) if ahead else inf
+
+
+@inline
+def walk(rays, count, least, most, tan_reach, face, outside):
     """One safe step of every ray that has no bracket yet, or its bracket: ``[t, t - 2 F/slope]`` has one root.
 
     The bracket ends at the plane z = 0, a little below which the table ends: there it is a polynomial without bounds.
+    A ray that starts on this ``face``, which it has met last, is not at a root there.
     """
     for k in range(count):
         t, r, outward, gap, slope = rays[T + k], rays[R + k], rays[OUTWARD + k], rays[F + k], rays[SLOPE + k]
@@ -254,18 +273,25 @@ def walk(rays, count, least, tan_reach):
         # after a path s the ray has turned by atan(s sine / (r + s cos_radial)): s turning <= room stays in reach
         turning, room = sine - tan_reach * cos_radial, r * tan_reach
         bend, path = bound_ahead(outward, r, sine, cos_radial, rays[MOST_SLOPE + k], rays[MOST_HESSIAN + k], least)
-        leap = leap_of(r, outward, least, rays[NEARBY + k], tan_reach)
+        if outside:
+            leap = approach(r, outward, most) if r > most * (1.0 + 1e-12) else 0.0
+        else:
+            leap = leap_of(r, outward, least, rays[NEARBY + k], tan_reach)
         farthest = -2.0 * gap / slope
         closes = slope < 0.0 and 2.0 * bend * gap <= slope * slope and farthest * turning <= room and farthest <= path
         root = sqrt(slope * slope + 2.0 * bend * gap)
         move = min(2.0 * gap / (root - slope) if slope < 0.0 else (slope + root) / bend, path)
         move = move if move * turning <= room else room / turning
         at_root, below = gap <= ROUNDING * r, pz + t * dz < 0.0 and dz <= 0.0
+        if face is not None:
+            at_root = at_root and not (t == 0.0 and slope > 0.0 and rays[LAST + int(rays[NUMBER + k])] == face)
         high = min(t + farthest, plane)
         closed, moved = min(t + 0.5 * farthest, high), t + move
         state = FOUND if move <= 1e-13 * r and not closes else GOING
         state = (FOUND if -1e-12 * r < gap and t > 0.0 else LOST) if at_root else state
         state = GOING if leap > 0.0 else state
+        if outside:
+            state = MISSED if leap == inf or (r >= most and outward >= 0.0 and not at_root) else state
         state = BELOW if below else state
         t_after = closed if closes else moved
         t_after = t if at_root else t_after
@@ -330,32 +356,39 @@ def settle(rays, count):
 
 
 @inline
-def first_hits(rays, count, table, origin, inverse_step, bounds):
-    """First crossings of the first ``count`` rays of a packet, from points with ``|p| <= rho`` and z >= 0.
-
-    Fills their path lengths, statuses and, where one was found, the table's slopes there.
-    """
-    side, tiles = float(len(table)), float(len(bounds.tiles))
+def start_all(rays, count):
+    """Put all rays of a packet on their way."""
     for k in range(count):
         rays[NUMBER + k], rays[T + k], rays[CLOSING + k] = float(k), 0.0, 0.0
     for field in range(6):
         for k in range(count):
             rays[X0 + field * SIZE + k] = rays[PX + field * SIZE + k]
+    return count
+
+
+@inline
+def first_hits(rays, count, table, origin, inverse_step, bounds, face, outside):
+    """First crossings of the ``count`` rays on their way, from points with ``|p| <= rho`` and z >= 0.
+
+    Fills their path lengths, statuses and, where one was found, the table's slopes there. ``face``: its number, where
+    rays may start on it; None: they do not. From ``outside`` points have ``|p| >= rho``.
+    """
+    side, tiles = float(len(table)), float(len(bounds.tiles))
     closing = 0
     for step in range(_LEAPS + MAX_STEPS + MAX_CLOSING):
         whole = in_whole_vectors(count)
         locate(rays, whole, side, origin, inverse_step, tiles, bounds.per_unit)
         if closing < count:
             fetch_bounds(rays, count, bounds.tiles)
-        if step < _LEAPS:
+        if step < _LEAPS and not outside:
             leap(rays, whole, bounds.least, bounds.tan_reach)
             continue
         fetch_table(rays, count, table, CELL)
-        evaluate(rays, whole, inverse_step)
+        evaluate(rays, whole, inverse_step, outside)
         if closing > 0:
             close_in(rays, whole)
         if closing < count:
-            walk(rays, whole, bounds.least, bounds.tan_reach)
+            walk(rays, whole, bounds.least, bounds.most, bounds.tan_reach, face, outside)
         count, closing = settle(rays, count)
         if count == 0:
             return

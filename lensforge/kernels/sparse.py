@@ -20,25 +20,29 @@ from lensforge.kernels.parallel import CHUNKS, in_chunks
 
 @kernel
 def multiply_rows(starts, columns, values, dense, first, last, product):
-    """Fill rows ``first`` to ``last`` of ``product`` (r, 2) with those of the matrix (CSR) times ``dense`` (s, 2)."""
+    """Fill rows ``first`` to ``last`` of ``product`` (r, f) with those of the matrix (CSR) times ``dense`` (s, f)."""
     for row in range(first, last):
-        inner, outer = 0.0, 0.0
-        for k in range(starts[row], starts[row + 1]):
-            value, column = values[k], columns[k]
-            inner += value * dense[column, 0]
-            outer += value * dense[column, 1]
-        product[row, 0], product[row, 1] = inner, outer
+        for one in range(0, dense.shape[1], 2):  # two at a time: each value of the matrix is read once for both
+            two = min(one + 1, dense.shape[1] - 1)
+            at_one, at_two = 0.0, 0.0
+            for k in range(starts[row], starts[row + 1]):
+                value, column = values[k], columns[k]
+                at_one += value * dense[column, one]
+                at_two += value * dense[column, two]
+            product[row, one], product[row, two] = at_one, at_two
 
 
 @kernel
 def add_transposed(starts, columns, values, dense, first, last, total):
-    """Add to ``total`` (s, 2) the transposed rows ``first`` to ``last`` times those of ``dense`` (r, 2)."""
+    """Add to ``total`` (s, f) the transposed rows ``first`` to ``last`` times those of ``dense`` (r, f)."""
     for row in range(first, last):
-        inner, outer = dense[row, 0], dense[row, 1]
-        for k in range(starts[row], starts[row + 1]):
-            value, column = values[k], columns[k]
-            total[column, 0] += value * inner
-            total[column, 1] += value * outer
+        for one in range(0, dense.shape[1], 2):
+            two = min(one + 1, dense.shape[1] - 1)
+            at_one, at_two = dense[row, one], dense[row, two] if two > one else 0.0
+            for k in range(starts[row], starts[row + 1]):
+                value, column = values[k], columns[k]
+                total[column, one] += value * at_one
+                total[column, two] += value * at_two
 
 
 _WORTH_SHARING = 2**18  # entries of the matrix: a quarter of a millisecond of work
@@ -46,11 +50,11 @@ _WORTH_SHARING = 2**18  # entries of the matrix: a quarter of a millisecond of w
 
 @dataclass(frozen=True)
 class SparseMatrix:
-    """A constant ``r`` x ``s`` matrix, by rows, for two columns at once: those of the inner and the outer surface."""
+    """A constant ``r`` x ``s`` matrix, by rows, for several columns at once: one for each face."""
 
     rows: csr_matrix
 
-    def __matmul__(self, dense: Float[Tensor, "s 2"]) -> Float[Tensor, "r 2"]:
+    def __matmul__(self, dense: Float[Tensor, "s f"]) -> Float[Tensor, "r f"]:
         """The product with ``dense``; differentiable by it."""
         product: Tensor = _Product.apply(dense, self.rows)
         return product
@@ -67,7 +71,7 @@ class _Product(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, dense: Tensor, matrix: csr_matrix) -> Tensor:
         ctx.matrix, factor = matrix, dense.detach().contiguous().numpy()
-        product = np.empty((matrix.shape[0], 2))
+        product = np.empty((matrix.shape[0], factor.shape[1]))
 
         def work(_: int, part: slice) -> None:
             multiply_rows(matrix.indptr, matrix.indices, matrix.data, factor, part.start, part.stop, product)
@@ -78,7 +82,7 @@ class _Product(torch.autograd.Function):
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None]:
         factor, matrix = gradients[0].contiguous().numpy(), ctx.matrix
-        totals = np.zeros((CHUNKS if matrix.nnz >= _WORTH_SHARING else 1, matrix.shape[1], 2))
+        totals = np.zeros((CHUNKS if matrix.nnz >= _WORTH_SHARING else 1, matrix.shape[1], factor.shape[1]))
 
         def work(chunk: int, part: slice) -> None:
             add_transposed(matrix.indptr, matrix.indices, matrix.data, factor, part.start, part.stop, totals[chunk])

@@ -1,24 +1,32 @@
-"""Tracing: rays through both surfaces and out of the lens, packet by packet; see ``kernels.first_hit``.
+"""Tracing: rays from face to face and out of the body, packet by packet; see ``kernels.first_hit``.
+
+An event is what happens where a ray meets a face: it is refracted, or reflected. ``tables`` (f, side, side) are the
+faces, ``bounds`` theirs. ``chain`` is None where every ray meets the faces in their order and is refracted at each,
+once at both faces of the usual lens: then the polarisation has a closed form, and light that is reflected counts as
+lost. Else it is ``(before, behind, mirrors)``: the media before and behind each face (0 cavity, 1 body, 2 outside), and
+the share that a mirror on it reflects, below 0 where it has none. A ray then meets the nearest of the faces that bound
+the medium in which it is, at most as many as ``lengths`` and ``met`` have columns; see ``kernels.chain``.
 
 ``scene`` is ``(Fresnel losses?, index in the cavity, index outside, table origin, 1/table step)``; ``indices`` has the
 body's refractive index for each ray, or one for all; ``absorptions`` its absorption (1/mm) likewise, or nothing where
-the body is clear. ``inner_coating`` and ``outer_coating``: table of the reflectance of a coated face, or None: numba
-compiles the kernels for each, without a branch. ``rows`` has the place of each ray among their rows, or one for all.
+the body is clear. ``coatings``: None where no face is coated, else the tables of the reflectance of all faces, and the
+length of each, 0 for a bare face. ``rows`` has the place of each ray among their rows, or one for all.
 ``placed`` and ``rough`` likewise: where the faces stand and how rough they are, or None.
 The path lengths that were found are kept, so that the adjoint need not search again. ``axial`` is None but
 for a cover glass, whose transmittance depends on the polarisation of what comes to it.
 
-``placed`` is ``(frames, factor in, factor out)``. ``frames`` (3, 3, 4): a rotation and, in its last column, a shift
-(mm), each from one frame into the next: from that of the source into the inner face's own, from there into the outer
-face's, and from there back. ``factor in`` is that of lengths on the way into the inner face's frame, ``factor out`` on
-the way back: those of a lens that has shrunk, and of a source of another size. ``rough`` is ``(noise, inner slope,
-outer slope)``: ``noise`` (n, 6) has three independent standard normal numbers for each ray at either face, and the
-slopes are rms along any line on the face.
+``placed`` is ``(frames, factor in, factor out)``. ``frames`` (f + 1, 3, 4): a rotation and, in its last column, a shift
+(mm), each from one frame into the next: from that of the source into the first face's own, from there into the next
+face's, and from the last back; in a chain all faces stand in one frame. ``factor in`` is that of lengths on the way
+into the first frame, ``factor out`` on the way back: those of a lens that has shrunk, and of a source of another size.
+``rough`` is ``(noise, slopes)``: ``noise`` (n, 3 e) has three independent standard normal numbers for each ray at each
+event, and the slopes (f) are rms along any line on the face.
 """
 
 from math import exp, sqrt
 
-from lensforge.kernels.bicubic import jet
+from lensforge.kernels.bicubic import bounds_of, jet
+from lensforge.kernels.chain import begin_chain, meet_nearest, pass_on
 from lensforge.kernels.compiled import inline, kernel
 from lensforge.kernels.fate import Fate
 from lensforge.kernels.first_hit import (
@@ -49,80 +57,18 @@ from lensforge.kernels.first_hit import (
     THROUGH,
     first_hits,
     in_whole_vectors,
+    start_all,
     tile_of,
 )
-from lensforge.kernels.fresnel import axial_share, outward_normal, polarised_share, refract, through_face, unit
-
-
-@inline
-def turn(frame, x, y, z):
-    """The direction in the next frame."""
-    return (
-        frame[0, 0] * x + frame[0, 1] * y + frame[0, 2] * z,
-        frame[1, 0] * x + frame[1, 1] * y + frame[1, 2] * z,
-        frame[2, 0] * x + frame[2, 1] * y + frame[2, 2] * z,
-    )
-
-
-@inline
-def place(frame, factor, x, y, z):
-    """The point in the next frame."""
-    x, y, z = turn(frame, x, y, z)
-    return factor * x + frame[0, 3], factor * y + frame[1, 3], factor * z + frame[2, 3]
-
-
-@inline
-def turn_back(frame, x, y, z):
-    """The direction, or a sensitivity, in the frame before."""
-    return (
-        frame[0, 0] * x + frame[1, 0] * y + frame[2, 0] * z,
-        frame[0, 1] * x + frame[1, 1] * y + frame[2, 1] * z,
-        frame[0, 2] * x + frame[1, 2] * y + frame[2, 2] * z,
-    )
-
-
-@inline
-def z_axis(placed):
-    """The axis z in the outer face's frame."""
-    if placed is None:
-        return 0.0, 0.0, 1.0
-    return turn_back(placed[0][2], 0.0, 0.0, 1.0)
-
-
-@inline
-def tilted(nx, ny, nz, a, b, c, slope):
-    """Normal n of a rough face, not normalised: tilted by ``slope`` times the noise (a, b, c).
-
-    The noise along n changes its length alone, a tilt by no more than the slope squared.
-    """
-    scale = slope * sqrt(nx * nx + ny * ny + nz * nz)
-    return nx + scale * a, ny + scale * b, nz + scale * c
-
-
-@inline
-def tilted_adjoint(nx, ny, nz, noise, slope, hx, hy, hz):
-    """Sensitivity to n from that to the tilted normal (h)."""
-    along = slope * (noise[0] * hx + noise[1] * hy + noise[2] * hz) / sqrt(nx * nx + ny * ny + nz * nz)
-    return hx + along * nx, hy + along * ny, hz + along * nz
-
-
-@inline
-def rough_normal(nx, ny, nz, rough, k, face):
-    """Normal of a rough face (0: inner, 1: outer) where it meets ray k; n itself where ``rough`` is None."""
-    if rough is None:
-        return nx, ny, nz
-    noise = rough[0][k, 3 * face : 3 * face + 3]
-    return tilted(nx, ny, nz, noise[0], noise[1], noise[2], rough[1] if face == 0 else rough[2])
-
-
-@inline
-def rough_normal_adjoint(nx, ny, nz, rough, k, face, hx, hy, hz):
-    """Adjoint of :func:`rough_normal`: sensitivity to n from that to the normal (h)."""
-    if rough is None:
-        return hx, hy, hz
-    return tilted_adjoint(
-        nx, ny, nz, rough[0][k, 3 * face : 3 * face + 3], rough[1] if face == 0 else rough[2], hx, hy, hz
-    )
+from lensforge.kernels.frames import place, rough_normal, turn, z_axis
+from lensforge.kernels.fresnel import (
+    axial_share,
+    outward_normal,
+    polarised_share,
+    refract,
+    through_face,
+    unit,
+)
 
 
 @inline
@@ -165,7 +111,7 @@ def refract_packet(rays, count, fresnel, coating, rows, rough, face, axis):
         px, py, pz = rays[PX + k] + t * dx, rays[PY + k] + t * dy, rays[PZ + k] + t * dz
         rays[PX + k], rays[PY + k], rays[PZ + k] = px, py, pz
         nx, ny, nz = outward_normal(px, py, pz, rays[RHO_X + k], rays[RHO_Y + k])
-        nx, ny, nz = rough_normal(nx, ny, nz, rough, int(rays[RAY + k]), face)
+        nx, ny, nz = rough_normal(nx, ny, nz, rough, int(rays[RAY + k]), face, face)
         nx, ny, nz = unit(nx, ny, nz)
         ratio = rays[RATIO + k]
         ax, ay, az, c, q_squared = refract(dx, dy, dz, nx, ny, nz, ratio)
@@ -192,7 +138,22 @@ def refract_packet(rays, count, fresnel, coating, rows, rough, face, axis):
 
 
 @inline
-def enter(origins, directions, indices, first, last, table, scene, bounds, placed, lengths, fates, rays):
+def refract_at(rays, count, fresnel, coatings, rows, rough, face, axis):
+    """:func:`refract_packet` for the whole vectors of a packet, at a face that may be coated."""
+    whole = in_whole_vectors(count)
+    if coatings is None:  # known to the compiler
+        refract_packet(rays, whole, fresnel, None, rows, rough, face, axis)
+    else:
+        if coatings[1][face] == 0:
+            refract_packet(rays, whole, fresnel, None, rows, rough, face, axis)
+        else:
+            refract_packet(
+                rays, whole, fresnel, coatings[0][face, ..., : coatings[1][face], :], rows, rough, face, axis
+            )
+
+
+@inline
+def enter(origins, directions, indices, first, last, tables, scene, bounds, placed, chain, lengths, fates, rays):
     """Put the rays ``first`` to ``last`` that enter the cavity into a packet. Returns their number."""
     entered = 0
     for k in range(first, last):
@@ -201,23 +162,30 @@ def enter(origins, directions, indices, first, last, table, scene, bounds, place
         if placed is not None:
             px, py, pz = place(placed[0][0], placed[1], px, py, pz)
             dx, dy, dz = turn(placed[0][0], dx, dy, dz)
-        fates[k], start = entry(px, py, pz, dx, dy, dz, table, scene[3], scene[4], bounds)
+        fates[k], start = entry(px, py, pz, dx, dy, dz, tables[0], scene[3], scene[4], bounds_of(bounds, 0))
+        if chain is not None:
+            for face in range(1, len(tables)):
+                if chain[0][face] == 0 and fates[k] == Fate.LEFT_LENS:
+                    fates[k], start = entry(
+                        px, py, pz, dx, dy, dz, tables[face], scene[3], scene[4], bounds_of(bounds, face)
+                    )
         if fates[k] == Fate.LEFT_LENS:
             lengths[k, 0] = start
             into = scene[1] / indices[min(k, len(indices) - 1)]
             put(rays, entered, k, px + start * dx, py + start * dy, max(pz, 0.0), dx, dy, dz, into)
+            if chain is not None:
+                begin_chain(rays, entered, (dx, dy, dz))
             entered += 1
     return entered
 
 
 @inline
 def into_body(
-    rays, count, indices, scene, table, bounds, coating, rows, placed, rough, lengths, flux, fates
+    rays, count, indices, scene, table, bounds, coatings, rows, placed, rough, lengths, flux, fates
 ):  # fmt: skip
     """Refract the rays of a packet at the inner surface. Returns the number of those on their way to the outer one."""
     fresnel, _, outside_index, origin, inverse_step = scene
-    whole = in_whole_vectors(count)
-    refract_packet(rays, whole, fresnel, coating, rows, rough, 0, None)
+    refract_at(rays, count, fresnel, coatings, rows, rough, 0, None)
     going = 0
     for lane in range(count):
         k, start = int(rays[RAY + lane]), 0.0
@@ -256,16 +224,15 @@ def into_body(
 
 @inline
 def out_of_body(
-    rays, count, absorptions, scene, coating, rows, placed, rough,
+    rays, count, absorptions, scene, coatings, rows, placed, rough,
     lengths, exit_points, exit_directions, flux, absorbed, axial, sin2_exit, fates,
 ):  # fmt: skip
     """Refract the rays of a packet at the outer surface."""
     fresnel = scene[0]
-    whole = in_whole_vectors(count)
     if axial is None:  # known to the compiler
-        refract_packet(rays, whole, fresnel, coating, rows, rough, 1, None)
+        refract_at(rays, count, fresnel, coatings, rows, rough, 1, None)
     else:
-        refract_packet(rays, whole, fresnel, coating, rows, rough, 1, z_axis(placed))
+        refract_at(rays, count, fresnel, coatings, rows, rough, 1, z_axis(placed))
     for lane in range(count):
         k, t = int(rays[RAY + lane]), rays[LENGTH + lane]
         px, py, pz = rays[PX + lane], rays[PY + lane], rays[PZ + lane]
@@ -297,29 +264,40 @@ def out_of_body(
 
 @kernel
 def trace(
-    origins, directions, emitted, indices, absorptions, inner, outer, inner_bounds, outer_bounds, scene,
-    inner_coating, outer_coating, rows, placed, rough,
-    lengths, exit_points, exit_directions, flux, absorbed, axial, sin2_exit, fates, rays,
+    origins, directions, emitted, indices, absorptions, tables, bounds, scene, coatings, rows, placed, rough, chain,
+    lengths, met, exit_points, exit_directions, flux, absorbed, axial, sin2_exit, fates, rays,
 ):  # fmt: skip
-    """Trace rays; fills, per ray, path lengths to both surfaces (2), and the fields of ``ExitRays``.
+    """Trace rays; fills, per ray, the path lengths to its events, and the fields of ``ExitRays``.
 
-    Points, directions and, where the body absorbs, ``absorbed`` come as zeros, and stay so where a ray does not leave
-    the lens, or does not reach the outer surface. ``rays``: memory of a packet.
+    In a chain also what it ``met``. Points, directions and, where the body absorbs, ``absorbed`` come as zeros, and
+    stay so where a ray does not leave the lens, or does not reach the last surface. ``rays``: memory of a packet.
     """
     _, _, _, origin, inverse_step = scene
     for first in range(0, len(emitted), SIZE):
         last = min(first + SIZE, len(emitted))
         for k in range(first, last):
-            flux[k], sin2_exit[k], lengths[k, 0], lengths[k, 1] = emitted[k], 0.0, 0.0, 0.0
+            flux[k], sin2_exit[k] = emitted[k], 0.0
+            lengths[k, :] = 0.0
         count = enter(
-            origins, directions, indices, first, last, inner, scene, inner_bounds, placed, lengths, fates, rays
+            origins, directions, indices, first, last, tables, scene, bounds, placed, chain, lengths, fates, rays
         )
-        first_hits(rays, count, inner, origin, inverse_step, inner_bounds)
-        count = into_body(
-            rays, count, indices, scene, outer, outer_bounds, inner_coating, rows, placed, rough, lengths, flux, fates
-        )
-        first_hits(rays, count, outer, origin, inverse_step, outer_bounds)
-        out_of_body(
-            rays, count, absorptions, scene, outer_coating, rows, placed, rough,
-            lengths, exit_points, exit_directions, flux, absorbed, axial, sin2_exit, fates,
-        )  # fmt: skip
+        for event in range(lengths.shape[1]):
+            if chain is None:  # known to the compiler
+                going = start_all(rays, count)
+                first_hits(rays, going, tables[event], origin, inverse_step, bounds_of(bounds, event), None, False)
+                if event == 0:
+                    count = into_body(
+                        rays, count, indices, scene, tables[1], bounds_of(bounds, 1), coatings, rows, placed, rough,
+                        lengths, flux, fates,
+                    )  # fmt: skip
+                else:
+                    out_of_body(
+                        rays, count, absorptions, scene, coatings, rows, placed, rough,
+                        lengths, exit_points, exit_directions, flux, absorbed, axial, sin2_exit, fates,
+                    )  # fmt: skip
+            else:
+                meet_nearest(rays, count, tables, bounds, scene, chain)
+                count = pass_on(
+                    rays, count, event, emitted, indices, absorptions, scene, coatings, rows, placed, rough, chain,
+                    lengths, met, exit_points, exit_directions, flux, absorbed, axial, sin2_exit, fates,
+                )  # fmt: skip

@@ -7,16 +7,17 @@ polarised in the plane of the ray and z, and across it; what they reflect goes b
 ``fresnel`` its faces let all light through.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from lensforge.errors import InputError
 from lensforge.kernels.fresnel import behind_plate, behind_plate_adjoint
 from lensforge.kernels.parallel import in_chunks
 from lensforge.optics.arrays import Array, like, module_of
-from lensforge.optics.coatings import coated_faces, coating_tables, whole_span
+from lensforge.optics.coatings import GLASS, coated_faces, coating_tables, whole_span
 from lensforge.optics.dielectric import (
     Ratio,
     Transmittances,
@@ -30,22 +31,20 @@ from lensforge.sources.ray_bundle import RayBundle
 
 _MOST_OUTSIDE = 0.01  # share of the flux beyond the wavelengths of a coating; it is traced as at their end
 _EVEN = 1e-9  # relative: of steps that differ by rounding alone
-_FIELDS = {"inner": "lens.inner_coating", "outer": "lens.outer_coating", "glass": "lens.cover_glass.coating"}
 
 
 _Compiled = Float[np.ndarray, "..."] | None
+CompiledTables = tuple[Float[np.ndarray, "..."], Int[np.ndarray, " f"]]
 
 
 @dataclass(frozen=True, eq=False)
 class RayCoatings:
-    """Table of each face, as in :class:`CoatingTables`; None: it reflects by Fresnel's formulas, or nothing.
+    """Table of each coated face, as in :class:`CoatingTables`; any other reflects by Fresnel's formulas, or nothing.
 
     ``rows``: place among the rows of the tables, of each ray or of all; empty where no face is coated.
     """
 
-    inner: Float[np.ndarray, "k a 2"] | None
-    outer: Float[np.ndarray, "k b 2"] | None
-    glass: Float[np.ndarray, "k c 2"] | None
+    faces: Mapping[str, Float[np.ndarray, "k m 2"]]
     rows: Float[np.ndarray, " j"]
 
     @staticmethod
@@ -62,17 +61,29 @@ class RayCoatings:
         rows = np.zeros(1)
         if waves is not None and len(tables.wavelengths_nm) > 1:
             rows = _places(waves, tables.wavelengths_nm)
-        return RayCoatings(tables.inner, tables.outer, tables.glass, rows)
+        return RayCoatings(tables.faces, rows)
 
-    @property
-    def for_kernels(self) -> tuple[_Compiled, _Compiled]:
-        """Tables of the inner and the outer face, as the compiled kernels take them."""
-        return _compiled(self.inner), _compiled(self.outer)
+    def for_kernels(self, names: tuple[str, ...]) -> CompiledTables | None:
+        """Tables of the faces of these ``names`` in one array, as the compiled kernels take them; None: all are bare.
+
+        And the length of each, 0 for a bare face.
+        """
+        tables = [self.faces.get(name) for name in names]
+        known = [table for table in tables if table is not None]
+        if not known:
+            return None
+        most = max(table.shape[1] for table in known)
+        stacked = np.zeros((len(names), len(known[0]), most, 2))
+        for number, table in enumerate(tables):
+            if table is not None:
+                stacked[number, :, : table.shape[1]] = table
+        sizes = np.array([0 if table is None else table.shape[1] for table in tables])
+        return (stacked[:, 0] if len(known[0]) == 1 else stacked), sizes
 
     @property
     def of_glass(self) -> tuple[_Compiled, Float[np.ndarray, " j"]]:
         """Table of the cover glass as the compiled kernels take it, and the places of the rays among its rows."""
-        return _compiled(self.glass), self.rows
+        return _compiled(self.faces.get(GLASS)), self.rows
 
     def part(self, part: slice) -> Float[np.ndarray, " i"]:
         """Rows of some of the rays."""
@@ -84,7 +95,7 @@ def _compiled(table: Float[np.ndarray, "k m 2"] | None) -> _Compiled:
     return table[0] if table is not None and len(table) == 1 else table
 
 
-NO_COATINGS = RayCoatings(None, None, None, np.empty(0))
+NO_COATINGS = RayCoatings({}, np.empty(0))
 
 
 def _places(waves: Float[np.ndarray, " n"], nodes: Float[np.ndarray, " k"]) -> Float[np.ndarray, " n"]:
@@ -111,9 +122,10 @@ def _require_known(rays: RayBundle, media: Media) -> None:
             light = f"light from {waves.min():g} to {waves.max():g} nm"
         if share > _MOST_OUTSIDE:
             raise InputError(
-                f"{_FIELDS[name]}: known from {low:g} to {high:g} nm, and the source has {light}: {100.0 * share:.3g} "
-                f"% of the flux is outside, at most {100.0 * _MOST_OUTSIDE:g} % may be; extend the coating's data, or "
-                "correct the spectrum (lens.design_wavelength_nm for a source without one)"
+                f"lens.{'cover_glass' if name == 'glass' else name}.coating: known from {low:g} to {high:g} nm, and "
+                f"the source has {light}: {100.0 * share:.3g} % of the flux is outside, at most "
+                f"{100.0 * _MOST_OUTSIDE:g} % may be; extend the coating's data, or correct the spectrum "
+                "(lens.design_wavelength_nm for a source without one)"
             )
 
 
@@ -196,7 +208,7 @@ def behind_glass_by_arrays(
     nearer = glass.thickness_mm * (1.0 - ratio * outside / inside)
     passed = rays.flux * xp.exp(-glass.absorption_per_mm * glass.thickness_mm / inside)
     if fresnel:
-        t_s, t_p, excess = face_transmittances(outside, ratio, coatings.glass, coatings.rows)
+        t_s, t_p, excess = face_transmittances(outside, ratio, coatings.faces.get(GLASS), coatings.rows)
         assert rays.axial is not None
         in_plane = rays.axial / xp.where(rays.flux > 0.0, rays.flux, 1.0)
         passed = passed * (t_s**2 + (t_s + t_p) * excess * in_plane)

@@ -85,7 +85,7 @@ def tables_on(
     device: torch.device, inner: Float[Tensor, "side side"], outer: Float[Tensor, "side side"], scene: Scene
 ) -> tuple[DeviceTable, DeviceTable]:
     """Both tables and their bounds on ``device``. Raises :class:`InputError` for a radius that is not positive."""
-    bounds = checked_bounds(inner.detach().numpy(), outer.detach().numpy(), scene)
+    bounds = checked_bounds((inner.detach().numpy(), outer.detach().numpy()), scene)
     first, second = (
         DeviceTable.of(table, scene.grid, bound, device) for table, bound in zip((inner, outer), bounds, strict=True)
     )

@@ -87,7 +87,7 @@ def measure_preset(lens: Lens, source: Source, design: TracedLens, evaluation: T
     # in one go: many small arrays take longer
     rays = RayBundle.joined([source.sample(count, seed) for seed in own_seeds])
     receiver = receivers_of(lens.spec, lens.spec.optimise.pixels)[0]
-    inner, outer = (TableScan(evaluation.scene.grid, table) for table in (evaluation.inner, evaluation.outer))
+    inner, outer = (TableScan(evaluation.scene.grid, table) for table in evaluation.tables)
     surfaces = exact_surfaces(lens, (inner, outer))
     exits = evaluation.seen(rays, lambda own: trace_exact(*surfaces, lens.media, own))
     exact = receiver.land(exits)
@@ -305,6 +305,7 @@ def _flux_budget(received: ReceivedFlux, emitted_w: float) -> tuple[Flux, Missed
         base=float(share[Fate.BASE]),
         missed_receiver=float(share[MISSED_RECEIVER]),
         surfaces_intersect=float(share[Fate.SURFACES_INTERSECT]),
+        more_events=float(share[Fate.MORE_EVENTS]),
     )
     flux = Flux(
         detected=detected,

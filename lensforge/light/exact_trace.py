@@ -56,7 +56,7 @@ class DenseScan:
 
         with without_gradient(origins):
             reach = surface.reach_mm if self.reach_mm is None else self.reach_mm
-            return _bracketed(inside, reach, _to_plane(origins, directions), self.steps, self.bisections)
+            return bracketed(inside, reach, to_plane(origins, directions), self.steps, self.bisections)
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class TableScan:
 
         with without_gradient(origins):
             reach = 2.5 * float(self.table.max())
-            crossing = _bracketed(inside, reach, _to_plane(origins, directions), self.steps, self.bisections)
+            crossing = bracketed(inside, reach, to_plane(origins, directions), self.steps, self.bisections)
             paths, xp = crossing.lengths, module_of(origins)
             for _ in range(self.newton_steps):
                 points = origins + paths[:, None] * directions
@@ -97,13 +97,13 @@ class TableScan:
             return crossing._replace(lengths=paths)
 
 
-def _to_plane(origins: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Float[Array, " n"]:
+def to_plane(origins: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Float[Array, " n"]:
     """Path (mm) of each ray from z >= 0 down to the plane z = 0, below which no surface counts; infinite upwards."""
     fall, xp = -directions[:, 2], module_of(directions)
     return xp.where(fall > 0.0, origins[:, 2] / xp.where(fall > 0.0, fall, 1.0), np.inf)
 
 
-def _bracketed(
+def bracketed(
     inside: Callable[[Float[Array, " n"]], Bool[Array, " n"]],
     reach: float,
     end: Float[Array, " n"],
@@ -176,7 +176,7 @@ def exact_surfaces(
 def trace_exact(
     inner: TracedSurface, outer: TracedSurface, media: Media, rays: RayBundle, made: AsMade | None = None
 ) -> ExitRays:
-    """Trace ``rays`` through exact surfaces that take NumPy arrays; a ray keeps an index of its own.
+    """Trace ``rays`` through exact surfaces that take NumPy arrays.
 
     Slow by design: a dense scan evaluates all functions 300 times for each ray.
     """

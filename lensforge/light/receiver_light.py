@@ -106,6 +106,7 @@ class MissedByCause(Record):
     base: Share
     missed_receiver: Share
     surfaces_intersect: Share
+    more_events: Share = 0.0
 
 
 class RawMetrics(Record):

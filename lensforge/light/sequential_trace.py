@@ -88,14 +88,15 @@ class EnteringRays:
     def of(
         rays: RayBundle, media: Media, made: AsMade | None = None, to: Callable[[Array], Array] = np.asarray
     ) -> "EnteringRays":
-        """The numbers of ``rays``, each array ``to`` another module; ``media`` holds for rays without their own."""
+        """The numbers of ``rays``, each array ``to`` another module."""
         origins, directions, flux = (to(array) for array in (rays.origins, rays.directions, rays.flux))
         if made is not None:
             frames, factor, _ = made.placed
             origins, directions = through_frame(frames[0], origins, directions, factor)
-        into, out_of = to(rays.entry_ratios(media)), to(rays.exit_ratios(media))
-        clear = rays.absorption_per_mm is None and media.absorption_per_mm == 0.0
-        absorptions = None if clear else to(rays.absorptions(media))
+        waves, count = rays.wavelengths_nm, len(rays)
+        indices, absorbing = media.body.indices(waves, count), media.body.absorption(waves)
+        into, out_of = to(media.cavity_index / indices), to(indices / media.outside_index)
+        absorptions = to(media.body.absorptions(waves, count)) if len(absorbing) else None
         if made is not None and absorptions is not None:
             absorptions = absorptions * made.scale  # paths are those in the lens as designed
         return EnteringRays(
@@ -115,9 +116,12 @@ def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: EnteringRay
     absorbed = None if rays.absorptions is None else xp.zeros_like(rays.flux)
     fields = unpolarised_fields(rays.directions)
     coatings = rays.coatings
-    faces = (inner, rays.entry_ratios, coatings.inner, False), (outer, rays.exit_ratios, coatings.outer, True)
-    for surface, ratios, coating, is_outer in faces:
-        if is_outer and rays.made is not None:
+    faces = (
+        (inner, rays.entry_ratios, coatings.faces.get("inner"), False),
+        (outer, rays.exit_ratios, coatings.faces.get("outer"), True),
+    )
+    for surface, ratios, coating, leaving in faces:
+        if leaving and rays.made is not None:
             frame = rays.made.placed[0][1]
             began, directions = through_frame(frame, origins, directions)
             fields = fields @ like(fields, frame[:, :3].T.copy())
@@ -127,21 +131,21 @@ def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: EnteringRay
         else:
             began = origins
         crossing = surface.first_crossing(constant(origins), constant(directions))
-        through_plane = _through_plane(directions, is_outer)
-        fates[alive] = _without_crossing(crossing, origins, directions, through_plane, is_outer)
+        through_plane = _through_plane(directions, leaving)
+        fates[alive] = _without_crossing(crossing, origins, directions, through_plane, leaving)
         alive, began, origins, directions = (each[crossing.found] for each in (alive, began, origins, directions))
         points, normals = _differentiable_hit(surface, origins, directions, crossing.lengths[crossing.found])
         above = constant(points)[:, 2] >= 0.0
         fates[alive[~above]] = through_plane[crossing.found][~above]
         alive, points, directions, normals = (each[above] for each in (alive, points, directions, normals))
-        normals = _roughened(normals, rays, alive, is_outer)
-        if is_outer and rays.absorptions is not None:
+        normals = _roughened(normals, rays, alive, leaving)
+        if leaving and rays.absorptions is not None:
             arrived = flux[alive] * xp.exp(-rays.absorptions[alive] * lengths(points - began[above]))
             absorbed = replaced(xp.zeros_like(flux), alive, flux[alive] - arrived)
             flux = replaced(flux, alive, arrived)
         ratio, cosine = ratios[alive], (directions * normals).sum(1)
         behind_squared = transmitted_cosine_squared(cosine, ratio)
-        if is_outer:
+        if leaving:
             sin2_exit = replaced(sin2_exit, alive, 1.0 - behind_squared)
         passes = constant((behind_squared > 0.0) & (cosine > 0.0))
         fates[alive[~passes]] = int(Fate.TOTAL_REFLECTION)
@@ -184,12 +188,12 @@ def _above_plane(
     return raised, ~below | (rising & inside)
 
 
-def _roughened(normals: Float[Array, "n 3"], rays: EnteringRays, alive: Array, is_outer: bool) -> Float[Array, "n 3"]:
+def _roughened(normals: Float[Array, "n 3"], rays: EnteringRays, alive: Array, leaving: bool) -> Float[Array, "n 3"]:
     """Unit normals where the rays ``alive`` meet a face, tilted by its roughness."""
     rough = None if rays.made is None else rays.made.rough(len(rays.flux))
     if rough is None:
         return normals
-    noise, slope = (rough[0][:, 3:], rough[2]) if is_outer else (rough[0][:, :3], rough[1])
+    noise, slope = (rough[0][:, 3:], rough[1][1]) if leaving else (rough[0][:, :3], rough[1][0])
     tilted = normals + slope * like(normals, noise.copy())[alive]
     return tilted / lengths(tilted)[:, None]
 
@@ -211,12 +215,12 @@ def _entered(inner: TracedSurface, rays: EnteringRays) -> tuple[Int8[Array, " n"
     return fates, alive, points[alive], rays.directions[alive]
 
 
-def _through_plane(directions: Float[Array, "n 3"], is_outer: bool) -> Int8[Array, " n"]:
+def _through_plane(directions: Float[Array, "n 3"], leaving: bool) -> Int8[Array, " n"]:
     """Fates of rays that meet the plane z = 0 before a surface: in the cavity out of its opening, in the body the base.
 
     In the cavity a ray that rises is below the plane only at the rim, by rounding: there the body begins.
     """
-    out = int(Fate.BASE if is_outer else Fate.BACKWARD)
+    out = int(Fate.BASE if leaving else Fate.BACKWARD)
     return _fates(constant(directions)[:, 2] <= 0.0, out, Fate.BASE)
 
 
@@ -230,13 +234,13 @@ def _without_crossing(
     origins: Float[Array, "n 3"],
     directions: Float[Array, "n 3"],
     through_plane: Int8[Array, " n"],
-    is_outer: bool,
+    leaving: bool,
 ) -> Int8[Array, " n"]:
     """Fates of rays that do not cross a surface; ``LEFT_LENS`` for those that do."""
     xp = module_of(crossing.lengths)
     below = constant(origins[:, 2] + crossing.lengths * directions[:, 2]) < 0.0
     # a ray that is not inside the outer surface at its start has met the inner one outside it
-    beyond = (crossing.lengths == 0.0) & is_outer
+    beyond = (crossing.lengths == 0.0) & leaving
     given_up = _fates(beyond, Fate.SURFACES_INTERSECT, Fate.NOT_CONVERGED)
     unmet = xp.where(crossing.lost & ~below, given_up, through_plane)
     return codes(xp.where(crossing.found, int(Fate.LEFT_LENS), unmet))

@@ -5,6 +5,7 @@ Metrics of one lens come from its replicates; their change from one lens to anot
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Bool, Float, Shaped
@@ -24,8 +25,10 @@ from lensforge.light.metrics import (
     uniformity_estimate,
     with_error,
 )
-from lensforge.light.table_trace import Scene, Table, trace_tables
+from lensforge.light.table_trace import Scene, Tables, trace_tables
+from lensforge.optics.media import Media
 from lensforge.results import Image, Metric
+from lensforge.scene.body import Body, Face, nearest
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.lens import Lens, LensAtTemperature
 from lensforge.scene.pixel_grid import bin_flux, gaussian3
@@ -58,28 +61,48 @@ class TracedLens:
     """
 
     scene: Scene
-    inner: Table
-    outer: Table
+    tables: Tables
     table_error_nm: dict[str, float]
     raised_mm: float = 0.0
     grown_mm: float = 0.0
 
     @staticmethod
     def of(lens: Lens, nodes_per_sigma: float) -> "TracedLens":
-        """Tabulate both surfaces from the exact sum; the tables' error against it is measured at once."""
+        """Tabulate all surfaces from the exact sum; the tables' error against it is measured at once."""
         with remedy("take a lower accuracy"):
             grid: TableGrid = grid_for(min(lens.detail_rad, _WIDEST_DETAIL_RAD), nodes_per_sigma)
-        surfaces = {"inner": lens.inner, "outer": lens.outer}
-        tables = {name: tabulate(grid, surface) for name, surface in surfaces.items()}
-        errors = {name: 1e6 * table_error(grid, tables[name], surface) for name, surface in surfaces.items()}
-        traced = TracedLens(Scene(lens.media, grid), tables["inner"], tables["outer"], errors)
+        tables = np.stack([tabulate(grid, surface) for surface in lens.surfaces.values()])
+        errors = {
+            name: 1e6 * table_error(grid, table, surface)
+            for table, (name, surface) in zip(tables, lens.surfaces.items(), strict=True)
+        }
+        traced = TracedLens(Scene(lens.media, grid), tables, errors)
         if isinstance(lens, LensAtTemperature):
             return replace(traced, raised_mm=lens.raised_mm, grown_mm=lens.reach_mm - lens.designed.reach_mm)
         return traced
 
+    @staticmethod
+    def of_body(body: Body, media: Media, events: int, nodes_per_sigma: float) -> "TracedLens":
+        """Tabulate the faces of a body in which a ray meets the nearest face, at most ``events`` times.
+
+        The error of a table counts where its face bounds a medium. Raises :class:`InputError` for faces that make no
+        body.
+        """
+        body.require_sound()
+        grid = grid_for(min(face.surface.detail_rad for face in body.faces), nodes_per_sigma)
+        tables, errors = [], {}
+        for faces in (body.cavity, body.envelope):
+            for number, face in enumerate(faces):
+                table = tabulate(grid, face.surface)
+                within = partial(_is_nearest, faces, number)
+                tables.append(table)
+                errors[face.name] = 1e6 * table_error(grid, table, face.surface, within=within)
+        ordered = Body((*body.cavity, *body.envelope))
+        return TracedLens(Scene(media, grid, chain=ordered.chain(events)), np.stack(tables), errors)
+
     def trace(self, rays: RayBundle) -> ExitRays:
         """Send ``rays`` through the lens."""
-        return self.seen(rays, lambda own: trace_tables(self.inner, self.outer, self.scene, own))
+        return self.seen(rays, lambda own: trace_tables(self.tables, self.scene, own))
 
     def seen(self, rays: RayBundle, trace: Callable[[RayBundle], ExitRays]) -> ExitRays:
         """Exit rays of ``rays`` by a ``trace`` about the lens's own origin."""
@@ -88,6 +111,12 @@ class TracedLens:
         up = np.array([0.0, 0.0, self.raised_mm])
         found = trace(replace(rays, origins=rays.origins - up))
         return replace(found, points=found.points + up)
+
+
+def _is_nearest(faces: tuple[Face, ...], number: int, directions: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+    """True in directions in which the face of this number bounds its medium."""
+    found: Bool[np.ndarray, " n"] = nearest(faces, directions) == number
+    return found
 
 
 @dataclass(frozen=True)

@@ -1,38 +1,54 @@
-"""Rays through two tables by the compiled kernels on all cores, and the gradients with respect to the tables."""
+"""Rays through the tables of all faces by the compiled kernels on all cores, and the gradients by the tables."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int8
 
 from lensforge.errors import InputError
 from lensforge.kernels.adjoint import empty_adjoint, trace_adjoint
-from lensforge.kernels.bicubic import SurfaceBounds, surface_bounds
+from lensforge.kernels.bicubic import FaceBounds, SurfaceBounds, surface_bounds
+from lensforge.kernels.chain_adjoint import empty_chain
 from lensforge.kernels.first_hit import empty_packet
 from lensforge.kernels.parallel import CHUNKS, in_chunks
 from lensforge.kernels.trace import trace
 from lensforge.light.coated_glass import RayCoatings, before_glass, behind_glass
 from lensforge.optics.media import Media
 from lensforge.scene.as_made import AsMade, Placed, Rough, rough_part
+from lensforge.scene.body import DOUBLE, Chain
 from lensforge.scene.exit_rays import ExitRays, Sensitivities
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid
 
 Table = Float[np.ndarray, "side side"]
+Tables = Float[np.ndarray, "f side side"]
 
 
 @dataclass(frozen=True)
 class Scene:
-    """The lens body between two tables: the media, and the tables' grid.
+    """A body between the tables of its faces: the media, and the tables' grid.
 
-    Without ``fresnel`` both surfaces let all light through that they do not reflect totally, coated or not. ``made``:
-    where the lens is not as designed; None for one that is.
+    Without ``fresnel`` all faces let all light through that they do not reflect totally, coated or not. ``made``: where
+    the lens is not as designed; None for one that is. ``chain``: the faces where a ray may meet any of them; None for
+    the usual lens, in which it is refracted at the inner face and then at the outer one.
     """
 
     media: Media
     grid: TableGrid
     fresnel: bool = True
     made: AsMade | None = None
+    chain: Chain | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the faces, in the order of their tables."""
+        return DOUBLE if self.chain is None else self.chain.names
+
+    @property
+    def events(self) -> int:
+        """Largest number of events of a ray."""
+        return len(DOUBLE) if self.chain is None else self.chain.events
 
     def packed(self) -> tuple[bool, float, float, float, float]:
         """The numbers that the kernels take."""
@@ -44,12 +60,11 @@ class Scene:
 
         Nothing where the body is clear.
         """
-        indices, absorptions = rays.refractive_indices, rays.absorption_per_mm
-        if absorptions is None:
-            absorptions = np.full(int(self.media.absorption_per_mm > 0.0), self.media.absorption_per_mm)
+        body, waves = self.media.body, rays.wavelengths_nm
+        absorptions = body.absorption(waves)
         if self.made is not None:
             absorptions = absorptions * self.made.scale  # paths are those in the lens as designed
-        return np.array([self.media.refractive_index]) if indices is None else indices, absorptions
+        return body.index(waves), absorptions
 
 
 def _part(values: Float[np.ndarray, " k"], part: slice) -> Float[np.ndarray, " j"]:
@@ -58,35 +73,41 @@ def _part(values: Float[np.ndarray, " k"], part: slice) -> Float[np.ndarray, " j
 
 @dataclass(frozen=True)
 class TracedBundle:
-    """Exit rays of a bundle, and the data for its adjoint: the tables, and the path lengths to both surfaces (mm).
+    """Exit rays of a bundle, and the data for its adjoint: the tables, and the path lengths to all events (mm).
 
     ``at_lens``: the rays as they leave the lens; ``exits``: behind the cover glass, the same where there is none.
-    ``placed`` and ``rough``: of the lens as made, None for one as designed, or polished.
+    ``body``: its indices and absorptions, as :meth:`Scene.body` answers them. ``placed`` and ``rough``: of the lens as
+    made, None for one as designed, or polished. ``met``: the face of each event as in ``kernels.chain``; None for the
+    usual lens.
     """
 
-    inner: Table
-    outer: Table
+    tables: Tables
     scene: Scene
     rays: RayBundle
+    body: tuple[Float[np.ndarray, " k"], Float[np.ndarray, " j"]]
     coatings: RayCoatings
     placed: Placed | None
     rough: Rough | None
-    lengths: Float[np.ndarray, "n 2"]
+    lengths: Float[np.ndarray, "n e"]
+    met: Int8[np.ndarray, "n e"] | None
     at_lens: ExitRays
     exits: ExitRays
 
     @staticmethod
-    def of(inner: Table, outer: Table, scene: Scene, rays: RayBundle) -> "TracedBundle":
-        """Trace ``rays`` through two tables; see :func:`trace_tables`."""
-        bounds = checked_bounds(inner, outer, scene)
-        tables = inner, outer
-        count, (indices, absorptions) = len(rays), scene.body(rays)
+    def of(tables: Tables | Iterable[Table], scene: Scene, rays: RayBundle) -> "TracedBundle":
+        """Trace ``rays`` through the faces of these tables; see :func:`trace_tables`."""
+        tables = _stacked(tables)
+        bounds = FaceBounds.of(checked_bounds(tables, scene))
+        count, body = len(rays), scene.body(rays)
+        indices, absorptions = body
         points, directions = np.zeros((count, 3)), np.zeros((count, 3))
         coatings = RayCoatings.of(rays, scene.media, scene.fresnel)
-        faces = coatings.for_kernels
+        faces = coatings.for_kernels(scene.names)
         placed = None if scene.made is None else scene.made.placed
         rough = None if scene.made is None else scene.made.rough(count)
-        lengths, fates = np.empty((count, 2)), np.empty(count, dtype=np.int8)
+        chain = None if scene.chain is None else scene.chain.packed(scene.media)
+        met = None if chain is None else np.full((count, scene.events), -1, dtype=np.int8)
+        lengths, fates = np.empty((count, scene.events)), np.empty(count, dtype=np.int8)
         flux, sin2_exit = np.empty(count), np.empty(count)
         absorbed = np.zeros(count if len(absorptions) else 0)
         axial = np.zeros(count) if scene.fresnel and scene.media.cover_glass else None
@@ -94,58 +115,65 @@ class TracedBundle:
         def work(_: int, part: slice) -> None:
             trace(
                 rays.origins[part], rays.directions[part], rays.flux[part],
-                _part(indices, part), _part(absorptions, part), *tables, *bounds, scene.packed(),
-                *faces, coatings.part(part), placed, rough_part(rough, part),
-                lengths[part], points[part], directions[part], flux[part], absorbed[part],
-                None if axial is None else axial[part], sin2_exit[part], fates[part], empty_packet(),
+                _part(indices, part), _part(absorptions, part), tables, bounds, scene.packed(),
+                faces, coatings.part(part), placed, rough_part(rough, part), chain,
+                lengths[part], None if met is None else met[part], points[part], directions[part], flux[part],
+                absorbed[part], None if axial is None else axial[part], sin2_exit[part], fates[part], empty_packet(),
             )  # fmt: skip
 
         in_chunks(work, count)
         taken = absorbed if len(absorptions) else None
         exits = ExitRays(points, directions, flux, sin2_exit, fates, absorbed=taken, axial=axial)
         behind = behind_glass(exits, scene.media, scene.fresnel, coatings)
-        return TracedBundle(*tables, scene, rays, coatings, placed, rough, lengths, exits, behind)
+        return TracedBundle(tables, scene, rays, body, coatings, placed, rough, lengths, met, exits, behind)
 
     def gradients(
         self, by: Sensitivities, by_flux: Float[np.ndarray, " n"], by_sin2: Float[np.ndarray, " n"]
-    ) -> tuple[Table, Table]:
-        """Gradients by both tables, from sensitivities to the exit rays, their flux and their ``sin2_exit``.
+    ) -> Tables:
+        """Gradients by all tables, from sensitivities to the exit rays, their flux and their ``sin2_exit``.
 
         The flux that a lost ray carried counts as a constant.
         """
-        rays, fates, (indices, absorptions) = self.rays, self.exits.fates, self.scene.body(self.rays)
-        coatings, faces = self.coatings, self.coatings.for_kernels
-        by, by_flux, by_axial = before_glass(self.at_lens, self.scene.media, by, by_flux, self.scene.fresnel, coatings)
-        totals = np.zeros((2, CHUNKS, *self.inner.shape))
+        rays, fates, (indices, absorptions) = self.rays, self.exits.fates, self.body
+        scene, coatings, faces = self.scene, self.coatings, self.coatings.for_kernels(self.scene.names)
+        by, by_flux, by_axial = before_glass(self.at_lens, scene.media, by, by_flux, scene.fresnel, coatings)
+        chain, met = None if scene.chain is None else scene.chain.packed(scene.media), self.met
+        totals = np.zeros((CHUNKS, *self.tables.shape))
 
         def work(chunk: int, part: slice) -> None:
             trace_adjoint(
                 rays.origins[part], rays.directions[part], rays.flux[part],
                 _part(indices, part), _part(absorptions, part),
-                self.inner, self.outer, self.scene.packed(), *faces, coatings.part(part),
-                self.placed, rough_part(self.rough, part), self.lengths[part], fates[part],
+                self.tables, scene.packed(), faces, coatings.part(part),
+                self.placed, rough_part(self.rough, part), chain, self.lengths[part],
+                None if met is None else met[part], fates[part],
                 by.by_points[part], by.by_directions[part], by_flux[part],
                 None if by_axial is None else by_axial[part], by_sin2[part],
-                *totals[:, chunk], empty_adjoint(),
+                totals[chunk], empty_adjoint(), empty_chain(scene.events), np.zeros(12),
             )  # fmt: skip
 
         in_chunks(work, len(rays))
-        inner, outer = totals.sum(axis=1)
-        return inner, outer
+        total: Tables = totals.sum(axis=0)
+        return total
 
 
-def checked_bounds(inner: Table, outer: Table, scene: Scene) -> tuple[SurfaceBounds, SurfaceBounds]:
-    """The bounds of both tables. Raises :class:`InputError` when a surface has a radius that is not positive."""
-    first, second = (surface_bounds(table, scene.grid.origin, scene.grid.step) for table in (inner, outer))
-    for name, bound in (("inner", first), ("outer", second)):
+def _stacked(tables: Tables | Iterable[Table]) -> Tables:
+    """Tables in one array: itself where they are."""
+    return tables if isinstance(tables, np.ndarray) else np.stack(list(tables))
+
+
+def checked_bounds(tables: Tables | Sequence[Table], scene: Scene) -> list[SurfaceBounds]:
+    """The bounds of all tables. Raises :class:`InputError` when a surface has a radius that is not positive."""
+    bounds = [surface_bounds(table, scene.grid.origin, scene.grid.step) for table in tables]
+    for name, bound in zip(scene.names, bounds, strict=True):
         if not (bound.least > 0.0 and np.isfinite(bound.most) and np.isfinite(bound.tiles).all()):
             raise InputError(f"{name} surface: its radius falls to {bound.least:.3g} mm; it must stay above 0")
-    return first, second
+    return bounds
 
 
-def trace_tables(inner: Table, outer: Table, scene: Scene, rays: RayBundle) -> ExitRays:
-    """Trace ``rays`` through two tables (mm).
+def trace_tables(tables: Tables | Iterable[Table], scene: Scene, rays: RayBundle) -> ExitRays:
+    """Trace ``rays`` through the faces of these tables (mm).
 
     Raises :class:`InputError` when a surface has a radius that is not positive.
     """
-    return TracedBundle.of(inner, outer, scene, rays).exits
+    return TracedBundle.of(tables, scene, rays).exits

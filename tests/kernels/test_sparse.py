@@ -8,12 +8,13 @@ from scipy.sparse import csr_matrix, random_array
 from lensforge.kernels.sparse import SparseMatrix
 
 
+@pytest.mark.parametrize("faces", [1, 2, 3, 4])
 @pytest.mark.parametrize("density", [0.001, 0.4])
-def test_product_and_its_gradient(density: float) -> None:
+def test_product_and_its_gradient(density: float, faces: int) -> None:
     rng = np.random.default_rng(2)
     matrix = csr_matrix(random_array((1200, 1100), density=density, rng=rng))
-    dense = torch.from_numpy(rng.normal(size=(1100, 2))).requires_grad_()
-    mixer = torch.from_numpy(rng.normal(size=(1200, 2)))
+    dense = torch.from_numpy(rng.normal(size=(1100, faces))).requires_grad_()
+    mixer = torch.from_numpy(rng.normal(size=(1200, faces)))
     product = SparseMatrix(matrix) @ dense
     assert np.allclose(product.detach().numpy(), matrix @ dense.detach().numpy(), rtol=0.0, atol=1e-12)
     (gradient,) = torch.autograd.grad((product * mixer).sum(), dense)

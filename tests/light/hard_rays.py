@@ -4,7 +4,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from lensforge.kernels.compiled import kernel
-from lensforge.kernels.first_hit import DX, LENGTH, PX, SIZE, STATUS, empty_packet, first_hits
+from lensforge.kernels.first_hit import DX, LENGTH, PX, SIZE, STATUS, empty_packet, first_hits, start_all
 from lensforge.surfaces.bicubic_table import TableGrid
 
 
@@ -17,7 +17,7 @@ def _hits(origins, directions, table, origin, inverse_step, bounds, lengths, sta
             for axis in range(3):
                 rays[PX + axis * SIZE + k] = origins[first + k, axis]
                 rays[DX + axis * SIZE + k] = directions[first + k, axis]
-        first_hits(rays, count, table, origin, inverse_step, bounds)
+        first_hits(rays, start_all(rays, count), table, origin, inverse_step, bounds, None, False)
         for k in range(count):
             lengths[first + k], states[first + k] = rays[LENGTH + k], rays[STATUS + k]
 

@@ -14,7 +14,7 @@ from scenes import random_surface, sphere, table_of
 
 from lensforge.kernels.fate import Fate
 from lensforge.light.table_trace import Scene
-from lensforge.optics.media import Media
+from lensforge.optics.media import Media, Medium
 from lensforge.scene.as_made import AsMade, Displacement
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle
@@ -28,17 +28,16 @@ RAYS = SquareEmitter(1.1).sample(512, 0)  # its corners lie near the rim of the 
 ODD = AsMade(
     source=Displacement((0.01, -0.02, 0.015), (0.02, -0.01), (0.05, 0.0, 0.0)),
     lens=Displacement((-0.02, 0.01, -0.03), (-0.015, 0.02)),
-    outer=Displacement((0.03, 0.02, -0.02), (0.01, 0.03)),
+    faces={"outer": Displacement((0.03, 0.02, -0.02), (0.01, 0.03))},
     source_size=1.05,
     scale=0.98,
     seat_mm=1.5,
-    inner_slope=2e-3,
-    outer_slope=1e-3,
+    slopes={"inner": 2e-3, "outer": 1e-3},
 )
 
 
 def _scene(made: AsMade | None, media: Media | None = None) -> Scene:
-    return Scene(media or Media(N), GRID, made=made)
+    return Scene(media or Media(Medium(N)), GRID, made=made)
 
 
 def _exact() -> list[ExactSurface]:
@@ -46,16 +45,16 @@ def _exact() -> list[ExactSurface]:
 
 
 def test_a_lens_as_designed_has_the_same_bits() -> None:
-    plain, same = (trace_tables(*TABLES, _scene(made), RAYS) for made in (None, AsMade()))
+    plain, same = (trace_tables(TABLES, _scene(made), RAYS) for made in (None, AsMade()))
     for name in ("points", "directions", "flux", "sin2_exit", "fates"):
         assert torch.equal(getattr(plain, name), getattr(same, name))
 
 
 @pytest.mark.parametrize("absorption", [0.0, 0.05])
 def test_the_tracer_in_torch_agrees(absorption: float) -> None:
-    media = Media(N, absorption)
+    media = Media(Medium(N, absorption))
     exact = trace_exact(*_exact(), media, RAYS, ODD)
-    found = trace_tables(*TABLES, _scene(ODD, media), RAYS)
+    found = trace_tables(TABLES, _scene(ODD, media), RAYS)
     assert torch.equal(found.fates, exact.fates)
     for name, most in (("points", 3e-5), ("directions", 1e-4), ("flux", 1e-5)):
         assert (getattr(found, name) - getattr(exact, name)).abs().max() < most
@@ -64,8 +63,8 @@ def test_the_tracer_in_torch_agrees(absorption: float) -> None:
 
 def test_a_rigid_motion_of_everything_moves_the_light_and_nothing_else() -> None:
     whole = Displacement((0.3, -0.2, 0.4), (0.1, 0.05))
-    plain = trace_tables(*TABLES, _scene(None), RAYS)
-    moved = trace_tables(*TABLES, _scene(AsMade(source=whole, lens=whole)), RAYS)
+    plain = trace_tables(TABLES, _scene(None), RAYS)
+    moved = trace_tables(TABLES, _scene(AsMade(source=whole, lens=whole)), RAYS)
     assert torch.equal(plain.fates, moved.fates)
     assert (plain.flux - moved.flux).abs().max() < 1e-15
     out = plain.left_lens
@@ -76,9 +75,9 @@ def test_a_rigid_motion_of_everything_moves_the_light_and_nothing_else() -> None
 
 def test_a_source_moved_one_way_is_a_lens_moved_the_other() -> None:
     by = (0.04, -0.03, 0.02)
-    source = trace_tables(*TABLES, _scene(AsMade(source=Displacement(by))), RAYS)
-    lens = trace_tables(*TABLES, _scene(AsMade(lens=Displacement(tuple(-x for x in by)))), RAYS)
-    by_hand = trace_tables(*TABLES, _scene(None), replace(RAYS, origins=RAYS.origins + np.array(by)))
+    source = trace_tables(TABLES, _scene(AsMade(source=Displacement(by))), RAYS)
+    lens = trace_tables(TABLES, _scene(AsMade(lens=Displacement(tuple(-x for x in by)))), RAYS)
+    by_hand = trace_tables(TABLES, _scene(None), replace(RAYS, origins=RAYS.origins + np.array(by)))
     out = source.left_lens
     assert torch.equal(source.fates, by_hand.fates)
     assert torch.equal(source.fates, lens.fates)
@@ -88,8 +87,8 @@ def test_a_source_moved_one_way_is_a_lens_moved_the_other() -> None:
 
 def test_a_smaller_lens_on_a_smaller_source_is_the_same_lens_but_for_scale() -> None:
     scale = 0.9
-    plain = trace_tables(*TABLES, _scene(None), RAYS)
-    small = trace_tables(*TABLES, _scene(AsMade(source_size=scale, scale=scale)), RAYS)
+    plain = trace_tables(TABLES, _scene(None), RAYS)
+    small = trace_tables(TABLES, _scene(AsMade(source_size=scale, scale=scale)), RAYS)
     assert torch.equal(plain.fates, small.fates)
     assert (scale * plain.points - small.points).abs().max() < 1e-13
 
@@ -97,10 +96,10 @@ def test_a_smaller_lens_on_a_smaller_source_is_the_same_lens_but_for_scale() -> 
 def test_a_lens_that_shrinks_keeps_its_seat() -> None:
     seat, scale = 2.0, 0.95
     raised = seat * (scale - 1.0)
-    shrunk = trace_tables(*TABLES, _scene(AsMade(scale=scale, seat_mm=seat)), RAYS)
+    shrunk = trace_tables(TABLES, _scene(AsMade(scale=scale, seat_mm=seat)), RAYS)
     up = np.array([0.0, 0.0, raised])
     by_hand = trace_tables(
-        *(table_of(s, GRID) * scale for s in BUMPY), _scene(None), replace(RAYS, origins=RAYS.origins - up)
+        [table_of(s, GRID) * scale for s in BUMPY], _scene(None), replace(RAYS, origins=RAYS.origins - up)
     )
     out = by_hand.left_lens
     assert torch.equal(shrunk.fates, by_hand.fates)
@@ -116,6 +115,27 @@ def test_a_tilt_is_a_turn_about_its_centre() -> None:
     assert np.allclose(tilt.rotation @ centre + tilt.shift, centre)
 
 
+def test_faces_of_a_body_of_four_are_met_each_in_its_own_frame() -> None:
+    """A point goes through the frames as by hand: into the lens, from face to face by where they lie, and out."""
+    names, moves = ("cap", "side", "wall", "exit"), [ODD.source, ODD.lens, ODD.faces["outer"]]
+    made = replace(ODD, names=names, faces=dict(zip(names[1:], moves, strict=True)), slopes={"wall": 1e-3})
+    frames, into, out = made.placed
+    assert frames.shape == (5, 3, 4)
+    own = made.source.rotation @ (1.05 * (np.array([0.1, 0.2, 0.3]) - made.source.centre_mm)) + made.source.shift_mm
+    raised = made.lens.rotation.T @ (own + made.source.centre_mm - made.lens.shift)
+    in_body = (raised - [0.0, 0.0, 1.5 * (0.98 - 1.0)]) / 0.98
+    point = into * frames[0, :, :3] @ [0.1, 0.2, 0.3] + frames[0, :, 3]
+    assert np.allclose(point, in_body, atol=1e-15)
+    for frame, name in zip(frames[1:], names[1:], strict=False):
+        point, face = frame[:, :3] @ point + frame[:, 3], made.faces[name]
+        assert np.allclose(face.rotation @ point + face.shift, in_body, atol=1e-15)
+    world = made.source.rotation @ (1.05 * (np.array([0.1, 0.2, 0.3]) - made.source.centre_mm)) + made.source.shift_mm
+    assert np.allclose(out * frames[4, :, :3] @ point + frames[4, :, 3], world + made.source.centre_mm, atol=1e-15)
+    noise, slopes = made.rough(7)
+    assert noise.shape == (7, 12) and slopes.tolist() == [0.0, 0.0, 1e-3, 0.0]
+    assert replace(made, slopes={}).rough(7) is None
+
+
 def test_spheres_about_another_centre_refract_as_closed_forms_say() -> None:
     """A ray from the centre of a moved outer sphere goes straight through it; the inner sphere is met at its own."""
     shift = np.array([0.1, 0.05, 0.2])
@@ -124,19 +144,19 @@ def test_spheres_about_another_centre_refract_as_closed_forms_say() -> None:
     rays = RayBundle(np.repeat(shift[None], 3, axis=0), along, np.ones(3))
     spheres = [table_of(sphere(r), GRID) for r in (1.0, 3.0)]
     everything = AsMade(source=Displacement(), lens=Displacement(tuple(shift)))
-    found = trace_tables(*spheres, _scene(everything), rays)
+    found = trace_tables(spheres, _scene(everything), rays)
     assert np.allclose(found.points.numpy(), shift + 3.0 * along, atol=1e-9)
-    only_outer = AsMade(outer=Displacement(tuple(shift)))
-    found = trace_tables(*spheres, Scene(Media(1.0), GRID, made=only_outer), rays)
+    only_outer = AsMade(faces={"outer": Displacement(tuple(shift))})
+    found = trace_tables(spheres, Scene(Media(Medium(1.0)), GRID, made=only_outer), rays)
     assert np.allclose(found.points.numpy(), shift + 3.0 * along, atol=1e-9)
 
 
 def test_rays_below_the_plane_of_a_raised_outer_face_enter_it_through_that_plane_or_the_base() -> None:
     spheres = [table_of(sphere(r), GRID) for r in (1.0, 2.0)]
-    raised = Scene(Media(1.0), GRID, made=AsMade(outer=Displacement((0.0, 0.0, 0.3))))
+    raised = Scene(Media(Medium(1.0)), GRID, made=AsMade(faces={"outer": Displacement((0.0, 0.0, 0.3))}))
     along = np.array([[1.0, 0.0, 0.05], [1.0, 0.0, 0.3], [1.0, 0.0, 0.2]])
     along /= np.linalg.norm(along, axis=1)[:, None]
-    found = trace_tables(*spheres, raised, RayBundle(np.zeros((3, 3)), along, np.ones(3)))
+    found = trace_tables(spheres, raised, RayBundle(np.zeros((3, 3)), along, np.ones(3)))
     assert found.fates.tolist() == [Fate.BASE, Fate.LEFT_LENS, Fate.LEFT_LENS]
     out = found.points.numpy()[1:] - [0.0, 0.0, 0.3]
     assert np.allclose(np.linalg.norm(out, axis=1), 2.0)
@@ -149,11 +169,11 @@ def test_roughness_is_a_convolution_and_loses_no_light() -> None:
     rays = RayBundle(np.zeros((count, 3)), up, np.full(count, 1.0 / count))
     spheres = [table_of(sphere(r), GRID) for r in (1.0, 3.0)]
     for made, spread in (
-        (AsMade(outer_slope=slope), slope * (N - 1.0)),
+        (AsMade(slopes={"outer": slope}), slope * (N - 1.0)),
         # the inner face turns the ray by slope (1 - 1/n), at 2 mm from the outer one, which turns it n-fold and back
-        (AsMade(inner_slope=slope), slope * (1.0 - 1.0 / N) * (N - (N - 1.0) * 2.0 / 3.0)),
+        (AsMade(slopes={"inner": slope}), slope * (1.0 - 1.0 / N) * (N - (N - 1.0) * 2.0 / 3.0)),
     ):
-        found = trace_tables(*spheres, Scene(Media(N), GRID, fresnel=False, made=made), rays)
+        found = trace_tables(spheres, Scene(Media(Medium(N)), GRID, fresnel=False, made=made), rays)
         assert (found.fates == Fate.LEFT_LENS).all()
         assert float(found.flux.sum()) == pytest.approx(1.0, abs=1e-12)
         across = found.directions[:, :2]

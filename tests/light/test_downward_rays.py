@@ -15,7 +15,7 @@ from lensforge.kernels.first_hit import BELOW, FOUND
 from lensforge.light.device_trace import DeviceTable, first_crossing
 from lensforge.light.exact_trace import DenseScan, FixedSurface, TableScan
 from lensforge.light.table_trace import Scene
-from lensforge.optics.media import Media
+from lensforge.optics.media import Media, Medium
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate
@@ -32,11 +32,11 @@ def _by_tracer(tracer: str, surfaces, rays: RayBundle, nodes: int) -> ExitRays:
     grid = TableGrid(nodes)
     tables = [table_of(each, grid) for each in surfaces]
     if tracer == "kernels":
-        return trace_tables(*tables, Scene(Media(INDEX), grid), rays)
+        return trace_tables(tables, Scene(Media(Medium(INDEX)), grid), rays)
     if tracer == "device":
-        return on_device(tables, Scene(Media(INDEX), grid), rays)
+        return on_device(tables, Scene(Media(Medium(INDEX)), grid), rays)
     scans = [DenseScan(96, 44) if tracer == "exact" else TableScan(grid, table.numpy()) for table in tables]
-    return trace_exact(*map(_exact, surfaces, scans), Media(INDEX), rays)
+    return trace_exact(*map(_exact, surfaces, scans), Media(Medium(INDEX)), rays)
 
 
 TRACERS = ["kernels", "device", "exact", "table scan"]

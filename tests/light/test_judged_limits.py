@@ -83,7 +83,7 @@ def test_the_light_of_a_lens_has_its_limits_and_its_verdict_follows_them() -> No
         spec = small_spec(target=BEAM, source__flux_w=1.0).replace(
             limits=[{"kind": "points", "name": "axis", "at_deg": [[0, 0]], "unit": "w_per_sr", "at_least": bound}]
         )
-        lens = Lens(sphere(3.0), sphere(6.0), spec, 0, "draft")
+        lens = Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft")
         light = lf.evaluate(lens, rays=2**14)
         assert [limit.name for limit in light.limits] == ["axis"]
         verdict = verdict_on(lens, None, light, None, None, None)
@@ -91,4 +91,4 @@ def test_the_light_of_a_lens_has_its_limits_and_its_verdict_follows_them() -> No
         assert state == "pass" or "axis = " in verdict.reasons.light[0]
     in_candela = spec.replace(limits=[{"kind": "zone", "unit": "cd", "at_most": 1.0}])
     with pytest.raises(InputError, match="lumens"):
-        lf.evaluate(Lens(sphere(3.0), sphere(6.0), in_candela, 0, "draft"))
+        lf.evaluate(Lens.double(sphere(3.0), sphere(6.0), in_candela, 0, "draft"))

@@ -19,7 +19,7 @@ TARGET = {"kind": "flat_top", "width_mm": 160.0, "distance_mm": 100.0, "receiver
 
 
 def lens_of(spec: Spec) -> Lens:
-    return Lens(random_surface(1, 3.0, 0.01, (9,)), random_surface(2, 6.0, 0.01, (9,)), spec, 0, "draft")
+    return Lens.double(random_surface(1, 3.0, 0.01, (9,)), random_surface(2, 6.0, 0.01, (9,)), spec, 0, "draft")
 
 
 def require_same(found: lf.Light, wanted: lf.Light, larger: float = 1.0) -> None:
@@ -75,8 +75,8 @@ def test_rays_with_an_index_of_their_own_have_that_of_their_wavelength() -> None
     lens = lens_of(small_spec(lens__material="N-BK7", source__spectrum=LINE))
     warm = at_temperature(lens, 85.0)
     rays = build_source(lens.spec.source, warm.dispersion).sample(10, 0)
-    assert rays.refractive_indices is not None and rays.refractive_indices == pytest.approx(hot, abs=1e-15)
-    assert warm.media.refractive_index != hot, "that at the design wavelength, for rays without their own"
+    assert warm.media.body.index(rays.wavelengths_nm) == pytest.approx([hot] * 10, abs=1e-15)
+    assert warm.media.body.refractive_index != hot, "that at the design wavelength, for rays without their own"
     assert warm.sha256 == lens.sha256
     constants = {"lens__index_per_k": (hot - cold) / 65.0, "lens__expansion_per_k": 7.1e-6}
     other = lens_of(small_spec(lens__refractive_index=cold, **constants))
@@ -85,23 +85,23 @@ def test_rays_with_an_index_of_their_own_have_that_of_their_wavelength() -> None
 
 def test_a_source_without_wavelengths_has_the_index_at_the_design_wavelength() -> None:
     lens = lens_of(small_spec(lens__material="N-BK7", lens__design_wavelength_nm=546.074))
-    found = at_temperature(lens, 40.0).media.refractive_index - lens.media.refractive_index
+    found = at_temperature(lens, 40.0).media.body.refractive_index - lens.media.body.refractive_index
     assert found / 20.0 == pytest.approx(3.0e-6, abs=0.051e-6)
 
 
 def test_concentric_spheres_reflect_what_fresnel_says() -> None:
     """From their centre every ray meets both faces at right angles: what passes is (4 n / (n + 1)^2)^2."""
     spec = small_spec(source__side_mm=1e-6, base={"kind": "none"}, **PLASTIC)
-    light = lf.evaluate(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft"), temperature_c=85.0)
+    light = lf.evaluate(Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft"), temperature_c=85.0)
     n = 1.4936 - 65.0 * 1.1e-4
     assert light.flux.reflected == pytest.approx(1.0 - (4.0 * n / (n + 1.0) ** 2) ** 2, abs=1e-9)
 
 
 def test_a_fixed_face_expands_too() -> None:
     fixed = {"kind": "sphere", "radius_mm": 6.0, "centre_z_mm": 0.0}
-    lens = {"levels": [9], "inner_offset_mm": 3.0, "fixed_outer": fixed, "symmetry": "none"}
+    lens = {"levels": [9], "inner": {"offset_mm": 3.0}, "outer": {"fixed": fixed}, "symmetry": "none"}
     spec = small_spec(lens=lens | {"index_per_k": 0.0, "expansion_per_k": 1e-4}, optimise={"rays": 1024, "pixels": 16})
-    warm = at_temperature(Lens(sphere(3.0), spec.lens.fixed[1], spec, 0, "draft"), 120.0)
+    warm = at_temperature(Lens.double(sphere(3.0), spec.lens.fixed["outer"], spec, 0, "draft"), 120.0)
     assert warm.outer.radius(np.array([[0.0, 0.6, 0.8]]))[0] == pytest.approx(6.06, abs=1e-12)
     assert lf.evaluate(replace(warm.designed), temperature_c=120.0).efficiency.value > 0.1
 

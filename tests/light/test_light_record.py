@@ -21,7 +21,7 @@ SKY = {"kind": "far_field", "name": "sky", "half_angle_deg": 60.0, "targets": [{
 @pytest.fixture(scope="module")
 def scene() -> tuple[TracedLens, Any, Any]:
     spec = small_spec(target=None, receivers=[WALL, SKY], source__flux_w=2.5)
-    lens = Lens(random_surface(1, 3.0, 0.02, (9,)), random_surface(2, 6.0, 0.02, (9,)), spec, 0, "draft")
+    lens = Lens.double(random_surface(1, 3.0, 0.02, (9,)), random_surface(2, 6.0, 0.02, (9,)), spec, 0, "draft")
     return TracedLens.of(lens, 2.0), spec, build_source(spec.source)
 
 
@@ -53,7 +53,7 @@ def test_rays_pixels_and_seed_are_those_given_or_those_of_spec_and_lens(
 ) -> None:
     spec = small_spec(target=None, receivers=[WALL, SKY], evaluate={"rays": of_spec, "pixels": 16})
     limit = {"kind": "points", "at_mm": [[0.0, 0.0]], "unit": "lx", "at_least": 3.0}
-    lens = Lens(random_surface(1, 3.0), random_surface(2, 6.0), spec.replace(limits=[limit]), 5, "draft")
+    lens = Lens.double(random_surface(1, 3.0), random_surface(2, 6.0), spec.replace(limits=[limit]), 5, "draft")
     asked: list[Any] = []
     monkeypatch.setattr(evaluation, "evaluate_traced", lambda *own, **named: asked.append((own, named)) or light)
     monkeypatch.setattr(evaluation, "measure_preset", lambda *own: asked.append(own) or None)

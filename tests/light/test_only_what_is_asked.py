@@ -32,7 +32,7 @@ def _loaded(*commands: tuple[list[str], list[str]]) -> list[str]:
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("asked")
     inner, outer = (random_surface(k, 3.0 * k, 0.01, (9, 25)) for k in (1, 2))
-    Lens(inner, outer, small_spec(base={"kind": "none"}), 0, "draft").save(path / "lens.json")
+    Lens.double(inner, outer, small_spec(base={"kind": "none"}), 0, "draft").save(path / "lens.json")
     return path
 
 

@@ -6,14 +6,14 @@ from scenes import random_surface
 
 from lensforge.kernels.first_hit import SIZE, WIDTH
 from lensforge.light.table_trace import Scene, TracedBundle
-from lensforge.optics.media import Media
+from lensforge.optics.media import Media, Medium
 from lensforge.scene.exit_rays import ExitRays, Sensitivities
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate
 
 GRID = TableGrid(60)
-SCENE = Scene(Media(1.6), GRID)
+SCENE = Scene(Media(Medium(1.6)), GRID)
 COUNT = 2 * SIZE + 3
 
 
@@ -40,10 +40,10 @@ def _fields(exits: ExitRays) -> tuple[np.ndarray, ...]:
 @pytest.mark.parametrize("size", [1, WIDTH - 1, WIDTH + 1, SIZE - 1, SIZE, SIZE + 1])
 def test_parts_of_a_bundle_are_traced_as_the_whole(size: int) -> None:
     tables, rays = _tables(), _rays()
-    whole = _fields(TracedBundle.of(*tables, SCENE, rays).exits)
+    whole = _fields(TracedBundle.of(tables, SCENE, rays).exits)
     assert len(set(whole[-1].tolist())) >= 4, "rays of several fates"
     starts = range(0, COUNT, size) if size > WIDTH + 1 else range(0, 6 * size, size)
-    parts = [TracedBundle.of(*tables, SCENE, rays.take(slice(start, start + size))).exits for start in starts]
+    parts = [TracedBundle.of(tables, SCENE, rays.take(slice(start, start + size))).exits for start in starts]
     for name, field, pieces in zip("pdfsf", whole, zip(*map(_fields, parts), strict=True), strict=True):
         joined = np.concatenate(pieces)
         assert np.array_equal(joined, field[: len(joined)]), name
@@ -55,11 +55,11 @@ def test_gradients_are_the_sum_of_those_of_the_parts() -> None:
     by_flux, by_sin2 = rng.normal(size=COUNT), rng.normal(size=COUNT)
     by_flux[::3], by_sin2[::3] = 0.0, 0.0
     by.by_points[::3], by.by_directions[::3] = 0.0, 0.0  # these matter to nothing: their places are others'
-    whole = TracedBundle.of(*tables, SCENE, rays).gradients(by, by_flux, by_sin2)
+    whole = TracedBundle.of(tables, SCENE, rays).gradients(by, by_flux, by_sin2)
     total = [np.zeros_like(each) for each in whole]
     for start in range(0, COUNT, 101):
         part = slice(start, start + 101)
-        traced = TracedBundle.of(*tables, SCENE, rays.take(part))
+        traced = TracedBundle.of(tables, SCENE, rays.take(part))
         own = traced.gradients(Sensitivities(by.by_points[part], by.by_directions[part]), by_flux[part], by_sin2[part])
         total = [a + b for a, b in zip(total, own, strict=True)]
     for summed, at_once in zip(total, whole, strict=True):
@@ -67,7 +67,7 @@ def test_gradients_are_the_sum_of_those_of_the_parts() -> None:
 
 
 def test_no_rays_are_no_light() -> None:
-    traced = TracedBundle.of(*_tables(), SCENE, _rays().take(slice(0, 0)))
+    traced = TracedBundle.of(_tables(), SCENE, _rays().take(slice(0, 0)))
     assert len(traced.exits.flux) == 0
     inner, outer = traced.gradients(Sensitivities(np.zeros((0, 3)), np.zeros((0, 3))), np.zeros(0), np.zeros(0))
     assert not inner.any() and not outer.any()

@@ -23,13 +23,14 @@ from lensforge.sources.rayfiles.ray_file_io import read_rayfile
 from lensforge.spec.accuracy import PRESETS
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
-ROUGH = Lens(random_surface(1, 3.0, 0.01), random_surface(2, 6.0, 0.01), small_spec(), seed=0, accuracy="draft")
-SHELL = Lens(sphere(3.0), sphere(6.0), small_spec(), seed=0, accuracy="draft")
+ROUGH = Lens.double(random_surface(1, 3.0, 0.01), random_surface(2, 6.0, 0.01), small_spec(), seed=0, accuracy="draft")
+SHELL = Lens.double(sphere(3.0), sphere(6.0), small_spec(), seed=0, accuracy="draft")
 _SQUARE = SrbfBasis((4,), 1.75, "square")
 SYMMETRIC = replace(
     SHELL,
-    inner=SrbfSurface(_SQUARE, np.zeros(_SQUARE.size), 3.0),
-    outer=SrbfSurface(_SQUARE, np.zeros(_SQUARE.size), 6.0),
+    surfaces={
+        name: SrbfSurface(_SQUARE, np.zeros(_SQUARE.size), radius) for name, radius in (("inner", 3.0), ("outer", 6.0))
+    },
 )
 THROUGH = normal_transmittance(1.4936) ** 2
 
@@ -173,6 +174,6 @@ def test_c_90_is_minus_y():
 
 
 def test_a_lens_that_lets_no_light_out_has_no_photometry():
-    crossed = replace(SHELL, inner=sphere(6.0), outer=sphere(3.0))  # everywhere
+    crossed = replace(SHELL, surfaces={"inner": sphere(6.0), "outer": sphere(3.0)})  # everywhere
     with pytest.raises(InputError, match="no light"):
         measured(crossed, rays=64)

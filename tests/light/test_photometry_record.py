@@ -21,7 +21,7 @@ GRID = AngularGrid(8, np.array([0.0, 10.0, 30.0, 50.0, 90.0]))
 FALL = np.array([1.0, 0.8, 0.45, 0.2, 0.0])
 FLUX_W, LM_PER_W = 2.0, 300.0
 SPEC = small_spec(source__luminous_efficacy_lm_per_w=LM_PER_W, source__flux_w=FLUX_W, manufacture__date="2026-03-01")
-LENS = Lens(sphere(3.0), sphere(6.0), SPEC, seed=5, accuracy="draft")
+LENS = Lens.double(sphere(3.0), sphere(6.0), SPEC, seed=5, accuracy="draft")
 
 
 def light(count: int = 16) -> ExitLight:

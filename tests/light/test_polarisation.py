@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 import torch
 from landed import by_kernels, trace_tables
+from own_media import coatings
 from scenes import random_surface, sphere, table_of
 
 from lensforge.kernels.fresnel import axial_share, coated_transmittances, polarised_share, transmittances
 from lensforge.light.table_trace import Scene
 from lensforge.optics.coatings import coating_tables
-from lensforge.optics.media import CoatingLayer, CoverGlass, IndexCurve, LayerStack, Media
+from lensforge.optics.media import CoatingLayer, CoverGlass, IndexCurve, LayerStack, Media, Medium
 from lensforge.proof.refraction import AtFace, RefractingFace, unpolarised
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle
@@ -131,8 +132,8 @@ def test_skew_rays_through_spheres_transmit_as_their_matrices_say(glass):
     rays = SquareEmitter(1.0).sample(64, 3)
     rays = replace(rays, flux=np.ones(64))
     tables = [table_of(sphere(each), GRID) for each in (0.8, 1.3)]
-    media = Media(N, cover_glass=glass)
-    found = trace_tables(*tables, Scene(media, GRID), rays)
+    media = Media(Medium(N), cover_glass=glass)
+    found = trace_tables(tables, Scene(media, GRID), rays)
     assert found.left_lens.sum() > 50
     for k in np.nonzero(found.left_lens.numpy() & (found.directions[:, 2].numpy() > 0.05))[0]:
         p, d, faces = rays.origins[k], rays.directions[k], []
@@ -145,14 +146,15 @@ def test_skew_rays_through_spheres_transmit_as_their_matrices_say(glass):
         if glass is not None:
             faces += [(np.array([0.0, 0.0, 1.0]), each) for each in (1.0 / 1.52, 1.52)]
         assert found.flux[k].item() == pytest.approx(chain(d, faces)[0], rel=2e-9)
-    turned = trace_tables(*tables, Scene(media, GRID), rotated(rays, 0.7))
+    turned = trace_tables(tables, Scene(media, GRID), rotated(rays, 0.7))
     assert torch.allclose(turned.flux, found.flux, rtol=1e-9)
 
 
 @pytest.mark.parametrize("coated", [False, True])
 def test_derivatives_at_a_face_are_those_of_differences_up_to_normal_incidence(coated):
     layers = LayerStack((CoatingLayer(IndexCurve((2.1,)), 80.0),), IndexCurve((N,)), (300.0, 900.0))
-    table = coating_tables(Media(N, inner_coating=layers, wavelength_nm=550.0), (550.0, 550.0)).inner[0]
+    media = Media(Medium(N), coatings=coatings(inner=layers), wavelength_nm=550.0)
+    table = coating_tables(media, (550.0, 550.0)).faces["inner"][0]
     for ratio in (1.0 / N, N):
 
         def at(c, ratio=ratio):
@@ -170,7 +172,7 @@ def test_gradients_at_nearly_normal_incidence_are_those_of_differences(glass):
     """Through nearly concentric spheres all light of a point passes at nearly normal incidence."""
     tables = [table_of(random_surface(k, radius, 0.02), GRID) for k, radius in ((3, 0.8), (4, 2.45))]
     rays = SquareEmitter(1e-6).sample(256, 2)
-    scene, by_flux = Scene(Media(N, cover_glass=glass), GRID), torch.from_numpy(RNG.normal(size=256))
+    scene, by_flux = Scene(Media(Medium(N), cover_glass=glass), GRID), torch.from_numpy(RNG.normal(size=256))
 
     def value(*moved):
         return (1e3 * by_flux * by_kernels(list(moved), scene, rays, 1e4).flux).sum()

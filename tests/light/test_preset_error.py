@@ -20,7 +20,7 @@ from lensforge.surfaces.bicubic_table import TableGrid, tabulate
 @pytest.fixture(scope="module")
 def lens():
     inner, outer = (random_surface(k, 3.0 * k, 0.01, (9, 25)) for k in (1, 2))
-    return Lens(inner, outer, small_spec(), 0, "draft")
+    return Lens.double(inner, outer, small_spec(), 0, "draft")
 
 
 @pytest.fixture(scope="module")
@@ -33,8 +33,8 @@ def _tables(lens, grid):
 
 
 def _traced(lens, grid, **moved):
-    tables = {name: table * (1.0 + moved.get(name, 0.0)) for name, table in _tables(lens, grid).items()}
-    return TracedLens(Scene(lens.media, grid), **tables, table_error_nm={"": 0.0})
+    tables = [table * (1.0 + moved.get(name, 0.0)) for name, table in _tables(lens, grid).items()]
+    return TracedLens(Scene(lens.media, grid), np.stack(tables), table_error_nm={"": 0.0})
 
 
 def _landed(lens, exits):
@@ -84,7 +84,7 @@ def test_the_tables_of_broad_functions_with_large_weights_resolve_their_shape(so
     inner, outer = (
         random_surface(seed, radius, rough, (9,)) for seed, radius, rough in ((3, 3.0, 0.1), (4, 6.0, 0.05))
     )
-    broad, rays = Lens(inner, outer, small_spec(), 0, "draft"), source.sample(4096, 1)
+    broad, rays = Lens.double(inner, outer, small_spec(), 0, "draft"), source.sample(4096, 1)
     coarse, fine = (
         _landed(broad, TracedLens.of(broad, nodes).trace(rays))
         for nodes in (PRESETS["draft"].evaluate_nodes_per_sigma, 64.0)

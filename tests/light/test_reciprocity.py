@@ -14,7 +14,7 @@ from scipy.interpolate import NdBSpline
 from lensforge.light.exact_trace import DenseScan
 from lensforge.light.table_trace import Scene
 from lensforge.optics.dielectric import fresnel_transmittances, refract, transmitted_fields, unpolarised_fields
-from lensforge.optics.media import Media
+from lensforge.optics.media import Media, Medium
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.surfaces import surface as chart
@@ -98,11 +98,11 @@ def test_a_ray_sent_back_arrives_where_it_started(tracer: str) -> None:
     if tracer == "fused":
         tables = [table_of(s, GRID) for s in LENS]
         surfaces: tuple[Surface, Surface] = tuple(Tabulated(table.numpy()) for table in tables)
-        kept, hits, out, carried = _forth(trace_tables(*tables, Scene(Media(N), GRID), rays))
+        kept, hits, out, carried = _forth(trace_tables(tables, Scene(Media(Medium(N)), GRID), rays))
     else:
         exact = [ExactSurface.of(s, DenseScan(64, 50)) for s in LENS]
         surfaces = LENS
-        kept, hits, out, carried = _forth(trace_exact(*exact, Media(N), rays))
+        kept, hits, out, carried = _forth(trace_exact(*exact, Media(Medium(N)), rays))
     assert kept.sum() > 100
     points, directions, share = _back(surfaces, hits, -out)
     assert np.abs(points - rays.origins[kept]).max() < 1e-12

@@ -10,7 +10,7 @@ from scenes import random_surface, sphere, table_of, weight_matrix
 from lensforge.errors import InputError
 from lensforge.kernels.fate import Fate
 from lensforge.light.table_trace import Scene, TracedBundle
-from lensforge.optics.media import Media
+from lensforge.optics.media import Media, Medium
 from lensforge.scene.exit_rays import Sensitivities
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle
@@ -25,7 +25,7 @@ def _exact(surface) -> ExactSurface:
 
 def _fused(surfaces, rays: RayBundle, nodes: int, index: float = N, distance: float = Z) -> Landed:
     grid = TableGrid(nodes)
-    return by_kernels([table_of(s, grid) for s in surfaces], Scene(Media(index), grid), rays, distance)
+    return by_kernels([table_of(s, grid) for s in surfaces], Scene(Media(Medium(index)), grid), rays, distance)
 
 
 def _mixed(found: Landed, seed: int = 0) -> torch.Tensor:
@@ -41,7 +41,7 @@ def _mixed(found: Landed, seed: int = 0) -> torch.Tensor:
 def test_table_and_exact_tracer_converge_to_each_other(symmetry: str) -> None:
     surfaces = random_surface(1, 0.8, 0.01, symmetry=symmetry), random_surface(2, 2.45, 0.008, symmetry=symmetry)
     rays = SquareEmitter(0.8).sample(128, 0)
-    exact = in_torch(trace_exact(*(_exact(s) for s in surfaces), Media(N), rays), Z)
+    exact = in_torch(trace_exact(*(_exact(s) for s in surfaces), Media(Medium(N)), rays), Z)
     errors = []
     for nodes in (61, 121):
         fused = _fused(surfaces, rays, nodes)
@@ -57,7 +57,7 @@ def test_table_and_exact_tracer_converge_to_each_other(symmetry: str) -> None:
 def test_the_flux_of_lost_rays_is_a_constant() -> None:
     grid = TableGrid(64)
     tables = [table_of(random_surface(3, *shape), grid).requires_grad_() for shape in ((0.8, 0.1), (2.45, 0.1))]
-    found = by_kernels(tables, Scene(Media(N), grid), SquareEmitter(0.9).sample(4096, 1), Z)
+    found = by_kernels(tables, Scene(Media(Medium(N)), grid), SquareEmitter(0.9).sample(4096, 1), Z)
     lost = ~found.landed
     assert found.missed_receiver.any() and (found.fates == Fate.TOTAL_REFLECTION).any()
     for gradient in torch.autograd.grad(found.flux[lost].sum() + found.hits[lost].sum(), tables):
@@ -70,7 +70,7 @@ def test_sensitivities_to_a_point_and_to_a_direction_are_those_of_differences() 
     tables = [tabulate(grid, s) for s in (random_surface(3, 0.8, 0.03), random_surface(4, 2.45, 0.02))]
     rng, none = np.random.default_rng(2), np.zeros(200)
     by_points, by_directions = rng.normal(size=(2, 200, 3))
-    before = TracedBundle.of(*tables, Scene(Media(N), grid), rays)
+    before = TracedBundle.of(tables, Scene(Media(Medium(N)), grid), rays)
     start, along = before.exits.points, before.exits.directions
 
     def value(traced: TracedBundle) -> float:
@@ -87,8 +87,8 @@ def test_sensitivities_to_a_point_and_to_a_direction_are_those_of_differences() 
         ahead, behind = (
             value(
                 TracedBundle.of(
-                    *(t + s * 1e-7 * direction * (i == which) for i, t in enumerate(tables)),
-                    Scene(Media(N), grid),
+                    [t + s * 1e-7 * direction * (i == which) for i, t in enumerate(tables)],
+                    Scene(Media(Medium(N)), grid),
                     rays,
                 )
             )
@@ -102,11 +102,11 @@ def test_gradients_reach_weights_and_offsets_as_in_the_exact_tracer() -> None:
     rays = SquareEmitter(0.6).sample(256, 2)
     exact = [_exact(s) for s in surfaces]
     parameters = [p for e in exact for p in (e.weights_mm, e.offset_mm)]
-    expected = torch.autograd.grad(_mixed(in_torch(trace_exact(*exact, Media(N), rays), Z)), parameters)
+    expected = torch.autograd.grad(_mixed(in_torch(trace_exact(*exact, Media(Medium(N)), rays), Z)), parameters)
     grid = TableGrid(161)
     matrix = torch.from_numpy(weight_matrix(grid, surfaces[0].basis))
     tables = [(matrix @ e.weights_mm + e.offset_mm).reshape(grid.side, -1) for e in exact]
-    found = torch.autograd.grad(_mixed(by_kernels(tables, Scene(Media(N), grid), rays, Z)), parameters)
+    found = torch.autograd.grad(_mixed(by_kernels(tables, Scene(Media(Medium(N)), grid), rays, Z)), parameters)
     for a, b in zip(found, expected, strict=True):
         assert ((a - b).norm() / b.norm()).item() < 3e-3
 
@@ -129,7 +129,7 @@ def test_the_same_rays_give_the_same_bits_on_any_number_of_threads() -> None:
     for count in (1, 3):
         torch.set_num_threads(count)
         tables = [table_of(s, grid).requires_grad_() for s in surfaces]
-        found = by_kernels(tables, Scene(Media(N), grid), rays, Z)
+        found = by_kernels(tables, Scene(Media(Medium(N)), grid), rays, Z)
         results.append((found.hits, *torch.autograd.grad(_mixed(found), tables)))
     torch.set_num_threads(threads)
     assert all(torch.equal(a, b) for a, b in zip(*results, strict=True))
@@ -139,14 +139,14 @@ def test_a_surface_through_the_origin_is_refused_in_one_line() -> None:
     grid = TableGrid(48)
     bad = table_of(sphere(1.0), grid) - 1.5
     with pytest.raises(InputError, match=r"inner surface: its radius falls to -0\.5"):
-        trace_tables(bad, table_of(sphere(2.0), grid), Scene(Media(N), grid), SquareEmitter(0.1).sample(8, 0))
+        trace_tables((bad, table_of(sphere(2.0), grid)), Scene(Media(Medium(N)), grid), SquareEmitter(0.1).sample(8, 0))
 
 
 def test_without_fresnel_rays_keep_their_flux_and_their_way() -> None:
     surfaces = random_surface(3, 0.8, 0.03), random_surface(4, 2.45, 0.02)
     grid, rays = TableGrid(64), SquareEmitter(0.9).sample(2048, 1)
     tables = [table_of(s, grid).requires_grad_() for s in surfaces]
-    full, bare = (by_kernels(tables, Scene(Media(N), grid, fresnel), rays, Z) for fresnel in (True, False))
+    full, bare = (by_kernels(tables, Scene(Media(Medium(N)), grid, fresnel), rays, Z) for fresnel in (True, False))
     assert torch.equal(full.hits, bare.hits) and torch.equal(full.fates, bare.fates)
     assert torch.equal(bare.carried, torch.from_numpy(rays.flux))
     assert (full.flux[full.landed] < bare.flux[full.landed]).all()

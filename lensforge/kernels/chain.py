@@ -1,0 +1,328 @@
+"""Chains of events: rays that meet the nearest of several faces, are refracted or reflected there, and go on.
+
+Arguments as in ``kernels.trace``. A ray in a medium meets the faces that it bounds from inside, and from outside those
+that it surrounds; a mirror reflects its share, any other face what total reflection leaves no other way. What a face
+reflects beside the light that passes is not followed. ``met`` keeps the face of each event, times four; 2 more where
+the ray was reflected, 1 more where it came from behind the face; below 0 there was none.
+"""
+
+from math import exp, inf, sqrt
+
+from lensforge.kernels.bicubic import bounds_of, jet
+from lensforge.kernels.compiled import inline
+from lensforge.kernels.fate import Fate
+from lensforge.kernels.fields import field_behind, passing, reflect, reflecting, squared_lengths, unpolarised
+from lensforge.kernels.first_hit import (
+    ALONG_X,
+    ASKED,
+    BACK,
+    BACK_FACE,
+    BACK_STATUS,
+    BACK_X,
+    BACK_Y,
+    BELOW,
+    CLEAR,
+    CLOSING,
+    DX,
+    FACE,
+    FIELDS,
+    FOUND,
+    GOING,
+    LAST,
+    LENGTH,
+    LOST,
+    MEDIUM,
+    MISSED,
+    NEXT,
+    NEXT_STATUS,
+    NEXT_X,
+    NEXT_Y,
+    NUMBER,
+    PX,
+    PY,
+    PZ,
+    RAY,
+    RHO_X,
+    RHO_Y,
+    SIZE,
+    STATUS,
+    X0,
+    T,
+    first_hits,
+    three,
+)
+from lensforge.kernels.frames import place, rough_normal, turn, z_axis
+from lensforge.kernels.fresnel import dot, mixed, outward_normal, refract, scaled, through, unit
+
+CAVITY, BODY, OUTSIDE = 0, 1, 2
+REFLECTED, FROM_BEHIND = 2, 1
+_PASSES = 8  # over the faces of a cavity, until a ray is in all of them
+
+
+@inline
+def write(rays, place, vector):
+    """Write three numbers into as many fields."""
+    rays[place], rays[place + SIZE], rays[place + 2 * SIZE] = vector
+
+
+@inline
+def begin_chain(rays, lane, d):
+    """A ray of the packet as it enters the cavity."""
+    rays[MEDIUM + lane], rays[LAST + lane], rays[CLEAR + lane] = CAVITY, -1.0, 1.0
+    one, other = unpolarised(d)
+    write(rays, FIELDS + lane, one)
+    write(rays, FIELDS + 3 * SIZE + lane, scaled(0.0, one))
+    write(rays, FIELDS + 6 * SIZE + lane, other)
+    write(rays, FIELDS + 9 * SIZE + lane, scaled(0.0, one))
+
+
+@inline
+def keep_nearest(rays, count, medium, face):
+    """Keep what the search on one face found where it is nearer than what was kept; a search given up stays so."""
+    for k in range(count):
+        if rays[MEDIUM + k] != medium or rays[NEXT_STATUS + k] == LOST:
+            continue
+        status, nearer = rays[STATUS + k], rays[LENGTH + k] < rays[NEXT + k]
+        if status == LOST:
+            rays[NEXT_STATUS + k] = LOST
+        elif status == FOUND and nearer:
+            rays[NEXT_STATUS + k], rays[NEXT + k], rays[FACE + k] = FOUND, rays[LENGTH + k], face
+            rays[NEXT_X + k], rays[NEXT_Y + k] = rays[RHO_X + k], rays[RHO_Y + k]
+        elif status == BELOW and rays[NEXT_STATUS + k] == MISSED:
+            rays[NEXT_STATUS + k] = BELOW
+
+
+@inline
+def start_one(rays, lane, k, path):
+    """Put ray k of a packet on its way, from ``path`` (mm) ahead."""
+    rays[NUMBER + lane], rays[T + lane], rays[CLOSING + lane] = float(k), 0.0, 0.0
+    for axis in range(0, 3 * SIZE, SIZE):
+        along = rays[DX + axis + k]
+        rays[X0 + axis + lane], rays[ALONG_X + axis + lane] = rays[PX + axis + k] + path * along, along
+
+
+@inline
+def start_inside(rays, count, medium):
+    """Put those rays of a packet on their way that are in a ``medium``. Returns their number."""
+    going = 0
+    for k in range(count):
+        if rays[MEDIUM + k] == medium:
+            start_one(rays, going, k, 0.0)
+            going += 1
+    return going
+
+
+@inline
+def start_outside(rays, count, face, table, scene):
+    """Put those rays in the body on their way that are outside of a face of the cavity, where they have been followed.
+
+    Returns their number.
+    """
+    going = 0
+    for k in range(count):
+        if rays[BACK_STATUS + k] != GOING or rays[BACK_FACE + k] == face:
+            continue
+        path = rays[BACK + k]
+        x, y, z = mixed(1.0, three(rays, PX + k), path, three(rays, DX + k), 0.0, three(rays, DX + k))
+        r = sqrt(x * x + y * y + z * z)
+        outside = path == 0.0 and rays[LAST + k] == face
+        if outside or r > jet(table, scene[3], scene[4], x / (r + z), y / (r + z))[0]:
+            start_one(rays, going, k, path)
+            going += 1
+    return going
+
+
+@inline
+def keep_entry(rays, count, going, face):
+    """Move the rays that were on their way to their entry into one face of the cavity; others never enter it."""
+    for lane in range(going):
+        k = int(rays[ASKED + lane])
+        rays[BACK + k] += rays[LENGTH + k]
+        if rays[STATUS + k] == FOUND:
+            rays[BACK_FACE + k], rays[BACK_X + k], rays[BACK_Y + k] = face, rays[RHO_X + k], rays[RHO_Y + k]
+        else:
+            rays[BACK_STATUS + k] = rays[STATUS + k]
+
+
+@inline
+def back_into_cavity(rays, count, tables, bounds, scene, chain):
+    """The way of rays in the body back into the cavity, the intersection of what its faces hold.
+
+    A ray that is outside of one of them is followed to where it enters that one, until it is in all: it cannot have
+    been in the cavity before. Crossings nearer than the face that bounds the body are kept.
+    """
+    for k in range(count):
+        rays[BACK_STATUS + k] = GOING if rays[MEDIUM + k] == BODY else MISSED
+        rays[BACK + k], rays[BACK_FACE + k] = 0.0, -1.0
+    moved = 1
+    for _ in range(_PASSES):
+        if moved == 0:
+            break
+        moved = 0
+        for face in range(len(tables)):
+            if chain[0][face] == CAVITY and chain[1][face] == BODY:
+                going = start_outside(rays, count, float(face), tables[face], scene)
+                if going > 0:
+                    for lane in range(going):
+                        rays[ASKED + lane] = rays[NUMBER + lane]
+                    first_hits(
+                        rays, going, tables[face], scene[3], scene[4], bounds_of(bounds, face), float(face), True
+                    )
+                    keep_entry(rays, count, going, float(face))
+                    moved += going
+    for k in range(count):
+        status = rays[BACK_STATUS + k]
+        if status == LOST or (status == GOING and moved > 0):
+            rays[NEXT_STATUS + k] = LOST
+            continue
+        entered = status == GOING and rays[BACK_FACE + k] >= 0.0 and rays[NEXT_STATUS + k] != LOST
+        if entered and rays[BACK + k] < rays[NEXT + k]:
+            rays[NEXT_STATUS + k], rays[NEXT + k], rays[FACE + k] = FOUND, rays[BACK + k], rays[BACK_FACE + k]
+            rays[NEXT_X + k], rays[NEXT_Y + k] = rays[BACK_X + k], rays[BACK_Y + k]
+
+
+@inline
+def meet_nearest(rays, count, tables, bounds, scene, chain):
+    """For each ray of a packet the nearest crossing of the faces that bound the medium in which it is."""
+    for k in range(count):
+        rays[NEXT + k], rays[NEXT_STATUS + k], rays[FACE + k] = inf, MISSED, -1.0
+    for face in range(len(tables)):
+        medium, number = chain[0][face], float(face)
+        going = start_inside(rays, count, medium)
+        if going > 0:
+            first_hits(rays, going, tables[face], scene[3], scene[4], bounds_of(bounds, face), number, False)
+            keep_nearest(rays, count, medium, number)
+    back_into_cavity(rays, count, tables, bounds, scene, chain)
+
+
+@inline
+def index_in(medium, k, scene, indices):
+    """Refractive index of a medium for ray k."""
+    if medium == CAVITY:
+        return scene[1]
+    return scene[2] if medium == OUTSIDE else indices[min(k, len(indices) - 1)]
+
+
+@inline
+def amplitudes(c, q_squared, ratio, mirror, fresnel, coatings, rows, face, k):
+    """Amplitude a and k of light behind a face, and derivatives by c (``kernels.fields``); whether it is reflected."""
+    if mirror >= 0.0:
+        return (sqrt(mirror), 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0), True
+    if q_squared <= 0.0:
+        a, more, by_a, by_more = reflecting(c, ratio)
+        return a, more, by_a, by_more, True
+    if coatings is None:
+        passed, slopes = through(c, sqrt(q_squared), ratio, fresnel, None, rows, k)
+    else:
+        if coatings[1][face] == 0:
+            passed, slopes = through(c, sqrt(q_squared), ratio, fresnel, None, rows, k)
+        else:
+            passed, slopes = through(
+                c, sqrt(q_squared), ratio, fresnel, coatings[0][face, ..., : coatings[1][face], :], rows, k
+            )
+    a, more, by_a, by_more = passing(passed, slopes)
+    return a, more, by_a, by_more, False
+
+
+@inline
+def lost_fate(status, medium, dz):
+    """Fate of a ray that meets no face at z >= 0."""
+    if status == LOST:
+        return Fate.NOT_CONVERGED
+    return Fate.BACKWARD if medium == CAVITY and dz <= 0.0 else Fate.BASE
+
+
+@inline
+def turn_fields(rays, lane, a, more, n, c, d, b, mirrored):
+    """Take both fields of a ray through a face. Returns half of the sum of their squared lengths."""
+    u = mixed(1.0, n, -c, d, 0.0, n)
+    for field in range(2):
+        place_of = FIELDS + 6 * field * SIZE + lane
+        real, imaginary = field_behind(
+            three(rays, place_of), three(rays, place_of + 3 * SIZE), a, more, n, u, d, b, mirrored
+        )
+        write(rays, place_of, real)
+        write(rays, place_of + 3 * SIZE, imaginary)
+    return 0.5 * squared_lengths(
+        three(rays, FIELDS + lane), three(rays, FIELDS + 3 * SIZE + lane),
+        three(rays, FIELDS + 6 * SIZE + lane), three(rays, FIELDS + 9 * SIZE + lane),
+    )  # fmt: skip
+
+
+@inline
+def along_axis(rays, lane, axis):
+    """Share of the light whose field is along a unit vector."""
+    squared = 0.0
+    for part in range(4):
+        onto = dot(axis, three(rays, FIELDS + 3 * part * SIZE + lane))
+        squared += onto * onto
+    return 0.5 * squared
+
+
+@inline
+def pass_on(
+    rays, count, event, emitted, indices, absorptions, scene, coatings, rows, placed, rough, chain,
+    lengths, met, exit_points, exit_directions, flux, absorbed, axial, sin2_exit, fates,
+):  # fmt: skip
+    """Refract or reflect the rays of a packet at the faces that they meet. Returns the number of those that go on."""
+    fresnel, going, last = scene[0], 0, event + 1 == lengths.shape[1]
+    for lane in range(count):
+        k, t, face, medium = int(rays[RAY + lane]), rays[NEXT + lane], int(rays[FACE + lane]), rays[MEDIUM + lane]
+        d = three(rays, DX + lane)
+        status = rays[NEXT_STATUS + lane]
+        px, py, pz = rays[PX + lane] + t * d[0], rays[PY + lane] + t * d[1], rays[PZ + lane] + t * d[2]
+        met[k, event] = -1
+        if status != FOUND or pz < 0.0:
+            fates[k] = lost_fate(status, medium, d[2])
+            continue
+        lengths[k, event] += t
+        if medium == BODY and len(absorptions) > 0:
+            left = exp(-absorptions[min(k, len(absorptions) - 1)] * t)
+            absorbed[k] += flux[k] * (1.0 - left)
+            flux[k], rays[CLEAR + lane] = flux[k] * left, rays[CLEAR + lane] * left
+        from_behind = medium != chain[0][face]
+        behind = chain[0][face] if from_behind else chain[1][face]
+        n = outward_normal(px, py, pz, rays[NEXT_X + lane], rays[NEXT_Y + lane])
+        n = unit(*rough_normal(n[0], n[1], n[2], rough, k, event, face))
+        n = scaled(-1.0, n) if from_behind else n
+        ratio = index_in(medium, k, scene, indices) / index_in(behind, k, scene, indices)
+        bx, by, bz, c, q_squared = refract(d[0], d[1], d[2], n[0], n[1], n[2], ratio)
+        mirror = chain[2][face]
+        sin2_exit[k] = 1.0 - q_squared if behind == OUTSIDE and mirror < 0.0 else 0.0
+        if c <= 0.0:  # tangent, to the last bit
+            fates[k] = Fate.TOTAL_REFLECTION
+            continue
+        a, more, _, _, mirrored = amplitudes(c, q_squared, ratio, mirror, fresnel, coatings, rows, face, k)
+        b = reflect(d, n, c) if mirrored else (bx, by, bz)
+        met[k, event] = 4 * face + (REFLECTED if mirrored else 0) + (FROM_BEHIND if from_behind else 0)
+        if mirrored and last:
+            fates[k] = Fate.TOTAL_REFLECTION if mirror < 0.0 else Fate.MORE_EVENTS
+            continue
+        flux[k] = emitted[k] * rays[CLEAR + lane] * turn_fields(rays, lane, a, more, n, c, d, b, mirrored)
+        if not mirrored and behind == OUTSIDE:
+            if axial is not None:
+                axial[k] = emitted[k] * rays[CLEAR + lane] * along_axis(rays, lane, z_axis(placed))
+            p = (px, py, pz)
+            if placed is not None:
+                frame = placed[0][len(placed[0]) - 1]
+                p, b = place(frame, placed[2], px, py, pz), turn(frame, b[0], b[1], b[2])
+            exit_points[k, 0], exit_points[k, 1], exit_points[k, 2] = p
+            exit_directions[k, 0], exit_directions[k, 1], exit_directions[k, 2] = b
+            continue
+        if last:
+            fates[k] = Fate.MORE_EVENTS
+            continue
+        go_on(rays, lane, going, k, (px, py, pz), b, medium if mirrored else behind, face)
+        going += 1
+    return going
+
+
+@inline
+def go_on(rays, lane, going, k, p, b, medium, face):
+    """Move a ray of the packet from a lane to that of its next event."""
+    rays[RAY + going], rays[CLEAR + going] = float(k), rays[CLEAR + lane]
+    rays[MEDIUM + going], rays[LAST + going] = medium, float(face)
+    write(rays, PX + going, p)
+    write(rays, DX + going, b)
+    for field in range(12):
+        rays[FIELDS + field * SIZE + going] = rays[FIELDS + field * SIZE + lane]

@@ -1,0 +1,145 @@
+"""Polarised light along a chain of faces: two fields of each ray, through refractions and reflections, and adjoints.
+
+Unpolarised light is two fields across the ray and each other, vectors whose squared lengths add up to 2; half of their
+sum is the share of the flux that is left (Yun, Crabtree and Chipman, Appl. Opt. 50, 2855 (2011)). With u = n - c d, the
+part of the normal across the ray, a face makes of a field e
+
+    M (a e + k (n.e) u),    k = (a_p - a_s) / sin^2
+
+with the amplitude a = a_s across the plane of incidence and a_p in it; M turns d to the new direction b: the rotation
+about their common normal where light is refracted, the reflection I - 2 n n where it is reflected. Nothing in it is
+singular at normal incidence, where that plane is none. Amplitudes are roots of what a face transmits; in total
+reflection they are complex, and their common phase stays in them.
+"""
+
+from math import sqrt
+
+from lensforge.kernels.compiled import inline
+from lensforge.kernels.fresnel import dot, mixed, unit
+
+_NONE = (0.0, 0.0, 0.0)
+_DARK = 1e-12  # transmittance below which the slope of its root no longer counts
+
+
+@inline
+def unpolarised(d):
+    """Two unit vectors across the direction d and each other."""
+    x, y, z = abs(d[0]), abs(d[1]), abs(d[2])
+    if x <= y and x <= z:
+        one = unit(0.0, d[2], -d[1])
+    elif y <= z:
+        one = unit(-d[2], 0.0, d[0])
+    else:
+        one = unit(d[1], -d[0], 0.0)
+    return one, (d[1] * one[2] - d[2] * one[1], d[2] * one[0] - d[0] * one[2], d[0] * one[1] - d[1] * one[0])
+
+
+@inline
+def passing(transmittances, slopes):
+    """Amplitude a and k of light that passes, as (a, 0), (k, 0), and their derivatives by the cosine before the face.
+
+    ``transmittances``: ``(t_s, t_p, excess)`` as in ``kernels.fresnel``, with their ``slopes``.
+    """
+    a, p = sqrt(max(transmittances[0], _DARK)), sqrt(max(transmittances[1], _DARK))
+    by_a, by_p = 0.5 * slopes[0] / a, 0.5 * slopes[1] / p
+    k = transmittances[2] / (a + p)
+    return (a, 0.0), (k, 0.0), (by_a, 0.0), ((slopes[2] - k * (by_a + by_p)) / (a + p), 0.0)
+
+
+@inline
+def reflecting(c, ratio):
+    """Complex amplitude a and k of light that is reflected totally (Born and Wolf, 1.5.4), and their derivatives by c.
+
+    With the evanescent cosine i Q behind the face: ``a_s = (r c - i Q) / (r c + i Q)``, ``a_p = -(c - i r Q) /
+    (c + i r Q)`` with the sign by which both are equal at normal incidence.
+    """
+    r = ratio
+    Q = sqrt(max(r * r * (1.0 - c * c) - 1.0, _DARK))
+    by_Q = -r * r * c / Q
+    over = 1.0 / (r * r - 1.0)
+    P, by_P = c * c + r * r * Q * Q, 2.0 * c * (1.0 - r * r * r * r)
+    one, by_one = c * c - Q * Q, 2.0 * c * (1.0 + r * r)
+    two, by_two = c * Q, Q + c * by_Q
+    real, imaginary = -2.0 * r * r / P, 2.0 * r * (r * r + 1.0) / P
+    return (
+        ((r * r * c * c - Q * Q) * over, -2.0 * r * two * over),
+        (real * one, imaginary * two),
+        (4.0 * r * r * c * over, -2.0 * r * by_two * over),
+        (real * (by_one - one * by_P / P), imaginary * (by_two - two * by_P / P)),
+    )
+
+
+@inline
+def _before_turn(real, imaginary, a, k, n, u):
+    """``a e + k (n.e) u`` of a field, and k (n.e)."""
+    w, v = dot(n, real), dot(n, imaginary)
+    p, q = k[0] * w - k[1] * v, k[0] * v + k[1] * w
+    return mixed(a[0], real, -a[1], imaginary, p, u), mixed(a[0], imaginary, a[1], real, q, u), p, q
+
+
+@inline
+def _turned(y, n, d, b, mirrored):
+    """M y."""
+    if mirrored:
+        return mixed(1.0, y, -2.0 * dot(n, y), n, 0.0, n)
+    along = dot(b, y) / (1.0 + dot(d, b))
+    return mixed(1.0, y, -along, d, -along, b)
+
+
+@inline
+def field_behind(real, imaginary, a, k, n, u, d, b, mirrored):
+    """A field behind a face, its real and its imaginary part."""
+    one, other, _, _ = _before_turn(real, imaginary, a, k, n, u)
+    return _turned(one, n, d, b, mirrored), _turned(other, n, d, b, mirrored)
+
+
+@inline
+def _turned_adjoint(y, g, n, d, b, mirrored):
+    """Adjoint of M y: from the sensitivity g to it, to y, n, d and b."""
+    if mirrored:
+        onto, along = dot(n, g), dot(n, y)
+        return mixed(1.0, g, -2.0 * onto, n, 0.0, n), mixed(-2.0 * along, g, -2.0 * onto, y, 0.0, n), _NONE, _NONE
+    per_turn = 1.0 / (1.0 + dot(d, b))
+    onto, along = (dot(d, g) + dot(b, g)) * per_turn, dot(b, y) * per_turn
+    return (
+        mixed(1.0, g, -onto, b, 0.0, b),
+        _NONE,
+        mixed(-along, g, onto * along, b, 0.0, b),
+        mixed(-along, g, onto * along, d, -onto, y),
+    )
+
+
+@inline
+def field_adjoint(real, imaginary, g, h, a, k, n, u, d, b, mirrored):
+    """Adjoint of :func:`field_behind`: from the sensitivities g, h to both parts behind the face.
+
+    Returns those to both parts before it, to n, u, d and b, and to a and k (complex).
+    """
+    one, other, p, q = _before_turn(real, imaginary, a, k, n, u)
+    g, by_n, by_d, by_b = _turned_adjoint(one, g, n, d, b, mirrored)
+    h, also_n, also_d, also_b = _turned_adjoint(other, h, n, d, b, mirrored)
+    w, v = dot(n, real), dot(n, imaginary)
+    on_p, on_q = dot(u, g), dot(u, h)
+    on_w, on_v = k[0] * on_p + k[1] * on_q, k[0] * on_q - k[1] * on_p
+    return (
+        mixed(a[0], g, a[1], h, on_w, n),
+        mixed(a[0], h, -a[1], g, on_v, n),
+        mixed(1.0, mixed(1.0, by_n, 1.0, also_n, on_w, real), on_v, imaginary, 0.0, n),
+        mixed(p, g, q, h, 0.0, n),
+        mixed(1.0, by_d, 1.0, also_d, 0.0, d),
+        mixed(1.0, by_b, 1.0, also_b, 0.0, b),
+        (dot(g, real) + dot(h, imaginary), dot(h, real) - dot(g, imaginary)),
+        (w * on_p + v * on_q, w * on_q - v * on_p),
+    )
+
+
+@inline
+def reflect(d, n, c):
+    """Direction after a reflection."""
+    return mixed(1.0, d, -2.0 * c, n, 0.0, n)
+
+
+@inline
+def squared_lengths(a, b, c, d):
+    """Sum of the squared lengths of four vectors."""
+    return dot(a, a) + dot(b, b) + dot(c, c) + dot(d, d)

@@ -1,0 +1,205 @@
+"""Chains of events: closed forms, the readable tracer, finite differences, invariants, and what is refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from chains import REACH, MixedLight, clear, collimator, mirrors, reflector, tables_of, upwards
+from nightly import NIGHTLY
+
+from lensforge.errors import InputError
+from lensforge.kernels.fate import Fate
+from lensforge.light.chain_trace import TracedFaces, trace_chain
+from lensforge.light.exact_trace import DenseScan, FixedSurface
+from lensforge.light.sequential_trace import EnteringRays
+from lensforge.light.table_trace import Scene, TracedBundle
+from lensforge.optics.media import (
+    BODY,
+    CAVITY,
+    OUTSIDE,
+    CoatingLayer,
+    CoverGlass,
+    FaceCoating,
+    IndexCurve,
+    LayerStack,
+    ReflectanceTable,
+)
+from lensforge.scene.as_made import AsMade, Displacement
+from lensforge.scene.body import Body, Face
+from lensforge.surfaces.asphere import sphere
+from lensforge.surfaces.bicubic_table import TableGrid
+from lensforge.surfaces.reciprocal import ConeFace, PlaneFace
+
+GRID = TableGrid(161)
+FILM = LayerStack((CoatingLayer(IndexCurve((1.38,)), 100.0),), IndexCurve((1.49,)), (400.0, 700.0))
+TABLE = ReflectanceTable((0.0, 30.0, 60.0), ((0.01, 0.02, 0.2),))
+NAMES = ("cap", "side", "wall", "exit")
+MOVED = AsMade(
+    names=NAMES,
+    source=Displacement((0.01, 0.02, 0.03), (0.01, 0.02), (0.0, 0.0, 0.0)),
+    lens=Displacement((0.02, -0.01, 0.03), (0.003, 0.002)),
+    source_size=1.02, scale=1.001, seat_mm=5.0,
+)  # fmt: skip
+CASES = {
+    "clear": (clear(), None),
+    "absorbing": (clear(absorption=0.02), None),
+    "coated": (clear(coatings=(FaceCoating("cap", CAVITY, TABLE), FaceCoating("exit", OUTSIDE, FILM))), None),
+    "mirror": (clear(absorption=0.02, coatings=mirrors(0.9, wall=OUTSIDE)), None),
+    "two mirrors": (clear(coatings=mirrors(0.8, wall=OUTSIDE, side=CAVITY)), None),
+    "glass": (replace(clear(), cover_glass=CoverGlass(1.52, 2.0, 20.0, 0.001, FILM)), None),
+    "moved": (clear(absorption=0.02), MOVED),
+}
+
+
+def scene(body: Body, media, made=None, events: int = 6, grid: TableGrid = GRID, fresnel: bool = True) -> Scene:
+    return Scene(media, grid, fresnel, made, body.chain(events))
+
+
+def test_a_paraboloid_sends_the_light_of_its_focus_along_the_axis() -> None:
+    body, rays, grid = reflector(5.0, 1.0, 8.0), upwards(4000, 1), TableGrid(301)
+    media = clear(coatings=mirrors(0.9, mirror=CAVITY))
+    found = TracedBundle.of(tables_of(body, grid), scene(body, media, events=2, grid=grid), rays)
+    assert (found.exits.fates == Fate.LEFT_LENS).all()
+    by_mirror = found.met[:, 1] >= 0
+    assert 0.3 < by_mirror.mean() < 0.8
+    assert np.abs(found.exits.directions[by_mirror][:, :2]).max() < 3e-6  # of its table
+    assert found.exits.flux == pytest.approx(np.where(by_mirror, 0.9, 1.0) * rays.flux, rel=1e-14)
+    direct = found.exits.directions[~by_mirror]
+    assert np.abs(direct - rays.directions[~by_mirror]).max() < 1e-14, "an opening bends nothing"
+
+
+def test_an_ellipsoid_images_one_focus_on_the_other() -> None:
+    body, rays, grid = reflector(5.0, 0.6, 6.0), upwards(4000, 2), TableGrid(301)
+    media = clear(coatings=mirrors(1.0, mirror=CAVITY))
+    found = TracedBundle.of(tables_of(body, grid), scene(body, media, events=2, grid=grid), rays)
+    by_mirror = found.met[:, 1] >= 0
+    ahead = np.array([0.0, 0.0, 2.0 * 0.6 * 5.0 / (1.0 - 0.6**2)]) - found.exits.points[by_mirror]
+    across = ahead - (ahead * found.exits.directions[by_mirror]).sum(1)[:, None] * found.exits.directions[by_mirror]
+    assert np.linalg.norm(across, axis=1).max() < 5e-6
+
+
+@pytest.mark.parametrize("fresnel", [True, False])
+@pytest.mark.parametrize("case", CASES)
+def test_the_kernels_agree_with_the_readable_tracer(case: str, fresnel: bool) -> None:
+    (media, made), body, grid = CASES[case], collimator(0.05), TableGrid(401)
+    rays = upwards(300, 3, 0.5)
+    found = TracedBundle.of(tables_of(body, grid), scene(body, media, made, 6, grid, fresnel), rays).exits
+    surfaces = {face.name: FixedSurface(face.surface, DenseScan()) for face in body.faces}
+    faces = TracedFaces(surfaces, body.chain(6), 2.2 * REACH)
+    wanted = trace_chain(faces, EnteringRays.of(rays, media, made), fresnel)
+    assert np.array_equal(found.fates, wanted.fates)
+    assert np.abs(found.points - wanted.points).max() < 3e-4
+    assert np.abs(found.directions - wanted.directions).max() < 1e-4
+    assert np.abs(found.flux - wanted.flux).max() < 5e-4
+    if wanted.absorbed is not None:
+        assert np.abs(found.absorbed - wanted.absorbed).max() < 1e-5
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_adjoint_is_the_slope_of_every_face(case: str) -> None:
+    (media, made), body = CASES[case], collimator(0.05)
+    light = MixedLight(tables_of(body, GRID), scene(body, media, made), upwards(1500, 4, 0.5), 5)
+    assert (light.base.met >= 0).sum(1).max() >= 3
+    for face in range(4):
+        direction = np.zeros_like(light.tables)
+        direction[face] = np.random.default_rng(face).normal(size=direction[face].shape)
+        slope = light.slope(direction, 1e-7)
+        assert slope.differences == pytest.approx(slope.adjoint, abs=3.0 * slope.error), NAMES[face]
+        assert slope.crossed <= 15
+
+
+def test_the_adjoint_holds_in_random_scenes() -> None:
+    """Up to six events; a crease that is crossed is counted, as is a ray that grazes: its slope has a large error."""
+    rng, crossed, events, traced = np.random.default_rng(6), 0, set(), 0
+    for number in range(20_000 if NIGHTLY else 40):
+        body = collimator(rng.uniform(0.0, 0.1), rng.uniform(0.0, 0.1), rng.uniform(0.6, 0.95))
+        coated = {name: side for name, side in (("wall", OUTSIDE), ("side", CAVITY)) if rng.random() < 0.5}
+        media = clear(rng.uniform(1.4, 1.7), mirrors(rng.uniform(0.5, 1.0), **coated), rng.uniform(0.0, 0.05))
+        grid, rays = TableGrid(48), upwards(48, number, rng.uniform(0.0, 1.0))
+        light = MixedLight(tables_of(body, grid), scene(body, media, None, 6, grid), rays, number)
+        slope = light.slope(rng.normal(size=light.tables.shape), 1e-8)
+        assert slope.differences == pytest.approx(slope.adjoint, abs=10.0 * slope.error), number
+        crossed, traced = crossed + slope.crossed, traced + len(rays)
+        events |= set((light.base.met >= 0).sum(1).tolist())
+    assert crossed < 0.01 * traced and {2, 3, 4, 5, 6} <= events
+
+
+def test_the_skewness_of_a_ray_is_kept_by_a_rotational_body() -> None:
+    """Bouguer: n times the moment about the axis of rotation is the same before and behind any chain of its faces."""
+    body, rays, grid = collimator(), upwards(3000, 7, 0.7), TableGrid(601)
+    media = clear(1.49, mirrors(0.9, side=CAVITY))
+    found = TracedBundle.of(tables_of(body, grid), scene(body, media, grid=grid), rays)
+    left = found.exits.fates == Fate.LEFT_LENS
+    skew = [
+        np.cross(p, d)[left, 2]
+        for p, d in ((rays.origins, rays.directions), (found.exits.points, found.exits.directions))
+    ]
+    assert (found.met[left] >= 0).sum(1).max() >= 4
+    assert np.abs(skew[0] - skew[1]).max() < 2e-5  # of the tables; it falls with the third power of their step
+
+
+def test_no_flux_is_lost_without_a_cause() -> None:
+    body, rays = collimator(0.05), upwards(3000, 8, 0.5)
+    tables = tables_of(body, GRID)
+    plain = TracedBundle.of(tables, scene(body, clear(absorption=0.05), fresnel=False), rays).exits
+    assert plain.flux + plain.absorbed == pytest.approx(rays.flux, rel=1e-12)
+    for events, fate in ((1, Fate.MORE_EVENTS), (2, Fate.TOTAL_REFLECTION)):
+        few = TracedBundle.of(tables, scene(body, clear(), events=events, fresnel=False), rays).exits
+        assert few.flux.sum() == pytest.approx(rays.flux.sum(), rel=1e-12)
+        assert few.flux[few.fates == fate].sum() > 0.1 * rays.flux.sum()
+    mirrored = clear(coatings=mirrors(0.9, wall=OUTSIDE))
+    dark = TracedBundle.of(tables, scene(body, mirrored, events=2, fresnel=False), rays)
+    assert ((dark.exits.fates == Fate.MORE_EVENTS) == (dark.met[:, 1] >= 8) & (dark.met[:, 1] < 12)).mean() > 0.99
+
+
+def test_the_usual_lens_is_a_chain_of_two_faces() -> None:
+    """The loop of the nearest face does as the sequence does, where no ray comes back."""
+    body, rays = Body.double(sphere(3.0), sphere(6.0, 0.5)), upwards(2000, 9, 0.5)
+    tables, media = tables_of(body, GRID), clear(absorption=0.02)
+    one = TracedBundle.of(tables, Scene(media, GRID), rays)
+    other = TracedBundle.of(tables, scene(body, media, events=2), rays)
+    assert np.array_equal(one.exits.fates, other.exits.fates)
+    for name in ("points", "directions", "flux", "sin2_exit", "absorbed"):
+        assert getattr(one.exits, name) == pytest.approx(getattr(other.exits, name), rel=1e-12, abs=1e-14), name
+    by, seen = np.random.default_rng(1).normal(size=(2000, 3)), np.random.default_rng(2).normal(size=2000)
+    from lensforge.scene.exit_rays import Sensitivities
+
+    first, second = (traced.gradients(Sensitivities(by, by), seen, seen) for traced in (one, other))
+    assert first == pytest.approx(second, rel=1e-9, abs=1e-12 * np.abs(first).max())
+
+
+@pytest.mark.parametrize(
+    ("faces", "words"),
+    [
+        ((Face("cap", sphere(4.0), CAVITY, BODY),), "faces cap: none bounds the body; the body is not closed"),
+        ((Face("cap", sphere(5.0), CAVITY, BODY), Face("exit", sphere(6.0, -2.0), BODY, OUTSIDE)), "wall = -0.99"),
+        (
+            (
+                *collimator().faces[:2],
+                Face("shell", sphere(9.0), BODY, OUTSIDE),
+                Face("top", PlaneFace(REACH, 10.0), BODY, OUTSIDE),
+            ),
+            "top: nowhere the nearest seen from the origin, by shell",
+        ),
+        (
+            (
+                Face("cap", sphere(4.0), CAVITY, BODY),
+                Face("shell", sphere(8.0), BODY, OUTSIDE),
+                Face("roof", PlaneFace(REACH, 9.0, (1.0, 0.0, 1.0)), BODY, OUTSIDE),
+                Face("other", PlaneFace(REACH, 9.0, (-1.0, 0.0, 1.0)), BODY, OUTSIDE),
+                Face("third", ConeFace(REACH, 7.9), BODY, OUTSIDE),
+            ),
+            "must be one piece without a hole",
+        ),
+    ],
+)  # fmt: skip
+def test_faces_that_make_no_body_are_refused(faces: tuple[Face, ...], words: str) -> None:
+    with pytest.raises(InputError) as found:
+        Body(faces).require_sound()
+    assert words in str(found.value) and "\n" not in str(found.value)
+
+
+@pytest.mark.parametrize("events", [0, 65])
+def test_a_number_of_events_that_cannot_be_followed_is_refused(events: int) -> None:
+    with pytest.raises(InputError, match=f"events = {events}: must be 1 to 64"):
+        collimator().chain(events)
