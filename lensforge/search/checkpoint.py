@@ -23,6 +23,7 @@ from lensforge.search.design_result import Level
 from lensforge.search.schedule import Outcome
 from lensforge.spec import Spec
 from lensforge.spec.spec_files import input_hashes, section_sha256
+from lensforge.spec.tolerances_section import FACES, FaceTolerances
 from lensforge.version import made_by
 
 if TYPE_CHECKING:
@@ -31,7 +32,9 @@ if TYPE_CHECKING:
 CHECKPOINT = "checkpoint.bin"  # its name in a result folder
 _FORMAT = b"lensforge checkpoint 4\n"
 _ANEW = "delete it, or start anew without resume"
-_NOT_SEARCHED = ("evaluate", "base", "manufacture", "tolerances")  # sections that a search does not depend on
+_OF_FACES = tuple(f"lens.{face}.{name}" for face in FACES for name in FaceTolerances.model_fields)
+# What a search does not depend on.
+_NOT_SEARCHED = ("evaluate", "base", "manufacture", "tolerances", *_OF_FACES)
 _NOT_ROBUST = ("evaluate", "manufacture")  # the same where it is robust: the lens shrinks about its seat
 _MOST_BYTES = 2**30  # a million steps, the most there are, leave 150 MB
 

@@ -99,9 +99,9 @@ class ChartOperator:
         matrix = vstack([_evaluation(grid, points, order) for order in orders], format="csr")
         return ChartOperator(ChartPoints.of(points, spacing), SparseMatrix(matrix))
 
-    def jets(self, *tables: Float[Tensor, "side side"]) -> list[RadiusJet]:
+    def jets(self, tables: Float[Tensor, "f side side"]) -> list[RadiusJet]:
         """Radius and derivatives of each table; differentiable by its coefficients."""
-        columns = torch.stack([table.reshape(-1) for table in tables], dim=1)
+        columns = tables.reshape(len(tables), -1).T
         values = (self.operator @ columns).T.reshape(len(tables), -1, len(self.points.x))
         return [RadiusJet(each[0], each[1:], table) for each, table in zip(values, tables, strict=True)]
 
@@ -184,7 +184,7 @@ def least_curvature(jet: RadiusJet, points: ChartPoints, air: int) -> Float[Tens
 def draft_sine(jet: RadiusJet, points: ChartPoints) -> Float[Tensor, " k"]:
     """Sine of the draft angle, ``n . z`` of the outward normal; negative in an undercut.
 
-    The same for both faces: the mould half of the outer one opens along +z, the core of the cavity along -z, and their
+    The same for every face: the mould half of the envelope opens along +z, the core of the cavity along -z, and their
     normals are opposite too.
     """
     g_x, g_y = _gradient(jet, points)
@@ -194,20 +194,20 @@ def draft_sine(jet: RadiusJet, points: ChartPoints) -> Float[Tensor, " k"]:
     return sine
 
 
-def wall_mm(inner: RadiusJet, outer: RadiusJet, points: ChartPoints, reach_mm: float) -> Float[Tensor, " k"]:
-    """Distance (mm) from points of the inner surface to the outer one above z = 0; below 0 where the surfaces cross.
+def wall_mm(inside: RadiusJet, outside: RadiusJet, points: ChartPoints, reach_mm: float) -> Float[Tensor, " k"]:
+    """Distance (mm) from points of one face to the one outside of it above z = 0; below 0 where the two cross.
 
     Exact up to ``reach_mm``; where the wall is thicker it may be the longer way along the ray: only thin places bind.
     As the nearest point moves along the surface the distance stays, so its derivatives are those at fixed directions.
     """
-    assert outer.table is not None
-    radial = outer.rho - inner.rho
-    table, grid = outer.table.detach().numpy(), TableGrid(len(outer.table) - 2)
-    starts = inner.rho[:, None] * points.directions
+    assert outside.table is not None
+    radial = outside.rho - inside.rho
+    table, grid = outside.table.detach().numpy(), TableGrid(len(outside.table) - 2)
+    starts = inside.rho[:, None] * points.directions
     there = starts.detach().numpy(), radial.detach().numpy(), reach_mm
     feet = nearest_on_table(table, grid.origin, grid.step, _places(grid, table), _EVERY * grid.step, *there)
     at, columns, shares = (torch.from_numpy(each) for each in (feet.points, feet.columns, feet.shares))
-    rho = (outer.table.reshape(-1)[columns] * shares).sum(dim=1)
+    rho = (outside.table.reshape(-1)[columns] * shares).sum(dim=1)
     ends = rho[:, None] * torch.from_numpy(surface.to_sphere(feet.chart))
     distance = torch.linalg.norm(ends - starts[at], dim=1) * torch.sign(radial.detach()[at])
     return radial.index_put((at,), distance)

@@ -21,6 +21,7 @@ from jaxtyping import Float
 from scipy.spatial import cKDTree
 from torch import Tensor
 
+from lensforge.scene.body import DOUBLE
 from lensforge.search.constraint_points import (
     ChartOperator,
     ChartPoints,
@@ -31,7 +32,7 @@ from lensforge.search.constraint_points import (
     least_curvature,
     wall_mm,
 )
-from lensforge.search.design_result import Limit, limits_of
+from lensforge.search.design_result import CAVITY, CURVATURE, DRAFT, Limit, limits_of
 from lensforge.spec import Spec
 from lensforge.surfaces.bicubic_table import TableGrid
 
@@ -43,12 +44,12 @@ _REACH = 0.01  # of the largest radius: so much above its limit a wall is still 
 _STEEP = 0.5  # sine of the draft above which the field is constant: the arcsine's slope is infinite at the apex
 
 WALL = "wall_margin_mm"
-Field = Callable[[RadiusJet, RadiusJet, ChartPoints], Float[Tensor, " k"]]
+Field = Callable[..., Float[Tensor, " k"]]  # of the jets of its faces, and the points
 
 
 @dataclass(frozen=True)
 class Constraint(Limit):
-    """A field over both surfaces that is at least 0 where the lens is feasible.
+    """A field over its faces that is at least 0 where the lens is feasible.
 
     ``unit`` is that of the field, of ``margin`` (how far inside the search aims) and of ``tolerance``. The field times
     ``factor`` is of order 1 for every constraint: lengths relative to the largest radius; angles and curvatures by the
@@ -64,32 +65,31 @@ class Constraint(Limit):
         """True where the field needs derivatives of the radius: for curvatures and drafts."""
         return self.unit != "mm"
 
+    def of(self, jets: Mapping[str, RadiusJet], points: ChartPoints) -> Float[Tensor, " k"]:
+        """The field at ``points`` of a lens with these ``jets`` of its faces."""
+        return self.field(*(jets[name] for name in self.faces), points)
+
     def tightened(self, by: float) -> "Constraint":
         """The constraint with a limit that is stricter by ``by`` (unit of the field)."""
-
-        def field(inner: RadiusJet, outer: RadiusJet, points: ChartPoints) -> Float[Tensor, " k"]:
-            return self.field(inner, outer, points) - by
-
-        return replace(self, field=field) if by > 0.0 else self
+        return replace(self, field=lambda *at: self.field(*at) - by) if by > 0.0 else self
 
 
 def constraints_of(spec: Spec) -> tuple[Constraint, ...]:
     """The paper's three, and the optional ones that the spec has."""
-    return tuple(_constraint(spec, limit) for limit in limits_of(spec).values())
+    return tuple(_constraint(spec, limit) for limit in limits_of(spec))
 
 
 def _constraint(spec: Spec, limit: Limit) -> Constraint:
     """``limit`` as a constraint on lenses of ``spec``."""
     largest_mm, sigma = spec.constraints.max_radius_mm, spec.lens.basis.detail_rad
-    surface, _, _ = limit.key.partition("_")
     field: Field
-    if limit.unit == "1/mm":
+    if limit.kind == CURVATURE:
         # the cutter touches a lens from the air side, a mould insert from the side of the lens body
-        air = (-1 if surface == "inner" else 1) * (1 if spec.manufacture.make == "part" else -1)
-        field = partial(_curvature_left, surface, air, 1.0 / limit.given)
+        air = (-1 if limit.faces[0] in CAVITY else 1) * (1 if spec.manufacture.make == "part" else -1)
+        field = partial(_curvature_left, air, 1.0 / limit.given)
         factor, margin = 0.5 * sigma**2 * largest_mm, _CURVATURE_MARGIN / limit.given
-    elif limit.unit == "deg":
-        field = partial(_draft_left, surface, limit.given)
+    elif limit.kind == DRAFT:
+        field = partial(_draft_left, limit.given)
         factor, margin = radians(sigma), _DRAFT_MARGIN_DEG
     else:
         field, factor, margin = _length_left(spec, limit), 1.0 / largest_mm, spec.constraints.margin_mm
@@ -100,47 +100,47 @@ def _length_left(spec: Spec, limit: Limit) -> Field:
     """Field (mm) of a limit on a length."""
     limits = spec.constraints
     reach_mm = limits.min_thickness_mm + _REACH * limits.max_radius_mm
-    if limit.key == "keep_out_clearance_mm":
+    if limit.kind == "keep_out_clearance_mm":
         extent = KeepOutExtent.of(spec)
-        return lambda inner, outer, points: inner.rho - extent.at(points)
+        return lambda face, points: face.rho - extent.at(points)
 
-    def above_cavity(inner: RadiusJet, outer: RadiusJet, points: ChartPoints) -> Float[Tensor, " k"]:
-        squared = (inner.rho**2) * (1.0 - points.cosine**2)
+    def above_cavity(face: RadiusJet, points: ChartPoints) -> Float[Tensor, " k"]:
+        squared = (face.rho**2) * (1.0 - points.cosine**2)
         paraboloid = limits.cavity_height_mm / limits.cavity_radius_mm**2 * squared
-        return paraboloid + inner.rho * points.cosine - limits.cavity_height_mm
+        return paraboloid + face.rho * points.cosine - limits.cavity_height_mm
 
     fields: dict[str, Field] = {
         "cavity_clearance_mm": above_cavity,
-        WALL: lambda inner, outer, points: wall_mm(inner, outer, points, reach_mm) - limit.given,
-        "radius_margin_mm": lambda inner, outer, points: limit.given - outer.rho,
-        "largest_wall_margin_mm": lambda inner, outer, points: limit.given - (outer.rho - inner.rho),
-        "height_margin_mm": lambda inner, outer, points: limit.given - outer.rho * points.cosine,
+        WALL: lambda inside, outside, points: wall_mm(inside, outside, points, reach_mm) - limit.given,
+        "radius_margin_mm": lambda face, points: limit.given - face.rho,
+        "largest_wall_margin_mm": lambda inside, outside, points: limit.given - (outside.rho - inside.rho),
+        "height_margin_mm": lambda face, points: limit.given - face.rho * points.cosine,
     }
-    return fields[limit.key]
+    return fields[limit.kind]
 
 
-def _curvature_left(
-    surface: str, air: int, curvature: float, inner: RadiusJet, outer: RadiusJet, points: ChartPoints
-) -> Float[Tensor, " k"]:
+def _curvature_left(air: int, curvature: float, face: RadiusJet, points: ChartPoints) -> Float[Tensor, " k"]:
     """Curvature (1/mm) left before a concave region is as tight as the ball."""
-    return curvature + least_curvature(inner if surface == "inner" else outer, points, air)
+    return curvature + least_curvature(face, points, air)
 
 
-def _draft_left(
-    surface: str, limit_deg: float, inner: RadiusJet, outer: RadiusJet, points: ChartPoints
-) -> Float[Tensor, " k"]:
+def _draft_left(limit_deg: float, face: RadiusJet, points: ChartPoints) -> Float[Tensor, " k"]:
     """Draft (deg) beyond the limit."""
-    sine = torch.clamp(draft_sine(inner if surface == "inner" else outer, points), -1.0 + 1e-6, _STEEP)
+    sine = torch.clamp(draft_sine(face, points), -1.0 + 1e-6, _STEEP)
     return torch.rad2deg(torch.asin(sine)) - limit_deg
 
 
 @dataclass
 class AugmentedLagrangian:
-    """Multipliers of ``c`` constraints at ``k`` points; the fields are scaled by each constraint's factor."""
+    """Multipliers of ``c`` constraints at ``k`` points; the fields are scaled by each constraint's factor.
+
+    ``names``: of the faces, in the order of their tables.
+    """
 
     constraints: tuple[Constraint, ...]
     chart_operator: ChartOperator
     penalty: float = 2e4
+    names: tuple[str, ...] = DOUBLE
     multipliers: Float[Tensor, "c k"] = field(init=False)
 
     @staticmethod
@@ -176,12 +176,12 @@ class AugmentedLagrangian:
 
     def fresh(self, penalty: float) -> "AugmentedLagrangian":
         """These constraints with multipliers of 0."""
-        return AugmentedLagrangian(self.constraints, self.chart_operator, penalty)
+        return replace(self, penalty=penalty)
 
     def tightened(self, by: Mapping[str, float]) -> "AugmentedLagrangian":
         """The constraints with limits that are stricter by what ``by`` has under their keys, in the unit of each."""
         constraints = tuple(each.tightened(by.get(each.key, 0.0)) for each in self.constraints)
-        return AugmentedLagrangian(constraints, self.chart_operator, self.penalty)
+        return replace(self, constraints=constraints)
 
     def at_nearest(self, before: "AugmentedLagrangian", multipliers: Float[Tensor, "c j"]) -> Float[Tensor, "c k"]:
         """``multipliers`` at the points of ``before``, taken to these points: each has that of the nearest one.
@@ -195,10 +195,10 @@ class AugmentedLagrangian:
         nearest = multipliers[:, torch.from_numpy(cKDTree(there).query(here)[1])]
         return nearest * before._factor / self._factor
 
-    def fields(self, inner: Float[Tensor, "side side"], outer: Float[Tensor, "side side"]) -> Float[Tensor, "c k"]:
-        """Fields of the constraints at the points of two tables, each times its factor."""
-        at_inner, at_outer = self.chart_operator.jets(inner, outer)
-        values = [each.field(at_inner, at_outer, self.chart_operator.points) for each in self.constraints]
+    def fields(self, tables: Float[Tensor, "f side side"]) -> Float[Tensor, "c k"]:
+        """Fields of the constraints at the points of the faces' tables, each times its factor."""
+        jets = dict(zip(self.names, self.chart_operator.jets(tables), strict=True))
+        values = [each.of(jets, self.chart_operator.points) for each in self.constraints]
         return self._factor * torch.stack(values)
 
     def least(self, fields: Float[Tensor, "c k"]) -> dict[str, float]:

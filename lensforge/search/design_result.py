@@ -5,11 +5,12 @@ name, with its tolerance and the criterion on its margin. No tracer is loaded: a
 wherever it is read.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from math import nan
+from operator import attrgetter
 from statistics import stdev
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import Field
 
@@ -31,6 +32,7 @@ from lensforge.results import (
 from lensforge.results.arguments import require_choice
 from lensforge.results.criteria import Criterion, at_least, state_of
 from lensforge.results.numerals import quantity
+from lensforge.scene.body import DOUBLE
 from lensforge.scene.lens import Lens
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec import Accuracy, Spec
@@ -48,26 +50,41 @@ class Margins(Record):
 
     ``cavity_clearance_mm``: height of the inner surface above the cavity's paraboloid. ``wall_margin_mm``: wall
     thickness above the minimum. ``radius_margin_mm``: from the outer surface to the largest radius. Where the spec
-    limits them: curvature left before a concave region is as tight as the ball, and draft above the minimum;
-    ``largest_wall_margin_mm``: wall thickness below the largest; ``height_margin_mm``: from the outer surface up to the
-    largest height; ``keep_out_clearance_mm``: from the keep-out, grown by its margin, outwards to the inner surface
-    along the ray from the origin.
+    limits them, of each face by its name: curvature left before a concave region is as tight as the ball, and draft
+    above the minimum. ``largest_wall_margin_mm``: wall thickness below the largest; ``height_margin_mm``: from the
+    outer surface up to the largest height; ``keep_out_clearance_mm``: from the keep-out, grown by its margin, outwards
+    to the inner surface along the ray from the origin.
     """
 
     cavity_clearance_mm: Number
     wall_margin_mm: Number
     radius_margin_mm: Number
-    inner_curvature_margin_per_mm: Number | None = None
-    outer_curvature_margin_per_mm: Number | None = None
-    inner_draft_margin_deg: Number | None = None
-    outer_draft_margin_deg: Number | None = None
+    curvature_margin_per_mm: Annotated[dict[str, Number], Field(default_factory=dict)]
+    draft_margin_deg: Annotated[dict[str, Number], Field(default_factory=dict)]
     largest_wall_margin_mm: Number | None = None
     height_margin_mm: Number | None = None
     keep_out_clearance_mm: Number | None = None
 
+    @staticmethod
+    def of(measured: Mapping["Limit", float]) -> "Margins":
+        """The margins of the limits that were ``measured``."""
+        found: dict[str, Any] = {}
+        for limit, margin in measured.items():
+            if limit.of_one_face:
+                found.setdefault(limit.kind, {})[limit.faces[0]] = margin
+            else:
+                found[limit.kind] = margin
+        return Margins.model_validate(found)
+
+    def at(self, limit: "Limit") -> float:
+        """The margin of ``limit``; NaN where it was not measured."""
+        found = getattr(self, limit.kind)
+        found = found.get(limit.faces[0]) if limit.of_one_face else found
+        return nan if found is None else float(found)
+
 
 class Level(Record):
-    """History of one level of the search: a value for each step; ``constraints`` by name as in :class:`Margins`."""
+    """History of one level of the search: a value for each step; ``constraints`` by the keys of the limits."""
 
     level: Count
     functions: Count
@@ -155,7 +172,7 @@ class Design(StageResult):
 class Progress:
     """The state of a search; ``lens()`` builds the lens of the current parameters.
 
-    ``level`` counts from 0; ``functions``: number per surface that move in it. ``level_done``: this was its last step,
+    ``level`` counts from 0; ``functions``: number per face that move in it. ``level_done``: this was its last step,
     and the level is kept; ``lens()`` is then the best of it. ``steps_total`` of automatic levels: until the end of this
     stage. ``seconds``: of the search so far, set-up included.
     """
@@ -185,16 +202,27 @@ _DRAFT_TOLERANCE_DEG = 0.01
 
 @dataclass(frozen=True)
 class Limit:
-    """A margin of :class:`Margins` that must be at least 0, but for ``tolerance``; ``key`` ends with its unit.
+    """A margin of ``faces`` that must be at least 0, but for ``tolerance``; ``kind``: its field of :class:`Margins`.
 
     ``given``: the value of the spec (mm or degrees), of a keep-out its margin.
     """
 
-    key: str
+    kind: str
+    faces: tuple[str, ...]
     unit: str
     tolerance: float
     remedy: str
     given: float
+
+    @property
+    def of_one_face(self) -> bool:
+        """True for a limit that any face may have for itself."""
+        return self.kind in _OF_ONE_FACE
+
+    @property
+    def key(self) -> str:
+        """Its name in the history of a search; it ends with the unit."""
+        return f"{self.faces[0]}_{self.kind}" if self.of_one_face else self.kind
 
     @property
     def name(self) -> str:
@@ -202,43 +230,56 @@ class Limit:
         return self.key.removesuffix("_per_mm").removesuffix("_mm").removesuffix("_deg").replace("_", " ")
 
 
-# By the key of a margin: the field of ``constraints`` that sets its limit, and what to do where it is missed.
-_LIMITS = {
-    "cavity_clearance_mm": ("cavity_height_mm", "raise lens.inner_offset_mm or lower constraints.cavity_*"),
-    "wall_margin_mm": ("min_thickness_mm", "raise lens.outer_offset_mm or lower {field}"),
-    "radius_margin_mm": ("max_radius_mm", "raise {field} or lower lens.outer_offset_mm"),
-    "inner_curvature_margin_per_mm": ("inner_concave_radius_mm", "lower {field} or raise lens.inner_offset_mm"),
-    "outer_curvature_margin_per_mm": ("outer_concave_radius_mm", "lower {field} or raise lens.outer_offset_mm"),
-    "inner_draft_margin_deg": ("inner_draft_deg", "lower {field} or take more steps"),
-    "outer_draft_margin_deg": ("outer_draft_deg", "lower {field} or take more steps"),
-    "largest_wall_margin_mm": ("max_wall_mm", "raise {field} or lens.inner_offset_mm"),
-    "height_margin_mm": ("max_height_mm", "raise {field} or lower lens.outer_offset_mm"),
-    "keep_out_clearance_mm": ("keep_out", "raise lens.inner_offset_mm or lower {field}_margin_mm"),
-}
+CAVITY, ENVELOPE = DOUBLE[:1], DOUBLE[1:]  # the faces that bound the cavity, and those that bound the body
+CURVATURE, DRAFT = _OF_ONE_FACE = ("curvature_margin_per_mm", "draft_margin_deg")
+# The kind of a margin and its faces, the field that sets its limit, and what to do where it is missed, with the faces
+# in their order.
+_LIMITS = (
+    (
+        "cavity_clearance_mm",
+        CAVITY,
+        "constraints.cavity_height_mm",
+        "raise lens.{0}.offset_mm or lower constraints.cavity_*",
+    ),
+    ("wall_margin_mm", DOUBLE, "constraints.min_thickness_mm", "raise lens.{1}.offset_mm or lower {field}"),
+    ("radius_margin_mm", ENVELOPE, "constraints.max_radius_mm", "raise {field} or lower lens.{0}.offset_mm"),
+    *(
+        (CURVATURE, (face,), f"lens.{face}.concave_radius_mm", "lower {field} or raise lens.{0}.offset_mm")
+        for face in DOUBLE
+    ),
+    *((DRAFT, (face,), f"lens.{face}.draft_deg", "lower {field} or take more steps") for face in DOUBLE),
+    ("largest_wall_margin_mm", DOUBLE, "constraints.max_wall_mm", "raise {field} or lens.{0}.offset_mm"),
+    ("height_margin_mm", ENVELOPE, "constraints.max_height_mm", "raise {field} or lower lens.{0}.offset_mm"),
+    (
+        "keep_out_clearance_mm",
+        CAVITY,
+        "constraints.keep_out",
+        "raise lens.{0}.offset_mm or lower {field}_margin_mm",
+    ),
+)
 
 
-def limits_of(spec: Spec) -> dict[str, Limit]:
-    """The limits of ``spec`` by the key of their margin: the paper's three, and the optional ones that it has."""
-    limits, own = {}, spec.constraints
-    for key, (field, remedy) in _LIMITS.items():
-        if (given := getattr(own, field)) is None:
+def limits_of(spec: Spec) -> tuple[Limit, ...]:
+    """The limits of ``spec``: the paper's three, and the optional ones that it has."""
+    limits, own = [], spec.constraints
+    for kind, faces, field, remedy in _LIMITS:
+        if (given := attrgetter(field)(spec)) is None:
             continue
         unit, tolerance = "mm", own.tolerance_mm
-        if key.endswith("_per_mm"):
+        if kind == CURVATURE:
             unit, tolerance = "1/mm", _CURVATURE_TOLERANCE / given
-        elif key.endswith("_deg"):
+        elif kind == DRAFT:
             unit, tolerance = "deg", _DRAFT_TOLERANCE_DEG
-        value = own.keep_out_margin_mm if field == "keep_out" else given
-        limits[key] = Limit(key, unit, tolerance, remedy.format(field=f"constraints.{field}"), value)
-    return limits
+        value = own.keep_out_margin_mm if field.endswith("keep_out") else given
+        limits.append(Limit(kind, faces, unit, tolerance, remedy.format(*faces, field=field), value))
+    return tuple(limits)
 
 
 def constraint_criteria(spec: Spec, measured: Margins) -> tuple[Criterion, ...]:
     """One criterion for each limit of ``spec``: at least 0 but for its tolerance; NaN where it was not measured."""
-    margins = ((limit, getattr(measured, key)) for key, limit in limits_of(spec).items())
     return tuple(
-        at_least(limit.name, nan if margin is None else margin, -limit.tolerance, limit.unit, limit.remedy)
-        for limit, margin in margins
+        at_least(limit.name, measured.at(limit), -limit.tolerance, limit.unit, limit.remedy)
+        for limit in limits_of(spec)
     )
 
 

@@ -19,7 +19,7 @@ from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
 from lensforge.search.constraint_points import ChartOperator, ChartPoints, RadiusJet, constraint_points
 from lensforge.search.constraints import WALL, AugmentedLagrangian, Constraint, constraints_of
-from lensforge.search.design_result import DIRECTIONS, Margins
+from lensforge.search.design_result import DIRECTIONS, Limit, Margins
 from lensforge.search.parameters import Parametrisation
 from lensforge.search.problem import Problem
 from lensforge.search.search_state import SearchState
@@ -48,40 +48,41 @@ def measure_constraints(lens: Lens, directions: int = DIRECTIONS) -> Margins:
     between the splines that an export would write.
     """
     constraints = constraints_of(lens.spec)
-    points, inner, outer = _exact_radii(lens, directions)
-    wall = thinnest(fit_patch(lens.inner), fit_patch(lens.outer))
-    found = {WALL: wall.thickness_mm - lens.spec.constraints.min_thickness_mm}
+    points, exact = _exact_radii(lens, directions)
+    found: dict[Limit, float] = {}
     for each in constraints:
-        if not each.derivatives and each.key != WALL:
-            found[each.key] = float(each.field(inner, outer, points).min())
+        if each.kind == WALL:
+            wall = thinnest(*(fit_patch(lens.surfaces[name]) for name in each.faces))
+            found[each] = wall.thickness_mm - each.given
+        elif not each.derivatives:
+            found[each] = float(each.of(exact, points).min())
     of_shape = [each for each in constraints if each.derivatives]
     if of_shape:
         grid = grid_for(lens.detail_rad, _NODES_PER_SIGMA)
-        tables = [torch.from_numpy(tabulate(grid, surface)) for surface in (lens.inner, lens.outer)]
+        tables = {name: torch.from_numpy(tabulate(grid, surface)) for name, surface in lens.surfaces.items()}
         everywhere = constraint_points(grid, lens.symmetry)
-        found |= {each.key: _least(each, grid, everywhere, tables) for each in of_shape}
-    return Margins.model_validate(found)
+        found |= {each: _least(each, grid, everywhere, tables) for each in of_shape}
+    return Margins.of(found)
 
 
-def _exact_radii(lens: Lens, directions: int) -> tuple[ChartPoints, RadiusJet, RadiusJet]:
+def _exact_radii(lens: Lens, directions: int) -> tuple[ChartPoints, dict[str, RadiusJet]]:
     azimuth = np.linspace(0.0, 2.0 * np.pi, 2048, endpoint=False)
     rim = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)], axis=1)
     u = np.concatenate([fibonacci_hemisphere(directions), rim])
     u = u[first_images(u, lens.symmetry)]
     nothing = torch.empty(0, len(u), dtype=torch.float64)
-    inner, outer = (RadiusJet(torch.from_numpy(each.radius(u)), nothing) for each in (lens.inner, lens.outer))
-    return ChartPoints.of(chart.to_chart(u)), inner, outer
+    exact = {name: RadiusJet(torch.from_numpy(each.radius(u)), nothing) for name, each in lens.surfaces.items()}
+    return ChartPoints.of(chart.to_chart(u)), exact
 
 
 def _least(
-    constraint: Constraint, grid: TableGrid, points: Float[np.ndarray, "k 2"], tables: list[Float[Tensor, "s s"]]
+    constraint: Constraint, grid: TableGrid, points: Float[np.ndarray, "k 2"], tables: dict[str, Float[Tensor, "s s"]]
 ) -> float:
     """Minimum over ``points``, then over finer ones around it."""
-    least, step = np.inf, grid.step
+    least, step, stacked = np.inf, grid.step, torch.stack([tables[name] for name in constraint.faces])
     for _ in range(2):
         operator = ChartOperator.of(grid, points, derivatives=True)
-        inner, outer = operator.jets(*tables)
-        field = constraint.field(inner, outer, operator.points)
+        field = constraint.field(*operator.jets(stacked), operator.points)
         least, at = min(least, float(field.min())), points[int(field.argmin())]
         window = at + chart.grid(_ZOOM_POINTS, step).reshape(-1, 2)
         points = window / np.maximum(1.0, np.linalg.norm(window, axis=1, keepdims=True))
@@ -100,7 +101,7 @@ def feasible_lens(problem: Problem, found: SearchState, seed: int, accuracy: Acc
         parameters = project_to_feasible(parametrisation, constraints.tightened(stricter), found.weights, found.offsets)
         lens = problem.parametrisation.lens(*parameters, problem.spec, seed, accuracy)
         margins = measure_constraints(lens)
-        missed = {each.key: -getattr(margins, each.key) for each in constraints.constraints}
+        missed = {each.key: -margins.at(each) for each in constraints.constraints}
         missed = {each.key: missed[each.key] for each in constraints.constraints if missed[each.key] > each.tolerance}
         if not (missed and left):
             break
@@ -117,9 +118,9 @@ class _LBFGS(torch.optim.LBFGS):
 def project_to_feasible(
     parametrisation: Parametrisation,
     constraints: AugmentedLagrangian,
-    weights: Float[Tensor, "m 2"],
-    offsets: Float[Tensor, "2"],
-) -> tuple[Float[Tensor, "m 2"], Float[Tensor, "2"]]:
+    weights: Float[Tensor, "m f"],
+    offsets: Float[Tensor, " f"],
+) -> tuple[Float[Tensor, "m f"], Float[Tensor, " f"]]:
     """Move ``weights`` and ``offsets`` by as little as makes all constraint points feasible, with part of the margin.
 
     Least squares in the relative parameters, by augmented Lagrangian. Returned unchanged where that does not succeed.
@@ -136,17 +137,16 @@ def require_feasible_start(problems: Iterable[Problem]) -> None:
     For optional limits, and fixed surfaces; of the paper's three the spec knows all. The starting lens is projected, at
     first by the functions of the first level of the first of ``problems``, at last by all functions of the last one.
     """
-    offsets = torch.ones(2, dtype=torch.float64)
     for problem in problems:
         spec, parametrisation, constraints = problem.spec, problem.parametrisation, problem.constraints
-        if spec.lens.fixed == (None, None) and len(constraints.constraints) == _OF_PAPER:
+        if not any(spec.lens.fixed.values()) and len(constraints.constraints) == _OF_PAPER:
             return
         for functions in sorted({parametrisation.basis.levels[0], parametrisation.basis.size}):
-            weights = torch.zeros(functions, 2, dtype=torch.float64)
+            weights, offsets = parametrisation.hemispheres(functions)
             moved, shortfall = _least_move(parametrisation, constraints, weights, offsets, _HOPELESS)
             if shortfall <= _HOPELESS:
                 return
-    least = constraints.least(constraints.fields(*parametrisation.tables(weights + moved[1:], offsets + moved[0])))
+    least = constraints.least(constraints.fields(parametrisation.tables(weights + moved[1:], offsets + moved[0])))
     given = ", ".join(f"{name} = {value}" for name, value in _given(spec).items())
     missed = [each for each in constraints.constraints if least[each.key] < -each.tolerance]
     words = "; ".join(f"{each.name} {least[each.key]:.3g} {each.unit}: {each.remedy}" for each in missed)
@@ -157,25 +157,28 @@ def _given(spec: Spec) -> dict[str, str]:
     """The limits of ``spec`` by name, as text: the paper's, and those that it sets."""
     limits = spec.constraints
     values = limits.model_dump(exclude_none=True, exclude={"keep_out_margin_mm"} if limits.keep_out is None else None)
+    for name, face in spec.lens.faces.items():
+        own = face.model_dump(exclude_none=True, include={"concave_radius_mm", "draft_deg"})
+        values |= {f"lens.{name}.{field}": value for field, value in own.items()}
     return {name: f"{value:g}" if isinstance(value, float) else str(value) for name, value in values.items()}
 
 
 def _least_move(
     parametrisation: Parametrisation,
     constraints: AugmentedLagrangian,
-    weights: Float[Tensor, "m 2"],
-    offsets: Float[Tensor, "2"],
+    weights: Float[Tensor, "m f"],
+    offsets: Float[Tensor, " f"],
     accepted: float,
-) -> tuple[Float[Tensor, "k 2"], float]:
+) -> tuple[Float[Tensor, "k f"], float]:
     """Least change of offsets (first row) and weights to the feasible set, and the margins that are still missing.
 
     It ends where no more than ``accepted`` margins are missing.
     """
     constraints = constraints.fresh(_PENALTY)
-    moved = torch.zeros(len(weights) + 1, 2, dtype=torch.float64, requires_grad=True)
+    moved = torch.zeros(len(weights) + 1, len(offsets), dtype=torch.float64, requires_grad=True)
 
     def fields() -> Float[Tensor, "c k"]:
-        return constraints.fields(*parametrisation.tables(weights + moved[1:], offsets + moved[0]))
+        return constraints.fields(parametrisation.tables(weights + moved[1:], offsets + moved[0]))
 
     shortfall = constraints.shortfall(fields())
     for _ in range(_ROUNDS):

@@ -1,4 +1,4 @@
-"""Light of one gradient step: from two tables and fresh rays, through the lens, to sums over each receiver.
+"""Light of one gradient step: from the faces' tables and fresh rays, through the lens, to sums over each receiver.
 
 A robust search traces parts in place of the lens as designed: pairs with opposite deviations, new in each step, by the
 same rays. Half of the difference of their images, which is the spread of the parts to first order, then has hardly any
@@ -24,6 +24,7 @@ from lensforge.kernels.parallel import CHUNKS, in_chunks
 from lensforge.light.device_trace import DeviceTable, first_crossing, tables_on
 from lensforge.light.sequential_trace import Crossing, EnteringRays, trace_sequence
 from lensforge.light.table_trace import Scene, TracedBundle
+from lensforge.scene.body import DOUBLE
 from lensforge.scene.exit_rays import Sensitivities
 from lensforge.scene.made_part import ErrorField, FaceNodes, MadePart, PartMaker, waviness
 from lensforge.scene.perturbations import Draws
@@ -179,33 +180,30 @@ class LightPath:
 
     def through(
         self,
-        inner: Float[Tensor, "side side"],
-        outer: Float[Tensor, "side side"],
+        tables: Float[Tensor, "f side side"],
         rays: RayBundle,
         part: MadePart,
     ) -> tuple[Collected, ...]:
         """Light through one part of the lens with these tables; its source has a flux of its own."""
         scene = replace(self.scene, media=part.media(self.scene.media), made=part.made)
-        own = part.rays(replace(rays, flux=part.flux * rays.flux))
-        return replace(self, scene=scene).collect(*part.tables(inner, outer), own)
+        own = replace(rays, flux=part.flux * rays.flux)
+        return replace(self, scene=scene).collect(part.tables(tables), own)
 
-    def collect(
-        self, inner: Float[Tensor, "side side"], outer: Float[Tensor, "side side"], rays: RayBundle
-    ) -> tuple[Collected, ...]:
-        """Trace ``rays`` through two tables on the CPU and collect them there; differentiable in the tables.
+    def collect(self, tables: Float[Tensor, "f side side"], rays: RayBundle) -> tuple[Collected, ...]:
+        """Trace ``rays`` through tables on the CPU and collect them there; differentiable in the tables.
 
         The same rays give the same bits on the same device; on another one they agree to rounding.
         """
         if self.device is None:
-            landed, sin2_exit = landed_through(inner, outer, self.scene, rays, self.receivers)
+            landed, sin2_exit = landed_through(tables, self.scene, rays, self.receivers)
             emitted = torch.from_numpy(rays.flux)
             return tuple(
                 collected(landings, sin2_exit, emitted, receiver.grid, receiver.window)
                 for receiver, landings in zip(self.receivers, landed, strict=True)
             )
-        tables = tables_on(self.device, inner, outer, self.scene)
+        there = tables_on(self.device, tables[0], tables[1], self.scene)
         starts = range(0, len(rays), self.chunk)
-        parts = [self._part(tables, rays.take(slice(start, start + self.chunk))) for start in starts]
+        parts = [self._part(there, rays.take(slice(start, start + self.chunk))) for start in starts]
         sums = [torch.stack(each).sum(dim=0).cpu() for each in zip(*parts, strict=True)]
         return tuple(Collected(*sums[first : first + 4]) for first in range(0, len(sums), 4))
 
@@ -232,28 +230,22 @@ class LightPath:
 
 
 def landed_through(
-    inner: Float[Tensor, "side side"],
-    outer: Float[Tensor, "side side"],
-    scene: Scene,
-    rays: RayBundle,
-    receivers: tuple[PosedReceiver, ...],
+    tables: Float[Tensor, "f side side"], scene: Scene, rays: RayBundle, receivers: tuple[PosedReceiver, ...]
 ) -> tuple[list[Landings], Float[Tensor, " n"]]:
-    """Landings of ``rays`` on each receiver, and their ``sin2_exit``; differentiable in both tables, float64, CPU.
+    """Landings of ``rays`` on each receiver, and their ``sin2_exit``; differentiable in the tables, float64, CPU.
 
     Raises :class:`InputError` when a surface has a radius that is not positive.
     """
     sin2_exit, *fields = _Landing.apply(  # type: ignore[no-untyped-call]  # as torch has it
-        inner, outer, scene, rays, receivers
+        tables, scene, rays, receivers
     )
     return [Landings(*fields[first : first + 4]) for first in range(0, len(fields), 4)], sin2_exit
 
 
 class _Landing(torch.autograd.Function):
     @staticmethod
-    def forward(
-        ctx: Any, inner: Tensor, outer: Tensor, scene: Scene, rays: RayBundle, receivers: tuple[PosedReceiver, ...]
-    ) -> Any:
-        traced = TracedBundle.of(inner.detach().numpy(), outer.detach().numpy(), scene, rays)
+    def forward(ctx: Any, tables: Tensor, scene: Scene, rays: RayBundle, receivers: tuple[PosedReceiver, ...]) -> Any:
+        traced = TracedBundle.of(tables.detach().numpy(), scene, rays)
         landed = [receiver.land(traced.exits) for receiver in receivers]
         ctx.traced, ctx.receivers, ctx.missed = traced, receivers, [each.missed_receiver for each in landed]
         fields = [
@@ -277,7 +269,7 @@ class _Landing(torch.autograd.Function):
             total = by if total is None else Sensitivities(*(a + b for a, b in zip(total, by, strict=True)))
             total_flux = total_flux + by_flux.numpy()
         by_tables = ctx.traced.gradients(total, total_flux, by_sin2.contiguous().numpy())
-        return *(torch.from_numpy(table) for table in by_tables), None, None, None
+        return torch.from_numpy(by_tables), None, None, None
 
 
 Pair = tuple[MadePart, MadePart]
@@ -303,20 +295,19 @@ class SearchParts:
     @staticmethod
     def of(spec: Spec, parametrisation: Parametrisation) -> "SearchParts":
         """Prepare the parts. Raises :class:`InputError` where all tolerances are 0."""
-        factors, section = factors_of(spec.tolerances), spec.tolerances
-        first, second = (
-            _hemisphere(radius) if fixed is None else fixed
-            for radius, fixed in zip(spec.lens.start_mm, parametrisation.fixed, strict=True)
-        )
+        factors, section = factors_of(spec.part_tolerances), spec.tolerances
+        surfaces = {
+            name: _hemisphere(spec.lens.start_mm[name]) if fixed is None else fixed
+            for name, fixed in zip(DOUBLE, parametrisation.fixed, strict=True)
+        }
         smooth = tuple(factor for factor in factors if "waviness" not in factor.name)
-        maker = PartMaker.of(spec, (first, second), parametrisation.grid, smooth)
+        maker = PartMaker.of(spec, surfaces, parametrisation.grid, smooth)
         errors, side = dict(maker.errors), parametrisation.grid.side
-        for factor in factors:
-            if factor not in smooth:
-                surface = first if factor.name.startswith("inner") else second
-                band = section.waviness_shortest_mm, section.waviness_longest_mm
+        names, band = {factor.name for factor in factors}, (section.waviness_shortest_mm, section.waviness_longest_mm)
+        for face, surface in surfaces.items():
+            if (name := f"{face}_waviness_um") in names:
                 slope = waviness(FaceNodes.of(_NO_DETAIL, surface), *band, 0).slope
-                errors[factor.name] = ErrorField(np.zeros((0, side, side)), slope)
+                errors[name] = ErrorField(np.zeros((0, side, side)), slope)
         return SearchParts(replace(maker, errors=errors), factors)
 
     def of_step(self, seed: int, step: int) -> Pair:

@@ -281,8 +281,8 @@ class MeritFunction:
 
     def evaluate(
         self,
-        weights: Float[Tensor, "k 2"],
-        offsets: Float[Tensor, "2"],
+        weights: Float[Tensor, "k f"],
+        offsets: Float[Tensor, " f"],
         rays: RayBundle,
         constraints: AugmentedLagrangian,
         uniform: bool,
@@ -292,8 +292,8 @@ class MeritFunction:
 
         With a ``pair`` of opposite parts the mean over both.
         """
-        inner, outer = self.parametrisation.tables(weights, offsets)
-        light = self.light_of(inner, outer, rays, pair)
+        tables = self.parametrisation.tables(weights, offsets)
+        light = self.light_of(tables, rays, pair)
         efficiency = self._weighted(light.images, lambda terms, image: float(image.detach().sum())) / light.emitted_w
         parts = light.of_parts()
         nmse = mean(
@@ -303,16 +303,10 @@ class MeritFunction:
         loss = torch.stack([self._image_loss(images, uniform) for images in parts]).mean()
         limits = torch.stack([self._limit_term(images) for images in parts]).mean()
         loss = loss + light.terms / light.emitted_w + limits
-        fields = constraints.fields(inner, outer)
+        fields = constraints.fields(tables)
         return Evaluated(loss + constraints.term(fields), nmse, efficiency, fields)
 
-    def light_of(
-        self,
-        inner: Float[Tensor, "side side"],
-        outer: Float[Tensor, "side side"],
-        rays: RayBundle,
-        pair: Pair | None = None,
-    ) -> SampledLight:
+    def light_of(self, tables: Float[Tensor, "f side side"], rays: RayBundle, pair: Pair | None = None) -> SampledLight:
         """The light of ``rays`` through the lens with these tables, or through a ``pair`` of its parts.
 
         Both parts are traced with all rays: fewer in their difference from the lens as designed save time, but where
@@ -320,9 +314,9 @@ class MeritFunction:
         """
         emitted_w = float(rays.flux.sum())
         if pair is None:
-            light = self.light.collect(inner, outer, rays)
+            light = self.light.collect(tables, rays)
             return SampledLight(self._images(light), self._flux_term(light), emitted_w)
-        one, other = (self.light.through(inner, outer, rays, part) for part in pair)
+        one, other = (self.light.through(tables, rays, part) for part in pair)
         both = list(zip(self.terms, one, other, strict=True))
         # only the mean over all parts has the symmetry of the scene: each part alone has none
         images = tuple(terms.mirrored(0.5 * (a.image + b.image)) for terms, a, b in both)

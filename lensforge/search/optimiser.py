@@ -14,6 +14,7 @@ import torch
 
 from lensforge import seeds
 from lensforge.errors import Cancelled, remedy
+from lensforge.scene.body import radii
 from lensforge.scene.lens import Lens
 from lensforge.search.automatic_schedule import AutomaticSchedule
 from lensforge.search.checkpoint import delete_checkpoint, fingerprint
@@ -123,7 +124,7 @@ class Descent:
         steps = range(self.state.step, stage.steps)
         own_seeds = (seeds.of_step(self.seed, earlier + step) for step in steps)
         for step, rays in zip(steps, rays_ahead(self.source, stage.rays, own_seeds), strict=True):
-            with remedy("raise lens.inner_offset_mm or lens.outer_offset_mm"):
+            with remedy("raise lens.inner.offset_mm or lens.outer.offset_mm"):
                 every = torch.cat([weights, still]) if still.any() else weights
                 pair = self._pair(problem, earlier + step)
                 result = problem.merit.evaluate(every, offsets, rays, problem.constraints, stage.uniform, pair)
@@ -209,7 +210,7 @@ class Descent:
         size = following.parametrisation.basis.size
         if size == len(state.weights):
             return state
-        weights = torch.zeros(size, 2, dtype=torch.float64)
+        weights, _ = following.parametrisation.hemispheres()
         kept = min(size, len(state.weights))
         weights[:kept] = state.weights[:kept]
         return replace(state, weights=weights, best=Parameters(weights, state.offsets))
@@ -352,7 +353,7 @@ def _design(
     summary = summarise(source, lens.spec.source)
     directions = fibonacci_hemisphere(_SIZE_DIRECTIONS)
     directions = directions[first_images(directions, lens.symmetry)]
-    radius = lens.outer.radius(directions)
+    radius = radii(lens.body.envelope, directions).min(axis=0)
     return Design(
         inputs={"lens": lens.sha256, "spec": section_sha256(lens.spec), **input_hashes(lens.spec)},
         lens=lens,
@@ -381,5 +382,4 @@ def _fresh_state(schedule: Schedule, problems: Problems, start: Lens | None) -> 
         return SearchState(*problem.parametrisation.parameters_of(start), multipliers)
     finest = schedule.stages.levels.counts if isinstance(schedule, AutomaticSchedule) else first.levels
     require_feasible_start(map(problems.of, dict.fromkeys((first.levels, finest))))
-    weights = torch.zeros(problem.parametrisation.basis.size, 2, dtype=torch.float64)
-    return SearchState(weights, torch.ones(2, dtype=torch.float64), multipliers)
+    return SearchState(*problem.parametrisation.hemispheres(), multipliers)

@@ -1,4 +1,4 @@
-"""Parameters of a search: relative weights and offsets of the free surfaces, the tables of both, and their symmetry.
+"""Parameters of a search: relative weights and offsets of the faces, by name, their tables, and their symmetry.
 
 The tables are a differentiable torch operation. A lens may have the mirror symmetry that source, fixed surface,
 receivers and targets share, and no larger one.
@@ -15,6 +15,7 @@ from torch import Tensor
 
 from lensforge.errors import InputError, remedy
 from lensforge.kernels.parallel import in_parallel
+from lensforge.scene.body import DOUBLE
 from lensforge.scene.lens import Lens
 from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.receiver import PosedReceiver
@@ -29,29 +30,29 @@ from lensforge.surfaces.surface import Surface
 
 
 class _Tables(torch.autograd.Function):
-    """The tables of both columns of weights, a thread for each; and the gradient by the weights."""
+    """The tables of the columns of weights, a thread for each; and the gradient by the weights."""
 
     @staticmethod
     def forward(ctx: Any, weights: Tensor, tables: BasisTables) -> Tensor:
-        ctx.tables, ctx.count = tables, len(weights)
+        ctx.tables, ctx.shape = tables, weights.shape
         columns = np.ascontiguousarray(weights.detach().numpy().T)
-        both = np.empty((2, tables.side, tables.side))
+        found = np.empty((len(columns), tables.side, tables.side))
 
         def work(face: int) -> None:
-            both[face] = tables.table(columns[face])
+            found[face] = tables.table(columns[face])
 
-        in_parallel(work, 2)
-        return torch.from_numpy(both)
+        in_parallel(work, len(columns))
+        return torch.from_numpy(found)
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None]:
         by_tables = gradients[0].contiguous().numpy()
-        by_weights = np.empty((ctx.count, 2))
+        by_weights = np.empty(ctx.shape)
 
         def work(face: int) -> None:
-            by_weights[:, face] = ctx.tables.by_weights(by_tables[face], ctx.count)
+            by_weights[:, face] = ctx.tables.by_weights(by_tables[face], len(by_weights))
 
-        in_parallel(work, 2)
+        in_parallel(work, len(by_tables))
         return torch.from_numpy(by_weights), None
 
 
@@ -61,17 +62,18 @@ _FIT_DAMPING = 1e-10
 
 @dataclass(frozen=True)
 class Parametrisation:
-    """Parameters of both surfaces, which share one basis and one map to tables.
+    """Parameters of the faces ``names``, which share one basis and one map to tables; each has a column.
 
-    Parameters are relative to the starting offsets: a unit step means the same for a lens of any size. Column 0 is
-    the inner surface, column 1 the outer. The column of a ``fixed`` surface has no effect.
+    Parameters are relative to the starting offsets: a unit step means the same for a lens of any size. The column of a
+    ``fixed`` face has no effect.
     """
 
     basis: SrbfBasis
     grid: TableGrid
     basis_tables: BasisTables
-    scale_mm: Float[Tensor, "2"]
-    fixed: tuple[Surface | None, Surface | None] = (None, None)
+    scale_mm: Float[Tensor, " f"]
+    fixed: tuple[Surface | None, ...]
+    names: tuple[str, ...] = DOUBLE
 
     @staticmethod
     def of(spec: Spec, nodes_per_sigma: float) -> "Parametrisation":
@@ -79,58 +81,63 @@ class Parametrisation:
         lens, basis = spec.lens, spec.lens.basis
         with remedy("raise lens.sigma_c, lower the last of lens.levels, or take a lower accuracy"):
             sigmas = [level_sigma(count, basis.sigma_c) for count in basis.levels]
-            details = [surface.detail_rad for surface in lens.fixed if surface is not None]
+            details = [surface.detail_rad for surface in lens.fixed.values() if surface is not None]
             grid, halvings = dyadic_grid([*sigmas, *details], nodes_per_sigma)
             tables = BasisTables.of(basis, grid, halvings[: len(sigmas)])
-        return Parametrisation(basis, grid, tables, torch.tensor(lens.start_mm, dtype=torch.float64), lens.fixed)
+        scale_mm = torch.tensor([*lens.start_mm.values()], dtype=torch.float64)
+        return Parametrisation(basis, grid, tables, scale_mm, tuple(lens.fixed.values()))
 
     def refined(self) -> "Parametrisation":
         """Parametrisation whose tables have half the step, of the same splines."""
         grid = TableGrid(2 * self.grid.nodes - 1)
         return replace(self, grid=grid, basis_tables=replace(self.basis_tables, side=grid.side))
 
-    def tables(
-        self, weights: Float[Tensor, "k 2"], offsets: Float[Tensor, "2"]
-    ) -> tuple[Float[Tensor, "side side"], Float[Tensor, "side side"]]:
-        """Tables (mm) of both surfaces from the first ``k`` relative weights; differentiable."""
+    def hemispheres(self, functions: int | None = None) -> tuple[Float[Tensor, "k f"], Float[Tensor, " f"]]:
+        """Relative weights, by default of all functions, and offsets of the lens from which a search starts."""
+        count, faces = self.basis.size if functions is None else functions, len(self.names)
+        return torch.zeros(count, faces, dtype=torch.float64), torch.ones(faces, dtype=torch.float64)
+
+    def tables(self, weights: Float[Tensor, "k f"], offsets: Float[Tensor, " f"]) -> Float[Tensor, "f side side"]:
+        """Tables (mm) of the faces from the first ``k`` relative weights; differentiable."""
         coefficients: Tensor = _Tables.apply(weights, self.basis_tables)  # type: ignore[no-untyped-call]  # as torch has it
         free = ((coefficients.permute(2, 1, 0) + offsets) * self.scale_mm).unbind(dim=-1)
-        inner, outer = (
-            mirror_mean(free[i].T, self.basis.symmetry) if fixed is None else fixed
-            for i, fixed in enumerate(self._fixed_tables)
+        return torch.stack(
+            [
+                mirror_mean(own.T, self.basis.symmetry) if fixed is None else fixed
+                for own, fixed in zip(free, self._fixed_tables, strict=True)
+            ]
         )
-        return inner.contiguous(), outer.contiguous()
 
     @cached_property
     def _fixed_tables(self) -> list[Float[Tensor, "side side"] | None]:
         return [None if fixed is None else torch.from_numpy(tabulate(self.grid, fixed)) for fixed in self.fixed]
 
-    def parameters_of(self, lens: Lens) -> tuple[Float[Tensor, "m 2"], Float[Tensor, "2"]]:
-        """Relative weights and offsets that give the free surfaces of ``lens``.
+    def parameters_of(self, lens: Lens) -> tuple[Float[Tensor, "m f"], Float[Tensor, " f"]]:
+        """Relative weights and offsets that give the free faces of ``lens``.
 
         Exact where a surface has this basis; any other is fitted in least squares over the hemisphere.
         """
-        weights = torch.zeros(self.basis.size, 2, dtype=torch.float64)
-        offsets = torch.ones(2, dtype=torch.float64)
-        for side, (surface, fixed) in enumerate(zip((lens.inner, lens.outer), self.fixed, strict=True)):
+        weights, offsets = self.hemispheres()
+        for face, (name, fixed) in enumerate(zip(self.names, self.fixed, strict=True)):
             if fixed is None:
+                surface = lens.surfaces[name]
                 own = isinstance(surface, SrbfSurface) and surface.basis == self.basis
                 fitted = cast("SrbfSurface", surface) if own else fit_surface(self.basis, surface)
-                scale = self.scale_mm[side]
-                weights[:, side] = torch.from_numpy(fitted.weights_mm) / scale
-                offsets[side] = fitted.offset_mm / scale
+                scale = self.scale_mm[face]
+                weights[:, face] = torch.from_numpy(fitted.weights_mm) / scale
+                offsets[face] = fitted.offset_mm / scale
         return weights, offsets
 
     def lens(
-        self, weights: Float[Tensor, "m 2"], offsets: Float[Tensor, "2"], spec: Spec, seed: int, accuracy: Accuracy
+        self, weights: Float[Tensor, "m f"], offsets: Float[Tensor, " f"], spec: Spec, seed: int, accuracy: Accuracy
     ) -> Lens:
         """The frozen record of these parameters."""
         millimetres, radii = (weights * self.scale_mm).numpy(), (offsets * self.scale_mm).tolist()
-        inner, outer = (
-            SrbfSurface(self.basis, millimetres[:, i].copy(), radii[i]) if fixed is None else fixed
-            for i, fixed in enumerate(self.fixed)
-        )
-        return Lens(inner, outer, spec, seed, accuracy)
+        surfaces = {
+            name: SrbfSurface(self.basis, millimetres[:, face].copy(), radii[face]) if fixed is None else fixed
+            for face, (name, fixed) in enumerate(zip(self.names, self.fixed, strict=True))
+        }
+        return Lens(surfaces, spec, seed, accuracy)
 
 
 def fit_surface(basis: SrbfBasis, surface: Surface) -> SrbfSurface:
@@ -180,9 +187,12 @@ def settled_symmetry(spec: Spec, source: Source) -> Spec:
 
 def _in_fixed(spec: Spec, name: str) -> str | None:
     """Field of a fixed surface that lacks the symmetry; None where both have it."""
-    fields = ("lens.fixed_inner", "lens.fixed_outer")
-    faces = zip(fields, spec.lens.fixed, strict=True)
-    return next((field for field, face in faces if face is not None and not contains(face.symmetry, name)), None)
+    lacking = (
+        f"lens.{face}.fixed"
+        for face, surface in spec.lens.fixed.items()
+        if surface is not None and not contains(surface.symmetry, name)
+    )
+    return next(lacking, None)
 
 
 def _in_targets(spec: Spec, name: str) -> bool:

@@ -100,17 +100,17 @@ class ValidationRays:
         return ValidationRays((first, second), seed), steps
 
     def judge(
-        self, problem: Problem, weights: Float[Tensor, "k 2"], offsets: Float[Tensor, "2"], even: bool
+        self, problem: Problem, weights: Float[Tensor, "k f"], offsets: Float[Tensor, " f"], even: bool
     ) -> tuple[Judgement, Judgement | None]:
         """Judge a lens by its light, constraints included; and with the uniformity first, if ``even``."""
         merit, constraints = problem.merit, problem.constraints
         with torch.no_grad():
             tables = merit.parametrisation.tables(weights, offsets)
-            missing = float(constraints.penalty_alone(constraints.fields(*tables)))
+            missing = float(constraints.penalty_alone(constraints.fields(tables)))
             parts = problem.parts  # of a robust search; the same for both samples
             pairs = [None] * SLICES if parts is None else parts.of_validation(self.seed, SLICES)
             lights = [
-                [merit.light_of(*tables, part, pair) for part, pair in zip(sample.divided(SLICES), pairs, strict=True)]
+                [merit.light_of(tables, part, pair) for part, pair in zip(sample.divided(SLICES), pairs, strict=True)]
                 for sample in self.samples
             ]
             judged = [_judgement(merit, lights, missing, uniform) for uniform in ([False, True] if even else [False])]

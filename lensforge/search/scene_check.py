@@ -27,7 +27,7 @@ from lensforge.sources.build_source import summarise
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.sources.source_pose import SourcePose
 from lensforge.spec import Spec
-from lensforge.spec.feasible import smallest_inner_mm
+from lensforge.spec.feasible import smallest_cavity_mm
 from lensforge.spec.source_sections import Placement
 from lensforge.spec.spec_section import rounded_up
 from lensforge.surfaces.asphere import sphere
@@ -210,7 +210,7 @@ class SceneCheck:
                 yield f"{' or '.join(turn)} (the mean direction is ({mean}) in the lens, it should be near +z)"
             elif share > main:
                 places = [f"source.{name}" for name in ("scale", "origin", "position_mm") if name in fields]
-                cavity = "lens.inner_offset_mm" if self.spec.lens.fixed_inner is None else "lens.fixed_inner"
+                cavity = "lens.inner.offset_mm" if self.spec.lens.inner.fixed is None else "lens.inner.fixed"
                 yield ", ".join([*places, f"or a larger {cavity}"])
 
     def _through(self) -> str:
@@ -222,19 +222,17 @@ class SceneCheck:
 
 def _shares_by_fate(spec: Spec, rays: RayBundle, start: Lens | None) -> dict[Fate, float]:
     """Shares of the flux by fate in the starting lens."""
-    inner, outer = starting_surfaces(spec) if start is None else (start.inner, start.outer)
-    grid = grid_for(min(inner.detail_rad, outer.detail_rad), _NODES_PER_SIGMA)
-    inner_table, outer_table = (tabulate(grid, surface) for surface in (inner, outer))
-    exits = trace_tables(inner_table, outer_table, Scene(spec.lens.media, grid), rays)
+    surfaces = (starting_surfaces(spec) if start is None else start.surfaces).values()
+    grid = grid_for(min(surface.detail_rad for surface in surfaces), _NODES_PER_SIGMA)
+    exits = trace_tables([tabulate(grid, surface) for surface in surfaces], Scene(spec.lens.media, grid), rays)
     by_fate = np.bincount(exits.fates, rays.flux, minlength=len(Fate)) / rays.flux.sum()
     return {fate: float(by_fate[fate]) for fate in Fate}
 
 
-def starting_surfaces(spec: Spec) -> tuple[Surface, Surface]:
-    """Inner and outer surface from which a search begins: two spheres, or those that the spec fixes."""
-    inner, outer = (sphere(radius_mm) for radius_mm in spec.lens.start_mm)
-    fixed_inner, fixed_outer = spec.lens.fixed
-    return fixed_inner or inner, fixed_outer or outer
+def starting_surfaces(spec: Spec) -> dict[str, Surface]:
+    """The surfaces from which a search begins, by the names of their faces: spheres, or those that the spec fixes."""
+    fixed = spec.lens.fixed
+    return {name: fixed[name] or sphere(radius_mm) for name, radius_mm in spec.lens.start_mm.items()}
 
 
 def _percent(share: float) -> str:
@@ -255,15 +253,15 @@ def source_clearance_warnings(spec: Spec, source: Source) -> tuple[str, ...]:
     above = _above_plane(source.outline())
     distance = np.linalg.norm(above, axis=1)
     polar = np.arctan2(np.hypot(above[:, 0], above[:, 1]), above[:, 2])
-    smallest = smallest_inner_mm(spec.lens, spec.constraints)
+    smallest = smallest_cavity_mm(spec.lens, spec.constraints)
     room = np.interp(polar, np.linspace(0.0, 0.5 * np.pi, len(smallest)), smallest) - distance
     if not len(room) or room.min() >= -_SLACK * distance.max():
         return ()
     x, y, z = above[room.argmin()]
     limits = spec.constraints
     kept = (
-        "lens.fixed_inner"
-        if spec.lens.fixed_inner is not None
+        "lens.inner.fixed"
+        if spec.lens.inner.fixed is not None
         else f"the paraboloid of constraints.cavity_height_mm = {limits.cavity_height_mm:g} and cavity_radius_mm = "
         f"{limits.cavity_radius_mm:g}"
     )

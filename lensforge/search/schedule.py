@@ -228,10 +228,10 @@ def _limits(spec: Spec, source: Source) -> list[tuple[float, str]]:
     width_mm = float(np.ptp(outline[:, :2], axis=0).max()) if len(outline) else 0.0
     found.append((_OF_SOURCE * width_mm / radius_mm, f"a fifth of the angle of the source, {width_mm:.3g} mm wide"))
     pixel_rad = min(_pixel_rad(receiver, spec.evaluate.pixels) for receiver in spec.all_receivers)
-    for face in ("inner", "outer"):
-        limit_mm = getattr(spec.constraints, f"{face}_concave_radius_mm")
+    for name, face in spec.lens.faces.items():
+        limit_mm = face.concave_radius_mm
         ball_mm = spec.manufacture.cutter_radius_mm if limit_mm is None else limit_mm
-        words = f"what a ball of {ball_mm:g} mm reaches in the {face} face moves the light by less than a pixel"
+        words = f"what a ball of {ball_mm:g} mm reaches in the {name} face moves the light by less than a pixel"
         found.append((_width_of_ball(spec, ball_mm, pixel_rad), words))
     return found
 

@@ -22,10 +22,10 @@ from lensforge.version import made_by
 class Moments(NamedTuple):
     """Moments of Adam: running means of the gradient and of its square, by weights and by offsets."""
 
-    weights: Float[Tensor, "f 2"]
-    weights_squared: Float[Tensor, "f 2"]
-    offsets: Float[Tensor, "2"]
-    offsets_squared: Float[Tensor, "2"]
+    weights: Float[Tensor, "m f"]
+    weights_squared: Float[Tensor, "m f"]
+    offsets: Float[Tensor, " f"]
+    offsets_squared: Float[Tensor, " f"]
 
 
 class Adam:
@@ -74,10 +74,10 @@ class Adam:
 
 
 class Parameters(NamedTuple):
-    """Relative weights and offsets of both surfaces."""
+    """Relative weights and offsets of the faces, a column for each."""
 
-    weights: Float[Tensor, "m 2"]
-    offsets: Float[Tensor, "2"]
+    weights: Float[Tensor, "m f"]
+    offsets: Float[Tensor, " f"]
 
 
 @dataclass(frozen=True)
@@ -89,8 +89,8 @@ class SearchState:
     ``best``, ``accepted``: parameters of the best lens of this level, and of the levels that were accepted.
     """
 
-    weights: Float[Tensor, "m 2"]
-    offsets: Float[Tensor, "2"]
+    weights: Float[Tensor, "m f"]
+    offsets: Float[Tensor, " f"]
     multipliers: Float[Tensor, "c k"]
     outcomes: tuple[Outcome, ...] = ()
     step: int = 0

@@ -95,7 +95,7 @@ def test_a_search_by_few_points_still_ends_within_its_limits(seed: int) -> None:
     problem = Problems(spec, build_source(spec.source), PRESETS["draft"].nodes_per_sigma, None).of((9, 25, 81))
     weights = torch.from_numpy(np.random.default_rng(seed).normal(size=(115, 2)) * [0.0, 0.02])
     offsets = torch.ones(2, dtype=torch.float64)
-    fields = problem.constraints.fields(*problem.parametrisation.tables(weights, offsets))
+    fields = problem.constraints.fields(problem.parametrisation.tables(weights, offsets))
     largest = 7.0 - problem.constraints.least(fields)["radius_margin_mm"]
     factor = (7.0 - 1e-3) / largest
     weights[:, 1] *= factor
@@ -109,7 +109,7 @@ def test_a_search_by_few_points_still_ends_within_its_limits(seed: int) -> None:
 def test_a_limit_that_the_coarse_table_keeps_is_kept_by_the_lens_itself() -> None:
     """Curvatures of a table of 2.5 nodes a sigma are off by more than the margin: one projection is not enough."""
     problem = Problems(
-        automatic(lens__symmetry="square", constraints__inner_concave_radius_mm=1.0),
+        automatic(lens__symmetry="square", lens__inner__concave_radius_mm=1.0),
         build_source(small_spec().source),
         PRESETS["draft"].nodes_per_sigma,
         None,
@@ -119,16 +119,14 @@ def test_a_limit_that_the_coarse_table_keeps_is_kept_by_the_lens_itself() -> Non
     once = feasibility.project_to_feasible(*problem.in_full(), weights, state.offsets)
     first = feasibility.measure_constraints(problem.parametrisation.lens(*once, problem.spec, 0, "draft"))
     lens, margins = feasibility.feasible_lens(problem, state, 0, "draft")
-    assert first.inner_curvature_margin_per_mm < -0.005
+    assert first.curvature_margin_per_mm["inner"] < -0.005
     assert margins == feasibility.measure_constraints(lens)
     assert all(each.passed for each in constraint_criteria(problem.spec, margins))
 
 
 def test_the_force_of_a_constraint_is_the_same_on_the_next_level() -> None:
     """Curvature and draft are scaled by the width of the narrowest function: their multipliers go the other way."""
-    spec = automatic(
-        constraints__outer_concave_radius_mm=3.0, constraints__outer_draft_deg=5.0, lens__symmetry="square"
-    )
+    spec = automatic(lens__outer__concave_radius_mm=3.0, lens__outer__draft_deg=5.0, lens__symmetry="square")
     problems = Problems(spec, build_source(spec.source), 3.4, None)
     coarse, fine = problems.of((9, 25)), problems.of((9, 25, 81))
     before = torch.ones_like(coarse.constraints.multipliers)
@@ -147,7 +145,7 @@ def test_wide_sources_and_balls_make_fine_levels_useless() -> None:
     assert levels_of(pi, 289).why == "finest level of this accuracy: 289 functions"
     small = pi.replace({"source.side_mm": 0.1})
     assert levels_of(small).counts[-1] == 4225
-    coarse = small.replace({"constraints.outer_concave_radius_mm": 40.0})
+    coarse = small.replace({"lens.outer.concave_radius_mm": 40.0})
     assert levels_of(coarse).counts[-1] < 1089 and "a ball of 40 mm" in levels_of(coarse).why
     (receiver,) = coarse.all_receivers
     pixel_rad = max(receiver.size) / coarse.evaluate.pixels / receiver.distance_mm

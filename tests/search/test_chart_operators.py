@@ -48,14 +48,14 @@ def test_radius_and_derivatives_are_sums_over_the_splines_of_a_table() -> None:
     rim = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [0.6, -0.8]])
     points = np.concatenate([chance.uniform(-1.0, 1.0, (40, 2)), nodes, nodes + 0.5 * GRID.step, rim])
     tables = chance.normal(size=(2, 15, 15))
-    jets = ChartOperator.of(GRID, points, True, 0.25).jets(*(torch.from_numpy(each) for each in tables))
+    jets = ChartOperator.of(GRID, points, True, 0.25).jets(torch.from_numpy(tables))
     for table, jet in zip(tables, jets, strict=True):
         found = torch.cat([jet.rho[None], jet.derivatives]).numpy()
         for row, (dx, dy) in enumerate(((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))):
             wanted = [weights_along(x, dx) @ table @ weights_along(y, dy) for x, y in points]
             np.testing.assert_allclose(found[row], wanted, rtol=1e-9, atol=1e-9 * np.abs(wanted).max())
     alone = ChartOperator.of(GRID, points, False)
-    plain, _ = alone.jets(*(torch.from_numpy(each) for each in tables))
+    plain, _ = alone.jets(torch.from_numpy(tables))
     assert torch.equal(plain.rho, jets[0].rho) and plain.derivatives.shape == (0, len(points))
     assert (alone.points.spacing, ChartOperator.of(GRID, points, False, 0.25).points.spacing) == (0.0, 0.25)
 

@@ -23,13 +23,13 @@ from lensforge.spec import Spec
 from lensforge.surfaces.bicubic_table import TableGrid
 
 SHOP = {
-    "inner_concave_radius_mm": 2.5, "outer_concave_radius_mm": 4.0, "inner_draft_deg": 3.0, "outer_draft_deg": 2.0,
-    "max_wall_mm": 2.5, "max_height_mm": 5.0,
+    "lens__inner__concave_radius_mm": 2.5, "lens__outer__concave_radius_mm": 4.0, "lens__inner__draft_deg": 3.0,
+    "lens__outer__draft_deg": 2.0, "constraints__max_wall_mm": 2.5, "constraints__max_height_mm": 5.0,
 }  # fmt: skip
 
 
 def shop_spec(**changes: Any) -> Spec:
-    return small_spec(**{f"constraints__{name}": value for name, value in SHOP.items()} | changes)
+    return small_spec(**SHOP | changes)
 
 
 def jets(count: int = 30) -> tuple[RadiusJet, RadiusJet, ChartPoints]:
@@ -43,7 +43,8 @@ def jets(count: int = 30) -> tuple[RadiusJet, RadiusJet, ChartPoints]:
 def test_fields_of_all_constraints_are_their_definitions(make: str) -> None:
     spec = shop_spec(manufacture={"make": make})
     inner, outer, points = jets()
-    found = {each.key: each.field(inner, outer, points).numpy() for each in constraints_of(spec) if each.key != WALL}
+    faces = {"inner": inner, "outer": outer}
+    found = {each.key: each.of(faces, points).numpy() for each in constraints_of(spec) if each.key != WALL}
     a, b = inner.rho.numpy(), outer.rho.numpy()
     cosine = points.cosine.numpy()
     sign = 1 if make == "part" else -1
@@ -76,7 +77,9 @@ def test_the_wall_is_the_distance_to_the_outer_face_where_it_may_bind(limit_mm: 
     """To a sphere of 6 mm about (0.9, 0.4, 0.2); below z = 0 there is no face, and on the ray it is farther."""
     spec, grid, centre = small_spec(constraints__min_thickness_mm=limit_mm), TableGrid(97), np.array([0.9, 0.4, 0.2])
     operator = ChartOperator.of(grid, constraint_points(grid, "none", every_node=4), derivatives=False)
-    inner, outer = operator.jets(decentred(4.2, (-0.2, 0.0, 0.1), grid), decentred(6.0, (0.9, 0.4, 0.2), grid))
+    inner, outer = operator.jets(
+        torch.stack([decentred(4.2, (-0.2, 0.0, 0.1), grid), decentred(6.0, (0.9, 0.4, 0.2), grid)])
+    )
     found = constraints_of(spec)[1].field(inner, outer, operator.points).numpy() + limit_mm
     start = (inner.rho[:, None] * operator.points.directions).numpy()
     away = start - centre
@@ -92,30 +95,28 @@ def test_the_wall_is_the_distance_to_the_outer_face_where_it_may_bind(limit_mm: 
 def test_the_wall_of_faces_that_cross_is_below_zero() -> None:
     grid = TableGrid(40)
     operator = ChartOperator.of(grid, constraint_points(grid, "none", every_node=4), derivatives=False)
-    tables = (torch.full((grid.side, grid.side), radius, dtype=torch.float64) for radius in (5.0, 4.0))
-    found = constraints_of(small_spec())[1].field(*operator.jets(*tables), operator.points)
+    tables = torch.stack([torch.full((grid.side, grid.side), radius, dtype=torch.float64) for radius in (5.0, 4.0)])
+    found = constraints_of(small_spec())[1].field(*operator.jets(tables), operator.points)
     np.testing.assert_allclose(found.numpy(), -1.0 - small_spec().constraints.min_thickness_mm, atol=1e-9)
 
 
 def test_all_constraints_have_their_derivatives() -> None:
     grid = TableGrid(40)
-    constraints = AugmentedLagrangian.of(shop_spec(constraints__outer_concave_radius_mm=100.0), grid, penalty=100.0)
+    constraints = AugmentedLagrangian.of(shop_spec(lens__outer__concave_radius_mm=100.0), grid, penalty=100.0)
     surfaces = random_surface(1, 3.2, 0.02, (9, 25)), random_surface(2, 6.5, 0.05, (9, 25))
-    tables = [table_of(surface, grid).requires_grad_() for surface in surfaces]
-    constraints.update(constraints.fields(*tables))
+    tables = torch.stack([table_of(surface, grid) for surface in surfaces]).requires_grad_()
+    constraints.update(constraints.fields(tables))
     assert (constraints.multipliers[3:].amax(dim=1) > 0.0).all(), "every constraint of the shop is violated somewhere"
     rng = np.random.default_rng(0)
-    along = [torch.from_numpy(rng.normal(size=table.shape)) * 1e-3 for table in tables]
-    gradients = torch.autograd.grad(constraints.term(constraints.fields(*tables)), tables)
+    along = torch.from_numpy(rng.normal(size=tables.shape)) * 1e-3
+    (gradient,) = torch.autograd.grad(constraints.term(constraints.fields(tables)), tables)
     step = 1e-4
 
     def moved(sign: float) -> float:
         with torch.no_grad():
-            return float(
-                constraints.term(constraints.fields(*(t + sign * step * a for t, a in zip(tables, along, strict=True))))
-            )
+            return float(constraints.term(constraints.fields(tables + sign * step * along)))
 
-    expected = sum(float((g * a).sum()) for g, a in zip(gradients, along, strict=True))
+    expected = float((gradient * along).sum())
     assert (moved(1.0) - moved(-1.0)) / (2.0 * step) == pytest.approx(expected, rel=1e-6)
 
 
@@ -125,11 +126,11 @@ def test_the_draft_counts_up_to_30_degrees_and_has_a_slope_at_the_horizon() -> N
     draft = next(each for each in constraints_of(shop_spec()) if each.key == "outer_draft_margin_deg")
     points = ChartPoints.of(np.array([[0.0, 0.0], [1.0 / math.sqrt(3.0), 0.0], [1.0, 0.0]]))
     flat = RadiusJet(outer.rho, torch.zeros(5, 3, dtype=torch.float64))
-    np.testing.assert_allclose(draft.field(inner, flat, points).numpy(), [28.0, 28.0, -2.0], atol=1e-9)
+    np.testing.assert_allclose(draft.of({"inner": inner, "outer": flat}, points).numpy(), [28.0, 28.0, -2.0], atol=1e-9)
     upside = torch.zeros(5, 1, dtype=torch.float64)
     upside[0] = -1e5
     steep = RadiusJet(torch.ones(1, dtype=torch.float64), upside.requires_grad_())
-    under = draft.field(steep, steep, ChartPoints.of(np.array([[1.0, 0.0]])))
+    under = draft.field(steep, ChartPoints.of(np.array([[1.0, 0.0]])))
     assert -92.0 < under.item() < -91.9, "almost straight down, where the slope of the arcsine is still finite"
     assert torch.isfinite(torch.autograd.grad(under.sum(), steep.derivatives)[0]).all()
 
@@ -138,11 +139,11 @@ def test_the_draft_counts_up_to_30_degrees_and_has_a_slope_at_the_horizon() -> N
 def test_each_limit_may_be_missed_by_its_tolerance(excess: float, passed: bool) -> None:
     spec = shop_spec()
     limits = limits_of(spec)
-    margins = Margins.model_validate({key: -excess * each.tolerance for key, each in limits.items()})
+    margins = Margins.of({each: -excess * each.tolerance for each in limits})
     criteria = constraint_criteria(spec, margins)
     assert [each.passed for each in criteria] == [passed] * 9
-    assert [each.name for each in criteria] == [each.name for each in limits.values()]
-    assert {each.name for each in limits.values()} >= {"inner curvature margin", "outer draft margin", "height margin"}
+    assert [each.name for each in criteria] == [each.name for each in limits]
+    assert {each.name for each in limits} >= {"inner curvature margin", "outer draft margin", "height margin"}
     unknown = Margins(cavity_clearance_mm=0.0, wall_margin_mm=0.0, radius_margin_mm=0.0)
     assert [each.passed for each in constraint_criteria(spec, unknown)] == [True] * 3 + [False] * 6
 
@@ -152,7 +153,7 @@ def known(fields: int = 2) -> tuple[AugmentedLagrangian, np.ndarray, np.ndarray,
     places = np.array([[0.0, 0.0], [0.5, 0.1], [-0.2, 0.9]])
     operator = ChartOperator.of(TableGrid(24), places, derivatives=False)
     constraints = tuple(
-        Constraint(f"{name}_mm", "mm", 1e-3, "", 0.0, lambda inner, outer, points: outer.rho, factor, margin)
+        Constraint(f"{name}_mm", ("outer",), "mm", 1e-3, "", 0.0, lambda face, points: face.rho, factor, margin)
         for name, factor, margin in (("a", 0.25, 0.4), ("b", 0.5, 0.6))
     )
     own = AugmentedLagrangian(constraints, operator, 40.0)
@@ -188,10 +189,10 @@ def test_the_terms_are_means_over_the_solid_angle_of_the_points() -> None:
 def test_fields_are_scaled_by_the_factor_of_each() -> None:
     own, *_ = known()
     grid = TableGrid(24)
-    inner, outer = (torch.full((grid.side, grid.side), radius, dtype=torch.float64) for radius in (2.0, 3.0))
-    np.testing.assert_allclose(own.fields(inner, outer).numpy(), np.array([[0.25], [0.5]]) * np.full((2, 3), 3.0))
+    tables = torch.stack([torch.full((grid.side, grid.side), radius, dtype=torch.float64) for radius in (2.0, 3.0)])
+    np.testing.assert_allclose(own.fields(tables).numpy(), np.array([[0.25], [0.5]]) * np.full((2, 3), 3.0))
     stricter = own.tightened({"b_mm": 1.0})
-    np.testing.assert_allclose(stricter.fields(inner, outer).numpy(), [[0.75] * 3, [1.0] * 3])
+    np.testing.assert_allclose(stricter.fields(tables).numpy(), [[0.75] * 3, [1.0] * 3])
     assert stricter.penalty == own.penalty and not stricter.multipliers.any()
 
 

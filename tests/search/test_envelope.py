@@ -76,7 +76,7 @@ def test_the_extent_of_a_grown_box_has_round_edges_and_corners(tmp_path: Path) -
 
 def test_margins_of_spheres_are_those_of_geometry(ball_file: Path) -> None:
     spec = kept_out(ball_file, constraints__max_wall_mm=2.5, constraints__max_height_mm=5.0)
-    found = measure_constraints(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft"))
+    found = measure_constraints(Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft"))
     assert found.largest_wall_margin_mm == pytest.approx(2.5 - 3.0, abs=1e-12)
     assert found.height_margin_mm == pytest.approx(5.0 - 6.0, abs=1e-3)
     furthest = np.linalg.norm(CENTRE) + BALL_MM + GROWTH_MM
@@ -87,7 +87,7 @@ def test_margins_of_spheres_are_those_of_geometry(ball_file: Path) -> None:
 
 def test_height_and_largest_wall_of_a_freeform_are_those_of_its_points() -> None:
     spec = small_spec(constraints__max_wall_mm=2.5, constraints__max_height_mm=5.0)
-    lens = Lens(random_surface(1, 3.0, 0.05), random_surface(2, 6.0, 0.05), spec, 0, "draft")
+    lens = Lens.double(random_surface(1, 3.0, 0.05), random_surface(2, 6.0, 0.05), spec, 0, "draft")
     u = hemisphere_directions(20_000)
     inner, outer = lens.inner.radius(u), lens.outer.radius(u)
     height, wall = float((outer * u[:, 2]).max()), float((outer - inner).max())
@@ -109,7 +109,7 @@ def test_a_search_that_starts_outside_its_envelope_ends_inside(tmp_path: Path, m
         optimise__steps_per_level=[30, 30],
         optimise__rays=256,
     )
-    start = constraint_criteria(spec, measure_constraints(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft")))
+    start = constraint_criteria(spec, measure_constraints(Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft")))
     missed = {criterion.name for criterion in start if not criterion.passed}
     assert missed == {"largest wall margin", "height margin", "keep out clearance"}
     found = search(spec, build_source(spec.source), accuracy="draft")

@@ -74,9 +74,7 @@ def test_a_projection_does_not_load_the_compiler_of_torch(monkeypatch: pytest.Mo
 
 
 def test_every_kind_of_violation_is_mended_with_a_small_step() -> None:
-    spec = small_spec(
-        constraints__inner_concave_radius_mm=2.6, constraints__outer_draft_deg=0.3, lens__symmetry="square"
-    )
+    spec = small_spec(lens__inner__concave_radius_mm=2.6, lens__outer__draft_deg=0.3, lens__symmetry="square")
     parametrisation, constraints, weights, offsets = scene(spec, 0.004, 7.0 / 6.0)
     assert failing(parametrisation, spec, weights, offsets) >= {"radius margin", "outer draft margin"}
     moved = project_to_feasible(parametrisation, constraints, weights, offsets)
@@ -105,9 +103,11 @@ def test_a_limit_is_made_stricter_by_all_that_measured_lenses_have_missed(monkey
 
 def test_limits_that_only_a_projection_shows_to_exclude_each_other_are_named_before_the_search() -> None:
     """A cavity of 5.5 mm nowhere tighter than 5.5 mm, 1 mm of wall and 25 degrees of draft need 6.5 / cos(25 deg)."""
-    limits = {"constraints__cavity_height_mm": 5.5, "constraints__inner_concave_radius_mm": 5.5}
-    spec = small_spec(**limits, constraints__outer_draft_deg=25.0, lens__symmetry="square")
-    with pytest.raises(InputError, match=r"no lens was found that keeps all of .*outer_draft_deg = 25") as refusal:
+    limits = {"constraints__cavity_height_mm": 5.5, "lens__inner__concave_radius_mm": 5.5}
+    spec = small_spec(**limits, lens__outer__draft_deg=25.0, lens__symmetry="square")
+    with pytest.raises(
+        InputError, match=r"no lens was found that keeps all of .*lens\.outer\.draft_deg = 25"
+    ) as refusal:
         require_feasible_start([problem_of(spec, spec.lens.basis.levels)])
     assert "keep_out" not in str(refusal.value), "a limit that the spec does not set"
     assert "constraints." in str(refusal.value).split("nearest")[1] and "\n" not in str(refusal.value)
@@ -115,9 +115,7 @@ def test_limits_that_only_a_projection_shows_to_exclude_each_other_are_named_bef
     with pytest.raises(InputError, match="no lens was found"):
         search(spec, build_source(spec.source), accuracy="draft", progress=begun.append)
     assert not begun
-    wider = small_spec(
-        **limits, constraints__outer_draft_deg=25.0, constraints__max_radius_mm=7.5, lens__symmetry="square"
-    )
+    wider = small_spec(**limits, lens__outer__draft_deg=25.0, constraints__max_radius_mm=7.5, lens__symmetry="square")
     require_feasible_start([problem_of(wider, wider.lens.basis.levels)])  # 7.17 mm of radius are enough
 
 
@@ -137,7 +135,7 @@ def test_one_of_each_mirror_image_has_the_margins_of_all(symmetry: str, monkeypa
 def test_a_wall_is_measured_on_the_rim_itself_and_at_the_apex(raised_mm: float, wall_mm: float) -> None:
     """A sphere of 6 mm about a point on the axis, around a hemisphere of 3 mm; thinnest on the rim, or at the apex."""
     spec = small_spec(constraints__min_thickness_mm=0.25)
-    lens = Lens(Asphere(3.0, -3.0), Asphere(raised_mm + 6.0, -6.0), spec, 0, "draft")
+    lens = Lens.double(Asphere(3.0, -3.0), Asphere(raised_mm + 6.0, -6.0), spec, 0, "draft")
     at_rim = raised_mm > 0.0
     found = measure_constraints(lens).wall_margin_mm
     assert found == pytest.approx(wall_mm - 0.25, abs=1e-9 if at_rim else 1e-4)

@@ -20,8 +20,9 @@ DOME = {"kind": "asphere", "vertex_z_mm": 6.5, "radius_mm": -6.0, "conic_constan
 FLAT = {"kind": "biconic", "vertex_z_mm": 3.0, "radius_x_mm": -3.0, "radius_y_mm": -3.0}
 NARROW = {"radius_y_mm": -0.5, "conic_y": -5.0 / 6.0}  # 1.22 mm wide in y, 3 mm in x
 LONG = {"kind": "asphere", "vertex_z_mm": 6.0, "radius_mm": -6.0, "coefficients": [2e-4]}
-FIXED_INNER = {"lens": {"levels": [9, 25], "fixed_inner": SPHERE, "outer_offset_mm": 6.0}}
-FIXED_OUTER = {"lens": {"levels": [9, 25], "inner_offset_mm": 3.0, "fixed_outer": DOME}}
+OUTSIDE = {"outer": {"offset_mm": 6.0}}
+FIXED_INNER = {"lens": {"levels": [9, 25], "inner": {"fixed": SPHERE}, "outer": {"offset_mm": 6.0}}}
+FIXED_OUTER = {"lens": {"levels": [9, 25], "inner": {"offset_mm": 3.0}, "outer": {"fixed": DOME}}}
 SURFACES = {"inner": sphere(3.0, -1.0), "outer": Asphere(6.5, -6.0, -0.2, (-1e-5,))}
 
 
@@ -72,24 +73,36 @@ def test_rays_refract_at_the_sphere_itself() -> None:
     ("lens", "constraints", "message"),
     [
         (
-            {"outer_offset_mm": 6.0, "inner_offset_mm": 3.0, "fixed_inner": SPHERE},
+            {"outer": {"offset_mm": 6.0}, "inner": {"offset_mm": 3.0, "fixed": SPHERE}},
             {},
-            r"inner_offset_mm.*\[lens.fixed_inner\]",
+            r"lens\.inner: give one of offset_mm, .*, and fixed",
         ),
-        ({"fixed_outer": DOME, "fixed_inner": SPHERE}, {}, "one of the surfaces must be free"),
-        ({"inner_offset_mm": 6.6, "fixed_outer": DOME}, {}, "the vertex of fixed_outer = 6.5 must exceed"),
-        ({"outer_offset_mm": 6.0, "fixed_inner": SPHERE | {"centre_z_mm": 3.5}}, {}, "lens.fixed_inner: .*star-shaped"),
-        ({"outer_offset_mm": 6.0, "fixed_inner": SPHERE}, {"cavity_height_mm": 2.5}, "fixed_inner cuts 0.5 mm into"),
-        ({"inner_offset_mm": 3.0, "fixed_outer": DOME}, {"max_radius_mm": 6.4}, r"fixed_outer reaches \d"),
         (
-            {"outer_offset_mm": 6.0, "fixed_inner": FLAT | NARROW},  # along y alone inside the cavity
+            {"outer": {"fixed": DOME}, "inner": {"fixed": SPHERE}},
+            {},
+            "inner.fixed and outer.fixed: one of the faces must be free",
+        ),
+        (
+            {"inner": {"offset_mm": 6.6}, "outer": {"fixed": DOME}},
+            {},
+            "lens: the vertex of outer.fixed = 6.5 must exceed",
+        ),
+        (OUTSIDE | {"inner": {"fixed": SPHERE | {"centre_z_mm": 3.5}}}, {}, "lens.inner.fixed: .*star-shaped"),
+        (OUTSIDE | {"inner": {"fixed": SPHERE}}, {"cavity_height_mm": 2.5}, "inner.fixed cuts 0.5 mm into"),
+        ({"inner": {"offset_mm": 3.0}, "outer": {"fixed": DOME}}, {"max_radius_mm": 6.4}, r"outer.fixed reaches \d"),
+        (
+            {"outer": {"offset_mm": 6.0}, "inner": {"fixed": FLAT | NARROW}},  # along y alone inside the cavity
             {"cavity_radius_mm": 1.3},
-            r"fixed_inner cuts 0\.\d+ mm into",
+            r"inner.fixed cuts 0\.\d+ mm into",
         ),
-        ({"inner_offset_mm": 3.0, "fixed_outer": LONG}, {"max_radius_mm": 6.05}, r"fixed_outer reaches 6\.076\d* mm"),
         (
-            {"outer_offset_mm": 6.0, "fixed_inner": FLAT},
-            {"inner_concave_radius_mm": 3.2},
+            {"inner": {"offset_mm": 3.0}, "outer": {"fixed": LONG}},
+            {"max_radius_mm": 6.05},
+            r"outer.fixed reaches 6\.076\d* mm",
+        ),
+        (
+            OUTSIDE | {"inner": {"fixed": FLAT, "concave_radius_mm": 3.2}},
+            {},
             "has a concave radius of 3 mm",
         ),
     ],

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 import torch
-from scenes import DEVICES
+from scenes import DEVICES, tolerance_changes
 from search_scenes import LARGE, RECEIVERS, WHITE, Step
 
 from lensforge.search import light_path
@@ -19,16 +19,16 @@ ROBUST = {"optimise__robust": True}
 SPECS: dict[str, dict[str, Any]] = {
     "free": {},
     "symmetric": {"lens__symmetry": "square"},
-    "fixed inner": {"lens": {"levels": [9, 25], "fixed_inner": SPHERE, "outer_offset_mm": 6.0}},
-    "fixed outer": {"lens": {"levels": [9, 25], "inner_offset_mm": 3.0, "fixed_outer": DOME}},
+    "fixed inner": {"lens": {"levels": [9, 25], "inner": {"fixed": SPHERE}, "outer": {"offset_mm": 6.0}}},
+    "fixed outer": {"lens": {"levels": [9, 25], "inner": {"offset_mm": 3.0}, "outer": {"fixed": DOME}}},
     "ray file": {"source": {"kind": "rayfile", "file": str(LED), "origin": "virtual_focus"}},
     "dispersed": DISPERSED,
     "lossless": {"optimise__fresnel": False},
     **{name: {"target": None, "receivers": [each]} for name, each in RECEIVERS.items()},
     "all receivers": {"target": None, "receivers": list(RECEIVERS.values())},
     "robust": ROBUST,
-    "robust, large": ROBUST | {"tolerances": LARGE},
-    "robust, symmetric": ROBUST | {"tolerances": LARGE, "lens__symmetry": "square"},
+    "robust, large": ROBUST | tolerance_changes(LARGE),
+    "robust, symmetric": ROBUST | tolerance_changes(LARGE) | {"lens__symmetry": "square"},
     "robust, dispersed": ROBUST | DISPERSED,
 }
 

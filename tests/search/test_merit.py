@@ -26,7 +26,7 @@ TARGETS = {
 
 def _spec(symmetry: str, fresnel: bool) -> Any:
     target = {"kind": "flat_top", "distance_mm": 40.0, "receiver_mm": SIDE, **TARGETS[symmetry]}
-    lens = {"levels": [9, 25], "inner_offset_mm": 3.0, "outer_offset_mm": 6.0, "symmetry": symmetry}
+    lens = {"levels": [9, 25], "inner": {"offset_mm": 3.0}, "outer": {"offset_mm": 6.0}, "symmetry": symmetry}
     lens |= {"refractive_index": N, "material": "glass"}
     return small_spec(target=target, lens=lens, optimise__fresnel=fresnel, optimise__pixels=PIXELS)
 
@@ -73,7 +73,7 @@ def test_the_merit_is_the_sum_of_its_terms(symmetry: str, uniform: bool, fresnel
     offsets, rays = torch.ones(2, dtype=torch.float64), source.sample(4096, 1)
     constraints = AugmentedLagrangian.of(spec, parametrisation.grid)
     found = merit.evaluate(weights, offsets, rays, constraints, uniform)
-    (light,) = merit.light.collect(*parametrisation.tables(weights, offsets), rays)
+    (light,) = merit.light.collect(parametrisation.tables(weights, offsets), rays)
     image, wanted = _mirrored(light.image.numpy(), symmetry), _wanted(merit, 1.0, fresnel)
     in_window, outside, reflected = (
         each.item() for each in (light.in_window, light.outside_receiver, light.total_reflection)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 from nightly import first_by_day
-from scenes import small_spec
+from scenes import NO_TOLERANCES, small_spec, tolerance_changes
 from search_scenes import LARGE, Step, require_same_bits_after
 
 from lensforge.errors import InputError
@@ -19,9 +19,7 @@ from lensforge.search.problem import Problem, Problems, ValidationRays
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
 from lensforge.spec.accuracy import PRESETS, SearchEffort
-from lensforge.spec.tolerances_section import PRESET_AMOUNTS
 
-ALL = tuple(PRESET_AMOUNTS["standard"])
 FEW = SearchEffort(25, (4, 6), (256, 512), 512, 0.5, 0.05)
 
 
@@ -37,7 +35,7 @@ class RobustStep(Step):
     """A step of a robust search."""
 
     def __init__(self, tolerances: dict[str, float]) -> None:
-        super().__init__({"optimise__robust": True, "tolerances": tolerances})
+        super().__init__({"optimise__robust": True, **tolerance_changes(tolerances)})
         self.merit = self.problem.merit
         self.weights, self.offsets = self.parameters
 
@@ -47,8 +45,7 @@ class RobustStep(Step):
 
 
 def test_without_deviations_it_is_the_merit_of_the_lens_as_designed() -> None:
-    zero = dict.fromkeys(ALL, 0.0)
-    step = RobustStep({**zero, "source_shift_mm": 1e-10, "outer_form_um": 1e-7, "index": 1e-12})
+    step = RobustStep({**NO_TOLERANCES, "source_shift_mm": 1e-10, "outer_form_um": 1e-7, "index": 1e-12})
     with torch.no_grad():
         assert step.loss().item() == pytest.approx(step.designed().item(), rel=1e-9)
 
@@ -67,13 +64,13 @@ def test_the_merit_of_a_pair_is_the_mean_over_its_parts() -> None:
 
 def test_slices_of_a_sample_join_to_its_light() -> None:
     step = RobustStep(LARGE)
-    tables = [table.detach() for table in step.problem.parametrisation.tables(*step.parameters)]
-    whole = step.merit.light_of(*tables, step.rays)
-    parts = [step.merit.light_of(*tables, part) for part in step.rays.divided(4)]
+    tables = step.problem.parametrisation.tables(*step.parameters).detach()
+    whole = step.merit.light_of(tables, step.rays)
+    parts = [step.merit.light_of(tables, part) for part in step.rays.divided(4)]
     joined = SampledLight.joined(parts, 2.0 * whole.emitted_w)
     assert torch.allclose(joined.images[0], 2.0 * whole.images[0], rtol=1e-9, atol=1e-12)
     assert joined.terms.item() == pytest.approx(2.0 * whole.terms.item())
-    pair = step.merit.light_of(*tables, step.rays, step.pair)
+    pair = step.merit.light_of(tables, step.rays, step.pair)
     assert torch.equal(SampledLight.joined([pair], 2.0 * pair.emitted_w).halves[0][0], 2.0 * pair.halves[0][0])
 
 
@@ -89,23 +86,23 @@ def test_steps_draw_other_parts_and_the_same_again() -> None:
     assert parts.of_validation(1, 2)[0][0].made != made[0]
     one, other = parts.of_step(1, 0)
     assert np.allclose(np.array(one.made.source.shift_mm), -np.array(other.made.source.shift_mm))
-    assert np.allclose(one.outer_error, -other.outer_error) and one.index == -other.index
-    assert one.made.inner_slope == other.made.inner_slope
+    assert np.allclose(one.errors["outer"], -other.errors["outer"]) and one.index == -other.index
+    assert one.made.slopes == other.made.slopes
 
 
 def test_fine_errors_scatter_as_roughness() -> None:
     plain, rough = (
-        problem_of(robust(tolerances=dict.fromkeys(ALL, 0.0) | own)).parts
+        problem_of(robust(**tolerance_changes(NO_TOLERANCES | own))).parts
         for own in ({"outer_form_um": 1.0}, {"outer_waviness_um": 1.0})
     )
     assert plain is not None and rough is not None
-    assert plain.of_step(0, 0)[0].made.outer_slope == 0.0
+    assert plain.of_step(0, 0)[0].made.slopes["outer"] == 0.0
     part = rough.of_step(0, 0)[0]
-    assert part.outer_error is None and 1e-4 < part.made.outer_slope < 1e-2
+    assert "outer" not in part.errors and 1e-4 < part.made.slopes["outer"] < 1e-2
 
 
 def test_a_spec_without_deviations_is_refused_in_one_line() -> None:
-    spec = robust(tolerances=dict.fromkeys(ALL, 0.0))
+    spec = robust(**tolerance_changes(NO_TOLERANCES))
     with pytest.raises(InputError, match="tolerances: all of them are 0"):
         search(spec, build_source(spec.source), accuracy="draft")
 
@@ -116,7 +113,7 @@ def test_an_interrupted_search_goes_on_to_the_same_bits(
 ) -> None:
     monkeypatch.setitem(PRESETS, "draft", replace(PRESETS["draft"], effort=FEW))
     given = {"optimise__steps_per_level": None, "optimise__rays": None} if levels == "auto" else {}
-    spec, path = robust(lens__levels=levels, tolerances=LARGE, **given), tmp_path / "checkpoint.bin"
+    spec, path = robust(lens__levels=levels, **tolerance_changes(LARGE), **given), tmp_path / "checkpoint.bin"
     source = build_source(spec.source)
     whole = search(spec, source, accuracy="draft", seed=3)
     require_same_bits_after(5, spec, source, path, whole, seed=3)

@@ -49,13 +49,13 @@ def wall(height_mm: float, **more: object) -> tuple[str, ...]:
 
 def test_shares_of_a_disc_that_is_wider_than_the_cavity_are_those_of_its_area() -> None:
     """A square of 6 mm around a cavity of 1.5 mm radius: pi 1.5^2 of its 36 mm^2 starts inside."""
-    spec = small_spec(source__side_mm=6.0, lens__inner_offset_mm=1.5)
+    spec = small_spec(source__side_mm=6.0, lens__inner__offset_mm=1.5)
     found = check(spec)
     inside = np.pi * 1.5**2 / 36.0
     assert found.entering == pytest.approx(inside, abs=4.0 * sqrt(inside * (1.0 - inside) / 2**14))
     assert found.lost[Fate.OUTSIDE_CAVITY] == pytest.approx(1.0 - found.entering)
-    assert "a larger lens.inner_offset_mm" in found.warnings()[0]
-    wide = Lens(sphere(5.0), sphere(6.5), spec, 0, "draft")
+    assert "a larger lens.inner.offset_mm" in found.warnings()[0]
+    wide = Lens.double(sphere(5.0), sphere(6.5), spec, 0, "draft")
     assert check(spec, wide).entering == 1.0, "the lens to begin from decides"
 
 
@@ -105,7 +105,7 @@ def cob(**changes: object) -> Spec:
     """A board of chips of 3 mm in a lens of 12 mm, for 60 x 40 mm at 500 mm: étendue allows a fifth of the light."""
     content = {
         "source": {"kind": "disc", "diameter_mm": 3.0},
-        "lens": {"inner_offset_mm": 4.0, "outer_offset_mm": 8.0},
+        "lens": {"inner": {"offset_mm": 4.0}, "outer": {"offset_mm": 8.0}},
         "constraints": {
             "cavity_radius_mm": 2.0, "cavity_height_mm": 1.0, "min_thickness_mm": 1.0, "max_radius_mm": 12.0
         },

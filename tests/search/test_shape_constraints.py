@@ -30,15 +30,15 @@ def watched(surface: Any, nodes: int) -> tuple[np.ndarray, ChartOperator, Radius
     points = constraint_points(grid, "none")
     table = grid.coefficients(surface.radius(grid.sample_directions())[:, None]).reshape(grid.side, grid.side)
     watch = ChartOperator.of(grid, points, derivatives=True)
-    return chart.to_sphere(points), watch, watch.jets(torch.from_numpy(table))[0]
+    return chart.to_sphere(points), watch, watch.jets(torch.from_numpy(table)[None])[0]
 
 
 def shop_spec(**changes: Any) -> Spec:
     wishes = {
-        "constraints__inner_concave_radius_mm": 2.5,
-        "constraints__outer_concave_radius_mm": 4.0,
-        "constraints__inner_draft_deg": 3.0,
-        "constraints__outer_draft_deg": 2.0,
+        "lens__inner__concave_radius_mm": 2.5,
+        "lens__outer__concave_radius_mm": 4.0,
+        "lens__inner__draft_deg": 3.0,
+        "lens__outer__draft_deg": 2.0,
     }
     return small_spec(**(wishes | changes))
 
@@ -46,7 +46,7 @@ def shop_spec(**changes: Any) -> Spec:
 @pytest.mark.parametrize("make", first_by_day(1, ["part", "insert"]))
 def test_the_manufacturing_check_finds_the_same_curvature_and_draft(make: str) -> None:
     spec = shop_spec(manufacture={"make": make})
-    lens = Lens(random_surface(1, 3.0, 0.01, (25,)), random_surface(2, 6.0, 0.01, (25,)), spec, 0, "draft")
+    lens = Lens.double(random_surface(1, 3.0, 0.01, (25,)), random_surface(2, 6.0, 0.01, (25,)), spec, 0, "draft")
     found = measure_constraints(lens)
     airs = (AirSide.INSIDE, AirSide.OUTSIDE) if make == "part" else (AirSide.OUTSIDE, AirSide.INSIDE)
     for name, surface, air, radius, draft in (
@@ -55,15 +55,15 @@ def test_the_manufacturing_check_finds_the_same_curvature_and_draft(make: str) -
     ):
         samples = sample_face(OpticalFace(fit_patch(surface), air), SAMPLE_NODES)
         kappa = samples.lowest_curvature()
-        assert getattr(found, f"{name}_curvature_margin_per_mm") - 1.0 / radius == pytest.approx(kappa, rel=1e-3)
-        assert getattr(found, f"{name}_draft_margin_deg") + draft == pytest.approx(
+        assert found.curvature_margin_per_mm[name] - 1.0 / radius == pytest.approx(kappa, rel=1e-3)
+        assert found.draft_margin_deg[name] + draft == pytest.approx(
             np.degrees(np.arcsin(samples.outward[:, 2].min())), abs=0.02
         )
 
 
 def test_a_cavity_tighter_than_the_cutter_fails_its_criterion() -> None:
-    spec = small_spec(constraints__inner_concave_radius_mm=3.5, constraints__inner_draft_deg=0.5)
-    criteria = constraint_criteria(spec, measure_constraints(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft")))
+    spec = small_spec(lens__inner__concave_radius_mm=3.5, lens__inner__draft_deg=0.5)
+    criteria = constraint_criteria(spec, measure_constraints(Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft")))
     failed = {criterion.name: criterion for criterion in criteria if not criterion.passed}
     assert set(failed) == {"inner curvature margin", "inner draft margin"}
     assert failed["inner curvature margin"].value == pytest.approx(1.0 / 3.5 - 1.0 / 3.0, abs=1e-9)
@@ -79,8 +79,8 @@ def test_a_design_for_a_cutter_passes_the_check_of_the_shop(monkeypatch: pytest.
     monkeypatch.setattr("lensforge.search.schedule._LEARNING_RATE", 0.01)
     spec = small_spec(
         lens__symmetry="square",
-        constraints__inner_concave_radius_mm=3.5,
-        constraints__inner_draft_deg=1.0,
+        lens__inner__concave_radius_mm=3.5,
+        lens__inner__draft_deg=1.0,
         optimise__steps_per_level=[15, 15],
         optimise__rays=256,
     )

@@ -59,11 +59,11 @@ def test_a_source_too_large_for_the_cavity_is_a_warning_where_it_was_not_placed(
 def test_a_fixed_inner_surface_is_the_cavity():
     spec = small_spec(
         source={"kind": "square", "side_mm": 0.4, "position_mm": [0.0, 0.0, 2.97]},
-        lens={"levels": [9, 25], "fixed_inner": {"kind": "sphere", "radius_mm": 3.0}, "outer_offset_mm": 6.0},
+        lens={"levels": [9, 25], "inner": {"fixed": {"kind": "sphere", "radius_mm": 3.0}}, "outer": {"offset_mm": 6.0}},
     )
     assert source_clearance_warnings(spec, build_source(spec.source)) == ()
     higher = spec.replace({"source.position_mm": [0.0, 0.0, 2.99]})
-    with pytest.raises(lf.InputError, match=r"outside lens\.fixed_inner"):
+    with pytest.raises(lf.InputError, match=r"outside lens\.inner\.fixed"):
         source_clearance_warnings(higher, build_source(higher.source))
 
 

@@ -19,7 +19,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A result folder that holds a lens."""
     folder = tmp_path_factory.mktemp("finished")
     inner, outer = random_surface(1, 3.0, 0.03, (9, 25)), random_surface(2, 6.0, 0.03, (9, 25))
-    Lens(inner, outer, small_spec(), 0, "draft").save(folder / "lens.json")
+    Lens.double(inner, outer, small_spec(), 0, "draft").save(folder / "lens.json")
     return folder
 
 
@@ -82,7 +82,7 @@ def test_automatic_levels_move_the_broad_functions_of_the_lens_first_and_keep_th
         moved = np.abs(after.weights_mm - before.weights_mm)
         assert after.basis.levels == (9, 25) and moved[:9].min() > 1e-6
         assert np.array_equal(after.weights_mm[9:], before.weights_mm[9:])
-    turned = Lens(*(_narrow_turned(each) for each in (start.inner, start.outer)), start.spec, 0, "draft")
+    turned = Lens.double(*(_narrow_turned(each) for each in (start.inner, start.outer)), start.spec, 0, "draft")
     others: list[lf.Progress] = []
     with pytest.raises(lf.Cancelled):
         lf.design(spec, accuracy="draft", start=turned, progress=lambda step: others.append(step) or False)

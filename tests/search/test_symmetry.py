@@ -110,11 +110,11 @@ LONG = planar_emitter(RectangleSource(kind="rectangle", width_mm=1.0, height_mm=
 
 def test_a_fixed_surface_limits_the_symmetry() -> None:
     inner = {"kind": "biconic", "vertex_z_mm": 3.0, "radius_x_mm": -3.0, "radius_y_mm": -2.9}
-    lens = {"levels": [9, 25], "fixed_inner": inner, "outer_offset_mm": 6.0}
+    lens = {"levels": [9, 25], "inner": {"fixed": inner}, "outer": {"offset_mm": 6.0}}
     target = {"kind": "rectangle", "width_mm": 60.0, "height_mm": 60.0, "edge_mm": 5.0, **PLACE}
     found, wanted = (
         small_spec(optimise__pixels=64, target=target, lens=lens | {"symmetry": each}) for each in ("auto", "square")
     )
     assert settled_symmetry(found, SquareEmitter(1.0)).lens.symmetry == "rectangle"
-    with pytest.raises(InputError, match=r"'square': lens.fixed_inner is not symmetric in this way"):
+    with pytest.raises(InputError, match=r"'square': lens.inner.fixed is not symmetric in this way"):
         settled_symmetry(wanted, SquareEmitter(1.0))
