@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
+from lensforge.cad.boundary import optical_name
 from lensforge.cad.mesh import BodyMesh, manifold_of
-from lensforge.cad.plan import INNER, OUTER, RIM
+from lensforge.cad.plan import RIM
 from lensforge.cad.solid import Solid, uniquely_named
 from lensforge.errors import InputError
 from lensforge.results.file_bounds import MOST_STEP_MIB
@@ -83,8 +84,9 @@ def join_base(body: Solid, base: CustomBase) -> Solid:
     sources = [*body.faces.items(), *((names.get(face, BASE), face) for face in added.shape.Faces())]
     faces = [(name, piece) for name, face in sources for piece in _pieces(union, face)]
     joined = Solid(solids[0], uniquely_named(faces))
+    optical = {name for name in body.faces if name.startswith(optical_name(""))}
     change = abs(joined.volume_mm3 - body.volume_mm3 - added.volume_mm3)
-    if not {OUTER, INNER} <= set(joined.faces) or change > _VOLUME_SHARE * added.volume_mm3:
+    if not optical <= set(joined.faces) or change > _VOLUME_SHARE * added.volume_mm3:
         raise InputError(
             f"{base.path}: its union with the lens is {change:.3g} mm^3 off in volume; simplify the base's top"
         )

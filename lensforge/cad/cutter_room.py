@@ -10,7 +10,8 @@ from math import ceil
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.cad.form_error import fit_faces
+from lensforge.cad.boundary import Boundary
+from lensforge.cad.form_error import fit_lens
 from lensforge.cad.outline import FULL_TURN, outline_of, sampled_azimuths
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import MIN_BASE_WALL_MM, rim_radius
@@ -65,39 +66,38 @@ def base_with_room(lens: Lens) -> BaseSection:
         return base
     room = dict.fromkeys(("relief_step_mm", "relief_setback_mm", "bore_setback_mm"), 0.0)
     missing = [name for name in room if getattr(base, name) is None]
-    cut = {face for face in ("inner", "outer") if spec.is_cut(face)}
-    if not missing or not cut:
+    if not missing or not any(spec.is_cut(name) for name in lens.surfaces):
         return base.model_copy(update=dict.fromkeys(missing, 0.0))
-    inner, outer = fit_faces(lens)
-    if "inner" in cut:
-        room["bore_setback_mm"] = _bore_setback(inner, spec)
+    cavity, envelope = fit_lens(lens)
+    if any(spec.is_cut(face.name) for face in cavity.faces):
+        room["bore_setback_mm"] = _bore_setback(cavity, spec)
     setback = room["bore_setback_mm"] if base.bore_setback_mm is None else base.bore_setback_mm
-    opening = float(_rim(inner).max()) + setback
-    if "outer" in cut:
-        room |= _relief(outer, spec, opening)
+    opening = float(_rim(cavity).max()) + setback
+    if any(spec.is_cut(face.name) for face in envelope.faces):
+        room |= _relief(envelope, spec, opening)
     if base.relief_step_mm == 0.0:
         room["relief_setback_mm"] = 0.0  # without a step it has no wall
     return base.model_copy(update={name: room[name] for name in missing})
 
 
-def _bore_setback(inner: Patch, spec: Spec) -> float:
+def _bore_setback(cavity: Boundary[Patch], spec: Spec) -> float:
     base, cutter_mm = spec.base, spec.manufacture.cutter_radius_mm
-    distance, height = _centres(inner, -cutter_mm)
+    distance, height = _centres(cavity, spec, -cutter_mm)
     pocket = base.pocket_diameter_mm
     depth = base.height_mm - (0.0 if pocket is None else base.pocket_depth_mm)
-    opening = float(_rim(inner).max())
+    opening = float(_rim(cavity).max())
     outside = float(outline_of(base).radius(sampled_azimuths()).min()) - _wall_mm(spec)
     room = min(outside, np.inf if pocket is None else pocket / 2.0 - MIN_BASE_WALL_MM - _SPARE_MM) - opening
     return _rounded(float(smallest_bore_mm(distance, height, cutter_mm, 0.0, depth).max()) - opening, room)
 
 
-def _relief(outer: Patch, spec: Spec, opening_mm: float) -> dict[str, float]:
+def _relief(envelope: Boundary[Patch], spec: Spec, opening_mm: float) -> dict[str, float]:
     """Step and setback of its wall; ``opening_mm``: radius of the cavity or its bore."""
     base, cutter_mm, wall = spec.base, spec.manufacture.cutter_radius_mm, _wall_mm(spec)
-    distance, height = _centres(outer, cutter_mm)
+    distance, height = _centres(envelope, spec, cutter_mm)
     flange = 0.0 if base.flange_diameter_mm is None else base.flange_height_mm
     step = float(needed_step_mm(distance, height, cutter_mm, base.widest_mm / 2.0).max())
-    rim = float(_rim(outer).min())
+    rim = float(_rim(envelope).min())
     setback = rim - float(largest_wall_mm(distance, height, cutter_mm).min())
     step = _rounded(step, base.height_mm - flange - wall)
     return {
@@ -121,13 +121,20 @@ def _rounded(needed_mm: float, room_mm: float) -> float:
     return max(min(_DIGITS_MM * ceil((needed_mm + _SPARE_MM) / _DIGITS_MM), room_mm), 0.0)
 
 
-def _centres(patch: Patch, offset_mm: float) -> tuple[Lengths, Lengths]:
-    """Centres of balls all over a face, ``offset_mm`` along its outward normal."""
+def _centres(boundary: Boundary[Patch], spec: Spec, offset_mm: float) -> tuple[Lengths, Lengths]:
+    """Centres of balls all over the faces that are cut, ``offset_mm`` along their outward normals."""
     azimuths = np.linspace(0.0, FULL_TURN, _AZIMUTHS, endpoint=False)
-    radius, turn = np.meshgrid(np.linspace(0.0, 1.0, _RINGS), azimuths, indexing="ij")
-    chart = (radius[..., None] * np.stack([np.cos(turn), np.sin(turn)], axis=-1)).reshape(-1, 2)
-    return ball_centres_mm(patch.points(chart), patch.normals(chart), offset_mm)
+    share, turn = np.meshgrid(np.linspace(0.0, 1.0, _RINGS), azimuths, indexing="ij")
+    around = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    found = []
+    for face in boundary.faces:
+        if spec.is_cut(face.name):
+            low, high = face.domain.radii(azimuths)
+            chart = ((low + (high - low) * share)[..., None] * around).reshape(-1, 2)
+            found.append(ball_centres_mm(face.shape.points(chart), face.shape.normals(chart), offset_mm))
+    distance, height = (np.concatenate(each) for each in zip(*found, strict=True))
+    return distance, height
 
 
-def _rim(patch: Patch) -> Lengths:
-    return rim_radius(patch)(sampled_azimuths())
+def _rim(boundary: Boundary[Patch]) -> Lengths:
+    return rim_radius(boundary)(sampled_azimuths())

@@ -1,16 +1,19 @@
-"""The rims and outlines of the body as B-rep edges, shared between the faces that meet in them.
+"""The rims, creases and outlines of the body as B-rep edges, shared between the faces that meet in them.
 
 A rim edge has two curves with the same parameter, the azimuth: a quintic spline in space, and an exact arc of the unit
-circle in the parameter plane of its optical face.
+circle in the parameter plane of its optical face. An edge of a crease has a spline in that plane, the same for both of
+its faces, whose parameters are the same chart.
 """
 
+from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from scipy.interpolate import make_interp_spline
+from scipy.interpolate import BSpline, make_interp_spline
 
+from lensforge.cad.boundary import Crease
 from lensforge.cad.outline import FULL_TURN, Arc, Outline, Piece
 from lensforge.cad.patch import DEGREE, Patch
 from lensforge.cad.plan import rim_directions
@@ -43,33 +46,79 @@ def rim_edges(patch: Patch, face_surface: Any, arcs: tuple[Arc, ...], *, split: 
 
     ``split``: long arcs are split, so that each edge has few spans; arcs between crossings may be too shallow for it.
     """
-    from OCP.BRep import BRep_Builder
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge
     from OCP.Geom2d import Geom2d_Circle
     from OCP.gp import gp_Ax2d, gp_Dir2d, gp_Pnt2d
-    from OCP.TopLoc import TopLoc_Location
 
     unit_circle = Geom2d_Circle(gp_Ax2d(gp_Pnt2d(0.0, 0.0), gp_Dir2d(1.0, 0.0)), 1.0)
     azimuths = np.linspace(0.0, FULL_TURN, 4 * _RIM_NODES_PER_NODE * patch.nodes)
     gap = float(np.abs(patch.points(rim_directions(azimuths)[:, :2])[:, 2]).max())
+    chains = [_split(arc, patch.nodes) if split else [(arc.start, arc.end)] for arc in arcs]
+
+    def rim(azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
+        return _rim_points(patch, azimuths)
+
+    curves = [[(_spline_along(rim, ends, patch.nodes), unit_circle) for ends in chain] for chain in chains]
+    return _chains(chains, curves, rim, gap, (face_surface,))
+
+
+def crease_edges(crease: Crease, patches: tuple[Patch, Patch], surfaces: tuple[Any, Any]) -> list[Any]:
+    """The closed chain of edges of ``crease`` between two faces."""
+    nodes = max(patch.nodes for patch in patches)
+
+    def points(azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
+        chart = crease.chart(azimuths)
+        middle: Float[np.ndarray, "n 3"] = (patches[0].points(chart) + patches[1].points(chart)) / 2.0
+        return middle
+
+    chain, curves, gap = _split(Arc(0.0, FULL_TURN, "bare"), nodes), [], 0.0
+    for ends in chain:
+        space, plane = (_spline_along(curve, ends, nodes) for curve in (points, crease.chart))
+        between = np.linspace(*ends, 4 * len(space.c))
+        away = [np.linalg.norm(patch.points(plane(between)) - space(between), axis=1).max() for patch in patches]
+        gap = max(gap, *map(float, away))
+        curves.append((space, _curve(plane)))
+    return _chains([chain], [curves], points, gap, surfaces)[0]
+
+
+_Ends = tuple[float, float]  # azimuths (rad)
+
+
+def _chains(
+    chains: list[list[_Ends]],
+    curves: list[list[tuple[BSpline, Any]]],
+    points: Callable[[Float[np.ndarray, " n"]], Float[np.ndarray, "n 3"]],
+    gap: float,
+    surfaces: tuple[Any, ...],
+) -> list[list[Any]]:
+    """Edges over the azimuths of ``chains``, together closed, with a curve each in space and in the plane of surfaces.
+
+    ``gap``: the largest distance (mm) between the curves in space and those on the surfaces.
+    """
+    from OCP.BRep import BRep_Builder
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge
+    from OCP.TopLoc import TopLoc_Location
+
     tolerance = max(_MIN_TOLERANCE_MM, _GAP_MARGIN * gap)
-    chains = [_split(arc, patch) if split else [(arc.start, arc.end)] for arc in arcs]
     starts = [start for chain in chains for start, _ in chain]
-    vertices = dict(zip(starts, _corners(patch, starts, tolerance), strict=True))
+    vertices = dict(zip(starts, _corners(points(np.array(starts)), tolerance), strict=True))
     following = dict(zip(starts, [*starts[1:], starts[0]], strict=True))
 
-    def edge(start: float, end: float) -> Any:
-        curve = _rim_curve(patch, start, end)
-        made = BRepBuilderAPI_MakeEdge(curve, vertices[start], vertices[following[start]], start, end).Edge()
-        BRep_Builder().UpdateEdge(made, unit_circle, face_surface, TopLoc_Location(), tolerance)
+    def edge(ends: _Ends, space: BSpline, plane: Any) -> Any:
+        start, end = ends
+        made = BRepBuilderAPI_MakeEdge(_curve(space), vertices[start], vertices[following[start]], start, end).Edge()
+        for surface in surfaces:
+            BRep_Builder().UpdateEdge(made, plane, surface, TopLoc_Location(), tolerance)
         return made
 
-    return [[edge(start, end) for start, end in chain] for chain in chains]
+    return [
+        [edge(ends, *pair) for ends, pair in zip(chain, along, strict=True)]
+        for chain, along in zip(chains, curves, strict=True)
+    ]
 
 
-def _split(arc: Arc, patch: Patch) -> list[tuple[float, float]]:
+def _split(arc: Arc, nodes: int) -> list[_Ends]:
     """Azimuths (rad) from which and to which the edges of an arc go, all equally long."""
-    spans = _RIM_NODES_PER_NODE * patch.nodes * (arc.end - arc.start) / FULL_TURN
+    spans = _RIM_NODES_PER_NODE * nodes * (arc.end - arc.start) / FULL_TURN
     ends = np.linspace(arc.start, arc.end, 1 + int(np.ceil(spans / _SPANS_PER_EDGE))).tolist()
     return list(pairwise(ends))
 
@@ -123,33 +172,41 @@ def wire(edges: list[Any]) -> Any:
     return maker.Wire()
 
 
-def _corners(patch: Patch, azimuths: list[float], tolerance: float) -> list[Any]:
-    """A vertex of the rim at each azimuth."""
+def _corners(points: Float[np.ndarray, "n 3"], tolerance: float) -> list[Any]:
+    """A vertex at each of the points (mm)."""
     from OCP.BRep import BRep_Builder
     from OCP.gp import gp_Pnt
     from OCP.TopoDS import TopoDS_Vertex
 
     corners = []
-    for point in _rim_points(patch, np.array(azimuths)).tolist():
+    for point in points.tolist():
         vertex = TopoDS_Vertex()
         BRep_Builder().MakeVertex(vertex, gp_Pnt(*point), tolerance)
         corners.append(vertex)
     return corners
 
 
-def _rim_curve(patch: Patch, start: float, end: float) -> Any:
-    """``Geom_BSplineCurve`` over exactly these azimuths, so that readers need not search for its ends."""
-    from OCP.Geom import Geom_BSplineCurve
-    from OCP.gp import gp_Pnt
-    from OCP.TColgp import TColgp_Array1OfPnt
+def _spline_along(
+    points: Callable[[Float[np.ndarray, " n"]], Float[np.ndarray, "n d"]], ends: _Ends, nodes: int
+) -> BSpline:
+    """The spline over exactly these azimuths, so that readers need not search for its ends."""
+    share = (ends[1] - ends[0]) / FULL_TURN
+    azimuths = np.linspace(*ends, 16 + int(_RIM_NODES_PER_NODE * nodes * share))
+    return make_interp_spline(azimuths, points(azimuths), k=DEGREE)
 
-    share = (end - start) / FULL_TURN
-    azimuths = np.linspace(start, end, 16 + int(_RIM_NODES_PER_NODE * patch.nodes * share))
-    spline = make_interp_spline(azimuths, _rim_points(patch, azimuths), k=DEGREE)
-    poles = TColgp_Array1OfPnt(1, len(spline.c))
+
+def _curve(spline: BSpline) -> Any:
+    """``Geom_BSplineCurve`` in space, ``Geom2d_BSplineCurve`` in a plane."""
+    from OCP.Geom import Geom_BSplineCurve
+    from OCP.Geom2d import Geom2d_BSplineCurve
+    from OCP.gp import gp_Pnt, gp_Pnt2d
+    from OCP.TColgp import TColgp_Array1OfPnt, TColgp_Array1OfPnt2d
+
+    of_space = spline.c.shape[1] == 3
+    poles = (TColgp_Array1OfPnt if of_space else TColgp_Array1OfPnt2d)(1, len(spline.c))
     for k, point in enumerate(spline.c.tolist(), start=1):
-        poles.SetValue(k, gp_Pnt(*point))
-    return Geom_BSplineCurve(poles, *_knots(spline.t), DEGREE)
+        poles.SetValue(k, (gp_Pnt if of_space else gp_Pnt2d)(*point))
+    return (Geom_BSplineCurve if of_space else Geom2d_BSplineCurve)(poles, *_knots(spline.t), DEGREE)
 
 
 def _rim_points(patch: Patch, azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:

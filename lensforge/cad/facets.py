@@ -9,18 +9,19 @@ split where they are too far from the surface, and left alone elsewhere.
 
 An edge that is too far from the surface gets a vertex in its middle, on the surface, and both of its facets are split
 there, so no gap opens. A facet that is split anywhere is also split at its longest edge, which keeps its angles from
-becoming ever smaller (M. C. Rivara, Int. J. Numer. Meth. Eng. 20, 745 (1984)). Edges on the rim stay: the base shares
-them; the rim's own azimuths are chosen for the same tolerance.
+becoming ever smaller (M. C. Rivara, Int. J. Numer. Meth. Eng. 20, 745 (1984)). Edges on rim and creases stay: base and
+neighbours share them; the azimuths of these curves are chosen for the same tolerance.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from lensforge.cad.boundary import StarShaped
 from lensforge.cad.outline import FULL_TURN
 from lensforge.cad.patch import Patch
-from lensforge.cad.plan import rim_directions
 from lensforge.errors import InputError
 from lensforge.results.refined_maximum import Places, refined_maximum
 from lensforge.surfaces.surface import to_chart
@@ -85,16 +86,19 @@ class Facets:
     away: Float[np.ndarray, "t 4"]
 
 
-def refined_rim(
-    patches: tuple[Patch, ...], azimuths: Float[np.ndarray, " n"], chord_mm: float
+Curve = Callable[[Float[np.ndarray, " n"]], Float[np.ndarray, "n 3"]]  # points (mm) over azimuth (rad)
+
+
+def refined_azimuths(
+    curves: tuple[Curve, ...], azimuths: Float[np.ndarray, " n"], chord_mm: float
 ) -> Float[np.ndarray, " m"]:
-    """``azimuths`` and as many more between them that the chords of every patch's rim are within ``chord_mm``."""
+    """``azimuths`` and as many more between them that the chords of every closed curve are within ``chord_mm``."""
     for _ in range(_SPLIT_ROUNDS):
         ahead = np.append(azimuths[1:], azimuths[0] + FULL_TURN)
         middle = (azimuths + ahead) / 2.0
         far = np.zeros(len(azimuths), dtype=bool)
-        for patch in patches:
-            start, end, between = (_on_rim(patch, each) for each in (azimuths, ahead, middle))
+        for curve in curves:
+            start, end, between = (curve(each) for each in (azimuths, ahead, middle))
             chord = (end - start) / np.linalg.norm(end - start, axis=1, keepdims=True)
             far |= np.linalg.norm(np.cross(between - start, chord), axis=1) > _AIM * chord_mm
         if not far.any():
@@ -103,9 +107,9 @@ def refined_rim(
     return azimuths
 
 
-def _on_rim(patch: Patch, azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
-    directions = rim_directions(azimuths)
-    points: Float[np.ndarray, "n 3"] = patch.radius(directions)[:, None] * directions
+def points_in(shape: StarShaped, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+    """Points (mm) of a surface in unit ``directions``."""
+    points: Float[np.ndarray, "n 3"] = shape.radius(directions)[:, None] * directions
     return points
 
 
@@ -153,7 +157,7 @@ def _split(patch: Patch, facets: Facets, far: Bool[np.ndarray, "t 4"]) -> Facets
     chosen = first[marked]
     middle = (facets.vertices[starts.ravel()[chosen]] + facets.vertices[ends.ravel()[chosen]]) / 2.0
     direction = middle / np.linalg.norm(middle, axis=1, keepdims=True)
-    vertices = np.concatenate([facets.vertices, patch.radius(direction)[:, None] * direction])
+    vertices = np.concatenate([facets.vertices, points_in(patch, direction)])
     new = np.full(len(uses), -1)
     new[marked] = len(facets.vertices) + np.arange(len(chosen))
     cut = (new[edge] >= 0).any(axis=1)

@@ -3,7 +3,7 @@
 "Valid and watertight" says nothing about form: a face that is 12 um off passes every topological test.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import astuple, dataclass
 from functools import lru_cache
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.cad.boundary import WHOLE, Domain, Pair, lens_boundaries
 from lensforge.cad.outline import FULL_TURN
 from lensforge.cad.part_limits import FORM_LIMIT_NM, NORMAL_LIMIT_MRAD
 from lensforge.cad.patch import MAX_NODES, Patch, default_nodes, fit_patch
@@ -47,34 +48,53 @@ def worst(errors: list[FormError]) -> FormError:
     return FormError(*(max(values) for values in zip(*map(astuple, errors), strict=True)))
 
 
-def chart_samples(count: int = SAMPLES, seed: int = 0) -> Float[np.ndarray, "n 2"]:
-    """Chart points of ``count`` Sobol directions, uniform over the hemisphere, and of a quarter more on the rim."""
+def chart_samples(count: int = SAMPLES, seed: int = 0, domain: Domain = WHOLE) -> Float[np.ndarray, "n 2"]:
+    """Chart points of ``count`` directions, at each azimuth uniform over ``domain``, and a quarter more on its edge."""
     from scipy.stats import qmc  # a quarter of a second
 
     rim = count // _RIM_SHARE
     inside = qmc.Sobol(2, seed=seed).random(count)
-    height, azimuth = inside[:, 0], FULL_TURN * inside[:, 1]
+    share, azimuth = inside[:, 0], FULL_TURN * inside[:, 1]
+    top, bottom = ((1.0 - radius**2) / (1.0 + radius**2) for radius in domain.radii(azimuth))
+    height = bottom + (top - bottom) * share
     radius = np.sqrt((1.0 - height) / (1.0 + height))  # tan(theta/2) of cos(theta) = height
-    inner = radius[:, None] * rim_directions(azimuth)[:, :2]
-    turn = np.random.default_rng(seed).random()
-    return np.concatenate([inner, rim_directions(FULL_TURN * (np.arange(rim) + turn) / rim)[:, :2]])
+    within = radius[:, None] * rim_directions(azimuth)[:, :2]
+    turn = FULL_TURN * (np.arange(rim) + np.random.default_rng(seed).random()) / rim
+    return np.concatenate([within, domain.radii(turn)[1][:, None] * rim_directions(turn)[:, :2]])
 
 
 @lru_cache(maxsize=4)  # of one lens in several stages: a second each
-def fit_faces(lens: Lens, inner_nodes: int | None = None, outer_nodes: int | None = None) -> tuple[Patch, Patch]:
-    """The inner and the outer face of ``lens`` as they are exported; the same node counts give the same bits."""
+def fit_lens(lens: Lens, *nodes: int) -> Pair[Patch]:
+    """The boundaries of ``lens`` by its faces as they are exported; the same node counts give the same bits.
+
+    ``nodes``: of each face, in the order of the lens; by default as many as they need.
+    """
+    return fit_boundaries(lens_boundaries(lens), dict(zip(lens.surfaces, nodes, strict=True)) if nodes else {})
+
+
+def fit_faces(lens: Lens, *nodes: int) -> tuple[Patch, ...]:
+    """The faces of ``lens`` as they are exported, in its order."""
+    patches = {face.name: face.shape for boundary in fit_lens(lens, *nodes) for face in boundary.faces}
+    return tuple(patches[name] for name in lens.surfaces)
+
+
+def fit_boundaries(pair: Pair[Surface], nodes: Mapping[str, int]) -> Pair[Patch]:
+    """The boundaries of cavity and body by fitted faces; ``nodes``: by name, as many as they need where left out."""
+    faces = [face for boundary in pair for face in boundary.faces]
     with ThreadPoolExecutor() as pool:
-        inner, outer = pool.map(fit_to_form, (lens.inner, lens.outer), (inner_nodes, outer_nodes))
-    return inner, outer
+        fitted = pool.map(lambda face: fit_to_form(face.shape, nodes.get(face.name), face.domain), faces)
+        patches = dict(zip((face.name for face in faces), fitted, strict=True))
+    cavity, envelope = (each.of([patches[face.name] for face in each.faces]) for each in pair)
+    return cavity, envelope
 
 
-def fit_to_form(surface: Surface, nodes: int | None = None) -> Patch:
+def fit_to_form(surface: Surface, nodes: int | None = None, domain: Domain = WHOLE) -> Patch:
     """The patch of ``surface`` with ``nodes``; by default as many as its measured form and normal errors need."""
     if nodes is not None:
-        return fit_patch(surface, nodes)
-    chart, count = chart_samples(), default_nodes(surface.detail_rad)
+        return fit_patch(surface, nodes, domain.extent)
+    chart, count = chart_samples(domain=domain), default_nodes(surface.detail_rad)
     while True:
-        patch = fit_patch(surface, count)
+        patch = fit_patch(surface, count, domain.extent)
         error = form_error(surface, patch.points(chart), patch.normals(chart))
         by_form = (error.form_max_nm / _FORM_AIM_NM) ** (1.0 / _FORM_ORDER)
         by_normal = (error.normal_max_mrad / _NORMAL_AIM_MRAD) ** (1.0 / _NORMAL_ORDER)
@@ -125,8 +145,10 @@ def _errors(
 Evaluate = Callable[[Float[np.ndarray, "n 2"]], tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]]
 
 
-def largest_errors(surface: Surface, evaluate: Evaluate, chart: Float[np.ndarray, "n 2"]) -> FormError:
-    """Form error at ``chart`` points, its largest values searched for between them too.
+def largest_errors(
+    surface: Surface, evaluate: Evaluate, chart: Float[np.ndarray, "n 2"], domain: Domain = WHOLE
+) -> FormError:
+    """Form error at ``chart`` points, its largest values searched for between them too, within ``domain``.
 
     ``evaluate``: points (mm) and unit normals of the face at chart points.
     """
@@ -136,17 +158,17 @@ def largest_errors(surface: Surface, evaluate: Evaluate, chart: Float[np.ndarray
         def error(points: Float[np.ndarray, "m 2"]) -> Float[np.ndarray, " m"]:
             return _errors(surface, *evaluate(points))[kind]
 
-        return refined_maximum(error, chart, values, _REACH, starts=_STARTS, rounds=_ROUNDS)[1]
+        return refined_maximum(error, chart, values, _REACH, starts=_STARTS, rounds=_ROUNDS, within=domain.within)[1]
 
     return FormError(largest(0, distance), _rms(distance), largest(1, angle), _rms(angle))
 
 
-def face_error(surface: Surface, face: Any, count: int = SAMPLES) -> FormError:
-    """Form error of a face over the hemisphere. Raises :class:`InputError` if its parameters are not the chart's."""
-    chart = chart_samples(count)
+def face_error(surface: Surface, face: Any, count: int = SAMPLES, domain: Domain = WHOLE) -> FormError:
+    """Form error of a face over its domain. Raises :class:`InputError` if its parameters are not the chart's."""
+    chart = chart_samples(count, domain=domain)
     if not np.allclose(to_chart(face_points(face, chart)[0]), chart, atol=_SAME_CHART):
         raise InputError("the optical face is not over the lens's chart; run `lensforge export` again")
-    return largest_errors(surface, lambda points: face_points(face, points), chart)
+    return largest_errors(surface, lambda points: face_points(face, points), chart, domain)
 
 
 def _rms(values: Float[np.ndarray, " n"]) -> float:

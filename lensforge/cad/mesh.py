@@ -1,25 +1,28 @@
 """The closed triangle mesh of the body, directly from the spline patches, without CAD or mesh libraries.
 
-The body is one stack of rings: from the outer apex down the outer dome to its rim, around the base (its outline,
-flange, bottom, pocket and bore), and from the inner rim up the cavity to the inner apex. Neighbouring rings are joined
-by a strip of triangles, so by construction the mesh is closed, its faces share their rims, and its normals point
-outwards. Where the outer rim crosses the base's outline the two rings share that vertex, and the strip between them
-changes from a ledge (facing up) to an overhang (facing down). Last, facets of the optical faces that are farther from
-their surfaces than a tolerance are split. manifold3d tests in double precision that a mesh is closed.
+The body is one stack of rings: from the outer apex down the envelope to its rim, around the base (its outline, flange,
+bottom, pocket and bore), and from the inner rim up the cavity to the inner apex. A crease is one of these rings.
+Neighbouring rings are joined by a strip of triangles, so by construction the mesh is closed, its faces share their rims
+and creases, and its normals point outwards. Where the outer rim crosses the base's outline the two rings share that
+vertex, and the strip between them changes from a ledge (facing up) to an overhang (facing down). Last, facets of the
+optical faces that are farther from their surfaces than a tolerance are split. manifold3d tests in double precision that
+a mesh is closed.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from lensforge.cad.facets import facet_error, refined_dome, refined_rim
+from lensforge.cad.boundary import Boundary, Crease, TrimmedFace
+from lensforge.cad.facets import Curve, facet_error, points_in, refined_azimuths, refined_dome
 from lensforge.cad.outline import FULL_TURN
 from lensforge.cad.patch import Patch
-from lensforge.cad.plan import INNER, OUTER, RIM, TOP, Plan, base_corners, rim_directions
+from lensforge.cad.plan import RIM, TOP, Plan, base_corners, rim_directions
 from lensforge.errors import InputError
+from lensforge.surfaces.surface import to_sphere
 
 _CROSSING_REPLACES = 0.1  # of an azimuth step: a crossing this close to a grid azimuth replaces it
 # With 96 rings the verification's cast uses less than half of its deviation limit on the roughest shipped lens, a 7 mm
@@ -39,17 +42,50 @@ class Ring:
     strip: str  # the face between this ring and the next one of the stack
 
 
-def dome_rings(patch: Patch, rings: int, rim: Float[np.ndarray, " n"], name: str) -> list[Ring]:
-    """Rings from the apex to the rim, equally spaced in angle from the axis."""
-    azimuths: list[Float[np.ndarray, " _"]] = [np.zeros(1)]
-    azimuths += [np.arange(6 * k) * (FULL_TURN / (6 * k)) for k in range(1, rings)]
-    directions = [_cone(k * np.pi / (2 * rings), ring) for k, ring in enumerate(azimuths)]
-    azimuths.append(rim)
-    directions.append(rim_directions(rim))
-    together = np.concatenate(directions)
-    points = patch.radius(together)[:, None] * together
-    parts = np.split(points, np.cumsum([len(ring) for ring in azimuths])[:-1])
-    return [Ring(ring, part, name) for ring, part in zip(azimuths, parts, strict=True)]
+def dome_rings(
+    boundary: Boundary[Patch], rings: int, rim: Float[np.ndarray, " n"], chord_mm: float | None
+) -> list[Ring]:
+    """Rings from the apex to the rim, on each face equally spaced in angle; those at creases within ``chord_mm``."""
+    found = [Ring(np.zeros(1), points_in(boundary, np.array([[0.0, 0.0, 1.0]])), boundary.faces[0].label)]
+    first = 0
+    for face, last in zip(boundary.faces, _last_rings(boundary, rings), strict=True):
+        found[-1] = replace(found[-1], strip=face.label)
+        found += _face_rings(face, first, last, rim, chord_mm)
+        first = last
+    return found
+
+
+def _last_rings(boundary: Boundary[Patch], rings: int) -> list[int]:
+    """Number of the last ring of each face: that of a crease by its mean angle from the axis."""
+    turns = np.linspace(0.0, FULL_TURN, 6 * rings)
+    shares = [float(2.0 * np.arctan(crease.radius(turns)).mean() / (np.pi / 2)) for crease in boundary.creases]
+    last: list[int] = []
+    for number, share in enumerate(shares):  # each face has a ring of its own at least
+        least = 1 + (last[-1] if last else 0)
+        last.append(min(max(round(rings * share), least), rings - len(shares) + number))
+    return [*last, rings]
+
+
+def _face_rings(
+    face: TrimmedFace[Patch], first: int, last: int, rim: Float[np.ndarray, " n"], chord_mm: float | None
+) -> list[Ring]:
+    """Rings ``first`` + 1 to ``last``, at the edge of the face; ring k has 6 k vertices, or those of ``rim``."""
+    azimuths = [np.arange(6 * k) * (FULL_TURN / (6 * k)) for k in range(first + 1, last + 1)]
+    crease = face.domain.outside
+    if crease is None:
+        azimuths[-1] = rim
+    elif chord_mm is not None:
+        azimuths[-1] = refined_azimuths((_line(face.shape, crease),), azimuths[-1], chord_mm)
+    directions = []
+    for k, turns in enumerate(azimuths, start=1):
+        low, high = (2.0 * np.arctan(radius) for radius in face.domain.radii(turns))
+        directions.append(_cone(low + k * (high - low) / (last - first), turns))
+    if crease is None:
+        directions[-1] = rim_directions(rim)
+    points = np.split(
+        points_in(face.shape, np.concatenate(directions)), np.cumsum([len(ring) for ring in azimuths])[:-1]
+    )
+    return [Ring(ring, part, face.label) for ring, part in zip(azimuths, points, strict=True)]
 
 
 def rim_azimuths(count: int, crossings: Float[np.ndarray, " k"]) -> Float[np.ndarray, " n"]:
@@ -91,15 +127,15 @@ def _midpoints(azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     return midpoints
 
 
-def _cone(polar: float, azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
-    plane: Float[np.ndarray, "n 3"] = np.sin(polar) * rim_directions(azimuths)
+def _cone(polar: Float[np.ndarray, " n"], azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
+    plane: Float[np.ndarray, "n 3"] = np.sin(polar)[:, None] * rim_directions(azimuths)
     plane[:, 2] = np.cos(polar)
     return plane
 
 
 def rings_for(plan: Plan[Patch], chord_mm: float) -> int:
     """Rings to begin with: for the detail of the faces, and for the base's cylinder to be within ``chord_mm``."""
-    of_base, of_detail = 0.0, _RINGS_PER_NODE * max(plan.inner.nodes, plan.outer.nodes)
+    of_base, of_detail = 0.0, _RINGS_PER_NODE * max(face.shape.nodes for face in plan.faces)
     if plan.has_base:  # a polygon of 6 n corners is R (pi / 6n)^2 / 2 away from the widest cylinder
         radius = (plan.base.flange_diameter_mm or plan.base.widest_mm) / 2.0
         of_base = np.pi / 6.0 * np.sqrt(radius / (2.0 * chord_mm))
@@ -146,10 +182,13 @@ def build_mesh(plan: Plan[Patch], rings: int, chord_mm: float | None = None) -> 
         raise InputError(f"rings = {rings}: from 3 to {MOST_RINGS}; leave it out to have it set by the tolerance")
     rim = rim_azimuths(6 * rings, plan.breaks)
     if chord_mm is not None:
-        rim = refined_rim((plan.inner, plan.outer), rim, chord_mm)
-    dome = dome_rings(plan.outer, rings, rim, OUTER)
+        rim = refined_azimuths(
+            tuple(_line(each.faces[-1].shape, None) for each in (plan.cavity, plan.envelope)), rim, chord_mm
+        )
+    dome, hollow = (dome_rings(each, rings, rim, chord_mm) for each in (plan.envelope, plan.cavity))
     below = list(_below(plan, rim))
-    stack = [*dome[:-1], *below, *reversed(dome_rings(plan.inner, rings, rim, INNER))]
+    upwards = [replace(ring, strip=above.strip) for above, ring in zip([hollow[0], *hollow[:-1]], hollow, strict=True)]
+    stack = [*dome[:-1], *below, *reversed(upwards)]
     seat = rings + [ring.strip for ring in below].index(TOP if plan.has_base else RIM)  # it meets the base's outline
     counts = [len(ring.azimuths) for ring in stack]
     ids = np.split(np.arange(sum(counts)), np.cumsum(counts)[:-1])
@@ -164,20 +203,25 @@ def build_mesh(plan: Plan[Patch], rings: int, chord_mm: float | None = None) -> 
 
 
 def mesh_error(mesh: BodyMesh, plan: Plan[Patch]) -> float:
-    """Largest distance (mm) of the facets of both optical surfaces from them."""
-    return max(facet_error(patch, mesh.vertices, mesh.part(name)) for name, patch in _faces(plan))
+    """Largest distance (mm) of the facets of all optical surfaces from them."""
+    return max(facet_error(face.shape, mesh.vertices, mesh.part(face.label)) for face in plan.faces)
 
 
-def _faces(plan: Plan[Patch]) -> tuple[tuple[str, Patch], tuple[str, Patch]]:
-    return (OUTER, plan.outer), (INNER, plan.inner)
+def _line(patch: Patch, crease: Crease | None) -> Curve:
+    """The points of ``crease``, or of the rim, on a face."""
+
+    def points(azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
+        return points_in(patch, rim_directions(azimuths) if crease is None else to_sphere(crease.chart(azimuths)))
+
+    return points
 
 
 def _refined(mesh: BodyMesh, plan: Plan[Patch], chord_mm: float) -> BodyMesh:
-    """The mesh with the facets of both optical faces within ``chord_mm``; the rest is unchanged."""
+    """The mesh with the facets of all optical faces within ``chord_mm``; the rest is unchanged."""
     vertices, triangles, face = mesh.vertices, mesh.triangles, mesh.face
-    for name, patch in _faces(plan):
-        number = mesh.names.index(name)
-        vertices, split = refined_dome(patch, vertices, triangles[face == number], chord_mm)
+    for each in plan.faces:
+        number = mesh.names.index(each.label)
+        vertices, split = refined_dome(each.shape, vertices, triangles[face == number], chord_mm)
         triangles = np.concatenate([triangles[face != number], split])
         face = np.concatenate([face[face != number], np.full(len(split), number)])
     return BodyMesh(vertices, triangles, face, mesh.names, mesh.rings)

@@ -64,11 +64,7 @@ class Faces(Record):
     names: tuple[Text, ...]
 
 
-class SplineNodes(Record):
-    """Spline nodes across each optical face."""
-
-    inner: Count
-    outer: Count
+SplineNodes = dict[Text, Count]  # across each optical face, by its name
 
 
 class Triangulation(Record):
@@ -109,9 +105,10 @@ class KeepOutDistance(Record):
 class Part(StageResult):
     """The lens as a solid: the bytes of STEP, STL and 3MF, and their errors against the exact surfaces.
 
-    ``nodes``: spline nodes across each optical face. ``volume_mm3``, ``area_mm2``: of the solid, ``volume_mesh_mm3``,
-    ``area_mesh_mm2`` of the mesh. ``bounds_mm``: corners of the box around the mesh, all vertices of which lie on the
-    solid: that of the solid is larger by no more than the chord error. ``mass_g`` where the spec states a density.
+    ``nodes``: of the spline of each optical face, by its name. ``volume_mm3``, ``area_mm2``: of the solid,
+    ``volume_mesh_mm3``, ``area_mesh_mm2`` of the mesh. ``bounds_mm``: corners of the box around the mesh, all vertices
+    of which lie on the solid: that of the solid is larger by no more than the chord error. ``mass_g`` where the spec
+    states a density.
     ``keep_out``: None where the spec has none, or the mesh is not closed.
     ``form_tolerances``: those that the STEP carries on its faces, in AP242. ``signature``: in its header.
     ``files``: size and hash of each file, as built; ``altered`` names those whose bytes are others, in a folder whose

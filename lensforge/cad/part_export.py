@@ -6,16 +6,16 @@ shop cuts a mould, must keep the limits of the faces of the part.
 """
 
 import time
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
-from lensforge.cad.custom_base import CustomBase, join_base, join_mesh, read_custom_base
+from lensforge.cad.body_export import BodyProof, BuiltBody, on_base, prove
+from lensforge.cad.custom_base import read_custom_base
 from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.facets import CHORD_MM
-from lensforge.cad.form_error import FormError, face_error, fit_faces, worst
+from lensforge.cad.form_error import FormError, face_error, fit_lens, worst
 from lensforge.cad.keep_out import keep_out_criteria, keep_out_distance, mesh_error_mm, read_keep_out
-from lensforge.cad.mesh import BodyMesh, Closure, build_mesh, check_closed, mesh_error, rings_for
-from lensforge.cad.mesh_files import parse_3mf, parse_stl, stl_bytes, threemf_bytes
+from lensforge.cad.mesh import BodyMesh
+from lensforge.cad.mesh_files import stl_bytes, threemf_bytes
 from lensforge.cad.part import (
     STEP_FILE,
     STL_FILE,
@@ -24,7 +24,6 @@ from lensforge.cad.part import (
     Faces,
     KeepOutDistance,
     Part,
-    SplineNodes,
     Triangulation,
     UntrimmedSurfaces,
     stamp_of,
@@ -39,11 +38,10 @@ from lensforge.cad.part_limits import (
     part_criteria,
 )
 from lensforge.cad.patch import Patch, fit_extended
-from lensforge.cad.plan import INNER, OUTER, Plan, make_plan
-from lensforge.cad.solid import Solid, build_solid, untrimmed_faces
+from lensforge.cad.plan import Plan
+from lensforge.cad.solid import Solid, untrimmed_faces
 from lensforge.cad.step import (
     form_tolerances,
-    parse_step,
     parse_surfaces,
     require_schema,
     step_bytes,
@@ -72,12 +70,6 @@ class SignedStep:
     tolerances: tuple[FormTolerance, ...]
 
 
-def solid_on_base(plan: Plan[Patch], base: CustomBase | None) -> Solid:
-    """The solid of ``plan``, joined with the ``base`` where it comes from a file."""
-    solid = build_solid(plan)
-    return solid if base is None else join_base(solid, base)
-
-
 def signed_step(solid: Solid, spec: Spec, product: str, schema: Schema, date: str | None = None) -> SignedStep:
     """STEP file of ``solid`` as ``product``; AP242 carries ``manufacture.form_tolerance_um``.
 
@@ -100,26 +92,6 @@ def untrimmed_criteria(found: UntrimmedSurfaces | None) -> tuple[Criterion, ...]
         at_most("surfaces_form_error", found.form_error_nm, FORM_LIMIT_NM, "nm", finer),
         at_most("surfaces_normal_error", found.normal_error_mrad, NORMAL_LIMIT_MRAD, "mrad", finer),
     )
-
-
-@dataclass(frozen=True)
-class _Body:
-    """Plan, mesh and solid of the lens, and the largest distance (mm) of the mesh's facets from its faces."""
-
-    plan: Plan[Patch]
-    mesh: BodyMesh
-    chord_mm: float
-    solid: Solid
-
-
-@dataclass(frozen=True)
-class _Proof:
-    """The files as read back."""
-
-    solid: Solid
-    stl: Closure
-    threemf: Closure
-    form: FormError
 
 
 def build_part(
@@ -154,7 +126,8 @@ def build_part(
         untrimmed, surfaces_step = _untrimmed(lens, body.plan, extension_deg, schema, signed.signature)
     stl = stl_bytes(body.mesh)
     threemf = threemf_bytes(body.mesh, name)
-    proof = _prove(lens, step, stl, threemf)
+    proof = prove(body, step, stl, threemf)
+    form = worst(list(proof.form.values()))
     keep_out = _keep_out(lens, body)
     files = {STEP_FILE: step, STL_FILE: stl, THREEMF_FILE: threemf}
     if surfaces_step is not None:
@@ -162,8 +135,8 @@ def build_part(
     return Part(
         inputs={"lens": lens.sha256},
         lens=lens,
-        form_error_nm=Extent(max=proof.form.form_max_nm, rms=proof.form.form_rms_nm),
-        normal_error_mrad=Extent(max=proof.form.normal_max_mrad, rms=proof.form.normal_rms_mrad),
+        form_error_nm=Extent(max=form.form_max_nm, rms=form.form_rms_nm),
+        normal_error_mrad=Extent(max=form.normal_max_mrad, rms=form.normal_rms_mrad),
         volume_mm3=proof.solid.volume_mm3,
         volume_mesh_mm3=proof.stl.volume_mm3,
         mass_g=mass_g(lens.spec, proof.solid.volume_mm3),
@@ -174,7 +147,7 @@ def build_part(
         watertight=proof.stl.watertight,
         genus=proof.stl.genus,
         faces=Faces(count=len(proof.solid.shape.Faces()), names=tuple(sorted(proof.solid.faces))),
-        nodes=SplineNodes(inner=body.plan.inner.nodes, outer=body.plan.outer.nodes),
+        nodes={face.name: face.shape.nodes for face in (*body.plan.cavity.faces, *body.plan.envelope.faces)},
         step_schema=schema,
         form_tolerances=signed.tolerances,
         signature=signed.signature,
@@ -187,7 +160,11 @@ def build_part(
         ),
         files={name: stamp_of(content) for name, content in files.items()},
         seconds=round(time.perf_counter() - start, 3),
-        criteria=(*_criteria(body, proof), *untrimmed_criteria(untrimmed), *keep_out_criteria(lens.spec, keep_out)),
+        criteria=(
+            *_criteria(body, proof, form),
+            *untrimmed_criteria(untrimmed),
+            *keep_out_criteria(lens.spec, keep_out),
+        ),
         step=step,
         stl=stl,
         threemf=threemf,
@@ -195,19 +172,14 @@ def build_part(
     )
 
 
-def _build(lens: Lens, nodes: int | None, rings: int | None, chord_mm: float) -> _Body:
+def _build(lens: Lens, nodes: int | None, rings: int | None, chord_mm: float) -> BuiltBody:
     """Fit the faces, build mesh and solid, and join the base where it comes from a file."""
-    base = None if lens.spec.base.file is None else read_custom_base(lens.spec.base.file)
-    plan = make_plan(*fit_faces(lens, nodes, nodes), base_with_room(lens))
-    mesh = build_mesh(plan, rings_for(plan, chord_mm), chord_mm) if rings is None else build_mesh(plan, rings)
-    reached_mm = mesh_error(mesh, plan)
-    solid = solid_on_base(plan, base)
-    if base is not None:
-        mesh = join_mesh(mesh, base, reached_mm)
-    return _Body(plan, mesh, reached_mm, solid)
+    custom = None if lens.spec.base.file is None else read_custom_base(lens.spec.base.file)
+    pair = fit_lens(lens, *([] if nodes is None else [nodes] * len(lens.surfaces)))
+    return on_base(lens.surfaces, pair, base_with_room(lens), rings, chord_mm, custom)
 
 
-def _keep_out(lens: Lens, body: _Body) -> KeepOutDistance | None:
+def _keep_out(lens: Lens, body: BuiltBody) -> KeepOutDistance | None:
     """Distance of the body from the keep-out of the spec; None where it has none."""
     path = lens.spec.constraints.keep_out
     if path is None:
@@ -221,17 +193,19 @@ def _untrimmed(
 ) -> tuple[UntrimmedSurfaces, bytes]:
     """The untrimmed faces as a STEP file of their own, and their form error above the rim as read back."""
     scale = lens.spec.manufacture.scale
-    outer, inner = scaled(lens.outer, scale), scaled(lens.inner, scale)
+    surfaces = {face.label: scaled(lens.surfaces[face.name], scale) for face in plan.faces}
     patches = {
-        OUTER: fit_extended(outer, plan.outer.nodes, extension_deg),
-        INNER: fit_extended(inner, plan.inner.nodes, extension_deg),
+        face.label: fit_extended(surfaces[face.label], face.shape.nodes, extension_deg, face.domain.extent)
+        for face in plan.faces
     }
+    envelope = [face.label for face in plan.envelope.faces]
     product = f"{lens.spec.name} surfaces"
     if scale != 1.0:
         product = f"{lens.spec.name} surfaces of the mould, the lens scaled by {scale:.12g}"
-    content = surfaces_bytes(untrimmed_faces(patches), product, schema, header=header)
+    content = surfaces_bytes(untrimmed_faces(patches, envelope), product, schema, header=header)
     faces = parse_surfaces(content)
-    form = worst([face_error(outer, faces[OUTER]), face_error(inner, faces[INNER])])
+    each = [(face.label, face.domain) for face in plan.faces]
+    form = worst([face_error(surfaces[label], faces[label], domain=domain) for label, domain in each])
     found = UntrimmedSurfaces(
         extension_deg=extension_deg,
         scale=scale,
@@ -241,20 +215,12 @@ def _untrimmed(
     return found, content
 
 
-def _prove(lens: Lens, step: bytes, stl: bytes, threemf: bytes) -> _Proof:
-    """Read the files again, and compare their faces with the surfaces."""
-    solid = parse_step(step)
-    with ThreadPoolExecutor() as pool:
-        errors = pool.map(face_error, (lens.outer, lens.inner), (solid.faces[OUTER], solid.faces[INNER]))
-    return _Proof(solid, check_closed(*parse_stl(stl)), check_closed(*parse_3mf(threemf)), worst(list(errors)))
-
-
-def _criteria(body: _Body, proof: _Proof) -> tuple[Criterion, ...]:
+def _criteria(body: BuiltBody, proof: BodyProof, form: FormError) -> tuple[Criterion, ...]:
     """The criteria that the files must meet before they go to a shop."""
     solid, stl = proof.solid, proof.stl
     measured = {
-        "form_error": proof.form.form_max_nm,
-        "normal_error": proof.form.normal_max_mrad,
+        "form_error": form.form_max_nm,
+        "normal_error": form.normal_max_mrad,
         "step_valid": float(solid.valid),
         "step_volume_change": abs(solid.default_volume_mm3 / body.solid.default_volume_mm3 - 1.0),
         "watertight": float(stl.watertight),

@@ -86,6 +86,9 @@ NODES_PER_SIGMA = 5.0
 _APRON = 8  # nodes beyond each edge: the ends' error decays by 0.43 a node
 _ANGLE_SPAN = 4.0 * np.arctan(HALF_WIDTH)  # rad, from edge to edge of the chart's square along an axis
 _JET_ORDERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
+_FILLED, _SMOOTH, _AROUND = 0.8, 6.0, 64  # of the hole in a ring: the part that is filled, and how smoothly
+_WHOLE = (0.0, 1.0)
+Extent = tuple[float, float]
 _MAX_REACH_DEG = 110.0  # along an axis; the corners are then at 127 degrees
 
 
@@ -124,16 +127,15 @@ class Patch:
         radius: Float[np.ndarray, " n"] = np.linalg.norm(self.points(to_chart(directions)), axis=-1)
         return radius
 
-    @cached_property
-    def trimmed(self) -> "Patch":
-        """The patch over the unit disc; at the corners of its square it goes no deeper than near the disc.
+    def bounded(self, reach: float = 1.0) -> "Patch":
+        """The patch over the disc of radius ``reach`` in the chart; at the corners of its square no deeper than there.
 
         CAD programs take the bounding box of a face from all control points. Those that no point of the disc depends
         on are raised to the lowest one on which the disc does.
         """
         first, last = self.knots[: -DEGREE - 1], self.knots[DEGREE + 1 :]
         nearest = np.clip(0.0, first, last)  # of each function's support to the axis
-        bound = np.add.outer(nearest**2, nearest**2) < 1.0
+        bound = np.add.outer(nearest**2, nearest**2) < reach**2
         control = self.control.copy()
         control[~bound, 2] = np.maximum(control[~bound, 2], control[bound, 2].min())
         return Patch(control, self.knots)
@@ -156,38 +158,62 @@ def node_axis(count: int, apron: int = 0, half_width: float = HALF_WIDTH) -> Flo
     return axis
 
 
-def fit_patch(surface: Surface, nodes: int | None = None) -> Patch:
+def fit_patch(surface: Surface, nodes: int | None = None, extent: Extent = _WHOLE) -> Patch:
     """Interpolate ``surface`` at ``nodes`` x ``nodes`` chart points; by default as many as its detail needs.
 
-    Raises :class:`InputError` if ``nodes`` is out of range or the radius is not positive over the chart.
+    ``extent``: least and largest distance of its domain from the chart's centre; the square goes a little farther, and
+    the hole within a ring is filled smoothly. Raises :class:`InputError` if ``nodes`` is out of range or the radius is
+    not positive over the chart.
     """
     count = default_nodes(surface.detail_rad) if nodes is None else nodes
     if not 2 * DEGREE <= count <= MAX_NODES:
         raise InputError(f"nodes = {count}: from {2 * DEGREE} to {MAX_NODES}; leave it out to have it set by the lens")
-    return _interpolate(surface, count, HALF_WIDTH)
+    return _interpolate(surface, count, HALF_WIDTH * extent[1], extent[0])
 
 
-def fit_extended(surface: Surface, nodes: int, extension_deg: float) -> Patch:
-    """Interpolate ``surface`` over a larger square, ``extension_deg`` (degrees) beyond the rim on its axes.
+def fit_extended(surface: Surface, nodes: int, extension_deg: float, extent: Extent = _WHOLE) -> Patch:
+    """Interpolate ``surface`` over a larger square, ``extension_deg`` (degrees) beyond the edges of its domain.
 
-    ``nodes`` is the count over the usual square; it grows in proportion to the angle.
+    ``nodes`` is the count of ``fit_patch`` with this ``extent``; it grows in proportion to the angle.
     """
     if not 0.0 < extension_deg <= _MAX_REACH_DEG - 90.0:
         raise InputError(f"extension = {extension_deg:g} degrees: above 0, up to {_MAX_REACH_DEG - 90.0:g}")
-    half_width = float(np.tan(np.deg2rad(90.0 + extension_deg) / 2.0))
-    count = int(np.ceil(1.0 + (nodes - 1) * np.arctan(half_width) / np.arctan(HALF_WIDTH)))
-    return _interpolate(surface, count, half_width)
+    edges_deg = 2.0 * np.rad2deg(np.arctan(extent)) + (-extension_deg, extension_deg)
+    hole, half_width = np.tan(np.deg2rad(np.maximum(edges_deg, 0.0)) / 2.0).tolist()
+    count = int(np.ceil(1.0 + (nodes - 1) * np.arctan(half_width) / np.arctan(HALF_WIDTH * extent[1])))
+    return _interpolate(surface, count, half_width, hole)
 
 
-def _interpolate(surface: Surface, count: int, half_width: float) -> Patch:
+def _interpolate(surface: Surface, count: int, half_width: float, hole: float) -> Patch:
     axis = node_axis(count, _APRON, half_width)
-    directions = to_sphere(np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1))
-    radius = surface.radius_on_grid(directions)
+    chart = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1)
+    directions = to_sphere(chart)
+    radius = _filled(surface, chart, hole) if hole > 0.0 else surface.radius_on_grid(directions)
     _require_positive(radius.reshape(-1), directions.reshape(-1, 3))
     points = radius[..., None] * directions
     along_x = _within_square(make_interp_spline(axis, points, k=DEGREE), half_width)
     along_y = _within_square(make_interp_spline(axis, along_x.c.transpose(1, 0, 2), k=DEGREE), half_width)
     return Patch(np.ascontiguousarray(along_y.c.transpose(1, 0, 2)), along_x.t)
+
+
+def _filled(surface: Surface, chart: Float[np.ndarray, "n n 2"], hole: float) -> Float[np.ndarray, "n n"]:
+    """Radii over a ``chart`` grid; within 0.8 of a ``hole`` they go over to the mean of those half as far as its edge.
+
+    There a surface may have no radius, as a cylinder on the axis, or a spike that spoils boxes and integrals. The step
+    has 5 derivatives that are 0 at both ends; where radii are taken follows its integral.
+    """
+    from scipy.special import betainc
+
+    distance = np.maximum(np.linalg.norm(chart, axis=-1), np.finfo(float).tiny)
+    share = np.minimum(distance / (_FILLED * hole), 1.0)
+    step = betainc(_SMOOTH, _SMOOTH, share)
+    taken = 0.5 + share * step - 0.5 * betainc(_SMOOTH + 1.0, _SMOOTH, share)
+    radius = surface.radius_on_grid(to_sphere(chart * np.where(share < 1.0, taken / share, 1.0)[..., None]))
+    turn = np.linspace(0.0, 2.0 * np.pi, _AROUND, endpoint=False)
+    around = 0.5 * _FILLED * hole * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    mean = surface.radius(to_sphere(around)).mean()
+    filled: Float[np.ndarray, "n n"] = np.where(share < 1.0, mean + step * (radius - mean), radius)
+    return filled
 
 
 def _within_square(wide: BSpline, half_width: float) -> BSpline:
@@ -196,6 +222,7 @@ def _within_square(wide: BSpline, half_width: float) -> BSpline:
     interior = wide.t[np.abs(wide.t) < half_width * (1.0 - 1e-12)]
     knots = np.concatenate([-ends, interior, ends])
     averages = np.convolve(knots[1:-1], np.ones(DEGREE), "valid") / DEGREE  # Greville's abscissae, unique for any knots
+    averages = np.clip(averages, -half_width, half_width)  # equal knots average to themselves but for rounding
     return make_interp_spline(averages, wide(averages), k=DEGREE, t=knots)
 
 

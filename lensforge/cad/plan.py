@@ -9,13 +9,15 @@ obstacles of tools are made from them. The solid has them as edges of its faces.
 """
 
 from dataclasses import dataclass
-from typing import Generic, Protocol, TypeVar, runtime_checkable
+from typing import Any, Generic
 
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.cad.boundary import Boundary, Shape, StarShaped, TrimmedFace, as_pair, optical_name
 from lensforge.cad.outline import FULL_TURN, Arc, Outline, Radius, arcs_between, circle, outline_of, sampled_azimuths
 from lensforge.errors import InputError, remedy
+from lensforge.scene.body import DOUBLE
 from lensforge.spec import BaseSection
 from lensforge.surfaces.surface import grid, to_sphere
 
@@ -23,32 +25,25 @@ MIN_BASE_WALL_MM = 0.01
 _WALL_NODES = 96  # chart nodes at which the wall is tested
 
 
-@runtime_checkable
-class StarShaped(Protocol):
-    """A surface by its distance (mm) from the origin: of the design, or fitted for the CAD file."""
-
-    def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
-        """Distance (mm) from the origin in unit ``directions``."""
-        ...
-
-
-Face = TypeVar("Face", bound=StarShaped)
-
-
 @dataclass(frozen=True)
-class Plan(Generic[Face]):
-    """The two optical faces of a lens, its base, and the arcs of the seat, which go once around.
+class Plan(Generic[Shape]):
+    """Boundaries of the cavity of a lens and of its body, its base, and the arcs of the seat, which go once around.
 
     ``ring``: the circle of a relief step's wall that is set back from the outer rim; it is then the seat. ``bore``: the
     circle of a bore that is set back from the cavity's rim.
     """
 
-    inner: Face
-    outer: Face
+    cavity: Boundary[Shape]
+    envelope: Boundary[Shape]
     base: BaseSection
     arcs: tuple[Arc, ...]
     ring: Outline | None = None
     bore: Outline | None = None
+
+    @property
+    def faces(self) -> tuple[TrimmedFace[Shape], ...]:
+        """The optical faces, those of the envelope first."""
+        return self.envelope.faces + self.cavity.faces
 
     @property
     def has_base(self) -> bool:
@@ -106,16 +101,16 @@ def rim_directions(azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"
     return np.stack([np.cos(azimuths), np.sin(azimuths), np.zeros_like(azimuths)], axis=-1)
 
 
-def make_plan(inner: Face, outer: Face, base: BaseSection) -> Plan[Face]:
+def make_plan(cavity: Shape | Boundary[Shape], envelope: Shape | Boundary[Shape], base: BaseSection) -> Plan[Shape]:
     """Lay out the body. Raises :class:`InputError` if the surfaces touch or the base cannot hold the cavity."""
     with remedy("raise constraints.min_thickness_mm and design again"):
-        _require_wall(inner, outer)
+        _require_wall(cavity, envelope)
     if base.kind in ("cylinder", "square"):
-        _require_opening_inside(inner, base, outline_of(base))
-    plan = lay_out(inner, outer, base)
+        _require_opening_inside(cavity, base, outline_of(base))
+    plan = lay_out(cavity, envelope, base)
     met = len(plan.arcs) > 1 or (plan.ring is not None and plan.flush)
     if base.step_mm > 0.0 and met:
-        widths = 2.0 * (rim_radius(outer) if plan.ring is None else plan.ring.radius)(sampled_azimuths())
+        widths = 2.0 * (rim_radius(envelope) if plan.ring is None else plan.ring.radius)(sampled_azimuths())
         raise InputError(
             f"base.relief_step_mm = {base.step_mm:g}: the wall of the step, {widths.min():.4g} to "
             f"{widths.max():.4g} mm wide, meets the side of the base; make the base wider, or set the step to 0"
@@ -123,18 +118,19 @@ def make_plan(inner: Face, outer: Face, base: BaseSection) -> Plan[Face]:
     return plan
 
 
-def lay_out(inner: Face, outer: Face, base: BaseSection) -> Plan[Face]:
-    """The plan of a body that need not be possible, for a drawing.
+def lay_out(cavity: Shape | Boundary[Shape], envelope: Shape | Boundary[Shape], base: BaseSection) -> Plan[Shape]:
+    """The plan of a body that need not be possible, for a drawing; a face alone is that of the usual lens.
 
     Raises :class:`InputError` where a setback leaves nothing of the base.
     """
+    inwards, outwards = as_pair(cavity, envelope)
     if base.kind in ("none", "step"):
-        return Plan(inner, outer, base, (Arc(0.0, FULL_TURN, "bare"),))
+        return Plan(inwards, outwards, base, (Arc(0.0, FULL_TURN, "bare"),))
     outline = outline_of(base)
-    bore = _bore(inner, base, outline)
-    ring = _relief_ring(inner if bore is None else bore, outer, base)
-    seat = rim_radius(outer) if ring is None else ring.radius
-    return Plan(inner, outer, base, arcs_between(seat, outline), ring, bore)
+    bore = _bore(inwards, base, outline)
+    ring = _relief_ring(inwards if bore is None else bore, outwards, base)
+    seat = rim_radius(outwards) if ring is None else ring.radius
+    return Plan(inwards, outwards, base, arcs_between(seat, outline), ring, bore)
 
 
 def rim_radius(face: StarShaped) -> Radius:
@@ -142,12 +138,12 @@ def rim_radius(face: StarShaped) -> Radius:
     return lambda azimuths: face.radius(rim_directions(azimuths))
 
 
-def _bore(inner: StarShaped, base: BaseSection, outline: Outline) -> Outline | None:
+def _bore(cavity: StarShaped, base: BaseSection, outline: Outline) -> Outline | None:
     """The bore's circle; None where it is extruded from the cavity's rim."""
     if not base.bore_setback_mm:
         return None
     azimuths = sampled_azimuths()
-    opening = float(rim_radius(inner)(azimuths).max())
+    opening = float(rim_radius(cavity)(azimuths).max())
     room = float(outline.radius(azimuths).min())
     if base.pocket_diameter_mm is not None:
         room = min(room, base.pocket_diameter_mm / 2.0)
@@ -159,13 +155,13 @@ def _bore(inner: StarShaped, base: BaseSection, outline: Outline) -> Outline | N
     return circle(opening + base.bore_setback_mm)
 
 
-def _relief_ring(opening: StarShaped | Outline, outer: StarShaped, base: BaseSection) -> Outline | None:
+def _relief_ring(opening: StarShaped | Outline, envelope: StarShaped, base: BaseSection) -> Outline | None:
     """The wall of a step that is set back from the outer rim; None where it is extruded from the rim itself."""
     if not base.relief_setback_mm:
         return None
     azimuths = sampled_azimuths()
     hole = opening.radius(azimuths) if isinstance(opening, Outline) else rim_radius(opening)(azimuths)
-    rim = rim_radius(outer)(azimuths)
+    rim = rim_radius(envelope)(azimuths)
     room = float(rim.min() - hole.max()) - MIN_BASE_WALL_MM
     if base.relief_setback_mm > room:
         raise InputError(
@@ -175,11 +171,11 @@ def _relief_ring(opening: StarShaped | Outline, outer: StarShaped, base: BaseSec
     return circle(float(rim.min()) - base.relief_setback_mm)
 
 
-def _require_wall(inner: StarShaped, outer: StarShaped) -> None:
+def _require_wall(cavity: StarShaped, envelope: StarShaped) -> None:
     chart = grid(_WALL_NODES, half_width=1.0).reshape(-1, 2)
     directions = to_sphere(chart[np.sum(chart**2, axis=1) <= 1.0])
     directions = np.concatenate([directions, rim_directions(sampled_azimuths())])
-    wall = outer.radius(directions) - inner.radius(directions)
+    wall = envelope.radius(directions) - cavity.radius(directions)
     worst = int(np.argmin(wall))
     if wall[worst] <= 0.0:
         x, y, z = directions[worst]
@@ -189,9 +185,9 @@ def _require_wall(inner: StarShaped, outer: StarShaped) -> None:
         )
 
 
-def _require_opening_inside(inner: StarShaped, base: BaseSection, outline: Outline) -> None:
+def _require_opening_inside(cavity: StarShaped, base: BaseSection, outline: Outline) -> None:
     azimuths = sampled_azimuths()
-    opening = inner.radius(rim_directions(azimuths)) + MIN_BASE_WALL_MM
+    opening = cavity.radius(rim_directions(azimuths)) + MIN_BASE_WALL_MM
     needed = float((opening / outline.radius(azimuths)).max())
     field, value = ("side_mm", base.side_mm) if base.kind == "square" else ("diameter_mm", base.diameter_mm)
     if needed > 1.0:
@@ -210,7 +206,8 @@ def _require_opening_inside(inner: StarShaped, base: BaseSection, outline: Outli
         )
 
 
-OUTER, INNER, RIM = "OPTICAL_OUTER", "OPTICAL_INNER", "RIM"
+INNER, OUTER = map(optical_name, DOUBLE)
+RIM = "RIM"
 TOP, SIDE, BOTTOM, BORE, BORE_TOP = "BASE_TOP", "BASE_SIDE", "BASE_BOTTOM", "BASE_BORE", "BORE_TOP"
 RELIEF, FLANGE_TOP, FLANGE_SIDE = "BASE_RELIEF", "FLANGE_TOP", "FLANGE_SIDE"
 POCKET_SIDE, POCKET_TOP = "POCKET_SIDE", "POCKET_TOP"
@@ -228,15 +225,15 @@ class Corner:
     face: str
 
 
-def base_corners(plan: Plan[Face]) -> list[Corner]:
+def base_corners(plan: Plan[Any]) -> list[Corner]:
     """The corners from the outer rim to the last one before the cavity's rim; the outer rim alone without a base."""
-    rim = rim_radius(plan.outer)
+    rim = rim_radius(plan.envelope)
     if not plan.has_base:
         return [Corner(rim, 0.0, RIM)]
     return [*_seat_corners(plan, rim), *_foot_corners(plan), *_bore_corners(plan)]
 
 
-def _seat_corners(plan: Plan[Face], rim: Radius) -> list[Corner]:
+def _seat_corners(plan: Plan[Any], rim: Radius) -> list[Corner]:
     """The outer rim, and the wall of a step below it."""
     if plan.ring is not None:
         wall = plan.ring.radius
@@ -246,7 +243,7 @@ def _seat_corners(plan: Plan[Face], rim: Radius) -> list[Corner]:
     return [Corner(rim, 0.0, TOP)]
 
 
-def _foot_corners(plan: Plan[Face]) -> list[Corner]:
+def _foot_corners(plan: Plan[Any]) -> list[Corner]:
     """The side and the bottom of the base, and its flange."""
     side, height = plan.outline.radius, plan.base.height_mm
     top = Corner(side, plan.relief_mm, SIDE)
@@ -257,12 +254,12 @@ def _foot_corners(plan: Plan[Face]) -> list[Corner]:
     return [top, shoulder, Corner(wide, plan.shoulder_mm, FLANGE_SIDE), Corner(wide, height, BOTTOM)]
 
 
-def _bore_corners(plan: Plan[Face]) -> list[Corner]:
+def _bore_corners(plan: Plan[Any]) -> list[Corner]:
     """The pocket in the bottom, and the bore."""
     corners = []
     if plan.pocket is not None:
         pocket = plan.pocket.radius
         corners += [Corner(pocket, plan.base.height_mm, POCKET_SIDE), Corner(pocket, plan.bore_mm, POCKET_TOP)]
     if plan.bore is None:
-        return [*corners, Corner(rim_radius(plan.inner), plan.bore_mm, BORE)]
+        return [*corners, Corner(rim_radius(plan.cavity), plan.bore_mm, BORE)]
     return [*corners, Corner(plan.bore.radius, plan.bore_mm, BORE), Corner(plan.bore.radius, 0.0, BORE_TOP)]

@@ -6,6 +6,7 @@ Lens and built-in bases are cut in closed form, a base from a STEP file by its m
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.cad.boundary import Boundary, lens_boundaries
 from lensforge.cad.custom_base import mesh_of_base
 from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.plan import Corner, base_corners, lay_out, rim_directions
@@ -25,11 +26,12 @@ def body_outlines(lens: Lens, azimuth_deg: float) -> list[Curve]:
     """
     azimuth = np.radians(azimuth_deg)
     across = rim_directions(np.array([azimuth]))[0]
-    inner, outer = profile(lens.inner, across), profile(lens.outer, across)
+    pair = lens_boundaries(lens)
+    inner, outer = (profile(each, across) for each in pair)
     base = base_with_room(lens)
     if base.file is not None:
         return [np.concatenate([outer, inner[::-1]]), *_cut_of_file(base, across)]
-    corners = base_corners(lay_out(lens.inner, lens.outer, base))[1:]  # the first is the outer rim itself
+    corners = base_corners(lay_out(*pair, base))[1:]  # the first is the outer rim itself
     right, left = (_at(corners, azimuth + turn) for turn in (0.0, np.pi))
     return [np.concatenate([outer, right, inner[::-1], left[::-1] * (-1.0, 1.0)])]
 
@@ -52,13 +54,19 @@ def _at(corners: list[Corner], azimuth: float) -> Curve:
     return np.array([(float(each.radius(turn)[0]), -each.depth_mm) for each in corners]).reshape(-1, 2)
 
 
-def profile(surface: Surface, across: Float[np.ndarray, " 3"], count: int = 361) -> Curve:
-    """The surface's curve in the section through the axis and ``across``, rim to rim: (position across, z) in mm."""
+def profile(boundary: Boundary[Surface], across: Float[np.ndarray, " 3"], count: int = 361) -> Curve:
+    """The curve in the section through the axis and ``across``, rim to rim: (position across, z) in mm.
+
+    Its points are equally spaced in angle, and at creases.
+    """
     theta = np.linspace(-0.5 * np.pi, 0.5 * np.pi, count)
+    azimuth = np.arctan2(across[1], across[0]) + np.array([0.0, np.pi])
+    corners = [2.0 * np.arctan(crease.radius(azimuth)) * (1.0, -1.0) for crease in boundary.creases]
+    theta = np.sort(np.concatenate([theta, *corners]))
     polar = np.column_stack([np.sin(theta), np.cos(theta)])
     polar[[0, -1], 1] = 0.0  # the rim lies in z = 0 exactly
     directions = polar[:, :1] * across + polar[:, 1:] * np.array([0.0, 0.0, 1.0])
-    curve: Curve = surface.radius(directions)[:, None] * polar
+    curve: Curve = boundary.radius(directions)[:, None] * polar
     return curve
 
 

@@ -1,4 +1,4 @@
-"""The body as a B-rep solid: two optical faces of one patch each, closed by the faces of rim, base, step and bore.
+"""The body as a B-rep solid: optical faces of one patch each, closed by the faces of rim, base, step and bore.
 
 Neighbouring faces are built on the same edges, so the shell is closed by construction: no sewing within a tolerance,
 and no boolean operation that could lose the name of a face.
@@ -9,11 +9,16 @@ Rims are chains of edges, and the walls below them have a face for each edge.
 """
 
 from collections import Counter
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
-from lensforge.cad.edges import geom_surface, outline_edges, rim_edges, wire
+import numpy as np
+
+from lensforge.cad.boundary import Boundary, Domain
+from lensforge.cad.edges import crease_edges, geom_surface, outline_edges, rim_edges, wire
 from lensforge.cad.outline import FULL_TURN, Arc, Outline
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import (
@@ -22,7 +27,6 @@ from lensforge.cad.plan import (
     BOTTOM,
     FLANGE_SIDE,
     FLANGE_TOP,
-    INNER,
     OUTER,
     POCKET_SIDE,
     POCKET_TOP,
@@ -40,36 +44,36 @@ Shapes = dict[str, Any]  # by name; the CAD kernel has no types
 Chain = list[Any]  # of edges
 
 
-def body_faces(plan: Plan[Patch], inner_rim: Chain, outer_rim: list[Chain]) -> Named:
+def body_faces(plan: Plan[Patch], cavity_rim: Chain, envelope_rim: list[Chain]) -> Named:
     """Names and faces that close the body between the two domes.
 
-    ``outer_rim``: a chain for each arc of the plan. Chains run counter-clockwise; where the outer rim crosses the
+    ``envelope_rim``: a chain for each arc of the plan. Chains run counter-clockwise; where the outer rim crosses the
     outline they share vertices.
     """
-    whole_rim = [edge for chain in outer_rim for edge in chain]
+    whole_rim = [edge for chain in envelope_rim for edge in chain]
     if not plan.has_base:
-        return [(RIM, _planar(wire(whole_rim), wire(inner_rim)))]
-    bore, bore_foot = _bore(plan, inner_rim)
-    faces, foot = _outside(plan, outer_rim, whole_rim)
+        return [(RIM, _planar(wire(whole_rim), wire(cavity_rim)))]
+    bore, bore_foot = _bore(plan, cavity_rim)
+    faces, foot = _outside(plan, envelope_rim, whole_rim)
     pocket, opening = _pocket(plan, bore_foot)
     return [*bore, *faces, *pocket, (BOTTOM, _planar(foot, opening))]
 
 
-def _bore(plan: Plan[Patch], inner_rim: Chain) -> tuple[Named, Any]:
+def _bore(plan: Plan[Patch], cavity_rim: Chain) -> tuple[Named, Any]:
     """The wall of the bore, with the ring above it where it is set back, and the wire at its foot."""
     if plan.bore is None:
-        return _walls(BORE, inner_rim, plan.bore_mm)
+        return _walls(BORE, cavity_rim, plan.bore_mm)
     mouth = _circle(plan.bore, 0.0)
     walls, foot = _walls(BORE, mouth, plan.bore_mm)
-    return [(BORE_TOP, _planar(wire(mouth), wire(inner_rim))), *walls], foot
+    return [(BORE_TOP, _planar(wire(mouth), wire(cavity_rim))), *walls], foot
 
 
-def _outside(plan: Plan[Patch], outer_rim: list[Chain], whole_rim: Chain) -> tuple[Named, Any]:
+def _outside(plan: Plan[Patch], envelope_rim: list[Chain], whole_rim: Chain) -> tuple[Named, Any]:
     """Faces between the outer rim and the bottom, and the wire at the bottom."""
     if plan.flush:
         faces, foot = _walls(SIDE, whole_rim, plan.shoulder_mm)
     else:
-        faces, seat = [], outer_rim
+        faces, seat = [], envelope_rim
         if plan.ring is not None:
             ring = _circle(plan.ring, 0.0)
             walls, seat_wire = _walls(RELIEF, ring, plan.relief_mm)
@@ -77,7 +81,7 @@ def _outside(plan: Plan[Patch], outer_rim: list[Chain], whole_rim: Chain) -> tup
         elif plan.relief_mm > 0.0:
             faces, seat_wire = _walls(RELIEF, whole_rim, plan.relief_mm)
             seat = [_edges(seat_wire)]
-        outline = outline_edges(plan.outline, plan.relief_mm, outer_rim, plan.arcs)
+        outline = outline_edges(plan.outline, plan.relief_mm, envelope_rim, plan.arcs)
         side_faces, foot = _prism(outline, plan.shoulder_mm - plan.relief_mm)
         faces += [(_side_name(plan, edge), face) for edge, face in zip(outline, side_faces, strict=True)]
         faces += _between_rim_and_outline(plan, seat, outline)
@@ -162,22 +166,17 @@ def _edges(boundary: Any) -> Chain:
 def _planar(boundary: Any, *holes: Any) -> Any:
     """The horizontal face, its normal up, within a horizontal wire, without ``holes``."""
     import cadquery as cq
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
     from OCP.gp import gp_Dir, gp_Pln, gp_Pnt
-    from OCP.TopoDS import TopoDS
 
     height = cq.Shape.cast(boundary).Vertices()[0].Z
-    plane = gp_Pln(gp_Pnt(0.0, 0.0, height), gp_Dir(0.0, 0.0, 1.0))
-    maker = BRepBuilderAPI_MakeFace(plane, boundary, True)
-    for hole in holes:
-        maker.Add(TopoDS.Wire_s(hole.Reversed()))
-    return maker.Face()
+    return _within(gp_Pln(gp_Pnt(0.0, 0.0, height), gp_Dir(0.0, 0.0, 1.0)), boundary, *holes)
 
 
-# Outward direction of each face: along +z or -z, away from the axis or towards it.
+# Outward direction of each face: along +z or -z, away from the axis or towards it; of an optical one, from the origin.
 _UP, _DOWN, _AWAY, _TOWARDS = "+z", "-z", "+r", "-r"
+_FROM_ORIGIN, _TO_ORIGIN = "+u", "-u"
 _OUTWARD = {
-    **{OUTER: _UP, INNER: _DOWN, RIM: _DOWN, TOP: _UP, SIDE: _AWAY, BOTTOM: _DOWN, BORE: _TOWARDS},
+    **{RIM: _DOWN, TOP: _UP, SIDE: _AWAY, BOTTOM: _DOWN, BORE: _TOWARDS},
     **{RELIEF: _AWAY, FLAT: _AWAY, FLANGE_TOP: _UP, FLANGE_SIDE: _AWAY, POCKET_SIDE: _TOWARDS, POCKET_TOP: _DOWN},
     **{BORE_TOP: _DOWN},
 }
@@ -243,41 +242,64 @@ class Solid:
 
 def build_solid(plan: Plan[Patch]) -> Solid:
     """Build the closed solid of a plan."""
-    inner_surface, outer_surface = geom_surface(plan.inner.trimmed), geom_surface(plan.outer.trimmed)
-    outer_rim = rim_edges(plan.outer, outer_surface, plan.arcs, split=len(plan.arcs) == 1)
-    whole = (Arc(0.0, FULL_TURN, "bare"),)
-    (inner_rim,) = rim_edges(plan.inner, inner_surface, whole, split=True)
-    outer_boundary = [edge for chain in outer_rim for edge in chain]
-    faces = [(OUTER, _trimmed(outer_surface, outer_boundary)), (INNER, _trimmed(inner_surface, inner_rim))]
-    faces += body_faces(plan, inner_rim, outer_rim)
-    return _assembled([(name, _facing(face, _OUTWARD[name])) for name, face in faces])
+    envelope_faces, envelope_rim = _optical(plan.envelope, plan.arcs, len(plan.arcs) == 1, _FROM_ORIGIN)
+    cavity_faces, (cavity_rim,) = _optical(plan.cavity, (Arc(0.0, FULL_TURN, "bare"),), True, _TO_ORIGIN)
+    faces = [(name, _facing(face, _OUTWARD[name])) for name, face in body_faces(plan, cavity_rim, envelope_rim)]
+    return _assembled([*envelope_faces, *cavity_faces, *faces])
 
 
-def untrimmed_faces(patches: dict[str, Patch]) -> Shapes:
-    """A ``cadquery.Face`` over the whole of each patch, its normal out of the material of a lens."""
+def _optical(boundary: Boundary[Patch], arcs: tuple[Arc, ...], split: bool, outward: str) -> tuple[Named, list[Chain]]:
+    """The optical faces of a boundary, on shared edges along its creases, and the chains of its rim."""
+    patches = [face.shape for face in boundary.faces]
+    surfaces = [geom_surface(face.shape.bounded(face.domain.extent[1])) for face in boundary.faces]
+    pairs = zip(pairwise(patches), pairwise(surfaces), strict=True)
+    creases = [crease_edges(crease, *sides) for crease, sides in zip(boundary.creases, pairs, strict=True)]
+    rim = rim_edges(patches[-1], surfaces[-1], arcs, split=split)
+    outlines, holes = [*creases, [edge for chain in rim for edge in chain]], [[], *([each] for each in creases)]
+    faces = []
+    for face, surface, outline, hole in zip(boundary.faces, surfaces, outlines, holes, strict=True):
+        trimmed = _within(surface, wire(outline), *map(wire, hole))
+        faces.append((face.label, _facing(trimmed, outward, face.domain)))
+    return faces, rim
+
+
+def untrimmed_faces(patches: dict[str, Patch], envelope: Collection[str] = (OUTER,)) -> Shapes:
+    """A ``cadquery.Face`` over the whole of each patch, its normal out of the material of a lens.
+
+    ``envelope``: names of those that bound the body outwards.
+    """
     from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
 
     faces = {name: BRepBuilderAPI_MakeFace(geom_surface(patch), 1e-7).Face() for name, patch in patches.items()}
-    return {name: _facing(face, _OUTWARD[name]) for name, face in faces.items()}
+    return {name: _facing(face, _FROM_ORIGIN if name in envelope else _TO_ORIGIN) for name, face in faces.items()}
 
 
-def _trimmed(surface: Any, rim: list[Any]) -> Any:
+def _within(surface: Any, boundary: Any, *holes: Any) -> Any:
+    """The face of a surface or plane within a wire, without ``holes``."""
     from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
+    from OCP.TopoDS import TopoDS
 
-    return BRepBuilderAPI_MakeFace(surface, wire(rim), True).Face()
+    maker = BRepBuilderAPI_MakeFace(surface, boundary, True)
+    for hole in holes:
+        maker.Add(TopoDS.Wire_s(hole.Reversed()))
+    return maker.Face()
 
 
-def _facing(face: Any, outward: str) -> Any:
-    """``face`` with the orientation that makes its normal point outwards."""
+def _facing(face: Any, outward: str, domain: Domain | None = None) -> Any:
+    """``face`` with the orientation that makes its normal point outwards, judged in the middle or in its ``domain``."""
     import cadquery as cq
     from OCP.BRepTools import BRepTools
 
     u_low, u_high, v_low, v_high = BRepTools.UVBounds_s(face)
+    place = ((u_low + u_high) / 2.0, (v_low + v_high) / 2.0)
+    if domain is not None:
+        place = (sum(float(each[0]) for each in domain.radii(np.zeros(1))) / 2.0, 0.0)
     shape = cq.Face(face)
-    normal, point = shape.normalAt((u_low + u_high) / 2.0, (v_low + v_high) / 2.0)
+    normal, point = shape.normalAt(*place)
     radial = normal.x * point.x + normal.y * point.y
-    along = {_UP: normal.z, _DOWN: -normal.z, _AWAY: radial, _TOWARDS: -radial}[outward]
-    return shape if along > 0.0 else cq.Face(face.Reversed())
+    ahead = radial + normal.z * point.z
+    along = {_UP: normal.z, _DOWN: -normal.z, _AWAY: radial, _TOWARDS: -radial, _FROM_ORIGIN: ahead, _TO_ORIGIN: -ahead}
+    return shape if along[outward] > 0.0 else cq.Face(face.Reversed())
 
 
 def _assembled(faces: list[tuple[str, Any]]) -> Solid:

@@ -12,8 +12,8 @@ every file is read back before it is handed out.
 from pathlib import Path
 from typing import Any
 
+from lensforge.cad.boundary import optical_name
 from lensforge.cad.part_limits import FormTolerance, Signature
-from lensforge.cad.plan import INNER, OUTER
 from lensforge.cad.solid import Shapes, Solid
 from lensforge.errors import InputError
 from lensforge.results.file_bounds import made_here, remembered
@@ -69,7 +69,8 @@ _REMEDY = "export with AP214, which carries no tolerance, or install cadquery 2.
 def form_tolerances(faces: Shapes, width_um: float) -> tuple[FormTolerance, ...]:
     """Surface profiles of the optical faces among ``faces``, each against datum A where a face lies in z = 0."""
     datum = tuple(name for name, face in faces.items() if _lies_in_datum(face))
-    return tuple(FormTolerance(face=name, width_um=width_um, datum_faces=datum) for name in (INNER, OUTER))
+    optical = [name for name in reversed(faces) if name.startswith(optical_name(""))]  # from the source on
+    return tuple(FormTolerance(face=name, width_um=width_um, datum_faces=datum) for name in optical)
 
 
 def attach(document: Any, labels: Shapes, tolerances: tuple[FormTolerance, ...]) -> None:

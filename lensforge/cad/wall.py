@@ -1,42 +1,59 @@
-"""Wall between two faces: the least distance between them, and the largest thickness along rays from the origin.
+"""Wall between cavity and envelope: their least distance, and the largest thickness along rays from the origin.
 
 The least distance is what a caliper finds. Its line is normal to both faces, or ends on a rim, and it crosses nothing
 but the wall: from whichever face the lines along the normal start, none that ends at its first hit is shorter.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import product
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.cad.boundary import WHOLE, Boundary, Domain, TrimmedFace, as_pair
 from lensforge.cad.patch import Patch
 from lensforge.results.refined_maximum import refined_maximum
 from lensforge.surfaces import surface
 
 _NODES, _RIM = 101, 512  # samples of each face: across the chart's square, and around the rim
 _STARTS, _APART = 12, 3.0  # pairs of points to start from, this many steps of the samples apart
+_SAME = 1e-12  # of the chart
 _PRECISION = 1e-14  # of the squared distance, relative
 _Point = Float[np.ndarray, "3"]
 
 
 @dataclass(frozen=True)
 class Span:
-    """A straight line (mm) through the wall between a point of each face; negative where the faces cross."""
+    """A straight line (mm) through the wall between a point of each boundary; negative where they cross."""
 
     thickness_mm: float
-    inner_mm: _Point
-    outer_mm: _Point
+    cavity_mm: _Point
+    envelope_mm: _Point
 
 
-def thinnest(inner: Patch, outer: Patch) -> Span:
-    """The shortest line between the faces above z = 0; where they cross, the deepest place along a ray."""
-    from scipy.spatial import cKDTree
-
-    places, step = _samples()
-    crossing = _radial(inner, outer, places, step, -1.0)
+def thinnest(cavity: Patch | Boundary[Patch], envelope: Patch | Boundary[Patch]) -> Span:
+    """The shortest line between the boundaries above z = 0; where they cross, the deepest place along a ray."""
+    inwards, outwards = as_pair(cavity, envelope)
+    crossing = _radial(inwards, outwards, -1.0)
     if crossing.thickness_mm <= 0.0:
         return crossing
-    starts, ends = inner.points(places), outer.points(places)
+    pairs = product(inwards.faces, outwards.faces)
+    return min((_between(*pair) for pair in pairs), key=lambda each: each.thickness_mm)
+
+
+def thickest(cavity: Patch | Boundary[Patch], envelope: Patch | Boundary[Patch]) -> Span:
+    """The longest part of a ray from the origin between the boundaries."""
+    return _radial(*as_pair(cavity, envelope), 1.0)
+
+
+def _between(one: TrimmedFace[Patch], other: TrimmedFace[Patch]) -> Span:
+    """The shortest line between two faces."""
+    from scipy.spatial import cKDTree
+
+    (places, step), (far_places, _) = _samples(one.domain), _samples(other.domain)
+    starts, ends = one.shape.points(places), other.shape.points(far_places)
     distance, nearest = cKDTree(ends).query(starts)
     best = int(distance.argmin())
     found = Span(float(distance[best]), starts[best], ends[nearest[best]])
@@ -44,53 +61,70 @@ def thinnest(inner: Patch, outer: Patch) -> Span:
         k = int(distance.argmin())
         if np.isinf(distance[k]):
             break
-        line = _shortest_near(inner, outer, np.concatenate([places[k], places[nearest[k]]]))
+        line = _shortest_near(one, other, np.concatenate([places[k], far_places[nearest[k]]]))
         found = min(found, line, key=lambda each: each.thickness_mm)
         distance[np.linalg.norm(places - places[k], axis=1) < _APART * step] = np.inf
     return found
 
 
-def thickest(inner: Patch, outer: Patch) -> Span:
-    """The longest part of a ray from the origin between the faces."""
-    return _radial(inner, outer, *_samples(), 1.0)
-
-
-def _samples() -> tuple[Float[np.ndarray, "k 2"], float]:
-    """Chart points of the disc and its rim, and their spacing."""
+def _samples(domain: Domain = WHOLE) -> tuple[Float[np.ndarray, "k 2"], float]:
+    """Chart points of a domain and its edges, and their spacing."""
     grid = surface.grid(_NODES, 1.0)
     azimuth = 2.0 * np.pi / _RIM * np.arange(_RIM)
-    rim = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
-    return np.concatenate([grid[np.sum(grid**2, axis=-1) < 1.0], rim]), 2.0 / (_NODES - 1)
+    around = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
+    inside = grid[np.sum(grid**2, axis=-1) < 1.0]
+    edges = [radius[:, None] * around for radius in domain.radii(azimuth)[0 if domain.inside else 1 :]]
+    own = np.abs(domain.within(inside) - inside).max(axis=1) < _SAME
+    return np.concatenate([inside[own], *edges]), 2.0 / (_NODES - 1)
 
 
-def _radial(inner: Patch, outer: Patch, places: Float[np.ndarray, "k 2"], step: float, sign: float) -> Span:
+def _radial(cavity: Boundary[Patch], envelope: Boundary[Patch], sign: float) -> Span:
     """The ray whose ``sign`` times thickness is the largest."""
 
-    def figure(points: Float[np.ndarray, "m 2"]) -> Float[np.ndarray, " m"]:
-        radii = (np.linalg.norm(face.points(points), axis=1) for face in (outer, inner))
+    def points(boundary: Boundary[Patch], places: Float[np.ndarray, "m 2"]) -> Float[np.ndarray, "m 3"]:
+        return boundary.by_face(places, lambda face, chosen: face.shape.points(places[chosen]))
+
+    def figure(places: Float[np.ndarray, "m 2"]) -> Float[np.ndarray, " m"]:
+        radii = (np.linalg.norm(points(each, places), axis=1) for each in (envelope, cavity))
         signed: Float[np.ndarray, " m"] = sign * np.subtract(*radii)
         return signed
 
+    places, step = _samples()
     place, most = refined_maximum(figure, places, figure(places), step)
-    return Span(sign * most, inner.points(place), outer.points(place))
+    return Span(sign * most, *(points(each, place[None])[0] for each in (cavity, envelope)))
 
 
-def _shortest_near(inner: Patch, outer: Patch, start: Float[np.ndarray, "4"]) -> Span:
+def _shortest_near(one: TrimmedFace[Patch], other: TrimmedFace[Patch], start: Float[np.ndarray, "4"]) -> Span:
     """The shortest line near that between chart points ``start`` of both faces."""
     from scipy.optimize import minimize
 
-    size = float(np.sum((outer.points(start[2:]) - inner.points(start[:2])) ** 2))
+    size = float(np.sum((other.shape.points(start[2:]) - one.shape.points(start[:2])) ** 2))
 
     def squared(at: Float[np.ndarray, "4"]) -> tuple[float, Float[np.ndarray, "4"]]:
-        one, other = inner.jet(at[None, :2]), outer.jet(at[None, 2:])
-        line = (other.point - one.point)[0]
-        along = np.stack([-one.x[0], -one.y[0], other.x[0], other.y[0]])
+        near, far = one.shape.jet(at[None, :2]), other.shape.jet(at[None, 2:])
+        line = (far.point - near.point)[0]
+        along = np.stack([-near.x[0], -near.y[0], far.x[0], far.y[0]])
         return float(line @ line) / size, 2.0 * along @ line / size
 
-    of_face = np.repeat(np.eye(2), 2, axis=1)  # 1 - X^2 - Y^2 of each face is at least 0 within its rim
-    within = {"type": "ineq", "fun": lambda at: 1.0 - of_face @ at**2, "jac": lambda at: -2.0 * of_face * at}
     options = {"ftol": _PRECISION, "maxiter": 100}
+    within = {"type": "ineq", **_inside(one.domain, other.domain)}
     best = minimize(squared, start, jac=True, bounds=[(-1.0, 1.0)] * 4, constraints=within, options=options).x
-    ends = [at / max(1.0, float(np.linalg.norm(at))) for at in (best[:2], best[2:])]
-    one, other = inner.points(ends[0]), outer.points(ends[1])
-    return Span(float(np.linalg.norm(other - one)), one, other)
+    near, far = one.shape.points(one.domain.within(best[:2])), other.shape.points(other.domain.within(best[2:]))
+    return Span(float(np.linalg.norm(far - near)), near, far)
+
+
+def _inside(one: Domain, other: Domain) -> dict[str, Callable[[Float[np.ndarray, "4"]], Any]]:
+    """Numbers at least 0 where both chart points lie in the domains of their faces; slopes where they are known."""
+    if not (one.edges or other.edges):
+        of_face = np.repeat(np.eye(2), 2, axis=1)  # 1 - X^2 - Y^2 of each face is at least 0 within its rim
+        return {"fun": lambda at: 1.0 - of_face @ at**2, "jac": lambda at: -2.0 * of_face * at}
+
+    def room(at: Float[np.ndarray, "4"]) -> Float[np.ndarray, " k"]:
+        found = []
+        for domain, place in ((one, at[:2]), (other, at[2:])):
+            low, high = domain.radii(np.arctan2(place[1:], place[:1]))
+            squared = place @ place
+            found += [high**2 - squared, squared - low**2]
+        return np.concatenate(found)
+
+    return {"fun": room}

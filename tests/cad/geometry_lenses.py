@@ -34,7 +34,7 @@ def make_lens(
     content = {
         "name": "test_lens",
         "source": {"kind": "square", "side_mm": 0.5},
-        "lens": {"levels": levels, "inner_offset_mm": inner, "outer_offset_mm": outer, "symmetry": symmetry},
+        "lens": {"levels": levels, "inner": {"offset_mm": inner}, "outer": {"offset_mm": outer}, "symmetry": symmetry},
         "constraints": {
             "cavity_height_mm": inner / 2,
             "cavity_radius_mm": inner / 2,
@@ -44,7 +44,7 @@ def make_lens(
         "target": {"kind": "flat_top", "distance_mm": 100.0, "receiver_mm": 100.0, "width_mm": 60.0},
         "base": base or {},
     }
-    return Lens(*surfaces, parse_spec(content, "test"), seed, "draft")
+    return Lens.double(*surfaces, parse_spec(content, "test"), seed, "draft")
 
 
 def exact_volume(inner: SrbfSurface, outer: SrbfSurface, base: BaseSection) -> float:

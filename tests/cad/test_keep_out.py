@@ -10,6 +10,7 @@ from geometry_lenses import make_lens
 from keep_outs import ball, box, step_file
 
 from lensforge.cad import part_export
+from lensforge.cad.body_export import BuiltBody
 from lensforge.cad.form_error import fit_faces
 from lensforge.cad.keep_out import FACET_MM, keep_out_criteria, keep_out_distance, mesh_error_mm, read_keep_out
 from lensforge.cad.mesh import build_mesh
@@ -21,7 +22,7 @@ from lensforge.scene.lens import Lens
 from lensforge.spec import BaseSection
 
 INNER_MM, OUTER_MM = 0.8, 2.45
-PROVE, PROOFS = part_export._prove, {}
+PROVE, PROOFS = part_export.prove, {}
 HERE = pytest.mark.usefixtures("cad_read_here")
 
 
@@ -29,20 +30,20 @@ def part_with(path: Path, margin_mm: float = 0.1, **base: object) -> Part:
     """Two hemispheres, and the keep-out of a file."""
     plain = make_lens(INNER_MM, OUTER_MM, 0.0, base=base or {"kind": "none"})
     limits = {"constraints.keep_out": str(path), "constraints.keep_out_margin_mm": margin_mm}
-    return built(Lens(plain.inner, plain.outer, plain.spec.replace(limits), 0, "draft"))
+    return built(Lens.double(plain.inner, plain.outer, plain.spec.replace(limits), 0, "draft"))
 
 
 def built(lens: Lens) -> Part:
     """The part of two hemispheres, whose files are proved once for each base: they do not depend on the keep-out."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(part_export, "_prove", _proved_once)
+        patch.setattr(part_export, "prove", _proved_once)
         return build_part(lens, rings=24)
 
 
-def _proved_once(lens: Lens, *files: Any) -> Any:
-    base = lens.spec.base.model_dump_json()
+def _proved_once(body: BuiltBody, *files: Any) -> Any:
+    base = body.plan.base.model_dump_json()
     if base not in PROOFS:
-        PROOFS[base] = PROVE(lens, *files)
+        PROOFS[base] = PROVE(body, *files)
     return PROOFS[base]
 
 
@@ -122,8 +123,8 @@ def test_what_only_touches_is_free_without_a_margin(tmp_path: Path) -> None:
         ("cylinder", -0.01, (2.9, 0.0, -1.0), (3.0, 0.0, -0.5), "beside the base: lower base.diameter_mm"),
         ("cylinder", -0.1, (1.0, 0.0, -2.0), (1.2, 0.0, -1.5), "depth_mm = 0.6 with pocket_diameter_mm = 2.6"),
         ("cylinder", -0.1, (3.0, 0.0, -2.0), (3.0, 0.0, -1.5), "lower base.height_mm, or move the keep-out"),
-        ("cylinder", 0.05, (0.8, 0.0, 0.0), (0.75, 0.0, 0.0), "raise lens.inner_offset_mm"),
-        ("cylinder", -0.01, (0.8, 0.0, -0.1), (0.9, 0.0, 0.1), "raise lens.inner_offset_mm"),
+        ("cylinder", 0.05, (0.8, 0.0, 0.0), (0.75, 0.0, 0.0), "raise lens.inner.offset_mm"),
+        ("cylinder", -0.01, (0.8, 0.0, -0.1), (0.9, 0.0, 0.1), "raise lens.inner.offset_mm"),
     ],
 )  # fmt: skip
 def test_the_remedy_names_the_field_of_the_place(
@@ -141,7 +142,7 @@ def test_the_remedy_names_the_field_of_the_place(
 def test_the_mass_is_that_of_the_volume(tmp_path: Path) -> None:
     plain = make_lens(INNER_MM, OUTER_MM, 0.0, base={"kind": "none"})
     spec = plain.spec.replace({"lens.density_g_per_cm3": 1.19})
-    part, light = built(Lens(plain.inner, plain.outer, spec, 0, "draft")), built(plain)
+    part, light = built(Lens.double(plain.inner, plain.outer, spec, 0, "draft")), built(plain)
     assert light.mass_g is None and light.keep_out is None
     assert "keep_out_distance" not in {criterion.name for criterion in light.criteria}
     shell = 2.0 / 3.0 * np.pi * (OUTER_MM**3 - INNER_MM**3)

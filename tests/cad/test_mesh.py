@@ -109,7 +109,7 @@ def test_ledge_and_overhang_have_the_areas_between_rim_and_circle():
     plan = plan_of(random_surface(6.0, 0.0, 1), random_surface(12.7, 0.02, 51), BaseSection())
     mesh = build_mesh(plan, 100)
     azimuths = np.linspace(0.0, 2.0 * np.pi, 4096, endpoint=False)
-    excess = (plan.outer.radius(rim_directions(azimuths)) ** 2 - 12.7**2) * np.pi
+    excess = (plan.envelope.radius(rim_directions(azimuths)) ** 2 - 12.7**2) * np.pi
     for name, area in ((TOP, -np.minimum(excess, 0.0).mean()), (RIM, -np.maximum(excess, 0.0).mean())):
         assert part_area_vector(mesh, name)[2] == pytest.approx(area, rel=2e-3)
 
@@ -117,8 +117,8 @@ def test_ledge_and_overhang_have_the_areas_between_rim_and_circle():
 def densely_measured(plan, mesh):
     """Distance at 45 points of every facet of the optical faces; no search."""
     distance = 0.0
-    for name, patch in ((OUTER, plan.outer), (INNER, plan.inner)):
-        corners = mesh.vertices[mesh.part(name)]
+    for face in plan.faces:
+        patch, corners = face.shape, mesh.vertices[mesh.part(face.label)]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         for i in range(9):
@@ -165,8 +165,8 @@ def test_one_rough_place_costs_few_triangles():
 def test_splitting_keeps_vertices_on_the_faces_and_angles_from_collapsing():
     plan = rough_plan()
     mesh = build_mesh(plan, 20, 0.002)
-    for name, patch in ((OUTER, plan.outer), (INNER, plan.inner)):
-        triangles = mesh.part(name)
+    for face in plan.faces:
+        patch, triangles = face.shape, mesh.part(face.label)
         points = mesh.vertices[np.unique(triangles)]
         radius = np.linalg.norm(points, axis=1)
         assert np.abs(radius - patch.radius(points / radius[:, None])).max() < 1e-12
@@ -186,7 +186,7 @@ def test_a_tolerance_that_takes_too_many_triangles_is_refused(monkeypatch):
 def test_rings_follow_the_detail_of_the_faces_and_the_width_of_the_base():
     plan = rough_plan()
     assert rings_for(plan, 1e-3) == 96
-    fine = make_plan(fit_patch(random_surface(6.0, 0.02, 1), 200), plan.outer, NONE)
+    fine = make_plan(fit_patch(random_surface(6.0, 0.02, 1), 200), plan.envelope, NONE)
     assert rings_for(fine, 1e-3) == 184
     wide = plan_of(random_surface(6.0, 0.0, 1), random_surface(13.7, 0.0, 51), BaseSection(diameter_mm=600.0))
     rings = rings_for(wide, 1e-3)

@@ -25,9 +25,9 @@ def test_arcs_go_once_around_and_change_over_exactly_on_the_cylinder():
     starts, ends = np.array([[arc.start, arc.end] for arc in plan.arcs]).T
     assert len(plan.arcs) >= 2
     np.testing.assert_array_equal(ends, [*starts[1:], starts[0] + FULL_TURN])
-    np.testing.assert_allclose(plan.outer.radius(rim_directions(plan.crossings)), 12.7, atol=1e-11)
+    np.testing.assert_allclose(plan.envelope.radius(rim_directions(plan.crossings)), 12.7, atol=1e-11)
     for arc in plan.arcs:
-        radius = plan.outer.radius(rim_directions(np.linspace(arc.start, arc.end, 50)[1:-1]))
+        radius = plan.envelope.radius(rim_directions(np.linspace(arc.start, arc.end, 50)[1:-1]))
         assert ((radius > 12.7) == (arc.relation == "overhang")).all()
 
 

@@ -39,9 +39,9 @@ def test_the_wall_between_decentred_spheres_is_on_the_line_of_their_centres() ->
     shift = c_in - c_out
     assert found.thickness_mm == pytest.approx(LARGE - SMALL - np.linalg.norm(shift), abs=1e-8)
     along = shift / np.linalg.norm(shift)
-    np.testing.assert_allclose(found.inner_mm, c_in + SMALL * along, atol=1e-4)
-    np.testing.assert_allclose(found.outer_mm, c_out + LARGE * along, atol=1e-4)
-    assert np.linalg.norm(found.outer_mm - found.inner_mm) == pytest.approx(found.thickness_mm, abs=1e-12)
+    np.testing.assert_allclose(found.cavity_mm, c_in + SMALL * along, atol=1e-4)
+    np.testing.assert_allclose(found.envelope_mm, c_out + LARGE * along, atol=1e-4)
+    assert np.linalg.norm(found.envelope_mm - found.cavity_mm) == pytest.approx(found.thickness_mm, abs=1e-12)
 
 
 def test_below_the_rim_there_is_no_face() -> None:
@@ -50,7 +50,7 @@ def test_below_the_rim_there_is_no_face() -> None:
     found = span(sphere(SMALL, tuple(centre)), sphere(LARGE))
     reach = np.linalg.norm(centre[:2]) + np.sqrt(SMALL**2 - centre[2] ** 2)
     assert found.thickness_mm == pytest.approx(LARGE - reach, abs=1e-7)
-    assert abs(found.inner_mm[2]) < 1e-7
+    assert abs(found.cavity_mm[2]) < 1e-7
 
 
 def test_a_steep_cavity_has_its_wall_in_the_body_and_not_behind_it() -> None:
@@ -66,8 +66,8 @@ def test_the_thinnest_wall_is_the_shortest_way_through(seed: int) -> None:
     found, (shortest, radial) = span(inner, outer), distance_of_points(inner, outer)
     assert shortest - 5e-3 < found.thickness_mm <= shortest
     assert found.thickness_mm < radial + 1e-9
-    line = (found.outer_mm - found.inner_mm) / found.thickness_mm
-    for face, point in ((inner, found.inner_mm), (outer, found.outer_mm)):
+    line = (found.envelope_mm - found.cavity_mm) / found.thickness_mm
+    for face, point in ((inner, found.cavity_mm), (outer, found.envelope_mm)):
         if point[2] > 1e-6:
             assert line @ face.normal((point / np.linalg.norm(point))[None])[0] == pytest.approx(1.0, abs=1e-9)
 
@@ -80,5 +80,5 @@ def test_the_thickest_wall_is_along_a_ray() -> None:
     """Between two spheres whose centres are 0.5 mm apart in z: 3.5 mm on the axis, less all around it."""
     found = thickest(fit_patch(sphere(3.0)), fit_patch(sphere(6.0, (0.0, 0.0, 0.5))))
     assert found.thickness_mm == pytest.approx(3.5, abs=1e-6)
-    assert found.inner_mm == pytest.approx((0.0, 0.0, 3.0), abs=1e-6)
-    assert found.outer_mm == pytest.approx((0.0, 0.0, 6.5), abs=1e-6)
+    assert found.cavity_mm == pytest.approx((0.0, 0.0, 3.0), abs=1e-6)
+    assert found.envelope_mm == pytest.approx((0.0, 0.0, 6.5), abs=1e-6)

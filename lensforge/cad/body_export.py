@@ -1,0 +1,102 @@
+"""A body of faces as mesh and solid, its STEP, STL and 3MF files, and their errors, measured by reading them back.
+
+Nothing here asks how the faces were found: a body of given faces needs no spec.
+"""
+
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+from lensforge.cad.boundary import Pair, boundaries
+from lensforge.cad.custom_base import CustomBase, join_base, join_mesh
+from lensforge.cad.facets import CHORD_MM
+from lensforge.cad.form_error import FormError, face_error, fit_boundaries
+from lensforge.cad.mesh import BodyMesh, Closure, build_mesh, check_closed, mesh_error, rings_for
+from lensforge.cad.mesh_files import parse_3mf, parse_stl, stl_bytes, threemf_bytes
+from lensforge.cad.patch import Patch
+from lensforge.cad.plan import Plan, make_plan
+from lensforge.cad.solid import Solid, build_solid
+from lensforge.cad.step import parse_step, step_bytes
+from lensforge.scene.body import Body
+from lensforge.spec import BaseSection
+from lensforge.surfaces.surface import Surface
+
+_BARE = BaseSection(kind="none")
+
+
+@dataclass(frozen=True, eq=False)
+class BuiltBody:
+    """Surfaces, plan, mesh and solid of a body, and the largest distance (mm) of the mesh's facets from its faces."""
+
+    surfaces: Mapping[str, Surface]
+    plan: Plan[Patch]
+    mesh: BodyMesh
+    chord_mm: float
+    solid: Solid
+
+    def files(self, product: str) -> tuple[bytes, bytes, bytes]:
+        """The STEP (AP214), STL and 3MF file."""
+        return step_bytes(self.solid, product), stl_bytes(self.mesh), threemf_bytes(self.mesh, product)
+
+
+@dataclass(frozen=True)
+class BodyProof:
+    """The files as read back; the form error of each face by its name."""
+
+    solid: Solid
+    stl: Closure
+    threemf: Closure
+    form: Mapping[str, FormError]
+
+
+def build_body(
+    body: Body,
+    base: BaseSection = _BARE,
+    *,
+    nodes: Mapping[str, int] | None = None,
+    rings: int | None = None,
+    chord_mm: float = CHORD_MM,
+) -> BuiltBody:
+    """Make mesh and solid of ``body`` on ``base``, by default without one; lengths that ``base`` leaves out are 0.
+
+    ``nodes``: of the spline of each face by its name, by default as many as its form needs. ``rings``, ``chord_mm``: of
+    the mesh, as for ``build_part``. Raises :class:`InputError` for faces that are not nested about the axis or leave no
+    wall, and for a base that does not hold the cavity.
+    """
+    pair = fit_boundaries(boundaries(body), nodes or {})
+    return on_base({face.name: face.surface for face in body.faces}, pair, base, rings, chord_mm)
+
+
+def on_base(
+    surfaces: Mapping[str, Surface],
+    pair: Pair[Patch],
+    base: BaseSection,
+    rings: int | None,
+    chord_mm: float,
+    custom: CustomBase | None = None,
+) -> BuiltBody:
+    """The body of fitted boundaries; a ``custom`` base is joined to it."""
+    plan = make_plan(*pair, base)
+    mesh = build_mesh(plan, rings_for(plan, chord_mm), chord_mm) if rings is None else build_mesh(plan, rings)
+    reached_mm = mesh_error(mesh, plan)
+    solid = solid_on_base(plan, custom)
+    if custom is not None:
+        mesh = join_mesh(mesh, custom, reached_mm)
+    return BuiltBody(surfaces, plan, mesh, reached_mm, solid)
+
+
+def solid_on_base(plan: Plan[Patch], base: CustomBase | None) -> Solid:
+    """The solid of ``plan``, joined with the ``base`` where it comes from a file."""
+    solid = build_solid(plan)
+    return solid if base is None else join_base(solid, base)
+
+
+def prove(body: BuiltBody, step: bytes, stl: bytes, threemf: bytes) -> BodyProof:
+    """Read the files of ``body`` again, and compare their faces with the surfaces, each over its domain."""
+    solid, faces = parse_step(step), body.plan.faces
+    with ThreadPoolExecutor() as pool:
+        errors = pool.map(
+            lambda face: face_error(body.surfaces[face.name], solid.faces[face.label], domain=face.domain), faces
+        )
+        form = dict(zip((face.name for face in faces), errors, strict=True))
+    return BodyProof(solid, check_closed(*parse_stl(stl)), check_closed(*parse_3mf(threemf)), form)

@@ -1,0 +1,283 @@
+"""The faces that bound a medium, one after another from the axis to the rim, and the creases in which they meet.
+
+In each direction the nearest face bounds the medium. Here the faces are nested about the axis: the cap of a cavity and
+the side around it, the exit of a body and the wall around it. Each crease is then one closed curve around the axis, and
+the domain of each face a disc or a ring of the chart. A crease is known by its distance from the chart's centre over
+azimuth, to rounding: a table, and a Newton step on the two faces.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from itertools import groupby
+from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from lensforge.cad.outline import FULL_TURN
+from lensforge.cad.patch import Patch
+from lensforge.errors import InputError
+from lensforge.results.refined_maximum import Places, in_disc
+from lensforge.scene.body import DOUBLE, Body, Face
+from lensforge.scene.lens import Lens
+from lensforge.surfaces.surface import Surface, to_chart, to_sphere
+
+_AZIMUTHS, _STEPS = 360, 181  # of the directions in which faces are compared, and of the table of a crease
+_REACH = 1e-3  # relative: a crease of fitted faces is sought this close to that of the exact ones
+_SLOPE_STEP, _LEAST_SLOPE = 1e-5, 1e-2  # of the chart, and relative to the radius: faces that meet at 0.3 degrees
+
+_Values = Float[np.ndarray, " n"]
+_Chosen = Bool[np.ndarray, " n"] | slice
+
+
+@runtime_checkable
+class StarShaped(Protocol):
+    """A surface by its distance (mm) from the origin: of the design, or fitted for the CAD file."""
+
+    def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+        """Distance (mm) from the origin in unit ``directions``."""
+        ...
+
+
+Shape = TypeVar("Shape", Surface, Patch)
+Other = TypeVar("Other", Surface, Patch)
+
+
+@dataclass(frozen=True, eq=False)
+class Crease:
+    """The closed curve in which two faces meet; ``one`` is the nearer on the side of the axis."""
+
+    one: StarShaped
+    other: StarShaped
+    table: Any  # a periodic spline over azimuth: distance from the chart's centre, and slope of the gap there
+
+    def radius(self, azimuths: _Values) -> _Values:
+        """Distance from the chart's centre at azimuths (rad) of any turn."""
+        start, slope = self.table(np.mod(azimuths, FULL_TURN)).T
+        radius: _Values = start - _gap(self.one, self.other, azimuths, start) / slope
+        return radius
+
+    def chart(self, azimuths: _Values) -> Float[np.ndarray, "n 2"]:
+        """Its chart points."""
+        return _on_chart(azimuths, self.radius(azimuths))
+
+    @cached_property
+    def extent(self) -> tuple[float, float]:
+        """Least and largest distance from the chart's centre."""
+        radii = self.table(np.linspace(0.0, FULL_TURN, 4 * _AZIMUTHS))[:, 0]
+        return float(radii.min()), float(radii.max())
+
+
+@dataclass(frozen=True, eq=False)
+class Domain:
+    """Part of the chart where a face bounds its medium, from the crease ``inside`` to that ``outside``.
+
+    None: from the axis, or to the rim.
+    """
+
+    inside: Crease | None = None
+    outside: Crease | None = None
+
+    @property
+    def edges(self) -> tuple[Crease, ...]:
+        """The creases at which it begins and ends."""
+        return tuple(crease for crease in (self.inside, self.outside) if crease is not None)
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Least and largest distance from the chart's centre; 0 and 1 for the whole hemisphere."""
+        low = 0.0 if self.inside is None else self.inside.extent[0]
+        return low, 1.0 if self.outside is None else self.outside.extent[1]
+
+    def radii(self, azimuths: _Values) -> tuple[_Values, _Values]:
+        """Distances from the chart's centre at which it begins and ends."""
+        low = np.zeros_like(azimuths) if self.inside is None else self.inside.radius(azimuths)
+        return low, np.ones_like(azimuths) if self.outside is None else self.outside.radius(azimuths)
+
+    def within(self, places: Places) -> Places:
+        """Chart points, those outside moved along their meridian to its edge."""
+        if not self.edges:
+            return in_disc(places)
+        azimuths, radius = _polar(places.reshape(-1, 2))
+        return _on_chart(azimuths, np.clip(radius, *self.radii(azimuths))).reshape(places.shape)
+
+
+WHOLE = Domain()
+
+
+@dataclass(frozen=True, eq=False)
+class TrimmedFace(Generic[Shape]):
+    """A face of a boundary: its name, its shape, and its domain."""
+
+    name: str
+    shape: Shape
+    domain: Domain = WHOLE
+
+    @property
+    def label(self) -> str:
+        """Name of its face in the solid."""
+        return optical_name(self.name)
+
+
+def optical_name(name: str) -> str:
+    """The name in the solid of the face ``name`` of a lens."""
+    return f"OPTICAL_{name.upper()}"
+
+
+@dataclass(frozen=True, eq=False)
+class Boundary(Generic[Shape]):
+    """The faces that bound a medium, from the axis to the rim; together they are star-shaped as each of them is."""
+
+    faces: tuple[TrimmedFace[Shape], ...]
+
+    @property
+    def creases(self) -> tuple[Crease, ...]:
+        """Creases between each face and the next, from the axis on."""
+        return tuple(face.domain.outside for face in self.faces if face.domain.outside is not None)
+
+    def radius(self, directions: Float[np.ndarray, "n 3"]) -> _Values:
+        """Distance (mm) from the origin in unit ``directions``, also a little below z = 0."""
+        return self.by_face(to_chart(directions), lambda face, chosen: face.shape.radius(directions[chosen]))
+
+    def by_face(
+        self, chart: Float[np.ndarray, "n 2"], figure: Callable[[TrimmedFace[Shape], _Chosen], Float[np.ndarray, "..."]]
+    ) -> Float[np.ndarray, "..."]:
+        """The figure at each of the ``chart`` points, by the face that bounds the medium there."""
+        if not self.creases:
+            return figure(self.faces[0], slice(None))
+        numbers = self.numbers(chart)
+        parts: list[Any] = [figure(face, numbers == k) for k, face in enumerate(self.faces)]
+        found = np.empty((len(numbers), *parts[0].shape[1:]))
+        for k, part in enumerate(parts):
+            found[numbers == k] = part
+        return found
+
+    def numbers(self, chart: Float[np.ndarray, "n 2"]) -> Int[np.ndarray, " n"]:
+        """Number of the face that bounds the medium at each of the ``chart`` points."""
+        azimuths, radius = _polar(chart)
+        found = np.zeros(len(chart), dtype=int)
+        for crease in self.creases:
+            found += radius > crease.radius(azimuths)
+        return found
+
+    def of(self, shapes: Sequence[Other]) -> "Boundary[Other]":
+        """The same boundary of other ``shapes``, close to these; its creases are where those meet."""
+        radii = [crease.radius(_azimuths()) for crease in self.creases]
+        names = [face.name for face in self.faces]
+        return _nested(names, shapes, [(radius * (1.0 - _REACH), radius * (1.0 + _REACH)) for radius in radii])
+
+
+Pair = tuple[Boundary[Shape], Boundary[Shape]]
+
+
+def as_pair(cavity: Shape | Boundary[Shape], envelope: Shape | Boundary[Shape]) -> Pair[Shape]:
+    """Boundaries of cavity and body; a face alone, which bounds all of it, has its name in the usual lens."""
+    inwards, outwards = (
+        each if isinstance(each, Boundary) else Boundary((TrimmedFace(name, each),))
+        for name, each in zip(DOUBLE, (cavity, envelope), strict=True)
+    )
+    return inwards, outwards
+
+
+def boundaries(body: Body) -> Pair[Surface]:
+    """Boundaries of the cavity of ``body``, and of its material outwards.
+
+    Raises :class:`InputError` for a body that is not closed, and for faces that are not nested about the axis.
+    """
+    if len(body.cavity) != 1 or len(body.envelope) != 1:
+        body.require_sound()
+    return _boundary(body.cavity), _boundary(body.envelope)
+
+
+@lru_cache(maxsize=4)  # sections and drawing ask for it
+def lens_boundaries(lens: Lens) -> Pair[Surface]:
+    """The boundaries of the body of ``lens``."""
+    return boundaries(lens.body)
+
+
+def _boundary(faces: tuple[Face, ...]) -> Boundary[Surface]:
+    """The boundary by ``faces``, in the order in which they follow one another."""
+    if len(faces) == 1:
+        return Boundary((TrimmedFace(faces[0].name, faces[0].surface),))
+    azimuths, steps = _azimuths(), np.linspace(0.0, 1.0, _STEPS)
+    turns, radii = (each.ravel() for each in np.meshgrid(azimuths, steps, indexing="ij"))
+    directions = to_sphere(_on_chart(turns, radii))
+    lengths = np.stack([face.surface.radius(directions) for face in faces])
+    nearest = lengths.argmin(axis=0).reshape(_AZIMUTHS, _STEPS)
+    order = list(dict.fromkeys(nearest[0].tolist()))
+    place = np.full(len(faces), -1)
+    place[order] = np.arange(len(order))
+    places = place[nearest]
+    change = np.diff(places, axis=1)
+    nested = ((change == 0) | (change == 1)).all(axis=1) & (places[:, 0] == 0) & (places[:, -1] == len(faces) - 1)
+    if not nested.all():
+        wrong = int(np.argmin(nested))
+        raise _not_nested(faces, float(np.degrees(azimuths[wrong])), nearest[wrong])
+    ordered = [faces[k] for k in order]
+    last = [np.sum(places <= k, axis=1) - 1 for k in range(len(faces) - 1)]
+    brackets = [(steps[each], steps[each + 1]) for each in last]
+    return _nested([face.name for face in ordered], [face.surface for face in ordered], brackets)
+
+
+def _not_nested(faces: tuple[Face, ...], azimuth_deg: float, nearest: Int[np.ndarray, " k"]) -> InputError:
+    names, met = (
+        ", ".join(faces[k].name for k in numbers) for numbers in (range(len(faces)), [k for k, _ in groupby(nearest)])
+    )
+    return InputError(
+        f"faces {names}: from the axis to the rim at azimuth {azimuth_deg:.0f} degrees the {faces[0].before} is "
+        f"bounded by {met}: must be each of them once, in one order all around; move one of them, or leave it out"
+    )
+
+
+def _nested(names: Sequence[str], shapes: Sequence[Shape], brackets: list[tuple[_Values, _Values]]) -> Boundary[Shape]:
+    """The boundary by ``shapes`` from the axis to the rim; ``brackets``: chart radii between which each crease lies."""
+    creases: list[Crease] = [
+        _crease(names[k : k + 2], shapes[k], shapes[k + 1], low, high) for k, (low, high) in enumerate(brackets)
+    ]
+    domains = [Domain(*ends) for ends in zip([None, *creases], [*creases, None], strict=True)]
+    return Boundary(tuple(TrimmedFace(*each) for each in zip(names, shapes, domains, strict=True)))
+
+
+def _crease(names: Sequence[str], one: StarShaped, other: StarShaped, low: _Values, high: _Values) -> Crease:
+    from scipy.interpolate import make_interp_spline
+    from scipy.optimize.elementwise import find_root
+
+    azimuths = _azimuths()
+    found = find_root(lambda radius, turn: _gap(one, other, turn, radius), (low, high), args=(azimuths,))
+    ahead, back = (_gap(one, other, azimuths, found.x + step) for step in (_SLOPE_STEP, -_SLOPE_STEP))
+    slope = (ahead - back) / (2.0 * _SLOPE_STEP)
+    if (
+        not found.success.all()
+        or slope.min() < _LEAST_SLOPE * one.radius(to_sphere(_on_chart(azimuths, found.x))).max()
+    ):
+        raise InputError(
+            f"faces {names[0]} and {names[1]}: almost touch along their crease; let them meet at 1 degree or more"
+        )
+    table = np.stack([found.x, slope], axis=1)
+    return Crease(
+        one,
+        other,
+        make_interp_spline(np.append(azimuths, FULL_TURN), np.concatenate([table, table[:1]]), k=5, bc_type="periodic"),
+    )
+
+
+def _gap(one: StarShaped, other: StarShaped, azimuths: _Values, radius: _Values) -> _Values:
+    """Distance (mm) by which ``one`` is farther than ``other`` at chart points."""
+    directions = to_sphere(_on_chart(azimuths, radius))
+    gap: _Values = one.radius(directions) - other.radius(directions)
+    return gap
+
+
+def _azimuths() -> _Values:
+    return np.linspace(0.0, FULL_TURN, _AZIMUTHS, endpoint=False)
+
+
+def _on_chart(azimuths: _Values, radius: _Values) -> Float[np.ndarray, "n 2"]:
+    chart: Float[np.ndarray, "n 2"] = radius[:, None] * np.stack([np.cos(azimuths), np.sin(azimuths)], axis=1)
+    return chart
+
+
+def _polar(chart: Float[np.ndarray, "n 2"]) -> tuple[_Values, _Values]:
+    """Azimuth (rad) and distance from the centre of chart points."""
+    return np.arctan2(chart[:, 1], chart[:, 0]), np.hypot(chart[:, 0], chart[:, 1])
