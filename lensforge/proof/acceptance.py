@@ -79,6 +79,7 @@ _UNITS = {
     1000.0: "the file is a thousand times too large, as if its mm were metres",
 }
 _NEAR_UNIT = 2e-3  # relative: of the ratio of boxes, whose facets may differ
+_ELSEWHERE = "lens.stl has a face that the design has not, or one of its faces lies elsewhere: export again"
 INWARDS = "its facets face inwards (the volume is negative): flip their normals, and write the file again"
 
 
@@ -190,6 +191,7 @@ def proof_criteria(proof: Proof) -> tuple[Criterion, ...]:
     found = [
         at_most("open_edges", proof.open_edges, 0.0, "edges", "export again: the mesh is not closed"),
         plain_criterion(proof.plain_cast),
+        *([at_most("far_facets", proof.far_facets, 0.0, "facets", _ELSEWHERE)] if proof.far_facets else []),
         *size_criteria(proof.sizes),
         *([] if proof.emission_apart is None else [emission_criterion(proof.emission_apart)]),
     ]

@@ -39,7 +39,7 @@ def verify_with(second: SecondProcess, part: Part, light: Light, rays: int | Non
     from lensforge.proof.mitsuba_cast import RAYS as MITSUBA_RAYS
     from lensforge.proof.mitsuba_cast import installed as mitsuba_installed
     from lensforge.proof.part_comparison import Expected
-    from lensforge.proof.proof_inputs import independent_light, screens_of
+    from lensforge.proof.proof_inputs import independent_light, optical_of, screens_of
 
     lens, spec = require(part, Part, "verify").lens, part.lens.spec
     rays = count_of("rays", rays)
@@ -62,6 +62,7 @@ def verify_with(second: SecondProcess, part: Part, light: Light, rays: int | Non
         second=second,
         mitsuba_rays=MITSUBA_RAYS if mitsuba_installed() else 0,
         own=independent_light(lens, source, light, count),
+        optical=optical_of(lens.body),
         exported=part.size,
         chord_mm=1e-3 * part.triangulation.chord_error_um,
         threads=torch.get_num_threads(),
@@ -74,7 +75,7 @@ def stray_light(
     part: Part, *, rays: int | None = None, base: Literal["polished", "black"] = "polished", threads: int | None = None
 ) -> StrayLight:
     """Follow rays through the part with reflections and the base, which the sequential design leaves out."""
-    from lensforge.proof.proof_inputs import screens_of
+    from lensforge.proof.proof_inputs import optical_of, screens_of
 
     lens, spec = require(part, Part, "stray_light").lens, part.lens.spec
     rays = count_of("rays", rays)
@@ -88,6 +89,7 @@ def stray_light(
             screens=screens_of(spec),
             names=[receiver.name or receiver.kind for receiver in spec.all_receivers],
             base=base,
+            optical=optical_of(lens.body),
             inputs={"lens": lens.sha256, "export": part.sha256},
         )
     return stray.model_copy(update={"conditions": conditions})

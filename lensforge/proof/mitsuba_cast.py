@@ -8,21 +8,32 @@ meshes are flat facets with interpolated normals, so landings are off by the sag
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib.util import find_spec
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.optics.media import Media
+from lensforge.proof.optical_faces import OpticalFaces
 from lensforge.proof.part_comparison import Expected, compare, drawn, gap_quantiles, share
 from lensforge.proof.part_mesh import PartMesh
 from lensforge.proof.proof_result import Gaps, MitsubaCast
 from lensforge.proof.receiver_screen import nmse, squared_norm
-from lensforge.proof.refraction import AtFace, RefractingFace
-from lensforge.proof.sequential_cast import CastFate, LandedRays, Passage, absorb, behind_glass
+from lensforge.proof.refraction import LitRays
+from lensforge.proof.sequential_cast import (
+    CastFate,
+    LandedRays,
+    Passage,
+    SurfaceHits,
+    absorb,
+    at_faces,
+    behind_glass,
+    dim,
+    mirrors,
+)
 from lensforge.sources.ray_bundle import RayBundle
 
 RAYS = 2**16
@@ -66,7 +77,7 @@ def cast_mitsuba(
 
 
 def send_through_mitsuba(part: PartMesh, rays: RayBundle, media: Media) -> tuple[str, Passage]:
-    """Trace every ray in and out, both hits above z = 0.
+    """Trace every ray in and out, all hits above z = 0.
 
     Returns Mitsuba's version, too. A variant that the caller has set is restored. Raises :class:`InputError` where
     Mitsuba does not load.
@@ -80,61 +91,93 @@ def send_through_mitsuba(part: PartMesh, rays: RayBundle, media: Media) -> tuple
         reason = " ".join(str(error).split())
         raise InputError(f"mitsuba: does not load ({reason}); reinstall it or remove it") from None
     try:
-        scene, flags = _scene(mi, part), mi.RayFlags.All
-        passage = Passage.of(rays)
-        steps = np.column_stack([1.0 / rays.entry_ratios(media), rays.exit_ratios(media)])
+        caster, passage = _Caster(mi, part, media), Passage.of(rays, part.optical.events)
+        met: list[list[tuple[int, _Met]]] = [[] for _ in range(part.optical.events)]
+        index = media.body.indices(rays.wavelengths_nm, len(rays))
+        steps = np.column_stack([1.0 / (media.cavity_index / index), index / media.outside_index])
         table = zip(rays.origins.tolist(), rays.directions.tolist(), steps.tolist(), strict=True)
-        lengths, met = np.zeros(len(rays)), np.full((len(rays), 2, 2, 3), np.nan)
         for row, (origin, direction, indices) in enumerate(table):
-            ray = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(direction))
-            passage.fates[row], end, lengths[row] = _cast(mi, scene, flags, ray, indices, met[row])
+            passage.fates[row], end, own = caster.cast(origin, direction, indices)
             if end is not None:
                 passage.points[row], passage.directions[row] = end
-        for k, face in enumerate((RefractingFace.inner(rays, media), RefractingFace.outer(rays, media))):
-            passed = np.nonzero(np.isfinite(met[:, k, 0, 0]))[0]
-            at = AtFace.of(face.take(passed), met[passed, k, 0], met[passed, k, 1], passage.fields[passed])
-            passage.flux[passed] *= at.transmittance
-            passage.fields[passed] = at.passed
-            if k == 0:
-                absorb(passage, np.arange(len(rays)), lengths, rays.absorptions(media))
+            for event, place in zip(met, own, strict=False):
+                event.append((row, place))
+        whole = LitRays.of(rays, media)
+        for event in filter(None, met):
+            _share(passage, whole, event, part.optical, media)
         return str(mi.__version__), behind_glass(passage, rays, media)
     finally:
         if before is not None:
             mi.set_variant(before)
 
 
-def _cast(
-    mi: Any,
-    scene: Any,
-    flags: Any,
-    ray: Any,
-    indices: list[float],
-    met: Float[np.ndarray, "2 2 3"],
-) -> tuple[CastFate, tuple[list[float], list[float]] | None, float]:
-    """Fate of one ray; its exit point (mm) and direction, None if it is lost; its path (mm) from face to face, or 0.
+class _Met(NamedTuple):
+    """A face that a ray meets: its direction, normal, path (mm) in the body up to there, the face's number, True where
+    it faces away from the origin, where the ray comes from the body, and where it is refracted."""
 
-    ``indices``: of the body against what lies before either face. ``met``: its direction before each face and the
-    normal there, filled in for those that it passes.
-    """
-    length = 0.0
-    for face, entering in enumerate((True, False)):
-        hit = scene.ray_intersect(ray, flags, False, True)
-        if not hit.is_valid():
-            return CastFate.NO_HIT, None, length
-        if hit.p.z <= 0.0:
-            return CastFate.OPENING if entering else CastFate.BASE, None, length
-        local = hit.sh_frame.to_local(-ray.d)  # Mitsuba's directions of light point away from the surface
-        reflectance, cosine, _, ratio = mi.fresnel(local.z, indices[face])
-        if (local.z > 0.0) != entering:
-            return CastFate.STARTS_INSIDE if entering else CastFate.BACK_INTO_CAVITY, None, length
-        if entering and hit.n.x * hit.p.x + hit.n.y * hit.p.y + hit.n.z * hit.p.z > 0.0:  # as ``faces_away``
-            return CastFate.STARTS_OUTSIDE, None, length
-        length = 0.0 if entering else float(hit.t)
-        if reflectance >= 1.0:
-            return CastFate.TOTAL_REFLECTION, None, length
-        met[face] = list(ray.d), list(hit.sh_frame.n)
-        ray = hit.spawn_ray(hit.sh_frame.to_world(mi.refract(local, cosine, ratio)))
-    return CastFate.LANDED, (list(ray.o), list(ray.d)), length
+    direction: list[float]
+    normal: list[float]
+    length: float
+    face: int
+    away: bool
+    inside: bool
+    passes: bool
+
+
+def _share(passage: Passage, whole: LitRays, met: list[tuple[int, _Met]], optical: OpticalFaces, media: Media) -> None:
+    """Share the flux of rays at the faces that they meet at one event."""
+    rows = np.array([row for row, _ in met])
+    columns = (np.array(column) for column in zip(*(own for _, own in met), strict=True))
+    directions, normals, lengths, faces, away, inside, passes = columns
+    absorb(passage, rows, lengths, whole.absorptions[rows])
+    light = replace(whole.take(rows), directions=directions, fields=passage.fields[rows], inside=inside)
+    hits = SurfaceHits(passes, directions, normals, inside, away, faces, lengths, lengths)
+    dim(passage, rows, at_faces(optical, media, light, hits), passes)
+
+
+class _Caster:
+    """A ray at a time through ``part``, by Mitsuba's own casting, refraction and reflection."""
+
+    def __init__(self, mi: Any, part: PartMesh, media: Media) -> None:
+        self.mi, self.faces, self.scene, optical = mi, part.faces, _scene(mi, part), part.optical
+        self.mirrors = mirrors(optical, media)
+        self.goes_on = [optical.goes_on(event) for event in range(optical.events)]
+
+    def cast(
+        self, origin: list[float], direction: list[float], indices: list[float]
+    ) -> tuple[CastFate, tuple[list[float], list[float]] | None, list[_Met]]:
+        """Fate of one ray; its exit point (mm) and direction, None if it is lost; the faces on its way.
+
+        ``indices``: of the body against what fills the cavity, and what surrounds it.
+        """
+        mi, met, inside = self.mi, list[_Met](), False
+        ray = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(direction))
+        for event, goes_on in enumerate(self.goes_on):
+            hit = self.scene.ray_intersect(ray, mi.RayFlags.All, False, True)
+            if not hit.is_valid():
+                return CastFate.NO_HIT, None, met
+            if hit.p.z <= 0.0:
+                return CastFate.BASE if inside else CastFate.OPENING, None, met
+            local = hit.sh_frame.to_local(-ray.d)  # Mitsuba's directions of light point away from the surface
+            away = hit.n.x * hit.p.x + hit.n.y * hit.p.y + hit.n.z * hit.p.z > 0.0  # as ``faces_away``
+            if inside and (local.z > 0.0 or not (away or goes_on)):
+                return CastFate.BACK_INTO_CAVITY, None, met
+            if not inside and (local.z <= 0.0 or away):
+                return CastFate.STARTS_OUTSIDE if local.z > 0.0 else CastFate.STARTS_INSIDE, None, met
+            reflectance, cosine, _, ratio = mi.fresnel(local.z, indices[away])
+            face = int(self.faces[hit.prim_index])
+            passes = reflectance < 1.0 and face not in self.mirrors
+            length = float(hit.t) if inside else 0.0
+            met.append(_Met(list(ray.d), list(hit.sh_frame.n), length, face, away, inside, passes))
+            way = mi.refract(local, cosine, ratio) if passes else mi.reflect(local)
+            ray = hit.spawn_ray(hit.sh_frame.to_world(way))
+            if passes and inside and away:
+                return CastFate.LANDED, (list(ray.o), list(ray.d)), met
+            if not (goes_on or (passes and not inside and event + 1 < len(self.goes_on))):
+                break
+            inside = inside != passes
+        whole = not passes and face not in self.mirrors
+        return CastFate.TOTAL_REFLECTION if whole else CastFate.MORE_EVENTS, None, met
 
 
 def _scene(mi: Any, part: PartMesh) -> Any:

@@ -122,16 +122,18 @@ def gap_quantiles(landed: LandedRays, expected: Expected) -> Float[np.ndarray, "
 def flux_budget(rays: RayBundle, landed: LandedRays, screen: Screen) -> PartFlux:
     """Shares of the emitted flux by fate, which add up to 1.
 
-    ``reflected`` is what rays lose by reflection at the surfaces, ``absorbed`` in the body; the rest of a ray's flux
-    counts by its fate: rays that reach the receiver's surface outside the window are ``outside``.
+    ``reflected`` is what rays lose by reflection at the surfaces, ``absorbed`` in body and mirrors; the rest of a ray's
+    flux counts by its fate: rays that reach the receiver's surface outside the window are ``outside``.
     """
-    reached, total = landed.fates == CastFate.LANDED, landed.fates == CastFate.TOTAL_REFLECTION
+    fates = CastFate.LANDED, CastFate.TOTAL_REFLECTION, CastFate.MORE_EVENTS
+    reached, total, more = (landed.fates == fate for fate in fates)
     inside = reached & screen.in_window(landed.landings)
     return PartFlux(
         detected=share(rays, landed.flux[inside]),
         outside=share(rays, landed.flux[reached & ~inside]),
-        missed=share(rays, landed.flux[~reached & ~total]),
+        missed=share(rays, landed.flux[~reached & ~total & ~more]),
         total_reflection=share(rays, landed.flux[total]),
+        more_events=share(rays, landed.flux[more]),
         absorbed=share(rays, landed.absorbed),
         cover_glass=share(rays, landed.in_glass),
         reflected=share(rays, rays.flux - landed.flux - landed.absorbed - landed.in_glass),

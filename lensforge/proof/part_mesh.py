@@ -19,6 +19,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from lensforge.errors import InputError
+from lensforge.proof.optical_faces import FAR_MM, USUAL_LENS, OpticalFaces
 from lensforge.proof.proof_result import SizedFile
 from lensforge.results import BodySize, Box
 from lensforge.results.file_bounds import MOST_TRIANGLES, made_here, stl_corners
@@ -53,11 +54,16 @@ class PartMesh:
     """A closed body as a triangle mesh; lengths in mm, normals point out of the material.
 
     ``fit`` has a row for each vertex and smooth face that meet there, ``corners`` its rows at each triangle's corners.
+    ``faces``: number of the optical face, of ``optical``, to which each triangle belongs; ``far``: how many lie far
+    from every face of the design.
     """
 
     mesh: trimesh.Trimesh
     corners: Int[np.ndarray, "t 3"]
     fit: VertexFit
+    optical: OpticalFaces
+    faces: Int[np.ndarray, " t"]
+    far: int
 
     @cached_property
     def open_edges(self) -> int:
@@ -88,33 +94,39 @@ class PartMesh:
         return points, blended / np.linalg.norm(blended, axis=1, keepdims=True)
 
 
-def read_part_mesh(stl: bytes) -> PartMesh:
+def read_part_mesh(stl: bytes, optical: OpticalFaces = USUAL_LENS) -> PartMesh:
     """Read the bytes of an STL file (mm), merge equal vertices, find its smooth faces and their normals.
 
-    Raises :class:`InputError` for bytes that hold no triangles, too many, or none that has an area.
+    ``optical``: the faces that it should have. Raises :class:`InputError` for bytes that hold no triangles, too many,
+    or none that has an area.
     """
     corners = stl_corners(stl, "STL", "export it again", None if made_here(stl) else MOST_TRIANGLES)
     rows = np.arange(3 * len(corners)).reshape(-1, 3)
     mesh = trimesh.Trimesh(corners.reshape(-1, 3), rows, process=True)
     if not (mesh.area_faces > 0.0).any():
         raise InputError("STL: none of its triangles has an area; export it again")
-    return part_mesh_of(mesh)
+    return part_mesh_of(mesh, optical)
 
 
-def part_mesh_of(mesh: trimesh.Trimesh) -> PartMesh:
+def part_mesh_of(mesh: trimesh.Trimesh, optical: OpticalFaces = USUAL_LENS) -> PartMesh:
     """Build the part that a mesh with merged vertices bounds."""
-    faces = smooth_faces(mesh)
+    own, apart = optical.sorted(mesh.triangles_center, mesh.face_normals)
+    faces = smooth_faces(mesh, None if optical.inverse_radii is None else own)
     keys, corners = np.unique(mesh.faces.astype(np.int64) * (faces.max() + 1) + faces[:, None], return_inverse=True)
     corners = corners.reshape(-1, 3)
     vertices, face_of = np.divmod(keys, faces.max() + 1)
-    return PartMesh(mesh, corners, fit_vertices(mesh.vertices[vertices], corners, face_of))
+    fit = fit_vertices(mesh.vertices[vertices], corners, face_of)
+    return PartMesh(mesh, corners, fit, optical, own, int(np.sum(apart > FAR_MM)))
 
 
-def smooth_faces(mesh: trimesh.Trimesh) -> Int[np.ndarray, " t"]:
-    """Number of the smooth face of each triangle; faces end at creases, and at z = 0, where lens and base meet."""
-    above = mesh.triangles_center[:, 2] > 0.0
+def smooth_faces(mesh: trimesh.Trimesh, optical: Int[np.ndarray, " t"] | None = None) -> Int[np.ndarray, " t"]:
+    """Number of the smooth face of each triangle; faces end at creases, and at z = 0, where lens and base meet.
+
+    ``optical``: number of the optical face of each, which ends at a shallow crease, too.
+    """
+    parts = mesh.triangles_center[:, 2] > 0.0 if optical is None else optical
     pairs = mesh.face_adjacency
-    joined = (mesh.face_adjacency_angles < CREASE_RAD) & (above[pairs[:, 0]] == above[pairs[:, 1]])
+    joined = (mesh.face_adjacency_angles < CREASE_RAD) & (parts[pairs[:, 0]] == parts[pairs[:, 1]])
     first, second = pairs[joined].T
     count = len(mesh.faces)
     graph = coo_array((np.ones(len(first)), (first, second)), shape=(count, count))

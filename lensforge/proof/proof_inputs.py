@@ -14,12 +14,14 @@ from lensforge import seeds
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import Light
 from lensforge.optics.image_reading import read_light
+from lensforge.optics.media import BODY
 from lensforge.proof import independent_draws
+from lensforge.proof.optical_faces import OpticalFaces
 from lensforge.proof.part_comparison import RAYS, IndependentLight
 from lensforge.proof.receiver_screen import Screen
+from lensforge.scene.body import Body, radii
 from lensforge.scene.lens import Lens
 from lensforge.scene.receiver_shapes import receivers_of
-from lensforge.sources.dispersion import in_material
 from lensforge.sources.photometric import read_photometric
 from lensforge.sources.radiance_emitter import read_radiance
 from lensforge.sources.ray_bundle import RayBundle, Rays, Source, blocks_of
@@ -38,6 +40,19 @@ from lensforge.spec.source_sections import (
     SourceSpec,
     SquareSource,
 )
+from lensforge.surfaces.surface import grid, to_sphere
+
+_NODES = 385  # of the chart's grid on which faces are sorted: they are 0.005 apart
+
+
+def optical_of(body: Body, events: int = 2) -> OpticalFaces:
+    """The faces of ``body``, whose light has at most so many ``events``; their shapes where several lie on one side."""
+    names, away = zip(*((face.name, face.before == BODY) for face in body.faces), strict=True)
+    if len(body.cavity) == len(body.envelope) == 1:
+        return OpticalFaces(names, away, events)
+    chart = grid(_NODES, 1.0)
+    chart = chart / np.maximum(np.linalg.norm(chart, axis=-1, keepdims=True), 1.0)  # no face is beyond the rim
+    return OpticalFaces(names, away, events, 1.0 / radii(body.faces, to_sphere(chart)))
 
 
 def screens_of(spec: Spec, pixels: int | None = None) -> list[Screen]:
@@ -84,12 +99,11 @@ def independent_rays(spec: Spec, source: Source, count: int, seed: int) -> RayBu
     points = np.column_stack([points, np.zeros(count)])
     place = (section.rotate_z_deg, section.tilt_deg, section.position_mm)
     rays = independent_draws.posed(points, directions, source.flux_w, *place)
-    material = spec.lens.dispersion
-    if material is None or section.spectrum is None:
+    if spec.lens.dispersion is None or section.spectrum is None:
         return rays
     table = spectrum_of(section.spectrum)
     waves = independent_draws.wavelengths(random, count, table.wavelengths_nm, table.power_density)
-    return in_material(rays, waves, material)
+    return replace(rays, wavelengths_nm=waves)
 
 
 def _by_flux(rays: Rays, count: int, random: Generator) -> Int[np.ndarray, " n"]:

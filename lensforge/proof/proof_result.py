@@ -37,6 +37,7 @@ class PartFlux(Record):
     outside: Share
     missed: Share
     total_reflection: Share
+    more_events: Share = 0.0
     absorbed: Share = 0.0
     cover_glass: Share = 0.0
     reflected: Share
@@ -188,7 +189,8 @@ class Proof(SimulatedResult):
     Results that are not of the rays or the mesh are those of the first receiver. ``altered_files``: those whose content
     was not what export.json describes when the rays were cast. ``sizes``: None where no size as exported was given.
     ``emission_apart``: largest difference of a moment of the design's rays, as they leave the source, from that of rays
-    which verification has drawn, in standard errors; None where it has drawn none.
+    which verification has drawn, in standard errors; None where it has drawn none. ``far_facets``: optical facets of
+    the mesh far from every face of the design, of a body of more than two.
     """
 
     stage: ClassVar[str] = "verify"
@@ -203,6 +205,7 @@ class Proof(SimulatedResult):
     sizes: Sizes | None
     emission_apart: NotNegative | None
     facet_height_um: Extent
+    far_facets: Count = 0
     altered_files: tuple[Text, ...] = ()
     plain_cast: PlainCast
     criteria: tuple[Criterion, ...]

@@ -10,14 +10,40 @@ Filters, 2.3), a table interpolated as the specification says.
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Complex, Float, Int
+from jaxtyping import Bool, Complex, Float
 from scipy.interpolate import PchipInterpolator
 
-from lensforge.optics.media import Coating, LayerStack, Media, ReflectanceTable
+from lensforge.optics.media import Coating, LayerStack, Media, Mirror, ReflectanceTable
+from lensforge.proof.facet_casting import RayRows
 from lensforge.sources.ray_bundle import RayBundle
 
 PerRay = Float[np.ndarray, " n"]
 Amplitudes = Complex[np.ndarray, " n"]
+
+
+Fields = Complex[np.ndarray, "n 2 3"]
+
+
+@dataclass(frozen=True)
+class LitRays(RayRows):
+    """Rays on their way: unit directions, polarisation, True in the material, and what its body is to each of them.
+
+    ``indices``, ``absorptions``: refractive index and absorption (1/mm) of the body for each, at ``wavelengths_nm``.
+    """
+
+    directions: Float[np.ndarray, "n 3"]
+    fields: Fields
+    inside: Bool[np.ndarray, " n"]
+    indices: PerRay
+    absorptions: PerRay
+    wavelengths_nm: PerRay
+
+    @staticmethod
+    def of(rays: RayBundle, media: Media) -> "LitRays":
+        """Unpolarised light that has met nothing yet."""
+        seen = media.body.indices, media.body.absorptions, media.wavelengths
+        own = [each(rays.wavelengths_nm, len(rays)) for each in seen]
+        return LitRays(rays.directions, unpolarised(rays.directions), np.zeros(len(rays), dtype=bool), *own)
 
 
 @dataclass(frozen=True)
@@ -34,21 +60,11 @@ class RefractingFace:
     inwards: bool
 
     @staticmethod
-    def inner(rays: RayBundle, media: Media) -> "RefractingFace":
-        """The face by which ``rays`` enter the body."""
-        cavity = np.full(len(rays), media.cavity_index)
-        return RefractingFace(cavity, rays.indices(media), media.inner_coating, rays.wavelengths(media), True)
-
-    @staticmethod
-    def outer(rays: RayBundle, media: Media) -> "RefractingFace":
-        """The face by which they leave it."""
-        outside = np.full(len(rays), media.outside_index)
-        return RefractingFace(rays.indices(media), outside, media.outer_coating, rays.wavelengths(media), False)
-
-    def take(self, rows: Int[np.ndarray, " k"]) -> "RefractingFace":
-        """The face for some of the rays."""
-        before, behind, waves = (values[rows] for values in (self.before, self.behind, self.wavelengths_nm))
-        return RefractingFace(before, behind, self.coating, waves, self.inwards)
+    def of(light: LitRays, around: float, coating: Coating | None, *, inside: bool) -> "RefractingFace":
+        """A face between the body and a medium of index ``around``, for rays all of which meet it from one side."""
+        other = np.full(len(light.indices), around)
+        before, behind = (light.indices, other) if inside else (other, light.indices)
+        return RefractingFace(before, behind, coating, light.wavelengths_nm, not inside)
 
     @property
     def index_ratio(self) -> PerRay:
@@ -59,8 +75,12 @@ class RefractingFace:
     def reflected(self, cosines: PerRay, passes: Bool[np.ndarray, " n"]) -> tuple[Amplitudes, Amplitudes]:
         """Amplitudes of s and p that rays are reflected with which meet it at ``cosines``; p of opposite sign.
 
-        All light is reflected where it does not pass. A table of unpolarised reflectance holds for s and p alike.
+        All light is reflected where it does not pass, but by a mirror. A table of unpolarised reflectance holds for s
+        and p alike.
         """
+        if isinstance(self.coating, Mirror):
+            root = np.full(len(cosines), np.sqrt(self.coating.reflectance), dtype=complex)
+            return root, -root
         cosines = np.minimum(cosines, 1.0)
         along = self.before * np.sqrt(1.0 - cosines**2)  # n sin of the angle
         if isinstance(self.coating, ReflectanceTable):
@@ -112,9 +132,6 @@ def _of_table(table: ReflectanceTable, cosines: PerRay, wavelengths_nm: PerRay) 
     return found
 
 
-Fields = Complex[np.ndarray, "n 2 3"]
-
-
 def refract(
     directions: Float[np.ndarray, "n 3"],
     normals: Float[np.ndarray, "n 3"],
@@ -150,6 +167,8 @@ def unpolarised(directions: Float[np.ndarray, "n 3"]) -> Fields:
 class AtFace:
     """Unpolarised or polarised light at a face: directions, shares of the flux and fields of what passes and returns.
 
+    A mirror absorbs what it does not reflect; all other faces share the light between both.
+
     The fields of a ray have the squared lengths 2 together. Amplitudes are Fresnel's, or the coating's, in total
     reflection complex; what passes a coating is real: the phases between s and p that it gives to transmitted light,
     which act on a third face alone, are left out.
@@ -157,7 +176,8 @@ class AtFace:
 
     bent: Float[np.ndarray, "n 3"]
     mirrored: Float[np.ndarray, "n 3"]
-    transmittance: Float[np.ndarray, " n"]
+    transmittance: PerRay
+    reflectance: PerRay
     passed: Fields
     returned: Fields
 
@@ -167,18 +187,20 @@ class AtFace:
     ) -> "AtFace":
         """Split ``fields`` into s across the plane of incidence and p in it; at normal incidence any plane will do."""
         bent, bare = refract(directions, normals, face.index_ratio)
+        mirror = face.coating.reflectance if isinstance(face.coating, Mirror) else None
+        passes = np.full(len(bare), False) if mirror is not None else bare > 0.0
         along = np.sum(directions * normals, axis=1)
         mirrored = directions - 2.0 * along[:, None] * normals
         across = np.cross(directions, normals)
         steep = np.linalg.norm(across, axis=1) < 1e-12
         s = np.where(steep[:, None], unpolarised(directions)[:, 0].real, _unit(across))
         parts = [np.einsum("nfi,ni->nf", fields, each) for each in (s, np.cross(directions, s))]
-        amplitudes = face.reflected(np.abs(along), bare > 0.0)
+        amplitudes = face.reflected(np.abs(along), passes)
         passed, returned = np.zeros_like(fields), np.zeros_like(fields)
         for part, amplitude, axes in zip(
             parts, amplitudes, ((s, s), (np.cross(bent, s), np.cross(mirrored, s))), strict=True
         ):
-            through = np.sqrt(np.where(bare > 0.0, np.maximum(1.0 - np.abs(amplitude) ** 2, 0.0), 0.0))
+            through = np.sqrt(np.where(passes, np.maximum(1.0 - np.abs(amplitude) ** 2, 0.0), 0.0))
             passed += (through[:, None] * part)[:, :, None] * axes[0][:, None, :]
             returned += (amplitude[:, None] * part)[:, :, None] * axes[1][:, None, :]
         share, back = (0.5 * np.sum(np.abs(each) ** 2, axis=(1, 2)) for each in (passed, returned))
@@ -186,7 +208,8 @@ class AtFace:
             each / np.sqrt(np.where(power > 0.0, power, 1.0))[:, None, None]
             for each, power in ((passed, share), (returned, back))
         )
-        return AtFace(bent, mirrored, share, passed, returned)
+        kept = 1.0 - share if mirror is None else np.full(len(share), mirror)
+        return AtFace(bent, mirrored, share, kept, passed, returned)
 
 
 def through_glass(

@@ -1,27 +1,31 @@
-"""Sequential trace of the part, once in and once out, through its mesh or through the faces of its STEP file.
+"""Sequential trace of the part, event by event, through its mesh or through the faces of its STEP file.
 
-A ray refracts at the first triangle that it meets, whatever face this belongs to. Reflected light is not followed.
+A ray meets the first triangle or face on its way, whatever it is. By Snell's law it is refracted there or reflected
+totally, or a mirror reflects it. Light that a face reflects in part is not followed.
 """
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from itertools import product
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 from trimesh.triangles import points_to_barycentric
 
-from lensforge.optics.media import Media
+from lensforge.optics.media import Media, Mirror
 from lensforge.proof.facet_casting import FacetHits, Grid, Leg, RayRows
+from lensforge.proof.optical_faces import NO_FACE, OpticalFaces, faces_away
 from lensforge.proof.part_mesh import PartMesh
 from lensforge.proof.receiver_screen import Screen
-from lensforge.proof.refraction import AtFace, Fields, RefractingFace, through_glass, unpolarised
+from lensforge.proof.refraction import AtFace, Fields, LitRays, RefractingFace, through_glass, unpolarised
 from lensforge.sources.ray_bundle import RayBundle
 
 _CHUNK = 1024  # rays that a thread casts at a time: their candidates stay in its cache
 # A ray that leaves a curved point may meet the facets just left: hits nearer than this share of an edge are those.
 _SKIN_EDGES = 0.05
+SKIN_MM = 1e-6  # where the side of a facet is looked at: small, so that light in corners is followed too
 _SIDES = 4  # tries to get past facets whose side contradicts the medium that the ray is in
 
 
@@ -32,19 +36,20 @@ class CastFate(IntEnum):
     NO_HIT = 1  # met no part of the body
     STARTS_INSIDE = 2  # its first hit leaves the material: it started in the body, or the mesh is inside out
     BASE = 3  # met a surface at or below z = 0 in the material, instead of leaving it
-    BACK_INTO_CAVITY = 4  # left the material by a surface that faces the origin, as the inner one
-    TOTAL_REFLECTION = 5  # totally reflected on the way out
+    BACK_INTO_CAVITY = 4  # left the material by a surface that faces the origin, where no reflection is followed
+    TOTAL_REFLECTION = 5  # totally reflected at the last event, or where no reflection is followed
     MISSED_RECEIVER = 6  # left the lens, but never reaches the receiver's plane
     OPENING = 7  # met a surface at or below z = 0 on the way in: the wall of the base's opening, or its bottom
     STARTS_OUTSIDE = 8  # met the outside of the lens first: it started neither in the cavity nor below it
+    MORE_EVENTS = 9  # reflected by a mirror, or still not out of the lens, at its last event
 
 
 @dataclass(frozen=True)
 class Passage:
     """Ends of ``n`` rays: exit point (mm) and direction, NaN if lost in the lens, flux (W) left in the ray, fate.
 
-    ``absorbed``, ``in_glass``: flux (W) that the body and a cover glass took of it. ``fields``: of its polarisation.
-    ``facets_um``: height of the curved surface over the flat facet at the two hits, 0 where there was none.
+    ``absorbed``, ``in_glass``: flux (W) that body and mirrors, and a cover glass took of it. ``fields``: of its
+    polarisation. ``facets_um``: height of the curved surface over the flat facet at each event, 0 where there was none.
     """
 
     points: Float[np.ndarray, "n 3"]
@@ -53,12 +58,12 @@ class Passage:
     absorbed: Float[np.ndarray, " n"]
     in_glass: Float[np.ndarray, " n"]
     fates: Int[np.ndarray, " n"]
-    facets_um: Float[np.ndarray, "n 2"]
+    facets_um: Float[np.ndarray, "n events"]
     fields: Fields
 
     @staticmethod
-    def of(rays: RayBundle) -> "Passage":
-        """Passage of ``rays`` that have met nothing yet."""
+    def of(rays: RayBundle, events: int) -> "Passage":
+        """Passage of ``rays`` that have met nothing yet, and will at most ``events`` times."""
         return Passage(
             points=np.full((len(rays), 3), np.nan),
             directions=np.full((len(rays), 3), np.nan),
@@ -66,7 +71,7 @@ class Passage:
             absorbed=np.zeros(len(rays)),
             in_glass=np.zeros(len(rays)),
             fates=np.full(len(rays), CastFate.NO_HIT, dtype=np.int64),
-            facets_um=np.zeros((len(rays), 2)),
+            facets_um=np.zeros((len(rays), events)),
             fields=unpolarised(rays.directions),
         )
 
@@ -76,7 +81,7 @@ def behind_glass(passage: Passage, rays: RayBundle, media: Media) -> Passage:
     glass = media.cover_glass
     if glass is None:
         return passage
-    waves = rays.wavelengths(media)
+    waves = media.wavelengths(rays.wavelengths_nm, len(rays))
     points, directions, through = through_glass(passage.points, passage.directions, media, waves, passage.fields)
     left = passage.flux * through
     return replace(passage, points=points, directions=directions, flux=left, in_glass=passage.flux - left)
@@ -116,7 +121,7 @@ class SurfaceHits(RayRows):
     """First hits of rays on a body: whether there is one, point (mm), unit normal of either sign.
 
     ``leaving``: the ray leaves the material there. ``away``: that side of the body faces away from the origin, as the
-    outside of a lens does. ``base``: it lies at or below z = 0, where no optical surface is. ``skins``: distance (mm)
+    outside of a lens does. ``faces``: number of the optical face, NO_FACE where none is. ``skins``: distance (mm)
     within which a ray that goes on from there may meet what it just left. ``heights``: of the point over a facet (mm).
     """
 
@@ -125,17 +130,28 @@ class SurfaceHits(RayRows):
     normals: Float[np.ndarray, "n 3"]
     leaving: Bool[np.ndarray, " n"]
     away: Bool[np.ndarray, " n"]
-    base: Bool[np.ndarray, " n"]
+    faces: Int[np.ndarray, " n"]
     skins: Float[np.ndarray, " n"]
     heights: Float[np.ndarray, " n"]
+
+    @property
+    def base(self) -> Bool[np.ndarray, " n"]:
+        """True for hits at or below z = 0."""
+        base: Bool[np.ndarray, " n"] = self.faces == NO_FACE
+        return base
 
 
 @runtime_checkable
 class CastBody(Protocol):
     """A body at which rays can be cast: a mesh, or the faces of a STEP file."""
 
-    def surface_hits(self, leg: Leg) -> SurfaceHits:
-        """First hit of each ray."""
+    @property
+    def optical(self) -> OpticalFaces:
+        """Its optical faces."""
+        ...
+
+    def surface_hits(self, leg: Leg, inside: Bool[np.ndarray, " n"] | None = None) -> SurfaceHits:
+        """First hit of each ray. ``inside``: True for rays in the material, where that is known."""
         ...
 
 
@@ -146,11 +162,19 @@ class MeshBody:
     part: PartMesh
     grid: Grid
 
-    def surface_hits(self, leg: Leg, inside: Bool[np.ndarray, " n"] | None = None) -> SurfaceHits:
-        """First hit of each ray; sides and base are those of the flat facet.
+    @property
+    def optical(self) -> OpticalFaces:
+        """Its optical faces."""
+        return self.part.optical
 
-        ``inside``: True for rays in the material; they pass facets of the other side. A grazing ray may miss its own.
+    def surface_hits(self, leg: Leg, inside: Bool[np.ndarray, " n"] | None = None) -> SurfaceHits:
+        """First hit of each ray; its side and its face are those of the flat facet.
+
+        ``inside``: True for rays in the material; they pass facets of the other side, by which the facet just left is
+        recognised. A grazing ray may miss its own.
         """
+        if inside is not None:
+            leg = replace(leg, beyond=np.minimum(leg.beyond, SKIN_MM))
         hits, count = self.grid.first_hits(leg), len(leg.origins)
         for _ in range(0 if inside is None else _SIDES):
             wrong = np.nonzero(hits.found & (self._leaving(leg, hits) != inside))[0]
@@ -161,15 +185,15 @@ class MeshBody:
             for name, values in vars(again).items():
                 getattr(hits, name)[wrong] = values
         no, place, zero = np.zeros(count, dtype=bool), np.zeros((count, 3)), np.zeros(count)
-        found = SurfaceHits(hits.found, place, place.copy(), no, no.copy(), no.copy(), zero, zero.copy())
+        none = np.full(count, NO_FACE)
+        found = SurfaceHits(hits.found, place, place.copy(), no, no.copy(), none, zero, zero.copy())
         rows = np.nonzero(hits.found)[0]
         leg, hits, part = leg.take(rows), hits.take(rows), self.part
         flat, facing = leg.origins + hits.distances[:, None] * leg.directions, part.mesh.face_normals[hits.triangles]
         found.points[rows], found.normals[rows] = meet(part, leg, hits)
         found.leaving[rows] = self._leaving(leg, hits)
         found.away[rows] = faces_away(flat, facing)
-        # At or below z = 0 lies no optical surface.
-        found.base[rows] = part.mesh.triangles_center[hits.triangles, 2] <= 0.0
+        found.faces[rows] = part.faces[hits.triangles]
         found.skins[rows] = _SKIN_EDGES * np.sqrt(2.0 * part.mesh.area_faces[hits.triangles])
         found.heights[rows] = np.sum((found.points[rows] - flat) * found.normals[rows], axis=1)
         return found
@@ -181,10 +205,23 @@ class MeshBody:
         return along
 
 
-def refracted(leg: Leg, hits: SurfaceHits, face: RefractingFace, fields: Fields | None = None) -> tuple[Leg, AtFace]:
-    """Rays behind the surface that all of them hit, and their light there; ``fields`` None: unpolarised rays."""
-    light = AtFace.of(face, leg.directions, hits.normals, unpolarised(leg.directions) if fields is None else fields)
-    return Leg(hits.points, light.bent, hits.skins), light
+def at_faces(optical: OpticalFaces, media: Media, light: LitRays, hits: SurfaceHits) -> AtFace:
+    """Light at the places of a body that were hit.
+
+    On their other side than the body is the cavity where they face the origin; where no optical face is, no coating.
+    """
+    names, split = optical.names, np.empty((2, *light.fields.shape), dtype=complex)
+    found = AtFace(*np.empty((2, *hits.points.shape)), *np.empty((2, len(hits.points))), *split)
+    for number, away, inside in product(range(NO_FACE, len(names)), (False, True), (False, True)):
+        rows = np.nonzero((hits.faces == number) & (hits.away == away) & (light.inside == inside))[0]
+        if len(rows):
+            around = media.outside_index if away else media.cavity_index
+            coating = None if number == NO_FACE else media.coating(names[number])
+            face = RefractingFace.of(light.take(rows), around, coating, inside=inside)
+            some = AtFace.of(face, light.directions[rows], hits.normals[rows], light.fields[rows])
+            for name, values in vars(some).items():
+                getattr(found, name)[rows] = values
+    return found
 
 
 def meet(part: PartMesh, leg: Leg, hits: FacetHits) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
@@ -207,8 +244,20 @@ def absorb(
 ) -> None:
     """Take from rays what the body absorbs of them over ``lengths`` (mm), by the law of Beer and Lambert."""
     arrived = passage.flux[rows] * np.exp(-per_mm * lengths)
-    passage.absorbed[rows] = passage.flux[rows] - arrived
+    passage.absorbed[rows] += passage.flux[rows] - arrived
     passage.flux[rows] = arrived
+
+
+def dim(passage: Passage, rows: Int[np.ndarray, " k"], at: AtFace, passes: Bool[np.ndarray, " k"]) -> None:
+    """Leave to rays what passes a face, or what it reflects where they do not pass; a mirror absorbs the rest."""
+    passage.absorbed[rows] += passage.flux[rows] * np.where(passes, 0.0, 1.0 - at.reflectance)
+    passage.flux[rows] *= np.where(passes, at.transmittance, at.reflectance)
+    passage.fields[rows] = np.where(passes[:, None, None], at.passed, at.returned)
+
+
+def mirrors(optical: OpticalFaces, media: Media) -> list[int]:
+    """Numbers of the faces that are mirrors."""
+    return [number for number, name in enumerate(optical.names) if isinstance(media.coating(name), Mirror)]
 
 
 def outside_leg(rays: RayBundle) -> Leg:
@@ -229,46 +278,41 @@ def send_through(part: PartMesh, grid: Grid, rays: RayBundle, media: Media, thre
 
 
 def send_through_body(body: CastBody, rays: RayBundle, media: Media) -> Passage:
-    """Cast every ray into ``body`` and out of it."""
-    passage = Passage.of(rays)
-    leg, into, out_of = outside_leg(rays), RefractingFace.inner(rays, media), RefractingFace.outer(rays, media)
-    entry = body.surface_hits(leg)
-    passage.fates[:] = np.select(
-        [~entry.found, entry.leaving, entry.base, entry.away],
-        [CastFate.NO_HIT, CastFate.STARTS_INSIDE, CastFate.OPENING, CastFate.STARTS_OUTSIDE],
-        CastFate.LANDED,
-    )
-    rows = np.nonzero(passage.fates == CastFate.LANDED)[0]
-    entry = entry.take(rows)
-    inside, entered = refracted(leg.take(rows), entry, into.take(rows))
-    passage.flux[rows] *= entered.transmittance
-    passage.facets_um[rows, 0] = 1e3 * entry.heights
-
-    exits = body.surface_hits(inside)
-    passage.fates[rows] = np.select(
-        [~exits.found, exits.base, ~exits.away],
-        [CastFate.NO_HIT, CastFate.BASE, CastFate.BACK_INTO_CAVITY],
-        CastFate.LANDED,
-    )
-    reached = np.nonzero(passage.fates[rows] == CastFate.LANDED)[0]
-    rows, inside, exits = rows[reached], inside.take(reached), exits.take(reached)
-    behind, left = refracted(inside, exits, out_of.take(rows), entered.passed[reached])
-    lengths = np.linalg.norm(exits.points - inside.origins, axis=1)
-    absorb(passage, rows, lengths, rays.absorptions(media)[rows])
-    passage.facets_um[rows, 1] = 1e3 * exits.heights
-    passes = left.transmittance > 0.0
-    passage.fates[rows] = np.where(passes, CastFate.LANDED, CastFate.TOTAL_REFLECTION)
-    passage.flux[rows] *= np.where(passes, left.transmittance, 1.0)
-    passage.points[rows[passes]] = behind.origins[passes]
-    passage.directions[rows[passes]] = behind.directions[passes]
-    passage.fields[rows[passes]] = left.passed[passes]
+    """Cast every ray into ``body`` and out of it, with as many events as its light has at most."""
+    optical = body.optical
+    passage, light = Passage.of(rays, optical.events), LitRays.of(rays, media)
+    rows, leg = np.arange(len(rays)), outside_leg(rays)
+    for event in range(optical.events):
+        # Sides count behind a reflection, which may graze; before, the skin of the facet just left is enough.
+        hits = body.surface_hits(leg, light.inside if event > 1 else None)
+        passage.fates[rows] = _fates(hits, light.inside, bool(optical.goes_on(event)))
+        met = np.nonzero(passage.fates[rows] == CastFate.LANDED)[0]
+        rows, leg, light, hits = rows[met], leg.take(met), light.take(met), hits.take(met)
+        lengths = np.linalg.norm(hits.points - leg.origins, axis=1)
+        absorb(passage, rows, lengths, np.where(light.inside, light.absorptions, 0.0))
+        passage.facets_um[rows, event] = 1e3 * hits.heights
+        at = at_faces(optical, media, light, hits)
+        passes = at.transmittance > 0.0
+        dim(passage, rows, at, passes)
+        ways, inside = np.where(passes[:, None], at.bent, at.mirrored), light.inside != passes
+        out = passes & light.inside & hits.away
+        passage.points[rows[out]], passage.directions[rows[out]] = hits.points[out], ways[out]
+        enters = passes & ~light.inside & (event + 1 < optical.events)
+        goes_on = ~out & (enters | optical.goes_on(event))
+        whole = ~passes & ~np.isin(hits.faces, mirrors(optical, media))
+        ends = np.where(whole, CastFate.TOTAL_REFLECTION, CastFate.MORE_EVENTS)
+        passage.fates[rows] = np.where(out | goes_on, CastFate.LANDED, ends)
+        light = replace(light, directions=ways, fields=passage.fields[rows], inside=inside)
+        going = np.nonzero(goes_on)[0]
+        rows, leg, light = rows[going], Leg(hits.points, ways, hits.skins).take(going), light.take(going)
     return behind_glass(passage, rays, media)
 
 
-def faces_away(points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
-    """True where a surface with ``normals`` out of the material faces away from the origin, as the lens's outside does.
-
-    Both surfaces are star-shaped about the origin, and the material lies between them.
-    """
-    away: Bool[np.ndarray, " n"] = np.sum(points * normals, axis=1) > 0.0
-    return away
+def _fates(hits: SurfaceHits, inside: Bool[np.ndarray, " n"], back: bool) -> Int[np.ndarray, " n"]:
+    """Fates of rays that end where they are, LANDED for all that go on, ``back`` into the cavity, too."""
+    entering = [~hits.found, hits.leaving, hits.base, hits.away]
+    none = [CastFate.NO_HIT, CastFate.STARTS_INSIDE, CastFate.OPENING, CastFate.STARTS_OUTSIDE]
+    leaving = [~hits.found, hits.base, ~(hits.away | back)]
+    lost = [CastFate.NO_HIT, CastFate.BASE, CastFate.BACK_INTO_CAVITY]
+    ends = [np.select(*each, CastFate.LANDED) for each in ((leaving, lost), (entering, none))]
+    return np.where(inside, *ends)

@@ -1,4 +1,6 @@
-"""The body in a STEP file, by the CAD kernel: its faces, which need no names, its size, and the first hits of rays.
+"""The body in a STEP file, by the CAD kernel: its faces, its size, and the first hits of rays.
+
+Faces need no names: those of a body of several on one side are told by OPTICAL_ and the name, or else by their shapes.
 
 The kernel's own box of a trimmed face is that of the whole surface beyond the trim, and its distance to a plane takes
 seconds for each side; so the box is that of all edges, and of the tops of the faces, searched from coarse to fine.
@@ -9,13 +11,14 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 from scipy.ndimage import maximum_filter
 
 from lensforge.errors import InputError
 from lensforge.proof.facet_casting import Leg
+from lensforge.proof.optical_faces import NO_FACE, USUAL_LENS, OpticalFaces, faces_away
 from lensforge.proof.part_mesh import as_box
-from lensforge.proof.sequential_cast import SurfaceHits, faces_away
+from lensforge.proof.sequential_cast import SurfaceHits
 from lensforge.results import BodySize
 from lensforge.results.file_bounds import made_here, require_small_step
 from lensforge.results.files import temporary_file
@@ -118,14 +121,20 @@ _MOST_FACES = 10_000  # every ray is cast at each of them: a lens has 6, one on 
 
 
 class StepBody:
-    """The only solid in the bytes of a STEP file, in mm. Raises :class:`InputError` where they hold anything else."""
+    """The only solid in the bytes of a STEP file, in mm, with its ``optical`` faces.
 
-    def __init__(self, step: bytes) -> None:
+    Raises :class:`InputError` where they hold anything else.
+    """
+
+    def __init__(self, step: bytes, optical: OpticalFaces = USUAL_LENS) -> None:
         from OCP.BRepAdaptor import BRepAdaptor_Surface
         from OCP.IntCurvesFace import IntCurvesFace_Intersector
         from OCP.TopoDS import TopoDS
 
-        self._solid, faces = _only_solid(step)
+        self.optical = optical
+        numbers = {f"OPTICAL_{name.upper()}": number for number, name in enumerate(optical.names)}
+        self._solid, faces, names = _only_solid(step, named=optical.inverse_radii is not None)
+        self._numbers = np.array([numbers.get(name, NO_FACE) for name in names])
         self._faces = [TopoDS.Face_s(face) for face in faces]
         self._surfaces = [BRepAdaptor_Surface(face) for face in self._faces]
         self._intersectors = [IntCurvesFace_Intersector(face, _TOLERANCE_MM) for face in self._faces]
@@ -139,18 +148,26 @@ class StepBody:
             bounds_mm=as_box(np.array(corners)),
         )
 
-    def surface_hits(self, leg: Leg) -> SurfaceHits:
-        """First hit of each ray, about a millisecond each."""
+    def surface_hits(self, leg: Leg, inside: Bool[np.ndarray, " n"] | None = None) -> SurfaceHits:
+        """First hit of each ray, about a millisecond each; ``inside`` is not needed."""
         count = len(leg.origins)
+        faces = np.zeros(count, dtype=np.int64)
         found, leaving = np.zeros((2, count), dtype=bool)
         points, normals = np.zeros((2, count, 3))
         for row in range(count):
             if (hit := self._first_hit(leg, row)) is not None:
-                found[row], leaving[row] = True, hit[1]
+                faces[row], found[row], leaving[row] = hit[0], True, hit[1]
                 points[row], normals[row] = self._point_and_normal(hit[0], *hit[2:])
         outwards = np.where((np.sum(normals * leg.directions, axis=1) > 0.0) == leaving, 1.0, -1.0)[:, None]
-        away, base = faces_away(points, outwards * normals), points[:, 2] <= 0.0
-        return SurfaceHits(found, points, normals, leaving, away, base, np.full(count, _SKIN_MM), np.zeros(count))
+        away, numbers = faces_away(points, outwards * normals), self._sorted(faces, points, outwards * normals)
+        return SurfaceHits(found, points, normals, leaving, away, numbers, np.full(count, _SKIN_MM), np.zeros(count))
+
+    def _sorted(
+        self, faces: Int[np.ndarray, " n"], points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]
+    ) -> Int[np.ndarray, " n"]:
+        """Number of the optical face on which each hit lies: by the name of the file's face, else by its place."""
+        numbers, named = self.optical.sorted(points, normals)[0], self._numbers[faces]
+        return np.where((named != NO_FACE) & (numbers != NO_FACE), named, numbers)
 
     def _first_hit(self, leg: Leg, row: int) -> tuple[int, bool, float, float] | None:
         """Face of the file that a ray hits first, True where the ray leaves the body there, and its parameters."""
@@ -179,8 +196,11 @@ class StepBody:
         return np.array([point.X(), point.Y(), point.Z()]), unit
 
 
-def _only_solid(step: bytes) -> tuple[Any, list[Any]]:
-    """The only solid (TopoDS_Shape) and its faces, read by the CAD kernel, which accepts only a path."""
+def _only_solid(step: bytes, *, named: bool) -> tuple[Any, list[Any], list[str]]:
+    """The only solid (TopoDS_Shape), its faces and their names, read by the CAD kernel, which accepts only a path.
+
+    Without ``named`` all names are "".
+    """
     from OCP.IFSelect import IFSelect_ReturnStatus
     from OCP.STEPControl import STEPControl_Reader
     from OCP.TopAbs import TopAbs_ShapeEnum
@@ -195,6 +215,7 @@ def _only_solid(step: bytes) -> tuple[Any, list[Any]]:
                 raise InputError("STEP: not readable; export it again")
         solids = _parts(reader.OneShape(), TopAbs_ShapeEnum.TopAbs_SOLID)
         faces = _parts(solids[0], TopAbs_ShapeEnum.TopAbs_FACE) if len(solids) == 1 else []
+        names = [_name_of(reader, face) if named else "" for face in faces]
     except InputError:
         raise
     except Exception as error:  # the kernel raises whatever its parser does
@@ -203,7 +224,16 @@ def _only_solid(step: bytes) -> tuple[Any, list[Any]]:
         raise InputError(f"STEP: holds {len(solids)} solids, a lens is one; export it again")
     if len(faces) > _MOST_FACES:
         raise InputError(f"STEP: {len(faces)} faces, at most {_MOST_FACES} are cast; export it again")
-    return solids[0], faces
+    return solids[0], faces, names
+
+
+def _name_of(reader: Any, face: Any) -> str:
+    """Name of a face in the file, "" where it has none."""
+    entity = reader.WS().TransferReader().EntityFromShapeResult(face, 1)
+    try:
+        return str(entity.Name().ToCString())
+    except (AttributeError, UnicodeDecodeError):  # no entity of the file, none with a name, or not in ASCII
+        return ""
 
 
 def _parts(shape: Any, kind: Any) -> list[Any]:

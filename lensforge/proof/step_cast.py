@@ -12,6 +12,7 @@ from jaxtyping import Int
 
 from lensforge.optics.media import Media
 from lensforge.proof.acceptance import BREP_RAYS
+from lensforge.proof.optical_faces import USUAL_LENS, OpticalFaces
 from lensforge.proof.part_comparison import Expected, compare, drawn, gap_quantiles
 from lensforge.proof.proof_result import BrepCast, Gaps
 from lensforge.proof.sequential_cast import LandedRays, Passage, send_through_body
@@ -40,22 +41,24 @@ def cast_step(
     media: Media,
     count: int = BREP_RAYS,
     *,
+    optical: OpticalFaces = USUAL_LENS,
     sized: bool = False,
     second: SecondProcess = IN_TURN,
 ) -> Callable[[], StepCast]:
     """Begin to cast ``count`` of ``rays``, drawn at random, through a STEP file; ``sized``: measure its body, too.
 
-    In ``second``, where there is one; the function that is returned waits for it.
+    ``optical``: the faces of a body that is not read yet. In ``second``, where there is one; the function that is
+    returned waits for it.
     """
     rows = drawn(count, len(rays))
-    cast = second.call(_cast_and_measure, step, rays.take(rows), media, sized)
+    cast = second.call(_cast_and_measure, step, rays.take(rows), media, optical, sized)
     return lambda: StepCast(rows, *cast.result())
 
 
 def _cast_and_measure(
-    step: bytes | StepBody, rays: RayBundle, media: Media, sized: bool
+    step: bytes | StepBody, rays: RayBundle, media: Media, optical: OpticalFaces, sized: bool
 ) -> tuple[Passage, float, BodySize | None]:
-    body = StepBody(step) if isinstance(step, bytes) else step
+    body = StepBody(step, optical) if isinstance(step, bytes) else step
     start = perf_counter()
     passage = send_through_body(body, rays, media)
     return passage, perf_counter() - start, body.size() if sized else None

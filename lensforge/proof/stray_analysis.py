@@ -15,7 +15,8 @@ from jaxtyping import Bool, Float, Int
 from lensforge.optics.media import Media
 from lensforge.proof.acceptance import balance_error, stray_criteria
 from lensforge.proof.facet_casting import Grid
-from lensforge.proof.nonsequential_trace import Base, Body, Cause, FluxBudget, Limits, follow
+from lensforge.proof.nonsequential_trace import Base, Cause, FluxBudget, Limits, PartBody, follow
+from lensforge.proof.optical_faces import USUAL_LENS, OpticalFaces
 from lensforge.proof.part_mesh import read_part_mesh
 from lensforge.proof.receiver_screen import Screen, nmse
 from lensforge.proof.refraction import through_glass
@@ -33,21 +34,22 @@ def trace_stray(
     screens: Sequence[Screen],
     names: Sequence[str] = ("light",),
     base: Base = "polished",
+    optical: OpticalFaces = USUAL_LENS,
     limits: Limits | None = None,
     inputs: Mapping[str, str] | None = None,
 ) -> StrayLight:
     """Follow ``rays`` through the part in the bytes of an STL file (mm) until all light has left it.
 
     Shares are of the emitted flux; "detected" is what lands in the window of each of ``screens``, of ``names``.
-    ``inputs``: hashes of the inputs, by name. Raises :class:`InputError` for bytes that hold no mesh, and for an
-    unknown ``base``.
+    ``optical``: the faces of the part, and the events of its light. ``inputs``: hashes of the inputs, by name. Raises
+    :class:`InputError` for bytes that hold no mesh, and for an unknown ``base``.
     """
     require_choice("base", base, get_args(Base))
     start = perf_counter()
     limits = limits or Limits()
-    part = read_part_mesh(stl)
+    part = read_part_mesh(stl, optical)
     grid = Grid(part.mesh)
-    budget = follow(Body(part, grid, media, base), rays, limits)
+    budget = follow(PartBody(part, grid, media, base), rays, limits)
     passage, emitted = send_through(part, grid, rays, media), float(rays.flux.sum())
     found = StrayLight(
         inputs=dict(inputs or {}),
@@ -57,7 +59,7 @@ def trace_stray(
         ),
         rays=len(rays),
         base=base,
-        absorption_per_mm=media.absorption_per_mm,
+        absorption_per_mm=media.body.absorption_per_mm,
         cut_off=limits.cut_off,
         depth=limits.depth,
         criteria=(),

@@ -12,8 +12,8 @@ from lensforge.optics.media import Media
 from lensforge.proof.facet_casting import Grid, Leg
 from lensforge.proof.part_mesh import PartMesh
 from lensforge.proof.proof_result import PlainCast
-from lensforge.proof.refraction import RefractingFace
-from lensforge.proof.sequential_cast import MeshBody, outside_leg, refracted
+from lensforge.proof.refraction import LitRays
+from lensforge.proof.sequential_cast import MeshBody, at_faces, outside_leg
 from lensforge.results.second_process import IN_TURN, SecondProcess
 from lensforge.sources.ray_bundle import RayBundle
 
@@ -29,10 +29,11 @@ def cast_plain(
     trimesh casts them in ``second``, where there is one; the function that is returned waits for it.
     """
     rows = np.unique(np.linspace(0, len(rays) - 1, min(count, len(rays))).astype(np.int64))
-    outside, into = outside_leg(rays).take(rows), RefractingFace.inner(rays, media).take(rows)
+    outside, light = outside_leg(rays).take(rows), LitRays.of(rays, media).take(rows)
     entry = MeshBody(part, grid).surface_hits(outside)
     entered = np.nonzero(entry.found)[0]
-    inside, _ = refracted(outside.take(entered), entry.take(entered), into.take(entered))
+    entry = entry.take(entered)
+    inside = Leg(entry.points, at_faces(part.optical, media, light.take(entered), entry).bent, entry.skins)
     bare = trimesh.Trimesh(part.mesh.vertices, part.mesh.faces, process=False)  # what others have cached stays here
     legs = outside, inside
     cast = second.call(_distances, bare, legs)

@@ -16,6 +16,7 @@ from lensforge.optics.media import Media
 from lensforge.proof.acceptance import BREP_RAYS, DEVIATION_RAD, proof_criteria
 from lensforge.proof.facet_casting import Grid
 from lensforge.proof.mitsuba_cast import cast_mitsuba
+from lensforge.proof.optical_faces import USUAL_LENS, OpticalFaces
 from lensforge.proof.part_comparison import (
     Expected,
     IndependentLight,
@@ -38,7 +39,7 @@ from lensforge.proof.proof_result import (
     Sizes,
 )
 from lensforge.proof.receiver_screen import nmse, squared_norm
-from lensforge.proof.sequential_cast import LandedRays, Passage, send_through
+from lensforge.proof.sequential_cast import LandedRays, Passage, send_through, send_through_body
 from lensforge.proof.step_body import StepBody
 from lensforge.proof.step_cast import StepCast, cast_step, judge_brep
 from lensforge.proof.trimesh_cast import cast_plain
@@ -59,6 +60,7 @@ def verify_part(
     step_rays: int = BREP_RAYS,
     mitsuba_rays: int = 0,
     own: IndependentLight | None = None,
+    optical: OpticalFaces = USUAL_LENS,
     exported: BodySize | None = None,
     chord_mm: float = 0.0,
     threads: int = 1,
@@ -71,9 +73,10 @@ def verify_part(
     ray cast traces ``plain_rays`` of the rays, to verify the grid. ``step``: the bytes of the same part's STEP file,
     through which the CAD kernel casts ``step_rays`` of the rays; without it ``brep`` is None. Mitsuba casts
     ``mitsuba_rays`` of the rays through the mesh; with 0 it is not loaded, and ``mitsuba`` is None. ``own``: further
-    rays, drawn by other code than the design's, and the light of the design that theirs is compared with. ``exported``:
-    size of the part as exported, its box within ``chord_mm`` of the solid's. The result does not depend on ``threads``.
-    ``inputs``: hashes of the inputs, by name. ``second``: casts by the CAD kernel and by trimesh, where there is one.
+    rays, drawn by other code than the design's, and the light of the design that theirs is compared with. ``optical``:
+    the faces of the part, and the events of its light. ``exported``: size of the part as exported, its box within
+    ``chord_mm`` of the solid's. The result does not depend on ``threads``. ``inputs``: hashes of the inputs, by name.
+    ``second``: casts by the CAD kernel and by trimesh, where there is one.
 
     Raises :class:`InputError` for bytes that hold no mesh or no solid and for arrays that do not fit; a wrong part
     misses its criteria instead.
@@ -83,9 +86,9 @@ def verify_part(
     through = None
     if step is not None:
         # Here it is read before the casts: a file that is refused costs no more than that.
-        file: bytes | StepBody = step if second.runs else StepBody(step)
-        through = cast_step(file, rays, media, step_rays, sized=exported is not None, second=second)
-    part = read_part_mesh(stl)
+        file: bytes | StepBody = step if second.runs else StepBody(step, optical)
+        through = cast_step(file, rays, media, step_rays, optical=optical, sized=exported is not None, second=second)
+    part = read_part_mesh(stl, optical)
     grid = Grid(part.mesh)
     plain = cast_plain(part, grid, rays, media, plain_rays, second)
     passage = send_through(part, grid, rays, media, threads)
@@ -111,11 +114,20 @@ def verify_part(
         sizes=sizes,
         emission_apart=None if own is None else emission_difference(own.rays, rays),
         facet_height_um=Extent(rms=float(np.sqrt(np.mean(heights**2))), max=float(heights.max())),
+        far_facets=part.far,
         plain_cast=compared,
         criteria=(),
         seconds=perf_counter() - started,
     )
     return proof.model_copy(update={"criteria": proof_criteria(proof), "seconds": perf_counter() - started})
+
+
+def passage_through(file: bytes, optical: OpticalFaces, media: Media, rays: RayBundle) -> Passage:
+    """Exit points, directions, flux and fates of ``rays`` through a STEP or STL file, to be compared ray by ray."""
+    if file.lstrip().startswith(b"ISO-10303-21"):
+        return send_through_body(StepBody(file, optical), rays, media)
+    part = read_part_mesh(file, optical)
+    return send_through(part, Grid(part.mesh), rays, media)
 
 
 def _own_light(

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from lens_meshes import DISTANCE, INDEX, INNER, OUTER, lambertian, oracle, right
 
-from lensforge.optics.media import Media
+from lensforge.optics.media import Media, Medium
 from lensforge.proof.part_comparison import Expected, compare
 from lensforge.proof.proof_result import Agreement
 from lensforge.proof.receiver_screen import Screen
@@ -27,7 +27,7 @@ def failed(part, rays=RAYS, hits=HITS, flux=FLUX, fates=FATES):
     result = verify_part(
         part.export(file_type="stl"),
         rays=rays,
-        media=Media(INDEX),
+        media=Media(Medium(INDEX)),
         expected=[Expected(SCREEN, SCREEN.irradiance(hits, flux), hits, flux, fates)],
         plain_rays=1,
     )

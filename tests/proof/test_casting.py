@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from lens_meshes import Quadric, lambertian, lens_mesh, sphere
 
-from lensforge.optics.media import Media
+from lensforge.optics.media import Media, Medium
 from lensforge.proof.facet_casting import Grid, Leg
 from lensforge.proof.part_mesh import part_mesh_of
 from lensforge.proof.trimesh_cast import PlainCaster, cast_plain
@@ -82,7 +82,7 @@ def test_no_ray_slips_between_triangles():
 def test_a_grid_that_is_wrong_is_noticed(monkeypatch):
     part = part_mesh_of(lens_mesh(sphere(6.0).radius, sphere(13.7).radius, 10))
     grid, rays = Grid(part.mesh), lambertian(400, 1.0)
-    found = cast_plain(part, grid, rays, Media(1.5), 50)()
+    found = cast_plain(part, grid, rays, Media(Medium(1.5)), 50)()
     assert (found.rays, found.casts, found.disagreements) == (50, 100, 0)
     honest = Grid.first_hits
 
@@ -91,4 +91,4 @@ def test_a_grid_that_is_wrong_is_noticed(monkeypatch):
         return replace(hits, distances=hits.distances + 1e-5)
 
     monkeypatch.setattr(Grid, "first_hits", shifted)
-    assert cast_plain(part, grid, rays, Media(1.5), 50)().disagreements == 100
+    assert cast_plain(part, grid, rays, Media(Medium(1.5)), 50)().disagreements == 100

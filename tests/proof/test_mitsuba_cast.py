@@ -5,7 +5,7 @@ import pytest
 from lens_meshes import DISTANCE, INDEX, INNER, OUTER, Quadric, lambertian, oracle, right
 
 from lensforge.errors import InputError
-from lensforge.optics.media import Media
+from lensforge.optics.media import Media, Medium
 from lensforge.proof import mitsuba_cast
 from lensforge.proof.acceptance import mitsuba_criteria
 from lensforge.proof.mitsuba_cast import cast_mitsuba, send_through_mitsuba
@@ -32,7 +32,7 @@ def converged():
 
 
 def deviation(rings):
-    passage = LandedRays.of(send_through_mitsuba(part(rings), RAYS, Media(INDEX))[1], SCREEN)
+    passage = LandedRays.of(send_through_mitsuba(part(rings), RAYS, Media(Medium(INDEX)))[1], SCREEN)
     landed = (passage.fates == CastFate.LANDED) & np.isfinite(HITS[:, 0])
     assert np.mean(landed == np.isfinite(HITS[:, 0])) > 0.995
     np.testing.assert_allclose(passage.flux[landed], FLUX[landed], rtol=0.02)
@@ -48,14 +48,14 @@ def test_mitsuba_lands_rays_where_the_closed_form_does():
 
 def test_a_right_lens_holds_within_the_noise_and_a_wrong_one_does_not():
     expected = [Expected(SCREEN, converged(), HITS, FLUX)]
-    ((right, _),) = cast_mitsuba(part(), RAYS, Media(INDEX), expected, 3000)
+    ((right, _),) = cast_mitsuba(part(), RAYS, Media(Medium(INDEX)), expected, 3000)
     assert right.rays == 3000
     assert right.version == mitsuba.__version__
     assert all(criterion.passed for criterion in mitsuba_criteria(right, DISTANCE))
     # 3000 rays drawn at random: their picture is off by what the noise of so many makes, not more and not less.
     assert 0.8 < right.nmse_vs_design / right.noise_floor_nmse < 1.2
     other = part(outer=Quadric(OUTER.centre, (14.7, 13, 14)))
-    ((wider, _),) = cast_mitsuba(other, RAYS, Media(INDEX), expected)
+    ((wider, _),) = cast_mitsuba(other, RAYS, Media(Medium(INDEX)), expected)
     failed = {criterion.name for criterion in mitsuba_criteria(wider, DISTANCE) if not criterion.passed}
     assert "mitsuba_deviation_rms" in failed
 
@@ -64,7 +64,7 @@ def test_verify_asks_mitsuba_and_leaves_the_variant_of_its_caller():
     stl = right().export(file_type="stl")
     mitsuba.set_variant("scalar_spectral")
     expected = Expected(SCREEN, converged(), HITS, FLUX)
-    given = {"rays": RAYS, "media": Media(INDEX), "expected": [expected], "plain_rays": 1}
+    given = {"rays": RAYS, "media": Media(Medium(INDEX)), "expected": [expected], "plain_rays": 1}
     result = verify_part(stl, **given, mitsuba_rays=500)
     assert mitsuba.variant() == "scalar_spectral"
     assert result.first.mitsuba.rays == 500
@@ -77,4 +77,4 @@ def test_verify_asks_mitsuba_and_leaves_the_variant_of_its_caller():
 def test_a_mitsuba_that_does_not_load_is_one_line(monkeypatch):
     monkeypatch.setattr(mitsuba_cast, "VARIANT", "no_such_variant")
     with pytest.raises(InputError, match="mitsuba: does not load"):
-        send_through_mitsuba(part(8), RAYS, Media(INDEX))
+        send_through_mitsuba(part(8), RAYS, Media(Medium(INDEX)))

@@ -5,10 +5,11 @@ import pytest
 import trimesh
 from lens_meshes import INDEX, lambertian, right
 from nightly import first_by_day
+from own_media import coatings, with_own
 
-from lensforge.optics.media import Media, ReflectanceTable
+from lensforge.optics.media import Media, Medium, ReflectanceTable
 from lensforge.proof.facet_casting import Grid
-from lensforge.proof.nonsequential_trace import Body, Cause, Limits, follow
+from lensforge.proof.nonsequential_trace import Cause, Limits, PartBody, follow
 from lensforge.proof.part_mesh import part_mesh_of
 from lensforge.proof.receiver_screen import Screen
 from lensforge.proof.sequential_cast import CastFate, send_through
@@ -21,9 +22,9 @@ LENS = part_mesh_of(right(30))
 GRID = Grid(LENS.mesh)
 
 
-def body(mesh, **changes):
+def body(mesh, absorption=0.0, **changes):
     part = part_mesh_of(mesh)
-    return Body(part, Grid(part.mesh), Media(INDEX, **changes))
+    return PartBody(part, Grid(part.mesh), Media(Medium(INDEX, absorption), **changes))
 
 
 def window(thickness, **changes):
@@ -61,7 +62,7 @@ def total(budget):
 def test_a_plane_window_transmits_as_the_series_of_its_echoes(absorption):
     thickness = 2.0
     dims = np.exp(-absorption * thickness)
-    budget = follow(window(thickness, absorption_per_mm=absorption), beam(), EVERYTHING)
+    budget = follow(window(thickness, absorption=absorption), beam(), EVERYTHING)
     assert landed(budget, Cause.SEQUENTIAL) == pytest.approx((1 - R) ** 2 * dims, rel=1e-12)
     assert landed(budget) == pytest.approx((1 - R) ** 2 * dims / (1 - (R * dims) ** 2), rel=1e-12)
     if absorption == 0.0:
@@ -72,20 +73,20 @@ def test_a_plane_window_transmits_as_the_series_of_its_echoes(absorption):
 
 def test_a_coated_window_transmits_as_the_series_of_its_echoes_and_its_bare_base_as_fresnel_says():
     first, second = (ReflectanceTable((0.0, 90.0), ((each, each),)) for each in (0.02, 0.3))
-    budget = follow(window(2.0, inner_coating=first, outer_coating=second), beam(), EVERYTHING)
+    budget = follow(window(2.0, coatings=coatings(first, second)), beam(), EVERYTHING)
     assert landed(budget, Cause.SEQUENTIAL) == pytest.approx(0.98 * 0.7, rel=1e-12)
     assert landed(budget) == pytest.approx(0.98 * 0.7 / (1 - 0.02 * 0.3), rel=1e-12)
     assert backward(budget) == pytest.approx(0.02 + 0.98 * 0.3 * 0.98 / (1 - 0.02 * 0.3), rel=1e-12)
     assert total(budget) == pytest.approx(1.0, abs=1e-12)
     by_wave = ReflectanceTable((0.0, 90.0), ((0.1, 0.1), (0.2, 0.2)), (400.0, 500.0))
     rays = replace(beam(), wavelengths_nm=np.full(50, 450.0))
-    budget = follow(window(2.0, outer_coating=by_wave), rays, EVERYTHING)
+    budget = follow(window(2.0, coatings=coatings(outer=by_wave)), rays, EVERYTHING)
     assert landed(budget, Cause.SEQUENTIAL) == pytest.approx((1 - R) * 0.85, rel=1e-12)
     assert (budget.escaped().wavelengths_nm == 450.0).all()
-    low = window(2.0, inner_coating=first, outer_coating=second)
+    low = window(2.0, coatings=coatings(first, second))
     low.part.mesh.apply_translation((0.0, 0.0, -12.0))  # below z = 0: no optical face
     start = replace(beam(), origins=beam().origins - np.array([0.0, 0.0, 20.0]))
-    budget = follow(Body(low.part, Grid(low.part.mesh), low.media), start, EVERYTHING)
+    budget = follow(PartBody(part_mesh_of(low.part.mesh), Grid(low.part.mesh), low.media), start, EVERYTHING)
     assert landed(budget) == pytest.approx(2 * INDEX / (INDEX**2 + 1), rel=1e-9)
 
 
@@ -102,7 +103,7 @@ def test_echoes_in_a_slanted_window_land_side_by_side():
 def test_a_source_inside_of_a_ball_shell_gets_out_by_the_closed_form(absorption):
     outer, inner = (trimesh.creation.icosphere(subdivisions=4, radius=radius) for radius in (13.0, 6.0))
     inner.invert()
-    shell = body(trimesh.util.concatenate([outer, inner]), absorption_per_mm=absorption)
+    shell = body(trimesh.util.concatenate([outer, inner]), absorption=absorption)
     dims = np.exp(-absorption * 7.0)
     through = (1 - R) ** 2 * dims / (1 - (R * dims) ** 2)
     back = R + (1 - R) ** 2 * R * dims**2 / (1 - (R * dims) ** 2)
@@ -117,7 +118,7 @@ def test_a_source_inside_of_a_ball_shell_gets_out_by_the_closed_form(absorption)
 @pytest.mark.parametrize("absorption", [0.0, 0.01])
 def test_all_flux_of_a_lens_is_accounted_for(base, absorption):
     rays = lambertian(2000, 2.0, seed=4)
-    budget = follow(Body(LENS, GRID, Media(INDEX, absorption), base), rays, Limits())
+    budget = follow(PartBody(LENS, GRID, Media(Medium(INDEX, absorption)), base), rays, Limits())
     assert total(budget) == pytest.approx(1.0, abs=1e-9)
     assert (budget.base > 0.0) == (base == "black")
     assert (budget.absorbed > 0.0) == (absorption > 0.0)
@@ -126,8 +127,8 @@ def test_all_flux_of_a_lens_is_accounted_for(base, absorption):
 
 def test_the_sequential_share_is_what_the_sequential_cast_lands():
     rays = lambertian(3000, 2.0, seed=5)
-    passage = send_through(LENS, GRID, rays, Media(INDEX))
-    budget = follow(Body(LENS, GRID, Media(INDEX)), rays, Limits())
+    passage = send_through(LENS, GRID, rays, Media(Medium(INDEX)))
+    budget = follow(PartBody(LENS, GRID, Media(Medium(INDEX))), rays, Limits())
     assert landed(budget, Cause.SEQUENTIAL) == pytest.approx(
         passage.flux[passage.fates == CastFate.LANDED].sum(), rel=1e-9
     )
@@ -139,7 +140,7 @@ def test_what_the_cut_off_leaves_out_falls_with_it():
     rays = lambertian(1000, 2.0, seed=6)
     shares = []
     for cut_off in (1e-2, 1e-4, 1e-6):
-        budget = follow(Body(LENS, GRID, Media(INDEX)), rays, Limits(cut_off))
+        budget = follow(PartBody(LENS, GRID, Media(Medium(INDEX))), rays, Limits(cut_off))
         shares.append((budget.cut_off, landed(budget)))
     (coarse, few), (fine, more), (finest, most) = shares
     assert finest < 0.1 * fine < 0.01 * coarse
@@ -148,7 +149,7 @@ def test_what_the_cut_off_leaves_out_falls_with_it():
 
 def test_light_that_starts_in_the_material_is_no_sequential_light():
     rays = RayBundle(np.array([[0.0, 0.0, 9.0]]), np.array([[0.0, 0.0, 1.0]]), np.ones(1))
-    budget = follow(Body(LENS, GRID, Media(INDEX)), rays, Limits())
+    budget = follow(PartBody(LENS, GRID, Media(Medium(INDEX))), rays, Limits())
     assert landed(budget, Cause.SEQUENTIAL) == 0.0
     assert landed(budget) == pytest.approx(1.0, abs=0.06)
 
@@ -166,8 +167,8 @@ def test_a_window_with_a_gap_reports_what_leaks():
 def test_rays_with_an_index_each_go_as_if_the_lens_had_it():
     rays = lambertian(12, 2.0, seed=5)
     for index in (1.45, 1.55):
-        given = RayBundle(rays.origins, rays.directions, rays.flux, np.full(12, index))
-        alone = follow(Body(LENS, GRID, Media(index)), rays, EVERYTHING)
-        own = follow(Body(LENS, GRID, Media(INDEX)), given, EVERYTHING)
+        given, medium = with_own(rays, Medium(INDEX), np.full(12, index))
+        alone = follow(PartBody(LENS, GRID, Media(Medium(index))), rays, EVERYTHING)
+        own = follow(PartBody(LENS, GRID, Media(medium)), given, EVERYTHING)
         for name in ("points", "directions", "flux"):
             np.testing.assert_array_equal(getattr(own.escaped(), name), getattr(alone.escaped(), name))

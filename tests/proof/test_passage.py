@@ -3,7 +3,7 @@ import pytest
 import trimesh
 from lens_meshes import INDEX, INNER, OUTER, lambertian, lens_mesh, oracle, right, snell, sphere
 
-from lensforge.optics.media import Media
+from lensforge.optics.media import Media, Medium
 from lensforge.proof.facet_casting import Grid
 from lensforge.proof.part_mesh import part_mesh_of
 from lensforge.proof.receiver_screen import Screen
@@ -14,7 +14,9 @@ from lensforge.sources.ray_bundle import RayBundle
 
 def send(mesh, rays, index=INDEX, distance=150.0):
     part = part_mesh_of(mesh)
-    return LandedRays.of(send_through(part, Grid(part.mesh), rays, Media(index)), Screen.square(distance, 300.0, 8))
+    return LandedRays.of(
+        send_through(part, Grid(part.mesh), rays, Media(Medium(index))), Screen.square(distance, 300.0, 8)
+    )
 
 
 def one_ray(origin, direction):

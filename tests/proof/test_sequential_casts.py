@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from lens_meshes import lambertian, lens_mesh, oracle, sphere
 from nightly import first_by_day
+from own_media import coatings, with_own
 
 from lensforge.errors import InputError
-from lensforge.optics.media import CoverGlass, Media, ReflectanceTable
+from lensforge.optics.media import CoverGlass, Media, Medium, ReflectanceTable
 from lensforge.proof import mitsuba_cast
 from lensforge.proof.acceptance import brep_criteria
 from lensforge.proof.facet_casting import Grid
@@ -60,9 +61,9 @@ def lens_step(tmp_path_factory):
 
 def cast_of(step_bytes):
     part = part_mesh_of(lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0)))
-    mesh = send_through(part, Grid(part.mesh), RAYS, Media(INDEX))
+    mesh = send_through(part, Grid(part.mesh), RAYS, Media(Medium(INDEX)))
     expected = Expected(SCREEN, np.ones((8, 8)), HITS, WEIGHTS)
-    (found,) = judge_brep(cast_step(step_bytes, RAYS, Media(INDEX))(), RAYS, [expected], mesh)
+    (found,) = judge_brep(cast_step(step_bytes, RAYS, Media(Medium(INDEX)))(), RAYS, [expected], mesh)
     return found
 
 
@@ -96,7 +97,10 @@ def test_rays_lose_by_their_paths_in_the_body_what_the_law_says(caster, own):
     send, precision = caster
     entered = RAYS.origins + INNER.far_hit(RAYS.origins, RAYS.directions)[:, None] * RAYS.directions
     once = refract(RAYS.directions, INNER.normal(entered), 1.0 / INDEX)[1]
-    clear, found = send(RAYS, Media(INDEX)), send(replace(RAYS, absorption_per_mm=own), Media(INDEX, 0.05))
+    rays, body = RAYS, Medium(INDEX, 0.05)
+    if own is not None:
+        rays, body = with_own(RAYS, body, absorptions=own)
+    clear, found = send(RAYS, Media(Medium(INDEX))), send(rays, Media(body))
     left = clear.fates == CastFate.LANDED
     lost = -np.expm1(-(0.05 if own is None else own) * np.linalg.norm(clear.points - entered, axis=1))
     np.testing.assert_allclose(found.flux[left], (clear.flux * (1.0 - lost))[left], rtol=precision)
@@ -113,7 +117,7 @@ def test_gel_and_water_bend_the_rays_as_their_indices_say(caster):
     send, precision = caster
     ends = RAYS.origins + OUTER.far_hit(RAYS.origins, RAYS.directions)[:, None] * RAYS.directions
     directions, once = refract(RAYS.directions, OUTER.normal(ends), INDEX / 1.333)
-    found = send(RAYS, Media(INDEX, cavity_index=INDEX, outside_index=1.333))
+    found = send(RAYS, Media(Medium(INDEX), cavity_index=INDEX, outside_index=1.333))
     left = found.fates == CastFate.LANDED
     assert left.sum() > 250
     np.testing.assert_allclose(found.points[left], ends[left], atol=20.0 * precision)
@@ -128,8 +132,8 @@ def test_coated_faces_let_pass_what_they_do_not_reflect(caster):
     inner = ReflectanceTable((0.0, 90.0), ((0.1, 0.1), (0.3, 0.3)), (400.0, 600.0))
     outer, of_glass = (ReflectanceTable((0.0, 90.0), ((each, each),)) for each in (0.05, 0.2))
     glass = CoverGlass(1.5, 2.0, 30.0, coating=of_glass)
-    bare = Media(INDEX, cover_glass=CoverGlass(1.5, 2.0, 30.0))
-    media = replace(bare, inner_coating=inner, outer_coating=outer, cover_glass=glass)
+    bare = Media(Medium(INDEX), cover_glass=CoverGlass(1.5, 2.0, 30.0))
+    media = replace(bare, coatings=coatings(inner, outer), cover_glass=glass)
     waves = np.random.default_rng(1).uniform(400.0, 600.0, len(RAYS))
     rays = replace(RAYS, wavelengths_nm=waves)
     at_lens = rays.flux * (0.9 - 0.2 * (waves - 400.0) / 200.0) * 0.95
@@ -144,9 +148,10 @@ def test_coated_faces_let_pass_what_they_do_not_reflect(caster):
 def test_rays_with_an_index_each_go_as_if_the_lens_had_it(caster):
     send, _ = caster
     own = np.where(np.arange(len(RAYS)) % 2, 1.45, 1.55)
-    mixed = send(replace(RAYS, refractive_indices=own), Media(INDEX))
+    rays, body = with_own(RAYS, Medium(INDEX), own)
+    mixed = send(rays, Media(body))
     for index in (1.45, 1.55):
-        alone, rows = send(RAYS, Media(index)), own == index
+        alone, rows = send(RAYS, Media(Medium(index))), own == index
         for name in ("points", "directions", "flux"):
             np.testing.assert_array_equal(getattr(mixed, name)[rows], getattr(alone, name)[rows])
 
@@ -155,13 +160,13 @@ def test_rays_that_cannot_pass_say_why(caster):
     start = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 9.0], [40.0, 0.0, 0.5], [0.0, 0.0, 20.0], [0.3, 5.3, 0.3]])
     towards = np.array([[0.999, 0.0, -0.0447], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [0.1, 0.0, -1.0], [1.0, 0.0, -0.1]])
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
-    passage = caster[0](RayBundle(start, towards, np.ones(5)), Media(INDEX))
+    passage = caster[0](RayBundle(start, towards, np.ones(5)), Media(Medium(INDEX)))
     fates = [CastFate.OPENING, CastFate.STARTS_INSIDE, CastFate.NO_HIT, CastFate.STARTS_OUTSIDE, CastFate.BASE]
     assert passage.fates.tolist() == fates
 
 
 def test_the_kernel_lands_every_ray_where_the_closed_form_does(lens_step):
-    passage = LandedRays.of(send_through_body(StepBody(lens_step), RAYS, Media(INDEX)), SCREEN)
+    passage = LandedRays.of(send_through_body(StepBody(lens_step), RAYS, Media(Medium(INDEX))), SCREEN)
     landed = passage.fates == CastFate.LANDED
     np.testing.assert_array_equal(landed, np.isfinite(HITS[:, 0]))
     assert landed.sum() > 250
@@ -185,7 +190,7 @@ def test_a_step_whose_faces_another_program_has_split_casts_the_same(tmp_path, l
     whole, split = StepBody(lens_step), StepBody(written(one.union(other, clean=False), tmp_path / "split.step"))
     np.testing.assert_allclose(split.size().volume_mm3, whole.size().volume_mm3, rtol=1e-7)
     np.testing.assert_allclose(split.size().bounds_mm, whole.size().bounds_mm, rtol=0.0, atol=1e-5)
-    found, wanted = (send_through_body(body, RAYS, Media(INDEX)) for body in (split, whole))
+    found, wanted = (send_through_body(body, RAYS, Media(Medium(INDEX))) for body in (split, whole))
     np.testing.assert_array_equal(found.fates, wanted.fates)
 
 

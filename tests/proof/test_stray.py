@@ -3,7 +3,7 @@ import pytest
 from lens_meshes import DISTANCE, INDEX, INNER, OUTER, lambertian, oracle, right
 
 from lensforge.errors import InputError
-from lensforge.optics.media import CoverGlass, Media
+from lensforge.optics.media import CoverGlass, Media, Medium
 from lensforge.proof.acceptance import BALANCE, stray_criteria
 from lensforge.proof.nonsequential_trace import Limits
 from lensforge.proof.receiver_screen import Screen
@@ -19,7 +19,7 @@ STL = right(30).export(file_type="stl")
 def run(trace=trace_stray, **changes):
     given = {
         "rays": RAYS,
-        "media": Media(INDEX),
+        "media": Media(Medium(INDEX)),
         "screens": [SCREEN],
     }
     return trace(STL, **{**given, **changes})
@@ -77,7 +77,9 @@ def test_the_budget_must_close_on_every_receiver():
 
 def test_the_cover_glass_takes_of_stray_light_what_it_takes_of_all_light():
     """Direct light is that of the sequential path, whose cover glass other tests know; the rest is in the budget."""
-    bare, covered = (run(media=Media(INDEX, cover_glass=glass)) for glass in (None, CoverGlass(1.52, 2.0, 30.0, 0.01)))
+    bare, covered = (
+        run(media=Media(Medium(INDEX), cover_glass=glass)) for glass in (None, CoverGlass(1.52, 2.0, 30.0, 0.01))
+    )
     seen = covered.first
     np.testing.assert_allclose(seen.direct, seen.sequential, rtol=1e-9, atol=1e-12)
     assert covered.flux.detected_direct == pytest.approx(covered.efficiency_sequential, rel=1e-9)
@@ -91,6 +93,6 @@ def test_bytes_that_are_no_mesh_are_input_error():
         trace_stray(
             b"no mesh",
             rays=RAYS,
-            media=Media(INDEX),
+            media=Media(Medium(INDEX)),
             screens=[SCREEN],
         )

@@ -7,7 +7,7 @@ from lens_meshes import DISTANCE, INDEX, INNER, OUTER, Quadric, lambertian, orac
 from nightly import first_by_day
 
 from lensforge.errors import InputError
-from lensforge.optics.media import Media
+from lensforge.optics.media import Media, Medium
 from lensforge.proof.part_comparison import Expected
 from lensforge.proof.proof_result import Proof
 from lensforge.proof.receiver_screen import Screen
@@ -37,7 +37,7 @@ def verify(design_irradiance):
     right = Expected(SCREEN, design_irradiance, HITS, WEIGHTS)
 
     def run(mesh, plain_rays=20, index=INDEX, inputs=None, step=None, rays=RAYS, **changes):
-        given = {"rays": rays, "media": Media(index), "plain_rays": plain_rays, "inputs": inputs}
+        given = {"rays": rays, "media": Media(Medium(index)), "plain_rays": plain_rays, "inputs": inputs}
         return verify_part(mesh.export(file_type="stl"), expected=[replace(right, **changes)], step=step, **given)
 
     return run

@@ -1,0 +1,85 @@
+"""The optical faces of a body, as the casts through its files know them: names, sides, and the events of the light.
+
+A file is cast by its own geometry. Of the design come no more than the name of the face that a place belongs to, on
+which its coating depends, and the number of events that the light has on its way.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from lensforge.errors import InputError
+
+NO_FACE = -1  # at or below z = 0 lies no optical face
+FAR_MM = 0.05  # facets further from every face of the design are of none of them: as MOST_CHORD_MM of the acceptance
+_FARTHEST = 1e-9  # 1/mm: the face is not met in this direction
+_CROSSINGS = 2  # into the body, and out of it: each is an event
+
+
+def faces_away(points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+    """True where a surface with ``normals`` out of the material faces away from the origin, as the lens's outside does.
+
+    All faces are star-shaped about the origin, and the material lies between those of the cavity and the others.
+    """
+    away: Bool[np.ndarray, " n"] = np.sum(points * normals, axis=1) > 0.0
+    return away
+
+
+@dataclass(frozen=True)
+class OpticalFaces:
+    """Names of the faces of a body, True for those that bound it outwards, False for those that bound the cavity.
+
+    ``events``: at most as many times the light is refracted or reflected on the sequential path; with 2 no reflection
+    is followed. ``inverse_radii``: of the design, by which a place is sorted where several faces lie on one side: 1
+    over the distance from the origin (1/mm), on a square grid of the stereographic chart up to +-1, first index X. By
+    default None, and the usual lens: in through one face and out through the other.
+    """
+
+    names: tuple[str, ...] = ("inner", "outer")
+    away: tuple[bool, ...] = (False, True)
+    events: int = _CROSSINGS
+    inverse_radii: Float[np.ndarray, "f m m"] | None = None
+
+    def __post_init__(self) -> None:
+        if self.events < _CROSSINGS:
+            raise InputError(f"events = {self.events}: light passes two faces at least, must be >= {_CROSSINGS}")
+
+    def goes_on(self, event: int | Int[np.ndarray, " n"]) -> bool | Bool[np.ndarray, " n"]:
+        """True where a ray that is reflected, or is back in the cavity, is followed beyond ``event`` (from 0)."""
+        return (self.events > _CROSSINGS) & (event + 1 < self.events)
+
+    def sorted(
+        self, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]
+    ) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+        """Number of the face to which each point with this normal out of the material belongs, and its distance (mm).
+
+        It is the nearest of its side; NO_FACE at or below z = 0. Of a face alone on its side the distance is left at 0.
+        """
+        above, away = points[:, 2] > 0.0, faces_away(points, normals)
+        numbers, apart = np.full(len(points), NO_FACE), np.zeros(len(points))
+        for side in (False, True):
+            own, rows = np.flatnonzero(np.array(self.away) == side), np.nonzero(above & (away == side))[0]
+            numbers[rows] = own[0]
+            if len(own) > 1:
+                found = self._gaps(points[rows])[own]
+                numbers[rows] = own[np.argmin(found, axis=0)]
+                slant = np.abs(np.sum(points[rows] * normals[rows], axis=1)) / np.linalg.norm(points[rows], axis=1)
+                apart[rows] = found.min(axis=0) * slant
+        return numbers, apart
+
+    def _gaps(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "f n"]:
+        """Distance (mm) of points above z = 0 from each face, along the line to the origin."""
+        assert self.inverse_radii is not None
+        radius, last = np.linalg.norm(points, axis=1), self.inverse_radii.shape[1] - 1
+        place = 0.5 * last * (1.0 + points[:, :2] / (radius + points[:, 2])[:, None])
+        low = np.minimum(place.astype(np.int64), last - 1)
+        (x, y), (i, j) = (place - low).T, low.T
+        table = self.inverse_radii
+        found = (1.0 - x) * (1.0 - y) * table[:, i, j] + x * (1.0 - y) * table[:, i + 1, j]
+        found += (1.0 - x) * y * table[:, i, j + 1] + x * y * table[:, i + 1, j + 1]
+        gaps: Float[np.ndarray, "f n"] = np.abs(1.0 / np.maximum(found, _FARTHEST) - radius)
+        return gaps
+
+
+USUAL_LENS = OpticalFaces()
