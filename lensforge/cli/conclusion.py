@@ -35,7 +35,6 @@ _LIGHT = ("nmse", "share_in_target", "efficiency", "uniformity", "level", "rays"
 _FAR_FIELD = ("exit_lm", "peak_cd", "beam_C 0", "beam_C 90", "bug")
 _LENS = ("radius", "height", "kept", "next")
 _FILES = ("form_error", "volume", "mass", "surfaces", "scale", "keep_out", "landing")
-_CUTTING = ("inner_ball", "outer_ball", "thinnest")
 _FILES_OF_HANDOVER = ("html", "pdf", "dxf", "points_csv")  # bytes, which lie in the folder
 
 
@@ -242,7 +241,7 @@ def _cutting(run: Run) -> Iterator[Row]:
     check = run.find(Check)
     if check is None:
         return
-    yield from rows_of(_selected(run, _CUTTING, Check))
+    yield from rows_of(_selected(run, (*(f"{name}_ball" for name in check.faces), "thinnest"), Check))
     groups = [group for group in run.facts(check) if group.key.startswith("findings")]
     missed = [f"{fact.label.lower()}: no ({group.title.partition(', ')[2]})" for group in groups for fact in group.facts
               if fact.state == "fail" and fact.key != "cutter"]  # fmt: skip

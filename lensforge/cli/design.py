@@ -176,7 +176,7 @@ def sweep(
 
     \b
     lensforge sweep examples/pi.toml --vary constraints.max_radius_mm=8,10,12,14 \\
-        --scale lens.inner_offset_mm --scale lens.outer_offset_mm
+        --scale lens.inner.offset_mm --scale lens.outer.offset_mm
     """
     from lensforge.cli.progress import StageClock
     from lensforge.report.sweep import parse_variation

@@ -182,7 +182,7 @@ OPTIONS: dict[str, Callable[[Command], Command]] = {
     ),
     "gamma": click.option("--gamma", type=click.FloatRange(0.2, 5.0), default=1.0, help="Gamma of the camera."),
     "points": click.option("--points", type=_FILE, help="Points x, y, z in mm, measured on one surface."),
-    "surface": click.option("--surface", type=click.Choice(["inner", "outer"]), help="Surface on which --points lie."),
+    "surface": click.option("--surface", metavar="FACE", help="Face on which --points lie, such as inner or outer."),
     "registration": click.option(
         "--registration",
         type=click.Choice(["rigid", "shift", "none"]),

@@ -5,6 +5,9 @@ import re
 import sys
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
+from copy import deepcopy
+from functools import reduce
+from operator import attrgetter, getitem
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +27,7 @@ from lensforge.spec.new_spec import SOURCE_KINDS, SOURCES, TARGET_KINDS, TARGETS
 from lensforge.spec.source_sections import RayfileSource
 from lensforge.spec.spec_files import resolve_files
 from lensforge.spec.spec_reference import SCHEMA_FILE, reference_page, spec_schema
+from lensforge.spec.tolerances_section import FACES
 
 Tables = dict[str, Any]  # of a spec, by their names
 
@@ -115,16 +119,14 @@ def _millimetres(given: str, answer: str, allowed: str) -> float:
 
 
 def _made_by(cutter: str) -> Tables:
-    """Tables of the spec for a lens that ``cutter`` can make: the limits that the check would advise."""
+    """Fields that let ``cutter`` make a lens, as the check would advise: a ``face`` of it, and tables of its spec."""
     if cutter == "none":
         return {}
     if cutter == "mould":
-        drafts = {"inner_draft_deg": GOOD_DRAFT_DEG, "outer_draft_deg": GOOD_DRAFT_DEG}
-        return {"constraints": drafts, "manufacture": {"make": "insert"}}
+        return {"face": {"draft_deg": GOOD_DRAFT_DEG}, "manufacture": {"make": "insert"}}
     radius = _millimetres(f"--cutter {cutter}", cutter, f"the {_CUTTERS}")
-    hollows = {"inner_concave_radius_mm": radius, "outer_concave_radius_mm": radius}
     return {
-        "constraints": {**hollows, "inner_draft_deg": 0.0, "outer_draft_deg": 0.0},
+        "face": {"concave_radius_mm": radius, "draft_deg": 0.0},
         "manufacture": {"cutter_radius_mm": radius},
     }
 
@@ -141,8 +143,8 @@ def _content(name: str, sections: Tables, radius_mm: float, material: str, made_
     found = {
         "name": name,
         "source": sections["source"],
-        "lens": {"material": material, "levels": "auto"},
-        "constraints": {"max_radius_mm": radius_mm, **made_by.get("constraints", {})},
+        "lens": {"material": material, "levels": "auto", **{face: {**made_by.get("face", {})} for face in FACES}},
+        "constraints": {"max_radius_mm": radius_mm},
         "target": sections["target"],
         **({"manufacture": made_by["manufacture"]} if made_by else {}),
     }
@@ -156,7 +158,7 @@ def _checked_text(content: Tables, folder: Path, force: bool) -> str:
     from lensforge.search.scene_check import SceneCheck
     from lensforge.sources.build_source import cavity_around
 
-    resolved = {key: dict(value) if isinstance(value, dict) else value for key, value in content.items()}
+    resolved = deepcopy(content)
     resolve_files(resolved, Path())
     if content["source"]["kind"] == "rayfile":
         measured = cavity_around(RayfileSource(**resolved["source"]))
@@ -169,10 +171,10 @@ def _checked_text(content: Tables, folder: Path, force: bool) -> str:
         click.echo(f"lensforge: {words}", err=True)
     reasons = {}
     for name, why in WHY.items():
-        section, _, field = name.partition(".")
-        value = getattr(getattr(made, section), field)
-        if field not in content[section] and value is not None:
-            content[section][field], reasons[name] = value, why
+        section, _, field = name.rpartition(".")
+        value, table = attrgetter(name)(made), reduce(getitem, section.split("."), content)
+        if field not in table and value is not None:
+            table[field], reasons[name] = value, why
     for section in ("source", "target"):
         if "file" in content[section]:
             content[section]["file"] = _relative(resolved[section]["file"], folder)

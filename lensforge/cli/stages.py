@@ -94,11 +94,7 @@ def handover(
     with opened(directory) as here:
         with StageClock("handover", quiet=output.quiet):
             made = make_handover(
-                here.to_show(),
-                spacing_mm=spacing,
-                error_nm=error,
-                interpolation=interpolation,
-                drawing=drawing,
+                here.to_show(), spacing_mm=spacing, error_nm=error, interpolation=interpolation, drawing=drawing
             )
             made.save(directory)
             here.renew()

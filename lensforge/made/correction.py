@@ -4,28 +4,31 @@ Where the corrected face would be too tightly concave for the ball cutter, the c
 of the STEP file are measured by reading it back.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial import cKDTree
 
+from lensforge.cad.body_export import solid_on_base
+from lensforge.cad.boundary import boundaries
 from lensforge.cad.custom_base import read_custom_base
 from lensforge.cad.cutter_room import base_with_room
-from lensforge.cad.form_error import FormError, face_error, fit_to_form, worst
+from lensforge.cad.form_error import FormError, face_error, fit_boundaries, worst
 from lensforge.cad.part import SplineNodes, stamp_of
-from lensforge.cad.part_export import signed_step, solid_on_base
+from lensforge.cad.part_export import signed_step
 from lensforge.cad.patch import fit_patch, principal_curvatures
-from lensforge.cad.plan import INNER, OUTER, make_plan
+from lensforge.cad.plan import make_plan
 from lensforge.cad.step import parse_step
 from lensforge.made.areal_filter import ChangedSurface, FilteredPoints, RadialChange
 from lensforge.made.first_cut import FirstCut, Request
 from lensforge.made.measured_surface import ChangedLens, FacePixels, pose_of
-from lensforge.made.measurement_result import KEPT, Correction, CutterLimit, Side, correction_criteria
+from lensforge.made.measurement_result import KEPT, Correction, CutterLimit, correction_criteria
 from lensforge.results import Extent
+from lensforge.scene.body import Body
 from lensforge.scene.lens import Lens
 from lensforge.shop.face_check import SAMPLE_NODES, bounded
-from lensforge.shop.face_samples import AirSide, OpticalFace, sample_face
+from lensforge.shop.face_samples import OpticalFace, air_side, sample_face
 from lensforge.sources.ray_bundle import Source
 from lensforge.spec.accuracy import Preset
 from lensforge.spec.part_section import ManufactureSection
@@ -84,7 +87,7 @@ def _lowest(face: OpticalFace, places: Float[np.ndarray, "p 2"]) -> Float[np.nda
 
 @dataclass(frozen=True)
 class CorrectedStep:
-    """The bytes of the file, the nodes of its faces, the worse of both faces' errors and the volume as read back.
+    """The bytes of the file, the nodes of its faces, the worst of the faces' errors and the volume as read back.
 
     ``volume_change``: relative, of what was written.
     """
@@ -96,23 +99,25 @@ class CorrectedStep:
     volume_change: float
 
 
-def corrected_step(lens: Lens, side: Side, corrected: Surface) -> CorrectedStep:
-    """Build ``lens`` with the ``corrected`` surface on one side, on the base of its spec, by the builder of the export.
+def corrected_step(lens: Lens, side: str, corrected: Surface) -> CorrectedStep:
+    """Build ``lens`` with the ``corrected`` surface of one face, on the base of its spec, by the builder of the export.
 
     The file is signed as the export's; where the spec has a form tolerance, it is AP242 and carries it.
     Raises :class:`InputError` where the body cannot be built, as the export does.
     """
-    surfaces = {"inner": lens.inner, "outer": lens.outer, side: corrected}
-    patches = {name: fit_to_form(surface) for name, surface in surfaces.items()}
+    faces = (replace(face, surface=corrected) if face.name == side else face for face in lens.body.faces)
+    body = Body(tuple(faces))
+    pair = fit_boundaries(boundaries(body), {})
+    fitted = [face for boundary in pair for face in boundary.faces]
     base = base_with_room(lens)
     custom = None if base.file is None else read_custom_base(base.file)
-    solid = solid_on_base(make_plan(patches["inner"], patches["outer"], base), custom)
+    solid = solid_on_base(make_plan(*pair, base), custom)
     schema: Schema = "AP214" if lens.spec.manufacture.form_tolerance_um is None else "AP242"
     step = signed_step(solid, lens.spec, f"{lens.spec.name} corrected {side}", schema).content
     read = parse_step(step)
-    faces, change = read.faces, abs(read.default_volume_mm3 / solid.default_volume_mm3 - 1.0)
-    errors = [face_error(surfaces["inner"], faces[INNER]), face_error(surfaces["outer"], faces[OUTER])]
-    nodes = SplineNodes(**{name: patch.nodes for name, patch in patches.items()})
+    change = abs(read.default_volume_mm3 / solid.default_volume_mm3 - 1.0)
+    errors = [face_error(body.face(each.name).surface, read.faces[each.label], domain=each.domain) for each in fitted]
+    nodes = {each.name: each.shape.nodes for each in fitted}
     return CorrectedStep(step, schema, nodes, worst(errors), change)
 
 
@@ -123,7 +128,7 @@ def correct_face(
     cloud: Float[np.ndarray, "k 3"],
     *,
     lens: Lens,
-    side: Side,
+    side: str,
     source: Source,
     preset: Preset,
     request: Request,
@@ -134,11 +139,10 @@ def correct_face(
     New nominal: the design less ``gain`` times the deviation that the filter passes, limited by the ball cutter of the
     spec. Raises :class:`InputError` for points that cannot be registered, or settings that they do not allow.
     """
-    surface: Surface = getattr(lens, side)
+    surface = lens.surfaces[side]
     patch = fit_patch(surface)
     cut = FirstCut.of(surface, patch, cloud, request)
-    outside = (side == "outer") == (lens.spec.manufacture.make == "part")  # an insert has air where the lens has none
-    face, pixels = OpticalFace(patch, AirSide.OUTSIDE if outside else AirSide.INSIDE), FacePixels.of(patch)
+    face, pixels = OpticalFace(patch, air_side(lens.body.face(side), lens.spec.manufacture)), FacePixels.of(patch)
     cutter_mm, scale = lens.spec.manufacture.cutter_radius_mm, lens.spec.manufacture.scale
     made = limited_by_cutter(surface, face, cut.chosen, request.gain, cutter_mm / scale)
     corrected = ChangedSurface(surface, made.change)

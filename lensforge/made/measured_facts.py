@@ -22,14 +22,14 @@ def surface_facts(surface: SurfaceComparison) -> Group:
     """Facts from measured points on one face, and the light with it."""
     light = _against(surface.measured, surface.design, "with this face")
     facts = (*_points(surface), *light, *change_facts(surface.change))
-    return Group(f"measured_{surface.surface}", f"The {surface.surface} face, measured", facts)
+    return Group("measured", f"The {surface.surface} face, measured", facts)
 
 
 def correction_facts(made: Correction) -> Group:
     """Facts on a corrected face: errors before and after, filter, cutter, and the expected light."""
     light = _against(made.second_cut, made.design, "expected")
     facts = (*_cut(made), *light, *change_facts(made.change))
-    return Group(f"corrected_{made.surface}", f"The {made.surface} face, corrected for a second cut", facts)
+    return Group("corrected", f"The {made.surface} face, corrected for a second cut", facts)
 
 
 def _photo(photo: PhotoComparison) -> Iterator[Fact]:

@@ -18,7 +18,6 @@ from lensforge.made.measurement_result import (
     DeviationExtent,
     Pose,
     Registration,
-    Side,
     SurfaceComparison,
     area_extent,
     surface_criteria,
@@ -73,10 +72,10 @@ _WIDER = 2.0
 
 @dataclass(frozen=True)
 class ChangedLens:
-    """Simulation of a lens with changed radii on one ``side``, always with the same rays."""
+    """Simulation of a lens with changed radii of one face, ``side``, always with the same rays."""
 
     lens: Lens
-    side: Side
+    side: str
     source: Source
     nodes_per_sigma: float
     rays: int
@@ -85,13 +84,13 @@ class ChangedLens:
         """Light of the lens with each of ``changes`` (mm) added to the radius; None: the design."""
         details = [_WIDER * change.detail_rad for change in changes if change is not None]
         grid = grid_for(min(self.lens.detail_rad, *details), self.nodes_per_sigma)
-        tables = {name: tabulate(grid, getattr(self.lens, name)) for name in ("inner", "outer")}
+        tables = {name: tabulate(grid, surface) for name, surface in self.lens.surfaces.items()}
         scene, found = Scene(self.lens.media, grid), []
         for change in changes:
             own = dict(tables)
             if change is not None:
                 own[self.side] = own[self.side] + tabulate(grid, change)  # tables are linear in the radius
-            traced = TracedLens(scene, own["inner"], own["outer"], {})
+            traced = TracedLens(scene, np.stack([*own.values()]), {})
             found.append(traced_light(traced, self.lens.spec, self.source, self.rays, self.lens.seed))
         return found
 
@@ -103,7 +102,7 @@ def compare_surface(
     cloud: Float[np.ndarray, "k 3"],
     *,
     lens: Lens,
-    side: Side,
+    side: str,
     source: Source,
     preset: Preset,
     rays: int,
@@ -111,12 +110,12 @@ def compare_surface(
 ) -> SurfaceComparison:
     """Register ``cloud`` (mm) to one surface of ``lens``, map its form deviation, and simulate the lens with it.
 
-    Deviations are along the normal, positive away from the origin: too much material on the outer surface, too little
-    on the inner one. The motion that ``registration`` allows is removed, the rest is form; the other surface is the
-    design's. Raises :class:`InputError` for points that cannot be registered, and for an unknown ``registration``.
+    Deviations are along the normal, positive away from the origin: too much material on the envelope, too little on the
+    cavity. The motion that ``registration`` allows is removed, the rest is form; the other surfaces are the design's.
+    Raises :class:`InputError` for points that cannot be registered, and for an unknown ``registration``.
     """
     require_choice("registration", registration, get_args(Registration))
-    surface: Surface = getattr(lens, side)
+    surface = lens.surfaces[side]
     patch = fit_patch(surface)
     cut = FirstCut.of(surface, patch, cloud, Request(registration=registration))
     form = cut.likeliest

@@ -87,7 +87,6 @@ COVERED_SHARE = 0.8  # of the surface must be measured: elsewhere the design is 
 
 
 Pixel = tuple[Number, Number]  # column, row
-Side = Literal["inner", "outer"]
 AxisName = Literal["x", "y"]
 Registration = Literal["rigid", "shift", "none"]
 
@@ -249,7 +248,7 @@ class SurfaceComparison(SimulatedResult):
     stage: ClassVar[str] = "compare_surface"
     command: ClassVar[str] = "compare --points"
 
-    surface: Side
+    surface: Text
     registration: Registration
     point_count: Count
     used_share: Share
@@ -290,7 +289,7 @@ class SurfaceComparison(SimulatedResult):
 
 # A hollow tighter than the ball by this share, as wide as 2 mm, stays 0.1 um uncut by a ball of 1 mm.
 KEPT = 1e-3
-_STEP_FILE = "lens_corrected.step"  # of the outer face: lens_corrected_outer.step
+_STEP_FILE = "lens_corrected.step"  # of a face called outer: lens_corrected_outer.step
 
 FaceMap = Annotated[Float[np.ndarray, "m m"], Array("m", "m", gaps=True)]
 
@@ -323,7 +322,7 @@ class Correction(SimulatedResult):
     stage: ClassVar[str] = "correct"
     command: ClassVar[str] = "correct --points"
 
-    surface: Side
+    surface: Text
     registration: Registration
     make: Literal["part", "insert"]
     scale: Positive

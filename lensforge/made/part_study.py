@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from lensforge.cad.boundary import lens_boundaries
 from lensforge.cad.patch import fit_patch
 from lensforge.cad.wall import thinnest
 from lensforge.errors import InputError
@@ -99,9 +100,9 @@ class PartLight:
         """Rays behind one part; None: behind the lens as designed."""
         nominal, rays = self.nominal, self.held.rays
         if part is None:
-            return trace_tables(nominal.inner, nominal.outer, nominal.scene, rays)
+            return trace_tables(nominal.tables, nominal.scene, rays)
         scene = replace(nominal.scene, media=part.media(nominal.scene.media), made=part.made)
-        return trace_tables(*part.tables(nominal.inner, nominal.outer), scene, part.rays(rays))
+        return trace_tables(part.tables(nominal.tables), scene, rays)
 
     def received(self, part: MadePart | None) -> tuple[ReceivedImages, ...]:
         """Light of one part on each receiver; None: of the lens as designed."""
@@ -202,7 +203,7 @@ class PartStudy:
     @cached_property
     def factors(self) -> tuple[Factor, ...]:
         """The tolerances of the spec."""
-        return factors_of(self.recipe.lens.spec.tolerances)
+        return factors_of(self.recipe.lens.spec.part_tolerances)
 
     @cached_property
     def draws(self) -> Draws:
@@ -321,10 +322,7 @@ _DIRECTIONS = 4000
 # Farthest that a drawn number lies: a normal one beyond twice its amount in one part of 30,000.
 _FARTHEST = {"uniform": 1.0, "truncated": 1.0, "normal": 2.0}
 _RMS_TO_PEAK = 3.0
-_OF_FACES = (
-    "outer_shift_mm", "gap_mm", "outer_tilt_deg", "inner_form_um", "outer_form_um", "inner_waviness_um",
-    "outer_waviness_um",
-)  # fmt: skip
+_OF_FACE = ("shift_mm", "tilt_deg", "form_um", "waviness_um")  # a tolerance of a face begins with its name
 _OF_SOURCE = (
     "source_shift_mm", "source_height_mm", "source_tilt_deg", "source_size", "lens_shift_mm", "lens_height_mm",
     "lens_tilt_deg",
@@ -332,25 +330,27 @@ _OF_SOURCE = (
 
 
 def require_bearable(lens: Lens, factors: Sequence[Factor]) -> None:
-    """Refuse a tolerance that alone brings the faces together, or the source to the inner face.
+    """Refuse a tolerance that alone brings the faces together, or the source to the cavity.
 
     Raises :class:`InputError`, which names the tolerance and what is left for it.
     """
-    u = fibonacci_hemisphere(_DIRECTIONS)
-    wall = thinnest(fit_patch(lens.inner), fit_patch(lens.outer)).thickness_mm
-    reach = float(lens.outer.radius(u).max())
+    cavity, envelope = lens_boundaries(lens)
+    wall = thinnest(*(fit_patch(surface) for surface in lens.surfaces.values())).thickness_mm
+    reach = float(envelope.radius(fibonacci_hemisphere(_DIRECTIONS)).max())
     points = build_source(lens.spec.source, lens.dispersion).outline()
     distance = np.linalg.norm(points, axis=1)
     along = points / np.where(distance > 0.0, distance, 1.0)[:, None]
     along[distance == 0.0] = (0.0, 0.0, 1.0)
     along[:, 2] = np.maximum(along[:, 2], 0.0)  # light from below z = 0 enters through the opening: judged in it
     along /= np.linalg.norm(along, axis=1)[:, None]
-    room = float((lens.inner.radius(along) - distance).min())
+    room = float((cavity.radius(along) - distance).min())
     size = float(distance.max())
+    nearest = " or ".join(face.name for face in lens.body.cavity)
+    of_faces = ["gap_mm", *(f"{name}_{each}" for name in lens.surfaces for each in _OF_FACE)]
     for factor in factors:
         for names, left, arm, words in (
-            (_OF_FACES, wall, reach, f"the faces are {wall:.3g} mm apart at their closest"),
-            (_OF_SOURCE, room, size, f"the source is {room:.3g} mm from the inner face at its closest"),
+            (of_faces, wall, reach, f"the faces are {wall:.3g} mm apart at their closest"),
+            (_OF_SOURCE, room, size, f"the source is {room:.3g} mm from the {nearest} face at its closest"),
         ):
             moved = displacement(factor, arm)
             if factor.name in names and moved >= left > 0.0:

@@ -13,7 +13,7 @@ from lensforge import seeds
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import Light
 from lensforge.light.lens_light import judging_source, rays_of, unless_own
-from lensforge.made.measurement_result import Correction, PhotoComparison, Registration, Side, SurfaceComparison
+from lensforge.made.measurement_result import Correction, PhotoComparison, Registration, SurfaceComparison
 from lensforge.made.tolerance_result import MOST_PARTS, Sensitivity, Yield
 from lensforge.results import Conditions
 from lensforge.results.arguments import count_of, number_of, path_of, require, require_choice, threads_of_torch
@@ -21,7 +21,7 @@ from lensforge.results.cluster import connected
 from lensforge.scene.lens import Lens
 from lensforge.spec.accuracy import preset_of
 from lensforge.spec.spec_files import section_sha256
-from lensforge.spec.tolerances_section import TolerancesSection, read_tolerances
+from lensforge.spec.tolerances_section import PartTolerances, TolerancesSection, read_tolerances
 from lensforge.surfaces.point_cloud import read_cloud
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def compare(
     measured: Lens,
     *,
     points: Path | str,
-    surface: Side,
+    surface: str,
     registration: Registration = "rigid",
     rays: int | None = None,
 ) -> SurfaceComparison: ...
@@ -65,7 +65,7 @@ def compare(
     gamma: float = 1.0,
     lens: Lens | None = None,
     points: Path | str | None = None,
-    surface: Side | None = None,
+    surface: str | None = None,
     registration: Registration = "rigid",
     rays: int | None = None,
 ) -> PhotoComparison | SurfaceComparison:
@@ -88,8 +88,8 @@ def compare(
         _refuse_unused("points", of_photo)
         return _compare_surface(measured, points, surface, registration, rays)
     raise InputError(
-        "compare: give a Light with on=PHOTO (--on PHOTO), or a Lens with points=FILE and surface='inner' or 'outer' "
-        "(--points FILE --surface inner)"
+        "compare: give a Light with on=PHOTO (--on PHOTO), or a Lens with points=FILE and surface=FACE, one of its "
+        "faces (--points FILE --surface FACE)"
     )
 
 
@@ -148,22 +148,19 @@ def _uniform(light: Light, lens: Lens | None) -> "Bool[np.ndarray, 'h w'] | None
 def _compare_surface(
     lens: Lens,
     points: Path | str,
-    surface: Side | None,
+    surface: str | None,
     registration: Registration,
     rays: int | None,
 ) -> SurfaceComparison:
     from lensforge.made.measured_surface import compare_surface, default_rays
 
-    if surface not in ("inner", "outer"):
-        raise InputError(
-            f"surface = {surface!r}: must be 'inner' or 'outer', the one on which the points were measured"
-        )
+    side = require_choice("surface", surface, lens.surfaces)
     preset, source = preset_of(lens.accuracy), judging_source(lens.spec)
     count, conditions = rays_of(count_of("rays", rays), default_rays(lens, preset), source)
     found = compare_surface(
         read_cloud(Path(points)),
         lens=lens,
-        side=surface,
+        side=side,
         source=source,
         preset=preset,
         rays=count,
@@ -176,7 +173,7 @@ def correct(
     lens: Lens,
     *,
     points: Path | str,
-    surface: Side,
+    surface: str,
     wavelength_mm: float | None = None,
     gain: float = 1.0,
     registration: Registration = "rigid",
@@ -200,7 +197,7 @@ def correct(
     file = path_of("points", points)
     if file is None:
         raise InputError("points = None: give the file of the points measured on the first cut")
-    require_choice("surface", surface, get_args(Side))
+    side = require_choice("surface", surface, lens.surfaces)
     require_choice("registration", registration, get_args(Registration))
     rays, preset, factor = count_of("rays", rays), preset_of(lens.accuracy), number_of("gain", gain)
     request = Request(number_of("wavelength_mm", wavelength_mm), 1.0 if factor is None else factor, registration)
@@ -210,7 +207,7 @@ def correct(
         found = correct_face(
             read_cloud(file),
             lens=lens,
-            side=surface,
+            side=side,
             source=source,
             preset=preset,
             request=request,
@@ -259,12 +256,12 @@ def tolerance(
     """Draw ``parts`` from the tolerances of the lens's spec: the share that passes, spread of the light, its causes.
 
     ``rays``: of each part; by default as many as keep its standard error below a tenth of the spread over the parts.
-    ``tolerances``: others than those of the spec, by a section, the name of a preset, or a TOML file. ``budget``: also
-    search for the largest amount of each tolerance. ``checkpoint``: a file of measured parts, with which an interrupted
-    study goes on to the same bits. ``scheduler``: a Dask cluster that measures the parts, to the same bits: its
-    address, such as ``tcp://10.0.0.5:8786``, or ``local:4`` for processes of this machine. ``progress`` is called with
-    the number of parts measured and of all, in each stage of the study, and cancels by returning False. Raises
-    :class:`InputError` for tolerances that the part cannot bear, and where no scheduler answers.
+    ``tolerances``: others than those of the spec, by a :class:`PartTolerances`, the name of a preset, or a TOML file.
+    ``budget``: also search for the largest amount of each tolerance. ``checkpoint``: a file of measured parts, with
+    which an interrupted study goes on to the same bits. ``scheduler``: a Dask cluster that measures the parts, to the
+    same bits: its address, such as ``tcp://10.0.0.5:8786``, or ``local:4`` for processes of this machine. ``progress``
+    is called with the number of parts measured and of all, in each stage of the study, and cancels by returning False.
+    Raises :class:`InputError` for tolerances that the part cannot bear, and where no scheduler answers.
     """
     from lensforge.made.yield_study import measure_yield
 
@@ -273,10 +270,12 @@ def tolerance(
         tolerances = read_tolerances(str(tolerances))
     elif tolerances is not None:
         require(tolerances, TolerancesSection, "tolerance")
+        if not isinstance(tolerances, PartTolerances):
+            tolerances = PartTolerances.of(tolerances, {})
     parts = count_of("parts", parts, least=_LEAST_PARTS, most=MOST_PARTS) or parts
     count, seed = count_of("rays", rays), count_of("seed", seed, least=0, most=seeds.MOST) or 0
-    other = tolerances if tolerances is not None and tolerances != lens.spec.tolerances else None
-    drawn = lens if other is None else replace(lens, spec=lens.spec.model_copy(update={"tolerances": other}))
+    other = tolerances if tolerances is not None and tolerances != lens.spec.part_tolerances else None
+    drawn = lens if other is None else replace(lens, spec=lens.spec.with_tolerances(other))
     with threads_of_torch(threads), _part_workers(scheduler) as workers:
         found = measure_yield(
             drawn,
@@ -309,8 +308,8 @@ def _part_workers(scheduler: str | None) -> "Iterator[ClusterParts | None]":
         yield ClusterParts(cluster)
 
 
-def _name_of(tolerances: TolerancesSection) -> str:
+def _name_of(tolerances: PartTolerances) -> str:
     """Name of a preset, or one of its own for each other section: no study takes the place of another."""
-    if tolerances == TolerancesSection(preset=tolerances.preset):
+    if tolerances == PartTolerances(preset=tolerances.preset):
         return tolerances.preset
     return f"own_{section_sha256(tolerances)[:8]}"

@@ -90,7 +90,8 @@ def _shape(study: PartStudy, factor: Factor) -> Float[np.ndarray, " k"]:
     amount, tables = factor.amount * factor.to_internal, study.maker.errors[factor.name].tables
     if not len(tables):  # too fine for the tables: its slope counts, by the rms of its numbers
         return amount * numbers / float(np.sqrt(np.mean(numbers**2)))
-    face = study.recipe.lens.inner if factor.name.startswith("inner") else study.recipe.lens.outer
+    surfaces = study.recipe.lens.surfaces
+    face = next(surface for name, surface in surfaces.items() if factor.name.startswith(f"{name}_"))
     u = fibonacci_hemisphere(_SAMPLES)
     cosine = np.sum(face.normal(u) * u, axis=1)
     error = evaluate_table(study.light.nominal.scene.grid, np.tensordot(numbers, tables, axes=1), u) * cosine

@@ -173,11 +173,7 @@ class Square:
 
 
 def locate(
-    on: Float[np.ndarray, "h w"],
-    off: Float[np.ndarray, "h w"] | None,
-    *,
-    border_share: float,
-    lit_square: bool = False,
+    on: Float[np.ndarray, "h w"], off: Float[np.ndarray, "h w"] | None, *, border_share: float, lit_square: bool = False
 ) -> Square:
     """Find the one square panel in the photographs ``on`` and ``off`` (linear light) that holds the light.
 

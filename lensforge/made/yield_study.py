@@ -54,10 +54,7 @@ def contributions(draws: Draws, values: Float[np.ndarray, " n"], noise: float) -
         share = _metric(found / total)
         causes.append(
             CauseShare(
-                tolerance=factor.name,
-                words=factor.words,
-                share=share.value,
-                standard_error=share.standard_error or 0.0,
+                tolerance=factor.name, words=factor.words, share=share.value, standard_error=share.standard_error or 0.0
             )
         )
     causes.sort(key=lambda cause: cause.rank)

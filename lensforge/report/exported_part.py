@@ -11,6 +11,7 @@ from jaxtyping import Float
 from lensforge.cad.part import Part
 from lensforge.errors import InputError
 from lensforge.made.measurement_result import Correction, PhotoComparison, SurfaceComparison
+from lensforge.optics.media import CAVITY
 from lensforge.proof.proof_facts import stray_budget, suffix
 from lensforge.proof.proof_result import Proof, ReceiverProof
 from lensforge.proof.stray_result import StrayLight
@@ -23,8 +24,8 @@ from lensforge.results.chart import LightUnit
 from lensforge.results.numerals import number, size
 from lensforge.search.design_result import Design
 from lensforge.shop import surface_figures
+from lensforge.shop.check_facts import face_title
 from lensforge.shop.check_result import Check, FaceResult
-from lensforge.shop.surface_figures import ChartMap
 from lensforge.sources.build_source import build_source
 from lensforge.spec.source_sections import SquareSource
 
@@ -96,14 +97,12 @@ def surface_pictures(results: Results) -> list[list[PagePicture]]:
     check = results.find(Check)
     if check is None:
         return []
-    return [
-        _face_pictures("inner", check.inner, check.inner_sag_mm, check.inner_kappa_min, check.inner_residual_mm),
-        _face_pictures("outer", check.outer, check.outer_sag_mm, check.outer_kappa_min, check.outer_residual_mm),
-    ]
+    return [_face_pictures(name, face) for name, face in check.faces.items()]
 
 
-def _face_pictures(name: str, face: FaceResult, sag: ChartMap, kappa: ChartMap, left: ChartMap) -> list[PagePicture]:
-    face_name, pictures = f"{name.capitalize()} face", []
+def _face_pictures(name: str, face: FaceResult) -> list[PagePicture]:
+    face_name, pictures = face_title(name), []
+    sag, kappa, left = face.sag_mm, face.kappa_min, face.residual_mm
     if np.isfinite(sag).any():
         title = f"{face_name}: departure from a sphere"
         pictures.append(picture(f"sag-{name}", surface_figures.sag_map(sag), title, "From the best-fit sphere."))
@@ -296,7 +295,8 @@ def _surface_pictures(results: Results, surface: SurfaceComparison) -> list[Page
     before, after = surface.irradiance_design, surface.irradiance_measured
     lit = light_figures.irradiance_map(after, chart, top_of([before, after]), unit=unit)
     change = light_figures.difference_map(after - before, chart, unit)
-    outward = "Red: too much material." if side == "outer" else "Red: too little material."
+    much = "little" if results.lens.body.face(side).before == CAVITY else "much"
+    along = f"Along the normal. Red: too {much} material."
     rays = f"Simulated with the measured {side} surface, {number(surface.rays)} rays."
     same = "The same rays through both. Red: brighter than designed."
     pictures = [
@@ -305,5 +305,5 @@ def _surface_pictures(results: Results, surface: SurfaceComparison) -> list[Page
     ]
     if np.isfinite(surface.deviation_um).any():
         form = surface_figures.form_map(np.transpose(surface.deviation_um))
-        pictures.insert(0, picture(f"form-{side}", form, "Form deviation", f"Along the normal. {outward}"))
+        pictures.insert(0, picture(f"form-{side}", form, "Form deviation", along))
     return pictures

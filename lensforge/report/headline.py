@@ -32,15 +32,11 @@ _TIMED: tuple[tuple[type[Design | Light | Part | Check | Proof | Photometry], st
 _STEMS = {
     "stray": "stray light",
     "compare": "photograph",
-    "compare_inner": "inner surface",
-    "compare_outer": "outer surface",
-    "correct_inner": "correction of the inner surface",
-    "correct_outer": "correction of the outer surface",
 }
+_OF_FACES = {"compare": "{} surface", "correct": "correction of the {} surface"}
 
 _LIGHT = ("nmse", "share_in_target", "efficiency", "uniformity", "rsd", "inner", "peak")
-_SHAPE = ("radius", "height", "cavity", "keep_out", "thinnest", "inner_ball", "outer_ball")
-_IF_ASKED = ("thickest", "inner_draft", "outer_draft")
+_SHAPE = ("radius", "height", "cavity", "keep_out", "thinnest")
 _FURTHER = (
     "form_error", "volume", "mass", "nmse_vs_design", "fitted_nmse", "table_nmse", "detected_stray", "ssim", "form",
 )  # fmt: skip
@@ -167,7 +163,8 @@ def missing(results: Results) -> dict[str, str]:
 
 def stage_name(stem: str) -> str:
     """Name on the page of the result in ``stem``.json."""
-    return _STEMS.get(stem, stem)
+    kind, _, face = stem.partition("_")
+    return _OF_FACES[kind].format(face) if face and kind in _OF_FACES else _STEMS.get(stem, stem)
 
 
 def criterion_groups(results: Results, *, missed: bool = False) -> list[Group]:
@@ -189,7 +186,10 @@ def asked_facts(results: Results, possible: LimitBounds | None = None) -> list[F
         for group in lit
         for fact in group.select(*_LIGHT).facts
     ]
-    return [*limits, *light, *_selected(groups, _SHAPE), *(fact for fact in _selected(groups, _IF_ASKED) if fact.limit)]
+    faces = results.lens.surfaces
+    shape = _selected(groups, (*_SHAPE, *(f"{name}_ball" for name in faces)))
+    if_asked = _selected(groups, ("thickest", *(f"{name}_draft" for name in faces)))
+    return [*limits, *light, *shape, *(fact for fact in if_asked if fact.limit)]
 
 
 def further_facts(results: Results) -> list[Fact]:
@@ -234,16 +234,16 @@ def task(spec: Spec) -> str:
 
 def _fixed(lens: LensSection) -> str:
     """Fixed surfaces in words."""
-    both = (("inner", lens.fixed_inner), ("outer", lens.fixed_outer))
-    return "".join(f", {name} face fixed ({face.title})" for name, face in both if face is not None)
+    fixed = {name: face.fixed for name, face in lens.faces.items()}
+    return "".join(f", {name} face fixed ({face.title})" for name, face in fixed.items() if face is not None)
 
 
 def _surroundings(lens: LensSection) -> str:
     """Indices in the cavity and around the lens, where these are not air; coated faces."""
     around = (("the cavity", lens.cavity_index), ("the surroundings", lens.outside_index))
     indices = "".join(f", n = {index:g} in {where}" for where, index in around if index != 1.0)
-    faces = (("inside", lens.inner_coating), ("outside", lens.outer_coating))
-    coated = " and ".join(where for where, coating in faces if coating is not None)
+    faces = zip(("inside", "outside"), lens.faces.values(), strict=True)
+    coated = " and ".join(where for where, face in faces if face.coating is not None)
     return f"{indices}, coated {coated}" if coated else indices
 
 

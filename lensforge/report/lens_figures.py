@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, PercentFormatter
 
+from lensforge.cad.boundary import lens_boundaries
 from lensforge.cad.section import body_outlines
 from lensforge.light.exact_trace import DenseScan, exact_surfaces
 from lensforge.light.sequential_trace import TracedSurface
@@ -47,8 +48,8 @@ def trace_fan(lens: Lens, start_mm: Points, directions: Points, reach_mm: float)
     inner, outer = exact_surfaces(lens, (scan, scan))
     entry = start_mm + np.maximum(-start_mm[:, 2:] / directions[:, 2:], 0.0) * directions
     entry[inner.gap(entry) <= 0.0] = np.nan
-    at_inner, inside = _crossed(inner, entry, directions, media.cavity_index / media.refractive_index)
-    at_outer, behind = _crossed(outer, at_inner, inside, media.refractive_index / media.outside_index)
+    at_inner, inside = _crossed(inner, entry, directions, media.cavity_index / media.body.refractive_index)
+    at_outer, behind = _crossed(outer, at_inner, inside, media.body.refractive_index / media.outside_index)
     at_outer[_returns(inner, at_inner, at_outer)] = np.nan
     return np.stack([start_mm, at_inner, at_outer, _at_distance(at_outer, behind, reach_mm)], axis=1)
 
@@ -133,7 +134,7 @@ def draw_section(
 
 def reach_mm(lens: Lens) -> float:
     """Half the width (mm) of a drawing that holds the lens and its maximum radius."""
-    largest = float(lens.outer.radius(fibonacci_hemisphere(2000)).max())
+    largest = float(lens_boundaries(lens)[1].radius(fibonacci_hemisphere(2000)).max())
     return _MARGIN * max(largest, lens.spec.constraints.max_radius_mm)
 
 

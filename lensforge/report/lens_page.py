@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from lensforge.cad.boundary import lens_boundaries
 from lensforge.cad.part import Part
 from lensforge.light.evaluation_result import Light
 from lensforge.light.photometry_result import Photometry
@@ -45,7 +46,7 @@ def render_report(results: Results, folder: Path | None = None, *, beside: bool 
     if part is None:
         views = SolidViews({}, problem="No 3-D picture: no part has been exported.")
         return template(REPORT_FILE).render(**_context(results, folder, beside), **_solid(views))
-    radius_mm = float(results.lens.outer.radius(fibonacci_hemisphere(500)).max())  # to a per cent
+    radius_mm = float(lens_boundaries(results.lens)[1].radius(fibonacci_hemisphere(500)).max())  # to a per cent
     with closing(Rendering(part.stl, radius_mm)) as rendering:
         context = _context(results, folder, beside)
         return template(REPORT_FILE).render(**context, **_solid(rendering.result()))

@@ -319,6 +319,7 @@ _WORDS = {
     "base": "hit the base",
     "missed_receiver": "missed the receiver",
     "surfaces_intersect": "met intersecting surfaces",
+    "more_events": "still in the lens after the last event that is followed",
     "total_reflection": "totally reflected",
     "not_converged": "not converged",
     "absorbed": "absorbed in the lens",

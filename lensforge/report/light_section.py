@@ -37,10 +37,8 @@ _MAIN = {
     "nominal": ("nmse", "efficiency"),
     "yield": ("pass_rate",),
     "far_field": ("exit_lm", "peak_cd"),
-    "measured_inner": ("form", "nmse"),
-    "measured_outer": ("form", "nmse"),
-    "corrected_inner": ("first_cut", "second_cut", "nmse"),
-    "corrected_outer": ("first_cut", "second_cut", "nmse"),
+    "measured": ("form", "nmse"),
+    "corrected": ("first_cut", "second_cut", "nmse"),
 }
 
 

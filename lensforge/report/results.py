@@ -1,6 +1,6 @@
 """The results of all stages for one lens, and the names of their files in a result folder."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TypeVar
 
@@ -28,18 +28,9 @@ from lensforge.spec import Spec
 REPORT_FILE = "report.html"
 # Results of a whole run, each after those that it is made from.
 STAGES: tuple[type[StageResult], ...] = (Design, Light, Part, Check, Proof, Photometry)
-# Results on request, and of the machined part, by the stem of their files.
-EXTRAS: dict[str, type[StageResult]] = {
-    "stray": StrayLight,
-    "compare": PhotoComparison,
-    "compare_inner": SurfaceComparison,
-    "compare_outer": SurfaceComparison,
-    "correct_inner": Correction,
-    "correct_outer": Correction,
-    "sensitivity": Sensitivity,
-    "yield": Yield,
-}
-OF_STEMS: dict[str, type[StageResult]] = {**{kind.stage: kind for kind in STAGES}, **EXTRAS}
+# Results on request, and of the machined part; those of one face have a file for each.
+EXTRAS: tuple[type[StageResult], ...] = (StrayLight, PhotoComparison, SurfaceComparison, Correction, Sensitivity, Yield)
+_OF_FACE: dict[type[StageResult], str] = {SurfaceComparison: "compare", Correction: "correct"}
 
 _Result = TypeVar("_Result", bound=StageResult)
 
@@ -114,15 +105,13 @@ class Results:
 
     @property
     def surfaces(self) -> dict[str, SurfaceComparison]:
-        """Comparisons with measured surfaces, by "inner" and "outer"."""
-        measured = (self.find(SurfaceComparison, f"compare_{side}") for side in ("inner", "outer"))
-        return {each.surface: each for each in measured if each is not None}
+        """Comparisons with measured surfaces, by the name of the face."""
+        return {each.surface: each for each in self.found.values() if isinstance(each, SurfaceComparison)}
 
     @property
     def corrections(self) -> dict[str, Correction]:
-        """Corrections for a second cut, by "inner" and "outer"."""
-        made = (self.find(Correction, f"correct_{side}") for side in ("inner", "outer"))
-        return {each.surface: each for each in made if each is not None}
+        """Corrections for a second cut, by the name of the face."""
+        return {each.surface: each for each in self.found.values() if isinstance(each, Correction)}
 
     @property
     def verdict(self) -> Verdict:
@@ -228,16 +217,20 @@ def unjudged_files(part: Part, proof: Proof | None) -> tuple[str, ...]:
     return tuple(name for name in part.altered if name not in judged)
 
 
-def is_own(stem: str) -> bool:
-    """True for the stem of a result under the lens's own conditions."""
-    return stem in OF_STEMS
+def own_stems(faces: Iterable[str]) -> dict[str, type[StageResult]]:
+    """The class of each result under the own conditions of a lens with these ``faces``, by the stem of its file."""
+    names, found = tuple(faces), dict[str, type[StageResult]]()
+    for kind in (*STAGES, *EXTRAS):
+        of_faces = [f"{_OF_FACE[kind]}_{face}" for face in names] if kind in _OF_FACE else [kind.stage]
+        found |= dict.fromkeys(of_faces, kind)
+    return found
 
 
 def stem_of(result: StageResult) -> str:
     """Name of the JSON file of ``result`` in a result folder, without its suffix: its stage, and other conditions."""
     stem = result.stage
     if isinstance(result, SurfaceComparison | Correction):
-        stem = f"{result.command.split()[0]}_{result.surface}"
+        stem = f"{_OF_FACE[type(result)]}_{result.surface}"
     conditions = conditions_of(result)
     return stem if conditions is None else f"{stem}_{conditions.name}"
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from lensforge.cad.part import Part
 from lensforge.errors import InputError, OutdatedResult
 from lensforge.proof.proof_result import JUDGED_FILES, Proof
-from lensforge.report.results import OF_STEMS, Results, conditions_of, is_own, stem_of, unjudged_files
+from lensforge.report.results import Results, conditions_of, own_stems, stem_of, unjudged_files
 from lensforge.results import Count, NotNegative, Record, Sha256, SimulatedResult, StageResult, Text
 from lensforge.results.files import write_json
 from lensforge.results.stage_result import SCHEMA_VERSION, read_object, validated, with_checksum
@@ -40,7 +40,7 @@ class Stored:
         lens = _lens_in(folder) if lens is None else lens
         records: dict[str, StageResult] = {}
         unreadable: dict[str, InputError] = {}
-        for stem, kind in _files_in(folder):
+        for stem, kind in _files_in(folder, own_stems(lens.surfaces)):
             try:
                 records[stem] = kind.read(folder, stem, **({"lens": lens} if kind in _HOLD_LENS else {}))
             except InputError as error:
@@ -67,13 +67,14 @@ class Stored:
         found: dict[str, StageResult] = {}
         others: dict[str, SimulatedResult] = {}
         outdated = {stem: str(error) for stem, error in self.unreadable.items()}
-        for stem in sorted(self.records, key=_place):
-            result = self.records[stem]
-            why = _mismatch(result, self.lens, found, outdated) or _foreign_conditions(result, stem)
+        stems = list(own_stems(self.lens.surfaces))  # each after those that it is made from
+        for stem in sorted(self.records, key=lambda stem: (stems.index(stem) if stem in stems else len(stems), stem)):
+            result, own = self.records[stem], stem in stems
+            why = _mismatch(result, self.lens, found, outdated) or _foreign_conditions(result, stem, own)
             why = why or doubt(stem, result)
             if why:
                 outdated[stem] = f"{why}; {type(result).again()}"
-            elif is_own(stem):
+            elif own:
                 found[stem] = result
             elif isinstance(result, SimulatedResult):
                 others[stem] = result
@@ -87,12 +88,6 @@ def load_results(folder: Path) -> Results:
     return stored.results()
 
 
-def _place(stem: str) -> tuple[bool, int, str]:
-    """Place of a record among all: after those that it is made from; those under other conditions last."""
-    own = is_own(stem)
-    return not own, list(OF_STEMS).index(stem) if own else 0, stem
-
-
 def _lens_in(folder: Path) -> Lens:
     path = folder / LENS_FILE
     if not path.exists() and is_checkpoint(folder / CHECKPOINT):
@@ -100,23 +95,23 @@ def _lens_in(folder: Path) -> Lens:
     return load_lens(path)
 
 
-def _files_in(folder: Path) -> Iterator[tuple[str, type[StageResult]]]:
+def _files_in(folder: Path, own: Mapping[str, type[StageResult]]) -> Iterator[tuple[str, type[StageResult]]]:
     """Stem and class of each record in ``folder``: the lens's own first, then those under other conditions."""
-    for stem, kind in OF_STEMS.items():
+    for stem, kind in own.items():
         if (folder / f"{stem}.json").exists():
             yield stem, kind
-    for stem, kind in OF_STEMS.items():
+    for stem, kind in own.items():
         if issubclass(kind, SimulatedResult):
             for path in sorted(folder.glob(f"{stem}_*.json")):
                 yield path.stem, kind
 
 
-def _foreign_conditions(result: StageResult, stem: str) -> str:
+def _foreign_conditions(result: StageResult, stem: str, own: bool) -> str:
     """The reason why ``result`` is not what its file's name says: the lens's own, of a surface, under conditions."""
     conditions = conditions_of(result)
-    if is_own(stem) and conditions is not None:
+    if own and conditions is not None:
         return f"it was made under other conditions than the lens's own ({conditions})"
-    if not is_own(stem) and conditions is None:
+    if not own and conditions is None:
         return "it was made under the lens's own conditions, so another file holds it"
     return "" if stem_of(result) == stem else f"it belongs into {stem_of(result)}.json"
 
@@ -171,13 +166,14 @@ class RunRecord(Record):
     def of(results: Results, stored: Stored, hashes: Mapping[str, str], seconds: float | None) -> "RunRecord":
         """The record of ``results``, those of ``stored`` that count; ``hashes`` may be of files that are gone."""
         kept = [stem for stem in (*stored.records, *stored.unreadable) if stem in hashes]
+        own = own_stems(stored.lens.surfaces)
         return RunRecord(
             name=results.spec.name,
             accuracy=results.lens.accuracy,
             seed=results.lens.seed,
             verdict=results.verdict,
-            results={stem: hashes[stem] for stem in kept if is_own(stem)},
-            others={stem: hashes[stem] for stem in kept if not is_own(stem)},
+            results={stem: hashes[stem] for stem in kept if stem in own},
+            others={stem: hashes[stem] for stem in kept if stem not in own},
             outdated=dict(results.outdated),
             seconds=seconds,
         )

@@ -54,11 +54,12 @@ def path_of(name: str, value: object) -> Path | None:
     return Path(value)
 
 
-def require_choice(name: str, value: object, allowed: Iterable[str]) -> None:
-    """Raise :class:`InputError` unless the argument ``name`` is one of those ``allowed``."""
+def require_choice(name: str, value: object, allowed: Iterable[str]) -> str:
+    """Return ``value`` of the argument ``name``. Raises :class:`InputError` unless it is one of those ``allowed``."""
     choices = tuple(allowed)
-    if not (isinstance(value, str) and value in choices):
-        raise InputError(f"{name} = {value!r}: must be one of {', '.join(choices)}")
+    if isinstance(value, str) and value in choices:
+        return value
+    raise InputError(f"{name} = {value!r}: must be one of {', '.join(choices)}")
 
 
 def require(value: object, kind: type[_Kind], verb: str) -> _Kind:

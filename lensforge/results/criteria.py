@@ -17,10 +17,6 @@ _WORDS = {
     "cavity clearance": "free space over the LED, to spare",
     "wall margin": "wall, above its minimum",
     "radius margin": "distance from the LED, below its maximum",
-    "inner curvature margin": "hollows of the inner face, wider than the tool",
-    "outer curvature margin": "hollows of the outer face, wider than the tool",
-    "inner draft margin": "draft of the inner face, above its minimum",
-    "outer draft margin": "draft of the outer face, above its minimum",
     "largest wall margin": "wall, below its maximum",
     "height margin": "height, below its maximum",
     "keep out clearance": "distance from the keep-out solid, to spare",
@@ -71,6 +67,13 @@ _WORDS = {
 }
 
 
+# Of a face, after its name.
+_OF_FACE = {
+    "curvature margin": "hollows of the {} face, wider than the tool",
+    "draft margin": "draft of the {} face, above its minimum",
+}
+
+
 class Kept(TypedDict, total=False):
     """Limit and state of a criterion, as a fact takes them."""
 
@@ -102,8 +105,11 @@ class Criterion(Judged):
 
     @property
     def words(self) -> str:
-        """Words for its name; the name of a criterion of a further receiver begins with that of the receiver."""
+        """Words for its name, which begins with that of its face, or of its receiver where that is a further one."""
         receiver, colon, short = self.name.rpartition(": ")
+        face, _, of_face = short.partition(" ")
+        if of_face in _OF_FACE:
+            return f"{receiver}{colon}{_OF_FACE[of_face].format(face)}"
         return f"{receiver}{colon}{_WORDS.get(short, short.replace('_', ' '))}"
 
     @property

@@ -123,7 +123,7 @@ class Record(BaseModel):
         """True where ``other`` has the same class and the same bits in every field."""
         if type(self) is not type(other):
             return NotImplemented
-        return all(same(getattr(self, name), getattr(other, name)) for name in type(self).model_fields)
+        return same(values_of(self), values_of(other))
 
     __hash__ = None  # type: ignore[assignment]  # arrays have no hash
 
@@ -174,14 +174,21 @@ def marker(field: FieldInfo, kind: type[_Mark]) -> _Mark | None:
     return found[0] if found else None
 
 
+def values_of(record: Record) -> dict[str, object]:
+    """Value of each field, then the entries by name of a class that takes any, such as one for each face."""
+    own = {name: getattr(record, name) for name in type(record).model_fields}
+    return own | (record.model_extra or {})
+
+
 def arrays_of(record: Record) -> Iterator[tuple[str, np.ndarray]]:
-    """Name and value of each array that is there; those in records of a list, as ``receivers.0.map``, come last."""
-    values = {name: getattr(record, name) for name in type(record).model_fields}
+    """Name and value of each array that is there; those in records within, as ``receivers.0.map``, come last."""
+    values = values_of(record)
     yield from ((name, value) for name, value in values.items() if isinstance(value, np.ndarray))
     for field, value in values.items():
-        for k, entry in enumerate(value if isinstance(value, tuple) else ()):
+        within = {f"{field}.{k}": each for k, each in enumerate(value)} if isinstance(value, tuple) else {field: value}
+        for place, entry in within.items():
             if isinstance(entry, Record):
-                yield from ((f"{field}.{k}.{name}", array) for name, array in arrays_of(entry))
+                yield from ((f"{place}.{name}", array) for name, array in arrays_of(entry))
 
 
 def put_arrays(content: dict[str, object], arrays: Mapping[str, np.ndarray]) -> None:
@@ -197,23 +204,21 @@ def put_arrays(content: dict[str, object], arrays: Mapping[str, np.ndarray]) -> 
             raise ValueError(f"there is no place for the array {name[:60]!r}") from None
 
 
-def excluded_arrays(kind: type[Record]) -> dict[str, IncEx | bool]:
-    """The arrays of a class of records, as pydantic takes fields to leave out of a dump."""
-    found: dict[str, IncEx | bool] = {}
-    for name, info in kind.model_fields.items():
-        entry = get_args(info.annotation)[0] if get_origin(info.annotation) is tuple else None
-        if marker(info, Array) is not None:
-            found[name] = True
-        elif isinstance(entry, type) and issubclass(entry, Record) and (nested := excluded_arrays(entry)):
-            found[name] = {"__all__": nested}
+def excluded_arrays(record: Record) -> dict[str, IncEx | bool]:
+    """The arrays of a record, as pydantic takes fields to leave out of a dump."""
+    fields = type(record).model_fields.items()
+    found: dict[str, IncEx | bool] = {name: True for name, info in fields if marker(info, Array) is not None}
+    for name, value in values_of(record).items():
+        entry = value[0] if isinstance(value, tuple) and value else value  # the entries of a list are of one class
+        if isinstance(entry, Record) and (nested := excluded_arrays(entry)):
+            found[name] = nested if entry is value else {"__all__": nested}
     return found
 
 
 def _flat(value: Any, prefix: str) -> Iterator[tuple[str, Scalar]]:
     items: Mapping[str, Any] | None = None
     if isinstance(value, Record):
-        names = (*type(value).model_fields, *type(value).model_computed_fields)
-        items = {name: getattr(value, name) for name in names}
+        items = values_of(value) | {name: getattr(value, name) for name in type(value).model_computed_fields}
     elif isinstance(value, Mapping):
         items = value
     if items is not None:

@@ -169,14 +169,14 @@ class StageResult(Record):
 
     def plain(self) -> dict[str, object]:
         """Numbers and texts as the JSON file holds them: without arrays, files and parts of other stages' results."""
-        elsewhere = dict.fromkeys(self.stored_elsewhere(), True) | excluded_arrays(type(self))
+        elsewhere = dict.fromkeys(self.stored_elsewhere(), True) | excluded_arrays(self)
         return self.model_dump(mode="json", exclude=elsewhere)
 
     @cached_property
     def sha256(self) -> str:
         """Hash of all fields except computing times and the program's version."""
         digest = hashlib.sha256()
-        skipped = excluded_arrays(type(self))
+        skipped = excluded_arrays(self)
         for name, array in arrays_of(self):
             digest.update(name.encode() + array.tobytes())
         for field, info in type(self).model_fields.items():
@@ -275,8 +275,8 @@ class StageResult(Record):
         path = folder / f"{name}.json"
         first = f"run `lensforge {cls.command or cls.stage}` first"
         content = read_object(path, cls.schema_name(), cls.again(), first) | given
-        if excluded_arrays(cls):
-            arrays = read_arrays(folder / f"{name}.npz", content.pop(_ARRAYS, None), cls.again())
+        if _ARRAYS in content:
+            arrays = read_arrays(folder / f"{name}.npz", content.pop(_ARRAYS), cls.again())
             try:
                 put_arrays(content, arrays)
             except ValueError as error:

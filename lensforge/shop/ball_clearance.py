@@ -4,6 +4,7 @@ The measures say how far a built-in base must be cut back for the ball to touch 
 file, is represented by its mesh; CAD and mesh libraries load only where a spec has one.
 """
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,9 +19,9 @@ from lensforge.cad.part_limits import FORM_LIMIT_NM
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import Plan
 from lensforge.shop.ball_cutter import LEAF
-from lensforge.shop.check_result import BallClearance, CustomBaseClearance, InnerClearance, OuterClearance
+from lensforge.shop.check_result import BallClearance, BoreClearance, CustomBaseClearance, StepClearance
 from lensforge.shop.face_check import FaceCheck
-from lensforge.shop.face_samples import FaceSamples, OpticalFace
+from lensforge.shop.face_samples import AirSide, FaceSamples, OpticalFace
 
 # At the rim of a hemisphere the ball touches the bore's wall exactly, up to the form error.
 _CLEAR_MM = 1e-6 * FORM_LIMIT_NM
@@ -80,7 +81,7 @@ def wall_retreat_mm(face: FaceSamples, cutter_radius_mm: float, depth_mm: float)
 
 def _rim_mm(face: OpticalFace) -> Float[np.ndarray, " n"]:
     """Distance (mm) of the rim from the axis, all around."""
-    return face.radius(_turn())
+    return face.rim_mm(_turn())
 
 
 def _turn() -> Float[np.ndarray, "n 2"]:
@@ -89,21 +90,20 @@ def _turn() -> Float[np.ndarray, "n 2"]:
 
 
 def check_ball_clearance(
-    plan: Plan[Patch] | None, custom: CustomBaseMesh | None, inner: FaceCheck, outer: FaceCheck
+    plan: Plan[Patch] | None, custom: CustomBaseMesh | None, faces: Mapping[str, FaceCheck]
 ) -> BallClearance:
     """Clearance that the cutter lacks at the base, over the samples that it could reach without the base.
 
     ``plan``: the body with its base, None for a mould insert; ``custom``: the base from a STEP file, if there is one.
     """
     if custom is not None:
-        return BallClearance(outer=_at_custom(custom, outer), inner=_at_custom(custom, inner))
+        return BallClearance(faces={name: _at_custom(custom, face) for name, face in faces.items()})
     if plan is None or not plan.has_base:
-        note = "a mould insert has no base" if plan is None else "there is no base"
-        return BallClearance(outer=None, inner=None, note=note)
-    return BallClearance(outer=_outer_clearance(plan, outer), inner=_inner_clearance(plan, inner))
+        return BallClearance(faces={}, note="a mould insert has no base" if plan is None else "there is no base")
+    return BallClearance(faces={name: _BY_SIDE[face.samples.face.air](plan, face) for name, face in faces.items()})
 
 
-def _outer_clearance(plan: Plan[Patch], face: FaceCheck) -> OuterClearance:
+def _at_step(plan: Plan[Patch], face: FaceCheck) -> StepClearance:
     cutter_mm = face.cutter_radius_mm
     distance, height = ball_centres_mm(face.samples.points, face.samples.normals, cutter_mm)
 
@@ -125,7 +125,7 @@ def _outer_clearance(plan: Plan[Patch], face: FaceCheck) -> OuterClearance:
         wall = float(plan.ring.radius(np.zeros(1))[0])
         largest = largest_wall_mm(distance, height, cutter_mm)
         setback = np.where(largest < wall - _CLEAR_MM, _rim_mm(face.samples.face).min() - largest, 0.0)
-    return OuterClearance(
+    return StepClearance(
         smallest_step_mm=_largest_reached(face, step),
         step_clearance_mm=_largest_reached(face, setback),
         flange_clearance_mm=_largest_reached(face, flange),
@@ -133,7 +133,7 @@ def _outer_clearance(plan: Plan[Patch], face: FaceCheck) -> OuterClearance:
     )
 
 
-def _inner_clearance(plan: Plan[Patch], face: FaceCheck) -> InnerClearance:
+def _at_bore(plan: Plan[Patch], face: FaceCheck) -> BoreClearance:
     cutter_mm = face.cutter_radius_mm
     distance, height = ball_centres_mm(face.samples.points, face.samples.normals, cutter_mm)
 
@@ -149,11 +149,17 @@ def _inner_clearance(plan: Plan[Patch], face: FaceCheck) -> InnerClearance:
     pocket = np.zeros(len(bore))
     if plan.base.pocket_diameter_mm is not None:
         pocket = 2.0 * needed(plan.base.pocket_diameter_mm / 2.0, plan.bore_mm, plan.base.height_mm)
-    return InnerClearance(
+    return BoreClearance(
         bore_clearance_mm=_largest_reached(face, bore),
         pocket_diameter_mm=_largest_reached(face, pocket),
         flush_fraction=_clear(face, bore, pocket),
     )
+
+
+_BY_SIDE: dict[AirSide, Callable[[Plan[Patch], FaceCheck], StepClearance | BoreClearance]] = {
+    AirSide.OUTSIDE: _at_step,
+    AirSide.INSIDE: _at_bore,
+}
 
 
 def _at_custom(custom: CustomBaseMesh, face: FaceCheck) -> CustomBaseClearance:

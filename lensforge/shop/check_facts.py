@@ -6,10 +6,9 @@ from lensforge.results import Bound, Fact, FactState, Group
 from lensforge.results.criteria import kept, state_of
 from lensforge.results.numerals import quantity
 from lensforge.results.verdict import Reason
-from lensforge.shop.check_result import Check, FaceName, FaceResult, Finding
+from lensforge.shop.check_result import BODY, Check, FaceResult, Finding
 from lensforge.spec import Spec
 
-_FACES: tuple[FaceName, FaceName] = ("inner", "outer")
 _SUBJECTS = {
     "cutter": "Ball reaches it",
     "relief": "Base is clear",
@@ -22,16 +21,18 @@ _SUBJECTS = {
 
 def check_facts(check: Check, spec: Spec) -> list[Group]:
     """A group for each face and one for the wall, and the findings on each of them."""
-    faces = [
-        Group(name, f"{name.capitalize()} face", tuple(_face(name, getattr(check, name), check, spec)))
-        for name in _FACES
-    ]
-    return [*faces, Group("wall", "Wall", tuple(_wall(check, spec))), *finding_groups(check)]
+    faces = [Group(name, face_title(name), tuple(_face(name, face, check, spec))) for name, face in check.faces.items()]
+    return [*faces, Group("walls", "Wall", tuple(_wall(check, spec))), *finding_groups(check)]
+
+
+def face_title(name: str) -> str:
+    """Title of a face."""
+    return f"{name.capitalize()} face"
 
 
 def finding_groups(check: Check) -> list[Group]:
     """The findings by what they are on: can it be cut?"""
-    named = {"inner": "Inner face", "outer": "Outer face", "body": "Wall"}
+    named = {**{name: face_title(name) for name in check.faces}, BODY: "Wall"}
     found = []
     for surface, title in named.items():
         facts = tuple(_finding(each) for each in check.verdicts if each.surface == surface)
@@ -46,13 +47,13 @@ def cutting_reasons(check: Check, spec: Spec) -> Iterator[Reason]:
         counts = finding.name != "tool" and not (finding.name == "wall" and spec.manufacture.make == "insert")
         if counts and not finding.holds:
             yield "fail", finding.reason
-    for name in _FACES:  # one tool is enough
+    for name in check.faces:  # one tool is enough
         tools = [each for each in check.verdicts if each.name == "tool" and each.surface == name]
         if tools and not any(each.holds for each in tools):
             yield "fail", "; ".join(each.reason for each in tools)
 
 
-def _face(name: FaceName, face: FaceResult, check: Check, spec: Spec) -> Iterator[Fact]:
+def _face(name: str, face: FaceResult, check: Check, spec: Spec) -> Iterator[Fact]:
     sphere, cutter = face.best_fit_sphere, face.cutter
     yield from _ball(name, face, check)
     reached = f"of the face, by a ball of {quantity(cutter.radius_mm, 'mm')} radius"
@@ -68,7 +69,7 @@ def _face(name: FaceName, face: FaceResult, check: Check, spec: Spec) -> Iterato
         state=_state(check.verdicts, "tilt", name),
         note="of a tool that is held normal to the face",
     )
-    least = getattr(spec.constraints, f"{name}_draft_deg")
+    least = spec.lens.faces[name].draft_deg
     yield Fact(
         f"{name}_draft",
         f"Draft, {name} face",
@@ -83,7 +84,7 @@ def _face(name: FaceName, face: FaceResult, check: Check, spec: Spec) -> Iterato
     yield Fact(f"{name}_area", "Area", face.area_mm2, "mm²")
 
 
-def _ball(name: FaceName, face: FaceResult, check: Check) -> Iterator[Fact]:
+def _ball(name: str, face: FaceResult, check: Check) -> Iterator[Fact]:
     """The largest ball that reaches the whole face, against that of the shop."""
     cutter = face.cutter
     largest = cutter.largest_radius_mm
@@ -114,7 +115,7 @@ def _wall(check: Check, spec: Spec) -> Iterator[Fact]:
     yield Fact(
         "thickest",
         "Thickest wall",
-        check.wall.thickest.thickness_mm,
+        check.walls.thickest.thickness_mm,
         "mm",
         limit=None if limits.max_wall_mm is None else Bound("<=", limits.max_wall_mm),
         state=state_of(check.criteria, "largest radial wall"),

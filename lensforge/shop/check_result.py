@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Float
-from pydantic import computed_field
+from pydantic import ConfigDict, computed_field, model_validator
 
 from lensforge.results import Array, NotNegative, Number, Point, Positive, Record, Share, StageResult, Text
 from lensforge.results.arguments import require_choice
@@ -29,8 +29,8 @@ class _FaceClearance(Record):
         return None if None in lengths else max(lengths)
 
 
-class OuterClearance(_FaceClearance):
-    """The step that the base needs to clear the ball, and its wall's setback.
+class StepClearance(_FaceClearance):
+    """At a face of the envelope: the step that the base needs to clear the ball, and its wall's setback.
 
     ``flange_clearance_mm``: how much lower the top of the flange must be, 0 where there is no flange.
     """
@@ -42,8 +42,8 @@ class OuterClearance(_FaceClearance):
     flange_clearance_mm: NotNegative | None
 
 
-class InnerClearance(_FaceClearance):
-    """Radius that the bore needs beyond the cavity's, and diameter of the pocket."""
+class BoreClearance(_FaceClearance):
+    """At a face of the cavity: radius that the bore needs beyond the cavity's, and diameter of the pocket."""
 
     needs = ("bore_clearance_mm", "pocket_diameter_mm")
 
@@ -59,30 +59,29 @@ class CustomBaseClearance(_FaceClearance):
     retreat_mm: NotNegative | None
 
 
-class BallClearance(Record):
-    """Clearance of the shop's ball at the base; ``note``: why there is nothing to clear."""
+AnyClearance = StepClearance | BoreClearance | CustomBaseClearance
 
-    outer: OuterClearance | CustomBaseClearance | None
-    inner: InnerClearance | CustomBaseClearance | None
+
+class BallClearance(Record):
+    """Clearance of the shop's ball at the base below each face; ``note``: why there is nothing to clear."""
+
+    faces: dict[Text, AnyClearance]
     note: Text | None = None
 
-    def beyond_shop(
-        self, largest_mm: float | None, shop_mm: float, surface: Literal["inner", "outer"] | None = None
-    ) -> str:
+    def beyond_shop(self, largest_mm: float | None, shop_mm: float, face: str | None = None) -> str:
         """Words behind a face's largest ball, where it is larger than the shop's and there is a base to meet.
 
-        ``largest_mm``: None where any ball reaches the face. ``surface``: None for the base at both faces.
+        ``largest_mm``: None where any ball reaches the face. ``face``: None for the base at any face.
         """
-        at = {"inner": self.inner, "outer": self.outer}
-        has_base = any(each is not None for name, each in at.items() if surface in (None, name))
+        has_base = bool(self.faces) if face is None else face in self.faces
         larger = largest_mm is None or largest_mm > shop_mm
         return f"; the base is checked for {shop_mm:g} mm only" if has_base and larger else ""
 
 
 FaceMap = Annotated[Float[np.ndarray, "c c"], Array("c", "c", gaps=True)]
 FacePoints = Annotated[Float[np.ndarray, "c c 3"], Array("c", "c", 3, gaps=True)]
-FaceName = Literal["inner", "outer"]
 FindingName = Literal["cutter", "relief", "tilt", "wall", "draft", "tool"]
+BODY = "body"  # the surface of a finding on none of the faces
 
 
 class Sphere(Record):
@@ -122,7 +121,11 @@ class Draft(Record):
 
 
 class FaceResult(Record):
-    """One optical face."""
+    """One optical face as it is cut.
+
+    Maps over its chart, [X, Y], NaN outside: points (mm), departure from the best-fit sphere (mm), principal curvatures
+    (1/mm), and uncut height (mm), 0 where the cutter reaches.
+    """
 
     best_fit_sphere: Sphere
     curvature: Curvature
@@ -131,18 +134,23 @@ class FaceResult(Record):
     undercut_fraction: Share
     largest_tilt_deg: NotNegative
     area_mm2: Positive
+    xyz: FacePoints
+    sag_mm: FaceMap
+    kappa_min: FaceMap
+    kappa_max: FaceMap
+    residual_mm: FaceMap
 
 
 class Wall(Record):
-    """One place of the wall, the thinnest or the thickest."""
+    """One place of the wall, the thinnest or the thickest: its points on the cavity, and on the envelope."""
 
     thickness_mm: Number
-    inner_point_mm: Point
-    outer_point_mm: Point
+    cavity_point_mm: Point
+    envelope_point_mm: Point
 
 
 class Walls(Record):
-    """The shortest line between the faces, and the longest part of a ray from the origin between them."""
+    """The shortest line between cavity and envelope, and the longest part of a ray from the origin between them."""
 
     thinnest: Wall
     thickest: Wall
@@ -157,19 +165,18 @@ class ToolReach(Record):
 
 
 class ToolResult(Record):
-    """One tool of the spec on both faces."""
+    """One tool of the spec on every face."""
 
     name: Text
     radius_mm: Positive
     shank_radius_mm: Positive
     length_mm: Positive
     holder_half_angle_deg: NotNegative
-    inner: ToolReach
-    outer: ToolReach
+    faces: dict[Text, ToolReach]
 
 
 class Finding(Judged):
-    """One statement on what the shop can do with this lens: its subject, its face, and the reason.
+    """One statement on what the shop can do with this lens: its subject, its face (or :data:`BODY`), and the reason.
 
     It holds where ``value`` is ``sense`` ``limit``. ``value``: None where the ball reaches nothing. ``limit``: None
     where there is none, as for a face that any ball reaches. ``remedy``: changes of the spec, each of which makes it
@@ -177,7 +184,7 @@ class Finding(Judged):
     """
 
     name: FindingName
-    surface: Literal["inner", "outer", "body"]
+    surface: Text
     reason: Text
     remedy: str = ""
 
@@ -191,36 +198,44 @@ class Finding(Judged):
 class Check(StageResult):
     """The manufacturing check. ``criteria`` are those of the design, ``verdicts`` the findings for the shop.
 
-    ``scale``: of the faces that are cut against the lens's, 1 + shrinkage for a mould insert; ``inner``, ``outer``,
-    ``tools`` and maps are of these, the walls of the lens. Maps over the chart of each face, [X, Y], NaN outside the
-    rim: points (mm), departure from the best-fit sphere (mm), principal curvatures (1/mm), and uncut height (mm), 0
-    where the cutter reaches.
+    Beside its fields it has one for each face, by its name. ``scale``: of the faces that are cut against the lens's,
+    1 + shrinkage for a mould insert; faces and ``tools`` are of these, the ``walls`` of the lens. ``chart_axis``: of
+    the maps of all faces.
     """
 
+    __pydantic_extra__: dict[str, FaceResult]
+    model_config = ConfigDict(extra="allow")
     stage: ClassVar[str] = "check"
 
     make: Literal["part", "insert"]
     scale: Positive
-    inner: FaceResult
-    outer: FaceResult
     min_wall_mm: Number
-    wall: Walls
+    walls: Walls
     relief: BallClearance
     tools: tuple[ToolResult, ...]
     criteria: tuple[Criterion, ...]
     verdicts: tuple[Finding, ...]
     seconds: NotNegative
     chart_axis: Annotated[Float[np.ndarray, " c"], Array("c")]
-    inner_xyz: FacePoints
-    inner_sag_mm: FaceMap
-    inner_kappa_min: FaceMap
-    inner_kappa_max: FaceMap
-    inner_residual_mm: FaceMap
-    outer_xyz: FacePoints
-    outer_sag_mm: FaceMap
-    outer_kappa_min: FaceMap
-    outer_kappa_max: FaceMap
-    outer_residual_mm: FaceMap
+
+    @property
+    def faces(self) -> dict[str, FaceResult]:
+        """The faces by name, from the source on."""
+        return self.__pydantic_extra__
+
+    @model_validator(mode="after")
+    def _of_these_faces(self) -> "Check":
+        named = {name for tool in self.tools for name in tool.faces} | set(self.relief.faces)
+        unknown = (named | {finding.surface for finding in self.verdicts} - {BODY}) - set(self.faces)
+        if unknown or not self.faces:
+            own = ", ".join(self.faces) or "none"
+            raise ValueError(f"faces: {own}; tools and findings are on {', '.join(sorted(unknown)) or 'none'}")
+        for name, face in self.faces.items():
+            if len(face.sag_mm) != len(self.chart_axis):
+                raise ValueError(
+                    f"{name}.sag_mm: shape {face.sag_mm.shape}, must be of the {len(self.chart_axis)} nodes"
+                )
+        return self
 
     def __str__(self) -> str:
         return "\n".join(f"{'yes' if each.holds else 'no '} {each.name}: {each.reason}" for each in self.verdicts)
@@ -229,10 +244,13 @@ class Check(StageResult):
         self,
         axes: "Axes | None" = None,
         *,
-        surface: FaceName = "outer",
+        surface: str | None = None,
         quantity: Literal["sag_mm", "kappa_min", "kappa_max", "residual_mm"] = "sag_mm",
     ) -> "Axes":
-        """``quantity`` of one face over its chart. Raises :class:`InputError` for an unknown face or quantity."""
+        """``quantity`` of one face over its chart, by default the last face.
+
+        Raises :class:`InputError` for an unknown face or quantity.
+        """
         from lensforge.results.plots import plot_face
 
         labels = {
@@ -241,7 +259,7 @@ class Check(StageResult):
             "kappa_max": "larger principal curvature (1/mm)",
             "residual_mm": "uncut height (mm)",
         }
-        require_choice("surface", surface, ("inner", "outer"))
+        surface = require_choice("surface", surface or list(self.faces)[-1], self.faces)
         require_choice("quantity", quantity, labels)
-        values, half_width = getattr(self, f"{surface}_{quantity}"), float(self.chart_axis[-1])
+        values, half_width = getattr(self.faces[surface], quantity), float(self.chart_axis[-1])
         return plot_face(values, half_width, f"{surface}: {labels[quantity]}", axes)

@@ -15,6 +15,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.cad.boundary import StarShaped, lens_boundaries
 from lensforge.cad.custom_base import mesh_of_base
 from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.part import Part
@@ -24,7 +25,7 @@ from lensforge.results.refined_maximum import refined_maximum
 from lensforge.scene.lens import Lens
 from lensforge.spec import BaseSection
 from lensforge.surfaces.srbf import fibonacci_hemisphere
-from lensforge.surfaces.surface import Surface, to_chart, to_sphere
+from lensforge.surfaces.surface import to_chart, to_sphere
 
 _SAMPLES, _REACH = 5_000, 0.02  # samples 1.8 degrees apart, in the chart as here
 _AXIS = np.array([[0.0, 0.0, 1.0]])
@@ -85,23 +86,23 @@ def dimensions(lens: Lens) -> list[Dimension]:
 
 
 def _lens_dimensions(lens: Lens) -> Iterator[Dimension]:
-    inner, outer = (float(surface.radius(_AXIS)[0]) for surface in (lens.inner, lens.outer))
-    gap = lens.spec.tolerances.of("gap_mm").amount
-    side = -float(rim_radius(lens.outer)(np.array([np.pi]))[0])
-    yield Dimension("outer apex above z = 0", outer, "axis", ((0.0, side), (outer, 0.0)))
-    yield Dimension("highest point above z = 0", float(highest_point_mm(lens.outer)[2]), "largest")
-    yield Dimension("apex of the cavity above z = 0", inner, "axis", ((0.0, side), (inner, 0.0)))
-    ends = (inner, 0.0), (outer, 0.0)
-    yield Dimension("thickness on the axis", outer - inner, "axis", ends, tolerance_mm=gap or None)
-    yield _circle("width of the dome", widest_mm(lens.outer), "largest")
+    (cavity, envelope), gap = lens_boundaries(lens), lens.spec.part_tolerances.tolerance("gap_mm").amount
+    low, high = (float(boundary.radius(_AXIS)[0]) for boundary in (cavity, envelope))
+    side = -float(rim_radius(envelope)(np.array([np.pi]))[0])
+    yield Dimension("outer apex above z = 0", high, "axis", ((0.0, side), (high, 0.0)))
+    yield Dimension("highest point above z = 0", float(highest_point_mm(envelope)[2]), "largest")
+    yield Dimension("apex of the cavity above z = 0", low, "axis", ((0.0, side), (low, 0.0)))
+    ends = (low, 0.0), (high, 0.0)
+    yield Dimension("thickness on the axis", high - low, "axis", ends, tolerance_mm=gap or None)
+    yield _circle("width of the dome", widest_mm(envelope), "largest")
     second_deg = other_section_deg(lens)
-    for name, surface in (("outer rim", lens.outer), ("opening of the cavity", lens.inner)):
-        yield _rim_in_section(name, surface, 0.0, "S")
+    for name, boundary in (("outer rim", envelope), ("opening of the cavity", cavity)):
+        yield _rim_in_section(name, boundary, 0.0, "S")
         if second_deg is not None:
-            yield _rim_in_section(name, surface, second_deg, "T")
+            yield _rim_in_section(name, boundary, second_deg, "T")
 
 
-def widest_mm(surface: Surface) -> float:
+def widest_mm(surface: StarShaped) -> float:
     """Diameter (mm) of the cylinder about the axis that holds ``surface``."""
     return 2.0 * float(np.hypot(*_farthest(surface, lambda points: np.hypot(points[:, 0], points[:, 1]))[:2]))
 
@@ -112,7 +113,7 @@ def _circle(name: str, width_mm: float, scope: Scope) -> Dimension:
     return Dimension(name, width_mm, scope, ((-half, 0.0), (half, 0.0)), "dome", sign="⌀")
 
 
-def _rim_in_section(name: str, surface: Surface, azimuth_deg: float, view: View) -> Dimension:
+def _rim_in_section(name: str, surface: StarShaped, azimuth_deg: float, view: View) -> Dimension:
     right, left = rim_radius(surface)(np.radians(azimuth_deg) + np.array([0.0, np.pi])).tolist()
     along = {0.0: "along x", 90.0: "along y"}.get(azimuth_deg, f"at {azimuth_deg:g}°")
     scope: Scope = "section" if view == "S" else "second"
@@ -121,8 +122,9 @@ def _rim_in_section(name: str, surface: Surface, azimuth_deg: float, view: View)
 
 def _part_dimensions(lens: Lens) -> Iterator[Dimension]:
     """Length and width of the part with its base, the length from the bottom to the highest point of the dome."""
-    base, (across, _, highest) = base_with_room(lens), highest_point_mm(lens.outer).tolist()
-    bottom, side, wide = 0.0, -float(rim_radius(lens.outer)(np.array([np.pi]))[0]), widest_mm(lens.outer)
+    base, (_, envelope) = base_with_room(lens), lens_boundaries(lens)
+    across, _, highest = highest_point_mm(envelope).tolist()
+    bottom, side, wide = 0.0, -float(rim_radius(envelope)(np.array([np.pi]))[0]), widest_mm(envelope)
     if base.file is not None:
         vertices, _ = mesh_of_base(base.file)
         lowest = vertices[np.argmin(vertices[:, 2])]
@@ -136,12 +138,12 @@ def _part_dimensions(lens: Lens) -> Iterator[Dimension]:
     yield _circle("largest width", wide, "part")
 
 
-def highest_point_mm(surface: Surface) -> Float[np.ndarray, " 3"]:
+def highest_point_mm(surface: StarShaped) -> Float[np.ndarray, " 3"]:
     """Highest point (mm) of ``surface``, which need not be its apex."""
     return _farthest(surface, lambda points: points[:, 2])
 
 
-def _farthest(surface: Surface, measured: Measured) -> Float[np.ndarray, " 3"]:
+def _farthest(surface: StarShaped, measured: Measured) -> Float[np.ndarray, " 3"]:
     """Point (mm) of ``surface``, rim included, with the largest ``measured``, searched for between samples."""
 
     def points(chart: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:
@@ -164,7 +166,7 @@ def _base_dimensions(lens: Lens) -> list[Dimension]:
 
 def _depths(lens: Lens, base: BaseSection) -> Iterator[Dimension]:
     """Lengths of a built-in base along the axis."""
-    plan, bottom = lay_out(lens.inner, lens.outer, base), -base.height_mm
+    plan, bottom = lay_out(*lens_boundaries(lens), base), -base.height_mm
     half = _half_width(base)
     yield Dimension("height of the base below z = 0", base.height_mm, "base", ((bottom, -half), (0.0, -half)))
     if plan.relief_mm > 0.0:
@@ -186,7 +188,7 @@ def _half_width(base: BaseSection) -> float:
 
 def _widths(lens: Lens, base: BaseSection) -> Iterator[Dimension]:
     """Widths of a built-in base."""
-    plan, half = lay_out(lens.inner, lens.outer, base), _half_width(base)
+    plan, half = lay_out(*lens_boundaries(lens), base), _half_width(base)
     foot = -plan.shoulder_mm
     if base.kind == "square":
         yield Dimension(
@@ -281,7 +283,7 @@ def _plane(lens: Lens, part: Part, base: BaseSection) -> Datum:
         return Datum("A", f"plane z = 0, the ring {RIM} between the rims of the optical faces", z_mm=0.0)
     if base.kind == "step":
         return Datum("A", "plane z = 0, the top of the base", z_mm=0.0)
-    plan = lay_out(lens.inner, lens.outer, base)
+    plan = lay_out(*lens_boundaries(lens), base)
     if plan.relief_mm == 0.0 and all(arc.relation == "ledge" for arc in plan.arcs):
         return Datum("A", f"plane z = 0, the top of the base, {TOP}", z_mm=0.0)
     words = f"bottom of the base, {BOTTOM}, at z = {-base.height_mm:g}; no face to be touched lies in z = 0"

@@ -6,6 +6,7 @@ It has the largest of the scales of ISO 5455 at which the views fit.
 from dataclasses import dataclass
 from typing import Literal
 
+from lensforge.cad.boundary import optical_name
 from lensforge.cad.part import STEP_FILE, Part
 from lensforge.cad.section import other_section_deg
 from lensforge.errors import InputError
@@ -25,8 +26,8 @@ def drawing_notes(
 ) -> list[str]:
     """The notes, a paragraph each; ``words``: what the shop is told beside the design."""
     return [
-        "Sizes in parentheses are auxiliary: of the whole part, and of the freeform faces OPTICAL_OUTER and "
-        "OPTICAL_INNER"
+        "Sizes in parentheses are auxiliary: of the whole part, and of the freeform faces "
+        f"{' and '.join(optical_name(name) for name in reversed(check.faces))}"
         f"{', or of the base in its own file' if lens.spec.base.kind == 'step' else ''}. lens.step alone defines them. "
         "z = 0 is the plane in which the optical faces end.",
         *(f"{line}." for line in datums.lines),
@@ -42,8 +43,8 @@ def drawing_notes(
 
 def tool_notes(check: Check) -> list[str]:
     """Tools that the faces take, by the check, and how many of its findings do not hold."""
-    faces = f"{_ball(check.inner)} for the inner face, {_ball(check.outer)} for the outer one{_base(check)}"
-    steepest = max(check.inner.largest_tilt_deg, check.outer.largest_tilt_deg)
+    faces = ", ".join(f"{_ball(face)} for the {name} face" for name, face in check.faces.items()) + _base(check)
+    steepest = max(face.largest_tilt_deg for face in check.faces.values())
     found = [
         f"Largest ball that reaches all of a face: {faces}. Tool normal to the faces: tilted up to {steepest:.1f}°."
     ]
@@ -62,7 +63,7 @@ def _ball(face: FaceResult) -> str:
 
 
 def _base(check: Check) -> str:
-    balls = [(face.cutter.largest_radius_mm, face.cutter.radius_mm) for face in (check.inner, check.outer)]
+    balls = [(face.cutter.largest_radius_mm, face.cutter.radius_mm) for face in check.faces.values()]
     return max(check.relief.beyond_shop(*ball) for ball in balls)  # once, where one of them is larger
 
 

@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 
 from lensforge.shop.ball_cutter import largest_ball_mm, reachable, residual_height_mm
 from lensforge.shop.check_result import Curvature, Cutter, Draft, FaceResult, Sphere
-from lensforge.shop.face_samples import FaceArea, FaceSamples, OpticalFace, least_draft_rad, sample_face
+from lensforge.shop.face_samples import FaceArea, FaceSamples, OpticalFace, all_points, least_draft_rad, sample_face
 
 SAMPLE_NODES = 161  # odd, so that the apex is a node
 
@@ -55,7 +55,7 @@ class FaceCheck:
 def check_face(face: OpticalFace, cutter_radius_mm: float, nodes: int = SAMPLE_NODES) -> FaceCheck:
     """Measure ``face`` on a chart grid of ``nodes`` x ``nodes``."""
     samples = sample_face(face, nodes)
-    ball = largest_ball_mm(samples)
+    ball = largest_ball_mm(samples, all_points(face, nodes) if face.beside else None)
     return FaceCheck(
         samples=samples,
         sphere=best_fit_sphere(samples),
@@ -70,6 +70,7 @@ def check_face(face: OpticalFace, cutter_radius_mm: float, nodes: int = SAMPLE_N
 def face_result(check: FaceCheck) -> FaceResult:
     """The record of a measured face; an infinite number is None."""
     samples, draft_deg = check.samples, float(np.degrees(least_draft_rad(check.samples)))
+    curvatures, to_map = samples.curvatures, samples.grid.to_map
     return FaceResult(
         best_fit_sphere=check.sphere,
         curvature=Curvature(
@@ -87,6 +88,11 @@ def face_result(check: FaceCheck) -> FaceResult:
         undercut_fraction=samples.area.undercut_fraction if draft_deg < 0.0 else 0.0,
         largest_tilt_deg=90.0 - draft_deg,
         area_mm2=samples.area.total_mm2,
+        xyz=to_map(samples.points),
+        sag_mm=to_map(check.sag_mm),
+        kappa_min=to_map(curvatures.minimum),
+        kappa_max=to_map(curvatures.maximum),
+        residual_mm=to_map(check.residual_mm),
     )
 
 

@@ -1,7 +1,8 @@
 """An exported optical face, the spline of the STEP file, sampled with normals, curvatures and areas; its least draft.
 
-Samples are the nodes of a square chart grid inside the rim, so that values per sample are also a map, and the nodes
-just outside, moved onto the rim: extremes often lie there. Extremes are then searched for between the samples.
+Samples are the nodes of a square chart grid within the domain of the face, so that values per sample are also a map,
+and the nodes just outside of the rim, moved onto it: extremes often lie there. Extremes are then searched for between
+the samples, up to the creases in which the face meets others.
 
 Integrals over the area take points of their own, since the cells of a square grid fit a round rim poorly:
 Gauss-Legendre in the chart's radius times the trapezoidal rule in azimuth. Areas of spheres, spheroids and ellipsoids
@@ -19,9 +20,13 @@ from functools import cache, cached_property
 import numpy as np
 from jaxtyping import Bool, Float
 
+from lensforge.cad.boundary import WHOLE, Domain
 from lensforge.cad.part_limits import NORMAL_LIMIT_MRAD
 from lensforge.cad.patch import Jet, Patch, PrincipalCurvatures, principal_curvatures
+from lensforge.optics.media import CAVITY
 from lensforge.results.refined_maximum import refined_maximum
+from lensforge.scene.body import Face
+from lensforge.spec.part_section import ManufactureSection
 from lensforge.surfaces.surface import HALF_WIDTH
 
 RADII, AZIMUTHS = 96, 192
@@ -29,12 +34,24 @@ RADII, AZIMUTHS = 96, 192
 
 @dataclass(frozen=True)
 class AreaRule:
-    """Integration points on the unit disc, radius slowest, and their weights in chart area."""
+    """Integration points on the unit disc, radius slowest, and their weights in chart area.
+
+    Over the domain of a face the share of the way from its beginning to its end takes the place of the radius.
+    """
 
     chart: Float[np.ndarray, "q 2"]
     weights: Float[np.ndarray, " q"]
     nodes: Float[np.ndarray, " r"]
     edges: Float[np.ndarray, " r1"]  # of the stretch of radius that each node stands for
+
+    def over(self, domain: Domain) -> tuple[Float[np.ndarray, "q 2"], Float[np.ndarray, " q"]]:
+        """Points and weights of the rule over ``domain``."""
+        if not domain.edges:
+            return self.chart, self.weights
+        share = np.repeat(self.nodes, len(self.chart) // len(self.nodes))
+        low, high = domain.radii(np.arctan2(self.chart[:, 1], self.chart[:, 0]))
+        farther = low / share + high - low  # radius over share
+        return farther[:, None] * self.chart, self.weights * farther * (high - low)
 
     def share_below(self, values: Float[np.ndarray, " q"], limit: float, areas: Float[np.ndarray, " q"]) -> float:
         """Share of the area where ``values`` are below ``limit``; ``areas``: of the face, for each point."""
@@ -69,16 +86,26 @@ _UNDERCUT = 1e-3 * NORMAL_LIMIT_MRAD  # a hemisphere's rim has n.z = 0 up to the
 class AirSide(IntEnum):
     """Side of the face on which the air and the cutter are; times the outward normal it gives the air-side one."""
 
-    OUTSIDE = 1  # the outer face
+    OUTSIDE = 1  # the envelope
     INSIDE = -1  # the cavity
+
+
+def air_side(face: Face, shop: ManufactureSection) -> AirSide:
+    """Side of the air of ``face`` as it is cut: a mould insert has air where the lens has material."""
+    return AirSide.INSIDE if (face.before == CAVITY) == (shop.make == "part") else AirSide.OUTSIDE
 
 
 @dataclass(frozen=True)
 class OpticalFace:
-    """An exported face and its air side; points of the stereographic chart have the rim on the unit circle."""
+    """An exported face and its air side; points of the stereographic chart have the rim on the unit circle.
+
+    ``domain``: the part of the chart on which it bounds its medium; ``beside``: the faces that bound the rest of it.
+    """
 
     patch: Patch
     air: AirSide
+    domain: Domain = WHOLE
+    beside: "tuple[OpticalFace, ...]" = ()
 
     def radius(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
         """Distance (mm) from the origin at chart ``points``; beyond the patch's square, the value at its edge."""
@@ -86,6 +113,11 @@ class OpticalFace:
             self.patch.points(np.clip(points, -HALF_WIDTH, HALF_WIDTH)), axis=1
         )
         return radius
+
+    def rim_mm(self, turn: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
+        """Distance (mm) of the medium's rim from the axis at points of the unit circle."""
+        rim: Float[np.ndarray, " n"] = np.min([face.radius(turn) for face in (self, *self.beside)], axis=0)
+        return rim
 
     def jet(self, points: Float[np.ndarray, "n 2"]) -> Jet:
         """Position and derivatives at chart ``points``."""
@@ -141,14 +173,15 @@ class FaceSamples:
     def area(self) -> "FaceArea":
         """The face's integration points, which are not the samples."""
         rule = area_rule()
-        jet = self.face.jet(rule.chart)
-        return FaceArea(rule, jet.point, jet.normal, rule.weights * jet.area_element)
+        chart, weights = rule.over(self.face.domain)
+        jet = self.face.jet(chart)
+        return FaceArea(rule, jet.point, jet.normal, weights * jet.area_element)
 
     def largest(
         self, figure: Callable[[Float[np.ndarray, "m 2"]], Float[np.ndarray, " m"]], values: Float[np.ndarray, " k"]
     ) -> float:
         """The largest ``figure``, between the samples too; ``values``: it at the samples."""
-        return refined_maximum(figure, self.chart, values, self.grid.step)[1]
+        return refined_maximum(figure, self.chart, values, self.grid.step, within=self.face.domain.within)[1]
 
     def lowest_curvature(self) -> float:
         """The lowest curvature (1/mm) of the face, searched for between the samples too."""
@@ -190,7 +223,7 @@ class FaceArea:
 
 def sample_face(face: OpticalFace, nodes: int) -> FaceSamples:
     """Sample ``face`` on a grid of ``nodes`` x ``nodes`` chart points."""
-    grid, points, cells = _disc(nodes)
+    grid, points, cells = _in_domain(face.domain, *_disc(nodes))
     jet = face.jet(points)
     normals = face.air_normal(jet)
     return FaceSamples(
@@ -202,6 +235,11 @@ def sample_face(face: OpticalFace, nodes: int) -> FaceSamples:
         areas=cells * jet.area_element,
         curvatures=principal_curvatures(jet, normals),
     )
+
+
+def all_points(face: OpticalFace, nodes: int) -> Float[np.ndarray, "m 3"]:
+    """Points (mm) of ``face``, and of those beside it, on grids of ``nodes`` x ``nodes``: what a tool must not cut."""
+    return np.concatenate([sample_face(each, nodes).points for each in (face, *face.beside)])
 
 
 def _disc(nodes: int) -> tuple[ChartGrid, Float[np.ndarray, "k 2"], Float[np.ndarray, " k"]]:
@@ -220,6 +258,20 @@ def _disc(nodes: int) -> tuple[ChartGrid, Float[np.ndarray, "k 2"], Float[np.nda
     points = np.concatenate([square[inside], moved])
     cells = np.concatenate([share[inside], share[rim]]) * step**2
     return ChartGrid(axis, inside[1:-1, 1:-1]), points, cells
+
+
+def _in_domain(
+    domain: Domain, grid: ChartGrid, points: Float[np.ndarray, "k 2"], cells: Float[np.ndarray, " k"]
+) -> tuple[ChartGrid, Float[np.ndarray, "m 2"], Float[np.ndarray, " m"]]:
+    """Samples of the disc that lie in ``domain``; a cell counts where its node does."""
+    if not domain.edges:
+        return grid, points, cells
+    low, high = domain.radii(np.arctan2(points[:, 1], points[:, 0]))
+    radius = np.hypot(points[:, 0], points[:, 1])
+    chosen = (radius >= low) & (radius <= high + 1e-12)
+    inside = grid.inside.copy()
+    inside[grid.inside] = chosen[: np.count_nonzero(grid.inside)]
+    return ChartGrid(grid.axis, inside), points[chosen], cells[chosen]
 
 
 def least_draft_rad(samples: FaceSamples) -> float:

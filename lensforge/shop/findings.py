@@ -3,9 +3,8 @@
 All follow from the measurements of the check and the spec alone.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import ceil, degrees, floor
-from typing import Literal
 
 from lensforge.cad.part_limits import NORMAL_LIMIT_MRAD
 from lensforge.results import Sense
@@ -13,15 +12,16 @@ from lensforge.results.criteria import Criterion, at_least, at_most
 from lensforge.results.numerals import percent, quantity
 from lensforge.results.verdict import within
 from lensforge.shop.check_result import (
+    BODY,
+    AnyClearance,
     BallClearance,
+    BoreClearance,
     CustomBaseClearance,
     Cutter,
-    FaceName,
     FaceResult,
     Finding,
     FindingName,
-    InnerClearance,
-    OuterClearance,
+    StepClearance,
     ToolReach,
     ToolResult,
     Wall,
@@ -35,7 +35,7 @@ _BALL = 1.0 + 1e-6  # relative: a ball that is larger than the largest by roundi
 _TILT_TOLERANCE_DEG = degrees(1e-3 * NORMAL_LIMIT_MRAD)  # the export allows this error of a face's normals
 _DRAFT_TOLERANCE_DEG = 0.02  # the check samples the face at other points than the search
 _LEAST_WALL_MM = 1e-3  # a thinner one is none
-_MOST_TILT_DEG, _MOST_DRAFT_DEG = 120.0, 25.0  # of manufacture.max_tilt_deg and constraints.*_draft_deg
+_MOST_TILT_DEG, _MOST_DRAFT_DEG = 120.0, 25.0  # of manufacture.max_tilt_deg and of the draft_deg of a face
 # Sense and unit of each finding.
 _KINDS: dict[FindingName, tuple[Sense, str]] = {
     "cutter": ("<=", "mm"),
@@ -45,36 +45,33 @@ _KINDS: dict[FindingName, tuple[Sense, str]] = {
     "draft": (">=", "deg"),
     "tool": (">=", "of the face"),
 }
-_AnyClearance = OuterClearance | InnerClearance | CustomBaseClearance
 
 
 def check_findings(
     spec: Spec,
-    inner: FaceResult,
-    outer: FaceResult,
+    faces: Mapping[str, FaceResult],
     wall_mm: float,
     relief: BallClearance,
     tools: tuple[ToolResult, ...],
 ) -> tuple[Finding, ...]:
     """All findings on a lens of ``spec`` from the measurements of its check; ``wall_mm``: the thinnest wall."""
-    faces: tuple[tuple[FaceName, FaceResult], ...] = (("inner", inner), ("outer", outer))
     return (
-        *(cutter_finding(name, face.cutter, relief, spec) for name, face in faces),
+        *(cutter_finding(name, face.cutter, relief, spec) for name, face in faces.items()),
         *clearance_findings(relief, spec.base),
-        *(tilt_finding(name, face.largest_tilt_deg, spec) for name, face in faces),
+        *(tilt_finding(name, face.largest_tilt_deg, spec) for name, face in faces.items()),
         wall_finding(wall_mm, spec),
-        *(draft_finding(name, face, spec) for name, face in faces if _draft_counts(name, spec)),
+        *(draft_finding(name, face, spec) for name, face in faces.items() if _draft_counts(name, spec)),
         *(
-            tool_finding(tool, name, reach, face.cutter.largest_radius_mm)
+            tool_finding(tool, name, tool.faces[name], face.cutter.largest_radius_mm)
             for tool in tools
-            for (name, face), reach in zip(faces, (tool.inner, tool.outer), strict=True)
+            for name, face in faces.items()
         ),
     )
 
 
 def _finding(
     name: FindingName,
-    surface: FaceName | Literal["body"],
+    surface: str,
     value: float | None,
     limit: float | None,
     reason: str,
@@ -91,11 +88,11 @@ def _finding(
 def wall_criteria(spec: Spec, walls: Walls) -> tuple[Criterion, ...]:
     """The thinnest wall, and the thickest where the spec limits it; both within the tolerance of the search."""
     limits, again = spec.constraints, "or give the last level more steps; the wall is"
-    remedy = f"raise lens.outer_offset_mm {again} thinnest at ({_place(walls.thinnest)}) mm"
+    remedy = f"raise lens.outer.offset_mm {again} thinnest at ({_place(walls.thinnest)}) mm"
     least = at_least("thinnest wall", walls.thinnest.thickness_mm, least_wall_mm(spec), "mm", remedy)
     if limits.max_wall_mm is None:
         return (least,)
-    remedy = f"raise lens.inner_offset_mm {again} thickest at ({_place(walls.thickest)}) mm"
+    remedy = f"raise lens.inner.offset_mm {again} thickest at ({_place(walls.thickest)}) mm"
     most = limits.max_wall_mm + limits.tolerance_mm
     return least, at_most("largest radial wall", walls.thickest.thickness_mm, most, "mm", remedy)
 
@@ -106,13 +103,13 @@ def least_wall_mm(spec: Spec) -> float:
 
 
 def _place(wall: Wall) -> str:
-    return ", ".join(quantity(round(value, 6) + 0.0, digits=4) for value in wall.inner_point_mm)  # no "-0"
+    return ", ".join(quantity(round(value, 6) + 0.0, digits=4) for value in wall.cavity_point_mm)  # no "-0"
 
 
-def cutter_finding(surface: FaceName, cutter: Cutter, relief: BallClearance, spec: Spec) -> Finding:
+def cutter_finding(surface: str, cutter: Cutter, relief: BallClearance, spec: Spec) -> Finding:
     """Reach of the spec's ball cutter on a face."""
     largest = cutter.largest_radius_mm
-    again = _design_again(f"{surface}_concave_radius_mm", cutter.radius_mm, spec, surface)
+    again = _design_again("concave_radius_mm", cutter.radius_mm, spec, surface)
     changes = [again if spec.manufacture.make == "part" else ""]
     if largest is not None:
         changes.append(f"manufacture.cutter_radius_mm = {_down(largest)}")
@@ -132,11 +129,10 @@ def cutter_finding(surface: FaceName, cutter: Cutter, relief: BallClearance, spe
 
 def clearance_findings(relief: BallClearance, base: BaseSection) -> list[Finding]:
     """Clearance of the ball at ``base``: one statement for each face that has a base below it."""
-    faces: tuple[tuple[FaceName, _AnyClearance | None], ...] = (("outer", relief.outer), ("inner", relief.inner))
-    return [_clearance_finding(surface, found, base) for surface, found in faces if found is not None]
+    return [_clearance_finding(surface, found, base) for surface, found in relief.faces.items()]
 
 
-def _clearance_finding(surface: FaceName, relief: _AnyClearance, base: BaseSection) -> Finding:
+def _clearance_finding(surface: str, relief: AnyClearance, base: BaseSection) -> Finding:
     """The base must retreat by nothing; nothing is known of a face that the ball does not reach."""
     needed = relief.needed_mm
     if needed is None:
@@ -149,20 +145,20 @@ def _clearance_finding(surface: FaceName, relief: _AnyClearance, base: BaseSecti
     return _finding("relief", surface, needed, 0.0, reason)
 
 
-def _remedy(relief: _AnyClearance, base: BaseSection) -> str:
+def _remedy(relief: AnyClearance, base: BaseSection) -> str:
     match relief:
         case CustomBaseClearance():
             cut = quantity(relief.retreat_mm, "mm", digits=4)
             return f"the base in its file must be cut back by up to {cut} where the ball hits it"
-        case InnerClearance():
+        case BoreClearance():
             fields = {"bore_setback_mm": relief.bore_clearance_mm, "pocket_diameter_mm": relief.pocket_diameter_mm}
             needed = [f"base.{name} = {_up(value, 4)}" for name, value in fields.items() if value]
             return f"{' and '.join(needed)} would clear the ball"
-        case OuterClearance():
-            return _outer_remedy(relief, base)
+        case StepClearance():
+            return _step_remedy(relief, base)
 
 
-def _outer_remedy(relief: OuterClearance, base: BaseSection) -> str:
+def _step_remedy(relief: StepClearance, base: BaseSection) -> str:
     """Fields that clear the ball; the flange lies at the bottom, and some of the base must remain above it."""
     fields = {"relief_step_mm": relief.smallest_step_mm, "relief_setback_mm": relief.step_clearance_mm}
     needed = [f"base.{name} = {_up(value, 4)}" for name, value in fields.items() if value]
@@ -179,13 +175,13 @@ def _outer_remedy(relief: OuterClearance, base: BaseSection) -> str:
     return f"{words}; in place of the height, a smaller base.flange_diameter_mm may clear it" if lower > 0.0 else words
 
 
-def tilt_finding(surface: FaceName, slope_deg: float, spec: Spec) -> Finding:
+def tilt_finding(surface: str, slope_deg: float, spec: Spec) -> Finding:
     """Tilt of a tool that is held normal to the face everywhere; a search for less, or a machine that tilts farther."""
     allowed_deg, changes = spec.manufacture.max_tilt_deg, []
     limit, draft_deg = allowed_deg + _TILT_TOLERANCE_DEG, 90.0 - allowed_deg
     holds = within(slope_deg, "<=", limit)
     if 0.0 <= draft_deg <= _MOST_DRAFT_DEG:
-        changes.append(_design_again(f"{surface}_draft_deg", draft_deg, spec, surface))
+        changes.append(_design_again("draft_deg", draft_deg, spec, surface))
     if slope_deg < _MOST_TILT_DEG:
         changes.append(f"manufacture.max_tilt_deg = {_up(slope_deg, 1)}")
     reason = (
@@ -199,21 +195,21 @@ def wall_finding(wall_mm: float, spec: Spec) -> Finding:
     """Thinnest wall; a search from faces that are farther apart, or a spec that takes the wall there is."""
     limit, required_mm, changes = least_wall_mm(spec), spec.constraints.min_thickness_mm, []
     holds = within(wall_mm, ">=", limit)
-    if spec.lens.fixed_outer is None:
-        changes.append("a larger lens.outer_offset_mm and design again")
-    elif spec.lens.fixed_inner is None:
-        changes.append("a smaller lens.inner_offset_mm and design again")
+    if spec.lens.outer.fixed is None:
+        changes.append("a larger lens.outer.offset_mm and design again")
+    elif spec.lens.inner.fixed is None:
+        changes.append("a smaller lens.inner.offset_mm and design again")
     if wall_mm >= _LEAST_WALL_MM:
         changes.append(f"constraints.min_thickness_mm = {_down(wall_mm)} where that is enough")
     word, thinnest = "at least" if holds else "less than", quantity(wall_mm, "mm", digits=4)
     reason = f"the thinnest wall is {thinnest}, {word} constraints.min_thickness_mm = {required_mm:g}"
-    return _finding("wall", "body", wall_mm, limit, reason, changes)
+    return _finding("wall", BODY, wall_mm, limit, reason, changes)
 
 
-def draft_finding(surface: FaceName, face: FaceResult, spec: Spec) -> Finding:
+def draft_finding(surface: str, face: FaceResult, spec: Spec) -> Finding:
     """Draft: what the spec asks, else what a mould of two parts needs that opens along the axis."""
     least_deg, undercut = face.draft_deg.min, face.undercut_fraction
-    asked_deg: float | None = getattr(spec.constraints, f"{surface}_draft_deg")
+    asked_deg = spec.lens.faces[surface].draft_deg
     wanted_deg = GOOD_DRAFT_DEG if asked_deg is None else asked_deg
     limit_deg = GOOD_DRAFT_DEG if asked_deg is None else asked_deg - _DRAFT_TOLERANCE_DEG
     if undercut > 0.0:
@@ -223,16 +219,16 @@ def draft_finding(surface: FaceName, face: FaceResult, spec: Spec) -> Finding:
         least_deg = max(least_deg, 0.0)  # form error of a vertical rim
         needed = f"{'a mould needs' if asked_deg is None else 'the spec asks for'} {quantity(wanted_deg, 'deg')}"
         reason = f"the least draft of the {surface} face is {quantity(least_deg, 'deg', digits=3)}; {needed}"
-    again = _design_again(f"{surface}_draft_deg", wanted_deg, spec, surface)
+    again = _design_again("draft_deg", wanted_deg, spec, surface)
     return _finding("draft", surface, least_deg, limit_deg, reason, [again])
 
 
-def _draft_counts(surface: FaceName, spec: Spec) -> bool:
+def _draft_counts(surface: str, spec: Spec) -> bool:
     """True for a mould, and where the spec asks for a draft: any other part is cut, and needs none."""
-    return spec.manufacture.make == "insert" or getattr(spec.constraints, f"{surface}_draft_deg") is not None
+    return spec.manufacture.make == "insert" or spec.lens.faces[surface].draft_deg is not None
 
 
-def tool_finding(tool: ToolResult, surface: FaceName, reach: ToolReach, largest_mm: float | None) -> Finding:
+def tool_finding(tool: ToolResult, surface: str, reach: ToolReach, largest_mm: float | None) -> Finding:
     """Reach of a tool on a face, and what limits it; ``largest_mm``: the largest ball that reaches the whole face."""
     ball, whole, changes = reach.ball_reachable_fraction, reach.reachable_fraction, []
     reason = f"{tool.name} reaches {percent(whole)} of the {surface} face"
@@ -247,12 +243,13 @@ def tool_finding(tool: ToolResult, surface: FaceName, reach: ToolReach, largest_
     return _finding("tool", surface, whole, _WHOLE, reason, changes)
 
 
-def _design_again(field: str, value: float, spec: Spec, surface: FaceName) -> str:
+def _design_again(field: str, value: float, spec: Spec, surface: str) -> str:
     """The limit of the search; empty for a face that the spec gives, or where the search has kept that limit."""
-    stated = getattr(spec.constraints, field)
-    if getattr(spec.lens, f"fixed_{surface}") is not None or (stated is not None and stated >= value):
+    face = spec.lens.faces[surface]
+    stated: float | None = getattr(face, field)
+    if face.fixed is not None or (stated is not None and stated >= value):
         return ""
-    return f"constraints.{field} = {value:g} and design again"
+    return f"lens.{surface}.{field} = {value:g} and design again"
 
 
 def _up(value: float, decimals: int) -> str:

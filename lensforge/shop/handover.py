@@ -9,7 +9,7 @@ from pydantic import Field, PlainSerializer
 
 from lensforge.results import Count, Fact, Group, NotNegative, Positive, Record, Sha256, Text
 from lensforge.results.files import replacing, require_own
-from lensforge.shop.check_result import FaceName, Finding
+from lensforge.shop.check_result import Finding
 
 HTML_FILE, PDF_FILE, DXF_FILE, POINTS_FILE = "manufacturing.html", "manufacturing.pdf", "drawing.dxf", "points.csv"
 Interpolation = Literal["bicubic", "linear"]  # between the nodes of a dense table
@@ -30,7 +30,7 @@ class PointGrid(Record):
     """
 
     file: Text
-    face: FaceName
+    face: Text
     spacing_mm: Positive
     interpolation: Interpolation
     error_nm: NotNegative

@@ -19,7 +19,7 @@ from jaxtyping import Float
 from lensforge.cad.part import Part
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
-from lensforge.shop.check_result import Check, FaceName
+from lensforge.shop.check_result import Check
 from lensforge.shop.handover import Interpolation, PointGrid
 from lensforge.spec.spec_section import rounded_up
 from lensforge.surfaces.surface import Surface, scaled
@@ -78,7 +78,7 @@ class GridRequest:
 class FaceToCut:
     """A face as it is cut; ``air``: 1 where the air lies outside of its ``surface``, -1 where inside."""
 
-    name: FaceName
+    name: str
     surface: Surface
     air: int
 
@@ -91,13 +91,11 @@ class FaceToCut:
 
 
 def faces_to_cut(lens: Lens) -> list[FaceToCut]:
-    """Both faces as they are cut: scaled for a mould insert, whose air is on the side of the lens's material."""
+    """The faces as they are cut: scaled for a mould insert, whose air is on the side of the lens's material."""
+    from lensforge.shop.face_samples import air_side  # and with it SciPy
+
     shop = lens.spec.manufacture
-    side = 1 if shop.make == "part" else -1
-    return [
-        FaceToCut("inner", scaled(lens.inner, shop.scale), -side),
-        FaceToCut("outer", scaled(lens.outer, shop.scale), side),
-    ]
+    return [FaceToCut(face.name, scaled(face.surface, shop.scale), air_side(face, shop)) for face in lens.body.faces]
 
 
 def ring_angles() -> Float[np.ndarray, "n 2"]:
@@ -111,7 +109,7 @@ def points_table(lens: Lens, check: Check, head: list[str]) -> str:
     angles = ring_angles()
     lines = [*(f"# {line}" for line in head), POINT_COLUMNS]
     for face in faces_to_cut(lens):
-        sphere = getattr(check, face.name).best_fit_sphere
+        sphere = check.faces[face.name].best_fit_sphere
         points, normals = face.at(angles)
         departure = np.linalg.norm(points - np.array(sphere.centre_mm), axis=1) - sphere.radius_mm
         rows = np.column_stack([points, normals, angles, departure]) + 0.0  # no minus zero
@@ -129,7 +127,7 @@ def origin_lines(lens: Lens, part: Part) -> list[str]:
         f"lens: {lens.spec.name}, SHA-256 {lens.sha256}",
         f"author: {signature.author or 'not stated'}; organisation: {signature.organisation or 'not stated'}; "
         f"date: {signature.date or 'not stated'}; by lensforge {lens.version}",
-        "units: mm, degrees; coordinates: those of lens.step, z = 0 the plane in which both optical faces end, z the "
+        "units: mm, degrees; coordinates: those of lens.step, z = 0 the plane in which the optical faces end, z the "
         "optical axis; the azimuth counts from +x towards +y",
         scale,
     ]
@@ -217,7 +215,7 @@ def _halfway(values: Float[np.ndarray, "n m c"], axis: int, scheme: Interpolatio
 
 
 def dense_tables(lens: Lens, head: list[str], request: GridRequest) -> tuple[PointGrid, ...]:
-    """The table of the inner and of the outer face, its ``head`` first.
+    """The table of each face, its ``head`` first.
 
     Raises :class:`InputError` for one with too many points.
     """

@@ -34,11 +34,7 @@ def datum_symbol(at: Place, towards: Place, letter: str, unit: float, further_mm
     start, end = foot + 0.87 * size * out, foot + (0.87 * size + unit * _LEADER + further_mm) * out
     centre = end + half * out
     corners = centre + half * np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
-    strokes = [
-        Stroke(triangle, closed=True, filled=True),
-        Stroke(np.array([start, end])),
-        Stroke(corners, closed=True),
-    ]
+    strokes = [Stroke(triangle, closed=True, filled=True), Stroke(np.array([start, end])), Stroke(corners, closed=True)]
     return Marks(strokes, [_letters(centre, letter, unit)])
 
 

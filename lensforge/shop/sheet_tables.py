@@ -1,7 +1,7 @@
-"""Tables of the drawing: of the two optical faces and the material, and of the tolerances.
+"""Tables of the drawing: of the optical faces and the material, and of the tolerances.
 
-The first is in the notation of ISO 10110; conformance is not claimed. 3/ form, 4/ centring of the outer face to the
-inner one, 5/ imperfections; 0/, 1/, 2/ stress, bubbles and homogeneity of the material. Rq and RΔq: height and slope of
+The first is in the notation of ISO 10110; conformance is not claimed. 3/ form, 4/ centring of a face to the
+first, 5/ imperfections; 0/, 1/, 2/ stress, bubbles and homogeneity of the material. Rq and RΔq: height and slope of
 the roughness, rms. A dash stands where neither spec nor preset says more.
 """
 
@@ -9,21 +9,23 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from lensforge.cad.boundary import optical_name
 from lensforge.cad.part import STEP_FILE, Part
-from lensforge.cad.plan import INNER, OUTER
 from lensforge.errors import InputError
 from lensforge.optics.material import D_LINE_NM
 from lensforge.results import Group
 from lensforge.results.numerals import NOTHING
 from lensforge.scene.lens import Lens
-from lensforge.shop.check_result import Check, FaceName
+from lensforge.shop.check_facts import face_title
+from lensforge.shop.check_result import Check
 from lensforge.shop.dimensions import widest_mm
 from lensforge.shop.sheet import Marks
 from lensforge.shop.sheet_marks import row, row_height
 from lensforge.spec import DrawingSection
 from lensforge.spec.tolerances_section import Factor, amount_words, factors_of
 
-_WIDTHS = (71.0, 38.0, 71.0)  # mm on A3
+_MATERIAL, _FACES = 38.0, 142.0  # widths of the columns, mm on A3: that of the material, and of all faces
+_HEAD = "Material"
 _SHAPES = ("sphere", "asphere", "biconic")  # faces that the spec gives by a formula; those of files have none
 
 _OF_ASSEMBLY = ("source_", "lens_")
@@ -32,21 +34,24 @@ Rows = list[list[str]]
 
 
 def optical_table(lens: Lens, part: Part, check: Check, words: DrawingSection) -> Rows:
-    """Rows of three texts: of the outer face, of the material, of the inner face."""
-    outer, inner = (_face(name, lens, part, check, words) for name in ("outer", "inner"))
+    """Rows of texts: of the faces of the envelope, the last first, of the material, and of the faces of the cavity."""
+    outwards, inwards = (
+        [_face(face.name, lens, part, check, words) for face in reversed(faces)]
+        for faces in (lens.body.envelope, lens.body.cavity)
+    )
     spec = lens.spec.lens
     index = _amount(lens, "index")
     material = [
-        "Material",
+        _HEAD,
         spec.material,
         f"n = {spec.refractive_index:g}{f' ±{index:g}' if index else ''}",
         index_wavelength(lens),
         f"0/ {NOTHING}",
         f"1/ {NOTHING}",
         f"2/ {NOTHING}",
-        *[""] * (len(outer) - 7),
+        *[""] * (len(inwards[0]) - 7),
     ]
-    return [list(texts) for texts in zip(outer, material, inner, strict=True)]
+    return [list(texts) for texts in zip(*outwards, material, *inwards, strict=True)]
 
 
 def index_wavelength(lens: Lens) -> str:
@@ -60,27 +65,33 @@ def index_wavelength(lens: Lens) -> str:
     return "wavelength not stated" if spec.dispersion is None else f"at {spec.design_wavelength_nm:g} nm"
 
 
+def _widths(rows: Rows, unit: float) -> list[float]:
+    """Widths of the columns; that of the material has its name above it."""
+    head, faces = rows[0], len(rows[0]) - 1
+    return [(_MATERIAL if text == _HEAD else _FACES / faces) * unit for text in head]
+
+
 def table_height(rows: Rows, unit: float) -> float:
     """Height of the table."""
-    return sum(row_height(texts, [width * unit for width in _WIDTHS], unit) for texts in rows)
+    return sum(row_height(texts, _widths(rows, unit), unit) for texts in rows)
 
 
 def draw_optical_table(rows: Rows, left: float, top: float, unit: float) -> Marks:
     """The table, its upper left corner given."""
-    marks, widths = Marks(), [width * unit for width in _WIDTHS]
+    marks, widths = Marks(), _widths(rows, unit)
     for texts in rows:
         marks.add(row(left, top, texts, widths, unit))
         top -= row_height(texts, widths, unit)
     return marks
 
 
-def _face(name: FaceName, lens: Lens, part: Part, check: Check, words: DrawingSection) -> list[str]:
-    found, sphere = getattr(check, name), getattr(check, name).best_fit_sphere
-    coating = getattr(lens.spec.lens, f"{name}_coating")
+def _face(name: str, lens: Lens, part: Part, check: Check, words: DrawingSection) -> list[str]:
+    found, sphere = check.faces[name], check.faces[name].best_fit_sphere
+    coating = lens.spec.lens.faces[name].coating
     return [
-        f"{name.capitalize()} face, {OUTER if name == 'outer' else INNER}",
+        f"{face_title(name)}, {optical_name(name)}",
         f"{_shape(name, lens)}; best-fit R {sphere.radius_mm:.3f}, PV {sphere.pv_mm:.3f}",
-        f"Effective aperture: ⌀{widest_mm(getattr(lens, name)):.3f}, whole face",
+        f"Effective aperture: ⌀{widest_mm(lens.surfaces[name]):.3f}, whole face",
         _form(name, lens),
         _profile(name, lens, part),
         _centring(name, lens),
@@ -90,39 +101,44 @@ def _face(name: FaceName, lens: Lens, part: Part, check: Check, words: DrawingSe
     ]
 
 
-def _shape(name: FaceName, lens: Lens) -> str:
-    fixed = lens.spec.lens.fixed_inner if name == "inner" else lens.spec.lens.fixed_outer
+def _shape(name: str, lens: Lens) -> str:
+    fixed = lens.spec.lens.faces[name].fixed
     return fixed.kind if fixed is not None and fixed.kind in _SHAPES else "freeform"
 
 
-def _form(name: FaceName, lens: Lens) -> str:
+def _form(name: str, lens: Lens) -> str:
     form, waves = _amount(lens, f"{name}_form_um"), _amount(lens, f"{name}_waviness_um")
     words = f"3/ RMS form {form:g} µm" if form else f"3/ {NOTHING}"
     return f"{words}; waviness {waves:g} µm" if waves else words
 
 
-def _profile(name: FaceName, lens: Lens, part: Part) -> str:
+def _profile(name: str, lens: Lens, part: Part) -> str:
     """Profile of the surface by ISO 1101, against datum A where the STEP carries it so."""
     width_um = lens.spec.manufacture.form_tolerance_um
     if width_um is None:
         return f"Profile of the surface: {NOTHING}"
-    face = OUTER if name == "outer" else INNER
-    carried = [tolerance for tolerance in part.form_tolerances if tolerance.face == face]
+    carried = [tolerance for tolerance in part.form_tolerances if tolerance.face == optical_name(name)]
     if not carried:
         return f"Profile of the surface: {1e-3 * width_um:g} (none in {STEP_FILE})"
     return f"Profile of the surface: {1e-3 * width_um:g}{' | A' if carried[0].datum_faces else ''}"
 
 
-def _centring(name: FaceName, lens: Lens) -> str:
-    tilt, shift = _amount(lens, "outer_tilt_deg"), _amount(lens, "outer_shift_mm")
-    if name == "inner":
-        return "4/ reference of the outer face" if tilt or shift else f"4/ {NOTHING}"
-    words = [f"±{tilt:g}°"] if tilt else []
-    words += [f"±{shift:g} mm"] if shift else []
-    return f"4/ {', '.join(words)} to the inner face" if words else f"4/ {NOTHING}"
+def _centring(name: str, lens: Lens) -> str:
+    """Place against the first face, to which the others are centred."""
+    first, *others = lens.surfaces
+    if name == first:
+        referring = [other for other in others if _centred(other, lens)]
+        return f"4/ reference of the {' and '.join(referring)} face" if referring else f"4/ {NOTHING}"
+    words = _centred(name, lens)
+    return f"4/ {', '.join(words)} to the {first} face" if words else f"4/ {NOTHING}"
 
 
-def _texture(name: FaceName, lens: Lens, height: float | None) -> str:
+def _centred(name: str, lens: Lens) -> list[str]:
+    tilt, shift = _amount(lens, f"{name}_tilt_deg"), _amount(lens, f"{name}_shift_mm")
+    return ([f"±{tilt:g}°"] if tilt else []) + ([f"±{shift:g} mm"] if shift else [])
+
+
+def _texture(name: str, lens: Lens, height: float | None) -> str:
     slope, ripple = _amount(lens, f"{name}_roughness_mrad"), _amount(lens, f"{name}_ripple_um")
     words = ["polished"]
     words += [f"Rq {height:g} nm"] if height else []
@@ -132,7 +148,7 @@ def _texture(name: FaceName, lens: Lens, height: float | None) -> str:
 
 
 def _amount(lens: Lens, name: str) -> float:
-    return lens.spec.tolerances.of(name).amount
+    return lens.spec.part_tolerances.tolerance(name).amount
 
 
 @dataclass(frozen=True)
@@ -160,9 +176,8 @@ class ToleranceTable:
 
 def tolerance_table(lens: Lens, studied: Sequence[Group] = ()) -> ToleranceTable:
     """The tolerances of the spec; ``studied``: facts of the yield under them, none where it has not been computed."""
-    section = lens.spec.tolerances
     try:
-        factors = factors_of(section)
+        factors = factors_of(lens.spec.part_tolerances)
     except InputError:  # all of them are 0
         factors = ()
     budget = {group.title: group for group in studied if group.key == "budget"}
@@ -175,8 +190,8 @@ def tolerance_table(lens: Lens, studied: Sequence[Group] = ()) -> ToleranceTable
 
 
 def _row(lens: Lens, factor: Factor, budget: Group | None) -> ToleranceRow:
-    section = lens.spec.tolerances
-    given = getattr(section, factor.name) is not None
+    tolerances = lens.spec.part_tolerances
+    given = tolerances.given(factor.name) is not None
     words = amount_words(factor.name, factor.amount, factor.unit)
     if factor.name.endswith(_RMS):
         words = f"{words} rms"
@@ -188,7 +203,7 @@ def _row(lens: Lens, factor: Factor, budget: Group | None) -> ToleranceRow:
     if budget is not None:
         most = budget.fact("at_most").text
         at_most = budget.fact("interval").text if most == NOTHING else most
-    return ToleranceRow(factor.words, words, "specification" if given else f"preset “{section.preset}”", at_most)
+    return ToleranceRow(factor.words, words, "specification" if given else f"preset “{tolerances.preset}”", at_most)
 
 
 def _sentence(studied: Sequence[Group], passing: str) -> str:

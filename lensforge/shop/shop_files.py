@@ -80,7 +80,7 @@ def make_handover(
         pdf=sheet_pdf(sheet),
         dxf=dxf,
         points_csv=tables[POINTS_FILE],
-        points=2 * len(ring_angles()),
+        points=len(lens.surfaces) * len(ring_angles()),
         grids=grids,
         sha256=hashes,
         refused=tuple(verdict for verdict in check.verdicts if not verdict.holds),
@@ -99,7 +99,6 @@ def _tables(
     lens = part.lens
     sizes = [(size.name, shown(size.value_mm), size.tolerance, size.scope_words) for size in drawn.views.dimensions]
     notes = [f"{number}. {note}" for number, note in enumerate(drawn.notes, 1)]
-    outer, inner = face_groups(lens, check)
     findings = [
         (f"{group.title}: {fact.label.lower()}", fact.text, ". Change: ".join(filter(None, (fact.note, fact.remedy))))
         for group in finding_groups(check)
@@ -113,8 +112,7 @@ def _tables(
         Table("Sizes", sizes, ("Size", "mm", "Tolerance", "Where")),
         Table("Notes of the drawing", sentences=notes),
         *_tolerance_tables(tolerances),
-        Table("Outer face", _rows(outer)),
-        Table("Inner face", _rows(inner)),
+        *(Table(group.title, _rows(group)) for group in face_groups(lens, check)),
         Table("Can it be cut?", findings, ("Question", "", "Answer")),
         Table("Criteria on files and shape", judged, ("Criterion", "Value", "Limit", "State")),
         Table(dense.title, _rows(dense)),
@@ -139,14 +137,11 @@ def _rows(group: Group) -> list[tuple[str, str]]:
 
 def _pictures(check: Check) -> Pictures:
     figures: Pictures = []
-    for name, face, sag, kappa in (
-        ("outer", check.outer, check.outer_sag_mm, check.outer_kappa_min),
-        ("inner", check.inner, check.inner_sag_mm, check.inner_kappa_min),
-    ):
+    for name, face in reversed(check.faces.items()):
         radius = face.cutter.radius_mm
-        figures.append((f"{name}: departure from the best-fit sphere", sag_map(sag)))
+        figures.append((f"{name}: departure from the best-fit sphere", sag_map(face.sag_mm)))
         caption = f"{name}: smaller principal curvature; line: where a ball of {radius:g} mm just fits"
-        figures.append((caption, curvature_map(kappa, radius)))
+        figures.append((caption, curvature_map(face.kappa_min, radius)))
     return figures
 
 
@@ -162,7 +157,7 @@ def _page(title: str, sheet: Sheet, tables: list[Table], figures: Pictures, vers
 def shop_facts(lens: Lens, part: Part, check: Check) -> Group:
     """Facts on the part and its files, beyond those of its title block."""
     files = part_facts(part)[0].select("form_error", "normal_error", "volume", "mass", "schema", "surfaces").facts
-    walls = next(group for group in check_facts(check, lens.spec) if group.key == "wall").facts
+    walls = next(group for group in check_facts(check, lens.spec) if group.key == "walls").facts
     facts = (
         *_make(lens, part),
         *files,
@@ -174,9 +169,9 @@ def shop_facts(lens: Lens, part: Part, check: Check) -> Group:
 
 
 def face_groups(lens: Lens, check: Check) -> list[Group]:
-    """Facts of the outer and of the inner face."""
+    """Facts of each face, from the outside in."""
     named = {group.key: group for group in check_facts(check, lens.spec)}
-    return [named["outer"], named["inner"]]
+    return [named[name] for name in reversed(check.faces)]
 
 
 def table_facts(grids: tuple[PointGrid, ...]) -> Group:

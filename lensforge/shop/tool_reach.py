@@ -8,6 +8,7 @@ Contacts and obstacles are samples, so a collision that is narrower than their s
 for planning; the shop's own simulation decides.
 """
 
+from collections.abc import Mapping
 from itertools import pairwise
 
 import numpy as np
@@ -19,7 +20,7 @@ from lensforge.shop.ball_clearance import CustomBaseMesh
 from lensforge.shop.ball_cutter import largest_ball_mm, reachable
 from lensforge.shop.check_result import ToolReach, ToolResult
 from lensforge.shop.face_check import FaceCheck
-from lensforge.shop.face_samples import AirSide, FaceSamples, sample_face
+from lensforge.shop.face_samples import AirSide, FaceSamples, all_points, sample_face
 from lensforge.spec import Tool
 
 _CLEARANCE = 1e-9  # mm: a shank that touches is clear
@@ -100,8 +101,7 @@ def _across(axis: Float[np.ndarray, "3"]) -> tuple[Float[np.ndarray, "3"], Float
 
 def check_tools(
     tools: tuple[Tool, ...],
-    inner: FaceCheck,
-    outer: FaceCheck,
+    faces: Mapping[str, FaceCheck],
     plan: Plan[Patch] | None,
     custom: CustomBaseMesh | None,
     max_tilt_rad: float,
@@ -112,10 +112,12 @@ def check_tools(
     """
     if not tools:
         return ()
-    reaches = [_reaches(tools, face, _obstacles(face, plan, custom), max_tilt_rad) for face in (inner, outer)]
+    reaches = {
+        name: _reaches(tools, face, _obstacles(face, plan, custom), max_tilt_rad) for name, face in faces.items()
+    }
     return tuple(
-        ToolResult(**tool.model_dump(), inner=of_inner, outer=of_outer)
-        for tool, of_inner, of_outer in zip(tools, *reaches, strict=True)
+        ToolResult(**tool.model_dump(), faces={name: reach[number] for name, reach in reaches.items()})
+        for number, tool in enumerate(tools)
     )
 
 
@@ -131,8 +133,8 @@ def _reaches(
 
 
 def _obstacles(face: FaceCheck, plan: Plan[Patch] | None, custom: CustomBaseMesh | None) -> Float[np.ndarray, "m 3"]:
-    """Points of the face itself, and all over the base."""
-    on_face = sample_face(face.samples.face, _OBSTACLE_NODES).points
+    """Points of the face itself and of those beside it, and all over the base."""
+    on_face = all_points(face.samples.face, _OBSTACLE_NODES)
     if custom is not None:
         return np.concatenate([on_face, custom.points()])
     if plan is None or not plan.has_base:

@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float
 
+from lensforge.cad.boundary import lens_boundaries
 from lensforge.cad.custom_base import mesh_of_base
 from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.mesh import manifold_of
@@ -55,11 +56,11 @@ def section_view(lens: Lens, letter: str, azimuth_deg: float) -> SectionView:
 def _edges(lens: Lens, azimuth: float) -> list[Points]:
     """Edges of cavity, bore and pocket behind the plane of the section, across the opening."""
     turns = azimuth + np.array([0.0, np.pi])
-    base = base_with_room(lens)
-    holes = [(0.0, rim_radius(lens.inner))]
+    base, cavity = base_with_room(lens), rim_radius(lens_boundaries(lens)[0])
+    holes = [(0.0, cavity)]
     if base.kind in ("cylinder", "square"):
-        plan = lay_out(lens.inner, lens.outer, base)
-        bore = rim_radius(lens.inner) if plan.bore is None else plan.bore.radius
+        plan = lay_out(*lens_boundaries(lens), base)
+        bore = cavity if plan.bore is None else plan.bore.radius
         holes += [(0.0, bore), (-plan.bore_mm, bore)]
         if plan.pocket is not None:
             holes += [(-plan.bore_mm, plan.pocket.radius), (-base.height_mm, plan.pocket.radius)]
@@ -72,7 +73,7 @@ def _silhouettes(lens: Lens, azimuth: float) -> list[ViewLine]:
     turn = np.linspace(-0.5 * np.pi, 0.5 * np.pi, _AZIMUTHS)
     plane = np.sin(turn)[:, None] * across + np.cos(turn)[:, None] * _AXIS
     plane[[0, -1], 2] = 0.0  # the rim lies in z = 0 exactly
-    cut, behind = lens.outer.radius(plane), _seen_along(lens, plane, -towards)
+    cut, behind = lens_boundaries(lens)[1].radius(plane), _seen_along(lens, plane, -towards)
     line = np.column_stack([behind * np.cos(turn), behind * np.sin(turn)])
     return _pieces(line, behind > cut + _BEYOND_MM, "outline", None)
 
@@ -81,14 +82,14 @@ def end_lines(lens: Lens) -> list[ViewLine]:
     """Lines of the part seen from its base, as (y, x)."""
     base = base_with_room(lens)
     turn = np.linspace(0.0, 2.0 * np.pi, _AZIMUTHS)
-    opening = _loop(turn, rim_radius(lens.inner)(turn))
+    opening, rim = (_loop(turn, rim_radius(boundary)(turn)) for boundary in lens_boundaries(lens))
     dome = dome_radius(lens, turn)
     if base.kind == "none":
-        return [ViewLine(opening), ViewLine(_loop(turn, rim_radius(lens.outer)(turn))), ViewLine(_loop(turn, dome))]
+        return [ViewLine(opening), ViewLine(rim), ViewLine(_loop(turn, dome))]
     outlines = _base_outlines(lens, base)
     if base.file is not None:
         return [*(ViewLine(loop) for loop in outlines), ViewLine(_loop(turn, dome), pen="hidden")]
-    plan = lay_out(lens.inner, lens.outer, base)
+    plan = lay_out(*lens_boundaries(lens), base)
     circles = [_loop(turn, circle.radius(turn)) for circle in (plan.bore, plan.pocket) if circle is not None]
     found = [ViewLine(each) for each in (opening, *circles, outlines[-1])]
     found += [ViewLine(each, pen="hidden") for each in outlines[:-1]]
@@ -113,7 +114,7 @@ def _base_outlines(lens: Lens, base: BaseSection) -> list[Points]:
     """Outline of the base seen along the axis, of its flange the last, as (y, x)."""
     if base.file is not None:
         return _shadow_of_file(base)
-    plan = lay_out(lens.inner, lens.outer, base)
+    plan = lay_out(*lens_boundaries(lens), base)
     turn = np.linspace(0.0, 2.0 * np.pi, _AZIMUTHS)
     corners = np.union1d(turn, np.mod(plan.outline.corners, 2.0 * np.pi))
     found = [_loop(corners, plan.outline.radius(corners))]
@@ -121,15 +122,15 @@ def _base_outlines(lens: Lens, base: BaseSection) -> list[Points]:
 
 
 def dome_radius(lens: Lens, turn: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Silhouette of the outer face along the axis: its largest distance (mm) from the axis at each azimuth."""
+    """Silhouette of the envelope along the axis: its largest distance (mm) from the axis at each azimuth."""
     return _seen_along(lens, rim_directions(turn), _AXIS)
 
 
 def _seen_along(lens: Lens, plane: Float[np.ndarray, "n 3"], away: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " n"]:
-    """Silhouette (mm) of the outer face seen along ``away``, of the half on that side, in directions across it."""
+    """Silhouette (mm) of the envelope seen along ``away``, of the half on that side, in directions across it."""
     tilt = np.linspace(0.0, 0.5 * np.pi, _POLAR)
     directions = np.cos(tilt)[:, None, None] * plane + np.sin(tilt)[:, None, None] * away
-    radius = lens.outer.radius(directions.reshape(-1, 3)).reshape(directions.shape[:2])
+    radius = lens_boundaries(lens)[1].radius(directions.reshape(-1, 3)).reshape(directions.shape[:2])
     return np.asarray((radius * np.cos(tilt)[:, None]).max(axis=0))
 
 

@@ -21,7 +21,7 @@ def lens(source=None, **evaluate):
     content = {
         "name": "measured",
         "source": source or {"kind": "square", "side_mm": 1.0},
-        "lens": {"levels": LEVELS, "inner_offset_mm": 6.0, "outer_offset_mm": 13.0},
+        "lens": {"levels": LEVELS, "inner": {"offset_mm": 6.0}, "outer": {"offset_mm": 13.0}},
         "constraints": {
             "cavity_height_mm": 1.0,
             "cavity_radius_mm": 1.0,
@@ -37,7 +37,7 @@ def lens(source=None, **evaluate):
         },
         "evaluate": {"rays": 16384, "pixels": 24, **evaluate},
     }
-    return Lens(surface(6.0, 1), surface(13.0, 2), parse_spec(content, "test"), 0, "draft")
+    return Lens.double(surface(6.0, 1), surface(13.0, 2), parse_spec(content, "test"), 0, "draft")
 
 
 def dent(u, height_mm, towards=(0.5, 0.3, 0.8), width=0.35):

@@ -55,7 +55,7 @@ def test_a_photograph_of_the_simulated_light_is_found_alike(folder: Path) -> Non
 def on_receiver(**receiver: object) -> lf.Lens:
     """The lens before one receiver."""
     spec = LENS.spec.replace({"target": None, "receivers": [receiver]})
-    return lf.Lens(LENS.inner, LENS.outer, spec, LENS.seed, LENS.accuracy)
+    return lf.Lens.double(LENS.inner, LENS.outer, spec, LENS.seed, LENS.accuracy)
 
 
 def test_light_on_a_rectangle_is_compared_where_its_lens_says(tmp_path: Path) -> None:
@@ -107,7 +107,14 @@ def test_points_on_half_of_the_surface_are_refused(folder: Path) -> None:
         ([], "--on PHOTO"),
         (["--on", "a.png", "--points", "b.csv"], "--on PHOTO"),
         (["--on", "a.png"], "a.png: no such file"),
-        (["--points", "b.csv"], "surface = None: must be 'inner' or 'outer'"),
+        (
+            ["--points", "b.csv"],
+            "surface = None: must be one of inner, outer",
+        ),
+        (
+            ["--points", "b.csv", "--surface", "side"],
+            "surface = 'side': must be one of inner, outer",
+        ),
         (["--points", "b.csv", "--surface", "outer"], "no such file"),
         (
             ["--points", "b.csv", "--surface", "outer", "--off", "a.png", "--gamma", "2.2"],

@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
+from scenes import part_tolerances
 
 from lensforge.made.yield_study import contributions, features
 from lensforge.scene.perturbations import Draws
-from lensforge.spec.tolerances_section import PRESET_AMOUNTS, TolerancesSection, factors_of
-
-NONE = dict.fromkeys(PRESET_AMOUNTS["standard"], 0)
+from lensforge.spec.tolerances_section import factors_of
 
 
 def _draws(parts: int, seed: int = 0, distribution: str = "uniform", **amounts: float) -> Draws:
@@ -15,7 +14,7 @@ def _draws(parts: int, seed: int = 0, distribution: str = "uniform", **amounts: 
         name: amount if name.endswith("_um") else {"amount": amount, "distribution": distribution}
         for name, amount in amounts.items()
     }
-    return Draws.of(factors_of(TolerancesSection(**{**NONE, **spread})), parts, seed)
+    return Draws.of(factors_of(part_tolerances(**spread)), parts, seed)
 
 
 def _shares(draws: Draws, values: np.ndarray, noise: float = 0.0) -> dict:

@@ -24,7 +24,9 @@ distributed = pytest.importorskip("distributed")
 
 
 def small_lens():
-    return Lens(random_surface(1, 3.0, 0.01, (9, 25)), random_surface(2, 6.0, 0.01, (9, 25)), small_spec(), 0, "draft")
+    return Lens.double(
+        random_surface(1, 3.0, 0.01, (9, 25)), random_surface(2, 6.0, 0.01, (9, 25)), small_spec(), 0, "draft"
+    )
 
 
 @pytest.fixture(scope="module")

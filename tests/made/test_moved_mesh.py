@@ -10,7 +10,7 @@ from scenes import random_surface, table_of
 from scipy.spatial.transform import Rotation
 
 from lensforge.light.table_trace import Scene
-from lensforge.optics.media import Media
+from lensforge.optics.media import Media, Medium
 from lensforge.scene.as_made import AsMade, Displacement
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.surfaces.bicubic_table import TableGrid
@@ -71,7 +71,7 @@ def _through(mesh: trimesh.Trimesh, normals: np.ndarray, p: np.ndarray, d: np.nd
 def test_rays_leave_moved_faces_as_they_leave_their_meshes(lens: Displacement, face: Displacement) -> None:
     rays = SquareEmitter(1.0).sample(64, 3)
     tables = [table_of(surface, GRID) for surface in (INNER, OUTER)]
-    found = trace_tables(*tables, Scene(Media(INDEX), GRID, made=AsMade(lens=lens, outer=face)), rays)
+    found = trace_tables(tables, Scene(Media(Medium(INDEX)), GRID, made=AsMade(lens=lens, faces={"outer": face})), rays)
     p, d = _through(*_mesh(INNER, lens), rays.origins, rays.directions, 1.0 / INDEX)
     inside = np.isfinite(p[:, 0])
     q, e = np.full_like(p, np.nan), np.full_like(p, np.nan)
@@ -80,6 +80,6 @@ def test_rays_leave_moved_faces_as_they_leave_their_meshes(lens: Displacement, f
     assert both.sum() > 40
     assert np.abs(found.points.numpy() - q)[both].max() < 3e-3
     assert np.abs(found.directions.numpy() - e)[both].max() < 2e-3
-    still = trace_tables(*tables, Scene(Media(INDEX), GRID), rays)
+    still = trace_tables(tables, Scene(Media(Medium(INDEX)), GRID), rays)
     moved_by = torch.linalg.norm(still.points - found.points, dim=1)[torch.from_numpy(both)]
     assert moved_by.median() > 0.02

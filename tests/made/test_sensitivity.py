@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from nightly import scaled
-from scenes import random_surface, small_spec
+from scenes import random_surface, small_spec, tolerance_changes
 
 from lensforge.light.evaluation import evaluate_lens
 from lensforge.light.evaluation_result import LightMetrics
@@ -22,7 +22,7 @@ RAYS = 8192
 
 def small_lens(roughness=0.01, tolerances=None):
     inner, outer = random_surface(1, 3.0, roughness, (9, 25)), random_surface(2, 6.0, roughness, (9, 25))
-    return Lens(inner, outer, small_spec().replace(tolerances=tolerances or {}), 0, "draft")
+    return Lens.double(inner, outer, small_spec(**tolerance_changes(tolerances or {})), 0, "draft")
 
 
 def test_every_tolerance_is_named_and_nothing_changes_without_one():
@@ -30,7 +30,7 @@ def test_every_tolerance_is_named_and_nothing_changes_without_one():
     found = measure_sensitivity(lens, rays=1024)
     assert found.inputs == {"lens": lens.sha256}
     names = " ".join(row.name for row in found.rows)
-    for factor in factors_of(lens.spec.tolerances):
+    for factor in factors_of(lens.spec.part_tolerances):
         assert factor.words in names
     for row in found.rows:
         assert row.change.nmse.value == pytest.approx(row.metrics.nmse.value - found.nominal.nmse.value)
@@ -50,12 +50,12 @@ def test_a_shift_is_along_one_axis_and_a_form_error_has_its_rms():
             found[error.name, error.amount > 0.0] = study.maker.part(error.deviations)
     assert found["source, decentre in y", True].made.source.shift_mm == (0.0, 0.05, 0.0)
     assert found["source, height", False].made.source.shift_mm == (0.0, 0.0, -0.05)
-    assert found["outer face against inner, tilt about x", True].made.outer.tilt_rad == (np.radians(0.05), 0.0)
+    assert found["outer face against inner, tilt about x", True].made.faces["outer"].tilt_rad == (np.radians(0.05), 0.0)
     assert found["refractive index", False].index == -1e-3
     u = fibonacci_hemisphere(3000)
     for name, rms_mm in (("form, inner face", 1e-3), ("form, outer face", 1e-3)):
         face = name.split(", ")[1].split()[0]
-        surface, table = getattr(lens, face), getattr(found[name, True], f"{face}_error")
+        surface, table = lens.surfaces[face], found[name, True].errors[face]
         error = evaluate_table(study.light.nominal.scene.grid, table, u) * np.sum(surface.normal(u) * u, axis=1)
         assert np.sqrt(np.mean(error**2)) == pytest.approx(rms_mm, rel=0.005)
 
@@ -77,7 +77,7 @@ def test_the_lens_as_designed_is_that_of_its_evaluation():
 
 def square_lens():
     surfaces = (random_surface(seed, 3.0 * seed, 0.01, (9, 25), "square") for seed in (1, 2))
-    return Lens(*surfaces, small_spec(lens__symmetry="square"), 0, "draft")
+    return Lens.double(*surfaces, small_spec(lens__symmetry="square"), 0, "draft")
 
 
 @pytest.fixture(scope="module")

@@ -141,7 +141,9 @@ def deformed_part(height):
     motions = np.concatenate([np.cross(u * outer.radius(u)[:, None], normals), normals], axis=1)
     share = np.linalg.lstsq(motions, cosine * (values @ weights), rcond=None)[0]
     weights -= np.linalg.lstsq(values, motions @ share / cosine, rcond=None)[0]
-    return replace(LENS, outer=SrbfSurface(outer.basis, outer.weights_mm + weights, outer.offset_mm))
+    return replace(
+        LENS, surfaces={**LENS.surfaces, "outer": SrbfSurface(outer.basis, outer.weights_mm + weights, outer.offset_mm)}
+    )
 
 
 @pytest.mark.parametrize("registration", first_by_day(1, ["rigid", "shift", "none"]))

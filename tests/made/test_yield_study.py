@@ -107,7 +107,7 @@ def test_every_tolerance_moves_the_light_of_every_kind_of_ray(source: str) -> No
     amounts |= {"inner_roughness_mrad": 1.0, "outer_roughness_mrad": 1.0}
     glass = {"material": "PMMA"} if source == "of a spectrum" else {}
     study = PartStudy(Recipe(lens_with(amounts, source=_SOURCES[source], lens=glass), 2, 512, 0, 512))
-    assert (study.light.held.rays.refractive_indices is None) == (source == "of one index")
+    assert (study.light.held.rays.wavelengths_nm is None) == (source == "of one index")
     hits, _ = _landed(study, None)
     assert {factor.name for factor in study.factors} == set(amounts)
     for factor in study.factors:
@@ -274,7 +274,7 @@ def test_limits_of_the_same_name_are_metrics_of_their_own() -> None:
 def test_tolerances_of_ones_own_are_named_in_the_record() -> None:
     import lensforge as lf
 
-    lens, own = lens_with(), lf.TolerancesSection(preset="moulded", gap_mm=0.1)
+    lens, own = lens_with(), lf.PartTolerances(preset="moulded", outer={"gap_mm": 0.1})
     found = lf.tolerance(lens, parts=40, rays=256, budget=False, tolerances=own)
     assert found.conditions.name.startswith("own_")
     with pytest.raises(InputError, match="no_such"):
@@ -290,7 +290,7 @@ def test_other_tolerances_name_themselves() -> None:
     assert own.conditions is None
     assert other.conditions is not None
     assert other.conditions.name == "precision"
-    names = {_name_of(lf.TolerancesSection(preset="precision", gap_mm=gap)) for gap in (0.1, 0.2)}
+    names = {_name_of(lf.PartTolerances(preset="precision", outer={"gap_mm": gap})) for gap in (0.1, 0.2)}
     assert len(names) == 2
     assert "precision" not in names
     assert other.inputs["lens"] == own.inputs["lens"] == lens.sha256

@@ -24,7 +24,7 @@ Z = 1.959963984540054
 def make_yield(lens):
     """A study of ``lens``: NMSE and flux in the target of 40 parts, 38 of which pass."""
     rng = np.random.default_rng(3)
-    factors = factors_of(lens.spec.tolerances)
+    factors = factors_of(lens.spec.part_tolerances)
     names = [name for each in factors for name in _columns(each)]
     drawn = rng.uniform(-1.0, 1.0, (PARTS, len(names)))
     nmse, share = np.linspace(0.02, 0.1025, PARTS), np.linspace(0.82, 0.78, PARTS)

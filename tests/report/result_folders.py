@@ -54,7 +54,7 @@ def small_lens(text="+", inner_mm=4.0, outer_mm=10.0, bump_mm=0.3, lumens_per_wa
     content = {
         "name": "small",
         "source": {"kind": "square", "side_mm": 2.0, "luminous_efficacy_lm_per_w": lumens_per_watt},
-        "lens": {"inner_offset_mm": inner_mm, "outer_offset_mm": outer_mm, "levels": [9]},
+        "lens": {"inner": {"offset_mm": inner_mm}, "outer": {"offset_mm": outer_mm}, "levels": [9]},
         "evaluate": {"pixels": PIXELS},
         "constraints": {
             "cavity_height_mm": 1.0,
@@ -65,7 +65,7 @@ def small_lens(text="+", inner_mm=4.0, outer_mm=10.0, bump_mm=0.3, lumens_per_wa
         **(wanted or {"target": text_target(text, uniform_mm)}),
     }
     surfaces = (SrbfSurface(basis, weights, inner_mm), SrbfSurface(basis, weights[::-1].copy(), outer_mm))
-    return Lens(*surfaces, parse_spec(content, "test"), seed=7, accuracy="draft")
+    return Lens.double(*surfaces, parse_spec(content, "test"), seed=7, accuracy="draft")
 
 
 def text_target(text, uniform_mm=None):
@@ -127,21 +127,19 @@ def light_images(rows, columns):
     return {"target_map": target, "map": target * ripple + 0.5, "raw_map": target * ripple**2 + 0.5}
 
 
-def check_arrays():
+def face_maps():
+    """Maps of a face over its chart."""
     nodes = np.linspace(-1.0, 1.0, NODES)
     points = np.stack(np.meshgrid(nodes, nodes, indexing="ij"), axis=-1)
     outside = np.sum(points**2, axis=-1) > 1.0
-    maps = {"chart_axis": nodes}
-    for face in ("inner", "outer"):
-        for name, values in (
-            ("sag_mm", 0.1 * points[..., 0]),
-            ("kappa_min", -0.8 + 0.5 * points[..., 1]),
-            ("kappa_max", 0.2 + 0.1 * points[..., 1]),
-            ("residual_mm", np.maximum(0.0, points[..., 0] - 0.5)),
-        ):
-            maps[f"{face}_{name}"] = np.where(outside, np.nan, values)
-        maps[f"{face}_xyz"] = 5.0 * chart.to_sphere(points)
-    return maps
+    values = {
+        "sag_mm": 0.1 * points[..., 0],
+        "kappa_min": -0.8 + 0.5 * points[..., 1],
+        "kappa_max": 0.2 + 0.1 * points[..., 1],
+        "residual_mm": np.maximum(0.0, points[..., 0] - 0.5),
+    }
+    maps = {name: np.where(outside, np.nan, each) for name, each in values.items()}
+    return {"xyz": 5.0 * chart.to_sphere(points), **maps}
 
 
 def make_design(lens, **changes):
@@ -300,9 +298,10 @@ def make_check(lens, **changes):
         undercut_fraction=0.03125,
         largest_tilt_deg=93.25,
         area_mm2=321.5,
+        **face_maps(),
     )
-    wall = Wall(thickness_mm=1.875, inner_point_mm=(0.0, 0.0, 4.0), outer_point_mm=(0.0, 0.0, 5.875))
-    thick = Wall(thickness_mm=8.0, inner_point_mm=(0.0, 0.0, 4.0), outer_point_mm=(0.0, 0.0, 12.0))
+    wall = Wall(thickness_mm=1.875, cavity_point_mm=(0.0, 0.0, 4.0), envelope_point_mm=(0.0, 0.0, 5.875))
+    thick = Wall(thickness_mm=8.0, cavity_point_mm=(0.0, 0.0, 4.0), envelope_point_mm=(0.0, 0.0, 12.0))
     content = {
         "inputs": {"lens": lens.sha256},
         "make": "part",
@@ -310,13 +309,13 @@ def make_check(lens, **changes):
         "inner": face,
         "outer": face,
         "min_wall_mm": 1.875,
-        "wall": Walls(thinnest=wall, thickest=thick),
-        "relief": BallClearance(outer=None, inner=None, note="there is no base"),
+        "walls": Walls(thinnest=wall, thickest=thick),
+        "relief": BallClearance(faces={}, note="there is no base"),
         "tools": (),
         "criteria": (criterion("thinnest wall", 1.875, 0.999, ">="),),
         "verdicts": (finding("wall", "body", True, "the wall is thick enough"),),
         "seconds": 4.5,
-        **check_arrays(),
+        "chart_axis": np.linspace(-1.0, 1.0, NODES),
     }
     return Check(**{**content, **changes})
 

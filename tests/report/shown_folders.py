@@ -19,7 +19,7 @@ from lensforge.results.criteria import Criterion
 from lensforge.scene.lens import Lens
 from lensforge.shop.findings import check_findings
 from lensforge.sources.source_summary import SourceSummary
-from lensforge.spec import parse_spec
+from lensforge.spec.design_spec import changed, parse_spec
 from lensforge.spec.source_sections import RayfileSource
 
 WALL = {
@@ -28,17 +28,19 @@ WALL = {
 }  # fmt: skip
 BEAM = {"kind": "beam", "fwhm_deg": (60.0, 25.0), "uniform_deg": 10.0}
 SKY = {"kind": "far_field", "name": "sky", "half_angle_deg": 80.0, "targets": (BEAM,)}
-_COATED = {"inner_coating": {"reflectance": 0.005}, "outer_coating": {"reflectance": 0.012}, "cavity_index": 1.25}
+_COATED = {
+    "inner": {"coating": {"reflectance": 0.005}, "draft_deg": 2.0},
+    "outer": {"coating": {"reflectance": 0.012}, "draft_deg": 3.0},
+    "cavity_index": 1.25,
+}
 ROAD = {"use": "road", "lenses": 24, "pole_height_m": 8.0, "pole_spacing_m": 30.0, "road_width_m": 7.0}
 
 
 def lens_of(wanted=None, lumens_per_watt=None, **sections):
     """The small lens with other ``sections`` of its spec, those of the same name joined."""
     lens = small_lens(wanted=wanted, lumens_per_watt=lumens_per_watt)
-    content = lens.spec.model_dump(exclude_unset=True)
-    for name, section in sections.items():
-        content[name] = {**content.get(name, {}), **section} if isinstance(section, dict) else section
-    return Lens(lens.inner, lens.outer, parse_spec(content, "test"), lens.seed, lens.accuracy)
+    content = changed(lens.spec.model_dump(exclude_unset=True), sections)
+    return Lens.double(lens.inner, lens.outer, parse_spec(content, "test"), lens.seed, lens.accuracy)
 
 
 def _folder(stages, lens, more=None, **records):
@@ -156,7 +158,7 @@ def ray_file():
 
 def moulded():
     """Mould inserts of a coated lens: drafts, limits of size and wall, a keep-out solid, a mass."""
-    limits = {"inner_draft_deg": 2.0, "outer_draft_deg": 3.0, "max_wall_mm": 9.0, "max_height_mm": 12.5}
+    limits = {"max_wall_mm": 9.0, "max_height_mm": 12.5}
     shop = {"make": "insert", "shrinkage": 0.0125, "form_tolerance_um": 2.5}
     base = {"diameter_mm": 25.4, "flange_diameter_mm": 30.0, "pocket_diameter_mm": 12.0}
     lens = lens_of(constraints=limits, manufacture=shop, base=base, lens=_COATED)
@@ -167,7 +169,7 @@ def moulded():
         ("design", "export", "check"), lens, export={"keep_out": keep_out, "mass_g": 4.5}, check={"make": "insert"}
     )
     check = results.check
-    findings = check_findings(lens.spec, check.inner, check.outer, check.min_wall_mm, check.relief, check.tools)
+    findings = check_findings(lens.spec, check.faces, check.min_wall_mm, check.relief, check.tools)
     found = {**results.found, "check": check.model_copy(update={"verdicts": findings})}
     return replace(results, found=found)
 

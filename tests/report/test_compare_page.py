@@ -74,7 +74,7 @@ def test_none_is_the_better_of_two_targets(designs):
 
 def test_only_what_differs_in_the_specs_is_listed(designs):
     assert [(line.name, [cell.text for cell in line.cells]) for line in difference_lines(designs)] == [
-        ("lens.outer_offset_mm", ["10 mm", "9 mm"])
+        ("lens.outer.offset_mm", ["10 mm", "9 mm"])
     ]
 
 

@@ -4,14 +4,16 @@ import pytest
 from shown_folders import FOLDERS, folder_of
 
 from lensforge.results import Bound, Fact, Group, Metric, Record
+from lensforge.results.record import values_of
 from lensforge.results.verdict import judge, worst
 
 
 def numbers_of(value):
     """Every number of a record or a spec, arrays by their peaks."""
     if isinstance(value, Record):
-        for name in (*type(value).model_fields, *type(value).model_computed_fields):
+        for name in type(value).model_computed_fields:
             yield from numbers_of(getattr(value, name))
+        yield from numbers_of(values_of(value))
     elif isinstance(value, dict):
         for entry in value.values():
             yield from numbers_of(entry)
@@ -64,7 +66,7 @@ TOLD = (
     ("outer_sphere", "Best-fit sphere", "mm", lambda r: r.check.outer.best_fit_sphere.radius_mm),
     ("outer_departure", "Departure from it", "µm", lambda r: 1e3 * r.check.outer.best_fit_sphere.pv_mm),
     ("thinnest", "Thinnest wall", "mm", lambda r: r.check.min_wall_mm),
-    ("thickest", "Thickest wall", "mm", lambda r: r.check.wall.thickest.thickness_mm),
+    ("thickest", "Thickest wall", "mm", lambda r: r.check.walls.thickest.thickness_mm),
     ("landing", "Rays land apart by", "µm", lambda r: 1e3 * r.proof.deviation_mm.rms),
     ("nmse_vs_design", "NMSE against the design", "", lambda r: r.proof.first.nmse_vs_design),
     ("nmse_same_rays", "NMSE with the same rays", "", lambda r: r.proof.first.nmse_same_rays),

@@ -66,19 +66,22 @@ def test_nothing_is_written(tmp_path, monkeypatch, results):
 
 
 @pytest.mark.parametrize(
-    ("name", "title"),
+    ("place", "title"),
     first_by_day(
         1,
         [
-            ("inner_residual_mm", "Inner face: left uncut by the mill"),
-            ("outer_sag_mm", "Outer face: departure from a sphere"),
-            ("inner_kappa_min", "Inner face: curvature"),
+            (("inner", "residual_mm"), "Inner face: left uncut by the mill"),
+            (("outer", "sag_mm"), "Outer face: departure from a sphere"),
+            (("inner", "kappa_min"), "Inner face: curvature"),
         ],
     ),
 )
-def test_a_map_without_a_number_is_left_out(name, title):
-    assert title in text_of(make_results(("check",)))
-    assert title not in text_of(make_results(("check",), check={name: np.full((21, 21), np.nan)}))
+def test_a_map_without_a_number_is_left_out(place, title):
+    name, quantity = place
+    full = make_results(("check",))
+    assert title in text_of(full)
+    face = full.check.faces[name].model_copy(update={quantity: np.full((21, 21), np.nan)})
+    assert title not in text_of(make_results(("check",), check={name: face}))
 
 
 def test_text_of_the_spec_stays_text():

@@ -3,7 +3,7 @@ from xml.etree import ElementTree
 import matplotlib as mpl
 import numpy as np
 import pytest
-from result_folders import check_arrays, evaluate_arrays, make_results, small_lens
+from result_folders import evaluate_arrays, face_maps, make_results, small_lens
 
 from lensforge.errors import MissingResult
 from lensforge.report.lens_page import results_html
@@ -52,7 +52,7 @@ def test_the_plotted_light_is_the_one_of_the_record(results):
 
 
 def test_a_plotted_face_has_x_to_the_right(results):
-    sag = check_arrays()["outer_sag_mm"]
+    sag = face_maps()["sag_mm"]
     drawn = np.ma.filled(results.check.plot(surface="outer", quantity="sag_mm").images[0].get_array(), np.nan)
     np.testing.assert_array_equal(drawn, sag.T)
 

@@ -4,7 +4,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from result_folders import check_arrays, make_design, make_light, small_lens
+from result_folders import face_maps, make_design, make_light, small_lens
 
 from lensforge.light.receiver_light import Flux, MissedByCause
 from lensforge.report import lens_figures, light_figures
@@ -167,7 +167,7 @@ def test_constraints_run_on_from_level_to_level_and_what_is_not_allowed_is_shade
 
 
 def test_the_curvature_map_marks_the_mill_only_where_it_is_too_large():
-    kappa = check_arrays()["inner_kappa_min"]
+    kappa = face_maps()["kappa_min"]
     crossed = surface_figures.curvature_map(kappa, 1.0).axes[0]
     (contour,) = [item for item in crossed.collections if hasattr(item, "levels")]
     path = np.concatenate([line.vertices for line in contour.get_paths()])
@@ -177,7 +177,7 @@ def test_the_curvature_map_marks_the_mill_only_where_it_is_too_large():
 
 
 def test_maps_have_x_to_the_right_and_lose_no_sample():
-    sag = check_arrays()["inner_sag_mm"]
+    sag = face_maps()["sag_mm"]
     axes, bar = surface_figures.sag_map(sag).axes
     drawn = np.asarray(axes.images[0].get_array())
     known = ~np.isnan(sag.T)

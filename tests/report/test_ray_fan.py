@@ -16,6 +16,10 @@ def fan(count=41, widest_deg=85.0, azimuth=0.4):
     return np.sin(theta)[:, None] * across + np.cos(theta)[:, None] * np.array([0.0, 0.0, 1.0])
 
 
+def with_surface(lens, **changed):
+    return replace(lens, surfaces={**lens.surfaces, **changed})
+
+
 def unit(vectors):
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
@@ -47,7 +51,7 @@ def test_every_hit_lies_on_its_surface_and_obeys_snell():
 def test_total_reflection_leaves_nothing():
     basis = SrbfBasis((81,), 1.2)
     rough = SrbfSurface(basis, np.random.default_rng(5).normal(0.0, 0.8, basis.size), 10.0)
-    lens, directions = replace(small_lens(), outer=rough), fan(201)
+    lens, directions = with_surface(small_lens(), outer=rough), fan(201)
     paths = trace_fan(lens, np.zeros_like(directions), directions, REACH)
     arrived = ~np.isnan(paths[:, 2, 0])
     hits = paths[arrived, 2]
@@ -62,7 +66,7 @@ def test_a_ray_that_runs_back_into_the_cavity_ends_there():
     """A deep pit in the cavity's wall: rays bent around its corner would cross air again on their way out."""
     basis = SrbfBasis((81,), 1.2)
     jagged = SrbfSurface(basis, np.random.default_rng(1).normal(0.0, 1.2, basis.size), 5.0)
-    lens, directions = replace(small_lens(outer_mm=14.0, bump_mm=0.0), inner=jagged), fan(401, azimuth=0.1)
+    lens, directions = with_surface(small_lens(outer_mm=14.0, bump_mm=0.0), inner=jagged), fan(401, azimuth=0.1)
     paths = trace_fan(lens, np.tile([3.0, 0.0, 0.0], (401, 1)), directions, REACH)
     entered, left = ~np.isnan(paths[:, 1, 0]), ~np.isnan(paths[:, 2, 0])
     assert (entered & ~left).any(), "the case must occur"

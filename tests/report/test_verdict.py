@@ -33,7 +33,7 @@ def lit(nmse: Metric | None = None, share: Metric | None = None, target: np.ndar
 def with_manufacture(**fields: object) -> Lens:
     lens = small_lens()
     spec = parse_spec(lens.spec.model_dump() | {"manufacture": fields}, "test")
-    return Lens(lens.inner, lens.outer, spec, lens.seed, lens.accuracy)
+    return Lens.double(lens.inner, lens.outer, spec, lens.seed, lens.accuracy)
 
 
 def test_a_good_lens_passes_and_needs_nothing() -> None:
@@ -90,7 +90,7 @@ def test_limits_decide_alone_where_a_spec_has_them() -> None:
         "test",
     )
     lens = small_lens()
-    lens = Lens(lens.inner, lens.outer, spec, lens.seed, lens.accuracy)
+    lens = Lens.double(lens.inner, lens.outer, spec, lens.seed, lens.accuracy)
     content = {"name": "axis", "receiver": "light", "quantity": "light", "sense": ">=", "bound": 1.0, "unit": "W/m²"}
     for value, state in ((1.3, "pass"), (1.1, "undecided"), (0.5, "fail")):
         limit = LimitResult(value=Metric(value=value, unit="W/m²", standard_error=0.1), **content)

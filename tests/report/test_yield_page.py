@@ -9,12 +9,13 @@ import pytest
 from made_yield import PARTS, make_yield
 from page_text import Page, folded, text_of, undrawn_page_of
 from result_folders import make_results, small_lens
+from scenes import part_tolerances
 
 from lensforge.made.yield_facts import budget_row, budget_rows, cause_rows, metric_words, spread_rows, yield_facts
 from lensforge.results import Conditions
 from lensforge.results.numerals import percent
 from lensforge.shop.sheet_tables import tolerance_table
-from lensforge.spec.tolerances_section import TolerancesSection, amount_words
+from lensforge.spec.tolerances_section import PartTolerances, amount_words
 
 
 @pytest.fixture(scope="module")
@@ -96,9 +97,10 @@ def test_no_budget_and_no_causes_are_said(lens, found):
 
 
 def test_the_drawing_has_the_tolerances_of_the_spec_and_says_where_they_are_from(lens):
-    given = TolerancesSection(preset="precision", gap_mm=0.0123)
-    own = lens.spec.model_copy(update={"tolerances": given})
-    table = tolerance_table(type(lens)(lens.inner, lens.outer, own, 0, "draft"))
+    given = PartTolerances(preset="precision", outer={"gap_mm": 0.0123})
+    own = lens.spec.with_tolerances(given)
+    assert own.part_tolerances == given
+    table = tolerance_table(type(lens)(lens.surfaces, own, 0, "draft"))
     rows = {row.name: row for row in (*table.lens, *table.assembly)}
     gap, decentre = rows["outer face against inner, gap"], rows["outer face against inner, decentre"]
     assert (gap.amount, gap.source, gap.at_most) == ("± 0.0123 mm", "specification", "")
@@ -117,16 +119,9 @@ def test_the_drawing_has_the_largest_amounts_of_the_yield_study(lens, found):
 
 
 def test_a_spec_without_tolerances_has_no_table(lens):
-    section = TolerancesSection(**dict.fromkeys(_names(), 0.0))
-    own = lens.spec.model_copy(update={"tolerances": section})
-    table = tolerance_table(type(lens)(lens.inner, lens.outer, own, 0, "draft"))
+    own = lens.spec.with_tolerances(part_tolerances())
+    table = tolerance_table(type(lens)(lens.surfaces, own, 0, "draft"))
     assert (table.lens, table.assembly) == ((), ()) and table.sentence == "The specification sets no tolerances."
-
-
-def _names():
-    from lensforge.spec.tolerances_section import PRESET_AMOUNTS
-
-    return PRESET_AMOUNTS["standard"]
 
 
 def test_the_table_of_parts_keeps_names_with_commas_whole(found):

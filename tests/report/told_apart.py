@@ -3,6 +3,7 @@
 from itertools import count
 
 from lensforge.results import Record
+from lensforge.results.record import values_of
 
 # Numbers that others are counted by, and those that decide what a sentence says.
 _KEPT = {"level", "parts", "pass_rate", "genus", "disagreements", "c_deg", "part", "scale", "file", "files"}
@@ -15,7 +16,7 @@ def told_apart(record):
 
 def _changed(value, numbers):
     if isinstance(value, Record):
-        fields = {name: getattr(value, name) for name in type(value).model_fields if name not in _KEPT}
+        fields = {name: each for name, each in values_of(value).items() if name not in _KEPT}
         return value.model_copy(update={name: _changed(each, numbers) for name, each in fields.items()})
     if isinstance(value, dict):
         return {key: _changed(each, numbers) for key, each in value.items()}

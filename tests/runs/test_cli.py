@@ -27,8 +27,10 @@ kind = "square"
 side_mm = 1.0
 [lens]
 levels = [9, 25]
-inner_offset_mm = 3.0
-outer_offset_mm = 6.0
+[lens.inner]
+offset_mm = 3.0
+[lens.outer]
+offset_mm = 6.0
 [constraints]
 cavity_height_mm = 0.5
 cavity_radius_mm = 1.0
@@ -184,7 +186,7 @@ def test_a_killed_design_resumes_to_the_same_lens(killed: Killed) -> None:
         ({"levels = [9, 25]": "levels = []"}, "levels"),
         ({"levels = [9, 25]": "levels = [9, 25"}, "not readable as TOML"),
         ({"[lens]": "[lense]"}, "lens"),
-        ({"outer_offset_mm = 6.0": "outer_offset_mm = 2.0"}, "outer_offset_mm = 2.0 must exceed"),
+        ({"offset_mm = 6.0": "offset_mm = 2.0"}, "lens: outer.offset_mm = 2.0 must exceed"),
         ({"rays = 1024": "rays = 1e9"}, "optimise.rays"),
     ],
 )

@@ -25,7 +25,7 @@ FAR = {
 
 def test_light_and_proof_of_a_lens_have_both_receivers() -> None:
     spec = small_spec(target=None, receivers=[WALL, FAR], base={"kind": "none"})
-    lens = lf.Lens(random_surface(1, 3.0, 0.005), random_surface(2, 6.0, 0.005), spec, 0, "draft")
+    lens = lf.Lens.double(random_surface(1, 3.0, 0.005), random_surface(2, 6.0, 0.005), spec, 0, "draft")
     light = lf.evaluate(lens, rays=2**13)
     with coarse_part():
         proof = lf.verify(lf.build(lens), light, rays=2**12)

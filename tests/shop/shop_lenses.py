@@ -24,8 +24,8 @@ def small_lens(base=BASE, manufacture=None, **sections):
         "source": {"kind": "square", "side_mm": 0.5},
         "lens": {
             "levels": [9, 25],
-            "inner_offset_mm": 3.0,
-            "outer_offset_mm": 6.0,
+            "inner": {"offset_mm": 3.0},
+            "outer": {"offset_mm": 6.0},
             "refractive_index": 1.49,
             "material": "<PMMA> & co",
         },
@@ -40,7 +40,7 @@ def small_lens(base=BASE, manufacture=None, **sections):
         "manufacture": manufacture or {},
         **sections,
     }
-    return Lens(inner, outer, parse_spec(content, "test"), 0, "draft")
+    return Lens.double(inner, outer, parse_spec(content, "test"), 0, "draft")
 
 
 def quick_check(part):

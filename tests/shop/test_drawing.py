@@ -25,6 +25,7 @@ from lensforge.shop.sheet_marks import strokes_of, words_of_dimension
 from lensforge.shop.sheet_tables import index_wavelength, tolerance_table
 from lensforge.shop.sheet_writers import sheet_dxf, sheet_pdf
 from lensforge.spec.part_section import read_drawing
+from lensforge.spec.tolerances_section import PartTolerances
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 ROUND = {"diameter_mm": 16.0}
@@ -244,8 +245,9 @@ def test_the_title_block_and_the_notes_say_what_the_spec_says_and_else_that_it_d
         "sheet": "A3",
     }
     shop = {"author": "A. Author", "date": "2026-03-31", "organisation": "Works"}
-    tolerances = {"gap_mm": 0.07, "outer_form_um": 0.4}
-    lens = small_lens(ROUND, shop, drawing=words, tolerances=tolerances)
+    lens = small_lens(ROUND, shop, drawing=words)
+    tolerances = PartTolerances(outer={"gap_mm": 0.07, "form_um": 0.4})
+    lens = replace(lens, spec=lens.spec.with_tolerances(tolerances))
     content, sheet = content_of(lens, part_of(lens), check, "A3")
     stated = "\n".join(each.text for each in all_words(sheet)).replace("\n", " ")
     for text in (
@@ -358,5 +360,5 @@ def test_another_revision_is_read_from_a_file_and_wrong_ones_are_a_line(tmp_path
     ],
 )
 def test_the_index_has_its_wavelength(material, words):
-    lens = small_lens(lens={"levels": [9], "inner_offset_mm": 3.0, "outer_offset_mm": 6.0, **material})
+    lens = small_lens(lens={"levels": [9], "inner": {"offset_mm": 3.0}, "outer": {"offset_mm": 6.0}, **material})
     assert index_wavelength(lens).startswith(words)

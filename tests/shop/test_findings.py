@@ -6,12 +6,12 @@ from scenes import small_spec
 from lensforge.cad.part_limits import NORMAL_LIMIT_MRAD
 from lensforge.shop.check_result import (
     BallClearance,
+    BoreClearance,
     CustomBaseClearance,
     Cutter,
     Draft,
     FaceResult,
-    InnerClearance,
-    OuterClearance,
+    StepClearance,
     ToolReach,
     ToolResult,
     Wall,
@@ -29,7 +29,7 @@ from lensforge.shop.findings import (
 )
 from lensforge.spec import BaseSection
 
-NO_BASE = BallClearance(outer=None, inner=None, note="there is no base")
+NO_BASE = BallClearance(faces={}, note="there is no base")
 
 
 def cutter(radius_mm: float, largest_mm: float | None, reached: float = 0.6789) -> Cutter:
@@ -83,14 +83,14 @@ def test_tilt_has_the_tolerance_of_the_export_and_the_wall_that_of_the_search() 
 def test_a_larger_ball_than_the_shops_names_the_ball_for_which_the_base_is_checked(largest_mm, larger) -> None:
     words, ball = "; the base is checked for 0.5 mm only", cutter(0.5, largest_mm)
     for surface, relief in (
-        ("outer", BallClearance(outer=outer(), inner=None)),
-        ("inner", BallClearance(outer=None, inner=inner(0.0, 0.0))),
+        ("outer", BallClearance(faces={"outer": outer()})),
+        ("inner", BallClearance(faces={"inner": inner(0.0, 0.0)})),
     ):
         assert cutter_finding(surface, ball, relief, small_spec()).reason.endswith(words) == larger
 
 
-WALL = Wall(thickness_mm=1.5, inner_point_mm=(1.0, -1e-9, 0.123456), outer_point_mm=(0.0, 0.0, 2.0))
-THICK = Wall(thickness_mm=2.5, inner_point_mm=(0.0, 1.0, 0.0), outer_point_mm=(0.0, 3.5, 0.0))
+WALL = Wall(thickness_mm=1.5, cavity_point_mm=(1.0, -1e-9, 0.123456), envelope_point_mm=(0.0, 0.0, 2.0))
+THICK = Wall(thickness_mm=2.5, cavity_point_mm=(0.0, 1.0, 0.0), envelope_point_mm=(0.0, 3.5, 0.0))
 
 
 def test_both_walls_have_the_tolerance_of_the_search() -> None:
@@ -101,7 +101,7 @@ def test_both_walls_have_the_tolerance_of_the_search() -> None:
     for limit, passed in ((2.5 - 0.99 * allowed, True), (2.5 - 1.01 * allowed, False)):
         _, most = wall_criteria(spec.replace({"constraints.max_wall_mm": limit}), walls)
         assert most.limit == limit + allowed and most.value == 2.5 and most.passed == passed
-        assert "raise lens.inner_offset_mm" in most.remedy and "thickest at (0, 1, 0) mm" in most.remedy
+        assert "raise lens.inner.offset_mm" in most.remedy and "thickest at (0, 1, 0) mm" in most.remedy
 
 
 def face(least_deg: float, undercut: float = 0.0) -> FaceResult:
@@ -116,7 +116,7 @@ def test_a_mould_needs_two_degrees_and_a_part_what_its_spec_asks_to_the_error_of
     assert draft_finding("inner", face(2.0), mould).holds and not draft_finding("inner", face(1.999), mould).holds
     assert "a mould needs 2 deg" in draft_finding("inner", face(1.0), mould).reason
     for make in ("part", "insert"):
-        asked = small_spec(manufacture__make=make, constraints__inner_draft_deg=3.0)
+        asked = small_spec(manufacture__make=make, lens__inner__draft_deg=3.0)
         assert draft_finding("inner", face(2.981), asked).holds
         low = draft_finding("inner", face(2.979), asked)
         assert not low.holds and "the spec asks for 3 deg" in low.reason
@@ -140,14 +140,14 @@ def plain(text: str) -> str:
     return text.replace("\u2009", " ")
 
 
-def outer(step=0.0, wall=0.0, flange=0.0) -> OuterClearance:
-    return OuterClearance(
+def outer(step=0.0, wall=0.0, flange=0.0) -> StepClearance:
+    return StepClearance(
         smallest_step_mm=step, step_clearance_mm=wall, flange_clearance_mm=flange, flush_fraction=0.456
     )
 
 
-def inner(bore: float | None, pocket: float | None) -> InnerClearance:
-    return InnerClearance(bore_clearance_mm=bore, pocket_diameter_mm=pocket, flush_fraction=0.5)
+def inner(bore: float | None, pocket: float | None) -> BoreClearance:
+    return BoreClearance(bore_clearance_mm=bore, pocket_diameter_mm=pocket, flush_fraction=0.5)
 
 
 BASE = BaseSection(height_mm=3.0)
@@ -172,7 +172,7 @@ FLANGED = BaseSection(height_mm=3.0, flange_diameter_mm=40.0, flange_height_mm=1
     ],
 )
 def test_a_base_in_the_way_of_the_dome_is_told_how_to_clear_it(relief, base, value, words) -> None:
-    (found,) = clearance_findings(BallClearance(outer=relief, inner=None), base)
+    (found,) = clearance_findings(BallClearance(faces={"outer": relief}), base)
     assert found.value == value and found.holds == (value == 0.0) and words in plain(found.reason)
     assert (found.name, found.surface, found.sense, found.limit) == ("relief", "outer", "<=", 0.0)
     assert ("smaller base.flange_diameter_mm" in found.reason) == bool(relief.flange_clearance_mm)
@@ -196,7 +196,7 @@ def test_a_base_in_the_way_of_the_dome_is_told_how_to_clear_it(relief, base, val
     ],
 )
 def test_a_base_in_the_way_in_the_cavity_is_told_how_to_clear_it(relief, value, words) -> None:
-    (found,) = clearance_findings(BallClearance(outer=None, inner=relief), BASE)
+    (found,) = clearance_findings(BallClearance(faces={"inner": relief}), BASE)
     assert found.value == value and found.holds == (value == 0.0) and words in plain(found.reason)
     assert found.surface == "inner"
 
@@ -210,8 +210,7 @@ def tool(ball: float, whole: float, name: str = "mill") -> ToolResult:
         shank_radius_mm=0.5,
         length_mm=8.0,
         holder_half_angle_deg=10.0,
-        inner=reach,
-        outer=all_of_it,
+        faces={"inner": reach, "outer": all_of_it},
     )
 
 
@@ -228,24 +227,24 @@ def tool(ball: float, whole: float, name: str = "mill") -> ToolResult:
 )
 def test_what_limits_a_tool_is_its_ball_or_its_shank(ball, whole, holds, collides, largest) -> None:
     mill = tool(ball, whole)
-    found, other = (
-        tool_finding(mill, name, reach, 0.456789) for name, reach in (("inner", mill.inner), ("outer", mill.outer))
-    )
+    found, other = (tool_finding(mill, name, reach, 0.456789) for name, reach in mill.faces.items())
     assert (found.surface, found.value, found.holds) == ("inner", whole, holds)
     assert plain(found.reason).startswith(f"mill reaches {100.0 * whole:.0f} % of the inner face")
     assert (f"its ball alone reaches {100.0 * ball:.0f} %" in plain(found.reason)) == collides
     assert ("has 0.4568 mm radius" in found.reason) == largest
     assert (other.surface, other.holds, plain(other.reason)) == ("outer", True, "mill reaches 100 % of the outer face")
-    assert "has" not in tool_finding(tool(0.8, 0.8), "inner", tool(0.8, 0.8).inner, None).reason
+    assert "has" not in tool_finding(tool(0.8, 0.8), "inner", tool(0.8, 0.8).faces["inner"], None).reason
 
 
 def test_all_findings_are_there_and_each_has_its_own_numbers() -> None:
-    relief = BallClearance(outer=outer(0.5), inner=CustomBaseClearance(retreat_mm=0.1, flush_fraction=0.5))
+    custom = CustomBaseClearance(retreat_mm=0.1, flush_fraction=0.5)
+    relief = BallClearance(faces={"inner": custom, "outer": outer(0.5)})
     spec = small_spec(manufacture__max_tilt_deg=60.0, manufacture__make="insert")
-    found = check_findings(spec, face(1.0), face(5.0), 1.25, relief, (tool(1.0, 1.0), tool(0.5, 0.5, name="drill")))
-    subjects = ["cutter inner", "cutter outer", "relief outer", "relief inner", "tilt inner", "tilt outer", "wall body"]
+    faces = {"inner": face(1.0), "outer": face(5.0)}
+    found = check_findings(spec, faces, 1.25, relief, (tool(1.0, 1.0), tool(0.5, 0.5, name="drill")))
+    subjects = ["cutter inner", "cutter outer", "relief inner", "relief outer", "tilt inner", "tilt outer", "wall body"]
     subjects += ["draft inner", "draft outer", "tool inner", "tool outer", "tool inner", "tool outer"]
     assert [f"{each.name} {each.surface}" for each in found] == subjects
-    assert [each.value for each in found[2:]] == [0.5, 0.1, 89.0, 85.0, 1.25, 1.0, 5.0, 1.0, 1.0, 0.5, 1.0]
-    part = check_findings(small_spec(constraints__outer_draft_deg=1.0), face(1.0), face(5.0), 1.25, relief, ())
+    assert [each.value for each in found[2:]] == [0.1, 0.5, 89.0, 85.0, 1.25, 1.0, 5.0, 1.0, 1.0, 0.5, 1.0]
+    part = check_findings(small_spec(lens__outer__draft_deg=1.0), faces, 1.25, relief, ())
     assert [each.surface for each in part if each.name == "draft"] == ["outer"], "where a part that is cut needs one"

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from known_shapes import exported, sampled, sphere
 
+from lensforge.cad.boundary import as_pair
 from lensforge.cad.plan import base_corners, lay_out
-from lensforge.cad.wall import Span
-from lensforge.shop.check import _of_lens
+from lensforge.shop.check import _walls
 from lensforge.shop.face_samples import AirSide, area_rule
 from lensforge.shop.tool_reach import _across, _is_clear, _on_base, tool_axes, tool_reach
 from lensforge.spec import BaseSection, Tool
@@ -115,6 +115,11 @@ def test_the_base_is_an_obstacle_by_rings_between_its_corners(make: dict) -> Non
     assert _on_base(plan)[:, 2].min() == pytest.approx(-make["height_mm"])
 
 
-def test_the_wall_of_a_lens_is_that_of_its_mould_over_the_scale() -> None:
-    found = _of_lens(Span(3.0, np.array([1.5, 3.0, 0.0]), np.array([0.0, 4.5, 6.0])), 1.5)
-    assert (found.thickness_mm, found.inner_point_mm, found.outer_point_mm) == (2.0, (1.0, 2.0, 0.0), (0.0, 3.0, 4.0))
+def test_the_wall_of_a_lens_is_its_own_whatever_is_cut() -> None:
+    """Of two spheres, the second 0.1 mm lower: it is thinnest on the axis, thickest in z = 0."""
+    spheres = sphere(1.3), sphere(2.6, (0.0, 0.0, -0.1))
+    found = _walls(as_pair(*(exported(each, AirSide.OUTSIDE).patch for each in spheres)))
+    assert found.thinnest.thickness_mm == pytest.approx(1.2, abs=1e-8)
+    assert found.thinnest.cavity_point_mm == pytest.approx((0.0, 0.0, 1.3), abs=1e-4)
+    assert found.thinnest.envelope_point_mm == pytest.approx((0.0, 0.0, 2.5), abs=1e-4)
+    assert found.thickest.thickness_mm == pytest.approx(np.sqrt(2.6**2 - 0.01) - 1.3, abs=1e-8)

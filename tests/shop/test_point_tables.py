@@ -28,7 +28,7 @@ def rough(offset, seed):
 
 
 def lens_of(inner, outer, **manufacture):
-    return Lens(inner, outer, small_lens({"kind": "none"}, manufacture).spec, 0, "draft")
+    return Lens.double(inner, outer, small_lens({"kind": "none"}, manufacture).spec, 0, "draft")
 
 
 def written(lens, request):

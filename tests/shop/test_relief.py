@@ -25,9 +25,9 @@ def outer_relief(outer, **sizes):
     """Relief and its finding on a base below ``outer`` and a cavity of 0.8 mm, for the ball of 1 mm."""
     base = BaseSection(**sizes)
     inner, outer = exported(sphere(0.8), AirSide.INSIDE), exported(outer, AirSide.OUTSIDE)
-    faces = (check_face(inner, BALL, 31), check_face(outer, BALL, 31))
-    relief = check_ball_clearance(lay_out(inner.patch, outer.patch, base), None, *faces)
-    return relief.outer, clearance_findings(relief, base)[0]
+    faces = {"inner": check_face(inner, BALL, 31), "outer": check_face(outer, BALL, 31)}
+    relief = check_ball_clearance(lay_out(inner.patch, outer.patch, base), None, faces)
+    return relief.faces["outer"], clearance_findings(relief, base)[1]
 
 
 def test_a_flange_in_the_way_wants_a_higher_base_not_a_step():

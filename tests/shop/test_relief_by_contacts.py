@@ -62,6 +62,10 @@ def judged(face: FaceCheck, *needs: list[float]) -> tuple[list[float], float]:
     return [max(np.array(need)[reached]) for need in needs], float(areas[clear].sum() / areas.sum())
 
 
+def by_name(faces):
+    return dict(zip(("inner", "outer"), faces, strict=True))
+
+
 OUTER_BASES = [
     {"height_mm": 1.2, "diameter_mm": 25.4},
     {"height_mm": 1.2, "diameter_mm": 5.6, "flange_diameter_mm": 6.4, "flange_height_mm": 0.9},
@@ -74,7 +78,7 @@ OUTER_BASES = [
 @pytest.mark.parametrize("sizes", OUTER_BASES)
 def test_the_dome_needs_a_step_and_a_wall_and_a_low_flange(sizes: dict[str, float], faces) -> None:
     plan = lay_out(INNER.patch, OUTER.patch, BaseSection(**sizes))
-    found = check_ball_clearance(plan, None, *faces).outer
+    found = check_ball_clearance(plan, None, by_name(faces)).faces["outer"]
     present, contacts = sizes.get("relief_step_mm", 0.0), centres(faces[1])
     steps = [beyond(step(*each, sizes["diameter_mm"] / 2.0) - present) for each in contacts]
     steps = [each + present if each > 0.0 else 0.0 for each in steps]
@@ -107,7 +111,7 @@ INNER_BASES = [
 @pytest.mark.parametrize("sizes", INNER_BASES)
 def test_the_cavity_needs_a_bore_and_a_pocket(sizes: dict[str, float], faces) -> None:
     plan = lay_out(INNER.patch, OUTER.patch, BaseSection(height_mm=3.0, **sizes))
-    found = check_ball_clearance(plan, None, *faces).inner
+    found = check_ball_clearance(plan, None, by_name(faces)).faces["inner"]
     contacts, pocket_mm = centres(faces[0]), sizes.get("pocket_diameter_mm")
     depth = 3.0 - sizes.get("pocket_depth_mm", 0.0)
     if sizes["bore_setback_mm"] > 0.0:
@@ -139,14 +143,14 @@ def test_a_round_wall_enters_the_ball_by_what_is_missing_across_it(depth_mm: flo
 
 
 def test_without_a_base_there_is_nothing_to_clear_and_a_note_says_why(faces) -> None:
-    insert = check_ball_clearance(None, None, *faces)
-    assert (insert.outer, insert.inner, insert.note) == (None, None, "a mould insert has no base")
-    none = check_ball_clearance(lay_out(INNER.patch, OUTER.patch, BaseSection(kind="none")), None, *faces)
-    assert (none.outer, none.inner, none.note) == (None, None, "there is no base")
+    insert = check_ball_clearance(None, None, by_name(faces))
+    assert (insert.faces, insert.note) == ({}, "a mould insert has no base")
+    none = check_ball_clearance(lay_out(INNER.patch, OUTER.patch, BaseSection(kind="none")), None, by_name(faces))
+    assert (none.faces, none.note) == ({}, "there is no base")
 
 
 def test_of_a_face_that_the_ball_does_not_reach_nothing_is_known(faces) -> None:
     both = [replace(face, ball_mm=np.zeros(len(face.ball_mm))) for face in faces]
     plan = lay_out(INNER.patch, OUTER.patch, BaseSection(height_mm=3.0))
-    found = check_ball_clearance(plan, None, *both).inner
+    found = check_ball_clearance(plan, None, by_name(both)).faces["inner"]
     assert (found.bore_clearance_mm, found.pocket_diameter_mm, found.flush_fraction) == (None, None, 0.0)

@@ -35,7 +35,7 @@ def checked(**manufacture):
     part = lens(hemisphere(0.8), hemisphere(2.45), base="none")
     section = ManufactureSection(cutter_radius_mm=1.0, **manufacture)
     spec = part.spec.model_copy(update={"manufacture": section})
-    return check_lens(type(part)(part.inner, part.outer, spec, 0, "draft"))
+    return check_lens(type(part)(part.surfaces, spec, 0, "draft"))
 
 
 @pytest.fixture(scope="module")
@@ -46,8 +46,8 @@ def with_tools():
 def test_every_tool_has_its_verdict(with_tools):
     found = with_tools
     small, large = found.tools
-    assert small.inner.reachable_fraction == 1.0
-    assert large.inner.reachable_fraction == 0.0
+    assert small.faces["inner"].reachable_fraction == 1.0
+    assert large.faces["inner"].reachable_fraction == 0.0
     verdicts = [v for v in found.verdicts if v.name == "tool"]
     assert [v.holds for v in verdicts if v.surface == "inner"] == [True, False]
     tilt = next(v for v in found.verdicts if (v.name, v.surface) == ("tilt", "outer"))
