@@ -20,7 +20,7 @@ from lensforge.cad.patch import fit_patch
 from lensforge.cad.plan import make_plan
 from lensforge.light.metrics import nmse
 from lensforge.proof.facet_casting import Grid
-from lensforge.proof.nonsequential_trace import Base, Body, Cause, Limits, follow
+from lensforge.proof.nonsequential_trace import Base, Cause, Limits, PartBody, follow
 from lensforge.proof.part_mesh import PartMesh, read_part_mesh
 from lensforge.proof.proof_inputs import screens_of
 from lensforge.scene.lens import Lens, load_lens
@@ -58,7 +58,7 @@ def rows(directory: Path, count: int) -> list[tuple[str, ...]]:
     before = None
     for name, base, finish in cases:
         part = mesh_with_base(lens, base)
-        body = Body(part, Grid(part.mesh), lens.media, finish)
+        body = PartBody(part, Grid(part.mesh), lens.media, finish)
         escaped = follow(body, rays, Limits()).escaped()
         places = screen.land(escaped.points, escaped.directions)
         picture, inside = screen.irradiance(places, escaped.flux), screen.in_window(places)

@@ -39,7 +39,7 @@ def text_of(lens: Lens, most_rays: int) -> Iterator[str]:
     trace_run(TracedLens.of(lens, 2.5), receiver, source, min(WARM_UP_RAYS, source.ray_count or WARM_UP_RAYS), 0)
     measured = tables.table_study(lens, source)
     finest = measured.tables
-    traced = TracedLens(Scene(lens.media, measured.grid), finest["inner"], finest["outer"], {})
+    traced = TracedLens(Scene(lens.media, measured.grid), np.stack([*finest.values()]), {})
     counts = tuple(2**power for power in range(12, 25, 2) if 2**power <= most_rays)
     by_rays, runs = rays.ray_study(traced, lens.spec, source, counts)
     studies = [by_rays, measured.study, pixels.pixel_study(runs, lens.spec), pixels.filter_study(runs, lens.spec)]

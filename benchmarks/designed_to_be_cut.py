@@ -21,14 +21,10 @@ from lensforge.spec.accuracy import PRESETS
 def with_constraints(spec: Spec, options: argparse.Namespace) -> Spec:
     """The spec with the constraints of the command line."""
     content = spec.model_dump(mode="json")
-    content["constraints"] |= {
-        "inner_concave_radius_mm": options.inner,
-        "outer_concave_radius_mm": options.outer,
-        "inner_draft_deg": options.draft,
-        "outer_draft_deg": options.draft,
-    }
+    for face in spec.lens.faces:
+        content["lens"][face] |= {"concave_radius_mm": getattr(options, face), "draft_deg": options.draft}
     if options.offset is not None:
-        content["lens"]["inner_offset_mm"] = options.offset
+        content["lens"]["inner"]["offset_mm"] = options.offset
     return parse_spec(content, spec.name)
 
 
@@ -61,7 +57,7 @@ def main() -> None:
         found.lens.save(options.save)
     light = evaluate_lens(found.lens, source, PRESETS[options.accuracy])
     check = check_lens(found.lens)
-    faces = check.inner, check.outer
+    faces = check.faces.values()
     missed = [criterion.name for criterion in found.criteria if not criterion.passed]
     columns = [
         constraints_text(options),

@@ -15,6 +15,7 @@ import numpy as np
 
 from lensforge.light.exact_trace import TableScan, exact_surfaces, trace_exact
 from lensforge.optics.material import MATERIALS
+from lensforge.optics.media import Medium
 from lensforge.scene.lens import load_lens
 from lensforge.scene.pixel_grid import Window
 from lensforge.scene.receiver_shapes import receivers_of
@@ -41,9 +42,10 @@ def main():
     lens = load_lens(given.directory / "lens.json")
     source = build_source(lens.spec.source, MATERIALS[given.material])
     rays = source.sample(min(given.rays, source.ray_count or given.rays), 1)
-    each = rays.refractive_indices
-    if each is None:
+    if rays.wavelengths_nm is None:
         raise SystemExit(f"{given.directory}: its source has no wavelengths; add source.spectrum")
+    dispersive = Medium(lens.refractive_index, material=MATERIALS[given.material])
+    each = dispersive.indices(rays.wavelengths_nm, len(rays))
     grid = grid_for(lens.detail_rad, NODES_PER_SIGMA)
     inner, outer = (TableScan(grid, tabulate(grid, surface)) for surface in (lens.inner, lens.outer))
     surfaces = exact_surfaces(lens, (inner, outer))
@@ -51,9 +53,8 @@ def main():
     receiver = receivers_of(lens.spec, lens.spec.evaluate.pixels)[0]
     whole = Window(*receiver.grid.size)
     landed = {}
-    for name, index in (("each", each), ("mean", mean), ("design", lens.refractive_index)):
-        coloured = replace(rays, refractive_indices=np.full(each.shape, index))
-        landed[name] = receiver.land(trace_exact(*surfaces, lens.media, coloured))
+    for name, body in (("each", dispersive), ("mean", Medium(mean)), ("design", Medium(lens.refractive_index))):
+        landed[name] = receiver.land(trace_exact(*surfaces, replace(lens.media, body=body), rays))
     inside = {name: whole.contains(light.hits) for name, light in landed.items()}
     report = {
         "rays": len(rays),

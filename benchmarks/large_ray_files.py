@@ -26,8 +26,12 @@ SPEC = """
 refractive_index = 1.4936
 material = "PMMA at 564 nm"
 levels = "auto"
-inner_offset_mm = 6.0
-outer_offset_mm = 12.0
+
+[lens.inner]
+offset_mm = 6.0
+
+[lens.outer]
+offset_mm = 12.0
 
 [constraints]
 cavity_height_mm = 1.0

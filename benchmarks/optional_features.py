@@ -28,7 +28,8 @@ from lensforge.cad.form_error import fit_to_form
 from lensforge.cad.mesh import build_mesh
 from lensforge.cad.plan import make_plan
 from lensforge.light.simulation import TracedLens, design_landings
-from lensforge.optics.media import CoatingLayer, CoverGlass, IndexCurve, LayerStack, Media
+from lensforge.optics.material import MATERIALS
+from lensforge.optics.media import CAVITY, OUTSIDE, CoatingLayer, CoverGlass, FaceCoating, IndexCurve, LayerStack, Media
 from lensforge.proof.casts import stray_light
 from lensforge.proof.part_comparison import Expected
 from lensforge.proof.proof_inputs import screens_of
@@ -90,8 +91,10 @@ def light_features(lens: Lens, rays: int) -> Iterator[Feature]:
     trace = partial(traced.trace, bundle)
     dark = replace(traced, scene=replace(traced.scene, fresnel=False))
     yield Feature("Fresnel losses", "trace", partial(dark.trace, bundle), trace, ())
-    coloured = replace(bundle, refractive_indices=np.full(rays, lens.refractive_index))
-    yield Feature("an index for each ray", "trace", trace, partial(traced.trace, coloured), ("spectrum", "materials"))
+    coloured = replace(bundle, wavelengths_nm=np.linspace(450.0, 650.0, rays))
+    body = replace(lens.media.body, material=MATERIALS["PMMA"])
+    glassy = replace(traced, scene=replace(traced.scene, media=replace(lens.media, body=body)))
+    yield Feature("an index for each ray", "trace", trace, partial(glassy.trace, coloured), ("spectrum", "material"))
     for name, media, modules in _media(lens):
         changed = replace(traced, scene=replace(traced.scene, media=media))
         yield Feature(name, "trace", trace, partial(changed.trace, bundle), modules)
@@ -107,11 +110,12 @@ def light_features(lens: Lens, rays: int) -> Iterator[Feature]:
 def _media(lens: Lens) -> Iterator[tuple[str, Media, tuple[str, ...]]]:
     """What a lens may be made of, filled with and covered by, and the modules that only it uses."""
     air = lens.media
-    yield "absorption", replace(air, absorption_per_mm=0.01), ()
+    yield "absorption", replace(air, body=replace(air.body, absorption_per_mm=0.01)), ()
     yield "gel in the cavity", replace(air, cavity_index=1.41), ()
     magnesium_fluoride = CoatingLayer(IndexCurve((1.38,)), 100.0)
-    layer = LayerStack((magnesium_fluoride,), IndexCurve((air.refractive_index,)), (300.0, 2000.0))
-    yield "coated faces", replace(air, inner_coating=layer, outer_coating=layer), ("coating",)
+    layer = LayerStack((magnesium_fluoride,), IndexCurve((air.body.refractive_index,)), (300.0, 2000.0))
+    faces = tuple(FaceCoating(face, around, layer) for face, around in (("inner", CAVITY), ("outer", OUTSIDE)))
+    yield "coated faces", replace(air, coatings=faces), ("coating",)
     yield "cover glass", replace(air, cover_glass=CoverGlass(1.52, 3.0, 20.0)), ()
 
 

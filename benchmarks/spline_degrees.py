@@ -82,7 +82,7 @@ def degree_study(measured: TableMeasurement, settings: Sequence[float] = SETTING
         samples = {name: samples_of(grid, getattr(lens, name)) for name in SURFACES}
         for name, degree in DEGREES.items():
             made = {side: SplineSurface.through(grid, samples[side], degree, lens.detail_rad) for side in SURFACES}
-            other = replace(lens, inner=made["inner"], outer=made["outer"])
+            other = replace(lens, surfaces=made)
             with Meter() as meter:
                 light = landed_exactly(other, measured.grid, measured.tables, reference.rays, NEWTON_STEPS)
             shapes = {side: (one.radius(directions()), one.normal(directions())) for side, one in made.items()}

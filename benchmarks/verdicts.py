@@ -44,7 +44,7 @@ def useless() -> Iterator[tuple[str, lf.Spec]]:
         "6 mm source in an 8 mm lens",
         pi.replace(
             source={"side_mm": 6.0},
-            lens={"inner_offset_mm": 5.0, "outer_offset_mm": 7.7},
+            lens={"inner": {"offset_mm": 5.0}, "outer": {"offset_mm": 7.7}},
             constraints=small_lens,
         ),
     )
@@ -53,7 +53,7 @@ def useless() -> Iterator[tuple[str, lf.Spec]]:
     yield (
         "lens of 1.2 x the least size",
         pi.replace(
-            lens={"inner_offset_mm": 1.8, "outer_offset_mm": 1.18 * least_mm},
+            lens={"inner": {"offset_mm": 1.8}, "outer": {"offset_mm": 1.18 * least_mm}},
             constraints={"max_radius_mm": 1.2 * least_mm},
         ),
     )
@@ -61,7 +61,7 @@ def useless() -> Iterator[tuple[str, lf.Spec]]:
         "3 mm COB onto 60 x 40 mm at 500 mm",
         pi.replace(
             source=lf.DiscSource(diameter_mm=3.0),
-            lens={"inner_offset_mm": 5.0, "outer_offset_mm": 11.7},
+            lens={"inner": {"offset_mm": 5.0}, "outer": {"offset_mm": 11.7}},
             constraints={"cavity_radius_mm": 2.2, "max_radius_mm": 12.0},
             target=lf.ArrayTarget(np.ones((40, 60)), width_mm=60.0, distance_mm=500.0, receiver_mm=120.0),
         ),

@@ -47,6 +47,7 @@ from lensforge.spec import (
     ConstraintsSection,
     DrawingSection,
     EvaluateSection,
+    FaceSection,
     LensSection,
     ManufactureSection,
     OptimiseSection,
@@ -105,26 +106,27 @@ from lensforge.spec.target_sections import (
     TableTarget,
     TextTarget,
 )
-from lensforge.spec.tolerances_section import ToleranceSpec, TolerancesSection
+from lensforge.spec.tolerances_section import FaceTolerances, PartTolerances, ToleranceSpec, TolerancesSection
 from lensforge.version import __version__
 
 __all__ = [
     "ArrayTarget", "BaseSection", "BatwingTarget", "BeamAngleLimit", "BeamTarget", "Cancelled", "Check", "Chip",
     "ChipArraySource", "ChipsSource", "Conditions", "ConstraintsSection", "Correction", "CosineIntensity",
     "Criterion", "CriterionMissed", "CrossTarget", "CylinderReceiver", "Design", "DiscSource", "DiscTarget",
-    "DrawingSection", "EllipseTarget", "EvaluateSection", "FarFieldReceiver", "FileSpectrum", "FixedAsphere",
-    "FixedBiconic", "FixedCadFace", "FixedLensFace", "FixedPoints", "FixedSphere", "FlatTopTarget", "GlareLimit",
-    "Handover", "ImageTarget", "InputError", "Lens", "LensSection", "LensforgeError", "Light", "LimitResult",
-    "LineLimit", "LineSpectrum", "LuminanceSource", "ManufactureSection", "Metric", "MissingResult",
-    "OptimiseSection", "Part", "PhotoComparison", "PhotometricIntensity", "PhotometricSummary", "PhotometricTarget",
-    "Photometry", "PhotometrySection", "PlaneReceiver", "PointsLimit", "PolygonTarget", "Possible", "Progress",
-    "Proof", "RadianceSource", "RayFileSummary", "RaySource", "RayfilePart", "RayfileSource", "RayfilesSource",
-    "RectangleSource", "RectangleTarget", "RenamedWarning", "Results", "RingTarget", "Run", "Sensitivity",
-    "SourceWarning", "Spec", "SphereReceiver", "SpotsTarget", "SquareSource", "StrayLight", "SurfaceComparison",
-    "Sweep", "TableIntensity", "TableSpectrum", "TableTarget", "TextTarget", "ToleranceSpec", "TolerancesSection",
-    "Tool", "Tradeoff", "Verdict", "Yield", "ZoneLimit", "__version__", "best_design", "build", "check", "compare",
-    "correct", "design", "evaluate", "handover", "load", "load_lens", "load_spec", "photometry", "rays", "run",
-    "sensitivity", "stray_light", "sweep", "tolerance", "tradeoff", "verify",
+    "DrawingSection", "EllipseTarget", "EvaluateSection", "FaceSection", "FaceTolerances", "FarFieldReceiver",
+    "FileSpectrum", "FixedAsphere", "FixedBiconic", "FixedCadFace", "FixedLensFace", "FixedPoints", "FixedSphere",
+    "FlatTopTarget", "GlareLimit", "Handover", "ImageTarget", "InputError", "Lens", "LensSection",
+    "LensforgeError", "Light", "LimitResult", "LineLimit", "LineSpectrum", "LuminanceSource", "ManufactureSection",
+    "Metric", "MissingResult", "OptimiseSection", "Part", "PartTolerances", "PhotoComparison",
+    "PhotometricIntensity", "PhotometricSummary", "PhotometricTarget", "Photometry", "PhotometrySection",
+    "PlaneReceiver", "PointsLimit", "PolygonTarget", "Possible", "Progress", "Proof", "RadianceSource",
+    "RayFileSummary", "RaySource", "RayfilePart", "RayfileSource", "RayfilesSource", "RectangleSource",
+    "RectangleTarget", "RenamedWarning", "Results", "RingTarget", "Run", "Sensitivity", "SourceWarning", "Spec",
+    "SphereReceiver", "SpotsTarget", "SquareSource", "StrayLight", "SurfaceComparison", "Sweep", "TableIntensity",
+    "TableSpectrum", "TableTarget", "TextTarget", "ToleranceSpec", "TolerancesSection", "Tool", "Tradeoff",
+    "Verdict", "Yield", "ZoneLimit", "__version__", "best_design", "build", "check", "compare", "correct",
+    "design", "evaluate", "handover", "load", "load_lens", "load_spec", "photometry", "rays", "run", "sensitivity",
+    "stray_light", "sweep", "tolerance", "tradeoff", "verify",
 ]  # fmt: skip
 
 NAMES = {name: globals()[name] for name in __all__}
@@ -243,7 +245,7 @@ CORRECT = FolderStage(
     correct,
     """Correct a face for its second cut by measured points.
 
-    Writes lens_corrected_inner.step or lens_corrected_outer.step from points measured on the first cut.
+    Writes lens_corrected_FACE.step from points measured on the first cut.
     """,
     options=("points", "surface", "wavelength_mm", "gain", "registration", "rays", "threads"),
 )

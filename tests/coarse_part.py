@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from lensforge.cad import part_export
+from lensforge.cad import body_export
 from lensforge.shop import check
 from lensforge.shop.face_check import check_face
 
@@ -18,12 +18,12 @@ _NODES = 61  # across a face, where a command takes 161: of three seconds a quar
 @contextmanager
 def coarse_part() -> Iterator[None]:
     """Parts are built with a mesh of 24 equal rings, whatever chord is asked for, and checked on 61 x 61 nodes."""
-    built = part_export.build_mesh
+    built = body_export.build_mesh
 
     def coarse(plan: Any, rings: int, chord_mm: float | None = None) -> Any:
         return built(plan, RINGS)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(part_export, "build_mesh", coarse)
+        patch.setattr(body_export, "build_mesh", coarse)
         patch.setattr(check, "check_face", partial(check_face, nodes=_NODES))
         yield

@@ -1,5 +1,6 @@
 """Small lenses, directions and specs that many tests start from."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -7,9 +8,11 @@ import pytest
 import torch
 
 from lensforge.spec import Spec, parse_spec
+from lensforge.spec.tolerances_section import FACES, PRESET_AMOUNTS, PartTolerances
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
+NO_TOLERANCES = dict.fromkeys(PRESET_AMOUNTS["standard"], 0)
 # Where torch may trace: everywhere on the CPU, on a GPU where there is one.
 DEVICES = [
     "cpu",
@@ -54,7 +57,7 @@ def small_spec(**changes: Any) -> Spec:
     content: dict[str, Any] = {
         "name": "small",
         "source": {"kind": "square", "side_mm": 1.0},
-        "lens": {"levels": [9, 25], "inner_offset_mm": 3.0, "outer_offset_mm": 6.0, "symmetry": "none"},
+        "lens": {"levels": [9, 25], "inner": {"offset_mm": 3.0}, "outer": {"offset_mm": 6.0}, "symmetry": "none"},
         "constraints": {
             "cavity_height_mm": 0.5,
             "cavity_radius_mm": 1.0,
@@ -73,9 +76,23 @@ def small_spec(**changes: Any) -> Spec:
         "base": {"diameter_mm": 16.0},
     }
     for key, value in changes.items():
-        section, _, field = key.partition("__")
-        if field:
-            content.setdefault(section, {})[field] = value
-        else:
-            content[section] = value
+        *holders, field = key.split("__")
+        table = content
+        for name in holders:
+            table[name] = table = dict(table.get(name, {}))
+        table[field] = value
     return parse_spec(content, "small")
+
+
+def tolerance_changes(amounts: Mapping[str, Any], joint: str = "__") -> dict[str, Any]:
+    """Changes of a spec that give tolerances by the names of their factors, such as ``inner_form_um``."""
+    found = {}
+    for name, amount in amounts.items():
+        face, _, field = ("outer", "_", name) if name == "gap_mm" else name.partition("_")
+        found[joint.join(("lens", face, field) if face in FACES else ("tolerances", name))] = amount
+    return found
+
+
+def part_tolerances(**amounts: Any) -> PartTolerances:
+    """Tolerances by the names of their factors; those left out are 0."""
+    return small_spec(**tolerance_changes({**NO_TOLERANCES, **amounts})).part_tolerances

@@ -76,7 +76,7 @@ def table_study(lens: Lens, source: Source, settings: Sequence[float] = SETTINGS
 def through_tables(lens: Lens, grid: TableGrid, tables: Tables, rays: RayBundle) -> Landings:
     """Hits and flux of ``rays`` on the first receiver by the fused tracer."""
     inner, outer = (tables[name] for name in SURFACES)
-    return design_receiver(lens).land(trace_tables(inner, outer, Scene(lens.media, grid), rays))
+    return design_receiver(lens).land(trace_tables((inner, outer), Scene(lens.media, grid), rays))
 
 
 def table_normals(

@@ -24,12 +24,14 @@ SPEC = small_spec(base={"kind": "none"})
 @pytest.fixture(scope="module")
 def lens():
     inner, outer = (random_surface(k, 3.0 * k, 0.01, (9, 25)) for k in (1, 2))
-    return Lens(inner, outer, SPEC, 0, "draft")
+    return Lens.double(inner, outer, SPEC, 0, "draft")
 
 
 @pytest.mark.nightly("a benchmark of its own: half a minute")
 def test_plain_monte_carlo_falls_with_the_root_of_the_rays_and_quasi_monte_carlo_faster(lens):
-    traced = TracedLens(Scene(lens.media, GRID), table_of(lens.inner, GRID), table_of(lens.outer, GRID), {})
+    traced = TracedLens(
+        Scene(lens.media, GRID), np.stack([table_of(each, GRID) for each in lens.surfaces.values()]), {}
+    )
     orders = ray_study(traced, lens.spec, build_source(SPEC.source), (2**10, 2**12, 2**14))[0].order
     assert orders[PLAIN]["irradiance_nmse"].value == pytest.approx(-1.0, abs=0.05)
     assert abs(orders[PLAIN]["efficiency"].value + 0.5) < 4.0 * orders[PLAIN]["efficiency"].standard_error

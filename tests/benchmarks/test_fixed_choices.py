@@ -14,7 +14,7 @@ from lensforge.sources.build_source import build_source
 @pytest.fixture(scope="module")
 def measured():
     inner, outer = (random_surface(k, 3.0 * k, 0.01, (9, 25)) for k in (1, 2))
-    lens = Lens(inner, outer, small_spec(base={"kind": "none"}), 0, "draft")
+    lens = Lens.double(inner, outer, small_spec(base={"kind": "none"}), 0, "draft")
     return table_study(lens, build_source(lens.spec.source), (3.0, 5.0, 8.0, 12.0))
 
 

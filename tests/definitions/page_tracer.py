@@ -181,7 +181,7 @@ def surface(record):
 
 
 def surfaces(lens):
-    return [surface(lens[f]) for f in ("inner", "outer")]
+    return [surface(lens.get("faces", lens)[f]) for f in ("inner", "outer")]
 
 
 # -- Section 5: refractive index ---------------------------------------------------------------------------------------
@@ -434,7 +434,7 @@ def trace(lens, pair, p, d, nm=None):
     p[live] += t[:, None] * d[live]
     sideways = unit(np.cross(d, np.where(abs(d[:, :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])))
     stokes = [np.zeros(len(p)), np.zeros(len(p)), sideways]
-    rest = section.get("inner_coating"), nm[live], False, [part[live] for part in stokes]
+    rest = section.get("inner", {}).get("coating"), nm[live], False, [part[live] for part in stokes]
     d[live], flux[live], behind = refracted(inner, p[live], d[live], cavity[live], n[live], *rest)
     for whole, part in zip(stokes, behind, strict=True):
         whole[live] = part
@@ -449,7 +449,7 @@ def trace(lens, pair, p, d, nm=None):
     p[live] += t[:, None] * d[live]
     left = flux[live] * np.exp(-section["absorption_per_mm"] * t)
     absorbed[live], flux[live] = flux[live] - left, left
-    rest = section.get("outer_coating"), nm[live], True, [part[live] for part in stokes]
+    rest = section.get("outer", {}).get("coating"), nm[live], True, [part[live] for part in stokes]
     d[live], passed, behind = refracted(outer, p[live], d[live], n[live], outside[live], *rest)
     for whole, part in zip(stokes, behind, strict=True):
         whole[live] = part

@@ -58,7 +58,8 @@ BY_TABLE = {
     "reflectance": [[0.01, 0.02, 0.1, 0.3], [0.08, 0.07, 0.12, 0.4], [0.02, 0.03, 0.05, 0.3]],
 }
 LAYERS = {"layers": [{"refractive_index": 1.38, "thickness_nm": 95.0}, {"refractive_index": 2.1, "thickness_nm": 40.0}]}
-COATED = ABBE | {"inner_coating": BY_TABLE, "outer_coating": LAYERS, "cover_glass": GLASS | {"coating": LAYERS}}
+COATINGS = {"inner": {"coating": BY_TABLE}, "outer": {"coating": LAYERS}}
+COATED = ABBE | COATINGS | {"cover_glass": GLASS | {"coating": LAYERS}}
 
 
 @dataclass(frozen=True)
@@ -107,6 +108,7 @@ def page_rays(record: dict[str, Any], count: int, seed: int) -> tuple[Any, Any, 
 
 def library_shares(light: lf.Light) -> dict[str, float]:
     shares = light.flux.model_dump() | light.missed_by_cause.model_dump()
+    assert shares.pop("more_events") == 0.0, "of the usual lens all events are followed"
     assert shares.pop("missed") == pytest.approx(sum(light.missed_by_cause.model_dump().values()), abs=1e-12)
     assert shares.pop("not_converged") == 0
     return shares

@@ -14,7 +14,7 @@ from scenes import weight_matrix
 
 from lensforge.kernels.fate import Fate
 from lensforge.light.table_trace import Scene
-from lensforge.optics.media import Media
+from lensforge.optics.media import Media, Medium
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
@@ -58,7 +58,7 @@ def sound(
     """Trace; every output and gradient is finite, every ray has one fate, and no flux comes out of nothing."""
     grid = TableGrid(nodes)
     tables = [quick_table_of(surface, grid).requires_grad_() for surface in (inner, outer)]
-    found = by_kernels(tables, Scene(Media(index), grid), rays, distance)
+    found = by_kernels(tables, Scene(Media(Medium(index)), grid), rays, distance)
     is_sound(found, rays, tables)
     return found
 

@@ -11,7 +11,7 @@ from landed import plane_at, trace_tables
 from scenes import hemisphere_directions, random_surface, sphere
 
 from lensforge.light.table_trace import Scene
-from lensforge.optics.media import Media
+from lensforge.optics.media import Media, Medium
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid
 
@@ -33,7 +33,7 @@ def _phase_space(states: np.ndarray, tables: list, index: float, grid: TableGrid
     directions = np.column_stack([states[:, 2:], np.sqrt(1.0 - np.sum(states[:, 2:] ** 2, axis=1))])
     origins = np.column_stack([states[:, :2], np.zeros(len(states))])
     rays = RayBundle(origins, directions, np.ones(len(states)))
-    exits = trace_tables(*tables, Scene(Media(index), grid), rays)
+    exits = trace_tables(tables, Scene(Media(Medium(index)), grid), rays)
     seen = plane_at(4.0).land_by_arrays(exits)
     state = np.column_stack([seen.hits, exits.directions[:, :2]])
     return np.where(seen.landed[:, None], state, np.nan)

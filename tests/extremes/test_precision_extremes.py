@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from landed import in_torch, trace_exact
 from scenes import random_surface
 
-from lensforge.optics.media import Media
+from lensforge.optics.media import Media, Medium
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.surfaces.srbf import SrbfSurface
 
@@ -35,6 +35,6 @@ def test_any_lens_through_the_exact_tracer(dtype, seed, roughness, index, side, 
         for k, radius in ((0, 1.0), (1, ratio))
     ]
     rays = SquareEmitter(side * size).sample(32, seed)
-    arrivals = in_torch(trace_exact(*surfaces, Media(index), rays, dtype=dtype), 20.0 * size)
+    arrivals = in_torch(trace_exact(*surfaces, Media(Medium(index)), rays, dtype=dtype), 20.0 * size)
     assert arrivals.hits.dtype == dtype
     is_sound(arrivals, rays, [p for s in surfaces for p in (s.weights_mm, s.offset_mm)])

@@ -13,7 +13,7 @@ from lensforge.errors import InputError
 from lensforge.kernels.fate import Fate
 from lensforge.kernels.fresnel import transmittances, transmitted_cosine_squared
 from lensforge.light.table_trace import Scene
-from lensforge.optics.media import Media
+from lensforge.optics.media import Media, Medium
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid
@@ -149,7 +149,7 @@ def test_rays_that_are_no_numbers_never_arrive() -> None:
     up = np.tile([0.0, 0.0, 1.0], (3, 1))
     rays = RayBundle(np.concatenate([0.0 * up, bad]), np.concatenate([bad, up]), np.ones(6))
     grid = TableGrid(24)
-    arrivals = trace_tables(*(table_of(sphere(r), grid) for r in (1.0, 2.0)), Scene(Media(1.5), grid), rays)
+    arrivals = trace_tables((table_of(sphere(r), grid) for r in (1.0, 2.0)), Scene(Media(Medium(1.5)), grid), rays)
     assert not arrivals.left_lens.any()
 
 

@@ -19,7 +19,7 @@ from lensforge.light import simulation
 from lensforge.light.evaluation import evaluate_lens
 from lensforge.light.evaluation_result import Light
 from lensforge.light.table_trace import Scene
-from lensforge.optics.media import Media
+from lensforge.optics.media import Media, Medium
 from lensforge.scene.lens import Lens
 from lensforge.scene.pixel_grid import PixelGrid, Window, bin_flux, flux_in, splat_flux
 from lensforge.scene.receiver import Landings, ReceiverPose
@@ -52,8 +52,8 @@ def _scaled(spec: Spec, factor: float) -> Spec:
     content = spec.model_dump(mode="json")
     for section in ("source", "constraints", "target"):
         content[section] = grown(content[section])
-    for name in ("inner_offset_mm", "outer_offset_mm"):
-        content["lens"][name] *= factor
+    for face in ("inner", "outer"):
+        content["lens"][face]["offset_mm"] *= factor
     if spec.constraints.keep_out is None:
         del content["constraints"]["keep_out_margin_mm"]
     return parse_spec(content, "scaled")
@@ -78,7 +78,7 @@ def test_a_scaled_lens_gives_scaled_hits_and_equal_gradients(size: float, seed: 
     for factor in (1.0, size):
         tables = [(quick_table_of(s, grid) * factor).requires_grad_() for s in surfaces]
         moved = RayBundle(rays.origins * factor, rays.directions, rays.flux)
-        arrivals = by_kernels(tables, Scene(Media(1.4936), grid), moved, 100.0 * factor)
+        arrivals = by_kernels(tables, Scene(Media(Medium(1.4936)), grid), moved, 100.0 * factor)
         by_table = torch.autograd.grad((arrivals.hits * torch.tensor([0.3, -0.7])).sum(), tables)
         results.append((arrivals.fates, arrivals.hits / factor, arrivals.carried, arrivals.sin2_exit, *by_table))
     assert torch.equal(results[0][0], results[1][0])
@@ -112,8 +112,8 @@ def test_a_lambertian_point_on_receivers_of_any_size(distance: float, half_angle
     x = np.tan(np.radians(half_angle_deg))
     radius = min(1.0, 0.1 * distance)
     spec = _point_spec(
-        lens__inner_offset_mm=0.5 * radius,
-        lens__outer_offset_mm=radius,
+        lens__inner__offset_mm=0.5 * radius,
+        lens__outer__offset_mm=radius,
         constraints={
             "cavity_height_mm": 0.1 * radius,
             "cavity_radius_mm": 0.2 * radius,
@@ -125,7 +125,7 @@ def test_a_lambertian_point_on_receivers_of_any_size(distance: float, half_angle
         target__width_mm=2.0 * x * distance,
     )
     light = evaluate_lens(
-        Lens(sphere(0.5 * radius), sphere(radius), spec, 0, "draft"), SquareEmitter(0.0), DRAFT, rays=2**15
+        Lens.double(sphere(0.5 * radius), sphere(radius), spec, 0, "draft"), SquareEmitter(0.0), DRAFT, rays=2**15
     )
     _complete(light)
     a = x / np.hypot(1.0, x)
@@ -198,7 +198,7 @@ def test_a_measured_source_of_a_few_rays(ray_count: int) -> None:
     bundle = SquareEmitter(0.5).sample(ray_count, 1)
     source = RaySetEmitter(bundle, 1.0)
     spec = _point_spec(target__receiver_mm=1e6, target__width_mm=8e5)
-    light = evaluate_lens(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft"), source, DRAFT, rays=1000)
+    light = evaluate_lens(Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft"), source, DRAFT, rays=1000)
     _complete(light)
     assert light.rays == ray_count
     assert light.flux.detected + light.flux.outside + light.flux.missed > 0.9
@@ -210,7 +210,9 @@ def test_rays_traced_in_parts_agree_with_all_at_once(at_once: int, monkeypatch: 
     monkeypatch.setattr(simulation, "_MOST_RAYS_AT_ONCE", at_once)
     count = 2**24 if NIGHTLY and at_once > 100 else 2**10 if at_once > 1 else 2**8
     spec = _point_spec()
-    light = evaluate_lens(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft"), SquareEmitter(0.0), DRAFT, rays=count)
+    light = evaluate_lens(
+        Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft"), SquareEmitter(0.0), DRAFT, rays=count
+    )
     _complete(light)
     a = 1.0 / np.sqrt(2.0)  # the receiver is twice as wide as it is far
     expected = 4.0 / np.pi * a * np.arctan(a) * normal_transmittance(1.4936) ** 2

@@ -49,8 +49,8 @@ def _contents(draw: st.DrawFn) -> dict[str, Any]:
             "levels": draw(st.lists(st.integers(1, 30), min_size=1, max_size=3)),
             "sigma_c": draw(st.one_of(st.floats(0.7, 3.0), st.sampled_from([1e-5, 100.0]))),
             "refractive_index": draw(st.one_of(st.sampled_from([1.0, 4.0]), st.floats(1.0, 4.0))),
-            "inner_offset_mm": inner,
-            "outer_offset_mm": size * (1.0 + 1e-9),
+            "inner": {"offset_mm": inner},
+            "outer": {"offset_mm": size * (1.0 + 1e-9)},
             "symmetry": draw(st.sampled_from(["none", "mirror_x", "rectangle", "square"])),
         },
         "constraints": {
@@ -86,9 +86,9 @@ def _lens(spec: Spec, seed: int, roughness: float) -> Lens:
     rng = np.random.default_rng(seed)
     inner, outer = (
         SrbfSurface(basis, roughness * offset * rng.normal(size=basis.size), offset)
-        for offset in (spec.lens.inner_offset_mm, spec.lens.outer_offset_mm)
+        for offset in (spec.lens.inner.offset_mm, spec.lens.outer.offset_mm)
     )
-    return Lens(inner, outer, spec, seed, "draft")
+    return Lens.double(inner, outer, spec, seed, "draft")
 
 
 def _one_line(refusal: InputError) -> None:

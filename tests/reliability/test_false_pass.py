@@ -17,13 +17,14 @@ from nightly import first_by_day
 import lensforge as lf
 from lensforge.report.folder import RunFolder
 from lensforge.report.pipeline import write_report
-from lensforge.report.results import EXTRAS, STAGES
+from lensforge.report.results import own_stems
 from lensforge.results.stage_result import with_checksum
+from lensforge.scene.body import DOUBLE
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
 NEVER = ("compare_outer", "correct_outer")
-RECORDS = [stem for stem in ({kind.stage: kind for kind in STAGES} | EXTRAS) if stem not in NEVER]
+RECORDS = [stem for stem in own_stems(DOUBLE) if stem not in NEVER]
 
 # The value of each criterion in its record, and its limit; None: nothing else in the folder states it.
 TOLERANCE_MM = 7e-5 * 7.0
@@ -40,7 +41,7 @@ VALUES: dict[str, tuple[str | None, str, float | None]] = {
     "watertight_3mf": (None, ">=", 1.0),
     "genus_difference": (None, "<=", 0.0),
     "mesh_volume_change": (None, "<=", None),
-    "thinnest wall": ("wall.thinnest.thickness_mm", ">=", 1.0 - TOLERANCE_MM),
+    "thinnest wall": ("walls.thinnest.thickness_mm", ">=", 1.0 - TOLERANCE_MM),
     "open_edges": ("open_edges", "<=", 0.0),
     "volume_change": (None, "<=", None),
     "area_change": (None, "<=", None),

@@ -20,7 +20,7 @@ from lensforge.search.checkpoint import CHECKPOINT
 pytestmark = pytest.mark.usefixtures("undrawn")
 
 SPEC = small_spec(optimise={"steps_per_level": [2, 2], "rays": 256, "pixels": 16}, base={"kind": "none"})
-SCALED = ("lens.inner_offset_mm", "lens.outer_offset_mm")
+SCALED = ("lens.inner.offset_mm", "lens.outer.offset_mm")
 SETTINGS = {"accuracy": "draft", "seed": 3}
 
 
@@ -61,8 +61,8 @@ def test_every_design_is_the_spec_with_its_own_value(swept):
         assert content.inputs[row.folder] == lens.sha256
         assert lens.spec.name == row.folder
         assert lens.spec.constraints.max_radius_mm == row.value
-        assert lens.spec.lens.inner_offset_mm == pytest.approx(3.0 * row.value / 7.0)
-        assert lens.spec.lens.outer_offset_mm == pytest.approx(6.0 * row.value / 7.0)
+        assert lens.spec.lens.inner.offset_mm == pytest.approx(3.0 * row.value / 7.0)
+        assert lens.spec.lens.outer.offset_mm == pytest.approx(6.0 * row.value / 7.0)
         same = {"name", "lens", "constraints"}
         assert lens.spec.model_dump(exclude=same) == SPEC.model_dump(exclude=same)
         results = load_results(folder / row.folder)
@@ -138,7 +138,7 @@ def test_another_sweep_is_not_resumed(swept):
     folder, _ = swept
     vary = parse_variation("constraints.max_radius_mm=6.5,8", SCALED)
     other, unscaled = (
-        parse_variation("lens.outer_offset_mm=5.5,6"),
+        parse_variation("lens.outer.offset_mm=5.5,6"),
         parse_variation("constraints.max_radius_mm=6.5,8"),
     )
     for words, spec, variation, settings in (

@@ -67,7 +67,7 @@ def test_a_real_cluster_makes_the_same_lenses(tmp_path) -> None:
         record = json.loads((tmp_path / row.folder / "lens.json").read_text(encoding="utf-8"))
         spec = next(variant.spec for variant in VALUES.variants(SPEC) if variant.spec.name == row.folder)
         own = lf.design(spec, **SETTINGS, warn=lambda _: None)
-        assert record["inner"] == own.lens.to_json()["inner"]
+        assert record["faces"]["inner"] == own.lens.to_json()["faces"]["inner"]
         assert (tmp_path / row.folder / "report.html").exists()
 
 

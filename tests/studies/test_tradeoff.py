@@ -26,7 +26,7 @@ RAYS = 2**14
 
 
 def small_lens():
-    return Lens(random_surface(1, 3.0, 0.01, (9, 25)), random_surface(2, 6.0, 0.01, (9, 25)), SPEC, 0, "draft")
+    return Lens.double(random_surface(1, 3.0, 0.01, (9, 25)), random_surface(2, 6.0, 0.01, (9, 25)), SPEC, 0, "draft")
 
 
 @pytest.fixture(scope="module")
