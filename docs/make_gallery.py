@@ -36,7 +36,8 @@ Every shipped spec and its light. The pictures are of drafts, {rays:,} rays, mad
 [Against what is published](published.md). `lensforge examples NAME` copies a spec, with the files that it names, into
 the folder that you are in.
 
-Beside the specs there are two scripts, `examples/design_to_step.py` and `examples/faces_to_step.py`, and three notebooks:
+Beside the specs there are two scripts, `examples/design_to_step.py` and `examples/faces_to_step.py`, and three
+notebooks:
 [A first lens and its light](notebooks/first_light.ipynb),
 [Size against efficiency](notebooks/size_against_efficiency.ipynb),
 [A target of your own](notebooks/own_target.ipynb).
