@@ -14,18 +14,31 @@ from jaxtyping import Bool, Float, Int
 
 from lensforge.errors import InputError
 from lensforge.kernels.fate import Fate
-from lensforge.light.coated_glass import behind_glass_by_arrays, face_transmittances
+from lensforge.light.coated_glass import face_transmittances
 from lensforge.light.exact_trace import bracketed, to_plane
-from lensforge.light.sequential_trace import EnteringRays, TracedSurface
-from lensforge.optics.arrays import Array, codes, constant, lengths, module_of, replaced, rows_of, without_gradient
-from lensforge.optics.dielectric import refract, transmitted_cosine_squared, unpolarised_fields
+from lensforge.light.sequential_trace import (
+    EnteringRays,
+    TracedSurface,
+    as_seen,
+    differentiable_hit,
+    entered,
+    fates_at_plane,
+)
+from lensforge.optics.arrays import Array, constant, lengths, module_of, replaced, rows_of, without_gradient
+from lensforge.optics.dielectric import (
+    Amplitudes,
+    fields_behind,
+    passing_amplitudes,
+    reflecting_amplitudes,
+    refract,
+    transmitted_cosine_squared,
+    unpolarised_fields,
+)
 from lensforge.optics.media import BODY, CAVITY, OUTSIDE, Mirror
-from lensforge.scene.as_made import through_frame
 from lensforge.scene.body import Chain
 from lensforge.scene.exit_rays import ExitRays
 
 _STEPS, _BISECTIONS = 512, 60
-_DARK = 1e-12  # transmittance below which the slope of its root no longer counts
 _BACKED_OFF = 1e-9  # of the reach: a ray starts so far from the face that it has just met
 
 
@@ -84,7 +97,7 @@ def trace_chain(faces: TracedFaces, rays: EnteringRays, fresnel: bool = True) ->
     if rays.made is not None and rays.made.slopes:
         raise InputError("rough faces: traced by the compiled kernels alone; leave out the roughness")
     xp = module_of(rays.flux)
-    fates, alive, points = _entered(faces, rays)
+    fates, alive, points = entered(rays, lambda points: faces.inside(CAVITY, points))
     nothing = xp.zeros_like(rays.flux)
     fields = unpolarised_fields(rays.directions) + 0.0j
     light = _Light(points, rays.directions, fields, nothing + 1.0, fates, nothing, nothing)
@@ -104,20 +117,6 @@ def trace_chain(faces: TracedFaces, rays: EnteringRays, fresnel: bool = True) ->
     return _exits(rays, light, left, fresnel)
 
 
-def _entered(faces: TracedFaces, rays: EnteringRays) -> tuple[Array, Array, Float[Array, "n 3"]]:
-    """Fates; the rays in the cavity; the points of all rays: those from below z = 0 start at its opening."""
-    xp, rise, height = module_of(rays.flux), rays.directions[:, 2], rays.origins[:, 2]
-    rising = ~(rise <= 0.0)
-    start = xp.where(height < 0.0, -height / xp.where(rising, rise, 1.0), 0.0)
-    points = rays.origins + start[:, None] * rays.directions
-    points[:, 2] = xp.where(height < 0.0, 0.0, height)
-    with without_gradient(points):
-        inside = faces.inside(CAVITY, points)
-    enters = rising | (height > 0.0)
-    outside = xp.where(inside, int(Fate.LEFT_LENS), int(Fate.OUTSIDE_CAVITY))
-    return codes(xp.where(enters, outside, int(Fate.BACKWARD))), rows_of(enters & inside), points
-
-
 def _event(
     faces: TracedFaces, rays: EnteringRays, light: _Light, medium: str, rows: Array, fresnel: bool, last: bool
 ) -> list[tuple[str, Array]]:
@@ -125,7 +124,7 @@ def _event(
 
     Returns the media in which they go on, with their rows.
     """
-    xp, names = module_of(rays.flux), faces.chain.names
+    names = faces.chain.names
     starts, along = constant(light.points[rows]), constant(light.directions[rows])
     with without_gradient(starts):
         ahead = starts + _BACKED_OFF * faces.reach_mm * along
@@ -137,8 +136,7 @@ def _event(
         numbers = faces.nearest(medium, starts + paths[:, None] * along)
     above = (starts + paths[:, None] * along)[:, 2] >= 0.0
     met = crossing.found & above
-    lost = xp.where((along[:, 2] <= 0.0) & (medium == CAVITY), int(Fate.BACKWARD), int(Fate.BASE))
-    light.fates[rows[~met]] = codes(lost)[~met]
+    light.fates[rows[~met]] = fates_at_plane(along[~met], medium != CAVITY)
     onward = []
     for number in range(len(names)):
         some = met & (numbers == number)
@@ -152,16 +150,12 @@ def _at_face(
     paths: Float[Array, " k"], fresnel: bool, last: bool,
 ) -> list[tuple[str, Array]]:  # fmt: skip
     """Refract the rays ``rows`` at one face, or reflect them there."""
-    xp, chain, surface = module_of(rays.flux), faces.chain, faces.surfaces[faces.chain.names[number]]
+    chain, surface = faces.chain, faces.surfaces[faces.chain.names[number]]
     from_behind = chain.behind[number] == medium and chain.before[number] != medium
     behind = chain.before[number] if from_behind else chain.behind[number]
-    points, normals = _hit(surface, light.points[rows], light.directions[rows], paths)
-    normals = -normals if from_behind else normals
-    if medium == BODY and rays.absorptions is not None:
-        through = xp.exp(-rays.absorptions[rows] * lengths(points - light.points[rows]))
-        flux = _flux(rays, light)[rows]
-        light.absorbed = replaced(light.absorbed, rows, light.absorbed[rows] + flux * (1.0 - through))
-        light.clear = replaced(light.clear, rows, light.clear[rows] * through)
+    points, normals = differentiable_hit(surface, light.points[rows], light.directions[rows], paths, from_behind)
+    if medium == BODY:
+        _absorb(rays, light, rows, points)
     before, ratio = light.directions[rows], _ratio(rays, medium, behind, rows)
     cosine = (before * normals).sum(1)
     squared = transmitted_cosine_squared(cosine, ratio)
@@ -181,14 +175,8 @@ def _at_face(
             continue
         d, n, c, r = before[some], normals[some], cosine[some], ratio[some]
         b = d - 2.0 * c[:, None] * n if reflected else refract(d, n, r)
-        if reflected:
-            across, more = _reflecting(c, r, squared[some], coating)
-        elif fresnel:
-            table = rays.coatings.faces.get(chain.names[number])
-            across, more = _passing(face_transmittances(c, r, table, rays.coatings.rows, rows[some]))
-        else:
-            across, more = c * 0.0 + 1.0, c * 0.0
-        fields = _fields_behind(light.fields[rows[some]], across, more, n, c, d, b, reflected)
+        found = _amplitudes(rays, chain.names[number], c, r, rows[some], reflected, fresnel)
+        fields = fields_behind(light.fields[rows[some]], d, b, n, found, reflected)
         light.fields = replaced(light.fields, rows[some], fields)
         light.points = replaced(light.points, rows[some], points[some])
         light.directions = replaced(light.directions, rows[some], b)
@@ -196,17 +184,30 @@ def _at_face(
     return onward
 
 
-def _hit(
-    surface: TracedSurface, origins: Float[Array, "k 3"], directions: Float[Array, "k 3"], paths: Float[Array, " k"]
-) -> tuple[Float[Array, "k 3"], Float[Array, "k 3"]]:
-    """The hit and its unit normal away from the origin, by one undamped Newton step."""
-    with without_gradient(origins):
-        slope = -(surface.normal(origins + paths[:, None] * directions) * directions).sum(1)
-        slope = module_of(slope).where(slope == 0.0, np.inf, slope)
-    exact = paths - surface.gap(origins + paths[:, None] * directions) / slope
-    points = origins + exact[:, None] * directions
-    normals = surface.normal(points)
-    return points, normals / lengths(normals)[:, None]
+def _absorb(rays: EnteringRays, light: _Light, rows: Array, points: Float[Array, "k 3"]) -> None:
+    """Take what the body absorbs of the rays ``rows`` on their way to ``points``."""
+    if rays.absorptions is None:
+        return
+    through = module_of(points).exp(-rays.absorptions[rows] * lengths(points - light.points[rows]))
+    lost = _flux(rays, light)[rows] * (1.0 - through)
+    light.absorbed = replaced(light.absorbed, rows, light.absorbed[rows] + lost)
+    light.clear = replaced(light.clear, rows, light.clear[rows] * through)
+
+
+def _amplitudes(
+    rays: EnteringRays, face: str, cosine: Float[Array, " k"], ratio: Float[Array, " k"], rows: Array, reflected: bool,
+    fresnel: bool,
+) -> Amplitudes:  # fmt: skip
+    """Amplitudes of the rays ``rows`` behind a face; a mirror has one for both polarisations."""
+    coating, equal = rays.media.coating(face), cosine * 0.0
+    if isinstance(coating, Mirror):
+        return equal + coating.reflectance**0.5, equal
+    if reflected:
+        return reflecting_amplitudes(cosine, ratio)
+    if not fresnel:
+        return equal + 1.0, equal
+    table = rays.coatings.faces.get(face)
+    return passing_amplitudes(face_transmittances(cosine, ratio, table, rays.coatings.rows, rows), ratio)
 
 
 def _ratio(rays: EnteringRays, before: str, behind: str, rows: Array) -> Float[Array, " k"]:
@@ -217,38 +218,6 @@ def _ratio(rays: EnteringRays, before: str, behind: str, rows: Array) -> Float[A
     return out_of if behind == OUTSIDE else 1.0 / into
 
 
-def _passing(found: tuple[Array, Array, Array]) -> tuple[Array, Array]:
-    """Amplitude across the plane of incidence, and its difference to that in it over the squared sine."""
-    xp = module_of(found[0])
-    root_s, root_p = (xp.sqrt(xp.where(each > _DARK, each, _DARK)) for each in found[:2])
-    return root_s, found[2] / (root_s + root_p)
-
-
-def _reflecting(
-    cosine: Float[Array, " k"], ratio: Float[Array, " k"], squared: Float[Array, " k"], coating: object
-) -> tuple[Array, Array]:
-    """Amplitudes of a mirror, or of total reflection: ``(r c - q) / (r c + q)`` with q = i Q (Born and Wolf, 1.5.4)."""
-    xp = module_of(cosine)
-    if isinstance(coating, Mirror):
-        return cosine * 0.0 + coating.reflectance**0.5, cosine * 0.0
-    q = 1.0j * xp.sqrt(-squared)
-    across = (ratio * cosine - q) / (ratio * cosine + q)
-    return across, -2.0 * ratio * (ratio**2 - 1.0) / ((ratio * cosine + q) * (cosine + ratio * q))
-
-
-def _fields_behind(
-    fields: Array, across: Array, more: Array, n: Array, c: Array, d: Array, b: Array, reflected: bool
-) -> Array:
-    """Fields behind a face: ``M (a e + k (n.e) u)``, as in ``kernels.fields``."""
-    u = n - c[:, None] * d
-    onto = (fields * n[:, None, :]).sum(2)
-    turned = across[:, None, None] * fields + (more[:, None] * onto)[:, :, None] * u[:, None, :]
-    if reflected:
-        return turned - 2.0 * (turned * n[:, None, :]).sum(2)[:, :, None] * n[:, None, :]
-    along = (turned * b[:, None, :]).sum(2) / (1.0 + (d * b).sum(1))[:, None]
-    return turned - along[:, :, None] * (d + b)[:, None, :]
-
-
 def _flux(rays: EnteringRays, light: _Light) -> Float[Array, " n"]:
     """Flux (W) of all rays as it is now."""
     return rays.flux * light.clear * 0.5 * (abs(light.fields) ** 2).sum((1, 2))
@@ -256,15 +225,6 @@ def _flux(rays: EnteringRays, light: _Light) -> Float[Array, " n"]:
 
 def _exits(rays: EnteringRays, light: _Light, left: Array, fresnel: bool) -> ExitRays:
     """The rays behind the body, and behind the cover glass."""
-    xp, flux = module_of(rays.flux), _flux(rays, light)
-    points, directions = light.points[left], light.directions[left]
-    fields = light.fields
-    if rays.made is not None:
-        frames, _, factor = rays.made.placed
-        points, directions = through_frame(frames[-1], points, directions, factor)
-        fields = fields @ (xp.asarray(frames[-1][:, :3].T.copy()) + 0.0j)
-    points, directions = (replaced(xp.zeros_like(rays.origins), left, each) for each in (points, directions))
-    axial = rays.flux * light.clear * 0.5 * (abs(fields[:, :, 2]) ** 2).sum(1)
-    absorbed = None if rays.absorptions is None else light.absorbed
-    exits = ExitRays(points, directions, flux, light.sin2_exit, light.fates, absorbed, axial=axial if fresnel else None)
-    return behind_glass_by_arrays(exits, rays.media, fresnel, rays.coatings)
+    flux, absorbed = _flux(rays, light), None if rays.absorptions is None else light.absorbed
+    exits = ExitRays(light.points, light.directions, flux, light.sin2_exit, light.fates, absorbed)
+    return as_seen(exits, left, rays, light.fields, rays.flux * light.clear if fresnel else None)

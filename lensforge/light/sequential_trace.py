@@ -6,11 +6,11 @@ Newton step, the implicit formula, Eq. (9).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Bool, Float, Int8
+from jaxtyping import Bool, Float, Inexact, Int, Int8
 
 from lensforge.kernels.fate import Fate
 from lensforge.light.coated_glass import RayCoatings, behind_glass_by_arrays, face_transmittances
@@ -26,9 +26,10 @@ from lensforge.optics.arrays import (
     without_gradient,
 )
 from lensforge.optics.dielectric import (
+    fields_behind,
+    passing_amplitudes,
     refract,
     transmitted_cosine_squared,
-    transmitted_fields,
     unpolarised_fields,
 )
 from lensforge.optics.media import Media
@@ -110,7 +111,8 @@ def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: EnteringRay
     Without ``fresnel`` both surfaces let all light through that they do not reflect totally, coated or not. Exit rays
     are those behind the cover glass, where there is one.
     """
-    fates, alive, origins, directions = _entered(inner, rays)
+    fates, alive, points = entered(rays, lambda points: inner.gap(points) > 0.0)
+    origins, directions = points[alive], rays.directions[alive]
     xp = module_of(rays.flux)
     flux, sin2_exit = rays.flux, xp.zeros_like(rays.flux)
     absorbed = None if rays.absorptions is None else xp.zeros_like(rays.flux)
@@ -131,10 +133,10 @@ def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: EnteringRay
         else:
             began = origins
         crossing = surface.first_crossing(constant(origins), constant(directions))
-        through_plane = _through_plane(directions, leaving)
+        through_plane = fates_at_plane(directions, leaving)
         fates[alive] = _without_crossing(crossing, origins, directions, through_plane, leaving)
         alive, began, origins, directions = (each[crossing.found] for each in (alive, began, origins, directions))
-        points, normals = _differentiable_hit(surface, origins, directions, crossing.lengths[crossing.found])
+        points, normals = differentiable_hit(surface, origins, directions, crossing.lengths[crossing.found])
         above = constant(points)[:, 2] >= 0.0
         fates[alive[~above]] = through_plane[crossing.found][~above]
         alive, points, directions, normals = (each[above] for each in (alive, points, directions, normals))
@@ -154,20 +156,39 @@ def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: EnteringRay
         directions = refract(before, normals, ratio)
         if fresnel:
             found = face_transmittances(cosine, ratio, coating, coatings.rows, alive)
-            passed = transmitted_fields(fields[alive], before, directions, normals, ratio, found)
+            passed = fields_behind(fields[alive], before, directions, normals, passing_amplitudes(found, ratio))
             share = 0.5 * (passed**2).sum((1, 2))
             most = constant(xp.maximum(*found[:2]) / share)  # by rounding in single precision more passes
             share = share * xp.where(most < 1.0, most, 1.0)
             flux = replaced(flux, alive, flux[alive] * share)
             fields = replaced(fields, alive, passed / xp.sqrt(share)[:, None, None])
+    points, directions = (replaced(xp.zeros_like(rays.origins), alive, each) for each in (origins, directions))
+    exits = ExitRays(points, directions, flux, sin2_exit, fates, absorbed)
+    return as_seen(exits, alive, rays, fields, flux if fresnel else None)
+
+
+def as_seen(
+    exits: ExitRays,
+    left: Array,
+    rays: EnteringRays,
+    fields: Inexact[Array, "n 2 3"],
+    carried: Float[Array, " n"] | None,
+) -> ExitRays:
+    """``exits`` of a body, which are in the frame of its last face, in the frame of the receivers and behind the glass.
+
+    ``left``: rows of those that left the body; the others keep no point and no direction. ``carried``: flux (W) of
+    fields of length 1; None where no face loses light.
+    """
+    points, directions = exits.points[left], exits.directions[left]
     if rays.made is not None:
         frames, _, factor = rays.made.placed
-        origins, directions = through_frame(frames[2], origins, directions, factor)
-        fields = fields @ like(fields, frames[2][:, :3].T.copy())
-    points, directions = (replaced(xp.zeros_like(rays.origins), alive, each) for each in (origins, directions))
-    along_z = 0.5 * flux * (fields[:, :, 2] ** 2).sum(1)
-    exits = ExitRays(points, directions, flux, sin2_exit, fates, absorbed, axial=along_z if fresnel else None)
-    return behind_glass_by_arrays(exits, rays.media, fresnel, coatings)
+        points, directions = through_frame(frames[-1], points, directions, factor)
+        fields = fields @ like(fields, frames[-1][:, :3].T.copy())
+    nowhere = module_of(points).zeros_like(rays.origins)
+    points, directions = (replaced(nowhere, left, each) for each in (points, directions))
+    axial = None if carried is None else 0.5 * carried * (abs(fields[:, :, 2]) ** 2).sum(1)
+    placed = replace(exits, points=points, directions=directions, axial=axial)
+    return behind_glass_by_arrays(placed, rays.media, carried is not None, rays.coatings)
 
 
 def _above_plane(
@@ -198,8 +219,13 @@ def _roughened(normals: Float[Array, "n 3"], rays: EnteringRays, alive: Array, l
     return tilted / lengths(tilted)[:, None]
 
 
-def _entered(inner: TracedSurface, rays: EnteringRays) -> tuple[Int8[Array, " n"], Array, Array, Array]:
-    """Fates; the rays in the cavity, with their points and directions: those from below z = 0 start at its opening."""
+def entered(
+    rays: EnteringRays, inside: Callable[[Float[Array, "n 3"]], Bool[Array, " n"]]
+) -> tuple[Int8[Array, " n"], Int[Array, " k"], Float[Array, "n 3"]]:
+    """Fates; the rows of the rays in the cavity; the points of all: rays from below z = 0 start at its opening.
+
+    ``inside``: True for points in the cavity.
+    """
     rise, height = rays.directions[:, 2], rays.origins[:, 2]
     rising = ~(rise <= 0.0)  # in this form also where rise is NaN: such a ray is outside
     enters = rising | (height > 0.0)
@@ -208,14 +234,12 @@ def _entered(inner: TracedSurface, rays: EnteringRays) -> tuple[Int8[Array, " n"
     points = rays.origins + start[:, None] * rays.directions
     points[:, 2] = xp.where(height < 0.0, 0.0, height)
     with without_gradient(points):
-        inside = inner.gap(points) > 0.0
-    entered = _fates(inside, Fate.LEFT_LENS, Fate.OUTSIDE_CAVITY)
-    fates = codes(xp.where(enters, entered, int(Fate.BACKWARD)))
-    alive = rows_of(enters & inside)
-    return fates, alive, points[alive], rays.directions[alive]
+        within = inside(points)
+    started = _fates(within, Fate.LEFT_LENS, Fate.OUTSIDE_CAVITY)
+    return codes(xp.where(enters, started, int(Fate.BACKWARD))), rows_of(enters & within), points
 
 
-def _through_plane(directions: Float[Array, "n 3"], leaving: bool) -> Int8[Array, " n"]:
+def fates_at_plane(directions: Float[Array, "n 3"], leaving: bool) -> Int8[Array, " n"]:
     """Fates of rays that meet the plane z = 0 before a surface: in the cavity out of its opening, in the body the base.
 
     In the cavity a ray that rises is below the plane only at the rim, by rounding: there the body begins.
@@ -246,19 +270,24 @@ def _without_crossing(
     return codes(xp.where(crossing.found, int(Fate.LEFT_LENS), unmet))
 
 
-def _differentiable_hit(
+def differentiable_hit(
     surface: TracedSurface,
     origins: Float[Array, "n 3"],
     directions: Float[Array, "n 3"],
     paths: Float[Array, " n"],
+    from_behind: bool = False,
 ) -> tuple[Float[Array, "n 3"], Float[Array, "n 3"]]:
-    """The hit and its unit normal, with the derivative of the implicit function: one undamped Newton step."""
+    """The hit and its unit normal, with the derivative of the implicit function: one undamped Newton step.
+
+    The normal points along the ray, which leaves what the surface surrounds or, ``from_behind``, comes into it.
+    """
     with without_gradient(origins):
         points = origins + paths[:, None] * directions
         slope = -(surface.normal(points) * directions).sum(1)
-        slope = module_of(slope).where(slope < 0.0, slope, -np.inf)  # a tangent has no step and no derivative
+        meets = slope > 0.0 if from_behind else slope < 0.0
+        slope = module_of(slope).where(meets, slope, -np.inf)  # a tangent has no step and no derivative
     points = origins + paths[:, None] * directions
     exact = paths - surface.gap(points) / slope
     points = origins + exact[:, None] * directions
-    normals = surface.normal(points)
+    normals = -surface.normal(points) if from_behind else surface.normal(points)
     return points, normals / lengths(normals)[:, None]

@@ -2,17 +2,19 @@
 
 ``ratio`` is n_before / n_after, one for all rays or one for each. Normals have length 1 and point along the ray:
 ``c = d . n > 0``. Transmittances come as ``(t_s, t_p, excess)``, ``t_p - t_s`` being ``excess`` times the squared sine
-before the face.
+before the face. :data:`Amplitudes` are a_s, across the plane of incidence, and ``a_p - a_s`` over the sines on both
+sides; in total reflection they are complex.
 """
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Inexact
 
 from lensforge.optics.arrays import Array, lengths, like, module_of, whole
 
 Ratio = float | Float[Array, " n"]
 _DARK = 1e-12  # transmittance below which the slope of its root no longer counts
 Transmittances = tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, " n"]]
+Amplitudes = tuple[Inexact[Array, " n"], Inexact[Array, " n"]]
 
 
 def transmitted_cosine_squared(cosine: Float[Array, " n"], ratio: Ratio) -> Float[Array, " n"]:
@@ -82,25 +84,46 @@ def unpolarised_fields(directions: Float[Array, "n 3"]) -> Float[Array, "n 2 3"]
     return xp.stack([one, xp.linalg.cross(directions, one)], 1)
 
 
-def transmitted_fields(
-    fields: Float[Array, "n 2 3"],
+def passing_amplitudes(found: Transmittances, ratio: Ratio) -> Amplitudes:
+    """Amplitudes of light that passes: roots of both shares, which differ by excess and both sines over their sum."""
+    xp = module_of(found[0])
+    root_s, root_p = (xp.sqrt(xp.where(each > _DARK, each, _DARK)) for each in found[:2])
+    return root_s, found[2] / (ratio * (root_s + root_p))
+
+
+def reflecting_amplitudes(cosine: Float[Array, " n"], ratio: Ratio) -> Amplitudes:
+    """Amplitudes in total reflection: ``a_s = (r c - q) / (r c + q)`` with q = i Q (Born and Wolf, 1.5.4)."""
+    q = 1.0j * module_of(cosine).sqrt(-transmitted_cosine_squared(cosine, ratio))
+    across = (ratio * cosine - q) / (ratio * cosine + q)
+    return across, -2.0 * ratio * (ratio**2 - 1.0) / ((ratio * cosine + q) * (cosine + ratio * q))
+
+
+def fields_behind(
+    fields: Inexact[Array, "n 2 3"],
     before: Float[Array, "n 3"],
     behind: Float[Array, "n 3"],
     normals: Float[Array, "n 3"],
-    ratio: Ratio,
-    found: Transmittances,
-) -> Float[Array, "n 2 3"]:
-    """Fields behind a face; their squared lengths are the flux that is left. ``before``, ``behind``: directions.
+    amplitudes: Amplitudes,
+    reflected: bool = False,
+) -> Inexact[Array, "n 2 3"]:
+    """Fields behind a face, where their squared lengths are the flux that is left. ``before``, ``behind``: directions.
 
-    Each is turned as the ray, times the root of t_s, and its part in the plane of incidence stretched to the root of
-    t_p (Yun, Crabtree and Chipman, Appl. Opt. 50, 2855, 2011, for real amplitudes), with no singularity at normal
-    incidence, where the plane is none: roots differ by the excess times both sines, over their sum.
+    Each is turned as the ray, or reflected, times the amplitude across the plane of incidence, and its part in this
+    plane is stretched to the amplitude there (Yun, Crabtree and Chipman, Appl. Opt. 50, 2855, 2011), with no
+    singularity at normal incidence, where the plane is none.
     """
-    xp = module_of(fields)
-    root_s, root_p = (xp.sqrt(xp.where(each > _DARK, each, _DARK)) for each in found[:2])
+    xp, (across, more) = module_of(fields), amplitudes
+
+    def onto(vectors: Float[Array, "n 3"]) -> Inexact[Array, "n 2"]:
+        found: Inexact[Array, "n 2"] = xp.einsum("nfi,ni->nf", fields, like(fields, vectors))
+        return found
+
     cosine, inside = ((each * normals).sum(1)[:, None] for each in (before, behind))
     one, other = normals - cosine * before, normals - inside * behind  # in the plane, as long as the sines
-    turn = xp.einsum("nfi,ni->nf", fields, behind) / (1.0 + (before * behind).sum(1))[:, None]
-    turned = fields - turn[:, :, None] * (before + behind)[:, None, :]
-    stretch = (found[2] / (ratio * (root_s + root_p)))[:, None] * xp.einsum("nfi,ni->nf", fields, one)
-    return root_s[:, None, None] * turned + stretch[:, :, None] * other[:, None, :]
+    if reflected:
+        turned, other = fields - (2.0 * onto(normals))[:, :, None] * normals[:, None, :], -other
+    else:
+        turn = onto(behind) / (1.0 + (before * behind).sum(1))[:, None]
+        turned = fields - turn[:, :, None] * (before + behind)[:, None, :]
+    stretch = more[:, None] * onto(one)
+    return across[:, None, None] * turned + stretch[:, :, None] * other[:, None, :]

@@ -13,7 +13,13 @@ from scipy.interpolate import NdBSpline
 
 from lensforge.light.exact_trace import DenseScan
 from lensforge.light.table_trace import Scene
-from lensforge.optics.dielectric import fresnel_transmittances, refract, transmitted_fields, unpolarised_fields
+from lensforge.optics.dielectric import (
+    fields_behind,
+    fresnel_transmittances,
+    passing_amplitudes,
+    refract,
+    unpolarised_fields,
+)
 from lensforge.optics.media import Media, Medium
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.sources.build_source import SquareEmitter
@@ -78,7 +84,8 @@ def _back(lens: tuple[Surface, Surface], hits: np.ndarray, directions: np.ndarra
         normals = -surface.normal(points / np.linalg.norm(points, axis=1, keepdims=True))
         d, n = torch.from_numpy(directions), torch.from_numpy(normals)
         behind = refract(d, n, ratio)
-        fields = transmitted_fields(fields, d, behind, n, ratio, fresnel_transmittances((d * n).sum(dim=1), ratio))
+        passed = passing_amplitudes(fresnel_transmittances((d * n).sum(dim=1), ratio), ratio)
+        fields = fields_behind(fields, d, behind, n, passed)
         directions = behind.numpy()
     carried = 0.5 * (fields**2).sum(dim=(1, 2)).numpy()
     return points - points[:, 2:] / directions[:, 2:] * directions, directions, carried
