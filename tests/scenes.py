@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 import torch
 
+from lensforge.optics.media import DOUBLE
 from lensforge.spec import Spec, parse_spec
-from lensforge.spec.tolerances_section import FACES, PRESET_AMOUNTS, PartTolerances
+from lensforge.spec.tolerances_section import PRESET_AMOUNTS, PartTolerances
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
@@ -89,7 +90,7 @@ def tolerance_changes(amounts: Mapping[str, Any], joint: str = "__") -> dict[str
     found = {}
     for name, amount in amounts.items():
         face, _, field = ("outer", "_", name) if name == "gap_mm" else name.partition("_")
-        found[joint.join(("lens", face, field) if face in FACES else ("tolerances", name))] = amount
+        found[joint.join(("lens", face, field) if face in DOUBLE else ("tolerances", name))] = amount
     return found
 
 

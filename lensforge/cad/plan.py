@@ -17,7 +17,7 @@ from jaxtyping import Float
 from lensforge.cad.boundary import Boundary, Shape, StarShaped, TrimmedFace, as_pair, optical_name
 from lensforge.cad.outline import FULL_TURN, Arc, Outline, Radius, arcs_between, circle, outline_of, sampled_azimuths
 from lensforge.errors import InputError, remedy
-from lensforge.scene.body import DOUBLE
+from lensforge.optics.media import DOUBLE
 from lensforge.spec import BaseSection
 from lensforge.surfaces.surface import grid, to_sphere
 

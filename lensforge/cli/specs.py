@@ -19,6 +19,7 @@ from lensforge.cli.options import with_force
 from lensforge.errors import InputError
 from lensforge.light.lens_light import source_of
 from lensforge.optics.material import MATERIALS
+from lensforge.optics.media import DOUBLE
 from lensforge.results.files import replacing, require_writable
 from lensforge.shop.findings import GOOD_DRAFT_DEG
 from lensforge.spec import Spec, parse_spec
@@ -27,7 +28,6 @@ from lensforge.spec.new_spec import SOURCE_KINDS, SOURCES, TARGET_KINDS, TARGETS
 from lensforge.spec.source_sections import RayfileSource
 from lensforge.spec.spec_files import resolve_files
 from lensforge.spec.spec_reference import SCHEMA_FILE, reference_page, spec_schema
-from lensforge.spec.tolerances_section import FACES
 
 Tables = dict[str, Any]  # of a spec, by their names
 
@@ -143,7 +143,7 @@ def _content(name: str, sections: Tables, radius_mm: float, material: str, made_
     found = {
         "name": name,
         "source": sections["source"],
-        "lens": {"material": material, "levels": "auto", **{face: {**made_by.get("face", {})} for face in FACES}},
+        "lens": {"material": material, "levels": "auto", **{face: {**made_by.get("face", {})} for face in DOUBLE}},
         "constraints": {"max_radius_mm": radius_mm},
         "target": sections["target"],
         **({"manufacture": made_by["manufacture"]} if made_by else {}),

@@ -32,7 +32,7 @@ from lensforge.optics.dielectric import (
     transmitted_cosine_squared,
     unpolarised_fields,
 )
-from lensforge.optics.media import Media
+from lensforge.optics.media import DOUBLE, Media
 from lensforge.scene.as_made import AsMade, through_frame
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.sources.ray_bundle import RayBundle
@@ -119,8 +119,8 @@ def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: EnteringRay
     fields = unpolarised_fields(rays.directions)
     coatings = rays.coatings
     faces = (
-        (inner, rays.entry_ratios, coatings.faces.get("inner"), False),
-        (outer, rays.exit_ratios, coatings.faces.get("outer"), True),
+        (inner, rays.entry_ratios, coatings.faces.get(DOUBLE[0]), False),
+        (outer, rays.exit_ratios, coatings.faces.get(DOUBLE[1]), True),
     )
     for surface, ratios, coating, leaving in faces:
         if leaving and rays.made is not None:

@@ -14,9 +14,9 @@ from lensforge.kernels.first_hit import empty_packet
 from lensforge.kernels.parallel import CHUNKS, in_chunks
 from lensforge.kernels.trace import trace
 from lensforge.light.coated_glass import RayCoatings, before_glass, behind_glass
-from lensforge.optics.media import Media
+from lensforge.optics.media import DOUBLE, Media
 from lensforge.scene.as_made import AsMade, Placed, Rough, rough_part
-from lensforge.scene.body import DOUBLE, Chain
+from lensforge.scene.body import Chain
 from lensforge.scene.exit_rays import ExitRays, Sensitivities
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.optics.coatings import least_reflectances
-from lensforge.optics.media import Media
+from lensforge.optics.media import DOUBLE, Media
 
 Turns = Float[np.ndarray, "*n"]
 Least = tuple[float | None, float | None]  # reflectances of the inner and the outer face; None: it is bare
@@ -98,7 +98,7 @@ def transmittance_of(media: Media) -> float:
     """
     index = np.full(1, media.body.refractive_index)
     least = least_reflectances(media, None)
-    faces = (("inner", media.cavity_index), ("outer", media.outside_index))
+    faces = zip(DOUBLE, (media.cavity_index, media.outside_index), strict=True)
     one, other = (float(_at_most(np.zeros(1), _ratio(index, around), least.get(name))[0]) for name, around in faces)
     return one * other
 

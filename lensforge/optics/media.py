@@ -14,6 +14,7 @@ from lensforge.kernels.parallel import in_chunks
 from lensforge.optics.material import Material
 
 CAVITY, BODY, OUTSIDE = MEDIA = "cavity", "body", "outside"  # from the source on
+DOUBLE = "inner", "outer"  # the faces of the usual lens, from the source on
 
 
 @dataclass(frozen=True)

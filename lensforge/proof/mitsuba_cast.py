@@ -94,7 +94,7 @@ def send_through_mitsuba(part: PartMesh, rays: RayBundle, media: Media) -> tuple
         caster, passage = _Caster(mi, part, media), Passage.of(rays, part.optical.events)
         met: list[list[tuple[int, _Met]]] = [[] for _ in range(part.optical.events)]
         index = media.body.indices(rays.wavelengths_nm, len(rays))
-        steps = np.column_stack([1.0 / (media.cavity_index / index), index / media.outside_index])
+        steps = np.column_stack([index / media.cavity_index, index / media.outside_index])
         table = zip(rays.origins.tolist(), rays.directions.tolist(), steps.tolist(), strict=True)
         for row, (origin, direction, indices) in enumerate(table):
             passage.fates[row], end, own = caster.cast(origin, direction, indices)

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from lensforge.errors import InputError
+from lensforge.optics.media import DOUBLE
 
 NO_FACE = -1  # at or below z = 0 lies no optical face
 FAR_MM = 0.05  # facets further from every face of the design are of none of them: as MOST_CHORD_MM of the acceptance
@@ -36,7 +37,7 @@ class OpticalFaces:
     default None, and the usual lens: in through one face and out through the other.
     """
 
-    names: tuple[str, ...] = ("inner", "outer")
+    names: tuple[str, ...] = DOUBLE
     away: tuple[bool, ...] = (False, True)
     events: int = _CROSSINGS
     inverse_radii: Float[np.ndarray, "f m m"] | None = None

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.optics.arrays import Array, like
-from lensforge.scene.body import DOUBLE
+from lensforge.optics.media import DOUBLE
 
 Placed = tuple[Float[np.ndarray, "k 3 4"], float, float]
 Rough = tuple[Float[np.ndarray, "_ m"], Float[np.ndarray, " f"]]

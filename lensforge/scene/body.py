@@ -13,13 +13,12 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from lensforge.errors import InputError
-from lensforge.optics.media import BODY, CAVITY, MEDIA, OUTSIDE, Media, Mirror
+from lensforge.optics.media import BODY, CAVITY, DOUBLE, MEDIA, OUTSIDE, Media, Mirror
 from lensforge.surfaces.surface import Surface, grid, to_sphere
 
 MOST_EVENTS = 64
 _Sides = Int[np.ndarray, " f"]
 
-DOUBLE = ("inner", "outer")  # the faces of the usual lens
 _NODES = 96  # of the chart's grid on which faces are compared
 
 
@@ -69,7 +68,7 @@ class Body:
     @staticmethod
     def double(inner: Surface, outer: Surface) -> "Body":
         """The usual lens: one face towards the source, and one towards the target."""
-        return Body((Face("inner", inner, CAVITY, BODY), Face("outer", outer, BODY, OUTSIDE)))
+        return Body((Face(DOUBLE[0], inner, CAVITY, BODY), Face(DOUBLE[1], outer, BODY, OUTSIDE)))
 
     def face(self, name: str) -> Face:
         """The face of that name."""

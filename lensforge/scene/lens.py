@@ -19,12 +19,12 @@ from pydantic import JsonValue
 
 from lensforge.errors import InputError, RenamedWarning, WrongFields
 from lensforge.optics.material import HIGHEST_C, LOWEST_C, Material
-from lensforge.optics.media import Media
+from lensforge.optics.media import DOUBLE, Media
 from lensforge.results import Count, Record, Text
 from lensforge.results.files import json_in, read_json_bytes, write_json
 from lensforge.results.notebook_html import section_html
 from lensforge.results.stage_result import CHECKSUM, require_checksum, validated, with_checksum, without_schema
-from lensforge.scene.body import DOUBLE, Body, radii
+from lensforge.scene.body import Body, radii
 from lensforge.spec import Accuracy, AnyReceiver, Spec, parse_spec
 from lensforge.surfaces.mirror_group import NAMES, contains
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere

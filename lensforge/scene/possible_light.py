@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float
 
 from lensforge.optics.coatings import least_reflectances, whole_span
 from lensforge.optics.fundamental_limits import best_transmittance, cell_solid_angles, cone_around, etendue_from_ball
-from lensforge.optics.media import Media
+from lensforge.optics.media import DOUBLE, Media
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.sources.ray_bundle import ChangedSource, RayBundle, Source
 
@@ -175,7 +175,7 @@ class SourceLight:
         media, waves = self.media, self.rays.wavelengths_nm
         least = least_reflectances(media, whole_span(waves, media))
         indices = media.body.indices(waves, len(self.rays))
-        of_faces = least.get("inner"), least.get("outer")
+        of_faces = least.get(DOUBLE[0]), least.get(DOUBLE[1])
         return best_transmittance(turns_rad, indices, media.cavity_index, media.outside_index, of_faces)
 
     @cached_property

@@ -21,7 +21,7 @@ from jaxtyping import Float
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from lensforge.scene.body import DOUBLE
+from lensforge.optics.media import DOUBLE
 from lensforge.search.constraint_points import (
     ChartOperator,
     ChartPoints,
@@ -32,7 +32,7 @@ from lensforge.search.constraint_points import (
     least_curvature,
     wall_mm,
 )
-from lensforge.search.design_result import CAVITY, CURVATURE, DRAFT, Limit, limits_of
+from lensforge.search.design_result import CAVITY_FACES, CURVATURE, DRAFT, Limit, limits_of
 from lensforge.spec import Spec
 from lensforge.surfaces.bicubic_table import TableGrid
 
@@ -85,7 +85,7 @@ def _constraint(spec: Spec, limit: Limit) -> Constraint:
     field: Field
     if limit.kind == CURVATURE:
         # the cutter touches a lens from the air side, a mould insert from the side of the lens body
-        air = (-1 if limit.faces[0] in CAVITY else 1) * (1 if spec.manufacture.make == "part" else -1)
+        air = (-1 if limit.faces[0] in CAVITY_FACES else 1) * (1 if spec.manufacture.make == "part" else -1)
         field = partial(_curvature_left, air, 1.0 / limit.given)
         factor, margin = 0.5 * sigma**2 * largest_mm, _CURVATURE_MARGIN / limit.given
     elif limit.kind == DRAFT:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import Field
 
+from lensforge.optics.media import DOUBLE
 from lensforge.results import (
     Bound,
     Count,
@@ -32,7 +33,6 @@ from lensforge.results import (
 from lensforge.results.arguments import require_choice
 from lensforge.results.criteria import Criterion, at_least, state_of
 from lensforge.results.numerals import quantity
-from lensforge.scene.body import DOUBLE
 from lensforge.scene.lens import Lens
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec import Accuracy, Spec
@@ -230,29 +230,29 @@ class Limit:
         return self.key.removesuffix("_per_mm").removesuffix("_mm").removesuffix("_deg").replace("_", " ")
 
 
-CAVITY, ENVELOPE = DOUBLE[:1], DOUBLE[1:]  # the faces that bound the cavity, and those that bound the body
+CAVITY_FACES, ENVELOPE_FACES = DOUBLE[:1], DOUBLE[1:]  # those that bound the cavity, and the body
 CURVATURE, DRAFT = _OF_ONE_FACE = ("curvature_margin_per_mm", "draft_margin_deg")
 # The kind of a margin and its faces, the field that sets its limit, and what to do where it is missed, with the faces
 # in their order.
 _LIMITS = (
     (
         "cavity_clearance_mm",
-        CAVITY,
+        CAVITY_FACES,
         "constraints.cavity_height_mm",
         "raise lens.{0}.offset_mm or lower constraints.cavity_*",
     ),
     ("wall_margin_mm", DOUBLE, "constraints.min_thickness_mm", "raise lens.{1}.offset_mm or lower {field}"),
-    ("radius_margin_mm", ENVELOPE, "constraints.max_radius_mm", "raise {field} or lower lens.{0}.offset_mm"),
+    ("radius_margin_mm", ENVELOPE_FACES, "constraints.max_radius_mm", "raise {field} or lower lens.{0}.offset_mm"),
     *(
         (CURVATURE, (face,), f"lens.{face}.concave_radius_mm", "lower {field} or raise lens.{0}.offset_mm")
         for face in DOUBLE
     ),
     *((DRAFT, (face,), f"lens.{face}.draft_deg", "lower {field} or take more steps") for face in DOUBLE),
     ("largest_wall_margin_mm", DOUBLE, "constraints.max_wall_mm", "raise {field} or lens.{0}.offset_mm"),
-    ("height_margin_mm", ENVELOPE, "constraints.max_height_mm", "raise {field} or lower lens.{0}.offset_mm"),
+    ("height_margin_mm", ENVELOPE_FACES, "constraints.max_height_mm", "raise {field} or lower lens.{0}.offset_mm"),
     (
         "keep_out_clearance_mm",
-        CAVITY,
+        CAVITY_FACES,
         "constraints.keep_out",
         "raise lens.{0}.offset_mm or lower {field}_margin_mm",
     ),

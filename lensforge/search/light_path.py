@@ -24,7 +24,7 @@ from lensforge.kernels.parallel import CHUNKS, in_chunks
 from lensforge.light.device_trace import DeviceTable, first_crossing, tables_on
 from lensforge.light.sequential_trace import Crossing, EnteringRays, trace_sequence
 from lensforge.light.table_trace import Scene, TracedBundle
-from lensforge.scene.body import DOUBLE
+from lensforge.optics.media import DOUBLE
 from lensforge.scene.exit_rays import Sensitivities
 from lensforge.scene.made_part import ErrorField, FaceNodes, MadePart, PartMaker, waviness
 from lensforge.scene.perturbations import Draws

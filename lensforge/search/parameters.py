@@ -15,7 +15,7 @@ from torch import Tensor
 
 from lensforge.errors import InputError, remedy
 from lensforge.kernels.parallel import in_parallel
-from lensforge.scene.body import DOUBLE
+from lensforge.optics.media import DOUBLE
 from lensforge.scene.lens import Lens
 from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.receiver import PosedReceiver

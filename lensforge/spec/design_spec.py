@@ -12,6 +12,7 @@ import tomli_w
 from pydantic import Field, ValidationError, model_validator
 
 from lensforge.errors import InputError
+from lensforge.optics.media import DOUBLE
 from lensforge.results.files import replacing
 from lensforge.results.validation import its_type
 from lensforge.spec.derived_values import derived_sizes
@@ -25,7 +26,7 @@ from lensforge.spec.source_sections import SourceSpec
 from lensforge.spec.spec_fields import words_of
 from lensforge.spec.spec_files import read_toml, resolve_files
 from lensforge.spec.spec_section import Section, spec_error
-from lensforge.spec.tolerances_section import FACES, PartTolerances, TolerancesSection
+from lensforge.spec.tolerances_section import PartTolerances, TolerancesSection
 
 
 def short(value: object) -> str:
@@ -234,7 +235,7 @@ class Spec(Section):
     def with_tolerances(self, other: PartTolerances) -> "Spec":
         """The spec with all tolerances of ``other`` in place of its own."""
         faces = {name: face.with_tolerances(getattr(other, name)) for name, face in self.lens.faces.items()}
-        own = TolerancesSection(**other.model_dump(exclude_unset=True, exclude=set(FACES)))
+        own = TolerancesSection(**other.model_dump(exclude_unset=True, exclude=set(DOUBLE)))
         return self.model_copy(update={"lens": self.lens.model_copy(update=faces), "tolerances": own})
 
     def is_cut(self, face: str) -> bool:

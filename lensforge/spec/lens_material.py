@@ -30,7 +30,7 @@ from lensforge.optics.material import (
     by_abbe_number,
 )
 from lensforge.optics.material_files import MaterialData, read_material
-from lensforge.optics.media import CAVITY, OUTSIDE, FaceCoating, Media, Medium
+from lensforge.optics.media import CAVITY, DOUBLE, OUTSIDE, FaceCoating, Media, Medium
 from lensforge.spec.coating_section import CoatingSection, CoverGlassSection
 from lensforge.spec.face_section import LensFaces
 from lensforge.spec.spec_section import FilePath, Label, Section
@@ -291,7 +291,7 @@ class LensMaterial(LensFaces):
             absorption = float(material.absorption.at(np.array([self.design_wavelength_nm]))[0])
         glass = None if self.cover_glass is None else self.cover_glass.glass
         body = self._material or self.refractive_index
-        around = {"inner": CAVITY, "outer": OUTSIDE}
+        around = dict(zip(DOUBLE, (CAVITY, OUTSIDE), strict=True))
         coatings = tuple(
             FaceCoating(name, around[name], face.coating.coating(body))
             for name, face in self.faces.items()

@@ -10,6 +10,7 @@ from functools import partial
 from typing import Any
 
 from lensforge.errors import RenamedWarning
+from lensforge.optics.media import DOUBLE
 
 
 def _bound(name: str, unit: str, value: Any) -> dict[str, object]:
@@ -35,7 +36,7 @@ _FIELDS = ("concave_radius_mm", "draft_deg")
 _ERRORS = ("form_um", "waviness_um", "ripple_um", "roughness_mrad")
 _OF_LENS = {
     old: f"{face}.{new}"
-    for face in ("inner", "outer")
+    for face in DOUBLE
     for old, new in (
         (f"{face}_offset_mm", "offset_mm"), (f"fixed_{face}", "fixed"), (f"{face}_coating", "coating"),
     )
@@ -43,8 +44,8 @@ _OF_LENS = {
 # Fields that stand in the table of a face now, by their dotted names in a spec.
 MOVED = {
     **{f"lens.{old}": f"lens.{new}" for old, new in _OF_LENS.items()},
-    **{f"constraints.{face}_{name}": f"lens.{face}.{name}" for face in ("inner", "outer") for name in _FIELDS},
-    **{f"tolerances.{face}_{name}": f"lens.{face}.{name}" for face in ("inner", "outer") for name in _ERRORS},
+    **{f"constraints.{face}_{name}": f"lens.{face}.{name}" for face in DOUBLE for name in _FIELDS},
+    **{f"tolerances.{face}_{name}": f"lens.{face}.{name}" for face in DOUBLE for name in _ERRORS},
     **{f"tolerances.outer_{name}": f"lens.outer.{name}" for name in ("shift_mm", "tilt_deg")},
     "tolerances.gap_mm": "lens.outer.gap_mm",
 }

@@ -20,12 +20,13 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from lensforge.errors import InputError
+from lensforge.optics.media import DOUBLE
 from lensforge.results.numerals import percent, quantity
 from lensforge.spec.renamed import with_new_names
 from lensforge.spec.spec_files import read_toml
 from lensforge.spec.spec_section import Section, spec_error
 
-FACES = "inner", "outer"  # of a lens, from the source on
+FACES = DOUBLE
 TolerancePreset = Literal["precision", "standard", "moulded"]
 
 FactorKind = Literal["spread", "one-sided", "field"]
@@ -52,7 +53,8 @@ class _Cause(NamedTuple):
 def _of_faces(field: str, cause: _Cause) -> dict[str, _Cause]:
     """The tolerance ``field`` of each face, its words those of the ``cause`` and the face."""
     return {
-        f"{face}_{field}": cause._replace(words=f"{cause.words}, {face} face", face=face, field=field) for face in FACES
+        f"{face}_{field}": cause._replace(words=f"{cause.words}, {face} face", face=face, field=field)
+        for face in DOUBLE
     }
 
 
@@ -62,7 +64,7 @@ def _placed(field: str, cause: _Cause) -> dict[str, _Cause]:
         field if field == "gap_mm" else f"{face}_{field}": cause._replace(
             words=f"{face} face against {before}, {cause.words}", face=face, field=field
         )
-        for before, face in pairwise(FACES)
+        for before, face in pairwise(DOUBLE)
     }
 
 
@@ -186,9 +188,10 @@ class FaceTolerances(_Amounts):
 
 def refuse_placement(first: FaceTolerances) -> None:
     """Raise ``ValueError`` where the first face has a place of its own."""
+    inner, outer = DOUBLE
     for name in PLACEMENT:
         if getattr(first, name) is not None:
-            raise ValueError(f"{FACES[0]}.{name}: this face is what the next is placed against; give {FACES[1]}.{name}")
+            raise ValueError(f"{inner}.{name}: this face is what the next is placed against; give {outer}.{name}")
 
 
 class TolerancesSection(_Amounts):
@@ -318,7 +321,7 @@ def read_tolerances(name: str) -> PartTolerances:
     except ValueError as error:
         raise InputError(f"{name}: {error}") from None
     lens = content.get("lens")
-    faces = {face: lens[face] for face in FACES if isinstance(lens, dict) and isinstance(lens.get(face), dict)}
+    faces = {face: lens[face] for face in DOUBLE if isinstance(lens, dict) and isinstance(lens.get(face), dict)}
     if "source" in content:  # a whole spec: its faces have more than tolerances
         known = FaceTolerances.model_fields
         faces = {face: {name: table[name] for name in table if name in known} for face, table in faces.items()}

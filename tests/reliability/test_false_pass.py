@@ -15,11 +15,11 @@ import pytest
 from nightly import first_by_day
 
 import lensforge as lf
+from lensforge.optics.media import DOUBLE
 from lensforge.report.folder import RunFolder
 from lensforge.report.pipeline import write_report
 from lensforge.report.results import own_stems
 from lensforge.results.stage_result import with_checksum
-from lensforge.scene.body import DOUBLE
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
