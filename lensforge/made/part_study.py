@@ -334,8 +334,9 @@ def require_bearable(lens: Lens, factors: Sequence[Factor]) -> None:
 
     Raises :class:`InputError`, which names the tolerance and what is left for it.
     """
-    cavity, envelope = lens_boundaries(lens)
-    wall = thinnest(*(fit_patch(surface) for surface in lens.surfaces.values())).thickness_mm
+    pair = cavity, envelope = lens_boundaries(lens)
+    fitted = (each.of([fit_patch(face.shape, extent=face.domain.extent) for face in each.faces]) for each in pair)
+    wall = thinnest(*fitted).thickness_mm
     reach = float(envelope.radius(fibonacci_hemisphere(_DIRECTIONS)).max())
     points = build_source(lens.spec.source, lens.dispersion).outline()
     distance = np.linalg.norm(points, axis=1)
