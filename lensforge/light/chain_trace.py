@@ -124,7 +124,6 @@ def _event(
 
     Returns the media in which they go on, with their rows.
     """
-    names = faces.chain.names
     starts, along = constant(light.points[rows]), constant(light.directions[rows])
     with without_gradient(starts):
         ahead = starts + _BACKED_OFF * faces.reach_mm * along
@@ -138,7 +137,7 @@ def _event(
     met = crossing.found & above
     light.fates[rows[~met]] = fates_at_plane(along[~met], medium != CAVITY)
     onward = []
-    for number in range(len(names)):
+    for number in range(len(faces.chain.names)):
         some = met & (numbers == number)
         if bool(some.any()):
             onward += _at_face(faces, rays, light, medium, number, rows[some], paths[some], fresnel, last)
@@ -165,8 +164,7 @@ def _at_face(
     mirrored = constant(squared <= 0.0) | isinstance(coating, Mirror)
     onward = []
     for reflected in (False, True):
-        own = mirrored if reflected else ~mirrored
-        some = rows_of(own)
+        some = rows_of(mirrored if reflected else ~mirrored)
         if not len(some):
             continue
         if reflected and last:

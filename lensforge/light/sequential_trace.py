@@ -168,27 +168,23 @@ def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: EnteringRay
 
 
 def as_seen(
-    exits: ExitRays,
-    left: Array,
-    rays: EnteringRays,
-    fields: Inexact[Array, "n 2 3"],
-    carried: Float[Array, " n"] | None,
+    exits: ExitRays, left: Array, rays: EnteringRays, fields: Inexact[Array, "n 2 3"], flux: Float[Array, " n"] | None
 ) -> ExitRays:
     """``exits`` of a body, which are in the frame of its last face, in the frame of the receivers and behind the glass.
 
-    ``left``: rows of those that left the body; the others keep no point and no direction. ``carried``: flux (W) of
-    fields of length 1; None where no face loses light.
+    ``left``: rows of those that left the body; the others keep no point and no direction. ``flux``: (W) of fields
+    of length 1; None where no face loses light.
     """
     points, directions = exits.points[left], exits.directions[left]
     if rays.made is not None:
         frames, _, factor = rays.made.placed
         points, directions = through_frame(frames[-1], points, directions, factor)
         fields = fields @ like(fields, frames[-1][:, :3].T.copy())
-    nowhere = module_of(points).zeros_like(rays.origins)
-    points, directions = (replaced(nowhere, left, each) for each in (points, directions))
-    axial = None if carried is None else 0.5 * carried * (abs(fields[:, :, 2]) ** 2).sum(1)
+    xp = module_of(points)
+    points, directions = (replaced(xp.zeros_like(exits.points), left, each) for each in (points, directions))
+    axial = None if flux is None else 0.5 * flux * (abs(fields[:, :, 2]) ** 2).sum(1)
     placed = replace(exits, points=points, directions=directions, axial=axial)
-    return behind_glass_by_arrays(placed, rays.media, carried is not None, rays.coatings)
+    return behind_glass_by_arrays(placed, rays.media, flux is not None, rays.coatings)
 
 
 def _above_plane(

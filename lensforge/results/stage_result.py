@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Self, TypeVar, get_args
 
 import numpy as np
 from pydantic import Field, ValidationError
@@ -275,8 +275,8 @@ class StageResult(Record):
         path = folder / f"{name}.json"
         first = f"run `lensforge {cls.command or cls.stage}` first"
         content = read_object(path, cls.schema_name(), cls.again(), first) | given
-        if _ARRAYS in content:
-            arrays = read_arrays(folder / f"{name}.npz", content.pop(_ARRAYS), cls.again())
+        if _keeps_arrays(cls):
+            arrays = read_arrays(folder / f"{name}.npz", content.pop(_ARRAYS, None), cls.again())
             try:
                 put_arrays(content, arrays)
             except ValueError as error:
@@ -384,6 +384,13 @@ def _without_unhashed(content: object) -> object:
     if isinstance(content, dict):
         return {key: _without_unhashed(value) for key, value in content.items() if key not in _UNHASHED}
     return [_without_unhashed(value) for value in content] if isinstance(content, list) else content
+
+
+def _keeps_arrays(cls: type[Record]) -> bool:
+    """True for records with an array of their own, or in the entries of a list."""
+    own = any(marker(info, Array) is not None for info in type_fields(cls).values())
+    entries = (each for info in type_fields(cls).values() for each in get_args(info.annotation))
+    return own or any(_keeps_arrays(each) for each in entries if isinstance(each, type) and issubclass(each, Record))
 
 
 def type_fields(cls: type[Record]) -> Mapping[str, Any]:

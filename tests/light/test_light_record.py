@@ -1,14 +1,18 @@
 """The record of a light on two receivers: what it says of itself, what it refuses, and which receiver is the first."""
 
+import json
+from pathlib import Path
 from typing import Any
 
 import pytest
 from scenes import random_surface, small_spec
 
+from lensforge.errors import InputError
 from lensforge.light import evaluation
 from lensforge.light.evaluation import evaluate_traced
 from lensforge.light.evaluation_result import Light
 from lensforge.light.simulation import TracedLens
+from lensforge.results.stage_result import with_checksum
 from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import build_source
 from lensforge.spec.accuracy import PRESETS
@@ -37,6 +41,22 @@ def test_receivers_of_other_pixels_are_refused(light: Light) -> None:
     assert Light(**content, pixels=12).pixels == 12
     with pytest.raises(ValueError, match="pixels = 13, but the maps of wall have 12"):
         Light(**content, pixels=13)
+
+
+def test_maps_count_by_their_hash_alone(light: Light, tmp_path: Path) -> None:
+    """Neither those beside a record that states none, nor those in it."""
+    light = light.model_copy(update={"inputs": dict.fromkeys(Light.made_from, "0" * 64)})
+    light.write(tmp_path)
+    assert Light.read(tmp_path) == light
+    path = tmp_path / "evaluate.json"
+    content = json.loads(path.read_text(encoding="utf-8"))
+    del content["arrays_sha256"]
+    for maps in ((), ("map", "raw_map", "target_map")):
+        for own, receiver in zip(content["receivers"], light.receivers, strict=True):
+            own |= {name: getattr(receiver, name).tolist() for name in maps}
+        path.write_text(json.dumps(with_checksum(content)), encoding="utf-8")
+        with pytest.raises(InputError, match=r"npz: not the arrays that evaluate.json describes; run `.*` again$"):
+            Light.read(tmp_path)
 
 
 @pytest.mark.parametrize(
