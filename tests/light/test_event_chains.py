@@ -40,13 +40,14 @@ MOVED = AsMade(
     lens=Displacement((0.02, -0.01, 0.03), (0.003, 0.002)),
     source_size=1.02, scale=1.001, seat_mm=5.0,
 )  # fmt: skip
+ROUGH = AsMade(names=NAMES, slopes=dict.fromkeys(NAMES, 0.01))  # the readable tracer has no roughness
 CASES = {
     "clear": (clear(), None),
     "absorbing": (clear(absorption=0.02), None),
     "coated": (clear(coatings=(FaceCoating("cap", CAVITY, TABLE), FaceCoating("exit", OUTSIDE, FILM))), None),
     "mirror": (clear(absorption=0.02, coatings=mirrors(0.9, wall=OUTSIDE)), None),
     "two mirrors": (clear(coatings=mirrors(0.8, wall=OUTSIDE, side=CAVITY)), None),
-    "glass": (replace(clear(), cover_glass=CoverGlass(1.52, 2.0, 20.0, 0.001, FILM)), None),
+    "glass": (replace(clear(absorption=0.02), cover_glass=CoverGlass(1.52, 2.0, 20.0, 0.001, FILM)), None),
     "moved": (clear(absorption=0.02), MOVED),
 }
 
@@ -90,14 +91,15 @@ def test_the_kernels_agree_with_the_readable_tracer(case: str, fresnel: bool) ->
     assert np.array_equal(found.fates, wanted.fates)
     assert np.abs(found.points - wanted.points).max() < 3e-4
     assert np.abs(found.directions - wanted.directions).max() < 1e-4
-    assert np.abs(found.flux - wanted.flux).max() < 5e-4
+    for name in ("flux", "sin2_exit") if found.axial is None else ("flux", "sin2_exit", "axial"):
+        assert np.abs(getattr(found, name) - getattr(wanted, name)).max() < 5e-4, name
     if wanted.absorbed is not None:
         assert np.abs(found.absorbed - wanted.absorbed).max() < 1e-5
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", [*CASES, "rough"])
 def test_the_adjoint_is_the_slope_of_every_face(case: str) -> None:
-    (media, made), body = CASES[case], collimator(0.05)
+    (media, made), body = CASES.get(case, (clear(), ROUGH)), collimator(0.05)
     light = MixedLight(tables_of(body, GRID), scene(body, media, made), upwards(1500, 4, 0.5), 5)
     assert (light.base.met >= 0).sum(1).max() >= 3
     for face in range(4):
