@@ -13,13 +13,7 @@ from scipy.interpolate import NdBSpline
 
 from lensforge.light.exact_trace import DenseScan
 from lensforge.light.table_trace import Scene
-from lensforge.optics.dielectric import (
-    fields_behind,
-    fresnel_transmittances,
-    passing_amplitudes,
-    refract,
-    unpolarised_fields,
-)
+from lensforge.optics import dielectric
 from lensforge.optics.media import Media, Medium
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.sources.build_source import SquareEmitter
@@ -78,14 +72,13 @@ def _back(lens: tuple[Surface, Surface], hits: np.ndarray, directions: np.ndarra
     """Points in the plane z = 0, directions there, and the transmitted share, of rays from the receiver."""
     inner, outer = lens
     t = (hits[:, 2] - 4.0) / -directions[:, 2]
-    points, fields = hits + t[:, None] * directions, unpolarised_fields(torch.from_numpy(directions))
+    points, fields = hits + t[:, None] * directions, dielectric.unpolarised_fields(torch.from_numpy(directions))
     for surface, ratio, reach in ((outer, 1.0 / N, 8.0), (inner, N, 5.0)):
         points = _enter(surface, points, directions, reach)
         normals = -surface.normal(points / np.linalg.norm(points, axis=1, keepdims=True))
         d, n = torch.from_numpy(directions), torch.from_numpy(normals)
-        behind = refract(d, n, ratio)
-        passed = passing_amplitudes(fresnel_transmittances((d * n).sum(dim=1), ratio), ratio)
-        fields = fields_behind(fields, d, behind, n, passed)
+        behind, found = dielectric.refract(d, n, ratio), dielectric.fresnel_transmittances((d * n).sum(dim=1), ratio)
+        fields = dielectric.fields_behind(fields, d, behind, n, dielectric.passing_amplitudes(found, ratio))
         directions = behind.numpy()
     carried = 0.5 * (fields**2).sum(dim=(1, 2)).numpy()
     return points - points[:, 2:] / directions[:, 2:] * directions, directions, carried
