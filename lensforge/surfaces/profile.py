@@ -62,6 +62,11 @@ class ProfileBasis:
         """Derivative of every function by the cosine."""
         return self._spread(np.clip(cosines, self.low, self.high), 1) / self.step
 
+    def nearest(self, cosines: _Values, values: _Values) -> tuple[float, ...]:
+        """Coefficients of the function nearest to ``values`` in least squares."""
+        found: list[float] = np.linalg.lstsq(self.matrix(cosines), values, rcond=None)[0].tolist()
+        return tuple(found)
+
     def _spread(self, within: _Values, order: int) -> Float[np.ndarray, "n c"]:
         """Derivatives of ``order`` by the knot, in the columns of their functions."""
         place = (within - self.low) / self.step
@@ -112,8 +117,7 @@ class ProfileFace(ReciprocalSurface):
         basis = ProfileBasis(low, high, count)
         cosines = np.linspace(low, high, _SAMPLES * count)
         wanted = _meridian(face, cosines) if isinstance(face, Surface) else face(cosines)
-        found = np.linalg.lstsq(basis.matrix(cosines), wanted, rcond=None)[0]
-        return ProfileFace(reach_mm, low, high, tuple(found.tolist()))
+        return ProfileFace(reach_mm, low, high, basis.nearest(cosines, wanted))
 
     @cached_property
     def basis(self) -> ProfileBasis:
