@@ -10,6 +10,7 @@ from lensforge.errors import InputError
 from lensforge.results import Number, Record
 from lensforge.surfaces.asphere import Asphere, Biconic
 from lensforge.surfaces.chart_spline import DEGREE, ChartSpline
+from lensforge.surfaces.profile import LEAST_COEFFICIENTS, ProfileFace
 from lensforge.surfaces.reciprocal import ConeFace, ConicFace, PlaneFace, ReciprocalSurface
 from lensforge.surfaces.srbf import MOST_FUNCTIONS, SrbfBasis, SrbfSurface
 from lensforge.surfaces.surface import Surface
@@ -109,6 +110,24 @@ class ConicRecord(Record):
         return ConicFace(self.reach_mm, self.parameter_mm, self.eccentricity, self.axis)
 
 
+_Cosine = Annotated[Number, Field(ge=-1.0, le=1.0)]
+_Reciprocals = Annotated[tuple[Place, ...], Field(min_length=LEAST_COEFFICIENTS, max_length=MOST_KNOTS)]
+
+
+class ProfileRecord(Record):
+    """A face of revolution: its reciprocal radius (1/mm) as a spline of the cosine to the axis."""
+
+    kind: Literal["profile"]
+    reach_mm: Length
+    low: _Cosine
+    high: _Cosine
+    coefficients: _Reciprocals
+
+    def surface(self) -> ProfileFace:
+        """The surface. Raises :class:`InputError` where ``low`` is not below ``high``, and where it is out of reach."""
+        return ProfileFace(self.reach_mm, self.low, self.high, self.coefficients)
+
+
 class ChartSplineRecord(Record):
     """A given face: its radius as a quintic spline over the stereographic chart, control values by rows of X."""
 
@@ -129,7 +148,14 @@ class ChartSplineRecord(Record):
 
 
 SurfaceRecord: TypeAlias = Annotated[
-    SrbfRecord | AsphereRecord | BiconicRecord | ChartSplineRecord | PlaneRecord | ConeRecord | ConicRecord,
+    SrbfRecord
+    | AsphereRecord
+    | BiconicRecord
+    | ChartSplineRecord
+    | PlaneRecord
+    | ConeRecord
+    | ConicRecord
+    | ProfileRecord,
     Field(discriminator="kind"),
 ]
 
@@ -156,6 +182,8 @@ def surface_record(surface: Surface) -> SurfaceRecord:
             return ConeRecord(kind="cone", **_fields(surface))
         case ConicFace():
             return ConicRecord(kind="conic", **_fields(surface))
+        case ProfileFace():
+            return ProfileRecord(kind="profile", **_fields(surface))
         case ChartSpline():
             knots, control = tuple(surface.knots.tolist()), tuple(surface.control.ravel().tolist())
             return ChartSplineRecord(kind="chart_spline", knots=knots, control_mm=control, detail_rad=surface.detail)

@@ -13,6 +13,7 @@ from lensforge.surfaces import surface as chart
 from lensforge.surfaces.asphere import Asphere, Biconic, ImplicitSurface, sphere
 from lensforge.surfaces.bicubic_table import grid_for, table_error, tabulate
 from lensforge.surfaces.chart_spline import HALF_WIDTH, ChartSpline
+from lensforge.surfaces.profile import ProfileFace
 from lensforge.surfaces.reciprocal import ConeFace, ConicFace, PlaneFace, ReciprocalSurface
 from lensforge.surfaces.surface import ScaledSurface, Surface, scaled
 
@@ -32,6 +33,7 @@ CASES = {
     "plane": PlaneFace(8.0, 6.0, (0.1, -0.05, 1.0)),
     "cone": ConeFace(8.0, 6.0, 0.1),
     "conic": ConicFace(20.0, 6.0, 0.7, (0.1, 0.2, 1.0)),
+    "profile": ProfileFace(20.0, -0.3, 1.0, (0.21, 0.2, 0.188, 0.178, 0.17, 0.166, 0.166, 0.168, 0.172)),
     "face of an insert": scaled(random_surface(3, 6.0, levels=(9, 25)), 1.006),
 }
 

@@ -1,0 +1,154 @@
+"""The lens for total internal reflection that sends the light of a point along the axis: where a search may begin.
+
+The cavity has a cap, a hyperboloid that refracts the inner light along the axis, and a side, a cone that refracts the
+outer light to the wall. The wall reflects it along the axis, and the plane exit lets it through. All paths from the
+source to a plane across the axis are equally long (Fermat), which gives the wall in closed form. The size of a source
+is known at first order: the lens keeps the skewness of light and its étendue.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.errors import InputError
+from lensforge.surfaces.profile import ProfileBasis, ProfileFace
+from lensforge.surfaces.reciprocal import ConeFace, ReciprocalSurface
+
+_Angles = Float[np.ndarray, " n"]
+_Meridian = Float[np.ndarray, "n 2"]  # r and z
+
+_COEFFICIENTS = 14  # of the wall: what it turns is along the axis to 1e-5 rad
+_BEYOND_RAD = 0.06  # the wall is known beyond the rays that it turns
+_ROOM = 1.15  # reach of a face over its farthest point
+_RAYS = 400
+
+
+@dataclass(frozen=True)
+class Collimator:
+    """A lens of ``index`` whose exit has ``radius_mm``; the source is at the origin, in air.
+
+    ``cavity_mm``: radius of the cavity at z = 0. ``cap_mm``: height of its cap on the axis. ``draft_rad``: by which
+    its side closes upwards. ``least_wall_mm``: of the body at the base, and between cap and exit. Raises
+    :class:`InputError` where the wall would let light through, and where the body has no room.
+    """
+
+    index: float
+    radius_mm: float
+    cavity_mm: float
+    cap_mm: float
+    draft_rad: float = 0.035
+    least_wall_mm: float = 0.5
+
+    def __post_init__(self) -> None:
+        if not (self.index > 1.0 and 0.0 <= self.draft_rad < 0.5 and min(self.cavity_mm, self.cap_mm) > 0.0):
+            raise InputError(
+                f"collimator: index = {self.index:g}, draft = {self.draft_rad:g} rad, cavity = {self.cavity_mm:g} mm, "
+                f"cap = {self.cap_mm:g} mm: the index must be above 1, the draft 0 to 0.5, the lengths above 0"
+            )
+        steepest = float(np.cos(0.5 * np.arccos(self._at_side(self._side_rays)[1][:, 1])).min())
+        if not steepest * self.index > 1.0:
+            raise InputError(
+                f"collimator: index = {self.index:g}: the wall reflects totally from {1.0 / steepest:.4g} on; raise "
+                "the index, or the draft"
+            )
+        thinnest, above = float(self._in_body(self._side_rays).min()), self.height_mm - self.cap_mm
+        if not min(thinnest, above) >= self.least_wall_mm:
+            raise InputError(
+                f"collimator: radius = {self.radius_mm:g} mm leaves {thinnest:.3g} mm of wall at the base and "
+                f"{above:.3g} mm above the cap, at least {self.least_wall_mm:g}; raise the radius, or take a smaller "
+                "cavity or another cap"
+            )
+
+    @cached_property
+    def crease_rad(self) -> float:
+        """Angle from the axis at which cap and side meet."""
+        cap = self.cap_mm * (self.index - 1.0)
+        cosine, sine = self.cavity_mm * self.index - cap * np.tan(self.draft_rad), cap
+        return float(np.arccos(self.cavity_mm / np.hypot(cosine, sine)) - np.arctan2(sine, cosine))
+
+    @cached_property
+    def height_mm(self) -> float:
+        """Height of the exit: its rim lies where the light through the crease meets the wall."""
+        return float(self.wall(np.array([self.crease_rad]))[0, 1])
+
+    def wall(self, polar_rad: _Angles) -> _Meridian:
+        """Points (r, z) of the wall, mm, that turn the light of these angles from the axis."""
+        starts, ways, _ = self._at_side(polar_rad)
+        return starts + self._in_body(polar_rad)[:, None] * ways
+
+    @cached_property
+    def faces(self) -> dict[str, ReciprocalSurface]:
+        """The faces by name: ``cap``, ``side``, ``wall`` and ``exit``."""
+        crease = float(self._at_side(np.array([self.crease_rad]))[2][0])
+        inner = _ROOM * max(crease, self.cap_mm)
+        cap, rim = self.cap_mm * (self.index - 1.0), float(np.hypot(self.radius_mm, self.height_mm))
+        return {
+            "cap": _linear(inner, -1.0 / cap, self.index / cap),
+            "side": ConeFace(inner, self.cavity_mm, -float(np.tan(self.draft_rad))),
+            "wall": self._wall_face(_ROOM * rim),
+            "exit": _linear(_ROOM * rim, 0.0, 1.0 / self.height_mm),
+        }
+
+    def share(self, half_angle_rad: float, side_mm: float) -> float:
+        """Share of the light of a square Lambertian source within a half angle of the axis, at first order.
+
+        A point beside the axis by x in the plane of a ray and by y across it turns the ray by ``x cos dtheta/dr`` and
+        ``y sin / r`` at the radius r of the exit. What faces reflect is lost.
+        """
+        place = (np.arange(12) + 0.5) / 12.0 - 0.5
+        x, y = (side_mm * each.ravel() for each in np.meshgrid(place, place))
+        total = 0.0
+        for polar, exits in self._mapped():
+            by_polar = np.gradient(exits, polar)
+            along, across = np.cos(polar) / by_polar, np.sin(polar) / exits
+            seen = np.zeros_like(polar)
+            for turn in np.pi * (np.arange(4) + 0.5) / 8.0:  # azimuths from the source's side, by its symmetry
+                turned = x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn)
+                off = np.hypot(turned[0] * along[:, None], turned[1] * across[:, None])
+                seen += 0.25 * (off < np.sin(half_angle_rad)).mean(axis=1)
+            total += float(np.trapezoid(seen * np.sin(2.0 * polar), polar))
+        return total
+
+    def _mapped(self) -> Iterator[tuple[_Angles, _Angles]]:
+        """Angles of the light through the cap, and through the side, and the radii (mm) at which it leaves."""
+        inner = np.linspace(1e-3, self.crease_rad, _RAYS)
+        cap = self.cap_mm * (self.index - 1.0) / (self.index * np.cos(inner) - 1.0)
+        yield inner, cap * np.sin(inner)
+        yield self._side_rays, self.wall(self._side_rays)[:, 0]
+
+    @cached_property
+    def _side_rays(self) -> _Angles:
+        return np.linspace(self.crease_rad, 0.5 * np.pi, _RAYS)
+
+    def _at_side(self, polar_rad: _Angles) -> tuple[_Meridian, _Meridian, Float[np.ndarray, " n"]]:
+        """Points (r, z) on the side, the directions of the light behind it, and the lengths (mm) to it."""
+        ways = np.column_stack([np.sin(polar_rad), np.cos(polar_rad)])
+        normal = np.array([np.cos(self.draft_rad), np.sin(self.draft_rad)])
+        incident = ways @ normal
+        lengths = self.cavity_mm * np.cos(self.draft_rad) / incident
+        bent = np.sqrt(self.index**2 - 1.0 + incident**2) - incident
+        return lengths[:, None] * ways, (ways + bent[:, None] * normal) / self.index, lengths
+
+    def _in_body(self, polar_rad: _Angles) -> Float[np.ndarray, " n"]:
+        """Lengths (mm) from the side to the wall: the paths to a plane across the axis are those of the rim."""
+        starts, ways, lengths = self._at_side(np.append(polar_rad, self.crease_rad))
+        paths = lengths - self.index * starts[:, 1]
+        rim = (self.radius_mm - starts[-1, 0]) / ways[-1, 0] * self.index * (1.0 - ways[-1, 1]) + paths[-1]
+        found: Float[np.ndarray, " n"] = ((rim - paths) / (self.index * (1.0 - ways[:, 1])))[:-1]
+        return found
+
+    def _wall_face(self, reach_mm: float) -> ProfileFace:
+        points = self.wall(np.linspace(self.crease_rad - _BEYOND_RAD, 0.5 * np.pi + _BEYOND_RAD, 4 * _RAYS))
+        distances = np.hypot(points[:, 0], points[:, 1])
+        cosines = points[:, 1] / distances
+        basis = ProfileBasis(float(cosines[-1]), float(cosines[0]), _COEFFICIENTS)
+        return ProfileFace(reach_mm, basis.low, basis.high, basis.nearest(cosines, 1.0 / distances))
+
+
+def _linear(reach_mm: float, constant: float, slope: float) -> ProfileFace:
+    """The face whose reciprocal radius (1/mm) is linear in the cosine."""
+    basis = ProfileBasis(0.0, 1.0, 8)
+    return ProfileFace(reach_mm, basis.low, basis.high, tuple((constant + slope * basis.averages).tolist()))
