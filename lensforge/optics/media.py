@@ -15,6 +15,13 @@ from lensforge.optics.material import Material
 
 CAVITY, BODY, OUTSIDE = MEDIA = "cavity", "body", "outside"  # from the source on
 DOUBLE = "inner", "outer"  # the faces of the usual lens, from the source on
+TIR = "cap", "side", "wall", "exit"  # of a lens for total internal reflection
+MOST_EVENTS = 64  # at which a ray may meet a face
+# What lies before each face, on the origin's side, and behind it.
+SIDES = {
+    **dict.fromkeys(("inner", "cap", "side"), (CAVITY, BODY)),
+    **dict.fromkeys(("outer", "wall", "exit"), (BODY, OUTSIDE)),
+}
 
 
 @dataclass(frozen=True)

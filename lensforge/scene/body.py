@@ -6,6 +6,7 @@ two faces meet in a crease. The cavity of a lens for total internal reflection i
 body by its reflecting wall and its exit.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -13,10 +14,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from lensforge.errors import InputError
-from lensforge.optics.media import BODY, CAVITY, DOUBLE, MEDIA, OUTSIDE, Media, Mirror
+from lensforge.optics.media import BODY, CAVITY, MEDIA, MOST_EVENTS, SIDES, Media, Mirror
 from lensforge.surfaces.surface import Surface, grid, to_sphere
 
-MOST_EVENTS = 64
 _Sides = Int[np.ndarray, " f"]
 
 _NODES = 96  # of the chart's grid on which faces are compared
@@ -66,9 +66,9 @@ class Body:
     faces: tuple[Face, ...]
 
     @staticmethod
-    def double(inner: Surface, outer: Surface) -> "Body":
-        """The usual lens: one face towards the source, and one towards the target."""
-        return Body((Face(DOUBLE[0], inner, CAVITY, BODY), Face(DOUBLE[1], outer, BODY, OUTSIDE)))
+    def of(surfaces: Mapping[str, Surface]) -> "Body":
+        """The body of a lens of any kind: its faces by name, each between the media that ``optics.media`` states."""
+        return Body(tuple(Face(name, surface, *SIDES[name]) for name, surface in surfaces.items()))
 
     def face(self, name: str) -> Face:
         """The face of that name."""

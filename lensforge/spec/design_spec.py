@@ -17,7 +17,7 @@ from lensforge.results.files import replacing
 from lensforge.results.validation import its_type
 from lensforge.spec.derived_values import derived_sizes
 from lensforge.spec.feasible import require_feasible
-from lensforge.spec.lens_section import LensSection
+from lensforge.spec.lens_section import AnyLens, LensSection
 from lensforge.spec.light_limits import LightLimitSpec, PhotometrySection, require_limit_fits, require_seen_from_afar
 from lensforge.spec.part_section import BaseSection, DrawingSection, ManufactureSection
 from lensforge.spec.receiver_sections import AnyReceiver, Target, implied_receiver, named, require_outside
@@ -92,7 +92,7 @@ class Spec(Section):
     """Name of the design, by default that of the file; its results go to cad_out/NAME."""
     source: SourceSpec
     """The LED: where light starts, how much, and in which directions."""
-    lens: LensSection = Field(default_factory=LensSection)
+    lens: AnyLens = Field(default_factory=LensSection)
     """Material, and the two surfaces from which the search starts."""
     constraints: ConstraintsSection
     """Limits that every lens of the search keeps: room for the LED, wall, size, and what can be made."""

@@ -1,14 +1,15 @@
-"""The faces of a lens, ``[lens.inner]`` and ``[lens.outer]``: each a table with all that is its own."""
+"""The faces of a lens, such as ``[lens.inner]`` and ``[lens.outer]``: each a table with all that is its own."""
 
 from itertools import pairwise
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field, model_validator
 
+from lensforge.optics.media import DOUBLE, TIR
 from lensforge.spec.coating_section import CoatingSection
 from lensforge.spec.fixed_surface import FixedSurface
 from lensforge.spec.spec_section import Millimetres, Section
-from lensforge.spec.tolerances_section import FACES, FaceTolerances, refuse_placement
+from lensforge.spec.tolerances_section import FaceTolerances, refuse_placement
 from lensforge.surfaces.surface import Surface
 
 
@@ -48,37 +49,25 @@ class FaceSection(FaceTolerances, _DesignedFace):  # in the file, the face stand
         return own
 
 
-class LensFaces(Section):
+class Faces(Section):
     """The faces of a lens by name, from the source on."""
 
-    inner: FaceSection = Field(default_factory=FaceSection)
-    """Face towards the source: it bounds the cavity, and the others are placed against it."""
-    outer: FaceSection = Field(default_factory=FaceSection)
-    """Face towards the light that is wanted."""
+    names: ClassVar[tuple[str, ...]] = ()
 
     @property
     def faces(self) -> dict[str, FaceSection]:
         """The tables of the faces."""
-        return {name: getattr(self, name) for name in FACES}
+        return {name: getattr(self, name) for name in self.names}
 
     @model_validator(mode="after")
-    def _one_is_free(self) -> "LensFaces":
+    def _one_is_free(self) -> "Faces":
         if all(face.fixed is not None for face in self.faces.values()):
-            raise ValueError(f"{' and '.join(f'{name}.fixed' for name in FACES)}: one of the faces must be free")
+            raise ValueError(f"{' and '.join(f'{name}.fixed' for name in self.names)}: one of the faces must be free")
         return self
 
     @model_validator(mode="after")
-    def _each_outside_the_one_before(self) -> "LensFaces":
-        for (before, inside), (name, face) in pairwise(self.faces.items()):
-            low, high = inside.apex_mm, face.apex_mm
-            if low is not None and high is not None and high <= low:
-                field = f"{name}.offset_mm" if face.fixed is None else f"the vertex of {name}.fixed"
-                raise ValueError(f"{field} = {high} must exceed where the {before} face meets the axis, {low:g} mm")
-        return self
-
-    @model_validator(mode="after")
-    def _first_is_the_reference(self) -> "LensFaces":
-        refuse_placement(self.inner)
+    def _first_is_the_reference(self) -> "Faces":
+        refuse_placement(*self.faces.items())
         return self
 
     @property
@@ -92,3 +81,40 @@ class LensFaces(Section):
     def fixed(self) -> dict[str, Surface | None]:
         """The surfaces of the faces that are fixed."""
         return {name: None if face.fixed is None else face.fixed.surface for name, face in self.faces.items()}
+
+
+class LensFaces(Faces):
+    """The two faces of the usual lens."""
+
+    names = DOUBLE
+
+    inner: FaceSection = Field(default_factory=FaceSection)
+    """Face towards the source: it bounds the cavity, and the others are placed against it."""
+    outer: FaceSection = Field(default_factory=FaceSection)
+    """Face towards the light that is wanted."""
+
+    @model_validator(mode="after")
+    def _each_outside_the_one_before(self) -> "LensFaces":
+        for (before, inside), (name, face) in pairwise(self.faces.items()):
+            low, high = inside.apex_mm, face.apex_mm
+            if low is not None and high is not None and high <= low:
+                field = f"{name}.offset_mm" if face.fixed is None else f"the vertex of {name}.fixed"
+                raise ValueError(f"{field} = {high} must exceed where the {before} face meets the axis, {low:g} mm")
+        return self
+
+
+class TirFaces(Faces):
+    """The four faces of a lens for total internal reflection."""
+
+    names = TIR
+
+    cap: FaceSection = Field(default_factory=FaceSection)
+    """Face of the cavity over the source; ``offset_mm``: its height on the axis."""
+    side: FaceSection = Field(default_factory=FaceSection)
+    """Face of the cavity around the source: a cone with its draft, 2 degrees by default; ``offset_mm``: its radius at
+    z = 0.
+    """
+    wall: FaceSection = Field(default_factory=FaceSection)
+    """Face around the cavity, which reflects totally, or by a mirror; ``offset_mm``: its radius at z = 0."""
+    exit: FaceSection = Field(default_factory=FaceSection)
+    """Face towards the light that is wanted; ``offset_mm``: its height on the axis."""

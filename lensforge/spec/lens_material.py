@@ -30,9 +30,9 @@ from lensforge.optics.material import (
     by_abbe_number,
 )
 from lensforge.optics.material_files import MaterialData, read_material
-from lensforge.optics.media import CAVITY, DOUBLE, OUTSIDE, FaceCoating, Media, Medium
+from lensforge.optics.media import CAVITY, OUTSIDE, SIDES, FaceCoating, Media, Medium
 from lensforge.spec.coating_section import CoatingSection, CoverGlassSection
-from lensforge.spec.face_section import LensFaces
+from lensforge.spec.face_section import Faces
 from lensforge.spec.spec_section import FilePath, Label, Section
 
 _Wavelength = Annotated[float, Field(ge=100.0, le=20_000.0)]
@@ -169,7 +169,7 @@ _SAME_INDEX = 1e-9  # tolerance between a material's index and the one stored be
 _Index = Annotated[float, Field(ge=1.0, le=4.0)]
 
 
-class LensMaterial(LensFaces):
+class LensMaterial(Faces):
     """Material of the body, and what lies on its faces and around it.
 
     Either ``refractive_index`` holds for all wavelengths; or the material is dispersive: a ``material`` of
@@ -291,9 +291,8 @@ class LensMaterial(LensFaces):
             absorption = float(material.absorption.at(np.array([self.design_wavelength_nm]))[0])
         glass = None if self.cover_glass is None else self.cover_glass.glass
         body = self._material or self.refractive_index
-        around = dict(zip(DOUBLE, (CAVITY, OUTSIDE), strict=True))
         coatings = tuple(
-            FaceCoating(name, around[name], face.coating.coating(body))
+            FaceCoating(name, CAVITY if SIDES[name][0] == CAVITY else OUTSIDE, face.coating.coating(body))
             for name, face in self.faces.items()
             if face.coating is not None
         )

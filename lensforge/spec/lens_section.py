@@ -1,14 +1,17 @@
-"""The ``[lens]`` of a spec: material, faces, and the functions that shape the free ones."""
+"""The ``[lens]`` of a spec by its kind: material, faces, and the functions that shape the free ones."""
 
 from math import degrees
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from lensforge.errors import InputError
+from lensforge.optics.media import MOST_EVENTS
+from lensforge.spec.face_section import LensFaces, TirFaces
 from lensforge.spec.lens_material import LensMaterial
 from lensforge.spec.spec_section import FilePath
 from lensforge.surfaces.imported_face import lens_file
+from lensforge.surfaces.profile import LEAST_COEFFICIENTS
 from lensforge.surfaces.srbf import MOST_FUNCTIONS, MOST_LEVELS, SrbfBasis, level_sigma
 
 _FEW_FUNCTIONS = 25  # of the finest level: with fewer, each is wider than 28 degrees
@@ -21,9 +24,16 @@ Levels = Annotated[
 Symmetry = Literal["auto", "none", "mirror_x", "mirror_y", "rectangle", "square"]
 
 
-class LensSection(LensMaterial):
-    """The starting lens: its material, its faces, and the SRBFs that will shape those that are free."""
+def _kind_of_lens(value: Any) -> str | None:
+    """The kind of a lens; that of the usual one where none is named."""
+    found = value.get("kind", "double") if isinstance(value, dict) else getattr(value, "kind", "double")
+    return str(found) if isinstance(found, str) else None
 
+
+class LensShape(LensMaterial):
+    """What every kind of lens has: its material, and the SRBFs that will shape the faces that are free."""
+
+    kind: str
     levels: Levels = "auto"
     """Functions of each level, coarse to fine, that shape each free surface; "auto": as many as they gain."""
     sigma_c: Annotated[float, Field(ge=1e-6, le=1e6)] = 1.75
@@ -36,10 +46,10 @@ class LensSection(LensMaterial):
     """Result folder, or its lens.json, from whose lens the search goes on instead of from the hemispheres."""
 
     @model_validator(mode="after")
-    def _levels_are_some(self) -> "LensSection":
-        if not self.levels:
+    def _levels_are_some(self) -> "LensShape":
+        if not (self.levels or self.may_be_round):
             raise ValueError("levels is empty: give at least one count")
-        if self.levels != "auto":
+        if self.levels and self.levels != "auto":
             try:
                 _ = self.basis
             except InputError as error:
@@ -47,11 +57,16 @@ class LensSection(LensMaterial):
         return self
 
     @property
+    def may_be_round(self) -> bool:
+        """True for a lens that has a shape without any level: faces of revolution."""
+        return False
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """Lines on fixed surfaces and on levels that a user should know of before the search."""
         fixed = {name: face.fixed for name, face in self.faces.items() if face.fixed is not None}
         faces = tuple(f"lens.{name}.fixed: {words}" for name, face in fixed.items() for words in face.warnings)
-        if self.levels == "auto" or max(self.levels) >= _FEW_FUNCTIONS:
+        if self.levels == "auto" or not self.levels or max(self.levels) >= _FEW_FUNCTIONS:
             return faces
         return (
             *faces,
@@ -65,3 +80,34 @@ class LensSection(LensMaterial):
         """The functions that shape the free surfaces, of levels that are numbers; "auto" symmetry counts as none."""
         assert self.levels != "auto", "a search sets them"
         return SrbfBasis(self.levels, self.sigma_c, "none" if self.symmetry == "auto" else self.symmetry)
+
+
+class LensSection(LensShape, LensFaces):
+    """The usual lens: an inner face towards the source, an outer one towards the target, a refraction at each."""
+
+    kind: Literal["double"] = "double"
+
+
+class TirSection(LensShape, TirFaces):
+    """A lens for total internal reflection: cap and side of the cavity, the reflecting wall, and the exit.
+
+    Faces begin as the lens for a point source that the size of the LED, the radius and the beam ask for. They are faces
+    of revolution; with ``levels`` SRBFs shape cap, wall and exit beyond that.
+    """
+
+    kind: Literal["tir"]
+    levels: Levels = ()
+    profile: Annotated[int, Field(ge=LEAST_COEFFICIENTS, le=64)] = 10
+    """Coefficients of the profile of each free face."""
+    events: Annotated[int, Field(ge=3, le=MOST_EVENTS)] = 6
+    """Largest number of faces that a ray meets; what goes on then is counted as its own fate."""
+
+    @property
+    def may_be_round(self) -> bool:
+        """True: without levels all faces are of revolution."""
+        return True
+
+
+AnyLens = Annotated[
+    Annotated[LensSection, Tag("double")] | Annotated[TirSection, Tag("tir")], Discriminator(_kind_of_lens)
+]

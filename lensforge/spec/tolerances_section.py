@@ -26,7 +26,6 @@ from lensforge.spec.renamed import with_new_names
 from lensforge.spec.spec_files import read_toml
 from lensforge.spec.spec_section import Section, spec_error
 
-FACES = DOUBLE
 TolerancePreset = Literal["precision", "standard", "moulded"]
 
 FactorKind = Literal["spread", "one-sided", "field"]
@@ -186,12 +185,13 @@ class FaceTolerances(_Amounts):
     """Tilt of the outer face against the inner one, about x and about y."""
 
 
-def refuse_placement(first: FaceTolerances) -> None:
-    """Raise ``ValueError`` where the first face has a place of its own."""
-    inner, outer = DOUBLE
+def refuse_placement(first: tuple[str, FaceTolerances], following: tuple[str, FaceTolerances], *_: object) -> None:
+    """Raise ``ValueError`` where the first of some faces, each with its name, has a place of its own."""
     for name in PLACEMENT:
-        if getattr(first, name) is not None:
-            raise ValueError(f"{inner}.{name}: this face is what the next is placed against; give {outer}.{name}")
+        if getattr(first[1], name) is not None:
+            raise ValueError(
+                f"{first[0]}.{name}: this face is what the next is placed against; give {following[0]}.{name}"
+            )
 
 
 class TolerancesSection(_Amounts):
@@ -251,7 +251,7 @@ class PartTolerances(TolerancesSection):
 
     @model_validator(mode="after")
     def _first_is_the_reference(self) -> "PartTolerances":
-        refuse_placement(self.inner)
+        refuse_placement((DOUBLE[0], self.inner), (DOUBLE[1], self.outer))
         return self
 
     @staticmethod
