@@ -23,7 +23,7 @@ _Meridian = Float[np.ndarray, "n 2"]  # r and z
 
 _COEFFICIENTS = 14  # of the wall: what it turns is along the axis to 1e-5 rad
 _BEYOND_RAD = 0.06  # the wall is known beyond the rays that it turns
-_ROOM = 1.15  # reach of a face over its farthest point
+_ROOM = 1.4  # reach of a face over its farthest point: so gently is it continued that tables hold it up to the rim
 _RAYS, _PLACES = 128, 8  # of the estimated share: angles, and places along each side of the source
 _TRIED, _ROUNDS = 12, 4  # values of cavity and cap in a scan, and scans, each closer than the one before
 _TALLEST_CAP = 4.0  # over the radius of the cavity
