@@ -7,8 +7,9 @@ is known at first order: the lens keeps the skewness of light and its étendue.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 from jaxtyping import Float
@@ -22,8 +23,10 @@ _Meridian = Float[np.ndarray, "n 2"]  # r and z
 
 _COEFFICIENTS = 14  # of the wall: what it turns is along the axis to 1e-5 rad
 _BEYOND_RAD = 0.06  # the wall is known beyond the rays that it turns
-_ROOM = 1.15  # reach of a face over its farthest point
-_RAYS = 400
+_ROOM = 1.4  # reach of a face over its farthest point: so gently is it continued that tables hold it up to the rim
+_RAYS, _PLACES = 128, 8  # of the estimated share: angles, and places along each side of the source
+_TRIED, _ROUNDS = 12, 4  # values of cavity and cap in a scan, and scans, each closer than the one before
+_TALLEST_CAP = 4.0  # over the radius of the cavity
 
 
 @dataclass(frozen=True)
@@ -77,7 +80,8 @@ class Collimator:
     def wall(self, polar_rad: _Angles) -> _Meridian:
         """Points (r, z) of the wall, mm, that turn the light of these angles from the axis."""
         starts, ways, _ = self._at_side(polar_rad)
-        return starts + self._in_body(polar_rad)[:, None] * ways
+        points: _Meridian = starts + self._in_body(polar_rad)[:, None] * ways
+        return points
 
     @cached_property
     def faces(self) -> dict[str, ReciprocalSurface]:
@@ -96,9 +100,9 @@ class Collimator:
         """Share of the light of a square Lambertian source within a half angle of the axis, at first order.
 
         A point beside the axis by x in the plane of a ray and by y across it turns the ray by ``x cos dtheta/dr`` and
-        ``y sin / r`` at the radius r of the exit. What faces reflect is lost.
+        ``y sin / r`` at the radius r of the exit. What faces reflect, a tenth of the light, counts as passed.
         """
-        place = (np.arange(12) + 0.5) / 12.0 - 0.5
+        place = (np.arange(_PLACES) + 0.5) / _PLACES - 0.5
         x, y = (side_mm * each.ravel() for each in np.meshgrid(place, place))
         total = 0.0
         for polar, exits in self._mapped():
@@ -141,11 +145,54 @@ class Collimator:
         return found
 
     def _wall_face(self, reach_mm: float) -> ProfileFace:
-        points = self.wall(np.linspace(self.crease_rad - _BEYOND_RAD, 0.5 * np.pi + _BEYOND_RAD, 4 * _RAYS))
+        points = self.wall(np.linspace(self.crease_rad - _BEYOND_RAD, 0.5 * np.pi + _BEYOND_RAD, 16 * _RAYS))
         distances = np.hypot(points[:, 0], points[:, 1])
         cosines = points[:, 1] / distances
         basis = ProfileBasis(float(cosines[-1]), float(cosines[0]), _COEFFICIENTS)
         return ProfileFace(reach_mm, basis.low, basis.high, basis.nearest(cosines, 1.0 / distances))
+
+
+def best_collimator(
+    index: float,
+    radius_mm: float,
+    side_mm: float,
+    half_angle_rad: float,
+    *,
+    draft_rad: float = 0.035,
+    least_wall_mm: float = 0.5,
+    clearance_mm: float = 0.25,
+    most_height_mm: float = np.inf,
+) -> Collimator:
+    """The collimator that sends the largest share of a square Lambertian source into a half angle, at first order.
+
+    The cavity is as large as the source's half diagonal and a clearance, or larger; it and the height of the cap are
+    found by a scan. Raises :class:`InputError` as :class:`Collimator` does where none can be made.
+    """
+    least = np.sqrt(0.5) * side_mm + clearance_mm
+    smallest = Collimator(index, radius_mm, least, least, draft_rad, least_wall_mm)
+    if not smallest.height_mm <= most_height_mm:
+        raise InputError(
+            f"collimator: {smallest.height_mm:.4g} mm high, at most {most_height_mm:g}; take a smaller radius or source"
+        )
+    best, most = smallest, smallest.share(half_angle_rad, side_mm)
+    low, high = np.array([least, least]), np.array([radius_mm, _TALLEST_CAP * radius_mm])
+    for _ in range(_ROUNDS):
+        for each in _scanned(smallest, np.geomspace(low, high, _TRIED)):
+            share = each.share(half_angle_rad, side_mm) if each.height_mm <= most_height_mm else -1.0
+            if share > most:
+                best, most = each, share
+        found, step = np.array([best.cavity_mm, best.cap_mm]), (high / low) ** (1.5 / _TRIED)
+        low, high = np.maximum(found / step, least), found * step
+    return best
+
+
+def _scanned(like: Collimator, sizes_mm: Float[np.ndarray, "k 2"]) -> Iterator[Collimator]:
+    """Collimators that can be made, of every radius of the cavity with every height of the cap."""
+    for cavity, cap in product(*sizes_mm.T.tolist()):
+        try:
+            yield replace(like, cavity_mm=cavity, cap_mm=cap)
+        except InputError:
+            continue
 
 
 def _linear(reach_mm: float, constant: float, slope: float) -> ProfileFace:
