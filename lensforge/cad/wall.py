@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.cad.boundary import WHOLE, Boundary, Domain, TrimmedFace, as_pair
-from lensforge.cad.patch import Patch
+from lensforge.cad.boundary import WHOLE, Boundary, Domain, TrimmedFace, as_pair, lens_boundaries
+from lensforge.cad.patch import Patch, fit_patch
 from lensforge.results.refined_maximum import refined_maximum
+from lensforge.scene.lens import Lens
 from lensforge.surfaces import surface
 
 _NODES, _RIM = 101, 512  # samples of each face: across the chart's square, and around the rim
@@ -41,6 +42,13 @@ def thinnest(cavity: Patch | Boundary[Patch], envelope: Patch | Boundary[Patch])
         return crossing
     pairs = product(inwards.faces, outwards.faces)
     return min((_between(*pair) for pair in pairs), key=lambda each: each.thickness_mm)
+
+
+def thinnest_of(lens: Lens) -> Span:
+    """The shortest line through the wall of ``lens``, between the splines that an export would write."""
+    pair = lens_boundaries(lens)
+    cavity, envelope = (each.of([fit_patch(face.shape, extent=face.domain.extent) for face in each.faces]) for each in pair)
+    return thinnest(cavity, envelope)
 
 
 def thickest(cavity: Patch | Boundary[Patch], envelope: Patch | Boundary[Patch]) -> Span:

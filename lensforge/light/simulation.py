@@ -28,7 +28,7 @@ from lensforge.light.metrics import (
 from lensforge.light.table_trace import Scene, Tables, trace_tables
 from lensforge.optics.media import Media
 from lensforge.results import Image, Metric
-from lensforge.scene.body import Body, Face, nearest
+from lensforge.scene.body import Body, Chain, Face, nearest
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.lens import Lens, LensAtTemperature
 from lensforge.scene.pixel_grid import bin_flux, gaussian3
@@ -69,6 +69,9 @@ class TracedLens:
     @staticmethod
     def of(lens: Lens, nodes_per_sigma: float) -> "TracedLens":
         """Tabulate all surfaces from the exact sum; the tables' error against it is measured at once."""
+        chain = Chain.of_lens(lens.spec.lens)
+        if chain is not None:
+            return TracedLens.of_body(lens.body, lens.media, chain.events, nodes_per_sigma)._raised_with(lens)
         with remedy("take a lower accuracy"):
             grid: TableGrid = grid_for(min(lens.detail_rad, _WIDEST_DETAIL_RAD), nodes_per_sigma)
         tables = np.stack([tabulate(grid, surface) for surface in lens.surfaces.values()])
@@ -76,10 +79,13 @@ class TracedLens:
             name: 1e6 * table_error(grid, table, surface)
             for table, (name, surface) in zip(tables, lens.surfaces.items(), strict=True)
         }
-        traced = TracedLens(Scene(lens.media, grid), tables, errors)
-        if isinstance(lens, LensAtTemperature):
-            return replace(traced, raised_mm=lens.raised_mm, grown_mm=lens.reach_mm - lens.designed.reach_mm)
-        return traced
+        return TracedLens(Scene(lens.media, grid), tables, errors)._raised_with(lens)
+
+    def _raised_with(self, lens: Lens) -> "TracedLens":
+        """The same, raised and grown where ``lens`` is at another temperature."""
+        if not isinstance(lens, LensAtTemperature):
+            return self
+        return replace(self, raised_mm=lens.raised_mm, grown_mm=lens.reach_mm - lens.designed.reach_mm)
 
     @staticmethod
     def of_body(body: Body, media: Media, events: int, nodes_per_sigma: float) -> "TracedLens":

@@ -15,8 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from lensforge.cad.boundary import lens_boundaries
-from lensforge.cad.patch import fit_patch
-from lensforge.cad.wall import thinnest
+from lensforge.cad.wall import thinnest_of
 from lensforge.errors import InputError
 from lensforge.light.evaluation import evaluate_traced, limit_value
 from lensforge.light.evaluation_result import Light
@@ -334,9 +333,8 @@ def require_bearable(lens: Lens, factors: Sequence[Factor]) -> None:
 
     Raises :class:`InputError`, which names the tolerance and what is left for it.
     """
-    pair = cavity, envelope = lens_boundaries(lens)
-    fitted = (each.of([fit_patch(face.shape, extent=face.domain.extent) for face in each.faces]) for each in pair)
-    wall = thinnest(*fitted).thickness_mm
+    cavity, envelope = lens_boundaries(lens)
+    wall = thinnest_of(lens).thickness_mm
     reach = float(envelope.radius(fibonacci_hemisphere(_DIRECTIONS)).max())
     points = build_source(lens.spec.source, lens.dispersion).outline()
     distance = np.linalg.norm(points, axis=1)

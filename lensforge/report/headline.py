@@ -14,7 +14,8 @@ from lensforge.results import Fact, Group, State
 from lensforge.results.numerals import quantity
 from lensforge.search.design_result import Design
 from lensforge.shop.check_result import Check
-from lensforge.spec import AnyReceiver, LensSection, Spec, Target
+from lensforge.spec import AnyReceiver, Spec, Target
+from lensforge.spec.lens_section import AnyLens
 
 Shown = Literal["pass", "fail", "open"]  # the style of a verdict on the page
 
@@ -222,29 +223,30 @@ def times(results: Results) -> str | None:
     return f"Time: {', '.join(parts)}; the whole command, up to this page, {whole}{beside}."
 
 
+_LENSES = {"double": "double-freeform lens", "tir": "lens for total internal reflection"}
 _MOST_NAMED = 3  # targets of one receiver; of more only the number is given
 
 
 def task(spec: Spec) -> str:
     """Source, lens, and the targets of each receiver with its place."""
     lens = spec.lens
-    body = f"double-freeform lens, {lens.material}, n = {lens.refractive_index:g}{_fixed(lens)}{_surroundings(lens)}"
+    body = f"{_LENSES[lens.kind]}, {lens.material}, n = {lens.refractive_index:g}{_fixed(lens)}{_surroundings(lens)}"
     return f"{spec.source.title} · {body} · {'; '.join(map(_on_receiver, spec.all_receivers))}"
 
 
-def _fixed(lens: LensSection) -> str:
+def _fixed(lens: AnyLens) -> str:
     """Fixed surfaces in words."""
     fixed = {name: face.fixed for name, face in lens.faces.items()}
     return "".join(f", {name} face fixed ({face.title})" for name, face in fixed.items() if face is not None)
 
 
-def _surroundings(lens: LensSection) -> str:
+def _surroundings(lens: AnyLens) -> str:
     """Indices in the cavity and around the lens, where these are not air; coated faces."""
     around = (("the cavity", lens.cavity_index), ("the surroundings", lens.outside_index))
     indices = "".join(f", n = {index:g} in {where}" for where, index in around if index != 1.0)
-    faces = zip(("inside", "outside"), lens.faces.values(), strict=True)
-    coated = " and ".join(where for where, face in faces if face.coating is not None)
-    return f"{indices}, coated {coated}" if coated else indices
+    coated = [name for name, face in lens.faces.items() if face.coating is not None]
+    where = {"inner": "inside", "outer": "outside"}
+    return f"{indices}, coated {' and '.join(where.get(name, name) for name in coated)}" if coated else indices
 
 
 def _on_receiver(receiver: AnyReceiver) -> str:

@@ -15,6 +15,7 @@ from jaxtyping import Float, Int
 
 from lensforge.errors import InputError
 from lensforge.optics.media import BODY, CAVITY, MEDIA, MOST_EVENTS, SIDES, Media, Mirror
+from lensforge.spec.lens_section import AnyLens
 from lensforge.surfaces.surface import Surface, grid, to_sphere
 
 _Sides = Int[np.ndarray, " f"]
@@ -44,6 +45,14 @@ class Chain:
     before: tuple[str, ...]
     behind: tuple[str, ...]
     events: int
+
+    @staticmethod
+    def of_lens(lens: AnyLens) -> "Chain | None":
+        """The chain of the faces of a lens in their order; None for the usual lens, which needs none."""
+        if lens.kind == "double":
+            return None
+        before, behind = zip(*(SIDES[name] for name in lens.names), strict=True)
+        return Chain(lens.names, before, behind, lens.events)
 
     def __post_init__(self) -> None:
         if not 1 <= self.events <= MOST_EVENTS:

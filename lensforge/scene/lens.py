@@ -63,7 +63,7 @@ class Lens:
     @cached_property
     def body(self) -> Body:
         """The faces, and the media between them."""
-        return Body.double(**self.surfaces)
+        return Body.of(self.surfaces)
 
     @property
     def inner(self) -> Surface:

@@ -13,6 +13,7 @@ reaches further in every direction z >= 0 holds all of the keep-out above z = 0,
 z = 0 concerns the base, which the search does not change: the finished part is measured against it.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -75,12 +76,23 @@ class ChartPoints:
 class RadiusJet:
     """``rho`` (mm) and its derivatives by the chart coordinates at ``k`` points; none where only ``rho`` is needed.
 
-    ``table``: that it was taken from.
+    ``tables``: that it was taken from, of several faces all.
     """
 
     rho: Float[Tensor, " k"]
     derivatives: Float[Tensor, "d k"]  # by X, Y, XX, XY, YY
-    table: Float[Tensor, "side side"] | None = None
+    tables: tuple[Float[Tensor, "side side"], ...] = ()
+
+
+def nearest_of(jets: Sequence[RadiusJet]) -> RadiusJet:
+    """The nearest of some faces that bound one medium; itself where there is one. Of several, ``tables`` are kept."""
+    if len(jets) == 1:
+        return jets[0]
+    rho = torch.stack([each.rho for each in jets])
+    first = rho.argmin(dim=0, keepdim=True)
+    derivatives = torch.stack([each.derivatives for each in jets])
+    own = derivatives.gather(0, first.expand(len(derivatives[0]), -1)[None])[0] if derivatives.numel() else derivatives[0]
+    return RadiusJet(rho.gather(0, first)[0], own, tuple(table for each in jets for table in each.tables))
 
 
 @dataclass(frozen=True)
@@ -103,7 +115,7 @@ class ChartOperator:
         """Radius and derivatives of each table; differentiable by its coefficients."""
         columns = tables.reshape(len(tables), -1).T
         values = (self.operator @ columns).T.reshape(len(tables), -1, len(self.points.x))
-        return [RadiusJet(each[0], each[1:], table) for each, table in zip(values, tables, strict=True)]
+        return [RadiusJet(each[0], each[1:], (table,)) for each, table in zip(values, tables, strict=True)]
 
 
 def constraint_points(grid: TableGrid, symmetry: str, *, every_node: int | None = None) -> Float[np.ndarray, "k 2"]:
@@ -200,14 +212,21 @@ def wall_mm(inside: RadiusJet, outside: RadiusJet, points: ChartPoints, reach_mm
     Exact up to ``reach_mm``; where the wall is thicker it may be the longer way along the ray: only thin places bind.
     As the nearest point moves along the surface the distance stays, so its derivatives are those at fixed directions.
     """
-    assert outside.table is not None
-    radial = outside.rho - inside.rho
-    table, grid = outside.table.detach().numpy(), TableGrid(len(outside.table) - 2)
+    walls = [_to_table(inside, each, outside.rho - inside.rho, points, reach_mm) for each in outside.tables]
+    return walls[0] if len(walls) == 1 else torch.stack(walls).amin(dim=0)
+
+
+def _to_table(
+    inside: RadiusJet, outside: Float[Tensor, "side side"], radial: Float[Tensor, " k"], points: ChartPoints,
+    reach_mm: float,
+) -> Float[Tensor, " k"]:  # fmt: skip
+    """Distance (mm) to one face: beyond the others that bound the body it is farther than they are."""
+    table, grid = outside.detach().numpy(), TableGrid(len(outside) - 2)
     starts = inside.rho[:, None] * points.directions
     there = starts.detach().numpy(), radial.detach().numpy(), reach_mm
     feet = nearest_on_table(table, grid.origin, grid.step, _places(grid, table), _EVERY * grid.step, *there)
     at, columns, shares = (torch.from_numpy(each) for each in (feet.points, feet.columns, feet.shares))
-    rho = (outside.table.reshape(-1)[columns] * shares).sum(dim=1)
+    rho = (outside.reshape(-1)[columns] * shares).sum(dim=1)
     ends = rho[:, None] * torch.from_numpy(surface.to_sphere(feet.chart))
     distance = torch.linalg.norm(ends - starts[at], dim=1) * torch.sign(radial.detach()[at])
     return radial.index_put((at,), distance)

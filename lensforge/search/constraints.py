@@ -21,7 +21,7 @@ from jaxtyping import Float
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from lensforge.optics.media import DOUBLE
+from lensforge.optics.media import BODY, CAVITY, SIDES
 from lensforge.search.constraint_points import (
     ChartOperator,
     ChartPoints,
@@ -30,9 +30,10 @@ from lensforge.search.constraint_points import (
     constraint_points,
     draft_sine,
     least_curvature,
+    nearest_of,
     wall_mm,
 )
-from lensforge.search.design_result import CAVITY_FACES, CURVATURE, DRAFT, Limit, limits_of
+from lensforge.search.design_result import CURVATURE, DRAFT, Limit, limits_of
 from lensforge.spec import Spec
 from lensforge.surfaces.bicubic_table import TableGrid
 
@@ -41,6 +42,7 @@ from lensforge.surfaces.bicubic_table import TableGrid
 _CURVATURE_MARGIN = 0.01
 _DRAFT_MARGIN_DEG = 0.1
 _REACH = 0.01  # of the largest radius: so much above its limit a wall is still followed, where multipliers act
+_FAR = 1.0  # a field, times its factor, where it does not hold
 _STEEP = 0.5  # sine of the draft above which the field is constant: the arcsine's slope is infinite at the apex
 
 WALL = "wall_margin_mm"
@@ -66,8 +68,18 @@ class Constraint(Limit):
         return self.unit != "mm"
 
     def of(self, jets: Mapping[str, RadiusJet], points: ChartPoints) -> Float[Tensor, " k"]:
-        """The field at ``points`` of a lens with these ``jets`` of its faces."""
-        return self.field(*(jets[name] for name in self.faces), points)
+        """The field at ``points`` of a lens with these ``jets`` of its faces.
+
+        It takes the nearest of the faces that bound the cavity, and of those that bound the body. One of a single face
+        holds where that face is the nearest.
+        """
+        if self.of_one_face:
+            own, *others = (jets[name] for name in self.faces)
+            found = self.field(own, points)
+            hidden = [own.rho.detach() > other.rho.detach() for other in others]
+            return found if not hidden else torch.where(torch.stack(hidden).any(dim=0), _FAR / self.factor, found)
+        groups = [[jets[name] for name in self.faces if SIDES[name][0] == medium] for medium in (CAVITY, BODY)]
+        return self.field(*(nearest_of(group) for group in groups if group), points)
 
     def tightened(self, by: float) -> "Constraint":
         """The constraint with a limit that is stricter by ``by`` (unit of the field)."""
@@ -85,7 +97,7 @@ def _constraint(spec: Spec, limit: Limit) -> Constraint:
     field: Field
     if limit.kind == CURVATURE:
         # the cutter touches a lens from the air side, a mould insert from the side of the lens body
-        air = (-1 if limit.faces[0] in CAVITY_FACES else 1) * (1 if spec.manufacture.make == "part" else -1)
+        air = (-1 if SIDES[limit.faces[0]][0] == CAVITY else 1) * (1 if spec.manufacture.make == "part" else -1)
         field = partial(_curvature_left, air, 1.0 / limit.given)
         factor, margin = 0.5 * sigma**2 * largest_mm, _CURVATURE_MARGIN / limit.given
     elif limit.kind == DRAFT:
@@ -104,6 +116,11 @@ def _length_left(spec: Spec, limit: Limit) -> Field:
         extent = KeepOutExtent.of(spec)
         return lambda face, points: face.rho - extent.at(points)
 
+    about_axis = spec.lens.kind == "tir"
+
+    def sine(points: ChartPoints) -> Float[Tensor, " k"]:
+        return torch.sqrt(torch.clamp(1.0 - points.cosine**2, min=0.0))
+
     def above_cavity(face: RadiusJet, points: ChartPoints) -> Float[Tensor, " k"]:
         squared = (face.rho**2) * (1.0 - points.cosine**2)
         paraboloid = limits.cavity_height_mm / limits.cavity_radius_mm**2 * squared
@@ -112,7 +129,7 @@ def _length_left(spec: Spec, limit: Limit) -> Field:
     fields: dict[str, Field] = {
         "cavity_clearance_mm": above_cavity,
         WALL: lambda inside, outside, points: wall_mm(inside, outside, points, reach_mm) - limit.given,
-        "radius_margin_mm": lambda face, points: limit.given - face.rho,
+        "radius_margin_mm": lambda face, points: limit.given - face.rho * (sine(points) if about_axis else 1.0),
         "largest_wall_margin_mm": lambda inside, outside, points: limit.given - (outside.rho - inside.rho),
         "height_margin_mm": lambda face, points: limit.given - face.rho * points.cosine,
     }
@@ -139,8 +156,8 @@ class AugmentedLagrangian:
 
     constraints: tuple[Constraint, ...]
     chart_operator: ChartOperator
+    names: tuple[str, ...]
     penalty: float = 2e4
-    names: tuple[str, ...] = DOUBLE
     multipliers: Float[Tensor, "c k"] = field(init=False)
 
     @staticmethod
@@ -155,7 +172,8 @@ class AugmentedLagrangian:
         every = (1 if detailed else 2) if sparse else None
         points = constraint_points(grid, spec.lens.basis.symmetry, every_node=every)
         spacing = grid.step * (1.0 if every is None else every * sqrt(2.0))  # with centres: triangles of three points
-        return AugmentedLagrangian(constraints, ChartOperator.of(grid, points, derivatives, spacing), penalty)
+        operator = ChartOperator.of(grid, points, derivatives, spacing)
+        return AugmentedLagrangian(constraints, operator, spec.lens.names, penalty)
 
     def __post_init__(self) -> None:
         area = self.chart_operator.points.scale**2

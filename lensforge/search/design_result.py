@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import Field
 
-from lensforge.optics.media import DOUBLE
+from lensforge.optics.media import BODY, CAVITY, SIDES
 from lensforge.results import (
     Bound,
     Count,
@@ -230,29 +230,26 @@ class Limit:
         return self.key.removesuffix("_per_mm").removesuffix("_mm").removesuffix("_deg").replace("_", " ")
 
 
-CAVITY_FACES, ENVELOPE_FACES = DOUBLE[:1], DOUBLE[1:]  # those that bound the cavity, and the body
 CURVATURE, DRAFT = _OF_ONE_FACE = ("curvature_margin_per_mm", "draft_margin_deg")
-# The kind of a margin and its faces, the field that sets its limit, and what to do where it is missed, with the faces
-# in their order.
+ON_CAVITY, ON_ENVELOPE, ON_BOTH = (CAVITY,), (BODY,), (CAVITY, BODY)  # media whose faces a limit concerns
+# The kind of a margin, the media whose faces it concerns, the field that sets its limit, and what to do where it is
+# missed, with the first face of each medium.
 _LIMITS = (
     (
         "cavity_clearance_mm",
-        CAVITY_FACES,
+        ON_CAVITY,
         "constraints.cavity_height_mm",
         "raise lens.{0}.offset_mm or lower constraints.cavity_*",
     ),
-    ("wall_margin_mm", DOUBLE, "constraints.min_thickness_mm", "raise lens.{1}.offset_mm or lower {field}"),
-    ("radius_margin_mm", ENVELOPE_FACES, "constraints.max_radius_mm", "raise {field} or lower lens.{0}.offset_mm"),
-    *(
-        (CURVATURE, (face,), f"lens.{face}.concave_radius_mm", "lower {field} or raise lens.{0}.offset_mm")
-        for face in DOUBLE
-    ),
-    *((DRAFT, (face,), f"lens.{face}.draft_deg", "lower {field} or take more steps") for face in DOUBLE),
-    ("largest_wall_margin_mm", DOUBLE, "constraints.max_wall_mm", "raise {field} or lens.{0}.offset_mm"),
-    ("height_margin_mm", ENVELOPE_FACES, "constraints.max_height_mm", "raise {field} or lower lens.{0}.offset_mm"),
+    ("wall_margin_mm", ON_BOTH, "constraints.min_thickness_mm", "raise lens.{1}.offset_mm or lower {field}"),
+    ("radius_margin_mm", ON_ENVELOPE, "constraints.max_radius_mm", "raise {field} or lower lens.{0}.offset_mm"),
+    (CURVATURE, (), "lens.{0}.concave_radius_mm", "lower {field} or raise lens.{0}.offset_mm"),
+    (DRAFT, (), "lens.{0}.draft_deg", "lower {field} or take more steps"),
+    ("largest_wall_margin_mm", ON_BOTH, "constraints.max_wall_mm", "raise {field} or lens.{0}.offset_mm"),
+    ("height_margin_mm", ON_ENVELOPE, "constraints.max_height_mm", "raise {field} or lower lens.{0}.offset_mm"),
     (
         "keep_out_clearance_mm",
-        CAVITY_FACES,
+        ON_CAVITY,
         "constraints.keep_out",
         "raise lens.{0}.offset_mm or lower {field}_margin_mm",
     ),
@@ -262,7 +259,7 @@ _LIMITS = (
 def limits_of(spec: Spec) -> tuple[Limit, ...]:
     """The limits of ``spec``: the paper's three, and the optional ones that it has."""
     limits, own = [], spec.constraints
-    for kind, faces, field, remedy in _LIMITS:
+    for kind, faces, field, remedy in _limits_of_faces(spec.lens.names):
         if (given := attrgetter(field)(spec)) is None:
             continue
         unit, tolerance = "mm", own.tolerance_mm
@@ -271,8 +268,24 @@ def limits_of(spec: Spec) -> tuple[Limit, ...]:
         elif kind == DRAFT:
             unit, tolerance = "deg", _DRAFT_TOLERANCE_DEG
         value = own.keep_out_margin_mm if field.endswith("keep_out") else given
-        limits.append(Limit(kind, faces, unit, tolerance, remedy.format(*faces, field=field), value))
+        limits.append(Limit(kind, faces, unit, tolerance, remedy, value))
     return tuple(limits)
+
+
+def _limits_of_faces(names: tuple[str, ...]) -> Iterator[tuple[str, tuple[str, ...], str, str]]:
+    """Kind, faces, field and remedy of each limit that a lens of these faces may have.
+
+    A limit of one face names it first, and then those that bound the same medium: it holds where that face does.
+    """
+    bounding = {medium: tuple(name for name in names if SIDES[name][0] == medium) for medium in ON_BOTH}
+    for kind, media, field, remedy in _LIMITS:
+        if media:
+            faces, firsts = sum((bounding[each] for each in media), ()), [bounding[each][0] for each in media]
+            yield kind, faces, field, remedy.format(*firsts, field=field)
+            continue
+        for name in names:
+            others = tuple(each for each in bounding[SIDES[name][0]] if each != name)
+            yield kind, (name, *others), field.format(name), remedy.format(name, field=field.format(name))
 
 
 def constraint_criteria(spec: Spec, measured: Margins) -> tuple[Criterion, ...]:

@@ -13,8 +13,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from lensforge.cad.patch import fit_patch
-from lensforge.cad.wall import thinnest
+from lensforge.cad.wall import thinnest_of
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
 from lensforge.search.constraint_points import ChartOperator, ChartPoints, RadiusJet, constraint_points
@@ -52,7 +51,7 @@ def measure_constraints(lens: Lens, directions: int = DIRECTIONS) -> Margins:
     found: dict[Limit, float] = {}
     for each in constraints:
         if each.kind == WALL:
-            wall = thinnest(*(fit_patch(lens.surfaces[name]) for name in each.faces))
+            wall = thinnest_of(lens)
             found[each] = wall.thickness_mm - each.given
         elif not each.derivatives:
             found[each] = float(each.of(exact, points).min())
@@ -82,7 +81,8 @@ def _least(
     least, step, stacked = np.inf, grid.step, torch.stack([tables[name] for name in constraint.faces])
     for _ in range(2):
         operator = ChartOperator.of(grid, points, derivatives=True)
-        field = constraint.field(*operator.jets(stacked), operator.points)
+        jets = dict(zip(constraint.faces, operator.jets(stacked), strict=True))
+        field = constraint.of(jets, operator.points)
         least, at = min(least, float(field.min())), points[int(field.argmin())]
         window = at + chart.grid(_ZOOM_POINTS, step).reshape(-1, 2)
         points = window / np.maximum(1.0, np.linalg.norm(window, axis=1, keepdims=True))
@@ -141,8 +141,8 @@ def require_feasible_start(problems: Iterable[Problem]) -> None:
         spec, parametrisation, constraints = problem.spec, problem.parametrisation, problem.constraints
         if not any(spec.lens.fixed.values()) and len(constraints.constraints) == _OF_PAPER:
             return
-        for functions in sorted({parametrisation.basis.levels[0], parametrisation.basis.size}):
-            weights, offsets = parametrisation.hemispheres(functions)
+        for functions in sorted({parametrisation.levels[0], parametrisation.size}):
+            weights, offsets = parametrisation.start(functions)
             moved, shortfall = _least_move(parametrisation, constraints, weights, offsets, _HOPELESS)
             if shortfall <= _HOPELESS:
                 return

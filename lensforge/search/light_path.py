@@ -24,7 +24,6 @@ from lensforge.kernels.parallel import CHUNKS, in_chunks
 from lensforge.light.device_trace import DeviceTable, first_crossing, tables_on
 from lensforge.light.sequential_trace import Crossing, EnteringRays, trace_sequence
 from lensforge.light.table_trace import Scene, TracedBundle
-from lensforge.optics.media import DOUBLE
 from lensforge.scene.exit_rays import Sensitivities
 from lensforge.scene.made_part import ErrorField, FaceNodes, MadePart, PartMaker, waviness
 from lensforge.scene.perturbations import Draws
@@ -35,8 +34,6 @@ from lensforge.sources.ray_bundle import RayBundle
 from lensforge.spec import Spec
 from lensforge.spec.tolerances_section import Factor, factors_of
 from lensforge.surfaces.bicubic_table import TableGrid
-from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
-from lensforge.surfaces.surface import Surface
 
 
 @dataclass(frozen=True)
@@ -275,7 +272,6 @@ class _Landing(torch.autograd.Function):
 Pair = tuple[MadePart, MadePart]
 
 _BLOCK = 2**10  # pairs of one Sobol sequence: consecutive steps share one, so that their parts complement each other
-_HEMISPHERE = SrbfBasis((4,), 1.75)
 _NO_DETAIL = TableGrid(4)  # so coarse that it resolves no waviness
 
 
@@ -296,10 +292,7 @@ class SearchParts:
     def of(spec: Spec, parametrisation: Parametrisation) -> "SearchParts":
         """Prepare the parts. Raises :class:`InputError` where all tolerances are 0."""
         factors, section = factors_of(spec.part_tolerances), spec.tolerances
-        surfaces = {
-            name: _hemisphere(spec.lens.start_mm[name]) if fixed is None else fixed
-            for name, fixed in zip(DOUBLE, parametrisation.fixed, strict=True)
-        }
+        surfaces = parametrisation.start_surfaces
         smooth = tuple(factor for factor in factors if "waviness" not in factor.name)
         maker = PartMaker.of(spec, surfaces, parametrisation.grid, smooth)
         errors, side = dict(maker.errors), parametrisation.grid.side
@@ -327,7 +320,3 @@ class SearchParts:
     def _made(self, draws: tuple[Draws, Draws], number: int) -> Pair:
         first, second = (self.maker.part(each.deviations(number)) for each in draws)
         return first, second
-
-
-def _hemisphere(radius_mm: float) -> Surface:
-    return SrbfSurface(_HEMISPHERE, np.zeros(_HEMISPHERE.size), radius_mm)

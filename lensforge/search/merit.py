@@ -12,14 +12,16 @@ from statistics import mean
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
+from scipy.ndimage import gaussian_filter
 from torch import Tensor
 
 from lensforge.light.table_trace import Scene
 from lensforge.optics.fundamental_limits import transmittance_of
+from lensforge.scene.body import Chain
 from lensforge.scene.limit_readings import LightLimit, light_limits
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
-from lensforge.scene.target_pattern import target_light, uniform_region
+from lensforge.scene.target_pattern import in_target, target_light, uniform_region
 from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.light_path import Collected, LightPath, Pair
 from lensforge.search.parameters import ChartMirrors, Parametrisation, chart_mirrors, mirrored_light
@@ -45,24 +47,28 @@ Images = tuple[Float[Tensor, "_ _"], ...]  # of receivers, each with a shape of 
 class ImageTerms:
     """Light wanted on one receiver: the flux (W) on each pixel, the mask of uniform light, and its mirrors.
 
-    ``share``: of all receivers' terms, which add up to 1.
+    ``share``: of all receivers' terms, which add up to 1. ``worth``: of the light on each pixel, 1 within the target,
+    where all that counts is how much there is; None where its picture does.
     """
 
     wanted: Image
     mask: Bool[Tensor, "h w"] | None
     mirrors: ChartMirrors
     share: float
+    worth: Image | None = None
 
     @staticmethod
     def of(
-        targets: tuple[Target, ...], receiver: PosedReceiver, flux_w: float, symmetry: str, share: float
-    ) -> "ImageTerms":
-        """Terms of ``targets`` that together hold ``flux_w``."""
+        targets: tuple[Target, ...], receiver: PosedReceiver, flux_w: float, symmetry: str, share: float,
+        aim: str = "pattern",
+    ) -> "ImageTerms":  # fmt: skip
+        """Terms of ``targets`` that together hold ``flux_w``; ``aim``: as of ``OptimiseSection``."""
         wanted = torch.from_numpy(target_light(targets, receiver)) * flux_w
         # half a pixel more: the outermost strip of the region belongs to pixels whose centres are outside it
         region = uniform_region(targets, receiver, wider_by_pixels=1.0)
         mask = None if region is None else torch.from_numpy(region)
-        return ImageTerms(wanted, mask, chart_mirrors(receiver, symmetry) or (), share)
+        worth = _worth(wanted) if aim == "share" else None
+        return ImageTerms(wanted, mask, chart_mirrors(receiver, symmetry) or (), share, worth)
 
     def image(self, light: Collected) -> Image:
         """Flux (W) on each pixel, as the mean over the mirror images."""
@@ -74,6 +80,8 @@ class ImageTerms:
 
     def loss(self, flux: Image, uniform: bool) -> Float[Tensor, ""]:
         """Error of the image; with ``uniform`` that of the mask comes first."""
+        if self.worth is not None:
+            return 1.0 - torch.sum(self.worth * flux) / self.wanted.sum()
         nmse = nmse_loss(flux, self.wanted)
         if not (uniform and self.mask is not None):
             return nmse
@@ -89,6 +97,8 @@ class ImageTerms:
         the shortfall, whose image is smoothed, that of both together is taken.
         """
         wanted, image = self.wanted, 0.5 * (first + second)
+        if self.worth is not None:
+            return self.loss(image, uniform)
         error = torch.sum((first - wanted) * (second - wanted)) / torch.sum(wanted**2)
         if uniform and self.mask is not None:
             uneven = [inside / _scale(inside) - 1.0 for inside in (first[self.mask], second[self.mask])]
@@ -100,6 +110,19 @@ class ImageTerms:
         """Flux (W) that has no gradient in the image: outside of the receiver, and in its window."""
         efficiency = _EFFICIENCY if self.mask is None else _UNIFORM_EFFICIENCY
         return _OUTSIDE_RECEIVER * light.outside_receiver - efficiency * light.in_window
+
+
+# Of light beside the target: some width counts as much as a part of the target's, so that light far off is drawn in.
+_SHARPEST = 0.7  # pixels: less, and the four-pixel splat has no slope
+_WORTH_WIDTHS = ((0.0, 0.7), (0.25, 0.2), (1.0, 0.1))  # sigma over the target's radius, and the share of that width
+
+
+def _worth(wanted: Image) -> Image:
+    """Worth of the light on each pixel: the target's bright part, and its edge blurred to several widths."""
+    bright = in_target(wanted.numpy()).astype(float)
+    radius = math.sqrt(bright.sum() / math.pi)  # pixels
+    blurred = [share * gaussian_filter(bright, max(width * radius, _SHARPEST), mode="constant") for width, share in _WORTH_WIDTHS]
+    return torch.from_numpy(np.sum(blurred, axis=0))
 
 
 def nmse_loss(flux: Float[Tensor, "h w"], wanted: Float[Tensor, "h w"]) -> Float[Tensor, ""]:
@@ -271,10 +294,12 @@ class MeritFunction:
         limit = (transmittance_of(spec.lens.media) if fresnel else 1.0) * source.flux_w
         total = sum(section.share for section in sections)
         terms = tuple(
-            ImageTerms.of(section.targets, receiver, limit, spec.lens.basis.symmetry, section.share / total)
+            ImageTerms.of(
+                section.targets, receiver, limit, spec.lens.basis.symmetry, section.share / total, spec.optimise.aim
+            )
             for section, receiver in zip(sections, receivers, strict=True)
         )
-        scene = Scene(spec.lens.media, parametrisation.grid, fresnel)
+        scene = Scene(spec.lens.media, parametrisation.grid, fresnel, chain=Chain.of_lens(spec.lens))
         efficacy = summarise(source, spec.source).lumens_per_watt if spec.limits else None
         limits = tuple(map(LimitTerm.of, light_limits(spec, receivers, efficacy, source.flux_w)))
         return MeritFunction(spec, parametrisation, LightPath(scene, receivers, device), terms, limits)

@@ -207,10 +207,10 @@ class Descent:
         if following is not before:
             multipliers = following.constraints.at_nearest(before.constraints, state.multipliers)
             state = replace(state, multipliers=multipliers)
-        size = following.parametrisation.basis.size
+        size = following.parametrisation.size
         if size == len(state.weights):
             return state
-        weights, _ = following.parametrisation.hemispheres()
+        weights, _ = following.parametrisation.start()
         kept = min(size, len(state.weights))
         weights[:kept] = state.weights[:kept]
         return replace(state, weights=weights, best=Parameters(weights, state.offsets))
@@ -317,7 +317,8 @@ def search(
     why = descent.run(checkpoint, key).why or None
     state = descent.state
     last = stages_of(schedule, state.outcomes)[-1]
-    problem = problems.of(_levels_of(last.levels, len(state.weights)))
+    automatic = spec.lens.levels == "auto"
+    problem = problems.of(_levels_of(last.levels, len(state.weights)) if automatic else last.levels)
     lens, margins = feasible_lens(problem, state, seed, accuracy)
     state = replace(state, seconds=descent.seconds)
     return _design(lens, margins, source, state, last.rays, why, warnings)
@@ -382,4 +383,4 @@ def _fresh_state(schedule: Schedule, problems: Problems, start: Lens | None) -> 
         return SearchState(*problem.parametrisation.parameters_of(start), multipliers)
     finest = schedule.stages.levels.counts if isinstance(schedule, AutomaticSchedule) else first.levels
     require_feasible_start(map(problems.of, dict.fromkeys((first.levels, finest))))
-    return SearchState(*problem.parametrisation.hemispheres(), multipliers)
+    return SearchState(*problem.parametrisation.start(), multipliers)

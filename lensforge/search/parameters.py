@@ -4,6 +4,7 @@ The tables are a differentiable torch operation. A lens may have the mirror symm
 receivers and targets share, and no larger one.
 """
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, cast
@@ -60,13 +61,63 @@ _FIT_DIRECTIONS, _FIT_CHUNK = 8, 4096  # for each function; at a time
 _FIT_DAMPING = 1e-10
 
 
-@dataclass(frozen=True)
-class Parametrisation:
-    """Parameters of the faces ``names``, which share one basis and one map to tables; each has a column.
+class Parametrisation(ABC):
+    """Parameters of the faces ``names`` on one ``grid`` of tables: weights, a column for each face, and offsets.
 
-    Parameters are relative to the starting offsets: a unit step means the same for a lens of any size. The column of a
-    ``fixed`` face has no effect.
+    Parameters are relative to the start of the search: a unit step means the same for a lens of any size. The column of
+    a face that is ``fixed`` has no effect.
     """
+
+    grid: TableGrid
+    names: tuple[str, ...]
+    fixed: tuple[Surface | None, ...]
+
+    @property
+    @abstractmethod
+    def levels(self) -> tuple[int, ...]:
+        """Weights of each level, coarse first."""
+
+    @property
+    def size(self) -> int:
+        """Weights of a face."""
+        return sum(self.levels)
+
+    def start(self, functions: int | None = None) -> tuple[Float[Tensor, "k f"], Float[Tensor, " f"]]:
+        """Relative weights, by default of all functions, and offsets of the lens from which a search starts."""
+        count, faces = self.size if functions is None else functions, len(self.names)
+        return torch.zeros(count, faces, dtype=torch.float64), torch.ones(faces, dtype=torch.float64)
+
+    @property
+    @abstractmethod
+    def start_surfaces(self) -> dict[str, Surface]:
+        """The faces from which a search starts."""
+
+    @abstractmethod
+    def refined(self) -> "Parametrisation":
+        """Parametrisation whose tables have half the step, of the same splines."""
+
+    @abstractmethod
+    def tables(self, weights: Float[Tensor, "k f"], offsets: Float[Tensor, " f"]) -> Float[Tensor, "f side side"]:
+        """Tables (mm) of the faces from the first ``k`` relative weights; differentiable."""
+
+    @abstractmethod
+    def parameters_of(self, lens: Lens) -> tuple[Float[Tensor, "m f"], Float[Tensor, " f"]]:
+        """Relative weights and offsets that give the free faces of ``lens``."""
+
+    @abstractmethod
+    def surfaces(self, weights: Float[Tensor, "m f"], offsets: Float[Tensor, " f"]) -> dict[str, Surface]:
+        """The faces of these parameters."""
+
+    def lens(
+        self, weights: Float[Tensor, "m f"], offsets: Float[Tensor, " f"], spec: Spec, seed: int, accuracy: Accuracy
+    ) -> Lens:
+        """The frozen record of these parameters."""
+        return Lens(self.surfaces(weights, offsets), spec, seed, accuracy)
+
+
+@dataclass(frozen=True)
+class SphereParameters(Parametrisation):
+    """Faces that begin as hemispheres, and share one basis of SRBFs and one map to tables."""
 
     basis: SrbfBasis
     grid: TableGrid
@@ -76,7 +127,7 @@ class Parametrisation:
     names: tuple[str, ...] = DOUBLE
 
     @staticmethod
-    def of(spec: Spec, nodes_per_sigma: float) -> "Parametrisation":
+    def of(spec: Spec, nodes_per_sigma: float) -> "SphereParameters":
         """Parametrisation of the spec's lens, on a grid that resolves its narrowest feature."""
         lens, basis = spec.lens, spec.lens.basis
         with remedy("raise lens.sigma_c, lower the last of lens.levels, or take a lower accuracy"):
@@ -85,17 +136,23 @@ class Parametrisation:
             grid, halvings = dyadic_grid([*sigmas, *details], nodes_per_sigma)
             tables = BasisTables.of(basis, grid, halvings[: len(sigmas)])
         scale_mm = torch.tensor([*lens.start_mm.values()], dtype=torch.float64)
-        return Parametrisation(basis, grid, tables, scale_mm, tuple(lens.fixed.values()))
+        return SphereParameters(basis, grid, tables, scale_mm, tuple(lens.fixed.values()))
 
-    def refined(self) -> "Parametrisation":
+    @property
+    def levels(self) -> tuple[int, ...]:
+        """Functions of each level."""
+        return self.basis.levels
+
+    @property
+    def start_surfaces(self) -> dict[str, Surface]:
+        """Hemispheres, and the fixed faces."""
+        radii = zip(self.names, self.fixed, self.scale_mm.tolist(), strict=True)
+        return {name: fixed or _hemisphere(radius_mm) for name, fixed, radius_mm in radii}
+
+    def refined(self) -> "SphereParameters":
         """Parametrisation whose tables have half the step, of the same splines."""
         grid = TableGrid(2 * self.grid.nodes - 1)
         return replace(self, grid=grid, basis_tables=replace(self.basis_tables, side=grid.side))
-
-    def hemispheres(self, functions: int | None = None) -> tuple[Float[Tensor, "k f"], Float[Tensor, " f"]]:
-        """Relative weights, by default of all functions, and offsets of the lens from which a search starts."""
-        count, faces = self.basis.size if functions is None else functions, len(self.names)
-        return torch.zeros(count, faces, dtype=torch.float64), torch.ones(faces, dtype=torch.float64)
 
     def tables(self, weights: Float[Tensor, "k f"], offsets: Float[Tensor, " f"]) -> Float[Tensor, "f side side"]:
         """Tables (mm) of the faces from the first ``k`` relative weights; differentiable."""
@@ -117,7 +174,7 @@ class Parametrisation:
 
         Exact where a surface has this basis; any other is fitted in least squares over the hemisphere.
         """
-        weights, offsets = self.hemispheres()
+        weights, offsets = self.start()
         for face, (name, fixed) in enumerate(zip(self.names, self.fixed, strict=True)):
             if fixed is None:
                 surface = lens.surfaces[name]
@@ -128,16 +185,20 @@ class Parametrisation:
                 offsets[face] = fitted.offset_mm / scale
         return weights, offsets
 
-    def lens(
-        self, weights: Float[Tensor, "m f"], offsets: Float[Tensor, " f"], spec: Spec, seed: int, accuracy: Accuracy
-    ) -> Lens:
-        """The frozen record of these parameters."""
+    def surfaces(self, weights: Float[Tensor, "m f"], offsets: Float[Tensor, " f"]) -> dict[str, Surface]:
+        """The sums of these parameters, and the fixed faces."""
         millimetres, radii = (weights * self.scale_mm).numpy(), (offsets * self.scale_mm).tolist()
-        surfaces = {
+        return {
             name: SrbfSurface(self.basis, millimetres[:, face].copy(), radii[face]) if fixed is None else fixed
             for face, (name, fixed) in enumerate(zip(self.names, self.fixed, strict=True))
         }
-        return Lens(surfaces, spec, seed, accuracy)
+
+
+_HEMISPHERE = SrbfBasis((4,), 1.75)
+
+
+def _hemisphere(radius_mm: float) -> Surface:
+    return SrbfSurface(_HEMISPHERE, np.zeros(_HEMISPHERE.size), radius_mm)
 
 
 def fit_surface(basis: SrbfBasis, surface: Surface) -> SrbfSurface:

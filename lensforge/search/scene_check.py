@@ -18,11 +18,13 @@ from jaxtyping import Bool, Float
 from lensforge.errors import InputError
 from lensforge.kernels.fate import Fate
 from lensforge.light.table_trace import Scene, trace_tables
+from lensforge.scene.body import Chain
 from lensforge.scene.lens import Lens
 from lensforge.scene.limit_readings import LightLimit, light_limits
 from lensforge.scene.possible_light import LargestShare, PossibleLight, SourceLight
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import in_target, target_light
+from lensforge.search.profiles import start_faces
 from lensforge.sources.build_source import summarise
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.sources.source_pose import SourcePose
@@ -210,7 +212,8 @@ class SceneCheck:
                 yield f"{' or '.join(turn)} (the mean direction is ({mean}) in the lens, it should be near +z)"
             elif share > main:
                 places = [f"source.{name}" for name in ("scale", "origin", "position_mm") if name in fields]
-                cavity = "lens.inner.offset_mm" if self.spec.lens.inner.fixed is None else "lens.inner.fixed"
+                name = self.spec.lens.names[0]
+                cavity = f"lens.{name}.offset_mm" if self.spec.lens.fixed[name] is None else f"lens.{name}.fixed"
                 yield ", ".join([*places, f"or a larger {cavity}"])
 
     def _through(self) -> str:
@@ -224,13 +227,19 @@ def _shares_by_fate(spec: Spec, rays: RayBundle, start: Lens | None) -> dict[Fat
     """Shares of the flux by fate in the starting lens."""
     surfaces = (starting_surfaces(spec) if start is None else start.surfaces).values()
     grid = grid_for(min(surface.detail_rad for surface in surfaces), _NODES_PER_SIGMA)
-    exits = trace_tables([tabulate(grid, surface) for surface in surfaces], Scene(spec.lens.media, grid), rays)
+    scene = Scene(spec.lens.media, grid, chain=Chain.of_lens(spec.lens))
+    exits = trace_tables([tabulate(grid, surface) for surface in surfaces], scene, rays)
     by_fate = np.bincount(exits.fates, rays.flux, minlength=len(Fate)) / rays.flux.sum()
     return {fate: float(by_fate[fate]) for fate in Fate}
 
 
 def starting_surfaces(spec: Spec) -> dict[str, Surface]:
-    """The surfaces from which a search begins, by the names of their faces: spheres, or those that the spec fixes."""
+    """The surfaces from which a search begins, by the names of their faces, or those that the spec fixes.
+
+    Spheres, or the faces of the lens for a point source. Raises :class:`InputError` where there is no such lens.
+    """
+    if spec.lens.kind == "tir":
+        return start_faces(spec)
     fixed = spec.lens.fixed
     return {name: fixed[name] or sphere(radius_mm) for name, radius_mm in spec.lens.start_mm.items()}
 
@@ -260,8 +269,8 @@ def source_clearance_warnings(spec: Spec, source: Source) -> tuple[str, ...]:
     x, y, z = above[room.argmin()]
     limits = spec.constraints
     kept = (
-        "lens.inner.fixed"
-        if spec.lens.inner.fixed is not None
+        f"lens.{spec.lens.names[0]}.fixed"
+        if spec.lens.fixed[spec.lens.names[0]] is not None
         else f"the paraboloid of constraints.cavity_height_mm = {limits.cavity_height_mm:g} and cavity_radius_mm = "
         f"{limits.cavity_radius_mm:g}"
     )

@@ -171,7 +171,7 @@ class FixedSchedule(Schedule):
 
 def fixed_schedule(spec: Spec, preset: Preset, *, last_only: bool) -> FixedSchedule:
     """A stage for each level of a spec, or only the last; what the spec leaves open comes from the preset."""
-    levels, settings = spec.lens.basis.levels, spec.optimise
+    levels, settings = spec.lens.shape_levels, spec.optimise
     last = len(levels) - 1
     steps = settings.steps_per_level or (preset.coarse_steps,) * last + (preset.fine_steps,)
     stages, functions = [], 0
@@ -180,7 +180,7 @@ def fixed_schedule(spec: Spec, preset: Preset, *, last_only: bool) -> FixedSched
         share = _FINEST_RATE_SHARE ** (level / max(1, last))
         stages.append(
             Stage(
-                level, levels, functions, steps[level], settings.rays or preset.design_rays,
+                level, spec.lens.levels, functions, steps[level], settings.rays or preset.design_rays,
                 _LEARNING_RATE * share,
             )
         )  # fmt: skip

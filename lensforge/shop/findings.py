@@ -195,10 +195,11 @@ def wall_finding(wall_mm: float, spec: Spec) -> Finding:
     """Thinnest wall; a search from faces that are farther apart, or a spec that takes the wall there is."""
     limit, required_mm, changes = least_wall_mm(spec), spec.constraints.min_thickness_mm, []
     holds = within(wall_mm, ">=", limit)
-    if spec.lens.outer.fixed is None:
-        changes.append("a larger lens.outer.offset_mm and design again")
-    elif spec.lens.inner.fixed is None:
-        changes.append("a smaller lens.inner.offset_mm and design again")
+    inwards, outwards, fixed = spec.lens.names[0], spec.lens.names[-1], spec.lens.fixed
+    if fixed[outwards] is None:
+        changes.append(f"a larger lens.{outwards}.offset_mm and design again")
+    elif fixed[inwards] is None:
+        changes.append(f"a smaller lens.{inwards}.offset_mm and design again")
     if wall_mm >= _LEAST_WALL_MM:
         changes.append(f"constraints.min_thickness_mm = {_down(wall_mm)} where that is enough")
     word, thinnest = "at least" if holds else "less than", quantity(wall_mm, "mm", digits=4)

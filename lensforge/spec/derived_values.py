@@ -69,7 +69,7 @@ def derived_sizes(source: Any, lens: Any, limits: Any, target: Any) -> dict[str,
     The arguments are the sections of a spec, ``target`` may be None. Of a source that is no uniform area the cavity is
     not known, and of a target without a size its receiver.
     """
-    extent = _source_extent(source)
+    extent = source_extent(source)
     x, y, z = source.position_mm
     sizes = (
         LensSizes(limits.max_radius_mm, 0.0)
@@ -78,13 +78,13 @@ def derived_sizes(source: Any, lens: Any, limits: Any, target: Any) -> dict[str,
     )
     known = ("min_thickness_mm",) if extent is None else ("min_thickness_mm", "cavity_radius_mm", "cavity_height_mm")
     return {
-        "lens": {name: {"offset_mm": sizes.offset_mm[name]} for name, face in lens.faces.items() if face.fixed is None},
+        "lens": {} if lens.kind != "double" else {name: {"offset_mm": sizes.offset_mm[name]} for name, face in lens.faces.items() if face.fixed is None},
         "constraints": {name: getattr(sizes, name) for name in known},
         "target": {} if target is None else _receiver_of(target),
     }
 
 
-def _source_extent(source: Any) -> float | None:
+def source_extent(source: Any) -> float | None:
     """Radius (mm) of the circle around a uniform emitting area, in its own plane; None for any other source."""
     match source.kind:
         case "square":

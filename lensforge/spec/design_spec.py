@@ -258,7 +258,7 @@ class Spec(Section):
         if self.lens.levels != "auto":
             if self.optimise.seconds is not None:
                 raise ValueError('optimise.seconds goes with lens.levels = "auto"; leave out one of the two')
-            steps, levels = self.optimise.steps_per_level, self.lens.levels
+            steps, levels = self.optimise.steps_per_level, self.lens.shape_levels
             if steps is not None and len(steps) != len(levels):
                 raise ValueError(f"optimise.steps_per_level has {len(steps)} numbers, lens.levels {len(levels)}")
             return self

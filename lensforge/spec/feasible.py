@@ -13,9 +13,10 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
+from lensforge.optics.media import CAVITY, SIDES
 from lensforge.spec.face_section import FaceSection
 from lensforge.spec.fixed_surface import FixedFace
-from lensforge.spec.lens_section import LensSection
+from lensforge.spec.lens_section import AnyLens, LensSection
 from lensforge.spec.part_section import BaseSection, ManufactureSection
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.spec_section import rounded_up
@@ -26,9 +27,11 @@ _SHAPE_TOLERANCE = 1e-3  # of a concave radius, and of the sine of a draft: what
 _Meridian = Float[np.ndarray, " k"]
 
 
-def require_feasible(lens: LensSection, limits: ConstraintsSection, manufacture: ManufactureSection) -> None:
+def require_feasible(lens: AnyLens, limits: ConstraintsSection, manufacture: ManufactureSection) -> None:
     """Raise ``ValueError`` where no lens keeps all limits: the fields, their values, and what is allowed."""
     _require_below_glass(lens, limits)
+    if not isinstance(lens, LensSection):
+        return  # its start, and its faces together, are checked where they are made
     for name, face in lens.faces.items():
         for fault in () if face.fixed is None else _faults(name, face, face.fixed, limits, manufacture):
             raise ValueError(f"lens.{name}.fixed {fault}; change the limit, or choose another surface")
@@ -36,7 +39,7 @@ def require_feasible(lens: LensSection, limits: ConstraintsSection, manufacture:
         _require_room_for_wall(lens.outer.fixed, limits, smallest_cavity_mm(lens, limits))
 
 
-def _require_below_glass(lens: LensSection, limits: ConstraintsSection) -> None:
+def _require_below_glass(lens: AnyLens, limits: ConstraintsSection) -> None:
     """A cover glass against the largest height that the lens may have."""
     highest = limits.max_radius_mm if limits.max_height_mm is None else min(limits.max_height_mm, limits.max_radius_mm)
     if lens.cover_glass is not None and lens.cover_glass.distance_mm < highest:
@@ -46,17 +49,19 @@ def _require_below_glass(lens: LensSection, limits: ConstraintsSection) -> None:
         )
 
 
-def smallest_cavity_mm(lens: LensSection, limits: ConstraintsSection) -> _Meridian:
+def smallest_cavity_mm(lens: AnyLens, limits: ConstraintsSection) -> _Meridian:
     """Distance (mm) of the smallest inner surface from the origin, from the axis to the horizon.
 
     That of a fixed one is its own, the least all around.
     """
-    if lens.inner.fixed is not None:
-        return lens.inner.fixed.shape.least_mm(_POLAR)
+    cavity = [lens.faces[name].fixed for name in lens.names if SIDES[name][0] == CAVITY]
+    if all(fixed is not None for fixed in cavity):
+        found: _Meridian = np.min([fixed.shape.least_mm(_POLAR) for fixed in cavity if fixed is not None], axis=0)
+        return found
     height, radius = limits.cavity_height_mm, limits.cavity_radius_mm
     sine, cosine = np.sin(_POLAR), np.cos(_POLAR)
     paraboloid: _Meridian = 2.0 * height / (cosine + np.sqrt(cosine**2 + (2.0 * height / radius * sine) ** 2))
-    tangent = tan(radians(lens.inner.draft_deg or 0.0))
+    tangent = tan(radians(lens.faces[lens.names[0]].draft_deg or 0.0))
     if 2.0 * height * tangent <= radius:  # its steepest slope, at the rim, has the draft
         return paraboloid
     touches_mm = radius**2 / (2.0 * height * tangent)
@@ -113,13 +118,14 @@ def _require_room_for_wall(fixed_outer: FixedFace, limits: ConstraintsSection, i
         )
 
 
-def require_base_around_cavity(lens: LensSection, limits: ConstraintsSection, base: BaseSection) -> None:
+def require_base_around_cavity(lens: AnyLens, limits: ConstraintsSection, base: BaseSection) -> None:
     """Raise :class:`InputError` where the smallest cavity opens wider than the base: for a part, not for its light."""
     if base.kind in ("none", "step"):
         return
-    fixed = lens.inner.fixed
+    name = lens.names[0]
+    fixed = lens.faces[name].fixed
     opening_mm = float((smallest_cavity_mm(lens, limits) if fixed is None else fixed.shape.largest_mm(_POLAR))[-1])
-    cause = "the cavity of constraints.cavity_radius_mm" if fixed is None else "lens.inner.fixed"
+    cause = "the cavity of constraints.cavity_radius_mm" if fixed is None else f"lens.{name}.fixed"
     field, width = ("side_mm", base.side_mm) if base.kind == "square" else ("diameter_mm", base.diameter_mm)
     for name, given, across in (
         (field, width, 2.0),

@@ -14,6 +14,7 @@ from lensforge.surfaces.imported_face import lens_file
 from lensforge.surfaces.profile import LEAST_COEFFICIENTS
 from lensforge.surfaces.srbf import MOST_FUNCTIONS, MOST_LEVELS, SrbfBasis, level_sigma
 
+_OF_ERRORS = (9,)  # functions of form errors as wide as astigmatism and coma
 _FEW_FUNCTIONS = 25  # of the finest level: with fewer, each is wider than 28 degrees
 _Numbers = Annotated[tuple[Annotated[int, Field(ge=1, le=MOST_FUNCTIONS)], ...], Field(max_length=MOST_LEVELS)]
 # chosen by its type, so that a wrong number is named, not both forms
@@ -79,7 +80,16 @@ class LensShape(LensMaterial):
     def basis(self) -> SrbfBasis:
         """The functions that shape the free surfaces, of levels that are numbers; "auto" symmetry counts as none."""
         assert self.levels != "auto", "a search sets them"
-        return SrbfBasis(self.levels, self.sigma_c, "none" if self.symmetry == "auto" else self.symmetry)
+        return SrbfBasis(self.levels, self.sigma_c, self._own_symmetry)
+
+    @property
+    def shape_levels(self) -> tuple[int, ...]:
+        """Parameters of a free face, coarse first: the functions of its levels, which are numbers."""
+        return self.basis.levels
+
+    @property
+    def _own_symmetry(self) -> str:
+        return "none" if self.symmetry == "auto" else self.symmetry
 
 
 class LensSection(LensShape, LensFaces):
@@ -96,7 +106,10 @@ class TirSection(LensShape, TirFaces):
     """
 
     kind: Literal["tir"]
-    levels: Levels = ()
+    levels: _Numbers = ()
+    """Functions of each level, coarse to fine, that shape cap, wall and exit beyond their profiles; none: faces of
+    revolution.
+    """
     profile: Annotated[int, Field(ge=LEAST_COEFFICIENTS, le=64)] = 10
     """Coefficients of the profile of each free face."""
     events: Annotated[int, Field(ge=3, le=MOST_EVENTS)] = 6
@@ -106,6 +119,16 @@ class TirSection(LensShape, TirFaces):
     def may_be_round(self) -> bool:
         """True: without levels all faces are of revolution."""
         return True
+
+    @property
+    def shape_levels(self) -> tuple[int, ...]:
+        """Parameters of a free face, coarse first: those of its profile, and the functions of its levels."""
+        return (self.profile, *self.levels)
+
+    @property
+    def basis(self) -> SrbfBasis:
+        """The functions of its levels; of faces of revolution those of their form errors."""
+        return super().basis if self.levels else SrbfBasis(_OF_ERRORS, self.sigma_c, self._own_symmetry)
 
 
 AnyLens = Annotated[

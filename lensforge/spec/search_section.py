@@ -99,6 +99,8 @@ class OptimiseSection(Section):
     """Rays of a gradient step."""
     pixels: Annotated[int, Field(ge=4, le=1024)] = 64
     """Pixels along a side of the receiver in the search."""
+    aim: Literal["pattern", "share"] = "pattern"
+    """What counts: "pattern", light as the targets say; "share", as much light in them as possible, however it lies."""
     seconds: Annotated[float, Field(ge=1.0, le=1e6)] | None = None
     """Time that the search with automatic levels may take, set-up included; by default it goes on for as long as it
     gains.

@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.surfaces.reciprocal import ReciprocalSurface
+from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 from lensforge.surfaces.surface import Surface
 
 _Vectors = Float[np.ndarray, "n 3"]
@@ -135,6 +136,38 @@ class ProfileFace(ReciprocalSurface):
         slope = np.zeros_like(directions)
         slope[:, 2] = self.basis.slopes(cosines) @ own
         return self.basis.matrix(cosines) @ own, slope
+
+
+@dataclass(frozen=True, eq=False)
+class FormedFace(ProfileFace):
+    """A profile with ``weights_per_mm`` (1/mm) times the functions of ``srbf`` added to its reciprocal radius."""
+
+    srbf: SrbfBasis
+    weights_per_mm: Float[np.ndarray, " m"]
+
+    def __post_init__(self) -> None:
+        if len(self.weights_per_mm) != self.srbf.size:
+            raise InputError(f"formed: {len(self.weights_per_mm)} weights of {self.srbf.size} functions")
+        super().__post_init__()
+
+    @property
+    def symmetry(self) -> str:
+        """Largest mirror group: that of the functions."""
+        return self.srbf.symmetry
+
+    @cached_property
+    def detail_rad(self) -> float:
+        """Sigma (rad) of the narrowest of profile and functions."""
+        return min(super().detail_rad, self.srbf.detail_rad)
+
+    def reciprocal(self, directions: _Vectors) -> tuple[_Values, _Vectors]:
+        """The profile at the cosine, and the sum of the functions."""
+        value, slope = super().reciprocal(directions)
+        return value + self._sum.radius(directions), slope + self._sum.gradient(directions)
+
+    @cached_property
+    def _sum(self) -> SrbfSurface:
+        return SrbfSurface(self.srbf, self.weights_per_mm, 0.0)
 
 
 def _meridian(face: Surface, cosines: _Values) -> _Values:

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
+from lensforge.optics.arrays import Array, module_of
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface
 
@@ -25,6 +26,14 @@ _PROFILE = 721  # directions of a meridian from which the detail is taken, 0.15 
 _MERIDIANS, _TRIED = 24, 2000
 _LOWEST = -0.5  # cosine of the lowest direction of a chart
 _WIDEST_DETAIL_RAD = 0.5
+
+
+def bent(value: Float[Array, " n"], reach_mm: float) -> Float[Array, " n"]:
+    """``1/rho`` (1/mm) with its continuation beyond the reach, in NumPy or in torch; differentiable."""
+    xp = module_of(value)
+    x = xp.clip((value * reach_mm - _FLAT) / (1.0 - _FLAT), 0.0, 1.0)
+    beyond = (0.5 * (1.0 + _FLAT) + (1.0 - _FLAT) * x**4 * (2.5 - 3.0 * x + x**2)) / reach_mm
+    return xp.where(value * reach_mm >= 1.0, value, beyond)
 
 
 @dataclass(frozen=True)
@@ -73,11 +82,9 @@ class ReciprocalSurface(Surface):
 
     def _bent(self, value: _Values) -> tuple[_Values, _Values]:
         """``1/rho`` with its continuation, and its derivative by what it was."""
-        least = 1.0 / self.reach_mm
-        x = np.clip((value / least - _FLAT) / (1.0 - _FLAT), 0.0, 1.0)
+        x = np.clip((value * self.reach_mm - _FLAT) / (1.0 - _FLAT), 0.0, 1.0)
         smooth = x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
-        bent = least * (0.5 * (1.0 + _FLAT) + (1.0 - _FLAT) * x**4 * (2.5 - 3.0 * x + x**2))
-        return np.where(value >= least, value, bent), np.where(value >= least, 1.0, smooth)
+        return bent(value, self.reach_mm), np.where(value * self.reach_mm >= 1.0, 1.0, smooth)
 
 
 @dataclass(frozen=True)

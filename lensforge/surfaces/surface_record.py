@@ -10,7 +10,7 @@ from lensforge.errors import InputError
 from lensforge.results import Number, Record
 from lensforge.surfaces.asphere import Asphere, Biconic
 from lensforge.surfaces.chart_spline import DEGREE, ChartSpline
-from lensforge.surfaces.profile import LEAST_COEFFICIENTS, ProfileFace
+from lensforge.surfaces.profile import LEAST_COEFFICIENTS, FormedFace, ProfileFace
 from lensforge.surfaces.reciprocal import ConeFace, ConicFace, PlaneFace, ReciprocalSurface
 from lensforge.surfaces.srbf import MOST_FUNCTIONS, SrbfBasis, SrbfSurface
 from lensforge.surfaces.surface import Surface
@@ -20,6 +20,15 @@ Place = Annotated[Number, Field(ge=-1e9, le=1e9)]  # mm
 _Conic = Annotated[Number, Field(ge=-1e3, le=1e3)]
 _Series = Annotated[tuple[Place, ...], Field(max_length=10)]
 MOST_KNOTS = 512
+
+
+class SrbfFunctions(Record):
+    """SRBFs of ``levels``, each with its weight."""
+
+    levels: Annotated[tuple[Annotated[int, Field(strict=True, ge=1)], ...], Field(min_length=1)]
+    sigma_c: Annotated[Number, Field(ge=1e-6, le=1e6)]
+    symmetry: Literal["none", "mirror_x", "mirror_y", "rectangle", "square"]
+    weights: Annotated[tuple[Place, ...], Field(max_length=MOST_FUNCTIONS)]
 
 
 class SrbfRecord(Record):
@@ -128,6 +137,20 @@ class ProfileRecord(Record):
         return ProfileFace(self.reach_mm, self.low, self.high, self.coefficients)
 
 
+class FormedRecord(Record):
+    """A profile, and the functions that are added to its reciprocal radius, each with its weight (1/mm)."""
+
+    kind: Literal["formed"]
+    profile: ProfileRecord
+    functions: SrbfFunctions
+
+    def surface(self) -> FormedFace:
+        """The surface. Raises :class:`InputError` where there are more or fewer weights than functions."""
+        own, sums = self.profile, self.functions
+        basis, weights = SrbfBasis(sums.levels, sums.sigma_c, sums.symmetry), np.array(sums.weights, dtype=np.float64)
+        return FormedFace(own.reach_mm, own.low, own.high, own.coefficients, basis, weights)
+
+
 class ChartSplineRecord(Record):
     """A given face: its radius as a quintic spline over the stereographic chart, control values by rows of X."""
 
@@ -155,7 +178,8 @@ SurfaceRecord: TypeAlias = Annotated[
     | PlaneRecord
     | ConeRecord
     | ConicRecord
-    | ProfileRecord,
+    | ProfileRecord
+    | FormedRecord,
     Field(discriminator="kind"),
 ]
 
@@ -182,6 +206,13 @@ def surface_record(surface: Surface) -> SurfaceRecord:
             return ConeRecord(kind="cone", **_fields(surface))
         case ConicFace():
             return ConicRecord(kind="conic", **_fields(surface))
+        case FormedFace(srbf=basis):
+            weights = tuple(surface.weights_per_mm.tolist())
+            own = {field.name: getattr(surface, field.name) for field in fields(ProfileFace)}
+            functions = SrbfFunctions(
+                levels=basis.levels, sigma_c=basis.sigma_c, symmetry=basis.symmetry, weights=weights
+            )
+            return FormedRecord(kind="formed", profile=ProfileRecord(kind="profile", **own), functions=functions)
         case ProfileFace():
             return ProfileRecord(kind="profile", **_fields(surface))
         case ChartSpline():

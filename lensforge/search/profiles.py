@@ -1,0 +1,258 @@
+"""Parameters of faces of revolution, by their profiles, and of SRBFs beside them: a lens for total internal reflection.
+
+The reciprocal radius of a face is its profile plus the sum of SRBFs, all over an offset that scales the face about the
+origin. The search begins at the lens for a point source that suits source, radius and beam best. The side of the cavity
+stays the cone that its draft asks for: only its offset moves.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import radians
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from scipy.ndimage import spline_filter1d
+from torch import Tensor
+
+from lensforge.errors import InputError, remedy
+from lensforge.scene.body import Body, nearest
+from lensforge.scene.lens import Lens
+from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.scene.target_pattern import in_target, target_light
+from lensforge.search.parameters import Parametrisation
+from lensforge.spec import Spec
+from lensforge.spec.derived_values import source_extent
+from lensforge.spec.lens_section import TirSection
+from lensforge.surfaces.bicubic_table import APRON, TableGrid, dyadic_grid, tabulate
+from lensforge.surfaces.collimator import Collimator, best_collimator
+from lensforge.surfaces.profile import FormedFace, ProfileBasis, ProfileFace
+from lensforge.surfaces.reciprocal import ConeFace, ReciprocalSurface, bent
+from lensforge.surfaces.srbf import SrbfBasis, fibonacci_hemisphere, level_sigma
+from lensforge.surfaces.surface import Surface
+
+DRAFT_DEG = 2.0  # of the side of a cavity, where the spec does not say
+_DIRECTIONS = 4000  # at which the part of a face that bounds its medium is looked for
+_BEYOND = 0.03  # cosine by which a profile bends beyond that part: creases move
+_NODES_PER_SIGMA = 6.0  # at least: with 2.5 the wall is 30 um off at its rim
+_WIDEST_BEAM_RAD = radians(40.0)
+_NARROWEST_BEAM_RAD = radians(0.1)
+
+
+@dataclass(frozen=True)
+class FaceParameters:
+    """One face by its ``start``: weights of its profile relative to ``scale`` (1/mm); the column ``matrix`` at nodes."""
+
+    start: ReciprocalSurface
+    basis: ProfileBasis
+    scale: float
+
+    @cached_property
+    def coefficients(self) -> Float[np.ndarray, " c"]:
+        """Coefficients of the start's profile."""
+        if isinstance(self.start, ProfileFace) and self.start.basis == self.basis:
+            return np.array(self.start.coefficients)
+        return np.array(ProfileFace.fitted(self.start, *self._range, self.start.reach_mm).coefficients)
+
+    @property
+    def _range(self) -> tuple[float, float, int]:
+        return self.basis.low, self.basis.high, self.basis.count
+
+
+@dataclass(frozen=True, eq=False)
+class ProfileParameters(Parametrisation):
+    """Free faces of revolution, with SRBFs of ``srbf`` beside them where there are some."""
+
+    grid: TableGrid
+    names: tuple[str, ...]
+    fixed: tuple[Surface | None, ...]
+    own: tuple[FaceParameters | ReciprocalSurface | None, ...]
+    profile: int
+    srbf: SrbfBasis | None = None
+
+    @staticmethod
+    def of(spec: Spec, nodes_per_sigma: float) -> "ProfileParameters":
+        """Parameters of the faces of a lens for total internal reflection, from the start that its spec asks for."""
+        lens = spec.lens
+        assert isinstance(lens, TirSection)
+        start = start_faces(spec)
+        body, fixed = Body.of(start), lens.fixed
+        own: list[FaceParameters | ReciprocalSurface | None] = []
+        for face in body.faces:
+            if fixed[face.name] is not None:
+                own.append(None)
+            elif isinstance(face.surface, ConeFace):
+                own.append(face.surface)
+            else:
+                own.append(_parameters(body, face.name, lens.profile))
+        srbf = lens.basis if lens.levels else None
+        with remedy("take a lower accuracy, or coarser lens.levels"):
+            details = [surface.detail_rad for surface in start.values()]
+            sigmas = [] if srbf is None else [level_sigma(count, srbf.sigma_c) for count in srbf.levels]
+            grid, _ = dyadic_grid([*sigmas, *details], max(nodes_per_sigma, _NODES_PER_SIGMA))
+        return ProfileParameters(grid, tuple(start), tuple(fixed.values()), tuple(own), lens.profile, srbf)
+
+    @property
+    def levels(self) -> tuple[int, ...]:
+        """Coefficients of a profile, and the functions of each level."""
+        return (self.profile, *(() if self.srbf is None else self.srbf.levels))
+
+    @property
+    def start_surfaces(self) -> dict[str, Surface]:
+        """The faces of the start."""
+        return self.surfaces(*self.start())
+
+    def refined(self) -> "ProfileParameters":
+        """Parametrisation whose tables have half the step."""
+        return replace(self, grid=TableGrid(2 * self.grid.nodes - 1))
+
+    def tables(self, weights: Float[Tensor, "k f"], offsets: Float[Tensor, " f"]) -> Float[Tensor, "f side side"]:
+        """Tables (mm) of the faces from the first ``k`` relative weights; differentiable."""
+        found = []
+        for face, own in enumerate(self.own):
+            table = self._fixed_tables[face]
+            if table is not None:
+                found.append(table)
+                continue
+            assert own is not None
+            values = self._reciprocal(own, face, weights) / offsets[face]
+            reach = own.start.reach_mm if isinstance(own, FaceParameters) else own.reach_mm
+            samples = (1.0 / bent(values, reach)).reshape(len(self._filter[0]), -1)
+            found.append(self._filter @ samples @ self._filter.T)
+        return torch.stack(found)
+
+    def _reciprocal(self, own: FaceParameters | ReciprocalSurface, face: int, weights: Tensor) -> Tensor:
+        """``1/rho`` (1/mm) at the nodes, before the offset."""
+        if isinstance(own, ReciprocalSurface):
+            return torch.from_numpy(own.reciprocal(self._nodes)[0])
+        column = torch.from_numpy(own.coefficients) + own.scale * weights[: self.profile, face]
+        values = self._profiles[face] @ column
+        if self.srbf is None or len(weights) <= self.profile:
+            return values
+        functions = weights[self.profile :, face]
+        return values + own.scale * (self._functions[:, : len(functions)] @ functions)
+
+    @cached_property
+    def _nodes(self) -> Float[np.ndarray, "n 3"]:
+        return self.grid.sample_directions()
+
+    @cached_property
+    def _profiles(self) -> list[Tensor]:
+        return [
+            torch.from_numpy(own.basis.matrix(self._nodes[:, 2])) if isinstance(own, FaceParameters) else torch.empty(0)
+            for own in self.own
+        ]
+
+    @cached_property
+    def _functions(self) -> Tensor:
+        assert self.srbf is not None
+        return torch.from_numpy(self.srbf.evaluate(self._nodes))
+
+    @cached_property
+    def _filter(self) -> Float[Tensor, "side n"]:
+        """Matrix from samples along an axis to the coefficients of the interpolating spline."""
+        count = self.grid.nodes + 2 * APRON
+        filtered = spline_filter1d(np.eye(count), order=3, axis=0, mode="mirror")
+        return torch.from_numpy(filtered[APRON - 1 : APRON + self.grid.nodes + 1].copy())
+
+    @cached_property
+    def _fixed_tables(self) -> list[Float[Tensor, "side side"] | None]:
+        return [None if fixed is None else torch.from_numpy(tabulate(self.grid, fixed)) for fixed in self.fixed]
+
+    def parameters_of(self, lens: Lens) -> tuple[Float[Tensor, "m f"], Float[Tensor, " f"]]:
+        """Relative weights and offsets that give the free faces of ``lens``; its profiles in least squares."""
+        weights, offsets = self.start()
+        for face, (name, own) in enumerate(zip(self.names, self.own, strict=True)):
+            surface = lens.surfaces[name]
+            if isinstance(own, ConeFace):
+                offsets[face] = surface.radius(_HORIZON)[0] / own.radius(_HORIZON)[0]
+            elif isinstance(own, FaceParameters):
+                wanted = ProfileFace.fitted(surface, own.basis.low, own.basis.high, own.basis.count, own.start.reach_mm)
+                moved = (np.array(wanted.coefficients) - own.coefficients) / own.scale
+                weights[: self.profile, face] = torch.from_numpy(moved)
+                if isinstance(surface, FormedFace) and self.srbf == surface.srbf:
+                    weights[self.profile :, face] = torch.from_numpy(surface.weights_per_mm / own.scale)
+        return weights, offsets
+
+    def surfaces(self, weights: Float[Tensor, "m f"], offsets: Float[Tensor, " f"]) -> dict[str, Surface]:
+        """The faces of these parameters."""
+        found: dict[str, Surface] = {}
+        for face, (name, fixed, own) in enumerate(zip(self.names, self.fixed, self.own, strict=True)):
+            factor = 1.0 / float(offsets[face])
+            if fixed is not None:
+                found[name] = fixed
+            elif isinstance(own, ConeFace):
+                found[name] = replace(own, radius_mm=own.radius_mm / factor)
+            elif isinstance(own, FaceParameters):
+                moved = own.coefficients + own.scale * weights[: self.profile, face].numpy()
+                profile = own.start.reach_mm, own.basis.low, own.basis.high, tuple((factor * moved).tolist())
+                functions = factor * own.scale * weights[self.profile :, face].numpy()
+                found[name] = ProfileFace(*profile)
+                if self.srbf is not None and functions.any():
+                    found[name] = FormedFace(*profile, self.srbf, functions)
+        return found
+
+
+_HORIZON = np.array([[1.0, 0.0, 0.0]])
+
+
+def _parameters(body: Body, name: str, count: int) -> FaceParameters:
+    """Parameters of a face over the part of it that bounds its medium, and a little more."""
+    face = body.face(name)
+    faces, directions = body.bounding(face.before), fibonacci_hemisphere(_DIRECTIONS)
+    cosines = directions[nearest(faces, directions) == faces.index(face), 2]
+    basis = ProfileBasis(max(0.0, cosines.min() - _BEYOND), min(1.0, cosines.max() + _BEYOND), count)
+    assert isinstance(face.surface, ReciprocalSurface)
+    values = face.surface.reciprocal(directions)[0]
+    return FaceParameters(face.surface, basis, float(np.abs(values[nearest(faces, directions) == faces.index(face)]).mean()))
+
+
+def start_faces(spec: Spec) -> dict[str, Surface]:
+    """The faces from which the search for a lens for total internal reflection begins, or those that the spec fixes.
+
+    Raises :class:`InputError` for sizes that leave no room for such a lens.
+    """
+    lens = spec.lens
+    found: dict[str, Surface] = dict(collimator_of(spec).faces)
+    for name, surface in lens.fixed.items():
+        if surface is not None:
+            found[name] = surface
+    return found
+
+
+def collimator_of(spec: Spec) -> Collimator:
+    """The lens for a point source with the best light for source, radius and beam of ``spec``, at first order."""
+    lens, limits = spec.lens, spec.constraints
+    assert isinstance(lens, TirSection)
+    draft = radians(DRAFT_DEG if lens.side.draft_deg is None else lens.side.draft_deg)
+    cap, side = lens.cap.offset_mm, lens.side.offset_mm
+    index, wall = lens.refractive_index / lens.cavity_index, limits.min_thickness_mm
+    radius_mm = limits.max_radius_mm - 2.0 * limits.margin_mm
+    try:
+        if cap is not None and side is not None:
+            return Collimator(index, radius_mm, side, cap, draft, wall)
+        extent = source_extent(spec.source)
+        clear = limits.cavity_radius_mm if extent is None else max(limits.cavity_radius_mm, extent)
+        size = (clear if extent is None else max(extent, 1e-3 * radius_mm)) * 2.0**0.5
+        return best_collimator(
+            index,
+            radius_mm,
+            size,
+            _beam_rad(spec),
+            draft_rad=draft,
+            least_wall_mm=wall + 2.0 * limits.margin_mm,
+            clearance_mm=max(0.0, clear - size / 2.0**0.5) + 2.0 * limits.margin_mm,
+            most_height_mm=np.inf if limits.max_height_mm is None else limits.max_height_mm,
+        )
+    except InputError as error:
+        raise InputError(f"lens: {str(error).removeprefix('collimator: ')} (lens.kind = 'tir')") from None
+
+
+def _beam_rad(spec: Spec) -> float:
+    """Half angle of the light that the first target wants, as seen from the lens."""
+    receiver, section = receivers_of(spec, spec.optimise.pixels)[0], spec.all_receivers[0]
+    bright = in_target(target_light(section.targets, receiver))
+    x, y = np.meshgrid(receiver.grid.x(), receiver.grid.y())
+    points = receiver.places(x[bright], y[bright])
+    angles = np.arccos(np.clip(points[:, 2] / np.linalg.norm(points, axis=1), -1.0, 1.0))
+    return float(np.clip(angles.max(), _NARROWEST_BEAM_RAD, _WIDEST_BEAM_RAD))
