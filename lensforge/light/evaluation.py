@@ -14,16 +14,16 @@ from jaxtyping import Bool, Float
 
 from lensforge import seeds
 from lensforge.kernels.fate import Fate
+from lensforge.light.chain_trace import TracedFaces, trace_chain
 from lensforge.light.evaluation_result import (
     FittedLight,
     Light,
     LimitResult,
     PresetError,
     TableError,
-    TableErrors,
     light_criteria,
 )
-from lensforge.light.exact_trace import TableScan, exact_surfaces, trace_exact
+from lensforge.light.exact_trace import DenseScan, FixedSurface, TableScan, exact_surfaces, trace_exact
 from lensforge.light.metrics import (
     Images,
     jackknife_metric,
@@ -46,6 +46,7 @@ from lensforge.light.receiver_light import (
     RegionLight,
     WindowSize,
 )
+from lensforge.light.sequential_trace import EnteringRays
 from lensforge.light.simulation import (
     ABSORBED,
     IN_GLASS,
@@ -60,6 +61,8 @@ from lensforge.light.simulation import (
 )
 from lensforge.results import Metric, Sense
 from lensforge.results.chart import light_unit
+from lensforge.scene.body import radii
+from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.lens import Lens
 from lensforge.scene.limit_readings import LightLimit, light_limits
 from lensforge.scene.pixel_grid import flux_in, gaussian3, rebinned, splat_flux
@@ -72,7 +75,9 @@ from lensforge.sources.measured_rays import held_back, searched
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec import AnyReceiver, Spec
 from lensforge.spec.accuracy import Preset
+from lensforge.surfaces.srbf import fibonacci_hemisphere
 
+_ACROSS, _SPREAD = 2.1, fibonacci_hemisphere(2000)  # a ray crosses a body within twice its radius
 _SCRAMBLES, _RAYS = 8, 2**8  # few: each is traced through the exact surfaces, which is slow
 
 
@@ -87,16 +92,24 @@ def measure_preset(lens: Lens, source: Source, design: TracedLens, evaluation: T
     # in one go: many small arrays take longer
     rays = RayBundle.joined([source.sample(count, seed) for seed in own_seeds])
     receiver = receivers_of(lens.spec, lens.spec.optimise.pixels)[0]
-    inner, outer = (TableScan(evaluation.scene.grid, table) for table in evaluation.tables)
-    surfaces = exact_surfaces(lens, (inner, outer))
-    exits = evaluation.seen(rays, lambda own: trace_exact(*surfaces, lens.media, own))
-    exact = receiver.land(exits)
+    exact = receiver.land(evaluation.seen(rays, lambda own: _through_exact(lens, evaluation, own)))
     return PresetError(
         rays=len(rays),
         scrambles=_SCRAMBLES,
         design=_stage(design, rays, exact, receiver, source.flux_w),
         evaluation=_stage(evaluation, rays, exact, receiver, source.flux_w),
     )
+
+
+def _through_exact(lens: Lens, traced: TracedLens, rays: RayBundle) -> ExitRays:
+    """``rays`` through the exact surfaces of ``lens``; the tables of ``traced`` bracket the crossings of two faces."""
+    chain = traced.scene.chain
+    if chain is None:
+        inner, outer = (TableScan(traced.scene.grid, table) for table in traced.tables)
+        return trace_exact(*exact_surfaces(lens, (inner, outer)), lens.media, rays)
+    surfaces = {name: FixedSurface(surface, DenseScan()) for name, surface in lens.surfaces.items()}
+    reach_mm = _ACROSS * float(radii(lens.body.envelope, _SPREAD).min(axis=0).max())
+    return trace_chain(TracedFaces(surfaces, chain, reach_mm), EnteringRays.of(rays, lens.media))
 
 
 def _stage(
@@ -205,7 +218,7 @@ def evaluate_traced(
         filter=f"3x3 Gaussian, variance {spec.evaluate.filter_variance:g} pixel^2, hard bins",
         lumens_per_watt=None,
         table_nodes=traced.scene.grid.nodes,
-        table_error_nm=TableErrors.model_validate(traced.table_error_nm),
+        table_error_nm=traced.table_error_nm,
         preset_error=None,
         seed=seed,
         seconds=time.perf_counter() - started,

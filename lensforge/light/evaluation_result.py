@@ -75,13 +75,6 @@ class LimitResult(Record):
         return f"{self.name}: {self.quantity} {fact.text}, must be {fact.asked}"
 
 
-class TableErrors(Record):
-    """The largest distance (nm) of each table from its exact surface."""
-
-    inner: NotNegative
-    outer: NotNegative
-
-
 class TableError(Record):
     """Error of a stage's tables against the exact surfaces, by the same rays: an upper bound.
 
@@ -137,7 +130,7 @@ class Light(SimulatedResult):
     filter: Text
     lumens_per_watt: Positive | None
     table_nodes: Count
-    table_error_nm: TableErrors
+    table_error_nm: dict[str, NotNegative]
     preset_error: PresetError | None
     fitted: FittedLight | None = None
     seed: Count

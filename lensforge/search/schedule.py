@@ -172,6 +172,8 @@ class FixedSchedule(Schedule):
 def fixed_schedule(spec: Spec, preset: Preset, *, last_only: bool) -> FixedSchedule:
     """A stage for each level of a spec, or only the last; what the spec leaves open comes from the preset."""
     levels, settings = spec.lens.shape_levels, spec.optimise
+    of_basis = spec.lens.levels
+    assert of_basis != "auto", "a schedule of its own"
     last = len(levels) - 1
     steps = settings.steps_per_level or (preset.coarse_steps,) * last + (preset.fine_steps,)
     stages, functions = [], 0
@@ -180,7 +182,7 @@ def fixed_schedule(spec: Spec, preset: Preset, *, last_only: bool) -> FixedSched
         share = _FINEST_RATE_SHARE ** (level / max(1, last))
         stages.append(
             Stage(
-                level, spec.lens.levels, functions, steps[level], settings.rays or preset.design_rays,
+                level, of_basis, functions, steps[level], settings.rays or preset.design_rays,
                 _LEARNING_RATE * share,
             )
         )  # fmt: skip
