@@ -1,0 +1,235 @@
+"""Light that crosses a crease of the cavity as its faces move: the part of a derivative that the adjoint leaves out.
+
+The adjoint keeps the faces that each ray meets. But where two faces of the cavity meet, a ray just beside their crease
+takes one way, and a ray on its other side another. Where the crease moves by ``dc``, the flux that goes over from one
+way to the other is, for light from a point at the distance d,
+
+    I w . (c' x dc) / d^2 dphi,    n_a . dc = drho_a,    n_b . dc = drho_b,
+
+I the intensity (W/sr) along the unit vector w, c' the derivative of the crease by the azimuth phi, and n the normals of
+both faces, of such lengths that n . u = 1 along their radius u. As c' is along ``n_a x n_b``, ``c' x dc`` is in
+proportion to ``n_b drho_a - n_a drho_b``: the faces need not meet at any least angle. The derivative of a merit is this
+flux times what a further watt is worth on one way more than on the other (T.-M. Li et al., ACM Trans. Graph. 37, 222
+(2018), for edges of triangles). Each way is that of a ray beside the crease.
+
+Left out: rays at creases that they meet later, at the edge of total reflection and at the rim, and rays that only just
+touch a face.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from lensforge.errors import InputError
+from lensforge.kernels.image_sums import SAFE_SIN2, SIN2_SCALE, collect_adjoint
+from lensforge.light.table_trace import Scene, Tables, TracedBundle
+from lensforge.optics.media import CAVITY
+from lensforge.scene.receiver import PosedReceiver
+from lensforge.sources.emitting_area import sobol
+from lensforge.sources.ray_bundle import RayBundle, Source, towards
+from lensforge.surfaces.bicubic_table import TableGrid, cubic_basis, evaluate_table
+from lensforge.surfaces.surface import gradient_on_sphere, to_chart, to_sphere
+
+Worth = Callable[[TracedBundle], Float[np.ndarray, " n"]]
+"""Derivative of a merit by the flux (W) with which each ray leaves the source; the rays have 1 W each."""
+
+_MERIDIANS, _STEPS = 256, 48  # on which creases are sought, and steps of the chart's radius from the axis to the rim
+_BESIDE = 1e-6  # of the distance: rays on both sides pass the crease so far from it
+_AT_CREASE = 1e-3  # of the distance: a ray that meets a face elsewhere has met it before the crease
+
+_Vectors = Float[np.ndarray, "p 3"]
+_Values = Float[np.ndarray, " p"]
+
+
+def crease_gradients(
+    tables: Tables, scene: Scene, source: Source, worth: Worth, count: int = 2**12, seed: int = 0
+) -> Tables:
+    """Gradients of a merit by all ``tables`` for light that crosses the creases of the cavity; 0 where it has none.
+
+    ``count`` start points of ``source`` are drawn by ``seed``, each with a point of a crease and two rays. ``worth``
+    says what light on each way adds to the merit: see :func:`worth_on`. Raises :class:`InputError` for a lens as made,
+    and for a source that cannot say how much light goes into a direction, such as rays of a file that are not turned.
+    """
+    if scene.made is not None:
+        raise InputError("creases: light that crosses them is known of a lens as designed; leave out what was made")
+    points, turn = sobol(count, 5, seed)[:, 4], np.random.default_rng(seed).random()
+    creases = CreasePoints.of(tables, scene, turn)
+    total: Tables = np.zeros(tables.shape)
+    if not len(creases):
+        return total
+    own = (points * len(creases)).astype(int)
+    crossing = creases.take(own)
+    rays = towards(source, crossing.points, seed)
+    change = rays.flux * _gain(tables, scene, rays, crossing, worth) * (len(creases) * 2.0 * np.pi / _MERIDIANS)
+    for face, by_radius in zip(creases.faces, crossing.flows(rays), strict=True):
+        creases.scatter(face, np.bincount(own, change * by_radius, len(creases)), total)
+    return total
+
+
+def worth_on(
+    receivers: Sequence[PosedReceiver],
+    by_images: Sequence[Float[np.ndarray, "h w"]],
+    by_sums: Sequence[Float[np.ndarray, "3"]],
+) -> Worth:
+    """Worth of rays by the derivatives of the merit by the sums that a search collects on each of its receivers.
+
+    ``by_images``: by the flux (W) of each pixel; ``by_sums``: by that in the window, by that off the receiver, and by
+    that of total reflection, as :class:`~lensforge.search.light_path.Collected` has them.
+    """
+
+    def worth(traced: TracedBundle) -> Float[np.ndarray, " n"]:
+        emitted, sin2_exit = traced.rays.flux, traced.exits.sin2_exit
+        total = np.zeros(len(emitted))
+        for receiver, by_image, by_sum in zip(receivers, by_images, by_sums, strict=True):
+            landed, grid = receiver.land(traced.exits), receiver.grid
+            by_hits, by_flux, by_sin2 = np.empty((len(total), 2)), np.empty(len(total)), np.empty(len(total))
+            collect_adjoint(
+                landed.hits, landed.flux, sin2_exit, landed.landed, emitted, grid.size, receiver.window.packed(),
+                by_image, by_sum, by_hits, by_flux, by_sin2,
+            )  # fmt: skip
+            outside = np.maximum(np.abs(landed.hits) / (0.5 * np.array(grid.size)) - 1.0, 0.0)
+            total += by_flux * landed.flux + by_sum[1] * landed.landed * _bounded((outside**2).sum(axis=1))
+            total += by_sum[2] * _bounded(np.maximum(sin2_exit - SAFE_SIN2, 0.0) / SIN2_SCALE)
+        return total
+
+    return worth
+
+
+def _bounded(excess: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    return excess / (1.0 + excess)
+
+
+@dataclass(frozen=True)
+class CreasePoints:
+    """Points (mm) of the creases of a cavity on meridians ``2 pi / 256`` apart.
+
+    ``faces``: number of the face on the side of the axis at each point, and of the other one; ``normals``: of both, of
+    such lengths that their part along the radius is 1. ``rate``: of the azimuth along ``n_a x n_b``, per mm.
+    ``corner``: row and column of the first of 4 x 4 coefficients that act there; ``weights``: of each on the radius.
+    """
+
+    points: _Vectors
+    faces: tuple[Int[np.ndarray, " p"], Int[np.ndarray, " p"]]
+    normals: tuple[_Vectors, _Vectors]
+    rate: _Values
+    corner: Int[np.ndarray, "p 2"]
+    weights: Float[np.ndarray, "p 4 4"]
+
+    @staticmethod
+    def of(tables: Tables, scene: Scene, turn: float = 0.0) -> "CreasePoints":
+        """Find all creases on the meridians; ``turn``, of the step between them, moves all."""
+        faces, chart = _crossings(tables, scene, 2.0 * np.pi * (np.arange(_MERIDIANS) + turn) / _MERIDIANS)
+        corner, weights, by_x, by_y = _splines(scene.grid, chart)
+        along, rows, columns = to_sphere(chart), *(corner[:, axis, None] + np.arange(4) for axis in (0, 1))
+        normals = []
+        for face in faces:
+            near = tables[face[:, None, None], rows[:, :, None], columns[:, None, :]]
+            radius, *slopes = (np.einsum("pij,pij->p", near, each) for each in (weights, by_x, by_y))
+            normals.append(along - gradient_on_sphere(chart, np.stack(slopes, axis=1)) / radius[:, None])
+        points, tangent = radius[:, None] * along, np.cross(*normals)
+        turning = points[:, 0] * tangent[:, 1] - points[:, 1] * tangent[:, 0]
+        rate = turning / (points[:, :2] ** 2).sum(axis=1)
+        found = CreasePoints(points, (faces[0], faces[1]), (normals[0], normals[1]), rate, corner, weights)
+        return found.take(np.flatnonzero(rate))
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def take(self, rows: Int[np.ndarray, " k"]) -> "CreasePoints":
+        """Select some of the points."""
+        (one, other), (normal, further) = self.faces, self.normals
+        return CreasePoints(
+            self.points[rows], (one[rows], other[rows]), (normal[rows], further[rows]), self.rate[rows],
+            self.corner[rows], self.weights[rows],
+        )  # fmt: skip
+
+    def across(self, directions: _Vectors) -> _Vectors:
+        """Unit vectors across the crease and rays that pass it in ``directions``."""
+        across = np.cross(directions, np.cross(*self.normals)) * np.sign(self.rate)[:, None]
+        unit: _Vectors = across / np.linalg.norm(across, axis=1, keepdims=True)
+        return unit
+
+    def flows(self, rays: RayBundle) -> tuple[_Values, _Values]:
+        """Solid angle (sr per radian of azimuth) that goes over where either radius grows by 1 mm, for each ray.
+
+        It is taken from the side of :meth:`across`.
+        """
+        away = self.points - rays.origins
+        scale = 1.0 / (self.rate * (away**2).sum(axis=1))
+        by_one, by_other = ((rays.directions * normal).sum(axis=1) * scale for normal in reversed(self.normals))
+        return by_one, -by_other
+
+    def scatter(self, face: Int[np.ndarray, " p"], by_radius: _Values, total: Tables) -> None:
+        """Add derivatives by the radius of a face at each point to those by its coefficients."""
+        rows, columns = (self.corner[:, axis, None] + np.arange(4) for axis in (0, 1))
+        places = face[:, None, None], rows[:, :, None], columns[:, None, :]
+        np.add.at(total, places, by_radius[:, None, None] * self.weights)
+
+
+def _crossings(tables: Tables, scene: Scene, azimuths: _Values) -> tuple[Int[np.ndarray, "2 p"], Float[np.ndarray, "p 2"]]:
+    """The two faces that meet at each point of a crease on some meridians, and its place on the chart."""
+    from scipy.optimize.elementwise import find_root
+
+    chain = scene.chain
+    bounding = [] if chain is None else [face for face, before in enumerate(chain.before) if before == CAVITY]
+    if len(bounding) < 2:
+        return np.zeros((2, 0), dtype=int), np.zeros((0, 2))
+
+    def gap(radius: _Values, azimuth: _Values, one: int, other: int) -> _Values:
+        directions = to_sphere(_on_chart(radius, azimuth))
+        return evaluate_table(scene.grid, tables[one], directions) - evaluate_table(scene.grid, tables[other], directions)
+
+    steps = np.linspace(0.0, 1.0, _STEPS + 1)
+    directions = to_sphere(_on_chart(steps, azimuths[:, None])).reshape(-1, 3)
+    radii = np.stack([evaluate_table(scene.grid, tables[face], directions) for face in bounding])
+    nearest = np.array(bounding)[np.argmin(radii, axis=0)].reshape(len(azimuths), -1)
+    meridian, step = np.nonzero(nearest[:, 1:] != nearest[:, :-1])
+    faces, chart = np.stack([nearest[meridian, step], nearest[meridian, step + 1]]), np.empty((len(step), 2))
+    for one, other in np.unique(faces, axis=1).T:
+        own = np.flatnonzero((faces[0] == one) & (faces[1] == other))
+        turns = azimuths[meridian[own]]
+        ends = steps[step[own]], steps[step[own] + 1]
+        chart[own] = _on_chart(find_root(lambda r, turn: gap(r, turn, one, other), ends, args=(turns,)).x, turns)
+    return faces, chart
+
+
+def _on_chart(radius: Float[np.ndarray, "*n"], azimuth: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 2"]:
+    return np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth)], axis=-1)
+
+
+def _splines(
+    grid: TableGrid, chart: Float[np.ndarray, "p 2"]
+) -> tuple[Int[np.ndarray, "p 2"], Float[np.ndarray, "p 4 4"], Float[np.ndarray, "p 4 4"], Float[np.ndarray, "p 4 4"]]:
+    """First row and column of the coefficients that act at chart points, their weights, and those of both slopes."""
+    position = (chart - grid.origin) / grid.step
+    cell = np.clip(np.floor(position).astype(int), 1, grid.side - 3)
+    values, slopes = (np.stack(cubic_basis(position - cell, order), axis=-1) for order in (0, 1))
+    products = [(values, values), (slopes / grid.step, values), (values, slopes / grid.step)]
+    weights, by_x, by_y = (np.einsum("pi,pj->pij", x[:, 0], y[:, 1]) for x, y in products)
+    return cell - 1, weights, by_x, by_y
+
+
+def _gain(
+    tables: Tables, scene: Scene, rays: RayBundle, crossing: CreasePoints, worth: Worth
+) -> Float[np.ndarray, " n"]:
+    """Difference in worth of light beside the crease for each ray: it leaves the side of ``across``.
+
+    0 where the ray meets a face before the crease.
+    """
+    away = crossing.points - rays.origins
+    distance, across = np.linalg.norm(away, axis=1), crossing.across(rays.directions)
+    beside = []
+    for sign in (1.0, -1.0):
+        directions = rays.directions + sign * _BESIDE * across
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        beside.append(replace(rays, directions=directions, flux=np.ones(len(rays))))
+    traced = TracedBundle.of(tables, scene, RayBundle.joined(beside))
+    assert traced.met is not None
+    met, lengths = traced.met[:, 0].reshape(2, -1) >> 2, traced.lengths[:, 0].reshape(2, -1)
+    near = (np.abs(lengths - distance) < _AT_CREASE * distance).all(axis=0)
+    one, other = crossing.faces
+    seen = near & ((met == [one, other]).all(axis=0) | (met == [other, one]).all(axis=0))
+    from_side, to_side = worth(traced).reshape(2, -1)
+    return np.where(seen, to_side - from_side, 0.0)
