@@ -30,7 +30,7 @@ from lensforge.scene.receiver import PosedReceiver
 from lensforge.sources.emitting_area import sobol
 from lensforge.sources.ray_bundle import RayBundle, Source, towards
 from lensforge.surfaces.bicubic_table import TableGrid, cubic_basis, evaluate_table
-from lensforge.surfaces.surface import gradient_on_sphere, to_chart, to_sphere
+from lensforge.surfaces.surface import gradient_on_sphere, to_sphere
 
 Worth = Callable[[TracedBundle], Float[np.ndarray, " n"]]
 """Derivative of a merit by the flux (W) with which each ray leaves the source; the rays have 1 W each."""
@@ -122,10 +122,10 @@ class CreasePoints:
         """Find all creases on the meridians; ``turn``, of the step between them, moves all."""
         faces, chart = _crossings(tables, scene, 2.0 * np.pi * (np.arange(_MERIDIANS) + turn) / _MERIDIANS)
         corner, weights, by_x, by_y = _splines(scene.grid, chart)
-        along, rows, columns = to_sphere(chart), *(corner[:, axis, None] + np.arange(4) for axis in (0, 1))
+        along = to_sphere(chart)
         normals = []
         for face in faces:
-            near = tables[face[:, None, None], rows[:, :, None], columns[:, None, :]]
+            near = _acting(tables, face, corner)
             radius, *slopes = (np.einsum("pij,pij->p", near, each) for each in (weights, by_x, by_y))
             normals.append(along - gradient_on_sphere(chart, np.stack(slopes, axis=1)) / radius[:, None])
         points, tangent = radius[:, None] * along, np.cross(*normals)
@@ -163,36 +163,46 @@ class CreasePoints:
 
     def scatter(self, face: Int[np.ndarray, " p"], by_radius: _Values, total: Tables) -> None:
         """Add derivatives by the radius of a face at each point to those by its coefficients."""
-        rows, columns = (self.corner[:, axis, None] + np.arange(4) for axis in (0, 1))
-        places = face[:, None, None], rows[:, :, None], columns[:, None, :]
-        np.add.at(total, places, by_radius[:, None, None] * self.weights)
+        np.add.at(total, _places(face, self.corner), by_radius[:, None, None] * self.weights)
 
 
-def _crossings(tables: Tables, scene: Scene, azimuths: _Values) -> tuple[Int[np.ndarray, "2 p"], Float[np.ndarray, "p 2"]]:
+def _crossings(
+    tables: Tables, scene: Scene, azimuths: _Values
+) -> tuple[Int[np.ndarray, "2 p"], Float[np.ndarray, "p 2"]]:
     """The two faces that meet at each point of a crease on some meridians, and its place on the chart."""
     from scipy.optimize.elementwise import find_root
 
-    chain = scene.chain
+    chain, grid = scene.chain, scene.grid
     bounding = [] if chain is None else [face for face, before in enumerate(chain.before) if before == CAVITY]
     if len(bounding) < 2:
         return np.zeros((2, 0), dtype=int), np.zeros((0, 2))
 
-    def gap(radius: _Values, azimuth: _Values, one: int, other: int) -> _Values:
-        directions = to_sphere(_on_chart(radius, azimuth))
-        return evaluate_table(scene.grid, tables[one], directions) - evaluate_table(scene.grid, tables[other], directions)
+    def gap(radius: _Values, azimuth: _Values, *faces: _Values) -> _Values:
+        corner, weights, *_ = _splines(grid, _on_chart(radius, azimuth))
+        one, other = (np.sum(_acting(tables, face.astype(int), corner) * weights, axis=(1, 2)) for face in faces)
+        apart: _Values = one - other
+        return apart
 
     steps = np.linspace(0.0, 1.0, _STEPS + 1)
     directions = to_sphere(_on_chart(steps, azimuths[:, None])).reshape(-1, 3)
-    radii = np.stack([evaluate_table(scene.grid, tables[face], directions) for face in bounding])
+    radii = np.stack([evaluate_table(grid, tables[face], directions) for face in bounding])
     nearest = np.array(bounding)[np.argmin(radii, axis=0)].reshape(len(azimuths), -1)
     meridian, step = np.nonzero(nearest[:, 1:] != nearest[:, :-1])
-    faces, chart = np.stack([nearest[meridian, step], nearest[meridian, step + 1]]), np.empty((len(step), 2))
-    for one, other in np.unique(faces, axis=1).T:
-        own = np.flatnonzero((faces[0] == one) & (faces[1] == other))
-        turns = azimuths[meridian[own]]
-        ends = steps[step[own]], steps[step[own] + 1]
-        chart[own] = _on_chart(find_root(lambda r, turn: gap(r, turn, one, other), ends, args=(turns,)).x, turns)
-    return faces, chart
+    faces, turns = np.stack([nearest[meridian, step], nearest[meridian, step + 1]]), azimuths[meridian]
+    found = find_root(gap, (steps[step], steps[step + 1]), args=(turns, *faces.astype(float)))
+    return faces, _on_chart(found.x, turns)
+
+
+def _acting(tables: Tables, face: Int[np.ndarray, " p"], corner: Int[np.ndarray, "p 2"]) -> Float[np.ndarray, "p 4 4"]:
+    """The coefficients of a face of each point that act there."""
+    found: Float[np.ndarray, "p 4 4"] = tables[_places(face, corner)]
+    return found
+
+
+def _places(face: Int[np.ndarray, " p"], corner: Int[np.ndarray, "p 2"]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Indices of those coefficients among all tables."""
+    rows, columns = (corner[:, axis, None] + np.arange(4) for axis in (0, 1))
+    return face[:, None, None], rows[:, :, None], columns[:, None, :]
 
 
 def _on_chart(radius: Float[np.ndarray, "*n"], azimuth: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 2"]:

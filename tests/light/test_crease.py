@@ -1,0 +1,185 @@
+"""Light across a crease of the cavity: closed forms, differences of the light itself, and what each source sends."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from chains import REACH, clear, collimator, tables_of, upwards
+
+from lensforge.errors import InputError
+from lensforge.light.crease import crease_gradients, worth_on
+from lensforge.light.table_trace import Scene, TracedBundle
+from lensforge.optics.material import PMMA
+from lensforge.optics.media import BODY, CAVITY, OUTSIDE
+from lensforge.scene.as_made import AsMade
+from lensforge.scene.body import Body, Face
+from lensforge.scene.pixel_grid import PixelGrid
+from lensforge.scene.receiver import ReceiverPose
+from lensforge.scene.receiver_shapes import FarField
+from lensforge.search.light_path import collected, landed_through
+from lensforge.search.merit import nmse_loss
+from lensforge.sources.build_source import SquareEmitter
+from lensforge.sources.dispersion import ColouredSource
+from lensforge.sources.emitting_area import Disc, sobol
+from lensforge.sources.intensity import CosinePower, TabulatedIntensity
+from lensforge.sources.measured_rays import TurnedRays
+from lensforge.sources.planar_emitter import PlanarEmitter
+from lensforge.sources.radiance_emitter import RadianceEmitter, RadianceTable
+from lensforge.sources.ray_bundle import Source, towards
+from lensforge.sources.ray_set import RaySetEmitter
+from lensforge.sources.source_pose import PlacedSource, SourcePose, rotation_about
+from lensforge.sources.source_spectrum import Spectrum
+from lensforge.surfaces.asphere import sphere
+from lensforge.surfaces.bicubic_table import TableGrid
+from lensforge.surfaces.reciprocal import ConeFace, PlaneFace
+
+GRID = TableGrid(161)
+SMALL = 1e-4
+ASKEW = SourcePose(rotation_about("x", 0.1), np.array([0.4, 0.2, 0.05]))
+LED = PlacedSource(PlanarEmitter(Disc(1.0), CosinePower(1.5)), ASKEW)
+
+
+def pocket(height: float = 4.0, radius: float = 3.0, slope: float = 0.0, tilt: float = 0.0) -> Body:
+    """A cap and a side in a ball."""
+    cap, side = PlaneFace(REACH, height, (tilt, 0.4 * tilt, 1.0)), ConeFace(REACH, radius, slope)
+    inside = Face("cap", cap, CAVITY, BODY), Face("side", side, CAVITY, BODY)
+    return Body((*inside, Face("ball", sphere(11.0), BODY, OUTSIDE)))
+
+
+def scene(body: Body, events: int = 2) -> Scene:
+    return Scene(clear(), GRID, chain=body.chain(events))
+
+
+def by_parameter(make, base: dict[str, float], name: str, step: float = SMALL) -> np.ndarray:
+    """Change of all tables for 1 more of a parameter."""
+    ends = [tables_of(make(**(base | {name: base[name] + sign * step})), GRID) for sign in (1.0, -1.0)]
+    return (ends[0] - ends[1]) / (2.0 * step)
+
+
+def at_cap(height: float, radius: float, disc: float) -> float:
+    """Share of a Lambertian disc's light that meets a coaxial one (Howell, C-41); of a point's in its middle."""
+    if disc == 0.0:
+        return radius**2 / (radius**2 + height**2)
+    s = 1.0 + (height**2 + radius**2) / disc**2
+    return 0.5 * (s - np.sqrt(s**2 - 4.0 * (radius / disc) ** 2))
+
+
+@pytest.mark.parametrize("disc", [0.0, 1.0, 2.5])
+def test_flux_through_the_cap_changes_as_view_factors_do(disc: float) -> None:
+    source = PlanarEmitter(Disc(disc), CosinePower()) if disc else SquareEmitter(0.0)
+    tables, base = tables_of(pocket(), GRID), {"height": 4.0, "radius": 3.0}
+    found = crease_gradients(tables, scene(pocket()), source, lambda traced: traced.met[:, 0] >> 2 == 0, 2**12, 1)
+    for name in base:
+        more, less = (at_cap(**(base | {name: base[name] + sign * SMALL}), disc=disc) for sign in (1.0, -1.0))
+        slope = (found * by_parameter(pocket, base, name)).sum()
+        assert slope == pytest.approx((more - less) / (2.0 * SMALL), rel=3e-4)
+
+
+def mixed(traced: TracedBundle) -> np.ndarray:
+    exits = traced.exits
+    return exits.left_lens * exits.flux * (exits.directions[:, 0] + exits.directions[:, 2] ** 2 + 0.05 * exits.points[:, 1])
+
+
+BASES = {
+    pocket: ({"height": 4.0, "radius": 3.0, "slope": 0.03, "tilt": 0.1}, 2),
+    collimator: ({"tilt": 0.1, "draft": 0.05, "eccentricity": 0.8}, 4),
+}
+
+
+@pytest.mark.parametrize(
+    ("make", "name", "step"),
+    [(pocket, "height", 0.02), (pocket, "radius", 0.02), (pocket, "slope", 0.004), (pocket, "tilt", 0.004), (collimator, "draft", 0.003)],
+)  # fmt: skip
+def test_rays_that_change_their_first_face_are_the_slope(make, name: str, step: float) -> None:
+    """Differences of the light of those rays alone; their error is that of counting them."""
+    base, events = BASES[make]
+    body, rays = make(**base), LED.sample(2**19, 5)
+    ends = [tables_of(make(**(base | {name: base[name] + sign * step})), GRID) for sign in (1.0, -1.0)]
+    first = [TracedBundle.of(tables, scene(body, 1), rays).met[:, 0] for tables in ends]
+    crossing = rays.take(first[0] != first[1])
+    more, less = (mixed(TracedBundle.of(tables, scene(body, events), crossing)) for tables in ends)
+    shares = (more - less) / (2.0 * step)
+    gradients = crease_gradients(
+        tables_of(body, GRID), scene(body, events), LED,
+        lambda traced: mixed(traced), 2**14, 3,
+    )  # fmt: skip
+    slope, error = float((gradients * by_parameter(make, base, name)).sum()), float(np.sqrt((shares**2).sum()))
+    print(make.__name__, name, slope, shares.sum(), error, len(crossing))
+    assert error < 0.03 * abs(slope)
+    assert abs(slope - shares.sum()) < 3.0 * error
+
+
+def test_crease_and_adjoint_together_are_the_slope_of_an_image_error() -> None:
+    """Differences of the error of a far-field picture, by the same rays, those that change faces included."""
+    base = BASES[pocket][0]
+    tables, here = tables_of(pocket(**base), GRID), scene(pocket(**base))
+    receiver = FarField(ReceiverPose.facing((0.1, 0.0, 1.0), (0.0, 0.0, 0.0)), PixelGrid(1.2, 1.0, 9, 7))
+    wanted = torch.from_numpy(np.random.default_rng(1).uniform(0.0, 0.02, receiver.grid.shape))
+    along = {name: by_parameter(pocket, base, name) for name in ("height", "tilt")}
+
+    def light(moved: np.ndarray, seed: int):
+        given, rays = torch.from_numpy(moved).requires_grad_(), LED.sample(2**17, seed)
+        (landings,), sin2_exit = landed_through(given, here, rays, (receiver,))
+        found = collected(landings, sin2_exit, torch.from_numpy(rays.flux), receiver.grid, receiver.window)
+        image = found.image.detach().requires_grad_()
+        sums = torch.stack([found.in_window, found.outside_receiver, found.total_reflection])
+        return given, found, image, nmse_loss(found.image, wanted) + 3.0 * found.outside_receiver - 2.0 * found.in_window, sums
+
+    apart = {name: [] for name in along}
+    for seed in range(6):
+        given, found, image, loss, _ = light(tables, seed)
+        loss.backward()
+        nmse_loss(image, wanted).backward()
+        worth = worth_on([receiver], [image.grad.numpy()], [np.array([-2.0, 3.0, 0.0])])
+        total = given.grad.numpy() + crease_gradients(tables, here, LED, worth, 2**12, seed)
+        for name, direction in along.items():
+            step = 0.03 if name == "height" else 0.006
+            ends = [light(tables + sign * step * direction, seed)[3].item() for sign in (1.0, -1.0)]
+            apart[name].append(((ends[0] - ends[1]) / (2.0 * step), (total * direction).sum(), (given.grad.numpy() * direction).sum()))
+    for name, found in apart.items():
+        print(name, np.mean(found, axis=0), np.std(found, axis=0, ddof=1) / 6**0.5)
+
+
+def test_a_lens_without_a_crease_has_none() -> None:
+    tables = tables_of(Body.double(sphere(3.0), sphere(5.0)), GRID)
+    assert not crease_gradients(tables, Scene(clear(), GRID), SquareEmitter(1.0), mixed).any()
+
+
+def test_what_is_not_known_is_refused() -> None:
+    tables, here = tables_of(pocket(), GRID), scene(pocket())
+    with pytest.raises(InputError, match="RaySetEmitter: the light into a direction is not known; turn its rays"):
+        crease_gradients(tables, here, RaySetEmitter(upwards(99, 1), 1.0), mixed)
+    with pytest.raises(InputError, match="creases: .* of a lens as designed"):
+        crease_gradients(tables, replace(here, made=AsMade(names=("cap", "side", "ball"))), LED, mixed)
+
+
+PLANES, CELLS, GAMMAS = np.array([0.0, 90.0, 200.0, 360.0]), np.array([-1.0, 0.3, 1.0]), np.array([5.0, 30.0, 60.0, 80.0])
+VALUES = np.random.default_rng(2).uniform(0.2, 1.0, (2, 2, 4, 4))
+VALUES[:, :, 3] = VALUES[:, :, 0]
+LINE = Spectrum(np.array([500.0]), np.ones(1))
+SOURCES: dict[str, Source] = {
+    "square": SquareEmitter(1.0, 2.0),
+    "disc": PlanarEmitter(Disc(1.0), CosinePower(2.5), 2.0),
+    "planes": PlanarEmitter(Disc(1.0), TabulatedIntensity(PLANES, GAMMAS, VALUES[0, 0]), 2.0),
+    "radiance": RadianceEmitter(RadianceTable(CELLS, CELLS, PLANES, GAMMAS, VALUES), 2.0),
+    "placed and coloured": ColouredSource.of(LED, LINE, PMMA),
+    "ray file": TurnedRays(RaySetEmitter(ASKEW.placed(SquareEmitter(1.0).sample(2**15, 4)), 2.0, pose=ASKEW), 0.1),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SOURCES)
+def test_light_into_directions_is_the_light_of_a_sample(name: str) -> None:
+    """On a rectangle above the source; of a point (mm) of it the solid angle is cos dA / d^2."""
+    source, corner, sides = SOURCES[name], np.array([0.5, -1.0, 3.0]), np.array([2.0, 1.5, 0.0])
+    rays = source.sample(2**17, 1)
+    hits = rays.origins + ((3.0 - rays.origins[:, 2]) / rays.directions[:, 2])[:, None] * rays.directions
+    inside = ((hits - corner)[:, :2] > 0.0).all(1) & ((hits - corner)[:, :2] < sides[:2]).all(1)
+    wanted = rays.flux[inside & (rays.directions[:, 2] > 0.0)].sum()
+    targets = corner + sides * np.column_stack([sobol(2**17, 6, 2)[:, 4:], np.zeros(2**17)])
+    aimed = towards(source, targets, 1)
+    distance = np.linalg.norm(targets - aimed.origins, axis=1)
+    found = (aimed.flux * aimed.directions[:, 2] / distance**2).sum() * 3.0
+    print(name, found, wanted)
+    assert found == pytest.approx(wanted, rel=0.01)
+    assert (aimed.wavelengths_nm is None) == (rays.wavelengths_nm is None)
