@@ -167,7 +167,7 @@ class CreasePoints:
 
 
 def _crossings(
-    tables: Tables, scene: Scene, azimuths: _Values
+    tables: Tables, scene: Scene, azimuths: Float[np.ndarray, " m"]
 ) -> tuple[Int[np.ndarray, "2 p"], Float[np.ndarray, "p 2"]]:
     """The two faces that meet at each point of a crease on some meridians, and its place on the chart."""
     from scipy.optimize.elementwise import find_root
@@ -184,7 +184,7 @@ def _crossings(
         return apart
 
     steps = np.linspace(0.0, 1.0, _STEPS + 1)
-    directions = to_sphere(_on_chart(steps, azimuths[:, None])).reshape(-1, 3)
+    directions = to_sphere(_on_chart(*np.broadcast_arrays(steps, azimuths[:, None]))).reshape(-1, 3)
     radii = np.stack([evaluate_table(grid, tables[face], directions) for face in bounding])
     nearest = np.array(bounding)[np.argmin(radii, axis=0)].reshape(len(azimuths), -1)
     meridian, step = np.nonzero(nearest[:, 1:] != nearest[:, :-1])
@@ -215,9 +215,11 @@ def _splines(
     """First row and column of the coefficients that act at chart points, their weights, and those of both slopes."""
     position = (chart - grid.origin) / grid.step
     cell = np.clip(np.floor(position).astype(int), 1, grid.side - 3)
-    values, slopes = (np.stack(cubic_basis(position - cell, order), axis=-1) for order in (0, 1))
-    products = [(values, values), (slopes / grid.step, values), (values, slopes / grid.step)]
-    weights, by_x, by_y = (np.einsum("pi,pj->pij", x[:, 0], y[:, 1]) for x, y in products)
+    (x, y), (dx, dy) = (
+        [np.stack(cubic_basis(position[:, axis] - cell[:, axis], order), axis=1) for axis in (0, 1)] for order in (0, 1)
+    )
+    products = (x, y), (dx / grid.step, y), (x, dy / grid.step)
+    weights, by_x, by_y = (one[:, :, None] * other[:, None, :] for one, other in products)
     return cell - 1, weights, by_x, by_y
 
 

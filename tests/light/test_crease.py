@@ -10,7 +10,7 @@ from chains import REACH, clear, collimator, tables_of, upwards
 from lensforge.errors import InputError
 from lensforge.light.crease import crease_gradients, worth_on
 from lensforge.light.table_trace import Scene, TracedBundle
-from lensforge.optics.material import PMMA
+from lensforge.optics.material import MATERIALS
 from lensforge.optics.media import BODY, CAVITY, OUTSIDE
 from lensforge.scene.as_made import AsMade
 from lensforge.scene.body import Body, Face
@@ -26,7 +26,7 @@ from lensforge.sources.intensity import CosinePower, TabulatedIntensity
 from lensforge.sources.measured_rays import TurnedRays
 from lensforge.sources.planar_emitter import PlanarEmitter
 from lensforge.sources.radiance_emitter import RadianceEmitter, RadianceTable
-from lensforge.sources.ray_bundle import Source, towards
+from lensforge.sources.ray_bundle import RayBundle, Source, towards
 from lensforge.sources.ray_set import RaySetEmitter
 from lensforge.sources.source_pose import PlacedSource, SourcePose, rotation_about
 from lensforge.sources.source_spectrum import Spectrum
@@ -69,7 +69,7 @@ def at_cap(height: float, radius: float, disc: float) -> float:
 def test_flux_through_the_cap_changes_as_view_factors_do(disc: float) -> None:
     source = PlanarEmitter(Disc(disc), CosinePower()) if disc else SquareEmitter(0.0)
     tables, base = tables_of(pocket(), GRID), {"height": 4.0, "radius": 3.0}
-    found = crease_gradients(tables, scene(pocket()), source, lambda traced: traced.met[:, 0] >> 2 == 0, 2**12, 1)
+    found = crease_gradients(tables, scene(pocket()), source, lambda traced: 1.0 * (traced.met[:, 0] < 4), 2**12, 1)
     for name in base:
         more, less = (at_cap(**(base | {name: base[name] + sign * SMALL}), disc=disc) for sign in (1.0, -1.0))
         slope = (found * by_parameter(pocket, base, name)).sum()
@@ -77,84 +77,83 @@ def test_flux_through_the_cap_changes_as_view_factors_do(disc: float) -> None:
 
 
 def mixed(traced: TracedBundle) -> np.ndarray:
-    exits = traced.exits
-    return exits.left_lens * exits.flux * (exits.directions[:, 0] + exits.directions[:, 2] ** 2 + 0.05 * exits.points[:, 1])
+    flux, (x, _, z) = traced.exits.flux * traced.exits.left_lens, traced.exits.directions.T
+    return flux * (x + z**2 + 0.05 * traced.exits.points[:, 1])
 
 
 BASES = {
     pocket: ({"height": 4.0, "radius": 3.0, "slope": 0.03, "tilt": 0.1}, 2),
     collimator: ({"tilt": 0.1, "draft": 0.05, "eccentricity": 0.8}, 4),
 }
+STEPS = [(pocket, "height", 0.06), (pocket, "radius", 0.06), (pocket, "slope", 0.012), (pocket, "tilt", 0.012)]
 
 
-@pytest.mark.parametrize(
-    ("make", "name", "step"),
-    [(pocket, "height", 0.02), (pocket, "radius", 0.02), (pocket, "slope", 0.004), (pocket, "tilt", 0.004), (collimator, "draft", 0.003)],
-)  # fmt: skip
+@pytest.mark.parametrize(("make", "name", "step"), [*STEPS, (collimator, "draft", 0.009)])
 def test_rays_that_change_their_first_face_are_the_slope(make, name: str, step: float) -> None:
     """Differences of the light of those rays alone; their error is that of counting them."""
     base, events = BASES[make]
     body, rays = make(**base), LED.sample(2**19, 5)
     ends = [tables_of(make(**(base | {name: base[name] + sign * step})), GRID) for sign in (1.0, -1.0)]
-    first = [TracedBundle.of(tables, scene(body, 1), rays).met[:, 0] for tables in ends]
-    crossing = rays.take(first[0] != first[1])
+    first, other = (TracedBundle.of(tables, scene(body, 1), rays).met[:, 0] for tables in ends)
+    crossing = rays.take(first != other)
     more, less = (mixed(TracedBundle.of(tables, scene(body, events), crossing)) for tables in ends)
     shares = (more - less) / (2.0 * step)
-    gradients = crease_gradients(
-        tables_of(body, GRID), scene(body, events), LED,
-        lambda traced: mixed(traced), 2**14, 3,
-    )  # fmt: skip
+    gradients = crease_gradients(tables_of(body, GRID), scene(body, events), LED, mixed, 2**12, 3)
     slope, error = float((gradients * by_parameter(make, base, name)).sum()), float(np.sqrt((shares**2).sum()))
-    print(make.__name__, name, slope, shares.sum(), error, len(crossing))
-    assert error < 0.03 * abs(slope)
+    assert error < 0.05 * abs(slope)
     assert abs(slope - shares.sum()) < 3.0 * error
 
 
 def test_crease_and_adjoint_together_are_the_slope_of_an_image_error() -> None:
-    """Differences of the error of a far-field picture, by the same rays, those that change faces included."""
+    """Differences of the error of a far-field picture by the same rays, those that change faces included."""
     base = BASES[pocket][0]
     tables, here = tables_of(pocket(**base), GRID), scene(pocket(**base))
     receiver = FarField(ReceiverPose.facing((0.1, 0.0, 1.0), (0.0, 0.0, 0.0)), PixelGrid(1.2, 1.0, 9, 7))
     wanted = torch.from_numpy(np.random.default_rng(1).uniform(0.0, 0.02, receiver.grid.shape))
-    along = {name: by_parameter(pocket, base, name) for name in ("height", "tilt")}
+    along = {(name, step / 2): by_parameter(pocket, base, name) for _, name, step in STEPS}
 
-    def light(moved: np.ndarray, seed: int):
-        given, rays = torch.from_numpy(moved).requires_grad_(), LED.sample(2**17, seed)
+    def loss(given: torch.Tensor, rays: RayBundle) -> tuple[torch.Tensor, torch.Tensor]:
         (landings,), sin2_exit = landed_through(given, here, rays, (receiver,))
         found = collected(landings, sin2_exit, torch.from_numpy(rays.flux), receiver.grid, receiver.window)
-        image = found.image.detach().requires_grad_()
-        sums = torch.stack([found.in_window, found.outside_receiver, found.total_reflection])
-        return given, found, image, nmse_loss(found.image, wanted) + 3.0 * found.outside_receiver - 2.0 * found.in_window, sums
+        return nmse_loss(found.image, wanted) + 3.0 * found.outside_receiver - 2.0 * found.in_window, found.image
 
-    apart = {name: [] for name in along}
+    apart, alone = [], []
     for seed in range(6):
-        given, found, image, loss, _ = light(tables, seed)
-        loss.backward()
-        nmse_loss(image, wanted).backward()
-        worth = worth_on([receiver], [image.grad.numpy()], [np.array([-2.0, 3.0, 0.0])])
-        total = given.grad.numpy() + crease_gradients(tables, here, LED, worth, 2**12, seed)
-        for name, direction in along.items():
-            step = 0.03 if name == "height" else 0.006
-            ends = [light(tables + sign * step * direction, seed)[3].item() for sign in (1.0, -1.0)]
-            apart[name].append(((ends[0] - ends[1]) / (2.0 * step), (total * direction).sum(), (given.grad.numpy() * direction).sum()))
-    for name, found in apart.items():
-        print(name, np.mean(found, axis=0), np.std(found, axis=0, ddof=1) / 6**0.5)
+        rays, given = LED.sample(2**16, seed), torch.from_numpy(tables).requires_grad_()
+        value, image = loss(given, rays)
+        (by_image,) = torch.autograd.grad(nmse_loss(image, wanted), image, retain_graph=True)
+        value.backward()
+        worth = worth_on([receiver], [by_image.numpy()], [np.array([-2.0, 3.0, 0.0])])
+        creases = crease_gradients(tables, here, LED, worth, 2**12, seed)
+        for (_, step), way in along.items():
+            more, less = (loss(torch.from_numpy(tables + s * step * way), rays)[0].item() for s in (1.0, -1.0))
+            rest = (more - less) / (2.0 * step) - (given.grad.numpy() * way).sum()
+            alone.append(rest)
+            apart.append(rest - (creases * way).sum())
+    by_seed, left_out = (np.reshape(each, (6, -1)) for each in (apart, alone))
+    error = by_seed.std(axis=0, ddof=1) / 6**0.5
+    assert (np.abs(by_seed.mean(axis=0)) < 3.5 * error).all()
+    assert (np.abs(left_out.mean(axis=0)) > 10.0 * error).all()
 
 
-def test_a_lens_without_a_crease_has_none() -> None:
-    tables = tables_of(Body.double(sphere(3.0), sphere(5.0)), GRID)
-    assert not crease_gradients(tables, Scene(clear(), GRID), SquareEmitter(1.0), mixed).any()
+NESTED = Body((*Body.double(sphere(3.0), sphere(5.0)).faces, Face("hidden", sphere(4.0), CAVITY, BODY)))
+
+
+@pytest.mark.parametrize("body", [Body.double(sphere(3.0), sphere(5.0)), NESTED])
+def test_a_cavity_without_a_crease_has_none(body: Body) -> None:
+    assert not crease_gradients(tables_of(body, GRID), scene(body), SquareEmitter(1.0), mixed).any()
 
 
 def test_what_is_not_known_is_refused() -> None:
     tables, here = tables_of(pocket(), GRID), scene(pocket())
     with pytest.raises(InputError, match="RaySetEmitter: the light into a direction is not known; turn its rays"):
         crease_gradients(tables, here, RaySetEmitter(upwards(99, 1), 1.0), mixed)
-    with pytest.raises(InputError, match="creases: .* of a lens as designed"):
+    with pytest.raises(InputError, match=r"creases: .* of a lens as designed"):
         crease_gradients(tables, replace(here, made=AsMade(names=("cap", "side", "ball"))), LED, mixed)
 
 
-PLANES, CELLS, GAMMAS = np.array([0.0, 90.0, 200.0, 360.0]), np.array([-1.0, 0.3, 1.0]), np.array([5.0, 30.0, 60.0, 80.0])
+PLANES, CELLS = np.array([0.0, 90.0, 200.0, 360.0]), np.array([-1.0, 0.3, 1.0])
+GAMMAS = np.array([5.0, 30.0, 60.0, 80.0])
 VALUES = np.random.default_rng(2).uniform(0.2, 1.0, (2, 2, 4, 4))
 VALUES[:, :, 3] = VALUES[:, :, 0]
 LINE = Spectrum(np.array([500.0]), np.ones(1))
@@ -163,7 +162,7 @@ SOURCES: dict[str, Source] = {
     "disc": PlanarEmitter(Disc(1.0), CosinePower(2.5), 2.0),
     "planes": PlanarEmitter(Disc(1.0), TabulatedIntensity(PLANES, GAMMAS, VALUES[0, 0]), 2.0),
     "radiance": RadianceEmitter(RadianceTable(CELLS, CELLS, PLANES, GAMMAS, VALUES), 2.0),
-    "placed and coloured": ColouredSource.of(LED, LINE, PMMA),
+    "placed and coloured": ColouredSource.of(LED, LINE, MATERIALS["PMMA"]),
     "ray file": TurnedRays(RaySetEmitter(ASKEW.placed(SquareEmitter(1.0).sample(2**15, 4)), 2.0, pose=ASKEW), 0.1),
 }  # fmt: skip
 
@@ -180,6 +179,5 @@ def test_light_into_directions_is_the_light_of_a_sample(name: str) -> None:
     aimed = towards(source, targets, 1)
     distance = np.linalg.norm(targets - aimed.origins, axis=1)
     found = (aimed.flux * aimed.directions[:, 2] / distance**2).sum() * 3.0
-    print(name, found, wanted)
     assert found == pytest.approx(wanted, rel=0.01)
     assert (aimed.wavelengths_nm is None) == (rays.wavelengths_nm is None)
