@@ -36,8 +36,7 @@ Worth = Callable[[TracedBundle], Float[np.ndarray, " n"]]
 """Derivative of a merit by the flux (W) with which each ray leaves the source; the rays have 1 W each."""
 
 _MERIDIANS, _STEPS = 256, 48  # on which creases are sought, and steps of the chart's radius from the axis to the rim
-_BESIDE = 1e-6  # of the distance: rays on both sides pass the crease so far from it
-_AT_CREASE = 1e-3  # of the distance: a ray that meets a face elsewhere has met it before the crease
+_BESIDE = 1e-6  # rad: rays on both sides pass the crease at this angle
 
 _Vectors = Float[np.ndarray, "p 3"]
 _Values = Float[np.ndarray, " p"]
@@ -228,20 +227,13 @@ def _gain(
 ) -> Float[np.ndarray, " n"]:
     """Difference in worth of light beside the crease for each ray: it leaves the side of ``across``.
 
-    0 where the ray meets a face before the crease.
+    Where a ray meets a face before the crease, that is the same on both sides.
     """
-    away = crossing.points - rays.origins
-    distance, across = np.linalg.norm(away, axis=1), crossing.across(rays.directions)
+    across = crossing.across(rays.directions)
     beside = []
     for sign in (1.0, -1.0):
         directions = rays.directions + sign * _BESIDE * across
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         beside.append(replace(rays, directions=directions, flux=np.ones(len(rays))))
-    traced = TracedBundle.of(tables, scene, RayBundle.joined(beside))
-    assert traced.met is not None
-    met, lengths = traced.met[:, 0].reshape(2, -1) >> 2, traced.lengths[:, 0].reshape(2, -1)
-    near = (np.abs(lengths - distance) < _AT_CREASE * distance).all(axis=0)
-    one, other = crossing.faces
-    seen = near & ((met == [one, other]).all(axis=0) | (met == [other, one]).all(axis=0))
-    from_side, to_side = worth(traced).reshape(2, -1)
-    return np.where(seen, to_side - from_side, 0.0)
+    from_side, to_side = worth(TracedBundle.of(tables, scene, RayBundle.joined(beside))).reshape(2, -1)
+    return to_side - from_side

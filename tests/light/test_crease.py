@@ -81,24 +81,38 @@ def mixed(traced: TracedBundle) -> np.ndarray:
     return flux * (x + z**2 + 0.05 * traced.exits.points[:, 1])
 
 
+class Waist(ConeFace):
+    """A side that is narrowest between the source and the crease, and hides a part of it."""
+
+    def radius(self, directions: np.ndarray) -> np.ndarray:
+        return super().radius(directions) * (1.0 - 0.3 * np.exp(-(((directions[:, 2] - 0.4) / 0.15) ** 2)))
+
+
+def waisted(height: float) -> Body:
+    cap, side, ball = pocket(height).faces
+    return Body((cap, replace(side, surface=Waist(REACH, 3.0)), ball))
+
+
+WIDE = PlanarEmitter(Disc(2.2), CosinePower())
 BASES = {
-    pocket: ({"height": 4.0, "radius": 3.0, "slope": 0.03, "tilt": 0.1}, 2),
-    collimator: ({"tilt": 0.1, "draft": 0.05, "eccentricity": 0.8}, 4),
+    pocket: ({"height": 4.0, "radius": 3.0, "slope": 0.03, "tilt": 0.1}, 2, LED),
+    collimator: ({"tilt": 0.1, "draft": 0.05, "eccentricity": 0.8}, 4, LED),
+    waisted: ({"height": 4.0}, 2, WIDE),
 }
 STEPS = [(pocket, "height", 0.06), (pocket, "radius", 0.06), (pocket, "slope", 0.012), (pocket, "tilt", 0.012)]
 
 
-@pytest.mark.parametrize(("make", "name", "step"), [*STEPS, (collimator, "draft", 0.009)])
+@pytest.mark.parametrize(("make", "name", "step"), [*STEPS, (collimator, "draft", 0.009), (waisted, "height", 0.06)])
 def test_rays_that_change_their_first_face_are_the_slope(make, name: str, step: float) -> None:
     """Differences of the light of those rays alone; their error is that of counting them."""
-    base, events = BASES[make]
-    body, rays = make(**base), LED.sample(2**19, 5)
+    base, events, source = BASES[make]
+    body, rays = make(**base), source.sample(2**19, 5)
     ends = [tables_of(make(**(base | {name: base[name] + sign * step})), GRID) for sign in (1.0, -1.0)]
     first, other = (TracedBundle.of(tables, scene(body, 1), rays).met[:, 0] for tables in ends)
     crossing = rays.take(first != other)
     more, less = (mixed(TracedBundle.of(tables, scene(body, events), crossing)) for tables in ends)
     shares = (more - less) / (2.0 * step)
-    gradients = crease_gradients(tables_of(body, GRID), scene(body, events), LED, mixed, 2**12, 3)
+    gradients = crease_gradients(tables_of(body, GRID), scene(body, events), source, mixed, 2**12, 3)
     slope, error = float((gradients * by_parameter(make, base, name)).sum()), float(np.sqrt((shares**2).sum()))
     assert error < 0.05 * abs(slope)
     assert abs(slope - shares.sum()) < 3.0 * error
