@@ -27,7 +27,7 @@ from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.reciprocal import ConeFace, ConicFace, PlaneFace
 
 REACH_MM, EVENTS, STEP_MM, SEEDS, RAYS = 16.0, 4, 1e-2, 16, 2**18
-SAMPLES, STEP_RAYS, REPEATS = 2**12, 2**17, 5
+SAMPLES, STEP_RAYS, REPEATS = 2**11, 2**17, 5
 CAUSES = "the same by differences", "later creases", "edge of total reflection", "rim"
 SOURCE = build_source(lf.SquareSource(side_mm=1.0), None)
 COLLIMATOR = Body(

@@ -35,7 +35,8 @@ from lensforge.surfaces.surface import gradient_on_sphere, to_sphere
 Worth = Callable[[TracedBundle], Float[np.ndarray, " n"]]
 """Derivative of a merit by the flux (W) with which each ray leaves the source; the rays have 1 W each."""
 
-_MERIDIANS, _STEPS = 256, 48  # on which creases are sought, and steps of the chart's radius from the axis to the rim
+_MERIDIANS, _STEPS = 256, 32  # on which creases are sought, and steps of the chart's radius from the axis to the rim
+_NEWTON_STEPS = 6  # from the middle of a step to rounding
 _BESIDE = 1e-6  # rad: rays on both sides pass the crease at this angle
 
 _Vectors = Float[np.ndarray, "p 3"]
@@ -43,7 +44,7 @@ _Values = Float[np.ndarray, " p"]
 
 
 def crease_gradients(
-    tables: Tables, scene: Scene, source: Source, worth: Worth, count: int = 2**12, seed: int = 0
+    tables: Tables, scene: Scene, source: Source, worth: Worth, count: int = 2**11, seed: int = 0
 ) -> Tables:
     """Gradients of a merit by all ``tables`` for light that crosses the creases of the cavity; 0 where it has none.
 
@@ -119,19 +120,25 @@ class CreasePoints:
     @staticmethod
     def of(tables: Tables, scene: Scene, turn: float = 0.0) -> "CreasePoints":
         """Find all creases on the meridians; ``turn``, of the step between them, moves all."""
-        faces, chart = _crossings(tables, scene, 2.0 * np.pi * (np.arange(_MERIDIANS) + turn) / _MERIDIANS)
-        corner, weights, by_x, by_y = _splines(scene.grid, chart)
+        faces, azimuths, ends = _brackets(tables, scene, 2.0 * np.pi * (np.arange(_MERIDIANS) + turn) / _MERIDIANS)
+        axes, place = np.stack([np.cos(azimuths), np.sin(azimuths)], axis=1), ends.mean(axis=0)
+        for _ in range(_NEWTON_STEPS):
+            chart = place[:, None] * axes
+            corner, *splines = _splines(scene.grid, chart)
+            near = [tables[_places(face, corner)] for face in faces]
+            radii, *slopes = (np.sum(np.stack(near) * each, axis=(2, 3)) for each in splines)
+            gap, by_x, by_y = (one - other for one, other in (radii, *slopes))
+            place = np.clip(place - gap / (axes * np.stack([by_x, by_y], axis=1)).sum(axis=1), *ends)
         along = to_sphere(chart)
-        normals = []
-        for face in faces:
-            near = _acting(tables, face, corner)
-            radius, *slopes = (np.einsum("pij,pij->p", near, each) for each in (weights, by_x, by_y))
-            normals.append(along - gradient_on_sphere(chart, np.stack(slopes, axis=1)) / radius[:, None])
-        points, tangent = radius[:, None] * along, np.cross(*normals)
+        one, other = (
+            along - gradient_on_sphere(chart, np.stack(slope, axis=1)) / radius[:, None]
+            for radius, *slope in zip(radii, *slopes, strict=True)
+        )
+        points, tangent = radii[0, :, None] * along, np.cross(one, other)
         turning = points[:, 0] * tangent[:, 1] - points[:, 1] * tangent[:, 0]
         rate = turning / (points[:, :2] ** 2).sum(axis=1)
-        found = CreasePoints(points, (faces[0], faces[1]), (normals[0], normals[1]), rate, corner, weights)
-        return found.take(np.flatnonzero(rate))
+        found = CreasePoints(points, (faces[0], faces[1]), (one, other), rate, corner, splines[0])
+        return found.take(np.flatnonzero(np.abs(rate) > 0.0))
 
     def __len__(self) -> int:
         return len(self.points)
@@ -165,47 +172,31 @@ class CreasePoints:
         np.add.at(total, _places(face, self.corner), by_radius[:, None, None] * self.weights)
 
 
-def _crossings(
+def _brackets(
     tables: Tables, scene: Scene, azimuths: Float[np.ndarray, " m"]
-) -> tuple[Int[np.ndarray, "2 p"], Float[np.ndarray, "p 2"]]:
-    """The two faces that meet at each point of a crease on some meridians, and its place on the chart."""
-    from scipy.optimize.elementwise import find_root
-
-    chain, grid = scene.chain, scene.grid
-    bounding = [] if chain is None else [face for face, before in enumerate(chain.before) if before == CAVITY]
-    if len(bounding) < 2:
-        return np.zeros((2, 0), dtype=int), np.zeros((0, 2))
-
-    def gap(radius: _Values, azimuth: _Values, *faces: _Values) -> _Values:
-        corner, weights, *_ = _splines(grid, _on_chart(radius, azimuth))
-        one, other = (np.sum(_acting(tables, face.astype(int), corner) * weights, axis=(1, 2)) for face in faces)
-        apart: _Values = one - other
-        return apart
-
-    steps = np.linspace(0.0, 1.0, _STEPS + 1)
-    directions = to_sphere(_on_chart(*np.broadcast_arrays(steps, azimuths[:, None]))).reshape(-1, 3)
-    radii = np.stack([evaluate_table(grid, tables[face], directions) for face in bounding])
-    nearest = np.array(bounding)[np.argmin(radii, axis=0)].reshape(len(azimuths), -1)
+) -> tuple[Int[np.ndarray, "2 p"], Float[np.ndarray, " p"], Float[np.ndarray, "2 p"]]:
+    """The two faces that meet at each point of a crease, its meridian, and radii of the chart on both sides of it."""
+    before = () if scene.chain is None else scene.chain.before
+    bounding, steps = (
+        [face for face, medium in enumerate(before) if medium == CAVITY],
+        np.linspace(0.0, 1.0, _STEPS + 1),
+    )
+    chart = steps[:, None] * np.stack([np.cos(azimuths), np.sin(azimuths)], axis=1)[:, None]
+    directions = to_sphere(chart).reshape(-1, 3)
+    radii = [evaluate_table(scene.grid, tables[face], directions) for face in bounding]
+    nearest = (
+        np.array(bounding)[np.argmin(radii, axis=0)] if len(bounding) > 1 else np.zeros(len(directions), dtype=int)
+    )
+    nearest = nearest.reshape(len(azimuths), -1)
     meridian, step = np.nonzero(nearest[:, 1:] != nearest[:, :-1])
-    faces, turns = np.stack([nearest[meridian, step], nearest[meridian, step + 1]]), azimuths[meridian]
-    found = find_root(gap, (steps[step], steps[step + 1]), args=(turns, *faces.astype(float)))
-    return faces, _on_chart(found.x, turns)
-
-
-def _acting(tables: Tables, face: Int[np.ndarray, " p"], corner: Int[np.ndarray, "p 2"]) -> Float[np.ndarray, "p 4 4"]:
-    """The coefficients of a face of each point that act there."""
-    found: Float[np.ndarray, "p 4 4"] = tables[_places(face, corner)]
-    return found
+    faces = np.stack([nearest[meridian, step], nearest[meridian, step + 1]])
+    return faces, azimuths[meridian], np.stack([steps[step], steps[step + 1]])
 
 
 def _places(face: Int[np.ndarray, " p"], corner: Int[np.ndarray, "p 2"]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Indices of those coefficients among all tables."""
+    """Indices among all tables of the coefficients of a face that act at each point."""
     rows, columns = (corner[:, axis, None] + np.arange(4) for axis in (0, 1))
     return face[:, None, None], rows[:, :, None], columns[:, None, :]
-
-
-def _on_chart(radius: Float[np.ndarray, "*n"], azimuth: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 2"]:
-    return np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth)], axis=-1)
 
 
 def _splines(
