@@ -17,7 +17,8 @@ touch a face.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -61,10 +62,10 @@ def crease_gradients(
         return total
     own = (points * len(creases)).astype(int)
     crossing = creases.take(own)
-    rays = towards(source, crossing.points, seed)
+    rays = towards(source, crossing.one.points, seed)
     change = rays.flux * _gain(tables, scene, rays, crossing, worth) * (len(creases) * 2.0 * np.pi / _MERIDIANS)
-    for face, by_radius in zip(creases.faces, crossing.flows(rays), strict=True):
-        creases.scatter(face, np.bincount(own, change * by_radius, len(creases)), total)
+    for side, by_radius in zip((creases.one, creases.other), crossing.flows(rays), strict=True):
+        side.add(np.bincount(own, change * by_radius, len(creases)), total)
     return total
 
 
@@ -102,20 +103,62 @@ def _bounded(excess: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
 
 
 @dataclass(frozen=True)
-class CreasePoints:
-    """Points (mm) of the creases of a cavity on meridians ``2 pi / 256`` apart.
+class OnFaces:
+    """Places on faces by their tables: the number of the ``face`` and the chart point of each.
 
-    ``faces``: number of the face on the side of the axis at each point, and of the other one; ``normals``: of both, of
-    such lengths that their part along the radius is 1. ``rate``: of the azimuth along ``n_a x n_b``, per mm.
-    ``corner``: row and column of the first of 4 x 4 coefficients that act there; ``weights``: of each on the radius.
+    ``radius`` (mm) and its ``slopes`` over the chart; ``corner``: row and column of the first of 4 x 4 coefficients
+    that act there, ``weights``: of each on the radius.
     """
 
-    points: _Vectors
-    faces: tuple[Int[np.ndarray, " p"], Int[np.ndarray, " p"]]
-    normals: tuple[_Vectors, _Vectors]
-    rate: _Values
+    face: Int[np.ndarray, " p"]
+    chart: Float[np.ndarray, "p 2"]
+    radius: _Values
+    slopes: Float[np.ndarray, "p 2"]
     corner: Int[np.ndarray, "p 2"]
     weights: Float[np.ndarray, "p 4 4"]
+
+    @staticmethod
+    def of(tables: Tables, grid: TableGrid, face: Int[np.ndarray, " p"], chart: Float[np.ndarray, "p 2"]) -> "OnFaces":
+        """The tables of these faces at chart points."""
+        position = (chart - grid.origin) / grid.step
+        cell = np.clip(np.floor(position).astype(int), 1, grid.side - 3)
+        (x, y), (dx, dy) = (
+            [np.stack(cubic_basis(position[:, axis] - cell[:, axis], order), axis=1) for axis in (0, 1)]
+            for order in (0, 1)
+        )
+        products = (x, y), (dx / grid.step, y), (x, dy / grid.step)
+        weights, by_x, by_y = (one[:, :, None] * other[:, None, :] for one, other in products)
+        near = tables[_places(face, cell - 1)]
+        radius, *slopes = (np.sum(near * each, axis=(1, 2)) for each in (weights, by_x, by_y))
+        return OnFaces(face, chart, radius, np.stack(slopes, axis=1), cell - 1, weights)
+
+    @property
+    def points(self) -> _Vectors:
+        """The places in space (mm)."""
+        points: _Vectors = self.radius[:, None] * to_sphere(self.chart)
+        return points
+
+    @property
+    def normals(self) -> _Vectors:
+        """Normals away from the origin, of such lengths that their part along the radius is 1."""
+        normals: _Vectors = to_sphere(self.chart) - gradient_on_sphere(self.chart, self.slopes) / self.radius[:, None]
+        return normals
+
+    def take(self, rows: Int[np.ndarray, " k"]) -> "OnFaces":
+        """Select some of the places."""
+        return OnFaces(*(getattr(self, each.name)[rows] for each in fields(self)))
+
+    def add(self, by_radius: _Values, total: Tables) -> None:
+        """Add derivatives by the radius at each place to those by the coefficients of the tables."""
+        np.add.at(total, _places(self.face, self.corner), by_radius[:, None, None] * self.weights)
+
+
+@dataclass(frozen=True)
+class CreasePoints:
+    """Points of the creases of a cavity on meridians ``2 pi / 256`` apart: each on ``one`` face and the ``other``."""
+
+    one: OnFaces
+    other: OnFaces
 
     @staticmethod
     def of(tables: Tables, scene: Scene, turn: float = 0.0) -> "CreasePoints":
@@ -123,37 +166,35 @@ class CreasePoints:
         faces, azimuths, ends = _brackets(tables, scene, 2.0 * np.pi * (np.arange(_MERIDIANS) + turn) / _MERIDIANS)
         axes, place = np.stack([np.cos(azimuths), np.sin(azimuths)], axis=1), ends.mean(axis=0)
         for _ in range(_NEWTON_STEPS):
-            chart = place[:, None] * axes
-            corner, *splines = _splines(scene.grid, chart)
-            near = [tables[_places(face, corner)] for face in faces]
-            radii, *slopes = (np.sum(np.stack(near) * each, axis=(2, 3)) for each in splines)
-            gap, by_x, by_y = (one - other for one, other in (radii, *slopes))
-            place = np.clip(place - gap / (axes * np.stack([by_x, by_y], axis=1)).sum(axis=1), *ends)
-        along = to_sphere(chart)
-        one, other = (
-            along - gradient_on_sphere(chart, np.stack(slope, axis=1)) / radius[:, None]
-            for radius, *slope in zip(radii, *slopes, strict=True)
-        )
-        points, tangent = radii[0, :, None] * along, np.cross(one, other)
-        turning = points[:, 0] * tangent[:, 1] - points[:, 1] * tangent[:, 0]
-        rate = turning / (points[:, :2] ** 2).sum(axis=1)
-        found = CreasePoints(points, (faces[0], faces[1]), (one, other), rate, corner, splines[0])
-        return found.take(np.flatnonzero(np.abs(rate) > 0.0))
+            one, other = (OnFaces.of(tables, scene.grid, face, place[:, None] * axes) for face in faces)
+            slope = ((one.slopes - other.slopes) * axes).sum(axis=1)
+            place = np.clip(place - (one.radius - other.radius) / slope, *ends)
+        found = CreasePoints(one, other)
+        return found.take(np.flatnonzero(np.abs(found.rate) > 0.0))
+
+    @cached_property
+    def tangents(self) -> _Vectors:
+        """Vectors along the crease: the product of both normals."""
+        return np.cross(self.one.normals, self.other.normals)
+
+    @cached_property
+    def rate(self) -> _Values:
+        """Change of the azimuth along the tangent (rad/mm)."""
+        x, y, _ = self.one.points.T
+        along_x, along_y, _ = self.tangents.T
+        rate: _Values = (x * along_y - y * along_x) / (x**2 + y**2)
+        return rate
 
     def __len__(self) -> int:
-        return len(self.points)
+        return len(self.one.face)
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "CreasePoints":
         """Select some of the points."""
-        (one, other), (normal, further) = self.faces, self.normals
-        return CreasePoints(
-            self.points[rows], (one[rows], other[rows]), (normal[rows], further[rows]), self.rate[rows],
-            self.corner[rows], self.weights[rows],
-        )  # fmt: skip
+        return CreasePoints(self.one.take(rows), self.other.take(rows))
 
     def across(self, directions: _Vectors) -> _Vectors:
         """Unit vectors across the crease and rays that pass it in ``directions``."""
-        across = np.cross(directions, np.cross(*self.normals)) * np.sign(self.rate)[:, None]
+        across = np.cross(directions, self.tangents) * np.sign(self.rate)[:, None]
         unit: _Vectors = across / np.linalg.norm(across, axis=1, keepdims=True)
         return unit
 
@@ -162,14 +203,9 @@ class CreasePoints:
 
         It is taken from the side of :meth:`across`.
         """
-        away = self.points - rays.origins
-        scale = 1.0 / (self.rate * (away**2).sum(axis=1))
-        by_one, by_other = ((rays.directions * normal).sum(axis=1) * scale for normal in reversed(self.normals))
+        scale = 1.0 / (self.rate * ((self.one.points - rays.origins) ** 2).sum(axis=1))
+        by_one, by_other = ((rays.directions * side.normals).sum(axis=1) * scale for side in (self.other, self.one))
         return by_one, -by_other
-
-    def scatter(self, face: Int[np.ndarray, " p"], by_radius: _Values, total: Tables) -> None:
-        """Add derivatives by the radius of a face at each point to those by its coefficients."""
-        np.add.at(total, _places(face, self.corner), by_radius[:, None, None] * self.weights)
 
 
 def _brackets(
@@ -197,20 +233,6 @@ def _places(face: Int[np.ndarray, " p"], corner: Int[np.ndarray, "p 2"]) -> tupl
     """Indices among all tables of the coefficients of a face that act at each point."""
     rows, columns = (corner[:, axis, None] + np.arange(4) for axis in (0, 1))
     return face[:, None, None], rows[:, :, None], columns[:, None, :]
-
-
-def _splines(
-    grid: TableGrid, chart: Float[np.ndarray, "p 2"]
-) -> tuple[Int[np.ndarray, "p 2"], Float[np.ndarray, "p 4 4"], Float[np.ndarray, "p 4 4"], Float[np.ndarray, "p 4 4"]]:
-    """First row and column of the coefficients that act at chart points, their weights, and those of both slopes."""
-    position = (chart - grid.origin) / grid.step
-    cell = np.clip(np.floor(position).astype(int), 1, grid.side - 3)
-    (x, y), (dx, dy) = (
-        [np.stack(cubic_basis(position[:, axis] - cell[:, axis], order), axis=1) for axis in (0, 1)] for order in (0, 1)
-    )
-    products = (x, y), (dx / grid.step, y), (x, dy / grid.step)
-    weights, by_x, by_y = (one[:, :, None] * other[:, None, :] for one, other in products)
-    return cell - 1, weights, by_x, by_y
 
 
 def _gain(
