@@ -53,8 +53,7 @@ def crease_gradients(
     says what light on each way adds to the merit: see :func:`worth_on`. Raises :class:`InputError` for a lens as made,
     and for a source that cannot say how much light goes into a direction, such as rays of a file that are not turned.
     """
-    if scene.made is not None:
-        raise InputError("creases: light that crosses them is known of a lens as designed; leave out what was made")
+    require_as_designed(scene)
     points, turn = sobol(count, 5, seed)[:, 4], np.random.default_rng(seed).random()
     creases = CreasePoints.of(tables, scene, turn)
     total: Tables = np.zeros(tables.shape)
@@ -67,6 +66,12 @@ def crease_gradients(
     for side, by_radius in zip((creases.one, creases.other), crossing.flows(rays), strict=True):
         side.add(np.bincount(own, change * by_radius, len(creases)), total)
     return total
+
+
+def require_as_designed(scene: Scene) -> None:
+    """Raise :class:`InputError` for the scene of a lens as made."""
+    if scene.made is not None:
+        raise InputError("creases: light that crosses them is known of a lens as designed; leave out what was made")
 
 
 def worth_on(
