@@ -9,6 +9,7 @@ from chains import REACH, clear, collimator, tables_of, upwards
 
 from lensforge.errors import InputError
 from lensforge.light.crease import crease_gradients, worth_on
+from lensforge.light.later_creases import later_crease_gradients
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.material import MATERIALS
 from lensforge.optics.media import BODY, CAVITY, OUTSIDE
@@ -32,7 +33,7 @@ from lensforge.sources.source_pose import PlacedSource, SourcePose, rotation_abo
 from lensforge.sources.source_spectrum import Spectrum
 from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.bicubic_table import TableGrid
-from lensforge.surfaces.reciprocal import ConeFace, PlaneFace
+from lensforge.surfaces.reciprocal import ConeFace, ConicFace, PlaneFace
 
 GRID = TableGrid(161)
 SMALL = 1e-4
@@ -118,6 +119,41 @@ def test_rays_that_change_their_first_face_are_the_slope(make, name: str, step: 
     assert abs(slope - shares.sum()) < 3.0 * error
 
 
+def forward(traced: TracedBundle) -> np.ndarray:
+    return traced.exits.flux * traced.exits.left_lens * traced.exits.directions[:, 2]
+
+
+def trumpet(radius: float = 3.2, height: float = 9.0) -> Body:
+    """A collimator from whose side light reaches the crease of wall and exit."""
+    inside = Face("cap", PlaneFace(16.0, 4.0), CAVITY, BODY), Face("side", ConeFace(16.0, radius, -0.05), CAVITY, BODY)
+    wall, leaves = ConicFace(16.0, 5.0, 1.0), PlaneFace(16.0, height)
+    return Body((*inside, Face("wall", wall, BODY, OUTSIDE), Face("exit", leaves, BODY, OUTSIDE)))
+
+
+TRUMPET = {"radius": 3.2, "height": 9.0}
+LATER = [
+    (trumpet, TRUMPET, "radius", 0.015, forward),
+    (trumpet, TRUMPET, "height", 0.03, forward),
+    (collimator, {"tilt": 0.1, "draft": 0.05}, "tilt", 0.002, mixed),
+]
+
+
+@pytest.mark.parametrize(("make", "base", "name", "step", "worth"), LATER)
+def test_rays_that_change_a_later_face_are_the_slope(make, base, name: str, step: float, worth) -> None:
+    """Differences of the light of those rays alone; their error is that of counting them."""
+    here, rays = scene(make(**base), 4), LED.sample(2**20, 5)
+    ends = [tables_of(make(**(base | {name: base[name] + sign * step})), GRID) for sign in (1.0, -1.0)]
+    more, less = (TracedBundle.of(tables, here, rays) for tables in ends)
+    row, event = np.arange(len(rays)), (more.met != less.met).argmax(axis=1)
+    one, other = more.met[row, event], less.met[row, event]
+    crossing = (event > 0) & (one >= 0) & (other >= 0) & (one >> 2 != other >> 2)
+    shares = ((worth(more) - worth(less)) / (2.0 * step))[crossing]
+    gradients = later_crease_gradients(tables_of(make(**base), GRID), here, LED, worth, 2**9, 64, 1)
+    slope, error = float((gradients * by_parameter(make, base, name)).sum()), float(np.sqrt((shares**2).sum()))
+    assert error < 0.05 * abs(slope)
+    assert abs(slope - shares.sum()) < 3.0 * error
+
+
 def test_crease_and_adjoint_together_are_the_slope_of_an_image_error() -> None:
     """Differences of the error of a far-field picture by the same rays, those that change faces included."""
     base = BASES[pocket][0]
@@ -155,7 +191,8 @@ NESTED = Body((*Body.double(sphere(3.0), sphere(5.0)).faces, Face("hidden", sphe
 
 @pytest.mark.parametrize("body", [Body.double(sphere(3.0), sphere(5.0)), NESTED])
 def test_a_cavity_without_a_crease_has_none(body: Body) -> None:
-    assert not crease_gradients(tables_of(body, GRID), scene(body), SquareEmitter(1.0), mixed).any()
+    for gradients in (crease_gradients, later_crease_gradients):
+        assert not gradients(tables_of(body, GRID), scene(body), SquareEmitter(1.0), mixed).any()
 
 
 def test_what_is_not_known_is_refused() -> None:
