@@ -1,26 +1,35 @@
-"""What the adjoint leaves out where rays change the face that they meet, on the collimator of four faces.
+"""Derivative of the light of a collimator of four faces: the adjoint, creases of the cavity, and what is left out.
 
 The light of a body is a sum over rays, and the adjoint differentiates each as if it kept its faces. Rays that cross a
-crease as a face moves add a term: the flux that crosses, times what changes with the crossing. It is the difference of
-the adjoint to differences of the sum itself, of the same rays, over a step so large that many cross.
+crease as a face moves add a term: the flux that crosses, times what changes with the crossing. ``light.crease`` has it
+for creases of the cavity, which rays meet first. Differences of the sum over those rays alone that change their way,
+over a step so large that many do, tell the size of each cause: what the first event is that is another one.
 
     python benchmarks/crease_derivative.py
 
-One minute; prints the table of docs/accuracy.md.
+Two minutes; prints the table of docs/accuracy.md, and the seconds of a gradient step and of the term.
 """
+
+from collections.abc import Callable
+from time import perf_counter
 
 import numpy as np
 
 import lensforge as lf
+from lensforge.light.crease import crease_gradients
 from lensforge.light.simulation import TracedLens
 from lensforge.light.table_trace import TracedBundle
 from lensforge.optics.media import BODY, CAVITY, OUTSIDE, Media, Medium
 from lensforge.scene.body import Body, Face
-from lensforge.scene.exit_rays import ExitRays, Sensitivities
+from lensforge.scene.exit_rays import Sensitivities
 from lensforge.sources.build_source import build_source
+from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.reciprocal import ConeFace, ConicFace, PlaneFace
 
-REACH_MM, EVENTS, STEP_MM, SEEDS, RAYS = 16.0, 4, 2e-3, 8, 2**18
+REACH_MM, EVENTS, STEP_MM, SEEDS, RAYS = 16.0, 4, 1e-2, 16, 2**18
+SAMPLES, STEP_RAYS, REPEATS = 2**11, 2**17, 5
+CAUSES = "the same by differences", "later creases", "edge of total reflection", "rim"
+SOURCE = build_source(lf.SquareSource(side_mm=1.0), None)
 COLLIMATOR = Body(
     (
         Face("cap", PlaneFace(REACH_MM, height_mm=4.0), CAVITY, BODY),
@@ -31,41 +40,75 @@ COLLIMATOR = Body(
 )
 
 
-def merit(exits: ExitRays, emitted_w: float) -> float:
-    """Mean over the emitted flux of what leaves times the cosine to the axis: smooth in every ray that leaves."""
-    return float((exits.flux * exits.directions[:, 2])[exits.left_lens].sum() / emitted_w)
+def shares(traced: TracedBundle) -> np.ndarray:
+    """Flux of each ray that leaves, times its cosine to the axis: smooth in every ray that leaves."""
+    exits = traced.exits
+    return exits.flux * exits.directions[:, 2] * exits.left_lens
 
 
-def slopes(lens: TracedLens, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Change of the merit for 1 mm more radius of each face: by the adjoint, and by differences of the sum."""
-    rays = build_source(lf.SquareSource(side_mm=1.0), None).sample(RAYS, seed)
-    total, traced = rays.flux.sum(), TracedBundle.of(lens.tables, lens.scene, rays)
-    left = traced.exits.left_lens / total
+def adjoint(lens: TracedLens, rays: RayBundle) -> np.ndarray:
+    """Gradients by all tables of the sum of the shares, for rays that keep their faces."""
+    traced = TracedBundle.of(lens.tables, lens.scene, rays)
+    left = 1.0 * traced.exits.left_lens
     along = (left * traced.exits.flux)[:, None] * np.array([0.0, 0.0, 1.0])
-    by = Sensitivities(np.zeros((RAYS, 3)), along)
-    adjoint = traced.gradients(by, left * traced.exits.directions[:, 2], np.zeros(RAYS)).sum(axis=(1, 2))
-    differences = np.empty(len(lens.tables))
+    by = Sensitivities(np.zeros_like(along), along)
+    return traced.gradients(by, left * traced.exits.directions[:, 2], np.zeros(len(rays)))
+
+
+def changes(ends: list[TracedBundle]) -> list[float]:
+    """Change of the sum over rays that change their way for 1 mm, by each of ``CAUSES``."""
+    one, other = (traced.met for traced in ends)
+    assert one is not None and other is not None
+    apart, rows = one != other, np.arange(len(one))
+    event = np.argmax(apart, axis=1)
+    first, second = one[rows, event], other[rows, event]
+    face, lost = first >> 2 != second >> 2, (first < 0) | (second < 0)
+    causes = face & ~lost & (event == 0), face & ~lost & (event > 0), ~face, lost
+    gains = (shares(ends[0]) - shares(ends[1])) / (2.0 * STEP_MM)
+    return [float(gains[apart.any(axis=1) & cause].sum()) for cause in causes]
+
+
+def slopes(lens: TracedLens, seed: int) -> np.ndarray:
+    """Change of the sum for 1 mm more radius of each face: by the adjoint, by creases, and by each cause."""
+    rays, by_cause = SOURCE.sample(RAYS, seed), []
     for face in range(len(lens.tables)):
         ends = []
         for sign in (1.0, -1.0):
             moved = lens.tables.copy()
             moved[face] += sign * STEP_MM
-            ends.append(merit(TracedBundle.of(moved, lens.scene, rays).exits, total))
-        differences[face] = (ends[0] - ends[1]) / (2.0 * STEP_MM)
-    return adjoint, differences
+            ends.append(TracedBundle.of(moved, lens.scene, rays))
+        by_cause.append(changes(ends))
+    found = adjoint(lens, rays), crease_gradients(lens.tables, lens.scene, SOURCE, shares, SAMPLES, seed)
+    return np.stack([*(each.sum(axis=(1, 2)) for each in found), *np.transpose(by_cause)])
+
+
+def cell(values: np.ndarray) -> str:
+    """Mean of the samples and its standard error."""
+    return f"{values.mean():.4f} ± {values.std(ddof=1) / np.sqrt(SEEDS):.4f}"
+
+
+def seconds(work: Callable[[], object]) -> float:
+    """Least of some repeats."""
+    found = []
+    for _ in range(REPEATS):
+        start = perf_counter()
+        work()
+        found.append(perf_counter() - start)
+    return min(found)
 
 
 def main() -> None:
-    """Print a table in Markdown."""
+    """Print a table in Markdown, and times."""
     lens = TracedLens.of_body(COLLIMATOR, Media(Medium(1.4936)), EVENTS, 8.0)
     found = np.array([slopes(lens, seed) for seed in range(SEEDS)])
-    mean, error = found.mean(axis=0), found.std(axis=0, ddof=1) / np.sqrt(SEEDS)
-    print("| face | adjoint (1/mm) | with the rays that change faces (1/mm) | left out |\n|---|---|---|---|")
+    print(f"| face | adjoint | creases of the cavity | {' | '.join(CAUSES)} |\n|{7 * '---|'}")
     for face, name in enumerate(lens.scene.names):
-        cells = [f"{mean[k, face]:.5f} ± {error[k, face]:.5f}" for k in (0, 1)]
-        apart = (found[:, 1] - found[:, 0])[:, face]
-        left_out = f"{apart.mean():.5f} ± {apart.std(ddof=1) / np.sqrt(SEEDS):.5f}"
-        print(f"| {name} | {cells[0]} | {cells[1]} | {left_out} |")
+        print(f"| {name} | {' | '.join(map(cell, found[:, :, face].T))} |")
+    rays = SOURCE.sample(STEP_RAYS, 0)
+    step = seconds(lambda: adjoint(lens, rays))
+    for samples in (SAMPLES, 2 * SAMPLES):
+        term = seconds(lambda samples=samples: crease_gradients(lens.tables, lens.scene, SOURCE, shares, samples))
+        print(f"{len(rays)} rays, traced and back: {step:.3f} s; creases, {samples} points: {term:.3f} s")
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from lensforge.errors import InputError
 from lensforge.optics.material import Material
 from lensforge.sources.dispersion import ColouredSource
 from lensforge.sources.emitting_area import sobol
-from lensforge.sources.ray_bundle import RayBundle, Source
+from lensforge.sources.ray_bundle import RayBundle, Source, aimed
 from lensforge.sources.source_flux import emitter_flux
 from lensforge.sources.source_pose import PlacedSource, placed_source
 from lensforge.sources.source_spectrum import spectrum_of
@@ -58,6 +58,11 @@ class SquareEmitter:
         """Radiance (W/(mm^2 sr)) of each ray of a sample: the same in all places and directions."""
         area = np.pi * self.side_mm**2
         return np.full(count, self.flux_w / area if area > 0.0 else np.inf)
+
+    def towards(self, targets: Float[np.ndarray, "n 3"], seed: int) -> RayBundle:
+        """The rays of a sample, each turned to its target (mm); their flux is W/sr there: Lambert's cosine."""
+        rays = self.sample(len(targets), seed)
+        return aimed(rays, targets, lambda along: np.maximum(along[:, 2], 0.0) / np.pi)
 
     def outline(self) -> Float[np.ndarray, "4 3"]:
         """Corners (mm) of the square."""

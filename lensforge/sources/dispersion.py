@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 
 from lensforge.errors import InputError
 from lensforge.optics.material import Material
-from lensforge.sources.ray_bundle import ChangedSource, RayBundle, Rays, Source, blocks_of, changed
+from lensforge.sources.ray_bundle import ChangedSource, RayBundle, Rays, Source, blocks_of, changed, towards
 from lensforge.sources.source_spectrum import ColourSums, Spectrum, usable_wavelengths
 from lensforge.sources.source_summary import IndexRange
 
@@ -137,3 +137,8 @@ class ColouredSource(ChangedSource):
     def sample(self, count: int, seed: int) -> RayBundle:
         """Draw the rays of the source itself, each with a wavelength drawn by ``seed``."""
         return replace(self.source.sample(count, seed), wavelengths_nm=self.spectrum.draw(count, seed))
+
+    def towards(self, targets: Float[np.ndarray, "n 3"], seed: int) -> RayBundle:
+        """The rays of a sample, each turned to its target (mm); their flux is W/sr there."""
+        waves = self.spectrum.draw(len(targets), seed)
+        return replace(towards(self.source, targets, seed), wavelengths_nm=waves)

@@ -14,6 +14,7 @@ from lensforge.results import Number, Record
 from lensforge.sources.inverse_cdf import choose, choose_each, linear_inverse
 from lensforge.surfaces.mirror_group import largest_symmetry
 
+_SAME = 1e-9  # rad, at the ends of a table
 _FINE = np.deg2rad(0.25)  # cells of gamma in which rays are drawn at constant intensity; the flux of each cell is exact
 
 
@@ -30,8 +31,9 @@ class CosinePower:
 
     def intensity(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """Share of the flux per sr."""
-        found: Float[np.ndarray, " n"] = (self.power + 1.0) / (2.0 * np.pi) * directions[:, 2] ** self.power
-        return found
+        rise = np.maximum(directions[:, 2], 0.0)
+        found: Float[np.ndarray, " n"] = (self.power + 1.0) / (2.0 * np.pi) * rise**self.power
+        return found * (directions[:, 2] > 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,11 +115,12 @@ class TabulatedIntensity:
         return _directions(cosine[cell] + rest * (cosine[cell + 1] - cosine[cell]), azimuth)
 
     def intensity(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
-        """Share of the flux per sr, bilinear between the half-planes."""
+        """Share of the flux per sr, bilinear between the half-planes; 0 beyond the first and last gamma."""
         gamma = np.arccos(np.clip(directions[:, 2], -1.0, 1.0))
         turn = np.arctan2(directions[:, 1], directions[:, 0]) % (2.0 * np.pi)
         nodes = np.deg2rad(self.gamma_deg)
-        planes = np.stack([np.interp(gamma, nodes, plane) for plane in self.values])
+        lit = np.abs(gamma - 0.5 * (nodes[0] + nodes[-1])) < 0.5 * (nodes[-1] - nodes[0]) + _SAME
+        planes = np.stack([np.interp(gamma, nodes, plane) * lit for plane in self.values])
         if len(self.c_deg) == 1:
             found: Float[np.ndarray, " n"] = planes[0] / self.flux()
             return found

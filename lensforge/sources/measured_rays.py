@@ -14,7 +14,7 @@ from jaxtyping import Float
 from lensforge import seeds
 from lensforge.errors import InputError
 from lensforge.sources.dispersion import ColouredSource
-from lensforge.sources.ray_bundle import ChangedSource, RayBundle, Source
+from lensforge.sources.ray_bundle import ChangedSource, RayBundle, Source, aimed
 
 if TYPE_CHECKING:
     from lensforge.sources.ray_set import RaySetEmitter
@@ -102,6 +102,28 @@ class TurnedRays(ChangedSource):
         rays, pose = self.source.sample(count, seed), self.source.pose
         turns = self.sigma_rad * np.random.default_rng(seed).standard_normal((count, 3))
         return _turned(rays, turns) if pose is None else pose.placed(_turned(pose.own(rays), turns))
+
+    def towards(self, targets: Float[np.ndarray, "n 3"], seed: int) -> RayBundle:
+        """The rays of a sample, each turned from its point in the source's plane to its target (mm), in W/sr there.
+
+        A direction to which normal numbers of deviation ``sigma`` are added has, at an angle of cosine c, the density
+        ``(1 + c^2/sigma^2) / (2 pi) exp(-(1 - c^2) / (2 sigma^2))`` per sr, but for ``exp(-1 / (2 sigma^2))``.
+        """
+        rays, pose, variance = self.source.sample(len(targets), seed), self.source.pose, self.sigma_rad**2
+        own = rays if pose is None else pose.own(rays)
+        along, rise = own.directions, own.directions[:, 2:]
+        steep = np.abs(rise) > _LEAST_RISE
+        crossings = np.where(steep, own.origins - own.origins[:, 2:] / np.where(steep, rise, 1.0) * along, own.origins)
+
+        def density(turned: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+            square = np.maximum((turned * along).sum(axis=1), 0.0) ** 2
+            found: Float[np.ndarray, " n"] = (1.0 + square / variance) * np.exp((square - 1.0) / (2.0 * variance))
+            return found / (2.0 * np.pi)
+
+        start = replace(own, origins=crossings)
+        if pose is None:
+            return aimed(start, targets, density)
+        return pose.placed(aimed(start, pose.own_points(targets), density))
 
 
 def _turned(rays: RayBundle, turns: Float[np.ndarray, "n 3"]) -> RayBundle:

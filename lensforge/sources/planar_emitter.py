@@ -11,7 +11,7 @@ from lensforge.sources.emitting_area import Area, Disc, LuminanceImage, Rectangl
 from lensforge.sources.intensity import CosinePower, TabulatedIntensity
 from lensforge.sources.photometric import read_photometric
 from lensforge.sources.photometric.photometric_file import far_field_warnings, turned_over
-from lensforge.sources.ray_bundle import RayBundle
+from lensforge.sources.ray_bundle import RayBundle, aimed
 from lensforge.sources.source_flux import chip_fluxes, emitter_flux
 from lensforge.spec.emitter_section import CosineIntensity, IntensitySpec, TableIntensity
 from lensforge.spec.source_sections import ChipArraySource, ChipsSource, DiscSource, LuminanceSource, RectangleSource
@@ -49,6 +49,10 @@ class PlanarEmitter:
         intensity = self.profile.intensity(rays.directions) / np.abs(rays.directions[:, 2])
         found: Float[np.ndarray, " n"] = self.flux_w * self.area.density(rays.origins[:, :2]) * intensity
         return found
+
+    def towards(self, targets: Float[np.ndarray, "n 3"], seed: int) -> RayBundle:
+        """The rays of ``sample(len(targets), seed)``, each turned to its target (mm); their flux is W/sr there."""
+        return aimed(self.sample(len(targets), seed), targets, self.profile.intensity)
 
     def outline(self) -> Float[np.ndarray, "k 3"]:
         """Polygon (mm) around the area."""

@@ -8,6 +8,7 @@ quadratic, and nothing is approximated but the radiance between the table's node
 A file is a NumPy archive (`.npz`) of five arrays, named and shaped as in :class:`RadianceTable`.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -20,7 +21,7 @@ from lensforge.results.files import read_file
 from lensforge.results.json_npz import arrays_in
 from lensforge.sources.emitting_area import sobol
 from lensforge.sources.inverse_cdf import choose, choose_each, linear_inverse
-from lensforge.sources.ray_bundle import RayBundle
+from lensforge.sources.ray_bundle import RayBundle, aimed
 from lensforge.sources.source_flux import emitter_flux
 from lensforge.spec.source_sections import RadianceSource
 from lensforge.surfaces.mirror_group import largest_symmetry
@@ -89,6 +90,21 @@ class RadianceTable:
         """Largest mirror group found by comparing the table with its mirror images."""
         return largest_symmetry(self._unchanged)
 
+    def intensity(self, origins: Float[np.ndarray, "n 3"], along: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+        """Share (1/sr) of the flux from points (mm) of lit cells into unit directions."""
+        cells = tuple(
+            np.clip(np.searchsorted(edges, origins[:, axis], side="right") - 1, 0, len(edges) - 2)
+            for axis, edges in ((1, self.y_mm), (0, self.x_mm))
+        )
+        azimuth = np.rad2deg(np.arctan2(along[:, 1], along[:, 0])) % 360.0
+        squared, found = np.sum(along[:, :2] ** 2, axis=1), np.zeros(len(along))
+        for plane, by_turn in _beside(azimuth, self.c_deg):
+            for node, by_rise in _beside(squared, self.squares):
+                found += by_turn * by_rise * self.radiance[(*cells, plane, node)]
+        lit = (along[:, 2] > 0.0) & (squared >= self.squares[0]) & (squared <= self.squares[-1])
+        share: Float[np.ndarray, " n"] = lit * found * along[:, 2] / self.sectors.sum(axis=2)[cells]
+        return share
+
     def _unchanged(self, mirror: Float[np.ndarray, "3 3"]) -> bool:
         """True where the mirror image has the same edges, and the same radiance in each cell and direction."""
         swapped, signs = mirror[0, 0] == 0.0, mirror.sum(axis=1).astype(int)
@@ -114,6 +130,16 @@ class RadianceTable:
             self.radiance[:, :, low + 1] - self.radiance[:, :, low]
         )
         return turned
+
+
+def _beside(
+    values: Float[np.ndarray, " n"], nodes: Float[np.ndarray, " k"]
+) -> Iterator[tuple[Int[np.ndarray, " n"], Float[np.ndarray, " n"]]]:
+    """The two nodes beside each value, and their weights in linear interpolation; an end alone beyond it."""
+    place = np.interp(values, nodes, np.arange(len(nodes)))
+    low = place.astype(np.int64)
+    yield low, 1.0 - (place - low)
+    yield np.minimum(low + 1, len(nodes) - 1), place - low
 
 
 def read_radiance(path: Path) -> RadianceTable:
@@ -185,6 +211,11 @@ class RadianceEmitter:
     def sample(self, count: int, seed: int) -> RayBundle:
         """Draw ``count`` rays of equal flux by quasi-Monte-Carlo points in four dimensions."""
         return RayBundle(*self.emit(sobol(count, 4, seed)), np.full(count, self.flux_w / count))
+
+    def towards(self, targets: Float[np.ndarray, "n 3"], seed: int) -> RayBundle:
+        """The rays of ``sample(len(targets), seed)``, each turned to its target (mm); their flux is W/sr there."""
+        rays = self.sample(len(targets), seed)
+        return aimed(rays, targets, lambda along: self.table.intensity(rays.origins, along))
 
     def emit(self, points: Float[np.ndarray, "n 4"]) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
         """Map points of the unit cube to start points (mm) and unit directions; equal volumes get equal flux."""

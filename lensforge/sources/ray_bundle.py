@@ -12,6 +12,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from lensforge.errors import InputError
 from lensforge.optics.media import some_of
 
 BLOCK_RAYS = 2**18  # rays handled at a time: bounds the memory whatever their number
@@ -121,6 +122,33 @@ class Source(Protocol):
     def outline(self) -> Float[np.ndarray, "k 3"]:
         """Closed polygon (mm) around the emitting area, for drawings to scale."""
         ...
+
+
+@runtime_checkable
+class Aims(Protocol):
+    """A source that can say how much light goes into any direction."""
+
+    def towards(self, targets: Float[np.ndarray, "n 3"], seed: int) -> RayBundle:
+        """The rays of ``sample(len(targets), seed)``, each turned to its target (mm); their flux is W/sr there."""
+        ...
+
+
+def towards(source: Source, targets: Float[np.ndarray, "n 3"], seed: int) -> RayBundle:
+    """Rays of ``source.towards(targets, seed)``. Raises :class:`InputError` for a source that does not have them."""
+    if not isinstance(source, Aims):
+        raise InputError(f"{type(source).__name__}: the light into a direction is not known; turn its rays a little")
+    return source.towards(targets, seed)
+
+
+def aimed(
+    rays: RayBundle,
+    targets: Float[np.ndarray, "n 3"],
+    intensity: Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, " n"]],
+) -> RayBundle:
+    """Turn each ray to its target; ``intensity``: share (1/sr) of the flux from its point into unit directions."""
+    away = targets - rays.origins
+    along = away / np.linalg.norm(away, axis=1, keepdims=True)
+    return replace(rays, directions=along, flux=rays.flux * intensity(along))
 
 
 @runtime_checkable

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.sources.ray_bundle import ChangedSource, RayBundle, Source
+from lensforge.sources.ray_bundle import ChangedSource, RayBundle, Source, towards
 from lensforge.spec.emitter_section import EmitterSection
 from lensforge.surfaces.mirror_group import group, largest_symmetry
 
@@ -51,8 +51,12 @@ class SourcePose:
 
     def own(self, rays: RayBundle) -> RayBundle:
         """Move rays of lens coordinates back to the source's own."""
-        origins = (rays.origins - self.position_mm) @ self.rotation
-        return replace(rays, origins=origins, directions=rays.directions @ self.rotation)
+        return replace(rays, origins=self.own_points(rays.origins), directions=rays.directions @ self.rotation)
+
+    def own_points(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """Map points (mm) of lens coordinates to the source's own."""
+        own: Float[np.ndarray, "n 3"] = (points - self.position_mm) @ self.rotation
+        return own
 
     def keeps(self, mirror: Float[np.ndarray, "3 3"], symmetry: str) -> bool:
         """True where ``mirror`` leaves the place as it is and is, for the source, one of its own group ``symmetry``."""
@@ -87,6 +91,10 @@ class PlacedSource(ChangedSource):
     def sample(self, count: int, seed: int) -> RayBundle:
         """Draw the rays of the source itself, and move them."""
         return self.pose.placed(self.source.sample(count, seed))
+
+    def towards(self, targets: Float[np.ndarray, "n 3"], seed: int) -> RayBundle:
+        """The rays of a sample, each turned to its target (mm); their flux is W/sr there."""
+        return self.pose.placed(towards(self.source, self.pose.own_points(targets), seed))
 
     def outline(self) -> Float[np.ndarray, "k 3"]:
         """Outline (mm) of the source itself, moved."""

@@ -1,0 +1,257 @@
+"""Light that crosses a crease of the cavity as its faces move: the part of a derivative that the adjoint leaves out.
+
+The adjoint keeps the faces that each ray meets. But where two faces of the cavity meet, a ray just beside their crease
+takes one way, and a ray on its other side another. Where the crease moves by ``dc``, the flux that goes over from one
+way to the other is, for light from a point at the distance d,
+
+    I w . (c' x dc) / d^2 dphi,    n_a . dc = drho_a,    n_b . dc = drho_b,
+
+I the intensity (W/sr) along the unit vector w, c' the derivative of the crease by the azimuth phi, and n the normals of
+both faces, of such lengths that n . u = 1 along their radius u. As c' is along ``n_a x n_b``, ``c' x dc`` is in
+proportion to ``n_b drho_a - n_a drho_b``: the faces need not meet at any least angle. The derivative of a merit is this
+flux times what a further watt is worth on one way more than on the other (T.-M. Li et al., ACM Trans. Graph. 37, 222
+(2018), for edges of triangles). Each way is that of a ray beside the crease.
+
+Left out: rays at creases that they meet later, at the edge of total reflection and at the rim, and rays that only just
+touch a face.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from lensforge.errors import InputError
+from lensforge.kernels.image_sums import SAFE_SIN2, SIN2_SCALE, collect_adjoint
+from lensforge.light.table_trace import Scene, Tables, TracedBundle
+from lensforge.optics.media import CAVITY
+from lensforge.scene.receiver import PosedReceiver
+from lensforge.sources.emitting_area import sobol
+from lensforge.sources.ray_bundle import RayBundle, Source, towards
+from lensforge.surfaces.bicubic_table import TableGrid, cubic_basis, evaluate_table
+from lensforge.surfaces.surface import gradient_on_sphere, to_sphere
+
+Worth = Callable[[TracedBundle], Float[np.ndarray, " n"]]
+"""Derivative of a merit by the flux (W) with which each ray leaves the source; the rays have 1 W each."""
+
+_MERIDIANS, _STEPS = 256, 32  # on which creases are sought, and steps of the chart's radius from the axis to the rim
+_NEWTON_STEPS = 6  # from the middle of a step to rounding
+_BESIDE = 1e-6  # rad: rays on both sides pass the crease at this angle
+
+_Vectors = Float[np.ndarray, "p 3"]
+_Values = Float[np.ndarray, " p"]
+
+
+def crease_gradients(
+    tables: Tables, scene: Scene, source: Source, worth: Worth, count: int = 2**11, seed: int = 0
+) -> Tables:
+    """Gradients of a merit by all ``tables`` for light that crosses the creases of the cavity; 0 where it has none.
+
+    ``count`` start points of ``source`` are drawn by ``seed``, each with a point of a crease and two rays. ``worth``
+    says what light on each way adds to the merit: see :func:`worth_on`. Raises :class:`InputError` for a lens as made,
+    and for a source that cannot say how much light goes into a direction, such as rays of a file that are not turned.
+    """
+    require_as_designed(scene)
+    points, turn = sobol(count, 5, seed)[:, 4], np.random.default_rng(seed).random()
+    creases = CreasePoints.of(tables, scene, turn)
+    total: Tables = np.zeros(tables.shape)
+    if not len(creases):
+        return total
+    own = (points * len(creases)).astype(int)
+    crossing = creases.take(own)
+    rays = towards(source, crossing.one.points, seed)
+    change = rays.flux * _gain(tables, scene, rays, crossing, worth) * (len(creases) * 2.0 * np.pi / _MERIDIANS)
+    for side, by_radius in zip((creases.one, creases.other), crossing.flows(rays), strict=True):
+        side.add(np.bincount(own, change * by_radius, len(creases)), total)
+    return total
+
+
+def require_as_designed(scene: Scene) -> None:
+    """Raise :class:`InputError` for the scene of a lens as made."""
+    if scene.made is not None:
+        raise InputError("creases: light that crosses them is known of a lens as designed; leave out what was made")
+
+
+def worth_on(
+    receivers: Sequence[PosedReceiver],
+    by_images: Sequence[Float[np.ndarray, "h w"]],
+    by_sums: Sequence[Float[np.ndarray, "3"]],
+) -> Worth:
+    """Worth of rays by the derivatives of the merit by the sums that a search collects on each of its receivers.
+
+    ``by_images``: by the flux (W) of each pixel; ``by_sums``: by that in the window, by that off the receiver, and by
+    that of total reflection, as :class:`~lensforge.search.light_path.Collected` has them.
+    """
+
+    def worth(traced: TracedBundle) -> Float[np.ndarray, " n"]:
+        emitted, sin2_exit = traced.rays.flux, traced.exits.sin2_exit
+        total = np.zeros(len(emitted))
+        for receiver, by_image, by_sum in zip(receivers, by_images, by_sums, strict=True):
+            landed, grid = receiver.land(traced.exits), receiver.grid
+            by_hits, by_flux, by_sin2 = np.empty((len(total), 2)), np.empty(len(total)), np.empty(len(total))
+            collect_adjoint(
+                landed.hits, landed.flux, sin2_exit, landed.landed, emitted, grid.size, receiver.window.packed(),
+                by_image, by_sum, by_hits, by_flux, by_sin2,
+            )  # fmt: skip
+            outside = np.maximum(np.abs(landed.hits) / (0.5 * np.array(grid.size)) - 1.0, 0.0)
+            total += by_flux * landed.flux + by_sum[1] * landed.landed * _bounded((outside**2).sum(axis=1))
+            total += by_sum[2] * _bounded(np.maximum(sin2_exit - SAFE_SIN2, 0.0) / SIN2_SCALE)
+        return total
+
+    return worth
+
+
+def _bounded(excess: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    return excess / (1.0 + excess)
+
+
+@dataclass(frozen=True)
+class OnFaces:
+    """Places on faces by their tables: the number of the ``face`` and the chart point of each.
+
+    ``radius`` (mm) and its ``slopes`` over the chart; ``corner``: row and column of the first of 4 x 4 coefficients
+    that act there, ``weights``: of each on the radius.
+    """
+
+    face: Int[np.ndarray, " p"]
+    chart: Float[np.ndarray, "p 2"]
+    radius: _Values
+    slopes: Float[np.ndarray, "p 2"]
+    corner: Int[np.ndarray, "p 2"]
+    weights: Float[np.ndarray, "p 4 4"]
+
+    @staticmethod
+    def of(tables: Tables, grid: TableGrid, face: Int[np.ndarray, " p"], chart: Float[np.ndarray, "p 2"]) -> "OnFaces":
+        """The tables of these faces at chart points."""
+        position = (chart - grid.origin) / grid.step
+        cell = np.clip(np.floor(position).astype(int), 1, grid.side - 3)
+        (x, y), (dx, dy) = (
+            [np.stack(cubic_basis(position[:, axis] - cell[:, axis], order), axis=1) for axis in (0, 1)]
+            for order in (0, 1)
+        )
+        products = (x, y), (dx / grid.step, y), (x, dy / grid.step)
+        weights, by_x, by_y = (one[:, :, None] * other[:, None, :] for one, other in products)
+        near = tables[_places(face, cell - 1)]
+        radius, *slopes = (np.sum(near * each, axis=(1, 2)) for each in (weights, by_x, by_y))
+        return OnFaces(face, chart, radius, np.stack(slopes, axis=1), cell - 1, weights)
+
+    @property
+    def points(self) -> _Vectors:
+        """The places in space (mm)."""
+        points: _Vectors = self.radius[:, None] * to_sphere(self.chart)
+        return points
+
+    @property
+    def normals(self) -> _Vectors:
+        """Normals away from the origin, of such lengths that their part along the radius is 1."""
+        normals: _Vectors = to_sphere(self.chart) - gradient_on_sphere(self.chart, self.slopes) / self.radius[:, None]
+        return normals
+
+    def take(self, rows: Int[np.ndarray, " k"]) -> "OnFaces":
+        """Select some of the places."""
+        return OnFaces(*(getattr(self, each.name)[rows] for each in fields(self)))
+
+    def add(self, by_radius: _Values, total: Tables) -> None:
+        """Add derivatives by the radius at each place to those by the coefficients of the tables."""
+        np.add.at(total, _places(self.face, self.corner), by_radius[:, None, None] * self.weights)
+
+
+@dataclass(frozen=True)
+class CreasePoints:
+    """Points of the creases of a cavity on meridians ``2 pi / 256`` apart: each on ``one`` face and the ``other``."""
+
+    one: OnFaces
+    other: OnFaces
+
+    @staticmethod
+    def of(tables: Tables, scene: Scene, turn: float = 0.0) -> "CreasePoints":
+        """Find all creases on the meridians; ``turn``, of the step between them, moves all."""
+        faces, azimuths, ends = _brackets(tables, scene, 2.0 * np.pi * (np.arange(_MERIDIANS) + turn) / _MERIDIANS)
+        axes, place = np.stack([np.cos(azimuths), np.sin(azimuths)], axis=1), ends.mean(axis=0)
+        for _ in range(_NEWTON_STEPS):
+            one, other = (OnFaces.of(tables, scene.grid, face, place[:, None] * axes) for face in faces)
+            slope = ((one.slopes - other.slopes) * axes).sum(axis=1)
+            place = np.clip(place - (one.radius - other.radius) / slope, *ends)
+        found = CreasePoints(one, other)
+        return found.take(np.flatnonzero(np.abs(found.rate) > 0.0))
+
+    @cached_property
+    def tangents(self) -> _Vectors:
+        """Vectors along the crease: the product of both normals."""
+        return np.cross(self.one.normals, self.other.normals)
+
+    @cached_property
+    def rate(self) -> _Values:
+        """Change of the azimuth along the tangent (rad/mm)."""
+        x, y, _ = self.one.points.T
+        along_x, along_y, _ = self.tangents.T
+        rate: _Values = (x * along_y - y * along_x) / (x**2 + y**2)
+        return rate
+
+    def __len__(self) -> int:
+        return len(self.one.face)
+
+    def take(self, rows: Int[np.ndarray, " k"]) -> "CreasePoints":
+        """Select some of the points."""
+        return CreasePoints(self.one.take(rows), self.other.take(rows))
+
+    def across(self, directions: _Vectors) -> _Vectors:
+        """Unit vectors across the crease and rays that pass it in ``directions``."""
+        across = np.cross(directions, self.tangents) * np.sign(self.rate)[:, None]
+        unit: _Vectors = across / np.linalg.norm(across, axis=1, keepdims=True)
+        return unit
+
+    def flows(self, rays: RayBundle) -> tuple[_Values, _Values]:
+        """Solid angle (sr per radian of azimuth) that goes over where either radius grows by 1 mm, for each ray.
+
+        It is taken from the side of :meth:`across`.
+        """
+        scale = 1.0 / (self.rate * ((self.one.points - rays.origins) ** 2).sum(axis=1))
+        by_one, by_other = ((rays.directions * side.normals).sum(axis=1) * scale for side in (self.other, self.one))
+        return by_one, -by_other
+
+
+def _brackets(
+    tables: Tables, scene: Scene, azimuths: Float[np.ndarray, " m"]
+) -> tuple[Int[np.ndarray, "2 p"], Float[np.ndarray, " p"], Float[np.ndarray, "2 p"]]:
+    """The two faces that meet at each point of a crease, its meridian, and radii of the chart on both sides of it."""
+    before = () if scene.chain is None else scene.chain.before
+    bounding, steps = (
+        [face for face, medium in enumerate(before) if medium == CAVITY],
+        np.linspace(0.0, 1.0, _STEPS + 1),
+    )
+    chart = steps[:, None] * np.stack([np.cos(azimuths), np.sin(azimuths)], axis=1)[:, None]
+    directions = to_sphere(chart).reshape(-1, 3)
+    radii = [evaluate_table(scene.grid, tables[face], directions) for face in bounding]
+    nearest = (
+        np.array(bounding)[np.argmin(radii, axis=0)] if len(bounding) > 1 else np.zeros(len(directions), dtype=int)
+    )
+    nearest = nearest.reshape(len(azimuths), -1)
+    meridian, step = np.nonzero(nearest[:, 1:] != nearest[:, :-1])
+    faces = np.stack([nearest[meridian, step], nearest[meridian, step + 1]])
+    return faces, azimuths[meridian], np.stack([steps[step], steps[step + 1]])
+
+
+def _places(face: Int[np.ndarray, " p"], corner: Int[np.ndarray, "p 2"]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Indices among all tables of the coefficients of a face that act at each point."""
+    rows, columns = (corner[:, axis, None] + np.arange(4) for axis in (0, 1))
+    return face[:, None, None], rows[:, :, None], columns[:, None, :]
+
+
+def _gain(
+    tables: Tables, scene: Scene, rays: RayBundle, crossing: CreasePoints, worth: Worth
+) -> Float[np.ndarray, " n"]:
+    """Difference in worth of light beside the crease for each ray: it leaves the side of ``across``.
+
+    Where a ray meets a face before the crease, that is the same on both sides.
+    """
+    across = crossing.across(rays.directions)
+    beside = []
+    for sign in (1.0, -1.0):
+        directions = rays.directions + sign * _BESIDE * across
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        beside.append(replace(rays, directions=directions, flux=np.ones(len(rays))))
+    from_side, to_side = worth(TracedBundle.of(tables, scene, RayBundle.joined(beside))).reshape(2, -1)
+    return to_side - from_side

@@ -1,0 +1,268 @@
+"""Light that crosses creases behind the first face that it meets, as any face moves: a part of a derivative.
+
+``light.crease`` has the creases of the cavity, which rays meet first; here the rays that pass a crease are found by
+tracing. Each of many fans has its rays in a plane through the axis, by the angle t from it. Where two neighbours of a
+fan meet other faces, their interval is narrowed down to the ray in between that meets a crease. It meets both faces
+after the same path, ``G = t_b - t_a = 0``. Where faces move, this ray turns by ``dt = -dG / (dG/dt)``, and the flux
+that goes over is the fan's (W/rad) times dt. G depends on both faces at the crease and, by the line of the ray, on all
+that it met before: the adjoint of the tracer has that, of a path that ends before the crease.
+
+Left out, as there: the edge of total reflection, the rim, and rays that only just touch a face.
+"""
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int, Int8
+
+from lensforge.kernels.chain import BODY, FROM_BEHIND, REFLECTED
+from lensforge.kernels.fate import Fate
+from lensforge.light.crease import OnFaces, Worth, require_as_designed
+from lensforge.light.table_trace import Scene, Tables, TracedBundle
+from lensforge.scene.exit_rays import Sensitivities
+from lensforge.sources.emitting_area import sobol
+from lensforge.sources.ray_bundle import RayBundle, Source, towards
+from lensforge.surfaces.surface import to_chart
+
+_PARTS, _TIMES = 8, 6  # of an interval, and how often it is divided: from a few degrees to 1e-7 rad
+_ROUNDS = 4  # in which intervals are looked through that hold several changes
+_BESIDE = 1e-6  # rad: rays on both sides pass the crease at this angle
+_TOGETHER = 1e-3  # of their path: so close to each other they meet the faces of a crease
+
+_Values = Float[np.ndarray, " k"]
+_Vectors = Float[np.ndarray, "k 3"]
+_Numbers = Int[np.ndarray, " k"]
+
+
+def later_crease_gradients(
+    tables: Tables, scene: Scene, source: Source, worth: Worth, fans: int = 2**8, rays: int = 48, seed: int = 0
+) -> Tables:
+    """Gradients of a merit by all ``tables`` for light that crosses creases at its second event and later.
+
+    ``fans``: their number, of ``rays`` each, from start points of ``source`` that are drawn by ``seed``; ``worth`` as
+    in :func:`~lensforge.light.crease.crease_gradients`, with the same errors.
+    """
+    require_as_designed(scene)
+    total: Tables = np.zeros(tables.shape)
+    if scene.chain is None:
+        return total
+    drawn = Fans.of(source, float(tables[0].max()), fans, rays, seed)
+    found = _changes(drawn, tables, scene)
+    found = found.take(found.later)
+    beside = [drawn.rays(found.fan, found.middle + sign * _BESIDE) for sign in (-1.0, 1.0)]
+    creases = _at_creases(found, *(TracedBundle.of(tables, scene, each) for each in beside))
+    if not creases.any():
+        return total
+    found, low, high = found.take(creases), *(TracedBundle.of(tables, scene, each.take(creases)) for each in beside)
+    flux = drawn.flux(found.fan, found.middle) * (worth(low) - worth(high))
+    return _gradients(found, low, high, flux)
+
+
+@dataclass(frozen=True)
+class Fans:
+    """Rays of one start point each, aimed at points ``radius_mm`` from the origin at some ``azimuths`` about the axis.
+
+    ``starts``: a ray of each fan; ``angles``: from the axis (rad) of those of which the flux is known, the same in all
+    fans, with ``known``: that flux (W/rad).
+    """
+
+    radius_mm: float
+    azimuths: Float[np.ndarray, " n"]
+    starts: RayBundle
+    angles: Float[np.ndarray, " s"]
+    known: Float[np.ndarray, "s n"]
+
+    @staticmethod
+    def of(source: Source, radius_mm: float, count: int, rays: int, seed: int) -> "Fans":
+        """Draw fans by ``seed``. Raises :class:`InputError` for a source that does not know its light there."""
+        azimuths = 2.0 * np.pi * sobol(count, 5, seed)[:, 4]
+        angles = 0.5 * np.pi * (np.arange(rays) + np.random.default_rng(seed).random()) / rays
+        known = []
+        for angle in angles:
+            along = _directions(np.full(count, angle), azimuths)
+            aimed = towards(source, radius_mm * along, seed)
+            away = np.linalg.norm(radius_mm * along - aimed.origins, axis=1) / radius_mm
+            by_angle = (aimed.directions * along).sum(axis=1) / away**2 * np.sin(angle)  # sr/rad^2
+            known.append(2.0 * np.pi * aimed.flux * by_angle)
+        return Fans(radius_mm, azimuths, aimed, angles, np.stack(known))
+
+    def rays(self, fan: _Numbers, angle: _Values) -> RayBundle:
+        """Rays of some fans at angles (rad) from the axis, of 1 W each."""
+        starts = self.starts.take(fan)
+        away = self.radius_mm * _directions(angle, self.azimuths[fan]) - starts.origins
+        return replace(starts, directions=away / np.linalg.norm(away, axis=1, keepdims=True), flux=np.ones(len(fan)))
+
+    def flux(self, fan: _Numbers, angle: _Values) -> _Values:
+        """Flux (W/rad) of some fans at angles between those at which it is known."""
+        place = np.interp(angle, self.angles, np.arange(len(self.angles)))
+        low = np.minimum(place.astype(int), len(self.angles) - 2)
+        found: _Values = self.known[low, fan] + (place - low) * (self.known[low + 1, fan] - self.known[low, fan])
+        return found
+
+
+def _directions(angle: _Values, azimuth: _Values) -> _Vectors:
+    sine = np.sin(angle)
+    along: _Vectors = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), np.cos(angle)], axis=1)
+    return along
+
+
+@dataclass(frozen=True)
+class _Changes:
+    """Intervals of angle (rad) in fans, and what rays meet at both ends, which differs."""
+
+    fan: _Numbers
+    low: _Values
+    high: _Values
+    met_low: Int8[np.ndarray, "k e"]
+    met_high: Int8[np.ndarray, "k e"]
+
+    @property
+    def middle(self) -> _Values:
+        """Angle in the middle of each."""
+        middle: _Values = 0.5 * (self.low + self.high)
+        return middle
+
+    @property
+    def event(self) -> _Numbers:
+        """The first event that differs."""
+        event: _Numbers = np.argmax(self.met_low != self.met_high, axis=1)
+        return event
+
+    @property
+    def codes(self) -> tuple[_Numbers, _Numbers]:
+        """What is met at that event on both sides, as in ``kernels.chain``."""
+        rows = np.arange(len(self.fan)), self.event
+        return self.met_low[rows].astype(int), self.met_high[rows].astype(int)
+
+    @property
+    def later(self) -> Bool[np.ndarray, " k"]:
+        """Those where other faces are met, and not first."""
+        one, other = self.codes
+        later: Bool[np.ndarray, " k"] = (self.event > 0) & (one >= 0) & (other >= 0) & (one >> 2 != other >> 2)
+        return later
+
+    def take(self, rows: np.ndarray) -> "_Changes":
+        """Select some."""
+        return _Changes(*(getattr(self, each.name)[rows] for each in fields(self)))
+
+    def narrowed(self, fans: Fans, tables: Tables, scene: Scene) -> "_Changes":
+        """Narrow each interval down to the first change in it."""
+        found, rows = self, np.arange(len(self.fan))
+        for _ in range(_TIMES):
+            angles = found.low + (found.high - found.low) * np.arange(_PARTS + 1)[:, None] / _PARTS
+            inner = fans.rays(np.tile(found.fan, _PARTS - 1), angles[1:-1].ravel())
+            met = TracedBundle.of(tables, scene, inner).met
+            assert met is not None
+            met = np.concatenate([found.met_low, met, found.met_high]).reshape(_PARTS + 1, len(rows), -1)
+            first = np.argmax((met[1:] != met[:-1]).any(axis=2), axis=0)
+            ends = angles[first, rows], angles[first + 1, rows], met[first, rows], met[first + 1, rows]
+            found = _Changes(self.fan, *ends)
+        return found
+
+
+def _changes(fans: Fans, tables: Tables, scene: Scene) -> _Changes:
+    """All places in fans where rays change their way, each narrowed down; several in one interval, too."""
+    count, steps = len(fans.azimuths), len(fans.angles)
+    rays = fans.rays(np.tile(np.arange(count), steps), np.repeat(fans.angles, count))
+    met = TracedBundle.of(tables, scene, rays).met
+    assert met is not None
+    met = met.reshape(steps, count, -1)
+    step, fan = np.nonzero((met[1:] != met[:-1]).any(axis=2))
+    wide = _Changes(fan, fans.angles[step], fans.angles[step + 1], met[step, fan], met[step + 1, fan])
+    found: list[_Changes] = []
+    while len(wide.fan) and len(found) < _ROUNDS:
+        found.append(wide.narrowed(fans, tables, scene))
+        rest = _Changes(wide.fan, found[-1].high, wide.high, found[-1].met_high, wide.met_high)
+        wide = rest.take((rest.met_low != rest.met_high).any(axis=1))
+    every = [*found, wide]
+    return _Changes(*(np.concatenate([getattr(each, part.name) for each in every]) for part in fields(_Changes)))
+
+
+def _at_creases(found: _Changes, low: TracedBundle, high: TracedBundle) -> Bool[np.ndarray, " k"]:
+    """True where the rays beside a change differ in nothing before it, and then meet two faces in one place."""
+    assert low.met is not None and high.met is not None
+    rows, event = np.arange(len(found.fan)), found.event
+    same: Bool[np.ndarray, " k"] = (low.met[rows, event] == found.codes[0]) & (high.met[rows, event] == found.codes[1])
+    before = np.arange(low.met.shape[1]) < event[:, None]
+    same &= ((low.met == found.met_low) & (high.met == found.met_low) | ~before).all(axis=1)
+    chosen = np.flatnonzero(same)
+    places = [each.hits for each in (_Lines.of(low, event, chosen), _Lines.of(high, event, chosen))]
+    path = low.lengths[chosen, event[chosen]]
+    same[chosen] = np.linalg.norm(places[1] - places[0], axis=1) < _TOGETHER * path
+    return same
+
+
+@dataclass(frozen=True)
+class _Lines:
+    """Rays before one of their events: where and which way they start, and their paths (mm) to the face there."""
+
+    points: _Vectors
+    directions: _Vectors
+    paths: _Values
+
+    @property
+    def hits(self) -> _Vectors:
+        """Where they meet it (mm)."""
+        hits: _Vectors = self.points + self.paths[:, None] * self.directions
+        return hits
+
+    @staticmethod
+    def of(traced: TracedBundle, event: _Numbers, rows: _Numbers) -> "_Lines":
+        """Follow some rays of a bundle to an event of each."""
+        assert traced.met is not None and traced.scene.chain is not None
+        event, met, paths = event[rows], traced.met[rows].astype(int), traced.lengths[rows]
+        points, directions = traced.rays.origins[rows], traced.rays.directions[rows]
+        for number in range(event.max(initial=0)):
+            on = np.flatnonzero(number < event)
+            points[on] += paths[on, number, None] * directions[on]
+            directions[on] = _behind(traced, rows[on], met[on, number], points[on], directions[on])
+        return _Lines(points, directions, paths[np.arange(len(rows)), event])
+
+
+def _behind(traced: TracedBundle, rows: _Numbers, code: _Numbers, points: _Vectors, along: _Vectors) -> _Vectors:
+    """Directions of rays behind the faces that they meet at ``points``, by Snell's law or reflected."""
+    scene, body = traced.scene, traced.body[0]
+    assert scene.chain is not None
+    face, back = code >> 2, (code & FROM_BEHIND) > 0
+    before, behind, _ = scene.chain.packed(scene.media)
+    indices = np.tile([scene.media.cavity_index, 1.0, scene.media.outside_index], (len(rows), 1))
+    indices[:, BODY] = body[rows] if len(body) > 1 else body
+    one, other = (indices[np.arange(len(rows)), side[face]] for side in (before, behind))
+    ratio = np.where(back, other / one, one / other)[:, None]
+    normals = OnFaces.of(traced.tables, scene.grid, face, to_chart(points)).normals
+    normals *= (np.where(back, -1.0, 1.0) / np.linalg.norm(normals, axis=1))[:, None]
+    cosine = (along * normals).sum(axis=1, keepdims=True)
+    root = np.sqrt(np.maximum(1.0 - ratio**2 * (1.0 - cosine**2), 0.0))
+    reflected = (code & REFLECTED)[:, None] > 0
+    refracted = ratio * along + (root - ratio * cosine) * normals
+    found: _Vectors = np.where(reflected, along - 2.0 * cosine * normals, refracted)
+    return found
+
+
+def _gradients(found: _Changes, low: TracedBundle, high: TracedBundle, flux: _Values) -> Tables:
+    """Gradients by all tables: ``flux`` (of the merit, per rad) goes over where the angle of a change grows."""
+    scene, rows, event = low.scene, np.arange(len(flux)), found.event
+    line, beside = _Lines.of(low, event, rows), _Lines.of(high, event, rows)
+    chart = to_chart(line.hits)
+    faces = [OnFaces.of(low.tables, scene.grid, code >> 2, chart) for code in found.codes]
+    steep = [(face.normals * line.directions).sum(axis=1) for face in faces]
+    across = faces[0].normals / steep[0][:, None] - faces[1].normals / steep[1][:, None]
+    there = beside.points + line.paths[:, None] * beside.directions
+    by_gap = -flux * 2.0 * _BESIDE / (across * (there - line.hits)).sum(axis=1)
+    total: Tables = np.zeros(low.tables.shape)
+    faces[0].add(-by_gap / steep[0], total)
+    faces[1].add(by_gap / steep[1], total)
+    by_point = by_gap[:, None] * across
+    by, nothing = Sensitivities(by_point, line.paths[:, None] * by_point), np.zeros(len(flux))
+    total += _before(low, event).gradients(by, nothing, nothing)
+    return total
+
+
+def _before(traced: TracedBundle, event: _Numbers) -> TracedBundle:
+    """The rays as if they left the lens before an event of each, which ends their adjoint there."""
+    assert traced.met is not None
+    kept = np.arange(traced.met.shape[1]) < event[:, None]
+    met = np.where(kept, traced.met, -1).astype(np.int8)
+    exits = replace(traced.at_lens, fates=np.full(len(event), Fate.LEFT_LENS, dtype=np.int8))
+    scene = replace(traced.scene, media=replace(traced.scene.media, cover_glass=None))
+    return replace(traced, scene=scene, met=met, at_lens=exits, exits=exits)
