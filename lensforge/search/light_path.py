@@ -21,6 +21,7 @@ from torch.utils.checkpoint import checkpoint
 from lensforge import seeds
 from lensforge.kernels.image_sums import SAFE_SIN2, SIN2_SCALE, collect, collect_adjoint
 from lensforge.kernels.parallel import CHUNKS, in_chunks
+from lensforge.light.crease import crease_gradients, worth_on
 from lensforge.light.device_trace import DeviceTable, first_crossing, tables_on
 from lensforge.light.sequential_trace import Crossing, EnteringRays, trace_sequence
 from lensforge.light.table_trace import Scene, TracedBundle
@@ -30,7 +31,7 @@ from lensforge.scene.perturbations import Draws
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.scene.receiver import Landings, PosedReceiver
 from lensforge.search.parameters import Parametrisation
-from lensforge.sources.ray_bundle import RayBundle
+from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec import Spec
 from lensforge.spec.tolerances_section import Factor, factors_of
 from lensforge.surfaces.bicubic_table import TableGrid
@@ -138,6 +139,24 @@ def _splat(hits: Float[Tensor, "n 2"], flux: Float[Tensor, " n"], grid: PixelGri
     return image.reshape(grid.rows + 2, framed)[1:-1, 1:-1]
 
 
+class _AtCreases(torch.autograd.Function):
+    """The sums as they are; their gradient by the tables for light that crosses the creases of the cavity."""
+
+    @staticmethod
+    def forward(
+        ctx: Any, tables: Tensor, scene: Scene, source: Source, receivers: tuple[PosedReceiver, ...], *sums: Tensor
+    ) -> Any:
+        ctx.tables, ctx.scene, ctx.source, ctx.receivers = tables.detach().numpy(), scene, source, receivers
+        return tuple(each.clone() for each in sums)
+
+    @staticmethod
+    def backward(ctx: Any, *by: Tensor) -> Any:
+        images = [each.contiguous().numpy() for each in by[::4]]
+        sums = [np.array([float(each) for each in by[first + 1 : first + 4]]) for first in range(0, len(by), 4)]
+        found = crease_gradients(ctx.tables, ctx.scene, ctx.source, worth_on(ctx.receivers, images, sums))
+        return torch.from_numpy(found), None, None, None, *by
+
+
 _CHUNK = 2**19  # rays; their graph takes 2.5 GiB
 
 
@@ -168,12 +187,17 @@ class TableSurface:
 
 @dataclass(frozen=True)
 class LightPath:
-    """Path of the light through the lens and to the receivers, each of which sees every exit ray."""
+    """Path of the light through the lens and to the receivers, each of which sees every exit ray.
+
+    ``source``: where faces meet in creases, for the light that crosses these; None where there is no such light, or
+    where the source cannot say how much it is.
+    """
 
     scene: Scene
     receivers: tuple[PosedReceiver, ...]
     device: torch.device | None = None
     chunk: int = _CHUNK
+    source: Source | None = None
 
     def through(
         self,
@@ -194,15 +218,22 @@ class LightPath:
         if self.device is None:
             landed, sin2_exit = landed_through(tables, self.scene, rays, self.receivers)
             emitted = torch.from_numpy(rays.flux)
-            return tuple(
+            found = tuple(
                 collected(landings, sin2_exit, emitted, receiver.grid, receiver.window)
                 for receiver, landings in zip(self.receivers, landed, strict=True)
             )
+            return found if self.source is None or self.scene.made is not None else self._with_creases(tables, found)
         there = tables_on(self.device, tables[0], tables[1], self.scene)
         starts = range(0, len(rays), self.chunk)
         parts = [self._part(there, rays.take(slice(start, start + self.chunk))) for start in starts]
         sums = [torch.stack(each).sum(dim=0).cpu() for each in zip(*parts, strict=True)]
         return tuple(Collected(*sums[first : first + 4]) for first in range(0, len(sums), 4))
+
+    def _with_creases(self, tables: Tensor, found: tuple[Collected, ...]) -> tuple[Collected, ...]:
+        sums = [each for own in found for each in vars(own).values()]
+        places = self.scene, self.source, self.receivers
+        same = _AtCreases.apply(tables, *places, *sums)  # type: ignore[no-untyped-call]  # as torch has it
+        return tuple(Collected(*same[first : first + 4]) for first in range(0, len(same), 4))
 
     def _part(self, tables: tuple[DeviceTable, DeviceTable], rays: RayBundle) -> tuple[Tensor, ...]:
         inner, outer = (TableSurface(table) for table in tables)

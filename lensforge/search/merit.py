@@ -26,7 +26,7 @@ from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.light_path import Collected, LightPath, Pair
 from lensforge.search.parameters import ChartMirrors, Parametrisation, chart_mirrors, mirrored_light
 from lensforge.sources.build_source import summarise
-from lensforge.sources.ray_bundle import RayBundle, Source
+from lensforge.sources.ray_bundle import RayBundle, Source, aims
 from lensforge.spec import Spec, Target
 
 # Factors of the terms added to an NMSE of order 0.01 to 1. A receiver that is judged by uniformity and efficiency has
@@ -302,7 +302,9 @@ class MeritFunction:
         scene = Scene(spec.lens.media, parametrisation.grid, fresnel, chain=Chain.of_lens(spec.lens))
         efficacy = summarise(source, spec.source).lumens_per_watt if spec.limits else None
         limits = tuple(map(LimitTerm.of, light_limits(spec, receivers, efficacy, source.flux_w)))
-        return MeritFunction(spec, parametrisation, LightPath(scene, receivers, device), terms, limits)
+        crossing = source if scene.chain is not None and aims(source) else None
+        light = LightPath(scene, receivers, device, source=crossing)
+        return MeritFunction(spec, parametrisation, light, terms, limits)
 
     def evaluate(
         self,

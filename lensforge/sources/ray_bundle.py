@@ -140,6 +140,15 @@ def towards(source: Source, targets: Float[np.ndarray, "n 3"], seed: int) -> Ray
     return source.towards(targets, seed)
 
 
+def aims(source: Source) -> bool:
+    """True for a source whose light into any direction is known."""
+    try:
+        towards(source, np.array([[0.0, 0.0, 1.0]]), 0)
+    except InputError:
+        return False
+    return True
+
+
 def aimed(
     rays: RayBundle,
     targets: Float[np.ndarray, "n 3"],
