@@ -187,8 +187,8 @@ class DesignProgress:
 
     def __init__(self, clock: StageClock, spec: Spec) -> None:
         self._clock = clock
-        levels = spec.lens.levels
-        self._of_levels, self._of_steps = ("", False) if levels == "auto" else (f"/{len(levels)}", True)
+        automatic = spec.lens.levels == "auto"
+        self._of_levels, self._of_steps = ("", False) if automatic else (f"/{len(spec.lens.shape_levels)}", True)
         self._last: Step | None = None
         self._level_began = 0, 0.0  # step and seconds
         self._searching = True

@@ -61,7 +61,6 @@ from lensforge.light.simulation import (
 )
 from lensforge.results import Metric, Sense
 from lensforge.results.chart import light_unit
-from lensforge.scene.body import radii
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.lens import Lens
 from lensforge.scene.limit_readings import LightLimit, light_limits
@@ -75,9 +74,8 @@ from lensforge.sources.measured_rays import held_back, searched
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec import AnyReceiver, Spec
 from lensforge.spec.accuracy import Preset
-from lensforge.surfaces.srbf import fibonacci_hemisphere
 
-_ACROSS, _SPREAD = 2.1, fibonacci_hemisphere(2000)  # a ray crosses a body within twice its radius
+_ACROSS = 2.1  # a ray crosses a body within twice its radius
 _SCRAMBLES, _RAYS = 8, 2**8  # few: each is traced through the exact surfaces, which is slow
 
 
@@ -108,7 +106,7 @@ def _through_exact(lens: Lens, traced: TracedLens, rays: RayBundle) -> ExitRays:
         inner, outer = (TableScan(traced.scene.grid, table) for table in traced.tables)
         return trace_exact(*exact_surfaces(lens, (inner, outer)), lens.media, rays)
     surfaces = {name: FixedSurface(surface, DenseScan()) for name, surface in lens.surfaces.items()}
-    reach_mm = _ACROSS * float(radii(lens.body.envelope, _SPREAD).min(axis=0).max())
+    reach_mm = _ACROSS * lens.body.largest_mm
     return trace_chain(TracedFaces(surfaces, chain, reach_mm), EnteringRays.of(rays, lens.media))
 
 

@@ -44,7 +44,6 @@ from lensforge.sources.rayfiles.ray_file_io import read_rayfile, write_rayfile
 from lensforge.sources.source_spectrum import Spectrum
 from lensforge.spec.accuracy import Preset
 from lensforge.surfaces.mirror_group import NAMES, contains
-from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 _FAR_FIELDS = {"ies": IES_FILE, "ldt": LDT_FILE, "tm33": TM33_FILE}
 
@@ -131,7 +130,6 @@ def measure_photometry(
     summary = summarise(source, lens.spec.source)
     bright, section = SourceLumens.of(lumens, summary), lens.spec.photometry
     bright.require_known(section)
-    radius_mm = float(lens.outer.radius(fibonacci_hemisphere(20_000)).max())
     light = trace_exit_light(
         TracedLens.of(lens, preset.evaluate_nodes_per_sigma),
         source,
@@ -139,7 +137,7 @@ def measure_photometry(
         rays=rays,
         most_rays=preset.photometry_rays,
         seed=lens.seed,
-        sphere_mm=_SLACK * radius_mm,
+        sphere_mm=_SLACK * lens.body.largest_mm,
         street_deg=section.street_side_deg,
     )
     per_watt, fitted = bright.lumens / source.flux_w, light.intensity

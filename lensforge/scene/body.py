@@ -16,10 +16,12 @@ from jaxtyping import Float, Int
 from lensforge.errors import InputError
 from lensforge.optics.media import BODY, CAVITY, MEDIA, MOST_EVENTS, SIDES, Media, Mirror
 from lensforge.spec.lens_section import AnyLens
+from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface, grid, to_sphere
 
 _Sides = Int[np.ndarray, " f"]
 
+_DIRECTIONS = 20_000
 _NODES = 96  # of the chart's grid on which faces are compared
 
 
@@ -96,6 +98,11 @@ class Body:
     def envelope(self) -> tuple[Face, ...]:
         """The faces by which light leaves the body, or is reflected in it."""
         return self.bounding(BODY)
+
+    @cached_property
+    def largest_mm(self) -> float:
+        """Largest distance of its envelope from the origin above z = 0, over 20,000 directions."""
+        return float(radii(self.envelope, fibonacci_hemisphere(_DIRECTIONS)).min(axis=0).max())
 
     def chain(self, events: int) -> Chain:
         """The faces as rays meet them that may meet any of them."""

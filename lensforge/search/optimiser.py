@@ -124,7 +124,7 @@ class Descent:
         steps = range(self.state.step, stage.steps)
         own_seeds = (seeds.of_step(self.seed, earlier + step) for step in steps)
         for step, rays in zip(steps, rays_ahead(self.source, stage.rays, own_seeds), strict=True):
-            with remedy("raise lens.inner.offset_mm or lens.outer.offset_mm"):
+            with remedy(f"raise {' or '.join(f'lens.{name}.offset_mm' for name in problem.spec.lens.names)}"):
                 every = torch.cat([weights, still]) if still.any() else weights
                 pair = self._pair(problem, earlier + step)
                 result = problem.merit.evaluate(every, offsets, rays, problem.constraints, stage.uniform, pair)

@@ -88,11 +88,11 @@ def _finding(
 def wall_criteria(spec: Spec, walls: Walls) -> tuple[Criterion, ...]:
     """The thinnest wall, and the thickest where the spec limits it; both within the tolerance of the search."""
     limits, again = spec.constraints, "or give the last level more steps; the wall is"
-    remedy = f"raise lens.outer.offset_mm {again} thinnest at ({_place(walls.thinnest)}) mm"
+    remedy = f"raise lens.{spec.lens.names[-1]}.offset_mm {again} thinnest at ({_place(walls.thinnest)}) mm"
     least = at_least("thinnest wall", walls.thinnest.thickness_mm, least_wall_mm(spec), "mm", remedy)
     if limits.max_wall_mm is None:
         return (least,)
-    remedy = f"raise lens.inner.offset_mm {again} thickest at ({_place(walls.thickest)}) mm"
+    remedy = f"raise lens.{spec.lens.names[0]}.offset_mm {again} thickest at ({_place(walls.thickest)}) mm"
     most = limits.max_wall_mm + limits.tolerance_mm
     return least, at_most("largest radial wall", walls.thickest.thickness_mm, most, "mm", remedy)
 
