@@ -2,8 +2,9 @@
 
 The light of a body is a sum over rays, and the adjoint differentiates each as if it kept its faces. Rays that cross a
 crease as a face moves add a term: the flux that crosses, times what changes with the crossing. ``light.crease`` has it
-for creases of the cavity, which rays meet first, ``light.later_creases`` for others. Differences of the sum over those rays alone that change their way,
-over a step so large that many do, tell the size of each cause: what the first event is that is another one.
+for creases of the cavity, which rays meet first, ``light.later_creases`` for others. Differences of the sum over those
+rays alone that change their way, over a step so large that many do, tell the size of each cause: what the first event
+is that is another one.
 
     python benchmarks/crease_derivative.py
 
