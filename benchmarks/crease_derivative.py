@@ -2,8 +2,9 @@
 
 The light of a body is a sum over rays, and the adjoint differentiates each as if it kept its faces. Rays that cross a
 crease as a face moves add a term: the flux that crosses, times what changes with the crossing. ``light.crease`` has it
-for creases of the cavity, which rays meet first. Differences of the sum over those rays alone that change their way,
-over a step so large that many do, tell the size of each cause: what the first event is that is another one.
+for creases of the cavity, which rays meet first, ``light.later_creases`` for others. Differences of the sum over those
+rays alone that change their way, over a step so large that many do, tell the size of each cause: what the first event
+is that is another one.
 
     python benchmarks/crease_derivative.py
 
@@ -17,6 +18,7 @@ import numpy as np
 
 import lensforge as lf
 from lensforge.light.crease import crease_gradients
+from lensforge.light.later_creases import later_crease_gradients
 from lensforge.light.simulation import TracedLens
 from lensforge.light.table_trace import TracedBundle
 from lensforge.optics.media import BODY, CAVITY, OUTSIDE, Media, Medium
@@ -28,7 +30,8 @@ from lensforge.surfaces.reciprocal import ConeFace, ConicFace, PlaneFace
 
 REACH_MM, EVENTS, STEP_MM, SEEDS, RAYS = 16.0, 4, 1e-2, 16, 2**18
 SAMPLES, STEP_RAYS, REPEATS = 2**11, 2**17, 5
-CAUSES = "the same by differences", "later creases", "edge of total reflection", "rim"
+COMPUTED = "adjoint", "creases of the cavity", "later creases"
+CAUSES = "cavity, by differences", "later, by differences", "edge of total reflection", "rim"
 SOURCE = build_source(lf.SquareSource(side_mm=1.0), None)
 COLLIMATOR = Body(
     (
@@ -78,7 +81,8 @@ def slopes(lens: TracedLens, seed: int) -> np.ndarray:
             moved[face] += sign * STEP_MM
             ends.append(TracedBundle.of(moved, lens.scene, rays))
         by_cause.append(changes(ends))
-    found = adjoint(lens, rays), crease_gradients(lens.tables, lens.scene, SOURCE, shares, SAMPLES, seed)
+    scene = lens.tables, lens.scene, SOURCE, shares
+    found = adjoint(lens, rays), crease_gradients(*scene, SAMPLES, seed), later_crease_gradients(*scene, seed=seed)
     return np.stack([*(each.sum(axis=(1, 2)) for each in found), *np.transpose(by_cause)])
 
 
@@ -101,14 +105,14 @@ def main() -> None:
     """Print a table in Markdown, and times."""
     lens = TracedLens.of_body(COLLIMATOR, Media(Medium(1.4936)), EVENTS, 8.0)
     found = np.array([slopes(lens, seed) for seed in range(SEEDS)])
-    print(f"| face | adjoint | creases of the cavity | {' | '.join(CAUSES)} |\n|{7 * '---|'}")
+    print(f"| face | {' | '.join((*COMPUTED, *CAUSES))} |\n|{8 * '---|'}")
     for face, name in enumerate(lens.scene.names):
         print(f"| {name} | {' | '.join(map(cell, found[:, :, face].T))} |")
     rays = SOURCE.sample(STEP_RAYS, 0)
     step = seconds(lambda: adjoint(lens, rays))
-    for samples in (SAMPLES, 2 * SAMPLES):
-        term = seconds(lambda samples=samples: crease_gradients(lens.tables, lens.scene, SOURCE, shares, samples))
-        print(f"{len(rays)} rays, traced and back: {step:.3f} s; creases, {samples} points: {term:.3f} s")
+    print(f"{len(rays)} rays, traced and back: {step:.3f} s")
+    for term in (crease_gradients, later_crease_gradients):
+        print(f"{term.__name__}: {seconds(lambda term=term: term(lens.tables, lens.scene, SOURCE, shares)):.3f} s")
 
 
 if __name__ == "__main__":

@@ -12,8 +12,8 @@ proportion to ``n_b drho_a - n_a drho_b``: the faces need not meet at any least 
 flux times what a further watt is worth on one way more than on the other (T.-M. Li et al., ACM Trans. Graph. 37, 222
 (2018), for edges of triangles). Each way is that of a ray beside the crease.
 
-Left out: rays at creases that they meet later, at the edge of total reflection and at the rim, and rays that only just
-touch a face.
+Left out: creases that rays meet later, for which there is ``light.later_creases``; the edge of total reflection; the
+rim; and rays that only just touch a face.
 """
 
 from collections.abc import Callable, Sequence

@@ -130,13 +130,13 @@ class _Changes:
 
     @property
     def codes(self) -> tuple[_Numbers, _Numbers]:
-        """What is met at that event on both sides, as in ``kernels.chain``."""
+        """Codes of what is met at that event on both sides, as in ``kernels.chain``."""
         rows = np.arange(len(self.fan)), self.event
         return self.met_low[rows].astype(int), self.met_high[rows].astype(int)
 
     @property
     def later(self) -> Bool[np.ndarray, " k"]:
-        """Those where other faces are met, and not first."""
+        """True where other faces are met, and not first."""
         one, other = self.codes
         later: Bool[np.ndarray, " k"] = (self.event > 0) & (one >= 0) & (other >= 0) & (one >> 2 != other >> 2)
         return later
@@ -202,7 +202,7 @@ class _Lines:
 
     @property
     def hits(self) -> _Vectors:
-        """Where they meet it (mm)."""
+        """Points (mm) where they meet it."""
         hits: _Vectors = self.points + self.paths[:, None] * self.directions
         return hits
 

@@ -123,16 +123,16 @@ def forward(traced: TracedBundle) -> np.ndarray:
     return traced.exits.flux * traced.exits.left_lens * traced.exits.directions[:, 2]
 
 
-def trumpet(radius: float = 3.2, height: float = 9.0) -> Body:
+def trumpet(slope: float, height: float) -> Body:
     """A collimator from whose side light reaches the crease of wall and exit."""
-    inside = Face("cap", PlaneFace(16.0, 4.0), CAVITY, BODY), Face("side", ConeFace(16.0, radius, -0.05), CAVITY, BODY)
+    inside = Face("cap", PlaneFace(16.0, 4.0), CAVITY, BODY), Face("side", ConeFace(16.0, 3.2, slope), CAVITY, BODY)
     wall, leaves = ConicFace(16.0, 5.0, 1.0), PlaneFace(16.0, height)
     return Body((*inside, Face("wall", wall, BODY, OUTSIDE), Face("exit", leaves, BODY, OUTSIDE)))
 
 
-TRUMPET = {"radius": 3.2, "height": 9.0}
+TRUMPET = {"slope": -0.05, "height": 9.0}
 LATER = [
-    (trumpet, TRUMPET, "radius", 0.015, forward),
+    (trumpet, TRUMPET, "slope", 0.003, forward),
     (trumpet, TRUMPET, "height", 0.03, forward),
     (collimator, {"tilt": 0.1, "draft": 0.05}, "tilt", 0.002, mixed),
 ]
