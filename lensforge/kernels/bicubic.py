@@ -50,13 +50,22 @@ def index_at(position, most):
 
 
 @inline
+def cell_at(X, Y, side, origin, inverse_step):
+    """First row and column that act at a place of the chart, as floats, and how far it is behind the second ones.
+
+    The distances are shares of a step. ``side`` of the table is a float.
+    """
+    px, py = (X - origin) * inverse_step, (Y - origin) * inverse_step
+    i, j = index_at(px - 1.0, side - 4.0), index_at(py - 1.0, side - 4.0)
+    return i, j, px - (i + 1.0), py - (j + 1.0)
+
+
+@inline
 def jet(table, origin, inverse_step, X, Y):
     """``rho`` and its derivatives by X, Y, XX, XY, YY."""
-    most = table.shape[0] - 4.0
-    px, py = (X - origin) * inverse_step, (Y - origin) * inverse_step
-    i, j = index_at(px - 1.0, most), index_at(py - 1.0, most)
-    wx, dx, cx = cubic_splines(px - (i + 1.0))
-    wy, dy, cy = cubic_splines(py - (j + 1.0))
+    i, j, share_x, share_y = cell_at(X, Y, float(table.shape[0]), origin, inverse_step)
+    wx, dx, cx = cubic_splines(share_x)
+    wy, dy, cy = cubic_splines(share_y)
     row, column = int(i), int(j)
     value, x, y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for a in range(4):

@@ -50,6 +50,7 @@ from lensforge.kernels.first_hit import (
     T,
     first_hits,
     three,
+    write,
 )
 from lensforge.kernels.frames import place, rough_normal, turn, z_axis
 from lensforge.kernels.fresnel import dot, mixed, outward_normal, refract, scaled, through, unit
@@ -57,12 +58,6 @@ from lensforge.kernels.fresnel import dot, mixed, outward_normal, refract, scale
 CAVITY, BODY, OUTSIDE = 0, 1, 2
 REFLECTED, FROM_BEHIND = 2, 1
 _PASSES = 8  # over the faces of a cavity, until a ray is in all of them
-
-
-@inline
-def write(rays, place, vector):
-    """Write three numbers into as many fields."""
-    rays[place], rays[place + SIZE], rays[place + 2 * SIZE] = vector
 
 
 @inline

@@ -20,7 +20,7 @@ from math import inf, sqrt
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.kernels.bicubic import cubic_splines, index_at
+from lensforge.kernels.bicubic import cell_at, cubic_splines, index_at
 from lensforge.kernels.compiled import inline
 
 SIZE = 256  # rays
@@ -58,7 +58,7 @@ OWN = 17
 ) = fields(COEFFICIENTS + PER_RAY + OWN, 16)  # fmt: skip
 # In a scene where a ray may meet any of several faces: the medium in which it is, the face last met, the face that it
 # meets next, and the crossing found there; likewise on the way back into the cavity, as far as it has been followed;
-# what is left of its flux by absorption and mirrors; its fields (real and imaginary part of both).
+# what absorption leaves of its flux; its fields (real and imaginary part of both), in which is what its faces leave.
 MEDIUM, LAST, FACE, NEXT, NEXT_STATUS, NEXT_X, NEXT_Y, BACK_FACE, BACK, BACK_STATUS, BACK_X, BACK_Y, CLEAR, ASKED = (
     fields(COEFFICIENTS + PER_RAY + OWN + 16, 14)
 )
@@ -88,14 +88,10 @@ def tile_of(X, Y, origin, bounds):
 
 @inline
 def mark_cell(rays, cell, X, Y, side, origin, inverse_step):
-    """Write into four fields from ``cell`` on: first row and column that act at a place of the chart, shares of a step.
-
-    The place is then so far behind the second row and column.
-    """
-    px, py = (X - origin) * inverse_step, (Y - origin) * inverse_step
-    i, j = index_at(px - 1.0, side - 4.0), index_at(py - 1.0, side - 4.0)
+    """Write :func:`kernels.bicubic.cell_at` into four fields from ``cell`` on."""
+    i, j, share_x, share_y = cell_at(X, Y, side, origin, inverse_step)
     rays[cell], rays[cell + SIZE] = i, j
-    rays[cell + 2 * SIZE], rays[cell + 3 * SIZE] = px - (i + 1.0), py - (j + 1.0)
+    rays[cell + 2 * SIZE], rays[cell + 3 * SIZE] = share_x, share_y
 
 
 @inline
@@ -109,6 +105,12 @@ def mark_hit(rays, k, x, y, z, cell, side, origin, inverse_step):
 def three(rays, place):
     """Three numbers from as many fields."""
     return rays[place], rays[place + SIZE], rays[place + 2 * SIZE]
+
+
+@inline
+def write(rays, place, vector):
+    """Write three numbers into as many fields."""
+    rays[place], rays[place + SIZE], rays[place + 2 * SIZE] = vector
 
 
 @inline
