@@ -8,7 +8,7 @@ the ray was reflected, 1 more where it came from behind the face; below 0 there 
 
 from math import exp, inf, sqrt
 
-from lensforge.kernels.bicubic import bounds_of, jet
+from lensforge.kernels.bicubic import bounds_of, index_at, jet
 from lensforge.kernels.compiled import inline
 from lensforge.kernels.fate import Fate
 from lensforge.kernels.fields import field_behind, passing, reflect, reflecting, squared_lengths, unpolarised
@@ -16,6 +16,7 @@ from lensforge.kernels.first_hit import (
     ALONG_X,
     ASKED,
     BACK,
+    BACK_END,
     BACK_FACE,
     BACK_STATUS,
     BACK_X,
@@ -28,8 +29,10 @@ from lensforge.kernels.first_hit import (
     FIELDS,
     FOUND,
     GOING,
+    GUESS,
     LAST,
     LENGTH,
+    LIMIT,
     LOST,
     MEDIUM,
     MISSED,
@@ -38,6 +41,7 @@ from lensforge.kernels.first_hit import (
     NEXT_X,
     NEXT_Y,
     NUMBER,
+    ON_FACE,
     PX,
     PY,
     PZ,
@@ -72,10 +76,11 @@ def begin_chain(rays, lane, d):
 
 
 @inline
-def keep_nearest(rays, count, medium, face):
+def keep_nearest(rays, count, face):
     """Keep what the search on one face found where it is nearer than what was kept; a search given up stays so."""
-    for k in range(count):
-        if rays[MEDIUM + k] != medium or rays[NEXT_STATUS + k] == LOST:
+    for lane in range(count):
+        k = int(rays[ASKED + lane])
+        if rays[NEXT_STATUS + k] == LOST:
             continue
         status, nearer = rays[STATUS + k], rays[LENGTH + k] < rays[NEXT + k]
         if status == LOST:
@@ -88,21 +93,51 @@ def keep_nearest(rays, count, medium, face):
 
 
 @inline
-def start_one(rays, lane, k, path):
-    """Put ray k of a packet on its way, from ``path`` (mm) ahead."""
+def start_one(rays, lane, k, face, path, end):
+    """Put ray k of a packet on its way, to a ``face`` from ``path`` (mm) ahead to ``end``."""
     rays[NUMBER + lane], rays[T + lane], rays[CLOSING + lane] = float(k), 0.0, 0.0
+    rays[ON_FACE + lane] = 1.0 if rays[LAST + k] == face and path == 0.0 else 0.0
+    rays[LIMIT + lane] = end - path
     for axis in range(0, 3 * SIZE, SIZE):
         along = rays[DX + axis + k]
         rays[X0 + axis + lane], rays[ALONG_X + axis + lane] = rays[PX + axis + k] + path * along, along
 
 
 @inline
-def start_inside(rays, count, medium):
-    """Put those rays of a packet on their way that are in a ``medium``. Returns their number."""
+def guess_faces(rays, count, tables, bounds, scene, chain):
+    """For each ray the face that it is likely to meet: the nearest where it leaves the ball in which no face is.
+
+    Seldom is that the face on which it is. A wrong guess costs time alone.
+    """
+    most = len(tables[0]) - 1.0
+    for k in range(count):
+        medium, least = rays[MEDIUM + k], inf
+        for face in range(len(tables)):
+            least = min(least, bounds.least[face] if chain[0][face] == medium else inf)
+        p, d = three(rays, PX + k), three(rays, DX + k)
+        outward = dot(p, d)
+        path = max(sqrt(max(outward * outward + least * least - dot(p, p), 0.0)) - outward, 0.0)
+        x, y, z = mixed(1.0, p, path, d, 0.0, d)
+        per_shift, nearest = scene[4] / (sqrt(x * x + y * y + z * z) + max(z, 0.0)), inf
+        i = int(index_at(x * per_shift - scene[3] * scene[4] + 0.5, most))
+        j = int(index_at(y * per_shift - scene[3] * scene[4] + 0.5, most))
+        for face in range(len(tables)):
+            if chain[0][face] == medium:
+                radius = tables[face, i, j] if rays[LAST + k] != face else 1e6 * tables[face, i, j]
+                rays[GUESS + k] = float(face) if radius < nearest else rays[GUESS + k]
+                nearest = min(nearest, radius)
+
+
+@inline
+def start_inside(rays, count, medium, face, guessed):
+    """Put those rays of a packet on their way that are in a ``medium``, and for which a face was ``guessed`` or not.
+
+    Returns their number.
+    """
     going = 0
     for k in range(count):
-        if rays[MEDIUM + k] == medium:
-            start_one(rays, going, k, 0.0)
+        if rays[MEDIUM + k] == medium and (rays[GUESS + k] == face) == guessed:
+            start_one(rays, going, k, face, 0.0, rays[NEXT + k])
             going += 1
     return going
 
@@ -122,7 +157,7 @@ def start_outside(rays, count, face, table, scene):
         r = sqrt(x * x + y * y + z * z)
         outside = path == 0.0 and rays[LAST + k] == face
         if outside or r > jet(table, scene[3], scene[4], x / (r + z), y / (r + z))[0]:
-            start_one(rays, going, k, path)
+            start_one(rays, going, k, face, path, rays[BACK_END + k])
             going += 1
     return going
 
@@ -144,10 +179,19 @@ def back_into_cavity(rays, count, tables, bounds, scene, chain):
     """The way of rays in the body back into the cavity, the intersection of what its faces hold.
 
     A ray that is outside of one of them is followed to where it enters that one, until it is in all: it cannot have
-    been in the cavity before. Crossings nearer than the face that bounds the body are kept.
+    been in the cavity before. Crossings nearer than the face that bounds the body are kept. No ray comes back but in
+    the ball in which the cavity lies.
     """
+    ball = inf
+    for face in range(len(tables)):
+        ball = min(ball, (1.0 + 1e-12) * bounds.most[face] if chain[0][face] == CAVITY and chain[1][face] == BODY else inf)
     for k in range(count):
-        rays[BACK_STATUS + k] = GOING if rays[MEDIUM + k] == BODY else MISSED
+        p = three(rays, PX + k)
+        outward = dot(p, three(rays, DX + k))
+        square = outward * outward + ball * ball - dot(p, p)
+        root = sqrt(max(square, 0.0))
+        comes_back = rays[MEDIUM + k] == BODY and square > 0.0 and root > outward and -outward - root < rays[NEXT + k]
+        rays[BACK_STATUS + k], rays[BACK_END + k] = GOING if comes_back else MISSED, min(root - outward, rays[NEXT + k])
         rays[BACK + k], rays[BACK_FACE + k] = 0.0, -1.0
     moved = 1
     for _ in range(_PASSES):
@@ -160,9 +204,7 @@ def back_into_cavity(rays, count, tables, bounds, scene, chain):
                 if going > 0:
                     for lane in range(going):
                         rays[ASKED + lane] = rays[NUMBER + lane]
-                    first_hits(
-                        rays, going, tables[face], scene[3], scene[4], bounds_of(bounds, face), float(face), True
-                    )
+                    first_hits(rays, going, tables[face], scene[3], scene[4], bounds_of(bounds, face), True, True)
                     keep_entry(rays, count, going, float(face))
                     moved += going
     for k in range(count):
@@ -181,12 +223,16 @@ def meet_nearest(rays, count, tables, bounds, scene, chain):
     """For each ray of a packet the nearest crossing of the faces that bound the medium in which it is."""
     for k in range(count):
         rays[NEXT + k], rays[NEXT_STATUS + k], rays[FACE + k] = inf, MISSED, -1.0
-    for face in range(len(tables)):
-        medium, number = chain[0][face], float(face)
-        going = start_inside(rays, count, medium)
+    guess_faces(rays, count, tables, bounds, scene, chain)
+    for place_of in range(2 * len(tables)):
+        guessed, face = place_of < len(tables), place_of % len(tables)
+        going = start_inside(rays, count, chain[0][face], float(face), guessed)
+        asked = going
+        for lane in range(asked):
+            rays[ASKED + lane] = rays[NUMBER + lane]
         if going > 0:
-            first_hits(rays, going, tables[face], scene[3], scene[4], bounds_of(bounds, face), number, False)
-            keep_nearest(rays, count, medium, number)
+            first_hits(rays, going, tables[face], scene[3], scene[4], bounds_of(bounds, face), True, False)
+            keep_nearest(rays, asked, float(face))
     back_into_cavity(rays, count, tables, bounds, scene, chain)
 
 

@@ -63,7 +63,9 @@ MEDIUM, LAST, FACE, NEXT, NEXT_STATUS, NEXT_X, NEXT_Y, BACK_FACE, BACK, BACK_STA
     fields(COEFFICIENTS + PER_RAY + OWN + 16, 14)
 )
 FIELDS = fields(COEFFICIENTS + PER_RAY + OWN + 30, 12)[0]
-PACKET_NUMBERS = (COEFFICIENTS + PER_RAY + OWN + 42) * SIZE
+# The face that a ray is likely to meet, and where its way back into the cavity would end at the latest; of those on their way, whether they start on the face, and where to end.
+GUESS, BACK_END, ON_FACE, LIMIT = fields(COEFFICIENTS + PER_RAY + OWN + 42, 4)
+PACKET_NUMBERS = (COEFFICIENTS + PER_RAY + OWN + 46) * SIZE
 
 
 def empty_packet() -> Float[np.ndarray, " k"]:
@@ -260,11 +262,11 @@ def approach(r, outward, most):
 
 
 @inline
-def walk(rays, count, least, most, tan_reach, face, outside):
+def walk(rays, count, least, most, tan_reach, among, outside):
     """One safe step of every ray that has no bracket yet, or its bracket: ``[t, t - 2 F/slope]`` has one root.
 
     The bracket ends at the plane z = 0, a little below which the table ends: there it is a polynomial without bounds.
-    A ray that starts on this ``face``, which it has met last, is not at a root there.
+    ``among`` several faces a ray that starts on this one is not at a root there, and need not go past its limit.
     """
     for k in range(count):
         t, r, outward, gap, slope = rays[T + k], rays[R + k], rays[OUTWARD + k], rays[F + k], rays[SLOPE + k]
@@ -285,8 +287,8 @@ def walk(rays, count, least, most, tan_reach, face, outside):
         move = min(2.0 * gap / (root - slope) if slope < 0.0 else (slope + root) / bend, path)
         move = move if move * turning <= room else room / turning
         at_root, below = gap <= ROUNDING * r, pz + t * dz < 0.0 and dz <= 0.0
-        if face is not None:
-            at_root = at_root and not (t == 0.0 and slope > 0.0 and rays[LAST + int(rays[NUMBER + k])] == face)
+        if among:
+            at_root = at_root and not (t == 0.0 and slope > 0.0 and rays[ON_FACE + k] == 1.0)
         high = min(t + farthest, plane)
         closed, moved = min(t + 0.5 * farthest, high), t + move
         state = FOUND if move <= 1e-13 * r and not closes else GOING
@@ -295,6 +297,8 @@ def walk(rays, count, least, most, tan_reach, face, outside):
         if outside:
             state = MISSED if leap == inf or (r >= most and outward >= 0.0 and not at_root) else state
         state = BELOW if below else state
+        if among:
+            state = MISSED if (t + leap if leap > 0.0 else max(t, moved)) >= rays[LIMIT + k] else state
         t_after = closed if closes else moved
         t_after = t if at_root else t_after
         t_after = t + leap if leap > 0.0 else t_after
@@ -337,7 +341,7 @@ def close_in(rays, count):
 
 
 @inline
-def settle(rays, count):
+def settle(rays, count, among):
     """Write down what was found; the last ray on its way takes the place.
 
     Returns the number of those that go on, and of those among them that have a bracket.
@@ -354,6 +358,8 @@ def settle(rays, count):
         count -= 1
         for field in range(OWN):
             rays[NUMBER + field * SIZE + k] = rays[NUMBER + field * SIZE + count]
+        if among:
+            rays[ON_FACE + k], rays[LIMIT + k] = rays[ON_FACE + count], rays[LIMIT + count]
     return count, int(closing)
 
 
@@ -369,11 +375,20 @@ def start_all(rays, count):
 
 
 @inline
-def first_hits(rays, count, table, origin, inverse_step, bounds, face, outside):
+def drop_far(rays, count):
+    """End the way of the rays that are past their limits. Returns the number of the others, and 0 for brackets."""
+    for k in range(count):
+        rays[STATE + k] = MISSED if rays[T + k] >= rays[LIMIT + k] else GOING
+    return settle(rays, count, True)
+
+
+@inline
+def first_hits(rays, count, table, origin, inverse_step, bounds, among, outside):
     """First crossings of the ``count`` rays on their way, from points with ``|p| <= rho`` and z >= 0.
 
-    Fills their path lengths, statuses and, where one was found, the table's slopes there. ``face``: its number, where
-    rays may start on it; None: they do not. From ``outside`` points have ``|p| >= rho``.
+    Fills their path lengths, statuses and, where one was found, the table's slopes there. ``among``: whether this is
+    one of several faces, on which rays may start, and behind whose limits no crossing matters. From ``outside`` points
+    have ``|p| >= rho``. Both are known to the compiler.
     """
     side, tiles = float(len(table)), float(len(bounds.tiles))
     closing = 0
@@ -384,14 +399,18 @@ def first_hits(rays, count, table, origin, inverse_step, bounds, face, outside):
             fetch_bounds(rays, count, bounds.tiles)
         if step < _LEAPS and not outside:
             leap(rays, whole, bounds.least, bounds.tan_reach)
+            if among:
+                count, closing = drop_far(rays, count)
+                if count == 0:
+                    return
             continue
         fetch_table(rays, count, table, CELL)
         evaluate(rays, whole, inverse_step, outside)
         if closing > 0:
             close_in(rays, whole)
         if closing < count:
-            walk(rays, whole, bounds.least, bounds.most, bounds.tan_reach, face, outside)
-        count, closing = settle(rays, count)
+            walk(rays, whole, bounds.least, bounds.most, bounds.tan_reach, among, outside)
+        count, closing = settle(rays, count, among)
         if count == 0:
             return
     for k in range(count):

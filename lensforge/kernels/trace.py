@@ -284,7 +284,7 @@ def trace(
         for event in range(lengths.shape[1]):
             if chain is None:  # known to the compiler
                 going = start_all(rays, count)
-                first_hits(rays, going, tables[event], origin, inverse_step, bounds_of(bounds, event), None, False)
+                first_hits(rays, going, tables[event], origin, inverse_step, bounds_of(bounds, event), False, False)
                 if event == 0:
                     count = into_body(
                         rays, count, indices, scene, tables[1], bounds_of(bounds, 1), coatings, rows, placed, rough,
