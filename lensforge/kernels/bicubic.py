@@ -239,6 +239,15 @@ def bounds_of(bounds, face):
 
 
 @inline
+def tile_of(X, Y, origin, bounds):
+    """Bounds near a direction: least radius, largest slope and Hessian."""
+    last = len(bounds.tiles) - 1.0
+    i = int(index_at((X - origin) * bounds.per_unit, last))
+    j = int(index_at((Y - origin) * bounds.per_unit, last))
+    return bounds.tiles[i, j, 0], bounds.tiles[i, j, 1], bounds.tiles[i, j, 2]
+
+
+@inline
 def spread_of_row(table, i, columns):
     """Least coefficient of one row of a block, its largest |differences| x, y, xx, xy, yy, also to the next rows."""
     j0, j1 = columns

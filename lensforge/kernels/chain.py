@@ -14,33 +14,17 @@ from lensforge.kernels.fate import Fate
 from lensforge.kernels.fields import field_behind, passing, reflect, reflecting, squared_lengths, unpolarised
 from lensforge.kernels.first_hit import (
     ALONG_X,
-    ASKED,
-    BACK,
-    BACK_END,
-    BACK_FACE,
-    BACK_STATUS,
-    BACK_X,
-    BACK_Y,
     BELOW,
-    CLEAR,
     CLOSING,
     DX,
-    FACE,
-    FIELDS,
     FOUND,
     GOING,
-    GUESS,
-    LAST,
     LENGTH,
     LIMIT,
     LOST,
-    MEDIUM,
     MISSED,
-    NEXT,
-    NEXT_STATUS,
-    NEXT_X,
-    NEXT_Y,
     NUMBER,
+    OF_CHAIN,
     ON_FACE,
     PX,
     PY,
@@ -52,6 +36,7 @@ from lensforge.kernels.first_hit import (
     STATUS,
     X0,
     T,
+    fields,
     first_hits,
     three,
     write,
@@ -59,6 +44,13 @@ from lensforge.kernels.first_hit import (
 from lensforge.kernels.frames import place, rough_normal, turn, z_axis
 from lensforge.kernels.fresnel import dot, mixed, outward_normal, refract, scaled, through, unit
 
+# The medium in which a ray is, the face last met, the face that it is likely to meet; the nearest crossing found, and
+# its face; likewise on the way back into the cavity, as far as it has been followed, and where that ends at the latest;
+# what absorption leaves of the flux; the rays that are searched; both fields (real, imaginary), as the faces leave them.
+(
+    MEDIUM, LAST, GUESS, FACE, NEXT, NEXT_STATUS, NEXT_X, NEXT_Y, BACK_FACE, BACK, BACK_STATUS, BACK_X, BACK_Y,
+    BACK_END, CLEAR, ASKED, FIELDS,
+) = fields(OF_CHAIN, 17)  # fmt: skip
 CAVITY, BODY, OUTSIDE = 0, 1, 2
 REFLECTED, FROM_BEHIND = 2, 1
 _PASSES = 8  # over the faces of a cavity, until a ray is in all of them
@@ -95,7 +87,7 @@ def keep_nearest(rays, count, face):
 @inline
 def start_one(rays, lane, k, face, path, end):
     """Put ray k of a packet on its way, to a ``face`` from ``path`` (mm) ahead to ``end``."""
-    rays[NUMBER + lane], rays[T + lane], rays[CLOSING + lane] = float(k), 0.0, 0.0
+    rays[NUMBER + lane], rays[ASKED + lane], rays[T + lane], rays[CLOSING + lane] = float(k), float(k), 0.0, 0.0
     rays[ON_FACE + lane] = 1.0 if rays[LAST + k] == face and path == 0.0 else 0.0
     rays[LIMIT + lane] = end - path
     for axis in range(0, 3 * SIZE, SIZE):
@@ -130,10 +122,7 @@ def guess_faces(rays, count, tables, bounds, scene, chain):
 
 @inline
 def start_inside(rays, count, medium, face, guessed):
-    """Put those rays of a packet on their way that are in a ``medium``, and for which a face was ``guessed`` or not.
-
-    Returns their number.
-    """
+    """Put the rays in a ``medium`` on their way for which this face was ``guessed``, or was not. Returns their number."""
     going = 0
     for k in range(count):
         if rays[MEDIUM + k] == medium and (rays[GUESS + k] == face) == guessed:
@@ -184,7 +173,8 @@ def back_into_cavity(rays, count, tables, bounds, scene, chain):
     """
     ball = inf
     for face in range(len(tables)):
-        ball = min(ball, (1.0 + 1e-12) * bounds.most[face] if chain[0][face] == CAVITY and chain[1][face] == BODY else inf)
+        if chain[0][face] == CAVITY and chain[1][face] == BODY:
+            ball = min(ball, (1.0 + 1e-12) * bounds.most[face])
     for k in range(count):
         p = three(rays, PX + k)
         outward = dot(p, three(rays, DX + k))
@@ -202,8 +192,6 @@ def back_into_cavity(rays, count, tables, bounds, scene, chain):
             if chain[0][face] == CAVITY and chain[1][face] == BODY:
                 going = start_outside(rays, count, float(face), tables[face], scene)
                 if going > 0:
-                    for lane in range(going):
-                        rays[ASKED + lane] = rays[NUMBER + lane]
                     first_hits(rays, going, tables[face], scene[3], scene[4], bounds_of(bounds, face), True, True)
                     keep_entry(rays, count, going, float(face))
                     moved += going
@@ -227,12 +215,9 @@ def meet_nearest(rays, count, tables, bounds, scene, chain):
     for place_of in range(2 * len(tables)):
         guessed, face = place_of < len(tables), place_of % len(tables)
         going = start_inside(rays, count, chain[0][face], float(face), guessed)
-        asked = going
-        for lane in range(asked):
-            rays[ASKED + lane] = rays[NUMBER + lane]
         if going > 0:
             first_hits(rays, going, tables[face], scene[3], scene[4], bounds_of(bounds, face), True, False)
-            keep_nearest(rays, asked, float(face))
+            keep_nearest(rays, going, float(face))
     back_into_cavity(rays, count, tables, bounds, scene, chain)
 
 

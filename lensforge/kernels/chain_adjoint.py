@@ -11,7 +11,7 @@ from math import exp, sqrt
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.kernels.bicubic import cell_at, cubic_splines, scatter
+from lensforge.kernels.bicubic import cell_at, jet, scatter
 from lensforge.kernels.chain import BODY, FROM_BEHIND, OUTSIDE, REFLECTED, amplitudes, index_in
 from lensforge.kernels.compiled import inline
 from lensforge.kernels.fate import Fate
@@ -46,26 +46,9 @@ def store(row, first, vector):
 def jet_of(table, origin, inverse_step, p, row):
     """The table's cell and first and second derivatives at a hit, into a row of the memory."""
     shift = 1.0 / (sqrt(dot(p, p)) + p[2])
-    i, j, share_x, share_y = cell_at(p[0] * shift, p[1] * shift, float(len(table)), origin, inverse_step)
-    row[CELL], row[CELL + 1], row[CELL + 2], row[CELL + 3] = i, j, share_x, share_y
-    wx, dx, cx = cubic_splines(share_x)
-    wy, dy, cy = cubic_splines(share_y)
-    x, y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0
-    for a in range(4):
-        along, across, bend = 0.0, 0.0, 0.0
-        for b in range(4):
-            coefficient = table[int(i) + a, int(j) + b]
-            along += wy[b] * coefficient
-            across += dy[b] * coefficient
-            bend += cy[b] * coefficient
-        x += dx[a] * along
-        y += wx[a] * across
-        xx += cx[a] * along
-        xy += dx[a] * across
-        yy += wx[a] * bend
-    square = inverse_step * inverse_step
-    row[JET], row[JET + 1] = x * inverse_step, y * inverse_step
-    row[JET + 2], row[JET + 3], row[JET + 4] = xx * square, xy * square, yy * square
+    X, Y = p[0] * shift, p[1] * shift
+    row[CELL], row[CELL + 1], row[CELL + 2], row[CELL + 3] = cell_at(X, Y, float(len(table)), origin, inverse_step)
+    _, row[JET], row[JET + 1], row[JET + 2], row[JET + 3], row[JET + 4] = jet(table, origin, inverse_step, X, Y)
 
 
 @inline
@@ -163,9 +146,9 @@ def back_at_face(k, event, e, f, by_sin2, followed, by_t, scene, coatings, rows,
     h = scaled((-1.0 if from_behind else 1.0) / size, mixed(1.0, on_n, -dot(on_n, n), n, 0.0, n))
     h = rough_normal_adjoint(raw[0], raw[1], raw[2], rough, k, event, face, h[0], h[1], h[2])
     e = mixed(1.0, e, by_t, d, 0.0, d)
-    jet = row[JET], row[JET + 1], row[JET + 2], row[JET + 3], row[JET + 4]
+    bend = row[JET], row[JET + 1], row[JET + 2], row[JET + 3], row[JET + 4]
     start, by_table = hit_adjoint(
-        p[0], p[1], p[2], d[0], d[1], d[2], raw[0], raw[1], raw[2], e[0], e[1], e[2], h[0], h[1], h[2], jet
+        p[0], p[1], p[2], d[0], d[1], d[2], raw[0], raw[1], raw[2], e[0], e[1], e[2], h[0], h[1], h[2], bend
     )
     return mixed(1.0, start, -by_t, d, 0.0, d), mixed(1.0, on_d, t, start, 0.0, d), by_table
 

@@ -56,16 +56,10 @@ OWN = 17
     R, OUTWARD, CHART_X, CHART_Y, PER_SHIFT, CELL, _, _, _, TILE_ROW, TILE_COLUMN,
     NEARBY, MOST_SLOPE, MOST_HESSIAN, F, SLOPE,
 ) = fields(COEFFICIENTS + PER_RAY + OWN, 16)  # fmt: skip
-# In a scene where a ray may meet any of several faces: the medium in which it is, the face last met, the face that it
-# meets next, and the crossing found there; likewise on the way back into the cavity, as far as it has been followed;
-# what absorption leaves of its flux; its fields (real and imaginary part of both), in which is what its faces leave.
-MEDIUM, LAST, FACE, NEXT, NEXT_STATUS, NEXT_X, NEXT_Y, BACK_FACE, BACK, BACK_STATUS, BACK_X, BACK_Y, CLEAR, ASKED = (
-    fields(COEFFICIENTS + PER_RAY + OWN + 16, 14)
-)
-FIELDS = fields(COEFFICIENTS + PER_RAY + OWN + 30, 12)[0]
-# The face that a ray is likely to meet, and where its way back into the cavity would end at the latest; of those on their way, whether they start on the face, and where to end.
-GUESS, BACK_END, ON_FACE, LIMIT = fields(COEFFICIENTS + PER_RAY + OWN + 42, 4)
-PACKET_NUMBERS = (COEFFICIENTS + PER_RAY + OWN + 46) * SIZE
+# Where it is one of several faces: whether a ray on its way starts on it, and the path behind which nothing matters.
+ON_FACE, LIMIT = fields(COEFFICIENTS + PER_RAY + OWN + 16, 2)
+OF_CHAIN = COEFFICIENTS + PER_RAY + OWN + 18  # what ``kernels.chain`` keeps
+PACKET_NUMBERS = (OF_CHAIN + 28) * SIZE
 
 
 def empty_packet() -> Float[np.ndarray, " k"]:
@@ -77,15 +71,6 @@ def empty_packet() -> Float[np.ndarray, " k"]:
 def in_whole_vectors(count):
     """Number of places over which a loop for ``count`` rays goes, so that no vector is taken apart: room is there."""
     return (count + WIDTH - 1) // WIDTH * WIDTH
-
-
-@inline
-def tile_of(X, Y, origin, bounds):
-    """Bounds near a direction: least radius, largest slope and Hessian."""
-    last = len(bounds.tiles) - 1.0
-    i = int(index_at((X - origin) * bounds.per_unit, last))
-    j = int(index_at((Y - origin) * bounds.per_unit, last))
-    return bounds.tiles[i, j, 0], bounds.tiles[i, j, 1], bounds.tiles[i, j, 2]
 
 
 @inline
@@ -401,8 +386,6 @@ def first_hits(rays, count, table, origin, inverse_step, bounds, among, outside)
             leap(rays, whole, bounds.least, bounds.tan_reach)
             if among:
                 count, closing = drop_far(rays, count)
-                if count == 0:
-                    return
             continue
         fetch_table(rays, count, table, CELL)
         evaluate(rays, whole, inverse_step, outside)

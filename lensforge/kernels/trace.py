@@ -25,7 +25,7 @@ event, and the slopes (f) are rms along any line on the face.
 
 from math import exp, sqrt
 
-from lensforge.kernels.bicubic import bounds_of, jet
+from lensforge.kernels.bicubic import bounds_of, jet, tile_of
 from lensforge.kernels.chain import begin_chain, meet_nearest, pass_on
 from lensforge.kernels.compiled import inline, kernel
 from lensforge.kernels.fate import Fate
@@ -58,7 +58,6 @@ from lensforge.kernels.first_hit import (
     first_hits,
     in_whole_vectors,
     start_all,
-    tile_of,
 )
 from lensforge.kernels.frames import place, rough_normal, turn, z_axis
 from lensforge.kernels.fresnel import (
