@@ -46,7 +46,7 @@ from lensforge.kernels.fresnel import dot, mixed, outward_normal, refract, scale
 
 # The medium in which a ray is, the face last met, the face that it is likely to meet; the nearest crossing found, and
 # its face; likewise on the way back into the cavity, as far as it has been followed, and where that ends at the latest;
-# what absorption leaves of the flux; the rays that are searched; both fields (real, imaginary), as the faces leave them.
+# what absorption leaves of the flux; the rays that are searched; both fields (real, imaginary), as faces leave them.
 (
     MEDIUM, LAST, GUESS, FACE, NEXT, NEXT_STATUS, NEXT_X, NEXT_Y, BACK_FACE, BACK, BACK_STATUS, BACK_X, BACK_Y,
     BACK_END, CLEAR, ASKED, FIELDS,
@@ -122,7 +122,7 @@ def guess_faces(rays, count, tables, bounds, scene, chain):
 
 @inline
 def start_inside(rays, count, medium, face, guessed):
-    """Put the rays in a ``medium`` on their way for which this face was ``guessed``, or was not. Returns their number."""
+    """Put the rays in a ``medium`` on their way for which the face was ``guessed``, or not. Returns their number."""
     going = 0
     for k in range(count):
         if rays[MEDIUM + k] == medium and (rays[GUESS + k] == face) == guessed:
