@@ -21,6 +21,7 @@ from lensforge.kernels.first_hit import (
     jet_at,
     mark_hit,
     three,
+    write,
 )
 from lensforge.kernels.frames import place, rough_normal, rough_normal_adjoint, turn, turn_back, z_axis
 from lensforge.kernels.fresnel import (
@@ -100,12 +101,6 @@ def load(
 
 
 @inline
-def put(rays, place, three):
-    """Write three numbers into as many fields."""
-    rays[place], rays[place + SIZE], rays[place + 2 * SIZE] = three
-
-
-@inline
 def to_inner(rays, count, side, scene):
     """Move the points of all rays to the inner face."""
     _, _, _, origin, inverse_step = scene
@@ -129,8 +124,8 @@ def to_outer(rays, count, side, scene, coating, rows, placed, rough):
     for k in range(count):
         number, ratio = int(rays[RAY + k]), rays[INTO + k]
         jet = jet_in(rays, k, INNER_CELL, inverse_step)
-        put(rays, JET + k, jet[:3])
-        put(rays, JET + 2 * SIZE + k, jet[2:])
+        write(rays, JET + k, jet[:3])
+        write(rays, JET + 2 * SIZE + k, jet[2:])
         px, py, pz = rays[PX + k], rays[PY + k], rays[PZ + k]
         nx, ny, nz = outward_normal(px, py, pz, jet[0], jet[1])
         nx, ny, nz = rough_normal(nx, ny, nz, rough, number, 0, 0)
@@ -139,17 +134,17 @@ def to_outer(rays, count, side, scene, coating, rows, placed, rough):
         (t_s, t_p, excess), slopes = through(c, sqrt(q_squared), ratio, fresnel, coating, rows, number)
         per_behind = 1.0 / (ratio * ratio)
         rays[COSINE + k] = c
-        put(rays, FIRST + k, (t_s, t_p, excess * per_behind))
-        put(rays, SLOPES + k, (slopes[0], slopes[1], slopes[2] * per_behind))
+        write(rays, FIRST + k, (t_s, t_p, excess * per_behind))
+        write(rays, SLOPES + k, (slopes[0], slopes[1], slopes[2] * per_behind))
         if placed is not None:
             px, py, pz = place(placed[0][1], 1.0, px, py, pz)
             vx, vy, vz = turn(placed[0][1], vx, vy, vz)
             nx, ny, nz = turn(placed[0][1], nx, ny, nz)
-        put(rays, NORMAL + k, (nx, ny, nz))
+        write(rays, NORMAL + k, (nx, ny, nz))
         t = rays[T2 + k]
         px, py, pz = px + t * vx, py + t * vy, pz + t * vz
-        put(rays, SX + k, (px, py, pz))
-        put(rays, VX + k, (vx, vy, vz))
+        write(rays, SX + k, (px, py, pz))
+        write(rays, VX + k, (vx, vy, vz))
         mark_hit(rays, k, px, py, pz, OUTER_CELL, side, origin, inverse_step)
 
 
@@ -199,16 +194,16 @@ def back_through_outer(rays, count, scene, coating, rows, absorbing, placed, rou
         hx, hy, hz = rough_normal_adjoint(mx, my, mz, rough, number, 1, 1, hx, hy, hz)
         ex, ey, ez = ex + by_t * vx, ey + by_t * vy, ez + by_t * vz
         (ex, ey, ez), by_table = hit_adjoint(x, y, z, vx, vy, vz, mx, my, mz, ex, ey, ez, hx, hy, hz, jet)
-        put(rays, BY_OUTER + k, by_table if smooth else (0.0, 0.0, 0.0))
+        write(rays, BY_OUTER + k, by_table if smooth else (0.0, 0.0, 0.0))
         fx, fy, fz = fx + t * ex, fy + t * ey, fz + t * ez
         ex, ey, ez = ex - by_t * vx, ey - by_t * vy, ez - by_t * vz  # the path begins at the inner face
         if placed is not None:
             ex, ey, ez = turn_back(placed[0][1], ex, ey, ez)
             fx, fy, fz = turn_back(placed[0][1], fx, fy, fz)
             gx, gy, gz = turn_back(placed[0][1], gx, gy, gz)
-        put(rays, BY_NORMAL + k, (gx, gy, gz))
-        put(rays, EX + k, (ex, ey, ez))
-        put(rays, FX + k, (fx, fy, fz))
+        write(rays, BY_NORMAL + k, (gx, gy, gz))
+        write(rays, EX + k, (ex, ey, ez))
+        write(rays, FX + k, (fx, fy, fz))
 
 
 @inline
@@ -231,7 +226,7 @@ def back_through_inner(rays, count, rough):
         hx, hy, hz = rough_normal_adjoint(nx, ny, nz, rough, number, 0, 0, hx, hy, hz)
         ex, ey, ez = three(rays, EX + k)
         _, by_table = hit_adjoint(x, y, z, ax, ay, az, nx, ny, nz, ex, ey, ez, hx, hy, hz, jet)
-        put(rays, BY_INNER + k, by_table if rays[SMOOTH + k] == 1.0 else (0.0, 0.0, 0.0))
+        write(rays, BY_INNER + k, by_table if rays[SMOOTH + k] == 1.0 else (0.0, 0.0, 0.0))
 
 
 @inline

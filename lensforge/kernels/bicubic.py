@@ -50,13 +50,22 @@ def index_at(position, most):
 
 
 @inline
+def cell_at(X, Y, side, origin, inverse_step):
+    """First row and column that act at a place of the chart, as floats, and how far it is behind the second ones.
+
+    The distances are shares of a step. ``side`` of the table is a float.
+    """
+    px, py = (X - origin) * inverse_step, (Y - origin) * inverse_step
+    i, j = index_at(px - 1.0, side - 4.0), index_at(py - 1.0, side - 4.0)
+    return i, j, px - (i + 1.0), py - (j + 1.0)
+
+
+@inline
 def jet(table, origin, inverse_step, X, Y):
     """``rho`` and its derivatives by X, Y, XX, XY, YY."""
-    most = table.shape[0] - 4.0
-    px, py = (X - origin) * inverse_step, (Y - origin) * inverse_step
-    i, j = index_at(px - 1.0, most), index_at(py - 1.0, most)
-    wx, dx, cx = cubic_splines(px - (i + 1.0))
-    wy, dy, cy = cubic_splines(py - (j + 1.0))
+    i, j, share_x, share_y = cell_at(X, Y, float(table.shape[0]), origin, inverse_step)
+    wx, dx, cx = cubic_splines(share_x)
+    wy, dy, cy = cubic_splines(share_y)
     row, column = int(i), int(j)
     value, x, y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for a in range(4):
@@ -227,6 +236,15 @@ class FaceBounds(NamedTuple):
 def bounds_of(bounds, face):
     """Bounds of one face."""
     return SurfaceBounds(bounds.least[face], bounds.most[face], bounds.tiles[face], bounds.per_unit, bounds.tan_reach)
+
+
+@inline
+def tile_of(X, Y, origin, bounds):
+    """Bounds near a direction: least radius, largest slope and Hessian."""
+    last = len(bounds.tiles) - 1.0
+    i = int(index_at((X - origin) * bounds.per_unit, last))
+    j = int(index_at((Y - origin) * bounds.per_unit, last))
+    return bounds.tiles[i, j, 0], bounds.tiles[i, j, 1], bounds.tiles[i, j, 2]
 
 
 @inline

@@ -8,36 +8,24 @@ the ray was reflected, 1 more where it came from behind the face; below 0 there 
 
 from math import exp, inf, sqrt
 
-from lensforge.kernels.bicubic import bounds_of, jet
+from lensforge.kernels.bicubic import bounds_of, index_at, jet
 from lensforge.kernels.compiled import inline
 from lensforge.kernels.fate import Fate
 from lensforge.kernels.fields import field_behind, passing, reflect, reflecting, squared_lengths, unpolarised
 from lensforge.kernels.first_hit import (
     ALONG_X,
-    ASKED,
-    BACK,
-    BACK_FACE,
-    BACK_STATUS,
-    BACK_X,
-    BACK_Y,
     BELOW,
-    CLEAR,
     CLOSING,
     DX,
-    FACE,
-    FIELDS,
     FOUND,
     GOING,
-    LAST,
     LENGTH,
+    LIMIT,
     LOST,
-    MEDIUM,
     MISSED,
-    NEXT,
-    NEXT_STATUS,
-    NEXT_X,
-    NEXT_Y,
     NUMBER,
+    OF_CHAIN,
+    ON_FACE,
     PX,
     PY,
     PZ,
@@ -48,21 +36,24 @@ from lensforge.kernels.first_hit import (
     STATUS,
     X0,
     T,
+    fields,
     first_hits,
     three,
+    write,
 )
 from lensforge.kernels.frames import place, rough_normal, turn, z_axis
 from lensforge.kernels.fresnel import dot, mixed, outward_normal, refract, scaled, through, unit
 
+# The medium in which a ray is, the face last met, the face that it is likely to meet; the nearest crossing found, and
+# its face; likewise on the way back into the cavity, as far as it has been followed, and where that ends at the latest;
+# what absorption leaves of the flux; the rays that are searched; both fields (real, imaginary), as faces leave them.
+(
+    MEDIUM, LAST, GUESS, FACE, NEXT, NEXT_STATUS, NEXT_X, NEXT_Y, BACK_FACE, BACK, BACK_STATUS, BACK_X, BACK_Y,
+    BACK_END, CLEAR, ASKED, FIELDS,
+) = fields(OF_CHAIN, 17)  # fmt: skip
 CAVITY, BODY, OUTSIDE = 0, 1, 2
 REFLECTED, FROM_BEHIND = 2, 1
 _PASSES = 8  # over the faces of a cavity, until a ray is in all of them
-
-
-@inline
-def write(rays, place, vector):
-    """Write three numbers into as many fields."""
-    rays[place], rays[place + SIZE], rays[place + 2 * SIZE] = vector
 
 
 @inline
@@ -77,10 +68,11 @@ def begin_chain(rays, lane, d):
 
 
 @inline
-def keep_nearest(rays, count, medium, face):
+def keep_nearest(rays, count, face):
     """Keep what the search on one face found where it is nearer than what was kept; a search given up stays so."""
-    for k in range(count):
-        if rays[MEDIUM + k] != medium or rays[NEXT_STATUS + k] == LOST:
+    for lane in range(count):
+        k = int(rays[ASKED + lane])
+        if rays[NEXT_STATUS + k] == LOST:
             continue
         status, nearer = rays[STATUS + k], rays[LENGTH + k] < rays[NEXT + k]
         if status == LOST:
@@ -93,21 +85,48 @@ def keep_nearest(rays, count, medium, face):
 
 
 @inline
-def start_one(rays, lane, k, path):
-    """Put ray k of a packet on its way, from ``path`` (mm) ahead."""
-    rays[NUMBER + lane], rays[T + lane], rays[CLOSING + lane] = float(k), 0.0, 0.0
+def start_one(rays, lane, k, face, path, end):
+    """Put ray k of a packet on its way, to a ``face`` from ``path`` (mm) ahead to ``end``."""
+    rays[NUMBER + lane], rays[ASKED + lane], rays[T + lane], rays[CLOSING + lane] = float(k), float(k), 0.0, 0.0
+    rays[ON_FACE + lane] = 1.0 if rays[LAST + k] == face and path == 0.0 else 0.0
+    rays[LIMIT + lane] = end - path
     for axis in range(0, 3 * SIZE, SIZE):
         along = rays[DX + axis + k]
         rays[X0 + axis + lane], rays[ALONG_X + axis + lane] = rays[PX + axis + k] + path * along, along
 
 
 @inline
-def start_inside(rays, count, medium):
-    """Put those rays of a packet on their way that are in a ``medium``. Returns their number."""
+def guess_faces(rays, count, tables, bounds, scene, chain):
+    """For each ray the face that it is likely to meet: the nearest where it leaves the ball in which no face is.
+
+    Seldom is that the face on which it is. A wrong guess costs time alone.
+    """
+    most = len(tables[0]) - 1.0
+    for k in range(count):
+        medium, least = rays[MEDIUM + k], inf
+        for face in range(len(tables)):
+            least = min(least, bounds.least[face] if chain[0][face] == medium else inf)
+        p, d = three(rays, PX + k), three(rays, DX + k)
+        outward = dot(p, d)
+        path = max(sqrt(max(outward * outward + least * least - dot(p, p), 0.0)) - outward, 0.0)
+        x, y, z = mixed(1.0, p, path, d, 0.0, d)
+        per_shift, nearest = scene[4] / (sqrt(x * x + y * y + z * z) + max(z, 0.0)), inf
+        i = int(index_at(x * per_shift - scene[3] * scene[4] + 0.5, most))
+        j = int(index_at(y * per_shift - scene[3] * scene[4] + 0.5, most))
+        for face in range(len(tables)):
+            if chain[0][face] == medium:
+                radius = tables[face, i, j] if rays[LAST + k] != face else 1e6 * tables[face, i, j]
+                rays[GUESS + k] = float(face) if radius < nearest else rays[GUESS + k]
+                nearest = min(nearest, radius)
+
+
+@inline
+def start_inside(rays, count, medium, face, guessed):
+    """Put the rays in a ``medium`` on their way for which the face was ``guessed``, or not. Returns their number."""
     going = 0
     for k in range(count):
-        if rays[MEDIUM + k] == medium:
-            start_one(rays, going, k, 0.0)
+        if rays[MEDIUM + k] == medium and (rays[GUESS + k] == face) == guessed:
+            start_one(rays, going, k, face, 0.0, rays[NEXT + k])
             going += 1
     return going
 
@@ -127,7 +146,7 @@ def start_outside(rays, count, face, table, scene):
         r = sqrt(x * x + y * y + z * z)
         outside = path == 0.0 and rays[LAST + k] == face
         if outside or r > jet(table, scene[3], scene[4], x / (r + z), y / (r + z))[0]:
-            start_one(rays, going, k, path)
+            start_one(rays, going, k, face, path, rays[BACK_END + k])
             going += 1
     return going
 
@@ -149,10 +168,20 @@ def back_into_cavity(rays, count, tables, bounds, scene, chain):
     """The way of rays in the body back into the cavity, the intersection of what its faces hold.
 
     A ray that is outside of one of them is followed to where it enters that one, until it is in all: it cannot have
-    been in the cavity before. Crossings nearer than the face that bounds the body are kept.
+    been in the cavity before. Crossings nearer than the face that bounds the body are kept. No ray comes back but in
+    the ball in which the cavity lies.
     """
+    ball = inf
+    for face in range(len(tables)):
+        if chain[0][face] == CAVITY and chain[1][face] == BODY:
+            ball = min(ball, (1.0 + 1e-12) * bounds.most[face])
     for k in range(count):
-        rays[BACK_STATUS + k] = GOING if rays[MEDIUM + k] == BODY else MISSED
+        p = three(rays, PX + k)
+        outward = dot(p, three(rays, DX + k))
+        square = outward * outward + ball * ball - dot(p, p)
+        root = sqrt(max(square, 0.0))
+        comes_back = rays[MEDIUM + k] == BODY and square > 0.0 and root > outward and -outward - root < rays[NEXT + k]
+        rays[BACK_STATUS + k], rays[BACK_END + k] = GOING if comes_back else MISSED, min(root - outward, rays[NEXT + k])
         rays[BACK + k], rays[BACK_FACE + k] = 0.0, -1.0
     moved = 1
     for _ in range(_PASSES):
@@ -163,11 +192,7 @@ def back_into_cavity(rays, count, tables, bounds, scene, chain):
             if chain[0][face] == CAVITY and chain[1][face] == BODY:
                 going = start_outside(rays, count, float(face), tables[face], scene)
                 if going > 0:
-                    for lane in range(going):
-                        rays[ASKED + lane] = rays[NUMBER + lane]
-                    first_hits(
-                        rays, going, tables[face], scene[3], scene[4], bounds_of(bounds, face), float(face), True
-                    )
+                    first_hits(rays, going, tables[face], scene[3], scene[4], bounds_of(bounds, face), True, True)
                     keep_entry(rays, count, going, float(face))
                     moved += going
     for k in range(count):
@@ -186,12 +211,13 @@ def meet_nearest(rays, count, tables, bounds, scene, chain):
     """For each ray of a packet the nearest crossing of the faces that bound the medium in which it is."""
     for k in range(count):
         rays[NEXT + k], rays[NEXT_STATUS + k], rays[FACE + k] = inf, MISSED, -1.0
-    for face in range(len(tables)):
-        medium, number = chain[0][face], float(face)
-        going = start_inside(rays, count, medium)
+    guess_faces(rays, count, tables, bounds, scene, chain)
+    for place_of in range(2 * len(tables)):
+        guessed, face = place_of < len(tables), place_of % len(tables)
+        going = start_inside(rays, count, chain[0][face], float(face), guessed)
         if going > 0:
-            first_hits(rays, going, tables[face], scene[3], scene[4], bounds_of(bounds, face), number, False)
-            keep_nearest(rays, count, medium, number)
+            first_hits(rays, going, tables[face], scene[3], scene[4], bounds_of(bounds, face), True, False)
+            keep_nearest(rays, going, float(face))
     back_into_cavity(rays, count, tables, bounds, scene, chain)
 
 

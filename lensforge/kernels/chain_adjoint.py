@@ -1,6 +1,7 @@
 """Adjoint of a chain of events: a ray again, forward by the paths that were kept, and backward face by face.
 
 A ray that would meet another face, were a face moved, has no derivative: light that so crosses a crease is left out.
+A ray that ends at a tangent adds nothing: its squared sine is at its largest there.
 Rays go one by one, unlike those of ``kernels.adjoint``: their number of events differs, and the work at each is three
 times as much.
 """
@@ -10,7 +11,7 @@ from math import exp, sqrt
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.kernels.bicubic import cubic_splines, index_at, scatter
+from lensforge.kernels.bicubic import cell_at, jet, scatter
 from lensforge.kernels.chain import BODY, FROM_BEHIND, OUTSIDE, REFLECTED, amplitudes, index_in
 from lensforge.kernels.compiled import inline
 from lensforge.kernels.fate import Fate
@@ -45,28 +46,9 @@ def store(row, first, vector):
 def jet_of(table, origin, inverse_step, p, row):
     """The table's cell and first and second derivatives at a hit, into a row of the memory."""
     shift = 1.0 / (sqrt(dot(p, p)) + p[2])
-    most = len(table) - 4.0
-    px, py = (p[0] * shift - origin) * inverse_step, (p[1] * shift - origin) * inverse_step
-    i, j = index_at(px - 1.0, most), index_at(py - 1.0, most)
-    row[CELL], row[CELL + 1], row[CELL + 2], row[CELL + 3] = i, j, px - (i + 1.0), py - (j + 1.0)
-    wx, dx, cx = cubic_splines(row[CELL + 2])
-    wy, dy, cy = cubic_splines(row[CELL + 3])
-    x, y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0
-    for a in range(4):
-        along, across, bend = 0.0, 0.0, 0.0
-        for b in range(4):
-            coefficient = table[int(i) + a, int(j) + b]
-            along += wy[b] * coefficient
-            across += dy[b] * coefficient
-            bend += cy[b] * coefficient
-        x += dx[a] * along
-        y += wx[a] * across
-        xx += cx[a] * along
-        xy += dx[a] * across
-        yy += wx[a] * bend
-    square = inverse_step * inverse_step
-    row[JET], row[JET + 1] = x * inverse_step, y * inverse_step
-    row[JET + 2], row[JET + 3], row[JET + 4] = xx * square, xy * square, yy * square
+    X, Y = p[0] * shift, p[1] * shift
+    row[CELL], row[CELL + 1], row[CELL + 2], row[CELL + 3] = cell_at(X, Y, float(len(table)), origin, inverse_step)
+    _, row[JET], row[JET + 1], row[JET + 2], row[JET + 3], row[JET + 4] = jet(table, origin, inverse_step, X, Y)
 
 
 @inline
@@ -80,7 +62,7 @@ def media_at(code, chain):
 @inline
 def forward(k, origin, direction, number, indices, absorptions, tables, scene, coatings, rows, placed, rough, chain,
             lengths, met, memory):  # fmt: skip
-    """The events of a ray again, into the memory. Returns the share that absorption and mirrors leave of its flux."""
+    """The events of a ray again, into the memory. Returns the share that absorption leaves of its flux."""
     p, d = (origin[0], origin[1], origin[2]), (direction[0], direction[1], direction[2])
     if placed is not None:
         p = place(placed[0][0], placed[1], p[0], p[1], p[2])
@@ -164,9 +146,9 @@ def back_at_face(k, event, e, f, by_sin2, followed, by_t, scene, coatings, rows,
     h = scaled((-1.0 if from_behind else 1.0) / size, mixed(1.0, on_n, -dot(on_n, n), n, 0.0, n))
     h = rough_normal_adjoint(raw[0], raw[1], raw[2], rough, k, event, face, h[0], h[1], h[2])
     e = mixed(1.0, e, by_t, d, 0.0, d)
-    jet = row[JET], row[JET + 1], row[JET + 2], row[JET + 3], row[JET + 4]
+    bend = row[JET], row[JET + 1], row[JET + 2], row[JET + 3], row[JET + 4]
     start, by_table = hit_adjoint(
-        p[0], p[1], p[2], d[0], d[1], d[2], raw[0], raw[1], raw[2], e[0], e[1], e[2], h[0], h[1], h[2], jet
+        p[0], p[1], p[2], d[0], d[1], d[2], raw[0], raw[1], raw[2], e[0], e[1], e[2], h[0], h[1], h[2], bend
     )
     return mixed(1.0, start, -by_t, d, 0.0, d), mixed(1.0, on_d, t, start, 0.0, d), by_table
 
@@ -203,8 +185,8 @@ def chain_adjoint(
     number = 0
     while number < lengths.shape[1] and met[k, number] >= 0:
         number += 1
-    if number == 0 or not (left or fate == Fate.TOTAL_REFLECTION):
-        return
+    if not (left or (fate == Fate.TOTAL_REFLECTION and number == lengths.shape[1])):
+        return  # one that met a face tangentially has no last event
     clear = forward(
         k, origin, direction, number, indices, absorptions, tables, scene, coatings, rows, placed, rough, chain,
         lengths, met, memory,

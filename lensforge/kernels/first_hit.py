@@ -20,7 +20,7 @@ from math import inf, sqrt
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.kernels.bicubic import cubic_splines, index_at
+from lensforge.kernels.bicubic import cell_at, cubic_splines, index_at
 from lensforge.kernels.compiled import inline
 
 SIZE = 256  # rays
@@ -56,14 +56,10 @@ OWN = 17
     R, OUTWARD, CHART_X, CHART_Y, PER_SHIFT, CELL, _, _, _, TILE_ROW, TILE_COLUMN,
     NEARBY, MOST_SLOPE, MOST_HESSIAN, F, SLOPE,
 ) = fields(COEFFICIENTS + PER_RAY + OWN, 16)  # fmt: skip
-# In a scene where a ray may meet any of several faces: the medium in which it is, the face last met, the face that it
-# meets next, and the crossing found there; likewise on the way back into the cavity, as far as it has been followed;
-# what is left of its flux by absorption and mirrors; its fields (real and imaginary part of both).
-MEDIUM, LAST, FACE, NEXT, NEXT_STATUS, NEXT_X, NEXT_Y, BACK_FACE, BACK, BACK_STATUS, BACK_X, BACK_Y, CLEAR, ASKED = (
-    fields(COEFFICIENTS + PER_RAY + OWN + 16, 14)
-)
-FIELDS = fields(COEFFICIENTS + PER_RAY + OWN + 30, 12)[0]
-PACKET_NUMBERS = (COEFFICIENTS + PER_RAY + OWN + 42) * SIZE
+# Where it is one of several faces: whether a ray on its way starts on it, and the path behind which nothing matters.
+ON_FACE, LIMIT = fields(COEFFICIENTS + PER_RAY + OWN + 16, 2)
+OF_CHAIN = COEFFICIENTS + PER_RAY + OWN + 18  # what ``kernels.chain`` keeps
+PACKET_NUMBERS = (OF_CHAIN + 28) * SIZE
 
 
 def empty_packet() -> Float[np.ndarray, " k"]:
@@ -78,24 +74,11 @@ def in_whole_vectors(count):
 
 
 @inline
-def tile_of(X, Y, origin, bounds):
-    """Bounds near a direction: least radius, largest slope and Hessian."""
-    last = len(bounds.tiles) - 1.0
-    i = int(index_at((X - origin) * bounds.per_unit, last))
-    j = int(index_at((Y - origin) * bounds.per_unit, last))
-    return bounds.tiles[i, j, 0], bounds.tiles[i, j, 1], bounds.tiles[i, j, 2]
-
-
-@inline
 def mark_cell(rays, cell, X, Y, side, origin, inverse_step):
-    """Write into four fields from ``cell`` on: first row and column that act at a place of the chart, shares of a step.
-
-    The place is then so far behind the second row and column.
-    """
-    px, py = (X - origin) * inverse_step, (Y - origin) * inverse_step
-    i, j = index_at(px - 1.0, side - 4.0), index_at(py - 1.0, side - 4.0)
+    """Write :func:`kernels.bicubic.cell_at` into four fields from ``cell`` on."""
+    i, j, share_x, share_y = cell_at(X, Y, side, origin, inverse_step)
     rays[cell], rays[cell + SIZE] = i, j
-    rays[cell + 2 * SIZE], rays[cell + 3 * SIZE] = px - (i + 1.0), py - (j + 1.0)
+    rays[cell + 2 * SIZE], rays[cell + 3 * SIZE] = share_x, share_y
 
 
 @inline
@@ -109,6 +92,12 @@ def mark_hit(rays, k, x, y, z, cell, side, origin, inverse_step):
 def three(rays, place):
     """Three numbers from as many fields."""
     return rays[place], rays[place + SIZE], rays[place + 2 * SIZE]
+
+
+@inline
+def write(rays, place, vector):
+    """Write three numbers into as many fields."""
+    rays[place], rays[place + SIZE], rays[place + 2 * SIZE] = vector
 
 
 @inline
@@ -258,11 +247,11 @@ def approach(r, outward, most):
 
 
 @inline
-def walk(rays, count, least, most, tan_reach, face, outside):
+def walk(rays, count, least, most, tan_reach, among, outside):
     """One safe step of every ray that has no bracket yet, or its bracket: ``[t, t - 2 F/slope]`` has one root.
 
     The bracket ends at the plane z = 0, a little below which the table ends: there it is a polynomial without bounds.
-    A ray that starts on this ``face``, which it has met last, is not at a root there.
+    ``among`` several faces a ray that starts on this one is not at a root there, and need not go past its limit.
     """
     for k in range(count):
         t, r, outward, gap, slope = rays[T + k], rays[R + k], rays[OUTWARD + k], rays[F + k], rays[SLOPE + k]
@@ -283,8 +272,8 @@ def walk(rays, count, least, most, tan_reach, face, outside):
         move = min(2.0 * gap / (root - slope) if slope < 0.0 else (slope + root) / bend, path)
         move = move if move * turning <= room else room / turning
         at_root, below = gap <= ROUNDING * r, pz + t * dz < 0.0 and dz <= 0.0
-        if face is not None:
-            at_root = at_root and not (t == 0.0 and slope > 0.0 and rays[LAST + int(rays[NUMBER + k])] == face)
+        if among:
+            at_root = at_root and not (t == 0.0 and slope > 0.0 and rays[ON_FACE + k] == 1.0)
         high = min(t + farthest, plane)
         closed, moved = min(t + 0.5 * farthest, high), t + move
         state = FOUND if move <= 1e-13 * r and not closes else GOING
@@ -293,6 +282,8 @@ def walk(rays, count, least, most, tan_reach, face, outside):
         if outside:
             state = MISSED if leap == inf or (r >= most and outward >= 0.0 and not at_root) else state
         state = BELOW if below else state
+        if among:
+            state = MISSED if (t + leap if leap > 0.0 else max(t, moved)) >= rays[LIMIT + k] else state
         t_after = closed if closes else moved
         t_after = t if at_root else t_after
         t_after = t + leap if leap > 0.0 else t_after
@@ -335,7 +326,7 @@ def close_in(rays, count):
 
 
 @inline
-def settle(rays, count):
+def settle(rays, count, among):
     """Write down what was found; the last ray on its way takes the place.
 
     Returns the number of those that go on, and of those among them that have a bracket.
@@ -352,6 +343,8 @@ def settle(rays, count):
         count -= 1
         for field in range(OWN):
             rays[NUMBER + field * SIZE + k] = rays[NUMBER + field * SIZE + count]
+        if among:
+            rays[ON_FACE + k], rays[LIMIT + k] = rays[ON_FACE + count], rays[LIMIT + count]
     return count, int(closing)
 
 
@@ -367,11 +360,20 @@ def start_all(rays, count):
 
 
 @inline
-def first_hits(rays, count, table, origin, inverse_step, bounds, face, outside):
+def drop_far(rays, count):
+    """End the way of the rays that are past their limits. Returns the number of the others, and 0 for brackets."""
+    for k in range(count):
+        rays[STATE + k] = MISSED if rays[T + k] >= rays[LIMIT + k] else GOING
+    return settle(rays, count, True)
+
+
+@inline
+def first_hits(rays, count, table, origin, inverse_step, bounds, among, outside):
     """First crossings of the ``count`` rays on their way, from points with ``|p| <= rho`` and z >= 0.
 
-    Fills their path lengths, statuses and, where one was found, the table's slopes there. ``face``: its number, where
-    rays may start on it; None: they do not. From ``outside`` points have ``|p| >= rho``.
+    Fills their path lengths, statuses and, where one was found, the table's slopes there. ``among``: whether this is
+    one of several faces, on which rays may start, and behind whose limits no crossing matters. From ``outside`` points
+    have ``|p| >= rho``. Both are known to the compiler.
     """
     side, tiles = float(len(table)), float(len(bounds.tiles))
     closing = 0
@@ -382,14 +384,16 @@ def first_hits(rays, count, table, origin, inverse_step, bounds, face, outside):
             fetch_bounds(rays, count, bounds.tiles)
         if step < _LEAPS and not outside:
             leap(rays, whole, bounds.least, bounds.tan_reach)
+            if among:
+                count, closing = drop_far(rays, count)
             continue
         fetch_table(rays, count, table, CELL)
         evaluate(rays, whole, inverse_step, outside)
         if closing > 0:
             close_in(rays, whole)
         if closing < count:
-            walk(rays, whole, bounds.least, bounds.most, bounds.tan_reach, face, outside)
-        count, closing = settle(rays, count)
+            walk(rays, whole, bounds.least, bounds.most, bounds.tan_reach, among, outside)
+        count, closing = settle(rays, count, among)
         if count == 0:
             return
     for k in range(count):

@@ -25,7 +25,7 @@ event, and the slopes (f) are rms along any line on the face.
 
 from math import exp, sqrt
 
-from lensforge.kernels.bicubic import bounds_of, jet
+from lensforge.kernels.bicubic import bounds_of, jet, tile_of
 from lensforge.kernels.chain import begin_chain, meet_nearest, pass_on
 from lensforge.kernels.compiled import inline, kernel
 from lensforge.kernels.fate import Fate
@@ -58,7 +58,6 @@ from lensforge.kernels.first_hit import (
     first_hits,
     in_whole_vectors,
     start_all,
-    tile_of,
 )
 from lensforge.kernels.frames import place, rough_normal, turn, z_axis
 from lensforge.kernels.fresnel import (
@@ -284,7 +283,7 @@ def trace(
         for event in range(lengths.shape[1]):
             if chain is None:  # known to the compiler
                 going = start_all(rays, count)
-                first_hits(rays, going, tables[event], origin, inverse_step, bounds_of(bounds, event), None, False)
+                first_hits(rays, going, tables[event], origin, inverse_step, bounds_of(bounds, event), False, False)
                 if event == 0:
                     count = into_body(
                         rays, count, indices, scene, tables[1], bounds_of(bounds, 1), coatings, rows, placed, rough,

@@ -12,8 +12,7 @@ from lensforge.results.arguments import threads_of_torch
 @pytest.mark.parametrize("threads", [1, 2, 5])
 def test_every_ray_is_in_one_chunk(threads: int) -> None:
     for count in (0, 1, 7, CHUNKS, 1001):
-        seen = [0] * count
-        chunks = []
+        seen, chunks = [0] * count, []
 
         def work(chunk: int, rays: slice, seen: list[int] = seen, chunks: list[int] = chunks) -> None:
             chunks.append(chunk)

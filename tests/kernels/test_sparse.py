@@ -6,6 +6,7 @@ import torch
 from scipy.sparse import csr_matrix, random_array
 
 from lensforge.kernels.sparse import SparseMatrix
+from lensforge.results.arguments import threads_of_torch
 
 
 @pytest.mark.parametrize("faces", [1, 2, 3, 4])
@@ -28,15 +29,11 @@ def test_a_factor_need_not_be_contiguous() -> None:
 
 
 def test_the_bits_do_not_depend_on_the_threads() -> None:
-    rng = np.random.default_rng(0)
+    rng, found = np.random.default_rng(0), []
     matrix = SparseMatrix(csr_matrix(random_array((1200, 1100), density=0.4, rng=rng)))
     dense = torch.from_numpy(rng.normal(size=(1100, 2))).requires_grad_()
-    threads, found = torch.get_num_threads(), []
-    try:
-        for count in (1, 3):
-            torch.set_num_threads(count)
+    for count in (1, 3):
+        with threads_of_torch(count):
             product = matrix @ dense
             found.append((product.detach(), *torch.autograd.grad(product.sin().sum(), dense)))
-    finally:
-        torch.set_num_threads(threads)
     assert all(torch.equal(one, three) for one, three in zip(*found, strict=True))

@@ -17,7 +17,7 @@ def _hits(origins, directions, table, origin, inverse_step, bounds, lengths, sta
             for axis in range(3):
                 rays[PX + axis * SIZE + k] = origins[first + k, axis]
                 rays[DX + axis * SIZE + k] = directions[first + k, axis]
-        first_hits(rays, start_all(rays, count), table, origin, inverse_step, bounds, None, False)
+        first_hits(rays, start_all(rays, count), table, origin, inverse_step, bounds, False, False)
         for k in range(count):
             lengths[first + k], states[first + k] = rays[LENGTH + k], rays[STATUS + k]
 
