@@ -148,7 +148,7 @@ def measure_photometry(
         candela,
         bright.lumens,
         title=f"lensforge {lens.spec.name}",
-        diameter_mm=2.0 * radius_mm,
+        diameter_mm=2.0 * lens.body.largest_mm,
         remarks=(*warnings, *_remarks(light, per_watt)),
         issued=lens.spec.manufacture.date or "",
     )

@@ -137,6 +137,12 @@ def constraint_points(grid: TableGrid, symmetry: str, *, every_node: int | None 
     return kept
 
 
+def meridian_points(grid: TableGrid) -> Float[np.ndarray, "k 2"]:
+    """Chart points of a meridian from the axis to the rim, at half of the nodes' spacing: of a lens of revolution."""
+    along = np.linspace(0.0, 1.0, 2 * int(np.ceil(1.0 / grid.step)) + 1)
+    return np.stack([along, np.zeros_like(along)], axis=1)
+
+
 def _evaluation(grid: TableGrid, points: Float[np.ndarray, "k 2"], order: tuple[int, int]) -> csr_matrix:
     """Matrix with one row for each point: the mixed derivative ``order`` of the table there."""
     (at_x, by_x), (at_y, by_y) = (_taps(grid, points[:, axis], order[axis]) for axis in (0, 1))

@@ -30,6 +30,7 @@ from lensforge.search.constraint_points import (
     constraint_points,
     draft_sine,
     least_curvature,
+    meridian_points,
     nearest_of,
     wall_mm,
 )
@@ -170,7 +171,10 @@ class AugmentedLagrangian:
         derivatives = any(constraint.derivatives for constraint in constraints)
         detailed = derivatives or spec.constraints.keep_out is not None
         every = (1 if detailed else 2) if sparse else None
-        points = constraint_points(grid, spec.lens.basis.symmetry, every_node=every)
+        if spec.lens.is_round:
+            points = meridian_points(grid)
+        else:
+            points = constraint_points(grid, spec.lens.basis.symmetry, every_node=every)
         spacing = grid.step * (1.0 if every is None else every * sqrt(2.0))  # with centres: triangles of three points
         operator = ChartOperator.of(grid, points, derivatives, spacing)
         return AugmentedLagrangian(constraints, operator, spec.lens.names, penalty)

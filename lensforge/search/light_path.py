@@ -22,6 +22,7 @@ from lensforge import seeds
 from lensforge.kernels.image_sums import SAFE_SIN2, SIN2_SCALE, collect, collect_adjoint
 from lensforge.kernels.parallel import CHUNKS, in_chunks
 from lensforge.light.crease import crease_gradients, worth_on
+from lensforge.light.later_creases import later_crease_gradients
 from lensforge.light.device_trace import DeviceTable, first_crossing, tables_on
 from lensforge.light.sequential_trace import Crossing, EnteringRays, trace_sequence
 from lensforge.light.table_trace import Scene, TracedBundle
@@ -139,6 +140,9 @@ def _splat(hits: Float[Tensor, "n 2"], flux: Float[Tensor, " n"], grid: PixelGri
     return image.reshape(grid.rows + 2, framed)[1:-1, 1:-1]
 
 
+_FANS, _RAYS_OF_FAN = 128, 32  # 2 % of noise in the part of later creases
+
+
 class _AtCreases(torch.autograd.Function):
     """The sums as they are; their gradient by the tables for light that crosses the creases of the cavity."""
 
@@ -153,7 +157,8 @@ class _AtCreases(torch.autograd.Function):
     def backward(ctx: Any, *by: Tensor) -> Any:
         images = [each.contiguous().numpy() for each in by[::4]]
         sums = [np.array([float(each) for each in by[first + 1 : first + 4]]) for first in range(0, len(by), 4)]
-        found = crease_gradients(ctx.tables, ctx.scene, ctx.source, worth_on(ctx.receivers, images, sums))
+        places = ctx.tables, ctx.scene, ctx.source, worth_on(ctx.receivers, images, sums)
+        found = crease_gradients(*places) + later_crease_gradients(*places, _FANS, _RAYS_OF_FAN)
         return torch.from_numpy(found), None, None, None, *by
 
 

@@ -33,7 +33,8 @@ from lensforge.surfaces.surface import Surface
 
 DRAFT_DEG = 2.0  # of the side of a cavity, where the spec does not say
 _DIRECTIONS = 4000  # at which the part of a face that bounds its medium is looked for
-_BEYOND = 0.03  # cosine by which a profile bends beyond that part: creases move
+_BEYOND = 0.1  # cosine by which a profile bends beyond that part: creases move, and beyond it the curvature jumps
+_LOWEST = -0.1  # cosine: exported faces reach a little below z = 0
 _NODES_PER_SIGMA = 6.0  # at least: with 2.5 the wall is 30 um off at its rim
 _WIDEST_BEAM_RAD = radians(40.0)
 _NARROWEST_BEAM_RAD = radians(0.1)
@@ -201,7 +202,7 @@ def _parameters(body: Body, name: str, count: int) -> FaceParameters:
     face = body.face(name)
     faces, directions = body.bounding(face.before), fibonacci_hemisphere(_DIRECTIONS)
     cosines = directions[nearest(faces, directions) == faces.index(face), 2]
-    basis = ProfileBasis(max(0.0, cosines.min() - _BEYOND), min(1.0, cosines.max() + _BEYOND), count)
+    basis = ProfileBasis(max(_LOWEST, cosines.min() - _BEYOND), min(1.0, cosines.max() + _BEYOND), count)
     assert isinstance(face.surface, ReciprocalSurface)
     values = face.surface.reciprocal(directions)[0]
     return FaceParameters(face.surface, basis, float(np.abs(values[nearest(faces, directions) == faces.index(face)]).mean()))

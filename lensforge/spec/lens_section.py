@@ -83,6 +83,11 @@ class LensShape(LensMaterial):
         return SrbfBasis(self.levels, self.sigma_c, self._own_symmetry)
 
     @property
+    def is_round(self) -> bool:
+        """True where all faces are of revolution."""
+        return False
+
+    @property
     def shape_levels(self) -> tuple[int, ...]:
         """Parameters of a free face, coarse first: the functions of its levels, which are numbers."""
         return self.basis.levels
@@ -110,7 +115,7 @@ class TirSection(LensShape, TirFaces):
     """Functions of each level, coarse to fine, that shape cap, wall and exit beyond their profiles; none: faces of
     revolution.
     """
-    profile: Annotated[int, Field(ge=LEAST_COEFFICIENTS, le=64)] = 10
+    profile: Annotated[int, Field(ge=LEAST_COEFFICIENTS, le=64)] = 12
     """Coefficients of the profile of each free face."""
     events: Annotated[int, Field(ge=3, le=MOST_EVENTS)] = 6
     """Largest number of faces that a ray meets; what goes on then is counted as its own fate."""
@@ -119,6 +124,11 @@ class TirSection(LensShape, TirFaces):
     def may_be_round(self) -> bool:
         """True: without levels all faces are of revolution."""
         return True
+
+    @property
+    def is_round(self) -> bool:
+        """True without levels, and without faces that are given."""
+        return not self.levels and all(face.fixed is None for face in self.faces.values())
 
     @property
     def shape_levels(self) -> tuple[int, ...]:
