@@ -125,10 +125,7 @@ def _made_by(cutter: str) -> Tables:
     if cutter == "mould":
         return {"face": {"draft_deg": GOOD_DRAFT_DEG}, "manufacture": {"make": "insert"}}
     radius = _millimetres(f"--cutter {cutter}", cutter, f"the {_CUTTERS}")
-    return {
-        "face": {"concave_radius_mm": radius, "draft_deg": 0.0},
-        "manufacture": {"cutter_radius_mm": radius},
-    }
+    return {"face": {"concave_radius_mm": radius, "draft_deg": 0.0}, "manufacture": {"cutter_radius_mm": radius}}
 
 
 def _name(spec: Path | None) -> str:

@@ -29,10 +29,7 @@ _TIMED: tuple[tuple[type[Design | Light | Part | Check | Proof | Photometry], st
     (Design, "search"), (Light, "simulated light"), (Part, "CAD and files"), (Check, "check for the shop"),
     (Proof, "verification"), (Photometry, "photometry"),
 )  # fmt: skip
-_STEMS = {
-    "stray": "stray light",
-    "compare": "photograph",
-}
+_STEMS = {"stray": "stray light", "compare": "photograph"}
 _OF_FACES = {"compare": "{} surface", "correct": "correction of the {} surface"}
 
 _LIGHT = ("nmse", "share_in_target", "efficiency", "uniformity", "rsd", "inner", "peak")

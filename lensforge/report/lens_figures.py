@@ -106,11 +106,7 @@ def lens_section(
 
 
 def draw_section(
-    axes: Axes,
-    lens: Lens,
-    azimuth_deg: float,
-    outline_mm: Float[np.ndarray, "k 3"] | None,
-    reach: float | None = None,
+    axes: Axes, lens: Lens, azimuth_deg: float, outline_mm: Float[np.ndarray, "k 3"] | None, reach: float | None = None
 ) -> None:
     """Draw the section at ``azimuth_deg`` on ``axes``; ``outline_mm`` is the source's, None where it is not known.
 

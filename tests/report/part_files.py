@@ -1,16 +1,7 @@
 """Results that not every lens has, with numbers that are easy to recognise: stray light, a photograph, a surface."""
 
 import numpy as np
-from result_folders import (
-    MAKERS,
-    PIXELS,
-    STAGES,
-    criterion,
-    evaluate_arrays,
-    light_images,
-    make_folder,
-    make_results,
-)
+from result_folders import MAKERS, PIXELS, STAGES, criterion, evaluate_arrays, light_images, make_folder, make_results
 
 from lensforge.light.evaluation_result import LightMetrics
 from lensforge.made.measurement_result import (

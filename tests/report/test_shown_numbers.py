@@ -158,11 +158,7 @@ def test_every_number_of_the_page_for_the_shop_is_one_of_a_fact(name):
     lens, part, check = results.lens, results.part, results.check
     criteria = [each.fact for each in (*part.criteria, *check.criteria)]
     groups = [shop_facts(lens, part, check), *face_groups(lens, check), *finding_groups(check)]
-    texts = [
-        *texts_of([*groups, table_facts(grids), Group("", "", tuple(criteria))]),
-        *hashes,
-        *drawn.notes,
-    ]
+    texts = [*texts_of([*groups, table_facts(grids), Group("", "", tuple(criteria))]), *hashes, *drawn.notes]
     texts += [
         f"{size.name} {shop_files.shown(size.value_mm)} {size.tolerance} {size.scope_words}"
         for size in drawn.views.dimensions
