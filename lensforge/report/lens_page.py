@@ -53,7 +53,7 @@ def render_report(results: Results, folder: Path | None = None, *, beside: bool 
 
 
 def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, object]:
-    lens, proof = results.lens, results.find(Proof)
+    lens, design, proof = results.lens, results.find(Design), results.find(Proof)
     possible = light_section.possible_limits(results.spec)
     lights = light_section.other_lights(results)
     return {
@@ -61,14 +61,14 @@ def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, o
         "subtitle": task(lens.spec),
         "headline": headline.headline(results),
         "outdated": headline.outdated(results),
-        "altered_files": headline.altered_files(results),
-        "warnings": headline.source_warnings(results),
+        "altered_files": () if proof is None else proof.notes,
+        "warnings": () if design is None else design.source.warnings,
         "asked": headline.asked_facts(results, possible),
         "further": headline.further_facts(results),
         "criteria": headline.criterion_groups(results),
         "missed": headline.criterion_groups(results, missed=True),
         "remarks": headline.missing(results),
-        "search_end": headline.search_end(results),
+        "search_end": None if design is None else design.ended,
         "times": headline.times(results),
         "facts": _facts(results),
         "far_proof": proof is not None and any(each.far_field for each in proof.receivers),

@@ -74,7 +74,7 @@ def known_of(results: Results) -> set[str]:
     texts += [f"{row.path} {row.value}" for table in number_tables(results).values() for row in table]
     texts += [f"{row.path} {row.value}" for table in spec_tables(results).values() for row in table]
     texts += [f"{file.name} {file.size}" for file in exported_part.exported_files(results)]
-    texts += list(headline.source_warnings(results))
+    texts += results.design.source.warnings if "design" in results.found else ()
     texts += [str(result.conditions) for result in results.others.values()]
     texts += [f"{len(group.facts)} criteria" for group in headline.criterion_groups(results)]
     if (study := results.find(Yield)) is not None:
