@@ -224,6 +224,12 @@ class Sweep(StageResult):
         content |= {"inputs": {row.folder: lenses[row.folder] for row in designs}, "designs": designs}
         return type(self).model_validate(content)
 
+    def curve(self, metric: SweptMetric) -> tuple[list[float], list[float], list[float]]:
+        """Of the designs that have ``metric``: values of the varied field, the metric, its standard error or 0."""
+        found = [(row.value, measured) for row in self.designs if (measured := getattr(row, metric)) is not None]
+        errors = [measured.standard_error or 0.0 for _, measured in found]
+        return [value for value, _ in found], [measured.value for _, measured in found], errors
+
     def plot(self, axes: "Axes | None" = None, *, metric: SweptMetric = "nmse") -> "Axes":
         """Plot ``metric`` over the varied field, with standard errors.
 
@@ -232,8 +238,8 @@ class Sweep(StageResult):
         from lensforge.results.plots import new_axes
 
         require_choice("metric", metric, get_args(SweptMetric))
-        axes, curve = new_axes(axes), Curve.of(self, metric)
-        axes.errorbar(curve.x, curve.y, curve.errors, marker="o")
+        axes = new_axes(axes)
+        axes.errorbar(*self.curve(metric), marker="o")
         axes.set(xlabel=self.vary, ylabel=metric)
         return axes
 
@@ -241,25 +247,6 @@ class Sweep(StageResult):
 def _metric(name: str, metric: Metric | None) -> Fact:
     shares = ("efficiency", "share_in_target")
     return Fact.share(name, METRICS[name], metric) if name in shares else Fact.measured(name, METRICS[name], metric)
-
-
-@dataclass(frozen=True)
-class Curve:
-    """A metric of the designs that have it: ``x``, values of the varied field; ``y``, the metric; standard errors."""
-
-    x: list[float]
-    y: list[float]
-    errors: list[float]
-
-    @staticmethod
-    def of(sweep: Sweep, metric: SweptMetric) -> "Curve":
-        """Curve of ``metric``; an unknown standard error counts as 0."""
-        found = [(row.value, measured) for row in sweep.designs if (measured := getattr(row, metric)) is not None]
-        return Curve(
-            [value for value, _ in found],
-            [measured.value for _, measured in found],
-            [measured.standard_error or 0.0 for _, measured in found],
-        )
 
 
 def sweep_of(spec: Spec, variation: Variation, found: Sequence[tuple[Variant, Results]]) -> Sweep:
