@@ -22,25 +22,13 @@ from lensforge.report.record_tables import rows
 from lensforge.report.results import Results
 from lensforge.results import Fact
 from lensforge.results.chart import Chart, LightUnit, light_unit
-from lensforge.results.figure_style import (
-    BLUE,
-    GREEN,
-    GREY,
-    INK,
-    NARROW,
-    ORANGE,
-    RED,
-    WIDE,
-    in_report_style,
-    new_figure,
-)
+from lensforge.results.figure_style import COLOURS, NARROW, WIDE, in_report_style, new_figure
 from lensforge.results.numerals import NOTHING
 from lensforge.version import __version__
 
 _MOST = 8  # columns: more do not fit on a page
 # The better value of the facts for which there is one whatever the spec.
 _BETTER = {"nmse": min, "efficiency": max, "share_in_target": max, "uniformity": max, "rsd": min}
-_COLOURS = (BLUE, ORANGE, GREEN, RED, "#8a5cc9", "#c2569b", GREY, INK)
 _DASHES = ("solid", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))  # curves that coincide remain visible
 _APART = 5.0  # ratio of peaks or of receivers above which there is no common scale
 _DARK = "#000004"  # the darkest of the map's colours, outside the receiver
@@ -186,7 +174,7 @@ class ComparedPictures:
                 name,
                 receiver,
                 light_unit(light.lumens_per_watt if lumens_known else None, far_field=receiver.chart.far_field),
-                _COLOURS[index % len(_COLOURS)],
+                COLOURS[index % len(COLOURS)],
                 _DASHES[index % len(_DASHES)],
                 f"{receiver.place[:1].upper()}{receiver.place[1:]}.",
             )

@@ -20,6 +20,7 @@ from lensforge.results import Image
 from lensforge.results.chart import WATTS, Chart, LightUnit, angles_to, on_chart
 from lensforge.results.figure_style import (
     BLUE,
+    DASHED,
     GREEN,
     INK,
     NARROW,
@@ -196,7 +197,6 @@ def _draw_values(scale: Axes, level: float, unit: LightUnit) -> None:
 Ends = tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]]
 
 _LINE_HEIGHT = 2.4
-_DASHED = (0, (4, 2))
 _OFF_CENTRE, _BRIGHTER = 0.02, 1.05  # of the height and of the central row: a row worth its own line is beyond
 
 
@@ -220,7 +220,7 @@ def line_comparison(
     axes.plot(
         position,
         unit.per_watt * along(wanted, start, end, chart),
-        label=names[0], color=INK, linestyle=_DASHED, linewidth=1.0,
+        label=names[0], color=INK, linestyle=DASHED, linewidth=1.0,
     )  # fmt: skip
     axes.plot(position, unit.per_watt * along(reached, start, end, chart), label=names[1], color=BLUE)
     label_positions(axes, chart, reach)
@@ -236,7 +236,7 @@ def encircled_energy(wanted: Image, reached: Image, chart: Chart) -> Figure:
     """The share of the receiver's flux within a circle around its centre, over the circle's radius."""
     figure, axes = new_figure(NARROW, 2.75)
     radius, share = encircled_share(wanted, chart)
-    axes.plot(radius, share, color=INK, linestyle=_DASHED, linewidth=1.0, label="target")
+    axes.plot(radius, share, color=INK, linestyle=DASHED, linewidth=1.0, label="target")
     axes.plot(*encircled_share(reached, chart), color=BLUE, label="simulated, unfiltered")
     reach = float(radius[-1]) or 0.5 * max(chart.width, chart.height)  # 0 for a single pixel
     label_radii(axes, chart, reach)
@@ -248,15 +248,17 @@ def encircled_energy(wanted: Image, reached: Image, chart: Chart) -> Figure:
 
 def label_positions(axes: Axes, chart: Chart, reach: float) -> None:
     """Label the axis of positions that run as far as ``reach`` to either side of the middle of a line."""
-    axes.set_xlabel(f"position on the line ({chart.unit_drawn})")
-    chart.label_metres(axes.xaxis)
-    if chart.far_field:
-        chart.label_angles(axes, x=reach)
+    _label_lengths(axes, chart, reach, f"position on the line ({chart.unit_drawn})")
 
 
 def label_radii(axes: Axes, chart: Chart, reach: float) -> None:
     """Label the axis of radii up to ``reach``."""
-    axes.set_xlabel("angle from the axis (°)" if chart.far_field else f"radius around the centre ({chart.unit_drawn})")
+    far, near = "angle from the axis (°)", f"radius around the centre ({chart.unit_drawn})"
+    _label_lengths(axes, chart, reach, far if chart.far_field else near)
+
+
+def _label_lengths(axes: Axes, chart: Chart, reach: float, words: str) -> None:
+    axes.set_xlabel(words)
     chart.label_metres(axes.xaxis)
     if chart.far_field:
         chart.label_angles(axes, x=reach)

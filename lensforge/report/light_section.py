@@ -1,6 +1,6 @@
 """Sections of the report on light: pictures of each receiver, photometry, and light under other conditions."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,8 +14,8 @@ from lensforge.light.receiver_light import ReceiverLight
 from lensforge.report import light_figures, study_figures
 from lensforge.report.page import PagePicture, picture
 from lensforge.report.results import Results
-from lensforge.results import Bound, Fact, Group, SimulatedResult
-from lensforge.results.chart import LightUnit, light_unit
+from lensforge.results import Bound, Fact, Group, Image, SimulatedResult
+from lensforge.results.chart import Chart, LightUnit, light_unit
 from lensforge.results.numerals import number
 from lensforge.results.verdict import worst
 from lensforge.scene.receiver_shapes import receivers_of
@@ -151,13 +151,14 @@ def first_picture(results: Results) -> PagePicture | None:
 
 def receiver_pictures(results: Results) -> list[ReceiverPictures]:
     """The pictures of every receiver of the lens's own light."""
-    light = results.find(Light)
-    return [] if light is None else [_of_receiver(shown, light) for shown in shown_receivers(results)]
+    return [_of_receiver(shown, results.light) for shown in shown_receivers(results)]
 
 
 def _of_receiver(shown: ShownReceiver, whole: Light) -> ReceiverPictures:
     """All maps are seen at once where there is one receiver; of several the light on each: the page stays short."""
-    maps, rest = _maps(shown, whole), (_lines(shown), _flux(shown))
+    light = shown.light
+    lines = line_pictures(shown.picture_name, (light.target_map, light.map), light.chart, shown.unit)
+    maps, rest = _maps(shown, whole), (lines, _flux(shown))
     if not shown.several:
         return ReceiverPictures(shown.heading, maps, rest)
     wanted, lit, difference = maps
@@ -194,16 +195,18 @@ def _as_means(light: ReceiverLight) -> str:
     return f" Drawn as means on {light_figures.MOST_DRAWN} pixels {along}."
 
 
-def _lines(shown: ShownReceiver) -> list[PagePicture]:
-    """Cross-sections of target and simulation."""
-    light, draw = shown.light, light_figures.line_comparison
+def line_pictures(
+    name: Callable[[str], str],
+    images: tuple[Image, Image],
+    chart: Chart,
+    unit: LightUnit,
+    labels: tuple[str, str] = ("target", "simulated"),
+) -> list[PagePicture]:
+    """Cross-sections of two images; ``name``: makes that of a picture unique on the page."""
+    draw = light_figures.line_comparison
     return [
-        picture(
-            shown.picture_name(f"line{index}"),
-            draw(line, light.target_map, light.map, light.chart, shown.unit),
-            f"Along {name}",
-        )
-        for index, (name, line) in enumerate(light_figures.profile_lines(light.target_map, light.chart))
+        picture(name(f"line{index}"), draw(line, *images, chart, unit, labels), f"Along {words}")
+        for index, (words, line) in enumerate(light_figures.profile_lines(images[0], chart))
     ]
 
 
