@@ -156,7 +156,6 @@ def _line(task: Task, seconds: float | None = None) -> str:
 
 
 def _worded(name: str, seconds: float, detail: str) -> str:
-    """Format a stage, its time, and how far it is."""
     words = f"{printable(name):<{_NAME_COLUMNS}} {duration(seconds):>{_TIME_COLUMNS}}  {printable(detail)}"
     return words.rstrip()
 

@@ -134,7 +134,6 @@ def _name(spec: Path | None) -> str:
 
 
 def _content(name: str, sections: Tables, radius_mm: float, material: str, made_by: Tables) -> Tables:
-    """Tables of the spec as they were asked for."""
     if material not in MATERIALS:
         raise InputError(f"--material {material}: must be one of {', '.join(MATERIALS)}")
     found = {

@@ -212,7 +212,6 @@ def task(spec: Spec) -> str:
 
 
 def _fixed(lens: LensSection) -> str:
-    """Fixed surfaces in words."""
     fixed = {name: face.fixed for name, face in lens.faces.items()}
     return "".join(f", {name} face fixed ({face.title})" for name, face in fixed.items() if face is not None)
 
@@ -230,7 +229,6 @@ def _on_receiver(receiver: AnyReceiver) -> str:
 
 
 def _targets(targets: Sequence[Target]) -> str:
-    """The targets of one receiver."""
     return f"{len(targets)} targets" if len(targets) > _MOST_NAMED else _listed(list(map(_target, targets)))
 
 
@@ -260,7 +258,6 @@ _TARGETS = {
 
 
 def _target(target: Target) -> str:
-    """A target in a few words."""
     unit = "°" if target.unit == "deg" else " mm"
     names = [name for name in (*target.needs, *target.takes) if name != "corners" and target.length(name) is not None]
     lengths = {name: " × ".join(f"{side:g}{unit}" for side in dict.fromkeys(target.sides(name))) for name in names}

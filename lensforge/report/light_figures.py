@@ -183,7 +183,6 @@ def _framed(centres: Float[np.ndarray, " k"], length: float) -> Float[np.ndarray
 
 
 def _draw_values(scale: Axes, level: float, unit: LightUnit) -> None:
-    """The colour, share and value of each isoline."""
     for row, (share, colour) in enumerate(ISO_SHARES.items()):
         height = 0.08 + 0.16 * row
         scale.plot([0.0, 1.0], [height, height], color=colour, linewidth=2.0)
@@ -311,7 +310,6 @@ def profile_lines(target: Image, chart: Chart) -> list[tuple[str, Ends]]:
 
 
 def _samples(image: Image) -> int:
-    """Number of points on a line across ``image``."""
     return 2 * int(max(image.shape))
 
 

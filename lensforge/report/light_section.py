@@ -211,7 +211,6 @@ def line_pictures(
 
 
 def _flux(shown: ShownReceiver) -> list[PagePicture]:
-    """Isolines, encircled energy, and the flux budget."""
     light, chart, name = shown.light, shown.light.chart, shown.picture_name
     lines = light_figures.isolines(light.map, chart, top_of([light.target_map]), shown.unit)
     encircled = light_figures.encircled_energy(light.target_map, light.raw_map, chart)

@@ -106,7 +106,6 @@ def ray_counts(most_rays: int, source: Source) -> tuple[int, ...]:
 
 
 def _preset_row(name: Accuracy, preset: Preset, lens: Lens, source: Source, most_rays: int) -> TradeoffRow:
-    """The evaluation of a preset, tables included in its time."""
     started = time.perf_counter()
     traced = TracedLens.of(lens, preset.evaluate_nodes_per_sigma)
     light = evaluate_traced(traced, lens.spec, source, min(preset.evaluate_rays, most_rays), lens.seed)

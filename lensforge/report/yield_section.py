@@ -101,7 +101,6 @@ def _worst_pictures(stem: str, found: Yield, results: Results) -> list[PagePictu
 
 
 def _worst_maps(found: Yield) -> Iterator[tuple[str, str, np.ndarray]]:
-    """Title, caption and light of each of the worst parts."""
     for worst, image in zip(found.worst, found.worst_maps, strict=True):
         state = "passes" if worst.passes else "fails"
         yield f"Part {worst.part}: {state}", f"{worst_words(found, worst)}.", image

@@ -162,7 +162,7 @@ class StageResult(Record):
     @classmethod
     def stored_elsewhere(cls) -> tuple[str, ...]:
         """Names of the fields that are not stored in the JSON file."""
-        fields = type_fields(cls).items()
+        fields = cls.model_fields.items()
         return tuple(
             name for name, info in fields if any(marker(info, mark) is not None for mark in (Given, Array, InFile))
         )
@@ -281,7 +281,7 @@ class StageResult(Record):
                 put_arrays(content, arrays)
             except ValueError as error:
                 raise InputError(f"{path}: {error}; {cls.again()}") from None
-        for field, info in type_fields(cls).items():
+        for field, info in cls.model_fields.items():
             if (own := marker(info, InFile)) is not None:
                 file = folder / own.beside(cls.stage, name)
                 there = info.is_required() or file.is_symlink() or file.exists()
@@ -384,8 +384,3 @@ def _without_unhashed(content: object) -> object:
     if isinstance(content, dict):
         return {key: _without_unhashed(value) for key, value in content.items() if key not in _UNHASHED}
     return [_without_unhashed(value) for value in content] if isinstance(content, list) else content
-
-
-def type_fields(cls: type[Record]) -> Mapping[str, Any]:
-    """Fields of a record class, by name."""
-    return cls.model_fields
