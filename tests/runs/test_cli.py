@@ -5,9 +5,7 @@ import shutil
 import signal
 import subprocess
 import sys
-from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
-from io import StringIO
 from pathlib import Path
 
 import pytest
@@ -15,43 +13,16 @@ import torch
 from click.testing import CliRunner
 from coarse_part import coarse_part
 from foreground import default_signals
+from in_this_process import Ended
+from in_this_process import lensforge as lensforge_here
+from scenes import small_spec
 from undrawn import undrawn
 
 import lensforge as lf
-from lensforge.cli.cli import cli, main
+from lensforge.cli.cli import cli
 from lensforge.results.arguments import threads_of_torch
 
-SPEC = """
-[source]
-kind = "square"
-side_mm = 1.0
-[lens]
-levels = [9, 25]
-[lens.inner]
-offset_mm = 3.0
-[lens.outer]
-offset_mm = 6.0
-[constraints]
-cavity_height_mm = 0.5
-cavity_radius_mm = 1.0
-min_thickness_mm = 1.0
-max_radius_mm = 7.0
-[target]
-kind = "flat_top"
-width_mm = 160.0
-distance_mm = 100.0
-receiver_mm = 200.0
-uniform_mm = 100.0
-[optimise]
-steps_per_level = [STEPS, STEPS]
-rays = 1024
-pixels = 16
-[evaluate]
-rays = 4096
-pixels = 16
-[base]
-diameter_mm = 16.0
-"""
+LEVELS = "levels = [\n    9,\n    25,\n]"
 
 
 def lensforge(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
@@ -59,26 +30,14 @@ def lensforge(*arguments: object, cwd: Path | None = None) -> subprocess.Complet
     return subprocess.run(command, capture_output=True, encoding="utf-8", cwd=cwd, timeout=300, check=False)
 
 
-def write_spec(folder: Path, steps: int = 80, **replace: str) -> Path:
-    text = SPEC.replace("STEPS", str(steps))
+def write_spec(folder: Path, steps: tuple[int, int] = (80, 80), **replace: str) -> Path:
+    text = small_spec(lens__symmetry="auto", optimise__steps_per_level=list(steps)).to_toml()
     for old, new in replace.items():
+        assert old in text
         text = text.replace(old, new)
     path = folder / "small.toml"
     path.write_text(text, encoding="utf-8")
     return path
-
-
-def lensforge_here(*arguments: object) -> subprocess.CompletedProcess[str]:
-    """The same in this process, which has torch and the CAD kernel loaded already."""
-    command, out, err = ["lensforge", *map(str, arguments)], StringIO(), StringIO()
-    code = 0
-    with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
-        patch.setattr(sys, "argv", command)
-        try:
-            main()
-        except SystemExit as exit:
-            code = int(exit.code or 0)
-    return subprocess.CompletedProcess(command, code, out.getvalue(), err.getvalue())
 
 
 @dataclass(frozen=True)
@@ -89,7 +48,7 @@ class Killed:
     spec: Path
     code: int
     stderr: str
-    resumed: subprocess.CompletedProcess[str]
+    resumed: Ended
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +56,7 @@ def killed(tmp_path_factory: pytest.TempPathFactory) -> Killed:
     """One small design by the command line, which all tests of its folder share."""
     folder = tmp_path_factory.mktemp("cli")
     # Two seconds for the second level: the signal comes in time on a busy machine, too.
-    spec = write_spec(folder, steps=400, **{"[400, 400]": "[40, 400]"})
+    spec = write_spec(folder, steps=(40, 400))
     process = subprocess.Popen(
         [sys.executable, "-m", "lensforge", "design", str(spec), "--accuracy", "draft"],
         stderr=subprocess.PIPE,
@@ -144,7 +103,7 @@ def test_single_stages_run_again(small_run: lf.Run, tmp_path: Path) -> None:
     shutil.copytree(small_run.folder, folder)
     own_light, page = (folder / "evaluate.json").read_bytes(), (folder / "report.html").stat().st_mtime_ns
     done = lensforge_here("evaluate", folder, "--rays", 2048, "--pixels", 8, "--json")
-    assert done.returncode == 0, done.stderr
+    assert done.code == 0, done.stderr
     values = json.loads(done.stdout)["evaluate_2048rays_8px"]
     assert (values["rays"], values["pixels"]) == (2048, 8)
     assert values["nmse"]["value"] > 0.0 and values["nmse"]["standard_error"] > 0.0
@@ -153,9 +112,9 @@ def test_single_stages_run_again(small_run: lf.Run, tmp_path: Path) -> None:
     assert (folder / "report.html").stat().st_mtime_ns > page, "a report that is there is renewed"
     (folder / "report.html").unlink()
     with coarse_part():
-        assert lensforge_here("check", folder).returncode == 0
+        assert lensforge_here("check", folder).code == 0
     assert not (folder / "report.html").exists()
-    assert lensforge_here("evaluate", folder, "--source", folder / "lens.stl").returncode == 2
+    assert lensforge_here("evaluate", folder, "--source", folder / "lens.stl").code == 2
 
 
 @pytest.mark.nightly("a design twice; by day a search is ended by a signal, and another resumed")
@@ -168,7 +127,7 @@ def test_a_killed_design_says_how_to_go_on_and_goes_on_where_it_was(killed: Kill
 
 @pytest.mark.nightly("the whole search again; by day a shorter one resumes to the same bits")
 def test_a_killed_design_resumes_to_the_same_lens(killed: Killed) -> None:
-    assert killed.resumed.returncode == 0, killed.resumed.stderr
+    assert killed.resumed.code == 0, killed.resumed.stderr
     assert "  Efficiency " in killed.resumed.stdout
     require_every_file(killed.folder)
     straight = lf.design(lf.load_spec(killed.spec), accuracy="draft").lens
@@ -183,8 +142,8 @@ def test_a_killed_design_resumes_to_the_same_lens(killed: Killed) -> None:
         ({"distance_mm = 100.0": "distance_mm = 5.0"}, "target.distance_mm = 5 is inside the lens"),
         ({'kind = "flat_top"': 'kind = "fancy"'}, "target"),
         ({"width_mm = 160.0": "width_mm = nan"}, "width_mm"),
-        ({"levels = [9, 25]": "levels = []"}, "levels"),
-        ({"levels = [9, 25]": "levels = [9, 25"}, "not readable as TOML"),
+        ({LEVELS: "levels = []"}, "levels"),
+        ({LEVELS: "levels = [9, 25"}, "not readable as TOML"),
         ({"[lens]": "[lense]"}, "lens"),
         ({"offset_mm = 6.0": "offset_mm = 2.0"}, "lens: outer.offset_mm = 2.0 must exceed"),
         ({"rays = 1024": "rays = 1e9"}, "optimise.rays"),
@@ -192,7 +151,7 @@ def test_a_killed_design_resumes_to_the_same_lens(killed: Killed) -> None:
 )
 def test_bad_specs_end_in_one_line(tmp_path: Path, replace: dict[str, str], message: str) -> None:
     result = lensforge_here("design", write_spec(tmp_path, **replace), "--out", tmp_path / "out")
-    assert result.returncode == 2
+    assert result.code == 2
     assert message in result.stderr
     assert result.stderr.startswith("lensforge: ")
     assert len(result.stderr.splitlines()) == 1
@@ -215,7 +174,7 @@ def test_bad_specs_end_in_one_line(tmp_path: Path, replace: dict[str, str], mess
 def test_bad_commands_end_in_one_line(arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     result = lensforge_here(*arguments)
-    assert result.returncode == 2
+    assert result.code == 2
     assert len(result.stderr.splitlines()) == 1
     assert not list(tmp_path.iterdir())
 
@@ -245,7 +204,7 @@ def test_rays_describes_and_converts(examples: Path, tmp_path: Path) -> None:
 def test_a_device_that_is_not_there_is_refused_before_anything_is_written(tmp_path: Path) -> None:
     spec = write_spec(tmp_path)
     done = lensforge_here("design", spec, "--device", "cuda", "--out", tmp_path / "out")
-    assert done.returncode == 2
+    assert done.code == 2
     (line,) = done.stderr.splitlines()
     assert "device = 'cuda'" in line and "allowed here: cpu" in line and "CUDA build of torch" in line
     assert list(tmp_path.iterdir()) == [spec]
