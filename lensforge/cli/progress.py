@@ -28,11 +28,7 @@ _NAME_COLUMNS, _TIME_COLUMNS = 12, 12
 
 
 class StageClock:
-    """Lines of the stages of one command, of which the first is ``name``.
-
-    ``quiet``: nothing but warnings. Where there is no terminal, a line is written every two minutes at least;
-    ``study``: every two seconds.
-    """
+    """Lines of the stages of one command, the first called ``name``; ``quiet``: nothing but warnings."""
 
     def __init__(self, name: str, *, quiet: bool = False, study: bool = False) -> None:
         self._console = Console(stderr=True, highlight=False)

@@ -53,10 +53,7 @@ class _Output(io.RawIOBase):
 
 
 def open_standard_streams() -> None:
-    """Open a standard stream that the shell has closed (``>&-``): the next file would get its number, and the output.
-
-    Native libraries write to these numbers whatever Python does.
-    """
+    """Open a standard stream that the shell has closed (``>&-``): else a file gets its number, and the output."""
     for descriptor in _STANDARD:
         try:
             os.fstat(descriptor)

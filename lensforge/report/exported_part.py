@@ -195,10 +195,7 @@ def exported_files(results: Results) -> list[FileRow]:
 
 
 def folder_files(folder: Path, linked: bool) -> list[FileRow]:
-    """Files in ``folder``, without this report and hidden files; ``linked``: relative to the folder.
-
-    Raises :class:`InputError` for a file that cannot be read.
-    """
+    """Files in ``folder`` but report and hidden ones, ``linked`` or not. Raises :class:`InputError` if unreadable."""
     found = []
     for path in sorted(folder.iterdir()):
         if path.is_file() and path.name != REPORT_FILE and not path.name.startswith("."):

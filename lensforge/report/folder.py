@@ -108,10 +108,7 @@ def opened(folder: Path, *, create: bool = False) -> "Iterator[RunFolder]":
 
 
 class RunFolder:
-    """A result folder in memory: each file is read once, when the first of them is asked for.
-
-    ``path``: of the folder.
-    """
+    """The result folder ``path`` in memory: each file is read once, when the first of them is asked for."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

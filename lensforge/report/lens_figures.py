@@ -55,10 +55,7 @@ def trace_fan(lens: Lens, start_mm: Points, directions: Points, reach_mm: float)
 
 
 def _crossed(surface: TracedSurface, origins: Points, directions: Points, ratio: float) -> tuple[Points, Points]:
-    """First crossings at z >= 0, and the directions behind them; NaN where there is none.
-
-    ``ratio``: index before over index behind.
-    """
+    """First crossings at z >= 0 and directions behind them, else NaN; ``ratio``: index before over index behind."""
     points, behind = np.full_like(origins, np.nan), np.full_like(origins, np.nan)
     alive = np.flatnonzero(~np.isnan(origins + directions).any(axis=1))
     crossing = surface.first_crossing(origins[alive], directions[alive])

@@ -35,12 +35,10 @@ _PACKAGES = ("numpy", "scipy", "torch", "numba", "cadquery", "trimesh", "manifol
 
 
 def render_report(results: Results, folder: Path | None = None, *, beside: bool = True) -> str:
-    """The page on ``results``; ``folder``: that of the results, whose files are listed.
+    """The page on ``results``; ``folder``: where they lie, whose files are listed, linked if the page is ``beside``.
 
-    ``beside``: the page will lie in that folder, so that it may have links to the files.
-
-    The section of a stage that has not run says so. Raises :class:`InputError` for an STL that is
-    no mesh, or a file that cannot be read.
+    The section of a stage that has not run says so. Raises :class:`InputError` for an STL that is no mesh, or a file
+    that cannot be read.
     """
     part = results.find(Part)
     if part is None:

@@ -208,10 +208,7 @@ def line_comparison(
     unit: LightUnit = WATTS,
     names: tuple[str, str] = ("target", "simulated"),
 ) -> Figure:
-    """Light along the straight ``line`` from one point (x, y) of the receiver's chart to another.
-
-    ``names``: labels of ``wanted`` and ``reached``.
-    """
+    """Light along a straight ``line`` on the receiver's chart; ``names``: labels of ``wanted`` and ``reached``."""
     figure, axes = new_figure(NARROW, _LINE_HEIGHT)
     start, end = line
     reach = 0.5 * float(np.linalg.norm(end - start))
@@ -278,10 +275,7 @@ def encircled_share(image: Image, chart: Chart) -> tuple[Float[np.ndarray, " k"]
 def along(
     image: Image, start: Float[np.ndarray, " 2"], end: Float[np.ndarray, " 2"], chart: Chart
 ) -> Float[np.ndarray, " k"]:
-    """``image`` along the line from ``start`` to ``end`` (x, y on the chart), bilinear between pixels.
-
-    At two points for each pixel of the longer side.
-    """
+    """``image`` from ``start`` to ``end`` (x, y on the chart), bilinear, at two points a pixel of the longer side."""
     rows, columns = image.shape
     x, y = start[:, None] + (end - start)[:, None] * np.linspace(0.0, 1.0, _samples(image))
     places = np.stack([y / chart.height * rows + 0.5 * rows - 0.5, x / chart.width * columns + 0.5 * columns - 0.5])

@@ -99,10 +99,7 @@ def receivers_in(light: Light, spec: Spec) -> list[ShownReceiver]:
 
 
 def unit_of_light(results: Results, *, far_field: bool | None = None) -> LightUnit:
-    """Lux or candela where the luminous efficacy of the source is known, else W/m^2 or W/sr.
-
-    ``far_field``: by default as the first receiver is.
-    """
+    """Lux or candela where lumens are known, else W/m^2 or W/sr; ``far_field``: by default as the first receiver is."""
     light, design = results.find(Light), results.find(Design)
     if far_field is None:
         far_field = results.spec.all_receivers[0].kind == "far_field"

@@ -200,8 +200,7 @@ def unrecorded(hashes: Mapping[str, str] | None, stem: str, result: StageResult)
 def require_recorded(results: Results, record: RunRecord | None, folder: Path) -> None:
     """Raise :class:`InputError` where ``results`` are not those that the ``record`` of ``folder`` states.
 
-    A file of the part that is not the one in export.json is refused with or without ``run.json``, unless it has been
-    verified as it is.
+    Other files than export.json's are refused even without ``run.json``, unless verified as they are.
     """
     part = results.find(Part)
     unjudged = () if part is None else unjudged_files(part, results.find(Proof))

@@ -129,10 +129,9 @@ SweptMetric = Literal["nmse", "uniformity", "rsd", "efficiency", "share_in_targe
 
 
 class SweepRow(Record):
-    """One design: the value of the varied field, all changed fields, and the metrics of its own results.
+    """One design: the value of the varied field, all ``changes``, and the metrics of its own results.
 
-    ``changes``: value of each changed field. ``folder``: the design's name, and its folder next to ``sweep.json``.
-    ``cutting``: the verdict on it.
+    ``folder``: the design's name, and its folder next to ``sweep.json``. ``cutting``: the verdict on it.
     """
 
     value: Number
@@ -231,10 +230,7 @@ class Sweep(StageResult):
         return [value for value, _ in found], [measured.value for _, measured in found], errors
 
     def plot(self, axes: "Axes | None" = None, *, metric: SweptMetric = "nmse") -> "Axes":
-        """Plot ``metric`` over the varied field, with standard errors.
-
-        Raises :class:`InputError` for an unknown metric.
-        """
+        """Plot ``metric``, with standard errors. Raises :class:`InputError` for an unknown one."""
         from lensforge.results.plots import new_axes
 
         require_choice("metric", metric, get_args(SweptMetric))
@@ -271,11 +267,7 @@ def _row(variant: Variant, results: Results) -> SweepRow:
         value=variant.value,
         folder=variant.spec.name,
         changes=variant.changes,
-        nmse=light.nmse,
-        uniformity=light.uniformity,
-        rsd=light.rsd,
-        efficiency=light.efficiency,
-        share_in_target=light.share_in_target,
+        **{name: getattr(light, name) for name in get_args(SweptMetric)},
         max_radius_mm=design.max_radius_mm,
         height_mm=design.height_mm,
         steps=design.steps,

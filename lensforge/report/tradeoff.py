@@ -91,10 +91,7 @@ class Tradeoff(StageResult):
         return [Group("settings", "Presets, and stages of a search", lines)]
 
     def plot(self, axes: "Axes | None" = None, *, series: Series = "rays", error: TradedError = "nmse") -> "Axes":
-        """Plot an error of a series over its seconds, both logarithmic.
-
-        Raises :class:`InputError` for an unknown series or error.
-        """
+        """Plot ``error`` of ``series`` over seconds, in logarithms. Raises :class:`InputError` for unknown ones."""
         from lensforge.results.plots import plot_curves
 
         require_choice("series", series, get_args(Series))

@@ -120,10 +120,7 @@ def _preset_row(name: Accuracy, preset: Preset, lens: Lens, source: Source, most
 
 
 def search_rows(spec: Spec, source: Source, rays: int, accuracy: Accuracy = _SEARCH) -> list[TradeoffRow]:
-    """The lens after each stage of one search with automatic levels, as functions and steps grow, by ``rays`` rays.
-
-    Stages that the search leaves out again are among them.
-    """
+    """The lens by ``rays`` rays after each stage of a search with automatic levels, those left out again among them."""
     stages: list[tuple[Progress, Lens]] = []
 
     def keep(step: Progress) -> None:

@@ -323,10 +323,7 @@ class Conditions(Record):
 
     @classmethod
     def of(cls, source_name: str = "", **differing: Any) -> "Conditions | None":
-        """Conditions by those ``differing`` from the lens's own, None or left out where not; None where none does.
-
-        ``source_name``: of the other source, in the name.
-        """
+        """Conditions by those ``differing`` from the lens's own, None where none does; ``source_name``: in the name."""
         found = {key: value for key, value in differing.items() if value is not None}
         if not found:
             return None
