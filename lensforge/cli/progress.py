@@ -70,14 +70,11 @@ class StageClock:
             for task in self._progress.tasks:
                 self._write(_line(task))
 
-    def begin(self, name: str, detail: str = "") -> None:
-        """End the stage that runs, and begin ``name``."""
-        self.end()
+    def begin(self, name: str, detail: str = "", *, beside: bool = False) -> None:
+        """End the stage that runs, unless the new one runs ``beside`` it, and begin ``name``."""
+        if not beside:
+            self.end()
         self._progress.add_task(name, total=None, detail=detail)
-
-    def begin_beside(self, name: str) -> None:
-        """Begin ``name`` beside the stages that run."""
-        self._progress.add_task(name, total=None, detail="")
 
     def end(self, name: str = "", seconds: float | None = None) -> None:
         """End the stage ``name``, else the one that has run longest; ``seconds``: its own time, where it is known."""
@@ -228,7 +225,7 @@ class DesignProgress:
             self._searching = False
             if self._last is not None:
                 self._clock.expect(_LATER[self._last.accuracy] * self._last.seconds)
-        self._clock.begin_beside(words)
+        self._clock.begin(words, beside=True)
 
     def on_end(self, name: str, seconds: float) -> None:
         """End a stage."""

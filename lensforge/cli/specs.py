@@ -207,7 +207,7 @@ _PLACES = (_PACKAGE / "shipped", _PACKAGE.parent / "examples")  # of an installe
 @click.option("--page", is_flag=True, help="Print the reference of all fields as Markdown instead (docs/spec.md).")
 def schema(page: bool) -> None:
     """Print the JSON schema of a spec, by which an editor completes and checks it."""
-    click.echo(reference_page() if page else json.dumps(spec_schema(), indent=1, ensure_ascii=False), nl=not page)
+    click.echo(reference_page() if page else _schema_text(), nl=False)
 
 
 @click.command()

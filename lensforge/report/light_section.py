@@ -14,7 +14,7 @@ from lensforge.light.receiver_light import ReceiverLight
 from lensforge.report import light_figures, study_figures
 from lensforge.report.page import PagePicture, picture
 from lensforge.report.results import Results
-from lensforge.results import Bound, Fact, Group, Image, SimulatedResult
+from lensforge.results import Bound, Fact, Group, Image
 from lensforge.results.chart import Chart, LightUnit, light_unit
 from lensforge.results.numerals import number
 from lensforge.results.verdict import worst
@@ -277,13 +277,10 @@ def other_results(results: Results) -> list[Group]:
 
 def _compared(results: Results) -> dict[str, Light]:
     """The lens's own light before every other; none where there is no other."""
-    others = {_name(light): light for light in results.others.values() if isinstance(light, Light)}
+    found = (light for light in results.others.values() if isinstance(light, Light))
+    others = {OWN if light.conditions is None else light.conditions.name: light for light in found}
     own = results.find(Light)
     return others if own is None or not others else {OWN: own, **others}
-
-
-def _name(result: SimulatedResult) -> str:
-    return OWN if result.conditions is None else result.conditions.name
 
 
 def _light_rows(results: Results, name: str, light: Light) -> Iterator[Group]:

@@ -224,7 +224,7 @@ class Sweep(StageResult):
         return type(self).model_validate(content)
 
     def curve(self, metric: SweptMetric) -> tuple[list[float], list[float], list[float]]:
-        """Of the designs that have ``metric``: values of the varied field, the metric, its standard error or 0."""
+        """Values of the varied field, ``metric``, and its standard error or 0, of the designs that have it."""
         found = [(row.value, measured) for row in self.designs if (measured := getattr(row, metric)) is not None]
         errors = [measured.standard_error or 0.0 for _, measured in found]
         return [value for value, _ in found], [measured.value for _, measured in found], errors

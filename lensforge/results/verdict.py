@@ -72,7 +72,7 @@ class Verdict(Record):
         return {"light": self.reasons.light, "files": self.reasons.files, "cutting": self.reasons.cutting}[name]
 
     def require(self, *, cutting: bool, parts: Sequence[str] = ()) -> None:
-        """Raise :class:`CriterionMissed` where light, files or, with ``cutting``, cutting fails; ``parts``: only these."""
+        """Raise :class:`CriterionMissed` where light, files or, if asked, ``cutting`` fails; ``parts``: only these."""
         counted = ["light", "files", *(["cutting"] if cutting else [])]
         failed = [name for name in counted if name in (parts or counted) and self.state_of(name) == "fail"]
         if failed:
