@@ -126,10 +126,7 @@ def run_with_progress(
     scheduler: str | None = None,
     **options: Unpack[SearchOptions],
 ) -> Run:
-    """Call ``pipeline.run`` with its progress on ``clock``; ``resume``: from the checkpoint in ``directory``.
-
-    Raises :class:`InputError` where there is no checkpoint to resume from.
-    """
+    """Run with progress on ``clock``. Raises :class:`InputError` where there is no checkpoint to ``resume`` from."""
     from lensforge.cli.progress import DesignProgress
 
     checkpoint = directory / CHECKPOINT

@@ -63,10 +63,7 @@ def open_standard_streams() -> None:
 
 @contextmanager
 def lasting_streams() -> Iterator[Callable[[], OSError | None]]:
-    """Replace stdout and stderr inside the block; the function flushes stdout and returns its failure, if it has one.
-
-    Streams that are no files of the process, such as those of a test, stay.
-    """
+    """Replace stdout and stderr, if files, inside the block; the function flushes stdout and returns its failure."""
     before = sys.stdout, sys.stderr
     sys.stdout, output = _lasting(before[0], 1)
     sys.stderr, _ = _lasting(before[1], 2)

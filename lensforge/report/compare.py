@@ -52,10 +52,7 @@ class Line:
 
 
 def render_comparison(designs: Sequence[Results], names: Sequence[str] | None = None) -> str:
-    """One self-contained page on two to eight designs; ``names``: by default those of their specs.
-
-    Raises :class:`InputError` for another number of designs.
-    """
+    """A page on the designs by ``names``, else their specs'. Raises :class:`InputError` unless they are 2 to 8."""
     if not 2 <= len(designs) <= _MOST:
         raise InputError(f"report: {len(designs)} designs given; a comparison takes from 2 to {_MOST}")
     names = spec_names(designs) if names is None else list(names)
@@ -79,10 +76,7 @@ def spec_names(designs: Sequence[Results]) -> list[str]:
 
 
 def folder_names(folders: Sequence[Path]) -> list[str]:
-    """The folders' names, or their whole paths where two names are the same.
-
-    Raises :class:`InputError` where the same folder is given twice.
-    """
+    """The folders' names, or paths where two are the same. Raises :class:`InputError` for a folder given twice."""
     if len({folder.resolve() for folder in folders}) < len(folders):
         raise InputError("report: the same folder is given twice; give each design once")
     short = [folder.resolve().name for folder in folders]
@@ -154,10 +148,7 @@ class _Lit:
 
 
 class ComparedPictures:
-    """The pictures of ``designs``, labelled ``names``; of light, only for those that have been simulated.
-
-    Light is that on every receiver; of several it is labelled with their names, too.
-    """
+    """The pictures of ``designs`` by ``names``; of light where simulated, on every receiver, by its name if several."""
 
     def __init__(self, names: Sequence[str], designs: Sequence[Results]) -> None:
         self._designs = list(zip(names, designs, strict=True))

@@ -93,10 +93,7 @@ def _whole(states: Mapping[str, State], results: Results) -> Shown:
 
 
 def _in_words(states: Mapping[str, State], results: Results) -> str:
-    """The verdicts as sentences, the worst first: "Light fails. Files and cutting pass.".
-
-    Cutting that fails and is not required says so: then the command does not fail.
-    """
+    """Verdicts as sentences, the worst first: "Light fails. Files and cutting pass."; cutting may be "not required"."""
     sentences = []
     for state, (one, several) in _VERBS.items():
         names = [name for name, found in states.items() if found == state]

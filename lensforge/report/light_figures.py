@@ -39,10 +39,7 @@ _FLATTEST = 0.5  # height over width; at most it is 1, where the receiver is wid
 
 
 def lit_frame(target: Image, reached: Image, chart: Chart) -> Chart:
-    """The centred part of ``chart`` that holds the target and its light; ``chart`` itself where that is most of it.
-
-    ``target``, ``reached``: [row y, column x] on ``chart``, in the same unit.
-    """
+    """The centred part of ``chart`` with target and light ([row y, column x], one unit); all, where most is lit."""
     peak = float(target.max())
     lit = (target > _WANTED * peak) | (reached > _LANDED * peak)
     if not peak > 0.0 or not lit.any():

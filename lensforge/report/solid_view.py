@@ -154,10 +154,7 @@ def _frame(mesh: Any, view: _Viewpoint, optics_radius_mm: float) -> tuple[float,
 
 
 def _framed(mesh: Any, view: _Viewpoint, optics_radius_mm: float) -> tuple[float, tuple[float, float, float]]:
-    """Half the height of a picture and its centre (mm), so that it shows what ``view`` is of, and no more.
-
-    The first view is the one that a reader turns: it leaves room for every direction.
-    """
+    """Half the height of a picture and its centre (mm): close, but with room to turn in the one that readers turn."""
     half_height, centre_z = _frame(mesh, view, optics_radius_mm)
     if view is VIEWS["above"] or half_height < _WHOLE * mesh.length:
         return half_height, (0.0, 0.0, centre_z)

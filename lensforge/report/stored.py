@@ -60,10 +60,7 @@ class Stored:
                 raise error
 
     def results(self, doubt: Callable[[str, StageResult], str] = lambda _stem, _result: "") -> Results:
-        """The results that count: each is of this lens, and of a part and a light that count.
-
-        ``doubt``: a further reason why a record, by its stem, does not count; empty where there is none.
-        """
+        """The results of this lens, of a part and light that count; ``doubt``: a reason why one does not, or empty."""
         found: dict[str, StageResult] = {}
         others: dict[str, SimulatedResult] = {}
         outdated = {stem: str(error) for stem, error in self.unreadable.items()}

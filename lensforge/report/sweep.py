@@ -48,10 +48,7 @@ class Variant:
 
 @dataclass(frozen=True)
 class Variation:
-    """``field`` takes each of ``values``, in order; every field of ``scaled`` keeps its ratio to it.
-
-    Fields are dotted paths in the spec, such as ``constraints.max_radius_mm``.
-    """
+    """``field`` (dotted path) takes each of ``values``, in order; those of ``scaled`` keep their ratio to it."""
 
     field: str
     values: tuple[float, ...]
@@ -129,10 +126,7 @@ SweptMetric = Literal["nmse", "uniformity", "rsd", "efficiency", "share_in_targe
 
 
 class SweepRow(Record):
-    """One design: the value of the varied field, all ``changes``, and the metrics of its own results.
-
-    ``folder``: the design's name, and its folder next to ``sweep.json``. ``cutting``: the verdict on it.
-    """
+    """One design by its ``value``. ``folder``: its name, beside ``sweep.json``. ``cutting``: the verdict on it."""
 
     value: Number
     folder: FolderName

@@ -67,10 +67,7 @@ class TradeoffRow(Record):
 
 
 class Tradeoff(StageResult):
-    """Accuracy against time for one scene: the ``rows`` of all series.
-
-    ``accuracy``: preset by which the measured lens was designed. ``threads``: with which it was measured.
-    """
+    """Accuracy against time: ``accuracy`` by which the lens was designed, ``threads`` used, ``rows`` of all series."""
 
     stage: ClassVar[str] = "tradeoff"
 

@@ -162,10 +162,7 @@ def _kind_of(mode: int) -> str:
 
 
 def read_json(path: Path, missing: str = "run `lensforge design` first") -> Any:
-    """Read JSON. Raises :class:`InputError` for a missing or broken file; ``missing``: the remedy for a missing one.
-
-    It has the bounds of :func:`lensforge.results.json_npz.parse_json`.
-    """
+    """Read JSON within bounds. Raises :class:`InputError`; ``missing``: the remedy where there is no such file."""
     return json_in(read_json_bytes(path, missing), path)
 
 

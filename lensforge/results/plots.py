@@ -91,10 +91,7 @@ def plot_distribution(
 
 
 def new_axes(axes: Axes | None) -> Axes:
-    """The caller's axes, or new ones that a notebook shows by itself.
-
-    Raises :class:`InputError` for anything else: the quantity to plot is chosen by its name.
-    """
+    """The caller's axes, or new ones that a notebook shows. Raises :class:`InputError` for anything else."""
     if isinstance(axes, Axes):
         return axes
     if axes is not None:
