@@ -89,7 +89,7 @@ def finish_study(output: Output, directory: Path, found: Sweep | Tradeoff, title
     """Print a study of its own folder under ``title``, and its ``page``."""
     output.show(
         lambda: {"folder": str(directory), found.stage: found.plain()},
-        lambda: [Block(title, list(rows_of(found.facts))), Block(f"Written: {directory / page}")],
+        lambda: [study_block(title, found.facts), Block(f"Written: {directory / page}")],
     )
 
 
@@ -148,6 +148,11 @@ def rows_of(groups: Sequence[Group]) -> Iterator[Row]:
                 yield "", f"and {counted[group.key] - _MOST_ROWS} more, in the record"
         else:
             yield from map(_row, group.facts)
+
+
+def study_block(title: str, groups: Sequence[Group]) -> Block:
+    """The block of a study of its own folder."""
+    return Block(title, list(rows_of(groups)))
 
 
 def summary(run: Run) -> list[Block]:
