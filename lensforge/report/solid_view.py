@@ -70,15 +70,12 @@ class Rendering:
     """A rendering of the bytes of an STL in the background, so that figures can be drawn meanwhile."""
 
     def __init__(self, stl: bytes, optics_radius_mm: float) -> None:
-        self._stack = ExitStack()
-        try:
-            self._folder = self._stack.enter_context(temporary_folder(_MESH))
+        with ExitStack() as stack:
+            self._folder = stack.enter_context(temporary_folder(_MESH))
             (self._folder / _MESH).write_bytes(stl)
             (self._folder / _RADIUS).write_text(json.dumps(optics_radius_mm), encoding="utf-8")
-            self._child = self._stack.enter_context(Child(Path(__file__).resolve(), self._folder, _LIMITS))
-        except BaseException:
-            self._stack.close()
-            raise
+            self._child = stack.enter_context(Child(Path(__file__).resolve(), self._folder, _LIMITS))
+            self._stack = stack.pop_all()
 
     def result(self) -> SolidViews:
         """Wait for the pictures. Raises :class:`InputError` when the bytes are no mesh."""

@@ -94,14 +94,15 @@ def test_a_strip_has_a_scale_that_can_be_read(chart):
     assert bar.get_window_extent().x0 - box.x1 < 20.0, "beside the map"
 
 
-def test_lines_across_a_rectangle_follow_its_slopes():
-    image = slope(WIDE, 20, 40)
+@pytest.mark.parametrize(("rows", "columns"), [(20, 40), (15, 31)])
+def test_lines_across_a_rectangle_follow_its_slopes(rows, columns):
+    image = slope(WIDE, rows, columns)
     (_, across), (_, up), (name, diagonal) = light_figures.profile_lines(image[::-1], WIDE)
-    inside = slice(2, -2)  # between the centres of the outermost pixels
-    for (start, end), rise in ((across, 1.0), (up, 2.0)):
+    oblique = np.array([-80.0, 30.0]), np.array([60.0, -50.0])
+    inside = slice(3, -3)  # between the centres of the outermost pixels
+    for start, end in (across, up, oblique):
         values = light_figures.along(image, start, end, WIDE)
-        length = float(np.linalg.norm(end - start))
-        expected = 1000.0 + rise * np.linspace(-0.5, 0.5, 80) * length
+        expected = 1000.0 + np.linspace(start, end, 2 * columns) @ (1.0, 2.0)
         assert values[inside] == pytest.approx(expected[inside], abs=1e-9)
     assert across[1].tolist() == [150.0, 0.0] and up[1].tolist() == [0.0, 75.0]
     assert name.startswith("y =") and diagonal[1][0] == 150.0

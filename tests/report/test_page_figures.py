@@ -23,16 +23,6 @@ def plane(pixels, x_slope, y_slope):
     return 50.0 + x_slope * axis[None, :] + y_slope * axis[:, None]
 
 
-@pytest.mark.parametrize("pixels", [15, 16])
-def test_a_line_across_a_plane_is_straight_and_follows_its_slope(pixels):
-    image = plane(pixels, 0.1, -0.3)
-    start, end = np.array([-80.0, 30.0]), np.array([60.0, -50.0])
-    share = np.linspace(0.0, 1.0, 2 * pixels)[:, None]
-    points = start + (end - start) * share
-    expected = 50.0 + 0.1 * points[:, 0] - 0.3 * points[:, 1]
-    assert light_figures.along(image, start, end, CHART) == pytest.approx(expected, abs=1e-10)
-
-
 @pytest.mark.parametrize("unit", [WATTS, LUX])
 def test_maps_put_y_upwards_and_scales_in_mm_and_the_unit_of_light(unit):
     image = plane(16, 0.0, 0.2)

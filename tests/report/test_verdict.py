@@ -34,12 +34,6 @@ def with_manufacture(**fields: object) -> Lens:
     return lens_of(manufacture=fields)
 
 
-def test_a_good_lens_passes_and_needs_nothing() -> None:
-    verdict = make_results().verdict
-    assert (verdict.light, verdict.files, verdict.cutting) == ("pass", "pass", "pass")
-    verdict.require(cutting=False)
-
-
 @pytest.mark.parametrize(
     ("value", "error", "state"),
     [
