@@ -13,8 +13,7 @@ import torch
 from click.testing import CliRunner
 from coarse_part import coarse_part
 from foreground import default_signals
-from in_this_process import Ended
-from in_this_process import lensforge as lensforge_here
+from in_this_process import Ended, lensforge
 from scenes import small_spec
 from undrawn import undrawn
 
@@ -23,11 +22,6 @@ from lensforge.cli.cli import cli
 from lensforge.results.arguments import threads_of_torch
 
 LEVELS = "levels = [\n    9,\n    25,\n]"
-
-
-def lensforge(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "lensforge", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, encoding="utf-8", cwd=cwd, timeout=300, check=False)
 
 
 def write_spec(folder: Path, steps: tuple[int, int] = (80, 80), **replace: str) -> Path:
@@ -74,7 +68,7 @@ def killed(tmp_path_factory: pytest.TempPathFactory) -> Killed:
     # In this process, and on one thread, which needs no second process: twenty seconds less.
     with pytest.MonkeyPatch.context() as patch, undrawn(), coarse_part(), threads_of_torch(1):
         patch.chdir(folder)
-        resumed = lensforge_here("design", spec, "--accuracy", "draft", "--resume")
+        resumed = lensforge("design", spec, "--accuracy", "draft", "--resume")
     return Killed(folder / "cad_out" / "small", spec, process.returncode, stderr, resumed)
 
 
@@ -102,7 +96,7 @@ def test_single_stages_run_again(small_run: lf.Run, tmp_path: Path) -> None:
     folder = tmp_path / "again"
     shutil.copytree(small_run.folder, folder)
     own_light, page = (folder / "evaluate.json").read_bytes(), (folder / "report.html").stat().st_mtime_ns
-    done = lensforge_here("evaluate", folder, "--rays", 2048, "--pixels", 8, "--json")
+    done = lensforge("evaluate", folder, "--rays", 2048, "--pixels", 8, "--json")
     assert done.code == 0, done.stderr
     values = json.loads(done.stdout)["evaluate_2048rays_8px"]
     assert (values["rays"], values["pixels"]) == (2048, 8)
@@ -112,9 +106,9 @@ def test_single_stages_run_again(small_run: lf.Run, tmp_path: Path) -> None:
     assert (folder / "report.html").stat().st_mtime_ns > page, "a report that is there is renewed"
     (folder / "report.html").unlink()
     with coarse_part():
-        assert lensforge_here("check", folder).code == 0
+        assert lensforge("check", folder).code == 0
     assert not (folder / "report.html").exists()
-    assert lensforge_here("evaluate", folder, "--source", folder / "lens.stl").code == 2
+    assert lensforge("evaluate", folder, "--source", folder / "lens.stl").code == 2
 
 
 @pytest.mark.nightly("a design twice; by day a search is ended by a signal, and another resumed")
@@ -150,7 +144,7 @@ def test_a_killed_design_resumes_to_the_same_lens(killed: Killed) -> None:
     ],
 )
 def test_bad_specs_end_in_one_line(tmp_path: Path, replace: dict[str, str], message: str) -> None:
-    result = lensforge_here("design", write_spec(tmp_path, **replace), "--out", tmp_path / "out")
+    result = lensforge("design", write_spec(tmp_path, **replace), "--out", tmp_path / "out")
     assert result.code == 2
     assert message in result.stderr
     assert result.stderr.startswith("lensforge: ")
@@ -173,7 +167,7 @@ def test_bad_specs_end_in_one_line(tmp_path: Path, replace: dict[str, str], mess
 )
 def test_bad_commands_end_in_one_line(arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    result = lensforge_here(*arguments)
+    result = lensforge(*arguments)
     assert result.code == 2
     assert len(result.stderr.splitlines()) == 1
     assert not list(tmp_path.iterdir())
@@ -182,7 +176,8 @@ def test_bad_commands_end_in_one_line(arguments: list[str], tmp_path: Path, monk
 def test_a_process_ends_in_one_line_too(tmp_path: Path) -> None:
     """Nothing that is loaded on the way says more."""
     for bad in (["design", "nowhere.toml"], ["design", write_spec(tmp_path, **{"[lens]": "[lense]"})]):
-        result = lensforge(*bad, cwd=tmp_path)
+        command = [sys.executable, "-m", "lensforge", *map(str, bad)]
+        result = subprocess.run(command, capture_output=True, encoding="utf-8", cwd=tmp_path, check=False)
         assert result.returncode == 2 and result.stdout == ""
         assert result.stderr.startswith("lensforge: ") and len(result.stderr.splitlines()) == 1
 
@@ -203,7 +198,7 @@ def test_rays_describes_and_converts(examples: Path, tmp_path: Path) -> None:
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device")
 def test_a_device_that_is_not_there_is_refused_before_anything_is_written(tmp_path: Path) -> None:
     spec = write_spec(tmp_path)
-    done = lensforge_here("design", spec, "--device", "cuda", "--out", tmp_path / "out")
+    done = lensforge("design", spec, "--device", "cuda", "--out", tmp_path / "out")
     assert done.code == 2
     (line,) = done.stderr.splitlines()
     assert "device = 'cuda'" in line and "allowed here: cpu" in line and "CUDA build of torch" in line
