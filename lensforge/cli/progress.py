@@ -1,9 +1,7 @@
 """Progress on stderr: a line for each stage with its time; on a terminal, running stages have a clock.
 
-A design says level, error and the time left, a study its parts.
-
-Elsewhere, as in a pipe, each stage is written once it has ended; how far it is every two minutes, too, and every two
-seconds in a study.
+A design says level, error and the time left, a study its parts. In a pipe a stage is written once it has ended, and
+how far it is every two minutes, or every two seconds in a study.
 """
 
 import threading

@@ -37,8 +37,7 @@ _PACKAGES = ("numpy", "scipy", "torch", "numba", "cadquery", "trimesh", "manifol
 def render_report(results: Results, folder: Path | None = None, *, beside: bool = True) -> str:
     """The page on ``results``; ``folder``: where they lie, whose files are listed, linked if the page is ``beside``.
 
-    The section of a stage that has not run says so. Raises :class:`InputError` for an STL that is no mesh, or a file
-    that cannot be read.
+    A stage that has not run is said. Raises :class:`InputError` for an STL that is no mesh, or a file not readable.
     """
     part = results.find(Part)
     if part is None:

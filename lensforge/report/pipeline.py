@@ -333,8 +333,7 @@ def sweep(
 ) -> Sweep:
     """Run every stage for each of ``values`` of ``field`` (dotted, ``constraints.max_radius_mm``), in memory.
 
-    Every field of ``scale`` keeps its ratio to the varied one. Raises :class:`InputError` for a value that the
-    spec does not allow.
+    Every field of ``scale`` keeps its ratio to the varied one. Raises :class:`InputError` for values not allowed.
     """
     require_spec(spec, "sweep")
     variation = variation_of(field, values, tuple(scale))

@@ -1,6 +1,6 @@
 """Files: read with bounds, written to a temporary name and then renamed; pages of this program told from others.
 
-The names of temporary files state their process, so that the next one can delete what a killed one left.
+Temporary files have names by which the next holder of a folder's lock deletes what a killed process left.
 """
 
 import json
