@@ -4,7 +4,8 @@ import pytest
 from page_text import Page, text_of
 from part_files import whole_results
 from result_folders import make_light, make_results, page_of, small_lens
-from shown_folders import BEAM, SKY, WALL
+from shown_folders import BEAM, SKY
+from shown_folders import WALL as STRAIGHT
 from undrawn import undrawn
 
 from lensforge.proof.proof_facts import tracer_groups
@@ -14,6 +15,8 @@ from lensforge.report.headline import asked_facts, task
 from lensforge.report.light_section import first_picture, other_lights, other_pictures, receiver_pictures, unit_of_light
 from lensforge.report.results import Results
 from lensforge.results import Conditions, Metric
+
+WALL = {**STRAIGHT, "targets": tuple({**each, "rotation_deg": 45.0} for each in STRAIGHT["targets"])}
 
 
 def far_lens(**changes):
