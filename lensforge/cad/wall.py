@@ -47,7 +47,9 @@ def thinnest(cavity: Patch | Boundary[Patch], envelope: Patch | Boundary[Patch])
 def thinnest_of(lens: Lens) -> Span:
     """The shortest line through the wall of ``lens``, between the splines that an export would write."""
     pair = lens_boundaries(lens)
-    cavity, envelope = (each.of([fit_patch(face.shape, extent=face.domain.extent) for face in each.faces]) for each in pair)
+    cavity, envelope = (
+        each.of([fit_patch(face.shape, extent=face.domain.extent) for face in each.faces]) for each in pair
+    )
     return thinnest(cavity, envelope)
 
 

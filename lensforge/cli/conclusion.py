@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from lensforge.cad.part import Part
-from lensforge.cli.output import Block, Output, Row, print_json, print_screen, warning_line
+from lensforge.cli.output import Block, Output, Row, warning_line
 from lensforge.errors import CriterionMissed
 from lensforge.light.evaluation_result import Light
 from lensforge.light.photometry_result import IES_FILE, LDT_FILE, TM25_FILE, TM33_FILE, Photometry
@@ -17,6 +17,8 @@ from lensforge.report.folder import Run, RunFolder
 from lensforge.report.headline import headline
 from lensforge.report.pipeline import Decides
 from lensforge.report.results import REPORT_FILE, conditions_of, stem_of, verdict_on
+from lensforge.report.sweep import Sweep
+from lensforge.report.tradeoff import Tradeoff
 from lensforge.results import Fact, Group, SimulatedResult, StageResult
 from lensforge.results.criteria import require
 from lensforge.results.verdict import Verdict
@@ -46,10 +48,7 @@ def finish(output: Output, here: RunFolder, *results: StageResult, decides: Deci
     """
     run = here.run
     here.refresh_report()  # first: the reader of the screen may leave
-    if output.json:
-        print_json(document(run, *results))
-    elif output.screen:
-        print_screen([block for each in results for block in blocks_of(each, run)])
+    output.show(lambda: document(run, *results), lambda: [block for each in results for block in blocks_of(each, run)])
     for each in results:
         _tell_conditions(each)
     require(criterion for each in results for criterion in getattr(each, "criteria", ()))
@@ -59,42 +58,39 @@ def finish(output: Output, here: RunFolder, *results: StageResult, decides: Deci
 
 def finish_run(output: Output, run: Run) -> None:
     """Print the results of a whole run. Raises :class:`CriterionMissed` where its verdict fails."""
-    if output.json:
-        print_json(document(run, *run.found.values()))
-    elif output.screen:
-        print_screen(summary(run))
+    output.show(lambda: document(run, *run.found.values()), lambda: summary(run))
     _require_pass(run)
 
 
 def finish_page(output: Output, run: Run | None, page: Path) -> None:
     """Print the path of the ``page`` that was written, and the verdict of the ``run`` where it is on one."""
-    if output.json:
-        print_json({**({} if run is None else document(run)), "report": str(page)})
-    elif output.screen:
-        title = "Comparison" if run is None else headline(run).sentence
-        print_screen([Block(title, [("report", str(page))])])
+    title = "Comparison" if run is None else headline(run).sentence
+    output.show(
+        lambda: {**({} if run is None else document(run)), "report": str(page)},
+        lambda: [Block(title, [("report", str(page))])],
+    )
 
 
 def finish_handover(output: Output, here: RunFolder, made: "Handover") -> None:
     """Print the files that were ``made`` for the shop, and the findings of the check that do not hold."""
     run = here.run
     here.refresh_report()
-    if output.json:
-        content = made.model_dump(
-            mode="json", exclude={**dict.fromkeys(_FILES_OF_HANDOVER, True), "grids": {"__all__": {"content"}}}
-        )
-        print_json({**document(run), "handover": {"files": list(made.files), **content}})
-    elif output.screen:
-        title = f"For the shop, in {run.folder}"
-        print_screen([Block(title, list(rows_of([made.facts]))), Block(headline(run).sentence)])
+    title = f"For the shop, in {run.folder}"
+    content = made.model_dump(
+        mode="json", exclude={**dict.fromkeys(_FILES_OF_HANDOVER, True), "grids": {"__all__": {"content"}}}
+    )
+    output.show(
+        lambda: {**document(run), "handover": {"files": list(made.files), **content}},
+        lambda: [Block(title, list(rows_of([made.facts]))), Block(headline(run).sentence)],
+    )
 
 
-def finish_study(output: Output, directory: Path, found: StageResult, block: Block, page: str) -> None:
-    """Print a study of its own folder, and its ``page``."""
-    if output.json:
-        print_json({"folder": str(directory), found.stage: found.plain()})
-    elif output.screen:
-        print_screen([block, Block(f"Written: {directory / page}")])
+def finish_study(output: Output, directory: Path, found: Sweep | Tradeoff, title: str, page: str) -> None:
+    """Print a study of its own folder under ``title``, and its ``page``."""
+    output.show(
+        lambda: {"folder": str(directory), found.stage: found.plain()},
+        lambda: [study_block(title, found.facts), Block(f"Written: {directory / page}")],
+    )
 
 
 def document(run: Run, *results: StageResult) -> dict[str, object]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Unpack
 
 import click
 
-from lensforge.cli.conclusion import document, finish_run, finish_study, preview_rows, study_block
+from lensforge.cli.conclusion import document, finish_run, finish_study, preview_rows
 from lensforge.cli.options import (
     ACCURACY,
     DEVICE,
@@ -21,7 +21,7 @@ from lensforge.cli.options import (
     with_force,
     with_rays,
 )
-from lensforge.cli.output import Block, Output, print_json, print_screen, with_output
+from lensforge.cli.output import Block, Output, with_output
 from lensforge.errors import InputError
 from lensforge.light.lens_light import evaluate
 from lensforge.report import pipeline
@@ -112,11 +112,8 @@ def preview(spec: Path, out: Path | None, shown: bool, output: Output, **options
         clock.total()
     if shown:
         click.launch(str(directory / _PICTURE_FILE))
-    if output.json:
-        print_json(document(run, made, light))
-    elif output.screen:
-        picture = ("Picture", str(directory / _PICTURE_FILE))
-        print_screen([Block(f"{content.name}: a draft, {run.design.steps} steps", [*preview_rows(run), picture])])
+    title, picture = f"{content.name}: a draft, {run.design.steps} steps", ("Picture", str(directory / _PICTURE_FILE))
+    output.show(lambda: document(run, made, light), lambda: [Block(title, [*preview_rows(run), picture])])
 
 
 def run_with_progress(
@@ -129,10 +126,7 @@ def run_with_progress(
     scheduler: str | None = None,
     **options: Unpack[SearchOptions],
 ) -> Run:
-    """Call ``pipeline.run`` with its progress on ``clock``; ``resume``: from the checkpoint in ``directory``.
-
-    Raises :class:`InputError` where there is no checkpoint to resume from.
-    """
+    """Run with progress on ``clock``. Raises :class:`InputError` where there is no checkpoint to ``resume`` from."""
     from lensforge.cli.progress import DesignProgress
 
     checkpoint = directory / CHECKPOINT
@@ -146,7 +140,7 @@ def run_with_progress(
 
 
 @click.command()
-@click.argument("spec", type=click.Path(path_type=Path))
+@SPEC
 @click.option("--vary", required=True, metavar="FIELD=V1,V2,...", help="The field and its values.")
 @click.option("--scale", multiple=True, metavar="FIELD", help="A field that keeps its ratio to the varied one.")
 @click.option("--out", type=click.Path(path_type=Path), help="Result folder; default: cad_out/<spec name>_sweep.")
@@ -204,13 +198,12 @@ def sweep(
             scheduler=scheduler,
             announce=clock.head,
         )
-    block = study_block(f"{result.vary}, {len(result.designs)} designs", result.facts)
-    finish_study(output, directory, result, block, "sweep.html")
+    finish_study(output, directory, result, f"{result.vary}, {len(result.designs)} designs", "sweep.html")
     require(result.criteria)
 
 
 @click.command()
-@click.argument("spec", type=click.Path(path_type=Path))
+@SPEC
 @click.option("--out", type=click.Path(path_type=Path), help="Result folder; default: cad_out/<spec name>.")
 @click.option(
     "--most-rays",
@@ -236,5 +229,4 @@ def tradeoff(spec: Path, out: Path | None, most_rays: int, threads: int | None, 
     with StageClock("tradeoff", quiet=output.quiet, study=True) as clock, threads_of_torch(threads):
         begin = partial(clock.begin, "study")
         found = run_tradeoff(content, directory, most_rays=most_rays, announce=begin, warn=clock.warn)
-    block = study_block("Error of each preset on this scene", found.facts)
-    finish_study(output, directory, found, block, "tradeoff.html")
+    finish_study(output, directory, found, "Error of each preset on this scene", "tradeoff.html")

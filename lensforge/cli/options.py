@@ -59,7 +59,6 @@ class WholeNumber(click.IntRange):
         return found
 
     def _describe_range(self) -> str:
-        """The range in words, for help and errors."""
         return f"from {self.min:,} to {self.max:,}"
 
 

@@ -33,6 +33,13 @@ class Output:
         """True where a person reads stdout."""
         return not (self.json or self.quiet)
 
+    def show(self, content: Callable[[], Mapping[str, object]], blocks: Callable[[], Sequence["Block"]]) -> None:
+        """Print ``content`` as one JSON document, or ``blocks`` for a person, or nothing."""
+        if self.json:
+            print_json(content())
+        elif self.screen:
+            print_screen(blocks())
+
 
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print the result as one JSON document, with all digits.")
 _QUIET = click.option("--quiet", is_flag=True, help="Print nothing but warnings and errors; no progress either.")

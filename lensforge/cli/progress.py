@@ -1,9 +1,7 @@
 """Progress on stderr: a line for each stage with its time; on a terminal, running stages have a clock.
 
-A design says level, error and the time left, a study its parts.
-
-Elsewhere, as in a pipe, each stage is written once it has ended; how far it is every two minutes, too, and every two
-seconds in a study.
+A design says level, error and the time left, a study its parts. In a pipe a stage is written once it has ended, and
+how far it is every two minutes, or every two seconds in a study.
 """
 
 import threading
@@ -28,11 +26,7 @@ _NAME_COLUMNS, _TIME_COLUMNS = 12, 12
 
 
 class StageClock:
-    """Lines of the stages of one command, of which the first is ``name``.
-
-    ``quiet``: nothing but warnings. Where there is no terminal, a line is written every two minutes at least;
-    ``study``: every two seconds.
-    """
+    """Lines of the stages of one command, the first called ``name``; ``quiet``: nothing but warnings."""
 
     def __init__(self, name: str, *, quiet: bool = False, study: bool = False) -> None:
         self._console = Console(stderr=True, highlight=False)
@@ -74,14 +68,11 @@ class StageClock:
             for task in self._progress.tasks:
                 self._write(_line(task))
 
-    def begin(self, name: str, detail: str = "") -> None:
-        """End the stage that runs, and begin ``name``."""
-        self.end()
+    def begin(self, name: str, detail: str = "", *, beside: bool = False) -> None:
+        """End the stage that runs, unless the new one runs ``beside`` it, and begin ``name``."""
+        if not beside:
+            self.end()
         self._progress.add_task(name, total=None, detail=detail)
-
-    def begin_beside(self, name: str) -> None:
-        """Begin ``name`` beside the stages that run."""
-        self._progress.add_task(name, total=None, detail="")
 
     def end(self, name: str = "", seconds: float | None = None) -> None:
         """End the stage ``name``, else the one that has run longest; ``seconds``: its own time, where it is known."""
@@ -156,7 +147,6 @@ def _line(task: Task, seconds: float | None = None) -> str:
 
 
 def _worded(name: str, seconds: float, detail: str) -> str:
-    """Format a stage, its time, and how far it is."""
     words = f"{printable(name):<{_NAME_COLUMNS}} {duration(seconds):>{_TIME_COLUMNS}}  {printable(detail)}"
     return words.rstrip()
 
@@ -233,7 +223,7 @@ class DesignProgress:
             self._searching = False
             if self._last is not None:
                 self._clock.expect(_LATER[self._last.accuracy] * self._last.seconds)
-        self._clock.begin_beside(words)
+        self._clock.begin(words, beside=True)
 
     def on_end(self, name: str, seconds: float) -> None:
         """End a stage."""

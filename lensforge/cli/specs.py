@@ -125,10 +125,7 @@ def _made_by(cutter: str) -> Tables:
     if cutter == "mould":
         return {"face": {"draft_deg": GOOD_DRAFT_DEG}, "manufacture": {"make": "insert"}}
     radius = _millimetres(f"--cutter {cutter}", cutter, f"the {_CUTTERS}")
-    return {
-        "face": {"concave_radius_mm": radius, "draft_deg": 0.0},
-        "manufacture": {"cutter_radius_mm": radius},
-    }
+    return {"face": {"concave_radius_mm": radius, "draft_deg": 0.0}, "manufacture": {"cutter_radius_mm": radius}}
 
 
 def _name(spec: Path | None) -> str:
@@ -137,7 +134,6 @@ def _name(spec: Path | None) -> str:
 
 
 def _content(name: str, sections: Tables, radius_mm: float, material: str, made_by: Tables) -> Tables:
-    """Tables of the spec as they were asked for."""
     if material not in MATERIALS:
         raise InputError(f"--material {material}: must be one of {', '.join(MATERIALS)}")
     found = {
@@ -211,7 +207,7 @@ _PLACES = (_PACKAGE / "shipped", _PACKAGE.parent / "examples")  # of an installe
 @click.option("--page", is_flag=True, help="Print the reference of all fields as Markdown instead (docs/spec.md).")
 def schema(page: bool) -> None:
     """Print the JSON schema of a spec, by which an editor completes and checks it."""
-    click.echo(reference_page() if page else json.dumps(spec_schema(), indent=1, ensure_ascii=False), nl=not page)
+    click.echo(reference_page() if page else _schema_text(), nl=False)
 
 
 @click.command()

@@ -42,10 +42,7 @@ def _run(
     base: Literal["polished", "black"] = "polished",
     **options: Any,
 ) -> None:
-    """Run ``stage`` in a folder, and say what it found; with ``stray`` the stray light follows.
-
-    An option that is not given leaves the verb its own default.
-    """
+    """Run ``stage`` in a folder, by the verb's defaults for options not given; with ``stray`` stray light follows."""
     from lensforge.cli.progress import PartsProgress, StageClock
 
     options = {name: value for name, value in options.items() if value is not None}

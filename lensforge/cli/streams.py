@@ -53,10 +53,7 @@ class _Output(io.RawIOBase):
 
 
 def open_standard_streams() -> None:
-    """Open a standard stream that the shell has closed (``>&-``): the next file would get its number, and the output.
-
-    Native libraries write to these numbers whatever Python does.
-    """
+    """Open a standard stream that the shell has closed (``>&-``): else a file gets its number, and the output."""
     for descriptor in _STANDARD:
         try:
             os.fstat(descriptor)
@@ -66,10 +63,7 @@ def open_standard_streams() -> None:
 
 @contextmanager
 def lasting_streams() -> Iterator[Callable[[], OSError | None]]:
-    """Replace stdout and stderr inside the block; the function flushes stdout and returns its failure, if it has one.
-
-    Streams that are no files of the process, such as those of a test, stay.
-    """
+    """Replace stdout and stderr, if files, inside the block; the function flushes stdout and returns its failure."""
     before = sys.stdout, sys.stderr
     sys.stdout, output = _lasting(before[0], 1)
     sys.stderr, _ = _lasting(before[1], 2)

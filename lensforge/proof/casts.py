@@ -10,6 +10,7 @@ from lensforge.cad.part import Part
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import Light
 from lensforge.light.lens_light import inputs_of, judging_source, rays_of
+from lensforge.optics.media import DOUBLE
 from lensforge.proof.proof_result import Proof
 from lensforge.proof.sandboxed_casts import stray_in_sandbox, verify_in_sandbox
 from lensforge.proof.stray_result import StrayLight
@@ -52,17 +53,18 @@ def verify_with(second: SecondProcess, part: Part, light: Light, rays: int | Non
     bundle = source.sample(count, seeds.of_verification(lens.seed))
     landed = design_landings(TracedLens.of(lens, preset.evaluate_nodes_per_sigma), spec, bundle)
     parts = zip(screens_of(spec, light.pixels), light.receivers, landed, strict=True)
+    creased = lens.events > len(DOUBLE)
     proof = verify_in_sandbox(
         part.stl,
         rays=bundle,
         media=lens.media,
-        expected=[Expected(screen, lit.map, own.hits, own.flux, own.fates) for screen, lit, own in parts],
+        expected=[Expected(screen, lit.map, own.hits, own.flux, own.fates, creased) for screen, lit, own in parts],
         names=[receiver.name for receiver in light.receivers],
         step=part.step,
         second=second,
         mitsuba_rays=MITSUBA_RAYS if mitsuba_installed() else 0,
         own=independent_light(lens, source, light, count),
-        optical=optical_of(lens.body),
+        optical=optical_of(lens.body, lens.events),
         exported=part.size,
         chord_mm=1e-3 * part.triangulation.chord_error_um,
         threads=torch.get_num_threads(),
@@ -89,7 +91,7 @@ def stray_light(
             screens=screens_of(spec),
             names=[receiver.name or receiver.kind for receiver in spec.all_receivers],
             base=base,
-            optical=optical_of(lens.body),
+            optical=optical_of(lens.body, lens.events),
             inputs={"lens": lens.sha256, "export": part.sha256},
         )
     return stray.model_copy(update={"conditions": conditions})

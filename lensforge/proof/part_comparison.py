@@ -22,7 +22,8 @@ from lensforge.sources.ray_bundle import RayBundle
 class Expected:
     """The design's results for n rays on a screen: its light (W/m^2 or W/sr), landings (NaN if lost), and flux (W).
 
-    ``fates``: name of the fate of each ray; None: those that do not land are "lost".
+    ``fates``: name of the fate of each ray; None: those that do not land are "lost". ``creased``: rays beside a crease
+    may meet its other face in the part; they land far away, and count as rays of another fate.
     """
 
     screen: Screen
@@ -30,6 +31,7 @@ class Expected:
     landings: Float[np.ndarray, "k 2"]
     flux: Float[np.ndarray, " n"]
     fates: Shaped[np.ndarray, " n"] | None = None
+    creased: bool = False
 
     @property
     def fate_names(self) -> Shaped[np.ndarray, " n"]:
@@ -64,12 +66,19 @@ def drawn(count: int, of: int) -> Int[np.ndarray, " k"]:
     return np.sort(np.random.default_rng(0).permutation(of)[:count])
 
 
+_USUAL, _OTHER_WAY = 0.99, 20.0  # quantile of the gaps, and how much farther apart rays of another way land
+
+
 def compare(rays: RayBundle, landed: LandedRays, expected: Expected) -> Agreement:
     """Compare landing and flux of every ray; rays that both land outside the receiver do not count."""
     here, there, apart = landing_gaps(landed, expected)
     lost_here, lost_there = np.isnan(landed.landings[:, 0]), np.isnan(expected.landings[:, 0])
     differs = (here & lost_there) | (there & lost_here)
     both = here & there
+    if expected.creased and both.any():
+        crossed = apart > _OTHER_WAY * np.quantile(apart, _USUAL)
+        differs[np.flatnonzero(both)[crossed]] = True
+        both, apart = both & ~differs, apart[~crossed]
     change = 1.0
     if both.any():
         change = float(np.abs(landed.flux[both] - expected.flux[both]).sum() / expected.flux[both].sum())

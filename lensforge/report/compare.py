@@ -22,25 +22,13 @@ from lensforge.report.record_tables import rows
 from lensforge.report.results import Results
 from lensforge.results import Fact
 from lensforge.results.chart import Chart, LightUnit, light_unit
-from lensforge.results.figure_style import (
-    BLUE,
-    GREEN,
-    GREY,
-    INK,
-    NARROW,
-    ORANGE,
-    RED,
-    WIDE,
-    in_report_style,
-    new_figure,
-)
+from lensforge.results.figure_style import COLOURS, NARROW, WIDE, in_report_style, new_figure
 from lensforge.results.numerals import NOTHING
 from lensforge.version import __version__
 
 _MOST = 8  # columns: more do not fit on a page
 # The better value of the facts for which there is one whatever the spec.
 _BETTER = {"nmse": min, "efficiency": max, "share_in_target": max, "uniformity": max, "rsd": min}
-_COLOURS = (BLUE, ORANGE, GREEN, RED, "#8a5cc9", "#c2569b", GREY, INK)
 _DASHES = ("solid", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))  # curves that coincide remain visible
 _APART = 5.0  # ratio of peaks or of receivers above which there is no common scale
 _DARK = "#000004"  # the darkest of the map's colours, outside the receiver
@@ -64,10 +52,7 @@ class Line:
 
 
 def render_comparison(designs: Sequence[Results], names: Sequence[str] | None = None) -> str:
-    """One self-contained page on two to eight designs; ``names``: by default those of their specs.
-
-    Raises :class:`InputError` for another number of designs.
-    """
+    """A page on the designs by ``names``, else their specs'. Raises :class:`InputError` unless they are 2 to 8."""
     if not 2 <= len(designs) <= _MOST:
         raise InputError(f"report: {len(designs)} designs given; a comparison takes from 2 to {_MOST}")
     names = spec_names(designs) if names is None else list(names)
@@ -91,10 +76,7 @@ def spec_names(designs: Sequence[Results]) -> list[str]:
 
 
 def folder_names(folders: Sequence[Path]) -> list[str]:
-    """The folders' names, or their whole paths where two names are the same.
-
-    Raises :class:`InputError` where the same folder is given twice.
-    """
+    """The folders' names, or paths where two are the same. Raises :class:`InputError` for a folder given twice."""
     if len({folder.resolve() for folder in folders}) < len(folders):
         raise InputError("report: the same folder is given twice; give each design once")
     short = [folder.resolve().name for folder in folders]
@@ -166,10 +148,7 @@ class _Lit:
 
 
 class ComparedPictures:
-    """The pictures of ``designs``, labelled ``names``; of light, only for those that have been simulated.
-
-    Light is that on every receiver; of several it is labelled with their names, too.
-    """
+    """The pictures of ``designs`` by ``names``; of light where simulated, on every receiver, by its name if several."""
 
     def __init__(self, names: Sequence[str], designs: Sequence[Results]) -> None:
         self._designs = list(zip(names, designs, strict=True))
@@ -186,7 +165,7 @@ class ComparedPictures:
                 name,
                 receiver,
                 light_unit(light.lumens_per_watt if lumens_known else None, far_field=receiver.chart.far_field),
-                _COLOURS[index % len(_COLOURS)],
+                COLOURS[index % len(COLOURS)],
                 _DASHES[index % len(_DASHES)],
                 f"{receiver.place[:1].upper()}{receiver.place[1:]}.",
             )

@@ -16,7 +16,7 @@ from lensforge.proof.proof_facts import stray_budget, suffix
 from lensforge.proof.proof_result import Proof, ReceiverProof
 from lensforge.proof.stray_result import StrayLight
 from lensforge.report import lens_figures, light_figures, study_figures
-from lensforge.report.light_section import numbered, top_of, unit_of_light
+from lensforge.report.light_section import line_pictures, numbered, top_of, unit_of_light
 from lensforge.report.page import PagePicture, picture
 from lensforge.report.results import REPORT_FILE, Results
 from lensforge.results import Group
@@ -195,10 +195,7 @@ def exported_files(results: Results) -> list[FileRow]:
 
 
 def folder_files(folder: Path, linked: bool) -> list[FileRow]:
-    """Files in ``folder``, without this report and hidden files; ``linked``: relative to the folder.
-
-    Raises :class:`InputError` for a file that cannot be read.
-    """
+    """Files in ``folder`` but report and hidden ones, ``linked`` or not. Raises :class:`InputError` if unreadable."""
     found = []
     for path in sorted(folder.iterdir()):
         if path.is_file() and path.name != REPORT_FILE and not path.name.startswith("."):
@@ -233,7 +230,9 @@ def measured_sections(results: Results) -> list[MeasuredSection]:
     """Every measurement of the part; empty where there is none."""
     found, photo = [], results.find(PhotoComparison)
     if photo is not None:
-        found.append(_section(results, photo, photo_pictures(photo), _photo_lines(photo)))
+        lit, labels = (photo.simulated, photo.measured), ("simulated", "photographed")
+        lines = line_pictures(lambda name: f"photo-{name}", lit, photo.chart, RELATIVE, labels)
+        found.append(_section(results, photo, photo_pictures(photo), lines))
     for surface in results.surfaces.values():
         found.append(_section(results, surface, _surface_pictures(results, surface)))
     for made in results.corrections.values():
@@ -257,19 +256,6 @@ def photo_pictures(photo: PhotoComparison) -> list[PagePicture]:
         picture("photo-simulated", draw(photo.simulated, chart, top, unit=RELATIVE), "Simulated"),
         picture("photo-measured", draw(photo.measured, chart, top, unit=RELATIVE), "Photographed", "Rectified."),
         picture("photo-difference", difference, "Photographed minus simulated", "Red: brighter than simulated."),
-    ]
-
-
-def _photo_lines(photo: PhotoComparison) -> list[PagePicture]:
-    return [
-        picture(
-            f"photo-line{index}",
-            light_figures.line_comparison(
-                line, photo.simulated, photo.measured, photo.chart, RELATIVE, ("simulated", "photographed")
-            ),
-            f"Along {name}",
-        )
-        for index, (name, line) in enumerate(light_figures.profile_lines(photo.simulated, photo.chart))
     ]
 
 

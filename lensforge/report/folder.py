@@ -99,19 +99,13 @@ def folder_of(folder: object) -> Path:
 
 @contextmanager
 def opened(folder: Path, *, create: bool = False) -> "Iterator[RunFolder]":
-    """The folder for a command, locked inside the block; ``create``: make one that is not there.
-
-    Raises :class:`InputError` at once where another process or thread writes there.
-    """
+    """A folder locked inside the block; ``create``: where it is missing. Raises :class:`InputError` if it is in use."""
     with locked(folder, create=create):
         yield RunFolder(folder)
 
 
 class RunFolder:
-    """A result folder in memory: each file is read once, when the first of them is asked for.
-
-    ``path``: of the folder.
-    """
+    """The result folder ``path`` in memory: each file is read once, when the first of them is asked for."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

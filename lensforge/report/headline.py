@@ -30,10 +30,7 @@ _TIMED: tuple[tuple[type[Design | Light | Part | Check | Proof | Photometry], st
     (Design, "search"), (Light, "simulated light"), (Part, "CAD and files"), (Check, "check for the shop"),
     (Proof, "verification"), (Photometry, "photometry"),
 )  # fmt: skip
-_STEMS = {
-    "stray": "stray light",
-    "compare": "photograph",
-}
+_STEMS = {"stray": "stray light", "compare": "photograph"}
 _OF_FACES = {"compare": "{} surface", "correct": "correction of the {} surface"}
 
 _LIGHT = ("nmse", "share_in_target", "efficiency", "uniformity", "rsd", "inner", "peak")
@@ -97,18 +94,14 @@ def _whole(states: Mapping[str, State], results: Results) -> Shown:
 
 
 def _in_words(states: Mapping[str, State], results: Results) -> str:
-    """The verdicts as sentences, the worst first: "Light fails. Files and cutting pass.".
-
-    Cutting that fails and is not required says so: then the command does not fail.
-    """
+    """Verdicts as sentences, the worst first: "Light fails. Files and cutting pass."; cutting may be "not required"."""
     sentences = []
     for state, (one, several) in _VERBS.items():
         names = [name for name, found in states.items() if found == state]
-        subject = " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
         allowed = names == ["cutting"] and state == "fail" and not results.spec.manufacture.required
         if names:
             verb = one if names in (["light"], ["cutting"]) else several
-            sentences.append(f"{subject.capitalize()} {verb}{' (not required)' if allowed else ''}.")
+            sentences.append(f"{_listed(names).capitalize()} {verb}{' (not required)' if allowed else ''}.")
     return " ".join(sentences)
 
 
@@ -142,18 +135,6 @@ def outdated(results: Results) -> list[str]:
     return [
         f"{stem}.json does not count: {why.rpartition(f'{stem}.json: ')[2]}." for stem, why in results.outdated.items()
     ]
-
-
-def altered_files(results: Results) -> tuple[str, ...]:
-    """A sentence for each file that is not as exported, and was judged all the same."""
-    proof = results.find(Proof)
-    return () if proof is None else tuple(f"{note}." for note in proof.notes)
-
-
-def source_warnings(results: Results) -> tuple[str, ...]:
-    """The warnings on the lens's own source, as its design recorded them."""
-    design = results.find(Design)
-    return () if design is None else design.source.warnings
 
 
 def missing(results: Results) -> dict[str, str]:
@@ -206,12 +187,6 @@ def _selected(groups: list[Group], keys: tuple[str, ...]) -> list[Fact]:
     return [fact for key in keys for group in groups for fact in group.select(key).facts]
 
 
-def search_end(results: Results) -> str | None:
-    """Reason why a search that chose its levels ended; None where they were given, and where there is no record."""
-    design = results.find(Design)
-    return None if design is None else design.ended
-
-
 def times(results: Results) -> str | None:
     """Sentence on the seconds of each stage and of the whole command, where they ran; None without any."""
     found = [(words, result.seconds) for kind, words in _TIMED if (result := results.find(kind)) is not None]
@@ -224,6 +199,7 @@ def times(results: Results) -> str | None:
 
 
 _LENSES = {"double": "double-freeform lens", "tir": "lens for total internal reflection"}
+_SIDES = {"inner": "inside", "outer": "outside"}  # of the usual lens
 _MOST_NAMED = 3  # targets of one receiver; of more only the number is given
 
 
@@ -235,7 +211,6 @@ def task(spec: Spec) -> str:
 
 
 def _fixed(lens: AnyLens) -> str:
-    """Fixed surfaces in words."""
     fixed = {name: face.fixed for name, face in lens.faces.items()}
     return "".join(f", {name} face fixed ({face.title})" for name, face in fixed.items() if face is not None)
 
@@ -244,9 +219,8 @@ def _surroundings(lens: AnyLens) -> str:
     """Indices in the cavity and around the lens, where these are not air; coated faces."""
     around = (("the cavity", lens.cavity_index), ("the surroundings", lens.outside_index))
     indices = "".join(f", n = {index:g} in {where}" for where, index in around if index != 1.0)
-    coated = [name for name, face in lens.faces.items() if face.coating is not None]
-    where = {"inner": "inside", "outer": "outside"}
-    return f"{indices}, coated {' and '.join(where.get(name, name) for name in coated)}" if coated else indices
+    coated = [_SIDES.get(name, f"on the {name} face") for name, face in lens.faces.items() if face.coating is not None]
+    return f"{indices}, coated {_listed(coated)}" if coated else indices
 
 
 def _on_receiver(receiver: AnyReceiver) -> str:
@@ -254,10 +228,11 @@ def _on_receiver(receiver: AnyReceiver) -> str:
 
 
 def _targets(targets: Sequence[Target]) -> str:
-    """The targets of one receiver."""
-    if len(targets) > _MOST_NAMED:
-        return f"{len(targets)} targets"
-    names = list(map(_target, targets))
+    return f"{len(targets)} targets" if len(targets) > _MOST_NAMED else _listed(list(map(_target, targets)))
+
+
+def _listed(names: list[str]) -> str:
+    """``names`` in a sentence: "a, b and c"."""
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
@@ -282,7 +257,6 @@ _TARGETS = {
 
 
 def _target(target: Target) -> str:
-    """A target in a few words."""
     unit = "°" if target.unit == "deg" else " mm"
     names = [name for name in (*target.needs, *target.takes) if name != "corners" and target.length(name) is not None]
     lengths = {name: " × ".join(f"{side:g}{unit}" for side in dict.fromkeys(target.sides(name))) for name in names}

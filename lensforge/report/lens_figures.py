@@ -1,10 +1,10 @@
 """Figures of a lens and its search: sections with rays, and curves over the steps."""
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
@@ -12,9 +12,6 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, PercentF
 
 from lensforge.cad.boundary import lens_boundaries
 from lensforge.cad.section import body_outlines
-from lensforge.light.exact_trace import DenseScan, exact_surfaces
-from lensforge.light.sequential_trace import TracedSurface
-from lensforge.optics.dielectric import refract, transmitted_cosine_squared
 from lensforge.results.figure_style import (
     BLUE,
     GREEN,
@@ -31,63 +28,6 @@ from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Level
 from lensforge.sources.source_pose import SourcePose
 from lensforge.surfaces.srbf import fibonacci_hemisphere
-
-_STEPS = 192  # of the search for a first crossing: far finer than a lens's features
-_CAVITY_MM = 1e-9  # a point is in the cavity from this depth on
-
-Points = Float[np.ndarray, "n 3"]
-
-
-def trace_fan(lens: Lens, start_mm: Points, directions: Points, reach_mm: float) -> Float[np.ndarray, "n 4 3"]:
-    """Start, both surfaces' hits, and a point at ``reach_mm`` from the origin; NaN after the end of a ray.
-
-    A ray ends where it meets z = 0, re-enters the cavity, or is totally reflected. One that starts below z = 0 must
-    pass that plane inside the cavity; directions are upwards.
-    """
-    scan, media = DenseScan(_STEPS, reach_mm=2.0 * reach_mm), lens.media
-    inner, outer = exact_surfaces(lens, (scan, scan))
-    entry = start_mm + np.maximum(-start_mm[:, 2:] / directions[:, 2:], 0.0) * directions
-    entry[inner.gap(entry) <= 0.0] = np.nan
-    at_inner, inside = _crossed(inner, entry, directions, media.cavity_index / media.body.refractive_index)
-    at_outer, behind = _crossed(outer, at_inner, inside, media.body.refractive_index / media.outside_index)
-    at_outer[_returns(inner, at_inner, at_outer)] = np.nan
-    return np.stack([start_mm, at_inner, at_outer, _at_distance(at_outer, behind, reach_mm)], axis=1)
-
-
-def _crossed(surface: TracedSurface, origins: Points, directions: Points, ratio: float) -> tuple[Points, Points]:
-    """First crossings at z >= 0, and the directions behind them; NaN where there is none.
-
-    ``ratio``: index before over index behind.
-    """
-    points, behind = np.full_like(origins, np.nan), np.full_like(origins, np.nan)
-    alive = np.flatnonzero(~np.isnan(origins + directions).any(axis=1))
-    crossing = surface.first_crossing(origins[alive], directions[alive])
-    hits = origins[alive] + crossing.lengths[:, None] * directions[alive]
-    met = crossing.found & (hits[:, 2] >= 0.0)
-    alive, hits = alive[met], hits[met]
-    points[alive] = hits
-    normals = surface.normal(hits)
-    normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-    passes = transmitted_cosine_squared((directions[alive] * normals).sum(axis=1), ratio) > 0.0
-    behind[alive[passes]] = refract(directions[alive[passes]], normals[passes], ratio)
-    return points, behind
-
-
-def _returns(cavity: TracedSurface, start: Points, end: Points) -> Bool[np.ndarray, " n"]:
-    """True where the segment from ``start`` on the cavity to ``end`` enters the cavity again."""
-    share = np.linspace(0.0, 1.0, _STEPS)[1:, None]
-    points = (start[:, None] + share * (end - start)[:, None]).reshape(-1, 3)
-    inside = (cavity.gap(points) > _CAVITY_MM).reshape(len(start), -1)
-    return np.asarray(inside.any(axis=1))
-
-
-def _at_distance(points: Points, directions: Points, reach_mm: float) -> Points:
-    """Points where rays leave the sphere of ``reach_mm`` around the origin."""
-    along = np.sum(points * directions, axis=1)
-    length = np.sqrt(along**2 + reach_mm**2 - np.sum(points**2, axis=1)) - along
-    ends: Points = points + length[:, None] * directions
-    return ends
-
 
 _FAN_DEG = np.linspace(-75.0, 75.0, 21)
 _MARGIN = 1.3  # half the width of the drawing over the largest radius
@@ -106,11 +46,7 @@ def lens_section(
 
 
 def draw_section(
-    axes: Axes,
-    lens: Lens,
-    azimuth_deg: float,
-    outline_mm: Float[np.ndarray, "k 3"] | None,
-    reach: float | None = None,
+    axes: Axes, lens: Lens, azimuth_deg: float, outline_mm: Float[np.ndarray, "k 3"] | None, reach: float | None = None
 ) -> None:
     """Draw the section at ``azimuth_deg`` on ``axes``; ``outline_mm`` is the source's, None where it is not known.
 
@@ -164,9 +100,14 @@ def _draw_constraints(axes: Axes, lens: Lens) -> None:
     position = np.linspace(-limits.cavity_radius_mm, limits.cavity_radius_mm, 121)
     height = limits.cavity_height_mm * (1.0 - (position / limits.cavity_radius_mm) ** 2)
     axes.plot(position, height, color=GREEN, linewidth=1.1, label="room for the LED")
+    style: dict[str, Any] = {"color": GREY, "linestyle": (0, (3, 2)), "linewidth": 0.8}
+    if lens.spec.lens.kind == "tir":
+        for side in (-1.0, 1.0):
+            axes.axvline(side * limits.max_radius_mm, label="largest radius" if side > 0.0 else None, **style)
+        return
     theta = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 181)
     circle = limits.max_radius_mm * np.array([np.sin(theta), np.cos(theta)])
-    axes.plot(*circle, color=GREY, linestyle=(0, (3, 2)), linewidth=0.8, label="largest distance")
+    axes.plot(*circle, label="largest distance", **style)
 
 
 def _draw_source(axes: Axes, position: Float[np.ndarray, " k"], height: Float[np.ndarray, " k"]) -> None:

@@ -35,12 +35,9 @@ _PACKAGES = ("numpy", "scipy", "torch", "numba", "cadquery", "trimesh", "manifol
 
 
 def render_report(results: Results, folder: Path | None = None, *, beside: bool = True) -> str:
-    """The page on ``results``; ``folder``: that of the results, whose files are listed.
+    """The page on ``results``; ``folder``: where they lie, whose files are listed, linked if the page is ``beside``.
 
-    ``beside``: the page will lie in that folder, so that it may have links to the files.
-
-    The section of a stage that has not run says so. Raises :class:`InputError` for an STL that is
-    no mesh, or a file that cannot be read.
+    A stage that has not run is said. Raises :class:`InputError` for an STL that is no mesh, or a file not readable.
     """
     part = results.find(Part)
     if part is None:
@@ -53,7 +50,7 @@ def render_report(results: Results, folder: Path | None = None, *, beside: bool 
 
 
 def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, object]:
-    lens, proof = results.lens, results.find(Proof)
+    lens, design, proof = results.lens, results.find(Design), results.find(Proof)
     possible = light_section.possible_limits(results.spec)
     lights = light_section.other_lights(results)
     return {
@@ -61,14 +58,14 @@ def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, o
         "subtitle": task(lens.spec),
         "headline": headline.headline(results),
         "outdated": headline.outdated(results),
-        "altered_files": headline.altered_files(results),
-        "warnings": headline.source_warnings(results),
+        "altered_files": () if proof is None else proof.notes,
+        "warnings": () if design is None else design.source.warnings,
         "asked": headline.asked_facts(results, possible),
         "further": headline.further_facts(results),
         "criteria": headline.criterion_groups(results),
         "missed": headline.criterion_groups(results, missed=True),
         "remarks": headline.missing(results),
-        "search_end": headline.search_end(results),
+        "search_end": None if design is None else design.ended,
         "times": headline.times(results),
         "facts": _facts(results),
         "far_proof": proof is not None and any(each.far_field for each in proof.receivers),

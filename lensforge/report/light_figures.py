@@ -20,6 +20,7 @@ from lensforge.results import Image
 from lensforge.results.chart import WATTS, Chart, LightUnit, angles_to, on_chart
 from lensforge.results.figure_style import (
     BLUE,
+    DASHED,
     GREEN,
     INK,
     NARROW,
@@ -38,10 +39,7 @@ _FLATTEST = 0.5  # height over width; at most it is 1, where the receiver is wid
 
 
 def lit_frame(target: Image, reached: Image, chart: Chart) -> Chart:
-    """The centred part of ``chart`` that holds the target and its light; ``chart`` itself where that is most of it.
-
-    ``target``, ``reached``: [row y, column x] on ``chart``, in the same unit.
-    """
+    """The centred part of ``chart`` with target and light ([row y, column x], one unit); all, where most is lit."""
     peak = float(target.max())
     lit = (target > _WANTED * peak) | (reached > _LANDED * peak)
     if not peak > 0.0 or not lit.any():
@@ -182,7 +180,6 @@ def _framed(centres: Float[np.ndarray, " k"], length: float) -> Float[np.ndarray
 
 
 def _draw_values(scale: Axes, level: float, unit: LightUnit) -> None:
-    """The colour, share and value of each isoline."""
     for row, (share, colour) in enumerate(ISO_SHARES.items()):
         height = 0.08 + 0.16 * row
         scale.plot([0.0, 1.0], [height, height], color=colour, linewidth=2.0)
@@ -196,7 +193,6 @@ def _draw_values(scale: Axes, level: float, unit: LightUnit) -> None:
 Ends = tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]]
 
 _LINE_HEIGHT = 2.4
-_DASHED = (0, (4, 2))
 _OFF_CENTRE, _BRIGHTER = 0.02, 1.05  # of the height and of the central row: a row worth its own line is beyond
 
 
@@ -209,10 +205,7 @@ def line_comparison(
     unit: LightUnit = WATTS,
     names: tuple[str, str] = ("target", "simulated"),
 ) -> Figure:
-    """Light along the straight ``line`` from one point (x, y) of the receiver's chart to another.
-
-    ``names``: labels of ``wanted`` and ``reached``.
-    """
+    """Light along a straight ``line`` on the receiver's chart; ``names``: labels of ``wanted`` and ``reached``."""
     figure, axes = new_figure(NARROW, _LINE_HEIGHT)
     start, end = line
     reach = 0.5 * float(np.linalg.norm(end - start))
@@ -220,7 +213,7 @@ def line_comparison(
     axes.plot(
         position,
         unit.per_watt * along(wanted, start, end, chart),
-        label=names[0], color=INK, linestyle=_DASHED, linewidth=1.0,
+        label=names[0], color=INK, linestyle=DASHED, linewidth=1.0,
     )  # fmt: skip
     axes.plot(position, unit.per_watt * along(reached, start, end, chart), label=names[1], color=BLUE)
     label_positions(axes, chart, reach)
@@ -236,7 +229,7 @@ def encircled_energy(wanted: Image, reached: Image, chart: Chart) -> Figure:
     """The share of the receiver's flux within a circle around its centre, over the circle's radius."""
     figure, axes = new_figure(NARROW, 2.75)
     radius, share = encircled_share(wanted, chart)
-    axes.plot(radius, share, color=INK, linestyle=_DASHED, linewidth=1.0, label="target")
+    axes.plot(radius, share, color=INK, linestyle=DASHED, linewidth=1.0, label="target")
     axes.plot(*encircled_share(reached, chart), color=BLUE, label="simulated, unfiltered")
     reach = float(radius[-1]) or 0.5 * max(chart.width, chart.height)  # 0 for a single pixel
     label_radii(axes, chart, reach)
@@ -248,15 +241,17 @@ def encircled_energy(wanted: Image, reached: Image, chart: Chart) -> Figure:
 
 def label_positions(axes: Axes, chart: Chart, reach: float) -> None:
     """Label the axis of positions that run as far as ``reach`` to either side of the middle of a line."""
-    axes.set_xlabel(f"position on the line ({chart.unit_drawn})")
-    chart.label_metres(axes.xaxis)
-    if chart.far_field:
-        chart.label_angles(axes, x=reach)
+    _label_lengths(axes, chart, reach, f"position on the line ({chart.unit_drawn})")
 
 
 def label_radii(axes: Axes, chart: Chart, reach: float) -> None:
     """Label the axis of radii up to ``reach``."""
-    axes.set_xlabel("angle from the axis (°)" if chart.far_field else f"radius around the centre ({chart.unit_drawn})")
+    far, near = "angle from the axis (°)", f"radius around the centre ({chart.unit_drawn})"
+    _label_lengths(axes, chart, reach, far if chart.far_field else near)
+
+
+def _label_lengths(axes: Axes, chart: Chart, reach: float, words: str) -> None:
+    axes.set_xlabel(words)
     chart.label_metres(axes.xaxis)
     if chart.far_field:
         chart.label_angles(axes, x=reach)
@@ -277,10 +272,7 @@ def encircled_share(image: Image, chart: Chart) -> tuple[Float[np.ndarray, " k"]
 def along(
     image: Image, start: Float[np.ndarray, " 2"], end: Float[np.ndarray, " 2"], chart: Chart
 ) -> Float[np.ndarray, " k"]:
-    """``image`` along the line from ``start`` to ``end`` (x, y on the chart), bilinear between pixels.
-
-    At two points for each pixel of the longer side.
-    """
+    """``image`` from ``start`` to ``end`` (x, y on the chart), bilinear, at two points a pixel of the longer side."""
     rows, columns = image.shape
     x, y = start[:, None] + (end - start)[:, None] * np.linspace(0.0, 1.0, _samples(image))
     places = np.stack([y / chart.height * rows + 0.5 * rows - 0.5, x / chart.width * columns + 0.5 * columns - 0.5])
@@ -309,7 +301,6 @@ def profile_lines(target: Image, chart: Chart) -> list[tuple[str, Ends]]:
 
 
 def _samples(image: Image) -> int:
-    """Number of points on a line across ``image``."""
     return 2 * int(max(image.shape))
 
 

@@ -1,6 +1,6 @@
 """Sections of the report on light: pictures of each receiver, photometry, and light under other conditions."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,8 +14,8 @@ from lensforge.light.receiver_light import ReceiverLight
 from lensforge.report import light_figures, study_figures
 from lensforge.report.page import PagePicture, picture
 from lensforge.report.results import Results
-from lensforge.results import Bound, Fact, Group, SimulatedResult
-from lensforge.results.chart import LightUnit, light_unit
+from lensforge.results import Bound, Fact, Group, Image
+from lensforge.results.chart import Chart, LightUnit, light_unit
 from lensforge.results.numerals import number
 from lensforge.results.verdict import worst
 from lensforge.scene.receiver_shapes import receivers_of
@@ -99,10 +99,7 @@ def receivers_in(light: Light, spec: Spec) -> list[ShownReceiver]:
 
 
 def unit_of_light(results: Results, *, far_field: bool | None = None) -> LightUnit:
-    """Lux or candela where the luminous efficacy of the source is known, else W/m^2 or W/sr.
-
-    ``far_field``: by default as the first receiver is.
-    """
+    """Lux or candela where lumens are known, else W/m^2 or W/sr; ``far_field``: by default as the first receiver is."""
     light, design = results.find(Light), results.find(Design)
     if far_field is None:
         far_field = results.spec.all_receivers[0].kind == "far_field"
@@ -151,13 +148,14 @@ def first_picture(results: Results) -> PagePicture | None:
 
 def receiver_pictures(results: Results) -> list[ReceiverPictures]:
     """The pictures of every receiver of the lens's own light."""
-    light = results.find(Light)
-    return [] if light is None else [_of_receiver(shown, light) for shown in shown_receivers(results)]
+    return [_of_receiver(shown, results.light) for shown in shown_receivers(results)]
 
 
 def _of_receiver(shown: ShownReceiver, whole: Light) -> ReceiverPictures:
     """All maps are seen at once where there is one receiver; of several the light on each: the page stays short."""
-    maps, rest = _maps(shown, whole), (_lines(shown), _flux(shown))
+    light = shown.light
+    lines = line_pictures(shown.picture_name, (light.target_map, light.map), light.chart, shown.unit)
+    maps, rest = _maps(shown, whole), (lines, _flux(shown))
     if not shown.several:
         return ReceiverPictures(shown.heading, maps, rest)
     wanted, lit, difference = maps
@@ -194,21 +192,22 @@ def _as_means(light: ReceiverLight) -> str:
     return f" Drawn as means on {light_figures.MOST_DRAWN} pixels {along}."
 
 
-def _lines(shown: ShownReceiver) -> list[PagePicture]:
-    """Cross-sections of target and simulation."""
-    light, draw = shown.light, light_figures.line_comparison
+def line_pictures(
+    name: Callable[[str], str],
+    images: tuple[Image, Image],
+    chart: Chart,
+    unit: LightUnit,
+    labels: tuple[str, str] = ("target", "simulated"),
+) -> list[PagePicture]:
+    """Cross-sections of two images; ``name``: makes that of a picture unique on the page."""
+    draw = light_figures.line_comparison
     return [
-        picture(
-            shown.picture_name(f"line{index}"),
-            draw(line, light.target_map, light.map, light.chart, shown.unit),
-            f"Along {name}",
-        )
-        for index, (name, line) in enumerate(light_figures.profile_lines(light.target_map, light.chart))
+        picture(name(f"line{index}"), draw(line, *images, chart, unit, labels), f"Along {words}")
+        for index, (words, line) in enumerate(light_figures.profile_lines(images[0], chart))
     ]
 
 
 def _flux(shown: ShownReceiver) -> list[PagePicture]:
-    """Isolines, encircled energy, and the flux budget."""
     light, chart, name = shown.light, shown.light.chart, shown.picture_name
     lines = light_figures.isolines(light.map, chart, top_of([light.target_map]), shown.unit)
     encircled = light_figures.encircled_energy(light.target_map, light.raw_map, chart)
@@ -278,13 +277,10 @@ def other_results(results: Results) -> list[Group]:
 
 def _compared(results: Results) -> dict[str, Light]:
     """The lens's own light before every other; none where there is no other."""
-    others = {_name(light): light for light in results.others.values() if isinstance(light, Light)}
+    found = (light for light in results.others.values() if isinstance(light, Light))
+    others = {OWN if light.conditions is None else light.conditions.name: light for light in found}
     own = results.find(Light)
     return others if own is None or not others else {OWN: own, **others}
-
-
-def _name(result: SimulatedResult) -> str:
-    return OWN if result.conditions is None else result.conditions.name
 
 
 def _light_rows(results: Results, name: str, light: Light) -> Iterator[Group]:

@@ -44,10 +44,7 @@ def template(name: str) -> Template:
 
 
 def write_page(page: str, path: Path) -> None:
-    """Write ``page`` to ``path``.
-
-    Raises :class:`InputError` where ``path`` holds a file that this program did not write.
-    """
+    """Write ``page`` to ``path``. Raises :class:`InputError` where that file is not one of this program's."""
     require_own(path)
     with replacing(path) as temporary:
         temporary.write_text(page, encoding="utf-8")

@@ -80,10 +80,7 @@ class FolderStage(Generic[_Result]):
             return self.run_in(here, **options)
 
     def run_in(self, here: RunFolder, **options: Any) -> _Result:
-        """Run the stage in a folder that is open already.
-
-        A result under other conditions than the lens's own, such as another source, goes beside the lens's own one.
-        """
+        """Run the stage in a folder that is open already; under other conditions the result goes beside the own one."""
         inputs, settings = self.inputs(here.run, options), self.settings(here, options)
         result = here.write(self.verb(*inputs, **settings, **options))
         self.after(here, result)
@@ -121,10 +118,7 @@ def build(
 
 
 def check(part: Part | Lens) -> Check:
-    """Check whether ``part`` can be cut, and with which tools: best-fit sphere, curvature, cutter, wall, draft.
-
-    Of a lens the part is checked that an export would make.
-    """
+    """Check whether ``part``, or that of a lens, can be cut: best-fit sphere, curvature, cutter, wall, draft."""
     from lensforge.shop.check import check_lens, check_part
 
     return check_lens(part) if isinstance(part, Lens) else check_part(require(part, Part, "check"))
@@ -166,9 +160,7 @@ def handover(
 ) -> "Handover":
     """Make the documents for the shop: drawing, verdicts, point tables, hashes; ``save(folder)`` writes them.
 
-    ``drawing``: words of its title block and notes, such as another revision, or a TOML file that has them; None: those
-    of the spec.
-
+    ``drawing``: words of its title block and notes, or a TOML file that has them; None: those of the spec.
     ``spacing_mm``: of the dense tables; None: as wide as an ``interpolation`` error of ``error_nm`` along the normal
     allows. Raises :class:`InputError` for too many points.
     """
@@ -341,8 +333,7 @@ def sweep(
 ) -> Sweep:
     """Run every stage for each of ``values`` of ``field`` (dotted, ``constraints.max_radius_mm``), in memory.
 
-    Every field of ``scale`` keeps its ratio to the varied one. Raises :class:`InputError` for a value that the
-    spec does not allow.
+    Every field of ``scale`` keeps its ratio to the varied one. Raises :class:`InputError` for values not allowed.
     """
     require_spec(spec, "sweep")
     variation = variation_of(field, values, tuple(scale))

@@ -30,10 +30,7 @@ def rows(content: Mapping[str, object], without: Sequence[str] = ()) -> list[Tab
 
 
 def spec_tables(results: Results) -> dict[str, list[TableRow]]:
-    """Rows of each section of the spec by name; those of its top-level entries under ``""``.
-
-    Of target and receivers what is given: a target may have many lengths in either of two units.
-    """
+    """Rows of each section of the spec by name, top-level ones under ``""``; of target and receivers what is given."""
     spec, tables = results.spec, {}
     content = {key: value for key, value in spec.model_dump().items() if value is not None and key != "receivers"}
     tables[""] = rows({key: value for key, value in content.items() if not isinstance(value, dict)})

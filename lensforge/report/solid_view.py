@@ -70,15 +70,12 @@ class Rendering:
     """A rendering of the bytes of an STL in the background, so that figures can be drawn meanwhile."""
 
     def __init__(self, stl: bytes, optics_radius_mm: float) -> None:
-        self._stack = ExitStack()
-        try:
-            self._folder = self._stack.enter_context(temporary_folder(_MESH))
+        with ExitStack() as stack:
+            self._folder = stack.enter_context(temporary_folder(_MESH))
             (self._folder / _MESH).write_bytes(stl)
             (self._folder / _RADIUS).write_text(json.dumps(optics_radius_mm), encoding="utf-8")
-            self._child = self._stack.enter_context(Child(Path(__file__).resolve(), self._folder, _LIMITS))
-        except BaseException:
-            self._stack.close()
-            raise
+            self._child = stack.enter_context(Child(Path(__file__).resolve(), self._folder, _LIMITS))
+            self._stack = stack.pop_all()
 
     def result(self) -> SolidViews:
         """Wait for the pictures. Raises :class:`InputError` when the bytes are no mesh."""
@@ -154,10 +151,7 @@ def _frame(mesh: Any, view: _Viewpoint, optics_radius_mm: float) -> tuple[float,
 
 
 def _framed(mesh: Any, view: _Viewpoint, optics_radius_mm: float) -> tuple[float, tuple[float, float, float]]:
-    """Half the height of a picture and its centre (mm), so that it shows what ``view`` is of, and no more.
-
-    The first view is the one that a reader turns: it leaves room for every direction.
-    """
+    """Half the height of a picture and its centre (mm): close, but with room to turn in the one that readers turn."""
     half_height, centre_z = _frame(mesh, view, optics_radius_mm)
     if view is VIEWS["above"] or half_height < _WHOLE * mesh.length:
         return half_height, (0.0, 0.0, centre_z)

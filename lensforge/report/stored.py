@@ -60,10 +60,7 @@ class Stored:
                 raise error
 
     def results(self, doubt: Callable[[str, StageResult], str] = lambda _stem, _result: "") -> Results:
-        """The results that count: each is of this lens, and of a part and a light that count.
-
-        ``doubt``: a further reason why a record, by its stem, does not count; empty where there is none.
-        """
+        """The results of this lens, of a part and light that count; ``doubt``: a reason why one does not, or empty."""
         found: dict[str, StageResult] = {}
         others: dict[str, SimulatedResult] = {}
         outdated = {stem: str(error) for stem, error in self.unreadable.items()}
@@ -200,8 +197,7 @@ def unrecorded(hashes: Mapping[str, str] | None, stem: str, result: StageResult)
 def require_recorded(results: Results, record: RunRecord | None, folder: Path) -> None:
     """Raise :class:`InputError` where ``results`` are not those that the ``record`` of ``folder`` states.
 
-    A file of the part that is not the one in export.json is refused with or without ``run.json``, unless it has been
-    verified as it is.
+    Other files than export.json's are refused even without ``run.json``, unless verified as they are.
     """
     part = results.find(Part)
     unjudged = () if part is None else unjudged_files(part, results.find(Proof))

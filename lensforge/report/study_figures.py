@@ -14,6 +14,7 @@ from lensforge.made.yield_facts import TOGETHER
 from lensforge.report.light_figures import ISO_SHARES
 from lensforge.results.figure_style import (
     BLUE,
+    DASHED,
     GREEN,
     GREY,
     INK,
@@ -150,7 +151,6 @@ _HEIGHT = 2.6
 _FAR = 1.5  # of the width of the distribution: a bound farther away would squeeze it
 _BARS = 8
 _BAR_HEIGHT = 0.24  # inches
-_DASHED = (0, (4, 2))
 
 
 @in_report_style
@@ -166,7 +166,7 @@ def distribution(
     axes.step(ordered, 100.0 * np.arange(1, len(values) + 1) / len(values), where="post", color=BLUE, label="parts")
     near = [each.bound for each in bounds if not beyond(values, each.bound)]
     if not beyond(values, designed):
-        axes.axvline(designed, color=INK, linewidth=1.0, linestyle=_DASHED, label="as designed")
+        axes.axvline(designed, color=INK, linewidth=1.0, linestyle=DASHED, label="as designed")
         near.append(designed)
     ends = np.array([*ordered[[0, -1]], *near])
     margin = 0.04 * float(np.ptp(ends)) or 0.01 * abs(float(ends[0])) or 1.0

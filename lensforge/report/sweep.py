@@ -48,10 +48,7 @@ class Variant:
 
 @dataclass(frozen=True)
 class Variation:
-    """``field`` takes each of ``values``, in order; every field of ``scaled`` keeps its ratio to it.
-
-    Fields are dotted paths in the spec, such as ``constraints.max_radius_mm``.
-    """
+    """``field`` (dotted path) takes each of ``values``, in order; those of ``scaled`` keep their ratio to it."""
 
     field: str
     values: tuple[float, ...]
@@ -129,11 +126,7 @@ SweptMetric = Literal["nmse", "uniformity", "rsd", "efficiency", "share_in_targe
 
 
 class SweepRow(Record):
-    """One design: the value of the varied field, all changed fields, and the metrics of its own results.
-
-    ``changes``: value of each changed field. ``folder``: the design's name, and its folder next to ``sweep.json``.
-    ``cutting``: the verdict on it.
-    """
+    """One design by its ``value``. ``folder``: its name, beside ``sweep.json``. ``cutting``: the verdict on it."""
 
     value: Number
     folder: FolderName
@@ -224,16 +217,19 @@ class Sweep(StageResult):
         content |= {"inputs": {row.folder: lenses[row.folder] for row in designs}, "designs": designs}
         return type(self).model_validate(content)
 
-    def plot(self, axes: "Axes | None" = None, *, metric: SweptMetric = "nmse") -> "Axes":
-        """Plot ``metric`` over the varied field, with standard errors.
+    def curve(self, metric: SweptMetric) -> tuple[list[float], list[float], list[float]]:
+        """Values of the varied field, ``metric``, and its standard error or 0, of the designs that have it."""
+        found = [(row.value, measured) for row in self.designs if (measured := getattr(row, metric)) is not None]
+        errors = [measured.standard_error or 0.0 for _, measured in found]
+        return [value for value, _ in found], [measured.value for _, measured in found], errors
 
-        Raises :class:`InputError` for an unknown metric.
-        """
+    def plot(self, axes: "Axes | None" = None, *, metric: SweptMetric = "nmse") -> "Axes":
+        """Plot ``metric``, with standard errors. Raises :class:`InputError` for an unknown one."""
         from lensforge.results.plots import new_axes
 
         require_choice("metric", metric, get_args(SweptMetric))
-        axes, curve = new_axes(axes), Curve.of(self, metric)
-        axes.errorbar(curve.x, curve.y, curve.errors, marker="o")
+        axes = new_axes(axes)
+        axes.errorbar(*self.curve(metric), marker="o")
         axes.set(xlabel=self.vary, ylabel=metric)
         return axes
 
@@ -241,25 +237,6 @@ class Sweep(StageResult):
 def _metric(name: str, metric: Metric | None) -> Fact:
     shares = ("efficiency", "share_in_target")
     return Fact.share(name, METRICS[name], metric) if name in shares else Fact.measured(name, METRICS[name], metric)
-
-
-@dataclass(frozen=True)
-class Curve:
-    """A metric of the designs that have it: ``x``, values of the varied field; ``y``, the metric; standard errors."""
-
-    x: list[float]
-    y: list[float]
-    errors: list[float]
-
-    @staticmethod
-    def of(sweep: Sweep, metric: SweptMetric) -> "Curve":
-        """Curve of ``metric``; an unknown standard error counts as 0."""
-        found = [(row.value, measured) for row in sweep.designs if (measured := getattr(row, metric)) is not None]
-        return Curve(
-            [value for value, _ in found],
-            [measured.value for _, measured in found],
-            [measured.standard_error or 0.0 for _, measured in found],
-        )
 
 
 def sweep_of(spec: Spec, variation: Variation, found: Sequence[tuple[Variant, Results]]) -> Sweep:
@@ -284,11 +261,7 @@ def _row(variant: Variant, results: Results) -> SweepRow:
         value=variant.value,
         folder=variant.spec.name,
         changes=variant.changes,
-        nmse=light.nmse,
-        uniformity=light.uniformity,
-        rsd=light.rsd,
-        efficiency=light.efficiency,
-        share_in_target=light.share_in_target,
+        **{name: getattr(light, name) for name in get_args(SweptMetric)},
         max_radius_mm=design.max_radius_mm,
         height_mm=design.height_mm,
         steps=design.steps,

@@ -7,7 +7,6 @@ within a design from its checkpoint.
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Protocol
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -18,7 +17,7 @@ from lensforge.report.compare import ComparedPictures
 from lensforge.report.page import picture, template, write_page
 from lensforge.report.results import Results
 from lensforge.report.stored import load_results
-from lensforge.report.sweep import Curve, Sweep, Variant, Variation, sweep_of
+from lensforge.report.sweep import Sweep, SweptMetric, Variant, Variation, sweep_of
 from lensforge.results.cluster import connected
 from lensforge.results.figure_style import BLUE, GREEN, GREY, ORANGE, WIDE, in_report_style, new_figure
 from lensforge.results.files import replacing, require_own
@@ -61,12 +60,8 @@ def write_run(files: Files, folder: Path) -> None:
 PAGE = "sweep.html"
 
 
-class RunDesign(Protocol):
-    """A run of every stage for one design, with the accuracy and the seed of the sweep."""
-
-    def __call__(self, spec: Spec, folder: Path, resume: bool) -> object:
-        """Write a finished result folder; with ``resume`` continue from the checkpoint there."""
-        ...
+# A run of every stage: of a spec, into a folder, and True to continue from the checkpoint there.
+RunDesign = Callable[[Spec, Path, bool], object]
 
 
 def run_sweep(
@@ -94,10 +89,15 @@ def run_sweep(
     with locked(directory, create=True):
         sweep = _finished(directory, spec, variation, accuracy, seed) if resume else None
         wanted = [variant for variant in variants if sweep is None or variant.value not in sweep.values]
+
+        def tell(number: int, variant: Variant) -> None:
+            announce(f"design {number} of {len(wanted)}: {variation.field} = {variant.value:g}")
+
         if scheduler is None:
-            made = _one_by_one(wanted, variation, directory, run_design, resume, announce)
+            made = _one_by_one(wanted, directory, run_design, resume, tell)
         else:
-            made = _at_once(wanted, variation, directory, accuracy, seed, scheduler, announce)
+            found = runs_on_workers([variant.spec for variant in wanted], accuracy, seed, scheduler)
+            made = _written(wanted, directory, found, tell)
         return _joined(spec, variation, made, directory, sweep)
 
 
@@ -110,36 +110,27 @@ def resumable(directory: Path) -> bool:
 
 def _one_by_one(
     wanted: Sequence[Variant],
-    variation: Variation,
     directory: Path,
     run_design: RunDesign,
     resume: bool,
-    announce: Callable[[str], None],
+    tell: Callable[[int, Variant], None],
 ) -> Iterator[Variant]:
     """Make every design here; each as soon as its folder is finished."""
     for number, variant in enumerate(wanted, start=1):
-        announce(f"design {number} of {len(wanted)}: {variation.field} = {variant.value:g}")
+        tell(number, variant)
         folder = directory / variant.spec.name
         run_design(variant.spec, folder, resume and (folder / CHECKPOINT).exists())
         yield variant
 
 
-def _at_once(
-    wanted: Sequence[Variant],
-    variation: Variation,
-    directory: Path,
-    accuracy: Accuracy,
-    seed: int,
-    scheduler: str,
-    announce: Callable[[str], None],
+def _written(
+    wanted: Sequence[Variant], directory: Path, found: Iterator[tuple[int, Files]], tell: Callable[[int, Variant], None]
 ) -> Iterator[Variant]:
-    """Make the designs on the workers of a cluster, and write the folder of each as it comes."""
-    found = runs_on_workers([variant.spec for variant in wanted], accuracy, seed, scheduler)
+    """Write the folder of each design as it comes from the workers of a cluster."""
     for done, (number, files) in enumerate(found, start=1):
-        variant = wanted[number]
-        write_run(files, directory / variant.spec.name)
-        announce(f"design {done} of {len(wanted)}: {variation.field} = {variant.value:g}")
-        yield variant
+        write_run(files, directory / wanted[number].spec.name)
+        tell(done, wanted[number])
+        yield wanted[number]
 
 
 def _joined(spec: Spec, variation: Variation, made: Iterator[Variant], directory: Path, sweep: Sweep | None) -> Sweep:
@@ -216,19 +207,19 @@ def sweep_figure(sweep: Sweep) -> Figure:
     figure, left = new_figure(WIDE, _HEIGHT)
     right = left.twinx()
     right.spines["right"].set_visible(True)
-    _draw(left, Curve.of(sweep, "nmse"), "NMSE", BLUE, "o")
-    _draw(right, Curve.of(sweep, "efficiency"), "efficiency", ORANGE, "s")
-    even = Curve.of(sweep, "uniformity")
-    if even.y:
-        _draw(right, even, "uniformity", GREEN, "^")
+    _draw(left, sweep, "nmse", "NMSE", BLUE, "o")
+    _draw(right, sweep, "efficiency", "efficiency", ORANGE, "s")
+    even = any(row.uniformity is not None for row in sweep.designs)
+    if even:
+        _draw(right, sweep, "uniformity", "uniformity", GREEN, "^")
     left.set(xlabel=_label(sweep), ylabel="NMSE")
     left.set_ylim(bottom=0.0)
-    right.set_ylabel("efficiency, uniformity" if even.y else "efficiency")
+    right.set_ylabel("efficiency, uniformity" if even else "efficiency")
     left.grid(True)
     figure.legend(loc="outside upper left", ncols=3)
     return figure
 
 
-def _draw(axes: Axes, curve: Curve, label: str, colour: str, marker: str) -> None:
-    x, y, noise = curve.x, curve.y, curve.errors
+def _draw(axes: Axes, sweep: Sweep, metric: SweptMetric, label: str, colour: str, marker: str) -> None:
+    x, y, noise = sweep.curve(metric)
     axes.errorbar(x, y, noise, color=colour, ecolor=GREY, elinewidth=0.8, marker=marker, markersize=4.0, label=label)

@@ -67,10 +67,7 @@ class TradeoffRow(Record):
 
 
 class Tradeoff(StageResult):
-    """Accuracy against time for one scene: the ``rows`` of all series.
-
-    ``accuracy``: preset by which the measured lens was designed. ``threads``: with which it was measured.
-    """
+    """Accuracy against time: ``accuracy`` by which the lens was designed, ``threads`` used, ``rows`` of all series."""
 
     stage: ClassVar[str] = "tradeoff"
 
@@ -91,10 +88,7 @@ class Tradeoff(StageResult):
         return [Group("settings", "Presets, and stages of a search", lines)]
 
     def plot(self, axes: "Axes | None" = None, *, series: Series = "rays", error: TradedError = "nmse") -> "Axes":
-        """Plot an error of a series over its seconds, both logarithmic.
-
-        Raises :class:`InputError` for an unknown series or error.
-        """
+        """Plot ``error`` of ``series`` over seconds, in logarithms. Raises :class:`InputError` for unknown ones."""
         from lensforge.results.plots import plot_curves
 
         require_choice("series", series, get_args(Series))

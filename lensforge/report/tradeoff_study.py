@@ -106,7 +106,6 @@ def ray_counts(most_rays: int, source: Source) -> tuple[int, ...]:
 
 
 def _preset_row(name: Accuracy, preset: Preset, lens: Lens, source: Source, most_rays: int) -> TradeoffRow:
-    """The evaluation of a preset, tables included in its time."""
     started = time.perf_counter()
     traced = TracedLens.of(lens, preset.evaluate_nodes_per_sigma)
     light = evaluate_traced(traced, lens.spec, source, min(preset.evaluate_rays, most_rays), lens.seed)
@@ -121,10 +120,7 @@ def _preset_row(name: Accuracy, preset: Preset, lens: Lens, source: Source, most
 
 
 def search_rows(spec: Spec, source: Source, rays: int, accuracy: Accuracy = _SEARCH) -> list[TradeoffRow]:
-    """The lens after each stage of one search with automatic levels, as functions and steps grow, by ``rays`` rays.
-
-    Stages that the search leaves out again are among them.
-    """
+    """The lens by ``rays`` rays after each stage of a search with automatic levels, those left out again among them."""
     stages: list[tuple[Progress, Lens]] = []
 
     def keep(step: Progress) -> None:

@@ -47,11 +47,9 @@ class YieldSection:
 
 def yield_sections(results: Results) -> list[YieldSection]:
     """Sections on the study of ``results``, and on those under other conditions: other tolerances, seeds, rays."""
-    found = {stem: result for stem, result in results.others.items() if isinstance(result, Yield)}
     own = results.find(Yield)
-    if own is not None:
-        found = {stem_of(own): own, **found}
-    return [_section(stem, result, results) for stem, result in found.items()]
+    studies = results.others if own is None else {stem_of(own): own, **results.others}
+    return [_section(stem, result, results) for stem, result in studies.items() if isinstance(result, Yield)]
 
 
 def _section(stem: str, found: Yield, results: Results) -> YieldSection:
@@ -101,7 +99,6 @@ def _worst_pictures(stem: str, found: Yield, results: Results) -> list[PagePictu
 
 
 def _worst_maps(found: Yield) -> Iterator[tuple[str, str, np.ndarray]]:
-    """Title, caption and light of each of the worst parts."""
     for worst, image in zip(found.worst, found.worst_maps, strict=True):
         state = "passes" if worst.passes else "fails"
         yield f"Part {worst.part}: {state}", f"{worst_words(found, worst)}.", image

@@ -47,6 +47,8 @@ def _with_palette(encoded: str) -> str:
 INK = "#0b0b0d"
 # Mid tones, distinct to colour-blind readers, that stand out on white and on black.
 BLUE, ORANGE, GREEN, RED, GREY = "#2f7fd1", "#e07a2f", "#2f9e6e", "#d6453d", "#8b929c"
+COLOURS = (BLUE, ORANGE, GREEN, RED, "#8a5cc9", "#c2569b", GREY, INK)  # of curves in one picture
+DASHED = (0, (4, 2))
 
 _FLATTEST, _TALLEST = 0.5, 1.4  # height over width of the axes of a map: between them its scale can be read
 NARROW, WIDE = 3.7, 4.8  # inches: three or two figures side by side in the page

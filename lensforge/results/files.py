@@ -1,6 +1,6 @@
 """Files: read with bounds, written to a temporary name and then renamed; pages of this program told from others.
 
-The names of temporary files state their process, so that the next one can delete what a killed one left.
+Temporary files have names by which the next holder of a folder's lock deletes what a killed process left.
 """
 
 import json
@@ -162,10 +162,7 @@ def _kind_of(mode: int) -> str:
 
 
 def read_json(path: Path, missing: str = "run `lensforge design` first") -> Any:
-    """Read JSON. Raises :class:`InputError` for a missing or broken file; ``missing``: the remedy for a missing one.
-
-    It has the bounds of :func:`lensforge.results.json_npz.parse_json`.
-    """
+    """Read JSON within bounds. Raises :class:`InputError`; ``missing``: the remedy where there is no such file."""
     return json_in(read_json_bytes(path, missing), path)
 
 

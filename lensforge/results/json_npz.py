@@ -13,10 +13,7 @@ _MOST_CHARACTERS = 120  # of another library's message
 
 
 def parse_json(content: bytes) -> Any:
-    """The value in the UTF-8 text ``content``. Raises :class:`ValueError`, one line, where it is not JSON.
-
-    NaN and infinity, which are not valid JSON, are refused.
-    """
+    """The value in the UTF-8 text ``content``. Raises :class:`ValueError`, one line, for no JSON, NaN and infinity."""
     try:
         return json.loads(content.decode("utf-8"), parse_constant=_refuse)
     except RecursionError:

@@ -67,10 +67,7 @@ def quantity(value: float | None, unit: str = "", error: float | None = None, di
 
 
 def by_error(value: float, error: float) -> tuple[str, str]:
-    """``value`` and ``error`` (above 0) as texts that end at the same decimal, that of the error's second digit.
-
-    "0.0123" and "0.0012"; "1230" and "120".
-    """
+    """``value`` and ``error`` (above 0) to the second digit of the error: "0.0123" and "0.0012"; "1230" and "120"."""
     decimals = 1 - math.floor(math.log10(float(f"{error:.1e}")))
     kept = round(value, decimals) + 0.0  # no minus zero
     if decimals <= _MOST_DECIMALS:

@@ -21,10 +21,7 @@ def plot_map(image: Float[np.ndarray, "h w"], chart: Chart, unit: LightUnit = WA
 
 
 def plot_face(values: Image, half_width: float, label: str, axes: Axes | None = None) -> Axes:
-    """A quantity over the chart of a face, a square of ``half_width`` ([X, Y], NaN outside the rim).
-
-    The colour scale is centred on zero.
-    """
+    """A quantity over the chart of a face, a square of ``half_width`` ([X, Y], NaN outside); colours about zero."""
     axes = new_axes(axes)
     known = values[np.isfinite(values)]
     reach = float(np.abs(known).max()) if len(known) else 1.0
@@ -94,10 +91,7 @@ def plot_distribution(
 
 
 def new_axes(axes: Axes | None) -> Axes:
-    """The caller's axes, or new ones that a notebook shows by itself.
-
-    Raises :class:`InputError` for anything else: the quantity to plot is chosen by its name.
-    """
+    """The caller's axes, or new ones that a notebook shows. Raises :class:`InputError` for anything else."""
     if isinstance(axes, Axes):
         return axes
     if axes is not None:

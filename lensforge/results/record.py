@@ -11,15 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar, ge
 
 import numpy as np
 from jaxtyping import Float
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    GetCoreSchemaHandler,
-    computed_field,
-    model_validator,
-)
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, computed_field, model_validator
 from pydantic.fields import FieldInfo
 from pydantic.main import IncEx
 from pydantic_core import CoreSchema, core_schema
@@ -50,7 +42,7 @@ class Array:
     def __init__(self, *axes: str | int, gaps: bool = False, least: float = -LARGEST) -> None:
         self.axes, self.gaps, self.least = axes, gaps, least
 
-    def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> CoreSchema:
+    def __get_pydantic_core_schema__(self, source: object, handler: object) -> CoreSchema:
         """Validate by :meth:`checked`; serialise to nested lists."""
         lists = core_schema.plain_serializer_function_ser_schema(lambda array: array.tolist())
         return core_schema.no_info_plain_validator_function(self.checked, serialization=lists)

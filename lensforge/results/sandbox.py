@@ -152,7 +152,6 @@ def kill_group(process: "subprocess.Popen[bytes]") -> None:
 
 
 def _name_of(code: int) -> str:
-    """Name of the signal that ended a process, or its exit code."""
     try:
         return signal.Signals(-code).name
     except ValueError:

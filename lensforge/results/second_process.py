@@ -100,10 +100,7 @@ IN_TURN = SecondProcess()  # none: all in this process
 
 @contextmanager
 def second_process(wanted: bool = True) -> Iterator[SecondProcess]:
-    """A second process inside the block; none where it is not ``wanted``, or the system has no room for it.
-
-    It ends with the block, and with this process however that ends.
-    """
+    """A second process until block or this process ends; none if not ``wanted``, or where the system has no room."""
     with ExitStack() as stack:
         process = _started(stack) if wanted else None
         if process is None:

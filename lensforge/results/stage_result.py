@@ -162,7 +162,7 @@ class StageResult(Record):
     @classmethod
     def stored_elsewhere(cls) -> tuple[str, ...]:
         """Names of the fields that are not stored in the JSON file."""
-        fields = type_fields(cls).items()
+        fields = cls.model_fields.items()
         return tuple(
             name for name, info in fields if any(marker(info, mark) is not None for mark in (Given, Array, InFile))
         )
@@ -281,7 +281,7 @@ class StageResult(Record):
                 put_arrays(content, arrays)
             except ValueError as error:
                 raise InputError(f"{path}: {error}; {cls.again()}") from None
-        for field, info in type_fields(cls).items():
+        for field, info in cls.model_fields.items():
             if (own := marker(info, InFile)) is not None:
                 file = folder / own.beside(cls.stage, name)
                 there = info.is_required() or file.is_symlink() or file.exists()
@@ -323,10 +323,7 @@ class Conditions(Record):
 
     @classmethod
     def of(cls, source_name: str = "", **differing: Any) -> "Conditions | None":
-        """Conditions by those ``differing`` from the lens's own, None or left out where not; None where none does.
-
-        ``source_name``: of the other source, in the name.
-        """
+        """Conditions by those ``differing`` from the lens's own, None where none does; ``source_name``: in the name."""
         found = {key: value for key, value in differing.items() if value is not None}
         if not found:
             return None

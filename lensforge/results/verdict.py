@@ -14,10 +14,7 @@ Reason = tuple[State, str]
 
 
 def within(value: float | None, sense: Sense, limit: float | None) -> bool:
-    """True where ``value`` is ``sense`` ``limit``.
-
-    ``value``: None, not measured, is never within. ``limit``: None, there is none.
-    """
+    """True where ``value`` (None: not measured, and so never) is ``sense`` ``limit`` (None: there is none)."""
     if value is None:
         return False
     if limit is None:
@@ -75,10 +72,7 @@ class Verdict(Record):
         return {"light": self.reasons.light, "files": self.reasons.files, "cutting": self.reasons.cutting}[name]
 
     def require(self, *, cutting: bool, parts: Sequence[str] = ()) -> None:
-        """Raise :class:`CriterionMissed` where light or files fail, or with ``cutting`` cutting.
-
-        ``parts``: only these of the three, by default all.
-        """
+        """Raise :class:`CriterionMissed` where light, files or, if asked, ``cutting`` fails; ``parts``: only these."""
         counted = ["light", "files", *(["cutting"] if cutting else [])]
         failed = [name for name in counted if name in (parts or counted) and self.state_of(name) == "fail"]
         if failed:

@@ -66,6 +66,12 @@ class Lens:
         return Body.of(self.surfaces)
 
     @property
+    def events(self) -> int:
+        """Largest number of faces that a ray meets: both of the usual lens."""
+        lens = self.spec.lens
+        return len(lens.names) if lens.kind == "double" else lens.events
+
+    @property
     def inner(self) -> Surface:
         """The surface that faces the source."""
         return self.surfaces["inner"]

@@ -91,7 +91,9 @@ def nearest_of(jets: Sequence[RadiusJet]) -> RadiusJet:
     rho = torch.stack([each.rho for each in jets])
     first = rho.argmin(dim=0, keepdim=True)
     derivatives = torch.stack([each.derivatives for each in jets])
-    own = derivatives.gather(0, first.expand(len(derivatives[0]), -1)[None])[0] if derivatives.numel() else derivatives[0]
+    own = (
+        derivatives.gather(0, first.expand(len(derivatives[0]), -1)[None])[0] if derivatives.numel() else derivatives[0]
+    )
     return RadiusJet(rho.gather(0, first)[0], own, tuple(table for each in jets for table in each.tables))
 
 

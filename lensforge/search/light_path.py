@@ -22,8 +22,8 @@ from lensforge import seeds
 from lensforge.kernels.image_sums import SAFE_SIN2, SIN2_SCALE, collect, collect_adjoint
 from lensforge.kernels.parallel import CHUNKS, in_chunks
 from lensforge.light.crease import crease_gradients, worth_on
-from lensforge.light.later_creases import later_crease_gradients
 from lensforge.light.device_trace import DeviceTable, first_crossing, tables_on
+from lensforge.light.later_creases import later_crease_gradients
 from lensforge.light.sequential_trace import Crossing, EnteringRays, trace_sequence
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.scene.exit_rays import Sensitivities

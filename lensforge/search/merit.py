@@ -121,7 +121,10 @@ def _worth(wanted: Image) -> Image:
     """Worth of the light on each pixel: the target's bright part, and its edge blurred to several widths."""
     bright = in_target(wanted.numpy()).astype(float)
     radius = math.sqrt(bright.sum() / math.pi)  # pixels
-    blurred = [share * gaussian_filter(bright, max(width * radius, _SHARPEST), mode="constant") for width, share in _WORTH_WIDTHS]
+    blurred = [
+        share * gaussian_filter(bright, max(width * radius, _SHARPEST), mode="constant")
+        for width, share in _WORTH_WIDTHS
+    ]
     return torch.from_numpy(np.sum(blurred, axis=0))
 
 

@@ -42,7 +42,7 @@ _NARROWEST_BEAM_RAD = radians(0.1)
 
 @dataclass(frozen=True)
 class FaceParameters:
-    """One face by its ``start``: weights of its profile relative to ``scale`` (1/mm); the column ``matrix`` at nodes."""
+    """One face by its ``start``: weights of the functions of its profile, relative to ``scale`` (1/mm)."""
 
     start: ReciprocalSurface
     basis: ProfileBasis
@@ -200,12 +200,12 @@ _HORIZON = np.array([[1.0, 0.0, 0.0]])
 def _parameters(body: Body, name: str, count: int) -> FaceParameters:
     """Parameters of a face over the part of it that bounds its medium, and a little more."""
     face = body.face(name)
-    faces, directions = body.bounding(face.before), fibonacci_hemisphere(_DIRECTIONS)
-    cosines = directions[nearest(faces, directions) == faces.index(face), 2]
-    basis = ProfileBasis(max(_LOWEST, cosines.min() - _BEYOND), min(1.0, cosines.max() + _BEYOND), count)
     assert isinstance(face.surface, ReciprocalSurface)
-    values = face.surface.reciprocal(directions)[0]
-    return FaceParameters(face.surface, basis, float(np.abs(values[nearest(faces, directions) == faces.index(face)]).mean()))
+    faces, directions = body.bounding(face.before), fibonacci_hemisphere(_DIRECTIONS)
+    own = directions[nearest(faces, directions) == faces.index(face)]
+    low, high = max(_LOWEST, own[:, 2].min() - _BEYOND), min(1.0, own[:, 2].max() + _BEYOND)
+    scale = float(np.abs(face.surface.reciprocal(own)[0]).mean())
+    return FaceParameters(face.surface, ProfileBasis(low, high, count), scale)
 
 
 def start_faces(spec: Spec) -> dict[str, Surface]:

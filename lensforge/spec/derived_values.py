@@ -78,7 +78,9 @@ def derived_sizes(source: Any, lens: Any, limits: Any, target: Any) -> dict[str,
     )
     known = ("min_thickness_mm",) if extent is None else ("min_thickness_mm", "cavity_radius_mm", "cavity_height_mm")
     return {
-        "lens": {} if lens.kind != "double" else {name: {"offset_mm": sizes.offset_mm[name]} for name, face in lens.faces.items() if face.fixed is None},
+        "lens": {}
+        if lens.kind != "double"
+        else {name: {"offset_mm": sizes.offset_mm[name]} for name, face in lens.faces.items() if face.fixed is None},
         "constraints": {name: getattr(sizes, name) for name in known},
         "target": {} if target is None else _receiver_of(target),
     }

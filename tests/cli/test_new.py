@@ -1,16 +1,14 @@
 """``lensforge new``: a commented spec that is valid, its derived values those of a spec without them, and refusals."""
 
 import json
-import sys
 import tomllib
-from contextlib import redirect_stderr, redirect_stdout
-from io import StringIO
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
+from in_this_process import lensforge
 
-from lensforge.cli.cli import cli, main
+from lensforge.cli.cli import cli
 from lensforge.errors import InputError
 from lensforge.spec import load_spec, parse_spec
 from lensforge.spec.derived_values import WHY
@@ -19,18 +17,6 @@ from lensforge.spec.spec_reference import spec_schema
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 LAMP = ("--source", "disc:1", "--target", "rectangle:200x150@300", "--max-radius", "14", "--material", "PMMA")
-
-
-def lensforge(*arguments: object) -> tuple[int, str, str]:
-    """Exit code, stdout and stderr of a command in this process."""
-    output, errors, code = StringIO(), StringIO(), 0
-    with pytest.MonkeyPatch.context() as patch, redirect_stdout(output), redirect_stderr(errors):
-        patch.setattr(sys, "argv", ["lensforge", *map(str, arguments)])
-        try:
-            main()
-        except SystemExit as exit:
-            code = int(exit.code or 0)
-    return code, output.getvalue(), errors.getvalue()
 
 
 def test_a_new_spec_is_valid_and_says_what_is_derived(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ from result_folders import (
     PIXELS,
     STAGES,
     criterion,
+    divided,
     evaluate_arrays,
     light_images,
     make_folder,
@@ -62,7 +63,7 @@ def make_receiver_stray(section, **changes):
 def make_stray(lens, **changes):
     """The stray light of ``lens``; ``changes``: of the record, or of the light on its first receiver."""
     first, *others = lens.spec.all_receivers
-    of_first = {name: value for name, value in changes.items() if name in ReceiverStray.model_fields}
+    of_first, of_record = divided(changes, ReceiverStray)
     content = {
         "inputs": {"lens": lens.sha256},
         "receivers": (make_receiver_stray(first, **of_first), *map(make_receiver_stray, others)),
@@ -74,7 +75,7 @@ def make_stray(lens, **changes):
         "seconds": 6.5,
         "criteria": (criterion("stray_balance", 0.0, 1e-9),),
     }
-    return StrayLight(**{**content, **{name: value for name, value in changes.items() if name not in of_first}})
+    return StrayLight(**{**content, **of_record})
 
 
 def make_photo(lens, **changes):

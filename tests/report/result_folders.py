@@ -113,6 +113,12 @@ def page_of(results, folder=None):
         return render_report(results, folder)
 
 
+def divided(changes, receiver):
+    """``changes`` of the record on the first receiver, of class ``receiver``, and those of the record on all."""
+    of_first = {name: value for name, value in changes.items() if name in receiver.model_fields}
+    return of_first, {name: value for name, value in changes.items() if name not in of_first}
+
+
 def evaluate_arrays():
     """The images of the light on the first receiver."""
     return light_images(PIXELS, PIXELS)
@@ -142,33 +148,26 @@ def face_maps():
     return {"xyz": 5.0 * chart.to_sphere(points), **maps}
 
 
+def make_level(level, functions, **curves):
+    """A level of the search; ``curves``: over its steps, margins by their first word."""
+    margins = {"cavity": "cavity_clearance_mm", "wall": "wall_margin_mm", "radius": "radius_margin_mm"}
+    constraints = {name: curves.pop(word) for word, name in margins.items()}
+    return Level(level=level, functions=functions, constraints=constraints, **curves)
+
+
+HISTORY = (
+    make_level(
+        0, 9, loss=(1.8, 1.0, 0.6), nmse=(0.9, 0.5, 0.3), efficiency=(0.5, 0.6, 0.7),
+        cavity=(2.0, 1.5, 1.25), wall=(3.0, 2.0, 1.0), radius=(0.75, -0.375, -0.0625),
+    ),
+    make_level(
+        1, 34, loss=(0.4, 0.2, 0.1, 0.05), nmse=(0.2, 0.1, 0.05, 0.025), efficiency=(0.75, 0.8, 0.85, 0.875),
+        cavity=(1.0, 0.875, 0.625, 0.5), wall=(0.5, 0.375, 0.3125, 0.25), radius=(-0.03125, 0.0, 0.0625, 0.125),
+    ),
+)  # fmt: skip
+
+
 def make_design(lens, **changes):
-    history = (
-        Level(
-            level=0,
-            functions=9,
-            loss=(1.8, 1.0, 0.6),
-            nmse=(0.9, 0.5, 0.3),
-            efficiency=(0.5, 0.6, 0.7),
-            constraints={
-                "cavity_clearance_mm": (2.0, 1.5, 1.25),
-                "wall_margin_mm": (3.0, 2.0, 1.0),
-                "radius_margin_mm": (0.75, -0.375, -0.0625),
-            },
-        ),
-        Level(
-            level=1,
-            functions=34,
-            loss=(0.4, 0.2, 0.1, 0.05),
-            nmse=(0.2, 0.1, 0.05, 0.025),
-            efficiency=(0.75, 0.8, 0.85, 0.875),
-            constraints={
-                "cavity_clearance_mm": (1.0, 0.875, 0.625, 0.5),
-                "wall_margin_mm": (0.5, 0.375, 0.3125, 0.25),
-                "radius_margin_mm": (-0.03125, 0.0, 0.0625, 0.125),
-            },
-        ),
-    )
     content = {
         "lens": lens,
         "inputs": {"lens": lens.sha256, "spec": "ef" * 32},
@@ -181,7 +180,7 @@ def make_design(lens, **changes):
         "constraints": Margins(cavity_clearance_mm=0.5, wall_margin_mm=0.25, radius_margin_mm=0.125),
         "source": SourceSummary(title="2 mm square", flux_w=1.0, symmetry="square"),
         "source_outline_mm": ((-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)),
-        "history": history,
+        "history": HISTORY,
         "criteria": (criterion("cavity clearance", 0.5, -0.001, ">="),),
     }
     return Design(**{**content, **changes})
@@ -228,7 +227,7 @@ def make_receiver_light(section, rows=PIXELS, columns=PIXELS, **changes):
 
 def make_light(lens, **changes):
     """The light of ``lens``; ``changes``: of the record, or of the light on its first receiver."""
-    of_first = {name: value for name, value in changes.items() if name in ReceiverLight.model_fields}
+    of_first, of_record = divided(changes, ReceiverLight)
     receivers = []
     for section in lens.spec.all_receivers:
         grid = build_receiver(section, PIXELS).grid
@@ -248,7 +247,7 @@ def make_light(lens, **changes):
         "seconds": 2.5,
         "criteria": (criterion("flux not converged", 0.0, 0.0),),
     }
-    return Light(**{**content, **{name: value for name, value in changes.items() if name not in of_first}})
+    return Light(**{**content, **of_record})
 
 
 def sphere_stl():
@@ -287,9 +286,7 @@ def make_part(lens, stl=None, **changes):
 
 
 def make_check(lens, **changes):
-    sphere = Sphere(
-        radius_mm=8.25, centre_mm=(0.0, 0.0, 1.5), pv_mm=0.4, rms_mm=0.1,
-    )  # fmt: skip
+    sphere = Sphere(radius_mm=8.25, centre_mm=(0.0, 0.0, 1.5), pv_mm=0.4, rms_mm=0.1)
     face = FaceResult(
         best_fit_sphere=sphere,
         curvature=Curvature(kappa_min_per_mm=-1.3, kappa_max_per_mm=0.3, smallest_concave_radius_mm=0.775),
@@ -359,7 +356,7 @@ def make_receiver_proof(section, **changes):
 def make_proof(lens, **changes):
     """The verification of ``lens``; ``changes``: of the record, or of the rays on its first receiver."""
     first, *others = lens.spec.all_receivers
-    of_first = {name: value for name, value in changes.items() if name in ReceiverProof.model_fields}
+    of_first, of_record = divided(changes, ReceiverProof)
     content = {
         "inputs": {"lens": lens.sha256},
         "receivers": (make_receiver_proof(first, **of_first), *map(make_receiver_proof, others)),
@@ -374,7 +371,7 @@ def make_proof(lens, **changes):
         "plain_cast": PlainCast(rays=200, casts=390, disagreements=0),
         "criteria": (criterion("deviation_rms", 0.0125, 0.015),),
     }
-    return Proof(**{**content, **{name: value for name, value in changes.items() if name not in of_first}})
+    return Proof(**{**content, **of_record})
 
 
 MAKERS = {

@@ -33,6 +33,13 @@ _COATED = {
     "outer": {"coating": {"reflectance": 0.012}, "draft_deg": 3.0},
     "cavity_index": 1.25,
 }
+REGION = RegionLight(
+    region="uniform",
+    mean=Metric(value=2.5, unit="W/m²", standard_error=0.01),
+    u0=Metric(value=0.81, standard_error=0.02),
+    u1=Metric(value=0.7, standard_error=0.03),
+    peak=Metric(value=1.13, standard_error=0.006),
+)
 ROAD = {"use": "road", "lenses": 24, "pole_height_m": 8.0, "pole_spacing_m": 30.0, "road_width_m": 7.0}
 
 
@@ -123,16 +130,9 @@ def limits_missed():
 def uniform_region():
     """Lux in a region of uniform light, with the noise of the rays taken off."""
     lens = lens_of({"target": text_target("+", 100.0)}, lumens_per_watt=250.0)
-    region = RegionLight(
-        region="uniform",
-        mean=Metric(value=2.5, unit="W/m²", standard_error=0.01),
-        u0=Metric(value=0.81, standard_error=0.02),
-        u1=Metric(value=0.7, standard_error=0.03),
-        peak=Metric(value=1.13, standard_error=0.006),
-    )
     changes = {
         "uniformity": Metric(value=0.8, standard_error=0.01), "rsd": Metric(value=0.09, standard_error=0.002),
-        "raw": {"nmse": 0.0125, "uniformity": 0.6, "rsd": 0.07}, "in_region": region,
+        "raw": {"nmse": 0.0125, "uniformity": 0.6, "rsd": 0.07}, "in_region": REGION,
         "lumens_per_watt": 250.0, "nmse_of_noise": 0.0033,
     }  # fmt: skip
     return _folder(("evaluate",), lens, evaluate=changes)

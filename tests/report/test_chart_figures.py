@@ -46,11 +46,14 @@ def test_lines_and_circles_in_the_far_field_are_in_degrees():
     assert axes.get_xlim()[0] == 0.0
 
 
-def test_the_third_line_in_the_far_field_is_named_by_its_angle_or_ends_at_the_largest():
+def test_the_third_line_goes_where_the_target_is_brightest_or_to_the_largest_angle():
     bar = np.zeros((20, 20))
     bar[16] = 1.0
     assert light_figures.profile_lines(bar, SKY)[2][0] == "y = 37.93° (brightest row)"  # 2 asin(0.65 / 2)
-    _, (start, end) = light_figures.profile_lines(np.ones((20, 20)), SKY)[2]
+    name, (start, end) = light_figures.profile_lines(bar, Chart(200.0, 200.0))[2]
+    assert start[1] == end[1] == pytest.approx(65.0) and "65 mm" in name
+    name, (start, end) = light_figures.profile_lines(np.ones((20, 20)), SKY)[2]
+    assert name.startswith("x = y")
     assert np.linalg.norm(start) == np.linalg.norm(end) == pytest.approx(1.0)
 
 
@@ -91,31 +94,38 @@ def test_a_strip_has_a_scale_that_can_be_read(chart):
     assert bar.get_window_extent().x0 - box.x1 < 20.0, "beside the map"
 
 
-def test_lines_across_a_rectangle_follow_its_slopes():
-    image = slope(WIDE, 20, 40)
+@pytest.mark.parametrize(("rows", "columns"), [(20, 40), (15, 31)])
+def test_lines_across_a_rectangle_follow_its_slopes(rows, columns):
+    image = slope(WIDE, rows, columns)
     (_, across), (_, up), (name, diagonal) = light_figures.profile_lines(image[::-1], WIDE)
-    inside = slice(2, -2)  # between the centres of the outermost pixels
-    for (start, end), rise in ((across, 1.0), (up, 2.0)):
+    oblique = np.array([-80.0, 30.0]), np.array([60.0, -50.0])
+    inside = slice(3, -3)  # between the centres of the outermost pixels
+    for start, end in (across, up, oblique):
         values = light_figures.along(image, start, end, WIDE)
-        length = float(np.linalg.norm(end - start))
-        expected = 1000.0 + rise * np.linspace(-0.5, 0.5, 80) * length
+        expected = 1000.0 + np.linspace(start, end, 2 * columns) @ (1.0, 2.0)
         assert values[inside] == pytest.approx(expected[inside], abs=1e-9)
     assert across[1].tolist() == [150.0, 0.0] and up[1].tolist() == [0.0, 75.0]
     assert name.startswith("y =") and diagonal[1][0] == 150.0
 
 
-def test_light_on_a_rectangle_gathers_in_circles():
-    radius, share = light_figures.encircled_share(np.ones((200, 400)), WIDE)
-    inside = (radius > 20.0) & (radius < 75.0)
-    assert share[inside] == pytest.approx(np.pi * radius[inside] ** 2 / (300.0 * 150.0), rel=0.01)
-    assert radius[-1] == pytest.approx(np.hypot(150.0, 75.0), rel=0.01)
+@pytest.mark.parametrize("chart", [WIDE, Chart(200.0, 200.0)])
+def test_uniform_light_gathers_as_the_area_of_a_circle(chart):
+    pixels = np.ones((2 * int(chart.height), 2 * int(chart.width)))
+    radius, share = light_figures.encircled_share(pixels, chart)
+    inside = (radius > 20.0) & (radius < 0.5 * chart.height)
+    assert share[inside] == pytest.approx(np.pi * radius[inside] ** 2 / (chart.width * chart.height), rel=0.01)
+    assert radius[-1] == pytest.approx(0.5 * np.hypot(chart.width, chart.height), rel=0.01)
+    assert share[-1] == 1.0 and (np.diff(share) >= 0.0).all()
+    assert not light_figures.encircled_share(0.0 * pixels, chart)[1].any(), "a dark receiver gathers nothing"
 
 
-def test_large_rectangles_are_drawn_as_area_means_of_their_shape():
-    image = np.random.default_rng(0).random((512, 1024))
+@pytest.mark.parametrize("rows", [512, 1024])
+def test_large_images_are_drawn_as_area_means_of_their_shape(rows):
+    image = np.random.default_rng(0).random((rows, 1024))
     drawn = light_figures.drawn(image)
-    assert drawn == pytest.approx(image.reshape(128, 4, 256, 4).mean(axis=(1, 3)), abs=1e-6)
+    assert drawn == pytest.approx(image.reshape(rows // 4, 4, 256, 4).mean(axis=(1, 3)), abs=1e-6)
     assert light_figures.drawn(np.ones((2, 2000))).shape == (1, 256)
+    assert light_figures.drawn(image[:200, :200]).shape == (200, 200)
 
 
 def border(mask, chart):

@@ -8,13 +8,7 @@ from result_folders import evaluate_arrays, make_folder, make_results, small_len
 from undrawn import undrawn
 
 from lensforge.errors import InputError
-from lensforge.report.compare import (
-    ComparedPictures,
-    difference_lines,
-    folder_names,
-    number_lines,
-    render_comparison,
-)
+from lensforge.report.compare import ComparedPictures, difference_lines, folder_names, number_lines, render_comparison
 from lensforge.results import Metric
 
 

@@ -115,11 +115,8 @@ def test_values_are_judged_in_one_place(value, error, state):
 
 
 def test_a_failure_outweighs_a_doubt():
-    assert [worst(states) for states in (("pass", "undecided"), ("undecided", "fail"), ())] == [
-        "undecided",
-        "fail",
-        "pass",
-    ]
+    found = [worst(states) for states in (("pass", "undecided"), ("undecided", "fail"), ())]
+    assert found == ["undecided", "fail", "pass"]
 
 
 def test_a_fact_says_value_limit_and_reason():

@@ -5,15 +5,7 @@ from dataclasses import replace
 import pytest
 from nightly import NIGHTLY, first_by_day
 from page_text import Page, text_of, undrawn_page_of
-from result_folders import (
-    criterion,
-    evaluate_arrays,
-    finding,
-    make_folder,
-    make_results,
-    page_of,
-    small_lens,
-)
+from result_folders import criterion, evaluate_arrays, finding, make_folder, make_results, page_of, small_lens
 
 from lensforge.report.headline import asked_facts, headline
 from lensforge.report.stored import load_results
@@ -47,10 +39,7 @@ def test_what_has_not_run_leaves_a_verdict_undecided():
 
 
 def test_what_was_asked_for_says_whether_it_came_out():
-    criteria = (
-        criterion("cavity clearance", 0.5, -0.001, ">="),
-        criterion("radius margin", -0.25, -0.001, ">="),
-    )
+    criteria = (criterion("cavity clearance", 0.5, -0.001, ">="), criterion("radius margin", -0.25, -0.001, ">="))
     verdicts = (finding("cutter", "inner", False, "no"),)
     results = make_results(("design", "check"), design={"criteria": criteria}, check={"verdicts": verdicts})
     states = {fact.label: fact.state for fact in asked_facts(results)}

@@ -8,7 +8,7 @@ from matplotlib.text import Text
 from nightly import first_by_day
 from part_files import EXTRAS, verified
 from result_folders import STAGES, make_results, small_lens
-from test_readable_page import SKY, WALL
+from shown_folders import SKY, WALL
 from undrawn import without_views
 
 from lensforge.report.lens_figures import lens_section

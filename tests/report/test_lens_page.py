@@ -8,12 +8,7 @@ import numpy as np
 import pytest
 from nightly import first_by_day
 from page_text import Page, text_of
-from result_folders import (
-    make_folder,
-    make_results,
-    page_of,
-    small_lens,
-)
+from result_folders import make_folder, make_results, page_of, small_lens
 
 from lensforge.report.stored import load_results
 from lensforge.spec.source_sections import RayfileSource

@@ -3,7 +3,7 @@ from xml.etree import ElementTree
 import matplotlib as mpl
 import numpy as np
 import pytest
-from result_folders import evaluate_arrays, face_maps, make_results, small_lens
+from result_folders import evaluate_arrays, make_results, small_lens
 
 from lensforge.errors import MissingResult
 from lensforge.report.lens_page import results_html
@@ -49,12 +49,6 @@ def test_the_plotted_light_is_the_one_of_the_record(results):
     axes = results.light.plot()
     assert np.asarray(axes.images[0].get_array()) == pytest.approx(evaluate_arrays()["map"])
     assert axes.images[0].get_extent() == [-150.0, 150.0, -150.0, 150.0]
-
-
-def test_a_plotted_face_has_x_to_the_right(results):
-    sag = face_maps()["sag_mm"]
-    drawn = np.ma.filled(results.check.plot(surface="outer", quantity="sag_mm").images[0].get_array(), np.nan)
-    np.testing.assert_array_equal(drawn, sag.T)
 
 
 def test_plots_go_on_the_caller_s_axes(results):

@@ -89,8 +89,6 @@ def test_a_broken_file_says_what_to_run(tmp_path, stem, change, message):
 def test_the_loss_has_a_scale_that_holds_it(results):
     levels = results.design.history
     assert history(levels, "loss").axes[0].get_yscale() == "log"
-    drawn = np.concatenate([line.get_ydata() for line in history(levels, "loss").axes[0].lines])
-    np.testing.assert_allclose(drawn, [1.8, 1.0, 0.6, 0.4, 0.2, 0.1, 0.05])
     negative = [level.model_copy(update={"loss": tuple(-value for value in level.loss)}) for level in levels]
     assert history(negative, "loss").axes[0].get_yscale() == "linear"
 

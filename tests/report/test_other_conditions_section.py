@@ -5,15 +5,7 @@ from contextlib import nullcontext
 import pytest
 from nightly import NIGHTLY, first_by_day
 from page_text import Page, text_of, undrawn_page_of
-from result_folders import (
-    STAGES,
-    make_folder,
-    make_light,
-    make_proof,
-    make_results,
-    page_of,
-    small_lens,
-)
+from result_folders import STAGES, make_folder, make_light, make_proof, make_results, page_of, small_lens
 from undrawn import undrawn
 
 from lensforge.report.compare import ComparedPictures, number_lines

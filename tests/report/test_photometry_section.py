@@ -5,12 +5,9 @@ import pytest
 from made_photometry import make_photometry
 from page_text import text_of
 from result_folders import make_results, small_lens
+from shown_folders import REGION, ROAD
 
-from lensforge.light.receiver_light import RegionLight
 from lensforge.report.study_figures import ground_diagram, isocandela_diagram, polar_diagram
-from lensforge.results import Metric
-
-ROAD = {"use": "road", "lenses": 24, "pole_height_m": 8.0, "pole_spacing_m": 30.0, "road_width_m": 7.0}
 
 
 def road_lens(**changes):
@@ -53,13 +50,7 @@ def test_numbers_of_a_lamp_are_those_of_the_record():
 
 def test_light_of_a_receiver_in_its_unit():
     lens = small_lens(lumens_per_watt=200.0)
-    region = RegionLight(
-        region="bright",
-        mean=Metric(value=2.5, unit="W/m²", standard_error=0.01),
-        u0=Metric(value=0.81, standard_error=0.02),
-        u1=Metric(value=0.7, standard_error=0.03),
-        peak=Metric(value=1.13, standard_error=0.006),
-    )
+    region = REGION.model_copy(update={"region": "bright"})
     results = make_results(("evaluate",), lens, evaluate={"in_region": region, "lumens_per_watt": 200.0})
     light = results.facts(results.light)[0]
     assert light.fact("level").sentence == "500.0 ± 2.0 lx; where the target is above half of its maximum"

@@ -9,6 +9,7 @@ from made_yield import make_yield
 from nightly import NIGHTLY, first_by_day
 from part_files import whole_results
 from result_folders import make_light, small_lens
+from shown_folders import SKY, WALL
 from undrawn import without_views
 
 from lensforge.report.lens_page import render_report
@@ -32,14 +33,6 @@ FEWER_ROWS = """document.querySelectorAll('tbody').forEach(body => {
   }
 })"""
 UNFOLD = "document.querySelectorAll('details').forEach(each => each.open = true)"
-WALL = {
-    "kind": "plane", "name": "wall", "centre_mm": (100.0, 0.0, 200.0), "width_mm": 300.0, "height_mm": 150.0,
-    "targets": ({"kind": "rectangle", "width_mm": 100.0, "height_mm": 60.0, "uniform_mm": 40.0},),
-}  # fmt: skip
-SKY = {
-    "kind": "far_field", "name": "sky", "half_angle_deg": 80.0,
-    "targets": ({"kind": "beam", "fwhm_deg": (60.0, 25.0), "uniform_deg": 10.0},),
-}  # fmt: skip
 
 
 @pytest.fixture(scope="module")

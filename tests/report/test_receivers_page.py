@@ -4,6 +4,8 @@ import pytest
 from page_text import Page, text_of
 from part_files import whole_results
 from result_folders import make_light, make_results, page_of, small_lens
+from shown_folders import BEAM, SKY
+from shown_folders import WALL as STRAIGHT
 from undrawn import undrawn
 
 from lensforge.proof.proof_facts import tracer_groups
@@ -14,16 +16,7 @@ from lensforge.report.light_section import first_picture, other_lights, other_pi
 from lensforge.report.results import Results
 from lensforge.results import Conditions, Metric
 
-BEAM = {"kind": "beam", "fwhm_deg": (60.0, 25.0), "uniform_deg": 10.0}
-WALL = {
-    "kind": "plane",
-    "name": "wall",
-    "centre_mm": (100.0, 0.0, 200.0),
-    "width_mm": 300.0,
-    "height_mm": 150.0,
-    "targets": ({"kind": "rectangle", "width_mm": 100.0, "height_mm": 60.0, "uniform_mm": 40.0, "rotation_deg": 45.0},),
-}
-SKY = {"kind": "far_field", "name": "sky", "half_angle_deg": 80.0, "targets": (BEAM,)}
+WALL = {**STRAIGHT, "targets": tuple({**each, "rotation_deg": 45.0} for each in STRAIGHT["targets"])}
 
 
 def far_lens(**changes):

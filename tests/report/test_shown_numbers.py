@@ -74,7 +74,7 @@ def known_of(results: Results) -> set[str]:
     texts += [f"{row.path} {row.value}" for table in number_tables(results).values() for row in table]
     texts += [f"{row.path} {row.value}" for table in spec_tables(results).values() for row in table]
     texts += [f"{file.name} {file.size}" for file in exported_part.exported_files(results)]
-    texts += list(headline.source_warnings(results))
+    texts += results.design.source.warnings if "design" in results.found else ()
     texts += [str(result.conditions) for result in results.others.values()]
     texts += [f"{len(group.facts)} criteria" for group in headline.criterion_groups(results)]
     if (study := results.find(Yield)) is not None:
@@ -158,11 +158,7 @@ def test_every_number_of_the_page_for_the_shop_is_one_of_a_fact(name):
     lens, part, check = results.lens, results.part, results.check
     criteria = [each.fact for each in (*part.criteria, *check.criteria)]
     groups = [shop_facts(lens, part, check), *face_groups(lens, check), *finding_groups(check)]
-    texts = [
-        *texts_of([*groups, table_facts(grids), Group("", "", tuple(criteria))]),
-        *hashes,
-        *drawn.notes,
-    ]
+    texts = [*texts_of([*groups, table_facts(grids), Group("", "", tuple(criteria))]), *hashes, *drawn.notes]
     texts += [
         f"{size.name} {shop_files.shown(size.value_mm)} {size.tolerance} {size.scope_words}"
         for size in drawn.views.dimensions

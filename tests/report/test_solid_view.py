@@ -9,9 +9,7 @@ import pytest
 import pyvista as pv
 from page_text import Page
 from PIL import Image
-from result_folders import (
-    make_results,
-)
+from result_folders import make_results
 from undrawn import without_figures
 
 from lensforge.errors import InputError

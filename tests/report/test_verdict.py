@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from result_folders import PIXELS, criterion, make_results, small_lens
+from result_folders import PIXELS, criterion, make_results
 from result_folders import finding as any_finding
+from shown_folders import lens_of
 
 from lensforge.errors import CriterionMissed
 from lensforge.light.evaluation_result import LimitResult
@@ -14,7 +15,6 @@ from lensforge.results import Metric
 from lensforge.results.verdict import Verdict
 from lensforge.scene.lens import Lens
 from lensforge.shop.check_result import Finding
-from lensforge.spec import parse_spec
 
 TRANSMITTED = (1.0 - (0.4936 / 2.4936) ** 2) ** 2  # of PMMA's two faces at normal incidence: 0.9232
 FLAT = np.ones((PIXELS, PIXELS))
@@ -31,15 +31,7 @@ def lit(nmse: Metric | None = None, share: Metric | None = None, target: np.ndar
 
 
 def with_manufacture(**fields: object) -> Lens:
-    lens = small_lens()
-    spec = parse_spec(lens.spec.model_dump() | {"manufacture": fields}, "test")
-    return Lens.double(lens.inner, lens.outer, spec, lens.seed, lens.accuracy)
-
-
-def test_a_good_lens_passes_and_needs_nothing() -> None:
-    verdict = make_results().verdict
-    assert (verdict.light, verdict.files, verdict.cutting) == ("pass", "pass", "pass")
-    verdict.require(cutting=False)
+    return lens_of(manufacture=fields)
 
 
 @pytest.mark.parametrize(
@@ -84,13 +76,8 @@ def test_a_share_is_judged_by_what_is_possible_where_that_is_less() -> None:
 
 def test_limits_decide_alone_where_a_spec_has_them() -> None:
     """The pattern is hopeless; what counts is that the one limit is held, missed, or too close to call."""
-    spec = parse_spec(
-        small_lens().spec.model_dump(exclude_unset=True)
-        | {"limits": [{"kind": "points", "name": "axis", "at_mm": [[0, 0]], "unit": "w_per_m2", "at_least": 1.0}]},
-        "test",
-    )
-    lens = small_lens()
-    lens = Lens.double(lens.inner, lens.outer, spec, lens.seed, lens.accuracy)
+    axis = {"kind": "points", "name": "axis", "at_mm": [[0, 0]], "unit": "w_per_m2", "at_least": 1.0}
+    lens = lens_of(limits=[axis])
     content = {"name": "axis", "receiver": "light", "quantity": "light", "sense": ">=", "bound": 1.0, "unit": "W/m²"}
     for value, state in ((1.3, "pass"), (1.1, "undecided"), (0.5, "fail")):
         limit = LimitResult(value=Metric(value=value, unit="W/m²", standard_error=0.1), **content)

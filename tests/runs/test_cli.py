@@ -5,9 +5,7 @@ import shutil
 import signal
 import subprocess
 import sys
-from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
-from io import StringIO
 from pathlib import Path
 
 import pytest
@@ -15,70 +13,25 @@ import torch
 from click.testing import CliRunner
 from coarse_part import coarse_part
 from foreground import default_signals
+from in_this_process import Ended, lensforge
+from scenes import small_spec
 from undrawn import undrawn
 
 import lensforge as lf
-from lensforge.cli.cli import cli, main
+from lensforge.cli.cli import cli
 from lensforge.results.arguments import threads_of_torch
 
-SPEC = """
-[source]
-kind = "square"
-side_mm = 1.0
-[lens]
-levels = [9, 25]
-[lens.inner]
-offset_mm = 3.0
-[lens.outer]
-offset_mm = 6.0
-[constraints]
-cavity_height_mm = 0.5
-cavity_radius_mm = 1.0
-min_thickness_mm = 1.0
-max_radius_mm = 7.0
-[target]
-kind = "flat_top"
-width_mm = 160.0
-distance_mm = 100.0
-receiver_mm = 200.0
-uniform_mm = 100.0
-[optimise]
-steps_per_level = [STEPS, STEPS]
-rays = 1024
-pixels = 16
-[evaluate]
-rays = 4096
-pixels = 16
-[base]
-diameter_mm = 16.0
-"""
+LEVELS = "levels = [\n    9,\n    25,\n]"
 
 
-def lensforge(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "lensforge", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, encoding="utf-8", cwd=cwd, timeout=300, check=False)
-
-
-def write_spec(folder: Path, steps: int = 80, **replace: str) -> Path:
-    text = SPEC.replace("STEPS", str(steps))
+def write_spec(folder: Path, steps: tuple[int, int] = (80, 80), **replace: str) -> Path:
+    text = small_spec(lens__symmetry="auto", optimise__steps_per_level=list(steps)).to_toml()
     for old, new in replace.items():
+        assert old in text
         text = text.replace(old, new)
     path = folder / "small.toml"
     path.write_text(text, encoding="utf-8")
     return path
-
-
-def lensforge_here(*arguments: object) -> subprocess.CompletedProcess[str]:
-    """The same in this process, which has torch and the CAD kernel loaded already."""
-    command, out, err = ["lensforge", *map(str, arguments)], StringIO(), StringIO()
-    code = 0
-    with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
-        patch.setattr(sys, "argv", command)
-        try:
-            main()
-        except SystemExit as exit:
-            code = int(exit.code or 0)
-    return subprocess.CompletedProcess(command, code, out.getvalue(), err.getvalue())
 
 
 @dataclass(frozen=True)
@@ -89,7 +42,7 @@ class Killed:
     spec: Path
     code: int
     stderr: str
-    resumed: subprocess.CompletedProcess[str]
+    resumed: Ended
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +50,7 @@ def killed(tmp_path_factory: pytest.TempPathFactory) -> Killed:
     """One small design by the command line, which all tests of its folder share."""
     folder = tmp_path_factory.mktemp("cli")
     # Two seconds for the second level: the signal comes in time on a busy machine, too.
-    spec = write_spec(folder, steps=400, **{"[400, 400]": "[40, 400]"})
+    spec = write_spec(folder, steps=(40, 400))
     process = subprocess.Popen(
         [sys.executable, "-m", "lensforge", "design", str(spec), "--accuracy", "draft"],
         stderr=subprocess.PIPE,
@@ -115,7 +68,7 @@ def killed(tmp_path_factory: pytest.TempPathFactory) -> Killed:
     # In this process, and on one thread, which needs no second process: twenty seconds less.
     with pytest.MonkeyPatch.context() as patch, undrawn(), coarse_part(), threads_of_torch(1):
         patch.chdir(folder)
-        resumed = lensforge_here("design", spec, "--accuracy", "draft", "--resume")
+        resumed = lensforge("design", spec, "--accuracy", "draft", "--resume")
     return Killed(folder / "cad_out" / "small", spec, process.returncode, stderr, resumed)
 
 
@@ -143,8 +96,8 @@ def test_single_stages_run_again(small_run: lf.Run, tmp_path: Path) -> None:
     folder = tmp_path / "again"
     shutil.copytree(small_run.folder, folder)
     own_light, page = (folder / "evaluate.json").read_bytes(), (folder / "report.html").stat().st_mtime_ns
-    done = lensforge_here("evaluate", folder, "--rays", 2048, "--pixels", 8, "--json")
-    assert done.returncode == 0, done.stderr
+    done = lensforge("evaluate", folder, "--rays", 2048, "--pixels", 8, "--json")
+    assert done.code == 0, done.stderr
     values = json.loads(done.stdout)["evaluate_2048rays_8px"]
     assert (values["rays"], values["pixels"]) == (2048, 8)
     assert values["nmse"]["value"] > 0.0 and values["nmse"]["standard_error"] > 0.0
@@ -153,9 +106,9 @@ def test_single_stages_run_again(small_run: lf.Run, tmp_path: Path) -> None:
     assert (folder / "report.html").stat().st_mtime_ns > page, "a report that is there is renewed"
     (folder / "report.html").unlink()
     with coarse_part():
-        assert lensforge_here("check", folder).returncode == 0
+        assert lensforge("check", folder).code == 0
     assert not (folder / "report.html").exists()
-    assert lensforge_here("evaluate", folder, "--source", folder / "lens.stl").returncode == 2
+    assert lensforge("evaluate", folder, "--source", folder / "lens.stl").code == 2
 
 
 @pytest.mark.nightly("a design twice; by day a search is ended by a signal, and another resumed")
@@ -168,7 +121,7 @@ def test_a_killed_design_says_how_to_go_on_and_goes_on_where_it_was(killed: Kill
 
 @pytest.mark.nightly("the whole search again; by day a shorter one resumes to the same bits")
 def test_a_killed_design_resumes_to_the_same_lens(killed: Killed) -> None:
-    assert killed.resumed.returncode == 0, killed.resumed.stderr
+    assert killed.resumed.code == 0, killed.resumed.stderr
     assert "  Efficiency " in killed.resumed.stdout
     require_every_file(killed.folder)
     straight = lf.design(lf.load_spec(killed.spec), accuracy="draft").lens
@@ -183,16 +136,16 @@ def test_a_killed_design_resumes_to_the_same_lens(killed: Killed) -> None:
         ({"distance_mm = 100.0": "distance_mm = 5.0"}, "target.distance_mm = 5 is inside the lens"),
         ({'kind = "flat_top"': 'kind = "fancy"'}, "target"),
         ({"width_mm = 160.0": "width_mm = nan"}, "width_mm"),
-        ({"levels = [9, 25]": "levels = []"}, "levels"),
-        ({"levels = [9, 25]": "levels = [9, 25"}, "not readable as TOML"),
+        ({LEVELS: "levels = []"}, "levels"),
+        ({LEVELS: "levels = [9, 25"}, "not readable as TOML"),
         ({"[lens]": "[lense]"}, "lens"),
         ({"offset_mm = 6.0": "offset_mm = 2.0"}, "lens: outer.offset_mm = 2.0 must exceed"),
         ({"rays = 1024": "rays = 1e9"}, "optimise.rays"),
     ],
 )
 def test_bad_specs_end_in_one_line(tmp_path: Path, replace: dict[str, str], message: str) -> None:
-    result = lensforge_here("design", write_spec(tmp_path, **replace), "--out", tmp_path / "out")
-    assert result.returncode == 2
+    result = lensforge("design", write_spec(tmp_path, **replace), "--out", tmp_path / "out")
+    assert result.code == 2
     assert message in result.stderr
     assert result.stderr.startswith("lensforge: ")
     assert len(result.stderr.splitlines()) == 1
@@ -214,8 +167,8 @@ def test_bad_specs_end_in_one_line(tmp_path: Path, replace: dict[str, str], mess
 )
 def test_bad_commands_end_in_one_line(arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    result = lensforge_here(*arguments)
-    assert result.returncode == 2
+    result = lensforge(*arguments)
+    assert result.code == 2
     assert len(result.stderr.splitlines()) == 1
     assert not list(tmp_path.iterdir())
 
@@ -223,7 +176,8 @@ def test_bad_commands_end_in_one_line(arguments: list[str], tmp_path: Path, monk
 def test_a_process_ends_in_one_line_too(tmp_path: Path) -> None:
     """Nothing that is loaded on the way says more."""
     for bad in (["design", "nowhere.toml"], ["design", write_spec(tmp_path, **{"[lens]": "[lense]"})]):
-        result = lensforge(*bad, cwd=tmp_path)
+        command = [sys.executable, "-m", "lensforge", *map(str, bad)]
+        result = subprocess.run(command, capture_output=True, encoding="utf-8", cwd=tmp_path, check=False)
         assert result.returncode == 2 and result.stdout == ""
         assert result.stderr.startswith("lensforge: ") and len(result.stderr.splitlines()) == 1
 
@@ -244,8 +198,8 @@ def test_rays_describes_and_converts(examples: Path, tmp_path: Path) -> None:
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device")
 def test_a_device_that_is_not_there_is_refused_before_anything_is_written(tmp_path: Path) -> None:
     spec = write_spec(tmp_path)
-    done = lensforge_here("design", spec, "--device", "cuda", "--out", tmp_path / "out")
-    assert done.returncode == 2
+    done = lensforge("design", spec, "--device", "cuda", "--out", tmp_path / "out")
+    assert done.code == 2
     (line,) = done.stderr.splitlines()
     assert "device = 'cuda'" in line and "allowed here: cpu" in line and "CUDA build of torch" in line
     assert list(tmp_path.iterdir()) == [spec]

@@ -2,37 +2,22 @@
 
 import json
 import shutil
-import sys
-from contextlib import redirect_stderr, redirect_stdout
-from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pytest
 from coarse_part import coarse_part
+from in_this_process import lensforge
 from nightly import first_by_day
 from scenes import hemisphere_directions, small_spec
 from undrawn import undrawn
 
 import lensforge as lf
 from lensforge.cad import part_limits
-from lensforge.cli.cli import main
 from lensforge.results.arguments import threads_of_torch
 from lensforge.spec import FlatTopTarget
 
 TARGET = FlatTopTarget(width_mm=40.0, distance_mm=100.0, receiver_mm=200.0)
-
-
-def lensforge(*arguments: object) -> tuple[int, str]:
-    """Exit code and stderr of a command in this process."""
-    errors, code = StringIO(), 0
-    with pytest.MonkeyPatch.context() as patch, redirect_stdout(StringIO()), redirect_stderr(errors):
-        patch.setattr(sys, "argv", ["lensforge", *map(str, arguments)])
-        try:
-            main()
-        except SystemExit as exit:
-            code = int(exit.code or 0)
-    return code, errors.getvalue()
 
 
 def verdict_in(folder: Path) -> dict[str, str]:
@@ -50,8 +35,8 @@ def dark(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int, str]:
         folder / "dark.toml"
     )
     with undrawn(), coarse_part(), threads_of_torch(1):
-        done = lensforge("design", folder / "dark.toml", "--accuracy", "draft", "--out", folder / "out")
-    return folder / "out", *done
+        code, _, stderr = lensforge("design", folder / "dark.toml", "--accuracy", "draft", "--out", folder / "out")
+    return folder / "out", code, stderr
 
 
 @pytest.fixture
@@ -97,7 +82,7 @@ def test_every_command_renews_the_verdict_and_exits_by_what_it_decides(
         command = (*command, folder / "points.csv")
     (folder / "run.json").unlink()
     name, *options = command
-    found, stderr = lensforge(name, folder, *options)
+    found, _, stderr = lensforge(name, folder, *options)
     assert found == code, stderr
     assert verdict_in(folder)["light"] == "fail"
     assert verdict_in(folder)["files"] in ("pass", "undecided")
@@ -110,7 +95,7 @@ def test_a_part_that_cannot_be_cut_exits_with_1_only_where_the_spec_requires_it(
     del record["content_sha256"]  # of the lens as it was
     (folder / "lens.json").write_text(json.dumps(record), encoding="utf-8")
     with coarse_part():
-        code, stderr = lensforge("check", folder)  # 0 in the spec as it was, see above
+        code, _, stderr = lensforge("check", folder)  # 0 in the spec as it was, see above
     assert code == 1 and "cutting: " in stderr
     assert verdict_in(folder)["cutting"] == "fail"
 
@@ -119,7 +104,7 @@ def test_a_part_that_cannot_be_cut_exits_with_1_only_where_the_spec_requires_it(
 def test_files_that_fail_exit_with_1(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(part_limits, "FORM_LIMIT_NM", 1e-9)  # below rounding: no STEP file is as good
     with coarse_part():
-        code, stderr = lensforge("export", folder)
+        code, _, stderr = lensforge("export", folder)
     assert code == 1 and "form_error = " in stderr.splitlines()[-1], stderr
     assert verdict_in(folder)["files"] == "fail"
 
@@ -141,6 +126,6 @@ def test_what_cannot_be_exits_with_2_before_anything_is_written(
     lines = [line for line in spec.splitlines() if not line.startswith(f"{name} = ")]
     lines.insert(lines.index(f"[{section}]") + 1, f"{name} = {json.dumps(value)}")
     (tmp_path / "bad.toml").write_text("\n".join(lines), encoding="utf-8")
-    code, stderr = lensforge("design", tmp_path / "bad.toml", "--out", tmp_path / "out")
+    code, _, stderr = lensforge("design", tmp_path / "bad.toml", "--out", tmp_path / "out")
     assert code == 2 and message in stderr.splitlines()[-1], stderr
     assert "level 1" not in stderr and not (tmp_path / "out" / "lens.json").exists()

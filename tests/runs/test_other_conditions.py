@@ -42,13 +42,15 @@ def lensforge(*arguments: object) -> Result:
     return done
 
 
+def rough_lens(spec: lf.Spec) -> Lens:
+    return Lens.double(random_surface(1, 3.0, 0.01, (9,)), random_surface(2, 6.0, 0.01, (9,)), spec, 0, "draft")
+
+
 @pytest.fixture(scope="module")
 def own(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A lens with its own light, and a report."""
     folder = tmp_path_factory.mktemp("own")
-    Lens.double(random_surface(1, 3.0, 0.01, (9,)), random_surface(2, 6.0, 0.01, (9,)), small_spec(), 0, "draft").save(
-        folder / "lens.json"
-    )
+    rough_lens(small_spec()).save(folder / "lens.json")
     EVALUATE.run(folder)
     with undrawn():
         write_report(folder)
@@ -100,9 +102,7 @@ def test_another_temperature_goes_beside_the_own_light(folder: Path) -> None:
     assert isinstance(refused.exception, lf.InputError) and "lens.index_per_k" in str(refused.exception)
     assert not list(folder.glob("evaluate_*"))
     spec = small_spec(lens__index_per_k=-1.1e-4, lens__expansion_per_k=7e-5)
-    Lens.double(random_surface(1, 3.0, 0.01, (9,)), random_surface(2, 6.0, 0.01, (9,)), spec, 0, "draft").save(
-        folder / "lens.json"
-    )
+    rough_lens(spec).save(folder / "lens.json")
     EVALUATE.run(folder)
     before = own_files(folder)
     done = lensforge("evaluate", folder, "--temperature", 85)
@@ -209,8 +209,7 @@ def test_every_study_with_other_rays_goes_beside(folder: Path, monkeypatch: pyte
 def test_lumens_are_other_conditions_where_the_spec_knows_its_own() -> None:
     plain, known = small_spec(), small_spec(source__luminous_efficacy_lm_per_w=300.0)
     for spec, lumens, name in ((plain, 90.0, None), (known, 300.0, None), (known, 90.0, "90lm"), (known, None, None)):
-        lens = Lens.double(random_surface(1, 3.0, 0.01, (9,)), random_surface(2, 6.0, 0.01, (9,)), spec, 0, "draft")
-        conditions = photometry_conditions(lens, source_of(spec), None, lumens)
+        conditions = photometry_conditions(rough_lens(spec), source_of(spec), None, lumens)
         assert (None if conditions is None else conditions.name) == name
 
 

@@ -87,14 +87,7 @@ def test_on_one_thread_a_stage_begins_when_the_one_before_it_has_ended(
     def in_place_of(name: str) -> Callable[..., None]:
         return lambda *_: done.append(name)
 
-    verbs = {
-        "evaluate": "evaluate",
-        "build": "export",
-        "check": "check",
-        "verify": "verify",
-        "photometry": "photometry",
-    }
-    for verb, name in verbs.items():
+    for verb, name in zip(("evaluate", "build", "check", "verify", "photometry"), LATER, strict=True):
         monkeypatch.setattr(f"lensforge.report.pipeline.{verb}", in_place_of(name))
     monkeypatch.setattr(RunFolder, "write", lambda _, result: result)
     told = in_a_copy(small_run, tmp_path / "one", threads=1)
