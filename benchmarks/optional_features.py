@@ -40,7 +40,7 @@ from lensforge.scene.pixel_grid import splat_flux
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.merit import MeritFunction
-from lensforge.search.parameters import Parametrisation, chart_mirrors, mirrored_light
+from lensforge.search.parameters import SphereParameters, chart_mirrors, mirrored_light
 from lensforge.sources.build_source import build_source
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.sources.ray_set import RaySetEmitter
@@ -121,7 +121,7 @@ def _media(lens: Lens) -> Iterator[tuple[str, Media, tuple[str, ...]]]:
 
 def _step(lens: Lens, symmetry: str, source: Source, rays: RayBundle, media: Media | None = None) -> Work:
     spec = lens.spec.model_copy(update={"lens": lens.spec.lens.model_copy(update={"symmetry": symmetry})})
-    parametrisation = Parametrisation.of(spec, PRESETS[lens.accuracy].nodes_per_sigma)
+    parametrisation = SphereParameters.of(spec, PRESETS[lens.accuracy].nodes_per_sigma)
     merit = MeritFunction.of(spec, source, parametrisation)
     if media is not None:
         merit = replace(merit, light=replace(merit.light, scene=replace(merit.light.scene, media=media)))

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scenes import small_spec
 
 from lensforge.errors import InputError
-from lensforge.search.parameters import Parametrisation
+from lensforge.search.parameters import SphereParameters
 from lensforge.surfaces.bicubic_table import grid_for
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, level_sigma
 
@@ -76,5 +76,5 @@ def test_functions_too_narrow_for_a_table_are_refused_in_one_line(sigma: float) 
 
 def test_a_spec_of_such_functions_is_told_which_field_to_change() -> None:
     with pytest.raises(InputError, match=r"sigma = .* resolves .* raise lens\.sigma_c") as refused:
-        Parametrisation.of(small_spec(lens__sigma_c=1e-5), 6.0)
+        SphereParameters.of(small_spec(lens__sigma_c=1e-5), 6.0)
     assert "\n" not in str(refused.value)

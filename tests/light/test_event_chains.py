@@ -153,7 +153,7 @@ def test_no_flux_is_lost_without_a_cause() -> None:
 
 def test_the_usual_lens_is_a_chain_of_two_faces() -> None:
     """The loop of the nearest face does as the sequence does, where no ray comes back."""
-    body, rays = Body.double(sphere(3.0), sphere(6.0, 0.5)), upwards(2000, 9, 0.5)
+    body, rays = Body.of({"inner": sphere(3.0), "outer": sphere(6.0, 0.5)}), upwards(2000, 9, 0.5)
     tables, media = tables_of(body, GRID), clear(absorption=0.02)
     one = TracedBundle.of(tables, Scene(media, GRID), rays)
     other = TracedBundle.of(tables, scene(body, media, events=2), rays)

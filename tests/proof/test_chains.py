@@ -201,7 +201,7 @@ def test_a_shallow_crease_is_no_smooth_face():
 
 
 def test_the_usual_lens_is_the_case_of_two_faces_and_two_events():
-    assert optical_of(scene.Body.double(asphere.sphere(3.0), asphere.sphere(6.0))) == USUAL_LENS
+    assert optical_of(scene.Body.of({"inner": asphere.sphere(3.0), "outer": asphere.sphere(6.0)})) == USUAL_LENS
     part = part_mesh_of(right(20))
     low = part.mesh.triangles_center[:, 2] <= 0.0
     away = faces_away(part.mesh.triangles_center, part.mesh.face_normals)

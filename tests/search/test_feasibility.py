@@ -19,7 +19,7 @@ from lensforge.search.feasibility import (
     require_feasible_start,
 )
 from lensforge.search.optimiser import search
-from lensforge.search.parameters import Parametrisation
+from lensforge.search.parameters import SphereParameters
 from lensforge.search.problem import Problem, Problems
 from lensforge.search.search_state import SearchState
 from lensforge.sources.build_source import build_source
@@ -29,8 +29,8 @@ from lensforge.surfaces.asphere import Asphere
 
 def scene(
     spec: Spec, spread: float, outer: float
-) -> tuple[Parametrisation, AugmentedLagrangian, torch.Tensor, torch.Tensor]:
-    parametrisation = Parametrisation.of(spec, 2.5)
+) -> tuple[SphereParameters, AugmentedLagrangian, torch.Tensor, torch.Tensor]:
+    parametrisation = SphereParameters.of(spec, 2.5)
     weights = np.random.default_rng(1).normal(size=(parametrisation.basis.size, 2)) * spread
     offsets = torch.tensor([1.0, outer], dtype=torch.float64)
     return parametrisation, AugmentedLagrangian.of(spec, parametrisation.grid), torch.from_numpy(weights), offsets
@@ -40,7 +40,7 @@ def problem_of(spec: Spec, levels: tuple[int, ...]) -> Problem:
     return Problems(spec, build_source(spec.source), 2.5, None).of(levels)
 
 
-def failing(parametrisation: Parametrisation, spec: Spec, weights: torch.Tensor, offsets: torch.Tensor) -> set[str]:
+def failing(parametrisation: SphereParameters, spec: Spec, weights: torch.Tensor, offsets: torch.Tensor) -> set[str]:
     criteria = constraint_criteria(spec, measure_constraints(parametrisation.lens(weights, offsets, spec, 0, "draft")))
     return {criterion.name for criterion in criteria if not criterion.passed}
 

@@ -10,7 +10,7 @@ from lensforge.errors import InputError
 from lensforge.light.simulation import TracedLens
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.search.optimiser import search
-from lensforge.search.parameters import Parametrisation
+from lensforge.search.parameters import SphereParameters
 from lensforge.sources.build_source import build_source
 from lensforge.surfaces.asphere import Asphere, sphere
 from lensforge.surfaces.srbf import SrbfSurface
@@ -38,7 +38,7 @@ def test_only_the_free_surface_moves(changes, still) -> None:
 
 
 def test_the_gradient_of_the_free_surface_is_right_and_that_of_the_fixed_one_nothing() -> None:
-    parametrisation = Parametrisation.of(small_spec(**FIXED_INNER), 2.5)
+    parametrisation = SphereParameters.of(small_spec(**FIXED_INNER), 2.5)
     weights = torch.zeros(34, 2, dtype=torch.float64, requires_grad=True)
     offsets = torch.ones(2, dtype=torch.float64, requires_grad=True)
     inner, outer = parametrisation.tables(weights, offsets)
@@ -52,7 +52,7 @@ def test_the_gradient_of_the_free_surface_is_right_and_that_of_the_fixed_one_not
 def test_rays_refract_at_the_sphere_itself() -> None:
     """Snell's law at the fixed sphere and at a concentric one, in closed form."""
     spec = small_spec(**FIXED_INNER)
-    lens = Parametrisation.of(spec, 2.5).lens(torch.zeros(34, 2).double(), torch.ones(2).double(), spec, 0, "draft")
+    lens = SphereParameters.of(spec, 2.5).lens(torch.zeros(34, 2).double(), torch.ones(2).double(), spec, 0, "draft")
     rays = build_source(spec.source).sample(2048, 3)
     found = receivers_of(spec, 16)[0].land(TracedLens.of(lens, 12.0).trace(rays))
     at, along = rays.origins, rays.directions

@@ -13,7 +13,7 @@ from search_scenes import RECEIVERS
 
 from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.merit import MeritFunction
-from lensforge.search.parameters import Parametrisation
+from lensforge.search.parameters import SphereParameters
 from lensforge.sources.build_source import SquareEmitter, build_source
 
 SIDE, PIXELS, REGION, N = 60.0, 16, 32.0, 1.5
@@ -66,7 +66,7 @@ def _wanted(merit: MeritFunction, flux_w: float, fresnel: bool) -> np.ndarray:
 @pytest.mark.parametrize("symmetry", ["square", "none"])
 def test_the_merit_is_the_sum_of_its_terms(symmetry: str, uniform: bool, fresnel: bool) -> None:
     spec = _spec(symmetry, fresnel)
-    source, parametrisation = build_source(spec.source), Parametrisation.of(spec, 4.0)
+    source, parametrisation = build_source(spec.source), SphereParameters.of(spec, 4.0)
     merit = MeritFunction.of(spec, source, parametrisation)
     scale = np.array([0.1, 1.0]) * ROUGHNESS[symmetry]
     weights = torch.from_numpy(np.random.default_rng(0).normal(size=(parametrisation.basis.size, 2)) * scale)
@@ -99,7 +99,7 @@ def test_the_merit_is_the_sum_of_its_terms(symmetry: str, uniform: bool, fresnel
 @pytest.mark.parametrize("fresnel", [True, False])
 def test_the_wanted_light_is_that_of_the_source_less_what_both_faces_reflect_at_least(fresnel: bool) -> None:
     spec = small_spec(target=None, receivers=[RECEIVERS["sphere"]], optimise__fresnel=fresnel)
-    merit = MeritFunction.of(spec, SquareEmitter(1.0, flux_w=2.5), Parametrisation.of(spec, 4.0))
+    merit = MeritFunction.of(spec, SquareEmitter(1.0, flux_w=2.5), SphereParameters.of(spec, 4.0))
     index = spec.lens.refractive_index
     passed = (4.0 * index / (index + 1.0) ** 2) ** 2 if fresnel else 1.0  # Born and Wolf, 1.5.3
     assert merit.terms[0].wanted.sum().item() == pytest.approx(2.5 * passed, rel=1e-12)

@@ -7,16 +7,16 @@ from nightly import first_by_day
 from scenes import small_spec
 
 from lensforge.kernels.bicubic import refine, refine_adjoint
-from lensforge.search.parameters import Parametrisation
+from lensforge.search.parameters import SphereParameters
 from lensforge.surfaces.bicubic_table import BasisTables, TableGrid, dyadic_grid, table_error, tabulate
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, level_sigma
 
 LEVELS = [9, 25, 81, 289]
 
 
-def parametrisation(nodes_per_sigma: float, **changes: object) -> Parametrisation:
+def parametrisation(nodes_per_sigma: float, **changes: object) -> SphereParameters:
     spec = small_spec(**{"lens__levels": LEVELS, "optimise__steps_per_level": None} | changes)
-    return Parametrisation.of(spec, nodes_per_sigma)
+    return SphereParameters.of(spec, nodes_per_sigma)
 
 
 def random_weights(count: int) -> torch.Tensor:
