@@ -200,7 +200,8 @@ def evaluate_traced(
         for section, receiver in zip(spec.all_receivers, receivers, strict=True)
     ]
     simulation = simulate(traced, source, receivers, rays, seed, drawn)
-    light, variance = SourceLight.of(bounds_by or source, traced.scene.media), spec.evaluate.filter_variance
+    light = SourceLight.of(bounds_by or source, traced.scene.media, reflects=traced.scene.chain is not None)
+    variance = spec.evaluate.filter_variance
     reach_mm = spec.constraints.max_radius_mm + traced.grown_mm
     lit = tuple(
         receiver_light(section, PossibleLight(light, receiver, reach_mm), received, variance, simulation.emitted_w)

@@ -151,18 +151,23 @@ class LargestShare:
 
 @dataclass(frozen=True)
 class SourceLight:
-    """A sample of a source's rays, the étendue that they take outside the lens, and the media that they pass."""
+    """A sample of a source's rays, the étendue that they take outside the lens, and the media that they pass.
+
+    ``reflects``: the lens has a wall for total reflection, which turns light by any angle and loses none.
+    """
 
     rays: RayBundle
     curve: EtendueCurve
     media: Media
+    reflects: bool = False
 
     @staticmethod
-    def of(source: Source, media: Media, count: int = _RAYS) -> "SourceLight":
+    def of(source: Source, media: Media, count: int = _RAYS, *, reflects: bool = False) -> "SourceLight":
         """Sample ``source``."""
         count = min(count, source.ray_count or count)
         rays = source.sample(count, _SEED)
-        return SourceLight.of_rays(rays, EtendueCurve.of_source(source, rays, _SEED), media)
+        found = SourceLight.of_rays(rays, EtendueCurve.of_source(source, rays, _SEED), media)
+        return replace(found, reflects=reflects)
 
     @staticmethod
     def of_rays(rays: RayBundle, curve: EtendueCurve, media: Media) -> "SourceLight":
@@ -171,7 +176,8 @@ class SourceLight:
         return SourceLight(rays, outside, media)
 
     def best_transmittances(self, turns_rad: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Largest transmittance of two faces that turn each of the rays by at least so much."""
+        """Largest transmittance of two faces that turn each of the rays by at least so much, or with a reflection."""
+        turns_rad = np.zeros_like(turns_rad) if self.reflects else turns_rad
         media, waves = self.media, self.rays.wavelengths_nm
         least = least_reflectances(media, whole_span(waves, media))
         indices = media.body.indices(waves, len(self.rays))

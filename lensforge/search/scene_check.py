@@ -96,7 +96,10 @@ def asked_light(spec: Spec, source: Source) -> tuple[tuple[Asked, ...], tuple[As
 
     Raises :class:`InputError` for limits whose unit the source does not have.
     """
-    light, receivers = SourceLight.of(source, spec.lens.media), receivers_of(spec, spec.evaluate.pixels)
+    light, receivers = (
+        SourceLight.of(source, spec.lens.media, reflects=spec.lens.kind == "tir"),
+        receivers_of(spec, spec.evaluate.pixels),
+    )
     physics = [PossibleLight(light, receiver, spec.constraints.max_radius_mm) for receiver in receivers]
     wanted = [target_light(section.targets, each) for section, each in zip(spec.all_receivers, receivers, strict=True)]
     targets = tuple(_of_target(pattern, each) for pattern, each in zip(wanted, physics, strict=True))

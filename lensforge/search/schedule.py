@@ -78,6 +78,9 @@ class Outcome(Record):
 _LEARNING_RATE = 0.004
 _FINEST_RATE_SHARE = 0.2
 _FLOOR = 0.05
+# A lens of revolution has a few dozen parameters, whose gradients have little noise: spot, 11 mm in radius, has 0.869
+# within 5 degrees after 120 steps of the usual rate, and 0.888 after 300 of twice the rate, of 16,384 rays each.
+_FEWER_RAYS, _ROUND_RATE = 4, 2.0
 
 
 @dataclass(frozen=True)
@@ -176,14 +179,15 @@ def fixed_schedule(spec: Spec, preset: Preset, *, last_only: bool) -> FixedSched
     assert of_basis != "auto", "a schedule of its own"
     last = len(levels) - 1
     steps = settings.steps_per_level or (preset.coarse_steps,) * last + (preset.fine_steps,)
+    rays = settings.rays or preset.design_rays // (_FEWER_RAYS if spec.lens.is_round else 1)
+    rate = _LEARNING_RATE * (_ROUND_RATE if spec.lens.is_round else 1.0)
     stages, functions = [], 0
     for level, count in enumerate(levels):
         functions += count
         share = _FINEST_RATE_SHARE ** (level / max(1, last))
         stages.append(
             Stage(
-                level, of_basis, functions, steps[level], settings.rays or preset.design_rays,
-                _LEARNING_RATE * share,
+                level, of_basis, functions, steps[level], rays, rate * share,
             )
         )  # fmt: skip
     return FixedSchedule(tuple(stages[-1:] if last_only else stages))
