@@ -140,8 +140,8 @@ def constraint_points(grid: TableGrid, symmetry: str, *, every_node: int | None 
 
 
 def meridian_points(grid: TableGrid) -> Float[np.ndarray, "k 2"]:
-    """Chart points of a meridian from the axis to the rim, at half of the nodes' spacing: of a lens of revolution."""
-    along = np.linspace(0.0, 1.0, 2 * int(np.ceil(1.0 / grid.step)) + 1)
+    """Chart points of a meridian from the axis to the rim: of a lens of revolution, whose creases are its extremes."""
+    along = np.linspace(0.0, 1.0, _PER_NODE * int(np.ceil(1.0 / grid.step)) + 1)
     return np.stack([along, np.zeros_like(along)], axis=1)
 
 
@@ -179,6 +179,7 @@ def _taps(
     return index, factors
 
 
+_PER_NODE = 8  # points of a meridian: a rim of 8 mm is then met to some micrometres
 _EVERY = 2  # node of a table from which a nearest point is looked for: a valley is several nodes wide
 _UMBILIC = 1e-24  # below the rounding of a squared eigenvalue: keeps the derivative of the root finite
 

@@ -51,13 +51,14 @@ class FaceParameters:
     @cached_property
     def coefficients(self) -> Float[np.ndarray, " c"]:
         """Coefficients of the start's profile."""
-        if isinstance(self.start, ProfileFace) and self.start.basis == self.basis:
-            return np.array(self.start.coefficients)
-        return np.array(ProfileFace.fitted(self.start, *self._range, self.start.reach_mm).coefficients)
+        return self.coefficients_of(self.start)
 
-    @property
-    def _range(self) -> tuple[float, float, int]:
-        return self.basis.low, self.basis.high, self.basis.count
+    def coefficients_of(self, surface: Surface) -> Float[np.ndarray, " c"]:
+        """Coefficients of the profile of ``surface``: its own where it has this basis, else in least squares."""
+        if isinstance(surface, ProfileFace) and surface.basis == self.basis:
+            return np.array(surface.coefficients)
+        basis, reach_mm = self.basis, self.start.reach_mm
+        return np.array(ProfileFace.fitted(surface, basis.low, basis.high, basis.count, reach_mm).coefficients)
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,8 +169,7 @@ class ProfileParameters(Parametrisation):
             if isinstance(own, ConeFace):
                 offsets[face] = surface.radius(_HORIZON)[0] / own.radius(_HORIZON)[0]
             elif isinstance(own, FaceParameters):
-                wanted = ProfileFace.fitted(surface, own.basis.low, own.basis.high, own.basis.count, own.start.reach_mm)
-                moved = (np.array(wanted.coefficients) - own.coefficients) / own.scale
+                moved = (own.coefficients_of(surface) - own.coefficients) / own.scale
                 weights[: self.profile, face] = torch.from_numpy(moved)
                 if isinstance(surface, FormedFace) and self.srbf == surface.srbf:
                     weights[self.profile :, face] = torch.from_numpy(surface.weights_per_mm / own.scale)

@@ -1,0 +1,135 @@
+"""A lens for total internal reflection from its spec: start, tables, derivatives, limits, and a short search."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+import lensforge as lf
+from lensforge.light.table_trace import TracedBundle
+from lensforge.search.constraints import AugmentedLagrangian
+from lensforge.search.feasibility import measure_constraints
+from lensforge.search.merit import MeritFunction
+from lensforge.search.profiles import ProfileParameters
+from lensforge.sources.build_source import build_source
+from lensforge.spec import Spec, parse_spec
+from lensforge.surfaces.bicubic_table import tabulate
+
+SPOT = {
+    "source": {"kind": "square", "side_mm": 1.0},
+    "lens": {"kind": "tir", "profile": 8},
+    "constraints": {"max_radius_mm": 8.0},
+    "target": {"kind": "disc", "diameter_deg": 20.0, "half_angle_deg": 30.0},
+    "optimise": {"aim": "share", "steps_per_level": [25], "rays": 4096},
+    "limits": [{"kind": "zone", "zone": {"kind": "disc", "diameter_deg": 20.0}, "at_least_share": 0.8}],
+}
+
+
+def spot(**lens: Any) -> Spec:
+    steps = [25, *(10 for _ in lens.get("levels", ()))]
+    optimise = {**SPOT["optimise"], "steps_per_level": steps}
+    return parse_spec({**SPOT, "lens": {**SPOT["lens"], **lens}, "optimise": optimise}, "spot")
+
+
+def moved(parameters: ProfileParameters, size: float) -> tuple[torch.Tensor, torch.Tensor]:
+    """Parameters beside the start, the same for every test."""
+    rng, (weights, offsets) = np.random.default_rng(5), parameters.start()
+    return weights + size * torch.from_numpy(rng.normal(size=weights.shape)), offsets + size
+
+
+def share_within(spec: Spec, tables: np.ndarray, scene: object, degrees: float) -> float:
+    rays = build_source(spec.source, None).sample(2**15, 77)
+    exits = TracedBundle.of(tables, scene, rays).exits
+    inside = exits.left_lens & (exits.directions[:, 2] > np.cos(np.radians(degrees)))
+    return float(exits.flux[inside].sum() / rays.flux.sum())
+
+
+@pytest.mark.parametrize("levels", [[], [9]])
+def test_tables_are_those_of_the_faces_in_the_record(levels: list[int]) -> None:
+    parameters = ProfileParameters.of(spot(levels=levels), 2.5)
+    assert parameters.levels == (8, *levels)
+    weights, offsets = moved(parameters, 0.01)
+    tables = parameters.tables(weights, offsets)
+    for table, (name, surface) in zip(tables, parameters.surfaces(weights, offsets).items(), strict=True):
+        assert np.allclose(table.numpy(), tabulate(parameters.grid, surface), rtol=0.0, atol=1e-9), name
+    lens = parameters.lens(weights, offsets, spot(levels=levels), 0, "draft")
+    again = parameters.tables(*parameters.parameters_of(lens))
+    assert np.allclose(again.numpy(), tables.numpy(), rtol=0.0, atol=1e-6)
+
+
+def test_the_derivative_of_the_merit_counts_light_that_crosses_creases() -> None:
+    spec = spot()
+    source, parameters = build_source(spec.source, None), ProfileParameters.of(spec, 2.5)
+    merit = MeritFunction.of(spec, source, parameters)
+    weights, offsets = moved(parameters, 0.003)
+    along = torch.tensor([1.0, -1.0, 0.0, 0.0], dtype=torch.float64)  # cap and side against each other: their crease
+    rays = source.sample(2**18, 3)
+
+    def loss(step: float) -> torch.Tensor:
+        light = merit.light_of(parameters.tables(weights, offsets + step * along), rays)
+        return merit.terms[0].loss(light.images[0], False)
+
+    step = 4e-3
+    found, nearer = ((loss(h) - loss(-h)).item() / (2.0 * h) for h in (step, 0.5 * step))
+    moving = offsets.clone().requires_grad_()
+    merit.terms[0].loss(merit.light_of(parameters.tables(weights, moving), rays).images[0], False).backward()
+    exact = float((moving.grad * along).sum())
+    assert exact == pytest.approx(found, abs=0.03 * abs(found) + 2.0 * abs(found - nearer))
+    merit_without = MeritFunction(
+        spec, parameters, type(merit.light)(merit.light.scene, merit.light.receivers), merit.terms
+    )
+    moving = offsets.clone().requires_grad_()
+    light = merit_without.light_of(parameters.tables(weights, moving), rays)
+    merit.terms[0].loss(light.images[0], False).backward()
+    without = float((moving.grad * along).sum())
+    assert abs(without - found) > 5.0 * abs(exact - found), "the crease is most of this derivative"
+
+
+def test_limits_of_four_faces_are_those_of_the_body() -> None:
+    spec = spot()
+    parameters = ProfileParameters.of(spec, 2.5)
+    weights, offsets = moved(parameters, 0.01)
+    constraints = AugmentedLagrangian.of(spec, parameters.refined().grid)
+    least = constraints.least(constraints.fields(parameters.refined().tables(weights, offsets)))
+    margins = measure_constraints(parameters.lens(weights, offsets, spec, 0, "draft"))
+    for name in ("cavity_clearance_mm", "wall_margin_mm", "radius_margin_mm"):
+        assert least[name] == pytest.approx(getattr(margins, name), abs=0.01), name
+
+
+def test_a_short_search_gains_light_and_keeps_the_limits(tmp_path: object) -> None:
+    spec = spot()
+    design = lf.design(spec, accuracy="draft")
+    merit = MeritFunction.of(spec, build_source(spec.source, None), ProfileParameters.of(spec, 2.5))
+    parameters = merit.parametrisation
+    start, end = (
+        share_within(spec, parameters.tables(*each).numpy(), merit.light.scene, 10.0)
+        for each in (parameters.start(), parameters.parameters_of(design.lens))
+    )
+    assert end > start + 0.003 and end > 0.9
+    limits = design.lens.spec.constraints
+    assert design.constraints.radius_margin_mm > -limits.tolerance_mm
+    assert design.constraints.wall_margin_mm > -limits.tolerance_mm
+    path = tmp_path / "lens.json"
+    design.lens.save(path)
+    assert lf.load_lens(path) == design.lens
+    light = lf.evaluate(design.lens, rays=2**15)
+    assert sum(vars(light.flux).values()) == pytest.approx(1.0, abs=1e-12)
+    assert light.limits[0].value.value == pytest.approx(end, abs=0.004)
+    assert light.possible.efficiency > light.efficiency.value
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"constraints": {"max_radius_mm": 1.2}}, "do not fit into max_radius_mm|radius"),
+        ({"lens": {"kind": "tir", "refractive_index": 1.05}}, "raise the index"),
+        ({"lens": {"kind": "tir", "levels": "auto"}}, "lens.levels"),
+        ({"lens": {"kind": "prism"}}, "double, tir"),
+        ({"lens": {"kind": "tir", "inner": {"offset_mm": 3.0}}}, "lens.inner"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(changes: dict, words: str) -> None:
+    with pytest.raises(lf.InputError, match=words) as caught:
+        lf.design(parse_spec({**SPOT, **changes}, "spot"), accuracy="draft")
+    assert "\n" not in str(caught.value)
