@@ -14,6 +14,7 @@ from lensforge.surfaces.imported_face import lens_file
 from lensforge.surfaces.profile import LEAST_COEFFICIENTS
 from lensforge.surfaces.srbf import MOST_FUNCTIONS, MOST_LEVELS, SrbfBasis, level_sigma
 
+USUAL_KIND = "double"  # of a lens that names none
 _OF_ERRORS = (9,)  # functions of form errors as wide as astigmatism and coma
 _FEW_FUNCTIONS = 25  # of the finest level: with fewer, each is wider than 28 degrees
 _Numbers = Annotated[tuple[Annotated[int, Field(ge=1, le=MOST_FUNCTIONS)], ...], Field(max_length=MOST_LEVELS)]
@@ -27,7 +28,7 @@ Symmetry = Literal["auto", "none", "mirror_x", "mirror_y", "rectangle", "square"
 
 def _kind_of_lens(value: Any) -> str | None:
     """The kind of a lens; that of the usual one where none is named."""
-    found = value.get("kind", "double") if isinstance(value, dict) else getattr(value, "kind", "double")
+    found = value.get("kind", USUAL_KIND) if isinstance(value, dict) else getattr(value, "kind", USUAL_KIND)
     return str(found) if isinstance(found, str) else None
 
 

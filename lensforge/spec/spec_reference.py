@@ -12,6 +12,7 @@ from pydantic import BaseModel
 
 from lensforge.spec.derived_values import WHY
 from lensforge.spec.design_spec import Spec
+from lensforge.spec.lens_section import USUAL_KIND
 from lensforge.spec.spec_fields import all_sections, kind_of, sections_in, summary_of, unit_of, words_of
 
 SCHEMA_FILE = "lensforge.schema.json"
@@ -26,7 +27,7 @@ def spec_schema() -> dict[str, Any]:
         found["description"] = summary_of(section)
         for name, field in found["properties"].items():
             field["description"] = words_of(section, name)
-        if kind_of(section) is not None:  # it chooses among several, so a file has to name it
+        if kind_of(section) not in (None, USUAL_KIND):  # it chooses among several, so a file has to name it
             found["required"] = ["kind", *(name for name in found.get("required", ()) if name != "kind")]
     return {"title": "lensforge spec", **_table(_plain(schema))}
 
