@@ -49,7 +49,7 @@ class FaceSection(FaceTolerances, _DesignedFace):  # in the file, the face stand
         return own
 
 
-class Faces(Section):
+class FacesSection(Section):
     """The faces of a lens by name, from the source on."""
 
     names: ClassVar[tuple[str, ...]] = ()
@@ -60,13 +60,13 @@ class Faces(Section):
         return {name: getattr(self, name) for name in self.names}
 
     @model_validator(mode="after")
-    def _one_is_free(self) -> "Faces":
+    def _one_is_free(self) -> "FacesSection":
         if all(face.fixed is not None for face in self.faces.values()):
             raise ValueError(f"{' and '.join(f'{name}.fixed' for name in self.names)}: one of the faces must be free")
         return self
 
     @model_validator(mode="after")
-    def _first_is_the_reference(self) -> "Faces":
+    def _first_is_the_reference(self) -> "FacesSection":
         refuse_placement(*self.faces.items())
         return self
 
@@ -83,7 +83,7 @@ class Faces(Section):
         return {name: None if face.fixed is None else face.fixed.surface for name, face in self.faces.items()}
 
 
-class LensFaces(Faces):
+class LensFaces(FacesSection):
     """The two faces of the usual lens."""
 
     names = DOUBLE
@@ -103,7 +103,7 @@ class LensFaces(Faces):
         return self
 
 
-class TirFaces(Faces):
+class TirFaces(FacesSection):
     """The four faces of a lens for total internal reflection."""
 
     names = TIR

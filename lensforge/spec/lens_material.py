@@ -32,7 +32,7 @@ from lensforge.optics.material import (
 from lensforge.optics.material_files import MaterialData, read_material
 from lensforge.optics.media import CAVITY, OUTSIDE, SIDES, FaceCoating, Media, Medium
 from lensforge.spec.coating_section import CoatingSection, CoverGlassSection
-from lensforge.spec.face_section import Faces
+from lensforge.spec.face_section import FacesSection
 from lensforge.spec.spec_section import FilePath, Label, Section
 
 _Wavelength = Annotated[float, Field(ge=100.0, le=20_000.0)]
@@ -169,7 +169,7 @@ _SAME_INDEX = 1e-9  # tolerance between a material's index and the one stored be
 _Index = Annotated[float, Field(ge=1.0, le=4.0)]
 
 
-class LensMaterial(Faces):
+class LensMaterial(FacesSection):
     """Material of the body, and what lies on its faces and around it.
 
     Either ``refractive_index`` holds for all wavelengths; or the material is dispersive: a ``material`` of

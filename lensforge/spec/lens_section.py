@@ -33,7 +33,7 @@ def _kind_of_lens(value: Any) -> str | None:
 
 
 class LensShape(LensMaterial):
-    """What every kind of lens has: its material, and the SRBFs that will shape the faces that are free."""
+    """Material of a lens of any kind, and the SRBFs that will shape the faces that are free."""
 
     kind: str
     levels: Levels = "auto"

@@ -17,7 +17,8 @@ from lensforge.cad.mesh import build_mesh, check_closed, mesh_error
 from lensforge.cad.section import profile
 from lensforge.cad.wall import thickest, thinnest
 from lensforge.errors import InputError
-from lensforge.scene.body import BODY, CAVITY, OUTSIDE, Body, Face
+from lensforge.optics.media import BODY, CAVITY, OUTSIDE
+from lensforge.scene.body import Body, Face
 from lensforge.spec import BaseSection
 from lensforge.surfaces.surface import Surface, to_sphere
 

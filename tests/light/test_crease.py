@@ -186,10 +186,10 @@ def test_crease_and_adjoint_together_are_the_slope_of_an_image_error() -> None:
     assert (np.abs(left_out.mean(axis=0)) > 10.0 * error).all()
 
 
-NESTED = Body((*Body.double(sphere(3.0), sphere(5.0)).faces, Face("hidden", sphere(4.0), CAVITY, BODY)))
+NESTED = Body((*Body.of({"inner": sphere(3.0), "outer": sphere(5.0)}).faces, Face("hidden", sphere(4.0), CAVITY, BODY)))
 
 
-@pytest.mark.parametrize("body", [Body.double(sphere(3.0), sphere(5.0)), NESTED])
+@pytest.mark.parametrize("body", [Body.of({"inner": sphere(3.0), "outer": sphere(5.0)}), NESTED])
 def test_a_cavity_without_a_crease_has_none(body: Body) -> None:
     for gradients in (crease_gradients, later_crease_gradients):
         assert not gradients(tables_of(body, GRID), scene(body), SquareEmitter(1.0), mixed).any()

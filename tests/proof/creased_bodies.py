@@ -13,9 +13,10 @@ from lens_meshes import band, rings
 
 from lensforge.cad.solid import Solid
 from lensforge.cad.step import step_bytes
+from lensforge.optics.media import BODY, CAVITY, OUTSIDE
 from lensforge.proof.optical_faces import OpticalFaces
 from lensforge.proof.proof_inputs import optical_of
-from lensforge.scene.body import BODY, CAVITY, OUTSIDE, Body, Face
+from lensforge.scene.body import Body, Face
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.surface import Surface
 

@@ -9,6 +9,7 @@ import pytest
 import torch
 from scenes import random_surface, small_spec, table_of
 
+from lensforge.optics.media import DOUBLE
 from lensforge.search.constraint_points import (
     ChartOperator,
     ChartPoints,
@@ -156,7 +157,7 @@ def known(fields: int = 2) -> tuple[AugmentedLagrangian, np.ndarray, np.ndarray,
         Constraint(f"{name}_mm", ("outer",), "mm", 1e-3, "", 0.0, lambda face, points: face.rho, factor, margin)
         for name, factor, margin in (("a", 0.25, 0.4), ("b", 0.5, 0.6))
     )
-    own = AugmentedLagrangian(constraints, operator, 40.0)
+    own = AugmentedLagrangian(constraints, operator, DOUBLE, 40.0)
     own.multipliers = torch.tensor([[0.0, 2.0, 1.0], [0.5, 0.0, 30.0]], dtype=torch.float64)
     area = (2.0 / (1.0 + np.sum(places**2, axis=1))) ** 2
     values = np.array([[0.05, 0.3, 0.1], [-0.2, 0.31, 0.9]])
@@ -201,6 +202,6 @@ def test_multipliers_go_to_the_nearest_point_and_keep_the_force_on_a_length() ->
     places = np.array([[0.45, 0.0], [-0.1, 0.05], [-0.2, 0.8], [0.5, 0.2]])
     operator = ChartOperator.of(TableGrid(24), places, derivatives=False)
     scaled = tuple(replace(each, factor=2.0 * each.factor) for each in own.constraints)
-    here = AugmentedLagrangian(scaled, operator, 40.0)
+    here = AugmentedLagrangian(scaled, operator, DOUBLE, 40.0)
     found = here.at_nearest(own, own.multipliers)
     np.testing.assert_allclose(found.numpy(), 0.5 * own.multipliers.numpy()[:, [1, 0, 2, 1]])

@@ -7,7 +7,8 @@ import pytest
 from known_shapes import exported, sphere
 
 from lensforge.cad.boundary import boundaries
-from lensforge.scene.body import BODY, CAVITY, OUTSIDE, Body, Face
+from lensforge.optics.media import BODY, CAVITY, OUTSIDE
+from lensforge.scene.body import Body, Face
 from lensforge.shop.ball_clearance import wall_retreat_mm
 from lensforge.shop.face_check import check_face, face_result
 from lensforge.shop.face_samples import AirSide, OpticalFace, all_points, sample_face

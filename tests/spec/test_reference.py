@@ -22,6 +22,8 @@ SPECS = sorted((ROOT / "examples").glob("*.toml"))
 FIELDS = [(section, name) for section in all_sections(Spec) for name in section.model_fields]
 # Counts, shares, indices and other numbers that have no unit, and tables whose numbers have several.
 PURE = {
+    "profile",
+    "events",
     "refractive_index", "reflectance", "power", "intensity", "weight", "conic_constant", "conic_x", "conic_y",
     "abbe_number", "cavity_index", "outside_index", "sigma_c", "levels", "coefficients", "schott_coefficients",
     "terms", "face", "level", "shrinkage", "holder", "scale", "origin", "columns", "rows", "exponent", "values",
