@@ -314,8 +314,7 @@ class PartStudy:
         columns = [self.names.index(bound.metric) for bound in self.bounds]
         signs = np.array([1.0 if bound.sense == "<=" else -1.0 for bound in self.bounds])
         limits = np.array([bound.bound for bound in self.bounds])
-        found: Float[np.ndarray, "*n b"] = signs * (values[..., columns] - limits)
-        return found
+        return np.asarray(signs * (values[..., columns] - limits))
 
 
 _DIRECTIONS = 4000

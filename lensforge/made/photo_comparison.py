@@ -91,8 +91,7 @@ def rectify(
     columns, rows = transform(np.stack([x.ravel(), y.ravel()], axis=1)).T
     values = map_coordinates(picture, [rows, columns], order=1, mode="constant", cval=np.nan)
     blocks = values.reshape(grid.rows, samples, grid.columns, samples)
-    mean: Float[np.ndarray, "h w"] = blocks.mean(axis=(1, 3))
-    return mean
+    return np.asarray(blocks.mean(axis=(1, 3)))
 
 
 def _homography(corners: Float[np.ndarray, "4 2"], target_mm: Size) -> Any:

@@ -234,8 +234,7 @@ def _rough(picture: Float[np.ndarray, "h w"]) -> Iterator[Float[np.ndarray, "4 2
 def _means(picture: Float[np.ndarray, "h w"], factor: int) -> Float[np.ndarray, "i j"]:
     rows, columns = (size // factor for size in picture.shape)
     blocks = picture[: rows * factor, : columns * factor].reshape(rows, factor, columns, factor)
-    mean: Float[np.ndarray, "i j"] = blocks.mean(axis=(1, 3))
-    return mean
+    return np.asarray(blocks.mean(axis=(1, 3)))
 
 
 def _regions(bright: Bool[np.ndarray, "h w"]) -> Iterator[Bool[np.ndarray, "h w"]]:

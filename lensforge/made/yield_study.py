@@ -90,8 +90,7 @@ def _explained(
     products = basis * centred[:, None]
     means, squares = _left_out(products, blocks), _left_out(np.sum(products**2, axis=1), blocks)
     sizes = len(centred) - np.concatenate([[0], np.bincount(blocks, minlength=_BLOCKS)])
-    found: Float[np.ndarray, " s"] = (sizes * np.sum(means**2, axis=1) - squares) / (sizes - 1)
-    return found
+    return np.asarray((sizes * np.sum(means**2, axis=1) - squares) / (sizes - 1))
 
 
 def _metric(values: Float[np.ndarray, " s"]) -> Metric:

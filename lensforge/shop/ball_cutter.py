@@ -91,8 +91,7 @@ def _touching_radius(
     point: Float[np.ndarray, "n 3"], normal: Float[np.ndarray, "n 3"], other: Float[np.ndarray, "n 3"]
 ) -> Float[np.ndarray, " n"]:
     chord = other - point
-    radius: Float[np.ndarray, " n"] = np.sum(chord * chord, axis=1) / (2.0 * np.sum(normal * chord, axis=1))
-    return radius
+    return np.asarray(np.sum(chord * chord, axis=1) / (2.0 * np.sum(normal * chord, axis=1)))
 
 
 def residual_height_mm(

@@ -30,8 +30,7 @@ class CosinePower:
 
     def intensity(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """Share of the flux per sr."""
-        found: Float[np.ndarray, " n"] = (self.power + 1.0) / (2.0 * np.pi) * directions[:, 2] ** self.power
-        return found
+        return (self.power + 1.0) / (2.0 * np.pi) * directions[:, 2] ** self.power
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,12 +68,10 @@ class TabulatedIntensity:
     def at(self, c_deg: float) -> Float[np.ndarray, " g"]:
         """Interpolate the half-plane at ``c_deg``, any angle."""
         if len(self.c_deg) == 1:
-            only: Float[np.ndarray, " g"] = self.values[0]
-            return only
+            return np.asarray(self.values[0])
         place = np.interp(c_deg % 360.0, self.c_deg, np.arange(len(self.c_deg)))
         low = min(int(place), len(self.c_deg) - 2)
-        plane: Float[np.ndarray, " g"] = self.values[low] + (place - low) * (self.values[low + 1] - self.values[low])
-        return plane
+        return np.asarray(self.values[low] + (place - low) * (self.values[low + 1] - self.values[low]))
 
     @property
     def symmetry(self) -> str:
@@ -119,13 +116,11 @@ class TabulatedIntensity:
         nodes = np.deg2rad(self.gamma_deg)
         planes = np.stack([np.interp(gamma, nodes, plane) for plane in self.values])
         if len(self.c_deg) == 1:
-            found: Float[np.ndarray, " n"] = planes[0] / self.flux()
-            return found
+            return np.asarray(planes[0] / self.flux())
         place = np.interp(turn, np.deg2rad(self.c_deg), np.arange(len(self.c_deg)))
         low, each = np.minimum(place.astype(int), len(self.c_deg) - 2), np.arange(len(gamma))
         between = planes[low, each] + (place - low) * (planes[low + 1, each] - planes[low, each])
-        blended: Float[np.ndarray, " n"] = between / self.flux()
-        return blended
+        return np.asarray(between / self.flux())
 
     @cached_property
     def _fine(self) -> tuple[Float[np.ndarray, " f"], Float[np.ndarray, "c f"]]:

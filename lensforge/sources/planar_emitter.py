@@ -47,8 +47,7 @@ class PlanarEmitter:
         """Radiance (W/(mm^2 sr)) of each ray of ``sample(count, seed)``: emittance times intensity over its cosine."""
         rays = self.sample(count, seed)
         intensity = self.profile.intensity(rays.directions) / np.abs(rays.directions[:, 2])
-        found: Float[np.ndarray, " n"] = self.flux_w * self.area.density(rays.origins[:, :2]) * intensity
-        return found
+        return np.asarray(self.flux_w * self.area.density(rays.origins[:, :2]) * intensity)
 
     def outline(self) -> Float[np.ndarray, "k 3"]:
         """Polygon (mm) around the area."""

@@ -64,8 +64,7 @@ def _around(crossings: Callable[[], Iterable[_Crossings]]) -> Float[np.ndarray, 
     y = _value_at(0.5 * total, count, lambda: ((points[:, 1], flux) for points, flux in crossings()))
 
     def distance(points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
-        away: Float[np.ndarray, " n"] = np.sqrt((points[:, 0] - x) ** 2 + (points[:, 1] - y) ** 2)
-        return away
+        return np.sqrt((points[:, 0] - x) ** 2 + (points[:, 1] - y) ** 2)
 
     radius = _value_at(_SHARE * total, count, lambda: ((distance(points), flux) for points, flux in crossings()))
     outermost = np.zeros((0, 2))
@@ -136,8 +135,7 @@ def _turned(vectors: Float[np.ndarray, "n 3"], matrix: Float[np.ndarray, "3 3"])
     """Products with ``matrix``; with the identity, that of most files, without the time of a product."""
     if np.array_equal(matrix, np.eye(3)):
         return vectors + 0.0  # no -0, as in a product
-    turned: Float[np.ndarray, "n 3"] = vectors @ matrix.T
-    return turned
+    return np.asarray(vectors @ matrix.T)
 
 
 @dataclass(frozen=True, eq=False)

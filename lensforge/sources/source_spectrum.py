@@ -150,8 +150,7 @@ class Spectrum:
         cell, rest = choose(self._cumulative, numbers)
         place = linear_inverse(self.power_density[cell], self.power_density[cell + 1], rest)
         low = self.wavelengths_nm[cell]
-        wavelengths: Float[np.ndarray, " n"] = low + place * (self.wavelengths_nm[cell + 1] - low)
-        return wavelengths
+        return np.asarray(low + place * (self.wavelengths_nm[cell + 1] - low))
 
     def share_up_to(self, wavelength_nm: float) -> float:
         """Share of the power at wavelengths up to ``wavelength_nm``, exact."""
@@ -195,8 +194,7 @@ class WavelengthDraw:
 def usable_wavelengths(wavelengths_nm: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
     """Mask of the wavelengths that light can have."""
     with np.errstate(invalid="ignore"):
-        usable: Bool[np.ndarray, " n"] = (wavelengths_nm >= _LIGHT_NM[0]) & (wavelengths_nm < _LIGHT_NM[1])
-        return usable
+        return (wavelengths_nm >= _LIGHT_NM[0]) & (wavelengths_nm < _LIGHT_NM[1])
 
 
 @dataclass
