@@ -284,9 +284,5 @@ class FilteredPoints:
         """
         points, signs = self.areal.points, np.random.default_rng(_SEED).choice([-1.0, 1.0], (_PROBES, len(self.values)))
         noise = (signs / points.cosines).T
-        left = noise - self.at_points_again(noise)
+        left = noise - self.areal.at_points(self.solver.solve(self.areal.loads(noise)))
         return float(np.mean(signs * points.cosines * left.T)), points.mean_square(left)
-
-    def at_points_again(self, values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n k"]:
-        """Other values at the points, each column through the same filter."""
-        return self.areal.at_points(self.solver.solve(self.areal.loads(values)))

@@ -20,6 +20,7 @@ from scipy.optimize import least_squares
 
 from lensforge.light.metrics import jackknife_error, relative_square
 from lensforge.made.measurement_result import Similarity
+from lensforge.made.target_corners import means
 from lensforge.scene.pixel_grid import PixelGrid
 
 _SIGMA = 1.5  # pixels: the Gaussian window of Wang et al.
@@ -101,20 +102,13 @@ def _start(
 ) -> Float[np.ndarray, "4"]:
     """Best of the fits to coarse pictures."""
     step = max(1, min(grid.shape) // _COARSE)
-    seen, light = _coarser(measured, step), _coarser(simulated, step)
+    seen, light = means(measured, step), means(simulated, step)
     (rows, columns), (width, height) = seen.shape, grid.pixel
     pair = _Pair.of(seen, light, PixelGrid(columns * step * width, rows * step * height, columns, rows))
     shift = displacement(measured, simulated) * grid.pixel
     starts = [np.array([size, turn, *shift]) for size in _SIZES for turn in _TURNS_RAD]
     best = sorted(starts, key=pair.misfit)[:_STARTS]
     return min((pair.fit(start, np.ones(4, dtype=bool)) for start in best), key=pair.misfit)
-
-
-def _coarser(image: Float[np.ndarray, "h w"], factor: int) -> Float[np.ndarray, "i j"]:
-    """Means over ``factor`` x ``factor`` pixels; rows and columns that are left over are dropped."""
-    rows, columns = (size // factor for size in image.shape)
-    blocks = image[: rows * factor, : columns * factor].reshape(rows, factor, columns, factor)
-    return np.asarray(blocks.mean(axis=(1, 3)))
 
 
 def moved_back(image: Float[np.ndarray, "h w"], fit: SimilarityFit, grid: PixelGrid) -> Float[np.ndarray, "h w"]:

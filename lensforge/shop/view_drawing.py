@@ -298,7 +298,9 @@ def _is_free(candidate: LinearDimension, number: int, rows: list[list[LinearDime
     own = candidate.ends_mm
     if any(_within(end, text_span(candidate), gap) for end in coming if end not in own):
         return False
-    if number < len(rows) and any(_meet(occupied(candidate), occupied(other), gap) for other in rows[number]):
+    low, high = occupied(candidate)
+    beside = [occupied(other) for other in rows[number]] if number < len(rows) else []
+    if any(low < end + gap and start < high + gap for start, end in beside):
         return False
     for k, row in enumerate(rows):
         for other in row:
@@ -307,10 +309,6 @@ def _is_free(candidate: LinearDimension, number: int, rows: list[list[LinearDime
             if k > number and any(_within(end, text_span(candidate), gap) for end in other.ends_mm):
                 return False
     return True
-
-
-def _meet(one: tuple[float, float], other: tuple[float, float], gap: float) -> bool:
-    return one[0] < other[1] + gap and other[0] < one[1] + gap
 
 
 def _within(place: float, span: tuple[float, float], gap: float) -> bool:

@@ -41,8 +41,9 @@ def read_spectrum_file(path: Path) -> Columns:
         if len(words) > 1 and _is_number(words[0]):
             raise InputError(f"{path}, line {number}: not two columns of numbers; wavelength (nm) and power")
         if _ANOTHER_KIND.match(text):
+            shown = "".join(character if character.isprintable() else "?" for character in text[:40])
             raise InputError(
-                f"{path}, line {number}: {_shown(text)!r}: only continuous, radiometric spectra are read; export it so"
+                f"{path}, line {number}: {shown!r}: only continuous, radiometric spectra are read; export it so"
             )
     if first == len(lines):
         raise InputError(f"{path}: not two columns of numbers: it has none; wavelength (nm) and relative power density")
@@ -107,10 +108,6 @@ def _is_number(word: str) -> bool:
         return bool(np.isfinite(number_in(word)))
     except ValueError:
         return False
-
-
-def _shown(line: str) -> str:
-    return "".join(character if character.isprintable() else "?" for character in line[:40])
 
 
 _LIGHT_NM = 1.0, 1e7  # from X-rays to 1 cm: other wavelengths come from a damaged file

@@ -107,14 +107,8 @@ def test_points_on_half_of_the_surface_are_refused(folder: Path) -> None:
         ([], "--on PHOTO"),
         (["--on", "a.png", "--points", "b.csv"], "--on PHOTO"),
         (["--on", "a.png"], "a.png: no such file"),
-        (
-            ["--points", "b.csv"],
-            "surface = None: must be one of inner, outer",
-        ),
-        (
-            ["--points", "b.csv", "--surface", "side"],
-            "surface = 'side': must be one of inner, outer",
-        ),
+        (["--points", "b.csv"], "surface = None: must be one of inner, outer"),
+        (["--points", "b.csv", "--surface", "side"], "surface = 'side': must be one of inner, outer"),
         (["--points", "b.csv", "--surface", "outer"], "no such file"),
         (
             ["--points", "b.csv", "--surface", "outer", "--off", "a.png", "--gamma", "2.2"],

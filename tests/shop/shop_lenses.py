@@ -2,23 +2,19 @@
 
 from functools import partial
 
-import numpy as np
 import pytest
+from scenes import random_surface
 
 from lensforge.scene.lens import Lens
 from lensforge.shop.check import check_part
 from lensforge.shop.face_check import check_face
 from lensforge.spec import parse_spec
-from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
 BASE = {"diameter_mm": 16.0, "relief_step_mm": 0.4, "flange_diameter_mm": 20.0, "pocket_diameter_mm": 7.0}
 
 
 def small_lens(base=BASE, manufacture=None, **sections):
-    basis = SrbfBasis((9, 25), 1.75)
-    inner, outer = (
-        SrbfSurface(basis, h * 0.01 * np.random.default_rng(int(h)).normal(size=basis.size), h) for h in (3.0, 6.0)
-    )
+    inner, outer = (random_surface(height, float(height), 0.01, (9, 25)) for height in (3, 6))
     content = {
         "name": "shop",
         "source": {"kind": "square", "side_mm": 0.5},

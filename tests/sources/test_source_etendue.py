@@ -10,9 +10,7 @@ from PIL import Image
 from lensforge.optics.material import MATERIALS
 from lensforge.scene.possible_light import EtendueCurve, _cells, _curve, _phase_space
 from lensforge.sources.build_source import SquareEmitter, build_source
-from lensforge.sources.dispersion import (
-    ColouredSource,  # fmt: skip
-)
+from lensforge.sources.dispersion import ColouredSource
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.source_pose import PlacedSource, SourcePose, rotation_about
 from lensforge.sources.source_spectrum import Spectrum
