@@ -84,6 +84,25 @@ def test_angles_that_a_type_b_file_cannot_have(tmp_path):
         _read(tmp_path, _ies([-10.0, 10.0], [0.0, 12.0], np.ones((2, 2)), kind=4))
 
 
+def test_tilt_factors_are_passed_over_a_multiplier_counts_and_damaged_numbers_are_refused(tmp_path):
+    plain = _ies([0.0, 90.0], [0.0, 45.0, 90.0], [[20.0, 2.0, 0.0], [40.0, 4.0, 0.0]])
+    values = _read(tmp_path, plain).intensity.values
+    tilted = _read(tmp_path, plain.replace("TILT=NONE", "TILT=INCLUDE\n1 2 0 90 1 0.5"))
+    np.testing.assert_array_equal(tilted.intensity.values, values)
+    twice = _read(tmp_path, plain.replace("1 -1 1 3 2", "1 -1 2 3 2"))
+    np.testing.assert_array_equal(twice.intensity.values, 2.0 * values)
+    for before, after, message in (
+        ("40 4 0\n", "40 4", "truncated"),
+        (" 3 2 1 2", " 1e9 2 1 2", "count"),
+        ("0 45 90", "0 90 45", "angles must rise"),
+        ("20 2 0", "20 x 0", "numbers"),
+        ("20 2 0", "20 nan 0", "finite"),
+    ):
+        assert before in plain
+        with pytest.raises(InputError, match=message):
+            _read(tmp_path, plain.replace(before, after))
+
+
 C, GAMMA = np.arange(0.0, 181.0, 30.0), np.arange(0.0, 91.0, 10.0)
 PLAIN = _ies(C, GAMMA, 100.0 + np.arange(70.0).reshape(7, 10))
 
