@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 from known_shapes import sampled, sphere
-from test_check import hemisphere, lens
+from scenes import sphere as hemisphere
+from test_check import lens
 
 from lensforge.shop.check import check_lens
 from lensforge.shop.face_samples import AirSide

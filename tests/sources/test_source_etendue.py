@@ -26,16 +26,6 @@ from lensforge.spec.source_sections import (
 RAYS = 2**14
 
 
-def cosine_power(power: float, side_mm: float = 2.0, seed: int = 0) -> RayBundle:
-    """A square with intensity cos^power: its radiance goes with cos^(power - 1)."""
-    rng = np.random.default_rng(seed)
-    cosine, azimuth = rng.random(RAYS) ** (1.0 / (power + 1.0)), 2.0 * pi * rng.random(RAYS)
-    sine = np.sqrt(1.0 - cosine**2)
-    directions = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine], axis=1)
-    origins = np.column_stack([(rng.random((RAYS, 2)) - 0.5) * side_mm, np.zeros(RAYS)])
-    return RayBundle(origins, directions, np.full(RAYS, 1.0 / RAYS))
-
-
 SOURCES = [
     SquareSource(side_mm=2.0),
     RectangleSource(width_mm=2.0, height_mm=1.0, intensity={"kind": "cosine", "power": 3.0}, tilt_deg=(20.0, 0.0)),
