@@ -60,7 +60,6 @@ class FilterRange:
             )
 
 
-
 def point_spacing_mm(points: PointDeviations) -> float:
     """Distance (mm) of neighbouring points: the pitch of a square grid that leaves gaps as wide.
 

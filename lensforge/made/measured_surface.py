@@ -84,7 +84,7 @@ class ChangedLens:
 
     @staticmethod
     def of(lens: Lens, side: str, rays: int | None) -> "tuple[ChangedLens, Conditions | None]":
-        """By the rays that judge ``lens``, by default those of its evaluation, at most 2^20; and the conditions."""
+        """Simulation by rays that judge ``lens``, by default as of its evaluation, at most 2^20; and its conditions."""
         preset, source = preset_of(lens.accuracy), judging_source(lens.spec)
         usual = min(lens.spec.evaluate.rays or preset.evaluate_rays, _MOST_RAYS)
         count, conditions = rays_of(rays, usual, source)
