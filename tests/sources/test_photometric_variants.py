@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from lensforge.errors import InputError
 from lensforge.sources.photometric import read_photometric
@@ -21,26 +22,10 @@ def _ways(kind, rows_deg, columns_deg):
     Type B: up by V about the horizontal axis C 90, after a turn by H away from C 90. Type A: to the side by H about
     the vertical axis C 0, after a turn up by V towards C 0.
     """
-
-    def turn(axis, angle):
-        c, s = np.cos(angle), np.sin(angle)
-        first, second = [k for k in range(3) if k != axis]
-        matrix = np.eye(3)
-        matrix[first, first] = matrix[second, second] = c
-        matrix[first, second], matrix[second, first] = s, -s
-        return matrix
-
-    k = np.array([0.0, 0.0, 1.0])
-    found = np.zeros((len(rows_deg), len(columns_deg), 3))
-    for i, row in enumerate(np.deg2rad(rows_deg)):
-        for j, column in enumerate(np.deg2rad(columns_deg)):
-            if kind == "C":
-                found[i, j] = turn(2, -row) @ turn(1, column) @ k
-            elif kind == "B":
-                found[i, j] = turn(1, column) @ turn(0, -row) @ k
-            else:
-                found[i, j] = turn(0, -row) @ turn(1, column) @ k
-    return found
+    row, column = (each.ravel() for each in np.meshgrid(rows_deg, columns_deg, indexing="ij"))
+    axes, angles = {"C": ("ZY", (row, column)), "B": ("YX", (column, row)), "A": ("XY", (row, column))}[kind]
+    turns = Rotation.from_euler(axes, np.stack(angles, axis=1), degrees=True)
+    return turns.apply([0.0, 0.0, 1.0]).reshape(len(rows_deg), len(columns_deg), 3)
 
 
 def _ies(rows, columns, candela, kind=1, separator=" ", end="\n"):
