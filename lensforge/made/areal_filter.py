@@ -21,37 +21,20 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 from scipy import sparse
-from scipy.interpolate import BSpline, NdBSpline, make_interp_spline
+from scipy.interpolate import BSpline, make_interp_spline
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
-from lensforge.surfaces.chart_spline import DEGREE
+from lensforge.surfaces.chart_spline import DEGREE, ChartSpline
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import HALF_WIDTH, Surface, gradient_on_sphere, to_chart, to_sphere
 
 
-@dataclass(frozen=True)
-class RadialChange(Surface):
-    """Change of a radius (mm) over the chart: a quintic tensor-product spline; beyond its square, the edge's value.
+class RadialChange(ChartSpline):
+    """Change of a radius (mm) over the chart: a spline as of a face; beyond its square, the edge's value.
 
-    ``detail_rad``: as of a surface whose splines have nodes an eighth of the shortest wavelength apart.
+    ``detail``: as of a surface whose splines have nodes an eighth of the shortest wavelength apart.
     """
-
-    knots: Float[np.ndarray, " k"]
-    control: Float[np.ndarray, "n n"]
-    detail: float
-
-    @staticmethod
-    def through(axis: Float[np.ndarray, " m"], values: Float[np.ndarray, "m m"], detail_rad: float) -> "RadialChange":
-        """The spline through ``values`` (mm) on the square grid of ``axis``, [X, Y]."""
-        along_x = make_interp_spline(axis, values, k=DEGREE)
-        along_y = make_interp_spline(axis, along_x.c.T, k=DEGREE)
-        return RadialChange(along_x.t, np.ascontiguousarray(along_y.c.T), detail_rad)
-
-    @property
-    def detail_rad(self) -> float:
-        """Sigma (rad) of the narrowest feature."""
-        return self.detail
 
     def times(self, factor: float) -> "RadialChange":
         """The change times ``factor``."""
@@ -69,10 +52,6 @@ class RadialChange(Surface):
 
     def _inside(self, chart: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
         return np.asarray(np.clip(chart, self.knots[0], self.knots[-1]))
-
-    @cached_property
-    def _spline(self) -> NdBSpline:
-        return NdBSpline((self.knots, self.knots), self.control, DEGREE)
 
 
 @dataclass(frozen=True)
@@ -252,7 +231,9 @@ class ArealFilter:
         table = BSpline.design_matrix(self._breaks, self._knots, _DEGREE)
         values = table @ control.reshape(side, side) @ table.T
         detail = _STEEPEST * self.wavelength_mm / self.points.largest_radius_mm
-        return RadialChange.through(self._breaks, np.asarray(values), detail)
+        along_x = make_interp_spline(self._breaks, np.asarray(values), k=DEGREE)
+        along_y = make_interp_spline(self._breaks, along_x.c.T, k=DEGREE)
+        return RadialChange(along_x.t, np.ascontiguousarray(along_y.c.T), detail)
 
 
 @dataclass(frozen=True)
