@@ -29,8 +29,6 @@ from lensforge.scene.body import Body
 from lensforge.scene.lens import Lens
 from lensforge.shop.face_check import SAMPLE_NODES, bounded
 from lensforge.shop.face_samples import OpticalFace, air_side, sample_face
-from lensforge.sources.ray_bundle import Source
-from lensforge.spec.accuracy import Preset
 from lensforge.spec.part_section import ManufactureSection
 from lensforge.surfaces.step_file import Schema
 from lensforge.surfaces.surface import HALF_WIDTH, Surface, to_sphere
@@ -124,40 +122,30 @@ def corrected_step(lens: Lens, side: str, corrected: Surface) -> CorrectedStep:
 _SEED = 0  # of the noise of the points that is drawn anew
 
 
-def correct_face(
-    cloud: Float[np.ndarray, "k 3"],
-    *,
-    lens: Lens,
-    side: str,
-    source: Source,
-    preset: Preset,
-    request: Request,
-    rays: int,
-) -> Correction:
-    """Correct one face of ``lens`` by the points ``cloud`` (mm) of its first cut, and simulate the second cut.
+def correct_face(cloud: Float[np.ndarray, "k 3"], cuts: ChangedLens, request: Request) -> Correction:
+    """Correct the face of ``cuts`` by the points ``cloud`` (mm) of its first cut, and simulate the second cut.
 
     New nominal: the design less ``gain`` times the deviation that the filter passes, limited by the ball cutter of the
     spec. Raises :class:`InputError` for points that cannot be registered, or settings that they do not allow.
     """
+    lens, side, shop = cuts.lens, cuts.side, cuts.lens.spec.manufacture
     surface = lens.surfaces[side]
     patch = fit_patch(surface)
     cut = FirstCut.of(surface, patch, cloud, request)
-    face, pixels = OpticalFace(patch, air_side(lens.body.face(side), lens.spec.manufacture)), FacePixels.of(patch)
-    cutter_mm, scale = lens.spec.manufacture.cutter_radius_mm, lens.spec.manufacture.scale
-    made = limited_by_cutter(surface, face, cut.chosen, request.gain, cutter_mm / scale)
+    face, pixels = OpticalFace(patch, air_side(lens.body.face(side), shop)), FacePixels.of(patch)
+    made = limited_by_cutter(surface, face, cut.chosen, request.gain, shop.cutter_radius_mm / shop.scale)
     corrected = ChangedSurface(surface, made.change)
     built = corrected_step(lens, side, corrected)
-    limit = _limit(face, corrected, cut, made, pixels, request.gain, lens.spec.manufacture)
+    limit = _limit(face, corrected, cut, made, pixels, request.gain, shop)
     first, second = cut.likeliest.change, _expected(cut, made, request.gain)
-    cuts = ChangedLens(lens, side, source, preset.evaluate_nodes_per_sigma, rays)
     design, before, after = cuts.lights(None, first, second)
     error = built.error
     return Correction(
         inputs={"lens": lens.sha256},
         surface=side,
         registration=request.registration,
-        make=lens.spec.manufacture.make,
-        scale=scale,
+        make=shop.make,
+        scale=shop.scale,
         point_count=len(cloud),
         point_spacing_mm=cut.span.spacing_mm,
         used_share=cut.placed.share,
@@ -177,11 +165,11 @@ def correct_face(
         step_volume_change=built.volume_change,
         form_error_nm=Extent(max=error.form_max_nm, rms=error.form_rms_nm),
         normal_error_mrad=Extent(max=error.normal_max_mrad, rms=error.normal_rms_mrad),
-        rays=rays,
+        rays=cuts.rays,
         design=design.metrics,
         first_cut=before.metrics,
         second_cut=after.metrics,
-        change=after.replicates.change_from(design.replicates, rays),
+        change=after.replicates.change_from(design.replicates, cuts.rays),
         criteria=correction_criteria(
             cut.placed.share, cut.covered, error.form_max_nm, error.normal_max_mrad, built.volume_change, limit
         ),

@@ -16,6 +16,7 @@ from lensforge.errors import InputError
 from lensforge.made.areal_filter import ArealFilter, FilteredPoints, PointDeviations, shortest_by_nodes_mm
 from lensforge.made.measurement_result import Registration
 from lensforge.made.registration import Registered, registered
+from lensforge.spec.spec_section import rounded_up
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface
 
@@ -54,15 +55,9 @@ class FilterRange:
             by_points = self.shortest_mm <= _SPACINGS * self.spacing_mm
             why = f"three spacings of the points, {self.spacing_mm:.3g} mm" if by_points else "the nodes of a face"
             raise InputError(
-                f"wavelength_mm = {wavelength_mm:g}: must be from {_up(self.shortest_mm)} ({why}) to "
+                f"wavelength_mm = {wavelength_mm:g}: must be from {rounded_up(self.shortest_mm)} ({why}) to "
                 f"{self.longest_mm:.4g}; leave it out to have it chosen by the noise of the points"
             )
-
-
-def _up(value: float) -> str:
-    """``value`` with four digits, rounded up, so that the number as shown is allowed."""
-    digits = 3 - int(np.floor(np.log10(value)))
-    return f"{np.ceil(value * 10.0**digits) / 10.0**digits:.4g}"
 
 
 def point_spacing_mm(points: PointDeviations) -> float:

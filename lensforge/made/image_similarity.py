@@ -20,6 +20,7 @@ from scipy.optimize import least_squares
 
 from lensforge.light.metrics import jackknife_error, relative_square
 from lensforge.made.measurement_result import Similarity
+from lensforge.made.target_corners import means
 from lensforge.scene.pixel_grid import PixelGrid
 
 _SIGMA = 1.5  # pixels: the Gaussian window of Wang et al.
@@ -28,8 +29,7 @@ _SUBPIXEL = 50
 
 def normalised(image: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:
     """Scale ``image`` to a mean of 1."""
-    scaled: Float[np.ndarray, "h w"] = image / image.mean()
-    return scaled
+    return np.asarray(image / image.mean())
 
 
 def similarity(measured: Float[np.ndarray, "h w"], simulated: Float[np.ndarray, "h w"]) -> Similarity:
@@ -102,21 +102,13 @@ def _start(
 ) -> Float[np.ndarray, "4"]:
     """Best of the fits to coarse pictures."""
     step = max(1, min(grid.shape) // _COARSE)
-    seen, light = _coarser(measured, step), _coarser(simulated, step)
+    seen, light = means(measured, step), means(simulated, step)
     (rows, columns), (width, height) = seen.shape, grid.pixel
     pair = _Pair.of(seen, light, PixelGrid(columns * step * width, rows * step * height, columns, rows))
     shift = displacement(measured, simulated) * grid.pixel
     starts = [np.array([size, turn, *shift]) for size in _SIZES for turn in _TURNS_RAD]
     best = sorted(starts, key=pair.misfit)[:_STARTS]
     return min((pair.fit(start, np.ones(4, dtype=bool)) for start in best), key=pair.misfit)
-
-
-def _coarser(image: Float[np.ndarray, "h w"], factor: int) -> Float[np.ndarray, "i j"]:
-    """Means over ``factor`` x ``factor`` pixels; rows and columns that are left over are dropped."""
-    rows, columns = (size // factor for size in image.shape)
-    blocks = image[: rows * factor, : columns * factor].reshape(rows, factor, columns, factor)
-    mean: Float[np.ndarray, "i j"] = blocks.mean(axis=(1, 3))
-    return mean
 
 
 def moved_back(image: Float[np.ndarray, "h w"], fit: SimilarityFit, grid: PixelGrid) -> Float[np.ndarray, "h w"]:
@@ -168,14 +160,12 @@ class _Pair:
     def residual(self, parameters: Float[np.ndarray, "4"]) -> Float[np.ndarray, " n"]:
         """Photograph less the transformed simulation with its best gain and offset."""
         light = self._nuisances(parameters)
-        left: Float[np.ndarray, " n"] = self.measured - light @ self._weights(light)
-        return left
+        return np.asarray(self.measured - light @ self._weights(light))
 
     def _weights(self, light: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "2"]:
         """Gain and offset."""
         inverse = np.linalg.pinv(light.T @ light, hermitian=True)
-        weights: Float[np.ndarray, " k"] = inverse @ (light.T @ self.measured)
-        return weights
+        return np.asarray(inverse @ (light.T @ self.measured))
 
     def determined(self, parameters: Float[np.ndarray, "4"]) -> Bool[np.ndarray, "4"]:
         """True where the slope of the light by a parameter is well above that of the differences and of rounding."""
@@ -185,8 +175,7 @@ class _Pair:
         apart = self._slopes(parameters, spline_filter(self.residual(parameters).reshape(self.grid.shape)))
         own = np.array([_apart_from(slopes[:, k], np.delete(slopes, k, axis=1), light) for k in range(4)])
         least = np.maximum(_SLOPES * np.sum(apart**2, axis=0), _ROUND * np.sum(slopes**2, axis=0).max())
-        determined: Bool[np.ndarray, " k"] = own > least
-        return determined
+        return np.asarray(own > least)
 
     def errors(self, parameters: Float[np.ndarray, "4"], fitted: Bool[np.ndarray, "4"]) -> Float[np.ndarray, "4"]:
         """Standard errors by the jackknife over blocks of the picture, in the linear model around the fit."""
@@ -237,8 +226,7 @@ def _places(grid: PixelGrid) -> Float[np.ndarray, "2 n"]:
 
 def _turned(places: Float[np.ndarray, "2 n"], angle: float) -> Float[np.ndarray, "2 n"]:
     cosine, sine = np.cos(angle), np.sin(angle)
-    turned: Float[np.ndarray, "2 n"] = np.array([[cosine, -sine], [sine, cosine]]) @ places
-    return turned
+    return np.asarray(np.array([[cosine, -sine], [sine, cosine]]) @ places)
 
 
 def _read(
@@ -248,8 +236,7 @@ def _read(
     x, y = places
     columns = np.clip((x - grid.x()[0]) / grid.pixel[0], 0.0, grid.columns - 1.0)
     rows = np.clip((y - grid.y()[0]) / grid.pixel[1], 0.0, grid.rows - 1.0)
-    values: Float[np.ndarray, " n"] = map_coordinates(spline, [rows, columns], order=3, mode="mirror", prefilter=False)
-    return values
+    return np.asarray(map_coordinates(spline, [rows, columns], order=3, mode="mirror", prefilter=False))
 
 
 def _blocks(grid: PixelGrid) -> list[Bool[np.ndarray, " n"]]:

@@ -84,7 +84,7 @@ def _cut(made: Correction) -> Iterator[Fact]:
     cutter, chosen = made.cutter, "given" if made.wavelength_given else "by the noise of the points"
     yield _file(made)
     yield _extent("first_cut", "Deviation, first cut", made.deviation_um)
-    yield replace(_extent("correction", "Correction", made.correction_um, f"gain {quantity(made.gain, digits=3)}"))
+    yield _extent("correction", "Correction", made.correction_um, f"gain {quantity(made.gain, digits=3)}")
     yield _extent("second_cut", "Expected, second cut", made.expected_um)
     yield Fact("filter", "Filter", made.wavelength_mm, "mm", note=f"longer waves pass; {chosen}", digits=3)
     noise = f"rms; noise of the points {quantity(made.noise_rms_um, 'µm', digits=2)}"

@@ -11,7 +11,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from threading import Lock
-from typing import Protocol
 
 import numpy as np
 import torch
@@ -116,27 +115,17 @@ _CHUNK = 8  # parts of one task: a second of work, which a lost worker repeats
 Progress = Callable[[int, int], object]  # parts measured, and of those that a stage asks for; False cancels
 
 
-class Workers(Protocol):
-    """Interface of threads or processes that measure parts."""
-
-    def measure(
-        self, study: PartStudy, chunks: Sequence[tuple[Job, ...]]
-    ) -> Iterator[tuple[int, Float[np.ndarray, "j m 2"]]]:
-        """Measure every chunk, in any order: its number, and the metrics of its parts."""
-        ...
+Chunks = Sequence[tuple[Job, ...]]
+MeasuredChunks = Iterator[tuple[int, Float[np.ndarray, "j m 2"]]]  # numbers of chunks, in any order, and their metrics
+Workers = Callable[[PartStudy, Chunks], MeasuredChunks]
 
 
-class Threads:
-    """All cores of this process: as many parts at once as torch may use threads."""
-
-    def measure(
-        self, study: PartStudy, chunks: Sequence[tuple[Job, ...]]
-    ) -> Iterator[tuple[int, Float[np.ndarray, "j m 2"]]]:
-        """Measure every chunk in its turn."""
-        prepare(study)
-        with ThreadPoolExecutor(torch.get_num_threads()) as pool:
-            for number, chunk in enumerate(chunks):
-                yield number, np.stack(list(pool.map(lambda job: measured(study, job), chunk)))
+def by_threads(study: PartStudy, chunks: Chunks) -> MeasuredChunks:
+    """Measure every chunk in its turn, as many parts at once as torch may use threads."""
+    prepare(study)
+    with ThreadPoolExecutor(torch.get_num_threads()) as pool:
+        for number, chunk in enumerate(chunks):
+            yield number, np.stack(list(pool.map(lambda job: measured(study, job), chunk)))
 
 
 def prepare(study: PartStudy) -> None:
@@ -150,17 +139,12 @@ def measured(study: PartStudy, job: Job) -> Float[np.ndarray, "m 2"]:
     return study.measure(number, dict(scales))
 
 
-def job_of(number: int, scales: Scales) -> Job:
-    """The job of one part; scales of 1 are none."""
-    return number, tuple(sorted((name, factor) for name, factor in scales.items() if factor != 1.0))
-
-
 @dataclass
 class MeasuredParts:
     """Metrics of the parts of ``study``; those that are not ``kept`` are measured by ``workers``."""
 
     study: PartStudy
-    workers: Workers = field(default_factory=Threads)
+    workers: Workers = by_threads
     kept: KeptParts = field(default_factory=KeptParts)
     progress: Progress | None = None
 
@@ -171,12 +155,13 @@ class MeasuredParts:
     def of(self, parts: Iterable[int], scales: Scales | None = None) -> Float[np.ndarray, "n m 2"]:
         """Metrics of ``parts`` with some of their deviations scaled."""
         known, rays = self.kept.known, self.study.recipe.rays
-        jobs = [job_of(number, scales or {}) for number in parts]
+        scaled = tuple(sorted((name, factor) for name, factor in (scales or {}).items() if factor != 1.0))
+        jobs = [(number, scaled) for number in parts]
         missing = [job for job in jobs if (rays, job) not in known]
         chunks = [tuple(missing[first : first + _CHUNK]) for first in range(0, len(missing), _CHUNK)]
         saved, done = time.monotonic(), len(jobs) - len(missing)
         try:
-            for number, found in self.workers.measure(self.study, chunks) if chunks else ():
+            for number, found in self.workers(self.study, chunks) if chunks else ():
                 known.update(zip(((rays, job) for job in chunks[number]), found, strict=True))
                 done += len(chunks[number])
                 if self.progress is not None and self.progress(done, len(jobs)) is False:
@@ -195,17 +180,9 @@ _studies: list[PartStudy] = []
 _lock = Lock()
 
 
-@dataclass
-class ClusterParts:
-    """Workers of a cluster that measure parts."""
-
-    cluster: Cluster
-
-    def measure(
-        self, study: PartStudy, chunks: Sequence[tuple[Job, ...]]
-    ) -> Iterator[tuple[int, Float[np.ndarray, "j m 2"]]]:
-        """Measure every chunk, each as one task."""
-        return self.cluster.map(measured_chunk, study.recipe, chunks)
+def of_cluster(cluster: Cluster) -> Workers:
+    """Workers of a cluster, which measure each chunk as one task."""
+    return lambda study, chunks: cluster.map(measured_chunk, study.recipe, chunks)
 
 
 def measured_chunk(recipe: Recipe, chunk: tuple[Job, ...]) -> Float[np.ndarray, "j m 2"]:

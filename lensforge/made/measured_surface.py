@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.cad.patch import Patch, fit_patch
+from lensforge.light.lens_light import judging_source, rays_of
 from lensforge.light.metrics import relative_square
 from lensforge.light.simulation import TracedLens, TracedLight, traced_light
 from lensforge.light.table_trace import Scene
@@ -23,12 +24,12 @@ from lensforge.made.measurement_result import (
     surface_criteria,
 )
 from lensforge.made.registration import RigidMotion, distances
-from lensforge.results import Extent, Metric
+from lensforge.results import Conditions, Extent, Metric
 from lensforge.results.arguments import require_choice
 from lensforge.scene.lens import Lens
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.sources.ray_bundle import Source
-from lensforge.spec.accuracy import Preset
+from lensforge.spec.accuracy import preset_of
 from lensforge.surfaces.bicubic_table import grid_for, tabulate
 from lensforge.surfaces.surface import Surface, to_sphere
 
@@ -68,6 +69,7 @@ class FacePixels:
 
 # A change is a thousandth of the radius: five nodes for its shortest wave keep its slopes to some hundredths.
 _WIDER = 2.0
+_MOST_RAYS = 2**20
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,14 @@ class ChangedLens:
     source: Source
     nodes_per_sigma: float
     rays: int
+
+    @staticmethod
+    def of(lens: Lens, side: str, rays: int | None) -> "tuple[ChangedLens, Conditions | None]":
+        """Simulation by rays that judge ``lens``, by default as of its evaluation, at most 2^20; and its conditions."""
+        preset, source = preset_of(lens.accuracy), judging_source(lens.spec)
+        usual = min(lens.spec.evaluate.rays or preset.evaluate_rays, _MOST_RAYS)
+        count, conditions = rays_of(rays, usual, source)
+        return ChangedLens(lens, side, source, preset.evaluate_nodes_per_sigma, count), conditions
 
     def lights(self, *changes: Surface | None) -> list[TracedLight]:
         """Light of the lens with each of ``changes`` (mm) added to the radius; None: the design."""
@@ -95,31 +105,20 @@ class ChangedLens:
         return found
 
 
-_MOST_RAYS = 2**20
-
-
 def compare_surface(
-    cloud: Float[np.ndarray, "k 3"],
-    *,
-    lens: Lens,
-    side: str,
-    source: Source,
-    preset: Preset,
-    rays: int,
-    registration: Registration = "rigid",
+    cloud: Float[np.ndarray, "k 3"], traced: ChangedLens, registration: Registration = "rigid"
 ) -> SurfaceComparison:
-    """Register ``cloud`` (mm) to one surface of ``lens``, map its form deviation, and simulate the lens with it.
+    """Register ``cloud`` (mm) to the face of ``traced``, map its form deviation, and simulate the lens with it.
 
     Deviations are along the normal, positive away from the origin: too much material on the envelope, too little on the
     cavity. The motion that ``registration`` allows is removed, the rest is form; the other surfaces are the design's.
     Raises :class:`InputError` for points that cannot be registered, and for an unknown ``registration``.
     """
     require_choice("registration", registration, get_args(Registration))
-    surface = lens.surfaces[side]
+    lens, surface = traced.lens, traced.lens.surfaces[traced.side]
     patch = fit_patch(surface)
     cut = FirstCut.of(surface, patch, cloud, Request(registration=registration))
     form = cut.likeliest
-    traced = ChangedLens(lens, side, source, preset.evaluate_nodes_per_sigma, rays)
     before, after = traced.lights(None, form.change)
     distance_um = 1e3 * distances(patch, cut.placed.points)[0]
     section, receiver = lens.spec.all_receivers[0], receivers_of(lens.spec, lens.spec.evaluate.pixels)[0]
@@ -128,7 +127,7 @@ def compare_surface(
     inside = np.isfinite(form_um)
     return SurfaceComparison(
         inputs={"lens": lens.sha256},
-        surface=side,
+        surface=traced.side,
         registration=registration,
         point_count=len(cloud),
         used_share=cut.placed.share,
@@ -137,14 +136,14 @@ def compare_surface(
         point_deviation_um=DeviationExtent.of(distance_um),
         form_deviation_um=DeviationExtent.of(form_um[inside], pixels.area_mm2[inside]),
         residual_rms_um=cut.left_um(form),
-        rays=rays,
+        rays=traced.rays,
         receiver=section.name or section.kind,
         far_field=section.kind == "far_field",
         width=receiver.grid.width,
         height=receiver.grid.height,
         design=before.metrics,
         measured=after.metrics,
-        change=after.replicates.change_from(before.replicates, rays),
+        change=after.replicates.change_from(before.replicates, traced.rays),
         nmse_between=relative_square(np.stack([after.map, before.map])),
         criteria=surface_criteria(cut.placed.share, cut.covered),
         points=cut.placed.points,
@@ -155,11 +154,6 @@ def compare_surface(
         irradiance_design=before.map,
         irradiance_measured=after.map,
     )
-
-
-def default_rays(lens: Lens, preset: Preset) -> int:
-    """Number of rays where the caller names none: those of the evaluation, at most 2^20."""
-    return min(lens.spec.evaluate.rays or preset.evaluate_rays, _MOST_RAYS)
 
 
 def pose_of(motion: RigidMotion) -> Pose:

@@ -176,8 +176,7 @@ def central_line(image: Float[np.ndarray, "h w"], axis: AxisName) -> Float[np.nd
     """Line through the centre along ``axis``; the mean of the two middle lines where the number of lines is even."""
     lines = image if axis == "x" else image.T
     middle = len(lines) // 2
-    mean: Float[np.ndarray, " p"] = lines[middle - (len(lines) % 2 == 0) : middle + 1].mean(axis=0)
-    return mean
+    return np.asarray(lines[middle - (len(lines) % 2 == 0) : middle + 1].mean(axis=0))
 
 
 def photo_criteria(clipped: float) -> tuple[Criterion, ...]:

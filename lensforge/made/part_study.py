@@ -163,7 +163,9 @@ class MeasuredPart:
             changes = own.change_from(other, rays, designed_rsd=rsd)
             change = {name: value for name, value in changes if value is not None}
             if light.uniformity is not None and "uniformity" in change:
-                change["uniformity"] = _within_one(light.uniformity.value, change["uniformity"])
+                ratio, moved = light.uniformity.value, change["uniformity"]  # within 0 and 1, however few the rays
+                within = min(max(moved.value, -ratio), 1.0 - ratio)
+                change["uniformity"] = moved.model_copy(update={"value": within})
             found.append({**change, "share_in_target": mean_share(share - other_share)})
         limits = {}
         for number, (own_limit, other_limit) in enumerate(zip(self.limits, before.limits, strict=True)):
@@ -171,11 +173,6 @@ class MeasuredPart:
             error = jackknife_error(difference[1:]) if len(difference) > 1 else None
             limits[str(number)] = Metric(value=float(difference[0]), standard_error=error)
         return [*found, limits]
-
-
-def _within_one(designed: float, change: Metric) -> Metric:
-    """``change`` of a ratio that lies between 0 and 1, however the noise of few rays moves it."""
-    return change.model_copy(update={"value": min(max(change.value, -designed), 1.0 - designed)})
 
 
 Scales = Mapping[str, float]
@@ -313,8 +310,7 @@ class PartStudy:
         columns = [self.names.index(bound.metric) for bound in self.bounds]
         signs = np.array([1.0 if bound.sense == "<=" else -1.0 for bound in self.bounds])
         limits = np.array([bound.bound for bound in self.bounds])
-        found: Float[np.ndarray, "*n b"] = signs * (values[..., columns] - limits)
-        return found
+        return np.asarray(signs * (values[..., columns] - limits))
 
 
 _DIRECTIONS = 4000

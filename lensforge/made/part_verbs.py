@@ -19,7 +19,6 @@ from lensforge.results import Conditions
 from lensforge.results.arguments import count_of, number_of, path_of, require, require_choice, threads_of_torch
 from lensforge.results.cluster import connected
 from lensforge.scene.lens import Lens
-from lensforge.spec.accuracy import preset_of
 from lensforge.spec.spec_files import section_sha256
 from lensforge.spec.tolerances_section import PartTolerances, TolerancesSection, read_tolerances
 from lensforge.surfaces.point_cloud import read_cloud
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
     import numpy as np
     from jaxtyping import Bool
 
-    from lensforge.made.measured_parts import ClusterParts
+    from lensforge.made.measured_parts import Workers
 
 
 @overload
@@ -46,12 +45,7 @@ def compare(
 
 @overload
 def compare(
-    measured: Lens,
-    *,
-    points: Path | str,
-    surface: str,
-    registration: Registration = "rigid",
-    rays: int | None = None,
+    measured: Lens, *, points: Path | str, surface: str, registration: Registration = "rigid", rays: int | None = None
 ) -> SurfaceComparison: ...
 
 
@@ -86,7 +80,12 @@ def compare(
         return _compare_photo(measured, on, off, corners, target_mm, gamma, lens)
     if isinstance(measured, Lens) and points is not None and on is None:
         _refuse_unused("points", of_photo)
-        return _compare_surface(measured, points, surface, registration, rays)
+        from lensforge.made.measured_surface import ChangedLens, compare_surface
+
+        side = require_choice("surface", surface, measured.surfaces)
+        traced, conditions = ChangedLens.of(measured, side, count_of("rays", rays))
+        found = compare_surface(read_cloud(points), traced, registration)
+        return found.model_copy(update={"conditions": conditions})
     raise InputError(
         "compare: give a Light with on=PHOTO (--on PHOTO), or a Lens with points=FILE and surface=FACE, one of its "
         "faces (--points FILE --surface FACE)"
@@ -102,8 +101,8 @@ def _refuse_unused(measurement: str, others: Mapping[str, object]) -> None:
 
 def _compare_photo(
     light: Light,
-    on: Path | str,
-    off: Path | str | None,
+    on: Path,
+    off: Path | None,
     corners: Sequence[tuple[float, float]] | None,
     target_mm: float | None,
     gamma: float,
@@ -121,7 +120,7 @@ def _compare_photo(
     if given is not None and given.shape != (4, 2):
         raise InputError(f"corners = {corners!r}: must be four pixels (column, row), clockwise from the top left")
     side, camera = number_of("target_mm", target_mm), number_of("gamma", gamma)
-    shot = Shot(Path(on), None if off is None else Path(off), given, side, 1.0 if camera is None else camera)
+    shot = Shot(on, off, given, side, 1.0 if camera is None else camera)
     first, (rows, columns) = light.first, light.map.shape
     if first.kind != "plane":
         raise InputError(
@@ -143,30 +142,6 @@ def _uniform(light: Light, lens: Lens | None) -> "Bool[np.ndarray, 'h w'] | None
     if lens.sha256 != light.inputs["lens"]:
         raise InputError("lens: the light is that of another lens; give the lens that was evaluated")
     return uniform_region(lens.spec.all_receivers[0].targets, receivers_of(lens.spec, light.pixels)[0])
-
-
-def _compare_surface(
-    lens: Lens,
-    points: Path | str,
-    surface: str | None,
-    registration: Registration,
-    rays: int | None,
-) -> SurfaceComparison:
-    from lensforge.made.measured_surface import compare_surface, default_rays
-
-    side = require_choice("surface", surface, lens.surfaces)
-    preset, source = preset_of(lens.accuracy), judging_source(lens.spec)
-    count, conditions = rays_of(count_of("rays", rays), default_rays(lens, preset), source)
-    found = compare_surface(
-        read_cloud(Path(points)),
-        lens=lens,
-        side=side,
-        source=source,
-        preset=preset,
-        rays=count,
-        registration=registration,
-    )
-    return found.model_copy(update={"conditions": conditions})
 
 
 def correct(
@@ -191,7 +166,7 @@ def correct(
     """
     from lensforge.made.correction import correct_face
     from lensforge.made.first_cut import Request
-    from lensforge.made.measured_surface import default_rays
+    from lensforge.made.measured_surface import ChangedLens
 
     require(lens, Lens, "correct")
     file = path_of("points", points)
@@ -199,20 +174,11 @@ def correct(
         raise InputError("points = None: give the file of the points measured on the first cut")
     side = require_choice("surface", surface, lens.surfaces)
     require_choice("registration", registration, get_args(Registration))
-    rays, preset, factor = count_of("rays", rays), preset_of(lens.accuracy), number_of("gain", gain)
+    rays, factor = count_of("rays", rays), number_of("gain", gain)
     request = Request(number_of("wavelength_mm", wavelength_mm), 1.0 if factor is None else factor, registration)
-    source = judging_source(lens.spec)
-    count, conditions = rays_of(rays, default_rays(lens, preset), source)
+    cuts, conditions = ChangedLens.of(lens, side, rays)
     with threads_of_torch(threads):
-        found = correct_face(
-            read_cloud(file),
-            lens=lens,
-            side=side,
-            source=source,
-            preset=preset,
-            request=request,
-            rays=count,
-        )
+        found = correct_face(read_cloud(file), cuts, request)
     return found.model_copy(update={"conditions": conditions})
 
 
@@ -297,15 +263,15 @@ def tolerance(
 
 
 @contextmanager
-def _part_workers(scheduler: str | None) -> "Iterator[ClusterParts | None]":
-    """Workers of the cluster of ``scheduler``; None for the threads of this process."""
-    if scheduler is None:
-        yield None
-        return
-    from lensforge.made.measured_parts import ClusterParts
+def _part_workers(scheduler: str | None) -> "Iterator[Workers]":
+    """Workers of the cluster of ``scheduler``; None: the threads of this process."""
+    from lensforge.made.measured_parts import by_threads, of_cluster
 
+    if scheduler is None:
+        yield by_threads
+        return
     with connected(scheduler) as cluster:
-        yield ClusterParts(cluster)
+        yield of_cluster(cluster)
 
 
 def _name_of(tolerances: PartTolerances) -> str:

@@ -1,6 +1,5 @@
 """A photograph of the part's light against the simulation, as in the paper's Fig. 7."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ from lensforge.errors import InputError
 from lensforge.light.metrics import relative_deviation, uniformity
 from lensforge.made.image_similarity import SimilarityFit, fit_similarity, moved_back, normalised, similarity
 from lensforge.made.measurement_result import Alignment, Evenness, Located, PhotoComparison, Pixel, photo_criteria
-from lensforge.made.target_corners import listed, locate
+from lensforge.made.target_corners import listed, locate, means
 from lensforge.optics.image_reading import read_picture
 from lensforge.results import Metric
 from lensforge.scene.pixel_grid import PixelGrid
@@ -90,9 +89,7 @@ def rectify(
     x, y = np.meshgrid(fine.x(), fine.y())
     columns, rows = transform(np.stack([x.ravel(), y.ravel()], axis=1)).T
     values = map_coordinates(picture, [rows, columns], order=1, mode="constant", cval=np.nan)
-    blocks = values.reshape(grid.rows, samples, grid.columns, samples)
-    mean: Float[np.ndarray, "h w"] = blocks.mean(axis=(1, 3))
-    return mean
+    return means(values.reshape(fine.shape), samples)
 
 
 def _homography(corners: Float[np.ndarray, "4 2"], target_mm: Size) -> Any:
@@ -175,17 +172,12 @@ class Shot:
 
 
 def compare_photo(
-    shot: Shot,
-    *,
-    simulated: Float[np.ndarray, "h w"],
-    grid: PixelGrid,
-    uniform: Bool[np.ndarray, "h w"] | None,
-    inputs: Mapping[str, str] | None = None,
+    shot: Shot, *, simulated: Float[np.ndarray, "h w"], grid: PixelGrid, uniform: Bool[np.ndarray, "h w"] | None
 ) -> PhotoComparison:
     """Compare ``shot`` with the ``simulated`` irradiance ([y, x], any unit) on a plane with the pixels ``grid`` (mm).
 
-    Both images are scaled to a mean of 1. ``uniform``: pixels whose uniformity is compared. ``inputs``: hashes of what
-    was simulated, by name. Raises :class:`InputError` for photographs or corners that cannot be used.
+    Both images are scaled to a mean of 1. ``uniform``: pixels whose uniformity is compared. Raises
+    :class:`InputError` for photographs or corners that cannot be used.
     """
     reference = normalised(simulated)
     picture, located = _picture(shot, grid, reference)
@@ -193,7 +185,7 @@ def compare_photo(
     fit = fit_similarity(measured, reference, grid)
     alike = similarity(measured, reference)
     return PhotoComparison(
-        inputs=dict(inputs or {}),
+        inputs={},
         on=shot.on.name,
         off=shot.off.name if shot.off else None,
         corners=_corners(picture.corners),

@@ -63,8 +63,7 @@ def _without_fit(
     values: Float[np.ndarray, "c *m"], design: Float[np.ndarray, "c k"], fit: Float[np.ndarray, "k c"]
 ) -> Float[np.ndarray, "c *m"]:
     """``values`` of the cells less what the fit, from values to parameters, explains of them."""
-    left: Float[np.ndarray, " *any"] = values - design @ (fit @ values)
-    return left
+    return np.asarray(values - design @ (fit @ values))
 
 
 def _over_cells(
@@ -89,8 +88,7 @@ def _amounts(expected: Float[np.ndarray, "q c c"], left: Float[np.ndarray, " c"]
     flat = expected.reshape(len(expected), -1)
     norms = np.linalg.norm(flat, axis=1)
     unit, found = flat / norms[:, None], np.einsum("qij,i,j->q", expected, left, left) / norms
-    amounts: Float[np.ndarray, " q"] = nnls(unit @ unit.T, found)[0] / norms
-    return amounts
+    return np.asarray(nnls(unit @ unit.T, found)[0] / norms)
 
 
 _REACH = HALF_WIDTH**2  # squared chart radius up to which the patch is defined: a little below the rim
@@ -135,8 +133,7 @@ def registered(patch: Patch, cloud: Float[np.ndarray, "k 3"], registration: Regi
 
 def moved(points: Float[np.ndarray, "n 3"], motion: Float[np.ndarray, "6"]) -> Float[np.ndarray, "n 3"]:
     """``points`` rotated and translated by ``motion``: a rotation vector (rad) and a translation (mm)."""
-    placed: Float[np.ndarray, "n 3"] = Rotation.from_rotvec(motion[:3]).apply(points) + motion[3:]
-    return placed
+    return np.asarray(Rotation.from_rotvec(motion[:3]).apply(points) + motion[3:])
 
 
 def over_surface(points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
@@ -145,8 +142,7 @@ def over_surface(points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
     above = (lengths > 0.0) & (points[:, 2] > -0.5 * lengths)
     chart = np.full((len(points), 2), np.inf)
     chart[above] = to_chart(points[above])
-    inside: Bool[np.ndarray, " n"] = np.sum(chart**2, axis=1) <= _REACH
-    return inside
+    return np.asarray(np.sum(chart**2, axis=1) <= _REACH)
 
 
 def distances(
@@ -271,8 +267,7 @@ def _left_jacobian(vector: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
     if angle < 1e-6:
         return np.eye(3) + 0.5 * cross
     first, second = (1.0 - np.cos(angle)) / angle**2, (angle - np.sin(angle)) / angle**3
-    jacobian: Float[np.ndarray, "3 3"] = np.eye(3) + first * cross + second * cross @ cross
-    return jacobian
+    return np.asarray(np.eye(3) + first * cross + second * cross @ cross)
 
 
 def _starts(patch: Patch, points: Float[np.ndarray, "n 3"]) -> list[Float[np.ndarray, "6"]]:

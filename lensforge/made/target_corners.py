@@ -217,7 +217,7 @@ def _found(
 def _rough(picture: Float[np.ndarray, "h w"]) -> Iterator[Float[np.ndarray, "4 2"]]:
     """Quadrilaterals around bright regions at many thresholds, near-duplicates left out, in pixels of ``picture``."""
     factor = max(1, int(np.ceil(max(picture.shape) / _COARSE)))
-    coarse = gaussian_filter(_means(picture, factor), 1.0)
+    coarse = gaussian_filter(means(picture, factor), 1.0)
     low, high = np.quantile(coarse, (0.005, 0.995))
     known: list[Float[np.ndarray, "4 2"]] = []
     # Thresholds are closer together where it is dark: a panel's border may be a hundredth of the peak.
@@ -231,11 +231,11 @@ def _rough(picture: Float[np.ndarray, "h w"]) -> Iterator[Float[np.ndarray, "4 2
                 yield (corners + 0.5) * factor - 0.5
 
 
-def _means(picture: Float[np.ndarray, "h w"], factor: int) -> Float[np.ndarray, "i j"]:
+def means(picture: Float[np.ndarray, "h w"], factor: int) -> Float[np.ndarray, "i j"]:
+    """Means over ``factor`` x ``factor`` pixels; rows and columns that are left over are dropped."""
     rows, columns = (size // factor for size in picture.shape)
     blocks = picture[: rows * factor, : columns * factor].reshape(rows, factor, columns, factor)
-    mean: Float[np.ndarray, "i j"] = blocks.mean(axis=(1, 3))
-    return mean
+    return np.asarray(blocks.mean(axis=(1, 3)))
 
 
 def _regions(bright: Bool[np.ndarray, "h w"]) -> Iterator[Bool[np.ndarray, "h w"]]:

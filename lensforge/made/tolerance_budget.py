@@ -25,20 +25,14 @@ Passes = Bool[np.ndarray, " n"]
 
 @dataclass
 class ScaleSearch:
-    """Search for the scale of the tolerances ``names`` at which ``PASS_RATE`` of the first ``count`` parts pass.
+    """Search for the scale of the tolerances ``names`` at which ``PASS_RATE`` of the first parts pass.
 
-    ``known``: which parts pass, by scale.
+    ``known``: which parts pass, by scale; 1 is as specified.
     """
 
     parts: MeasuredParts
     names: Sequence[str]
-    count: int
     known: dict[float, Passes]
-
-    @staticmethod
-    def of(parts: MeasuredParts, names: Sequence[str], passes: Passes) -> "ScaleSearch":
-        """Search from the parts as specified, of which those in ``passes`` pass."""
-        return ScaleSearch(parts, names, len(passes), {1.0: passes})
 
     def passing(self, scale: float, at_least: Passes, at_most: Passes) -> Passes:
         """Parts that pass at ``scale``; those in both or in neither of the two are taken as known."""
@@ -55,7 +49,7 @@ class ScaleSearch:
         """The largest scale tried at which enough parts pass, and the least at which too few do; None for none."""
         if self.known[1.0].mean() >= PASS_RATE:
             return self._above()
-        everything = np.ones(self.count, dtype=bool)
+        everything = np.ones_like(self.known[1.0])
         high = 1.0
         for scale in _DOWN:
             if self.passing(scale, everything, self.known[high]).mean() >= PASS_RATE:
@@ -65,7 +59,7 @@ class ScaleSearch:
 
     def _above(self) -> tuple[float, float | None]:
         """The largest scale that passes and the smallest that does not, where enough parts pass as specified."""
-        high, low, nothing = None, 1.0, np.zeros(self.count, dtype=bool)
+        high, low, nothing = None, 1.0, np.zeros_like(self.known[1.0])
         for scale in _UP:
             above = nothing if high is None else self.known[high]
             if self.passing(scale, self.known[1.0], above).mean() >= PASS_RATE:
@@ -79,12 +73,11 @@ class ScaleSearch:
         for _ in range(_ROUNDS):
             middle = self._scale_at(PASS_RATE, low, high)
             middle = min(max(middle, low + 0.1 * (high - low)), high - 0.1 * (high - low))
-            found = self.passing(middle, self.known[low], self.known[high]).mean()
-            if found >= PASS_RATE:
+            if self.passing(middle, self.known[low], self.known[high]).mean() >= PASS_RATE:
                 low = middle
             else:
                 high = middle
-        error = float(np.sqrt(PASS_RATE * (1.0 - PASS_RATE) / self.count))
+        error = float(np.sqrt(PASS_RATE * (1.0 - PASS_RATE) / len(self.known[1.0])))
         root = self._scale_at(PASS_RATE, low, high)
         return root, self._scale_at(PASS_RATE + error, 0.0, high), self._scale_at(PASS_RATE - error, low, None)
 
@@ -118,11 +111,9 @@ def budget(parts: MeasuredParts, passes: Passes, announce: Callable[[str], None]
 def _row(
     parts: MeasuredParts, factors: Sequence[Factor], passes: Passes, name: str, words: str, unit: str, amount: float
 ) -> BudgetRow:
-    search = ScaleSearch.of(parts, [factor.name for factor in factors], passes)
+    search = ScaleSearch(parts, [factor.name for factor in factors], {1.0: passes})
     low, high = search.bracket()
-    found: tuple[float, float, float] | None = None
-    if low is not None and high is not None:
-        found = search.root(low, high)
+    found = None if low is None or high is None else search.root(low, high)
     at_most, least, most = (None, None, None) if found is None else (each * amount for each in found)
     return BudgetRow(
         tolerance=name,

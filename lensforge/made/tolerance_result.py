@@ -175,8 +175,7 @@ def drawn_to_mean(values: Float[np.ndarray, " n"], spread: float) -> Float[np.nd
     As they are where the noise leaves no spread: parts are not alike because nobody can tell them apart.
     """
     mean, scatter = float(values.mean()), float(values.std(ddof=1))
-    drawn: Float[np.ndarray, " n"] = mean + (values - mean) * (spread / scatter if scatter > 0.0 < spread else 1.0)
-    return drawn
+    return mean + (values - mean) * (spread / scatter if scatter > 0.0 < spread else 1.0)
 
 
 class BudgetRow(Record):
@@ -266,8 +265,7 @@ class Yield(SimulatedResult):
 
     def column(self, name: str) -> Float[np.ndarray, " parts"]:
         """One number of every part."""
-        found: Float[np.ndarray, " parts"] = self.table[:, self.columns.index(name)]
-        return found
+        return self.table[:, self.columns.index(name)]
 
     @property
     def passing(self) -> Bool[np.ndarray, " parts"]:

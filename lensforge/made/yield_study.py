@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.light.metrics import jackknife_error
-from lensforge.made.measured_parts import KeptParts, MeasuredParts, Progress, Threads, Workers
+from lensforge.made.measured_parts import KeptParts, MeasuredParts, Progress, Workers, by_threads
 from lensforge.made.part_study import HeldLight, PartStudy, Recipe, require_bearable
 from lensforge.made.tolerance_budget import budget
 from lensforge.made.tolerance_result import (
@@ -90,8 +90,7 @@ def _explained(
     products = basis * centred[:, None]
     means, squares = _left_out(products, blocks), _left_out(np.sum(products**2, axis=1), blocks)
     sizes = len(centred) - np.concatenate([[0], np.bincount(blocks, minlength=_BLOCKS)])
-    found: Float[np.ndarray, " s"] = (sizes * np.sum(means**2, axis=1) - squares) / (sizes - 1)
-    return found
+    return np.asarray((sizes * np.sum(means**2, axis=1) - squares) / (sizes - 1))
 
 
 def _metric(values: Float[np.ndarray, " s"]) -> Metric:
@@ -117,7 +116,7 @@ def measure_yield(
     rays: int | None = None,
     seed: int = 0,
     with_budget: bool = True,
-    workers: Workers | None = None,
+    workers: Workers = by_threads,
     file: Path | None = None,
     progress: Progress | None = None,
     announce: Callable[[str], None] | None = None,
@@ -131,8 +130,7 @@ def measure_yield(
     started, announce = time.perf_counter(), announce or (lambda _: None)
     study = PartStudy(Recipe(lens, parts, rays or RAYS, seed, DESIGNED_RAYS))
     require_bearable(lens, study.factors)
-    kept = KeptParts.of(file, study)
-    found = MeasuredParts(study, workers or Threads(), kept, progress)
+    found = MeasuredParts(study, workers, KeptParts.of(file, study), progress)
     if rays is None:
         announce("pilot parts")
         found = _with_enough_rays(found, min(_PILOT, parts))

@@ -57,7 +57,8 @@ def _shrink(radius: Float[np.ndarray, " k"], samples: FaceSamples, obstacles: Fl
         active, nearest = active[gouging], nearest[gouging]
         if not len(active):
             return
-        radius[active] = _touching_radius(points[active], normals[active], obstacles[nearest])
+        chord = obstacles[nearest] - points[active]
+        radius[active] = np.sum(chord * chord, axis=1) / (2.0 * np.sum(normals[active] * chord, axis=1))
 
 
 def nearest_points(
@@ -85,14 +86,6 @@ def _local_limit(samples: FaceSamples) -> Float[np.ndarray, " k"]:
     kappa = samples.curvatures.minimum
     concave = kappa < 0.0
     return np.where(concave, -1.0 / np.where(concave, kappa, -1.0), np.inf)
-
-
-def _touching_radius(
-    point: Float[np.ndarray, "n 3"], normal: Float[np.ndarray, "n 3"], other: Float[np.ndarray, "n 3"]
-) -> Float[np.ndarray, " n"]:
-    chord = other - point
-    radius: Float[np.ndarray, " n"] = np.sum(chord * chord, axis=1) / (2.0 * np.sum(normal * chord, axis=1))
-    return radius
 
 
 def residual_height_mm(

@@ -171,12 +171,7 @@ class DrawingContent:
 
 
 def drawing_content(
-    lens: Lens,
-    part: Part,
-    check: Check,
-    dimensions: list[Dimension],
-    tolerances: ToleranceTable,
-    words: DrawingSection,
+    lens: Lens, part: Part, check: Check, dimensions: list[Dimension], tolerances: ToleranceTable, words: DrawingSection
 ) -> DrawingContent:
     """Collect what the drawing says, from the results of the lens and from ``words``, those of its title block."""
     datums, second_deg = datum_scheme(lens, part), other_section_deg(lens)
@@ -223,25 +218,17 @@ def _views_box(content: DrawingContent, name: SheetName) -> Box:
 def _notes_box(content: DrawingContent, name: SheetName) -> Box:
     left, bottom, right, _ = _inside(name)
     unit = _UNITS[name]
-    return (
-        left + _GAP * unit,
-        bottom + 0.5 * _GAP * unit,
-        right - (WIDTH + _GAP) * unit,
-        bottom + _band(content, name),
-    )
+    return left + _GAP * unit, bottom + 0.5 * _GAP * unit, right - (WIDTH + _GAP) * unit, bottom + _band(content, name)
 
 
 def _sheet(content: DrawingContent, name: SheetName, scale: float) -> Sheet:
     unit, inside = _UNITS[name], _inside(name)
     origin = _centred(room_of(draw_views(content.views, scale, unit, (0.0, 0.0))), _views_box(content, name))
-    marks, corner, top = (
-        Marks([frame_of(inside, "outline")]),
-        (inside[2], inside[1]),
-        inside[1] + _band(content, name),
-    )
+    right, bottom = inside[2], inside[1]
+    marks = Marks([frame_of(inside, "outline")])
     marks.add(draw_views(content.views, scale, unit, origin))
-    marks.add(draw_title_block(content.block, corner, unit, scale, name))
-    marks.add(draw_optical_table(content.table, inside[2] - WIDTH * unit, top, unit))
+    marks.add(draw_title_block(content.block, (right, bottom), unit, scale, name))
+    marks.add(draw_optical_table(content.table, right - WIDTH * unit, bottom + _band(content, name), unit))
     marks.words += paragraphs_in(_notes_box(content, name), content.notes, unit)
     return Sheet(name, SIZES[name], unit, scale, content.title, origin, marks)
 

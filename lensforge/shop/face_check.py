@@ -127,17 +127,14 @@ def _least_squares_centre(area: FaceArea) -> Float[np.ndarray, "3"]:
 
     def residual(height: Float[np.ndarray, "1"]) -> Float[np.ndarray, " q"]:
         distance = np.linalg.norm(area.points - height @ axis, axis=1)
-        departure: Float[np.ndarray, " q"] = root * (distance - shares @ distance)
-        return departure
+        return np.asarray(root * (distance - shares @ distance))
 
     def slope(height: Float[np.ndarray, "1"]) -> Float[np.ndarray, "q 1"]:
         away = area.points - height @ axis
         towards = -(away / np.linalg.norm(away, axis=1, keepdims=True)) @ axis.T
-        change: Float[np.ndarray, "q 1"] = root[:, None] * (towards - shares @ towards)
-        return change
+        return np.asarray(root[:, None] * (towards - shares @ towards))
 
     scale = float(np.linalg.norm(area.points, axis=1).mean())
     tight = {"xtol": 1e-14, "ftol": 1e-14, "gtol": 1e-14}
     found = least_squares(residual, np.zeros(1), slope, method="lm", x_scale=scale, **tight)
-    centre: Float[np.ndarray, " 3"] = found.x @ axis
-    return centre
+    return np.asarray(found.x @ axis)

@@ -109,15 +109,11 @@ class OpticalFace:
 
     def radius(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
         """Distance (mm) from the origin at chart ``points``; beyond the patch's square, the value at its edge."""
-        radius: Float[np.ndarray, " n"] = np.linalg.norm(
-            self.patch.points(np.clip(points, -HALF_WIDTH, HALF_WIDTH)), axis=1
-        )
-        return radius
+        return np.asarray(np.linalg.norm(self.patch.points(np.clip(points, -HALF_WIDTH, HALF_WIDTH)), axis=1))
 
     def rim_mm(self, turn: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
         """Distance (mm) of the medium's rim from the axis at points of the unit circle."""
-        rim: Float[np.ndarray, " n"] = np.min([face.radius(turn) for face in (self, *self.beside)], axis=0)
-        return rim
+        return np.asarray(np.min([face.radius(turn) for face in (self, *self.beside)], axis=0))
 
     def jet(self, points: Float[np.ndarray, "n 2"]) -> Jet:
         """Position and derivatives at chart ``points``."""

@@ -48,11 +48,7 @@ _KINDS: dict[FindingName, tuple[Sense, str]] = {
 
 
 def check_findings(
-    spec: Spec,
-    faces: Mapping[str, FaceResult],
-    wall_mm: float,
-    relief: BallClearance,
-    tools: tuple[ToolResult, ...],
+    spec: Spec, faces: Mapping[str, FaceResult], wall_mm: float, relief: BallClearance, tools: tuple[ToolResult, ...]
 ) -> tuple[Finding, ...]:
     """All findings on a lens of ``spec`` from the measurements of its check; ``wall_mm``: the thinnest wall."""
     return (
@@ -70,12 +66,7 @@ def check_findings(
 
 
 def _finding(
-    name: FindingName,
-    surface: str,
-    value: float | None,
-    limit: float | None,
-    reason: str,
-    changes: Sequence[str] = (),
+    name: FindingName, surface: str, value: float | None, limit: float | None, reason: str, changes: Sequence[str] = ()
 ) -> Finding:
     """The finding; of the ``changes`` of the spec that would help, an empty one is left out."""
     sense, unit = _KINDS[name]

@@ -174,8 +174,7 @@ class DenseTable:
         points, normals = self.face.at(middles[:, :2])
         across, up = middles[:, 2] - np.linalg.norm(points[:, :2], axis=1), middles[:, 3] - points[:, 2]
         outwards = normals[:, 0] * np.cos(azimuth) + normals[:, 1] * np.sin(azimuth)
-        error: Float[np.ndarray, " k"] = 1e6 * np.abs(across * outwards + up * normals[:, 2])
-        return error
+        return np.asarray(1e6 * np.abs(across * outwards + up * normals[:, 2]))
 
     def _middles(self, scheme: Interpolation) -> Float[np.ndarray, "k 4"]:
         """Polar angle, azimuth, and interpolated R and Z in the middle of every cell and side up to the rim."""

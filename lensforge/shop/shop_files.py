@@ -19,13 +19,7 @@ from lensforge.shop.check_result import Check
 from lensforge.shop.dimensions import dimensions
 from lensforge.shop.drawing import DrawingContent, drawing_content, make_sheet, scale_words
 from lensforge.shop.handover import DXF_FILE, PDF_FILE, POINTS_FILE, Handover, PointGrid
-from lensforge.shop.point_tables import (
-    GridRequest,
-    dense_tables,
-    origin_lines,
-    points_table,
-    ring_angles,
-)
+from lensforge.shop.point_tables import GridRequest, dense_tables, origin_lines, points_table, ring_angles
 from lensforge.shop.sheet import Sheet, shown
 from lensforge.shop.sheet_tables import ToleranceTable, tolerance_table
 from lensforge.shop.sheet_writers import sheet_dxf, sheet_figure, sheet_pdf
@@ -62,10 +56,7 @@ def make_handover(
     lens, request = part.lens, request or GridRequest()
     head = origin_lines(lens, part)
     grids = dense_tables(lens, head, request)
-    tables = {
-        POINTS_FILE: points_table(lens, check, head).encode(),
-        **{grid.file: grid.content for grid in grids},
-    }
+    tables = {POINTS_FILE: points_table(lens, check, head).encode(), **{grid.file: grid.content for grid in grids}}
     tolerances, words = tolerance_table(lens, studied), words or lens.spec.drawing
     drawn = drawing_content(lens, part, check, dimensions(lens), tolerances, words)
     sheet = make_sheet(drawn, words.sheet or "A3")

@@ -112,5 +112,4 @@ def _show(axes: Axes, values: ChartMap, colours: str, low: float, high: float, f
 def _filled(values: ChartMap) -> ChartMap:
     """Values with NaN replaced by the nearest node inside the rim; the picture is clipped at the rim."""
     nearest = distance_transform_edt(np.isnan(values), return_distances=False, return_indices=True)
-    filled: ChartMap = values[tuple(nearest)]
-    return filled
+    return np.asarray(values[tuple(nearest)])

@@ -165,10 +165,8 @@ def _rim_is_beside(dimension: Dimension, section: SectionView) -> bool:
 def _draw_base(
     views: Marks, content: ViewContent, scale: float, unit: float, centre: Place, above: float, lowest: float
 ) -> None:
-    views.strokes += [Stroke(scale * line.points + centre, line.pen, closed=line.closed) for line in content.base]
-    left, bottom, right, top = (scale * value for value in content.base_box)
+    left, bottom, right, top = _draw_lines(views, content.base, content.base_box, scale, unit, centre)
     x, y = centre
-    _add_axes(views, centre, (left, bottom, right, top), unit)
     for section in content.sections:
         half = max(-left, -bottom, right, top) + 4.0 * unit
         views.add(section_plane(centre, section.azimuth_deg, half, section.letter, unit))
@@ -184,10 +182,8 @@ def _draw_base(
 
 
 def _draw_dome(views: Marks, content: ViewContent, scale: float, unit: float, centre: Place, above: float) -> None:
-    views.strokes += [Stroke(scale * line.points + centre, line.pen, closed=line.closed) for line in content.dome]
-    left, bottom, right, top = (scale * value for value in content.dome_box)
+    left, bottom, _, _ = _draw_lines(views, content.dome, content.dome_box, scale, unit, centre)
     x, y = centre
-    _add_axes(views, centre, (left, bottom, right, top), unit)
     sizes = content.drawn("dome")
     for each in sizes:
         circle = 0.5 * scale * each.value_mm * np.column_stack([np.cos(_CIRCLE), np.sin(_CIRCLE)])
@@ -197,11 +193,14 @@ def _draw_dome(views: Marks, content: ViewContent, scale: float, unit: float, ce
     views.add(axes_mark((x + left + 6.0 * unit, above + 12.0 * unit), "y", "x", unit, towards=-1.0))
 
 
-def _add_axes(views: Marks, centre: Place, box: Box, unit: float) -> None:
-    """Axes of a view along the axis, across all of it."""
-    (x, y), (left, bottom, right, top), more = centre, box, 4.0 * unit
+def _draw_lines(views: Marks, lines: list[ViewLine], box: Box, scale: float, unit: float, centre: Place) -> Box:
+    """Lines of a view along the axis, and its axes across all of it; returns its box on paper, about ``centre``."""
+    left, bottom, right, top = (scale * value for value in box)
+    (x, y), more = centre, 4.0 * unit
+    views.strokes += [Stroke(scale * line.points + centre, line.pen, closed=line.closed) for line in lines]
     views.strokes.append(Stroke(np.array([(x + left - more, y), (x + right + more, y)]), "axis"))
     views.strokes.append(Stroke(np.array([(x, y + bottom - more), (x, y + top + more)]), "axis"))
+    return left, bottom, right, top
 
 
 def _on_paper(dimension: Dimension, scale: float, unit: float, origin: Place) -> LinearDimension:
@@ -298,7 +297,9 @@ def _is_free(candidate: LinearDimension, number: int, rows: list[list[LinearDime
     own = candidate.ends_mm
     if any(_within(end, text_span(candidate), gap) for end in coming if end not in own):
         return False
-    if number < len(rows) and any(_meet(occupied(candidate), occupied(other), gap) for other in rows[number]):
+    low, high = occupied(candidate)
+    beside = [occupied(other) for other in rows[number]] if number < len(rows) else []
+    if any(low < end + gap and start < high + gap for start, end in beside):
         return False
     for k, row in enumerate(rows):
         for other in row:
@@ -307,10 +308,6 @@ def _is_free(candidate: LinearDimension, number: int, rows: list[list[LinearDime
             if k > number and any(_within(end, text_span(candidate), gap) for end in other.ends_mm):
                 return False
     return True
-
-
-def _meet(one: tuple[float, float], other: tuple[float, float], gap: float) -> bool:
-    return one[0] < other[1] + gap and other[0] < one[1] + gap
 
 
 def _within(place: float, span: tuple[float, float], gap: float) -> bool:

@@ -135,10 +135,7 @@ def cavity_around(spec: SourceSpec) -> dict[str, float]:
     Raises :class:`InputError` for a file that cannot be used.
     """
     radius = cavity_radius(build_source(spec))
-    return {
-        "cavity_height_mm": rounded_length(CAVITY_HEIGHT * radius),
-        "cavity_radius_mm": rounded_length(radius),
-    }
+    return {"cavity_height_mm": rounded_length(CAVITY_HEIGHT * radius), "cavity_radius_mm": rounded_length(radius)}
 
 
 def cavity_radius(source: Source) -> float:

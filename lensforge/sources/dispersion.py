@@ -100,8 +100,7 @@ def index_of_spectrum(spectrum: Spectrum, material: Material) -> IndexRange:
 
 
 def _within(waves: Float[np.ndarray, " n"], ends: tuple[float, float]) -> Bool[np.ndarray, " n"]:
-    within: Bool[np.ndarray, " n"] = (waves >= ends[0]) & (waves <= ends[1])
-    return within
+    return (waves >= ends[0]) & (waves <= ends[1])
 
 
 def _require_few(clamped: float, low: float, high: float, material: Material, name: str) -> None:

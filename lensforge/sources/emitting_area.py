@@ -20,8 +20,7 @@ def sobol(count: int, dimensions: int, seed: int) -> Float[np.ndarray, "n d"]:
     """Draw ``count`` points of the unit cube, scrambled by ``seed``; a power of two is best balanced."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # scipy warns unless the count is a power of two
-        points: Float[np.ndarray, "n d"] = qmc.Sobol(dimensions, scramble=True, rng=seed).random(count)
-        return points
+        return np.asarray(qmc.Sobol(dimensions, scramble=True, rng=seed).random(count))
 
 
 _SAME_MM = 1e-9
@@ -46,10 +45,7 @@ class Disc:
     def corners(self) -> Float[np.ndarray, "k 2"]:
         """A polygon of 64 corners around the disc."""
         azimuth = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
-        corners: Float[np.ndarray, "k 2"] = (
-            self.radius_mm / np.cos(np.pi / 64) * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
-        )
-        return corners
+        return np.asarray(self.radius_mm / np.cos(np.pi / 64) * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,8 +71,7 @@ class Rectangles:
         """Choose the rectangle by the first number; its remainder and the second number give the position in it."""
         index, rest = choose(np.cumsum(self.shares), points[:, 0])
         inside = np.stack([rest, points[:, 1]], axis=1) - 0.5
-        placed: Float[np.ndarray, "n 2"] = self.centres[index] + inside * self.sides[index]
-        return placed
+        return np.asarray(self.centres[index] + inside * self.sides[index])
 
     def density(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
         """Sum over the rectangles in which a point lies."""
@@ -134,8 +129,7 @@ class LuminanceImage:
         height, width = self.values.shape
         column = np.clip(np.floor(points[:, 0] / self.pitch_mm + 0.5 * width), 0, width - 1).astype(int)
         row = np.clip(np.floor(0.5 * height - points[:, 1] / self.pitch_mm), 0, height - 1).astype(int)
-        found: Float[np.ndarray, " n"] = self.values[row, column] / self.pitch_mm**2
-        return found
+        return np.asarray(self.values[row, column] / self.pitch_mm**2)
 
     def corners(self) -> Float[np.ndarray, "4 2"]:
         """Rectangle (mm) around the pixels that emit."""
@@ -154,8 +148,7 @@ to points (mm) in its light, ``density`` is that light (1/mm^2) at points, ``cor
 def hull_points(points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "k 2"]:
     """Corners of the convex hull of the points, in order; both ends where all lie on one line."""
     try:
-        corners: Float[np.ndarray, "k 2"] = points[ConvexHull(points).vertices]
-        return corners
+        return np.asarray(points[ConvexHull(points).vertices])
     except (QhullError, ValueError):
         return np.unique(points, axis=0)[[0, -1]] if len(points) else points
 

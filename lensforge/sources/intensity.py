@@ -71,12 +71,10 @@ class TabulatedIntensity:
     def at(self, c_deg: float) -> Float[np.ndarray, " g"]:
         """Interpolate the half-plane at ``c_deg``, any angle."""
         if len(self.c_deg) == 1:
-            only: Float[np.ndarray, " g"] = self.values[0]
-            return only
+            return np.asarray(self.values[0])
         place = np.interp(c_deg % 360.0, self.c_deg, np.arange(len(self.c_deg)))
         low = min(int(place), len(self.c_deg) - 2)
-        plane: Float[np.ndarray, " g"] = self.values[low] + (place - low) * (self.values[low + 1] - self.values[low])
-        return plane
+        return np.asarray(self.values[low] + (place - low) * (self.values[low + 1] - self.values[low]))
 
     @property
     def symmetry(self) -> str:
@@ -122,13 +120,11 @@ class TabulatedIntensity:
         lit = np.abs(gamma - 0.5 * (nodes[0] + nodes[-1])) < 0.5 * (nodes[-1] - nodes[0]) + _SAME
         planes = np.stack([np.interp(gamma, nodes, plane) * lit for plane in self.values])
         if len(self.c_deg) == 1:
-            found: Float[np.ndarray, " n"] = planes[0] / self.flux()
-            return found
+            return np.asarray(planes[0] / self.flux())
         place = np.interp(turn, np.deg2rad(self.c_deg), np.arange(len(self.c_deg)))
         low, each = np.minimum(place.astype(int), len(self.c_deg) - 2), np.arange(len(gamma))
         between = planes[low, each] + (place - low) * (planes[low + 1, each] - planes[low, each])
-        blended: Float[np.ndarray, " n"] = between / self.flux()
-        return blended
+        return np.asarray(between / self.flux())
 
     @cached_property
     def _fine(self) -> tuple[Float[np.ndarray, " f"], Float[np.ndarray, "c f"]]:

@@ -46,7 +46,4 @@ def linear_inverse(
     """Find the position in [0, 1] up to which a density linear from ``first`` to ``second`` has the share ``rest``."""
     target = rest * (first + second)
     denominator = first + np.sqrt(np.maximum(first**2 + (second - first) * target, 0.0))
-    place: Float[np.ndarray, " n"] = np.minimum(
-        np.divide(target, denominator, out=np.zeros_like(rest), where=denominator > 0.0), 1.0
-    )
-    return place
+    return np.asarray(np.minimum(np.divide(target, denominator, out=np.zeros_like(rest), where=denominator > 0.0), 1.0))

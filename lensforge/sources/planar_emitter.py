@@ -47,8 +47,7 @@ class PlanarEmitter:
         """Radiance (W/(mm^2 sr)) of each ray of ``sample(count, seed)``: emittance times intensity over its cosine."""
         rays = self.sample(count, seed)
         intensity = self.profile.intensity(rays.directions) / np.abs(rays.directions[:, 2])
-        found: Float[np.ndarray, " n"] = self.flux_w * self.area.density(rays.origins[:, :2]) * intensity
-        return found
+        return np.asarray(self.flux_w * self.area.density(rays.origins[:, :2]) * intensity)
 
     def towards(self, targets: Float[np.ndarray, "n 3"], seed: int) -> RayBundle:
         """The rays of ``sample(len(targets), seed)``, each turned to its target (mm); their flux is W/sr there."""
@@ -80,15 +79,11 @@ def planar_emitter(spec: PlanarSource) -> PlanarEmitter:
                     raise InputError(f"{spec.file}: pixels must not be all dark")
             area = LuminanceImage.of(values, spec.width_mm)
         case ChipsSource():
-            area = _chips(spec)
+            flux = np.array([chip.flux_w for chip in chip_fluxes(spec)])
+            centres = np.array([[chip.x_mm, chip.y_mm] for chip in spec.chips])
+            sides = np.array([[chip.width_mm, chip.height_mm] for chip in spec.chips])
+            area = Rectangles(centres, sides, flux / flux.sum())
     return PlanarEmitter(area, profile, emitter_flux(spec).flux_w, warnings=warnings)
-
-
-def _chips(spec: ChipsSource) -> Rectangles:
-    flux = np.array([chip.flux_w for chip in chip_fluxes(spec)])
-    centres = np.array([[chip.x_mm, chip.y_mm] for chip in spec.chips])
-    sides = np.array([[chip.width_mm, chip.height_mm] for chip in spec.chips])
-    return Rectangles(centres, sides, flux / flux.sum())
 
 
 def _grid(columns: int, rows: int, side_mm: tuple[float, float], pitch_mm: tuple[float, float]) -> Rectangles:

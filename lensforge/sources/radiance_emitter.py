@@ -53,8 +53,7 @@ class RadianceTable:
     @cached_property
     def squares(self) -> Float[np.ndarray, " g"]:
         """Squared sines of gamma at the nodes, never falling."""
-        squares: Float[np.ndarray, " g"] = np.sin(np.deg2rad(self.gamma_deg)) ** 2
-        return squares
+        return np.asarray(np.sin(np.deg2rad(self.gamma_deg)) ** 2)
 
     @cached_property
     def cumulative(self) -> Float[np.ndarray, "y x c g"]:
@@ -69,17 +68,13 @@ class RadianceTable:
         planes = self.cumulative[..., -1]
         if len(self.c_deg) == 1:
             return 2.0 * np.pi * planes
-        exitance: Float[np.ndarray, "y x s"] = (
-            0.5 * (planes[..., 1:] + planes[..., :-1]) * np.diff(np.deg2rad(self.c_deg))
-        )
-        return exitance
+        return np.asarray(0.5 * (planes[..., 1:] + planes[..., :-1]) * np.diff(np.deg2rad(self.c_deg)))
 
     @cached_property
     def cell_fluxes(self) -> Float[np.ndarray, "y x"]:
         """Flux (W) of each cell."""
         areas = np.diff(self.y_mm)[:, None] * np.diff(self.x_mm) * _M2_PER_MM2
-        fluxes: Float[np.ndarray, "y x"] = self.sectors.sum(axis=2) * areas
-        return fluxes
+        return np.asarray(self.sectors.sum(axis=2) * areas)
 
     def flux(self) -> float:
         """Integral over area and projected solid angle (W), exact for the interpolation."""
@@ -126,10 +121,10 @@ class RadianceTable:
         degrees = np.rad2deg(np.arctan2(before[:, 1], before[:, 0])) % 360.0
         place = np.interp(degrees, self.c_deg, np.arange(len(self.c_deg)))
         low = np.minimum(place.astype(int), len(self.c_deg) - 2)
-        turned: Float[np.ndarray, "y x c g"] = self.radiance[:, :, low] + (place - low)[:, None] * (
-            self.radiance[:, :, low + 1] - self.radiance[:, :, low]
+        return np.asarray(
+            self.radiance[:, :, low]
+            + (place - low)[:, None] * (self.radiance[:, :, low + 1] - self.radiance[:, :, low])
         )
-        return turned
 
 
 def _beside(
@@ -274,8 +269,7 @@ class RadianceEmitter:
         cell, rest = choose_each(lambda node: blend(self.table.cumulative, node), gammas - 1, numbers)
         place = linear_inverse(blend(radiance, cell), blend(radiance, cell + 1), rest)
         squares = self.table.squares
-        squared: Float[np.ndarray, " n"] = squares[cell] + place * (squares[cell + 1] - squares[cell])
-        return squared
+        return np.asarray(squares[cell] + place * (squares[cell + 1] - squares[cell]))
 
     @cached_property
     def _rows(self) -> Float[np.ndarray, " y"]:

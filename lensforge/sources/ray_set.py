@@ -64,8 +64,7 @@ def _around(crossings: Callable[[], Iterable[_Crossings]]) -> Float[np.ndarray, 
     y = _value_at(0.5 * total, count, lambda: ((points[:, 1], flux) for points, flux in crossings()))
 
     def distance(points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
-        away: Float[np.ndarray, " n"] = np.sqrt((points[:, 0] - x) ** 2 + (points[:, 1] - y) ** 2)
-        return away
+        return np.sqrt((points[:, 0] - x) ** 2 + (points[:, 1] - y) ** 2)
 
     radius = _value_at(_SHARE * total, count, lambda: ((distance(points), flux) for points, flux in crossings()))
     outermost = np.zeros((0, 2))
@@ -136,8 +135,7 @@ def _turned(vectors: Float[np.ndarray, "n 3"], matrix: Float[np.ndarray, "3 3"])
     """Products with ``matrix``; with the identity, that of most files, without the time of a product."""
     if np.array_equal(matrix, np.eye(3)):
         return vectors + 0.0  # no -0, as in a product
-    turned: Float[np.ndarray, "n 3"] = vectors @ matrix.T
-    return turned
+    return np.asarray(vectors @ matrix.T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,11 +165,10 @@ class RaySetEmitter:
     def sample(self, count: int, seed: int) -> RayBundle:
         """Draw ``count`` rays whose flux adds up to ``flux_w``; the same seed gives the same rays.
 
-        Fewer than the file holds: a random choice without replacement, never the first ones, because files are not
-        always shuffled. As many: all, in the order of the file. More: every ray is split into equal parts, some into
-        one part more than others. Splitting leaves each ray's flux as it is, so a result is exactly that of the whole
-        file, and its noise too: a file of n rays never gives more than n rays do. Jitter would only hide that, and blur
-        the source.
+        Fewer than the file holds: a random choice without replacement, because files are not always shuffled. As many:
+        all, in the order of the file. More: every ray is split into equal parts, some into one part more than others;
+        so a result, and its noise, are exactly those of the whole file. Jitter would only hide that, and blur the
+        source.
         """
         if count < 1:
             raise InputError(f"{count} rays: at least 1")
@@ -209,10 +206,7 @@ class RaySetEmitter:
         return self._only(np.sort(order[:training])), self._only(np.sort(order[training:]))
 
     def outline(self) -> Float[np.ndarray, "k 3"]:
-        """Convex hull (mm) of the points where 95 % of the forward flux crosses, or seems to cross, a plane.
-
-        It is the plane z = 0 of the source before it was turned, tilted and shifted to its place.
-        """
+        """Corners (mm) as of :func:`outline_of`."""
         return self._outline
 
     @cached_property

@@ -42,8 +42,7 @@ class SourcePose:
 
     def directions(self, own: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """Rotate directions from the source's own coordinates to lens coordinates."""
-        placed: Float[np.ndarray, "n 3"] = own @ self.rotation.T
-        return placed
+        return np.asarray(own @ self.rotation.T)
 
     def placed(self, rays: RayBundle) -> RayBundle:
         """Move rays of the source's own coordinates to lens coordinates."""

@@ -41,8 +41,9 @@ def read_spectrum_file(path: Path) -> Columns:
         if len(words) > 1 and _is_number(words[0]):
             raise InputError(f"{path}, line {number}: not two columns of numbers; wavelength (nm) and power")
         if _ANOTHER_KIND.match(text):
+            shown = "".join(character if character.isprintable() else "?" for character in text[:40])
             raise InputError(
-                f"{path}, line {number}: {_shown(text)!r}: only continuous, radiometric spectra are read; export it so"
+                f"{path}, line {number}: {shown!r}: only continuous, radiometric spectra are read; export it so"
             )
     if first == len(lines):
         raise InputError(f"{path}: not two columns of numbers: it has none; wavelength (nm) and relative power density")
@@ -109,10 +110,6 @@ def _is_number(word: str) -> bool:
         return False
 
 
-def _shown(line: str) -> str:
-    return "".join(character if character.isprintable() else "?" for character in line[:40])
-
-
 _LIGHT_NM = 1.0, 1e7  # from X-rays to 1 cm: other wavelengths come from a damaged file
 _FINEST_NM = 1e-6  # between two wavelengths; slopes over less are rounding
 _LEAST_PEAK, _LARGEST_PEAK = 1e-30, 1e30  # of a density in any unit: its sums stay within floating point
@@ -150,8 +147,7 @@ class Spectrum:
         cell, rest = choose(self._cumulative, numbers)
         place = linear_inverse(self.power_density[cell], self.power_density[cell + 1], rest)
         low = self.wavelengths_nm[cell]
-        wavelengths: Float[np.ndarray, " n"] = low + place * (self.wavelengths_nm[cell + 1] - low)
-        return wavelengths
+        return np.asarray(low + place * (self.wavelengths_nm[cell + 1] - low))
 
     def share_up_to(self, wavelength_nm: float) -> float:
         """Share of the power at wavelengths up to ``wavelength_nm``, exact."""
@@ -195,8 +191,7 @@ class WavelengthDraw:
 def usable_wavelengths(wavelengths_nm: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
     """Mask of the wavelengths that light can have."""
     with np.errstate(invalid="ignore"):
-        usable: Bool[np.ndarray, " n"] = (wavelengths_nm >= _LIGHT_NM[0]) & (wavelengths_nm < _LIGHT_NM[1])
-        return usable
+        return (wavelengths_nm >= _LIGHT_NM[0]) & (wavelengths_nm < _LIGHT_NM[1])
 
 
 @dataclass

@@ -27,19 +27,22 @@ def measured(of, error, count, noise_mm=3e-4, seed=3):
     return u * (of.radius(u) + error(u))[:, None] + noise[:, None] * of.normal(u)
 
 
+def motions(of, u):
+    """Changes along the normal of the surface by small rigid motions: rotations, then translations."""
+    normals = of.normal(u)
+    return np.concatenate([np.cross(u * of.radius(u)[:, None], normals), normals], axis=1)
+
+
+def cosine(of, u):
+    """Cosine between rays and normals: as much of a radial change lies along the normal."""
+    return np.sum(of.normal(u) * u, axis=1)
+
+
 def without_motion(of, error):
     """``error`` less the rigid motion of the surface that is nearest to it."""
     u = fibonacci_hemisphere(4000)
-
-    def motions(at):
-        normals = of.normal(at)
-        return np.concatenate([np.cross(at * of.radius(at)[:, None], normals), normals], axis=1)
-
-    def cosine(at):
-        return np.sum(of.normal(at) * at, axis=1)
-
-    motion = np.linalg.lstsq(motions(u), error(u) * cosine(u), rcond=None)[0]
-    return lambda at: error(at) - motions(at) @ motion / cosine(at)
+    motion = np.linalg.lstsq(motions(of, u), error(u) * cosine(of, u), rcond=None)[0]
+    return lambda at: error(at) - motions(of, at) @ motion / cosine(of, at)
 
 
 class CutAgain(Surface):
@@ -69,7 +72,7 @@ class CutAgain(Surface):
 
     def along_normals(self, u):
         """The error along the normal (mm)."""
-        return self.radius(u) * np.sum(self.of.normal(u) * u, axis=1)
+        return self.radius(u) * cosine(self.of, u)
 
 
 class Uncorrected(Surface):

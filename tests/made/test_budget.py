@@ -23,9 +23,7 @@ class KnownParts:
         self.measured = 0
         factors = tuple(Factor(name, name, "mm", 1.0, 0.1, "spread", "normal", 1) for name in widths)
         self.study = SimpleNamespace(
-            factors=factors,
-            recipe=SimpleNamespace(parts=COUNT),
-            excess=lambda values: values[..., :1] - bound,
+            factors=factors, recipe=SimpleNamespace(parts=COUNT), excess=lambda values: values[..., :1] - bound
         )
 
     def metric(self, scales: dict[str, float]) -> np.ndarray:

@@ -77,13 +77,6 @@ def test_a_photograph_needs_a_plane(tmp_path: Path) -> None:
         lf.compare(lf.evaluate(made, rays=64), on=tmp_path / "on.png")
 
 
-def test_arguments_of_the_other_comparison_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="compare: corners, gamma: of no use in a comparison with points"):
-        lf.compare(LENS, points=tmp_path / "b.csv", surface="inner", corners=[(0, 0)] * 4, gamma=2.2)
-    with pytest.raises(InputError, match="compare: surface: of no use in a comparison with a photograph"):
-        lf.compare(lf.evaluate(LENS, rays=64), on=tmp_path / "a.png", surface="inner")
-
-
 def test_measured_points_are_compared(folder: Path) -> None:
     np.savetxt(folder / "cloud.csv", probed(LENS.inner, 4000, noise_mm=0.0005), delimiter=",", header="x,y,z")
     done = run(folder, "--points", folder / "cloud.csv", "--surface", "inner", "--rays", 8192)
@@ -107,18 +100,12 @@ def test_points_on_half_of_the_surface_are_refused(folder: Path) -> None:
         ([], "--on PHOTO"),
         (["--on", "a.png", "--points", "b.csv"], "--on PHOTO"),
         (["--on", "a.png"], "a.png: no such file"),
-        (
-            ["--points", "b.csv"],
-            "surface = None: must be one of inner, outer",
-        ),
-        (
-            ["--points", "b.csv", "--surface", "side"],
-            "surface = 'side': must be one of inner, outer",
-        ),
+        (["--points", "b.csv"], "surface = None: must be one of inner, outer"),
+        (["--points", "b.csv", "--surface", "side"], "surface = 'side': must be one of inner, outer"),
         (["--points", "b.csv", "--surface", "outer"], "no such file"),
         (
-            ["--points", "b.csv", "--surface", "outer", "--off", "a.png", "--gamma", "2.2"],
-            "compare: off, gamma: of no use in a comparison with points; leave it out",
+            ["--points", "b.csv", "--surface", "outer", "--off", "a.png", "--gamma", "2.2", "--corners", *["1,2"] * 4],
+            "compare: off, corners, gamma: of no use in a comparison with points; leave it out",
         ),
         (
             ["--on", "a.png", "--rays", "64", "--surface", "outer", "--registration", "none"],

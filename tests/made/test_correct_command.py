@@ -87,8 +87,6 @@ def test_another_step_is_refused(folder: Path) -> None:
     [
         (["--surface", "inner"], "--points"),
         (["--points", "points.csv"], "--surface"),
-        (["--points", "nowhere.csv", "--surface", "inner"], "nowhere.csv: no such file"),
-        (["--points", "points.csv", "--surface", "inner", "--wavelength", "0.2"], "wavelength_mm = 0.2: must be from"),
         (["--points", "points.csv", "--surface", "inner", "--gain", "-1"], "gain = -1: must be above 0"),
         (["--points", "points.csv", "--surface", "inner", "--wavelength", "0"], "0.0 is not in the range"),
     ],

@@ -12,21 +12,15 @@ from multiprocessing import forkserver
 from pathlib import Path
 
 import pytest
-from scenes import random_surface, small_spec
+from parts import lens_with
+from scenes import small_spec
 
 import lensforge as lf
 from lensforge.errors import InputError
 from lensforge.results.cluster import connected, require_scheduler, versions
-from lensforge.scene.lens import Lens
 
 dask = pytest.importorskip("dask")
 distributed = pytest.importorskip("distributed")
-
-
-def small_lens():
-    return Lens.double(
-        random_surface(1, 3.0, 0.01, (9, 25)), random_surface(2, 6.0, 0.01, (9, 25)), small_spec(), 0, "draft"
-    )
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +47,7 @@ def few_rays(monkeypatch):
 
 
 def study(**others):
-    found = lf.tolerance(small_lens(), parts=40, rays=2**10, budget=False, **others)
+    found = lf.tolerance(lens_with(), parts=40, rays=2**10, budget=False, **others)
     return found.model_copy(update={"seconds": 0.0})
 
 

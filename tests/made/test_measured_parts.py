@@ -10,13 +10,13 @@ from parts import lens_with, study_of
 
 from lensforge.errors import Cancelled, InputError
 from lensforge.made import measured_parts
-from lensforge.made.measured_parts import KeptParts, MeasuredParts, Threads
+from lensforge.made.measured_parts import KeptParts, MeasuredParts, by_threads
 from lensforge.made.yield_study import measure_yield
 from lensforge.results.stage_result import with_checksum
 
 
 def _parts(study, file=None, progress=None) -> MeasuredParts:
-    return MeasuredParts(study, Threads(), KeptParts.of(file, study), progress)
+    return MeasuredParts(study, by_threads, KeptParts.of(file, study), progress)
 
 
 def test_an_interrupted_study_goes_on_to_the_same_bits(tmp_path) -> None:

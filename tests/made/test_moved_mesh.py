@@ -65,8 +65,7 @@ def _through(mesh: trimesh.Trimesh, normals: np.ndarray, p: np.ndarray, d: np.nd
 
 
 @pytest.mark.parametrize(
-    ("lens", "face"),
-    first_by_day(1, [(LENS, FACE), (LENS, Displacement()), (Displacement(), FACE)]),
+    ("lens", "face"), first_by_day(1, [(LENS, FACE), (LENS, Displacement()), (Displacement(), FACE)])
 )
 def test_rays_leave_moved_faces_as_they_leave_their_meshes(lens: Displacement, face: Displacement) -> None:
     rays = SquareEmitter(1.0).sample(64, 3)

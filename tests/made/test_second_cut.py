@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from measured_lenses import directions, lens
 from nightly import first_by_day
-from second_cuts import CutAgain, Uncorrected, machine_error, measured, without_motion
+from second_cuts import CutAgain, Uncorrected, cosine, machine_error, measured, without_motion
 
 import lensforge as lf
 from lensforge.cad.patch import fit_patch
@@ -58,7 +58,7 @@ def test_the_second_cut_is_within_a_micrometre(corrected, side, registration):
     """The oracle reads the STEP by the CAD kernel, and adds the machine's error to it."""
     found, again, error = corrected(side, registration)
     u = directions(20000, 77)
-    first = 1e3 * error(u) * np.sum(getattr(LENS, side).normal(u) * u, axis=1)
+    first = 1e3 * error(u) * cosine(getattr(LENS, side), u)
     second = 1e3 * again.along_normals(u)
     assert np.abs(first).max() > 3.5
     assert rms(second) < 0.2 and np.abs(second).max() < 1.0
@@ -92,7 +92,7 @@ def test_the_second_cut_has_the_light_of_the_design(corrected, side):
 def test_half_a_gain_leaves_half(corrected):
     found, again, error = corrected("inner", "rigid", gain=0.5, wavelength_mm=1.5, rays=64)
     u = directions(5000, 5)
-    first = error(u) * np.sum(LENS.inner.normal(u) * u, axis=1)
+    first = error(u) * cosine(LENS.inner, u)
     assert np.polyfit(first, again.along_normals(u), 1)[0] == pytest.approx(0.515, abs=0.02)  # of the wave, 0.885 pass
     assert found.expected_um.rms == pytest.approx(1e3 * rms(again.along_normals(u)), rel=0.1)
     assert found.gain == 0.5 and found.wavelength_given and found.conditions.rays == 64

@@ -3,7 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from nightly import scaled
-from scenes import random_surface, small_spec, tolerance_changes
+from parts import lens_with
+from scenes import random_surface, small_spec
 
 from lensforge.light.evaluation import evaluate_lens
 from lensforge.light.evaluation_result import LightMetrics
@@ -20,13 +21,8 @@ from lensforge.surfaces.srbf import fibonacci_hemisphere
 RAYS = 8192
 
 
-def small_lens(roughness=0.01, tolerances=None):
-    inner, outer = random_surface(1, 3.0, roughness, (9, 25)), random_surface(2, 6.0, roughness, (9, 25))
-    return Lens.double(inner, outer, small_spec(**tolerance_changes(tolerances or {})), 0, "draft")
-
-
 def test_every_tolerance_is_named_and_nothing_changes_without_one():
-    lens = small_lens()
+    lens = lens_with()
     found = measure_sensitivity(lens, rays=1024)
     assert found.inputs == {"lens": lens.sha256}
     names = " ".join(row.name for row in found.rows)
@@ -36,13 +32,13 @@ def test_every_tolerance_is_named_and_nothing_changes_without_one():
         assert row.change.nmse.value == pytest.approx(row.metrics.nmse.value - found.nominal.nmse.value)
     assert any(abs(row.change.nmse.value) > 1e-6 for row in found.rows)
     tiny = {name: 1e-9 * amount for name, amount in PRESET_AMOUNTS["standard"].items() if amount > 0.0}
-    still = measure_sensitivity(small_lens(tolerances=tiny), rays=1024)
+    still = measure_sensitivity(lens_with(tiny), rays=1024)
     assert max(abs(row.change.nmse.value) for row in still.rows) < 1e-4
     assert max(row.change.nmse.standard_error for row in still.rows) < 1e-3
 
 
 def test_a_shift_is_along_one_axis_and_a_form_error_has_its_rms():
-    lens = small_lens(roughness=0.06)
+    lens = lens_with(roughness=0.06)
     study = PartStudy(Recipe(lens, 1, 256, 0, 256))
     found = {}
     for factor in study.factors:
@@ -61,7 +57,7 @@ def test_a_shift_is_along_one_axis_and_a_form_error_has_its_rms():
 
 
 def test_the_lens_as_designed_is_that_of_its_evaluation():
-    lens = small_lens()
+    lens = lens_with()
     source, preset = build_source(lens.spec.source), PRESETS["draft"]
     nominal = measure_sensitivity(lens, rays=1024).nominal
     light = evaluate_lens(lens, source, preset, rays=1024)
@@ -129,7 +125,7 @@ def test_common_rays_leave_little_noise(changes):
 
 
 def test_the_table_is_the_same_when_read_back_and_says_how_far_it_is(tmp_path):
-    lens, steps = small_lens(), []
+    lens, steps = lens_with(), []
     found = measure_sensitivity(lens, rays=1024, progress=lambda done, total: steps.append((done, total)))
     found.write(tmp_path)
     assert Sensitivity.read(tmp_path) == found

@@ -1,65 +1,40 @@
 import inspect
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from measured_lenses import dent, directions, lens, probed
 from nightly import first_by_day
+from second_cuts import cosine, motions, without_motion
 
 from lensforge.cad.patch import fit_patch
 from lensforge.errors import InputError
 from lensforge.light.evaluation import evaluate_lens
 from lensforge.made.first_cut import FirstCut, Request, coverage
-from lensforge.made.measured_surface import FacePixels, compare_surface
+from lensforge.made.measured_surface import ChangedLens, FacePixels, compare_surface
 from lensforge.made.measurement_result import DeviationExtent, SurfaceComparison
 from lensforge.results import Metric
-from lensforge.sources.build_source import build_source
 from lensforge.spec.accuracy import PRESETS
+from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.srbf import SrbfSurface
 from lensforge.surfaces.surface import Surface
 
 LENS = lens()
-PATCH = fit_patch(LENS.outer)
+PATCH, (TRACED, _) = fit_patch(LENS.outer), ChangedLens.of(LENS, "outer", 16384)
 ROTATION, SHIFT = np.array([0.03, -0.05, 0.08]), np.array([0.4, -0.3, 0.2])
 HEIGHT = 0.02
-
-
-def without_motion(u, radial):
-    """``radial`` less the share that a small rigid motion explains: no registration can tell it from a motion."""
-    normals = LENS.outer.normal(u)
-    points = u * LENS.outer.radius(u)[:, None]
-    along = radial * np.sum(normals * u, axis=1)
-    motions = np.concatenate([np.cross(points, normals), normals], axis=1)
-    return along - motions @ np.linalg.lstsq(motions, along, rcond=None)[0]
-
-
-def recovered(cloud):
-    cut = FirstCut.of(LENS.outer, PATCH, cloud, Request())
-    u = directions(3000, 99)
-    return cut, np.sum(LENS.outer.normal(u) * u, axis=1) * cut.likeliest.change.radius(u), u
 
 
 @pytest.mark.parametrize("noise", first_by_day(1, [0.002, 0.0]))
 def test_a_deformation_is_found_in_a_moved_cloud(noise):
     cloud = probed(LENS.outer, 5000, height_mm=HEIGHT, noise_mm=noise, rotation=ROTATION, shift=SHIFT)
-    cut, found, u = recovered(cloud)
-    wanted = without_motion(u, dent(u, HEIGHT))
+    cut, u = FirstCut.of(LENS.outer, PATCH, cloud, Request()), directions(3000, 99)
+    found = cosine(LENS.outer, u) * cut.likeliest.change.radius(u)
+    wanted = cosine(LENS.outer, u) * without_motion(LENS.outer, lambda at: dent(at, HEIGHT))(u)
     error = np.sqrt(np.mean((found - wanted) ** 2))
     assert error < 0.02 * HEIGHT + 0.25 * noise
     assert np.corrcoef(found, wanted)[0, 1] > 0.99
     assert cut.left_um(cut.likeliest) == pytest.approx(1e3 * noise, abs=0.2)
-
-
-@dataclass(frozen=True)
-class RaisedSphere(Surface):
-    """A sphere of radius 1 whose centre is 1/2 above the origin, times ``size_mm``."""
-
-    size_mm: float
-    detail_rad = 0.3
-
-    def radius(self, directions):
-        z = directions[:, 2]
-        return self.size_mm * (0.5 * z + np.sqrt(0.75 + 0.25 * z**2))
 
 
 def test_the_mean_square_of_the_form_is_over_the_area_of_the_face():
@@ -67,18 +42,18 @@ def test_the_mean_square_of_the_form_is_over_the_area_of_the_face():
 
     Over solid angle it is 0.205, over the chart 0.162.
     """
-    sphere = RaisedSphere(8.0)
+    raised = sphere(8.0, 4.0)
 
-    class Raised(Surface):
+    class Change(Surface):
         detail_rad = 0.3
 
         def radius(self, directions):
-            normals = directions * sphere.radius(directions)[:, None] / sphere.size_mm - [0.0, 0.0, 0.5]
+            normals = directions * raised.radius(directions)[:, None] / 8.0 - [0.0, 0.0, 0.5]
             return 4e-3 * normals[:, 2] / np.sum(normals * directions, axis=1)
 
-    pixels = FacePixels.of(fit_patch(sphere))
+    pixels = FacePixels.of(fit_patch(raised))
     assert np.nansum(pixels.area_mm2) == pytest.approx(3.0 * np.pi * 8.0**2, rel=1e-3)
-    height, inside = pixels.map_um(Raised()), np.isfinite(pixels.area_mm2)
+    height, inside = pixels.map_um(Change()), np.isfinite(pixels.area_mm2)
     extent = DeviationExtent.of(height[inside], pixels.area_mm2[inside])
     assert extent.rms == pytest.approx(4.0 * np.sqrt(0.25), rel=5e-4)
     assert (extent.max, extent.pv) == (pytest.approx(4.0, rel=1e-6), pytest.approx(6.0, rel=1e-2))
@@ -94,9 +69,7 @@ def test_coverage_is_the_share_of_the_hemisphere():
 def compared():
     def run(height):
         cloud = probed(LENS.outer, 3000, height_mm=height, noise_mm=0.0005, rotation=ROTATION, shift=SHIFT)
-        return compare_surface(
-            cloud, lens=LENS, side="outer", source=build_source(LENS.spec.source), preset=PRESETS["draft"], rays=16384
-        )
+        return compare_surface(cloud, TRACED)
 
     return run
 
@@ -136,11 +109,9 @@ def deformed_part(height):
     outer, u = LENS.outer, directions(4000, 21)
     weights = np.zeros(outer.basis.size)
     weights[-81:] = height * np.random.default_rng(8).normal(size=81)
-    values, normals = outer.basis.evaluate(u), outer.normal(u)
-    cosine = np.sum(normals * u, axis=1)
-    motions = np.concatenate([np.cross(u * outer.radius(u)[:, None], normals), normals], axis=1)
-    share = np.linalg.lstsq(motions, cosine * (values @ weights), rcond=None)[0]
-    weights -= np.linalg.lstsq(values, motions @ share / cosine, rcond=None)[0]
+    values, along, moves = outer.basis.evaluate(u), cosine(outer, u), motions(outer, u)
+    share = np.linalg.lstsq(moves, along * (values @ weights), rcond=None)[0]
+    weights -= np.linalg.lstsq(values, moves @ share / along, rcond=None)[0]
     return replace(
         LENS, surfaces={**LENS.surfaces, "outer": SrbfSurface(outer.basis, outer.weights_mm + weights, outer.offset_mm)}
     )
@@ -149,17 +120,11 @@ def deformed_part(height):
 @pytest.mark.parametrize("registration", first_by_day(1, ["rigid", "shift", "none"]))
 def test_the_light_is_that_of_the_deformed_lens(registration):
     """The oracle is the tracer on the true part."""
-    part, source, preset = deformed_part(0.05), build_source(LENS.spec.source), PRESETS["draft"]
-    true = evaluate_lens(part, source, preset).map
-    motion = {
-        "rigid": {"rotation": ROTATION, "shift": SHIFT},
-        "shift": {"shift": SHIFT},
-        "none": {},
-    }[registration]
+    part = deformed_part(0.05)
+    true = evaluate_lens(part, TRACED.source, PRESETS["draft"]).map
+    motion = {"rigid": {"rotation": ROTATION, "shift": SHIFT}, "shift": {"shift": SHIFT}, "none": {}}[registration]
     cloud = probed(part.outer, 3000, noise_mm=0.0005, **motion)
-    found = compare_surface(
-        cloud, lens=LENS, side="outer", source=source, preset=preset, rays=16384, registration=registration
-    )
+    found = compare_surface(cloud, TRACED, registration)
     left, before = found.irradiance_measured - true, found.irradiance_design - true
     assert np.sum(left**2) < 0.05 * np.sum(before**2)
     assert found.nmse_between > 1e-3
@@ -168,26 +133,12 @@ def test_the_light_is_that_of_the_deformed_lens(registration):
 
 
 def test_a_registration_of_no_kind_is_input_error():
-    given = {
-        "lens": LENS,
-        "side": "outer",
-        "source": build_source(LENS.spec.source),
-        "preset": PRESETS["draft"],
-        "rays": 64,
-    }
     bare = inspect.unwrap(compare_surface)  # without the types that only the tests check
     with pytest.raises(InputError, match="registration = 'loose': must be one of rigid, shift, none"):
-        bare(probed(LENS.outer, 200), **given, registration="loose")
+        bare(probed(LENS.outer, 200), TRACED, "loose")
 
 
 def test_half_a_surface_is_no_face():
     cloud = probed(LENS.outer, 2500)
     with pytest.raises(InputError, match=r"points: 1[45]\.?\d* mm apart.* over all of the face"):
-        compare_surface(
-            cloud[cloud[:, 0] > 0.0],
-            lens=LENS,
-            side="outer",
-            source=build_source(LENS.spec.source),
-            preset=PRESETS["draft"],
-            rays=64,
-        )
+        compare_surface(cloud[cloud[:, 0] > 0.0], TRACED)

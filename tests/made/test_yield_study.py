@@ -1,7 +1,6 @@
 """Parts of a study against closed forms of small errors, and the yield against binomial statistics."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -171,8 +170,13 @@ def result() -> Yield:
     return measure_yield(lens_with(), parts=48, rays=1024, with_budget=False)
 
 
-def test_noise_that_outweighs_the_spread_is_said_and_no_two_parts_are_made_alike() -> None:
-    few = measure_yield(lens_with(), parts=48, rays=128, with_budget=False)
+@pytest.fixture(scope="module")
+def few() -> Yield:
+    """By so few rays that their noise outweighs the spread of some metrics."""
+    return measure_yield(lens_with(), parts=48, rays=128, with_budget=False)
+
+
+def test_noise_that_outweighs_the_spread_is_said_and_no_two_parts_are_made_alike(few: Yield) -> None:
     undecided = {name for name, spread in few.metrics.items() if spread.undecided}
     assert "rsd" in undecided
     shown = {row.title: row.line for row in spread_rows(few)}
@@ -184,8 +188,7 @@ def test_noise_that_outweighs_the_spread_is_said_and_no_two_parts_are_made_alike
         assert any(note.startswith(f"{name}: undecided which parts pass") for note in few.notes)
 
 
-def test_few_rays_make_no_impossible_figure_and_noise_keeps_its_state_wherever_it_is_stored() -> None:
-    few = measure_yield(lens_with(), parts=48, rays=128, with_budget=False)
+def test_few_rays_make_no_impossible_figure_and_noise_keeps_its_state_wherever_it_is_stored(few: Yield) -> None:
     assert few.column("rsd").min() >= 0.0 and few.metrics["rsd"].p5 >= 0.0
     assert few.column("uniformity").min() >= 0.0 and few.column("uniformity").max() <= 1.0
     undecided = {name for name, spread in few.metrics.items() if spread.undecided}
@@ -271,28 +274,19 @@ def test_limits_of_the_same_name_are_metrics_of_their_own() -> None:
     assert len(study.bounds) == 3
 
 
-def test_tolerances_of_ones_own_are_named_in_the_record() -> None:
-    import lensforge as lf
-
-    lens, own = lens_with(), lf.PartTolerances(preset="moulded", outer={"gap_mm": 0.1})
-    found = lf.tolerance(lens, parts=40, rays=256, budget=False, tolerances=own)
-    assert found.conditions.name.startswith("own_")
-    with pytest.raises(InputError, match="no_such"):
-        lf.tolerance(lens, tolerances="no_such")
-
-
 def test_other_tolerances_name_themselves() -> None:
     import lensforge as lf
 
     lens = lens_with()
-    own = lf.tolerance(lens, parts=40, rays=256, budget=False)
-    other = lf.tolerance(lens, parts=40, rays=256, budget=False, tolerances=lf.TolerancesSection(preset="precision"))
-    assert own.conditions is None
-    assert other.conditions is not None
-    assert other.conditions.name == "precision"
+    given = None, lf.TolerancesSection(preset="precision"), lf.PartTolerances(preset="moulded", outer={"gap_mm": 0.1})
+    plain, other, own = (
+        lf.tolerance(lens, parts=40, rays=256, budget=False, tolerances=tolerances) for tolerances in given
+    )
+    assert plain.conditions is None and other.conditions.name == "precision"
+    assert own.conditions.name.startswith("own_")
     names = {_name_of(lf.PartTolerances(preset="precision", outer={"gap_mm": gap})) for gap in (0.1, 0.2)}
-    assert len(names) == 2
-    assert "precision" not in names
-    assert other.inputs["lens"] == own.inputs["lens"] == lens.sha256
-    assert other.metrics["nmse"].spread < own.metrics["nmse"].spread
-    assert replace(lens) == lens
+    assert len(names) == 2 and "precision" not in names
+    assert other.inputs["lens"] == plain.inputs["lens"] == lens.sha256
+    assert other.metrics["nmse"].spread < plain.metrics["nmse"].spread
+    with pytest.raises(InputError, match="no_such"):
+        lf.tolerance(lens, tolerances="no_such")

@@ -2,45 +2,22 @@
 
 from functools import partial
 
-import numpy as np
 import pytest
+from scenes import random_surface, small_spec
 
 from lensforge.scene.lens import Lens
 from lensforge.shop.check import check_part
 from lensforge.shop.face_check import check_face
-from lensforge.spec import parse_spec
-from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
 BASE = {"diameter_mm": 16.0, "relief_step_mm": 0.4, "flange_diameter_mm": 20.0, "pocket_diameter_mm": 7.0}
 
 
 def small_lens(base=BASE, manufacture=None, **sections):
-    basis = SrbfBasis((9, 25), 1.75)
-    inner, outer = (
-        SrbfSurface(basis, h * 0.01 * np.random.default_rng(int(h)).normal(size=basis.size), h) for h in (3.0, 6.0)
-    )
-    content = {
-        "name": "shop",
-        "source": {"kind": "square", "side_mm": 0.5},
-        "lens": {
-            "levels": [9, 25],
-            "inner": {"offset_mm": 3.0},
-            "outer": {"offset_mm": 6.0},
-            "refractive_index": 1.49,
-            "material": "<PMMA> & co",
-        },
-        "constraints": {
-            "cavity_height_mm": 0.5,
-            "cavity_radius_mm": 0.5,
-            "min_thickness_mm": 0.1,
-            "max_radius_mm": 8.0,
-        },
-        "target": {"kind": "flat_top", "distance_mm": 100.0, "receiver_mm": 100.0, "width_mm": 60.0},
-        "base": base,
-        "manufacture": manufacture or {},
-        **sections,
-    }
-    return Lens.double(inner, outer, parse_spec(content, "test"), 0, "draft")
+    inner, outer = (random_surface(height, float(height), 0.01, (9, 25)) for height in (3, 6))
+    own = {"source__side_mm": 0.5, "lens__refractive_index": 1.49, "lens__material": "<PMMA> & co"}
+    own |= {"constraints__cavity_radius_mm": 0.5, "constraints__min_thickness_mm": 0.1, "constraints__max_radius_mm": 8}
+    spec = small_spec(name="shop", **own, base=base, manufacture=manufacture or {}, **sections)
+    return Lens.double(inner, outer, spec, 0, "draft")
 
 
 def quick_check(part):

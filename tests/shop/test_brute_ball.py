@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 from nightly import NIGHTLY, first_by_day
+from scenes import small_spec
 from scipy.spatial import cKDTree
 
 import lensforge as lf
@@ -18,7 +19,6 @@ from lensforge.cad.plan import make_plan
 from lensforge.scene.lens import Lens
 from lensforge.shop.check import check_lens
 from lensforge.shop.face_check import check_face
-from lensforge.spec import parse_spec
 from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.surface import to_sphere
 
@@ -47,25 +47,16 @@ def fewer_nodes(monkeypatch: pytest.MonkeyPatch) -> None:
 def designed_for_the_ball(**base: float) -> Lens:
     """A cavity that narrows upwards, and a dome that overhangs its rim a little: both rims need room."""
     inner, outer = sphere(1.6, -0.35), sphere(2.7, 0.15)
-    content = {
-        "name": "cut",
-        "source": {"kind": "square", "side_mm": 0.5},
-        "lens": {
-            "levels": [9, 25],
-            "inner": {"offset_mm": 1.4, "concave_radius_mm": BALL},
-            "outer": {"offset_mm": 3.0, "concave_radius_mm": BALL},
-        },
-        "constraints": {
-            "cavity_height_mm": 0.2,
-            "cavity_radius_mm": 0.5,
-            "min_thickness_mm": 0.3,
-            "max_radius_mm": 6.0,
-        },
-        "target": {"kind": "flat_top", "distance_mm": 100.0, "receiver_mm": 100.0, "width_mm": 60.0},
-        "base": {"height_mm": 3.0, **base},
-        "manufacture": {"cutter_radius_mm": BALL},
-    }
-    return Lens.double(inner, outer, parse_spec(content, "test"), 0, "draft")
+    spec = small_spec(
+        lens__inner={"offset_mm": 1.4, "concave_radius_mm": BALL},
+        lens__outer={"offset_mm": 3.0, "concave_radius_mm": BALL},
+        constraints__cavity_height_mm=0.2,
+        constraints__cavity_radius_mm=0.5,
+        constraints__min_thickness_mm=0.3,
+        base={"height_mm": 3.0, **base},
+        manufacture={"cutter_radius_mm": BALL},
+    )
+    return Lens.double(inner, outer, spec, 0, "draft")
 
 
 def tried(lens: Lens, mesh: trimesh.Trimesh) -> dict[str, float]:

@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 from known_shapes import exported, random_surface
-from scenes import hemisphere_directions
+from scenes import hemisphere_directions, sphere
 from scipy.spatial import cKDTree
 from shop_lenses import small_lens
 
@@ -21,7 +21,6 @@ from lensforge.shop.face_samples import AirSide
 from lensforge.shop.findings import clearance_findings
 from lensforge.spec import BaseSection
 from lensforge.surfaces import surface as chart
-from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
 INNER_MM, OUTER_MM = 0.8, 2.45
 
@@ -31,11 +30,6 @@ def lens(inner, outer, cutter_mm=1.0, wall_mm=0.5, base="cylinder"):
     offsets = {"inner_offset_mm": INNER_MM, "outer_offset_mm": OUTER_MM, "levels": [9, 25]}
     made = small_lens({"kind": base}, {"cutter_radius_mm": cutter_mm}, lens=offsets, constraints=limits)
     return Lens.double(inner, outer, made.spec, seed=0, accuracy="draft")
-
-
-def hemisphere(radius):
-    basis = SrbfBasis((9,), 1.75)
-    return SrbfSurface(basis, np.zeros(basis.size), radius)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -55,7 +49,7 @@ def rough():
 @pytest.fixture(scope="module")
 def plain():
     """Two hemispheres, without a base."""
-    return check_lens(lens(hemisphere(INNER_MM), hemisphere(OUTER_MM), wall_mm=2.0, base="none"))
+    return check_lens(lens(sphere(INNER_MM), sphere(OUTER_MM), wall_mm=2.0, base="none"))
 
 
 def verdict(check, name, surface):
@@ -70,7 +64,7 @@ def test_what_is_found_is_what_is_written_and_read(rough, plain, tmp_path):
 
 
 def test_a_part_is_checked_by_its_lens(plain):
-    part = build_part(lens(hemisphere(INNER_MM), hemisphere(OUTER_MM), wall_mm=2.0, base="none"), rings=16)
+    part = build_part(lens(sphere(INNER_MM), sphere(OUTER_MM), wall_mm=2.0, base="none"), rings=16)
     check = check_part(part)
     assert check.inputs == {"lens": part.lens.sha256}
     assert check.sha256 == plain.sha256

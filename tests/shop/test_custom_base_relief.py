@@ -4,7 +4,7 @@ from known_shapes import sampled, sphere
 from lensforge.shop.ball_clearance import read_base_mesh
 from lensforge.shop.face_samples import AirSide
 
-DOME, BALL = 2.45, 1.0
+DOME = 2.45
 
 
 def plate(tmp_path, bore, step=0.0):

@@ -4,14 +4,14 @@ from math import hypot, sqrt
 
 import numpy as np
 import pytest
+from known_shapes import sphere
 from nightly import first_by_day
-from round_surfaces import Ball
 from shop_lenses import BASE, small_lens
 
 from lensforge.scene.lens import Lens
 from lensforge.shop.dimensions import dimensions, highest_point_mm
 
-INNER, OUTER = Ball((0.3, -0.2, 0.4), 3.0), Ball((-0.5, 0.4, 0.8), 7.0)
+INNER, OUTER = sphere(3.0, (0.3, -0.2, 0.4)), sphere(7.0, (-0.5, 0.4, 0.8))
 
 
 class OfSpheres(Lens):
@@ -26,13 +26,13 @@ def sizes(lens):
 
 def apex(ball):
     x, y, z = ball.centre
-    return z + sqrt(ball.size**2 - x**2 - y**2)
+    return z + sqrt(ball.axes[0] ** 2 - x**2 - y**2)
 
 
 def rim(ball):
     """Distance from the axis, and radius, of the circle in which a sphere meets z = 0."""
-    (x, y, z), size = ball.centre, ball.size
-    return hypot(x, y), sqrt(size**2 - z**2)
+    x, y, z = ball.centre
+    return hypot(x, y), sqrt(ball.axes[0] ** 2 - z**2)
 
 
 def test_the_sizes_of_two_spheres_are_in_closed_form():
@@ -41,11 +41,11 @@ def test_the_sizes_of_two_spheres_are_in_closed_form():
     assert found.pop("outer apex above z = 0") == pytest.approx(outer, abs=1e-12)
     assert found.pop("apex of the cavity above z = 0") == pytest.approx(inner, abs=1e-12)
     assert found.pop("thickness on the axis") == pytest.approx(outer - inner, abs=1e-12)
-    assert found.pop("highest point above z = 0") == pytest.approx(OUTER.centre[2] + OUTER.size, abs=1e-9)
-    widest = 2.0 * (rim(OUTER)[0] + OUTER.size)
+    assert found.pop("highest point above z = 0") == pytest.approx(0.8 + 7.0, abs=1e-9)
+    widest = 2.0 * (rim(OUTER)[0] + 7.0)
     assert found.pop("width of the dome") == pytest.approx(widest, abs=1e-6)
     assert found.pop("largest width") == pytest.approx(widest, abs=1e-6)
-    assert found.pop("overall length") == pytest.approx(OUTER.centre[2] + OUTER.size, abs=1e-9)
+    assert found.pop("overall length") == pytest.approx(0.8 + 7.0, abs=1e-9)
     for name, ball in (("outer rim", OUTER), ("opening of the cavity", INNER)):
         _, radius = rim(ball)
         assert found.pop(f"{name} in z = 0, along x") == pytest.approx(2.0 * sqrt(radius**2 - ball.centre[1] ** 2))
@@ -101,7 +101,7 @@ def test_length_and_width_are_those_of_the_whole_part(base, below, width):
     assert found["largest width"] == pytest.approx(found["width of the dome"] if width is None else width)
 
 
-@pytest.mark.parametrize("ball", [Ball((0.7, -0.4, 0.3), 5.0), Ball((0.0, 0.0, 0.3), 5.0)])
+@pytest.mark.parametrize("ball", [sphere(5.0, (0.7, -0.4, 0.3)), sphere(5.0, (0.0, 0.0, 0.3))])
 def test_the_highest_point_is_found_off_the_apex_and_between_the_samples(ball):
     """A sphere is highest above its centre."""
     assert highest_point_mm(ball) == pytest.approx((*ball.centre[:2], 5.3), abs=1e-5)

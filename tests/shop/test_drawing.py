@@ -360,5 +360,5 @@ def test_another_revision_is_read_from_a_file_and_wrong_ones_are_a_line(tmp_path
     ],
 )
 def test_the_index_has_its_wavelength(material, words):
-    lens = small_lens(lens={"levels": [9], "inner": {"offset_mm": 3.0}, "outer": {"offset_mm": 6.0}, **material})
+    lens = small_lens(lens={"levels": [9, 25], "inner": {"offset_mm": 3.0}, "outer": {"offset_mm": 6.0}, **material})
     assert index_wavelength(lens).startswith(words)

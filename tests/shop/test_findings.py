@@ -33,12 +33,7 @@ NO_BASE = BallClearance(faces={}, note="there is no base")
 
 
 def cutter(radius_mm: float, largest_mm: float | None, reached: float = 0.6789) -> Cutter:
-    return Cutter(
-        radius_mm=radius_mm,
-        reachable_fraction=reached,
-        largest_radius_mm=largest_mm,
-        residual_mm=0.0,
-    )
+    return Cutter(radius_mm=radius_mm, reachable_fraction=reached, largest_radius_mm=largest_mm, residual_mm=0.0)
 
 
 @pytest.mark.parametrize(
@@ -187,11 +182,7 @@ def test_a_base_in_the_way_of_the_dome_is_told_how_to_clear_it(relief, base, val
         (inner(0.0, 6.0), 6.0, "; base.pocket_diameter_mm = 6 would"),
         (inner(0.2, 6.0), 6.0, "= 0.2 and base.pocket_diameter_mm = 6"),
         (inner(None, None), None, "reaches no part of the inner"),
-        (
-            CustomBaseClearance(retreat_mm=0.25, flush_fraction=0.5),
-            0.25,
-            "its file must be cut back by up to 0.25 mm",
-        ),
+        (CustomBaseClearance(retreat_mm=0.25, flush_fraction=0.5), 0.25, "its file must be cut back by up to 0.25 mm"),
         (CustomBaseClearance(retreat_mm=0.0, flush_fraction=0.5), 0.0, "clears the ball"),
     ],
 )

@@ -6,25 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from nightly import first_by_day
-from round_surfaces import Ball
+from scenes import random_surface, sphere
 from shop_lenses import small_lens
 
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
-from lensforge.shop.point_tables import (
-    COLUMNS,
-    FaceToCut,
-    GridRequest,
-    dense_tables,
-    faces_to_cut,
-    make_table,
-)
-from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
+from lensforge.shop.point_tables import COLUMNS, FaceToCut, GridRequest, dense_tables, faces_to_cut, make_table
 
-
-def rough(offset, seed):
-    basis = SrbfBasis((9, 25), 1.75)
-    return SrbfSurface(basis, 0.01 * offset * np.random.default_rng(seed).normal(size=basis.size), offset)
+ROUGH = random_surface(1, 3.0, 0.01, (9, 25)), random_surface(2, 6.0, 0.01, (9, 25))
 
 
 def lens_of(inner, outer, **manufacture):
@@ -74,7 +63,7 @@ def off_surface_nm(points, surface):
     ("scheme", "error_nm"), first_by_day(2, [("bicubic", 50.0), ("linear", 5000.0)], "a second each")
 )
 def test_a_table_read_back_and_interpolated_is_within_its_stated_error_down_to_the_rim(scheme, error_nm):
-    lens = lens_of(rough(3.0, 1), rough(6.0, 2))
+    lens = lens_of(*ROUGH)
     for name, (head, rows) in written(lens, GridRequest(error_nm=error_nm, interpolation=scheme)).items():
         assert stated_nm(head) <= error_nm
         surface = getattr(lens, name)
@@ -106,20 +95,20 @@ def test_a_table_read_back_and_interpolated_is_within_its_stated_error_down_to_t
 
 @pytest.mark.nightly("two seconds; by day tables are within their errors")
 def test_the_error_falls_with_the_order_of_the_interpolation():
-    face = FaceToCut("outer", rough(6.0, 2), 1)
+    face = FaceToCut("outer", ROUGH[1], 1)
     for scheme, order in (("bicubic", 4.0), ("linear", 2.0)):
         coarse, fine = (make_table(face, step, scheme).errors_nm(scheme, 10**6).max() for step in (0.3, 0.15))
         assert np.log2(coarse / fine) == pytest.approx(order, abs=0.7)
 
 
 def test_a_given_spacing_is_kept_and_its_error_stated():
-    for grid in dense_tables(lens_of(rough(3.0, 1), rough(6.0, 2)), [], GridRequest(spacing_mm=0.5, error_nm=1.0)):
+    for grid in dense_tables(lens_of(*ROUGH), [], GridRequest(spacing_mm=0.5, error_nm=1.0)):
         assert grid.error_nm > 1.0, "the spacing decides"
         assert 0.3 < grid.spacing_mm < 0.6
 
 
 def test_the_tables_of_a_mould_are_scaled_and_their_air_is_where_the_lens_has_material():
-    plain = lens_of(Ball((0.0, 0.0, 0.0), 3.0), Ball((0.0, 0.0, 0.0), 6.0), make="insert")
+    plain = lens_of(sphere(3.0), sphere(6.0), make="insert")
     shrunk = replace(plain, spec=plain.spec.replace({"manufacture.shrinkage": 0.005}))
     for scale, lens in ((1.0, plain), (1.005, shrunk)):
         for name, size, air in (("inner", 3.0, 1.0), ("outer", 6.0, -1.0)):
@@ -139,7 +128,7 @@ def test_the_tables_of_a_mould_are_scaled_and_their_air_is_where_the_lens_has_ma
     ],
 )
 def test_a_request_that_cannot_be_met_is_one_line(request_of, line):
-    lens = lens_of(Ball((0.0, 0.0, 0.0), 3.0), Ball((0.0, 0.0, 0.0), 6.0))
+    lens = lens_of(sphere(3.0), sphere(6.0))
     with pytest.raises(InputError, match=line) as caught:
         dense_tables(lens, [], GridRequest(**request_of))
     assert "\n" not in str(caught.value)
@@ -147,7 +136,7 @@ def test_a_request_that_cannot_be_met_is_one_line(request_of, line):
 
 def test_the_table_has_the_whole_face_with_its_normals_and_the_extension_is_on_the_face():
     """Of a coarse table six rings of 15 degrees would not do: the next one would lie far below the rim."""
-    for face in faces_to_cut(lens_of(rough(3.0, 1), rough(6.0, 2))):
+    for face in faces_to_cut(lens_of(*ROUGH)):
         for spacing in (0.3, 3.0):
             table = make_table(face, spacing, "bicubic")
             rows = table.rows

@@ -72,6 +72,8 @@ OUTER_BASES = [
     {"height_mm": 3.0, "diameter_mm": 25.4, "relief_step_mm": 0.2},
     {"height_mm": 3.0, "diameter_mm": 25.4, "relief_step_mm": 0.5, "relief_setback_mm": 0.005},
     {"height_mm": 3.0, "diameter_mm": 25.4, "relief_step_mm": 0.9, "relief_setback_mm": 0.3},
+    {"height_mm": 2.0, "diameter_mm": 4.0},  # below the dome only a step has a wall
+    {"height_mm": 2.0, "diameter_mm": 4.0, "relief_step_mm": 0.5},
 ]
 
 
@@ -91,7 +93,7 @@ def test_the_dome_needs_a_step_and_a_wall_and_a_low_flange(sizes: dict[str, floa
         set_back = [RIM_OUT - wall(*each) if wall(*each) < at - CLEAR_MM else 0.0 for each in contacts]
     else:
         depth = present or (sizes["height_mm"] if sizes["diameter_mm"] / 2.0 > RIM_OUT else 0.0)
-        set_back = wall_retreat_mm(faces[1].samples, BALL, depth).tolist()
+        set_back = wall_retreat_mm(faces[1].samples, BALL, depth).tolist() if depth else [0.0] * len(contacts)
     (one, two, three), clear = judged(faces[1], steps, set_back, flange)
     assert found.smallest_step_mm == pytest.approx(one, abs=2e-6)
     assert found.step_clearance_mm == pytest.approx(two, abs=2e-6)

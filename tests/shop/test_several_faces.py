@@ -15,7 +15,6 @@ from lensforge.shop.face_samples import AirSide, OpticalFace, all_points, sample
 
 # The cap and the side of a cavity, two spheres that meet in a circle at z = 0.51: 4 - (z + 0.5)^2 = 1.8^2 - z^2.
 CAP, SIDE, MET_MM = sphere(2.0, (0.0, 0.0, -0.5)), sphere(1.8), 0.51
-RADIUS_MM = np.sqrt(1.8**2 - MET_MM**2)
 
 
 @pytest.fixture(scope="module")

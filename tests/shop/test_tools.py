@@ -1,34 +1,17 @@
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from known_shapes import sampled, sphere
-from test_check import hemisphere, lens
+from scenes import sphere as hemisphere
+from test_check import lens
 
 from lensforge.shop.check import check_lens
 from lensforge.shop.face_samples import AirSide
 from lensforge.shop.tool_reach import tool_reach
 from lensforge.spec import ManufactureSection, Tool
 
-UP, DOWN = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -1.0])
 
-
-def mill(radius=0.5, shank=0.5, length=50.0, angle=45.0):
-    return Tool(name="mill", radius_mm=radius, shank_radius_mm=shank, length_mm=length, holder_half_angle_deg=angle)
-
-
-def reach(samples, tool, away, tilt=0.0):
-    everywhere = np.ones(len(samples.points), dtype=bool)
-    return tool_reach(samples, everywhere, tool, away, tilt, samples.points)
-
-
-def test_a_tilt_brings_a_short_tool_to_a_convex_dome():
-    samples = sampled(sphere(10.0), AirSide.OUTSIDE, nodes=41)
-    tool = mill(radius=1.0, shank=1.0, length=2.0, angle=80.0)
-    steps = [reach(samples, tool, UP, np.deg2rad(tilt)).reachable_fraction for tilt in (0.0, 30.0, 60.0, 90.0)]
-    assert all(before <= after for before, after in pairwise(steps))
-    assert steps[0] < 0.9 * steps[1]
-    assert steps[-1] == 1.0
+def mill(radius, shank, length):
+    return Tool(name="mill", radius_mm=radius, shank_radius_mm=shank, length_mm=length, holder_half_angle_deg=45.0)
 
 
 def checked(**manufacture):
@@ -38,13 +21,8 @@ def checked(**manufacture):
     return check_lens(type(part)(part.surfaces, spec, 0, "draft"))
 
 
-@pytest.fixture(scope="module")
-def with_tools():
-    return checked(tools=(mill(0.5, 0.4, 8.0, 45.0), mill(1.0, 1.0, 8.0, 45.0)), max_tilt_deg=60.0)
-
-
-def test_every_tool_has_its_verdict(with_tools):
-    found = with_tools
+def test_every_tool_has_its_verdict():
+    found = checked(tools=(mill(0.5, 0.4, 8.0), mill(1.0, 1.0, 8.0)), max_tilt_deg=60.0)
     small, large = found.tools
     assert small.faces["inner"].reachable_fraction == 1.0
     assert large.faces["inner"].reachable_fraction == 0.0
@@ -72,5 +50,6 @@ def test_a_thick_shank_stops_where_it_meets_the_wall():
     off, height = (a - ball) * np.sin(polar), (a - ball) * np.cos(polar)
     clear = off + shank <= np.sqrt(a**2 - height**2)
     assert 0.0 < samples.fraction(clear) < 1.0
-    found = reach(samples, mill(ball, shank), DOWN)
+    everywhere, down = np.ones(len(samples.points), dtype=bool), np.array([0.0, 0.0, -1.0])
+    found = tool_reach(samples, everywhere, mill(ball, shank, 50.0), down, 0.0, samples.points)
     assert found.reachable_fraction_untilted == pytest.approx(samples.fraction(clear), abs=0.02)

@@ -13,11 +13,7 @@ from lensforge.errors import InputError
 from lensforge.optics.material import MATERIALS
 from lensforge.optics.media import Medium
 from lensforge.sources.build_source import build_source, summarise
-from lensforge.sources.dispersion import (
-    coloured,
-    index_of_spectrum,  # fmt: skip
-    index_warnings,
-)
+from lensforge.sources.dispersion import coloured, index_of_spectrum, index_warnings
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.rayfiles.ray_file_io import write_rayfile
 from lensforge.sources.source_spectrum import Spectrum, WavelengthDraw, usable_wavelengths

@@ -1,13 +1,12 @@
-"""IES and EULUMDAT: real files against what they say of themselves, our own files read back, damaged ones refused."""
+"""IES and EULUMDAT: real files against what they say of themselves, symmetries of EULUMDAT, and the turn of C."""
 
 import numpy as np
 import pytest
 from rayfile_samples import SHARED
 
-from lensforge.errors import InputError
 from lensforge.sources.build_source import build_source
 from lensforge.sources.intensity import TabulatedIntensity
-from lensforge.sources.photometric import PhotometricFile, ies, read_photometric, write_photometric
+from lensforge.sources.photometric import PhotometricFile, read_photometric, write_photometric
 from lensforge.spec.source_sections import DiscSource
 
 FILES = SHARED / "photometry"
@@ -31,46 +30,6 @@ def test_real_ies_files():
     half = read_photometric(FILES / "LLIA001477-002.ies").intensity
     assert half.symmetry == "mirror_y"
     assert (len(half.c_deg), half.values[0, 0], half.values[16, 0]) == (17, 27.55, 27.55)
-
-
-def _ies(symmetric_to=90, tilt="NONE", kind=1, lumens=-1, multiplier=2, separator=" "):
-    planes = [str(angle) for angle in range(0, symmetric_to + 1, 45)]
-    body = [f"1 {lumens} {multiplier} 3 {len(planes)} {kind} 2 0 0 0", "1 1 10", "0 45 90", " ".join(planes)]
-    body += [f"{10 * (i % 8 + 1)} {i % 8 + 1} 0" for i in range(len(planes))]  # C 360 is C 0
-    return f"IESNA91\n[TEST] none\nTILT={tilt}\n" + "\n".join(body).replace(" ", separator)
-
-
-@pytest.mark.parametrize("symmetric_to", [0, 90, 180, 360])
-def test_ies_half_planes_are_mirrored_to_a_whole_turn(symmetric_to):
-    table = ies.decode(_ies(symmetric_to), "here").intensity
-    at = {c: float(table.at(float(c))[1]) for c in (0, 45, 90, 135, 225, 270, 315)}
-    expected = {
-        0: [2, 2, 2, 2, 2, 2, 2], 90: [2, 4, 6, 4, 4, 6, 4],
-        180: [2, 4, 6, 8, 8, 6, 4], 360: [2, 4, 6, 8, 12, 14, 16],
-    }[symmetric_to]  # fmt: skip
-    assert list(at.values()) == expected
-
-
-def test_ies_variants_and_refusals():
-    plain = ies.decode(_ies(), "here").intensity.values
-    for text in (
-        _ies(separator=","),
-        _ies(separator="\r\n"),
-        _ies(tilt="INCLUDE").replace("INCLUDE\n", "INCLUDE\n1 2 0 90 1 0.5\n"),
-    ):
-        np.testing.assert_array_equal(ies.decode(text, "here").intensity.values, plain)
-    assert ies.decode(_ies(lumens=500), "here").lamp_lumens == 500.0
-    for text, message in (
-        (_ies(kind=7), "photometric type 7"),
-        (_ies()[:-6], "truncated"),
-        (_ies().replace(" 3 3 1 2", " 1e9 3 1 2"), "count"),
-        (_ies().replace("0 45 90", "0 90 45"), "angles must rise"),
-        (_ies().replace("10 1 0", "10 x 0"), "numbers"),
-        (_ies().replace("10 1 0", "10 -1 0"), "must lie within 0"),
-        (_ies().replace("10 1 0", "10 nan 0"), "finite"),
-    ):
-        with pytest.raises(InputError, match=message):
-            ies.decode(text, "here")
 
 
 def _ldt(symmetry):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from lensforge.errors import InputError
 from lensforge.sources.photometric import read_photometric
@@ -21,26 +22,10 @@ def _ways(kind, rows_deg, columns_deg):
     Type B: up by V about the horizontal axis C 90, after a turn by H away from C 90. Type A: to the side by H about
     the vertical axis C 0, after a turn up by V towards C 0.
     """
-
-    def turn(axis, angle):
-        c, s = np.cos(angle), np.sin(angle)
-        first, second = [k for k in range(3) if k != axis]
-        matrix = np.eye(3)
-        matrix[first, first] = matrix[second, second] = c
-        matrix[first, second], matrix[second, first] = s, -s
-        return matrix
-
-    k = np.array([0.0, 0.0, 1.0])
-    found = np.zeros((len(rows_deg), len(columns_deg), 3))
-    for i, row in enumerate(np.deg2rad(rows_deg)):
-        for j, column in enumerate(np.deg2rad(columns_deg)):
-            if kind == "C":
-                found[i, j] = turn(2, -row) @ turn(1, column) @ k
-            elif kind == "B":
-                found[i, j] = turn(1, column) @ turn(0, -row) @ k
-            else:
-                found[i, j] = turn(0, -row) @ turn(1, column) @ k
-    return found
+    row, column = (each.ravel() for each in np.meshgrid(rows_deg, columns_deg, indexing="ij"))
+    axes, angles = {"C": ("ZY", (row, column)), "B": ("YX", (column, row)), "A": ("XY", (row, column))}[kind]
+    turns = Rotation.from_euler(axes, np.stack(angles, axis=1), degrees=True)
+    return turns.apply([0.0, 0.0, 1.0]).reshape(len(rows_deg), len(columns_deg), 3)
 
 
 def _ies(rows, columns, candela, kind=1, separator=" ", end="\n"):
@@ -82,6 +67,25 @@ def test_angles_that_a_type_b_file_cannot_have(tmp_path):
         _read(tmp_path, _ies([-10.0, 10.0], [0.0, 120.0], np.ones((2, 2)), kind=2))
     with pytest.raises(InputError, match="photometric type 4: 1 "):
         _read(tmp_path, _ies([-10.0, 10.0], [0.0, 12.0], np.ones((2, 2)), kind=4))
+
+
+def test_tilt_factors_are_passed_over_a_multiplier_counts_and_damaged_numbers_are_refused(tmp_path):
+    plain = _ies([0.0, 90.0], [0.0, 45.0, 90.0], [[20.0, 2.0, 0.0], [40.0, 4.0, 0.0]])
+    values = _read(tmp_path, plain).intensity.values
+    tilted = _read(tmp_path, plain.replace("TILT=NONE", "TILT=INCLUDE\n1 2 0 90 1 0.5"))
+    np.testing.assert_array_equal(tilted.intensity.values, values)
+    twice = _read(tmp_path, plain.replace("1 -1 1 3 2", "1 -1 2 3 2"))
+    np.testing.assert_array_equal(twice.intensity.values, 2.0 * values)
+    for before, after, message in (
+        ("40 4 0\n", "40 4", "truncated"),
+        (" 3 2 1 2", " 1e9 2 1 2", "count"),
+        ("0 45 90", "0 90 45", "angles must rise"),
+        ("20 2 0", "20 x 0", "numbers"),
+        ("20 2 0", "20 nan 0", "finite"),
+    ):
+        assert before in plain
+        with pytest.raises(InputError, match=message):
+            _read(tmp_path, plain.replace(before, after))
 
 
 C, GAMMA = np.arange(0.0, 181.0, 30.0), np.arange(0.0, 91.0, 10.0)

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from jaxtyping import Float
 
 from lensforge import seeds
 from lensforge.errors import InputError
@@ -177,21 +176,6 @@ def test_a_measured_source_of_another_kind_is_divided_and_turned_by_its_rays() -
     assert isinstance(smoothed(source), TurnedRays)
 
 
-def lambertian(count: int, seed: int = 0) -> RayBundle:
-    """Rays of a disc of 1 mm, caught on a plane 2 mm above it."""
-    draw = np.random.default_rng(seed)
-    radius, azimuth = np.sqrt(draw.random(count)), 2.0 * np.pi * draw.random(count)
-    sine, turn = np.sqrt(0.95 * draw.random(count)), 2.0 * np.pi * draw.random(count)
-    directions = np.stack([sine * np.cos(turn), sine * np.sin(turn), np.sqrt(1.0 - sine**2)], axis=1)
-    points = np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth), np.zeros(count)], axis=1)
-    return RayBundle(points + 2.0 / directions[:, 2:] * directions, directions, np.full(count, 1.0 / count))
-
-
-def crossings(rays: RayBundle) -> Float[np.ndarray, "n 2"]:
-    heights = rays.origins[:, 2:] / rays.directions[:, 2:]
-    return (rays.origins - heights * rays.directions)[:, :2]
-
-
 def test_a_source_of_any_number_of_rays_stays_as_it_is() -> None:
     square = SquareEmitter(1.0, 1.0)
     assert divided(square, 0.8, 1) == (square, square) and held_back(square) is searched(square) is square
@@ -203,17 +187,18 @@ def test_a_source_of_any_number_of_rays_stays_as_it_is() -> None:
 
 
 def test_what_judges_a_lens_is_no_ray_of_any_search() -> None:
-    whole = RaySetEmitter(lambertian(1_000), 2.0)
+    """Rays that start in z = 0, about which point they are turned."""
+    whole = RaySetEmitter(SquareEmitter(2.0).sample(1_000, 0), 2.0)
     judging, search = held_back(whole), searched(whole)
     assert (judging.ray_count, search.ray_count) == (300, 700) and judging.flux_w == search.flux_w == 2.0
-    rows = {tuple(np.round(row, 9)) for row in crossings(judging.sample(300, 0))}
+    rows = {tuple(np.round(row, 9)) for row in judging.sample(300, 0).origins}
     for seed in range(3):
         held, steps = ValidationRays.of(search, 80, seed)
         for sample in (steps.sample(700, seed), *held.samples):
-            assert not rows & {tuple(np.round(row, 9)) for row in crossings(sample)}
+            assert not rows & {tuple(np.round(row, 9)) for row in sample.origins}
 
 
 def test_too_few_rays_to_hold_some_back_are_refused() -> None:
-    assert held_back(RaySetEmitter(lambertian(54), 1.0)).ray_count == 16
+    assert held_back(RaySetEmitter(bundle(54), 1.0)).ray_count == 16
     with pytest.raises(InputError, match=r"source: 53 rays are too few .* at least 54"):
-        held_back(RaySetEmitter(lambertian(53), 1.0))
+        held_back(RaySetEmitter(bundle(53), 1.0))

@@ -124,6 +124,3 @@ def test_one_flux_in_summary_picture_conversion_and_source(role, tmp_path, monke
         assert load_ray_set(RayfileSource(file=tmp_path / "led")).flux_w == pytest.approx(truth, rel=1e-6)
         kept = read_rayfile(tmp_path / "led")
         assert kept.flux_factor() * kept.ray_sum() == pytest.approx(truth, rel=1e-6)
-
-
-BINARY = {"tm25": 28, "zemax_binary": 28, "lighttools_binary": 28, "asap": 28, "speos": 32}

@@ -64,8 +64,7 @@ def files(tmp_path_factory):
 
 
 @pytest.mark.parametrize(
-    ("side_mm", "backward", "effective"),
-    [(1.0, 0.0099, 25_001.0), (0.05, 0.0, 25_001.0), (100.0, 0.01, 1e6)],
+    ("side_mm", "backward", "effective"), [(1.0, 0.0099, 25_001.0), (0.05, 0.0, 25_001.0), (100.0, 0.01, 1e6)]
 )
 def test_the_limits_are_those_of_the_guide(side_mm, backward, effective):
     def warned(side_mm, backward, effective):

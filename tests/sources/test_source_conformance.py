@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from radiance_samples import write_radiance
+from scenes import small_spec
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
@@ -22,7 +23,6 @@ from lensforge.sources.measured_rays import smoothed
 from lensforge.sources.photometric import PhotometricFile, write_photometric
 from lensforge.sources.radiance_emitter import RadianceTable
 from lensforge.sources.ray_bundle import Source
-from lensforge.spec import parse_spec
 from lensforge.spec.source_sections import SourceSpec
 from lensforge.surfaces.mirror_group import NAMES, contains, group
 
@@ -107,7 +107,7 @@ def _fields(kind, index, folder):
 
 def _built(fields):
     """The emitter, its light dispersed by PMMA where a spectrum is known."""
-    return build_source(_spec(fields), MATERIALS["PMMA"])
+    return build_source(small_spec(source=fields).source, MATERIALS["PMMA"])
 
 
 def _radiance(path):
@@ -134,17 +134,6 @@ def _with_far_field(fields, folder):
     values = 100.0 * (1.5 + np.sin(np.deg2rad(c)))[:, None] * np.cos(np.deg2rad(gamma)) + 5.0
     write_photometric(folder / "far.ldt", PhotometricFile(TabulatedIntensity(c, gamma, values), 1000.0))
     return {**fields, "intensity": {**FAR_FIELD, "file": str(folder / "far.ldt")}}
-
-
-def _spec(source):
-    content = {
-        "name": "case",
-        "source": source,
-        "lens": {"inner": {"offset_mm": 6.0}, "outer": {"offset_mm": 13.0}},
-        "constraints": {"cavity_height_mm": 1.0, "cavity_radius_mm": 1.6, "min_thickness_mm": 1.0, "max_radius_mm": 14},
-        "target": {"kind": "flat_top", "width_mm": 100.0, "distance_mm": 100.0, "receiver_mm": 200.0},
-    }
-    return parse_spec(content, "case").source
 
 
 def _each(names):
@@ -289,4 +278,4 @@ def test_sampling_converges_faster_than_random_points(source):
 )
 def test_a_wrong_field_is_named_as_the_user_wrote_it(source, message):
     with pytest.raises(InputError, match=message):
-        _spec(source)
+        small_spec(source=source)

@@ -10,9 +10,7 @@ from PIL import Image
 from lensforge.optics.material import MATERIALS
 from lensforge.scene.possible_light import EtendueCurve, _cells, _curve, _phase_space
 from lensforge.sources.build_source import SquareEmitter, build_source
-from lensforge.sources.dispersion import (
-    ColouredSource,  # fmt: skip
-)
+from lensforge.sources.dispersion import ColouredSource
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.source_pose import PlacedSource, SourcePose, rotation_about
 from lensforge.sources.source_spectrum import Spectrum
@@ -26,16 +24,6 @@ from lensforge.spec.source_sections import (
 )
 
 RAYS = 2**14
-
-
-def cosine_power(power: float, side_mm: float = 2.0, seed: int = 0) -> RayBundle:
-    """A square with intensity cos^power: its radiance goes with cos^(power - 1)."""
-    rng = np.random.default_rng(seed)
-    cosine, azimuth = rng.random(RAYS) ** (1.0 / (power + 1.0)), 2.0 * pi * rng.random(RAYS)
-    sine = np.sqrt(1.0 - cosine**2)
-    directions = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine], axis=1)
-    origins = np.column_stack([(rng.random((RAYS, 2)) - 0.5) * side_mm, np.zeros(RAYS)])
-    return RayBundle(origins, directions, np.full(RAYS, 1.0 / RAYS))
 
 
 SOURCES = [

@@ -234,7 +234,6 @@ def _read_at(kind: Kind, v_deg: V, h_deg: H, table: TabulatedIntensity) -> Float
         i, j, k = np.sin(v) * np.ones_like(h), -np.cos(v) * np.sin(h), np.cos(v) * np.cos(h)
     c_deg = np.rad2deg(np.arctan2(j, i)) % 360.0
     gamma_deg = np.minimum(np.rad2deg(np.arctan2(np.hypot(i, j), k)), table.gamma_deg[-1])
-    found: Float[np.ndarray, "h v"] = RegularGridInterpolator((table.c_deg, table.gamma_deg), table.values)(
-        np.stack([c_deg, gamma_deg], axis=-1)
+    return np.asarray(
+        RegularGridInterpolator((table.c_deg, table.gamma_deg), table.values)(np.stack([c_deg, gamma_deg], axis=-1))
     )
-    return found

@@ -59,14 +59,16 @@ def _decoded(content: bytes) -> str:
 
 
 _FORMATS = {entry.suffix: entry for entry in (IES, EULUMDAT, TM33)} | {".xml": TM33}
-_NAMES = "IES LM-63, EULUMDAT or TM-33"
+
 _MOST_BYTES = 16 * MIB  # a million numbers of 16 characters: more than any table that is read
 
 
 def read_photometric(path: Path) -> PhotometricFile:
     """Read an IES LM-63, EULUMDAT or TM-33 file. Raises :class:`InputError`, one line, if it cannot be used."""
     path = Path(path)
-    text, warnings = text_of(read_file(path, missing=f"give an {_NAMES} file", most_bytes=_MOST_BYTES))
+    text, warnings = text_of(
+        read_file(path, missing="give an IES LM-63, EULUMDAT or TM-33 file", most_bytes=_MOST_BYTES)
+    )
     for entry in _FORMATS.values():
         if entry.matches(text):
             found = entry.decode(text, str(path))

@@ -144,7 +144,9 @@ def decode(text: str, name: str) -> PhotometricFile:
     """The far field in ``text``; ``name`` is the file in errors. Raises :class:`InputError`."""
     root = _parsed(text, name)
     emitter, warnings = _emitter(root, name)
-    _require_type_c(root, name)
+    kind = _text(root, "Equipment/Gonioradiometer/Type")
+    if kind.replace(" ", "") not in ("", "IES_C", "CIE_C"):
+        raise InputError(f"{name}: goniometer of type {kind[:20]!r}: IES_C and CIE_C are read; export it as type C")
     intensity, more = _intensity(emitter, name)
     quantity = _number(emitter, "Quantity", name) or 1.0
     if quantity != 1.0:
@@ -199,12 +201,6 @@ def _emitter(root: ElementTree.Element, name: str) -> tuple[ElementTree.Element,
         )
     unused = len(emitters) - 1
     return lit[0], (f"{unused} emitters without luminous intensities are left out",) * bool(unused)
-
-
-def _require_type_c(root: ElementTree.Element, name: str) -> None:
-    kind = _text(root, "Equipment/Gonioradiometer/Type")
-    if kind.replace(" ", "") not in ("", "IES_C", "CIE_C"):
-        raise InputError(f"{name}: goniometer of type {kind[:20]!r}: IES_C and CIE_C are read; export it as type C")
 
 
 def _intensity(emitter: ElementTree.Element, name: str) -> tuple[TabulatedIntensity, tuple[str, ...]]:

@@ -93,8 +93,7 @@ class StoredRays:
             return chosen
         before = self.skipped - np.arange(len(self.skipped))  # usable rays in front of each row that is skipped
         numbers = np.arange(*chosen.indices(len(self))) if isinstance(chosen, slice) else chosen
-        rows: Int[np.ndarray, " k"] = numbers + np.searchsorted(before, numbers, side="right")
-        return rows
+        return numbers + np.searchsorted(before, numbers, side="right")
 
     def _of_file(self) -> _NextWavelengths | None:
         """Wavelengths drawn from the tables of the file; None where the rays have their own, or there are no tables."""
