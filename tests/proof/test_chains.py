@@ -26,7 +26,7 @@ from lens_meshes import right
 from nightly import first_by_day
 
 from lensforge.errors import InputError
-from lensforge.optics.media import FaceCoating, Media, Medium, Mirror, ReflectanceTable
+from lensforge.optics.media import OUTSIDE, FaceCoating, Media, Medium, Mirror, ReflectanceTable
 from lensforge.proof.facet_casting import Grid
 from lensforge.proof.mitsuba_cast import send_through_mitsuba
 from lensforge.proof.nonsequential_trace import Cause, Limits, PartBody, follow
@@ -44,7 +44,7 @@ from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces import asphere
 
 RAYS = rays_from(200, 1.0)
-SILVERED = (FaceCoating("wall", scene.OUTSIDE, Mirror(0.8)),)
+SILVERED = (FaceCoating("wall", OUTSIDE, Mirror(0.8)),)
 SCREEN = Screen.square(150.0, 300.0, 8)
 NO_MITSUBA = pytest.mark.skipif(find_spec("mitsuba") is None, reason="Mitsuba is not installed")
 CONE, BRIGHT_BALL = (OF_CONE, (), None), (OF_BALL, SILVERED, {"wall": 0.8})
@@ -222,9 +222,7 @@ def test_a_mirror_takes_what_it_does_not_reflect_and_a_table_splits_the_light():
     ray = RayBundle(np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), np.ones(1))
     silver, table = Mirror(0.3), ReflectanceTable((0.0, 90.0), ((0.3, 0.3),))
     first, second = (
-        send_through(
-            part, Grid(part.mesh), ray, Media(Medium(INDEX), coatings=(FaceCoating("outer", scene.OUTSIDE, each),))
-        )
+        send_through(part, Grid(part.mesh), ray, Media(Medium(INDEX), coatings=(FaceCoating("outer", OUTSIDE, each),)))
         for each in (silver, table)
     )
     entered = second.flux[0] / 0.7
