@@ -229,9 +229,10 @@ def collimator_of(spec: Spec) -> Collimator:
     cap, side = lens.cap.offset_mm, lens.side.offset_mm
     index, wall = lens.refractive_index / lens.cavity_index, limits.min_thickness_mm
     radius_mm = limits.max_radius_mm - 2.0 * limits.margin_mm
+    mirrored = lens.wall.mirror is not None
     try:
         if cap is not None and side is not None:
-            return Collimator(index, radius_mm, side, cap, draft, wall)
+            return Collimator(index, radius_mm, side, cap, draft, wall, mirrored)
         extent = source_extent(spec.source)
         clear = limits.cavity_radius_mm if extent is None else max(limits.cavity_radius_mm, extent)
         size = (clear if extent is None else max(extent, 1e-3 * radius_mm)) * 2.0**0.5
@@ -242,6 +243,7 @@ def collimator_of(spec: Spec) -> Collimator:
             _beam_rad(spec),
             draft_rad=draft,
             least_wall_mm=wall + 2.0 * limits.margin_mm,
+            mirrored=mirrored,
             clearance_mm=max(0.0, clear - size / 2.0**0.5) + 2.0 * limits.margin_mm,
             most_height_mm=np.inf if limits.max_height_mm is None else limits.max_height_mm,
         )

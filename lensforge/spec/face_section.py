@@ -20,6 +20,10 @@ class _DesignedFace(Section):
     """Surface that the search does not change, in place of ``offset_mm``."""
     coating: CoatingSection | None = None
     """Coating of the face."""
+    mirror: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
+    """Share of the light that a metal film on the face reflects at every angle, in place of a coating; the rest is
+    absorbed. Of a face of a lens for total internal reflection.
+    """
     concave_radius_mm: Millimetres | None = None
     """Least concave radius: of the ball that mills the face."""
     draft_deg: Annotated[float, Field(ge=0.0, le=25.0)] | None = None
@@ -29,6 +33,8 @@ class _DesignedFace(Section):
     def _starts_once(self) -> "_DesignedFace":
         if self.offset_mm is not None and self.fixed is not None:
             raise ValueError("give one of offset_mm, where the search starts, and fixed, a surface that stays")
+        if self.coating is not None and self.mirror is not None:
+            raise ValueError("give one of coating and mirror")
         return self
 
     @property
@@ -92,6 +98,13 @@ class LensFaces(FacesSection):
     """Face towards the source: it bounds the cavity, and the others are placed against it."""
     outer: FaceSection = Field(default_factory=FaceSection)
     """Face towards the light that is wanted."""
+
+    @model_validator(mode="after")
+    def _no_mirror(self) -> "LensFaces":
+        for name, face in self.faces.items():
+            if face.mirror is not None:
+                raise ValueError(f"{name}.mirror = {face.mirror:g}: no light would leave; it goes with kind = 'tir'")
+        return self
 
     @model_validator(mode="after")
     def _each_outside_the_one_before(self) -> "LensFaces":

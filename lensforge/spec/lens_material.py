@@ -30,7 +30,7 @@ from lensforge.optics.material import (
     by_abbe_number,
 )
 from lensforge.optics.material_files import MaterialData, read_material
-from lensforge.optics.media import CAVITY, OUTSIDE, SIDES, FaceCoating, Media, Medium
+from lensforge.optics.media import CAVITY, OUTSIDE, SIDES, FaceCoating, Media, Medium, Mirror
 from lensforge.spec.coating_section import CoatingSection, CoverGlassSection
 from lensforge.spec.face_section import FacesSection
 from lensforge.spec.spec_section import FilePath, Label, Section
@@ -291,14 +291,21 @@ class LensMaterial(FacesSection):
             absorption = float(material.absorption.at(np.array([self.design_wavelength_nm]))[0])
         glass = None if self.cover_glass is None else self.cover_glass.glass
         body = self._material or self.refractive_index
-        coatings = tuple(
-            FaceCoating(name, CAVITY if SIDES[name][0] == CAVITY else OUTSIDE, face.coating.coating(body))
-            for name, face in self.faces.items()
-            if face.coating is not None
-        )
+        coatings = []
+        for name, face in self.faces.items():
+            around = CAVITY if SIDES[name][0] == CAVITY else OUTSIDE
+            if face.mirror is not None:
+                coatings.append(FaceCoating(name, around, Mirror(face.mirror)))
+            elif face.coating is not None:
+                coatings.append(FaceCoating(name, around, face.coating.coating(body)))
         medium = Medium(self.refractive_index, absorption, self.dispersion)
         return Media(
-            medium, self.cavity_index, self.outside_index, glass, coatings, wavelength_nm=self.design_wavelength_nm
+            medium,
+            self.cavity_index,
+            self.outside_index,
+            glass,
+            tuple(coatings),
+            wavelength_nm=self.design_wavelength_nm,
         )
 
     @property

@@ -34,8 +34,9 @@ class Collimator:
     """A lens of ``index`` whose exit has ``radius_mm``; the source is at the origin, in air.
 
     ``cavity_mm``: radius of the cavity at z = 0. ``cap_mm``: height of its cap on the axis. ``draft_rad``: by which
-    its side closes upwards. ``least_wall_mm``: of the body at the base, and between cap and exit. Raises
-    :class:`InputError` where the wall would let light through, and where the body has no room.
+    its side closes upwards. ``least_wall_mm``: of the body at the base, and between cap and exit. ``mirrored``: the
+    wall reflects at every angle. Raises :class:`InputError` where the wall would let light through, and where the body
+    has no room.
     """
 
     index: float
@@ -44,6 +45,7 @@ class Collimator:
     cap_mm: float
     draft_rad: float = 0.035
     least_wall_mm: float = 0.5
+    mirrored: bool = False
 
     def __post_init__(self) -> None:
         if not (self.index > 1.0 and 0.0 <= self.draft_rad < 0.5 and min(self.cavity_mm, self.cap_mm) > 0.0):
@@ -52,7 +54,7 @@ class Collimator:
                 f"cap = {self.cap_mm:g} mm: the index must be above 1, the draft 0 to 0.5, the lengths above 0"
             )
         steepest = float(np.cos(0.5 * np.arccos(self._at_side(self._side_rays)[1][:, 1])).min())
-        if not steepest * self.index > 1.0:
+        if not (self.mirrored or steepest * self.index > 1.0):
             raise InputError(
                 f"collimator: index = {self.index:g}: the wall reflects totally from {1.0 / steepest:.4g} on; raise "
                 "the index, or the draft"
@@ -160,6 +162,7 @@ def best_collimator(
     *,
     draft_rad: float = 0.035,
     least_wall_mm: float = 0.5,
+    mirrored: bool = False,
     clearance_mm: float = 0.25,
     most_height_mm: float = np.inf,
 ) -> Collimator:
@@ -169,7 +172,7 @@ def best_collimator(
     found by a scan. Raises :class:`InputError` as :class:`Collimator` does where none can be made.
     """
     least = np.sqrt(0.5) * side_mm + clearance_mm
-    smallest = Collimator(index, radius_mm, least, least, draft_rad, least_wall_mm)
+    smallest = Collimator(index, radius_mm, least, least, draft_rad, least_wall_mm, mirrored)
     if not smallest.height_mm <= most_height_mm:
         raise InputError(
             f"collimator: {smallest.height_mm:.4g} mm high, at most {most_height_mm:g}; take a smaller radius or source"

@@ -7,6 +7,7 @@ import pytest
 import torch
 
 import lensforge as lf
+from lensforge.kernels.chain import REFLECTED
 from lensforge.light.table_trace import TracedBundle
 from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.feasibility import measure_constraints
@@ -119,6 +120,26 @@ def test_a_short_search_gains_light_and_keeps_the_limits(tmp_path: object) -> No
     assert light.possible.efficiency > light.efficiency.value
 
 
+def test_a_silvered_wall_keeps_its_share_of_the_light_that_it_turns() -> None:
+    through = []
+    for wall in ({}, {"mirror": 0.9}):
+        spec = spot(wall=wall)
+        source, parameters = build_source(spec.source, None), ProfileParameters.of(spec, 2.5)
+        scene = MeritFunction.of(spec, source, parameters).light.scene
+        tables = parameters.tables(*parameters.start()).numpy()
+        through.append(TracedBundle.of(tables, scene, source.sample(2**12, 1)))
+    bare, silvered = through
+    wall_number = bare.scene.names.index("wall")
+    at_wall = bare.met // 4 == wall_number
+    same = (bare.met == silvered.met).all(axis=1) & bare.exits.left_lens  # a wall that leaks reflects where silvered
+    turned = (at_wall & (bare.met % 4 >= REFLECTED)).sum(axis=1) == 1
+    turned &= same
+    assert turned.any() and (~turned & bare.exits.left_lens).any()
+    ratio = silvered.exits.flux / bare.exits.flux
+    assert ratio[turned] == pytest.approx(np.full(turned.sum(), 0.9), abs=2e-3)
+    assert ratio[same & ~at_wall.any(axis=1)] == pytest.approx(1.0, abs=1e-12)
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -126,6 +147,8 @@ def test_a_short_search_gains_light_and_keeps_the_limits(tmp_path: object) -> No
         ({"lens": {"kind": "tir", "refractive_index": 1.05}}, "raise the index"),
         ({"lens": {"kind": "tir", "levels": "auto"}}, "lens.levels"),
         ({"lens": {"kind": "prism"}}, "double, tir"),
+        ({"lens": {"inner": {"mirror": 0.9}}}, "no light would leave"),
+        ({"lens": {"kind": "tir", "wall": {"mirror": 0.9, "coating": {"reflectance": 0.1}}}}, "coating and mirror"),
         ({"lens": {"kind": "tir", "inner": {"offset_mm": 3.0}}}, "lens.inner"),
     ],
 )
