@@ -307,14 +307,15 @@ def design_facts(design: Design) -> list[Group]:
 
 def _size(design: Design) -> Iterator[Fact]:
     limits = design.lens.spec.constraints
+    about_axis = design.lens.spec.lens.kind == "tir"
     yield Fact(
         "radius",
-        "Farthest from the LED",
+        "Farthest from the axis" if about_axis else "Farthest from the LED",
         design.max_radius_mm,
         "mm",
         limit=Bound("<=", limits.max_radius_mm),
         state=state_of(design.criteria, "radius margin"),
-        note="distance in space, without the base",
+        note="without the base" if about_axis else "distance in space, without the base",
     )
     yield Fact(
         "height",

@@ -10,6 +10,7 @@ from itertools import accumulate
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import torch
 
 from lensforge import seeds
@@ -355,6 +356,8 @@ def _design(
     directions = fibonacci_hemisphere(_SIZE_DIRECTIONS)
     directions = directions[first_images(directions, lens.symmetry)]
     radius = radii(lens.body.envelope, directions).min(axis=0)
+    # the usual lens lies in a ball about the LED, one for total internal reflection in a cylinder
+    across = np.hypot(directions[:, 0], directions[:, 1]) if lens.spec.lens.kind == "tir" else 1.0
     return Design(
         inputs={"lens": lens.sha256, "spec": section_sha256(lens.spec), **input_hashes(lens.spec)},
         lens=lens,
@@ -362,7 +365,7 @@ def _design(
         forward_evaluations=state.steps_done,
         rays_per_step=rays_per_step,
         seconds=state.seconds,
-        max_radius_mm=float(radius.max()),
+        max_radius_mm=float((radius * across).max()),
         height_mm=float((radius * directions[:, 2]).max()),
         constraints=margins,
         source=summary.model_copy(update={"warnings": (*summary.warnings, *warnings)}),

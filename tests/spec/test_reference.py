@@ -25,6 +25,7 @@ FIELDS = [(section, name) for section in all_sections(Spec) for name in section.
 PURE = {
     "profile",
     "events",
+    "mirror",
     "refractive_index", "reflectance", "power", "intensity", "weight", "conic_constant", "conic_x", "conic_y",
     "abbe_number", "cavity_index", "outside_index", "sigma_c", "levels", "coefficients", "schott_coefficients",
     "terms", "face", "level", "shrinkage", "holder", "scale", "origin", "columns", "rows", "exponent", "values",
