@@ -229,7 +229,15 @@ class Spec(Section):
 
     @property
     def part_tolerances(self) -> PartTolerances:
-        """All tolerances: ``[tolerances]``, and those of the faces."""
+        """All tolerances: ``[tolerances]``, and those of the faces.
+
+        Raises :class:`InputError` for another lens than the usual one, whose parts are not known.
+        """
+        if self.lens.kind != "double":
+            raise InputError(
+                f"lens.kind = {self.lens.kind!r}: parts with tolerances are those of a lens of two faces as yet; leave "
+                "out yield, sensitivity, handover and optimise.robust"
+            )
         return PartTolerances.of(self.tolerances, self.lens.faces)
 
     def with_tolerances(self, other: PartTolerances) -> "Spec":

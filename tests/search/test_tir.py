@@ -146,6 +146,7 @@ def test_a_silvered_wall_keeps_its_share_of_the_light_that_it_turns() -> None:
         ({"constraints": {"max_radius_mm": 1.2}}, "do not fit into max_radius_mm|radius"),
         ({"lens": {"kind": "tir", "refractive_index": 1.05}}, "raise the index"),
         ({"lens": {"kind": "tir", "levels": "auto"}}, "lens.levels"),
+        ({"optimise": {"robust": True}}, "parts with tolerances"),
         ({"lens": {"kind": "prism"}}, "double, tir"),
         ({"lens": {"inner": {"mirror": 0.9}}}, "no light would leave"),
         ({"lens": {"kind": "tir", "wall": {"mirror": 0.9, "coating": {"reflectance": 0.1}}}}, "coating and mirror"),
