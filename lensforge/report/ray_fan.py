@@ -41,7 +41,7 @@ def trace_fan(lens: Lens, start_mm: Points, directions: Points, reach_mm: float)
 
 
 def _through_chain(lens: Lens, start_mm: Points, directions: Points, reach_mm: float) -> Float[np.ndarray, "n p 3"]:
-    """Paths by the tables of the faces: a ray that ends within the lens has NaN from there on."""
+    """Paths by the tables of the faces: a ray that ends within the lens has no last point."""
     traced, own = TracedLens.of(lens, _NODES_PER_SIGMA), RayBundle(start_mm, directions, np.ones(len(start_mm)))
     bundle = TracedBundle.of(traced.tables, traced.scene, own)
     assert bundle.met is not None

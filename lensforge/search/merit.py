@@ -112,8 +112,8 @@ class ImageTerms:
         return _OUTSIDE_RECEIVER * light.outside_receiver - efficiency * light.in_window
 
 
-# Of light beside the target: some width counts as much as a part of the target's, so that light far off is drawn in.
 _SHARPEST = 0.7  # pixels: less, and the four-pixel splat has no slope
+# Of light beside the target: some width counts as much as a part of the target's, so that light far off is drawn in.
 _WORTH_WIDTHS = ((0.0, 0.7), (0.25, 0.2), (1.0, 0.1))  # sigma over the target's radius, and the share of that width
 
 

@@ -12,7 +12,6 @@ from math import radians
 import numpy as np
 import torch
 from jaxtyping import Float
-from scipy.ndimage import spline_filter1d
 from torch import Tensor
 
 from lensforge.errors import InputError, remedy
@@ -24,8 +23,8 @@ from lensforge.search.parameters import Parametrisation
 from lensforge.spec import Spec
 from lensforge.spec.derived_values import source_extent
 from lensforge.spec.lens_section import TirSection
-from lensforge.surfaces.bicubic_table import APRON, TableGrid, dyadic_grid, tabulate
-from lensforge.surfaces.collimator import Collimator, best_collimator
+from lensforge.surfaces.bicubic_table import TableGrid, dyadic_grid, tabulate
+from lensforge.surfaces.collimator import best_collimator
 from lensforge.surfaces.profile import FormedFace, ProfileBasis, ProfileFace
 from lensforge.surfaces.reciprocal import ConeFace, ReciprocalSurface, bent
 from lensforge.surfaces.srbf import SrbfBasis, fibonacci_hemisphere, level_sigma
@@ -152,10 +151,7 @@ class ProfileParameters(Parametrisation):
 
     @cached_property
     def _filter(self) -> Float[Tensor, "side n"]:
-        """Matrix from samples along an axis to the coefficients of the interpolating spline."""
-        count = self.grid.nodes + 2 * APRON
-        filtered = spline_filter1d(np.eye(count), order=3, axis=0, mode="mirror")
-        return torch.from_numpy(filtered[APRON - 1 : APRON + self.grid.nodes + 1].copy())
+        return torch.from_numpy(self.grid.filter_matrix())
 
     @cached_property
     def _fixed_tables(self) -> list[Float[Tensor, "side side"] | None]:
@@ -194,7 +190,7 @@ class ProfileParameters(Parametrisation):
         return found
 
 
-_HORIZON = np.array([[1.0, 0.0, 0.0]])
+_HORIZON, _AXIS = np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 0.0, 1.0]])
 
 
 def _parameters(body: Body, name: str, count: int) -> FaceParameters:
@@ -214,29 +210,35 @@ def start_faces(spec: Spec) -> dict[str, Surface]:
     Raises :class:`InputError` for sizes that leave no room for such a lens.
     """
     lens = spec.lens
-    found: dict[str, Surface] = dict(collimator_of(spec).faces)
+    assert isinstance(lens, TirSection)
+    own, found = _of_a_point(spec), dict[str, Surface]()
+    given = {"wall": (lens.wall.offset_mm, _HORIZON), "exit": (lens.exit.offset_mm, _AXIS)}
     for name, surface in lens.fixed.items():
-        if surface is not None:
-            found[name] = surface
+        offset_mm, towards = given.get(name, (None, _AXIS))
+        found[name] = surface or (own[name] if offset_mm is None else _resized(own[name], offset_mm, towards))
     return found
 
 
-def collimator_of(spec: Spec) -> Collimator:
-    """The lens for a point source with the best light for source, radius and beam of ``spec``, at first order."""
+def _resized(face: ReciprocalSurface, offset_mm: float, towards: Float[np.ndarray, "1 3"]) -> ProfileFace:
+    """The face, scaled about the origin to a distance of ``offset_mm`` in one direction."""
+    assert isinstance(face, ProfileFace)
+    factor = float(face.radius(towards)[0]) / offset_mm
+    return replace(face, coefficients=tuple(factor * each for each in face.coefficients))
+
+
+def _of_a_point(spec: Spec) -> dict[str, ReciprocalSurface]:
+    """Faces of the lens for a point with the best light for source, radius and beam of ``spec``, at first order."""
     lens, limits = spec.lens, spec.constraints
     assert isinstance(lens, TirSection)
     draft = radians(DRAFT_DEG if lens.side.draft_deg is None else lens.side.draft_deg)
-    cap, side = lens.cap.offset_mm, lens.side.offset_mm
     index, wall = lens.refractive_index / lens.cavity_index, limits.min_thickness_mm
     radius_mm = limits.max_radius_mm - 2.0 * limits.margin_mm
     mirrored = lens.wall.mirror is not None
     try:
-        if cap is not None and side is not None:
-            return Collimator(index, radius_mm, side, cap, draft, wall, mirrored)
         extent = source_extent(spec.source)
         clear = limits.cavity_radius_mm if extent is None else max(limits.cavity_radius_mm, extent)
         size = (clear if extent is None else max(extent, 1e-3 * radius_mm)) * 2.0**0.5
-        return best_collimator(
+        best = best_collimator(
             index,
             radius_mm,
             size,
@@ -247,6 +249,8 @@ def collimator_of(spec: Spec) -> Collimator:
             clearance_mm=max(0.0, clear - size / 2.0**0.5) + 2.0 * limits.margin_mm,
             most_height_mm=np.inf if limits.max_height_mm is None else limits.max_height_mm,
         )
+        cap, side = lens.cap.offset_mm, lens.side.offset_mm
+        return replace(best, cap_mm=cap or best.cap_mm, cavity_mm=side or best.cavity_mm).faces
     except InputError as error:
         raise InputError(f"lens: {str(error).removeprefix('collimator: ')} (lens.kind = 'tir')") from None
 

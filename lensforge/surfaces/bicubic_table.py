@@ -65,6 +65,11 @@ class TableGrid:
         kept = slice(APRON - 1, APRON + self.nodes + 1)
         return np.ascontiguousarray(block[kept, kept]).reshape(self.side**2, -1)
 
+    def filter_matrix(self) -> Float[np.ndarray, "side n"]:
+        """Matrix of :meth:`coefficients` along one axis."""
+        filtered = spline_filter1d(np.eye(self.nodes + 2 * APRON), order=3, axis=0, mode="mirror")
+        return np.ascontiguousarray(filtered[APRON - 1 : APRON + self.nodes + 1])
+
 
 def grid_for(sigma_min_rad: float, nodes_per_sigma: float) -> TableGrid:
     """The grid whose apex step is ``sigma_min / nodes_per_sigma``, with at least 24 nodes.

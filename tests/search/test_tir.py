@@ -120,6 +120,15 @@ def test_a_short_search_gains_light_and_keeps_the_limits(tmp_path: object) -> No
     assert light.possible.efficiency > light.efficiency.value
 
 
+def test_a_search_starts_at_the_offsets_that_are_given() -> None:
+    directions = {"cap": [0.0, 0.0, 1.0], "side": [1.0, 0.0, 0.0], "wall": [1.0, 0.0, 0.0], "exit": [0.0, 0.0, 1.0]}
+    for name, offset_mm in (("cap", 2.5), ("side", 1.6), ("wall", 3.1), ("exit", 9.2)):
+        start = ProfileParameters.of(spot(**{name: {"offset_mm": offset_mm}}), 2.5).start_surfaces
+        assert start[name].radius(np.array([directions[name]]))[0] == pytest.approx(offset_mm, rel=1e-4), (
+            name
+        )  # to the fit of the wall
+
+
 def test_a_silvered_wall_keeps_its_share_of_the_light_that_it_turns() -> None:
     through = []
     for wall in ({}, {"mirror": 0.9}):
@@ -145,6 +154,7 @@ def test_a_silvered_wall_keeps_its_share_of_the_light_that_it_turns() -> None:
     [
         ({"constraints": {"max_radius_mm": 1.2}}, "do not fit into max_radius_mm|radius"),
         ({"lens": {"kind": "tir", "refractive_index": 1.05}}, "raise the index"),
+        ({"lens": {"kind": "tir", "side": {"draft_deg": 24.0}}}, "lens: cone: slope"),
         ({"lens": {"kind": "tir", "levels": "auto"}}, "lens.levels"),
         ({"optimise": {"robust": True}}, "parts with tolerances"),
         ({"lens": {"kind": "prism"}}, "double, tir"),
