@@ -51,7 +51,8 @@ class Problem:
         """
         if not self.sparse:
             return self.parametrisation, self.constraints
-        finer = self.parametrisation.refined()
+        own = self.parametrisation
+        finer = own if own.is_fine else own.refined()
         return finer, AugmentedLagrangian.of(self.spec, finer.grid)
 
 
@@ -80,9 +81,10 @@ class Problems:
             automatic = self.spec.lens.levels == "auto"
             parametrisation = parameters_of(spec, self.nodes_per_sigma)
             merit = MeritFunction.of(spec, self.source, parametrisation, self.device)
-            constraints = AugmentedLagrangian.of(spec, parametrisation.grid, sparse=automatic)
+            sparse = automatic or parametrisation.is_fine
+            constraints = AugmentedLagrangian.of(spec, parametrisation.grid, sparse=sparse)
             parts = SearchParts.of(spec, parametrisation) if spec.optimise.robust else None
-            self._last = Problem(spec, merit, constraints, automatic, parts)
+            self._last = Problem(spec, merit, constraints, sparse, parts)
         return self._last
 
 
