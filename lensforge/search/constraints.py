@@ -117,8 +117,6 @@ def _length_left(spec: Spec, limit: Limit) -> Field:
         extent = KeepOutExtent.of(spec)
         return lambda face, points: face.rho - extent.at(points)
 
-    about_axis = spec.lens.kind == "tir"
-
     def sine(points: ChartPoints) -> Float[Tensor, " k"]:
         return torch.sqrt(torch.clamp(1.0 - points.cosine**2, min=0.0))
 
@@ -130,7 +128,9 @@ def _length_left(spec: Spec, limit: Limit) -> Field:
     fields: dict[str, Field] = {
         "cavity_clearance_mm": above_cavity,
         WALL: lambda inside, outside, points: wall_mm(inside, outside, points, reach_mm) - limit.given,
-        "radius_margin_mm": lambda face, points: limit.given - face.rho * (sine(points) if about_axis else 1.0),
+        "radius_margin_mm": lambda face, points: (
+            limit.given - face.rho * (sine(points) if spec.lens.radius_about_axis else 1.0)
+        ),
         "largest_wall_margin_mm": lambda inside, outside, points: limit.given - (outside.rho - inside.rho),
         "height_margin_mm": lambda face, points: limit.given - face.rho * points.cosine,
     }
