@@ -171,8 +171,9 @@ class AugmentedLagrangian:
         derivatives = any(constraint.derivatives for constraint in constraints)
         detailed = derivatives or spec.constraints.keep_out is not None
         every = (1 if detailed else 2) if sparse else None
-        if spec.lens.is_round:
-            points = meridian_points(grid)
+        if spec.lens.has_creases:
+            detail_rad = None if spec.lens.is_round else spec.lens.basis.detail_rad
+            points = meridian_points(grid, detail_rad, spec.lens.basis.symmetry)
         else:
             points = constraint_points(grid, spec.lens.basis.symmetry, every_node=every)
         spacing = grid.step * (1.0 if every is None else every * sqrt(2.0))  # with centres: triangles of three points

@@ -84,11 +84,6 @@ class Parametrisation(ABC):
         """Weights of each level, coarse first."""
 
     @property
-    def is_fine(self) -> bool:
-        """True where tables are so fine that constraints hold everywhere if they hold at every second node."""
-        return False
-
-    @property
     def size(self) -> int:
         """Weights of a face."""
         return sum(self.levels)

@@ -51,8 +51,7 @@ class Problem:
         """
         if not self.sparse:
             return self.parametrisation, self.constraints
-        own = self.parametrisation
-        finer = own if own.is_fine else own.refined()
+        finer = self.parametrisation.refined()
         return finer, AugmentedLagrangian.of(self.spec, finer.grid)
 
 
@@ -81,10 +80,9 @@ class Problems:
             automatic = self.spec.lens.levels == "auto"
             parametrisation = parameters_of(spec, self.nodes_per_sigma)
             merit = MeritFunction.of(spec, self.source, parametrisation, self.device)
-            sparse = automatic or parametrisation.is_fine
-            constraints = AugmentedLagrangian.of(spec, parametrisation.grid, sparse=sparse)
+            constraints = AugmentedLagrangian.of(spec, parametrisation.grid, sparse=automatic)
             parts = SearchParts.of(spec, parametrisation) if spec.optimise.robust else None
-            self._last = Problem(spec, merit, constraints, sparse, parts)
+            self._last = Problem(spec, merit, constraints, automatic, parts)
         return self._last
 
 

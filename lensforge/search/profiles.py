@@ -101,11 +101,6 @@ class ProfileParameters(Parametrisation):
         return (self.profile, *(() if self.srbf is None else self.srbf.levels))
 
     @property
-    def is_fine(self) -> bool:
-        """True with functions: the start, whose grid it is, has more detail. A meridian is held throughout."""
-        return self.srbf is not None
-
-    @property
     def start_surfaces(self) -> dict[str, Surface]:
         """The faces of the start."""
         return self.surfaces(*self.start())

@@ -69,6 +69,11 @@ class LensShape(LensMaterial):
         return False
 
     @property
+    def has_creases(self) -> bool:
+        """True for a lens of several faces side by side, which meet in creases: there it is widest and highest."""
+        return False
+
+    @property
     def radius_about_axis(self) -> bool:
         """True for a lens whose radius is its distance from the axis, not from the LED: it lies in a cylinder."""
         return False
@@ -139,6 +144,11 @@ class TirSection(LensShape, TirFaces):
     @property
     def reflects(self) -> bool:
         """True: by its wall."""
+        return True
+
+    @property
+    def has_creases(self) -> bool:
+        """True: of cap and side, and of wall and exit."""
         return True
 
     @property
