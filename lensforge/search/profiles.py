@@ -218,7 +218,7 @@ def _parameters(body: Body, name: str, count: int) -> FaceParameters:
 def start_faces(spec: Spec) -> dict[str, Surface]:
     """The faces from which the search for a lens for total internal reflection begins, or those that the spec fixes.
 
-    Raises :class:`InputError` for sizes that leave no room for such a lens.
+    Raises :class:`InputError` for sizes that leave no room for such a lens, and for faces that cross.
     """
     lens = spec.lens
     assert isinstance(lens, TirSection)
@@ -227,6 +227,8 @@ def start_faces(spec: Spec) -> dict[str, Surface]:
     for name, surface in lens.fixed.items():
         offset_mm, towards = given.get(name, (None, _AXIS))
         found[name] = surface or (own[name] if offset_mm is None else _resized(own[name], offset_mm, towards))
+    with remedy("change lens.*.offset_mm, or leave it out"):
+        Body.of(found).require_sound()
     return found
 
 
