@@ -8,7 +8,7 @@ the ray was reflected, 1 more where it came from behind the face; below 0 there 
 
 from math import exp, inf, sqrt
 
-from lensforge.kernels.bicubic import bounds_of, index_at, jet
+from lensforge.kernels.bicubic import bounds_of, jet
 from lensforge.kernels.compiled import inline
 from lensforge.kernels.fate import Fate
 from lensforge.kernels.fields import field_behind, passing, reflect, reflecting, squared_lengths, unpolarised
@@ -43,14 +43,25 @@ from lensforge.kernels.first_hit import (
 )
 from lensforge.kernels.frames import place, rough_normal, turn, z_axis
 from lensforge.kernels.fresnel import dot, mixed, outward_normal, refract, scaled, through, unit
+from lensforge.kernels.nearly_convex import (
+    clear_ahead,
+    gauge_along,
+    is_first,
+    nodal,
+    path_to_ball,
+    quick_hits,
+    start_quick,
+    stays_outside,
+)
 
 # The medium in which a ray is, the face last met, the face that it is likely to meet; the nearest crossing found, and
 # its face; likewise on the way back into the cavity, as far as it has been followed, and where that ends at the latest;
-# what absorption leaves of the flux; the rays that are searched; both fields (real, imaginary), as faces leave them.
+# what absorption leaves of the flux; the rays that are searched; whether a guess is still to be searched; the slope of
+# |p|/rho at the face last met; both fields (real, imaginary), as faces leave them.
 (
     MEDIUM, LAST, GUESS, FACE, NEXT, NEXT_STATUS, NEXT_X, NEXT_Y, BACK_FACE, BACK, BACK_STATUS, BACK_X, BACK_Y,
-    BACK_END, CLEAR, ASKED, FIELDS,
-) = fields(OF_CHAIN, 17)  # fmt: skip
+    BACK_END, CLEAR, ASKED, PENDING, LEAVING, FIELDS,
+) = fields(OF_CHAIN, 19)  # fmt: skip
 CAVITY, BODY, OUTSIDE = 0, 1, 2
 REFLECTED, FROM_BEHIND = 2, 1
 _PASSES = 8  # over the faces of a cavity, until a ray is in all of them
@@ -101,33 +112,61 @@ def guess_faces(rays, count, tables, bounds, scene, chain):
 
     Seldom is that the face on which it is. A wrong guess costs time alone.
     """
-    most = len(tables[0]) - 1.0
     for k in range(count):
         medium, least = rays[MEDIUM + k], inf
         for face in range(len(tables)):
             least = min(least, bounds.least[face] if chain[0][face] == medium else inf)
-        p, d = three(rays, PX + k), three(rays, DX + k)
-        outward = dot(p, d)
-        path = max(sqrt(max(outward * outward + least * least - dot(p, p), 0.0)) - outward, 0.0)
-        x, y, z = mixed(1.0, p, path, d, 0.0, d)
-        per_shift, nearest = scene[4] / (sqrt(x * x + y * y + z * z) + max(z, 0.0)), inf
-        i = int(index_at(x * per_shift - scene[3] * scene[4] + 0.5, most))
-        j = int(index_at(y * per_shift - scene[3] * scene[4] + 0.5, most))
+        p, d, nearest = three(rays, PX + k), three(rays, DX + k), inf
+        ahead = mixed(1.0, p, path_to_ball(dot(p, d), dot(p, p), least), d, 0.0, d)
         for face in range(len(tables)):
             if chain[0][face] == medium:
-                radius = tables[face, i, j] if rays[LAST + k] != face else 1e6 * tables[face, i, j]
+                radius = nodal(tables[face], scene, ahead)
+                radius = radius if rays[LAST + k] != face else 1e6 * radius
                 rays[GUESS + k] = float(face) if radius < nearest else rays[GUESS + k]
                 nearest = min(nearest, radius)
 
 
 @inline
-def start_inside(rays, count, medium, face, guessed):
-    """Put the rays in a ``medium`` on their way for which the face was ``guessed``, or not. Returns their number."""
+def search_quickly(rays, count, face, table, bounds, scene):
+    """Search the face that was guessed, for the rays that do not start on it; what is not decided is left pending."""
+    going, least, ball = 0, bounds.least[face], bounds.balls[face]
+    for k in range(count):
+        if rays[GUESS + k] == face:
+            rays[PENDING + k] = 1.0
+            if rays[LAST + k] != face and dot(three(rays, PX + k), three(rays, PX + k)) < ball * ball:
+                start_quick(rays, going, k, table, scene, least, ball)
+                rays[ASKED + going] = float(k)
+                going += 1
+    if going > 0:
+        quick_hits(rays, going, table, scene, ball)
+    for lane in range(going):
+        k = int(rays[ASKED + lane])
+        p, d, t = three(rays, PX + k), three(rays, DX + k), rays[LENGTH + k]
+        if rays[STATUS + k] == FOUND and is_first(
+            p, d, t, table, bounds_of(bounds, face), ball, bounds.hollows[face], scene
+        ):
+            rays[NEXT_STATUS + k], rays[NEXT + k], rays[FACE + k], rays[PENDING + k] = FOUND, t, float(face), 0.0
+            rays[NEXT_X + k], rays[NEXT_Y + k] = rays[RHO_X + k], rays[RHO_Y + k]
+
+
+@inline
+def start_inside(rays, count, medium, face, guessed, table, bounds, scene):
+    """Put the rays in a ``medium`` on their way to a face that may cross it: where it was ``guessed``, or elsewhere.
+
+    Returns their number.
+    """
     going = 0
     for k in range(count):
         if rays[MEDIUM + k] == medium and (rays[GUESS + k] == face) == guessed:
-            start_one(rays, going, k, face, 0.0, rays[NEXT + k])
-            going += 1
+            asked = rays[PENDING + k] == 1.0
+            if not guessed:
+                asked = rays[NEXT_STATUS + k] != FOUND or not clear_ahead(
+                    three(rays, PX + k), three(rays, DX + k), rays[NEXT + k], rays[LAST + k] == face, table,
+                    bounds_of(bounds, face), bounds.hollows[face], scene,
+                )  # fmt: skip
+            if asked:
+                start_one(rays, going, k, float(face), 0.0, rays[NEXT + k])
+                going += 1
     return going
 
 
@@ -164,6 +203,23 @@ def keep_entry(rays, count, going, face):
 
 
 @inline
+def leaves_cavity(rays, k, length, tables, bounds, scene, chain):
+    """Whether ray k of the packet is outside of one face of the cavity up to the path ``length``."""
+    p, d, last = three(rays, PX + k), three(rays, DX + k), int(rays[LAST + k])
+    if last >= 0 and chain[0][last] == CAVITY:
+        return stays_outside(p, d, length, 1.0, rays[LEAVING + k], bounds.least[last], bounds.hollows[last])
+    chosen, least = -1, inf
+    for face in range(len(tables)):
+        if chain[0][face] == CAVITY and chain[1][face] == BODY:
+            radius = nodal(tables[face], scene, p)
+            chosen, least = (face, radius) if radius < least else (chosen, least)
+    if chosen < 0:
+        return False
+    value, slope = gauge_along(tables[chosen], scene, p, d)
+    return stays_outside(p, d, length, value, slope, bounds.least[chosen], bounds.hollows[chosen])
+
+
+@inline
 def back_into_cavity(rays, count, tables, bounds, scene, chain):
     """The way of rays in the body back into the cavity, the intersection of what its faces hold.
 
@@ -174,13 +230,15 @@ def back_into_cavity(rays, count, tables, bounds, scene, chain):
     ball = inf
     for face in range(len(tables)):
         if chain[0][face] == CAVITY and chain[1][face] == BODY:
-            ball = min(ball, (1.0 + 1e-12) * bounds.most[face])
+            ball = min(ball, bounds.balls[face])
     for k in range(count):
         p = three(rays, PX + k)
         outward = dot(p, three(rays, DX + k))
         square = outward * outward + ball * ball - dot(p, p)
         root = sqrt(max(square, 0.0))
         comes_back = rays[MEDIUM + k] == BODY and square > 0.0 and root > outward and -outward - root < rays[NEXT + k]
+        if comes_back:
+            comes_back = not leaves_cavity(rays, k, min(root - outward, rays[NEXT + k]), tables, bounds, scene, chain)
         rays[BACK_STATUS + k], rays[BACK_END + k] = GOING if comes_back else MISSED, min(root - outward, rays[NEXT + k])
         rays[BACK + k], rays[BACK_FACE + k] = 0.0, -1.0
     moved = 1
@@ -214,7 +272,9 @@ def meet_nearest(rays, count, tables, bounds, scene, chain):
     guess_faces(rays, count, tables, bounds, scene, chain)
     for place_of in range(2 * len(tables)):
         guessed, face = place_of < len(tables), place_of % len(tables)
-        going = start_inside(rays, count, chain[0][face], float(face), guessed)
+        if guessed:
+            search_quickly(rays, count, face, tables[face], bounds, scene)
+        going = start_inside(rays, count, chain[0][face], face, guessed, tables[face], bounds, scene)
         if going > 0:
             first_hits(rays, going, tables[face], scene[3], scene[4], bounds_of(bounds, face), True, False)
             keep_nearest(rays, going, float(face))
@@ -339,6 +399,8 @@ def pass_on(
             fates[k] = Fate.MORE_EVENTS
             continue
         go_on(rays, lane, going, k, (px, py, pz), b, medium if mirrored else behind, face)
+        raw = outward_normal(px, py, pz, rays[NEXT_X + lane], rays[NEXT_Y + lane])
+        rays[LEAVING + going] = dot(raw, b) / sqrt(px * px + py * py + pz * pz)
         going += 1
     return going
 
