@@ -14,7 +14,7 @@ from math import ceil, sqrt, tan
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int8
+from jaxtyping import Float
 
 from lensforge.kernels.compiled import inline, kernel
 
@@ -302,77 +302,6 @@ def extremes(table, origin, step):
     return lowest, highest
 
 
-@kernel
-def farthest_nearest(tables, faces, origin, step):
-    """Radius (mm) of a ball about all points of the hemisphere that are inside of every one of ``faces``."""
-    side, rim, ball = tables.shape[1], 1.0 + 2.0 * step, 0.0
-    for i in range(side - 3):
-        for j in range(side - 3):
-            X, Y = origin + (i + 1.5) * step, origin + (j + 1.5) * step
-            if rim * rim < X * X + Y * Y:
-                continue
-            nearest = np.inf
-            for face in faces:
-                highest = 0.0
-                for a in range(4):
-                    for b in range(4):
-                        highest = max(highest, tables[face, i + a, j + b])
-                nearest = min(nearest, highest)
-            ball = max(ball, nearest)
-    return ball
-
-
-@inline
-def node_of_row(row, j):
-    """Six times the value of a row's spline at a node, twice its slope, and its second derivative, per step."""
-    before, here, behind = row[j - 1], row[j], row[j + 1]
-    return before + 4.0 * here + behind, behind - before, behind - 2.0 * here + before
-
-
-@inline
-def least_bend(table, i, j, origin, step):
-    """Least eigenvalue of the Hessian on the sphere of ``1/rho``, plus ``1/rho``, at a node; and ``rho`` there.
-
-    It is the curvature of ``|p|/rho`` across the radius, times |p|: 0 for a plane, and above 0 where a face is convex.
-    """
-    a, d, g = node_of_row(table[i - 1], j)
-    b, e, h = node_of_row(table[i], j)
-    c, f, k = node_of_row(table[i + 1], j)
-    rho = (a + 4.0 * b + c) / 36.0
-    x, y, xy = (c - a) / (12.0 * step), (d + 4.0 * e + f) / (12.0 * step), (f - d) / (4.0 * step * step)
-    xx, yy = (a - 2.0 * b + c) / (6.0 * step * step), (g + 4.0 * h + k) / (6.0 * step * step)
-    X, Y = origin + i * step, origin + j * step
-    per = 0.5 * (1.0 + X * X + Y * Y)  # rad on the sphere for 1/per on the chart
-    along = X * x + Y * y
-    xx, yy, xy = xx + (2.0 * X * x - along) / per, yy + (2.0 * Y * y - along) / per, xy + (X * y + Y * x) / per
-    one, other = 2.0 * x * x / rho - xx, 2.0 * y * y / rho - yy
-    mean, apart, across = 0.5 * (one + other), 0.5 * (one - other), 2.0 * x * y / rho - xy
-    return (rho + per * per * (mean - sqrt(apart * apart + across * across))) / (rho * rho), rho
-
-
-@kernel
-def hollow(table, origin, step, ball, bends):
-    """How far a face within the ``ball`` (mm) is from convex (1/mm): the most by which :func:`least_bend` is below 0.
-
-    Taken at the nodes; in a cell lower by as much as its corners differ. ``bends`` (2, side, 2): memory.
-    """
-    side, rim, found = table.shape[0], 1.0 + step, 0.0
-    for i in range(1, side - 1):
-        own, before = bends[i % 2], bends[(i + 1) % 2]
-        for j in range(1, side - 1):
-            own[j, 0], own[j, 1] = least_bend(table, i, j, origin, step)
-            if i == 1 or j == 1:
-                continue
-            X, Y = nearest(origin, step, i - 1, i), nearest(origin, step, j - 1, j)
-            radius = min(min(own[j, 1], own[j - 1, 1]), min(before[j, 1], before[j - 1, 1]))
-            if rim * rim < X * X + Y * Y or radius > ball * (1.0 + step):
-                continue
-            lowest = min(min(own[j, 0], own[j - 1, 0]), min(before[j, 0], before[j - 1, 0]))
-            highest = max(max(own[j, 0], own[j - 1, 0]), max(before[j, 0], before[j - 1, 0]))
-            found = max(found, highest - 2.0 * lowest)
-    return found
-
-
 @inline
 def farthest(origin, step, first, last):
     """Largest |coordinate| of coefficients ``first`` to ``last`` along one axis of the chart."""
@@ -433,17 +362,3 @@ def surface_bounds(table: Float[np.ndarray, "side side"], origin: float, step: f
     fill_tiles(table, origin, step, cells, reach, np.empty((side, count, 6)), tiles)
     least, most = extremes(table, origin, step)
     return SurfaceBounds(least, most, tiles, 1.0 / (cells * step), tan(min(reach * step, 0.5)))
-
-
-def chain_bounds(
-    tables: Float[np.ndarray, "f side side"],
-    bounds: FaceBounds,
-    before: Int8[np.ndarray, " f"],
-    origin: float,
-    step: float,
-) -> FaceBounds:
-    """The ``bounds`` with those that a chain needs, of faces with these media ``before`` them."""
-    balls = [farthest_nearest(tables, np.flatnonzero(before == own), origin, step) for own in before]
-    memory = np.empty((2, tables.shape[1], 2))
-    hollows = [hollow(table, origin, step, ball, memory) for table, ball in zip(tables, balls, strict=True)]
-    return bounds._replace(balls=np.array(balls), hollows=np.array(hollows))

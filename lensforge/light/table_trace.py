@@ -8,9 +8,10 @@ from jaxtyping import Float, Int8
 
 from lensforge.errors import InputError
 from lensforge.kernels.adjoint import empty_adjoint, trace_adjoint
-from lensforge.kernels.bicubic import FaceBounds, SurfaceBounds, chain_bounds, surface_bounds
+from lensforge.kernels.bicubic import FaceBounds, SurfaceBounds, surface_bounds
 from lensforge.kernels.chain_adjoint import empty_chain
 from lensforge.kernels.first_hit import empty_packet
+from lensforge.kernels.nearly_convex import chain_bounds
 from lensforge.kernels.parallel import CHUNKS, in_chunks
 from lensforge.kernels.trace import trace
 from lensforge.light.coated_glass import RayCoatings, before_glass, behind_glass

@@ -5,7 +5,7 @@ import pytest
 from chains import clear, collimator, tables_of, upwards
 
 import lensforge.light.table_trace as table_trace
-from lensforge.kernels.bicubic import hollow, least_bend
+from lensforge.kernels.nearly_convex import hollow, least_bend
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.bicubic_table import TableGrid, evaluate_table, tabulate
