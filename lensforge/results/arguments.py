@@ -68,7 +68,9 @@ def require(value: object, kind: type[_Kind], verb: str) -> _Kind:
         return value
     remedy = _MAKES.get(kind.__name__, "one of the classes of lensforge")
     name = "Run" if kind.__name__ == "Results" else kind.__name__
-    raise InputError(f"{verb}: {str(value)[:60]!r} is {its_type(value)}, must be a {name}: {remedy}")
+    plain = isinstance(value, str | Path | int | float)
+    given = f"{str(value)[:60]!r} is {its_type(value)}" if plain else f"{type(value).__name__} given"
+    raise InputError(f"{verb}: {given}, must be a {name}: {remedy}")
 
 
 @contextmanager

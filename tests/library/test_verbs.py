@@ -157,7 +157,7 @@ def test_a_search_reports_and_stops(tmp_path: Path) -> None:
         (lambda: lf.tradeoff(small_spec(target__distance_mm=150.0), lens=LENS), "another [target]"),
         (lambda: lf.design(small_spec(), start="lens.json"), "must be a Lens"),
         (lambda: lf.evaluate("cad_out/pi"), "evaluate: 'cad_out/pi' is a str, must be a Lens"),
-        (lambda: lf.build(small_spec()), "must be a Lens"),
+        (lambda: lf.build(small_spec()), "build: Spec given, must be a Lens: design(spec).lens"),
         (lambda: lf.check("lens.step"), "must be a Part: build(lens)"),
         (lambda: lf.load("nowhere"), "nowhere: no such folder; run `lensforge design` first"),
         (lambda: lf.load(7), "give the path of a result folder"),
