@@ -104,7 +104,7 @@ class _Road:
         along = max(_POINTS_ALONG, ceil(spacing / _SPACING_M))
         across = max(_LEAST_ACROSS, ceil(width / _ACROSS_M))
         x, y = np.meshgrid((np.arange(along) + 0.5) * spacing / along, (np.arange(across) + 0.5) * width / across)
-        reach = ceil(_WITHIN_HEIGHTS * height / spacing) + 1
+        reach = ceil(_WITHIN_HEIGHTS * height / spacing)
         lamps = np.arange(-reach, reach + 2) * spacing
         return _Road(x.ravel(), y.ravel(), lamps, section.overhang_m, height)
 
