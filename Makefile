@@ -6,7 +6,7 @@ unexport PYTHONDONTWRITEBYTECODE # or each of the processes that tests start com
 
 .PHONY: demo test nightly lowest wheel docs notebooks lint bench setup clean
 
-demo: setup  ## the main job: from examples/quickstart.toml to cad_out/quickstart/report.html
+demo: .venv/.ready  ## the main job: from examples/quickstart.toml to cad_out/quickstart/report.html
 	@$(BIN)/lensforge design examples/quickstart.toml
 
 # Three processes on two cores: tests wait, too, for children, browsers and clocks, a fifth of their time.
@@ -42,12 +42,18 @@ lint: setup  ## style and types
 bench: setup  ## a gradient step taken apart, as ratios within one run
 	$(BIN)/python benchmarks/gradient_step.py
 
-setup: .venv/.ready
+setup: .venv/.ready-dev  ## .venv with all that tests and pages need
+
+# Python compiles a module when it is first imported: to compile all that is installed would take half of the set-up.
+INSTALL = $(PYTHON) -m venv .venv && $(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt
 
 .venv/.ready: pyproject.toml setup.py constraints.txt
-	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
+	$(INSTALL) --editable .
 	touch $@
+
+.venv/.ready-dev: pyproject.toml setup.py constraints.txt
+	$(INSTALL) --editable '.[dev]'
+	touch .venv/.ready $@
 
 clean:
 	rm -rf .venv build *.egg-info
