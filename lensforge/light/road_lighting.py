@@ -21,14 +21,9 @@ from lensforge.light.metrics import (
     scaled,
 )
 from lensforge.results import Count, Metric, Record, Text
+from lensforge.scene.road_classes import C_CLASSES, C_UNIFORMITY, P_CLASSES, P_MOST
 from lensforge.spec.light_limits import PhotometrySection
 
-# Mean and least illuminance (lx); the mean of a P class may be at most 1.5 times what it asks for.
-_P = {"P1": (15.0, 3.0), "P2": (10.0, 2.0), "P3": (7.5, 1.5), "P4": (5.0, 1.0), "P5": (3.0, 0.6), "P6": (2.0, 0.4)}
-_P_MOST = 1.5
-# Mean illuminance (lx); the least must be 0.4 of the mean.
-_C = {"C0": 50.0, "C1": 30.0, "C2": 20.0, "C3": 15.0, "C4": 10.0, "C5": 7.5}
-_C_U0 = 0.4
 _NONE = "none"
 # Most candela per 1000 lm of the lamp at and above 70, 80 and 90 degrees.
 _G = {
@@ -147,13 +142,13 @@ def road_lighting(lamp: LampLight, section: PhotometrySection) -> RoadLighting:
 
 def p_class(mean_lx: float, least_lx: float) -> str:
     """Best P class of this mean and least illuminance; "none" where the mean exceeds 1.5 times all that are met."""
-    met = (name for name, (mean, least) in _P.items() if mean <= mean_lx <= _P_MOST * mean and least_lx >= least)
+    met = (name for name, (mean, least) in P_CLASSES.items() if mean <= mean_lx <= P_MOST * mean and least_lx >= least)
     return next(met, _NONE)
 
 
 def c_class(mean_lx: float, uniformity: float) -> str:
     """Best C class of this mean illuminance and its uniformity."""
-    met = (name for name, mean in _C.items() if mean_lx >= mean and uniformity >= _C_U0)
+    met = (name for name, mean in C_CLASSES.items() if mean_lx >= mean and uniformity >= C_UNIFORMITY)
     return next(met, _NONE)
 
 

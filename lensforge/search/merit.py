@@ -21,6 +21,7 @@ from lensforge.scene.body import Chain
 from lensforge.scene.limit_readings import LightLimit, light_limits
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.scene.road_classes import glare_law
 from lensforge.scene.target_pattern import in_target, target_light, uniform_region
 from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.light_path import Collected, LightPath, Pair
@@ -207,6 +208,11 @@ class LimitTerm:
                 scale = not_dark(light.mean())
             case "min_over_max":
                 scale = not_dark(light.detach().max())
+            case "ratio":
+                return self._beyond(light[:1] / (not_dark(light[1]) * limit.bound))
+            case "threshold_increment":
+                factor, power = glare_law(float(light[-1].detach()))
+                return self._beyond(factor * light[:-1] / (not_dark(light[-1]) ** power * limit.bound))
             case "beam_angle":
                 return self._beside_the_beam(light)
         return self._beyond(light / (scale * limit.bound))
