@@ -32,7 +32,7 @@ def judged_limits(
         LimitResult(
             name=limit.name,
             receiver=names[limit.receiver],
-            quantity=_QUANTITIES[limit.quantity],
+            quantity=QUANTITIES[limit.quantity],
             value=limit_value(limit, images[limit.receiver]),
             sense=limit.sense,
             bound=limit.bound,
@@ -42,7 +42,7 @@ def judged_limits(
     )
 
 
-_QUANTITIES = {
+QUANTITIES = {
     "light": "light",
     "relative": "light over its maximum",
     "min_over_mean": "least over mean light",

@@ -123,7 +123,7 @@ def possible_limits(spec: Spec) -> dict[tuple[str, float], Bound]:
 
     Empty for a source from a file: a folder need not hold it, so that nothing can be said afterwards.
     """
-    if not spec.limits or not isinstance(spec.source, _WITHOUT_FILES):
+    if not spec.has_limits or not isinstance(spec.source, _WITHOUT_FILES):
         return {}
     _, limits = asked_light(spec, build_source(spec.source))
     return {

@@ -16,7 +16,7 @@ from lensforge.scene.road_field import RoadReadings
 from lensforge.scene.target_shapes import in_shape
 from lensforge.spec import Spec
 from lensforge.spec.light_limits import BeamAngleLimit, GlareLimit, LimitSection, LineLimit, PointsLimit, ZoneLimit
-from lensforge.spec.road_section import RoadSection
+from lensforge.spec.road_section import RoadSection, names_of
 
 _UNITS = {"w_per_m2": "W/m²", "lx": "lx", "w_per_sr": "W/sr", "cd": "cd", "deg": "°"}
 _PHOTOMETRIC = ("lx", "cd")
@@ -68,14 +68,14 @@ def light_limits(
         index = 0 if limit.receiver is None else names.index(limit.receiver)
         where = f"limits.{number}"
         found += _bounds_of(limit, where, index, receivers[index], lumens_per_watt, flux_w)
-    for number, road in enumerate(spec.roads):
-        found += _of_road(road, number, spec, receivers, lumens_per_watt, flux_w)
+    for road, name in zip(spec.roads, names_of(spec.roads), strict=True):
+        found += _of_road(road, name, spec, receivers, lumens_per_watt, flux_w)
     return tuple(found)
 
 
 def _of_road(
     road: RoadSection,
-    number: int,
+    name: str,
     spec: Spec,
     receivers: Sequence[PosedReceiver],
     lumens_per_watt: float | None,
@@ -83,13 +83,13 @@ def _of_road(
 ) -> Iterator[LightLimit]:
     """What the class of a road asks for, of the picture of the first far field: pixels as intensities of a lamp."""
     index = next(index for index, receiver in enumerate(receivers) if receiver.kind == "far_field")
-    receiver, name = receivers[index], f"road {road.name or number + 1}" if len(spec.roads) > 1 else "road"
+    receiver = receivers[index]
     if road.lamp_lm is None and lumens_per_watt is None:
-        raise InputError(f"roads.{number}.lamp_lm: missing, and the source's lumens are not known; give either")
+        raise InputError(f"{name}: lamp_lm is missing, and the source's lumens are not known; give either")
     lamp_lm = road.lamp_lm or flux_w * spec.photometry.lenses * (lumens_per_watt or 0.0)
     scale = lamp_lm / flux_w / receiver.pixel_measure
     for ask in asked_of(RoadReadings.of(road)):
-        units = ask.light.directions(road.street_side_deg)
+        units = ask.light.directions(spec.photometry.street_side_deg)
         pixels = _bilinear(receiver, *equal_area(units @ receiver.pose.axes.T).T)
         readings = sparse.csr_array(scale * (ask.light.weights * (units[:, 2] >= 0.0)) @ pixels)
         yield LightLimit(f"{name}: {ask.name}", index, ask.quantity, ask.sense, ask.bound, ask.unit, readings)

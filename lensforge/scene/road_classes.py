@@ -1,4 +1,4 @@
-"""Classes of EN 13201-2:2015, and what each asks of the light of a road: tables 1, 2 and 4."""
+"""What the class of a road asks of its light: each figure of each observer, as a sum over the candela of the lamps."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -6,39 +6,11 @@ from typing import Literal
 
 from lensforge.results import Sense
 from lensforge.scene.road_field import CandelaSum, RoadReadings
+from lensforge.spec.road_section import C_CLASSES, C_UNIFORMITY, M_CLASSES, P_CLASSES, P_MOST
 
 Quantity = Literal[
     "light", "relative", "min_over_mean", "min_over_max", "share", "beam_angle", "threshold_increment", "ratio"
 ]
-
-
-@dataclass(frozen=True)
-class LuminanceClass:
-    """Least mean luminance (cd/m^2), uniformity U0 and Ul, largest threshold increment (%), least edge ratio R_EI."""
-
-    mean: float
-    uniformity: float
-    along: float
-    glare_percent: float
-    edge_ratio: float
-
-
-M_CLASSES = {
-    "M1": LuminanceClass(2.0, 0.40, 0.70, 10.0, 0.35),
-    "M2": LuminanceClass(1.5, 0.40, 0.70, 10.0, 0.35),
-    "M3": LuminanceClass(1.0, 0.40, 0.60, 15.0, 0.30),
-    "M4": LuminanceClass(0.75, 0.40, 0.60, 15.0, 0.30),
-    "M5": LuminanceClass(0.50, 0.35, 0.40, 15.0, 0.30),
-    "M6": LuminanceClass(0.30, 0.35, 0.40, 20.0, 0.30),
-}
-# Mean and least illuminance (lx); the mean of a P class may be at most 1.5 times what it asks for.
-P_CLASSES = {
-    "P1": (15.0, 3.0), "P2": (10.0, 2.0), "P3": (7.5, 1.5), "P4": (5.0, 1.0), "P5": (3.0, 0.6), "P6": (2.0, 0.4),
-}  # fmt: skip
-P_MOST = 1.5
-# Mean illuminance (lx); the least must be 0.4 of the mean.
-C_CLASSES = {"C0": 50.0, "C1": 30.0, "C2": 20.0, "C3": 15.0, "C4": 10.0, "C5": 7.5}
-C_UNIFORMITY = 0.4
 
 
 @dataclass(frozen=True, eq=False)

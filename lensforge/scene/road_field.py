@@ -9,13 +9,16 @@ lamp of the first row, at x = 0, and ends at the next. A lamp's street is across
 
 from dataclasses import dataclass, replace
 from math import ceil
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
-from scipy import sparse
 
 from lensforge.scene.road_surface import RoadSurface
 from lensforge.spec.road_section import RoadSection
+
+if TYPE_CHECKING:
+    from scipy import sparse
 
 # The field: points along and across (EN 13201-3, 7.1.4 and 7.2.8).
 _LEAST_ALONG, _STEP_M, _ACROSS_OF_LANE, _ACROSS_M, _LEAST_ACROSS = 10, 3.0, 3, 1.5, 3
@@ -41,7 +44,7 @@ class CandelaSum:
 
     azimuth_deg: Float[np.ndarray, " n"]
     gamma_deg: Float[np.ndarray, " n"]
-    weights: sparse.csr_array
+    weights: "sparse.csr_array"
 
     def of(self, candela: Float[np.ndarray, "p n"]) -> Float[np.ndarray, "p k"]:
         """The light by each sample of intensities in these directions."""
@@ -60,6 +63,8 @@ class CandelaSum:
 
     def mean(self) -> "CandelaSum":
         """The mean of all places, as one place."""
+        from scipy import sparse
+
         return replace(self, weights=sparse.csr_array(self.weights.mean(axis=0).reshape(1, -1)))
 
     def places(self, chosen: slice) -> "CandelaSum":
@@ -69,6 +74,8 @@ class CandelaSum:
     @staticmethod
     def joined(parts: "tuple[CandelaSum, ...]") -> "CandelaSum":
         """The places of all ``parts``, in their order."""
+        from scipy import sparse
+
         return CandelaSum(
             np.concatenate([part.azimuth_deg for part in parts]),
             np.concatenate([part.gamma_deg for part in parts]),
@@ -106,6 +113,8 @@ class _Lamps:
 
     def light(self, x: Points, y: Points, height_m: float, weights: Float[np.ndarray, "k l"]) -> CandelaSum:
         """Sum over the lamps of ``weights`` times the intensity towards each point, which is ``height_m`` up."""
+        from scipy import sparse
+
         along, across = x[:, None] - self.x, (y[:, None] - self.y) * self.facing
         along, down = along * self.facing, self.road.pole_height_m - height_m
         tilt = np.radians(self.road.tilt_deg)

@@ -198,10 +198,8 @@ class LimitTerm:
 
     def _excess(self, light: Float[Tensor, " k"], picture: Image) -> Float[Tensor, " k"]:
         """Excess at each place; of an even zone at its dark places, of a beam angle at those on the wrong side."""
-        limit = self.limit
+        limit, scale = self.limit, torch.ones((), dtype=light.dtype)
         match limit.quantity:
-            case "light" | "share":
-                scale: Tensor | float = 1.0
             case "relative":
                 scale = not_dark(picture.detach().max() * limit.light_per_flux)
             case "min_over_mean":
@@ -209,10 +207,10 @@ class LimitTerm:
             case "min_over_max":
                 scale = not_dark(light.detach().max())
             case "ratio":
-                return self._beyond(light[:1] / (not_dark(light[1]) * limit.bound))
+                light, scale = light[:1], not_dark(light[1])
             case "threshold_increment":
                 factor, power = glare_law(float(light[-1].detach()))
-                return self._beyond(factor * light[:-1] / (not_dark(light[-1]) ** power * limit.bound))
+                light, scale = light[:-1], not_dark(light[-1]) ** power / factor
             case "beam_angle":
                 return self._beside_the_beam(light)
         return self._beyond(light / (scale * limit.bound))
@@ -309,7 +307,7 @@ class MeritFunction:
             for section, receiver in zip(sections, receivers, strict=True)
         )
         scene = Scene(spec.lens.media, parametrisation.grid, fresnel, chain=Chain.of_lens(spec.lens))
-        efficacy = summarise(source, spec.source).lumens_per_watt if spec.limits else None
+        efficacy = summarise(source, spec.source).lumens_per_watt if spec.has_limits else None
         limits = tuple(map(LimitTerm.of, light_limits(spec, receivers, efficacy, source.flux_w)))
         crossing = source if scene.chain is not None and aims(source) else None
         light = LightPath(scene, receivers, device, source=crossing)

@@ -28,7 +28,7 @@ from lensforge.spec.receiver_sections import (
     named,
     require_outside,
 )
-from lensforge.spec.road_section import RoadSection
+from lensforge.spec.road_section import MOST_ROADS, RoadSection
 from lensforge.spec.search_section import ConstraintsSection, EvaluateSection, OptimiseSection
 from lensforge.spec.source_sections import SourceSpec
 from lensforge.spec.spec_fields import words_of
@@ -88,7 +88,7 @@ def _filled(section: _Filled, derived: Mapping[str, Any]) -> _Filled:
     return filled
 
 
-_MOST_RECEIVERS, _MOST_LIMITS, _MOST_ROADS = 16, 1000, 32
+_MOST_RECEIVERS, _MOST_LIMITS = 16, 1000
 _ALL_BELOW = 90.0  # degrees from the axis: all that is below a lamp
 _OneReceiver = Annotated[AnyReceiver, Field(discriminator="kind")]
 _OF_GIVEN_LEVELS = ("steps_per_level", "rays")  # fields of optimise
@@ -111,7 +111,7 @@ class Spec(Section):
     """Surfaces that the light falls on, each with its targets; or give ``target`` alone."""
     limits: Annotated[tuple[LightLimitSpec, ...], Field(max_length=_MOST_LIMITS)] = ()
     """Light that must be at least, or at most, so much."""
-    roads: Annotated[tuple[RoadSection, ...], Field(max_length=_MOST_ROADS)] = ()
+    roads: Annotated[tuple[RoadSection, ...], Field(max_length=MOST_ROADS)] = ()
     """Roads that rows of lamps with the lens light, each with its class: limits on the light, too."""
     optimise: OptimiseSection = Field(default_factory=OptimiseSection)
     """Settings of the search."""
@@ -276,6 +276,11 @@ class Spec(Section):
         radius_mm = self.lens.faces[face].concave_radius_mm
         designed = radius_mm is not None and radius_mm >= self.manufacture.cutter_radius_mm
         return self.manufacture.make == "part" and (designed or self.manufacture.required)
+
+    @property
+    def has_limits(self) -> bool:
+        """True where the light must keep limits: those of ``limits``, and of the classes of ``roads``."""
+        return bool(self.limits or self.roads)
 
     @property
     def has_uniform_region(self) -> bool:

@@ -4,15 +4,48 @@ A road is straight, and seen along its direction of travel: left and right are t
 are equal, and stand in rows at equal steps.
 """
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from math import inf
+from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationError, model_validator
 
-from lensforge.spec.spec_section import FilePath, Label, Section
+from lensforge.spec.spec_files import read_toml, resolve_files
+from lensforge.spec.spec_section import FilePath, Label, Section, spec_error
 
 # Nominal average luminance coefficient Q0 (cd/m^2 per lx) of the classes of the CIE: CIE 144:2001.
 STANDARD_SURFACES = {"R1": 0.10, "R2": 0.07, "R3": 0.07, "R4": 0.08, "C1": 0.10, "C2": 0.07}
+
+
+@dataclass(frozen=True)
+class LuminanceClass:
+    """Least mean luminance (cd/m^2), uniformity U0 and Ul, largest threshold increment (%), least edge ratio R_EI."""
+
+    mean: float
+    uniformity: float
+    along: float
+    glare_percent: float
+    edge_ratio: float
+
+
+M_CLASSES = {
+    "M1": LuminanceClass(2.0, 0.40, 0.70, 10.0, 0.35),
+    "M2": LuminanceClass(1.5, 0.40, 0.70, 10.0, 0.35),
+    "M3": LuminanceClass(1.0, 0.40, 0.60, 15.0, 0.30),
+    "M4": LuminanceClass(0.75, 0.40, 0.60, 15.0, 0.30),
+    "M5": LuminanceClass(0.50, 0.35, 0.40, 15.0, 0.30),
+    "M6": LuminanceClass(0.30, 0.35, 0.40, 20.0, 0.30),
+}
+# Mean and least illuminance (lx); the mean of a P class may be at most 1.5 times what it asks for.
+P_CLASSES = {
+    "P1": (15.0, 3.0), "P2": (10.0, 2.0), "P3": (7.5, 1.5), "P4": (5.0, 1.0), "P5": (3.0, 0.6), "P6": (2.0, 0.4),
+}  # fmt: skip
+P_MOST = 1.5
+# Mean illuminance (lx); the least must be 0.4 of the mean.
+C_CLASSES = {"C0": 50.0, "C1": 30.0, "C2": 20.0, "C3": 15.0, "C4": 10.0, "C5": 7.5}
+C_UNIFORMITY = 0.4  # all three: EN 13201-2:2015
 
 ClassName = Literal[
     "M1", "M2", "M3", "M4", "M5", "M6", "C0", "C1", "C2", "C3", "C4", "C5", "P1", "P2", "P3", "P4", "P5", "P6"
@@ -21,9 +54,7 @@ Metres = Annotated[float, Field(gt=0.0, le=1000.0)]
 Surface = Literal["R1", "R2", "R3", "R4", "C1", "C2"]
 Arrangement = Literal["left", "right", "opposite", "staggered", "median"]
 Share = Annotated[float, Field(gt=0.0, le=1.0)]
-_LEAST_LANE_M = 2.0
-
-
+_LEAST_LANE_M, MOST_ROADS = 2.0, 32
 _BY_LUMINANCE = ("mean_cd_per_m2", "uniformity", "uniformity_along", "glare_percent")
 
 
@@ -76,8 +107,6 @@ class RoadSection(Section):
     """Electrical power of a lamp; with it the power density and the yearly energy are stated."""
     hours: Annotated[float, Field(gt=0.0, le=8784.0)] = 4000.0
     """Hours of full light in a year."""
-    street_side_deg: Annotated[float, Field(ge=-360.0, le=360.0)] = 90.0
-    """Direction from a lamp towards the street: azimuth of a lens from +x to +y, of a file its C."""
 
     @property
     def by_luminance(self) -> bool:
@@ -113,3 +142,27 @@ class RoadSection(Section):
                 f"{beyond[0]} is of a class M, the class is {self.lighting_class}; leave it out, or give a class M"
             )
         return self
+
+
+def names_of(roads: Sequence[RoadSection]) -> tuple[str, ...]:
+    """A name for each road: its own, or its number where there are several."""
+    if len(roads) == 1:
+        return (roads[0].name or "road",)
+    return tuple(road.name or f"road {number}" for number, road in enumerate(roads, start=1))
+
+
+class RoadFile(Section):
+    """File of roads: those of a spec, without the rest."""
+
+    roads: Annotated[tuple[RoadSection, ...], Field(min_length=1, max_length=MOST_ROADS)]
+    """Roads, each with its class."""
+
+
+def load_roads(path: Path) -> tuple[RoadSection, ...]:
+    """The ``[[roads]]`` of a TOML file, a spec or one of roads alone. Raises :class:`InputError`."""
+    content = read_toml(path, missing="give a TOML file with [[roads]], such as a spec")
+    resolve_files(content.get("roads"), path.parent)
+    try:
+        return RoadFile.model_validate({"roads": content.get("roads", [])}).roads
+    except ValidationError as error:
+        raise spec_error(error, str(path), RoadFile) from None
