@@ -9,6 +9,7 @@ from lensforge.errors import CriterionMissed
 from lensforge.light.light_facts import road_facts
 from lensforge.light.road_lighting import RoadJudgement
 from lensforge.results import Group
+from lensforge.sources.photometric.photometric_io import read_photometric
 from lensforge.spec.road_section import load_roads, names_of
 
 
@@ -37,7 +38,6 @@ def road(file: Path, roads: Path, street_c: float, output: Output) -> None:
     EULUMDAT or TM-33 file.
     """
     from lensforge.light.road_judgement import judge_road, of_file
-    from lensforge.sources.photometric.photometric_io import read_photometric
 
     lamp, wanted = read_photometric(file), load_roads(roads)
     for words in lamp.warnings:

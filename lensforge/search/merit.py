@@ -335,8 +335,7 @@ class MeritFunction:
             for images in parts
         )
         loss = torch.stack([self._image_loss(images, uniform) for images in parts]).mean()
-        limits = torch.stack([self._limit_term(images) for images in parts]).mean()
-        loss = loss + light.terms / light.emitted_w + limits
+        loss = loss + light.terms / light.emitted_w + torch.stack([self._limit_term(images) for images in parts]).mean()
         fields = constraints.fields(tables)
         return Evaluated(loss + constraints.term(fields), nmse, efficiency, fields)
 

@@ -4,7 +4,7 @@ Each wrong field is reported in a line: its name, its value, what is allowed. A 
 dotted names, and made plain enough for TOML.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -52,13 +52,25 @@ def changed(content: dict[str, object], changes: Mapping[str, object]) -> dict[s
             )
         section, _, rest = name.partition(".")
         before = result.get(section)
-        if rest:
+        if rest and isinstance(before, list | tuple):
+            result[section] = _entry_changed(before, section, rest, value)
+        elif rest:
             result[section] = changed(dict(before) if isinstance(before, Mapping) else {}, {rest: value})
         elif isinstance(value, Mapping) and isinstance(before, Mapping):
             result[section] = changed(dict(before), value)
         else:
             result[section] = value
     return result
+
+
+def _entry_changed(entries: Sequence[object], section: str, rest: str, value: object) -> list[object]:
+    """A copy of a list in which one entry, ``rest`` begins with its number from 0, has another value."""
+    number, _, name = rest.partition(".")
+    if number not in map(str, range(len(entries))):
+        raise InputError(f"replace: {section}.{rest}: {section} has {len(entries)} entries, by their numbers from 0")
+    before, place = entries[int(number)], int(number)
+    after = changed(dict(before), {name: value}) if name and isinstance(before, Mapping) else value
+    return [*entries[:place], after, *entries[place + 1 :]]
 
 
 def plain(value: Any) -> Any:
