@@ -19,6 +19,7 @@ from lensforge.results import Metric, Sense
 from lensforge.scene.road_classes import Quantity, asked_of
 from lensforge.scene.road_field import CandelaSum, RoadReadings
 from lensforge.scene.road_surface import RoadSurface
+from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric.photometric_file import PhotometricFile
 from lensforge.spec import Spec
 from lensforge.spec.road_section import M_CLASSES, RoadSection, names_of
@@ -133,9 +134,14 @@ def best_class(drivers: tuple[SeenRoad, ...], edges: tuple[Metric, Metric]) -> s
 def judged_roads(spec: Spec, lens: LampLight, source_lm: float) -> tuple[RoadJudgement, ...]:
     """The roads of ``spec`` by lamps of a lens with this light of a source of ``source_lm``."""
     return tuple(
-        judge_road(road, of_lens(lens, (road.lamp_lm or spec.photometry.lenses * source_lm) / source_lm), name)
+        judge_road(road, of_lens(lens, lenses_in(road, spec, source_lm)), name)
         for road, name in zip(spec.roads, names_of(spec.roads), strict=True)
     )
+
+
+def lenses_in(road: RoadSection, spec: Spec, source_lm: float) -> float:
+    """Lenses in a lamp of ``road``, each over a source of ``source_lm``; as many as its lumens take, where it has."""
+    return spec.photometry.lenses if road.lamp_lm is None else road.lamp_lm / source_lm
 
 
 def of_lens(lamp: LampLight, factor: float) -> Candela:
@@ -153,9 +159,12 @@ def of_file(file: PhotometricFile, street_c_deg: float, lamp_lm: float | None) -
 
     ``lamp_lm``: of its sources; None: as the file states. An absolute file states the light that leaves the lamp.
     """
-    table = file.intensity
-    stated = file.lamp_lumens or table.flux()
-    factor = 1.0 if lamp_lm is None else lamp_lm / stated
+    stated = file.lamp_lumens or file.intensity.flux()
+    return of_table(file.intensity, street_c_deg, 1.0 if lamp_lm is None else lamp_lm / stated)
+
+
+def of_table(table: TabulatedIntensity, street_c_deg: float, factor: float) -> Candela:
+    """Intensities of a lamp of ``factor`` times the ``table``, whose C = ``street_c_deg`` is towards the street."""
 
     def candela(light: CandelaSum) -> Float[np.ndarray, "1 n"]:
         turn, gamma = np.radians(street_c_deg - light.azimuth_deg), np.radians(light.gamma_deg)

@@ -31,7 +31,7 @@ class LightLimit:
     ``readings``: matrix from the flux (W) on each pixel to the light at each place, in ``unit``; relative light and
     angles in W/m² or W/sr. ``angles_deg``: of the places of a beam angle, whose half side counts at ``level``. Of a
     threshold increment the last place is the mean luminance (cd/m²), the others are veiling luminance; of a ratio the
-    first place is over the second.
+    first place is over the second. ``of_road``: each of its few places decides, however many there are.
     """
 
     name: str
@@ -43,6 +43,7 @@ class LightLimit:
     readings: sparse.csr_array
     angles_deg: Float[np.ndarray, " k"] | None = None
     level: float = 1.0
+    of_road: bool = False
 
     def of(self, images: Float[np.ndarray, "r h w"]) -> Float[np.ndarray, "r k"]:
         """Readings of pictures of flux (W)."""
@@ -92,7 +93,9 @@ def _of_road(
         units = ask.light.directions(spec.photometry.street_side_deg)
         pixels = _bilinear(receiver, *equal_area(units @ receiver.pose.axes.T).T)
         readings = sparse.csr_array(scale * (ask.light.weights * (units[:, 2] >= 0.0)) @ pixels)
-        yield LightLimit(f"{name}: {ask.name}", index, ask.quantity, ask.sense, ask.bound, ask.unit, readings)
+        yield LightLimit(
+            f"{name}: {ask.name}", index, ask.quantity, ask.sense, ask.bound, ask.unit, readings, of_road=True
+        )
 
 
 def _bounds_of(

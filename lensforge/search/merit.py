@@ -71,10 +71,6 @@ class ImageTerms:
         worth = _worth(wanted) if aim == "share" else None
         return ImageTerms(wanted, mask, chart_mirrors(receiver, symmetry) or (), share, worth)
 
-    def image(self, light: Collected) -> Image:
-        """Flux (W) on each pixel, as the mean over the mirror images."""
-        return self.mirrored(light.image)
-
     def mirrored(self, image: Image) -> Image:
         """Mean over the mirror images."""
         return mirrored_light(image, self.mirrors)
@@ -187,7 +183,8 @@ class LimitTerm:
         coo = limit.readings.tocoo()
         places = torch.from_numpy(np.stack([coo.row, coo.col]).astype(np.int64))
         matrix = torch.sparse_coo_tensor(places, torch.from_numpy(coo.data), coo.shape, check_invariants=False)
-        return LimitTerm(limit, matrix.coalesce(), min(_OF_EACH * coo.shape[0], _AT_MOST))
+        factor = _OF_EACH * coo.shape[0]
+        return LimitTerm(limit, matrix.coalesce(), factor if limit.of_road else min(factor, _AT_MOST))
 
     def loss(self, images: Images) -> Float[Tensor, ""]:
         """Mean of e^2/(1+e) over the places, e what is missing to the bound or above it, relative to the bound."""
@@ -390,7 +387,7 @@ class MeritFunction:
         return torch.stack([limit.loss(images) for limit in self.limits]).sum()
 
     def _images(self, light: tuple[Collected, ...]) -> Images:
-        return tuple(terms.image(each) for terms, each in zip(self.terms, light, strict=True))
+        return tuple(terms.mirrored(each.image) for terms, each in zip(self.terms, light, strict=True))
 
     def _flux_term(self, light: tuple[Collected, ...]) -> Float[Tensor, ""]:
         """Flux (W) that has no gradient in the images."""
