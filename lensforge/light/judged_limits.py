@@ -50,7 +50,7 @@ QUANTITIES = {
     "share": "share of the flux",
     "beam_angle": "beam angle",
     "threshold_increment": "threshold increment",
-    "ratio": "ratio of illuminances",
+    "ratio": "ratio of means",
 }
 
 
@@ -75,7 +75,7 @@ def figure_of(quantity: Quantity, sense: Sense, unit: str, readings: Readings) -
         case "min_over_max":
             return ratio_of(_extreme(readings, ">="), _extreme(readings, "<="))
         case "ratio":
-            return jackknife_metric(readings, lambda mean: float(mean[0] / mean[1]) if mean[1] > 0.0 else 0.0)
+            return jackknife_metric(readings, lambda mean: float(mean[0] / mean[1]) if mean[1] > 0.0 else 0.0, unit)
         case "threshold_increment":
             return _threshold_increment(readings)
     return _extreme(readings, sense).model_copy(update={"unit": unit})

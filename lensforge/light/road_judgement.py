@@ -100,8 +100,7 @@ def _drivers(readings: RoadReadings, read: _Reader, mean_lx: Metric) -> Iterator
 
 
 def _over(read: _Reader, light: CandelaSum, lux: CandelaSum) -> Metric:
-    found = read.figure("ratio", ">=", "", CandelaSum.joined((light, lux)))
-    return found.model_copy(update={"unit": "cd/m²/lx"})
+    return read.figure("ratio", ">=", "cd/m²/lx", CandelaSum.joined((light, lux)))
 
 
 def _lamps_of(road: RoadSection) -> int:

@@ -56,6 +56,9 @@ def _of_luminance(readings: RoadReadings) -> Iterator[Ask]:
         yield Ask(f"{of}uniformity U0", "min_over_mean", ">=", uniformity, "", kept)
         yield Ask(f"{of}uniformity along Ul", "min_over_max", ">=", along, "", kept.places(readings.middle(lane)))
         glaring = CandelaSum.joined((veiling, mean))
+        if road.luminance_per_lux is not None:
+            both = CandelaSum.joined((mean, readings.illuminance.mean()))
+            yield Ask(f"{of}luminance per lux Q", "ratio", ">=", road.luminance_per_lux, "cd/m²/lx", both)
         yield Ask(f"{of}threshold increment TI", "threshold_increment", "<=", glare, "%", glaring)
     for side, edge in zip(("right", "left"), readings.edges, strict=True):
         yield Ask(f"{side} edge ratio", "ratio", ">=", wanted.edge_ratio, "", edge)

@@ -55,7 +55,7 @@ Surface = Literal["R1", "R2", "R3", "R4", "C1", "C2"]
 Arrangement = Literal["left", "right", "opposite", "staggered", "median"]
 Share = Annotated[float, Field(gt=0.0, le=1.0)]
 _LEAST_LANE_M, MOST_ROADS = 2.0, 32
-_BY_LUMINANCE = ("mean_cd_per_m2", "uniformity", "uniformity_along", "glare_percent")
+_BY_LUMINANCE = ("mean_cd_per_m2", "uniformity", "uniformity_along", "glare_percent", "luminance_per_lux")
 
 
 class RoadSection(Section):
@@ -99,6 +99,8 @@ class RoadSection(Section):
     """Least over largest luminance Ul on the middle of a lane that is wanted at least."""
     glare_percent: Annotated[float, Field(gt=0.0, le=1000.0)] | None = None
     """Largest threshold increment TI."""
+    luminance_per_lux: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
+    """Least mean luminance over mean illuminance Q; by default none is asked."""
     maintenance_factor: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
     """Share of the light that dirt and age leave; glare is that of new lamps."""
     lamp_lm: Annotated[float, Field(gt=0.0, le=1e9)] | None = None

@@ -26,6 +26,7 @@ PURE = {
     "lanes",
     "uniformity",
     "uniformity_along",
+    "luminance_per_lux",
     "surface_q0",
     "profile",
     "events",
