@@ -21,6 +21,7 @@ from lensforge.cli.design import design, preview, sweep, tradeoff
 from lensforge.cli.interrupts import Interrupts
 from lensforge.cli.output import printable, warning_line
 from lensforge.cli.rays import rays
+from lensforge.cli.road import road
 from lensforge.cli.specs import examples, new, schema
 from lensforge.cli.stages import STAGE_COMMANDS, handover, report
 from lensforge.cli.streams import lasting_streams, open_standard_streams
@@ -102,7 +103,7 @@ def cli(context: click.Context) -> None:
         click.echo(context.get_help())
 
 
-for command in (*STAGE_COMMANDS, design, preview, new, sweep, tradeoff, report, handover, rays, schema, examples):
+for command in (*STAGE_COMMANDS, design, preview, new, sweep, tradeoff, report, handover, rays, road, schema, examples):
     cli.add_command(command)
 
 

@@ -162,7 +162,7 @@ def summary(run: Run) -> list[Block]:
     design = run.find(Design)
     search = "" if design is None else f": {_search(run, design)}"
     far_field, files = _selected(run, _FAR_FIELD, Photometry), _selected(run, _FILES, Part, Proof)
-    why = [] if run.spec.limits else _because(verdict, "light")[:1]  # limits are lines of their own already
+    why = [] if run.spec.has_limits else _because(verdict, "light")[:1]  # limits are lines of their own already
     return [
         Block(f"{run.spec.name}: {found.sentence} {found.criteria}"),
         Block(f"Light: {verdict.light}", [*rows_of(light), *rows_of(far_field), *why]),

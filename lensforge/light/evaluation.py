@@ -18,21 +18,17 @@ from lensforge.light.chain_trace import TracedFaces, trace_chain
 from lensforge.light.evaluation_result import (
     FittedLight,
     Light,
-    LimitResult,
     PresetError,
     TableError,
     light_criteria,
 )
 from lensforge.light.exact_trace import DenseScan, FixedSurface, TableScan, exact_surfaces, trace_exact
+from lensforge.light.judged_limits import judged_limits
 from lensforge.light.metrics import (
     Images,
     jackknife_metric,
-    largest_without_noise,
-    least_over_mean,
-    least_without_noise,
     nmse,
     nmse_estimate,
-    ratio_of,
     relative_deviation,
     relative_square,
     uniformity,
@@ -59,7 +55,7 @@ from lensforge.light.simulation import (
     simulate,
     traced_light,
 )
-from lensforge.results import Metric, Sense
+from lensforge.results import Metric
 from lensforge.results.chart import light_unit
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.lens import Lens
@@ -69,7 +65,6 @@ from lensforge.scene.possible_light import PossibleLight, SourceLight
 from lensforge.scene.receiver import Landings, PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import DrawnTarget, coarser_target, drawn_target, uniform_region
-from lensforge.sources.intensity import width_above
 from lensforge.sources.measured_rays import held_back, searched
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec import AnyReceiver, Spec
@@ -330,61 +325,3 @@ def _flux_budget(received: ReceivedFlux, emitted_w: float) -> tuple[Flux, Missed
         reflected=max(0.0, 1.0 - float(share.sum())),  # the rest: all of it may be rounding
     )
     return flux, missed
-
-
-Readings = Float[np.ndarray, "r k"]
-
-
-def judged_limits(
-    limits: Sequence[LightLimit], images: Sequence[Float[np.ndarray, "_ _ _"]], names: Sequence[str]
-) -> tuple[LimitResult, ...]:
-    """Judge ``limits`` on the filtered pictures of flux (W) of every replicate, one stack for each receiver."""
-    return tuple(
-        LimitResult(
-            name=limit.name,
-            receiver=names[limit.receiver],
-            quantity=_QUANTITIES[limit.quantity],
-            value=limit_value(limit, images[limit.receiver]),
-            sense=limit.sense,
-            bound=limit.bound,
-            unit=limit.unit,
-        )
-        for limit in limits
-    )
-
-
-_QUANTITIES = {
-    "light": "light",
-    "relative": "light over its maximum",
-    "min_over_mean": "least over mean light",
-    "min_over_max": "least over largest light",
-    "share": "share of the flux",
-    "beam_angle": "beam angle",
-}
-
-
-def limit_value(limit: LightLimit, images: Float[np.ndarray, "r h w"]) -> Metric:
-    """The value that decides, in the limit's unit."""
-    readings = limit.of(images)
-    match limit.quantity:
-        case "share":
-            return jackknife_metric(readings.sum(axis=1), float)
-        case "beam_angle":
-            return jackknife_metric(readings, lambda mean: beam_angle(limit, mean), limit.unit)
-        case "light":
-            return _extreme(readings, limit.sense).model_copy(update={"unit": limit.unit})
-        case "min_over_mean":
-            return least_over_mean(readings).metric()
-    whole = readings if limit.quantity == "min_over_max" else limit.light_per_flux * images.reshape(len(images), -1)
-    return ratio_of(_extreme(readings, limit.sense if limit.quantity == "relative" else ">="), _extreme(whole, "<="))
-
-
-def _extreme(readings: Readings, sense: Sense) -> Metric:
-    """The least reading for a lower bound, the largest for an upper one, without the noise that would choose it."""
-    return least_without_noise(readings) if sense == ">=" else largest_without_noise(readings)
-
-
-def beam_angle(limit: LightLimit, light: Float[np.ndarray, " k"]) -> float:
-    """Full angle (deg) between the outermost places of a cut at ``level`` of its maximum, linear between places."""
-    assert limit.angles_deg is not None
-    return width_above(limit.angles_deg, light, limit.level * float(light.max())) or 0.0

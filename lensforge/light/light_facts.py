@@ -11,7 +11,7 @@ from lensforge.light.evaluation_result import Light, LightMetrics
 from lensforge.light.metrics import scaled
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import REGIONS, ReceiverLight, bounds_on
-from lensforge.light.road_lighting import RoadFigures
+from lensforge.light.road_lighting import RoadFigures, RoadJudgement
 from lensforge.optics.fundamental_limits import transmittance_of
 from lensforge.results import Bound, Fact, Group
 from lensforge.results.chart import LightUnit, light_unit
@@ -47,7 +47,7 @@ def light_facts(light: Light, lens: Lens, possible: LimitBounds | None = None) -
 def light_reasons(light: Light, lens: Lens) -> Iterator[Reason]:
     """Reasons why the light does not pass; limits of the spec are what it must keep: with any, no others count."""
     yield from missed(light.criteria)
-    if not lens.spec.limits:
+    if not lens.spec.has_limits:
         for index, receiver in enumerate(light.receivers):
             where = f" on {receiver.name}" if len(light.receivers) > 1 else ""
             yield from reasons_of(_figures(light, index, lens), where)
@@ -112,7 +112,7 @@ def unit_on(light: Light, receiver: ReceiverLight) -> LightUnit:
 
 def _figures(light: Light, index: int, lens: Lens) -> Iterator[Fact]:
     receiver, mask = light.receivers[index], f"in the mask {mask_words(lens.spec, index)}"
-    bounds = {} if lens.spec.limits else bounds_on(receiver, transmittance_of(lens.media))
+    bounds = {} if lens.spec.has_limits else bounds_on(receiver, transmittance_of(lens.media))
     if lens.spec.optimise.aim == "pattern":
         yield _error_of_pattern(receiver, bounds.get("nmse"))
     yield _share_in_target(receiver, bounds.get("share_in_target"))
@@ -231,7 +231,7 @@ _ZONES = {
 
 def photometry_facts(found: Photometry, spec: Spec) -> list[Group]:
     """Groups of the far field and, of a lamp for an area or a road, of the lamp and its zones."""
-    groups = [Group("far_field", "Far field", tuple(_far_field(found)))]
+    groups = [Group("far_field", "Far field", tuple(_far_field(found))), *map(road_facts, found.roads)]
     if found.road is None:
         return groups
     lamp = Group("lamp", "Lamp", tuple(_lamp(found.road, spec.photometry.lenses)))
@@ -254,6 +254,25 @@ def _far_field(found: Photometry) -> Iterator[Fact]:
         yield Fact.measured(f"field_{plane}", f"Field angle, {plane}", beam.field_angle_deg, "of its tenths")
     noise = "" if found.node_error is None else f"the table’s noise is {percent(found.node_error.rms)} rms"
     yield Fact("photometry_rays", "Rays", found.rays, note=noise)
+
+
+def road_facts(found: RoadJudgement) -> Group:
+    """The group of one road: its class, what that asks of every driver's view, and its figures beside."""
+    facts = [Fact("road_class", "Class", found.lighting_class, note=f"EN 13201; reached among M: {found.reached}")]
+    facts += [replace(limit.fact(), key=f"road_{number}") for number, limit in enumerate(found.limits)]
+    for driver in found.drivers:
+        words = f"Luminance per lux, lane {driver.lane}"
+        facts.append(Fact.measured(f"road_q_{driver.lane}", words, driver.luminance_per_lux))
+    facts += [
+        Fact.measured("road_lx", "Mean illuminance", found.mean_lx),
+        Fact.measured("road_least_lx", "Least illuminance", found.least_lx),
+        Fact("surface", "Surface", found.surface, note=f"Q0 {found.q0:.3g}, S1 {found.s1:.3g}"),
+    ]
+    if found.power_density is not None:
+        facts.append(Fact.measured("power_density", "Power density D_P", found.power_density))
+    if found.yearly_energy is not None:
+        facts.append(Fact.measured("yearly_energy", "Energy of a year", found.yearly_energy))
+    return Group("road", found.name, tuple(facts))
 
 
 def _lamp(road: RoadFigures, lenses: int) -> Iterator[Fact]:

@@ -30,6 +30,7 @@ from lensforge.light.photometry_result import (
     WrittenFiles,
     photometry_criteria,
 )
+from lensforge.light.road_judgement import judged_roads
 from lensforge.light.road_lighting import RoadFigures
 from lensforge.light.simulation import ABSORBED, IN_GLASS, MISSED_RECEIVER, TracedLens
 from lensforge.light.source_photometry import SourceLumens, spectrum_of_source
@@ -152,6 +153,7 @@ def measure_photometry(
         remarks=(*warnings, *_remarks(light, per_watt)),
         issued=lens.spec.manufacture.date or "",
     )
+    lamp = _lamp(fitted, per_watt, section.street_side_deg)
     known_lm, spectrum = None if bright.per_1000_lm else exit_lm.value, spectrum_of_source(lens.spec.source, summary)
     contents = photometric_files(photometric, light.sample, known_lm, spectrum, ies_version)
     files = read_back(contents, light.exit_w.value, per_watt)
@@ -172,9 +174,8 @@ def measure_photometry(
         peak_direction=tables.peak_direction,
         beam_c0=tables.plane(PLANES_DEG[0]),
         beam_c90=tables.plane(PLANES_DEG[1]),
-        road=RoadFigures.of(
-            section, _lamp(fitted, per_watt, section.street_side_deg), exit_lm, light.zones_w * per_watt
-        ),
+        road=RoadFigures.of(section, lamp, exit_lm, light.zones_w * per_watt),
+        roads=judged_roads(lens.spec, lamp, bright.lumens),
         node_error=fitted.node_error,
         interpolation_error=fitted.interpolation_error,
         warnings=warnings,

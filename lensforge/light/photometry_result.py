@@ -16,7 +16,7 @@ from jaxtyping import Float
 
 from lensforge.light.angular_grid import FittedIntensity
 from lensforge.light.metrics import jackknife_error, largest_without_noise
-from lensforge.light.road_lighting import RoadFigures
+from lensforge.light.road_lighting import RoadFigures, RoadJudgement
 from lensforge.results import (
     Array,
     Count,
@@ -213,7 +213,7 @@ class Photometry(SimulatedResult):
     root mean square over solid angle; ``interpolation_error``: rms of what a table of half the steps would add there,
     relative to the peak, with its own standard error on top. ``peak_cd`` has the noise taken off by which the largest
     of many numbers is too large; ``peak_direction``: node with the largest. ``beam_c0``, ``beam_c90``: in the principal
-    planes. ``road``: of a lamp, where the spec says that it is for an area or a road.
+    planes. ``road``: of a lamp, where the spec says that it is for an area or a road; ``roads``: those of the spec.
 
     ``source_lm_from``: where the luminous flux of the source comes from. Where nothing states it, ``per_1000_lm`` is
     true: ``source_lm`` is 1000, and candela are per 1000 lm of the source. ``warnings``: whatever limits the use of the
@@ -238,6 +238,7 @@ class Photometry(SimulatedResult):
     beam_c0: PlaneFigures
     beam_c90: PlaneFigures
     road: RoadFigures | None
+    roads: tuple[RoadJudgement, ...] = ()
     node_error: Extent | None
     interpolation_error: NotNegative | None
     warnings: tuple[Text, ...] = ()

@@ -1,4 +1,4 @@
-"""Light of a lamp on areas and roads: classes of EN 13201 of a straight road lit from one side, and all its figures.
+"""Light of a lamp on areas and roads: classes of EN 13201 of a straight road lit from one side, and what drivers see.
 
 Illuminance (P, C) and glare (G*) classes: EN 13201-2:2015, tables 2, 4 and A.1. Points and lamps: EN 13201-3:2015,
 clause 7: between two lamps, ten points along (or as many as keep them 3 m apart), at least three across (1.5 m); all
@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.light.evaluation_result import LimitResult
 from lensforge.light.luminaire_classes import BugRating, DistributionType, LampLight, ZoneLumens, distribution_type
 from lensforge.light.metrics import (
     jackknife_metric,
@@ -20,15 +21,10 @@ from lensforge.light.metrics import (
     least_without_noise,
     scaled,
 )
-from lensforge.results import Count, Metric, Record, Text
+from lensforge.results import Count, Metric, Positive, Record, Text
 from lensforge.spec.light_limits import PhotometrySection
+from lensforge.spec.road_section import C_CLASSES, C_UNIFORMITY, P_CLASSES, P_MOST
 
-# Mean and least illuminance (lx); the mean of a P class may be at most 1.5 times what it asks for.
-_P = {"P1": (15.0, 3.0), "P2": (10.0, 2.0), "P3": (7.5, 1.5), "P4": (5.0, 1.0), "P5": (3.0, 0.6), "P6": (2.0, 0.4)}
-_P_MOST = 1.5
-# Mean illuminance (lx); the least must be 0.4 of the mean.
-_C = {"C0": 50.0, "C1": 30.0, "C2": 20.0, "C3": 15.0, "C4": 10.0, "C5": 7.5}
-_C_U0 = 0.4
 _NONE = "none"
 # Most candela per 1000 lm of the lamp at and above 70, 80 and 90 degrees.
 _G = {
@@ -147,13 +143,13 @@ def road_lighting(lamp: LampLight, section: PhotometrySection) -> RoadLighting:
 
 def p_class(mean_lx: float, least_lx: float) -> str:
     """Best P class of this mean and least illuminance; "none" where the mean exceeds 1.5 times all that are met."""
-    met = (name for name, (mean, least) in _P.items() if mean <= mean_lx <= _P_MOST * mean and least_lx >= least)
+    met = (name for name, (mean, least) in P_CLASSES.items() if mean <= mean_lx <= P_MOST * mean and least_lx >= least)
     return next(met, _NONE)
 
 
 def c_class(mean_lx: float, uniformity: float) -> str:
     """Best C class of this mean illuminance and its uniformity."""
-    met = (name for name, mean in _C.items() if mean_lx >= mean and uniformity >= _C_U0)
+    met = (name for name, mean in C_CLASSES.items() if mean_lx >= mean and uniformity >= C_UNIFORMITY)
     return next(met, _NONE)
 
 
@@ -185,3 +181,49 @@ class RoadFigures(Record):
             glare=glare_intensities(lamp, lumens.value),
             road=road_lighting(lamp, section) if section.use == "road" else None,
         )
+
+
+class SeenRoad(Record):
+    """Road as the driver in one ``lane`` sees it, counted from the right.
+
+    ``mean_cd_per_m2``, ``uniformity`` (U0, least over mean), ``uniformity_along`` (Ul, least over largest on the middle
+    of the lane), ``glare_percent`` (threshold increment TI, of new lamps). ``luminance_per_lux``: mean luminance over
+    mean illuminance of the road (cd/m^2 per lx), Q.
+    """
+
+    lane: Count
+    mean_cd_per_m2: Metric
+    uniformity: Metric
+    uniformity_along: Metric
+    glare_percent: Metric
+    luminance_per_lux: Metric
+
+
+class RoadJudgement(Record):
+    """Light of a row of lamps on one road. ``limits``: what its ``lighting_class`` asks, each judged.
+
+    ``reached``: the best class M of the figures, "none" below all. ``drivers``: by their lanes, from the right.
+    ``edges``: ratio of the illuminance beside the road to that within, at the right and at the left edge. ``mean_lx``,
+    ``least_lx``, ``uniformity_lx``: horizontal illuminance of the road. ``power_density`` (W per lx and m^2, D_P) and
+    ``yearly_energy`` (kWh per m^2, AECI): None where the power of a lamp is not known.
+    """
+
+    name: Text
+    lighting_class: Text
+    reached: Text
+    surface: Text
+    q0: Positive
+    s1: Positive
+    drivers: tuple[SeenRoad, ...]
+    edges: tuple[Metric, Metric]
+    mean_lx: Metric
+    least_lx: Metric
+    uniformity_lx: Metric
+    power_density: Metric | None
+    yearly_energy: Metric | None
+    limits: tuple[LimitResult, ...]
+
+    @property
+    def passed(self) -> bool:
+        """True where all that the class asks for is met."""
+        return all(limit.state == "held" for limit in self.limits)

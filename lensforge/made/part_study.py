@@ -17,8 +17,9 @@ from jaxtyping import Bool, Float, Int
 from lensforge.cad.boundary import lens_boundaries
 from lensforge.cad.wall import thinnest_of
 from lensforge.errors import InputError
-from lensforge.light.evaluation import evaluate_traced, limit_value
+from lensforge.light.evaluation import evaluate_traced
 from lensforge.light.evaluation_result import Light
+from lensforge.light.judged_limits import limit_value
 from lensforge.light.metrics import Images, jackknife_error
 from lensforge.light.receiver_light import ReceiverLight, bounds_on
 from lensforge.light.simulation import REPLICATES, ReplicateMetrics, TracedLens, bundles, lit_mask, mean_share

@@ -24,6 +24,7 @@ from lensforge.search.design_result import Design
 from lensforge.search.scene_check import asked_light
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
+from lensforge.spec.road_section import names_of
 from lensforge.spec.source_sections import ChipArraySource, DiscSource, RectangleSource, SquareSource
 
 OWN = "the lens’s own"
@@ -123,7 +124,7 @@ def possible_limits(spec: Spec) -> dict[tuple[str, float], Bound]:
 
     Empty for a source from a file: a folder need not hold it, so that nothing can be said afterwards.
     """
-    if not spec.limits or not isinstance(spec.source, _WITHOUT_FILES):
+    if not spec.has_limits or not isinstance(spec.source, _WITHOUT_FILES):
         return {}
     _, limits = asked_light(spec, build_source(spec.source))
     return {
@@ -234,6 +235,10 @@ def photometry_pictures(results: Results) -> list[PagePicture]:
         ground = study_figures.ground_diagram(found, section.street_side_deg, section.lenses, section.pole_height_m)
         caption = "One lamp at the centre; above the line is the street."
         drawn.append(picture("ground", ground, "On the ground", caption))
+    for index, (road, name) in enumerate(zip(results.spec.roads, names_of(results.spec.roads), strict=True)):
+        view = study_figures.seen_road(found, road, results.spec)
+        caption = "Luminance as the driver in each lane sees it, 60 m before the first lamp; the arrow is that lane."
+        drawn.append(picture(f"road-{index}", view, name.capitalize(), caption))
     return drawn
 
 

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, PercentFormatter
 
 from lensforge.light.photometry_result import Photometry
+from lensforge.light.road_judgement import lenses_in, of_table
 from lensforge.made.tolerance_result import MetricBound, Variance
 from lensforge.made.yield_facts import TOGETHER
 from lensforge.report.light_figures import ISO_SHARES
@@ -26,7 +27,10 @@ from lensforge.results.figure_style import (
     new_figure,
 )
 from lensforge.results.numerals import number, percent
+from lensforge.scene.road_field import RoadReadings, steps_across, steps_along
 from lensforge.sources.intensity import TabulatedIntensity, plane_profile
+from lensforge.spec import Spec
+from lensforge.spec.road_section import RoadSection
 
 _GAP_COLOURS = (BLUE, GREEN, ORANGE)
 _LEAST_MM = 1e-5  # 10 nm: smaller distances have no optical meaning
@@ -35,6 +39,7 @@ _RINGS = 4
 _FURTHER = 1.25  # of the field angle: what the isocandela diagram shows beyond it
 _SHOWN_HEIGHTS = 6.0  # mounting heights to each side: "very long" lies beyond
 _PIXELS = 241
+_ISOLINES = 5  # of luminance
 _DIAGONAL = 0.5**0.5  # between the labels of C
 
 
@@ -110,6 +115,28 @@ def ground_diagram(found: Photometry, street_deg: float, lenses: int, height_m: 
     axes.set(aspect="equal", xlabel="along the road (mounting heights)", ylabel="towards the street")
     axes.grid(True)
     figure.legend(loc="outside upper center", ncols=4, fontsize=7.0)
+    return figure
+
+
+@in_report_style
+def seen_road(found: Photometry, road: RoadSection, spec: Spec) -> Figure:
+    """The road from above in the luminance that each driver sees, from the left lane to the right, with isolines."""
+    factor = lenses_in(road, spec, found.source_lm) * road.maintenance_factor
+    candela = of_table(_table(found), -spec.photometry.street_side_deg, factor)
+    seen = [light.of(candela(light))[0] for light in RoadReadings.of(road).luminance]
+    along, across, top = steps_along(road), steps_across(road), max(float(light.max()) for light in seen)
+    figure = Figure(figsize=(WIDE, 0.4 + 1.1 * road.lanes), layout="constrained")
+    views = figure.subplots(road.lanes, 1, sharex=True, squeeze=False)[:, 0]
+    for lane, axes in zip(reversed(range(road.lanes)), views, strict=True):
+        light = seen[lane].reshape(len(across), len(along))
+        extent = (0.0, road.pole_spacing_m, 0.0, road.width_m)
+        shown = axes.imshow(light, origin="lower", extent=extent, cmap="inferno", vmin=0.0, vmax=top, aspect="auto")
+        lines = axes.contour(along, across, light, levels=_ISOLINES, colors="white", linewidths=0.6)
+        axes.clabel(lines, fontsize=6.0)
+        axes.plot(0.0, (lane + 0.5) * road.lane_m, ">", color=ORANGE, clip_on=False, markersize=5.0)
+        axes.set(ylabel=f"lane {lane + 1}")
+    views[-1].set(xlabel="along the road (m)")
+    figure.colorbar(shown, ax=list(views), label="cd/m²")
     return figure
 
 

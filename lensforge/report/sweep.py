@@ -105,6 +105,9 @@ def _value(spec: Spec, field: str) -> object:
     """Value of ``field`` in ``spec``. Raises :class:`InputError` where there is no such field."""
     found: object = spec
     for part in field.split("."):
+        if isinstance(found, tuple) and part in map(str, range(len(found))):
+            found = found[int(part)]
+            continue
         known = type(found).model_fields if isinstance(found, Section) else {}
         if part not in known:
             there = ", ".join(sorted(known)) or "none within it"

@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import ceil
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -11,12 +10,14 @@ from scipy import sparse
 
 from lensforge.errors import InputError
 from lensforge.results import Sense
-from lensforge.scene.receiver import PosedReceiver
+from lensforge.scene.receiver import PosedReceiver, equal_area
+from lensforge.scene.road_classes import Quantity, asked_of
+from lensforge.scene.road_field import RoadReadings
 from lensforge.scene.target_shapes import in_shape
 from lensforge.spec import Spec
 from lensforge.spec.light_limits import BeamAngleLimit, GlareLimit, LimitSection, LineLimit, PointsLimit, ZoneLimit
+from lensforge.spec.road_section import RoadSection, names_of
 
-Quantity = Literal["light", "relative", "min_over_mean", "min_over_max", "share", "beam_angle"]
 _UNITS = {"w_per_m2": "W/m²", "lx": "lx", "w_per_sr": "W/sr", "cd": "cd", "deg": "°"}
 _PHOTOMETRIC = ("lx", "cd")
 _STEPS_PER_PIXEL = 2  # places along a line or a cut: the light between them is bilinear
@@ -28,7 +29,9 @@ class LightLimit:
     """One bound on the light of ``receiver``, by its index: the ``quantity`` is ``sense`` ``bound``, in ``unit``.
 
     ``readings``: matrix from the flux (W) on each pixel to the light at each place, in ``unit``; relative light and
-    angles in W/m² or W/sr. ``angles_deg``: of the places of a beam angle, whose half side counts at ``level``.
+    angles in W/m² or W/sr. ``angles_deg``: of the places of a beam angle, whose half side counts at ``level``. Of a
+    threshold increment the last place is the mean luminance (cd/m²), the others are veiling luminance; of a ratio the
+    first place is over the second. ``of_road``: each of its few places decides, however many there are.
     """
 
     name: str
@@ -40,6 +43,7 @@ class LightLimit:
     readings: sparse.csr_array
     angles_deg: Float[np.ndarray, " k"] | None = None
     level: float = 1.0
+    of_road: bool = False
 
     def of(self, images: Float[np.ndarray, "r h w"]) -> Float[np.ndarray, "r k"]:
         """Readings of pictures of flux (W)."""
@@ -65,7 +69,33 @@ def light_limits(
         index = 0 if limit.receiver is None else names.index(limit.receiver)
         where = f"limits.{number}"
         found += _bounds_of(limit, where, index, receivers[index], lumens_per_watt, flux_w)
+    for road, name in zip(spec.roads, names_of(spec.roads), strict=True):
+        found += _of_road(road, name, spec, receivers, lumens_per_watt, flux_w)
     return tuple(found)
+
+
+def _of_road(
+    road: RoadSection,
+    name: str,
+    spec: Spec,
+    receivers: Sequence[PosedReceiver],
+    lumens_per_watt: float | None,
+    flux_w: float,
+) -> Iterator[LightLimit]:
+    """What the class of a road asks for, of the picture of the first far field: pixels as intensities of a lamp."""
+    index = next(index for index, receiver in enumerate(receivers) if receiver.kind == "far_field")
+    receiver = receivers[index]
+    if road.lamp_lm is None and lumens_per_watt is None:
+        raise InputError(f"{name}: lamp_lm is missing, and the source's lumens are not known; give either")
+    lamp_lm = road.lamp_lm or flux_w * spec.photometry.lenses * (lumens_per_watt or 0.0)
+    scale = lamp_lm / flux_w / receiver.pixel_measure
+    for ask in asked_of(RoadReadings.of(road)):
+        units = ask.light.directions(spec.photometry.street_side_deg)
+        pixels = _bilinear(receiver, *equal_area(units @ receiver.pose.axes.T).T)
+        readings = sparse.csr_array(scale * (ask.light.weights * (units[:, 2] >= 0.0)) @ pixels)
+        yield LightLimit(
+            f"{name}: {ask.name}", index, ask.quantity, ask.sense, ask.bound, ask.unit, readings, of_road=True
+        )
 
 
 def _bounds_of(

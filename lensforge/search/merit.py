@@ -21,6 +21,7 @@ from lensforge.scene.body import Chain
 from lensforge.scene.limit_readings import LightLimit, light_limits
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.scene.road_classes import glare_law
 from lensforge.scene.target_pattern import in_target, target_light, uniform_region
 from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.light_path import Collected, LightPath, Pair
@@ -69,10 +70,6 @@ class ImageTerms:
         mask = None if region is None else torch.from_numpy(region)
         worth = _worth(wanted) if aim == "share" else None
         return ImageTerms(wanted, mask, chart_mirrors(receiver, symmetry) or (), share, worth)
-
-    def image(self, light: Collected) -> Image:
-        """Flux (W) on each pixel, as the mean over the mirror images."""
-        return self.mirrored(light.image)
 
     def mirrored(self, image: Image) -> Image:
         """Mean over the mirror images."""
@@ -186,7 +183,8 @@ class LimitTerm:
         coo = limit.readings.tocoo()
         places = torch.from_numpy(np.stack([coo.row, coo.col]).astype(np.int64))
         matrix = torch.sparse_coo_tensor(places, torch.from_numpy(coo.data), coo.shape, check_invariants=False)
-        return LimitTerm(limit, matrix.coalesce(), min(_OF_EACH * coo.shape[0], _AT_MOST))
+        factor = _OF_EACH * coo.shape[0]
+        return LimitTerm(limit, matrix.coalesce(), factor if limit.of_road else min(factor, _AT_MOST))
 
     def loss(self, images: Images) -> Float[Tensor, ""]:
         """Mean of e^2/(1+e) over the places, e what is missing to the bound or above it, relative to the bound."""
@@ -197,16 +195,19 @@ class LimitTerm:
 
     def _excess(self, light: Float[Tensor, " k"], picture: Image) -> Float[Tensor, " k"]:
         """Excess at each place; of an even zone at its dark places, of a beam angle at those on the wrong side."""
-        limit = self.limit
+        limit, scale = self.limit, torch.ones((), dtype=light.dtype)
         match limit.quantity:
-            case "light" | "share":
-                scale: Tensor | float = 1.0
             case "relative":
                 scale = not_dark(picture.detach().max() * limit.light_per_flux)
             case "min_over_mean":
                 scale = not_dark(light.mean())
             case "min_over_max":
                 scale = not_dark(light.detach().max())
+            case "ratio":
+                light, scale = light[:1], not_dark(light[1])
+            case "threshold_increment":
+                factor, power = glare_law(float(light[-1].detach()))
+                light, scale = light[:-1], not_dark(light[-1]) ** power / factor
             case "beam_angle":
                 return self._beside_the_beam(light)
         return self._beyond(light / (scale * limit.bound))
@@ -303,7 +304,7 @@ class MeritFunction:
             for section, receiver in zip(sections, receivers, strict=True)
         )
         scene = Scene(spec.lens.media, parametrisation.grid, fresnel, chain=Chain.of_lens(spec.lens))
-        efficacy = summarise(source, spec.source).lumens_per_watt if spec.limits else None
+        efficacy = summarise(source, spec.source).lumens_per_watt if spec.has_limits else None
         limits = tuple(map(LimitTerm.of, light_limits(spec, receivers, efficacy, source.flux_w)))
         crossing = source if scene.chain is not None and aims(source) else None
         light = LightPath(scene, receivers, device, source=crossing)
@@ -331,8 +332,7 @@ class MeritFunction:
             for images in parts
         )
         loss = torch.stack([self._image_loss(images, uniform) for images in parts]).mean()
-        limits = torch.stack([self._limit_term(images) for images in parts]).mean()
-        loss = loss + light.terms / light.emitted_w + limits
+        loss = loss + light.terms / light.emitted_w + torch.stack([self._limit_term(images) for images in parts]).mean()
         fields = constraints.fields(tables)
         return Evaluated(loss + constraints.term(fields), nmse, efficiency, fields)
 
@@ -387,7 +387,7 @@ class MeritFunction:
         return torch.stack([limit.loss(images) for limit in self.limits]).sum()
 
     def _images(self, light: tuple[Collected, ...]) -> Images:
-        return tuple(terms.image(each) for terms, each in zip(self.terms, light, strict=True))
+        return tuple(terms.mirrored(each.image) for terms, each in zip(self.terms, light, strict=True))
 
     def _flux_term(self, light: tuple[Collected, ...]) -> Float[Tensor, ""]:
         """Flux (W) that has no gradient in the images."""

@@ -103,7 +103,7 @@ def asked_light(spec: Spec, source: Source) -> tuple[tuple[Asked, ...], tuple[As
     physics = [PossibleLight(light, receiver, spec.constraints.max_radius_mm) for receiver in receivers]
     wanted = [target_light(section.targets, each) for section, each in zip(spec.all_receivers, receivers, strict=True)]
     targets = tuple(_of_target(pattern, each) for pattern, each in zip(wanted, physics, strict=True))
-    lumens_per_watt = summarise(source, spec.source).lumens_per_watt if spec.limits else None
+    lumens_per_watt = summarise(source, spec.source).lumens_per_watt if spec.has_limits else None
     limits = light_limits(spec, receivers, lumens_per_watt, source.flux_w)
     found = (_of_limit(limit, physics[limit.receiver], source.flux_w) for limit in limits)
     return targets, tuple(each for each in found if each is not None)

@@ -4,7 +4,7 @@ Each wrong field is reported in a line: its name, its value, what is allowed. A 
 dotted names, and made plain enough for TOML.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -20,7 +20,15 @@ from lensforge.spec.feasible import require_feasible
 from lensforge.spec.lens_section import AnyLens, LensSection
 from lensforge.spec.light_limits import LightLimitSpec, PhotometrySection, require_limit_fits, require_seen_from_afar
 from lensforge.spec.part_section import BaseSection, DrawingSection, ManufactureSection
-from lensforge.spec.receiver_sections import AnyReceiver, Target, implied_receiver, named, require_outside
+from lensforge.spec.receiver_sections import (
+    AnyReceiver,
+    FarFieldReceiver,
+    Target,
+    implied_receiver,
+    named,
+    require_outside,
+)
+from lensforge.spec.road_section import MOST_ROADS, RoadSection
 from lensforge.spec.search_section import ConstraintsSection, EvaluateSection, OptimiseSection
 from lensforge.spec.source_sections import SourceSpec
 from lensforge.spec.spec_fields import words_of
@@ -44,13 +52,25 @@ def changed(content: dict[str, object], changes: Mapping[str, object]) -> dict[s
             )
         section, _, rest = name.partition(".")
         before = result.get(section)
-        if rest:
+        if rest and isinstance(before, list | tuple):
+            result[section] = _entry_changed(before, section, rest, value)
+        elif rest:
             result[section] = changed(dict(before) if isinstance(before, Mapping) else {}, {rest: value})
         elif isinstance(value, Mapping) and isinstance(before, Mapping):
             result[section] = changed(dict(before), value)
         else:
             result[section] = value
     return result
+
+
+def _entry_changed(entries: Sequence[object], section: str, rest: str, value: object) -> list[object]:
+    """A copy of a list in which one entry, ``rest`` begins with its number from 0, has another value."""
+    number, _, name = rest.partition(".")
+    if number not in map(str, range(len(entries))):
+        raise InputError(f"replace: {section}.{rest}: {section} has {len(entries)} entries, by their numbers from 0")
+    before, place = entries[int(number)], int(number)
+    after = changed(dict(before), {name: value}) if name and isinstance(before, Mapping) else value
+    return [*entries[:place], after, *entries[place + 1 :]]
 
 
 def plain(value: Any) -> Any:
@@ -81,6 +101,7 @@ def _filled(section: _Filled, derived: Mapping[str, Any]) -> _Filled:
 
 
 _MOST_RECEIVERS, _MOST_LIMITS = 16, 1000
+_ALL_BELOW = 90.0  # degrees from the axis: all that is below a lamp
 _OneReceiver = Annotated[AnyReceiver, Field(discriminator="kind")]
 _OF_GIVEN_LEVELS = ("steps_per_level", "rays")  # fields of optimise
 
@@ -102,6 +123,8 @@ class Spec(Section):
     """Surfaces that the light falls on, each with its targets; or give ``target`` alone."""
     limits: Annotated[tuple[LightLimitSpec, ...], Field(max_length=_MOST_LIMITS)] = ()
     """Light that must be at least, or at most, so much."""
+    roads: Annotated[tuple[RoadSection, ...], Field(max_length=MOST_ROADS)] = ()
+    """Roads that rows of lamps with the lens light, each with its class: limits on the light, too."""
     optimise: OptimiseSection = Field(default_factory=OptimiseSection)
     """Settings of the search."""
     evaluate: EvaluateSection = Field(default_factory=EvaluateSection)
@@ -208,6 +231,17 @@ class Spec(Section):
         return self
 
     @model_validator(mode="after")
+    def _roads_see_the_far_field(self) -> "Spec":
+        far = next((each for each in self.all_receivers if isinstance(each, FarFieldReceiver)), None)
+        if self.roads and (far is None or far.half_angle_deg < _ALL_BELOW):
+            found = "there is none" if far is None else f"the first has half_angle_deg = {far.half_angle_deg:g}"
+            raise ValueError(
+                f"roads: their far lamps and their glare are light at up to {_ALL_BELOW:g} degrees from the axis, on a "
+                f"receiver of kind far_field; {found}; give it half_angle_deg = {_ALL_BELOW:g}"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _window_is_of_a_plane(self) -> "Spec":
         if self.evaluate.window_mm is not None and (self.target is None or self.target.distance_mm is None):
             raise ValueError(
@@ -256,6 +290,11 @@ class Spec(Section):
         return self.manufacture.make == "part" and (designed or self.manufacture.required)
 
     @property
+    def has_limits(self) -> bool:
+        """True where the light must keep limits: those of ``limits``, and of the classes of ``roads``."""
+        return bool(self.limits or self.roads)
+
+    @property
     def has_uniform_region(self) -> bool:
         """True where a target names a region of uniform light."""
         return any(target.pair("uniform") is not None for each in self.all_receivers for target in each.targets)
@@ -300,7 +339,7 @@ def load_spec(path: Path | str) -> Spec:
     path = Path(path)
     content = read_toml(path, missing="`lensforge new` writes one, `lensforge examples` lists the shipped ones")
     content.setdefault("name", path.stem)
-    for section in ("source", "lens", "target", "receivers", "base", "constraints"):
+    for section in ("source", "lens", "target", "receivers", "roads", "base", "constraints"):
         resolve_files(content.get(section), path.parent)
     return parse_spec(content, str(path))
 

@@ -22,6 +22,7 @@ _UNITS = {
     "_lm_per_w": "lm/W", "_w_per_m2": "W/m²", "_w_per_sr": "W/sr", "_g_per_cm3": "g/cm³", "_per_mm": "1/mm",
     "_per_k": "1/K", "_mrad": "mrad", "_urad": "µrad", "_deg": "°", "_mm": "mm", "_nm": "nm", "_um": "µm",
     "_lm": "lm", "_cd": "cd", "_lx": "lx", "_m": "m", "_w": "W", "temperature_c": "°C", "seconds": "s",
+    "_cd_per_m2": "cd/m²", "_percent": "%", "hours": "h",
 }  # fmt: skip
 
 

@@ -42,7 +42,7 @@ def _decoded(content: bytes) -> str:
 
 
 _NAMED = "the spec names it"
-_FIELDS = ("file", "keep_out", "start", "material_file")  # fields that name a file
+_FIELDS = ("file", "keep_out", "start", "material_file", "surface_file")  # fields that name a file
 
 
 def resolve_files(table: object, folder: Path) -> None:

@@ -5,8 +5,8 @@ import pytest
 from scenes import small_spec
 
 from lensforge.errors import InputError
-from lensforge.light.evaluation import judged_limits
 from lensforge.light.evaluation_result import LimitResult
+from lensforge.light.judged_limits import judged_limits
 from lensforge.results import Metric
 from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.receiver_shapes import receivers_of

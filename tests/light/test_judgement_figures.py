@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from lensforge.light.evaluation import limit_value
 from lensforge.light.evaluation_result import LightMetrics
+from lensforge.light.judged_limits import limit_value
 from lensforge.light.metrics import LeastEstimate, PairEstimate, RootEstimate, least_without_noise, uniformity
 from lensforge.light.receiver_light import RegionLight, bright_region
 from lensforge.light.simulation import ReplicateMetrics

@@ -12,7 +12,6 @@ from scipy import sparse
 from lensforge.scene.limit_readings import LightLimit
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import target_light
-from lensforge.search.light_path import Collected
 from lensforge.search.merit import (
     ImageTerms,
     LimitTerm,
@@ -135,8 +134,6 @@ def test_the_wanted_light_its_mask_and_its_mirrors_are_those_of_the_scene(symmet
     assert torch.equal(terms.mirrored(image), mirrored_light(image, terms.mirrors))
     wanted = mirror_mean(image.T, symmetry).T
     assert torch.allclose(terms.mirrored(image), wanted, atol=1e-15)
-    light = Collected(image, tensor(0.0), tensor(0.0), tensor(0.0))
-    assert torch.equal(terms.image(light), terms.mirrored(image))
 
 
 BRIGHT = torch.from_numpy(np.random.default_rng(0).uniform(0.5, 1.5, (6, 7)))

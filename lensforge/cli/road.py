@@ -1,0 +1,62 @@
+"""``road``: the photometry of any lamp judged on a road."""
+
+from pathlib import Path
+
+import click
+
+from lensforge.cli.output import Block, Output, warning_line, with_output
+from lensforge.errors import CriterionMissed
+from lensforge.light.light_facts import road_facts
+from lensforge.light.road_lighting import RoadJudgement
+from lensforge.results import Group
+from lensforge.sources.photometric.photometric_io import read_photometric
+from lensforge.spec.road_section import load_roads, names_of
+
+
+@click.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option(
+    "--road",
+    "roads",
+    type=click.Path(path_type=Path),
+    required=True,
+    metavar="TOML",
+    help="File with [[roads]]: those of a spec, or roads alone.",
+)
+@click.option(
+    "--street-c",
+    type=click.FloatRange(-360.0, 360.0),
+    default=90.0,
+    metavar="DEG",
+    help="C of the file towards the street: 90 in Europe, often 0 in America, 270 of a lens with its street at +y.",
+)
+@with_output
+def road(file: Path, roads: Path, street_c: float, output: Output) -> None:
+    """Judge the lamp of a photometric file on a road.
+
+    Luminance for every driver, glare and edges by EN 13201-3, and the class that the road asks for; of an IES LM-63,
+    EULUMDAT or TM-33 file.
+    """
+    from lensforge.light.road_judgement import judge_road, of_file
+
+    lamp, wanted = read_photometric(file), load_roads(roads)
+    for words in lamp.warnings:
+        click.echo(warning_line(words), err=True)
+    found = [
+        judge_road(each, of_file(lamp, street_c, each.lamp_lm), name)
+        for each, name in zip(wanted, names_of(wanted), strict=True)
+    ]
+    groups = [road_facts(each) for each in found]
+    output.show(lambda: _document(file, groups, found), lambda: [_block(file, group) for group in groups])
+    missed = [f"{each.name}: {limit}" for each in found for limit in each.limits if limit.state != "held"]
+    if missed:
+        raise CriterionMissed(f"{file}: {missed[0]}" + (f"; and {len(missed) - 1} more" if missed[1:] else ""))
+
+
+def _document(file: Path, groups: list[Group], found: list[RoadJudgement]) -> dict[str, object]:
+    facts = [group.plain() for group in groups]
+    return {"file": str(file), "facts": facts, "roads": [each.model_dump(mode="json") for each in found]}
+
+
+def _block(file: Path, group: Group) -> Block:
+    return Block(f"{group.title}, by {file}", [(fact.label, fact.sentence) for fact in group.facts])

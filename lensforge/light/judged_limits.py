@@ -1,0 +1,102 @@
+"""Limits judged: the figure that decides on each, by readings of the light, without the noise that would choose it."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.light.evaluation_result import LimitResult
+from lensforge.light.metrics import (
+    jackknife_metric,
+    largest_without_noise,
+    least_over_mean,
+    least_without_noise,
+    ratio_of,
+    scaled,
+    with_error,
+)
+from lensforge.results import Metric, Sense
+from lensforge.scene.limit_readings import LightLimit
+from lensforge.scene.road_classes import Quantity, glare_law
+from lensforge.sources.intensity import width_above
+
+DARK_PERCENT = 1e6  # threshold increment of a road without light
+Readings = Float[np.ndarray, "r k"]
+
+
+def judged_limits(
+    limits: Sequence[LightLimit], images: Sequence[Float[np.ndarray, "_ _ _"]], names: Sequence[str]
+) -> tuple[LimitResult, ...]:
+    """Judge ``limits`` on the filtered pictures of flux (W) of every replicate, one stack for each receiver."""
+    return tuple(
+        LimitResult(
+            name=limit.name,
+            receiver=names[limit.receiver],
+            quantity=QUANTITIES[limit.quantity],
+            value=limit_value(limit, images[limit.receiver]),
+            sense=limit.sense,
+            bound=limit.bound,
+            unit=limit.unit,
+        )
+        for limit in limits
+    )
+
+
+QUANTITIES = {
+    "light": "light",
+    "relative": "light over its maximum",
+    "min_over_mean": "least over mean light",
+    "min_over_max": "least over largest light",
+    "share": "share of the flux",
+    "beam_angle": "beam angle",
+    "threshold_increment": "threshold increment",
+    "ratio": "ratio of means",
+}
+
+
+def limit_value(limit: LightLimit, images: Float[np.ndarray, "r h w"]) -> Metric:
+    """The value that decides, in the limit's unit."""
+    readings = limit.of(images)
+    if limit.quantity == "beam_angle":
+        return jackknife_metric(readings, lambda mean: beam_angle(limit, mean), limit.unit)
+    if limit.quantity == "relative":
+        whole = limit.light_per_flux * images.reshape(len(images), -1)
+        return ratio_of(_extreme(readings, limit.sense), _extreme(whole, "<="))
+    return figure_of(limit.quantity, limit.sense, limit.unit, readings)
+
+
+def figure_of(quantity: Quantity, sense: Sense, unit: str, readings: Readings) -> Metric:
+    """The ``quantity`` of readings by every replicate, in ``unit``: all that needs no more than these."""
+    match quantity:
+        case "share":
+            return jackknife_metric(readings.sum(axis=1), float)
+        case "min_over_mean":
+            return least_over_mean(readings).metric()
+        case "min_over_max":
+            return ratio_of(_extreme(readings, ">="), _extreme(readings, "<="))
+        case "ratio":
+            return jackknife_metric(readings, lambda mean: float(mean[0] / mean[1]) if mean[1] > 0.0 else 0.0, unit)
+        case "threshold_increment":
+            return _threshold_increment(readings)
+    return _extreme(readings, sense).model_copy(update={"unit": unit})
+
+
+def _threshold_increment(readings: Readings) -> Metric:
+    """Largest threshold increment (%) on the way; its error has in it that of the mean luminance, the last reading."""
+    mean = jackknife_metric(readings[:, -1], float)
+    if not mean.value > 0.0:
+        return Metric(value=DARK_PERCENT, unit="%")
+    factor, power = glare_law(mean.value)
+    found = scaled(largest_without_noise(readings[:, :-1]), factor / mean.value**power, "%")
+    return with_error(found, power * found.value * (mean.standard_error or 0.0) / mean.value)
+
+
+def _extreme(readings: Readings, sense: Sense) -> Metric:
+    """The least reading for a lower bound, the largest for an upper one, without the noise that would choose it."""
+    return least_without_noise(readings) if sense == ">=" else largest_without_noise(readings)
+
+
+def beam_angle(limit: LightLimit, light: Float[np.ndarray, " k"]) -> float:
+    """Full angle (deg) between the outermost places of a cut at ``level`` of its maximum, linear between places."""
+    assert limit.angles_deg is not None
+    return width_above(limit.angles_deg, light, limit.level * float(light.max())) or 0.0

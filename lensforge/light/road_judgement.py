@@ -1,0 +1,173 @@
+"""Judgement of the light on a road by the candela of its lamps: what every driver sees, its class, and its cost.
+
+Figures are those of EN 13201-3:2015, classes those of EN 13201-2:2015, power and energy those of EN 13201-5:2015. Of
+light by independent samples of rays each has a standard error, and none is chosen by noise; a file has none.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.light.evaluation_result import LimitResult
+from lensforge.light.judged_limits import QUANTITIES, figure_of
+from lensforge.light.luminaire_classes import LampLight
+from lensforge.light.metrics import scaled
+from lensforge.light.road_lighting import RoadJudgement, SeenRoad
+from lensforge.results import Metric, Sense
+from lensforge.scene.road_classes import Quantity, asked_of
+from lensforge.scene.road_field import CandelaSum, RoadReadings
+from lensforge.scene.road_surface import RoadSurface
+from lensforge.sources.intensity import TabulatedIntensity
+from lensforge.sources.photometric.photometric_file import PhotometricFile
+from lensforge.spec import Spec
+from lensforge.spec.road_section import M_CLASSES, RoadSection, names_of
+
+_NONE = "none"
+_KWH_PER_WH = 1e-3
+
+Candela = Callable[[CandelaSum], Float[np.ndarray, "p n"]]  # intensities (cd) of a lamp by each sample
+
+
+def judge_road(road: RoadSection, candela: Candela, name: str = "road") -> RoadJudgement:
+    """Judge the light of lamps of these intensities on ``road``. Raises :class:`InputError` for its file."""
+    readings, surface = RoadReadings.of(road), RoadSurface.of(road.surface, road.surface_file, road.surface_q0)
+    read = _Reader(candela)
+    kept = readings.illuminance.times(road.maintenance_factor)
+    mean_lx = read.figure("light", ">=", "lx", kept.mean())
+    drivers = tuple(_drivers(readings, read, mean_lx))
+    right, left = (read.figure("ratio", ">=", "", edge) for edge in readings.edges)
+    limits = tuple(
+        LimitResult(
+            name=ask.name,
+            receiver=name,
+            quantity=QUANTITIES[ask.quantity],
+            value=read.figure(ask.quantity, ask.sense, ask.unit, ask.light),
+            sense=ask.sense,
+            bound=ask.bound,
+            unit=ask.unit,
+        )
+        for ask in asked_of(readings)
+    )
+    area = road.width_m * road.pole_spacing_m / _lamps_of(road)
+    return RoadJudgement(
+        name=name,
+        lighting_class=road.lighting_class,
+        reached=best_class(drivers, (right, left)),
+        surface=surface.name,
+        q0=surface.q0,
+        s1=surface.s1,
+        drivers=drivers,
+        edges=(right, left),
+        mean_lx=mean_lx,
+        least_lx=read.figure("light", ">=", "lx", kept),
+        uniformity_lx=read.figure("min_over_mean", ">=", "", kept),
+        power_density=_power_density(road.lamp_w, mean_lx, area),
+        yearly_energy=None
+        if road.lamp_w is None
+        else Metric(value=_KWH_PER_WH * road.lamp_w * road.hours / area, unit="kWh/m²", standard_error=0.0),
+        limits=limits,
+    )
+
+
+@dataclass(frozen=True)
+class _Reader:
+    """Figures by the intensities of a lamp; those of one sample are taken at their word."""
+
+    candela: Candela
+
+    def figure(self, quantity: Quantity, sense: Sense, unit: str, light: CandelaSum) -> Metric:
+        """The ``quantity`` of ``light``."""
+        readings = light.of(self.candela(light))
+        found = figure_of(quantity, sense, unit, readings)
+        return found if len(readings) > 1 else found.model_copy(update={"standard_error": 0.0})
+
+
+def _drivers(readings: RoadReadings, read: _Reader, mean_lx: Metric) -> Iterator[SeenRoad]:
+    factor = readings.road.maintenance_factor
+    for lane, (seen, veiling) in enumerate(zip(readings.luminance, readings.veiling, strict=True)):
+        kept = seen.times(factor)
+        mean = read.figure("light", ">=", "cd/m²", kept.mean())
+        yield SeenRoad(
+            lane=lane + 1,
+            mean_cd_per_m2=mean,
+            uniformity=read.figure("min_over_mean", ">=", "", kept),
+            uniformity_along=read.figure("min_over_max", ">=", "", kept.places(readings.middle(lane))),
+            glare_percent=read.figure("threshold_increment", "<=", "%", CandelaSum.joined((veiling, seen.mean()))),
+            luminance_per_lux=_over(read, kept.mean(), readings.illuminance.times(factor).mean()),
+        )
+
+
+def _over(read: _Reader, light: CandelaSum, lux: CandelaSum) -> Metric:
+    return read.figure("ratio", ">=", "cd/m²/lx", CandelaSum.joined((light, lux)))
+
+
+def _lamps_of(road: RoadSection) -> int:
+    """Lamps whose power one field takes; of two on a median the second lights another road."""
+    return 2 if road.arrangement in ("opposite", "staggered") else 1
+
+
+def _power_density(lamp_w: float | None, mean_lx: Metric, area_m2: float) -> Metric | None:
+    if lamp_w is None or not mean_lx.value > 0.0:
+        return None
+    value = lamp_w / (mean_lx.value * area_m2)
+    return scaled(mean_lx, value / mean_lx.value, "W/lx/m²")
+
+
+def best_class(drivers: tuple[SeenRoad, ...], edges: tuple[Metric, Metric]) -> str:
+    """Best class M whose numbers all ``drivers`` and both ``edges`` have."""
+    edge = min(each.value for each in edges)
+    mean, uniformity, along = (
+        min(getattr(driver, name).value for driver in drivers)
+        for name in ("mean_cd_per_m2", "uniformity", "uniformity_along")
+    )
+    glare = max(driver.glare_percent.value for driver in drivers)
+    for name, asked in M_CLASSES.items():
+        bright, even = mean >= asked.mean, uniformity >= asked.uniformity and along >= asked.along
+        if bright and even and glare <= asked.glare_percent and edge >= asked.edge_ratio:
+            return name
+    return _NONE
+
+
+def judged_roads(spec: Spec, lens: LampLight, source_lm: float) -> tuple[RoadJudgement, ...]:
+    """The roads of ``spec`` by lamps of a lens with this light of a source of ``source_lm``."""
+    return tuple(
+        judge_road(road, of_lens(lens, lenses_in(road, spec, source_lm)), name)
+        for road, name in zip(spec.roads, names_of(spec.roads), strict=True)
+    )
+
+
+def lenses_in(road: RoadSection, spec: Spec, source_lm: float) -> float:
+    """Lenses in a lamp of ``road``, each over a source of ``source_lm``; as many as its lumens take, where it has."""
+    return spec.photometry.lenses if road.lamp_lm is None else road.lamp_lm / source_lm
+
+
+def of_lens(lamp: LampLight, factor: float) -> Candela:
+    """Intensities of a lamp whose light is ``factor`` times that of ``lamp``; a lens sends none above 90 degrees."""
+
+    def candela(light: CandelaSum) -> Float[np.ndarray, "p n"]:
+        found = factor * lamp.intensities(light.azimuth_deg, light.gamma_deg)
+        return np.asarray(found * (light.gamma_deg <= 90.0))
+
+    return candela
+
+
+def of_file(file: PhotometricFile, street_c_deg: float, lamp_lm: float | None) -> Candela:
+    """Intensities of the lamp of a photometric file whose C = ``street_c_deg`` is towards the street.
+
+    ``lamp_lm``: of its sources; None: as the file states. An absolute file states the light that leaves the lamp.
+    """
+    stated = file.lamp_lumens or file.intensity.flux()
+    return of_table(file.intensity, street_c_deg, 1.0 if lamp_lm is None else lamp_lm / stated)
+
+
+def of_table(table: TabulatedIntensity, street_c_deg: float, factor: float) -> Candela:
+    """Intensities of a lamp of ``factor`` times the ``table``, whose C = ``street_c_deg`` is towards the street."""
+
+    def candela(light: CandelaSum) -> Float[np.ndarray, "1 n"]:
+        turn, gamma = np.radians(street_c_deg - light.azimuth_deg), np.radians(light.gamma_deg)
+        units = np.stack([np.sin(gamma) * np.cos(turn), np.sin(gamma) * np.sin(turn), np.cos(gamma)], axis=1)
+        return np.asarray(factor * table.flux() * table.intensity(units)[None])
+
+    return candela

@@ -1,0 +1,72 @@
+"""What the class of a road asks of its light: each figure of each observer, as a sum over the candela of the lamps."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+from lensforge.results import Sense
+from lensforge.scene.road_field import CandelaSum, RoadReadings
+from lensforge.spec.road_section import C_CLASSES, C_UNIFORMITY, M_CLASSES, P_CLASSES, P_MOST
+
+Quantity = Literal[
+    "light", "relative", "min_over_mean", "min_over_max", "share", "beam_angle", "threshold_increment", "ratio"
+]
+
+
+@dataclass(frozen=True, eq=False)
+class Ask:
+    """One figure that a class asks for: the ``quantity`` of ``light`` must be ``sense`` ``bound``, in ``unit``."""
+
+    name: str
+    quantity: Quantity
+    sense: Sense
+    bound: float
+    unit: str
+    light: CandelaSum
+
+
+def asked_of(readings: RoadReadings) -> Iterator[Ask]:
+    """All that the class of a road asks for, of every observer; the road's own figures come before those of the class.
+
+    The maintenance factor is in the light, but for glare, which is that of new lamps.
+    """
+    if readings.road.by_luminance:
+        yield from _of_luminance(readings)
+        return
+    name, light = readings.road.lighting_class, readings.illuminance.times(readings.road.maintenance_factor)
+    mean = light.mean()
+    if name in C_CLASSES:
+        yield Ask("mean illuminance", "light", ">=", C_CLASSES[name], "lx", mean)
+        yield Ask("uniformity U0", "min_over_mean", ">=", C_UNIFORMITY, "", light)
+        return
+    least_mean, least = P_CLASSES[name]
+    yield Ask("mean illuminance", "light", ">=", least_mean, "lx", mean)
+    yield Ask("largest mean illuminance", "light", "<=", P_MOST * least_mean, "lx", mean)
+    yield Ask("least illuminance", "light", ">=", least, "lx", light)
+
+
+def _of_luminance(readings: RoadReadings) -> Iterator[Ask]:
+    road, wanted = readings.road, M_CLASSES[readings.road.lighting_class]
+    least, uniformity = road.mean_cd_per_m2 or wanted.mean, road.uniformity or wanted.uniformity
+    along, glare = road.uniformity_along or wanted.along, road.glare_percent or wanted.glare_percent
+    for lane, (seen, veiling) in enumerate(zip(readings.luminance, readings.veiling, strict=True)):
+        of = f"lane {lane + 1}: "
+        kept, mean = seen.times(road.maintenance_factor), seen.mean()
+        yield Ask(f"{of}mean luminance", "light", ">=", least, "cd/m²", kept.mean())
+        yield Ask(f"{of}uniformity U0", "min_over_mean", ">=", uniformity, "", kept)
+        yield Ask(f"{of}uniformity along Ul", "min_over_max", ">=", along, "", kept.places(readings.middle(lane)))
+        glaring = CandelaSum.joined((veiling, mean))
+        if road.luminance_per_lux is not None:
+            both = CandelaSum.joined((mean, readings.illuminance.mean()))
+            yield Ask(f"{of}luminance per lux Q", "ratio", ">=", road.luminance_per_lux, "cd/m²/lx", both)
+        yield Ask(f"{of}threshold increment TI", "threshold_increment", "<=", glare, "%", glaring)
+    for side, edge in zip(("right", "left"), readings.edges, strict=True):
+        yield Ask(f"{side} edge ratio", "ratio", ">=", wanted.edge_ratio, "", edge)
+
+
+_BY_POWER = ((5.0, 65.0, 0.8), (float("inf"), 95.0, 1.05))  # up to this mean luminance: factor and power
+
+
+def glare_law(mean_cd_per_m2: float) -> tuple[float, float]:
+    """Factor and power of the threshold increment (%), factor L_v / L^power, at a mean luminance: EN 13201-3, 8.5."""
+    return next((factor, power) for most, factor, power in _BY_POWER if mean_cd_per_m2 <= most)

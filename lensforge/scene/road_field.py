@@ -1,0 +1,228 @@
+"""Field of a road and its observers, as sums over the intensities of its lamps: EN 13201-3, and CIE 140.
+
+Luminance, illuminance and the light that veils a driver's view are linear in the intensity of the lamps: each is a
+matrix of weights on the intensities in some directions. These directions are the same for all lamps, which are equal.
+
+Frame (m): x along the road as it is driven, y across it from its right edge to the left, z up. The field begins at a
+lamp of the first row, at x = 0, and ends at the next. A lamp's street is across the road from the edge where it stands.
+"""
+
+from dataclasses import dataclass, replace
+from math import ceil
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.scene.road_surface import RoadSurface
+from lensforge.spec.road_section import RoadSection
+
+if TYPE_CHECKING:
+    from scipy import sparse
+
+# The field: points along and across (EN 13201-3, 7.1.4 and 7.2.8).
+_LEAST_ALONG, _STEP_M, _ACROSS_OF_LANE, _ACROSS_M, _LEAST_ACROSS = 10, 3.0, 3, 1.5, 3
+# Lamps that count, in heights: for luminance towards the eye, away from it and aside; for illuminance around a point.
+_TOWARDS, _AWAY, _ASIDE, _AROUND = 5.0, 12.0, 5.0, 5.0
+# The eye: metres before the field and above the road; for glare it sees under the roof of a car.
+_BEFORE_M, _EYE_M, _VIEW_DOWN_DEG, _ROOF_DEG, _FIRST, _SEEN_M = 60.0, 1.5, 1.0, 20.0, 2.75, 500.0
+# Veiling luminance for an eye of 23 years, by angles (deg) from the line of sight: EN 13201-3, 8.5.
+_AGE, _SMALL_DEG, _LEAST_DEG, _MOST_DEG = 23.0, 1.5, 0.1, 60.0
+_WIDE = 9.86 * (1.0 + (_AGE / 66.4) ** 4)
+_CLOSE = 5.0 * (1.0 + (_AGE / 62.5) ** 4)
+
+Points = Float[np.ndarray, " k"]
+
+
+@dataclass(frozen=True, eq=False)
+class CandelaSum:
+    """Light at ``k`` places, linear in the intensities (cd) in ``n`` directions.
+
+    ``weights``: matrix [k, n]. ``azimuth_deg``: of the directions in a lamp, from its street towards the direction of
+    travel of a driver who has the lamp at the right; ``gamma_deg``: from its axis.
+    """
+
+    azimuth_deg: Float[np.ndarray, " n"]
+    gamma_deg: Float[np.ndarray, " n"]
+    weights: "sparse.csr_array"
+
+    def of(self, candela: Float[np.ndarray, "p n"]) -> Float[np.ndarray, "p k"]:
+        """The light by each sample of intensities in these directions."""
+        light: Float[np.ndarray, "p k"] = (self.weights @ candela.T).T
+        return light
+
+    def directions(self, street_deg: float) -> Float[np.ndarray, "n 3"]:
+        """Unit vectors in the frame of a lens whose street is at the azimuth ``street_deg``."""
+        turn, gamma = np.radians(self.azimuth_deg + street_deg), np.radians(self.gamma_deg)
+        aside = np.sin(gamma)
+        return np.stack([aside * np.cos(turn), aside * np.sin(turn), np.cos(gamma)], axis=1)
+
+    def times(self, factor: float) -> "CandelaSum":
+        """The light of lamps so many times as bright."""
+        return replace(self, weights=factor * self.weights)
+
+    def mean(self) -> "CandelaSum":
+        """The mean of all places, as one place."""
+        from scipy import sparse
+
+        return replace(self, weights=sparse.csr_array(self.weights.mean(axis=0).reshape(1, -1)))
+
+    def places(self, chosen: slice) -> "CandelaSum":
+        """Some of the places."""
+        return replace(self, weights=self.weights[chosen])
+
+    @staticmethod
+    def joined(parts: "tuple[CandelaSum, ...]") -> "CandelaSum":
+        """The places of all ``parts``, in their order."""
+        from scipy import sparse
+
+        return CandelaSum(
+            np.concatenate([part.azimuth_deg for part in parts]),
+            np.concatenate([part.gamma_deg for part in parts]),
+            sparse.csr_array(sparse.block_diag([part.weights for part in parts])),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Lamps:
+    """Lamps between two places along a road: ``x``, ``y``, and +1 where their street is towards +y, -1 elsewhere."""
+
+    road: RoadSection
+    x: Points
+    y: Points
+    facing: Points
+
+    @staticmethod
+    def between(road: RoadSection, low_m: float, high_m: float) -> "_Lamps":
+        """All lamps from ``low_m`` to ``high_m``."""
+        width, over, spacing = road.width_m, road.overhang_m, road.pole_spacing_m
+        right, left = (0.0, over, 1.0), (0.0, width - over, -1.0)
+        rows = {
+            "right": (right,),
+            "left": (left,),
+            "opposite": (right, left),
+            "staggered": (right, (0.5 * spacing, width - over, -1.0)),
+            "median": (left, (0.0, width + over, 1.0)),
+        }[road.arrangement]
+        found = [
+            (x, np.full_like(x, y), np.full_like(x, facing))
+            for start, y, facing in rows
+            for x in [start + spacing * np.arange(ceil((low_m - start) / spacing), (high_m - start) // spacing + 1)]
+        ]
+        return _Lamps(road, *(np.concatenate(each) for each in zip(*found, strict=True)))
+
+    def light(self, x: Points, y: Points, height_m: float, weights: Float[np.ndarray, "k l"]) -> CandelaSum:
+        """Sum over the lamps of ``weights`` times the intensity towards each point, which is ``height_m`` up."""
+        from scipy import sparse
+
+        along, across = x[:, None] - self.x, (y[:, None] - self.y) * self.facing
+        along, down = along * self.facing, self.road.pole_height_m - height_m
+        tilt = np.radians(self.road.tilt_deg)
+        street, axial = np.cos(tilt) * across - np.sin(tilt) * down, np.sin(tilt) * across + np.cos(tilt) * down
+        place, lamp = np.nonzero(weights)
+        azimuth = np.degrees(np.arctan2(along, street))[place, lamp]
+        gamma = np.degrees(np.arctan2(np.hypot(along, street), axial))[place, lamp]
+        shape = (len(x), len(place))
+        matrix = sparse.csr_array((weights[place, lamp], (place, np.arange(len(place)))), shape=shape)
+        return CandelaSum(azimuth, gamma, matrix)
+
+
+@dataclass(frozen=True, eq=False)
+class RoadReadings:
+    """All light of one road by its lamps as they are when new, without the maintenance factor.
+
+    For the observer in each lane, from the right: ``luminance`` (cd/m^2) at the points of the field, row by row along
+    the road, three to a lane; ``veiling`` luminance (cd/m^2) on the way through the field. ``illuminance`` (lx) at the
+    points of its own field. ``edges``: mean illuminance outside and inside of the right edge, and of the left one.
+    """
+
+    road: RoadSection
+    luminance: tuple[CandelaSum, ...]
+    veiling: tuple[CandelaSum, ...]
+    illuminance: CandelaSum
+    edges: tuple[CandelaSum, CandelaSum]
+
+    @staticmethod
+    def of(road: RoadSection) -> "RoadReadings":
+        """Readings of ``road``. Raises :class:`InputError` for a file that is no table of a surface."""
+        surface = RoadSurface.of(road.surface, road.surface_file, road.surface_q0)
+        lanes = (np.arange(road.lanes) + 0.5) * road.lane_m
+        width, lane = road.width_m, road.lane_m
+        strips = ((-lane, 0.0), (0.0, lane), (width, width + lane), (width - lane, width))
+        outside_right, inside_right, outside_left, inside_left = (_illuminance(road, *ends).mean() for ends in strips)
+        return RoadReadings(
+            road,
+            tuple(_luminance(road, surface, y) for y in lanes),
+            tuple(_veiling(road, y) for y in lanes),
+            _illuminance(road, 0.0, width),
+            (CandelaSum.joined((outside_right, inside_right)), CandelaSum.joined((outside_left, inside_left))),
+        )
+
+    @property
+    def along(self) -> int:
+        """Number of points along the road."""
+        return len(steps_along(self.road))
+
+    def middle(self, lane: int) -> slice:
+        """Points of the luminance on the middle line of a lane."""
+        first = (lane * _ACROSS_OF_LANE + _ACROSS_OF_LANE // 2) * self.along
+        return slice(first, first + self.along)
+
+
+def steps_along(road: RoadSection) -> Points:
+    """Places of the points along the road."""
+    count = max(_LEAST_ALONG, ceil(road.pole_spacing_m / _STEP_M - 1e-9))
+    steps: Points = (np.arange(count) + 0.5) * (road.pole_spacing_m / count)
+    return steps
+
+
+def steps_across(road: RoadSection) -> Points:
+    """Places of the points of the luminance across the road."""
+    count = _ACROSS_OF_LANE * road.lanes
+    steps: Points = (np.arange(count) + 0.5) * (road.width_m / count)
+    return steps
+
+
+def _luminance(road: RoadSection, surface: RoadSurface, eye_y: float) -> CandelaSum:
+    """Luminance of the field for an eye in the middle of a lane, 60 m before it."""
+    x, y = (each.ravel() for each in np.meshgrid(steps_along(road), steps_across(road)))
+    high = road.pole_height_m
+    lamps = _Lamps.between(road, -_TOWARDS * high, road.pole_spacing_m + _AWAY * high)
+    beyond, aside = lamps.x - x[:, None], lamps.y - y[:, None]
+    turn = np.arctan2(aside, beyond) - np.arctan2(y - eye_y, x + _BEFORE_M)[:, None]
+    beta = np.degrees(np.arccos(np.clip(np.cos(turn), -1.0, 1.0)))
+    tan_gamma = np.hypot(beyond, aside) / high
+    beta = np.where(tan_gamma > 0.0, beta, 0.0)
+    near = (beyond >= -_TOWARDS * high) & (beyond <= _AWAY * high) & (np.abs(aside) <= _ASIDE * high)
+    return lamps.light(x, y, 0.0, near * surface.reading(beta, tan_gamma) / high**2)
+
+
+def _illuminance(road: RoadSection, low_m: float, high_m: float) -> CandelaSum:
+    """Horizontal illuminance of a strip of the road between two places across it."""
+    count = max(_LEAST_ACROSS, ceil((high_m - low_m) / _ACROSS_M - 1e-9))
+    across = low_m + (np.arange(count) + 0.5) * ((high_m - low_m) / count)
+    x, y = (each.ravel() for each in np.meshgrid(steps_along(road), across))
+    height, reach = road.pole_height_m, _AROUND * road.pole_height_m
+    lamps = _Lamps.between(road, -reach, road.pole_spacing_m + reach)
+    away = np.hypot(lamps.x - x[:, None], lamps.y - y[:, None])
+    return lamps.light(x, y, 0.0, (away <= reach) * height / (away**2 + height**2) ** 1.5)
+
+
+def _veiling(road: RoadSection, eye_y: float) -> CandelaSum:
+    """Veiling luminance for an eye on its way over one field; it begins where the first lamp appears under the roof."""
+    along = steps_along(road)
+    x = along - along[0] - _FIRST * max(road.pole_height_m - _EYE_M, 0.0)
+    y = np.full_like(x, eye_y)
+    lamps = _Lamps.between(road, x[0], x[-1] + _SEEN_M)
+    ahead, aside = lamps.x - x[:, None], lamps.y - y[:, None]
+    up, level = road.pole_height_m - _EYE_M, np.hypot(ahead, aside)
+    away, down = np.hypot(level, up), np.radians(_VIEW_DOWN_DEG)
+    cosine = (np.cos(down) * ahead - np.sin(down) * up) / away
+    theta = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    seen = (ahead > 0.0) & (ahead <= _SEEN_M) & (up <= np.tan(np.radians(_ROOF_DEG)) * ahead)
+    seen &= (theta >= _LEAST_DEG) & (theta <= _MOST_DEG)
+    square = np.maximum(theta, _LEAST_DEG) ** 2
+    veil = np.where(
+        theta < _SMALL_DEG, 10.0 / (square * np.maximum(theta, _LEAST_DEG)) + _CLOSE / square, _WIDE / square
+    )
+    return lamps.light(x, y, _EYE_M, seen * veil * np.maximum(cosine, 0.0) / away**2)

@@ -1,0 +1,145 @@
+"""Surfaces of roads: the light that one sends to a driver, as reduced luminance coefficients, the r-tables of the CIE.
+
+A point under a lamp of height h and intensity I has the luminance L = I r(beta, tan gamma) / h^2 (CIE 140, 2.1): gamma
+is the angle of incidence, beta that between the planes of observation and incidence, 0 where the lamp is straight ahead
+beyond the point; the eye looks down by 1 degree. Between the entries r is bilinear; beyond the table it is 0.
+
+The shipped tables are R1 to R4 of CIE 30.2 (1982), and C1 and C2 of CIE 66 (1984), all of CIE 144:2001. They are taken
+from the tables of a framework for Radiance of TU Berlin (J. Winter, S. Buschmann, R. Franke), of which a second copy
+has compared C2 with table 2 of CIE 140:2000, and differs in three entries, taken from there. R2 is that copy's alone.
+Their own specular factors S1 are the published ones to all digits; their integrals Q0 are 1 to 3 % above the nominal
+ones, as bilinear ones of a convex function are. N1 to N4 and the wet tables W1 to W4 were not at hand.
+"""
+
+import csv
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.errors import InputError
+from lensforge.results.files import MIB, read_file
+from lensforge.spec.road_section import STANDARD_SURFACES
+
+_FOLDER = Path(__file__).with_name("road_surfaces")
+_SCALE = 1e-4  # of the numbers in a table
+_MOST_BYTES = 1 * MIB
+_S1_TAN = 2.0
+# The field of integration of Q0, in heights of the lamp: towards the eye, away from it, and to either side (CIE 144).
+_NEAR, _FAR, _SIDE, _CELLS = 4.0, 12.0, 3.0, 200
+
+
+@dataclass(frozen=True, eq=False)
+class RoadSurface:
+    """Reduced luminance coefficients ``r`` (cd/m^2 per lx) at ``tan_gamma`` and ``beta_deg``; 0 where it has none.
+
+    ``q0``: average luminance coefficient: the nominal one of a class of the CIE, of another table its integral.
+    """
+
+    name: str
+    tan_gamma: Float[np.ndarray, " g"]
+    beta_deg: Float[np.ndarray, " b"]
+    r: Float[np.ndarray, "g b"]
+    q0: float
+
+    @staticmethod
+    def of(name: str, file: Path | None = None, q0: float | None = None) -> "RoadSurface":
+        """The surface of the class ``name``, such as "R3", or of a CSV ``file``, scaled to an average ``q0``.
+
+        Raises :class:`InputError` for a file that is no such table.
+        """
+        found = _standard(name) if file is None else read_surface(file)
+        return found if q0 is None else replace(found, r=found.r * (q0 / found.q0), q0=q0)
+
+    @property
+    def s1(self) -> float:
+        """Specular factor S1: r at beta = 0, tan gamma = 2 over that straight below the lamp."""
+        return float(self.reading(np.zeros(1), np.array([_S1_TAN])).item() / self.r[0, 0])
+
+    def reading(self, beta_deg: Float[np.ndarray, "*n"], tan_gamma: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+        """Bilinear r (cd/m^2 per lx) at angles from 0 to 180 degrees and tangents; 0 beyond the last of these."""
+        low, more = _place(tan_gamma, self.tan_gamma)
+        left, right = _place(beta_deg, self.beta_deg)
+        nearer = (1.0 - right) * self.r[low, left] + right * self.r[low, left + 1]
+        farther = (1.0 - right) * self.r[low + 1, left] + right * self.r[low + 1, left + 1]
+        read: Float[np.ndarray, "*n"] = ((1.0 - more) * nearer + more * farther) * (tan_gamma <= self.tan_gamma[-1])
+        return read
+
+    def integrated_q0(self) -> float:
+        """Average luminance coefficient: q = r / cos^3(gamma) over the solid angle of the field of integration."""
+        x = -_NEAR + (np.arange(_CELLS) + 0.5) * ((_NEAR + _FAR) / _CELLS)
+        y = (np.arange(_CELLS) + 0.5) * (_SIDE / _CELLS)
+        along, aside = np.meshgrid(x, y)
+        away = np.hypot(along, aside)
+        seen = self.reading(np.degrees(np.arctan2(aside, along)), np.minimum(away, self.tan_gamma[-1]))
+        return float(seen.sum() / ((1.0 + away**2) ** -1.5).sum())
+
+
+def _place(
+    values: Float[np.ndarray, "*n"], nodes: Float[np.ndarray, " k"]
+) -> tuple[np.ndarray, Float[np.ndarray, "*n"]]:
+    """Cell of each value, and the place in it from 0 to 1."""
+    cell = np.clip(np.searchsorted(nodes, values, side="right") - 1, 0, len(nodes) - 2)
+    return cell, np.clip((values - nodes[cell]) / (nodes[cell + 1] - nodes[cell]), 0.0, 1.0)
+
+
+@cache
+def _standard(name: str) -> RoadSurface:
+    return replace(read_surface(_FOLDER / f"{name}.csv"), name=name, q0=STANDARD_SURFACES[name])
+
+
+def read_surface(path: Path) -> RoadSurface:
+    """Read a CSV table: a row of beta (degrees), then for each tan gamma a row of 10^4 r; blank where it has none.
+
+    Blanks end a row, and go on below. Raises :class:`InputError`, one line, for anything else.
+    """
+    content = read_file(path, missing="give a CSV file, or a class of surface", most_bytes=_MOST_BYTES)
+    text = content.decode("utf-8-sig", "replace")
+    rows = list(csv.reader(line for line in text.splitlines() if line.strip() and line[0] != "#"))
+    if len(rows) < 3 or len(rows[0]) < 3:
+        raise InputError(f"{path}: no r-table; give a row of beta from 0 to 180, then rows of tan gamma and 10^4 r")
+    if any(len(row) > len(rows[0]) for row in rows):
+        raise InputError(f"{path}: a row is longer than its first, which has beta; give a column for each beta")
+    beta = _numbers(rows[0][1:], "beta", path)
+    tan_gamma = _numbers([row[0] for row in rows[1:]], "tan gamma", path)
+    cells = [[cell.strip() for cell in row[1:]] + [""] * (len(rows[0]) - len(row)) for row in rows[1:]]
+    _require_no_gaps(cells, tan_gamma, beta, path)
+    r = np.array([_numbers([cell or "0" for cell in row], "10^4 r", path) for row in cells])
+    for nodes, words in ((beta, "beta"), (tan_gamma, "tan gamma")):
+        if nodes[0] != 0.0 or not (np.diff(nodes) > 0.0).all():
+            raise InputError(f"{path}: {words} must begin with 0 and rise; found {nodes[0]:g}, {nodes[1]:g}, ...")
+    if beta[-1] != 180.0:
+        raise InputError(
+            f"{path}: beta ends at {beta[-1]:g} degrees, must end at 180, where the lamp is behind the eye"
+        )
+    if not (r.min() >= 0.0 and r[0].min() > 0.0):
+        raise InputError(f"{path}: 10^4 r must be 0 or above, and above 0 at tan gamma = 0")
+    whole = RoadSurface(path.stem, tan_gamma, beta, _SCALE * r, 1.0)
+    return replace(whole, q0=whole.integrated_q0())
+
+
+def _numbers(words: list[str], meaning: str, path: Path) -> Float[np.ndarray, " n"]:
+    try:
+        found = np.array([float(word) for word in words])
+    except ValueError:
+        raise InputError(f"{path}: a word among its numbers of {meaning}; write points in numbers") from None
+    if not np.isfinite(found).all():
+        raise InputError(f"{path}: a number of {meaning} is not finite; leave it blank where there is none")
+    return found
+
+
+def _require_no_gaps(
+    cells: list[list[str]], tan_gamma: Float[np.ndarray, " g"], beta: Float[np.ndarray, " b"], path: Path
+) -> None:
+    """Raise for a blank with a number farther to the right or below: light would be taken for none."""
+    given = np.array([[bool(cell) for cell in row] for row in cells])
+    later = np.logical_or.accumulate(given[:, ::-1], axis=1)[:, ::-1]
+    below = np.logical_or.accumulate(given[::-1], axis=0)[::-1]
+    gaps = np.argwhere(~given & (later | below))
+    if len(gaps):
+        row, column = gaps[0]
+        raise InputError(
+            f"{path}: no number at tan gamma = {tan_gamma[row]:g}, beta = {beta[column]:g}, but some beyond it; give it"
+        )

@@ -1,0 +1,170 @@
+"""Roads that a lens is for: ``[[roads]]`` of a spec, and of a file by which a lamp's photometry is judged.
+
+A road is straight, and seen along its direction of travel: left and right are those of a driver. All lamps of a road
+are equal, and stand in rows at equal steps.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, ValidationError, model_validator
+
+from lensforge.spec.spec_files import read_toml, resolve_files
+from lensforge.spec.spec_section import FilePath, Label, Section, spec_error
+
+# Nominal average luminance coefficient Q0 (cd/m^2 per lx) of the classes of the CIE: CIE 144:2001.
+STANDARD_SURFACES = {"R1": 0.10, "R2": 0.07, "R3": 0.07, "R4": 0.08, "C1": 0.10, "C2": 0.07}
+
+
+@dataclass(frozen=True)
+class LuminanceClass:
+    """Least mean luminance (cd/m^2), uniformity U0 and Ul, largest threshold increment (%), least edge ratio R_EI."""
+
+    mean: float
+    uniformity: float
+    along: float
+    glare_percent: float
+    edge_ratio: float
+
+
+M_CLASSES = {
+    "M1": LuminanceClass(2.0, 0.40, 0.70, 10.0, 0.35),
+    "M2": LuminanceClass(1.5, 0.40, 0.70, 10.0, 0.35),
+    "M3": LuminanceClass(1.0, 0.40, 0.60, 15.0, 0.30),
+    "M4": LuminanceClass(0.75, 0.40, 0.60, 15.0, 0.30),
+    "M5": LuminanceClass(0.50, 0.35, 0.40, 15.0, 0.30),
+    "M6": LuminanceClass(0.30, 0.35, 0.40, 20.0, 0.30),
+}
+# Mean and least illuminance (lx); the mean of a P class may be at most 1.5 times what it asks for.
+P_CLASSES = {
+    "P1": (15.0, 3.0), "P2": (10.0, 2.0), "P3": (7.5, 1.5), "P4": (5.0, 1.0), "P5": (3.0, 0.6), "P6": (2.0, 0.4),
+}  # fmt: skip
+P_MOST = 1.5
+# Mean illuminance (lx); the least must be 0.4 of the mean.
+C_CLASSES = {"C0": 50.0, "C1": 30.0, "C2": 20.0, "C3": 15.0, "C4": 10.0, "C5": 7.5}
+C_UNIFORMITY = 0.4  # all three: EN 13201-2:2015
+
+ClassName = Literal[
+    "M1", "M2", "M3", "M4", "M5", "M6", "C0", "C1", "C2", "C3", "C4", "C5", "P1", "P2", "P3", "P4", "P5", "P6"
+]
+Metres = Annotated[float, Field(gt=0.0, le=1000.0)]
+Surface = Literal["R1", "R2", "R3", "R4", "C1", "C2"]
+Arrangement = Literal["left", "right", "opposite", "staggered", "median"]
+Share = Annotated[float, Field(gt=0.0, le=1.0)]
+_LEAST_LANE_M, MOST_ROADS = 2.0, 32
+_BY_LUMINANCE = ("mean_cd_per_m2", "uniformity", "uniformity_along", "glare_percent", "luminance_per_lux")
+
+
+class RoadSection(Section):
+    """A straight road, its lamps, and the class of EN 13201-2 that it is to reach.
+
+    Its field of calculation and its observers are those of EN 13201-3: the road between two lamps of a row, seen from
+    60 m before it from the middle of each lane.
+    """
+
+    name: Label | None = None
+    """Name in records and on pages."""
+    lighting_class: ClassName
+    """Class of EN 13201-2: M by luminance, C and P by illuminance."""
+    width_m: Metres
+    """Width of the road."""
+    lanes: Annotated[int, Field(ge=1, le=12)] = 2
+    """Lanes side by side, all of the same direction."""
+    surface: Surface = "R3"
+    """Class of the surface by the CIE."""
+    surface_file: FilePath | None = None
+    """CSV file with a table of its own in place of the class: a row of beta, then rows of tan gamma and 10^4 r."""
+    surface_q0: Annotated[float, Field(ge=1e-3, le=1.0)] | None = None
+    """Average luminance coefficient to which the table is scaled; by default the nominal one of the class."""
+    pole_height_m: Metres
+    """Height of the lamps above the road."""
+    pole_spacing_m: Metres
+    """Distance between the lamps of a row."""
+    overhang_m: Annotated[float, Field(ge=-100.0, le=100.0)] = 0.0
+    """Distance of a lamp from the edge beside which it stands, over the road; below 0 beside it."""
+    tilt_deg: Annotated[float, Field(ge=-45.0, le=45.0)] = 0.0
+    """Tilt of a lamp, upwards on the side of the road."""
+    arrangement: Arrangement = "right"
+    """Rows of lamps: at the left or at the right edge, at both edges "opposite" each other or "staggered" by half the
+    spacing, or two on poles in a "median" at the left edge, of which the second lights the other carriageway.
+    """
+    mean_cd_per_m2: Annotated[float, Field(gt=0.0, le=1000.0)] | None = None
+    """Least mean luminance; by default of the class, as the three that follow."""
+    uniformity: Share | None = None
+    """Least over mean luminance U0 that is wanted at least."""
+    uniformity_along: Share | None = None
+    """Least over largest luminance Ul on the middle of a lane that is wanted at least."""
+    glare_percent: Annotated[float, Field(gt=0.0, le=1000.0)] | None = None
+    """Largest threshold increment TI."""
+    luminance_per_lux: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
+    """Least mean luminance over mean illuminance Q; by default none is asked."""
+    maintenance_factor: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
+    """Share of the light that dirt and age leave; glare is that of new lamps."""
+    lamp_lm: Annotated[float, Field(gt=0.0, le=1e9)] | None = None
+    """Luminous flux of the sources of a lamp; by default of the source times photometry.lenses, or as a file states."""
+    lamp_w: Annotated[float, Field(gt=0.0, le=1e6)] | None = None
+    """Electrical power of a lamp; with it the power density and the yearly energy are stated."""
+    hours: Annotated[float, Field(gt=0.0, le=8784.0)] = 4000.0
+    """Hours of full light in a year."""
+
+    @property
+    def by_luminance(self) -> bool:
+        """True for the classes M."""
+        return self.lighting_class.startswith("M")
+
+    @property
+    def lane_m(self) -> float:
+        """Width of a lane."""
+        return self.width_m / self.lanes
+
+    @model_validator(mode="after")
+    def _is_a_road(self) -> "RoadSection":
+        if self.lane_m < _LEAST_LANE_M and self.by_luminance:
+            raise ValueError(
+                f"lanes = {self.lanes} on width_m = {self.width_m:g} are {self.lane_m:.2f} m each, below "
+                f"{_LEAST_LANE_M:g} m: no class M has lanes as narrow; give fewer lanes, or a class P for a path"
+            )
+        most = inf if self.overhang_m <= 0.0 else self.width_m
+        if self.overhang_m > most:
+            raise ValueError(
+                f"overhang_m = {self.overhang_m:g} is beyond width_m = {self.width_m:g}: the lamp hangs over the other "
+                "side; name the other edge by arrangement"
+            )
+        if self.pole_spacing_m > 12.0 * self.pole_height_m:
+            raise ValueError(
+                f"pole_spacing_m = {self.pole_spacing_m:g} is above 12 pole heights, {12.0 * self.pole_height_m:g} m: "
+                "no table of a surface has light from so far; put the poles closer, or make them higher"
+            )
+        beyond = [name for name in _BY_LUMINANCE if getattr(self, name) is not None]
+        if beyond and not self.by_luminance:
+            raise ValueError(
+                f"{beyond[0]} is of a class M, the class is {self.lighting_class}; leave it out, or give a class M"
+            )
+        return self
+
+
+def names_of(roads: Sequence[RoadSection]) -> tuple[str, ...]:
+    """A name for each road: its own, or its number where there are several."""
+    if len(roads) == 1:
+        return (roads[0].name or "road",)
+    return tuple(road.name or f"road {number}" for number, road in enumerate(roads, start=1))
+
+
+class RoadFile(Section):
+    """File of roads: those of a spec, without the rest."""
+
+    roads: Annotated[tuple[RoadSection, ...], Field(min_length=1, max_length=MOST_ROADS)]
+    """Roads, each with its class."""
+
+
+def load_roads(path: Path) -> tuple[RoadSection, ...]:
+    """The ``[[roads]]`` of a TOML file, a spec or one of roads alone. Raises :class:`InputError`."""
+    content = read_toml(path, missing="give a TOML file with [[roads]], such as a spec")
+    resolve_files(content.get("roads"), path.parent)
+    try:
+        return RoadFile.model_validate({"roads": content.get("roads", [])}).roads
+    except ValidationError as error:
+        raise spec_error(error, str(path), RoadFile) from None

@@ -1,0 +1,154 @@
+"""A road judged: the same by a lens's table, by a file, and on pixels of a far field; its merit, and its command."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+from in_this_process import lensforge
+from scenes import small_spec
+
+from lensforge.errors import InputError
+from lensforge.light.angular_grid import AngularGrid
+from lensforge.light.judged_limits import judged_limits
+from lensforge.light.luminaire_classes import LampLight
+from lensforge.light.road_judgement import judge_road, of_file, of_lens
+from lensforge.scene.limit_readings import light_limits
+from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.scene.road_field import RoadReadings
+from lensforge.search.merit import LimitTerm
+from lensforge.sources.photometric.photometric_file import PhotometricFile, turned_over
+from lensforge.sources.photometric.photometric_io import write_photometric
+from lensforge.spec import Spec
+from lensforge.spec.road_section import RoadSection
+
+ROAD = {"lighting_class": "M3", "width_m": 7.0, "pole_height_m": 9.0, "pole_spacing_m": 30.0, "overhang_m": 0.5}
+FAR = {"kind": "beam", "fwhm_deg": 60.0, "half_angle_deg": 90.0}
+GRID = AngularGrid(144, np.linspace(0.0, 90.0, 181))
+
+
+def _intensity(azimuth, gamma):
+    """Two wide lobes along a street at +y, brighter ahead than behind (W/sr at most 1)."""
+    x, y, z = np.sin(gamma) * np.cos(azimuth), np.sin(gamma) * np.sin(azimuth), np.cos(gamma)
+    lobe = sum(k * np.exp(-6.0 * ((x - side) ** 2 + (y - 0.3) ** 2)) for side, k in ((0.8, 1.0), (-0.8, 0.8)))
+    return (0.15 + lobe) * np.clip(z, 0.0, None) ** 0.6
+
+
+def _lamp(noise: float = 0.0) -> LampLight:
+    azimuth, gamma = np.meshgrid(np.radians(GRID.c_deg), np.radians(GRID.gamma_deg), indexing="ij")
+    random = np.random.default_rng(1).normal(size=(16, *azimuth.shape))
+    return LampLight(GRID, 3000.0 * _intensity(azimuth, gamma) * (1.0 + noise * random), 90.0)
+
+
+def _file() -> PhotometricFile:
+    return PhotometricFile(turned_over(GRID.table(_lamp().samples.mean(axis=0))), title="a lamp")
+
+
+def _spec(**road) -> Spec:
+    return small_spec(target=FAR).replace(roads=[ROAD | {"lamp_lm": 3000.0} | road])
+
+
+def _figures(found):
+    return [limit.value.value for limit in found.limits]
+
+
+def test_a_lens_and_its_file_are_judged_alike(tmp_path) -> None:
+    """By the table itself, and as written to a file and read back, whose street is at C = 270."""
+    road = RoadSection(**ROAD)
+    by_table = judge_road(road, of_lens(_lamp(), 1.0))
+    assert _figures(by_table) == pytest.approx(_figures(judge_road(road, of_file(_file(), 270.0, None))), rel=1e-9)
+    path, roads = tmp_path / "lens.ies", tmp_path / "roads.toml"
+    write_photometric(path, _file())
+    roads.write_text("[[roads]]\n" + "\n".join(f"{name} = {json.dumps(value)}" for name, value in ROAD.items()))
+    done = lensforge("road", path, "--road", roads, "--street-c", "270", "--json")
+    (read,) = json.loads(done.stdout)["roads"]
+    assert [each["value"]["value"] for each in read["limits"]] == pytest.approx(_figures(by_table), rel=1e-4)
+    held = all(limit.state == "held" for limit in by_table.limits)
+    assert done.code == (0 if held else 1)
+    mean = by_table.drivers[0].mean_cd_per_m2.value / by_table.mean_lx.value
+    assert by_table.drivers[0].luminance_per_lux.value == pytest.approx(mean, rel=1e-9)
+
+
+@pytest.mark.parametrize(("bright", "factor", "power"), [(1.0, 65.0, 0.8), (20.0, 95.0, 1.05)])
+def test_glare_by_its_law_up_to_5_cd_per_m2_and_above(bright: float, factor: float, power: float) -> None:
+    road, candela = RoadSection(**ROAD, maintenance_factor=0.5), of_lens(_lamp(), bright)
+    readings = RoadReadings.of(road)
+    for driver, seen, veiling in zip(
+        judge_road(road, candela).drivers, readings.luminance, readings.veiling, strict=True
+    ):
+        mean = seen.of(candela(seen)).mean()
+        assert (mean > 5.0) == (bright > 1.0)
+        veil = veiling.of(candela(veiling)).mean(axis=0).max()
+        assert driver.glare_percent.value == pytest.approx(factor * veil / mean**power, rel=1e-6)
+        assert driver.mean_cd_per_m2.value == pytest.approx(0.5 * mean)
+
+
+def test_noise_chooses_no_minimum() -> None:
+    road = RoadSection(**ROAD, lamp_w=50.0)
+    quiet, noisy = (judge_road(road, of_lens(_lamp(noise), 1.0)) for noise in (0.0, 0.3))
+    for true, found in zip(quiet.limits, noisy.limits, strict=True):
+        error = found.value.standard_error
+        assert abs(found.value.value - true.value.value) < 4.0 * error + 1e-9, found.name
+    watts = quiet.power_density.value * quiet.mean_lx.value * 7.0 * 30.0
+    assert watts == pytest.approx(50.0)
+    assert quiet.yearly_energy.value == pytest.approx(50.0 * 4.0 / 210.0)
+
+
+@pytest.mark.parametrize(("pixels", "most"), [(128, 0.06), (512, 0.006)])
+def test_pixels_of_the_far_field_read_the_same_road(pixels: int, most: float) -> None:
+    """Limits on a picture, against the intensity itself; their difference falls with the pixels."""
+    spec = _spec()
+    receivers = receivers_of(spec, pixels)
+    grid = receivers[0].grid
+    x, y, z = np.moveaxis(receivers[0].places(*np.meshgrid(grid.x(), grid.y())), -1, 0)
+    light = _intensity(np.arctan2(y, x), np.arccos(z)) * receivers[0].pixel_measure
+    limits = light_limits(spec, receivers, None, 1.0)
+    by_pixels = judged_limits(limits, [np.stack([light] * 16)], ["sky"])
+    by_table = judge_road(spec.roads[0], of_lens(_lamp(), 1.0))
+    assert [each.name for each in by_pixels] == [f"road: {each.name}" for each in by_table.limits]
+    np.testing.assert_allclose([each.value.value for each in by_pixels], _figures(by_table), rtol=most)
+
+
+def test_the_merit_falls_along_its_gradient_and_is_zero_where_the_class_is_held() -> None:
+    spec = _spec(mean_cd_per_m2=2.0, uniformity=0.9, uniformity_along=0.95, glare_percent=0.5)
+    receivers = receivers_of(spec, 48)
+    limits = light_limits(spec, receivers, None, 1.0)
+    picture = torch.from_numpy(np.random.default_rng(2).uniform(0.5, 1.5, receivers[0].grid.shape)) * 1e-4
+    ask, step = picture.clone().requires_grad_(), torch.from_numpy(np.random.default_rng(3).normal(size=picture.shape))
+    for limit in limits:
+        if limit.quantity == "min_over_max":
+            continue  # its largest light is held: the slope is that of the darkest places
+        term = LimitTerm.of(limit)
+        (slope,) = torch.autograd.grad(term.loss((ask,)), ask)
+        high, low = (term.loss((picture + sign * 1e-9 * step,)) for sign in (1.0, -1.0))
+        assert float((slope * step).sum()) == pytest.approx(float(high - low) / 2e-9, rel=1e-4, abs=1e-6), limit.name
+    easy = _spec(mean_cd_per_m2=1e-6, uniformity=1e-3, uniformity_along=1e-3, glare_percent=900.0)
+    kept = [LimitTerm.of(each) for each in light_limits(easy, receivers, None, 1.0) if each.quantity != "ratio"]
+    assert sum(float(term.loss((picture,))) for term in kept) == 0.0
+
+
+def _limits(target, road) -> None:
+    spec = small_spec(target=target).replace(roads=[ROAD | road])
+    light_limits(spec, receivers_of(spec, 16), None, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("target", "road", "words"),
+    [
+        ({**FAR, "half_angle_deg": 70.0}, {}, "the first has half_angle_deg = 70"),
+        ({"kind": "flat_top", "width_mm": 9.0, "distance_mm": 100.0, "receiver_mm": 20.0}, {}, "there is none"),
+        (FAR, {"surface_file": "/nowhere/table.csv", "lamp_lm": 3000.0}, "table.csv"),
+        (FAR, {}, "lamp_lm is missing"),
+    ],
+)
+def test_roads_that_no_light_can_be_judged_on(target, road, words: str) -> None:
+    with pytest.raises(InputError, match=words) as found:
+        _limits(target, road)
+    assert "\n" not in str(found.value)
+
+
+def test_a_field_of_one_road_is_changed_by_its_number() -> None:
+    spec = _spec().replace({"roads.0.pole_spacing_m": 22.5})
+    assert (spec.roads[0].pole_spacing_m, spec.roads[0].pole_height_m) == (22.5, 9.0)
+    with pytest.raises(InputError, match="roads has 1 entries"):
+        spec.replace({"roads.1.pole_spacing_m": 22.5})

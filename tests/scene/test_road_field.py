@@ -1,0 +1,224 @@
+"""Roads: luminance, glare and edges against plain loops, and in closed form; tables of surfaces as published."""
+
+from math import atan2, ceil, cos, degrees, hypot, radians, sin, sqrt, tan
+
+import numpy as np
+import pytest
+
+from lensforge.errors import InputError
+from lensforge.scene.road_classes import Ask, asked_of
+from lensforge.scene.road_field import CandelaSum, RoadReadings
+from lensforge.scene.road_surface import RoadSurface, read_surface
+from lensforge.spec.road_section import STANDARD_SURFACES, RoadSection
+
+ROAD = {"lighting_class": "M3", "width_m": 7.0, "pole_height_m": 9.0, "pole_spacing_m": 33.0}
+# Specular factors S1 as published: CIE 144:2001.
+_S1 = {"R1": 0.25, "R2": 0.58, "R3": 1.11, "R4": 1.55, "C1": 0.24, "C2": 0.97}
+
+
+def _candela(azimuth_deg, gamma_deg):
+    """A lamp without any symmetry, down to 0 at 95 degrees."""
+    turn, gamma = np.radians(azimuth_deg), np.radians(gamma_deg)
+    wide = 1.0 + 0.6 * np.cos(turn - 0.4) * np.sin(gamma) + 0.3 * np.sin(2.0 * turn + 0.2) * np.sin(gamma) ** 2
+    return 1000.0 * wide * np.clip((95.0 - gamma_deg) / 95.0, 0.0, None) ** 0.4
+
+
+def _of(light: CandelaSum) -> np.ndarray:
+    return light.of(_candela(light.azimuth_deg, light.gamma_deg)[None])[0]
+
+
+def _lamps(road: RoadSection):
+    """(x, y, +1 or -1) of all lamps near the field, one after the other."""
+    width, over, spacing = road.width_m, road.overhang_m, road.pole_spacing_m
+    for k in range(-8, 40):
+        if road.arrangement in ("right", "opposite", "staggered"):
+            yield k * spacing, over, 1
+        if road.arrangement in ("left", "opposite", "median"):
+            yield k * spacing, width - over, -1
+        if road.arrangement == "staggered":
+            yield (k + 0.5) * spacing, width - over, -1
+        if road.arrangement == "median":
+            yield k * spacing, width + over, 1
+
+
+def _intensity(road: RoadSection, lamp, x: float, y: float, z: float) -> float:
+    """By the three axes of a lamp: to its street, along the road, and its own."""
+    lx, ly, facing = lamp
+    to = np.array([x - lx, y - ly, z - road.pole_height_m])
+    t = radians(road.tilt_deg)
+    street, axis = np.array([0.0, facing * cos(t), sin(t)]), np.array([0.0, facing * sin(t), -cos(t)])
+    along = np.cross(axis, street)
+    a, b, c = to @ street, to @ along, to @ axis
+    return float(_candela(degrees(atan2(b, a)), degrees(atan2(hypot(a, b), c))))
+
+
+def _r(surface: RoadSurface, beta: float, tan_gamma: float) -> float:
+    if tan_gamma > surface.tan_gamma[-1]:
+        return 0.0
+    rows = [np.interp(tan_gamma, surface.tan_gamma, column) for column in surface.r.T]
+    return float(np.interp(beta, surface.beta_deg, rows))
+
+
+def _plain_luminance(road: RoadSection, surface: RoadSurface, eye_y: float) -> list[float]:
+    count = max(10, ceil(road.pole_spacing_m / 3.0))
+    found, high = [], road.pole_height_m
+    for row in range(3 * road.lanes):
+        y = (row + 0.5) * road.width_m / (3 * road.lanes)
+        for step in range(count):
+            x, total = (step + 0.5) * road.pole_spacing_m / count, 0.0
+            for lamp in _lamps(road):
+                dx, dy = lamp[0] - x, lamp[1] - y
+                if not (-5.0 * high <= dx <= 12.0 * high and abs(dy) <= 5.0 * high):
+                    continue
+                view = np.array([x + 60.0, y - eye_y])
+                cosine = view @ [dx, dy] / (np.linalg.norm(view) * hypot(dx, dy))
+                beta = degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+                total += _intensity(road, lamp, x, y, 0.0) * _r(surface, beta, hypot(dx, dy) / high) / high**2
+            found.append(total)
+    return found
+
+
+def _plain_veil(road: RoadSection, eye_y: float) -> list[float]:
+    count, found = max(10, ceil(road.pole_spacing_m / 3.0)), []
+    for step in range(count):
+        x, total = step * road.pole_spacing_m / count - 2.75 * (road.pole_height_m - 1.5), 0.0
+        for lamp in _lamps(road):
+            to = np.array([lamp[0] - x, lamp[1] - eye_y, road.pole_height_m - 1.5])
+            if not 0.0 < to[0] <= 500.0 or to[2] > tan(radians(20.0)) * to[0]:
+                continue
+            away = sqrt(to @ to)
+            cosine = to @ [cos(radians(1.0)), 0.0, -sin(radians(1.0))] / away
+            theta, eye_lx = degrees(np.arccos(cosine)), _intensity(road, lamp, x, eye_y, 1.5) * cosine / away**2
+            if theta >= 1.5:
+                total += 9.86 * (1.0 + (23.0 / 66.4) ** 4) * eye_lx / theta**2 if theta <= 60.0 else 0.0
+            else:
+                total += eye_lx * (10.0 / theta**3 + 5.0 / theta**2 * (1.0 + (23.0 / 62.5) ** 4))
+        found.append(total)
+    return found
+
+
+def _plain_mean_lux(road: RoadSection, low: float, high: float) -> float:
+    along, across = max(10, ceil(road.pole_spacing_m / 3.0)), max(3, ceil((high - low) / 1.5))
+    total, up = 0.0, road.pole_height_m
+    for x in (np.arange(along) + 0.5) * road.pole_spacing_m / along:
+        for y in low + (np.arange(across) + 0.5) * (high - low) / across:
+            for lamp in _lamps(road):
+                away = hypot(lamp[0] - x, lamp[1] - y)
+                if away <= 5.0 * up:
+                    total += _intensity(road, lamp, x, y, 0.0) * up / hypot(away, up) ** 3
+    return total / (along * across)
+
+
+@pytest.mark.parametrize(
+    ("arrangement", "overhang_m", "tilt_deg", "lanes", "surface"),
+    [
+        ("right", 0.0, 0.0, 2, "R3"),
+        ("left", 1.2, 10.0, 3, "C2"),
+        ("opposite", -0.5, 5.0, 2, "R1"),
+        ("staggered", 0.7, -4.0, 1, "R4"),
+        ("median", -1.5, 15.0, 2, "R2"),
+    ],
+)
+def test_a_road_as_plain_loops_have_it(arrangement, overhang_m, tilt_deg, lanes, surface) -> None:
+    own = {"arrangement": arrangement, "overhang_m": overhang_m, "tilt_deg": tilt_deg, "lanes": lanes}
+    road = RoadSection(**ROAD, **own, surface=surface, surface_q0=0.085)
+    readings = RoadReadings.of(road)
+    table = RoadSurface.of(surface, q0=0.085)
+    for lane in range(lanes):
+        eye_y = (lane + 0.5) * road.lane_m
+        np.testing.assert_allclose(_of(readings.luminance[lane]), _plain_luminance(road, table, eye_y), rtol=1e-9)
+        np.testing.assert_allclose(_of(readings.veiling[lane]), _plain_veil(road, eye_y), rtol=1e-9)
+    middle = np.repeat((np.arange(3 * lanes) + 0.5) * road.lane_m / 3, readings.along)[readings.middle(lanes - 1)]
+    np.testing.assert_allclose(middle, (lanes - 0.5) * road.lane_m)
+    lane_m = road.lane_m
+    pairs = (((-lane_m, 0.0), (0.0, lane_m)), ((7.0, 7.0 + lane_m), (7.0 - lane_m, 7.0)))
+    for edge, strips in zip(readings.edges, pairs, strict=True):
+        np.testing.assert_allclose(_of(edge), [_plain_mean_lux(road, *ends) for ends in strips], rtol=1e-9)
+    assert _of(readings.illuminance.mean()).item() == pytest.approx(_plain_mean_lux(road, 0.0, 7.0), rel=1e-9)
+
+
+def test_an_even_lamp_over_a_surface_that_looks_alike_from_everywhere(tmp_path) -> None:
+    """r = q cos^3: the luminance is q times the illuminance, here of lamps of 500 cd in all directions."""
+    tan_gamma, beta, q = np.append(np.linspace(0.0, 12.0, 2401), 13.0), [0.0, 90.0, 180.0], 0.08
+    rows = [f"{t},{','.join(3 * [str(1e4 * q * (1.0 + t * t) ** -1.5)])}" for t in tan_gamma]
+    path = tmp_path / "alike.csv"
+    path.write_text("\n".join([f"tan_gamma,{','.join(map(str, beta))}", *rows]))
+    assert read_surface(path).q0 == pytest.approx(q, rel=1e-5)
+    road = RoadSection(**ROAD, surface_file=path, arrangement="opposite")
+    for lane, light in enumerate(RoadReadings.of(road).luminance):
+        found = light.of(np.full((1, len(light.gamma_deg)), 500.0))[0].reshape(6, 11)
+        for row, x in ((0, 1.5), (3, 16.5), (5, 31.5)):
+            y = (row + 0.5) * 7.0 / 6
+            lamps = [(33.0 * k - x, edge - y) for k in range(-9, 10) for edge in (0.0, 7.0)]
+            counted = [(dx, dy) for dx, dy in lamps if -45.0 <= dx <= 108.0]
+            lux = sum(500.0 * 9.0 / (dx * dx + dy * dy + 81.0) ** 1.5 for dx, dy in counted)
+            assert found[row, int(x / 3.0)] == pytest.approx(q * lux, rel=2e-5), lane
+
+
+@pytest.mark.parametrize("name", STANDARD_SURFACES)
+def test_the_tables_have_the_published_lightness_and_gloss(name: str) -> None:
+    surface = RoadSurface.of(name)
+    assert round(surface.s1, 2) == _S1[name]
+    assert surface.q0 == STANDARD_SURFACES[name]
+    assert 1.0 < surface.integrated_q0() / surface.q0 < 1.03
+    assert RoadSurface.of(name, q0=0.05).integrated_q0() == pytest.approx(0.05 * surface.integrated_q0() / surface.q0)
+    assert surface.reading(np.array([0.0]), np.array([12.1])).item() == 0.0
+    smooth = np.log(surface.r[:15])  # a wrong digit stands out among its neighbours
+    assert np.abs(np.diff(smooth[:, :3], 2, axis=0)).max() < 0.32
+
+
+def test_a_class_asks_of_every_observer() -> None:
+    asks: list[Ask] = list(
+        asked_of(RoadReadings.of(RoadSection(**ROAD, lanes=3, maintenance_factor=0.8, uniformity=0.6)))
+    )
+    assert len(asks) == 3 * 4 + 2
+    assert [(each.quantity, each.sense, each.bound, each.unit) for each in asks[:4]] == [
+        ("light", ">=", 1.0, "cd/m²"),
+        ("min_over_mean", ">=", 0.6, ""),
+        ("min_over_max", ">=", 0.6, ""),
+        ("threshold_increment", "<=", 15.0, "%"),
+    ]
+    mean, glare = _of(asks[0].light).item(), _of(asks[3].light)
+    assert mean == pytest.approx(0.8 * glare[-1])  # glare is that of new lamps
+    path = RoadReadings.of(RoadSection(**ROAD | {"lighting_class": "P4", "width_m": 2.0, "lanes": 1}))
+    assert [(each.sense, each.bound) for each in asked_of(path)] == [(">=", 5.0), ("<=", 7.5), (">=", 1.0)]
+
+
+_HEAD = "tan_gamma,0,90,180\n0,300,300,300\n"
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (_HEAD + "1,100,,90\n2,50,40,30\n", "no number at tan gamma = 1, beta = 90"),
+        (_HEAD + "1,100,,\n2,50,40,\n", "no number at tan gamma = 1, beta = 90"),
+        (_HEAD + "1,100,x,90\n", "a word among its numbers of 10^4 r"),
+        (_HEAD + "1,100,nan,90\n", "is not finite"),
+        (_HEAD + "0,100,90,80\n", "tan gamma must begin with 0 and rise"),
+        (_HEAD + "1,100,-3,90\n", "must be 0 or above"),
+        (_HEAD + "1,100,90,80,70\n", "a row is longer"),
+        (_HEAD.replace("180", "170") + "1,100,90,80\n", "beta ends at 170"),
+        ("", "no r-table"),
+    ],
+)
+def test_a_table_that_is_none_has_one_line(content: str, words: str, tmp_path) -> None:
+    path = tmp_path / "surface.csv"
+    path.write_text(content)
+    with pytest.raises(InputError, match=words.replace("^", r"\^")) as found:
+        read_surface(path)
+    assert "\n" not in str(found.value)
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"lanes": 4}, "no class M has lanes as narrow"),
+        ({"overhang_m": 7.5}, "hangs over the other side"),
+        ({"pole_spacing_m": 120.0}, "above 12 pole heights"),
+        ({"lighting_class": "P2", "uniformity": 0.5}, "uniformity is of a class M"),
+        ({"surface": "R5"}, "surface"),
+    ],
+)
+def test_no_such_road(fields, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        RoadSection(**ROAD | fields)
