@@ -171,7 +171,7 @@ class ReceivedFlux:
             grid = replace(target.fine, columns=target.light.shape[1], rows=target.light.shape[0])
             in_targets[:, k] = (rebinned(images, grid) * target.coverage).sum(axis=(1, 2))
         by_fate = lamps.mean([each.by_fate for each in found])
-        return ReceivedFlux(images, by_fate, window, landed - window, in_targets, targets)
+        return ReceivedFlux(images, by_fate, window, np.maximum(landed - window, 0.0), in_targets, targets)
 
 
 @dataclass(frozen=True)
