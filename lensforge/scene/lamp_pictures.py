@@ -27,8 +27,8 @@ from lensforge.spec.lamps_section import ALONE
 
 _MOST_PIXELS = 2**22  # of a picture, of which an evaluation keeps sixteen: half a gigabyte
 _CELLS = 4  # periods on each side by which the solid angles of a lattice's pixels are summed
-_Image = Float[np.ndarray, "h w"]
-_Images = Float[np.ndarray, "*r h w"]
+_Image = Float[np.ndarray, "_ _"]
+_Images = Float[np.ndarray, "..."]  # of replicates, or one
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,7 @@ class LampPictures:
         total /= len(self.receiver.lamps)
         return np.asarray(total + max(2.0 * np.pi - float(total.sum()), 0.0) / total.size)
 
-    def regions(self, pixels: Bool[np.ndarray, "h w"]) -> list[Bool[np.ndarray, "_ _"]]:
+    def regions(self, pixels: Bool[np.ndarray, "_ _"]) -> list[Bool[np.ndarray, "_ _"]]:
         """Pixels of each raster that are one of ``pixels`` for one of its lamps at least."""
         return [pixels] if self.alone else [each > 0.0 for each in self.spread(pixels.astype(np.float64))]
 

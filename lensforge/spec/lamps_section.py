@@ -51,6 +51,8 @@ class Lamps:
 
     def has_mirrors(self, group: str) -> bool:
         """True where each mirror of a group takes the lamps to themselves, each with a light of that symmetry."""
+        if group == "square" and self.period_mm is not None and self.period_mm[0] != self.period_mm[1]:
+            return False
         step = 90.0 if group == "square" else 180.0 if contains(group, "rectangle") else 360.0
         own = self._as_rows(np.array(self.places_mm), np.array(self.turns_deg), step)
         places = np.array(self.places_mm)
