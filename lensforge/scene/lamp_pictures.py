@@ -84,7 +84,7 @@ class LampPictures:
 
     @staticmethod
     def of(receiver: PosedReceiver) -> "LampPictures":
-        """As few rasters as will do. Raises :class:`InputError` where one of them would have too many pixels."""
+        """Make as few rasters as will do. Raises :class:`InputError` where one of them would have too many pixels."""
         return _pictures(receiver)
 
     @property

@@ -253,10 +253,9 @@ class LightPath:
         return replace(self, scene=scene).collect(part.tables(tables), own)
 
     def collect(self, tables: Float[Tensor, "f side side"], rays: RayBundle) -> tuple[Collected, ...]:
-        """Trace ``rays`` through tables on the CPU and collect them there; differentiable in the tables.
+        """Trace ``rays`` through tables on the CPU and collect the mean light of a lamp; differentiable in the tables.
 
-        Of lamps together the mean light of one. The same rays give the same bits on the same device; on another they
-        agree to rounding.
+        The same rays give the same bits on the same device; on another one they agree to rounding.
         """
         if self.device is None:
             landed, sin2_exit = landed_through(tables, self.scene, rays, self.seen)
