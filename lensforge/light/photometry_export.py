@@ -213,7 +213,7 @@ def _symmetry(lens: Lens, source: Source, lamps: Lamps) -> str:
     """Largest mirror group that both surfaces, the source and the lamps have: the light has it, too."""
     both = source.symmetry, lens.symmetry
     groups = (name for name in reversed(NAMES) if all(contains(each, name) for each in both))
-    return next(name for name in groups if lamps.has_mirrors(name))
+    return next(name for name in groups if lamps.from_afar.has_mirrors(name))
 
 
 def _turned_over(values: Float[np.ndarray, "c g"]) -> Float[np.ndarray, "d g"]:

@@ -185,7 +185,7 @@ def together(receiver: PosedReceiver, lamps: Lamps) -> PosedReceiver:
         moves = np.array(lamps.places_mm) @ receiver.pose.axes[:2, :2].T
         columns, rows = _alike(grid.columns, moves[:, 0] / grid.width), _alike(grid.rows, moves[:, 1] / grid.height)
         grid = replace(grid, columns=columns, rows=rows)
-    return replace(receiver, grid=grid, lamps=lamps)
+    return replace(receiver, grid=grid, lamps=lamps.from_afar if receiver.kind == "far_field" else lamps)
 
 
 def _alike(asked: int, moves: Float[np.ndarray, " n"]) -> int:

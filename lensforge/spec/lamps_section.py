@@ -19,7 +19,7 @@ from lensforge.spec.receiver_sections import AnyReceiver, CylinderReceiver, Plan
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.spec_section import Coordinate, Millimetres, Section, rounded_up
 from lensforge.spec.target_sections import Side
-from lensforge.surfaces.mirror_group import contains, generators
+from lensforge.surfaces.mirror_group import generators
 
 Place = tuple[float, float]
 _SAME = 1e-9  # relative: rounding of a place, and of the side of a receiver that is a lattice's period
@@ -49,25 +49,25 @@ class Lamps:
         """Distance of the farthest axis from the origin."""
         return max(hypot(*place) for place in self.places_mm)
 
+    @property
+    def from_afar(self) -> "Lamps":
+        """The same as they are seen from far away, where all stand at one place."""
+        return self if self.alone else Lamps(((0.0, 0.0),) * len(self), self.turns_deg)
+
     def has_mirrors(self, group: str) -> bool:
-        """True where each mirror of a group takes the lamps to themselves, each with a light of that symmetry."""
+        """True where each mirror of a group takes the lamps to themselves: their light then has the lens's mirrors."""
         if group == "square" and self.period_mm is not None and self.period_mm[0] != self.period_mm[1]:
             return False
-        step = 90.0 if group == "square" else 180.0 if contains(group, "rectangle") else 360.0
-        own = self._as_rows(np.array(self.places_mm), np.array(self.turns_deg), step)
-        places = np.array(self.places_mm)
-        return all(
-            np.array_equal(self._as_rows(places @ mirror[:2, :2].T, -np.array(self.turns_deg), step), own)
-            for mirror in generators(group)
-        )
+        places, turns = np.array(self.places_mm), np.array(self.turns_deg)
+        own = self._as_rows(places, turns)
+        mirrored = (self._as_rows(places @ mirror[:2, :2].T, -turns) for mirror in generators(group))
+        return all(np.array_equal(each, own) for each in mirrored)
 
-    def _as_rows(
-        self, places: Float[np.ndarray, "n 2"], turns: Float[np.ndarray, " n"], step: float
-    ) -> Float[np.ndarray, "n 3"]:
-        """Places, of a lattice within its period, and turns within ``step``, rounded and in one order."""
+    def _as_rows(self, places: Float[np.ndarray, "n 2"], turns: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
+        """Places, of a lattice within its period, and turns within 360 degrees, rounded and in one order."""
         if self.period_mm is not None:
             places = np.round(places / self.period_mm, 6) % 1.0 * self.period_mm
-        rows = np.round(np.column_stack([places, np.round(turns, 6) % step]), 6) + 0.0
+        rows = np.round(np.column_stack([places, np.round(turns, 6) % 360.0]), 6) + 0.0
         ordered: Float[np.ndarray, "n 3"] = rows[np.lexsort(rows.T)]
         return ordered
 

@@ -147,6 +147,13 @@ def test_two_lamps_superpose_and_one_is_the_lens() -> None:
     assert both.possible.efficiency <= 0.5 * sum(each.possible.efficiency for each in moved) + 0.02
 
 
+def test_what_is_possible_from_afar_is_that_of_one_lamp() -> None:
+    far = {"target": None, "receivers": [FAR], "source__side_mm": 2.0}
+    alone, many = light_of(2**12, **far), light_of(2**12, lamps=GRID, **far)
+    assert many.possible == alone.possible and many.efficiency == alone.efficiency
+    np.testing.assert_allclose(many.map, 12.0 * alone.map, rtol=1e-12)
+
+
 def test_lamps_from_afar_have_so_many_times_the_candela_and_turn() -> None:
     """Two lamps turned from x to y: C runs the other way."""
     spec = small_spec(source={"kind": "square", "side_mm": 1.0, "tilt_deg": [20.0, 0.0], "flux_lm": 100.0})
