@@ -177,8 +177,8 @@ _FEWER, _MORE = 0.75, 1.3  # pixels over those asked for, so that lamps may lie 
 def together(receiver: PosedReceiver, lamps: Lamps) -> PosedReceiver:
     """The receiver in the light of ``lamps``.
 
-    On a plane with pixels so many that all lamps of a grid lie alike on them, where a number near that asked for will
-    do: their light is then one picture, moved by whole pixels.
+    A plane has pixels so many, near those asked for, that as many of the lamps as can be lie alike on them: their light
+    is then one picture, moved by whole pixels.
     """
     grid = receiver.grid
     if receiver.kind == "plane" and lamps.period_mm is None:
@@ -189,13 +189,14 @@ def together(receiver: PosedReceiver, lamps: Lamps) -> PosedReceiver:
 
 
 def _alike(asked: int, moves: Float[np.ndarray, " n"]) -> int:
-    """The count of pixels nearest to that asked for by which all ``moves``, in receivers, differ by whole pixels."""
-    counts = sorted(range(ceil(_FEWER * asked), floor(_MORE * asked) + 1), key=lambda count: abs(count - asked))
-    for count in counts:
-        pixels = (moves - moves[0]) * count
-        if np.abs(pixels - np.round(pixels)).max() < WHOLE:
-            return count
-    return asked
+    """The count of pixels by which ``moves``, in receivers, have the fewest parts of a pixel; or that asked for."""
+
+    def parts(count: int) -> int:
+        return len(np.unique(np.round(moves * count % 1.0 / WHOLE) % round(1.0 / WHOLE)))
+
+    counts = range(ceil(_FEWER * asked), floor(_MORE * asked) + 1)
+    best = min(counts, key=lambda count: (parts(count), abs(count - asked)), default=asked)
+    return best if parts(best) < parts(asked) else asked
 
 
 def _require_behind_glass(spec: Spec, receivers: Sequence[PosedReceiver]) -> None:

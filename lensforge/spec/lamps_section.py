@@ -45,6 +45,13 @@ class Lamps:
         return self == ALONE
 
     @property
+    def words(self) -> str:
+        """How many, after the receivers that they light; empty for one alone."""
+        if self.period_mm is None:
+            return "" if self.alone else f", lit by {len(self)} lamps"
+        return f", lit by a lattice without an end, {len(self)} in {self.period_mm[0]:g} × {self.period_mm[1]:.4g} mm"
+
+    @property
     def reach_mm(self) -> float:
         """Distance of the farthest axis from the origin."""
         return max(hypot(*place) for place in self.places_mm)
