@@ -24,7 +24,7 @@ GROUPS = {
     "Other receivers": ("wall_washer", "curved_screen", "two_distances"),
     "Beams and lamps": ("batwing", "elliptical_beam", "from_ies", "signal", "street_lamp"),
     "Lamps together": ("backlight", "high_bay", "panel"),
-    "Narrow beams": ("spot", "spot_10", "collimating_mirror"),
+    "Total internal reflection": ("spot", "spot_10", "oval", "flashlight", "desk_spot", "collimating_mirror"),
     "Materials": ("silicone", "coated_cover_glass"),
     "Designs of published papers": (
         "published/rectangle_2mm", "published/rectangle_3mm", "published/compact_rectangle",
@@ -84,9 +84,19 @@ def draw(name: str) -> dict[str, object]:
     sheet.quantize(64).save(picture(name), optimize=True)
     return {
         "accuracy": "draft",
+        "aim": spec.optimise.aim,
+        "share_in_target": [receiver.share_in_target.value for receiver in light.receivers],
         "nmse": [receiver.nmse.value for receiver in light.receivers],
         "efficiency": [receiver.efficiency.value for receiver in light.receivers],
     }
+
+
+def figures_of(found: dict[str, list[float]]) -> str:
+    """The figures of a design in words; where only the share of the light counts, an error of its pattern is none."""
+    shares = ", ".join(f"{value:.3f}" for value in found["efficiency"])
+    if found.get("aim") == "share":
+        return f"In the target {', '.join(f'{value:.3f}' for value in found['share_in_target'])}, efficiency {shares}"
+    return f"NMSE {', '.join(f'{value:.4f}' for value in found['nmse'])}, efficiency {shares}"
 
 
 def page(figures: dict[str, dict[str, list[float]]]) -> str:
@@ -97,11 +107,7 @@ def page(figures: dict[str, dict[str, list[float]]]) -> str:
         for name in group:
             found = figures.get(name)
             drawn = f"![The light of {Path(name).name}](gallery/{Path(name).name}.png)" if found else ""
-            values = ""
-            if found:
-                errors = ", ".join(f"{value:.4f}" for value in found["nmse"])
-                shares = ", ".join(f"{value:.3f}" for value in found["efficiency"])
-                values = f" *NMSE {errors}, efficiency {shares}.*"
+            values = f" *{figures_of(found)}.*" if found else ""
             link = f"[`{Path(name).name}`](../examples/{name}.toml)"
             lines.append(f"| {link}: {sentence(name)}{values} | {drawn} |")
         lines.append("")

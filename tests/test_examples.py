@@ -15,7 +15,7 @@ SPECS = sorted([*EXAMPLES.glob("*.toml"), *EXAMPLES.glob("published/*.toml")])
 def test_every_shipped_spec_is_valid(path: Path) -> None:
     spec = load_spec(path)
     assert spec.name == path.stem
-    assert spec.lens.levels == "auto" or spec.lens.is_round
+    assert spec.lens.levels == "auto" or spec.lens.reflects
 
 
 def test_every_published_design_has_a_spec() -> None:

@@ -217,13 +217,18 @@ class SurfaceBounds(NamedTuple):
 
 
 class FaceBounds(NamedTuple):
-    """Bounds of several surfaces on one grid, as the kernels take them: arrays in place of the numbers of one."""
+    """Bounds of several surfaces on one grid, as the kernels take them: arrays in place of the numbers of one.
+
+    ``balls`` (mm): about the medium that each bounds, and ``hollows`` (1/mm), see :func:`hollow`: of a chain.
+    """
 
     least: Float[np.ndarray, " f"]
     most: Float[np.ndarray, " f"]
     tiles: Float[np.ndarray, "f t t 3"]
     per_unit: float
     tan_reach: float
+    balls: Float[np.ndarray, " f"] | None = None
+    hollows: Float[np.ndarray, " f"] | None = None
 
     @staticmethod
     def of(bounds: Sequence[SurfaceBounds]) -> "FaceBounds":

@@ -6,54 +6,31 @@ reflects beside the light that passes is not followed. ``met`` keeps the face of
 the ray was reflected, 1 more where it came from behind the face; below 0 there was none.
 """
 
-from math import exp, inf, sqrt
+from math import exp, sqrt
 
-from lensforge.kernels.bicubic import bounds_of, index_at, jet
 from lensforge.kernels.compiled import inline
 from lensforge.kernels.fate import Fate
 from lensforge.kernels.fields import field_behind, passing, reflect, reflecting, squared_lengths, unpolarised
-from lensforge.kernels.first_hit import (
-    ALONG_X,
-    BELOW,
-    CLOSING,
-    DX,
-    FOUND,
-    GOING,
-    LENGTH,
-    LIMIT,
-    LOST,
-    MISSED,
-    NUMBER,
-    OF_CHAIN,
-    ON_FACE,
-    PX,
-    PY,
-    PZ,
-    RAY,
-    RHO_X,
-    RHO_Y,
-    SIZE,
-    STATUS,
-    X0,
-    T,
-    fields,
-    first_hits,
-    three,
-    write,
-)
+from lensforge.kernels.first_hit import DX, FOUND, LOST, PX, PY, PZ, RAY, SIZE, three, write
 from lensforge.kernels.frames import place, rough_normal, turn, z_axis
 from lensforge.kernels.fresnel import dot, mixed, outward_normal, refract, scaled, through, unit
+from lensforge.kernels.nearest_face import (
+    BODY,
+    CAVITY,
+    CLEAR,
+    FACE,
+    FIELDS,
+    LAST,
+    LEAVING,
+    MEDIUM,
+    NEXT,
+    NEXT_STATUS,
+    NEXT_X,
+    NEXT_Y,
+    OUTSIDE,
+)
 
-# The medium in which a ray is, the face last met, the face that it is likely to meet; the nearest crossing found, and
-# its face; likewise on the way back into the cavity, as far as it has been followed, and where that ends at the latest;
-# what absorption leaves of the flux; the rays that are searched; both fields (real, imaginary), as faces leave them.
-(
-    MEDIUM, LAST, GUESS, FACE, NEXT, NEXT_STATUS, NEXT_X, NEXT_Y, BACK_FACE, BACK, BACK_STATUS, BACK_X, BACK_Y,
-    BACK_END, CLEAR, ASKED, FIELDS,
-) = fields(OF_CHAIN, 17)  # fmt: skip
-CAVITY, BODY, OUTSIDE = 0, 1, 2
 REFLECTED, FROM_BEHIND = 2, 1
-_PASSES = 8  # over the faces of a cavity, until a ray is in all of them
 
 
 @inline
@@ -65,160 +42,6 @@ def begin_chain(rays, lane, d):
     write(rays, FIELDS + 3 * SIZE + lane, scaled(0.0, one))
     write(rays, FIELDS + 6 * SIZE + lane, other)
     write(rays, FIELDS + 9 * SIZE + lane, scaled(0.0, one))
-
-
-@inline
-def keep_nearest(rays, count, face):
-    """Keep what the search on one face found where it is nearer than what was kept; a search given up stays so."""
-    for lane in range(count):
-        k = int(rays[ASKED + lane])
-        if rays[NEXT_STATUS + k] == LOST:
-            continue
-        status, nearer = rays[STATUS + k], rays[LENGTH + k] < rays[NEXT + k]
-        if status == LOST:
-            rays[NEXT_STATUS + k] = LOST
-        elif status == FOUND and nearer:
-            rays[NEXT_STATUS + k], rays[NEXT + k], rays[FACE + k] = FOUND, rays[LENGTH + k], face
-            rays[NEXT_X + k], rays[NEXT_Y + k] = rays[RHO_X + k], rays[RHO_Y + k]
-        elif status == BELOW and rays[NEXT_STATUS + k] == MISSED:
-            rays[NEXT_STATUS + k] = BELOW
-
-
-@inline
-def start_one(rays, lane, k, face, path, end):
-    """Put ray k of a packet on its way, to a ``face`` from ``path`` (mm) ahead to ``end``."""
-    rays[NUMBER + lane], rays[ASKED + lane], rays[T + lane], rays[CLOSING + lane] = float(k), float(k), 0.0, 0.0
-    rays[ON_FACE + lane] = 1.0 if rays[LAST + k] == face and path == 0.0 else 0.0
-    rays[LIMIT + lane] = end - path
-    for axis in range(0, 3 * SIZE, SIZE):
-        along = rays[DX + axis + k]
-        rays[X0 + axis + lane], rays[ALONG_X + axis + lane] = rays[PX + axis + k] + path * along, along
-
-
-@inline
-def guess_faces(rays, count, tables, bounds, scene, chain):
-    """For each ray the face that it is likely to meet: the nearest where it leaves the ball in which no face is.
-
-    Seldom is that the face on which it is. A wrong guess costs time alone.
-    """
-    most = len(tables[0]) - 1.0
-    for k in range(count):
-        medium, least = rays[MEDIUM + k], inf
-        for face in range(len(tables)):
-            least = min(least, bounds.least[face] if chain[0][face] == medium else inf)
-        p, d = three(rays, PX + k), three(rays, DX + k)
-        outward = dot(p, d)
-        path = max(sqrt(max(outward * outward + least * least - dot(p, p), 0.0)) - outward, 0.0)
-        x, y, z = mixed(1.0, p, path, d, 0.0, d)
-        per_shift, nearest = scene[4] / (sqrt(x * x + y * y + z * z) + max(z, 0.0)), inf
-        i = int(index_at(x * per_shift - scene[3] * scene[4] + 0.5, most))
-        j = int(index_at(y * per_shift - scene[3] * scene[4] + 0.5, most))
-        for face in range(len(tables)):
-            if chain[0][face] == medium:
-                radius = tables[face, i, j] if rays[LAST + k] != face else 1e6 * tables[face, i, j]
-                rays[GUESS + k] = float(face) if radius < nearest else rays[GUESS + k]
-                nearest = min(nearest, radius)
-
-
-@inline
-def start_inside(rays, count, medium, face, guessed):
-    """Put the rays in a ``medium`` on their way for which the face was ``guessed``, or not. Returns their number."""
-    going = 0
-    for k in range(count):
-        if rays[MEDIUM + k] == medium and (rays[GUESS + k] == face) == guessed:
-            start_one(rays, going, k, face, 0.0, rays[NEXT + k])
-            going += 1
-    return going
-
-
-@inline
-def start_outside(rays, count, face, table, scene):
-    """Put those rays in the body on their way that are outside of a face of the cavity, where they have been followed.
-
-    Returns their number.
-    """
-    going = 0
-    for k in range(count):
-        if rays[BACK_STATUS + k] != GOING or rays[BACK_FACE + k] == face:
-            continue
-        path = rays[BACK + k]
-        x, y, z = mixed(1.0, three(rays, PX + k), path, three(rays, DX + k), 0.0, three(rays, DX + k))
-        r = sqrt(x * x + y * y + z * z)
-        outside = path == 0.0 and rays[LAST + k] == face
-        if outside or r > jet(table, scene[3], scene[4], x / (r + z), y / (r + z))[0]:
-            start_one(rays, going, k, face, path, rays[BACK_END + k])
-            going += 1
-    return going
-
-
-@inline
-def keep_entry(rays, count, going, face):
-    """Move the rays that were on their way to their entry into one face of the cavity; others never enter it."""
-    for lane in range(going):
-        k = int(rays[ASKED + lane])
-        rays[BACK + k] += rays[LENGTH + k]
-        if rays[STATUS + k] == FOUND:
-            rays[BACK_FACE + k], rays[BACK_X + k], rays[BACK_Y + k] = face, rays[RHO_X + k], rays[RHO_Y + k]
-        else:
-            rays[BACK_STATUS + k] = rays[STATUS + k]
-
-
-@inline
-def back_into_cavity(rays, count, tables, bounds, scene, chain):
-    """The way of rays in the body back into the cavity, the intersection of what its faces hold.
-
-    A ray that is outside of one of them is followed to where it enters that one, until it is in all: it cannot have
-    been in the cavity before. Crossings nearer than the face that bounds the body are kept. No ray comes back but in
-    the ball in which the cavity lies.
-    """
-    ball = inf
-    for face in range(len(tables)):
-        if chain[0][face] == CAVITY and chain[1][face] == BODY:
-            ball = min(ball, (1.0 + 1e-12) * bounds.most[face])
-    for k in range(count):
-        p = three(rays, PX + k)
-        outward = dot(p, three(rays, DX + k))
-        square = outward * outward + ball * ball - dot(p, p)
-        root = sqrt(max(square, 0.0))
-        comes_back = rays[MEDIUM + k] == BODY and square > 0.0 and root > outward and -outward - root < rays[NEXT + k]
-        rays[BACK_STATUS + k], rays[BACK_END + k] = GOING if comes_back else MISSED, min(root - outward, rays[NEXT + k])
-        rays[BACK + k], rays[BACK_FACE + k] = 0.0, -1.0
-    moved = 1
-    for _ in range(_PASSES):
-        if moved == 0:
-            break
-        moved = 0
-        for face in range(len(tables)):
-            if chain[0][face] == CAVITY and chain[1][face] == BODY:
-                going = start_outside(rays, count, float(face), tables[face], scene)
-                if going > 0:
-                    first_hits(rays, going, tables[face], scene[3], scene[4], bounds_of(bounds, face), True, True)
-                    keep_entry(rays, count, going, float(face))
-                    moved += going
-    for k in range(count):
-        status = rays[BACK_STATUS + k]
-        if status == LOST or (status == GOING and moved > 0):
-            rays[NEXT_STATUS + k] = LOST
-            continue
-        entered = status == GOING and rays[BACK_FACE + k] >= 0.0 and rays[NEXT_STATUS + k] != LOST
-        if entered and rays[BACK + k] < rays[NEXT + k]:
-            rays[NEXT_STATUS + k], rays[NEXT + k], rays[FACE + k] = FOUND, rays[BACK + k], rays[BACK_FACE + k]
-            rays[NEXT_X + k], rays[NEXT_Y + k] = rays[BACK_X + k], rays[BACK_Y + k]
-
-
-@inline
-def meet_nearest(rays, count, tables, bounds, scene, chain):
-    """For each ray of a packet the nearest crossing of the faces that bound the medium in which it is."""
-    for k in range(count):
-        rays[NEXT + k], rays[NEXT_STATUS + k], rays[FACE + k] = inf, MISSED, -1.0
-    guess_faces(rays, count, tables, bounds, scene, chain)
-    for place_of in range(2 * len(tables)):
-        guessed, face = place_of < len(tables), place_of % len(tables)
-        going = start_inside(rays, count, chain[0][face], float(face), guessed)
-        if going > 0:
-            first_hits(rays, going, tables[face], scene[3], scene[4], bounds_of(bounds, face), True, False)
-            keep_nearest(rays, going, float(face))
-    back_into_cavity(rays, count, tables, bounds, scene, chain)
 
 
 @inline
@@ -339,6 +162,8 @@ def pass_on(
             fates[k] = Fate.MORE_EVENTS
             continue
         go_on(rays, lane, going, k, (px, py, pz), b, medium if mirrored else behind, face)
+        raw = outward_normal(px, py, pz, rays[NEXT_X + lane], rays[NEXT_Y + lane])
+        rays[LEAVING + going] = dot(raw, b) / sqrt(px * px + py * py + pz * pz)
         going += 1
     return going
 

@@ -12,13 +12,14 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.kernels.bicubic import cell_at, jet, scatter
-from lensforge.kernels.chain import BODY, FROM_BEHIND, OUTSIDE, REFLECTED, amplitudes, index_in
+from lensforge.kernels.chain import FROM_BEHIND, REFLECTED, amplitudes, index_in
 from lensforge.kernels.compiled import inline
 from lensforge.kernels.fate import Fate
 from lensforge.kernels.fields import field_adjoint, field_behind, reflect, unpolarised
 from lensforge.kernels.frames import place, rough_normal, rough_normal_adjoint, turn, turn_back, z_axis
 from lensforge.kernels.fresnel import dot, mixed, outward_normal, refract, scaled, unit
 from lensforge.kernels.hit_adjoint import hit_adjoint
+from lensforge.kernels.nearest_face import BODY, OUTSIDE
 
 # Of each event: hit, direction before it, normal away from the origin, unit normal along the ray, fields before it; the
 # table's cell and derivatives; cosine, index ratio, and path.

@@ -11,16 +11,18 @@ from dataclasses import dataclass
 from math import asin, cos, hypot, sin, sqrt
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from lensforge.kernels.bicubic import cubic_splines, index_at, jet
 from lensforge.kernels.compiled import inline, kernel
 from lensforge.kernels.parallel import in_chunks
 
 _STEPS, _HALVINGS = 30, 8
+_TINY = 1e-300
 _LONGEST = 0.3  # of a step, chart units
 _SPARE = 0.55  # of the diagonal of a cell: the farthest that a point of it is from its nearest node
 _DONE = 1e-7  # step, chart units: the distance's error is its square
+_STEEPER = 1.25  # than between nodes 0.8 of a function apart: 1.04 was the most over 120 random faces
 
 
 @inline
@@ -167,6 +169,8 @@ def nearest_on_table(
     ``nodes``: the surface at places ``apart`` on the chart, from its first node. Of all points whose distance is up to
     ``reach_mm``, and of those beyond the surface, their ``radial_mm`` below 0; of some of the others.
     """
+    near = np.flatnonzero(~_out_of_reach(nodes, points, radial_mm, reach_mm))
+    points, radial_mm = points[near], radial_mm[near]
     diagonals = nodes[1:, 1:] - nodes[:-1, :-1], nodes[1:, :-1] - nodes[:-1, 1:]
     spare = _SPARE * max(float(np.sqrt(np.einsum("ijk,ijk->ij", each, each).max())) for each in diagonals)
     count = len(points)
@@ -178,10 +182,33 @@ def nearest_on_table(
 
     in_chunks(work, count)
     at = np.flatnonzero(~np.isnan(feet[:, 0]))
-    return Feet(at, feet[at], columns[at], shares[at])
+    return Feet(near[at], feet[at], columns[at], shares[at])
 
 
-_TINY = 1e-300
+def _out_of_reach(
+    nodes: Float[np.ndarray, "n n 3"], points: Float[np.ndarray, "k 3"], radial_mm: Float[np.ndarray, " k"],
+    reach_mm: float,
+) -> Bool[np.ndarray, " k"]:  # fmt: skip
+    """True for points whose distance is certainly more than ``reach_mm``: nine in ten of a usual lens.
+
+    A ball of that radius lies within an angle of the point's direction, in which the surface falls no further than its
+    steepest slope allows, an exponential of the angle.
+    """
+    radius = np.linalg.norm(points, axis=1)
+    angle = np.arcsin(np.minimum(1.0, reach_mm / np.maximum(radius, _TINY)))
+    lowest = (radius + radial_mm) * np.exp(-_STEEPER * _steepest(nodes) * angle)
+    far: Bool[np.ndarray, " k"] = (radial_mm > reach_mm) & (lowest > radius + reach_mm)
+    return far
+
+
+def _steepest(nodes: Float[np.ndarray, "n n 3"]) -> float:
+    """Largest slope between neighbours along both axes together: change of radius over the way across."""
+    radius, slopes = np.linalg.norm(nodes, axis=-1), []
+    for axis in (0, 1):
+        rise, way = np.diff(radius, axis=axis), np.diff(nodes, axis=axis)
+        across = np.einsum("ijk,ijk->ij", way, way) - rise**2
+        slopes.append(float(np.sqrt((rise**2 / across).max())))
+    return hypot(*slopes)
 
 
 @inline

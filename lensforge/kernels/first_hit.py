@@ -59,7 +59,7 @@ OWN = 17
 # Where it is one of several faces: whether a ray on its way starts on it, and the path behind which nothing matters.
 ON_FACE, LIMIT = fields(COEFFICIENTS + PER_RAY + OWN + 16, 2)
 OF_CHAIN = COEFFICIENTS + PER_RAY + OWN + 18  # what ``kernels.chain`` keeps
-PACKET_NUMBERS = (OF_CHAIN + 28) * SIZE
+PACKET_NUMBERS = (OF_CHAIN + 30) * SIZE
 
 
 def empty_packet() -> Float[np.ndarray, " k"]:

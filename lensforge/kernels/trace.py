@@ -26,7 +26,7 @@ event, and the slopes (f) are rms along any line on the face.
 from math import exp, sqrt
 
 from lensforge.kernels.bicubic import bounds_of, jet, tile_of
-from lensforge.kernels.chain import begin_chain, meet_nearest, pass_on
+from lensforge.kernels.chain import begin_chain, pass_on
 from lensforge.kernels.compiled import inline, kernel
 from lensforge.kernels.fate import Fate
 from lensforge.kernels.first_hit import (
@@ -68,6 +68,7 @@ from lensforge.kernels.fresnel import (
     through_face,
     unit,
 )
+from lensforge.kernels.nearest_face import meet_nearest
 
 
 @inline

@@ -15,8 +15,9 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int, Int8
 
-from lensforge.kernels.chain import BODY, FROM_BEHIND, REFLECTED
+from lensforge.kernels.chain import FROM_BEHIND, REFLECTED
 from lensforge.kernels.fate import Fate
+from lensforge.kernels.nearest_face import BODY
 from lensforge.light.crease import OnFaces, Worth, require_as_designed
 from lensforge.light.table_trace import Scene, Tables, TracedBundle
 from lensforge.scene.exit_rays import Sensitivities

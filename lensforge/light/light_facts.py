@@ -112,7 +112,10 @@ def unit_on(light: Light, receiver: ReceiverLight) -> LightUnit:
 
 def _figures(light: Light, index: int, lens: Lens) -> Iterator[Fact]:
     receiver, mask = light.receivers[index], f"in the mask {mask_words(lens.spec, index)}"
-    yield from _pattern(receiver, {} if lens.spec.limits else bounds_on(receiver, transmittance_of(lens.media)))
+    bounds = {} if lens.spec.limits else bounds_on(receiver, transmittance_of(lens.media))
+    if lens.spec.optimise.aim == "pattern":
+        yield _error_of_pattern(receiver, bounds.get("nmse"))
+    yield _share_in_target(receiver, bounds.get("share_in_target"))
     yield Fact.share(
         "efficiency",
         METRICS["efficiency"],
@@ -129,13 +132,11 @@ def _figures(light: Light, index: int, lens: Lens) -> Iterator[Fact]:
     yield from _in_region(receiver, unit_on(light, receiver))
 
 
-def _pattern(receiver: ReceiverLight, bounds: Mapping[str, Bound]) -> Iterator[Fact]:
-    """Error of the pattern and light in the target, judged where there are ``bounds``."""
-    nmse, share, possible = receiver.nmse, receiver.share_in_target, receiver.possible
-    about = "an estimate of the luminance, " if possible.luminance_estimated else ""
-    least = Bound(">=", possible.nmse, f"{about}étendue of each pixel, for the light that arrives")
-    largest, fewest = bounds.get("nmse"), bounds.get("share_in_target")
-    yield Fact.measured(
+def _error_of_pattern(receiver: ReceiverLight, largest: Bound | None) -> Fact:
+    """Error of the pattern, judged where there is a bound."""
+    nmse, possible = receiver.nmse, receiver.possible
+    least = Bound(">=", possible.nmse, f"{_estimate(receiver)}étendue of each pixel, for the light that arrives")
+    return Fact.measured(
         "nmse",
         METRICS["nmse"],
         nmse,
@@ -145,16 +146,25 @@ def _pattern(receiver: ReceiverLight, bounds: Mapping[str, Bound]) -> Iterator[F
         state="" if largest is None else judge(nmse.value, "<=", largest.value, nmse.standard_error),
         remedy=f"{_SMALLER} a coarser pattern",
     )
-    yield Fact.share(
+
+
+def _share_in_target(receiver: ReceiverLight, fewest: Bound | None) -> Fact:
+    """Light in the target, judged where there is a bound."""
+    share, possible = receiver.share_in_target, receiver.possible
+    return Fact.share(
         "share_in_target",
         METRICS["share_in_target"],
         share,
         "share of the LED’s flux that lands where the target is bright",
         limit=None if fewest is None else replace(fewest, value=100.0 * fewest.value),
-        possible=Bound("<=", 100.0 * possible.share_in_target, f"{about}{possible.law}"),
+        possible=Bound("<=", 100.0 * possible.share_in_target, f"{_estimate(receiver)}{possible.law}"),
         state="" if fewest is None else judge(share.value, ">=", fewest.value, share.standard_error),
         remedy=f"{_SMALLER} a wider target",
     )
+
+
+def _estimate(receiver: ReceiverLight) -> str:
+    return "an estimate of the luminance, " if receiver.possible.luminance_estimated else ""
 
 
 def _by_pixels(receiver: ReceiverLight) -> str:

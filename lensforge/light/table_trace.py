@@ -11,6 +11,7 @@ from lensforge.kernels.adjoint import empty_adjoint, trace_adjoint
 from lensforge.kernels.bicubic import FaceBounds, SurfaceBounds, surface_bounds
 from lensforge.kernels.chain_adjoint import empty_chain
 from lensforge.kernels.first_hit import empty_packet
+from lensforge.kernels.nearly_convex import chain_bounds
 from lensforge.kernels.parallel import CHUNKS, in_chunks
 from lensforge.kernels.trace import trace
 from lensforge.light.coated_glass import RayCoatings, before_glass, behind_glass
@@ -106,6 +107,8 @@ class TracedBundle:
         placed = None if scene.made is None else scene.made.placed
         rough = None if scene.made is None else scene.made.rough(count)
         chain = None if scene.chain is None else scene.chain.packed(scene.media)
+        if chain is not None:
+            bounds = chain_bounds(tables, bounds, chain[0], scene.grid.origin, scene.grid.step)
         met = None if chain is None else np.full((count, scene.events), -1, dtype=np.int8)
         lengths, fates = np.empty((count, scene.events)), np.empty(count, dtype=np.int8)
         flux, sin2_exit = np.empty(count), np.empty(count)

@@ -60,12 +60,13 @@ def history_pictures(results: Results) -> list[PagePicture]:
     if design is None or not any(level.nmse for level in design.history):
         return []
     levels, draw = design.history, lens_figures.history
-    total = "Minimised by the optimiser: the error of the pattern plus the penalties of constraints and bounds."
+    total = "Minimised by the optimiser: the error of the light plus the penalties of constraints and bounds."
     free = "Numbers above: free basis functions of each surface."
     least = "Least clearance of the cavity, thickness and radius over the lens. Below 0 (red) a constraint is violated."
+    by_pattern = results.spec.optimise.aim == "pattern"
     return [
         picture("loss", draw(levels, "loss"), "Merit function by level", total),
-        picture("error", draw(levels, "nmse"), "Pattern error by level", free),
+        *([picture("error", draw(levels, "nmse"), "Pattern error by level", free)] if by_pattern else []),
         picture("efficiency", draw(levels, "efficiency"), "Efficiency by level"),
         picture("margins", lens_figures.constraint_history(levels), "Constraints by level", least),
     ]

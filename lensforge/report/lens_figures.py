@@ -102,7 +102,7 @@ def _draw_constraints(axes: Axes, lens: Lens) -> None:
     height = limits.cavity_height_mm * (1.0 - (position / limits.cavity_radius_mm) ** 2)
     axes.plot(position, height, color=GREEN, linewidth=1.1, label="room for the LED")
     style: dict[str, Any] = {"color": GREY, "linestyle": (0, (3, 2)), "linewidth": 0.8}
-    if lens.spec.lens.kind == "tir":
+    if lens.spec.lens.radius_about_axis:
         for side in (-1.0, 1.0):
             axes.axvline(side * limits.max_radius_mm, label="largest radius" if side > 0.0 else None, **style)
         return

@@ -139,10 +139,21 @@ def constraint_points(grid: TableGrid, symmetry: str, *, every_node: int | None 
     return kept
 
 
-def meridian_points(grid: TableGrid) -> Float[np.ndarray, "k 2"]:
-    """Chart points of a meridian from the axis to the rim: of a lens of revolution, whose creases are its extremes."""
+def meridian_points(grid: TableGrid, detail_rad: float | None, symmetry: str) -> Float[np.ndarray, "k 2"]:
+    """Chart points of meridians from the axis to the rim, close together: of a lens whose creases are its extremes.
+
+    ``detail_rad``: of the narrowest function, which meridians are to resolve at the rim; None for faces of revolution,
+    of which one is enough. Of mirror images under the group ``symmetry`` only one is kept.
+    """
     along = np.linspace(0.0, 1.0, _PER_NODE * int(np.ceil(1.0 / grid.step)) + 1)
-    return np.stack([along, np.zeros_like(along)], axis=1)
+    if detail_rad is None:
+        return np.stack([along, np.zeros_like(along)], axis=1)
+    count = max(_FEWEST_MERIDIANS, 8 * int(np.ceil(0.5 * np.pi / detail_rad)))
+    azimuth = 2.0 * np.pi * np.arange(count) / count
+    across = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
+    points = np.concatenate([np.zeros((1, 2)), (along[1:, None, None] * across).reshape(-1, 2)])
+    kept: Float[np.ndarray, "k 2"] = points[first_images(points, symmetry)]
+    return kept
 
 
 def _evaluation(grid: TableGrid, points: Float[np.ndarray, "k 2"], order: tuple[int, int]) -> csr_matrix:
@@ -179,6 +190,7 @@ def _taps(
     return index, factors
 
 
+_FEWEST_MERIDIANS = 48
 _PER_NODE = 8  # points of a meridian: a rim of 8 mm is then met to some micrometres
 _EVERY = 2  # node of a table from which a nearest point is looked for: a valley is several nodes wide
 _UMBILIC = 1e-24  # below the rounding of a squared eigenvalue: keeps the derivative of the root finite

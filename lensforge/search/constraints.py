@@ -117,8 +117,6 @@ def _length_left(spec: Spec, limit: Limit) -> Field:
         extent = KeepOutExtent.of(spec)
         return lambda face, points: face.rho - extent.at(points)
 
-    about_axis = spec.lens.kind == "tir"
-
     def sine(points: ChartPoints) -> Float[Tensor, " k"]:
         return torch.sqrt(torch.clamp(1.0 - points.cosine**2, min=0.0))
 
@@ -130,7 +128,9 @@ def _length_left(spec: Spec, limit: Limit) -> Field:
     fields: dict[str, Field] = {
         "cavity_clearance_mm": above_cavity,
         WALL: lambda inside, outside, points: wall_mm(inside, outside, points, reach_mm) - limit.given,
-        "radius_margin_mm": lambda face, points: limit.given - face.rho * (sine(points) if about_axis else 1.0),
+        "radius_margin_mm": lambda face, points: (
+            limit.given - face.rho * (sine(points) if spec.lens.radius_about_axis else 1.0)
+        ),
         "largest_wall_margin_mm": lambda inside, outside, points: limit.given - (outside.rho - inside.rho),
         "height_margin_mm": lambda face, points: limit.given - face.rho * points.cosine,
     }
@@ -171,8 +171,9 @@ class AugmentedLagrangian:
         derivatives = any(constraint.derivatives for constraint in constraints)
         detailed = derivatives or spec.constraints.keep_out is not None
         every = (1 if detailed else 2) if sparse else None
-        if spec.lens.is_round:
-            points = meridian_points(grid)
+        if spec.lens.has_creases:
+            detail_rad = None if spec.lens.is_round else spec.lens.basis.detail_rad
+            points = meridian_points(grid, detail_rad, spec.lens.basis.symmetry)
         else:
             points = constraint_points(grid, spec.lens.basis.symmetry, every_node=every)
         spacing = grid.step * (1.0 if every is None else every * sqrt(2.0))  # with centres: triangles of three points

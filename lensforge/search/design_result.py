@@ -307,7 +307,7 @@ def design_facts(design: Design) -> list[Group]:
 
 def _size(design: Design) -> Iterator[Fact]:
     limits = design.lens.spec.constraints
-    about_axis = design.lens.spec.lens.kind == "tir"
+    about_axis = design.lens.spec.lens.radius_about_axis
     yield Fact(
         "radius",
         "Farthest from the axis" if about_axis else "Farthest from the LED",

@@ -59,7 +59,7 @@ def measure_constraints(lens: Lens, directions: int = DIRECTIONS) -> Margins:
     if of_shape:
         grid = grid_for(lens.detail_rad, _NODES_PER_SIGMA)
         tables = {name: torch.from_numpy(tabulate(grid, surface)) for name, surface in lens.surfaces.items()}
-        everywhere = constraint_points(grid, lens.symmetry)
+        everywhere = ChartOperator.of(grid, constraint_points(grid, lens.symmetry), derivatives=True)
         found |= {each: _least(each, grid, everywhere, tables) for each in of_shape}
     return Margins.of(found)
 
@@ -75,18 +75,21 @@ def _exact_radii(lens: Lens, directions: int) -> tuple[ChartPoints, dict[str, Ra
 
 
 def _least(
-    constraint: Constraint, grid: TableGrid, points: Float[np.ndarray, "k 2"], tables: dict[str, Float[Tensor, "s s"]]
+    constraint: Constraint, grid: TableGrid, everywhere: ChartOperator, tables: dict[str, Float[Tensor, "s s"]]
 ) -> float:
-    """Minimum over ``points``, then over finer ones around it."""
-    least, step, stacked = np.inf, grid.step, torch.stack([tables[name] for name in constraint.faces])
-    for _ in range(2):
-        operator = ChartOperator.of(grid, points, derivatives=True)
+    """Minimum ``everywhere``, then at finer points around it."""
+    stacked = torch.stack([tables[name] for name in constraint.faces])
+
+    def least_of(operator: ChartOperator) -> tuple[float, Float[np.ndarray, "2"]]:
         jets = dict(zip(constraint.faces, operator.jets(stacked), strict=True))
-        field = constraint.of(jets, operator.points)
-        least, at = min(least, float(field.min())), points[int(field.argmin())]
-        window = at + chart.grid(_ZOOM_POINTS, step).reshape(-1, 2)
-        points = window / np.maximum(1.0, np.linalg.norm(window, axis=1, keepdims=True))
-    return least
+        field, points = constraint.of(jets, operator.points), operator.points
+        k = int(field.argmin())
+        return float(field[k]), np.array([points.x[k], points.y[k]])
+
+    coarse, at = least_of(everywhere)
+    window = at + chart.grid(_ZOOM_POINTS, grid.step).reshape(-1, 2)
+    finer = window / np.maximum(1.0, np.linalg.norm(window, axis=1, keepdims=True))
+    return min(coarse, least_of(ChartOperator.of(grid, finer, derivatives=True))[0])
 
 
 def feasible_lens(problem: Problem, found: SearchState, seed: int, accuracy: Accuracy) -> tuple[Lens, Margins]:

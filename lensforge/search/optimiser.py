@@ -356,8 +356,7 @@ def _design(
     directions = fibonacci_hemisphere(_SIZE_DIRECTIONS)
     directions = directions[first_images(directions, lens.symmetry)]
     radius = radii(lens.body.envelope, directions).min(axis=0)
-    # the usual lens lies in a ball about the LED, one for total internal reflection in a cylinder
-    across = np.hypot(directions[:, 0], directions[:, 1]) if lens.spec.lens.kind == "tir" else 1.0
+    across = np.hypot(directions[:, 0], directions[:, 1]) if lens.spec.lens.radius_about_axis else 1.0
     return Design(
         inputs={"lens": lens.sha256, "spec": section_sha256(lens.spec), **input_hashes(lens.spec)},
         lens=lens,

@@ -57,6 +57,12 @@ class _Tables(torch.autograd.Function):
         return torch.from_numpy(by_weights), None
 
 
+def sums_of(weights: Float[Tensor, "k f"], tables: BasisTables) -> Float[Tensor, "f side side"]:
+    """The sums of a basis by its first ``k`` functions, a table for each column of ``weights``; differentiable."""
+    found: Tensor = _Tables.apply(weights, tables)  # type: ignore[no-untyped-call]  # as torch has it
+    return found
+
+
 _FIT_DIRECTIONS, _FIT_CHUNK = 8, 4096  # for each function; at a time
 _FIT_DAMPING = 1e-10
 
@@ -156,8 +162,7 @@ class SphereParameters(Parametrisation):
 
     def tables(self, weights: Float[Tensor, "k f"], offsets: Float[Tensor, " f"]) -> Float[Tensor, "f side side"]:
         """Tables (mm) of the faces from the first ``k`` relative weights; differentiable."""
-        coefficients: Tensor = _Tables.apply(weights, self.basis_tables)  # type: ignore[no-untyped-call]  # as torch has it
-        free = ((coefficients.permute(2, 1, 0) + offsets) * self.scale_mm).unbind(dim=-1)
+        free = ((sums_of(weights, self.basis_tables).permute(2, 1, 0) + offsets) * self.scale_mm).unbind(dim=-1)
         return torch.stack(
             [
                 mirror_mean(own.T, self.basis.symmetry) if fixed is None else fixed

@@ -19,11 +19,11 @@ from lensforge.scene.body import Body, nearest
 from lensforge.scene.lens import Lens
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import in_target, target_light
-from lensforge.search.parameters import Parametrisation
+from lensforge.search.parameters import Parametrisation, mirror_mean, sums_of
 from lensforge.spec import Spec
 from lensforge.spec.derived_values import source_extent
 from lensforge.spec.lens_section import TirSection
-from lensforge.surfaces.bicubic_table import TableGrid, dyadic_grid, tabulate
+from lensforge.surfaces.bicubic_table import APRON, BasisTables, TableGrid, dyadic_grid, tabulate
 from lensforge.surfaces.collimator import best_collimator
 from lensforge.surfaces.profile import FormedFace, ProfileBasis, ProfileFace
 from lensforge.surfaces.reciprocal import ConeFace, ReciprocalSurface, bent
@@ -35,7 +35,7 @@ _DIRECTIONS = 4000  # at which the part of a face that bounds its medium is look
 _BEYOND = 0.1  # cosine by which a profile bends beyond that part: creases move, and beyond it the curvature jumps
 _LOWEST = -0.1  # cosine: exported faces reach a little below z = 0
 _NODES_PER_SIGMA = 6.0  # at least: with 2.5 the wall is 30 um off at its rim
-_WIDEST_BEAM_RAD = radians(40.0)
+_WIDEST_BEAM = 3.0  # over the narrowest of this source and radius: wider ones fit any cavity, and the exit makes them
 _NARROWEST_BEAM_RAD = radians(0.1)
 
 
@@ -70,6 +70,7 @@ class ProfileParameters(Parametrisation):
     own: tuple[FaceParameters | ReciprocalSurface | None, ...]
     profile: int
     srbf: SrbfBasis | None = None
+    srbf_tables: BasisTables | None = None
 
     @staticmethod
     def of(spec: Spec, nodes_per_sigma: float) -> "ProfileParameters":
@@ -90,8 +91,9 @@ class ProfileParameters(Parametrisation):
         with remedy("take a lower accuracy, or coarser lens.levels"):
             details = [surface.detail_rad for surface in start.values()]
             sigmas = [] if srbf is None else [level_sigma(count, srbf.sigma_c) for count in srbf.levels]
-            grid, _ = dyadic_grid([*sigmas, *details], max(nodes_per_sigma, _NODES_PER_SIGMA))
-        return ProfileParameters(grid, tuple(start), tuple(fixed.values()), tuple(own), lens.profile, srbf)
+            grid, halvings = dyadic_grid([*sigmas, *details], max(nodes_per_sigma, _NODES_PER_SIGMA))
+            sums = None if srbf is None else BasisTables.of(srbf, grid, halvings[: len(sigmas)])
+        return ProfileParameters(grid, tuple(start), tuple(fixed.values()), tuple(own), lens.profile, srbf, sums)
 
     @property
     def levels(self) -> tuple[int, ...]:
@@ -105,33 +107,40 @@ class ProfileParameters(Parametrisation):
 
     def refined(self) -> "ProfileParameters":
         """Parametrisation whose tables have half the step."""
-        return replace(self, grid=TableGrid(2 * self.grid.nodes - 1))
+        grid, sums = TableGrid(2 * self.grid.nodes - 1), self.srbf_tables
+        return replace(self, grid=grid, srbf_tables=None if sums is None else replace(sums, side=grid.side))
 
     def tables(self, weights: Float[Tensor, "k f"], offsets: Float[Tensor, " f"]) -> Float[Tensor, "f side side"]:
         """Tables (mm) of the faces from the first ``k`` relative weights; differentiable."""
-        found = []
+        found, sums = [], self._sums(weights[self.profile :])
         for face, own in enumerate(self.own):
             table = self._fixed_tables[face]
             if table is not None:
                 found.append(table)
                 continue
             assert own is not None
-            values = self._reciprocal(own, face, weights) / offsets[face]
+            values = self._reciprocal(own, face, weights, sums) / offsets[face]
             reach = own.start.reach_mm if isinstance(own, FaceParameters) else own.reach_mm
             samples = (1.0 / bent(values, reach)).reshape(len(self._filter[0]), -1)
             found.append(self._filter @ samples @ self._filter.T)
         return torch.stack(found)
 
-    def _reciprocal(self, own: FaceParameters | ReciprocalSurface, face: int, weights: Tensor) -> Tensor:
+    def _reciprocal(
+        self, own: FaceParameters | ReciprocalSurface, face: int, weights: Tensor, sums: Tensor | None
+    ) -> Tensor:
         """``1/rho`` (1/mm) at the nodes, before the offset."""
         if isinstance(own, ReciprocalSurface):
             return torch.from_numpy(own.reciprocal(self._nodes)[0])
         column = torch.from_numpy(own.coefficients) + own.scale * weights[: self.profile, face]
         values = self._profiles[face] @ column
-        if self.srbf is None or len(weights) <= self.profile:
-            return values
-        functions = weights[self.profile :, face]
-        return values + own.scale * (self._functions[:, : len(functions)] @ functions)
+        return values if sums is None else values + own.scale * sums[face].reshape(-1)
+
+    def _sums(self, weights: Float[Tensor, "k f"]) -> Float[Tensor, "f n n"] | None:
+        """Sums of the SRBFs of each face at the nodes; None without any."""
+        if self.srbf is None or self.srbf_tables is None or not len(weights):
+            return None
+        tables = sums_of(weights, self.srbf_tables).unbind()
+        return torch.stack([self._sampled @ mirror_mean(each, self.srbf.symmetry) @ self._sampled.T for each in tables])
 
     @cached_property
     def _nodes(self) -> Float[np.ndarray, "n 3"]:
@@ -145,9 +154,11 @@ class ProfileParameters(Parametrisation):
         ]
 
     @cached_property
-    def _functions(self) -> Tensor:
-        assert self.srbf is not None
-        return torch.from_numpy(self.srbf.evaluate(self._nodes))
+    def _sampled(self) -> Float[Tensor, "n side"]:
+        """Matrix from coefficients to the nodes and, mirrored at the points of the first and last, their apron."""
+        count, side = self.grid.nodes, self.grid.side
+        at_nodes = (np.eye(count, side) + 4.0 * np.eye(count, side, 1) + np.eye(count, side, 2)) / 6.0
+        return torch.from_numpy(np.pad(at_nodes, ((APRON, APRON), (0, 0)), mode="reflect", reflect_type="odd"))
 
     @cached_property
     def _filter(self) -> Float[Tensor, "side n"]:
@@ -207,7 +218,7 @@ def _parameters(body: Body, name: str, count: int) -> FaceParameters:
 def start_faces(spec: Spec) -> dict[str, Surface]:
     """The faces from which the search for a lens for total internal reflection begins, or those that the spec fixes.
 
-    Raises :class:`InputError` for sizes that leave no room for such a lens.
+    Raises :class:`InputError` for sizes that leave no room for such a lens, and for faces that cross.
     """
     lens = spec.lens
     assert isinstance(lens, TirSection)
@@ -216,6 +227,8 @@ def start_faces(spec: Spec) -> dict[str, Surface]:
     for name, surface in lens.fixed.items():
         offset_mm, towards = given.get(name, (None, _AXIS))
         found[name] = surface or (own[name] if offset_mm is None else _resized(own[name], offset_mm, towards))
+    with remedy("change lens.*.offset_mm, or leave it out"):
+        Body.of(found).require_sound()
     return found
 
 
@@ -242,7 +255,7 @@ def _of_a_point(spec: Spec) -> dict[str, ReciprocalSurface]:
             index,
             radius_mm,
             size,
-            _beam_rad(spec),
+            min(_beam_rad(spec), _WIDEST_BEAM * float(np.arcsin(min(0.5, size / radius_mm / np.sqrt(np.pi))))),
             draft_rad=draft,
             least_wall_mm=wall + 2.0 * limits.margin_mm,
             mirrored=mirrored,
@@ -262,4 +275,4 @@ def _beam_rad(spec: Spec) -> float:
     x, y = np.meshgrid(receiver.grid.x(), receiver.grid.y())
     points = receiver.places(x[bright], y[bright])
     angles = np.arccos(np.clip(points[:, 2] / np.linalg.norm(points, axis=1), -1.0, 1.0))
-    return float(np.clip(angles.max(), _NARROWEST_BEAM_RAD, _WIDEST_BEAM_RAD))
+    return float(max(angles.max(), _NARROWEST_BEAM_RAD))

@@ -97,7 +97,7 @@ def asked_light(spec: Spec, source: Source) -> tuple[tuple[Asked, ...], tuple[As
     Raises :class:`InputError` for limits whose unit the source does not have.
     """
     light, receivers = (
-        SourceLight.of(source, spec.lens.media, reflects=spec.lens.kind == "tir"),
+        SourceLight.of(source, spec.lens.media, reflects=spec.lens.reflects),
         receivers_of(spec, spec.evaluate.pixels),
     )
     physics = [PossibleLight(light, receiver, spec.constraints.max_radius_mm) for receiver in receivers]
@@ -241,7 +241,7 @@ def starting_surfaces(spec: Spec) -> dict[str, Surface]:
 
     Spheres, or the faces of the lens for a point source. Raises :class:`InputError` where there is no such lens.
     """
-    if spec.lens.kind == "tir":
+    if spec.lens.reflects:
         return start_faces(spec)
     fixed = spec.lens.fixed
     return {name: fixed[name] or sphere(radius_mm) for name, radius_mm in spec.lens.start_mm.items()}

@@ -64,6 +64,21 @@ class LensShape(LensMaterial):
         return False
 
     @property
+    def reflects(self) -> bool:
+        """True for a lens whose wall turns light by reflection: by any angle, and at no loss."""
+        return False
+
+    @property
+    def has_creases(self) -> bool:
+        """True for a lens of several faces side by side, which meet in creases: there it is widest and highest."""
+        return False
+
+    @property
+    def radius_about_axis(self) -> bool:
+        """True for a lens whose radius is its distance from the axis, not from the LED: it lies in a cylinder."""
+        return False
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """Lines on fixed surfaces and on levels that a user should know of before the search."""
         fixed = {name: face.fixed for name, face in self.faces.items() if face.fixed is not None}
@@ -124,6 +139,21 @@ class TirSection(LensShape, TirFaces):
     @property
     def may_be_round(self) -> bool:
         """True: without levels all faces are of revolution."""
+        return True
+
+    @property
+    def reflects(self) -> bool:
+        """True: by its wall."""
+        return True
+
+    @property
+    def has_creases(self) -> bool:
+        """True: of cap and side, and of wall and exit."""
+        return True
+
+    @property
+    def radius_about_axis(self) -> bool:
+        """True: its exit is flat, and widest at its rim."""
         return True
 
     @property

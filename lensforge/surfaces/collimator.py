@@ -57,7 +57,7 @@ class Collimator:
         if not (self.mirrored or steepest * self.index > 1.0):
             raise InputError(
                 f"collimator: index = {self.index:g}: the wall reflects totally from {1.0 / steepest:.4g} on; raise "
-                "the index, or the draft"
+                "the index, or the draft, or make the wall a mirror"
             )
         thinnest, above = float(self._in_body(self._side_rays).min()), self.height_mm - self.cap_mm
         if not min(thinnest, above) >= self.least_wall_mm:

@@ -5,7 +5,16 @@ from dataclasses import replace
 import pytest
 from nightly import NIGHTLY, first_by_day
 from page_text import Page, text_of, undrawn_page_of
-from result_folders import criterion, evaluate_arrays, finding, make_folder, make_results, page_of, small_lens
+from result_folders import (
+    criterion,
+    evaluate_arrays,
+    finding,
+    make_folder,
+    make_results,
+    page_of,
+    small_lens,
+    text_target,
+)
 
 from lensforge.report.headline import asked_facts, headline
 from lensforge.report.stored import load_results
@@ -53,6 +62,14 @@ def test_what_was_asked_for_says_whether_it_came_out():
     }
     text = text_of(results)
     assert text.index("radius marginTry") < text.index("Farthest from the LED"), "what fails comes first"
+
+
+@pytest.mark.parametrize(("aim", "shown"), [("pattern", ["nmse", "share_in_target"]), ("share", ["share_in_target"])])
+def test_where_only_the_share_counts_no_error_of_the_pattern_is_shown(aim, shown):
+    results = make_results(lens=small_lens(wanted={"target": text_target("+", None), "optimise": {"aim": aim}}))
+    keys = [fact.key for fact in asked_facts(results)]
+    assert [key for key in keys if key in ("nmse", "share_in_target")] == shown
+    assert ("Pattern error by level" in text_of(results)) == ("nmse" in shown)
 
 
 @pytest.mark.parametrize(

@@ -12,10 +12,12 @@ from lensforge.light.table_trace import TracedBundle
 from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.feasibility import measure_constraints
 from lensforge.search.merit import MeritFunction
-from lensforge.search.profiles import ProfileParameters
+from lensforge.search.parameters import settled_symmetry
+from lensforge.search.profiles import ProfileParameters, start_faces
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec, parse_spec
-from lensforge.surfaces.bicubic_table import tabulate
+from lensforge.surfaces.bicubic_table import evaluate_table, tabulate
+from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 SPOT = {
     "source": {"kind": "square", "side_mm": 1.0},
@@ -52,11 +54,49 @@ def test_tables_are_those_of_the_faces_in_the_record(levels: list[int]) -> None:
     assert parameters.levels == (8, *levels)
     weights, offsets = moved(parameters, 0.01)
     tables = parameters.tables(weights, offsets)
+    grid, above = parameters.grid, fibonacci_hemisphere(2000)
     for table, (name, surface) in zip(tables, parameters.surfaces(weights, offsets).items(), strict=True):
-        assert np.allclose(table.numpy(), tabulate(parameters.grid, surface), rtol=0.0, atol=1e-9), name
+        exact = tabulate(grid, surface)
+        if not levels:
+            assert np.allclose(table.numpy(), exact, rtol=0.0, atol=1e-9), name
+        off = evaluate_table(grid, table.numpy() - exact, above)  # sums of functions leave out what is negligible
+        assert np.abs(off).max() < 3e-5, name
     lens = parameters.lens(weights, offsets, spot(levels=levels), 0, "draft")
     again = parameters.tables(*parameters.parameters_of(lens))
     assert np.allclose(again.numpy(), tables.numpy(), rtol=0.0, atol=1e-6)
+
+
+def oval(width_deg: float, **lens: Any) -> Spec:
+    target = {"kind": "ellipse", "width_deg": width_deg, "height_deg": 20.0, "half_angle_deg": 60.0}
+    content = {**SPOT, "lens": {**SPOT["lens"], "levels": [9], **lens}, "target": target}
+    spec = parse_spec({**content, "optimise": {"steps_per_level": [1, 1]}, "limits": []}, "oval")
+    return settled_symmetry(spec, build_source(spec.source, None))
+
+
+def test_a_beam_wider_than_the_source_makes_it_has_the_start_of_the_narrower_one() -> None:
+    starts = [start_faces(oval(width)) for width in (60.0, 90.0)]
+    assert starts[0]["cap"] == starts[1]["cap"]
+    # light that goes up at 20 degrees meets the cap, at 40 degrees the side: a cap as a lens, a wall around it
+    up, aside = (np.array([[np.sin(at), 0.0, np.cos(at)]]) for at in np.radians((20.0, 40.0)))
+    assert starts[0]["cap"].radius(up) < starts[0]["side"].radius(up)
+    assert starts[0]["cap"].radius(aside) > starts[0]["side"].radius(aside)
+
+
+def test_the_radius_of_a_freeform_lens_is_held_where_wall_and_exit_meet() -> None:
+    spec = oval(60.0)
+    assert spec.lens.basis.symmetry == "rectangle"
+    parameters = ProfileParameters.of(spec, 2.5)
+    weights, offsets = moved(parameters, 0.01)
+    constraints = AugmentedLagrangian.of(spec, parameters.grid)
+    found = constraints.least(constraints.fields(parameters.tables(weights, offsets)))["radius_margin_mm"]
+    faces = parameters.surfaces(weights, offsets)
+    polar, azimuth = (
+        each.ravel() for each in np.meshgrid(np.linspace(0.0, 0.5 * np.pi, 4000), np.linspace(0.0, 3.14, 97))
+    )
+    across = np.sin(polar)
+    directions = np.column_stack([across * np.cos(azimuth), across * np.sin(azimuth), np.cos(polar)])
+    rim = across * np.minimum(faces["wall"].radius(directions), faces["exit"].radius(directions))
+    assert found == pytest.approx(spec.constraints.max_radius_mm - rim.max(), abs=0.008)
 
 
 def test_the_derivative_of_the_merit_counts_light_that_crosses_creases() -> None:
@@ -152,6 +192,15 @@ def test_a_silvered_wall_keeps_its_share_of_the_light_that_it_turns() -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
+        ({"lens": {"kind": "tir", "refractive_index": 1.2}}, "index = 1.2: the wall reflects totally from .* a mirror"),
+        (
+            {"lens": {"kind": "tir", "exit": {"offset_mm": 1.5}}},
+            "wall, exit must lie outside of cap, side; change lens",
+        ),
+        (
+            {"target": {**SPOT["target"], "diameter_deg": 2.0}},
+            r"at most .* \(by étendue\) .* a larger lens \(>= [\d.]+ mm\)",
+        ),
         ({"constraints": {"max_radius_mm": 1.2}}, "do not fit into max_radius_mm|radius"),
         ({"lens": {"kind": "tir", "refractive_index": 1.05}}, "raise the index"),
         ({"lens": {"kind": "tir", "side": {"draft_deg": 24.0}}}, "lens: cone: slope"),

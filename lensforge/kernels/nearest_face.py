@@ -1,0 +1,260 @@
+"""The nearest face: for rays in a medium of a chain, the first crossing of the faces that bound it.
+
+A ray meets the faces that bound its medium from inside, and from outside those that it surrounds. The face that is
+likely to be met is searched first; another is searched where the crossing found does not rule it out.
+"""
+
+from math import inf, sqrt
+
+from lensforge.kernels.bicubic import bounds_of, jet
+from lensforge.kernels.compiled import inline
+from lensforge.kernels.first_hit import (
+    ALONG_X,
+    BELOW,
+    CLOSING,
+    DX,
+    FOUND,
+    GOING,
+    LENGTH,
+    LIMIT,
+    LOST,
+    MISSED,
+    NUMBER,
+    OF_CHAIN,
+    ON_FACE,
+    PX,
+    RHO_X,
+    RHO_Y,
+    SIZE,
+    STATUS,
+    X0,
+    T,
+    fields,
+    first_hits,
+    three,
+)
+from lensforge.kernels.fresnel import dot, mixed
+from lensforge.kernels.nearly_convex import (
+    clear_ahead,
+    gauge_along,
+    is_first,
+    nodal,
+    path_to_ball,
+    quick_hits,
+    start_quick,
+    stays_outside,
+)
+
+# The medium in which a ray is, the face last met, the face that it is likely to meet; the nearest crossing found, and
+# its face; likewise on the way back into the cavity, as far as it has been followed, and where that ends at the latest;
+# what absorption leaves of the flux; the rays that are searched; whether a guess is still to be searched; the slope of
+# |p|/rho at the face last met; both fields (real, imaginary), as faces leave them.
+(
+    MEDIUM, LAST, GUESS, FACE, NEXT, NEXT_STATUS, NEXT_X, NEXT_Y, BACK_FACE, BACK, BACK_STATUS, BACK_X, BACK_Y,
+    BACK_END, CLEAR, ASKED, PENDING, LEAVING, FIELDS,
+) = fields(OF_CHAIN, 19)  # fmt: skip
+CAVITY, BODY, OUTSIDE = 0, 1, 2
+_PASSES = 8  # over the faces of a cavity, until a ray is in all of them
+
+
+@inline
+def keep_nearest(rays, count, face):
+    """Keep what the search on one face found where it is nearer than what was kept; a search given up stays so."""
+    for lane in range(count):
+        k = int(rays[ASKED + lane])
+        if rays[NEXT_STATUS + k] == LOST:
+            continue
+        status, nearer = rays[STATUS + k], rays[LENGTH + k] < rays[NEXT + k]
+        if status == LOST:
+            rays[NEXT_STATUS + k] = LOST
+        elif status == FOUND and nearer:
+            rays[NEXT_STATUS + k], rays[NEXT + k], rays[FACE + k] = FOUND, rays[LENGTH + k], face
+            rays[NEXT_X + k], rays[NEXT_Y + k] = rays[RHO_X + k], rays[RHO_Y + k]
+        elif status == BELOW and rays[NEXT_STATUS + k] == MISSED:
+            rays[NEXT_STATUS + k] = BELOW
+
+
+@inline
+def start_one(rays, lane, k, face, path, end):
+    """Put ray k of a packet on its way, to a ``face`` from ``path`` (mm) ahead to ``end``."""
+    rays[NUMBER + lane], rays[ASKED + lane], rays[T + lane], rays[CLOSING + lane] = float(k), float(k), 0.0, 0.0
+    rays[ON_FACE + lane] = 1.0 if rays[LAST + k] == face and path == 0.0 else 0.0
+    rays[LIMIT + lane] = end - path
+    for axis in range(0, 3 * SIZE, SIZE):
+        along = rays[DX + axis + k]
+        rays[X0 + axis + lane], rays[ALONG_X + axis + lane] = rays[PX + axis + k] + path * along, along
+
+
+@inline
+def guess_faces(rays, count, tables, bounds, scene, chain):
+    """For each ray the face that it is likely to meet: the nearest where it leaves the ball in which no face is.
+
+    Seldom is that the face on which it is. A wrong guess costs time alone.
+    """
+    for k in range(count):
+        medium, least = rays[MEDIUM + k], inf
+        for face in range(len(tables)):
+            least = min(least, bounds.least[face] if chain[0][face] == medium else inf)
+        p, d, nearest = three(rays, PX + k), three(rays, DX + k), inf
+        ahead = mixed(1.0, p, path_to_ball(dot(p, d), dot(p, p), least), d, 0.0, d)
+        for face in range(len(tables)):
+            if chain[0][face] == medium:
+                radius = nodal(tables[face], scene, ahead)
+                radius = radius if rays[LAST + k] != face else 1e6 * radius
+                rays[GUESS + k] = float(face) if radius < nearest else rays[GUESS + k]
+                nearest = min(nearest, radius)
+
+
+@inline
+def search_quickly(rays, count, face, table, bounds, scene):
+    """Search the face that was guessed, for the rays that do not start on it; what is not decided is left pending."""
+    going, least, ball = 0, bounds.least[face], bounds.balls[face]
+    for k in range(count):
+        if rays[GUESS + k] == face:
+            rays[PENDING + k] = 1.0
+            if rays[LAST + k] != face and dot(three(rays, PX + k), three(rays, PX + k)) < ball * ball:
+                start_quick(rays, going, k, table, scene, least, ball)
+                rays[ASKED + going] = float(k)
+                going += 1
+    if going > 0:
+        quick_hits(rays, going, table, scene, ball)
+    for lane in range(going):
+        k = int(rays[ASKED + lane])
+        p, d, t = three(rays, PX + k), three(rays, DX + k), rays[LENGTH + k]
+        if rays[STATUS + k] == FOUND and is_first(
+            p, d, t, table, bounds_of(bounds, face), ball, bounds.hollows[face], scene
+        ):
+            rays[NEXT_STATUS + k], rays[NEXT + k], rays[FACE + k], rays[PENDING + k] = FOUND, t, float(face), 0.0
+            rays[NEXT_X + k], rays[NEXT_Y + k] = rays[RHO_X + k], rays[RHO_Y + k]
+
+
+@inline
+def start_inside(rays, count, medium, face, guessed, table, bounds, scene):
+    """Put the rays in a ``medium`` on their way to a face that may cross it: where it was ``guessed``, or elsewhere.
+
+    Returns their number.
+    """
+    going = 0
+    for k in range(count):
+        if rays[MEDIUM + k] == medium and (rays[GUESS + k] == face) == guessed:
+            asked = rays[PENDING + k] == 1.0
+            if not guessed:
+                asked = rays[NEXT_STATUS + k] != FOUND or not clear_ahead(
+                    three(rays, PX + k), three(rays, DX + k), rays[NEXT + k], rays[LAST + k] == face, table,
+                    bounds_of(bounds, face), bounds.hollows[face], scene,
+                )  # fmt: skip
+            if asked:
+                start_one(rays, going, k, float(face), 0.0, rays[NEXT + k])
+                going += 1
+    return going
+
+
+@inline
+def start_outside(rays, count, face, table, scene):
+    """Put those rays in the body on their way that are outside of a face of the cavity, where they have been followed.
+
+    Returns their number.
+    """
+    going = 0
+    for k in range(count):
+        if rays[BACK_STATUS + k] != GOING or rays[BACK_FACE + k] == face:
+            continue
+        path = rays[BACK + k]
+        x, y, z = mixed(1.0, three(rays, PX + k), path, three(rays, DX + k), 0.0, three(rays, DX + k))
+        r = sqrt(x * x + y * y + z * z)
+        outside = path == 0.0 and rays[LAST + k] == face
+        if outside or r > jet(table, scene[3], scene[4], x / (r + z), y / (r + z))[0]:
+            start_one(rays, going, k, face, path, rays[BACK_END + k])
+            going += 1
+    return going
+
+
+@inline
+def keep_entry(rays, count, going, face):
+    """Move the rays that were on their way to their entry into one face of the cavity; others never enter it."""
+    for lane in range(going):
+        k = int(rays[ASKED + lane])
+        rays[BACK + k] += rays[LENGTH + k]
+        if rays[STATUS + k] == FOUND:
+            rays[BACK_FACE + k], rays[BACK_X + k], rays[BACK_Y + k] = face, rays[RHO_X + k], rays[RHO_Y + k]
+        else:
+            rays[BACK_STATUS + k] = rays[STATUS + k]
+
+
+@inline
+def leaves_cavity(rays, k, length, tables, bounds, scene, chain):
+    """Tell whether ray k of the packet is outside of one face of the cavity up to the path ``length``."""
+    p, d, last = three(rays, PX + k), three(rays, DX + k), int(rays[LAST + k])
+    if last >= 0 and chain[0][last] == CAVITY:
+        return stays_outside(p, d, length, 1.0, rays[LEAVING + k], bounds.least[last], bounds.hollows[last])
+    chosen, least = -1, inf
+    for face in range(len(tables)):
+        if chain[0][face] == CAVITY and chain[1][face] == BODY:
+            radius = nodal(tables[face], scene, p)
+            chosen, least = (face, radius) if radius < least else (chosen, least)
+    if chosen < 0:
+        return False
+    value, slope = gauge_along(tables[chosen], scene, p, d)
+    return stays_outside(p, d, length, value, slope, bounds.least[chosen], bounds.hollows[chosen])
+
+
+@inline
+def back_into_cavity(rays, count, tables, bounds, scene, chain):
+    """The way of rays in the body back into the cavity, the intersection of what its faces hold.
+
+    A ray that is outside of one of them is followed to where it enters that one, until it is in all: it cannot have
+    been in the cavity before. Crossings nearer than the face that bounds the body are kept. No ray comes back but in
+    the ball in which the cavity lies.
+    """
+    ball = inf
+    for face in range(len(tables)):
+        if chain[0][face] == CAVITY and chain[1][face] == BODY:
+            ball = min(ball, bounds.balls[face])
+    for k in range(count):
+        p = three(rays, PX + k)
+        outward = dot(p, three(rays, DX + k))
+        square = outward * outward + ball * ball - dot(p, p)
+        root = sqrt(max(square, 0.0))
+        comes_back = rays[MEDIUM + k] == BODY and square > 0.0 and root > outward and -outward - root < rays[NEXT + k]
+        if comes_back:
+            comes_back = not leaves_cavity(rays, k, min(root - outward, rays[NEXT + k]), tables, bounds, scene, chain)
+        rays[BACK_STATUS + k], rays[BACK_END + k] = GOING if comes_back else MISSED, min(root - outward, rays[NEXT + k])
+        rays[BACK + k], rays[BACK_FACE + k] = 0.0, -1.0
+    moved = 1
+    for _ in range(_PASSES):
+        if moved == 0:
+            break
+        moved = 0
+        for face in range(len(tables)):
+            if chain[0][face] == CAVITY and chain[1][face] == BODY:
+                going = start_outside(rays, count, float(face), tables[face], scene)
+                if going > 0:
+                    first_hits(rays, going, tables[face], scene[3], scene[4], bounds_of(bounds, face), True, True)
+                    keep_entry(rays, count, going, float(face))
+                    moved += going
+    for k in range(count):
+        status = rays[BACK_STATUS + k]
+        if status == LOST or (status == GOING and moved > 0):
+            rays[NEXT_STATUS + k] = LOST
+            continue
+        entered = status == GOING and rays[BACK_FACE + k] >= 0.0 and rays[NEXT_STATUS + k] != LOST
+        if entered and rays[BACK + k] < rays[NEXT + k]:
+            rays[NEXT_STATUS + k], rays[NEXT + k], rays[FACE + k] = FOUND, rays[BACK + k], rays[BACK_FACE + k]
+            rays[NEXT_X + k], rays[NEXT_Y + k] = rays[BACK_X + k], rays[BACK_Y + k]
+
+
+@inline
+def meet_nearest(rays, count, tables, bounds, scene, chain):
+    """For each ray of a packet the nearest crossing of the faces that bound the medium in which it is."""
+    for k in range(count):
+        rays[NEXT + k], rays[NEXT_STATUS + k], rays[FACE + k] = inf, MISSED, -1.0
+    guess_faces(rays, count, tables, bounds, scene, chain)
+    for place_of in range(2 * len(tables)):
+        guessed, face = place_of < len(tables), place_of % len(tables)
+        if guessed:
+            search_quickly(rays, count, face, tables[face], bounds, scene)
+        going = start_inside(rays, count, chain[0][face], face, guessed, tables[face], bounds, scene)
+        if going > 0:
+            first_hits(rays, going, tables[face], scene[3], scene[4], bounds_of(bounds, face), True, False)
+            keep_nearest(rays, going, float(face))
+    back_into_cavity(rays, count, tables, bounds, scene, chain)

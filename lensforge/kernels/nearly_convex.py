@@ -1,0 +1,256 @@
+"""Crossings of nearly convex faces by rays from inside: found at once, and checked by one number of the face.
+
+Along a ray ``G = |p|/rho`` has the curvature ``M h^2/|p|^3``, h the distance of its line from the origin, M the bend of
+the face across the radius (``least_bend``), so that G of a plane is straight. Where M >= -m, G exceeds
+the chord between two points L apart by ``m L^2/2`` times the most of ``h^2/|p|^3`` between them, at most. A ray that is
+inside of a face by more than that at one end, and inside of it at the other, does not cross it between. What this does
+not decide is searched as in ``kernels.first_hit``. m holds where the face is in a ball about the medium: beyond it G
+counts as ``|p|`` over the radius of the ball, and no ray is ever there.
+"""
+
+from math import inf, nan, sqrt
+
+import numpy as np
+from jaxtyping import Float, Int8
+
+from lensforge.kernels.bicubic import FaceBounds, index_at, jet, nearest, tile_of
+from lensforge.kernels.compiled import inline, kernel
+from lensforge.kernels.first_hit import (
+    ALONG_X,
+    BEFORE,
+    CELL,
+    CLOSING,
+    DX,
+    F_BEFORE,
+    HIGH,
+    INVERSE_BEFORE,
+    LOST,
+    LOW,
+    MAX_CLOSING,
+    NUMBER,
+    OUTWARD,
+    PX,
+    SLOPE,
+    STATUS,
+    X0,
+    F,
+    R,
+    T,
+    close_in,
+    evaluate,
+    fetch_table,
+    in_whole_vectors,
+    locate,
+    settle,
+    three,
+    write,
+)
+from lensforge.kernels.fresnel import dot, mixed
+
+DEEP = 0.8  # of the least radius: in that ball every ray is inside by 1 - DEEP
+
+
+@kernel
+def farthest_nearest(tables, faces, origin, step):
+    """Radius (mm) of a ball about all points of the hemisphere that are inside of every one of ``faces``."""
+    side, rim, ball = tables.shape[1], 1.0 + 2.0 * step, 0.0
+    for i in range(side - 3):
+        for j in range(side - 3):
+            X, Y = origin + (i + 1.5) * step, origin + (j + 1.5) * step
+            if rim * rim < X * X + Y * Y:
+                continue
+            nearest = np.inf
+            for face in faces:
+                highest = 0.0
+                for a in range(4):
+                    for b in range(4):
+                        highest = max(highest, tables[face, i + a, j + b])
+                nearest = min(nearest, highest)
+            ball = max(ball, nearest)
+    return ball
+
+
+@inline
+def node_of_row(row, j):
+    """Six times the value of a row's spline at a node, twice its slope, and its second derivative, per step."""
+    before, here, behind = row[j - 1], row[j], row[j + 1]
+    return before + 4.0 * here + behind, behind - before, behind - 2.0 * here + before
+
+
+@inline
+def least_bend(table, i, j, origin, step):
+    """Least eigenvalue of the Hessian on the sphere of ``1/rho``, plus ``1/rho``, at a node; and ``rho`` there.
+
+    It is the curvature of ``|p|/rho`` across the radius, times |p|: 0 for a plane, and above 0 where a face is convex.
+    """
+    a, d, g = node_of_row(table[i - 1], j)
+    b, e, h = node_of_row(table[i], j)
+    c, f, k = node_of_row(table[i + 1], j)
+    rho = (a + 4.0 * b + c) / 36.0
+    x, y, xy = (c - a) / (12.0 * step), (d + 4.0 * e + f) / (12.0 * step), (f - d) / (4.0 * step * step)
+    xx, yy = (a - 2.0 * b + c) / (6.0 * step * step), (g + 4.0 * h + k) / (6.0 * step * step)
+    X, Y = origin + i * step, origin + j * step
+    per = 0.5 * (1.0 + X * X + Y * Y)  # rad on the sphere for 1/per on the chart
+    along = X * x + Y * y
+    xx, yy, xy = xx + (2.0 * X * x - along) / per, yy + (2.0 * Y * y - along) / per, xy + (X * y + Y * x) / per
+    one, other = 2.0 * x * x / rho - xx, 2.0 * y * y / rho - yy
+    mean, apart, across = 0.5 * (one + other), 0.5 * (one - other), 2.0 * x * y / rho - xy
+    return (rho + per * per * (mean - sqrt(apart * apart + across * across))) / (rho * rho), rho
+
+
+@kernel
+def hollow(table, origin, step, ball, bends):
+    """Depth of the hollows of a face within the ``ball`` (mm): the most by which :func:`least_bend` is below 0 (1/mm).
+
+    Taken at the nodes; in a cell lower by as much as its corners differ. ``bends`` (2, side, 2): memory.
+    """
+    side, rim, found = table.shape[0], 1.0 + step, 0.0
+    for i in range(1, side - 1):
+        own, before = bends[i % 2], bends[(i + 1) % 2]
+        for j in range(1, side - 1):
+            own[j, 0], own[j, 1] = least_bend(table, i, j, origin, step)
+            if i == 1 or j == 1:
+                continue
+            X, Y = nearest(origin, step, i - 1, i), nearest(origin, step, j - 1, j)
+            radius = min(min(own[j, 1], own[j - 1, 1]), min(before[j, 1], before[j - 1, 1]))
+            if rim * rim < X * X + Y * Y or radius > ball * (1.0 + step):
+                continue
+            lowest = min(min(own[j, 0], own[j - 1, 0]), min(before[j, 0], before[j - 1, 0]))
+            highest = max(max(own[j, 0], own[j - 1, 0]), max(before[j, 0], before[j - 1, 0]))
+            found = max(found, highest - 2.0 * lowest)
+    return found
+
+
+def chain_bounds(
+    tables: Float[np.ndarray, "f side side"],
+    bounds: FaceBounds,
+    before: Int8[np.ndarray, " f"],
+    origin: float,
+    step: float,
+) -> FaceBounds:
+    """The ``bounds`` with those that a chain needs, of faces with these media ``before`` them."""
+    balls = [farthest_nearest(tables, np.flatnonzero(before == own), origin, step) for own in before]
+    memory = np.empty((2, tables.shape[1], 2))
+    hollows = [hollow(table, origin, step, ball, memory) for table, ball in zip(tables, balls, strict=True)]
+    return bounds._replace(balls=np.array(balls), hollows=np.array(hollows))
+
+
+@inline
+def path_to_ball(outward, square, radius):
+    """Path (mm) to where a ray leaves a ball, from a point of the distance whose ``square`` is given; 0 beyond it."""
+    ahead = outward * outward + radius * radius - square
+    return max(sqrt(max(ahead, 0.0)) - outward, 0.0) if square < radius * radius else 0.0
+
+
+@inline
+def depth(table, bounds, scene, p, enough):
+    """``1 - |p|/rho`` at a point, or a smaller number that is ``enough``."""
+    r = sqrt(dot(p, p))
+    X, Y = p[0] / (r + p[2]), p[1] / (r + p[2])
+    sure = 1.0 - r / tile_of(X, Y, scene[3], bounds)[0]
+    return sure if sure > enough else 1.0 - r / jet(table, scene[3], scene[4], X, Y)[0]
+
+
+@inline
+def bulge(hollow, least, outward, square, length):
+    """Most by which G exceeds a chord within a path of ``length`` from a point of that distance."""
+    impact = max(square - outward * outward, 0.0)
+    nearest = max(sqrt(square if outward >= 0.0 else impact), DEEP * least)
+    return 0.5 * hollow * impact * length * length / (nearest * nearest * nearest)
+
+
+@inline
+def clear_ahead(p, d, length, starts_on, table, bounds, hollow, scene):
+    """Tell whether a ray does not cross a face before the path ``length``; it may start on the face."""
+    square, outward = dot(p, p), dot(p, d)
+    needed = bulge(hollow, bounds.least, outward, square, length)
+    inside = starts_on or square < bounds.least * bounds.least or depth(table, bounds, scene, p, 0.0) > 0.0
+    end = mixed(1.0, p, length, d, 0.0, d)
+    return inside and needed < 1.0 - DEEP and depth(table, bounds, scene, end, needed) > needed
+
+
+@inline
+def nodal(table, scene, p):
+    """Radius at the node near a direction: a guess."""
+    per_shift, most = scene[4] / (sqrt(dot(p, p)) + max(p[2], 0.0)), len(table) - 1.0
+    i = int(index_at(p[0] * per_shift - scene[3] * scene[4] + 0.5, most))
+    j = int(index_at(p[1] * per_shift - scene[3] * scene[4] + 0.5, most))
+    return table[i, j]
+
+
+@inline
+def start_quick(rays, lane, k, table, scene, least, ball):
+    """Put the place in the search that ray k of the packet is in, near where it may cross a face."""
+    p, d = three(rays, PX + k), three(rays, DX + k)
+    square, outward = dot(p, p), dot(p, d)
+    low = path_to_ball(outward, square, DEEP * least)
+    high = min(path_to_ball(outward, square, ball), -p[2] / d[2] if d[2] < 0.0 else inf)
+    t = path_to_ball(outward, square, least)
+    for _ in range(2):
+        t = path_to_ball(outward, square, nodal(table, scene, mixed(1.0, p, t, d, 0.0, d)))
+    rays[T + lane], rays[LOW + lane], rays[HIGH + lane] = min(max(t, low), high), low, high
+    rays[CLOSING + lane], rays[NUMBER + lane] = 1.0, float(k)
+    write(rays, X0 + lane, p)
+    write(rays, ALONG_X + lane, d)
+    rays[BEFORE + lane], rays[F_BEFORE + lane], rays[INVERSE_BEFORE + lane] = low, nan, 1.0
+
+
+@inline
+def gauge(rays, count, ball):
+    """1 - G and its slope along every ray in place of F and F'."""
+    for k in range(count):
+        r, gap = rays[R + k], rays[F + k]
+        cosine, per = rays[OUTWARD + k] / r, 1.0 / (r + gap)
+        slope = (rays[SLOPE + k] * r - cosine * gap) * per * per
+        beyond = r + gap > ball
+        rays[F + k] = 1.0 - r / ball if beyond else gap * per
+        rays[SLOPE + k] = -cosine / ball if beyond else slope
+
+
+@inline
+def quick_hits(rays, count, table, scene, ball):
+    """A crossing of each of the ``count`` rays on their way, or the end of the ball, or of the hemisphere."""
+    for _ in range(MAX_CLOSING):
+        whole = in_whole_vectors(count)
+        locate(rays, whole, float(len(table)), scene[3], scene[4], 1.0, 0.0)
+        fetch_table(rays, count, table, CELL)
+        evaluate(rays, whole, scene[4], False)
+        gauge(rays, whole, ball)
+        close_in(rays, whole)
+        count, _ = settle(rays, count, False)
+        if count == 0:
+            return
+    for k in range(count):
+        rays[STATUS + int(rays[NUMBER + k])] = LOST
+
+
+@inline
+def is_first(p, d, length, table, bounds, ball, hollow, scene):
+    """Tell whether a crossing that was found is the first."""
+    square, outward = dot(p, p), dot(p, d)
+    needed = bulge(hollow, bounds.least, outward, square, length)
+    end = mixed(1.0, p, length, d, 0.0, d)
+    deep = square < DEEP * DEEP * bounds.least * bounds.least or depth(table, bounds, scene, p, needed) > needed
+    return deep and needed < 1.0 - DEEP and dot(end, end) < ball * ball * (1.0 - 1e-9)
+
+
+@inline
+def gauge_along(table, scene, p, d):
+    """G at a point, and its slope along a direction."""
+    r = sqrt(dot(p, p))
+    X, Y = p[0] / (r + p[2]), p[1] / (r + p[2])
+    rho, x, y, _, _, _ = jet(table, scene[3], scene[4], X, Y)
+    cosine = dot(p, d) / r
+    turn = (x * (d[0] - X * (cosine + d[2])) + y * (d[1] - Y * (cosine + d[2]))) / (r + p[2])
+    return r / rho, (cosine - r / rho * turn) / rho
+
+
+@inline
+def stays_outside(p, d, length, value, slope, least, hollow):
+    """Tell whether a ray does not cross a face from outside before the path ``length``.
+
+    ``value`` and ``slope`` of G at its start, where the value is 1 if it starts on the face.
+    """
+    square, outward = dot(p, p), dot(p, d)
+    lowest = value + slope * length - bulge(hollow, least / DEEP, outward, square, length)
+    return (value > 1.0 or slope > 0.0) and value >= 1.0 and lowest > 1.0
