@@ -12,7 +12,9 @@ from lensforge.light.angular_grid import AngularGrid, FittedIntensity, finest_gr
 from lensforge.light.luminaire_classes import zone_flux
 from lensforge.light.simulation import CAUSES, TracedLens, bundles, flux_by_fate
 from lensforge.results import Metric
+from lensforge.scene.exit_rays import ExitRays
 from lensforge.sources.ray_bundle import RayBundle, Source
+from lensforge.spec.lamps_section import ALONE, Lamps
 
 
 @dataclass(frozen=True)
@@ -26,14 +28,28 @@ class RaysOnSphere:
     by_fate_w: Float[np.ndarray, " f"]
 
 
-def exit_rays(lens: TracedLens, rays: RayBundle, sphere_mm: float) -> RaysOnSphere:
-    """Trace ``rays`` and start those that leave upwards on the sphere of radius ``sphere_mm`` around the lens."""
-    found = lens.trace(rays)
+def exit_rays(lens: TracedLens, rays: RayBundle, sphere_mm: float, lamps: Lamps = ALONE) -> RaysOnSphere:
+    """Trace ``rays`` and start those that leave upwards on the sphere of radius ``sphere_mm`` around the lamps.
+
+    Each ray is one of a lamp by chance, so that all carry the flux of all lamps.
+    """
+    found = lens.trace(rays) if lamps.alone else _of_lamps(lens, rays, lamps)
     upwards = found.left_lens & (found.directions[:, 2] > 0.0)
     points, directions, flux = (each[upwards] for each in (found.points, found.directions, found.flux))
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     by_fate = flux_by_fate(found, found.left_lens & ~upwards)
     return RaysOnSphere(RayBundle(_on_sphere(points, directions, sphere_mm), directions, flux), by_fate)
+
+
+def _of_lamps(lens: TracedLens, rays: RayBundle, lamps: Lamps) -> ExitRays:
+    found = lens.trace(replace(rays, flux=len(lamps) * rays.flux))
+    own = np.random.default_rng(len(rays)).integers(len(lamps), size=len(rays))
+    turns, up = np.radians(lamps.turns_deg), np.zeros(len(lamps))
+    axes = np.array([[np.cos(turns), -np.sin(turns), up], [np.sin(turns), np.cos(turns), up], [up, up, up + 1.0]])
+    turned = axes.transpose(2, 0, 1)[own]
+    places = np.column_stack([lamps.places_mm, up])[own]
+    points, directions = (np.einsum("nij,nj->ni", turned, each) for each in (found.points, found.directions))
+    return replace(found, points=points + places, directions=directions)
 
 
 def _on_sphere(
@@ -81,14 +97,15 @@ def trace_exit_light(
     seed: int,
     sphere_mm: float,
     street_deg: float,
+    lamps: Lamps = ALONE,
 ) -> ExitLight:
     """Trace ``rays`` rays, or more and more, to ``most_rays``, until the nodes are known to 2 % rms.
 
-    ``symmetry``: mirror group of lens and source, under which the light is averaged. ``sphere_mm``: radius of the
-    sphere on which exit rays start. ``street_deg``: azimuth of the street. A measured source gives at most its own
-    rays. Raises :class:`InputError` where no light leaves the lens upwards.
+    ``symmetry``: mirror group of lens, source and ``lamps``, under which the light is averaged. ``sphere_mm``: radius
+    of the sphere on which exit rays start. ``street_deg``: azimuth of the street. A measured source gives at most its
+    own rays. Raises :class:`InputError` where no light leaves the lens upwards.
     """
-    sums, wanted = _Sums(lens, sphere_mm, symmetry, street_deg), rays or min(_FIRST_RAYS, most_rays)
+    sums, wanted = _Sums(lens, sphere_mm, symmetry, street_deg, lamps), rays or min(_FIRST_RAYS, most_rays)
     if source.ray_count is not None:
         count = min(wanted, source.ray_count)
         parts = bundles(source, count, min(PARTS, count), seed)
@@ -119,8 +136,10 @@ def _rays_needed(light: ExitLight, most_rays: int) -> int:
 class _Sums:
     """Sums over all rays traced so far, by sample."""
 
-    def __init__(self, lens: TracedLens, sphere_mm: float, symmetry: str, street_deg: float) -> None:
-        self.rays = 0
+    def __init__(
+        self, lens: TracedLens, sphere_mm: float, symmetry: str, street_deg: float, lamps: Lamps = ALONE
+    ) -> None:
+        self.rays, self._lamps = 0, lamps
         self._lens, self._sphere_mm, self._symmetry, self._street_deg = lens, sphere_mm, symmetry, street_deg
         self._grid: AngularGrid | None = None
         self._deposits: list[Float[np.ndarray, "c g"]] = []
@@ -132,7 +151,7 @@ class _Sums:
     def add(self, rays: Iterator[RayBundle]) -> None:
         """Trace one more bundle for each sample; each bundle carries all the flux."""
         for part, bundle in enumerate(rays):
-            out = exit_rays(self._lens, bundle, self._sphere_mm)
+            out = exit_rays(self._lens, bundle, self._sphere_mm, self._lamps)
             if self._grid is None:
                 self._grid = finest_grid(_reach_deg(out.rays))
             deposit, weight = self._grid.deposit(out.rays), float(len(bundle))

@@ -7,6 +7,7 @@ lens stands, and counts as missed_receiver. Gamma = 0 is the lens axis, C = 0 th
 
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
@@ -43,7 +44,9 @@ from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.sources.rayfiles.ray_file import HeaderValue, RayFile, shared_wavelength
 from lensforge.sources.rayfiles.ray_file_io import read_rayfile, write_rayfile
 from lensforge.sources.source_spectrum import Spectrum
+from lensforge.spec import Spec
 from lensforge.spec.accuracy import Preset
+from lensforge.spec.lamps_section import ALONE, Lamps
 from lensforge.surfaces.mirror_group import NAMES, contains
 
 _FAR_FIELDS = {"ies": IES_FILE, "ldt": LDT_FILE, "tm33": TM33_FILE}
@@ -131,25 +134,31 @@ def measure_photometry(
     summary = summarise(source, lens.spec.source)
     bright, section = SourceLumens.of(lumens, summary), lens.spec.photometry
     bright.require_known(section)
+    lamps = lens.spec.all_lamps if lens.spec.all_lamps.period_mm is None else ALONE
+    if not bright.per_1000_lm:
+        bright = replace(bright, lumens=len(lamps) * bright.lumens)
+    source_w = len(lamps) * source.flux_w
+    largest_mm = lens.body.largest_mm + lamps.reach_mm
     light = trace_exit_light(
         TracedLens.of(lens, preset.evaluate_nodes_per_sigma),
         source,
-        _symmetry(lens, source),
+        _symmetry(lens, source, lamps),
         rays=rays,
         most_rays=preset.photometry_rays,
         seed=lens.seed,
-        sphere_mm=_SLACK * lens.body.largest_mm,
+        sphere_mm=_SLACK * largest_mm,
         street_deg=section.street_side_deg,
+        lamps=lamps,
     )
-    per_watt, fitted = bright.lumens / source.flux_w, light.intensity
+    per_watt, fitted = bright.lumens / source_w, light.intensity
     tables = CandelaTables.of(fitted, per_watt)
     candela, exit_lm = tables.whole, scaled(light.exit_w, per_watt, "lm")
-    errors, warnings = fitted.standard_errors, tuple(_warnings(bright, source, light))
+    errors, warnings = fitted.standard_errors, tuple(_warnings(bright, source, light, lens.spec))
     photometric = PhotometricFile(
         candela,
         bright.lumens,
         title=f"lensforge {lens.spec.name}",
-        diameter_mm=2.0 * lens.body.largest_mm,
+        diameter_mm=2.0 * largest_mm,
         remarks=(*warnings, *_remarks(light, per_watt)),
         issued=lens.spec.manufacture.date or "",
     )
@@ -160,11 +169,11 @@ def measure_photometry(
     return Photometry(
         inputs={"lens": lens.sha256},
         rays=light.rays,
-        source_w=source.flux_w,
+        source_w=source_w,
         exit_w=light.exit_w,
-        light_output_ratio=scaled(light.exit_w, 1.0 / source.flux_w, ""),
+        light_output_ratio=scaled(light.exit_w, 1.0 / source_w, ""),
         lost_w=_lost(light.by_fate_w),
-        reflected_w=max(source.flux_w - float(light.by_fate_w.sum()), 0.0),
+        reflected_w=max(source_w - float(light.by_fate_w.sum()), 0.0),
         source_lm=bright.lumens,
         source_lm_from=bright.origin,
         per_1000_lm=bright.per_1000_lm,
@@ -201,10 +210,11 @@ def _lamp(light: FittedIntensity, per_watt: float, street_deg: float) -> LampLig
     return LampLight(light.grid, per_watt * light.samples, street_deg, fine)
 
 
-def _symmetry(lens: Lens, source: Source) -> str:
-    """Largest mirror group that both surfaces and the source have: the light has it, too."""
+def _symmetry(lens: Lens, source: Source, lamps: Lamps) -> str:
+    """Largest mirror group that both surfaces, the source and the lamps have: the light has it, too."""
     both = source.symmetry, lens.symmetry
-    return next(name for name in reversed(NAMES) if all(contains(each, name) for each in both))
+    groups = (name for name in reversed(NAMES) if all(contains(each, name) for each in both))
+    return next(name for name in groups if lamps.from_afar.has_mirrors(name))
 
 
 def _turned_over(values: Float[np.ndarray, "c g"]) -> Float[np.ndarray, "d g"]:
@@ -213,7 +223,9 @@ def _turned_over(values: Float[np.ndarray, "c g"]) -> Float[np.ndarray, "d g"]:
     return closed
 
 
-def _warnings(bright: SourceLumens, source: Source, light: ExitLight) -> Iterator[str]:
+def _warnings(bright: SourceLumens, source: Source, light: ExitLight, spec: Spec) -> Iterator[str]:
+    if spec.all_lamps.period_mm is not None:
+        yield "lamps without an end have no far field: the files are those of one lamp"
     if bright.per_1000_lm:
         yield (
             "luminous flux of the source not known: 1000 lm taken, so candela are per 1000 lm of the source; give "

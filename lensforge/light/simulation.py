@@ -30,8 +30,9 @@ from lensforge.optics.media import Media
 from lensforge.results import Image, Metric
 from lensforge.scene.body import Body, Chain, Face, nearest
 from lensforge.scene.exit_rays import ExitRays
+from lensforge.scene.lamp_pictures import LampPictures
 from lensforge.scene.lens import Lens, LensAtTemperature
-from lensforge.scene.pixel_grid import bin_flux, gaussian3
+from lensforge.scene.pixel_grid import bin_flux, gaussian3, rebinned
 from lensforge.scene.receiver import Landings, PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import DrawnTarget, target_light, uniform_region
@@ -157,6 +158,21 @@ class ReceivedFlux:
         self.outside[replicate] += flux[~inside].sum()
         self.in_targets[replicate] += [flux[target.contains(hits)].sum() for target in self.targets]
 
+    @staticmethod
+    def together(
+        lamps: LampPictures, found: Sequence["ReceivedFlux"], targets: tuple[DrawnTarget, ...]
+    ) -> "ReceivedFlux":
+        """Mean flux of a lamp on their receiver, from that of one on each raster; in targets by the parts of pixels."""
+        images = lamps.added([each.images for each in found])
+        landed = lamps.mean([each.window + each.outside for each in found])
+        window = images.sum(axis=(1, 2)) if lamps.widened else lamps.mean([each.window for each in found])
+        in_targets = np.zeros((len(images), len(targets)))
+        for k, target in enumerate(targets):
+            grid = replace(target.fine, columns=target.light.shape[1], rows=target.light.shape[0])
+            in_targets[:, k] = (rebinned(images, grid) * target.coverage).sum(axis=(1, 2))
+        by_fate = lamps.mean([each.by_fate for each in found])
+        return ReceivedFlux(images, by_fate, window, np.maximum(landed - window, 0.0), in_targets, targets)
+
 
 @dataclass(frozen=True)
 class Simulation:
@@ -181,15 +197,22 @@ def simulate(
     """
     replicates = min(REPLICATES, rays, source.ray_count or rays)
     drawn = targets or [()] * len(receivers)
-    received = tuple(
-        ReceivedFlux.none_yet(receiver, replicates, own) for receiver, own in zip(receivers, drawn, strict=True)
-    )
+    lamps = [LampPictures.of(receiver) for receiver in receivers]
+    deposits = [
+        [ReceivedFlux.none_yet(each, replicates, own if board.alone else ()) for each in board.receivers]
+        for board, own in zip(lamps, drawn, strict=True)
+    ]
     traced = 0
     for replicate, share, bundle in bundles(source, rays, replicates, seed):
         exit_rays = lens.trace(bundle)
-        for receiver, own in zip(receivers, received, strict=True):
-            own.add(replicate, share, receiver, exit_rays, receiver.land(exit_rays))
+        for board, own in zip(lamps, deposits, strict=True):
+            for receiver, deposit in zip(board.receivers, own, strict=True):
+                deposit.add(replicate, share, receiver, exit_rays, receiver.land(exit_rays))
         traced += len(bundle)
+    received = tuple(
+        own[0] if board.alone else ReceivedFlux.together(board, own, wanted)
+        for board, own, wanted in zip(lamps, deposits, drawn, strict=True)
+    )
     return Simulation(received, source.flux_w, traced)
 
 

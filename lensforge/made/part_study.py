@@ -211,6 +211,10 @@ class PartStudy:
     def light(self) -> PartLight:
         """Receivers, limits and rays."""
         lens, recipe = self.recipe.lens, self.recipe
+        if not lens.spec.all_lamps.alone:
+            raise InputError(
+                "[lamps]: tolerances are those of one lamp as yet; leave [lamps] out to study the lens alone"
+            )
         source, spec = build_source(lens.spec.source, lens.dispersion), lens.spec
         receivers = receivers_of(spec, spec.evaluate.pixels)
         efficacy = summarise(source, spec.source).lumens_per_watt

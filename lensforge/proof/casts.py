@@ -3,19 +3,21 @@
 Here the design and its verification meet: what the casts get of the design are plain numbers.
 """
 
+from dataclasses import replace
 from typing import Literal
 
 from lensforge import seeds
 from lensforge.cad.part import Part
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import Light
-from lensforge.light.lens_light import inputs_of, judging_source, rays_of
+from lensforge.light.lens_light import evaluate, inputs_of, judging_source, rays_of
 from lensforge.optics.media import DOUBLE
 from lensforge.proof.proof_result import Proof
 from lensforge.proof.sandboxed_casts import stray_in_sandbox, verify_in_sandbox
 from lensforge.proof.stray_result import StrayLight
 from lensforge.results.arguments import count_of, require, threads_of_torch
 from lensforge.results.second_process import IN_TURN, SecondProcess
+from lensforge.scene.lens import Lens
 from lensforge.spec.accuracy import preset_of
 
 _STRAY_RAYS = 2**15  # each splits into about ten; more would take minutes
@@ -25,8 +27,8 @@ def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | 
     """Cast rays through the STL and STEP of ``part``, and compare their landings with the design's.
 
     ``light``: of the same lens. The ray cast shares no code with the design's tracer; further rays are drawn by code
-    that shares nothing with its sampler, and make the light of the design. Both files are measured, and compared with
-    the size as exported.
+    that shares nothing with its sampler, and make the light of the design; of several lamps that of one. Both files are
+    measured, and compared with the size as exported.
     """
     with threads_of_torch(threads):
         return verify_with(IN_TURN, part, light, rays)
@@ -44,11 +46,13 @@ def verify_with(second: SecondProcess, part: Part, light: Light, rays: int | Non
 
     lens, spec = require(part, Part, "verify").lens, part.lens.spec
     rays = count_of("rays", rays)
-    known, wanted = require(light, Light, "verify").inputs, inputs_of(lens, spec.source)
+    whole, known = light, require(light, Light, "verify").inputs
+    wanted = inputs_of(lens, spec.source)
     for name, words in (("lens", "another lens than the part"), ("source", "another source than the spec's")):
         if known.get(name) != wanted[name]:
             raise InputError(f"verify: the light is that of {words}; evaluate the part's lens with its own source")
-    preset, source = preset_of(lens.accuracy), judging_source(spec)
+    lens, light = _of_one_lamp(lens, light)
+    spec, preset, source = lens.spec, preset_of(lens.accuracy), judging_source(spec)
     count, conditions = rays_of(rays, preset.verify_rays, source)
     bundle = source.sample(count, seeds.of_verification(lens.seed))
     landed = design_landings(TracedLens.of(lens, preset.evaluate_nodes_per_sigma), spec, bundle)
@@ -68,9 +72,17 @@ def verify_with(second: SecondProcess, part: Part, light: Light, rays: int | Non
         exported=part.size,
         chord_mm=1e-3 * part.triangulation.chord_error_um,
         threads=torch.get_num_threads(),
-        inputs={"lens": lens.sha256, "export": part.sha256, "evaluate": light.sha256},
+        inputs={"lens": part.lens.sha256, "export": part.sha256, "evaluate": whole.sha256},
     )
     return proof.model_copy(update={"conditions": conditions, "altered_files": part.altered})
+
+
+def _of_one_lamp(lens: Lens, light: Light) -> tuple[Lens, Light]:
+    """The lens without other lamps, and its light: what a cast through one part can show."""
+    if lens.spec.all_lamps.alone:
+        return lens, light
+    alone = replace(lens, spec=lens.spec.of_one_lamp)
+    return alone, evaluate(alone, rays=light.rays, pixels=light.pixels)
 
 
 def stray_light(

@@ -204,10 +204,10 @@ _MOST_NAMED = 3  # targets of one receiver; of more only the number is given
 
 
 def task(spec: Spec) -> str:
-    """Source, lens, and the targets of each receiver with its place."""
+    """Source, lens, and the targets of each receiver with its place, and how many lamps light it."""
     lens = spec.lens
     body = f"{_LENSES[lens.kind]}, {lens.material}, n = {lens.refractive_index:g}{_fixed(lens)}{_surroundings(lens)}"
-    return f"{spec.source.title} · {body} · {'; '.join(map(_on_receiver, spec.all_receivers))}"
+    return f"{spec.source.title} · {body} · {'; '.join(map(_on_receiver, spec.all_receivers))}{spec.all_lamps.words}"
 
 
 def _fixed(lens: AnyLens) -> str:

@@ -15,8 +15,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.optics.coatings import least_reflectances, whole_span
-from lensforge.optics.fundamental_limits import best_transmittance, cell_solid_angles, cone_around, etendue_from_ball
+from lensforge.optics.fundamental_limits import best_transmittance, cone_around, etendue_from_ball
 from lensforge.optics.media import DOUBLE, Media
+from lensforge.scene.lamp_pictures import LampPictures
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.sources.ray_bundle import ChangedSource, RayBundle, Source
 
@@ -198,7 +199,8 @@ class PossibleLight:
     the ball to it, and at most the flux of the brightest light of the source of that étendue (Winston, Minano and
     Benitez, Nonimaging Optics, 2005, chapter 2), times what two faces transmit at normal incidence. Refraction: to
     reach a region a ray must turn by the angle from its direction to the cone around the region, and two faces that
-    turn it so far transmit :func:`~lensforge.optics.fundamental_limits.best_transmittance` of it.
+    turn it so far transmit :func:`~lensforge.optics.fundamental_limits.best_transmittance` of it. Of lamps together the
+    mean of a lamp is bounded: by the mean étendue, as the flux in an étendue is concave, and the mean of the turns.
     """
 
     light: SourceLight
@@ -212,12 +214,16 @@ class PossibleLight:
         return self.max_radius_mm + (0.0 if glass is None else glass.thickness_mm)
 
     @cached_property
-    def _corners(self) -> Float[np.ndarray, "m n 3"]:
-        return self.receiver.corners()
+    def _lamps(self) -> LampPictures:
+        return LampPictures.of(self.receiver)
+
+    @cached_property
+    def _corners(self) -> list[Float[np.ndarray, "_ _ 3"]]:
+        return [receiver.corners() for receiver in self._lamps.receivers]
 
     @cached_property
     def _solid_angles_sr(self) -> Image:
-        return cell_solid_angles(self._corners)
+        return self._lamps.solid_angles_sr(self._corners)
 
     @cached_property
     def on_pixels(self) -> Image:
@@ -230,12 +236,22 @@ class PossibleLight:
         """Largest share in ``pixels`` [row y, column x], or in a part of each; without extent by refraction alone."""
         if not pixels.any():
             return LargestShare(0.0, 0.0)
-        rays, etendue = self.light.rays, self._etendue_mm2_sr(pixels, self._ball_mm)
+        etendue = self._etendue_mm2_sr(pixels, self._ball_mm)
         held = self.light.transmittance * self.light.curve.share_within(etendue)
-        axis, half_rad = cone_around(self._corners, pixels > 0.0)
-        turns = np.arccos(np.clip(rays.directions @ axis, -1.0, 1.0)) - half_rad - self._parallax_rad()
+        if self.receiver.lamps.period_mm is not None:  # some of it lies in every direction
+            return LargestShare(held, self.light.transmittance)
+        regions = zip(self._lamps.receivers, self._corners, self._lamps.regions(pixels > 0.0), strict=True)
+        return LargestShare(held, float(self._lamps.mean([self._refracted(*each) for each in regions])))
+
+    def _refracted(
+        self, receiver: PosedReceiver, corners: Float[np.ndarray, "m n 3"], pixels: Bool[np.ndarray, "h w"]
+    ) -> float:
+        """Largest share of one lamp in a region of a receiver as it is seen from that lamp."""
+        rays = self.light.rays
+        axis, half_rad = cone_around(corners, pixels)
+        turns = np.arccos(np.clip(rays.directions @ axis, -1.0, 1.0)) - half_rad - self._parallax_rad(receiver, corners)
         passed = rays.flux @ self.light.best_transmittances(turns)
-        return LargestShare(held, float(passed / rays.flux.sum()))
+        return float(passed / rays.flux.sum())
 
     def in_window(self) -> LargestShare:
         """Largest share in the receiver's window, which may be wider than its pixels."""
@@ -276,13 +292,13 @@ class PossibleLight:
     def _etendue_mm2_sr(self, pixels: Region, radius_mm: float) -> float:
         return etendue_from_ball(radius_mm, float((self._solid_angles_sr * pixels).sum()))
 
-    def _parallax_rad(self) -> float:
-        """Most by which a point of the receiver, seen from within the ball, lies off its direction from the origin."""
-        if self.receiver.kind == "far_field":
+    def _parallax_rad(self, receiver: PosedReceiver, corners: Float[np.ndarray, "m n 3"]) -> float:
+        """Most by which a point of a receiver, seen from within the ball, lies off its direction from the origin."""
+        if receiver.kind == "far_field":
             return 0.0
-        nearest_mm = float(np.linalg.norm(self._corners, axis=-1).min())
-        if self.receiver.kind == "plane":  # between the corners it may be nearer
-            pose = self.receiver.pose
+        nearest_mm = float(np.linalg.norm(corners, axis=-1).min())
+        if receiver.kind == "plane":  # between the corners it may be nearer
+            pose = receiver.pose
             nearest_mm = abs(float(pose.axes[2] @ pose.centre_mm))
         return float(np.arcsin(min(1.0, self._ball_mm / nearest_mm)))
 

@@ -17,6 +17,7 @@ from lensforge.kernels.parallel import in_chunks
 from lensforge.optics.arrays import Array, like, module_of, replaced, rows_of
 from lensforge.scene.exit_rays import ExitRays, Sensitivities
 from lensforge.scene.pixel_grid import PixelGrid, Window
+from lensforge.spec.lamps_section import ALONE, Lamps
 
 ReceiverKind = Literal["plane", "far_field", "cylinder", "sphere"]
 
@@ -69,6 +70,13 @@ class ReceiverPose:
         """The unit axes x, y, z as rows."""
         return np.array(self.rows)
 
+    def seen_from(self, place_mm: tuple[float, float], turn_deg: float) -> "ReceiverPose":
+        """The pose in the frame of a lamp that stands at a place on the plane z = 0, turned about its axis."""
+        turned = _turn(turn_deg)
+        centre, rows = turned @ (np.array(self.centre_mm) - (*place_mm, 0.0)), self.axes @ turned.T
+        x, y, z, w = ((float(each[0]), float(each[1]), float(each[2])) for each in (centre, *rows))
+        return ReceiverPose(x, (y, z, w))
+
     def packed(self) -> Float[np.ndarray, "4 3"]:
         """Centre and axes in one array, as the kernels take them."""
         return np.array([self.centre_mm, *self.rows])
@@ -98,12 +106,14 @@ Kernel = Callable[..., Any]
 class PosedReceiver(ABC):
     """A receiver whose chart is given by a pose and, for curved ones, a radius (mm).
 
-    Subclasses name their pair of kernels, and have the same in arrays.
+    Subclasses name their pair of kernels, and have the same in arrays. ``lamps``: those whose light it sees. Rays land
+    from one at the origin; its pictures hold the mean flux of a lamp on each pixel.
     """
 
     pose: ReceiverPose
     grid: PixelGrid
     window: Window = field(default_factory=Window)
+    lamps: Lamps = ALONE
 
     kind: ClassVar[ReceiverKind]
     kernels: ClassVar[tuple[Kernel, Kernel]]  # hits and whether they are reached; the adjoint
@@ -111,9 +121,9 @@ class PosedReceiver(ABC):
 
     @property
     def pixel_measure(self) -> float:
-        """Area of a pixel in m^2, so that flux (W) over it is irradiance (W/m^2)."""
+        """Area of a pixel in m^2, so that flux (W) over it is irradiance (W/m^2); of lamps that for the flux of one."""
         width, height = self.grid.pixel
-        return width * height * 1e-6
+        return width * height * 1e-6 / len(self.lamps)
 
     def land(self, rays: ExitRays) -> Landings:
         """Land ``rays``, NumPy arrays, by a compiled kernel."""

@@ -6,6 +6,7 @@ candela.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from math import ceil, floor
 from typing import ClassVar
 
 import numpy as np
@@ -28,7 +29,10 @@ from lensforge.optics.arrays import Array, lengths, module_of
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.scene.receiver import Kernel, PosedReceiver, ReceiverKind, ReceiverPose, equal_area, from_equal_area
 from lensforge.spec import AnyReceiver, Spec
+from lensforge.spec.lamps_section import Lamps
 from lensforge.spec.receiver_sections import CylinderReceiver, FarFieldReceiver, PlaneReceiver, SphereReceiver
+
+WHOLE = 1e-6  # pixels: two moves that differ by whole pixels to so much are alike
 
 
 @dataclass(frozen=True)
@@ -114,9 +118,9 @@ class FarField(PosedReceiver):
 
     @property
     def pixel_measure(self) -> float:
-        """Solid angle of a pixel in sr, so that flux (W) over it is intensity (W/sr)."""
+        """Solid angle of a pixel in sr, so that flux (W) over it is intensity (W/sr); of lamps for the flux of one."""
         width, height = self.grid.pixel
-        return width * height
+        return width * height / len(self.lamps)
 
     def _reached(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Bool[Array, " n"]:
         return 1.0 + directions[:, 2] > POLE
@@ -158,11 +162,41 @@ def chart_radius(gamma_deg: float) -> float:
 def receivers_of(spec: Spec, pixels: int) -> tuple[PosedReceiver, ...]:
     """The receivers of ``spec``, with ``pixels`` along the longer side of each."""
     built = [build_receiver(section, pixels) for section in spec.all_receivers]
+    if not spec.all_lamps.alone:
+        built = [together(each, spec.all_lamps) for each in built]
     side = spec.evaluate.window_mm
     if side is not None and spec.target is not None:
         built = [replace(built[0], window=Window(side, side))]
     _require_behind_glass(spec, built)
     return tuple(built)
+
+
+_FEWER, _MORE = 0.75, 1.3  # pixels over those asked for, so that lamps may lie alike on them
+
+
+def together(receiver: PosedReceiver, lamps: Lamps) -> PosedReceiver:
+    """The receiver in the light of ``lamps``.
+
+    A plane has pixels so many, near those asked for, that as many of the lamps as can be lie alike on them: their light
+    is then one picture, moved by whole pixels.
+    """
+    grid = receiver.grid
+    if receiver.kind == "plane" and lamps.period_mm is None:
+        moves = np.array(lamps.places_mm) @ receiver.pose.axes[:2, :2].T
+        columns, rows = _alike(grid.columns, moves[:, 0] / grid.width), _alike(grid.rows, moves[:, 1] / grid.height)
+        grid = replace(grid, columns=columns, rows=rows)
+    return replace(receiver, grid=grid, lamps=lamps.from_afar if receiver.kind == "far_field" else lamps)
+
+
+def _alike(asked: int, moves: Float[np.ndarray, " n"]) -> int:
+    """The count of pixels by which ``moves``, in receivers, have the fewest parts of a pixel; or that asked for."""
+
+    def parts(count: int) -> int:
+        return len(np.unique(np.round(moves * count % 1.0 / WHOLE) % round(1.0 / WHOLE)))
+
+    counts = range(ceil(_FEWER * asked), floor(_MORE * asked) + 1)
+    best = min(counts, key=lambda count: (parts(count), abs(count - asked)), default=asked)
+    return best if parts(best) < parts(asked) else asked
 
 
 def _require_behind_glass(spec: Spec, receivers: Sequence[PosedReceiver]) -> None:

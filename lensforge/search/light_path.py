@@ -9,7 +9,9 @@ each exit ray from its path lengths. On another device torch does all, in chunks
 the backward pass: only the start and the two crossings of each ray are kept, 84 bytes.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -27,6 +29,7 @@ from lensforge.light.later_creases import later_crease_gradients
 from lensforge.light.sequential_trace import Crossing, EnteringRays, trace_sequence
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.scene.exit_rays import Sensitivities
+from lensforge.scene.lamp_pictures import LampPictures
 from lensforge.scene.made_part import ErrorField, FaceNodes, MadePart, PartMaker, waviness
 from lensforge.scene.perturbations import Draws
 from lensforge.scene.pixel_grid import PixelGrid, Window
@@ -140,6 +143,30 @@ def _splat(hits: Float[Tensor, "n 2"], flux: Float[Tensor, " n"], grid: PixelGri
     return image.reshape(grid.rows + 2, framed)[1:-1, 1:-1]
 
 
+class _Added(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, lamps: LampPictures, *pictures: Tensor) -> Tensor:
+        ctx.lamps = lamps
+        return torch.from_numpy(lamps.added([picture.detach().numpy() for picture in pictures]))
+
+    @staticmethod
+    def backward(ctx: Any, by_image: Tensor) -> Any:
+        return None, *map(torch.from_numpy, ctx.lamps.spread(by_image.numpy()))
+
+
+def together(lamps: LampPictures, found: Sequence[Collected]) -> Collected:
+    """Mean light of a lamp on their receiver, from that of one on each raster.
+
+    Where a raster is wider than the receiver, light is in the window by its pixels, and outside off the raster.
+    """
+    if lamps.alone:
+        return found[0]
+    image: Tensor = _Added.apply(lamps, *(each.image for each in found))  # type: ignore[no-untyped-call]
+    in_window = image.sum() if lamps.widened else lamps.mean([each.in_window for each in found])
+    outside = lamps.mean([each.outside_receiver for each in found])
+    return Collected(image, in_window, outside, found[0].total_reflection)
+
+
 _FANS, _RAYS_OF_FAN = 128, 32  # 2 % of noise in the part of later creases
 
 
@@ -204,6 +231,16 @@ class LightPath:
     chunk: int = _CHUNK
     source: Source | None = None
 
+    @cached_property
+    def lamps(self) -> tuple[LampPictures, ...]:
+        """The pictures of one lamp that make the light on each receiver."""
+        return tuple(map(LampPictures.of, self.receivers))
+
+    @cached_property
+    def seen(self) -> tuple[PosedReceiver, ...]:
+        """The receivers of one lamp's light: of all pictures."""
+        return tuple(each for own in self.lamps for each in own.receivers)
+
     def through(
         self,
         tables: Float[Tensor, "f side side"],
@@ -216,27 +253,32 @@ class LightPath:
         return replace(self, scene=scene).collect(part.tables(tables), own)
 
     def collect(self, tables: Float[Tensor, "f side side"], rays: RayBundle) -> tuple[Collected, ...]:
-        """Trace ``rays`` through tables on the CPU and collect them there; differentiable in the tables.
+        """Trace ``rays`` through tables on the CPU and collect the mean light of a lamp; differentiable in the tables.
 
         The same rays give the same bits on the same device; on another one they agree to rounding.
         """
         if self.device is None:
-            landed, sin2_exit = landed_through(tables, self.scene, rays, self.receivers)
+            landed, sin2_exit = landed_through(tables, self.scene, rays, self.seen)
             emitted = torch.from_numpy(rays.flux)
             found = tuple(
                 collected(landings, sin2_exit, emitted, receiver.grid, receiver.window)
-                for receiver, landings in zip(self.receivers, landed, strict=True)
+                for receiver, landings in zip(self.seen, landed, strict=True)
             )
-            return found if self.source is None or self.scene.made is not None else self._with_creases(tables, found)
+            creased = self.source is not None and self.scene.made is None
+            return self._together(self._with_creases(tables, found) if creased else found)
         there = tables_on(self.device, tables[0], tables[1], self.scene)
         starts = range(0, len(rays), self.chunk)
         parts = [self._part(there, rays.take(slice(start, start + self.chunk))) for start in starts]
         sums = [torch.stack(each).sum(dim=0).cpu() for each in zip(*parts, strict=True)]
-        return tuple(Collected(*sums[first : first + 4]) for first in range(0, len(sums), 4))
+        return self._together(tuple(Collected(*sums[first : first + 4]) for first in range(0, len(sums), 4)))
+
+    def _together(self, found: tuple[Collected, ...]) -> tuple[Collected, ...]:
+        rest = iter(found)
+        return tuple(together(lamps, [next(rest) for _ in lamps.rasters]) for lamps in self.lamps)
 
     def _with_creases(self, tables: Tensor, found: tuple[Collected, ...]) -> tuple[Collected, ...]:
         sums = [each for own in found for each in vars(own).values()]
-        places = self.scene, self.source, self.receivers
+        places = self.scene, self.source, self.seen
         same = _AtCreases.apply(tables, *places, *sums)  # type: ignore[no-untyped-call]  # as torch has it
         return tuple(Collected(*same[first : first + 4]) for first in range(0, len(same), 4))
 
@@ -252,7 +294,7 @@ class LightPath:
         def light() -> tuple[Tensor, ...]:
             exit_rays = trace_sequence(inner, outer, entering, self.scene.fresnel)
             sums: list[Tensor] = []
-            for receiver in self.receivers:
+            for receiver in self.seen:
                 landings, places = receiver.land_by_arrays(exit_rays), (receiver.grid, receiver.window)
                 found = collected_on_device(landings, exit_rays.sin2_exit, entering.flux, *places)
                 sums += (found.image, found.in_window, found.outside_receiver, found.total_reflection)

@@ -282,6 +282,8 @@ def _has_mirrors(picture: Float[np.ndarray, "h w"], mirrors: ChartMirrors | None
 
 def chart_mirrors(receiver: PosedReceiver, name: str) -> ChartMirrors | None:
     """Action of a mirror group's generators on a receiver's chart; None where its mirror image is another receiver."""
+    if not receiver.lamps.has_mirrors(name):
+        return None
     found, axes, centre = [], receiver.pose.axes, np.array(receiver.pose.centre_mm)
     for mirror in generators(name):
         moved = np.linalg.norm(mirror @ centre - centre)

@@ -17,6 +17,7 @@ from lensforge.results.files import replacing
 from lensforge.results.validation import its_type
 from lensforge.spec.derived_values import derived_sizes
 from lensforge.spec.feasible import require_feasible
+from lensforge.spec.lamps_section import AnyLamps, Lamps, lamps_of, require_together
 from lensforge.spec.lens_section import AnyLens, LensSection
 from lensforge.spec.light_limits import LightLimitSpec, PhotometrySection, require_limit_fits, require_seen_from_afar
 from lensforge.spec.part_section import BaseSection, DrawingSection, ManufactureSection
@@ -121,6 +122,8 @@ class Spec(Section):
     """The light that is wanted, with the receiver that it names; or give ``receivers``."""
     receivers: Annotated[tuple[_OneReceiver, ...], Field(max_length=_MOST_RECEIVERS)] = ()
     """Surfaces that the light falls on, each with its targets; or give ``target`` alone."""
+    lamps: AnyLamps | None = None
+    """Equal lamps, whose light every receiver sees together; by default one at the origin."""
     limits: Annotated[tuple[LightLimitSpec, ...], Field(max_length=_MOST_LIMITS)] = ()
     """Light that must be at least, or at most, so much."""
     roads: Annotated[tuple[RoadSection, ...], Field(max_length=MOST_ROADS)] = ()
@@ -228,6 +231,25 @@ class Spec(Section):
                 require_limit_fits(limit, receivers[name].unit, receivers[name].extent, f"receiver {name!r}")
             except ValueError as error:
                 raise ValueError(f"limits.{number}: {error}") from None
+        return self
+
+    @property
+    def all_lamps(self) -> Lamps:
+        """The lamps whose light the receivers see."""
+        return lamps_of(self.lamps)
+
+    @property
+    def of_one_lamp(self) -> "Spec":
+        """The spec of the lens alone, at the origin."""
+        return self if self.lamps is None else self.model_copy(update={"lamps": None})
+
+    @model_validator(mode="after")
+    def _lamps_have_room(self) -> "Spec":
+        if self.lamps is not None and not self.all_lamps.alone:
+            lenses, receivers = self.photometry.lenses, self.all_receivers
+            require_together(self.all_lamps, self.constraints, self.base, receivers, lenses)
+            if self.evaluate.window_mm is not None:
+                raise ValueError("evaluate.window_mm: of lamps together the whole receiver counts; leave it out")
         return self
 
     @model_validator(mode="after")

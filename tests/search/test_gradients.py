@@ -16,6 +16,10 @@ SPHERE = {"kind": "sphere", "radius_mm": 3.0, "centre_z_mm": -1.0}
 DOME = {"kind": "asphere", "vertex_z_mm": 6.5, "radius_mm": -6.0, "conic_constant": -0.2, "coefficients": [-1e-5]}
 DISPERSED = {"source": {"kind": "square", "side_mm": 1.0, "spectrum": WHITE}, "lens__material": "PC"}
 ROBUST = {"optimise__robust": True}
+PERIOD = {
+    "kind": "plane", "centre_mm": [0.0, 0.0, 40.0], "width_mm": 60.0, "height_mm": 60.0 * 3.0**0.5,
+    "targets": [{"kind": "rectangle", "width_mm": 60.0, "height_mm": 100.0, "uniform_mm": 50.0}],
+}  # fmt: skip
 SPECS: dict[str, dict[str, Any]] = {
     "free": {},
     "symmetric": {"lens__symmetry": "square"},
@@ -26,6 +30,18 @@ SPECS: dict[str, dict[str, Any]] = {
     "lossless": {"optimise__fresnel": False},
     **{name: {"target": None, "receivers": [each]} for name, each in RECEIVERS.items()},
     "all receivers": {"target": None, "receivers": list(RECEIVERS.values())},
+    "lamps in a grid": {"lamps": {"kind": "grid", "columns": 3, "rows": 2, "pitch_mm": 20.0}},
+    "lamps without an end": {"lamps": {"kind": "endless", "pitch_mm": 200.0}},
+    "lamps in hexagons without an end": {
+        "lamps": {"kind": "endless", "lattice": "hexagon", "pitch_mm": 60.0},
+        "target": None,
+        "receivers": [PERIOD],
+    },
+    "lamps in a ring": {
+        "lamps": {"kind": "ring", "count": 3, "diameter_mm": 40.0},
+        "target": None,
+        "receivers": list(RECEIVERS.values()),
+    },
     "robust": ROBUST,
     "robust, large": ROBUST | tolerance_changes(LARGE),
     "robust, symmetric": ROBUST | tolerance_changes(LARGE) | {"lens__symmetry": "square"},

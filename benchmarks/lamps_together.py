@@ -1,0 +1,103 @@
+"""Lamps together: how even a backlight is, what a finite one loses at its rim, and what lamps cost in a search.
+
+python benchmarks/lamps_together.py [--accuracy standard]       # ten minutes on one core
+"""
+
+import lensforge as lf  # before torch, whose idle threads then sleep
+
+# isort: split
+import argparse
+import statistics
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from lensforge.search.parameters import settled_symmetry
+from lensforge.search.problem import Problems
+from lensforge.sources.build_source import build_source
+
+BACKLIGHT = lf.load_spec(Path(__file__).parents[1] / "examples" / "backlight.toml")
+PITCHES_MM, RAYS, PIXELS = (20.0, 30.0, 40.0), 2**26, 64
+LEVELS, STEP_RAYS = (25, 81, 289), 2**17
+
+
+def square(side_mm: float, **lamps: object) -> dict[str, object]:
+    """Changes of the backlight: other lamps, and a receiver of another side."""
+    sizes = ("target.width_mm", "target.height_mm", "target.receiver_mm", "target.uniform_mm")
+    return {"lamps": {"kind": "endless", **lamps}, **dict.fromkeys(sizes, side_mm)}
+
+
+def evenness(accuracy: str) -> lf.Lens:
+    """Search and evaluate the backlight at each pitch; the lens of the first."""
+    print("pitch  min/max            min/mean           deviation          efficiency  of possible  search")
+    lenses = []
+    for pitch_mm in PITCHES_MM:
+        begun = time.process_time()
+        lens = lf.design(BACKLIGHT.replace(square(pitch_mm, pitch_mm=pitch_mm)), accuracy=accuracy).lens
+        seconds = time.process_time() - begun
+        lit = lf.evaluate(lens, rays=RAYS, pixels=PIXELS).receivers[0]
+        share = lit.efficiency.value
+        print(
+            f"{pitch_mm:3.0f} mm {lit.in_region.u1!s:18s} {lit.in_region.u0!s:18s} {lit.rsd!s:20s} {share:8.4f} "
+            f"{share / lit.possible.efficiency:10.4f} {seconds:10.0f} s of CPU",
+            flush=True,
+        )
+        lenses.append(lens)
+    return lenses[0]
+
+
+def rim(lens: lf.Lens, pitch_mm: float = 20.0, across: int = 6) -> None:
+    """Light of a finite square of lamps above them, period by period, over that of a lattice without an end."""
+    own = square(across * pitch_mm, kind="grid", columns=across, rows=across, pitch_mm=pitch_mm)
+    lit = lf.evaluate(replace(lens, spec=lens.spec.replace({**own, "limits": ()})), rays=2**24, pixels=10 * across)
+    endless = lf.evaluate(lens, rays=2**24, pixels=10).receivers[0].map.mean()
+    cells = lit.receivers[0].map.reshape(across, 10, across, 10).mean(axis=(1, 3)) / endless
+    print(f"{across} x {across} lamps, {lit.receivers[0].efficiency.value:.4f} of the light above them; by period:")
+    print(np.array_str(cells[: across // 2, : across // 2], precision=3))
+
+
+def step(lamps: dict[str, object] | None, side_mm: float) -> tuple[float, ...]:
+    """CPU seconds of gradient steps."""
+    spec = BACKLIGHT.replace({**square(side_mm, pitch_mm=side_mm), "limits": ()})
+    spec = spec.of_one_lamp if lamps is None else spec.of_one_lamp.replace({"lamps": lamps})
+    source = build_source(spec.source, None)
+    problem = Problems(settled_symmetry(spec.with_levels(LEVELS), source), source, 3.4, None).of(LEVELS)
+    weights = torch.zeros((problem.parametrisation.basis.size, 2), dtype=torch.float64, requires_grad=True)
+    offsets, rays = torch.ones(2, dtype=torch.float64, requires_grad=True), source.sample(STEP_RAYS, 0)
+    times = []
+    for _ in range(8):
+        begun = time.process_time()
+        problem.merit.evaluate(weights, offsets, rays, problem.constraints, False).loss.backward()
+        times.append(time.process_time() - begun)
+    return tuple(times[1:])
+
+
+def costs() -> None:
+    """Medians of a step with lamps over that of one lamp on the same receiver."""
+    grid = {"kind": "grid", "columns": 6, "rows": 6}
+    cases: dict[str, tuple[dict[str, object], float]] = {
+        "6 x 6, six pitches wide": ({**grid, "pitch_mm": 20.0}, 120.0),
+        "6 x 6, no common measure": ({**grid, "pitch_mm": 20.3}, 120.0),
+        "without an end": ({"kind": "endless", "pitch_mm": 20.0}, 20.0),
+        "hexagon of 19": ({"kind": "hexagon", "rings": 2, "pitch_mm": 20.0}, 100.0),
+        "ring of 12, each turned": ({"kind": "ring", "count": 12, "diameter_mm": 100.0}, 100.0),
+    }
+    for name, (lamps, side_mm) in cases.items():
+        ratio = statistics.median(step(lamps, side_mm)) / statistics.median(step(None, side_mm))
+        print(f"{name:26s} {ratio:5.2f} times a step of one", flush=True)
+
+
+def main() -> None:
+    """Measure all."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--accuracy", choices=("draft", "standard"), default="standard")
+    options = parser.parse_args()
+    costs()
+    rim(evenness(options.accuracy))
+
+
+if __name__ == "__main__":
+    main()

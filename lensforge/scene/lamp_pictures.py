@@ -1,0 +1,218 @@
+"""Light of equal lamps on one receiver, made of pictures of one lamp that are moved and added.
+
+A lamp at its place lights a receiver as one at the origin lights the receiver as it is seen from there. On a plane
+above the lamps these views differ by a move alone. Where that is whole pixels, all are parts of one picture of one lamp
+on a wider plane: rays are deposited once, however many the lamps. Elsewhere each view has a picture of its own. In the
+far field only the turns differ. The light of a lattice without an end is that of one lamp, each landing moved by whole
+periods into one: nothing is left out.
+
+A sum is linear, and its adjoint moves the sensitivities back.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from lensforge.errors import InputError
+from lensforge.optics.arrays import Array, module_of
+from lensforge.optics.fundamental_limits import cell_solid_angles
+from lensforge.scene.exit_rays import ExitRays
+from lensforge.scene.pixel_grid import PixelGrid, Window
+from lensforge.scene.receiver import Landings, PosedReceiver
+from lensforge.scene.receiver_shapes import WHOLE, Plane
+from lensforge.spec.lamps_section import ALONE
+
+_MOST_PIXELS = 2**22  # of a picture, of which an evaluation keeps sixteen: half a gigabyte
+_CELLS = 4  # periods on each side by which the solid angles of a lattice's pixels are summed
+_Image = Float[np.ndarray, "_ _"]
+_Images = Float[np.ndarray, "..."]  # of replicates, or one
+
+
+@dataclass(frozen=True)
+class PeriodPlane(Plane):
+    """A plane on which each landing is moved by whole periods of a lattice into one; those around take the splat."""
+
+    def land(self, rays: ExitRays) -> Landings:
+        """Land ``rays``, NumPy arrays, and move their hits."""
+        return self._within(super().land(rays))
+
+    def land_by_arrays(self, rays: ExitRays) -> Landings:
+        """:meth:`land` in NumPy or in torch."""
+        return self._within(super().land_by_arrays(rays))
+
+    def _within(self, found: Landings) -> Landings:
+        period = self.lamps.period_mm
+        assert period is not None
+        hits = [
+            found.hits[:, k] - side * module_of(found.hits).round(found.hits[:, k] / side)
+            for k, side in enumerate(period)
+        ]
+        return replace(found, hits=module_of(found.hits).stack(hits, 1))
+
+
+@dataclass(frozen=True)
+class Raster:
+    """Pixels on which the light of one lamp is deposited: the ``receiver`` as ``lamps`` equal lamps see it.
+
+    ``corners``: row and column at which the receiver of each of them begins; it may reach beyond the raster.
+    """
+
+    receiver: PosedReceiver
+    lamps: int
+    corners: tuple[tuple[int, int], ...] = ((0, 0),)
+
+    def overlaps(self, shape: tuple[int, int]) -> Iterator[tuple[tuple[slice, slice], tuple[slice, slice]]]:
+        """Rows and columns of the raster, and of the receiver of ``shape``, that are the same, for each corner."""
+        for corner in self.corners:
+            there, here = [], []
+            for start, side, size in zip(corner, self.receiver.grid.shape, shape, strict=True):
+                first, last = max(start, 0), min(start + size, side)
+                there.append(slice(first, last))
+                here.append(slice(first - start, last - start))
+            yield (there[0], there[1]), (here[0], here[1])
+
+
+@dataclass(frozen=True)
+class LampPictures:
+    """The rasters of one receiver, in a fixed order; pictures of one lamp on them make that of all on the receiver."""
+
+    receiver: PosedReceiver
+    rasters: tuple[Raster, ...]
+
+    @staticmethod
+    def of(receiver: PosedReceiver) -> "LampPictures":
+        """Make as few rasters as will do. Raises :class:`InputError` where one of them would have too many pixels."""
+        return _pictures(receiver)
+
+    @property
+    def receivers(self) -> list[PosedReceiver]:
+        """The receivers on which one lamp's rays are deposited."""
+        return [raster.receiver for raster in self.rasters]
+
+    @property
+    def alone(self) -> bool:
+        """True for one lamp at the origin: its picture is the whole."""
+        return self.receiver.lamps.alone
+
+    @property
+    def widened(self) -> bool:
+        """True where a picture reaches beyond the receiver, whose flux is then known by pixel alone."""
+        return any(raster.receiver.grid != self.receiver.grid for raster in self.rasters)
+
+    def added(self, pictures: Sequence[_Images]) -> _Images:
+        """Mean flux of a lamp on the receiver's pixels, from that of one on each raster's."""
+        if self.alone:
+            return pictures[0]
+        shape = self.receiver.grid.shape
+        total = np.zeros((*pictures[0].shape[:-2], *shape))
+        for raster, picture in zip(self.rasters, pictures, strict=True):
+            for there, here in raster.overlaps(shape):
+                total[(..., *here)] += picture[(..., *there)]
+        return total / len(self.receiver.lamps)
+
+    def spread(self, by_picture: _Image) -> list[_Image]:
+        """Sensitivities to the pictures of one lamp from those to :meth:`added`: its adjoint."""
+        shape, found = self.receiver.grid.shape, []
+        for raster in self.rasters:
+            by_raster = np.zeros(raster.receiver.grid.shape)
+            for there, here in raster.overlaps(shape):
+                by_raster[there] += by_picture[here]
+            found.append(by_raster / len(self.receiver.lamps))
+        return found
+
+    def mean(self, amounts: Sequence[Array]) -> Array:
+        """Mean over the lamps of an amount that belongs to each raster."""
+        weights = [raster.lamps / len(self.receiver.lamps) for raster in self.rasters]
+        return sum(weight * amount for weight, amount in zip(weights, amounts, strict=True))
+
+    def solid_angles_sr(self, corners: Sequence[Float[np.ndarray, "_ _ 3"]]) -> _Image:
+        """Solid angle of each pixel as a lamp sees it, the mean of all, from ``corners`` (mm) of the rasters' pixels.
+
+        Of a lattice that of all its periods. Those farther than a few are spread over the pixels evenly: all are 2 pi.
+        """
+        period = self.receiver.lamps.period_mm
+        if period is None:
+            return self.added([cell_solid_angles(each) for each in corners])
+        total = np.zeros(self.receiver.grid.shape)
+        for place in self.receiver.lamps.places_mm:
+            here = replace(self.receiver, pose=self.receiver.pose.seen_from(place, 0.0)).corners()
+            for i in range(-_CELLS, _CELLS + 1):
+                for j in range(-_CELLS, _CELLS + 1):
+                    total += cell_solid_angles(here + np.array([i * period[0], j * period[1], 0.0]))
+        total /= len(self.receiver.lamps)
+        return np.asarray(total + max(2.0 * np.pi - float(total.sum()), 0.0) / total.size)
+
+    def regions(self, pixels: Bool[np.ndarray, "_ _"]) -> list[Bool[np.ndarray, "_ _"]]:
+        """Pixels of each raster that are one of ``pixels`` for one of its lamps at least."""
+        return [pixels] if self.alone else [each > 0.0 for each in self.spread(pixels.astype(np.float64))]
+
+
+@lru_cache(maxsize=32)
+def _pictures(receiver: PosedReceiver) -> LampPictures:
+    lamps, rasters = receiver.lamps, list[Raster]()
+    if lamps.alone:
+        return LampPictures(receiver, (Raster(receiver, 1),))
+    moves = np.array(lamps.places_mm) @ receiver.pose.axes[:2, :2].T / receiver.grid.pixel
+    level = receiver.kind == "plane" and not any(receiver.pose.rows[2][:2])
+    for own in _alike(receiver, moves, level):
+        if lamps.period_mm is not None:
+            rasters.append(_period(receiver, own[0]))
+        elif level:
+            rasters.append(_wider(receiver, own, moves[own]))
+        else:
+            pose = receiver.pose.seen_from(lamps.places_mm[own[0]], lamps.turns_deg[own[0]])
+            rasters.append(Raster(replace(receiver, pose=pose, lamps=ALONE), len(own), ((0, 0),) * len(own)))
+    return LampPictures(receiver, tuple(rasters))
+
+
+def _alike(receiver: PosedReceiver, moves: Float[np.ndarray, "n 2"], level: bool) -> list[list[int]]:
+    """Numbers of lamps whose views of the receiver differ by whole pixels, or not at all, together."""
+    lamps, groups = receiver.lamps, dict[object, list[int]]()
+    for number, turn in enumerate(lamps.turns_deg):
+        key: object = number
+        if receiver.kind == "far_field":
+            key = round(turn % 360.0, 9)
+        elif level and lamps.period_mm is None:
+            parts = np.round((moves[number] - np.round(moves[number])) / WHOLE).astype(int)
+            key = (round(turn % 360.0, 9), *(parts % round(1.0 / WHOLE)).tolist())
+        groups.setdefault(key, []).append(number)
+    return list(groups.values())
+
+
+def _wider(receiver: PosedReceiver, own: list[int], moves: Float[np.ndarray, "k 2"]) -> Raster:
+    """The plane so wide that it holds the receiver as each of the lamps ``own`` sees it; ``moves`` in pixels."""
+    low, high = moves.min(axis=0), moves.max(axis=0)
+    grid, pixel = receiver.grid, np.array(receiver.grid.pixel)
+    columns, rows = np.round(high - low + [grid.columns, grid.rows]).astype(int).tolist()
+    if columns * rows > _MOST_PIXELS:
+        raise InputError(
+            f"lamps: the picture of one lamp that holds those of all would have {columns} x {rows} pixels, at most "
+            f'{_MOST_PIXELS}; take fewer pixels (evaluate.pixels, optimise.pixels), fewer lamps, or kind = "endless"'
+        )
+    x, y = (-0.5 * (high + low) * pixel).tolist()
+    middle = np.array(receiver.pose.centre_mm) + np.array([x, y]) @ receiver.pose.axes[:2]
+    centre = (float(middle[0]), float(middle[1]), float(middle[2]))
+    pose = replace(receiver.pose, centre_mm=centre).seen_from((0.0, 0.0), receiver.lamps.turns_deg[own[0]])
+    wide = PixelGrid(columns * float(pixel[0]), rows * float(pixel[1]), columns, rows)
+    corners = np.round(high - moves).astype(int)
+    return Raster(
+        replace(receiver, pose=pose, grid=wide, lamps=ALONE),
+        len(own),
+        tuple((row, column) for column, row in corners.tolist()),
+    )
+
+
+def _period(receiver: PosedReceiver, number: int) -> Raster:
+    """One period as lamp ``number`` of it sees it, and a pixel around it for the splat of rays near its edge."""
+    pose, grid, (width, height) = (
+        receiver.pose.seen_from(receiver.lamps.places_mm[number], 0.0),
+        receiver.grid,
+        receiver.grid.pixel,
+    )
+    rows, columns = grid.shape
+    around = PixelGrid(grid.width + 2.0 * width, grid.height + 2.0 * height, columns + 2, rows + 2)
+    corners = tuple((1 + i * rows, 1 + j * columns) for i in (-1, 0, 1) for j in (-1, 0, 1))
+    return Raster(PeriodPlane(pose, around, Window(), receiver.lamps), 1, corners)

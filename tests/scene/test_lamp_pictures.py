@@ -1,0 +1,173 @@
+"""Light of lamps together: the sum over rays moved one lamp after another, closed forms, and one lamp as it was."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scenes import hemisphere_directions, small_spec, sphere
+from scipy.special import k1
+
+from lensforge.kernels.fate import Fate
+from lensforge.light.lens_light import evaluate
+from lensforge.light.photometry_export import measure_photometry
+from lensforge.light.receiver_light import ReceiverLight
+from lensforge.scene.exit_rays import ExitRays
+from lensforge.scene.lamp_pictures import LampPictures
+from lensforge.scene.lens import Lens
+from lensforge.scene.pixel_grid import bin_flux, splat_flux
+from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.sources.build_source import build_source
+from lensforge.spec.accuracy import PRESETS
+
+N = 4000
+GRID = {"kind": "grid", "columns": 4, "rows": 3, "pitch_mm": 20.0}
+RING = {"kind": "ring", "count": 5, "diameter_mm": 60.0}
+DISC = [{"kind": "disc", "diameter_mm": 40.0}]
+PATTERN = {"kind": "rectangle", "width_mm": 30.0, "height_mm": 30.0}
+SHEET = {"kind": "plane", "centre_mm": [10.0, 5.0, 60.0], "width_mm": 150.0, "height_mm": 120.0, "targets": DISC}
+FAR = {"kind": "far_field", "half_angle_deg": 60.0, "targets": [{"kind": "disc", "diameter_deg": 40.0}]}
+CURVED = {"kind": "cylinder", "radius_mm": 90.0, "width_mm": 150.0, "height_mm": 120.0, "targets": DISC}
+SCENES: dict[str, tuple[dict[str, Any], dict[str, Any], int]] = {  # lamps, receiver, pictures that it takes
+    "grid": (GRID, SHEET, 1),
+    "grid without a common measure": ({**GRID, "pitch_mm": [20.0, 19.913]}, SHEET, 3),
+    "grid below a turned plane": (GRID, {**SHEET, "rotation_deg": 25.0}, 12),
+    "grid below a tilted plane": (GRID, {**SHEET, "tilt_deg": [10.0, 20.0]}, 12),
+    "grid in a cylinder": (GRID, CURVED, 12),
+    "grid from afar": (GRID, FAR, 1),
+    "hexagon": ({"kind": "hexagon", "rings": 2, "pitch_mm": 20.0}, SHEET, 5),
+    "ring": (RING, SHEET, 5),
+    "ring from afar": (RING, FAR, 5),
+    "row": ({"kind": "table", "places_mm": [[-20.0, 0.0], [0.0, 0.0], [40.0, 0.0]]}, SHEET, 1),
+    "table": ({"kind": "table", "places_mm": [[3.0, 40.0]], "turns_deg": [30.0]}, SHEET, 1),
+}
+
+
+def exits() -> ExitRays:
+    rng = np.random.default_rng(0)
+    directions = hemisphere_directions(N)
+    points = 5.0 * directions + 0.1 * rng.normal(size=(N, 3))
+    return ExitRays(points, directions, rng.random(N), np.zeros(N), np.full(N, Fate.LEFT_LENS, dtype=np.int8))
+
+
+@pytest.mark.parametrize("deposit", [bin_flux, splat_flux])
+@pytest.mark.parametrize(("lamps", "receiver", "pictures"), SCENES.values(), ids=SCENES)
+def test_the_sum_is_that_of_rays_moved_one_lamp_after_another(
+    lamps: dict[str, Any], receiver: dict[str, Any], pictures: int, deposit: Any
+) -> None:
+    spec = small_spec(lamps=lamps, target=None, receivers=[receiver], base={"kind": "none"})
+    found, rays = receivers_of(spec, 32)[0], exits()
+    board = LampPictures.of(found)
+    assert len(board.rasters) == pictures
+    total = np.zeros(found.grid.shape)
+    for (x, y), degrees in zip(found.lamps.places_mm, found.lamps.turns_deg, strict=True):
+        turn = np.exp(1j * np.radians(degrees))
+        points, directions = rays.points.copy(), rays.directions.copy()
+        for moved, place in ((points, x + 1j * y), (directions, 0.0)):
+            flat = (moved[:, 0] + 1j * moved[:, 1]) * turn + place
+            moved[:, 0], moved[:, 1] = flat.real, flat.imag
+        landings = found.land(replace(rays, points=points, directions=directions))
+        total += deposit(landings.hits, landings.flux, found.grid)
+    own = [deposit(each.hits, each.flux, r.grid) for r in board.receivers for each in [r.land(rays)]]
+    np.testing.assert_allclose(len(found.lamps) * board.added(own), total, atol=1e-12 * total.max())
+    rng = np.random.default_rng(1)
+    forth, back = [rng.random(each.shape) for each in own], rng.random(total.shape)
+    moved_back = sum(np.vdot(a, b) for a, b in zip(forth, board.spread(back), strict=True))
+    assert np.vdot(board.added(forth), back) == pytest.approx(moved_back, rel=1e-12)
+
+
+def test_a_period_holds_all_light_and_moves_round() -> None:
+    """No flux is lost at its edge, and rays from three pixels further make the same picture three pixels further."""
+    period = {**SHEET, "centre_mm": [0.0, 0.0, 60.0], "width_mm": 20.0, "height_mm": 20.0 * 3.0**0.5, "targets": DISC}
+    lamps = {"kind": "endless", "lattice": "hexagon", "pitch_mm": 20.0}
+    spec = small_spec(lamps=lamps, target=None, receivers=[period], base={"kind": "none"})
+    found, rays = receivers_of(spec, 32)[0], exits()
+    board, (width, height) = LampPictures.of(found), found.grid.pixel
+    pictures = []
+    for move in (0.0, 3.0):
+        moved = replace(rays, points=rays.points + np.array([move * width, move * height, 0.0]))
+        own = [splat_flux(each.hits, each.flux, r.grid) for r in board.receivers for each in [r.land(moved)]]
+        pictures.append(board.added(own))
+    assert pictures[0].sum() == pytest.approx(rays.flux.sum(), rel=1e-12)
+    np.testing.assert_allclose(np.roll(pictures[0], (3, 3), axis=(0, 1)), pictures[1], atol=1e-9)
+
+
+ABOVE = {"target": {**PATTERN, "distance_mm": 20.0, "receiver_mm": 30.0}}
+
+
+def light_of(rays: int = 2**16, pixels: int = 16, **changes: Any) -> ReceiverLight:
+    """Light of a point source in concentric spheres, whose rays go straight: Lambertian, with one transmittance."""
+    spec = small_spec(**{"base": {"kind": "none"}, "source__side_mm": 0.0, **ABOVE, **changes})
+    lens = Lens.double(sphere(3.0), sphere(6.0), spec, seed=0, accuracy="draft")
+    return evaluate(lens, rays=rays, pixels=pixels).receivers[0]
+
+
+ENDLESS = {"kind": "endless", "pitch_mm": 30.0}
+
+
+def test_a_lattice_of_lambertian_lamps_is_as_even_as_its_transform_says() -> None:
+    """1 + sum of (h k) K1(h k) cos(k x) over its waves k: the transform of h^2/(r^2 + h^2)^2 / pi."""
+    lit = light_of(2**20, 5, lamps=ENDLESS, evaluate__filter_variance=0.0)
+    centres = 30.0 * ((np.arange(5) + 0.5) / 5.0 - 0.5)
+    wanted = np.ones((5, 5))
+    for i in range(-4, 5):
+        for j in range(-4, 5):
+            way = 2.0 * np.pi / 30.0 * np.array([i, j])
+            k = 20.0 * np.hypot(*way)
+            if k > 0.0:
+                wave = np.outer(np.cos(way[1] * centres), np.cos(way[0] * centres))
+                wanted += k * k1(k) * np.prod(np.sinc(3.0 * way / np.pi)) * wave  # its mean over a pixel of 6 mm
+    np.testing.assert_allclose(lit.map / lit.map.mean(), wanted, rtol=8e-3)
+    assert (lit.map / lit.map.mean()).std() > 0.04
+    assert lit.efficiency.value == pytest.approx(lit.possible.efficiency, rel=1e-4)
+
+
+def test_a_lattice_is_the_middle_of_41_times_41_lamps() -> None:
+    """Those beyond send 620 mm far: h^2/(h^2 + r^2) of their light, spread evenly."""
+    grid = {**ENDLESS, "kind": "grid", "columns": 41, "rows": 41}
+    endless, middle = (light_of(2**18, 4, lamps=lamps) for lamps in (ENDLESS, grid))
+    beyond = middle.map.mean() / endless.map.mean()
+    assert 1.0 - 20.0**2 / 615.0**2 < beyond < 1.0 - 0.5 * 20.0**2 / 615.0**2
+    np.testing.assert_allclose(middle.map / beyond, endless.map, rtol=2e-4)
+
+
+def test_two_lamps_superpose_and_one_is_the_lens() -> None:
+    """To the bit, metrics and possible light included; of two, each is the lens in a receiver moved the other way."""
+    alone = light_of()
+    same = light_of(lamps={"kind": "grid", "columns": 1, "rows": 1, "pitch_mm": 30.0})
+    assert same == alone and np.array_equal(same.map, alone.map)
+    both = light_of(lamps={"kind": "table", "places_mm": [[-15.0, 0.0], [15.0, 0.0]]})
+    sheet = {**SHEET, "width_mm": 30.0, "height_mm": 30.0, "targets": [PATTERN]}
+    moved = [light_of(target=None, receivers=[{**sheet, "centre_mm": [x, 0.0, 20.0]}]) for x in (15.0, -15.0)]
+    np.testing.assert_allclose(both.map, moved[0].map + moved[1].map, rtol=1e-9)
+    for name in ("efficiency", "share_in_target"):
+        mean = 0.5 * sum(getattr(each, name).value for each in moved)
+        assert getattr(both, name).value == pytest.approx(mean, rel=1e-9)
+    assert both.flux.outside == pytest.approx(0.5 * (moved[0].flux.outside + moved[1].flux.outside), rel=1e-9)
+    assert both.possible.efficiency <= 0.5 * sum(each.possible.efficiency for each in moved) + 0.02
+
+
+def test_what_is_possible_from_afar_is_that_of_one_lamp() -> None:
+    far = {"target": None, "receivers": [FAR], "source__side_mm": 2.0}
+    alone, many = light_of(2**12, **far), light_of(2**12, lamps=GRID, **far)
+    assert many.possible == alone.possible and many.efficiency == alone.efficiency
+    np.testing.assert_allclose(many.map, 12.0 * alone.map, rtol=1e-12)
+
+
+def test_lamps_from_afar_have_so_many_times_the_candela_and_turn() -> None:
+    """Two lamps turned from x to y: C runs the other way."""
+    spec = small_spec(source={"kind": "square", "side_mm": 1.0, "tilt_deg": [20.0, 0.0], "flux_lm": 100.0})
+    pair = {"kind": "table", "places_mm": [[-30.0, 0.0], [30.0, 0.0]], "turns_deg": [90.0, 90.0]}
+    alone, two = (
+        measure_photometry(
+            Lens.double(sphere(3.0), sphere(6.0), each, seed=0, accuracy="draft"),
+            build_source(each.source, None), PRESETS["draft"], rays=2**18,
+        )
+        for each in (spec, spec.replace({"lamps": pair}))
+    )  # fmt: skip
+    assert two.source_lm == 200.0 and two.exit_lm.value == pytest.approx(2.0 * alone.exit_lm.value, rel=1e-3)
+    turn = int(np.searchsorted(alone.c_deg, 90.0))
+    turned = np.roll(alone.candela[:-1], -turn, axis=0)
+    cut = slice(*np.searchsorted(alone.gamma_deg, [30.0, 50.0]))
+    np.testing.assert_allclose(two.candela[:-1, cut].mean(axis=1), 2.0 * turned[:, cut].mean(axis=1), rtol=0.04)
+    assert np.ptp(alone.candela[:-1, cut].mean(axis=1)) > 0.5 * alone.candela[:, cut].mean()

@@ -1,0 +1,95 @@
+"""Lamps together in a spec: where they stand, which mirrors they have, and what cannot be."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scenes import small_spec
+
+from lensforge.errors import InputError
+from lensforge.spec import Spec, parse_spec
+from lensforge.spec.lamps_section import Lamps
+
+GRID = {"kind": "grid", "columns": 3, "rows": 2, "pitch_mm": [20.0, 30.0]}
+DISC = {"kind": "disc", "diameter_mm": 9.0}
+RING = {"kind": "ring", "count": 4, "diameter_mm": 60.0}
+
+
+def lamps_of(lamps: dict[str, Any]) -> Lamps:
+    return small_spec(lamps=lamps, base={"kind": "none"}, target__receiver_mm=200.0).all_lamps
+
+
+def test_lamps_stand_about_the_origin() -> None:
+    grid = lamps_of(GRID).places_mm
+    assert sorted(grid) == [(x, y) for x in (-20.0, 0.0, 20.0) for y in (-15.0, 15.0)]
+    hexagon = lamps_of({"kind": "hexagon", "rings": 2, "pitch_mm": 20.0})
+    away = np.sort(np.hypot(*np.array(hexagon.places_mm).T))
+    np.testing.assert_allclose(away, [0.0] + 6 * [20.0] + 6 * [20.0 * 3.0**0.5] + 6 * [40.0], atol=1e-12)
+    assert hexagon.nearest_mm() == pytest.approx(20.0)
+    ring = lamps_of(RING)
+    np.testing.assert_allclose(ring.places_mm, [(30.0, 0.0), (0.0, 30.0), (-30.0, 0.0), (0.0, -30.0)], atol=1e-12)
+    assert ring.turns_deg == (0.0, 90.0, 180.0, 270.0) and lamps_of({**RING, "turned": False}).turns_deg == (0.0,) * 4
+    assert small_spec().all_lamps.alone and lamps_of({"kind": "grid", "columns": 1, "rows": 1, "pitch_mm": 9.0}).alone
+    period = small_spec(lamps={"kind": "endless", "pitch_mm": 200.0}).all_lamps
+    assert period.period_mm == (200.0, 200.0) and len(period) == 1 and period.nearest_mm() == 200.0
+
+
+@pytest.mark.parametrize(
+    ("lamps", "groups"),
+    [
+        (GRID, ["none", "mirror_x", "mirror_y", "rectangle"]),
+        ({**GRID, "rows": 3, "pitch_mm": 20.0}, ["none", "mirror_x", "mirror_y", "rectangle", "square"]),
+        (RING, ["none", "mirror_y"]),  # across the y axis the +x of each would point to the origin
+        ({**RING, "count": 5}, ["none", "mirror_y"]),
+        ({"kind": "hexagon", "rings": 1, "pitch_mm": 20.0}, ["none", "mirror_x", "mirror_y", "rectangle"]),
+        ({"kind": "table", "places_mm": [[9, 9], [-9, -9]], "turns_deg": [10.0, 190.0]}, ["none"]),
+    ],
+)
+def test_lamps_have_the_mirrors_that_move_each_onto_another_one(lamps: dict[str, Any], groups: list[str]) -> None:
+    own = lamps_of(lamps)
+    assert [name for name in ("none", "mirror_x", "mirror_y", "rectangle", "square") if own.has_mirrors(name)] == groups
+
+
+def test_a_lattice_has_the_mirrors_of_its_cell() -> None:
+    hexagons = Lamps(((0.0, 0.0), (10.0, 10.0 * 3.0**0.5)), (0.0, 0.0), (20.0, 20.0 * 3.0**0.5))
+    assert hexagons.has_mirrors("rectangle") and not hexagons.has_mirrors("square")
+    assert Lamps(period_mm=(20.0, 20.0)).has_mirrors("square") and not Lamps(period_mm=(20.0, 30.0)).has_mirrors(
+        "square"
+    )
+
+
+def plane(**changes: Any) -> dict[str, Any]:
+    whole = {"kind": "plane", "centre_mm": [0.0, 0.0, 30.0], "width_mm": 60.0, "height_mm": 60.0, "targets": [DISC]}
+    return {"target": None, "receivers": [{**whole, **changes}]}
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"lamps": {**GRID, "pitch_mm": 13.0}}, "13 mm apart, lenses of constraints.max_radius_mm = 7 overlap; .* 14"),
+        ({"lamps": {**GRID, "pitch_mm": 15.0}}, "15 mm apart, their rims of base.kind = 'cylinder' are 16 mm wide"),
+        ({"lamps": GRID, **plane(centre_mm=[8.0, 0.0, 3.0], normal=[1.0, 0.0, 0.3])}, "between the lamps: .* needs"),
+        ({"lamps": RING, "target": None, "receivers": [
+            {"kind": "sphere", "radius_mm": 35.0, "half_angle_deg": 60.0, "targets": [DISC]}
+        ]}, r"'sphere' is between the lamps: that at \(30, 0\) mm has 5 mm to it"),
+        ({"lamps": {"kind": "endless", "pitch_mm": 20.0}}, "light level planes that are one period .* 20 x 20 mm"),
+        ({"lamps": {"kind": "endless", "pitch_mm": 60.0}, **plane(rotation_deg=30.0)}, "light level planes"),
+        ({"lamps": {"kind": "endless", "lattice": "hexagon", "pitch_mm": [20.0, 30.0]}}, "a hexagonal lattice has one"),
+        ({"lamps": {"kind": "table", "places_mm": [[0, 0], [20, 0]], "turns_deg": [3.0]}}, "turns_deg has 1 numbers"),
+        ({"lamps": {**GRID, "columns": 60, "rows": 60}}, "3600 lamps, at most 2000"),
+        ({"lamps": GRID, "evaluate__window_mm": 100.0}, "evaluate.window_mm: of lamps together"),
+        ({"lamps": GRID, **plane(window_mm=[20.0, 20.0])}, "receivers.window_mm: of lamps together"),
+        ({"lamps": GRID, "photometry__lenses": 6}, r"photometry.lenses = 6: \[lamps\] are 6 already"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_is_one_line(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words) as caught:
+        small_spec(**changes)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_a_written_spec_has_its_lamps() -> None:
+    spec = small_spec(lamps=GRID, base={"kind": "none"})
+    assert spec.lamps is not None and spec.replace({"lamps.rows": 3}).all_lamps.places_mm[0] == (-20.0, -30.0)
+    assert isinstance(parse_spec(spec.model_dump(mode="json", exclude_unset=True), "again"), Spec)
+    assert spec.of_one_lamp.all_lamps.alone and "lamps" not in spec.of_one_lamp.to_toml()
