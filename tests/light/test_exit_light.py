@@ -14,6 +14,7 @@ from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.ray_set import RaySetEmitter
+from lensforge.spec.lamps_section import ALONE, Lamps
 
 SEED, PARTS, ROUNDS = 3, 16, 32
 LENS = object.__new__(TracedLens)  # never looked at
@@ -33,8 +34,8 @@ def by_fate(rays: RayBundle) -> np.ndarray:
 
 @pytest.fixture(autouse=True)
 def half_transparent(monkeypatch: pytest.MonkeyPatch) -> None:
-    def traced(lens: TracedLens, rays: RayBundle, sphere_mm: float) -> RaysOnSphere:
-        assert lens is LENS and sphere_mm == 7.0
+    def traced(lens: TracedLens, rays: RayBundle, sphere_mm: float, lamps: Lamps) -> RaysOnSphere:
+        assert lens is LENS and sphere_mm == 7.0 and lamps.alone
         return RaysOnSphere(behind(rays), by_fate(rays))
 
     monkeypatch.setattr(exit_light, "exit_rays", traced)
@@ -150,7 +151,7 @@ def test_light_has_the_mirrors_that_source_and_lens_share(source: str, lens: str
     class Mirrored(Lens):
         symmetry = lens
 
-    assert _symmetry(object.__new__(Mirrored), SquareEmitter(1.0, symmetry=source)) == both
+    assert _symmetry(object.__new__(Mirrored), SquareEmitter(1.0, symmetry=source), ALONE) == both
 
 
 def test_rays_inside_a_sphere_leave_it_ahead_of_them() -> None:
