@@ -1,4 +1,4 @@
-"""What the class of a road asks of its light: each figure of each observer, as a sum over the candela of the lamps."""
+"""Figures that the class of a road asks for: each figure of each observer, as a sum over the candela of the lamps."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -46,7 +46,7 @@ class Lamps:
 
     @property
     def words(self) -> str:
-        """How many, after the receivers that they light; empty for one alone."""
+        """Number of lamps, after the receivers that they light; empty for one alone."""
         if self.period_mm is None:
             return "" if self.alone else f", lit by {len(self)} lamps"
         return f", lit by a lattice without an end, {len(self)} in {self.period_mm[0]:g} × {self.period_mm[1]:.4g} mm"
