@@ -59,11 +59,8 @@ class ProfileBasis:
         within = np.clip(cosines, self.low, self.high)
         beyond = (cosines - within) / self.step
         bend = np.abs(beyond) + np.expm1(-np.abs(beyond))  # half of the square near the end, straight far away
-        return (
-            self._spread(within, 0)
-            + beyond[:, None] * self._spread(within, 1)
-            + bend[:, None] * self._spread(within, 2)
-        )
+        straight = self._spread(within, 0) + beyond[:, None] * self._spread(within, 1)
+        return np.asarray(straight + bend[:, None] * self._spread(within, 2))
 
     def slopes(self, cosines: _Values) -> Float[np.ndarray, "n c"]:
         """Derivative of every function by the cosine."""

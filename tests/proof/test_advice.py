@@ -148,7 +148,7 @@ def test_rays_that_met_other_faces_count_as_of_another_fate():
     rays, ones, zero, fates = lambertian(3, 0.0), np.ones(3), np.zeros(3), np.full(3, CastFate.LANDED, dtype=np.int64)
     design, part = np.array([[0, 3], [0, 3], [1, 2]]), np.array([[0, 3], [0, 2], [1, 2]])
     places = np.array([[0.0, 0.5], [1.0, 0.0], [0.0, 0.0]])
-    landed = LandedRays(places + [[0.0, 0.0], [0.0, 0.0], [0.0, 3.0]], ones, zero, zero, fates, part)
+    landed = LandedRays(places + np.array([[0.0, 0.0], [0.0, 0.0], [0.0, 3.0]]), ones, zero, zero, fates, part)
     one_way = Expected(Screen.square(DISTANCE, 10.0, 2), np.ones((2, 2)), places, ones)
     found, alike = (compare(rays, landed, each) for each in (replace(one_way, met=design), one_way))
     assert (found.compared, found.fates, found.max) == (2, 1, pytest.approx(3.0))
