@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from jaxtyping import Bool, Float, Shaped
+from jaxtyping import Bool, Float, Int8, Shaped
 
 from lensforge import seeds
 from lensforge.errors import remedy
@@ -230,12 +230,14 @@ def flux_by_fate(rays: ExitRays, missed_receiver: Bool[np.ndarray, " n"]) -> Flo
 class DesignLandings:
     """Landings of the same rays on one receiver: hits, NaN where they do not land, their flux (W) there, their fates.
 
-    Fates are the names of :class:`~lensforge.kernels.fate.Fate`, "landed" and "missed_receiver".
+    Fates are the names of :class:`~lensforge.kernels.fate.Fate`, "landed" and "missed_receiver". ``met``: number of the
+    face at each event of a chain, -1 where there was none; None of the usual lens.
     """
 
     hits: Float[np.ndarray, "n 2"]
     flux: Float[np.ndarray, " n"]
     fates: Shaped[np.ndarray, " n"]
+    met: Int8[np.ndarray, "n e"] | None = None
 
 
 def design_landings(lens: TracedLens, spec: Spec, rays: RayBundle) -> list[DesignLandings]:
@@ -246,7 +248,7 @@ def design_landings(lens: TracedLens, spec: Spec, rays: RayBundle) -> list[Desig
         landings = receiver.land(exit_rays)
         fates = np.where(landings.missed_receiver, MISSED_RECEIVER, exit_rays.fates)
         hits = np.where(landings.landed[:, None], landings.hits, np.nan)
-        found.append(DesignLandings(hits, landings.flux, names[fates]))
+        found.append(DesignLandings(hits, landings.flux, names[fates], exit_rays.met))
     return found
 
 

@@ -126,7 +126,8 @@ class TracedBundle:
 
         in_chunks(work, count)
         taken = absorbed if len(absorptions) else None
-        exits = ExitRays(points, directions, flux, sin2_exit, fates, absorbed=taken, axial=axial)
+        faces_met = None if met is None else met >> 2
+        exits = ExitRays(points, directions, flux, sin2_exit, fates, absorbed=taken, axial=axial, met=faces_met)
         behind = behind_glass(exits, scene.media, scene.fresnel, coatings)
         return TracedBundle(tables, scene, rays, body, coatings, placed, rough, lengths, met, exits, behind)
 

@@ -11,7 +11,6 @@ from lensforge.cad.part import Part
 from lensforge.errors import InputError
 from lensforge.light.evaluation_result import Light
 from lensforge.light.lens_light import evaluate, inputs_of, judging_source, rays_of
-from lensforge.optics.media import DOUBLE
 from lensforge.proof.proof_result import Proof
 from lensforge.proof.sandboxed_casts import stray_in_sandbox, verify_in_sandbox
 from lensforge.proof.stray_result import StrayLight
@@ -55,20 +54,24 @@ def verify_with(second: SecondProcess, part: Part, light: Light, rays: int | Non
     spec, preset, source = lens.spec, preset_of(lens.accuracy), judging_source(spec)
     count, conditions = rays_of(rays, preset.verify_rays, source)
     bundle = source.sample(count, seeds.of_verification(lens.seed))
-    landed = design_landings(TracedLens.of(lens, preset.evaluate_nodes_per_sigma), spec, bundle)
-    parts = zip(screens_of(spec, light.pixels), light.receivers, landed, strict=True)
-    creased = lens.events > len(DOUBLE)
+    traced, optical = TracedLens.of(lens, preset.evaluate_nodes_per_sigma), optical_of(lens.body, lens.events)
+    landed = design_landings(traced, spec, bundle)
+    order = optical.numbers_of(traced.scene.names)
+    expected = [
+        Expected(screen, lit.map, own.hits, own.flux, own.fates, None if own.met is None else order[own.met])
+        for screen, lit, own in zip(screens_of(spec, light.pixels), light.receivers, landed, strict=True)
+    ]
     proof = verify_in_sandbox(
         part.stl,
         rays=bundle,
         media=lens.media,
-        expected=[Expected(screen, lit.map, own.hits, own.flux, own.fates, creased) for screen, lit, own in parts],
+        expected=expected,
         names=[receiver.name for receiver in light.receivers],
         step=part.step,
         second=second,
         mitsuba_rays=MITSUBA_RAYS if mitsuba_installed() else 0,
         own=independent_light(lens, source, light, count),
-        optical=optical_of(lens.body, lens.events),
+        optical=optical,
         exported=part.size,
         chord_mm=1e-3 * part.triangulation.chord_error_um,
         threads=torch.get_num_threads(),

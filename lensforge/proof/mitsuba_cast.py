@@ -103,7 +103,11 @@ def send_through_mitsuba(part: PartMesh, rays: RayBundle, media: Media) -> tuple
             for event, place in zip(met, own, strict=False):
                 event.append((row, place))
         whole = LitRays.of(rays, media)
-        for event in filter(None, met):
+        for number, event in enumerate(met):
+            if not event:
+                continue
+            rows = [row for row, _ in event]
+            passage.met[rows, number] = [place.face for _, place in event]
             _share(passage, whole, event, part.optical, media)
         return str(mi.__version__), behind_glass(passage, rays, media)
     finally:

@@ -4,6 +4,7 @@ A file is cast by its own geometry. Of the design come no more than the name of 
 which its coating depends, and the number of events that the light has on its way.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,6 +46,10 @@ class OpticalFaces:
     def __post_init__(self) -> None:
         if self.events < _CROSSINGS:
             raise InputError(f"events = {self.events}: light passes two faces at least, must be >= {_CROSSINGS}")
+
+    def numbers_of(self, names: Sequence[str]) -> Int[np.ndarray, " f"]:
+        """Numbers of the faces of these names; the last, of the index -1, is NO_FACE."""
+        return np.array([*map(self.names.index, names), NO_FACE])
 
     def goes_on(self, event: int | Int[np.ndarray, " n"]) -> bool | Bool[np.ndarray, " n"]:
         """True where a ray that is reflected, or is back in the cavity, is followed beyond ``event`` (from 0)."""

@@ -22,8 +22,9 @@ from lensforge.sources.ray_bundle import RayBundle
 class Expected:
     """The design's results for n rays on a screen: its light (W/m^2 or W/sr), landings (NaN if lost), and flux (W).
 
-    ``fates``: name of the fate of each ray; None: those that do not land are "lost". ``creased``: rays beside a crease
-    may meet its other face in the part; they land far away, and count as rays of another fate.
+    ``fates``: name of the fate of each ray; None: those that do not land are "lost". ``met``: number of the face that a
+    ray meets at each event; beside a crease it may meet the other one in the part, lands far away, and counts as a ray
+    of another fate. None where there is one way only.
     """
 
     screen: Screen
@@ -31,7 +32,7 @@ class Expected:
     landings: Float[np.ndarray, "k 2"]
     flux: Float[np.ndarray, " n"]
     fates: Shaped[np.ndarray, " n"] | None = None
-    creased: bool = False
+    met: Int[np.ndarray, "n events"] | None = None
 
     @property
     def fate_names(self) -> Shaped[np.ndarray, " n"]:
@@ -46,6 +47,7 @@ class Expected:
             ("landings", self.landings, (count, 2)),
             ("flux", self.flux, (count,)),
             ("fates", self.fates, (count,)),
+            ("met", None if self.met is None else self.met[:, 0], (count,)),
         ):
             if array is not None and array.shape != shape:
                 raise InputError(
@@ -54,8 +56,8 @@ class Expected:
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "Expected":
         """Results for some of the rays; the irradiance remains that of all rays."""
-        fates = None if self.fates is None else self.fates[rows]
-        return replace(self, landings=self.landings[rows], flux=self.flux[rows], fates=fates)
+        fates, met = (None if each is None else each[rows] for each in (self.fates, self.met))
+        return replace(self, landings=self.landings[rows], flux=self.flux[rows], fates=fates, met=met)
 
 
 def drawn(count: int, of: int) -> Int[np.ndarray, " k"]:
@@ -66,19 +68,9 @@ def drawn(count: int, of: int) -> Int[np.ndarray, " k"]:
     return np.sort(np.random.default_rng(0).permutation(of)[:count])
 
 
-_USUAL, _OTHER_WAY = 0.99, 20.0  # quantile of the gaps, and how much farther apart rays of another way land
-
-
 def compare(rays: RayBundle, landed: LandedRays, expected: Expected) -> Agreement:
     """Compare landing and flux of every ray; rays that both land outside the receiver do not count."""
-    here, there, apart = landing_gaps(landed, expected)
-    lost_here, lost_there = np.isnan(landed.landings[:, 0]), np.isnan(expected.landings[:, 0])
-    differs = (here & lost_there) | (there & lost_here)
-    both = here & there
-    if expected.creased and both.any():
-        crossed = apart > _OTHER_WAY * np.quantile(apart, _USUAL)
-        differs[np.flatnonzero(both)[crossed]] = True
-        both, apart = both & ~differs, apart[~crossed]
+    both, differs, apart = landing_gaps(landed, expected)
     change = 1.0
     if both.any():
         change = float(np.abs(landed.flux[both] - expected.flux[both]).sum() / expected.flux[both].sum())
@@ -109,17 +101,22 @@ def _fate_pairs(
 def landing_gaps(
     landed: LandedRays, expected: Expected
 ) -> tuple[Bool[np.ndarray, " n"], Bool[np.ndarray, " n"], Float[np.ndarray, " k"]]:
-    """Masks of the rays that part and design land on the receiver, and the gaps (mm) of those that both do.
+    """Masks of the rays that part and design land on the receiver by the same way, of those of another fate; gaps (mm).
 
-    Those of directions are taken at 1 m. Where no ray lands in both, one gap as long as the receiver's diagonal.
+    The gaps are of the former; those of directions are taken at 1 m. Where there is no such ray, one gap as long as the
+    receiver's diagonal.
     """
     screen = expected.screen
     here, there = screen.on_pixels(landed.landings), screen.on_pixels(expected.landings)
-    both = here & there
+    lost_here, lost_there = np.isnan(landed.landings[:, 0]), np.isnan(expected.landings[:, 0])
+    both, differs = here & there, (here & lost_there) | (there & lost_here)
+    if expected.met is not None:
+        other_way = np.any(landed.met != expected.met, axis=1)
+        both, differs = both & ~other_way, differs | (both & other_way)
     if not both.any():
-        return here, there, np.array([screen.diagonal_mm])
+        return both, differs, np.array([screen.diagonal_mm])
     gaps = np.linalg.norm(landed.landings[both] - expected.landings[both], axis=1)
-    return here, there, screen.mm_per_unit * gaps
+    return both, differs, screen.mm_per_unit * gaps
 
 
 def gap_quantiles(landed: LandedRays, expected: Expected) -> Float[np.ndarray, " q"]:

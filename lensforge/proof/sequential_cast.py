@@ -50,6 +50,7 @@ class Passage:
 
     ``absorbed``, ``in_glass``: flux (W) that body and mirrors, and a cover glass took of it. ``fields``: of its
     polarisation. ``facets_um``: height of the curved surface over the flat facet at each event, 0 where there was none.
+    ``met``: number of the face at each event, NO_FACE where there was none.
     """
 
     points: Float[np.ndarray, "n 3"]
@@ -60,6 +61,7 @@ class Passage:
     fates: Int[np.ndarray, " n"]
     facets_um: Float[np.ndarray, "n events"]
     fields: Fields
+    met: Int[np.ndarray, "n events"]
 
     @staticmethod
     def of(rays: RayBundle, events: int) -> "Passage":
@@ -73,6 +75,7 @@ class Passage:
             fates=np.full(len(rays), CastFate.NO_HIT, dtype=np.int64),
             facets_um=np.zeros((len(rays), events)),
             fields=unpolarised(rays.directions),
+            met=np.full((len(rays), events), NO_FACE),
         )
 
 
@@ -91,7 +94,7 @@ def behind_glass(passage: Passage, rays: RayBundle, media: Media) -> Passage:
 class LandedRays:
     """Rays of a passage on a screen: places on its chart (NaN if lost), flux (W) left in the ray, fate.
 
-    ``absorbed``, ``in_glass``: flux (W) that the body and a cover glass took of it.
+    ``absorbed``, ``in_glass``: flux (W) that the body and a cover glass took of it. ``met``: as of the passage.
     """
 
     landings: Float[np.ndarray, "n 2"]
@@ -99,6 +102,7 @@ class LandedRays:
     absorbed: Float[np.ndarray, " n"]
     in_glass: Float[np.ndarray, " n"]
     fates: Int[np.ndarray, " n"]
+    met: Int[np.ndarray, "n events"]
 
     @staticmethod
     def of(passage: Passage, screen: Screen) -> "LandedRays":
@@ -107,7 +111,7 @@ class LandedRays:
         left = np.nonzero(passage.fates == CastFate.LANDED)[0]
         landings[left] = screen.land(passage.points[left], passage.directions[left])
         fates[left[np.isnan(landings[left, 0])]] = CastFate.MISSED_RECEIVER
-        return LandedRays(landings, passage.flux, passage.absorbed, passage.in_glass, fates)
+        return LandedRays(landings, passage.flux, passage.absorbed, passage.in_glass, fates, passage.met)
 
     @property
     def fate_names(self) -> Shaped[np.ndarray, " n"]:
@@ -291,6 +295,7 @@ def send_through_body(body: CastBody, rays: RayBundle, media: Media) -> Passage:
         lengths = np.linalg.norm(hits.points - leg.origins, axis=1)
         absorb(passage, rows, lengths, np.where(light.inside, light.absorptions, 0.0))
         passage.facets_um[rows, event] = 1e3 * hits.heights
+        passage.met[rows, event] = hits.faces
         at = at_faces(optical, media, light, hits)
         passes = at.transmittance > 0.0
         dim(passage, rows, at, passes)

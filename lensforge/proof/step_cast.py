@@ -76,7 +76,8 @@ def judge_brep(
     for each in expected:
         landed, by_mesh = LandedRays.of(cast.passage, each.screen), LandedRays.of(mesh, each.screen)
         design, names = each.take(rows), by_mesh.fate_names[rows]
-        reference = Expected(each.screen, each.irradiance, by_mesh.landings[rows], by_mesh.flux[rows], names)
+        met = None if each.met is None else by_mesh.met[rows]
+        reference = Expected(each.screen, each.irradiance, by_mesh.landings[rows], by_mesh.flux[rows], names, met)
         agreements = [compare(some, landed, other) for other in (design, reference)]
         agreed = BrepCast(
             rays=len(rows), seconds=cast.seconds, against_design=agreements[0], against_mesh=agreements[1]

@@ -20,7 +20,8 @@ class ExitRays:
     reached. ``fates``: values of :class:`~lensforge.kernels.fate.Fate`. ``absorbed``: flux (W) that the body took on
     the way to the outer surface; None where it takes none. ``axial``: that flux (W) times the squared part of the unit
     field along z, for a cover glass; None where none reflects. ``lost_in_glass``: what a cover glass reflected and
-    absorbed; points are then those from which rays seem to come behind it.
+    absorbed; points are then those from which rays seem to come behind it. ``met``: number of the face at each event
+    of a chain, -1 where there was none; None of the usual lens.
     """
 
     points: Float[Array, "n 3"]
@@ -31,6 +32,7 @@ class ExitRays:
     absorbed: Float[Array, " n"] | None = None
     lost_in_glass: Float[Array, " n"] | None = None
     axial: Float[Array, " n"] | None = None
+    met: Int8[Array, "n e"] | None = None
 
     @property
     def left_lens(self) -> Bool[Array, " n"]:

@@ -28,8 +28,9 @@ _SAMPLES = 8  # of a fit, for each coefficient
 
 @dataclass(frozen=True)
 class ProfileBasis:
-    """``count`` B-splines on even knots from cosine ``low`` to ``high``, continued beyond by their values and slopes.
+    """``count`` B-splines on even knots from cosine ``low`` to ``high``, continued beyond them smoothly.
 
+    A continuation has value, slope and bend of the end; its bend fades within a step, so that it goes on straight.
     Raises :class:`InputError` for fewer than six functions, and for cosines that do not rise within -1 and 1.
     """
 
@@ -56,12 +57,17 @@ class ProfileBasis:
     def matrix(self, cosines: _Values) -> Float[np.ndarray, "n c"]:
         """Every function at each cosine."""
         within = np.clip(cosines, self.low, self.high)
-        found: Float[np.ndarray, "n c"] = self._spread(within, 0) + self.slopes(cosines) * (cosines - within)[:, None]
-        return found
+        beyond = (cosines - within) / self.step
+        bend = np.abs(beyond) + np.expm1(-np.abs(beyond))  # half of the square near the end, straight far away
+        straight = self._spread(within, 0) + beyond[:, None] * self._spread(within, 1)
+        return np.asarray(straight + bend[:, None] * self._spread(within, 2))
 
     def slopes(self, cosines: _Values) -> Float[np.ndarray, "n c"]:
         """Derivative of every function by the cosine."""
-        return self._spread(np.clip(cosines, self.low, self.high), 1) / self.step
+        within = np.clip(cosines, self.low, self.high)
+        beyond = (cosines - within) / self.step
+        turn = -np.sign(beyond) * np.expm1(-np.abs(beyond))
+        return np.asarray((self._spread(within, 1) + turn[:, None] * self._spread(within, 2)) / self.step)
 
     def nearest(self, cosines: _Values, values: _Values) -> tuple[float, ...]:
         """Coefficients of the function nearest to ``values`` in least squares."""
@@ -79,13 +85,15 @@ class ProfileBasis:
 
 
 def _on_cell(fraction: _Values, order: int) -> _Weights:
-    """The functions that are not 0 on a cell between knots, or their slopes where ``order`` is 1 (de Boor)."""
+    """The functions that are not 0 on a cell between knots, or their derivatives of ``order`` (de Boor)."""
     weights, f = np.ones((len(fraction), 1)), fraction[:, None]
     for degree in range(1, DEGREE + 1 - order):
         falling = (np.arange(1, degree + 1) - f) / degree * weights
         rising = (f + np.arange(degree - 1, -1, -1)) / degree * weights
         weights = np.pad(falling, ((0, 0), (0, 1))) + np.pad(rising, ((0, 0), (1, 0)))
-    return np.pad(weights, ((0, 0), (1, 0))) - np.pad(weights, ((0, 0), (0, 1))) if order else weights
+    for _ in range(order):
+        weights = np.pad(weights, ((0, 0), (1, 0))) - np.pad(weights, ((0, 0), (0, 1)))
+    return weights
 
 
 @dataclass(frozen=True)

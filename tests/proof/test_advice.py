@@ -128,7 +128,9 @@ def test_every_pair_of_fates_has_its_advice(design, fate):
     rays = lambertian(2, 0.0)
     for landed in (False, True):
         fates = np.full(2, CastFate.LANDED if landed else fate, dtype=np.int64)
-        passage = LandedRays(there if landed else nowhere, ones, 0.0 * ones, 0.0 * ones, fates)
+        passage = LandedRays(
+            there if landed else nowhere, ones, 0.0 * ones, 0.0 * ones, fates, np.zeros((2, 2), dtype=int)
+        )
         screen = Screen.square(DISTANCE, 10.0, 2)
         expected = Expected(screen, np.ones((2, 2)), nowhere if landed else there, ones, np.full(2, design))
         agreement = compare(rays, passage, expected)
@@ -139,3 +141,17 @@ def test_every_pair_of_fates_has_its_advice(design, fate):
         assert says.startswith("100.00% of the flux: design ") and "FORM" not in says
         start = {"backward", "outside_cavity"} if landed else {"opening", "no_hit", "starts_inside", "starts_outside"}
         assert (MESH in says) == (not {pair.design, pair.part} & (start | {"not_converged", "surfaces_intersect"}))
+
+
+def test_rays_that_met_other_faces_count_as_of_another_fate():
+    """However near they land; those of the same faces count however far apart they land."""
+    rays, ones, zero, fates = lambertian(3, 0.0), np.ones(3), np.zeros(3), np.full(3, CastFate.LANDED, dtype=np.int64)
+    design, part = np.array([[0, 3], [0, 3], [1, 2]]), np.array([[0, 3], [0, 2], [1, 2]])
+    places = np.array([[0.0, 0.5], [1.0, 0.0], [0.0, 0.0]])
+    landed = LandedRays(places + np.array([[0.0, 0.0], [0.0, 0.0], [0.0, 3.0]]), ones, zero, zero, fates, part)
+    one_way = Expected(Screen.square(DISTANCE, 10.0, 2), np.ones((2, 2)), places, ones)
+    found, alike = (compare(rays, landed, each) for each in (replace(one_way, met=design), one_way))
+    assert (found.compared, found.fates, found.max) == (2, 1, pytest.approx(3.0))
+    assert found.fates_flux == pytest.approx(rays.flux[1] / rays.flux.sum())
+    assert (alike.compared, alike.fates) == (3, 0)
+    assert replace(one_way, met=design).take(np.array([1, 2])).met.tolist() == design[1:].tolist()
