@@ -152,13 +152,15 @@ def test_landed_rays_have_the_fates_of_the_passage_and_miss_the_receiver_where_t
     flux = np.arange(1.0, 6.0)
     lost, facets = np.zeros(5), np.zeros((5, 2))
     ends = np.array(fates, dtype=np.int64)
-    passage = Passage(points, ways, flux, lost, lost.copy(), ends, facets, unpolarised(np.nan_to_num(ways)))
+    fields, met = unpolarised(np.nan_to_num(ways)), np.arange(10).reshape(5, 2)
+    passage = Passage(points, ways, flux, lost, lost.copy(), ends, facets, fields, met)
     landed = LandedRays.of(passage, Screen.square(100.0, 10.0, 4))
     names = ["landed", "missed_receiver", "total_reflection", "no_hit", "missed_receiver"]
     assert landed.fate_names.tolist() == names
     np.testing.assert_allclose(landed.landings[0], [0.0, 71.25])  # off the pixels, and yet landed
     assert np.isnan(landed.landings[1:]).all()
     np.testing.assert_array_equal(landed.flux, flux)
+    assert landed.met.tolist() == met.tolist()
     assert passage.fates.tolist() == fates  # other screens see the same passage
     by_direction = LandedRays.of(passage, built("far field")[0])
     assert by_direction.fate_names.tolist() == ["landed", "landed", "total_reflection", "no_hit", "landed"]
