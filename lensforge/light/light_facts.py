@@ -261,7 +261,7 @@ def road_facts(found: RoadJudgement) -> Group:
     facts = [Fact("road_class", "Class", found.lighting_class, note=f"EN 13201; reached among M: {found.reached}")]
     facts += [replace(limit.fact(), key=f"road_{number}") for number, limit in enumerate(found.limits)]
     for driver in found.drivers:
-        words = f"Luminance per lux, lane {driver.lane}"
+        words = f"Q, lane {driver.lane}"
         facts.append(Fact.measured(f"road_q_{driver.lane}", words, driver.luminance_per_lux))
     facts += [
         Fact.measured("road_lx", "Mean illuminance", found.mean_lx),

@@ -102,7 +102,7 @@ class _Lamps:
             "left": (left,),
             "opposite": (right, left),
             "staggered": (right, (0.5 * spacing, width - over, -1.0)),
-            "median": (left, (0.0, width + over, 1.0)),
+            "median": (left, (0.0, width + road.median_m + over, 1.0)),
         }[road.arrangement]
         found = [
             (x, np.full_like(x, y), np.full_like(x, facing))

@@ -38,7 +38,7 @@ def _lamps(road: RoadSection):
         if road.arrangement == "staggered":
             yield (k + 0.5) * spacing, width - over, -1
         if road.arrangement == "median":
-            yield k * spacing, width + over, 1
+            yield k * spacing, width + road.median_m + over, 1
 
 
 def _intensity(road: RoadSection, lamp, x: float, y: float, z: float) -> float:
@@ -110,17 +110,18 @@ def _plain_mean_lux(road: RoadSection, low: float, high: float) -> float:
 
 
 @pytest.mark.parametrize(
-    ("arrangement", "overhang_m", "tilt_deg", "lanes", "surface"),
+    ("arrangement", "overhang_m", "tilt_deg", "lanes", "surface", "median_m"),
     [
-        ("right", 0.0, 0.0, 2, "R3"),
-        ("left", 1.2, 10.0, 3, "C2"),
-        ("opposite", -0.5, 5.0, 2, "R1"),
-        ("staggered", 0.7, -4.0, 1, "R4"),
-        ("median", -1.5, 15.0, 2, "R2"),
+        ("right", 0.0, 0.0, 2, "R3", 0.0),
+        ("left", 1.2, 10.0, 3, "C2", 0.0),
+        ("opposite", -0.5, 5.0, 2, "R1", 0.0),
+        ("staggered", 0.7, -4.0, 1, "R4", 0.0),
+        ("median", -1.5, 15.0, 2, "R2", 4.0),
     ],
 )
-def test_a_road_as_plain_loops_have_it(arrangement, overhang_m, tilt_deg, lanes, surface) -> None:
+def test_a_road_as_plain_loops_have_it(arrangement, overhang_m, tilt_deg, lanes, surface, median_m) -> None:
     own = {"arrangement": arrangement, "overhang_m": overhang_m, "tilt_deg": tilt_deg, "lanes": lanes}
+    own["median_m"] = median_m
     road = RoadSection(**ROAD, **own, surface=surface, surface_q0=0.085)
     readings = RoadReadings.of(road)
     table = RoadSurface.of(surface, q0=0.085)
@@ -182,6 +183,8 @@ def test_a_class_asks_of_every_observer() -> None:
     assert mean == pytest.approx(0.8 * glare[-1])  # glare is that of new lamps
     path = RoadReadings.of(RoadSection(**ROAD | {"lighting_class": "P4", "width_m": 2.0, "lanes": 1}))
     assert [(each.sense, each.bound) for each in asked_of(path)] == [(">=", 5.0), ("<=", 7.5), (">=", 1.0)]
+    beside = RoadReadings.of(RoadSection(**ROAD | {"lighting_class": "P4", "edge_ratio": 0.4}))
+    assert [each.bound for each in asked_of(beside)][3:] == [0.4, 0.4]
 
 
 _HEAD = "tan_gamma,0,90,180\n0,300,300,300\n"
@@ -217,6 +220,8 @@ def test_a_table_that_is_none_has_one_line(content: str, words: str, tmp_path) -
         ({"pole_spacing_m": 120.0}, "above 12 pole heights"),
         ({"lighting_class": "P2", "uniformity": 0.5}, "uniformity is of a class M"),
         ({"surface": "R5"}, "surface"),
+        ({"arrangement": "median", "overhang_m": -1.0, "median_m": 1.8}, "inside the lane of the other"),
+        ({"median_m": 2.0}, "median_m = 2 is for arrangement"),
     ],
 )
 def test_no_such_road(fields, words: str) -> None:
