@@ -110,19 +110,18 @@ def _plain_mean_lux(road: RoadSection, low: float, high: float) -> float:
 
 
 @pytest.mark.parametrize(
-    ("arrangement", "overhang_m", "tilt_deg", "lanes", "surface", "median_m"),
+    ("arrangement", "overhang_m", "tilt_deg", "lanes", "surface", "more"),
     [
-        ("right", 0.0, 0.0, 2, "R3", 0.0),
-        ("left", 1.2, 10.0, 3, "C2", 0.0),
-        ("opposite", -0.5, 5.0, 2, "R1", 0.0),
-        ("staggered", 0.7, -4.0, 1, "R4", 0.0),
-        ("median", -1.5, 15.0, 2, "R2", 4.0),
+        ("right", 0.0, 0.0, 2, "R3", {}),
+        ("left", 1.2, 10.0, 3, "C2", {}),
+        ("opposite", -0.5, 5.0, 2, "R1", {}),
+        ("staggered", 0.7, -4.0, 1, "R4", {"pole_height_m": 4.0}),  # far lamps within 1.5 degrees of the line of sight
+        ("median", -1.5, 15.0, 2, "R2", {"median_m": 4.0}),
     ],
 )
-def test_a_road_as_plain_loops_have_it(arrangement, overhang_m, tilt_deg, lanes, surface, median_m) -> None:
-    own = {"arrangement": arrangement, "overhang_m": overhang_m, "tilt_deg": tilt_deg, "lanes": lanes}
-    own["median_m"] = median_m
-    road = RoadSection(**ROAD, **own, surface=surface, surface_q0=0.085)
+def test_a_road_as_plain_loops_have_it(arrangement, overhang_m, tilt_deg, lanes, surface, more) -> None:
+    own = {"arrangement": arrangement, "overhang_m": overhang_m, "tilt_deg": tilt_deg, "lanes": lanes} | more
+    road = RoadSection(**ROAD | own, surface=surface, surface_q0=0.085)
     readings = RoadReadings.of(road)
     table = RoadSurface.of(surface, q0=0.085)
     for lane in range(lanes):
@@ -169,9 +168,8 @@ def test_the_tables_have_the_published_lightness_and_gloss(name: str) -> None:
 
 
 def test_a_class_asks_of_every_observer() -> None:
-    asks: list[Ask] = list(
-        asked_of(RoadReadings.of(RoadSection(**ROAD, lanes=3, maintenance_factor=0.8, uniformity=0.6)))
-    )
+    readings = RoadReadings.of(RoadSection(**ROAD, lanes=3, maintenance_factor=0.8, uniformity=0.6))
+    asks: list[Ask] = list(asked_of(readings))
     assert len(asks) == 3 * 4 + 2
     assert [(each.quantity, each.sense, each.bound, each.unit) for each in asks[:4]] == [
         ("light", ">=", 1.0, "cd/m²"),
@@ -179,8 +177,13 @@ def test_a_class_asks_of_every_observer() -> None:
         ("min_over_max", ">=", 0.6, ""),
         ("threshold_increment", "<=", 15.0, "%"),
     ]
+    np.testing.assert_allclose(_of(asks[2].light), 0.8 * _of(readings.luminance[0])[readings.middle(0)])
     mean, glare = _of(asks[0].light).item(), _of(asks[3].light)
     assert mean == pytest.approx(0.8 * glare[-1])  # glare is that of new lamps
+    per_lux = RoadReadings.of(RoadSection(**ROAD, maintenance_factor=0.8, luminance_per_lux=0.08))
+    (light,) = (each.light for each in asked_of(per_lux) if each.name == "lane 1: per lux Q")
+    wanted = [_of(per_lux.luminance[0]).mean(), _of(per_lux.illuminance).mean()]
+    np.testing.assert_allclose(_of(light), wanted)
     path = RoadReadings.of(RoadSection(**ROAD | {"lighting_class": "P4", "width_m": 2.0, "lanes": 1}))
     assert [(each.sense, each.bound) for each in asked_of(path)] == [(">=", 5.0), ("<=", 7.5), (">=", 1.0)]
     beside = RoadReadings.of(RoadSection(**ROAD | {"lighting_class": "P4", "edge_ratio": 0.4}))
