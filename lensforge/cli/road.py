@@ -4,11 +4,13 @@ from pathlib import Path
 
 import click
 
-from lensforge.cli.output import Block, Output, warning_line, with_output
-from lensforge.errors import CriterionMissed
+from lensforge.cli.conclusion import study_block
+from lensforge.cli.output import Output, warning_line, with_output
+from lensforge.errors import CriterionMissed, InputError
 from lensforge.light.light_facts import road_facts
 from lensforge.light.road_lighting import RoadJudgement
 from lensforge.results import Group
+from lensforge.sources.photometric.photometric_file import cut_below, far_field_warnings
 from lensforge.sources.photometric.photometric_io import read_photometric
 from lensforge.spec.road_section import load_roads, names_of
 
@@ -40,14 +42,19 @@ def road(file: Path, roads: Path, street_c: float, output: Output) -> None:
     from lensforge.light.road_judgement import judge_road, of_file
 
     lamp, wanted = read_photometric(file), load_roads(roads)
-    for words in lamp.warnings:
-        click.echo(warning_line(words), err=True)
+    if (words := cut_below(lamp)) is not None:
+        raise InputError(f"{file}: {words}: too narrow for the row and its glare; export it up to gamma = 90 degrees")
     found = [
         judge_road(each, of_file(lamp, street_c, each.lamp_lm), name)
         for each, name in zip(wanted, names_of(wanted), strict=True)
     ]
+    for words in far_field_warnings(lamp):
+        click.echo(warning_line(words), err=True)
     groups = [road_facts(each) for each in found]
-    output.show(lambda: _document(file, groups, found), lambda: [_block(file, group) for group in groups])
+    output.show(
+        lambda: _document(file, groups, found),
+        lambda: [study_block(f"{group.title}, by {file}", [group]) for group in groups],
+    )
     missed = [f"{each.name}: {limit}" for each in found for limit in each.limits if limit.state != "held"]
     if missed:
         raise CriterionMissed(f"{file}: {missed[0]}" + (f"; and {len(missed) - 1} more" if missed[1:] else ""))
@@ -56,7 +63,3 @@ def road(file: Path, roads: Path, street_c: float, output: Output) -> None:
 def _document(file: Path, groups: list[Group], found: list[RoadJudgement]) -> dict[str, object]:
     facts = [group.plain() for group in groups]
     return {"file": str(file), "facts": facts, "roads": [each.model_dump(mode="json") for each in found]}
-
-
-def _block(file: Path, group: Group) -> Block:
-    return Block(f"{group.title}, by {file}", [(fact.label, fact.sentence) for fact in group.facts])

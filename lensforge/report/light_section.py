@@ -24,9 +24,9 @@ from lensforge.search.design_result import Design
 from lensforge.search.scene_check import asked_light
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
-from lensforge.spec.road_section import names_of
 from lensforge.spec.source_sections import ChipArraySource, DiscSource, RectangleSource, SquareSource
 
+_FROM_ABOVE = "One field between two lamps; the arrow is the lane of the driver, who is 60 m before it."
 OWN = "the lens’s own"
 _FIRST = 4.6  # inches: half of the page
 _ABOVE = 1.1  # of the target's peak: the ripple of a flat target can still be told
@@ -235,10 +235,9 @@ def photometry_pictures(results: Results) -> list[PagePicture]:
         ground = study_figures.ground_diagram(found, section.street_side_deg, section.lenses, section.pole_height_m)
         caption = "One lamp at the centre; above the line is the street."
         drawn.append(picture("ground", ground, "On the ground", caption))
-    for index, (road, name) in enumerate(zip(results.spec.roads, names_of(results.spec.roads), strict=True)):
-        view = study_figures.seen_road(found, road, results.spec)
-        caption = "Luminance as the driver in each lane sees it, 60 m before the first lamp; the arrow is that lane."
-        drawn.append(picture(f"road-{index}", view, name.capitalize(), caption))
+    for index, judged in enumerate(found.roads):
+        view = study_figures.road_from_above(found, index, results.spec)
+        drawn.append(picture(f"road-{index}", view, judged.name.capitalize(), _FROM_ABOVE))
     return drawn
 
 

@@ -10,6 +10,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.road_judgement import lenses_in, of_table
+from lensforge.light.road_lighting import SeenRoad
 from lensforge.made.tolerance_result import MetricBound, Variance
 from lensforge.made.yield_facts import TOGETHER
 from lensforge.report.light_figures import ISO_SHARES
@@ -27,7 +28,7 @@ from lensforge.results.figure_style import (
     new_figure,
 )
 from lensforge.results.numerals import number, percent
-from lensforge.scene.road_field import RoadReadings, steps_across, steps_along
+from lensforge.scene.road_field import RoadReadings, lux_across, steps_across, steps_along
 from lensforge.sources.intensity import TabulatedIntensity, plane_profile
 from lensforge.spec import Spec
 from lensforge.spec.road_section import RoadSection
@@ -119,25 +120,53 @@ def ground_diagram(found: Photometry, street_deg: float, lenses: int, height_m: 
 
 
 @in_report_style
-def seen_road(found: Photometry, road: RoadSection, spec: Spec) -> Figure:
-    """The road from above in the luminance that each driver sees, from the left lane to the right, with isolines."""
+def road_from_above(found: Photometry, index: int, spec: Spec) -> Figure:
+    """A road from above: in the luminance that each driver sees, the left lane first; of a class P or C in lux."""
+    road, judged, readings = spec.roads[index], found.roads[index], RoadReadings.of(spec.roads[index])
     factor = lenses_in(road, spec, found.source_lm) * road.maintenance_factor
     candela = of_table(_table(found), -spec.photometry.street_side_deg, factor)
-    seen = [light.of(candela(light))[0] for light in RoadReadings.of(road).luminance]
-    along, across, top = steps_along(road), steps_across(road), max(float(light.max()) for light in seen)
-    figure = Figure(figsize=(WIDE, 0.4 + 1.1 * road.lanes), layout="constrained")
-    views = figure.subplots(road.lanes, 1, sharex=True, squeeze=False)[:, 0]
-    for lane, axes in zip(reversed(range(road.lanes)), views, strict=True):
-        light = seen[lane].reshape(len(across), len(along))
-        extent = (0.0, road.pole_spacing_m, 0.0, road.width_m)
-        shown = axes.imshow(light, origin="lower", extent=extent, cmap="inferno", vmin=0.0, vmax=top, aspect="auto")
-        lines = axes.contour(along, across, light, levels=_ISOLINES, colors="white", linewidths=0.6)
-        axes.clabel(lines, fontsize=6.0)
-        axes.plot(0.0, (lane + 0.5) * road.lane_m, ">", color=ORANGE, clip_on=False, markersize=5.0)
-        axes.set(ylabel=f"lane {lane + 1}")
+    across, unit = (steps_across(road), "cd/m²") if road.by_luminance else (lux_across(0.0, road.width_m), "lx")
+    lights = readings.luminance[::-1] if road.by_luminance else (readings.illuminance,)
+    seen = [light.of(candela(light)).reshape(len(across), -1) for light in lights]
+    least, top = min(float(each.min()) for each in seen), max(float(each.max()) for each in seen) or 1.0
+    figure = Figure(figsize=(WIDE, 0.5 + 1.3 * len(seen)), layout="constrained")
+    views = figure.subplots(len(seen), 1, sharex=True, squeeze=False)[:, 0]
+    levels = MaxNLocator(_ISOLINES).tick_values(least, top)
+    for light, axes in zip(seen, views, strict=True):
+        _road_view(axes, light, road, across, levels, top)
+    if road.by_luminance:
+        for driver, axes in zip(reversed(judged.drivers), views, strict=True):
+            axes.plot(0.0, (driver.lane - 0.5) * road.lane_m, ">", color=ORANGE, clip_on=False, markersize=6.0)
+            axes.set_title(_of_driver(driver), loc="left", fontsize=8.0)
     views[-1].set(xlabel="along the road (m)")
-    figure.colorbar(shown, ax=list(views), label="cd/m²")
+    figure.colorbar(views[0].images[0], ax=list(views), label=unit)
     return figure
+
+
+def _of_driver(driver: SeenRoad) -> str:
+    mean, glare = driver.mean_cd_per_m2.value, driver.glare_percent.value
+    even = f"U0 {driver.uniformity.value:.2f}, Ul {driver.uniformity_along.value:.2f}"
+    return f"seen from lane {driver.lane}: mean {mean:.2f} cd/m², {even}, TI {glare:.1f} %"
+
+
+def _road_view(
+    axes: Axes,
+    light: Float[np.ndarray, "w l"],
+    road: RoadSection,
+    across: Float[np.ndarray, " w"],
+    levels: Sequence[float],
+    top: float,
+) -> None:
+    """Light of a road at the points of its field, with isolines and the edges of its lanes."""
+    extent = (0.0, road.pole_spacing_m, 0.0, road.width_m)
+    axes.imshow(
+        light, "inferno", aspect="auto", interpolation="bilinear", vmax=top, vmin=0.0, origin="lower", extent=extent
+    )
+    lines = axes.contour(steps_along(road), across, light, levels=levels, colors="white", linewidths=0.6)
+    axes.clabel(lines, fontsize=6.0)
+    for lane in range(1, road.lanes):
+        axes.axhline(lane * road.lane_m, color="white", linewidth=0.8, linestyle=(0.0, (6.0, 6.0)))
+    axes.set(ylabel="across (m)", xlim=extent[:2], ylim=extent[2:])
 
 
 def _table(found: Photometry) -> TabulatedIntensity:

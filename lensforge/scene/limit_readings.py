@@ -82,7 +82,7 @@ def _of_road(
     lumens_per_watt: float | None,
     flux_w: float,
 ) -> Iterator[LightLimit]:
-    """Limits by the class of a road, of the picture of the first far field: pixels as intensities of a lamp."""
+    """Limits by the class of a road, on the picture of the first far field: its pixels are intensities of a lamp."""
     index = next(index for index, receiver in enumerate(receivers) if receiver.kind == "far_field")
     receiver = receivers[index]
     if road.lamp_lm is None and lumens_per_watt is None:

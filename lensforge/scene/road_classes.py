@@ -1,4 +1,4 @@
-"""Figures that the class of a road asks for: each figure of each observer, as a sum over the candela of the lamps."""
+"""Classes of a road: each figure that one asks for, of each observer, as a sum over the candela of the lamps."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -32,7 +32,15 @@ def asked_of(readings: RoadReadings) -> Iterator[Ask]:
     """
     if readings.road.by_luminance:
         yield from _of_luminance(readings)
-        return
+    else:
+        yield from _of_illuminance(readings)
+    wanted = readings.road.least_edge_ratio
+    if wanted is not None:
+        for side, edge in zip(("right", "left"), readings.edges, strict=True):
+            yield Ask(f"{side} edge ratio", "ratio", ">=", wanted, "", edge)
+
+
+def _of_illuminance(readings: RoadReadings) -> Iterator[Ask]:
     name, light = readings.road.lighting_class, readings.illuminance.times(readings.road.maintenance_factor)
     mean = light.mean()
     if name in C_CLASSES:
@@ -54,14 +62,12 @@ def _of_luminance(readings: RoadReadings) -> Iterator[Ask]:
         kept, mean = seen.times(road.maintenance_factor), seen.mean()
         yield Ask(f"{of}mean luminance", "light", ">=", least, "cd/m²", kept.mean())
         yield Ask(f"{of}uniformity U0", "min_over_mean", ">=", uniformity, "", kept)
-        yield Ask(f"{of}uniformity along Ul", "min_over_max", ">=", along, "", kept.places(readings.middle(lane)))
+        yield Ask(f"{of}uniformity Ul", "min_over_max", ">=", along, "", kept.places(readings.middle(lane)))
         glaring = CandelaSum.joined((veiling, mean))
         if road.luminance_per_lux is not None:
             both = CandelaSum.joined((mean, readings.illuminance.mean()))
-            yield Ask(f"{of}luminance per lux Q", "ratio", ">=", road.luminance_per_lux, "cd/m²/lx", both)
-        yield Ask(f"{of}threshold increment TI", "threshold_increment", "<=", glare, "%", glaring)
-    for side, edge in zip(("right", "left"), readings.edges, strict=True):
-        yield Ask(f"{side} edge ratio", "ratio", ">=", wanted.edge_ratio, "", edge)
+            yield Ask(f"{of}per lux Q", "ratio", ">=", road.luminance_per_lux, "cd/m²/lx", both)
+        yield Ask(f"{of}glare TI", "threshold_increment", "<=", glare, "%", glaring)
 
 
 _BY_POWER = ((5.0, 65.0, 0.8), (float("inf"), 95.0, 1.05))  # up to this mean luminance: factor and power

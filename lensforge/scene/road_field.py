@@ -102,7 +102,7 @@ class _Lamps:
             "left": (left,),
             "opposite": (right, left),
             "staggered": (right, (0.5 * spacing, width - over, -1.0)),
-            "median": (left, (0.0, width + over, 1.0)),
+            "median": (left, (0.0, width + road.median_m + over, 1.0)),
         }[road.arrangement]
         found = [
             (x, np.full_like(x, y), np.full_like(x, facing))
@@ -183,6 +183,13 @@ def steps_across(road: RoadSection) -> Points:
     return steps
 
 
+def lux_across(low_m: float, high_m: float) -> Points:
+    """Places of the points of the illuminance between two places across the road."""
+    count = max(_LEAST_ACROSS, ceil((high_m - low_m) / _ACROSS_M - 1e-9))
+    steps: Points = low_m + (np.arange(count) + 0.5) * ((high_m - low_m) / count)
+    return steps
+
+
 def _luminance(road: RoadSection, surface: RoadSurface, eye_y: float) -> CandelaSum:
     """Luminance of the field for an eye in the middle of a lane, 60 m before it."""
     x, y = (each.ravel() for each in np.meshgrid(steps_along(road), steps_across(road)))
@@ -199,9 +206,7 @@ def _luminance(road: RoadSection, surface: RoadSurface, eye_y: float) -> Candela
 
 def _illuminance(road: RoadSection, low_m: float, high_m: float) -> CandelaSum:
     """Horizontal illuminance of a strip of the road between two places across it."""
-    count = max(_LEAST_ACROSS, ceil((high_m - low_m) / _ACROSS_M - 1e-9))
-    across = low_m + (np.arange(count) + 0.5) * ((high_m - low_m) / count)
-    x, y = (each.ravel() for each in np.meshgrid(steps_along(road), across))
+    x, y = (each.ravel() for each in np.meshgrid(steps_along(road), lux_across(low_m, high_m)))
     height, reach = road.pole_height_m, _AROUND * road.pole_height_m
     lamps = _Lamps.between(road, -reach, road.pole_spacing_m + reach)
     away = np.hypot(lamps.x - x[:, None], lamps.y - y[:, None])

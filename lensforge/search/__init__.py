@@ -6,6 +6,7 @@
 - ``parameters.Parametrisation``: weights to tables
 - ``light_path``: rays to pixels, with their gradient
 - ``merit.MeritFunction``: what is minimised
+- ``limit_terms``: its part of the limits on the light
 - ``constraints``: limits of shape, by sequential unconstrained minimisation
 - ``feasibility``: projection onto the constraints
 - ``schedule``: levels and stages as data

@@ -18,13 +18,13 @@ from torch import Tensor
 from lensforge.light.table_trace import Scene
 from lensforge.optics.fundamental_limits import transmittance_of
 from lensforge.scene.body import Chain
-from lensforge.scene.limit_readings import LightLimit, light_limits
+from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
-from lensforge.scene.road_classes import glare_law
 from lensforge.scene.target_pattern import in_target, target_light, uniform_region
 from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.light_path import Collected, LightPath, Pair
+from lensforge.search.limit_terms import Image, Images, LimitTerm, RoadTerms, limit_terms, not_dark, smoothed
 from lensforge.search.parameters import ChartMirrors, Parametrisation, chart_mirrors, mirrored_light
 from lensforge.sources.build_source import summarise
 from lensforge.sources.ray_bundle import RayBundle, Source, aims
@@ -39,9 +39,6 @@ _UNIFORM_VARIANCE = 10.0
 _UNIFORM_SHORTFALL = 300.0
 _UNIFORM_MARGIN = 0.03
 _UNIFORM_IMAGE = 0.2
-
-Image = Float[Tensor, "h w"]
-Images = tuple[Float[Tensor, "_ _"], ...]  # of receivers, each with a shape of its own
 
 
 @dataclass(frozen=True)
@@ -140,11 +137,6 @@ def _scale(inside: Float[Tensor, " k"]) -> Float[Tensor, ""]:
     return not_dark(inside.mean())
 
 
-def not_dark(scale: Float[Tensor, ""]) -> Float[Tensor, ""]:
-    """``scale``; 1 where all is dark, so that a loss relative to it is large, not undefined."""
-    return torch.where(scale > 0.0, scale, 1.0)
-
-
 def shortfall_loss(flux: Float[Tensor, "h w"], mask: Bool[Tensor, "h w"], margin: float) -> Float[Tensor, ""]:
     """Mean square of the shortfall of pixels inside ``mask`` from ``1 - margin`` of the mask's mean.
 
@@ -153,76 +145,6 @@ def shortfall_loss(flux: Float[Tensor, "h w"], mask: Bool[Tensor, "h w"], margin
     """
     inside = smoothed(flux)[mask]
     return torch.mean(torch.clamp(1.0 - margin - inside / _scale(inside), min=0.0) ** 2)
-
-
-def smoothed(flux: Image) -> Image:
-    """The picture after the 3 x 3 Gaussian of variance 1 pixel^2, as the evaluation filters it."""
-    taps = torch.tensor([math.exp(-0.5), 1.0, math.exp(-0.5)], dtype=flux.dtype)
-    kernel = torch.outer(taps, taps) / taps.sum() ** 2
-    padded = torch.nn.functional.pad(flux[None, None], (1, 1, 1, 1), mode="replicate")
-    return torch.nn.functional.conv2d(padded, kernel[None, None])[0, 0]
-
-
-# The search aims this far inside each bound, relative to it: the picture of a step has noise, and pixels of its own.
-_MARGIN = 0.03
-# Factors of the mean excess over the places of a limit: of a few places each counts, of many all together.
-_OF_EACH, _AT_MOST = 30.0, 300.0
-
-
-@dataclass(frozen=True, eq=False)
-class LimitTerm:
-    """One limit on the picture of a receiver: its readings as a torch matrix."""
-
-    limit: LightLimit
-    readings: Tensor
-    factor: float
-
-    @staticmethod
-    def of(limit: LightLimit) -> "LimitTerm":
-        """The term of ``limit``."""
-        coo = limit.readings.tocoo()
-        places = torch.from_numpy(np.stack([coo.row, coo.col]).astype(np.int64))
-        matrix = torch.sparse_coo_tensor(places, torch.from_numpy(coo.data), coo.shape, check_invariants=False)
-        factor = _OF_EACH * coo.shape[0]
-        return LimitTerm(limit, matrix.coalesce(), factor if limit.of_road else min(factor, _AT_MOST))
-
-    def loss(self, images: Images) -> Float[Tensor, ""]:
-        """Mean of e^2/(1+e) over the places, e what is missing to the bound or above it, relative to the bound."""
-        picture = smoothed(images[self.limit.receiver])
-        light = torch.mv(self.readings, picture.reshape(-1))
-        excess = self._excess(light, picture).clamp(min=0.0)
-        return self.factor * torch.mean(excess**2 / (1.0 + excess))
-
-    def _excess(self, light: Float[Tensor, " k"], picture: Image) -> Float[Tensor, " k"]:
-        """Excess at each place; of an even zone at its dark places, of a beam angle at those on the wrong side."""
-        limit, scale = self.limit, torch.ones((), dtype=light.dtype)
-        match limit.quantity:
-            case "relative":
-                scale = not_dark(picture.detach().max() * limit.light_per_flux)
-            case "min_over_mean":
-                scale = not_dark(light.mean())
-            case "min_over_max":
-                scale = not_dark(light.detach().max())
-            case "ratio":
-                light, scale = light[:1], not_dark(light[1])
-            case "threshold_increment":
-                factor, power = glare_law(float(light[-1].detach()))
-                light, scale = light[:-1], not_dark(light[-1]) ** power / factor
-            case "beam_angle":
-                return self._beside_the_beam(light)
-        return self._beyond(light / (scale * limit.bound))
-
-    def _beyond(self, relative: Float[Tensor, " k"]) -> Float[Tensor, " k"]:
-        """Excess of light relative to its bound over that with its margin."""
-        return 1.0 + _MARGIN - relative if self.limit.sense == ">=" else relative - (1.0 - _MARGIN)
-
-    def _beside_the_beam(self, light: Float[Tensor, " k"]) -> Float[Tensor, " k"]:
-        """Light within a least angle must be above the level, light outside of a largest one below it."""
-        limit = self.limit
-        assert limit.angles_deg is not None
-        off = torch.from_numpy(np.abs(limit.angles_deg)) - 0.5 * limit.bound
-        beyond = self._beyond(light / (limit.level * not_dark(light.detach().max())))
-        return torch.where(off < 0.0 if limit.sense == ">=" else off > 0.0, beyond, 0.0)
 
 
 _TOTAL_REFLECTION, _UNIFORM_TOTAL_REFLECTION = 0.3, 0.1  # factors, the second in scenes with a region of uniform light
@@ -283,7 +205,7 @@ class MeritFunction:
     parametrisation: Parametrisation
     light: LightPath
     terms: tuple[ImageTerms, ...]
-    limits: tuple[LimitTerm, ...] = ()
+    limits: tuple[LimitTerm | RoadTerms, ...] = ()
 
     @staticmethod
     def of(
@@ -305,7 +227,7 @@ class MeritFunction:
         )
         scene = Scene(spec.lens.media, parametrisation.grid, fresnel, chain=Chain.of_lens(spec.lens))
         efficacy = summarise(source, spec.source).lumens_per_watt if spec.has_limits else None
-        limits = tuple(map(LimitTerm.of, light_limits(spec, receivers, efficacy, source.flux_w)))
+        limits = limit_terms(light_limits(spec, receivers, efficacy, source.flux_w))
         crossing = source if scene.chain is not None and aims(source) else None
         light = LightPath(scene, receivers, device, source=crossing)
         return MeritFunction(spec, parametrisation, light, terms, limits)

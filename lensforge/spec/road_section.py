@@ -6,7 +6,6 @@ are equal, and stand in rows at equal steps.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -91,6 +90,8 @@ class RoadSection(Section):
     """Rows of lamps: at the left or at the right edge, at both edges "opposite" each other or "staggered" by half the
     spacing, or two on poles in a "median" at the left edge, of which the second lights the other carriageway.
     """
+    median_m: Annotated[float, Field(ge=0.0, le=100.0)] = 0.0
+    """Width of the median, in whose middle the poles stand."""
     mean_cd_per_m2: Annotated[float, Field(gt=0.0, le=1000.0)] | None = None
     """Least mean luminance; by default of the class, as the three that follow."""
     uniformity: Share | None = None
@@ -101,6 +102,8 @@ class RoadSection(Section):
     """Largest threshold increment TI."""
     luminance_per_lux: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
     """Least mean luminance over mean illuminance Q; by default none is asked."""
+    edge_ratio: Share | None = None
+    """Least ratio of the illuminance beside an edge to that within; by default of a class M, for C and P none."""
     maintenance_factor: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
     """Share of the light that dirt and age leave; glare is that of new lamps."""
     lamp_lm: Annotated[float, Field(gt=0.0, le=1e9)] | None = None
@@ -116,6 +119,12 @@ class RoadSection(Section):
         return self.lighting_class.startswith("M")
 
     @property
+    def least_edge_ratio(self) -> float | None:
+        """Edge ratio that is asked for; None where none is."""
+        of_class = M_CLASSES.get(self.lighting_class)
+        return self.edge_ratio or (None if of_class is None else of_class.edge_ratio)
+
+    @property
     def lane_m(self) -> float:
         """Width of a lane."""
         return self.width_m / self.lanes
@@ -127,8 +136,18 @@ class RoadSection(Section):
                 f"lanes = {self.lanes} on width_m = {self.width_m:g} are {self.lane_m:.2f} m each, below "
                 f"{_LEAST_LANE_M:g} m: no class M has lanes as narrow; give fewer lanes, or a class P for a path"
             )
-        most = inf if self.overhang_m <= 0.0 else self.width_m
-        if self.overhang_m > most:
+        if self.median_m and self.arrangement != "median":
+            raise ValueError(
+                f'median_m = {self.median_m:g} is for arrangement = "median", this one is "{self.arrangement}"; leave '
+                "it out, or name the median"
+            )
+        if self.arrangement == "median" and self.overhang_m < -0.5 * self.median_m:
+            raise ValueError(
+                f"overhang_m = {self.overhang_m:g} with median_m = {self.median_m:g}: the poles of a median stand in "
+                "its middle, so that one of its two lamps would be inside the lane of the other; give the median its "
+                "width, or an overhang_m of 0 or more"
+            )
+        if self.overhang_m > self.width_m:
             raise ValueError(
                 f"overhang_m = {self.overhang_m:g} is beyond width_m = {self.width_m:g}: the lamp hangs over the other "
                 "side; name the other edge by arrangement"
@@ -165,6 +184,6 @@ def load_roads(path: Path) -> tuple[RoadSection, ...]:
     content = read_toml(path, missing="give a TOML file with [[roads]], such as a spec")
     resolve_files(content.get("roads"), path.parent)
     try:
-        return RoadFile.model_validate({"roads": content.get("roads", [])}).roads
+        return RoadFile.model_validate({name: content[name] for name in content if name == "roads"}).roads
     except ValidationError as error:
         raise spec_error(error, str(path), RoadFile) from None

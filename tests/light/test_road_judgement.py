@@ -16,7 +16,7 @@ from lensforge.light.road_judgement import judge_road, of_file, of_lens
 from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.road_field import RoadReadings
-from lensforge.search.merit import LimitTerm
+from lensforge.search.limit_terms import LimitTerm, RoadTerms
 from lensforge.sources.photometric.photometric_file import PhotometricFile, turned_over
 from lensforge.sources.photometric.photometric_io import write_photometric
 from lensforge.spec import Spec
@@ -110,7 +110,8 @@ def test_pixels_of_the_far_field_read_the_same_road(pixels: int, most: float) ->
 
 
 def test_the_merit_falls_along_its_gradient_and_is_zero_where_the_class_is_held() -> None:
-    spec = _spec(mean_cd_per_m2=2.0, uniformity=0.9, uniformity_along=0.95, glare_percent=0.5)
+    missed = {"mean_cd_per_m2": 9.0, "uniformity": 0.9, "uniformity_along": 0.95, "glare_percent": 0.5}
+    spec = _spec(**missed, luminance_per_lux=0.9, edge_ratio=1.0)
     receivers = receivers_of(spec, 48)
     limits = light_limits(spec, receivers, None, 1.0)
     picture = torch.from_numpy(np.random.default_rng(2).uniform(0.5, 1.5, receivers[0].grid.shape)) * 1e-4
@@ -121,7 +122,11 @@ def test_the_merit_falls_along_its_gradient_and_is_zero_where_the_class_is_held(
         term = LimitTerm.of(limit)
         (slope,) = torch.autograd.grad(term.loss((ask,)), ask)
         high, low = (term.loss((picture + sign * 1e-9 * step,)) for sign in (1.0, -1.0))
+        assert float(term.loss((picture,))) > 0.0, limit.name
         assert float((slope * step).sum()) == pytest.approx(float(high - low) / 2e-9, rel=1e-4, abs=1e-6), limit.name
+    (slope,) = torch.autograd.grad(RoadTerms.of(limits).loss((ask,)), ask)
+    (wanted,) = torch.autograd.grad(sum((LimitTerm.of(each).loss((ask,)) for each in limits), torch.zeros(())), ask)
+    torch.testing.assert_close(slope, wanted)
     easy = _spec(mean_cd_per_m2=1e-6, uniformity=1e-3, uniformity_along=1e-3, glare_percent=900.0)
     kept = [LimitTerm.of(each) for each in light_limits(easy, receivers, None, 1.0) if each.quantity != "ratio"]
     assert sum(float(term.loss((picture,))) for term in kept) == 0.0

@@ -7,7 +7,7 @@ from page_text import text_of
 from result_folders import make_results, small_lens
 from shown_folders import REGION, ROAD
 
-from lensforge.report.study_figures import ground_diagram, isocandela_diagram, polar_diagram
+from lensforge.report.study_figures import ground_diagram, isocandela_diagram, polar_diagram, road_from_above
 
 
 def road_lens(**changes):
@@ -94,3 +94,21 @@ def test_isolux_lines_of_a_lamp_lie_where_its_illuminance_is():
     assert np.allclose(np.hypot(*fifth.T), np.sqrt(np.sqrt(5.0) - 1.0), atol=0.02)
     words = [line.get_label() for line in axes.lines]
     assert f"{0.2 * 24 * 1000.0 / np.pi / 64.0:.2g} lx" in words
+
+
+@pytest.mark.parametrize("lighting_class", ["M4", "P2"])
+def test_a_road_from_above_is_what_its_figures_say(lighting_class):
+    """A view for each driver, the left lane first, whose mean is the stated one; of a path one, in lux."""
+    road = {"lighting_class": lighting_class, "width_m": 7.0, "pole_height_m": 8.0, "pole_spacing_m": 30.0}
+    far = {"kind": "beam", "fwhm_deg": (60.0, 25.0), "half_angle_deg": 90.0}
+    lens = small_lens(wanted={"target": far, "roads": [road | {"lamp_lm": 5000.0, "maintenance_factor": 0.8}]})
+    found = make_photometry(lens)
+    (judged,) = found.roads
+    views = road_from_above(found, 0, lens.spec).axes[:-1]  # the last is the colour bar
+    means = [view.images[0].get_array().mean() for view in views]
+    if lighting_class == "P2":
+        assert means == pytest.approx([judged.mean_lx.value], rel=1e-3)
+        return
+    assert means == pytest.approx([driver.mean_cd_per_m2.value for driver in judged.drivers[::-1]], rel=1e-3)
+    assert means[0] > 1.005 * means[1]
+    assert [view.get_title("left")[:16] for view in views] == ["seen from lane 2", "seen from lane 1"]

@@ -38,7 +38,7 @@ def _lamps(road: RoadSection):
         if road.arrangement == "staggered":
             yield (k + 0.5) * spacing, width - over, -1
         if road.arrangement == "median":
-            yield k * spacing, width + over, 1
+            yield k * spacing, width + road.median_m + over, 1
 
 
 def _intensity(road: RoadSection, lamp, x: float, y: float, z: float) -> float:
@@ -110,18 +110,18 @@ def _plain_mean_lux(road: RoadSection, low: float, high: float) -> float:
 
 
 @pytest.mark.parametrize(
-    ("arrangement", "overhang_m", "tilt_deg", "lanes", "surface"),
+    ("arrangement", "overhang_m", "tilt_deg", "lanes", "surface", "more"),
     [
-        ("right", 0.0, 0.0, 2, "R3"),
-        ("left", 1.2, 10.0, 3, "C2"),
-        ("opposite", -0.5, 5.0, 2, "R1"),
-        ("staggered", 0.7, -4.0, 1, "R4"),
-        ("median", -1.5, 15.0, 2, "R2"),
+        ("right", 0.0, 0.0, 2, "R3", {}),
+        ("left", 1.2, 10.0, 3, "C2", {}),
+        ("opposite", -0.5, 5.0, 2, "R1", {}),
+        ("staggered", 0.7, -4.0, 1, "R4", {"pole_height_m": 4.0}),  # far lamps within 1.5 degrees of the line of sight
+        ("median", -1.5, 15.0, 2, "R2", {"median_m": 4.0}),
     ],
 )
-def test_a_road_as_plain_loops_have_it(arrangement, overhang_m, tilt_deg, lanes, surface) -> None:
-    own = {"arrangement": arrangement, "overhang_m": overhang_m, "tilt_deg": tilt_deg, "lanes": lanes}
-    road = RoadSection(**ROAD, **own, surface=surface, surface_q0=0.085)
+def test_a_road_as_plain_loops_have_it(arrangement, overhang_m, tilt_deg, lanes, surface, more) -> None:
+    own = {"arrangement": arrangement, "overhang_m": overhang_m, "tilt_deg": tilt_deg, "lanes": lanes} | more
+    road = RoadSection(**ROAD | own, surface=surface, surface_q0=0.085)
     readings = RoadReadings.of(road)
     table = RoadSurface.of(surface, q0=0.085)
     for lane in range(lanes):
@@ -168,9 +168,8 @@ def test_the_tables_have_the_published_lightness_and_gloss(name: str) -> None:
 
 
 def test_a_class_asks_of_every_observer() -> None:
-    asks: list[Ask] = list(
-        asked_of(RoadReadings.of(RoadSection(**ROAD, lanes=3, maintenance_factor=0.8, uniformity=0.6)))
-    )
+    readings = RoadReadings.of(RoadSection(**ROAD, lanes=3, maintenance_factor=0.8, uniformity=0.6))
+    asks: list[Ask] = list(asked_of(readings))
     assert len(asks) == 3 * 4 + 2
     assert [(each.quantity, each.sense, each.bound, each.unit) for each in asks[:4]] == [
         ("light", ">=", 1.0, "cd/m²"),
@@ -178,10 +177,17 @@ def test_a_class_asks_of_every_observer() -> None:
         ("min_over_max", ">=", 0.6, ""),
         ("threshold_increment", "<=", 15.0, "%"),
     ]
+    np.testing.assert_allclose(_of(asks[2].light), 0.8 * _of(readings.luminance[0])[readings.middle(0)])
     mean, glare = _of(asks[0].light).item(), _of(asks[3].light)
     assert mean == pytest.approx(0.8 * glare[-1])  # glare is that of new lamps
+    per_lux = RoadReadings.of(RoadSection(**ROAD, maintenance_factor=0.8, luminance_per_lux=0.08))
+    (light,) = (each.light for each in asked_of(per_lux) if each.name == "lane 1: per lux Q")
+    wanted = [_of(per_lux.luminance[0]).mean(), _of(per_lux.illuminance).mean()]
+    np.testing.assert_allclose(_of(light), wanted)
     path = RoadReadings.of(RoadSection(**ROAD | {"lighting_class": "P4", "width_m": 2.0, "lanes": 1}))
     assert [(each.sense, each.bound) for each in asked_of(path)] == [(">=", 5.0), ("<=", 7.5), (">=", 1.0)]
+    beside = RoadReadings.of(RoadSection(**ROAD | {"lighting_class": "P4", "edge_ratio": 0.4}))
+    assert [each.bound for each in asked_of(beside)][3:] == [0.4, 0.4]
 
 
 _HEAD = "tan_gamma,0,90,180\n0,300,300,300\n"
@@ -217,6 +223,8 @@ def test_a_table_that_is_none_has_one_line(content: str, words: str, tmp_path) -
         ({"pole_spacing_m": 120.0}, "above 12 pole heights"),
         ({"lighting_class": "P2", "uniformity": 0.5}, "uniformity is of a class M"),
         ({"surface": "R5"}, "surface"),
+        ({"arrangement": "median", "overhang_m": -1.0, "median_m": 1.8}, "inside the lane of the other"),
+        ({"median_m": 2.0}, "median_m = 2 is for arrangement"),
     ],
 )
 def test_no_such_road(fields, words: str) -> None:

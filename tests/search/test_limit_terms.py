@@ -7,7 +7,7 @@ from scenes import small_spec
 
 from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.receiver_shapes import receivers_of
-from lensforge.search.merit import LimitTerm
+from lensforge.search.limit_terms import LimitTerm
 from lensforge.spec import Spec
 
 BEAM = {"kind": "beam", "fwhm_deg": 30.0, "half_angle_deg": 60.0}

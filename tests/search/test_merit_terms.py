@@ -12,11 +12,10 @@ from scipy import sparse
 from lensforge.scene.limit_readings import LightLimit
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import target_light
+from lensforge.search.limit_terms import LimitTerm, not_dark
 from lensforge.search.merit import (
     ImageTerms,
-    LimitTerm,
     nmse_loss,
-    not_dark,
     shortfall_loss,
     uniformity_loss,
 )

@@ -167,14 +167,18 @@ def _contradictions(found: PhotometricFile) -> Iterator[str]:
         yield f"{lumens / watts:.4g} lm per W, no light has more than 683: check its lumens and watts"
 
 
-def _cut(found: PhotometricFile) -> Iterator[str]:
+def cut_below(found: PhotometricFile) -> str | None:
+    """Words for a last gamma at which there is light, so that some is not in the file; None where it is complete."""
     table = found.intensity
-    first, last = float(table.gamma_deg[0]), float(table.gamma_deg[-1])
-    at_last = float(table.values[:, -1].max() / table.values.max())
-    if last not in (90.0, 180.0) and at_last > _CUT_SHARE:
-        yield (
-            f"its last gamma is {last:g} degrees, with {100.0 * at_last:.3g} % of the largest intensity: light beyond "
-            "is not in the file"
-        )
+    last, at_last = float(table.gamma_deg[-1]), float(table.values[:, -1].max() / table.values.max())
+    if last in (90.0, 180.0) or at_last <= _CUT_SHARE:
+        return None
+    return f"its last gamma is {last:g} degrees, with {100.0 * at_last:.3g} % of the largest intensity"
+
+
+def _cut(found: PhotometricFile) -> Iterator[str]:
+    first = float(found.intensity.gamma_deg[0])
+    if (words := cut_below(found)) is not None:
+        yield f"{words}: light beyond is not in the file"
     if first > 0.0:
         yield f"its first gamma is {first:g} degrees: no light is taken within that"

@@ -1,0 +1,124 @@
+"""Limits on the light, in the merit of a search: what each lacks to its bound, on torch images [row y, column x].
+
+A term is one-sided: 0 where the picture keeps the limit with a margin.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from lensforge.scene.limit_readings import LightLimit
+from lensforge.scene.road_classes import glare_law
+
+Image = Float[Tensor, "h w"]
+Images = tuple[Float[Tensor, "_ _"], ...]  # of receivers, each with a shape of its own
+
+
+def not_dark(scale: Float[Tensor, ""]) -> Float[Tensor, ""]:
+    """``scale``; 1 where all is dark, so that a loss relative to it is large, not undefined."""
+    return torch.where(scale > 0.0, scale, 1.0)
+
+
+def smoothed(flux: Image) -> Image:
+    """The picture after the 3 x 3 Gaussian of variance 1 pixel^2, as the evaluation filters it."""
+    taps = torch.tensor([math.exp(-0.5), 1.0, math.exp(-0.5)], dtype=flux.dtype)
+    kernel = torch.outer(taps, taps) / taps.sum() ** 2
+    padded = torch.nn.functional.pad(flux[None, None], (1, 1, 1, 1), mode="replicate")
+    return torch.nn.functional.conv2d(padded, kernel[None, None])[0, 0]
+
+
+# The search aims this far inside each bound, relative to it: the picture of a step has noise, and pixels of its own.
+_MARGIN = 0.03
+# Factors of the mean excess over the places of a limit: of a few places each counts, of many all together.
+_OF_EACH, _AT_MOST = 30.0, 300.0
+
+
+@dataclass(frozen=True, eq=False)
+class LimitTerm:
+    """One limit on the picture of a receiver: its readings as a torch matrix."""
+
+    limit: LightLimit
+    readings: Tensor
+    factor: float
+
+    @staticmethod
+    def of(limit: LightLimit) -> "LimitTerm":
+        """The term of ``limit``."""
+        coo = limit.readings.tocoo()
+        places = torch.from_numpy(np.stack([coo.row, coo.col]).astype(np.int64))
+        matrix = torch.sparse_coo_tensor(places, torch.from_numpy(coo.data), coo.shape, check_invariants=False)
+        factor = _OF_EACH * coo.shape[0]
+        return LimitTerm(limit, matrix.coalesce(), factor if limit.of_road else min(factor, _AT_MOST))
+
+    def loss(self, images: Images) -> Float[Tensor, ""]:
+        """Mean of e^2/(1+e) over the places, e what is missing to the bound or above it, relative to the bound."""
+        picture = smoothed(images[self.limit.receiver])
+        return self.of_light(torch.mv(self.readings, picture.reshape(-1)), picture)
+
+    def of_light(self, light: Float[Tensor, " k"], picture: Image) -> Float[Tensor, ""]:
+        """The loss by the ``light`` at the places of the limit on a smoothed ``picture``."""
+        excess = self._excess(light, picture).clamp(min=0.0)
+        return self.factor * torch.mean(excess**2 / (1.0 + excess))
+
+    def _excess(self, light: Float[Tensor, " k"], picture: Image) -> Float[Tensor, " k"]:
+        """Excess at each place; of an even zone at its dark places, of a beam angle at those on the wrong side."""
+        limit, scale = self.limit, torch.ones((), dtype=light.dtype)
+        match limit.quantity:
+            case "relative":
+                scale = not_dark(picture.detach().max() * limit.light_per_flux)
+            case "min_over_mean":
+                scale = not_dark(light.mean())
+            case "min_over_max":
+                scale = not_dark(light.detach().max())
+            case "ratio":
+                light, scale = light[:1], not_dark(light[1])
+            case "threshold_increment":
+                factor, power = glare_law(float(light[-1].detach()))
+                light, scale = light[:-1], not_dark(light[-1]) ** power / factor
+            case "beam_angle":
+                return self._beside_the_beam(light)
+        return self._beyond(light / (scale * limit.bound))
+
+    def _beyond(self, relative: Float[Tensor, " k"]) -> Float[Tensor, " k"]:
+        """Excess of light relative to its bound over that with its margin."""
+        return 1.0 + _MARGIN - relative if self.limit.sense == ">=" else relative - (1.0 - _MARGIN)
+
+    def _beside_the_beam(self, light: Float[Tensor, " k"]) -> Float[Tensor, " k"]:
+        """Light within a least angle must be above the level, light outside of a largest one below it."""
+        limit = self.limit
+        assert limit.angles_deg is not None
+        off = torch.from_numpy(np.abs(limit.angles_deg)) - 0.5 * limit.bound
+        beyond = self._beyond(light / (limit.level * not_dark(light.detach().max())))
+        return torch.where(off < 0.0 if limit.sense == ">=" else off > 0.0, beyond, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class RoadTerms:
+    """The limits of all roads: their picture is smoothed once, and read by one matrix."""
+
+    terms: tuple[LimitTerm, ...]
+    readings: Tensor
+
+    @staticmethod
+    def of(limits: Sequence[LightLimit]) -> "RoadTerms":
+        """The terms of ``limits``, all on one receiver."""
+        terms = tuple(map(LimitTerm.of, limits))
+        return RoadTerms(terms, torch.cat([term.readings for term in terms]).coalesce())
+
+    def loss(self, images: Images) -> Float[Tensor, ""]:
+        """Sum of the losses of all limits."""
+        picture = smoothed(images[self.terms[0].limit.receiver])
+        light = torch.mv(self.readings, picture.reshape(-1)).split([len(term.readings) for term in self.terms])
+        each = [term.of_light(part, picture) for term, part in zip(self.terms, light, strict=True)]
+        return torch.stack(each).sum()
+
+
+def limit_terms(limits: Sequence[LightLimit]) -> tuple[LimitTerm | RoadTerms, ...]:
+    """The terms of ``limits``; those of roads together."""
+    roads = [limit for limit in limits if limit.of_road]
+    return (*(LimitTerm.of(limit) for limit in limits if not limit.of_road), *([RoadTerms.of(roads)] if roads else []))
