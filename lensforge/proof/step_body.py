@@ -91,7 +91,7 @@ def _reach(face: Any, axis: int, sign: float) -> float:
         return sign * np.array([(point.X(), point.Y(), point.Z())[axis] for point in points])
 
     def highest(places: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
-        """Of every window the height of its highest place inside the trim, all others NaN: the trim takes the time."""
+        """Height of the highest place of every window inside the trim, all others NaN: the trim takes the time."""
         values = untrimmed(places)
         found = np.full(values.shape, np.nan)
         for window in np.arange(len(places)).reshape(-1, len(NODES)):
@@ -139,7 +139,7 @@ _MOST_FACES = 10_000  # every ray is cast at each of them: a lens has 6, one on 
 
 @dataclass(frozen=True)
 class _Pieces:
-    """What rays are cast at: by the number of the piece its face, its box (mm), and its intersector by the kernel.
+    """Pieces at which rays are cast: by the number of each its face, its box (mm), and its intersector by the kernel.
 
     ``trims``: of the faces in pieces, which are rectangles in u and v; None: the intersector knows the face's own.
     """
