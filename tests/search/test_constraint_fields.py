@@ -42,7 +42,7 @@ def jets(count: int = 30) -> tuple[RadiusJet, RadiusJet, ChartPoints]:
 
 @pytest.mark.parametrize("make", ["part", "insert"])
 def test_fields_of_all_constraints_are_their_definitions(make: str) -> None:
-    spec = shop_spec(manufacture={"make": make})
+    spec = shop_spec(manufacture={"make": make}, constraints__cavity_radius_mm=1.25)
     inner, outer, points = jets()
     faces = {"inner": inner, "outer": outer}
     found = {each.key: each.of(faces, points).numpy() for each in constraints_of(spec) if each.key != WALL}
@@ -51,7 +51,7 @@ def test_fields_of_all_constraints_are_their_definitions(make: str) -> None:
     sign = 1 if make == "part" else -1
     drafts = [np.degrees(np.arcsin(np.clip(draft_sine(each, points).numpy(), -1.0, 0.5))) for each in (inner, outer)]
     wanted = {
-        "cavity_clearance_mm": 0.5 / 1.0**2 * a**2 * (1.0 - cosine**2) + a * cosine - 0.5,
+        "cavity_clearance_mm": 0.5 / 1.25**2 * a**2 * (1.0 - cosine**2) + a * cosine - 0.5,
         "radius_margin_mm": 7.0 - b,
         "inner_curvature_margin_per_mm": 1.0 / 2.5 + least_curvature(inner, points, -sign).numpy(),
         "outer_curvature_margin_per_mm": 1.0 / 4.0 + least_curvature(outer, points, sign).numpy(),

@@ -66,6 +66,10 @@ def test_the_density_of_a_picture_is_that_of_the_pixel_at_a_point() -> None:
     np.testing.assert_allclose(full.density(corners), [0.1, 0.2, 0.3, 0.4])
 
 
+def test_the_outline_of_a_picture_is_that_of_its_light() -> None:
+    np.testing.assert_allclose(PICTURE.corners(), [[-0.5, -0.75], [0.5, -0.75], [0.5, 0.25], [-0.5, 0.25]])
+
+
 def test_a_picture_is_as_wide_as_stated_and_all_of_it_has_the_flux(tmp_path: Path) -> None:
     Image.fromarray(np.array([[50, 0, 0, 100], [0, 0, 0, 50]], dtype=np.uint8)).save(tmp_path / "led.png")
     found = planar_emitter(LuminanceSource(file=tmp_path / "led.png", width_mm=6.0)).area
