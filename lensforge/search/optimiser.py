@@ -41,7 +41,7 @@ from lensforge.sources.build_source import summarise
 from lensforge.sources.measured_rays import searched
 from lensforge.sources.ray_bundle import Source
 from lensforge.spec import Accuracy, Spec
-from lensforge.spec.accuracy import PRESETS, Preset
+from lensforge.spec.accuracy import PRESETS, Preset, for_preview
 from lensforge.spec.spec_files import input_hashes, section_sha256
 from lensforge.surfaces.mirror_group import first_images, group
 from lensforge.surfaces.srbf import fibonacci_hemisphere
@@ -289,6 +289,7 @@ def search(
     resume: bool = False,
     progress: Observer | None = None,
     warnings: tuple[str, ...] = (),
+    preview: bool = False,
 ) -> Design:
     """Search for the lens of ``spec``; its rays are traced by the CPU's kernels, or by torch on ``device``.
 
@@ -296,10 +297,12 @@ def search(
     automatic ones begin with as many as it has, the broad ones first. ``checkpoint`` is written every few seconds and
     at an interrupt; with ``resume`` the search goes on from it and ends with the same bits as an uninterrupted one,
     unless ``optimise.seconds`` makes it depend on time. ``progress`` is called after every gradient step; where it
-    returns False, the search raises :class:`Cancelled`. ``warnings``: on the scene, for the record.
+    returns False, the search raises :class:`Cancelled`. ``warnings``: on the scene, for the record. ``preview``: take
+    fewer steps.
     """
     begun = time.perf_counter()
     preset, spec = PRESETS[accuracy], settled_symmetry(spec, source)
+    preset = for_preview(preset) if preview else preset
     schedule = _schedule(spec, source, preset, start)
     problems = Problems(spec, source, preset.nodes_per_sigma, device)
     key = fingerprint(spec, seed, accuracy, start, device)

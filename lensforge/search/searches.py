@@ -96,6 +96,26 @@ def design(
         )
 
 
+def first_look(
+    spec: Spec,
+    *,
+    seed: int = 0,
+    threads: int | None = None,
+    progress: Observer | None = None,
+    warn: Warn | None = None,
+    force: bool = False,
+) -> Design:
+    """Search for a draft of the lens of ``spec`` in fewer steps, for a preview; else as :func:`design`."""
+    from lensforge.search.optimiser import search
+
+    start = _start_of(require_spec(spec, "preview"))
+    source, warned = _checked_scene(spec, start, warn, force=force, anyway=None)
+    with threads_of_torch(threads):
+        return search(
+            spec, source, accuracy="draft", seed=seed, start=start, progress=progress, warnings=warned, preview=True
+        )
+
+
 def _start_of(spec: Spec, start: Lens | None = None) -> Lens | None:
     """The lens from which a search goes on: ``start``, or the one that the spec names; None for hemispheres."""
     if start is not None:

@@ -82,6 +82,16 @@ PRESETS: dict[Accuracy, Preset] = {
 }
 
 
+# Of the levels that a search chooses itself. On flat_top, the pi and a rectangle of `lensforge new`, five searches,
+# NMSE is 0.76 to 1.6 times a draft's, the efficiency its own to 2 %, the time of the search 0.57 to 1.04 times as long.
+_PREVIEW_STEPS = (25, 50)
+
+
+def for_preview(preset: Preset) -> Preset:
+    """The ``preset`` with fewer steps, for a first look."""
+    return replace(preset, effort=replace(preset.effort, steps=_PREVIEW_STEPS))
+
+
 def preset_of(accuracy: str) -> Preset:
     """The settings of an accuracy preset. Raises :class:`InputError` for an unknown name."""
     for name, preset in PRESETS.items():
