@@ -105,7 +105,7 @@ def test_a_preview_takes_fewer_steps_than_a_draft_from_the_same_start(tmp_path: 
     """Of the first level 25 for 40; the first of them are the draft's."""
     levels: list[tuple[list[float], ...]] = []
     for look in (searches.first_look, partial(searches.design, accuracy="draft")):
-        design = look(small_spec(lens__levels="auto"), seed=3)
+        design = look(small_spec(lens__levels="auto", optimise={}), seed=3)
         levels.append(tuple(list(level.nmse) for level in design.history))
     preview, draft = levels
     assert (len(preview[0]), len(draft[0])) == (25, 40)
