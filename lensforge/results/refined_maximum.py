@@ -9,7 +9,8 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float
 
-_WINDOW_SIDE = 5  # nodes across the grid about each start
+_AXIS = np.linspace(-1.0, 1.0, 5)
+NODES = np.stack(np.meshgrid(_AXIS, _AXIS, indexing="ij"), axis=-1).reshape(-1, 2)  # of the window about each start
 STARTS = 8  # the best sample alone may lie beside a lower peak
 
 Places = Float[np.ndarray, "*m 2"]
@@ -41,10 +42,8 @@ def refined_maximum(
     known = np.where(np.isnan(values), -np.inf, values)
     best = np.argsort(-known, kind="stable")[:starts]
     places, highest = samples[best], known[best]
-    axis = np.linspace(-1.0, 1.0, _WINDOW_SIDE)
-    around = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
     for _ in range(rounds):
-        window = within(places[:, None] + reach * around)
+        window = within(places[:, None] + reach * NODES)
         found = figure(window.reshape(-1, 2)).reshape(len(places), -1)
         found = np.where(np.isnan(found), -np.inf, found)
         top = np.argmax(found, axis=1)
