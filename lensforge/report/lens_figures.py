@@ -149,7 +149,7 @@ def history(levels: Sequence[Level], quantity: Literal["loss", "nmse", "efficien
         axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axes.yaxis.set_minor_formatter(NullFormatter())
     elif quantity == "efficiency":
-        axes.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0, symbol=" %"))
+        axes.yaxis.set_major_formatter(PercentFormatter(1.0, symbol=" %"))
     return figure
 
 

@@ -1,7 +1,8 @@
 """Maps over a face: departure from its best-fit sphere, curvature against the mill, and uncut material.
 
-Maps are on the stereographic chart, [X, Y] over [-1, 1], NaN outside the rim, and are drawn on it: there a face never
-folds over itself, even where it is undercut. The axis is at the centre, the rim (90 deg) is the unit circle.
+Maps are on the stereographic chart, [X, Y] over [-1, 1], NaN outside the rim and where another face is, and are drawn
+on it: there a face never folds over itself, even where it is undercut. The axis is at the centre, the rim (90 deg) is
+the unit circle.
 """
 
 import numpy as np
@@ -19,6 +20,7 @@ ChartMap = Float[np.ndarray, "n n"]
 _SHOWN_QUANTILE = 0.995  # of |curvature|: a few extreme points at a rim would wash out all other colours
 _PLACE = {"left": 0.1, "bottom": 0.1, "right": 1.34}  # no axes to label
 _REACHED = "#dfe2e6"
+_BESIDE_NODES = 2.0  # so that the nodes do not show at the rim; farther off is another face, and the map stays empty
 _LINE = "#111111"  # on pale map colours, in light and dark mode
 
 
@@ -110,6 +112,6 @@ def _show(axes: Axes, values: ChartMap, colours: str, low: float, high: float, f
 
 
 def _filled(values: ChartMap) -> ChartMap:
-    """Values with NaN replaced by the nearest node inside the rim; the picture is clipped at the rim."""
-    nearest = distance_transform_edt(np.isnan(values), return_distances=False, return_indices=True)
-    return np.asarray(values[tuple(nearest)])
+    """Values with NaN beside the face replaced by its nearest node: the picture is clipped at the rim, not by nodes."""
+    away, nearest = distance_transform_edt(np.isnan(values), return_indices=True)
+    return np.where(away <= _BESIDE_NODES, values[tuple(nearest)], np.nan)
