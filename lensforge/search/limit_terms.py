@@ -36,7 +36,6 @@ def smoothed(flux: Image) -> Image:
 _MARGIN = 0.03
 # Factors of the mean excess over the places of a limit: of a few places each counts, of many all together.
 _OF_EACH, _AT_MOST = 30.0, 300.0
-_LEAST_PLACES = 10  # of a figure of a road: means are one place, and would give way to figures of many
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,11 +50,10 @@ class LimitTerm:
     def of(limit: LightLimit) -> "LimitTerm":
         """The term of ``limit``."""
         coo = limit.readings.tocoo()
-        entries = torch.from_numpy(np.stack([coo.row, coo.col]).astype(np.int64))
-        matrix = torch.sparse_coo_tensor(entries, torch.from_numpy(coo.data), coo.shape, check_invariants=False)
-        places = coo.shape[0]
-        of_road, of_others = _OF_EACH * max(places, _LEAST_PLACES), min(_OF_EACH * places, _AT_MOST)
-        return LimitTerm(limit, matrix.coalesce(), of_road if limit.of_road else of_others)
+        places = torch.from_numpy(np.stack([coo.row, coo.col]).astype(np.int64))
+        matrix = torch.sparse_coo_tensor(places, torch.from_numpy(coo.data), coo.shape, check_invariants=False)
+        factor = _OF_EACH * coo.shape[0]
+        return LimitTerm(limit, matrix.coalesce(), factor if limit.of_road else min(factor, _AT_MOST))
 
     def loss(self, images: Images) -> Float[Tensor, ""]:
         """Mean of e^2/(1+e) over the places, e what is missing to the bound or above it, relative to the bound."""
