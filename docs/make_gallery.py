@@ -23,7 +23,7 @@ GROUPS = {
     "Real LEDs": ("led_rayfile", "led_colours", "osram_pi", "chip_array"),
     "Other receivers": ("wall_washer", "curved_screen", "two_distances"),
     "Beams and lamps": ("batwing", "elliptical_beam", "from_ies", "signal", "street_lamp"),
-    "Roads": ("road_m3", "road_luminance", "pedestrian"),
+    "Roads": ("road_m3", "road_wide", "road_luminance", "pedestrian"),
     "Lamps together": ("backlight", "high_bay", "panel", "street_module"),
     "Total internal reflection": ("spot", "spot_10", "oval", "flashlight", "desk_spot", "collimating_mirror"),
     "Materials": ("silicone", "coated_cover_glass"),

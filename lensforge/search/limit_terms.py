@@ -34,6 +34,7 @@ def smoothed(flux: Image) -> Image:
 
 # The search aims this far inside each bound, relative to it: the picture of a step has noise, and pixels of its own.
 _MARGIN = 0.03
+_ROAD_MARGIN = 0.06  # a far field of 200 pixels blurs glare, and shows a road up to 3 % too good
 # Factors of the mean excess over the places of a limit: of a few places each counts, of many all together.
 _OF_EACH, _AT_MOST = 30.0, 300.0
 
@@ -86,7 +87,8 @@ class LimitTerm:
 
     def _beyond(self, relative: Float[Tensor, " k"]) -> Float[Tensor, " k"]:
         """Excess of light relative to its bound over that with its margin."""
-        return 1.0 + _MARGIN - relative if self.limit.sense == ">=" else relative - (1.0 - _MARGIN)
+        margin = _ROAD_MARGIN if self.limit.of_road else _MARGIN
+        return 1.0 + margin - relative if self.limit.sense == ">=" else relative - (1.0 - margin)
 
     def _beside_the_beam(self, light: Float[Tensor, " k"]) -> Float[Tensor, " k"]:
         """Light within a least angle must be above the level, light outside of a largest one below it."""
