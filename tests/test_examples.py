@@ -15,7 +15,8 @@ SPECS = sorted([*EXAMPLES.glob("*.toml"), *EXAMPLES.glob("published/*.toml")])
 def test_every_shipped_spec_is_valid(path: Path) -> None:
     spec = load_spec(path)
     assert spec.name == path.stem
-    assert spec.lens.levels == "auto" or spec.lens.reflects
+    given = spec.lens.reflects or spec.roads  # the noise of limits of roads ends automatic levels too early
+    assert spec.lens.levels == "auto" or given
 
 
 def test_every_published_design_has_a_spec() -> None:
