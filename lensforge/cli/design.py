@@ -93,9 +93,7 @@ def design(
 @with_force
 @OPEN
 @with_output
-def preview(
-    spec: Path, out: Path | None, seed: int, threads: int | None, force: bool, shown: bool, output: Output
-) -> None:
+def preview(spec: Path, out: Path | None, shown: bool, output: Output, **options: Unpack[SearchOptions]) -> None:
     """Search a draft of SPEC in fewer steps, and draw its light: a first look, without the files of a part."""
     from lensforge.cli.progress import DesignProgress, StageClock
 
@@ -105,12 +103,10 @@ def preview(
     with StageClock("design", quiet=output.quiet) as clock:
         heard = DesignProgress(clock, content)
         with opened(directory, create=True) as here:
-            looked = searches.first_look(
-                content, seed=seed, threads=threads, progress=heard.on_step, warn=clock.warn, force=force
-            )
-            made = here.write(looked)
+            options.update({"accuracy": "draft", "preview": True, "progress": heard.on_step, "warn": clock.warn})
+            made = here.write(searches.design(content, **options))
             clock.begin("evaluate")
-            light = here.write(evaluate(made.lens, threads=threads))
+            light = here.write(evaluate(made.lens, threads=options.get("threads")))
             light.save(directory / _PICTURE_FILE)
             run = here.run
         clock.total()

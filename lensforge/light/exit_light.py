@@ -31,7 +31,7 @@ class RaysOnSphere:
 def exit_rays(lens: TracedLens, rays: RayBundle, sphere_mm: float, lamps: Lamps = ALONE) -> RaysOnSphere:
     """Trace ``rays`` and start those that leave upwards on the sphere of radius ``sphere_mm`` around the lamps.
 
-    Each ray is one of a lamp by chance, so that all carry the flux of all lamps.
+    Rays are dealt to the lamps by chance, as many to each, and carry the flux of all.
     """
     found = lens.trace(rays) if lamps.alone else _of_lamps(lens, rays, lamps)
     upwards = found.left_lens & (found.directions[:, 2] > 0.0)
@@ -43,7 +43,7 @@ def exit_rays(lens: TracedLens, rays: RayBundle, sphere_mm: float, lamps: Lamps 
 
 def _of_lamps(lens: TracedLens, rays: RayBundle, lamps: Lamps) -> ExitRays:
     found = lens.trace(replace(rays, flux=len(lamps) * rays.flux))
-    own = np.random.default_rng(len(rays)).integers(len(lamps), size=len(rays))
+    own = np.random.default_rng(len(rays)).permutation(len(rays)) % len(lamps)
     turns, up = np.radians(lamps.turns_deg), np.zeros(len(lamps))
     axes = np.array([[np.cos(turns), -np.sin(turns), up], [np.sin(turns), np.cos(turns), up], [up, up, up + 1.0]])
     turned = axes.transpose(2, 0, 1)[own]

@@ -17,8 +17,9 @@ from lensforge.light.metrics import (
 )
 from lensforge.results import Metric, Sense
 from lensforge.scene.limit_readings import LightLimit
-from lensforge.scene.road_classes import Quantity, glare_law
+from lensforge.scene.road_classes import Ask, glare_law
 from lensforge.sources.intensity import width_above
+from lensforge.spec.light_limits import Quantity
 
 DARK_PERCENT = 1e6  # threshold increment of a road without light
 Readings = Float[np.ndarray, "r k"]
@@ -28,21 +29,10 @@ def judged_limits(
     limits: Sequence[LightLimit], images: Sequence[Float[np.ndarray, "_ _ _"]], names: Sequence[str]
 ) -> tuple[LimitResult, ...]:
     """Judge ``limits`` on the filtered pictures of flux (W) of every replicate, one stack for each receiver."""
-    return tuple(
-        LimitResult(
-            name=limit.name,
-            receiver=names[limit.receiver],
-            quantity=QUANTITIES[limit.quantity],
-            value=limit_value(limit, images[limit.receiver]),
-            sense=limit.sense,
-            bound=limit.bound,
-            unit=limit.unit,
-        )
-        for limit in limits
-    )
+    return tuple(judged(limit, names[limit.receiver], limit_value(limit, images[limit.receiver])) for limit in limits)
 
 
-QUANTITIES = {
+_QUANTITIES = {
     "light": "light",
     "relative": "light over its maximum",
     "min_over_mean": "least over mean light",
@@ -52,6 +42,19 @@ QUANTITIES = {
     "threshold_increment": "threshold increment",
     "ratio": "ratio of means",
 }
+
+
+def judged(limit: LightLimit | Ask, receiver: str, value: Metric) -> LimitResult:
+    """The result of a limit on ``receiver``, or of what the class of a road of this name asks for."""
+    return LimitResult(
+        name=limit.name,
+        receiver=receiver,
+        quantity=_QUANTITIES[limit.quantity],
+        value=value,
+        sense=limit.sense,
+        bound=limit.bound,
+        unit=limit.unit,
+    )
 
 
 def limit_value(limit: LightLimit, images: Float[np.ndarray, "r h w"]) -> Metric:

@@ -10,18 +10,18 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.light.evaluation_result import LimitResult
-from lensforge.light.judged_limits import QUANTITIES, figure_of
+from lensforge.light.judged_limits import figure_of, judged
 from lensforge.light.luminaire_classes import LampLight
 from lensforge.light.metrics import scaled
 from lensforge.light.road_lighting import RoadJudgement, SeenRoad
 from lensforge.results import Metric, Sense
-from lensforge.scene.road_classes import Quantity, asked_of
+from lensforge.scene.road_classes import asked_of
 from lensforge.scene.road_field import CandelaSum, RoadReadings
 from lensforge.scene.road_surface import RoadSurface
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric.photometric_file import PhotometricFile
 from lensforge.spec import Spec
+from lensforge.spec.light_limits import Quantity
 from lensforge.spec.road_section import M_CLASSES, RoadSection, names_of
 
 _NONE = "none"
@@ -36,19 +36,10 @@ def judge_road(road: RoadSection, candela: Candela, name: str = "road") -> RoadJ
     read = _Reader(candela)
     kept = readings.illuminance.times(road.maintenance_factor)
     mean_lx = read.figure("light", ">=", "lx", kept.mean())
-    drivers = tuple(_drivers(readings, read, mean_lx))
+    drivers = tuple(_drivers(readings, read))
     right, left = (read.figure("ratio", ">=", "", edge) for edge in readings.edges)
     limits = tuple(
-        LimitResult(
-            name=ask.name,
-            receiver=name,
-            quantity=QUANTITIES[ask.quantity],
-            value=read.figure(ask.quantity, ask.sense, ask.unit, ask.light),
-            sense=ask.sense,
-            bound=ask.bound,
-            unit=ask.unit,
-        )
-        for ask in asked_of(readings)
+        judged(ask, name, read.figure(ask.quantity, ask.sense, ask.unit, ask.light)) for ask in asked_of(readings)
     )
     area = road.width_m * road.pole_spacing_m / _lamps_of(road)
     return RoadJudgement(
@@ -84,23 +75,19 @@ class _Reader:
         return found if len(readings) > 1 else found.model_copy(update={"standard_error": 0.0})
 
 
-def _drivers(readings: RoadReadings, read: _Reader, mean_lx: Metric) -> Iterator[SeenRoad]:
+def _drivers(readings: RoadReadings, read: _Reader) -> Iterator[SeenRoad]:
     factor = readings.road.maintenance_factor
     for lane, (seen, veiling) in enumerate(zip(readings.luminance, readings.veiling, strict=True)):
         kept = seen.times(factor)
-        mean = read.figure("light", ">=", "cd/m²", kept.mean())
+        by_lux = CandelaSum.joined((kept.mean(), readings.illuminance.times(factor).mean()))
         yield SeenRoad(
             lane=lane + 1,
-            mean_cd_per_m2=mean,
+            mean_cd_per_m2=read.figure("light", ">=", "cd/m²", kept.mean()),
             uniformity=read.figure("min_over_mean", ">=", "", kept),
             uniformity_along=read.figure("min_over_max", ">=", "", kept.places(readings.middle(lane))),
             glare_percent=read.figure("threshold_increment", "<=", "%", CandelaSum.joined((veiling, seen.mean()))),
-            luminance_per_lux=_over(read, kept.mean(), readings.illuminance.times(factor).mean()),
+            luminance_per_lux=read.figure("ratio", ">=", "cd/m²/lx", by_lux),
         )
-
-
-def _over(read: _Reader, light: CandelaSum, lux: CandelaSum) -> Metric:
-    return read.figure("ratio", ">=", "cd/m²/lx", CandelaSum.joined((light, lux)))
 
 
 def _lamps_of(road: RoadSection) -> int:
@@ -111,8 +98,7 @@ def _lamps_of(road: RoadSection) -> int:
 def _power_density(lamp_w: float | None, mean_lx: Metric, area_m2: float) -> Metric | None:
     if lamp_w is None or not mean_lx.value > 0.0:
         return None
-    value = lamp_w / (mean_lx.value * area_m2)
-    return scaled(mean_lx, value / mean_lx.value, "W/lx/m²")
+    return scaled(mean_lx, lamp_w / (mean_lx.value**2 * area_m2), "W/lx/m²")  # the relative error is that of the lux
 
 
 def best_class(drivers: tuple[SeenRoad, ...], edges: tuple[Metric, Metric]) -> str:

@@ -222,8 +222,3 @@ class RoadJudgement(Record):
     power_density: Metric | None
     yearly_energy: Metric | None
     limits: tuple[LimitResult, ...]
-
-    @property
-    def passed(self) -> bool:
-        """True where all that the class asks for is met."""
-        return all(limit.state == "held" for limit in self.limits)

@@ -4,7 +4,7 @@ Here the design and its verification meet: what the casts get of the design are 
 """
 
 from dataclasses import replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from lensforge import seeds
 from lensforge.cad.part import Part
@@ -17,7 +17,12 @@ from lensforge.proof.stray_result import StrayLight
 from lensforge.results.arguments import count_of, require, threads_of_torch
 from lensforge.results.second_process import IN_TURN, SecondProcess
 from lensforge.scene.lens import Lens
+from lensforge.sources.ray_bundle import RayBundle
 from lensforge.spec.accuracy import preset_of
+
+if TYPE_CHECKING:
+    from lensforge.proof.optical_faces import OpticalFaces
+    from lensforge.proof.part_comparison import Expected
 
 _STRAY_RAYS = 2**15  # each splits into about ten; more would take minutes
 
@@ -37,11 +42,9 @@ def verify_with(second: SecondProcess, part: Part, light: Light, rays: int | Non
     """Do as :func:`verify` does, with a second process for referees that hold Python's lock; the same bits."""
     import torch
 
-    from lensforge.light.simulation import TracedLens, design_landings
     from lensforge.proof.mitsuba_cast import RAYS as MITSUBA_RAYS
     from lensforge.proof.mitsuba_cast import installed as mitsuba_installed
-    from lensforge.proof.part_comparison import Expected
-    from lensforge.proof.proof_inputs import independent_light, optical_of, screens_of
+    from lensforge.proof.proof_inputs import independent_light, optical_of
 
     lens, spec = require(part, Part, "verify").lens, part.lens.spec
     rays = count_of("rays", rays)
@@ -54,18 +57,12 @@ def verify_with(second: SecondProcess, part: Part, light: Light, rays: int | Non
     spec, preset, source = lens.spec, preset_of(lens.accuracy), judging_source(spec)
     count, conditions = rays_of(rays, preset.verify_rays, source)
     bundle = source.sample(count, seeds.of_verification(lens.seed))
-    traced, optical = TracedLens.of(lens, preset.evaluate_nodes_per_sigma), optical_of(lens.body, lens.events)
-    landed = design_landings(traced, spec, bundle)
-    order = optical.numbers_of(traced.scene.names)
-    expected = [
-        Expected(screen, lit.map, own.hits, own.flux, own.fates, None if own.met is None else order[own.met])
-        for screen, lit, own in zip(screens_of(spec, light.pixels), light.receivers, landed, strict=True)
-    ]
+    optical = optical_of(lens.body, lens.events)
     proof = verify_in_sandbox(
         part.stl,
         rays=bundle,
         media=lens.media,
-        expected=expected,
+        expected=expected_of(lens, light, bundle, optical),
         names=[receiver.name for receiver in light.receivers],
         step=part.step,
         second=second,
@@ -78,6 +75,21 @@ def verify_with(second: SecondProcess, part: Part, light: Light, rays: int | Non
         inputs={"lens": part.lens.sha256, "export": part.sha256, "evaluate": whole.sha256},
     )
     return proof.model_copy(update={"conditions": conditions, "altered_files": part.altered})
+
+
+def expected_of(lens: Lens, light: Light, rays: RayBundle, optical: "OpticalFaces") -> "list[Expected]":
+    """Results of the design for ``rays`` on each receiver, whose ``light`` is known; faces by the numbers of a part."""
+    from lensforge.light.simulation import TracedLens, design_landings
+    from lensforge.proof.part_comparison import Expected
+    from lensforge.proof.proof_inputs import screens_of
+
+    traced = TracedLens.of(lens, preset_of(lens.accuracy).evaluate_nodes_per_sigma)
+    screens, landed = screens_of(lens.spec, light.pixels), design_landings(traced, lens.spec, rays)
+    order = optical.numbers_of(traced.scene.names)
+    return [
+        Expected(screen, lit.map, own.hits, own.flux, own.fates, None if own.met is None else order[own.met])
+        for screen, lit, own in zip(screens, light.receivers, landed, strict=True)
+    ]
 
 
 def _of_one_lamp(lens: Lens, light: Light) -> tuple[Lens, Light]:

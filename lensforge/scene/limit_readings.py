@@ -11,11 +11,19 @@ from scipy import sparse
 from lensforge.errors import InputError
 from lensforge.results import Sense
 from lensforge.scene.receiver import PosedReceiver, equal_area
-from lensforge.scene.road_classes import Quantity, asked_of
+from lensforge.scene.road_classes import asked_of
 from lensforge.scene.road_field import RoadReadings
 from lensforge.scene.target_shapes import in_shape
 from lensforge.spec import Spec
-from lensforge.spec.light_limits import BeamAngleLimit, GlareLimit, LimitSection, LineLimit, PointsLimit, ZoneLimit
+from lensforge.spec.light_limits import (
+    BeamAngleLimit,
+    GlareLimit,
+    LimitSection,
+    LineLimit,
+    PointsLimit,
+    Quantity,
+    ZoneLimit,
+)
 from lensforge.spec.road_section import RoadSection, names_of
 
 _UNITS = {"w_per_m2": "W/m²", "lx": "lx", "w_per_sr": "W/sr", "cd": "cd", "deg": "°"}
@@ -87,7 +95,9 @@ def _of_road(
     receiver = receivers[index]
     if road.lamp_lm is None and lumens_per_watt is None:
         raise InputError(f"{name}: lamp_lm is missing, and the source's lumens are not known; give either")
-    lamp_lm = road.lamp_lm or flux_w * spec.photometry.lenses * (lumens_per_watt or 0.0)
+    source_lm = flux_w * (lumens_per_watt or 0.0) * spec.photometry.lenses
+    # The picture is that of one of the [lamps] in the measure of all: their lumens are shared out.
+    lamp_lm = source_lm if road.lamp_lm is None else road.lamp_lm / len(receiver.lamps)
     scale = lamp_lm / flux_w / receiver.pixel_measure
     for ask in asked_of(RoadReadings.of(road)):
         units = ask.light.directions(spec.photometry.street_side_deg)

@@ -2,15 +2,11 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
 
 from lensforge.results import Sense
 from lensforge.scene.road_field import CandelaSum, RoadReadings
+from lensforge.spec.light_limits import Quantity
 from lensforge.spec.road_section import C_CLASSES, C_UNIFORMITY, M_CLASSES, P_CLASSES, P_MOST
-
-Quantity = Literal[
-    "light", "relative", "min_over_mean", "min_over_max", "share", "beam_angle", "threshold_increment", "ratio"
-]
 
 
 @dataclass(frozen=True, eq=False)

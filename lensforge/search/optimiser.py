@@ -305,7 +305,7 @@ def search(
     preset = for_preview(preset) if preview else preset
     schedule = _schedule(spec, source, preset, start)
     problems = Problems(spec, source, preset.nodes_per_sigma, device)
-    key = fingerprint(spec, seed, accuracy, start, device)
+    key = fingerprint(spec, seed, f"{accuracy}, preview" if preview else accuracy, start, device)
     if resume and checkpoint is not None:
         state = SearchState.load(checkpoint, key)
         begun -= state.seconds

@@ -32,7 +32,7 @@ from lensforge.surfaces.surface import Surface
 
 DRAFT_DEG = 2.0  # of the side of a cavity, where the spec does not say
 _DIRECTIONS = 4000  # at which the part of a face that bounds its medium is looked for
-_BEYOND = 0.1  # cosine by which a profile bends beyond that part: creases move, and beyond it the curvature jumps
+_BEYOND = 0.1  # cosine by which a profile bends beyond that part: creases move, and beyond it all bends fade
 _LOWEST = -0.1  # cosine: exported faces reach a little below z = 0
 _NODES_PER_SIGMA = 6.0  # at least: with 2.5 the wall is 30 um off at its rim
 _WIDEST_BEAM = 3.0  # over the narrowest of this source and radius: wider ones fit any cavity, and the exit makes them

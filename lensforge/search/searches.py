@@ -42,6 +42,7 @@ class SearchOptions(TypedDict, total=False):
     device: Literal["cpu", "cuda"]
     warn: Warn | None
     force: bool
+    preview: bool
     anyway: bool | None
 
 
@@ -58,6 +59,7 @@ def design(
     device: Literal["cpu", "cuda"] = "cpu",
     warn: Warn | None = None,
     force: bool = False,
+    preview: bool = False,
     anyway: bool | None = None,
 ) -> Design:
     """Search for the lens of ``spec``, Eq. (15): coarse to fine, constraints by augmented Lagrangian.
@@ -69,7 +71,8 @@ def design(
     stops with :class:`Cancelled` and leaves its checkpoint. ``device``: where the rays of the search are traced
     (``cuda`` is experimental). ``warn`` is called with each warning on the source before the search begins; by default
     they are Python's own, :class:`SourceWarning`. ``force``: search even where less than half of the light that a
-    target asks for can reach it; ``anyway``: its earlier name.
+    target asks for can reach it; ``anyway``: its earlier name. ``preview``: take fewer steps on levels that the search
+    chooses itself, for a first look.
     Raises :class:`InputError` for invalid arguments.
     """
     from lensforge.search.optimiser import search
@@ -93,26 +96,7 @@ def design(
             resume=resume and path is not None and path.exists(),
             progress=progress,
             warnings=warned,
-        )
-
-
-def first_look(
-    spec: Spec,
-    *,
-    seed: int = 0,
-    threads: int | None = None,
-    progress: Observer | None = None,
-    warn: Warn | None = None,
-    force: bool = False,
-) -> Design:
-    """Search for a draft of the lens of ``spec`` in fewer steps, for a preview; else as :func:`design`."""
-    from lensforge.search.optimiser import search
-
-    start = _start_of(require_spec(spec, "preview"))
-    source, warned = _checked_scene(spec, start, warn, force=force, anyway=None)
-    with threads_of_torch(threads):
-        return search(
-            spec, source, accuracy="draft", seed=seed, start=start, progress=progress, warnings=warned, preview=True
+            preview=preview,
         )
 
 

@@ -10,6 +10,7 @@ from lensforge.light import exit_light
 from lensforge.light.exit_light import ExitLight, RaysOnSphere, _on_sphere, trace_exit_light
 from lensforge.light.photometry_export import _lost, _symmetry
 from lensforge.light.simulation import ABSORBED, CAUSES, IN_GLASS, MISSED_RECEIVER, TracedLens
+from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle
@@ -163,3 +164,20 @@ def test_rays_inside_a_sphere_leave_it_ahead_of_them() -> None:
     np.testing.assert_allclose(found, [[3.0, 0.0, 4.0], [np.sqrt(24.0), 0.0, 1.0], [0.0, 3.0, -4.0]], atol=1e-12)
     beside = _on_sphere(np.array([[6.0, 0.0, 2.0]]), np.array([[0.0, 0.0, 1.0]]), 5.0)
     assert beside.tolist() == [[6.0, 0.0, 0.0]], "no chord: where it is closest"
+
+
+def test_rays_are_dealt_to_lamps_evenly_and_carry_the_flux_of_all() -> None:
+    class Upwards(TracedLens):
+        def trace(self, rays: RayBundle) -> ExitRays:
+            up = np.tile([0.0, 0.0, 1.0], (len(rays), 1))
+            return ExitRays(0.0 * up, up, rays.flux, np.zeros(len(rays)), np.zeros(len(rays), dtype=np.int8))
+
+    lamps, rays = Lamps(((-3.0, 0.0), (1.0, 0.0), (2.0, 5.0)), (0.0, 30.0, 60.0)), bundle_of(12)
+    found = exit_light._of_lamps(object.__new__(Upwards), rays, lamps)
+    for x, _ in lamps.places_mm:
+        assert np.count_nonzero(found.points[:, 0] == x) == 4
+    np.testing.assert_allclose(found.flux, 3.0 * rays.flux)
+
+
+def bundle_of(count: int) -> RayBundle:
+    return RayBundle(np.zeros((count, 3)), np.tile([0.0, 0.0, 1.0], (count, 1)), np.arange(1.0, count + 1.0))

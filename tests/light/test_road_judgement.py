@@ -157,3 +157,15 @@ def test_a_field_of_one_road_is_changed_by_its_number() -> None:
     assert (spec.roads[0].pole_spacing_m, spec.roads[0].pole_height_m) == (22.5, 9.0)
     with pytest.raises(InputError, match="roads has 1 entries"):
         spec.replace({"roads.1.pole_spacing_m": 22.5})
+
+
+def test_lamps_together_share_the_lumens_of_a_road() -> None:
+    """Two lenses have twice the light of one; where the lumens of the lamp are given, they have the same."""
+    pair, far = {"lamps": {"kind": "table", "places_mm": [[-20.0, 0.0], [20.0, 0.0]]}, "base": {"kind": "none"}}, 64
+
+    def readings(spec: Spec) -> np.ndarray:
+        return light_limits(spec, receivers_of(spec, far), 300.0, 1.5)[0].readings.toarray()
+
+    for road, times in (({}, 1.0), ({"lamp_lm": None}, 2.0)):
+        one = _spec(**road)
+        np.testing.assert_allclose(readings(one.replace(pair)), times * readings(one), rtol=1e-12)

@@ -6,15 +6,19 @@ import numpy as np
 import pytest
 from chains import clear, collimator, mirrors, tables_of, upwards
 
+import lensforge as lf
 from lensforge.cad.body_export import build_body, prove
 from lensforge.kernels.fate import Fate
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.media import OUTSIDE
+from lensforge.proof.casts import expected_of
 from lensforge.proof.proof_inputs import optical_of
 from lensforge.proof.sequential_cast import CastFate
 from lensforge.proof.verification import passage_through
-from lensforge.scene.body import radii
-from lensforge.spec import BaseSection
+from lensforge.scene.body import Body, radii
+from lensforge.search.profiles import ProfileParameters
+from lensforge.sources.build_source import build_source
+from lensforge.spec import BaseSection, parse_spec
 from lensforge.surfaces.bicubic_table import TableGrid
 
 BODY, EVENTS = collimator(0.05), 4
@@ -60,3 +64,26 @@ def test_the_exported_body_sends_every_ray_where_the_design_does(kind: str, file
     assert np.linalg.norm(found.points - design.exits.points, axis=1)[left].max() < point
     assert np.abs(found.directions - design.exits.directions)[left].max() < direction
     assert np.abs(found.flux - design.exits.flux)[left].max() < flux
+    assert np.array_equal(found.met[left], design.exits.met[left])
+
+
+def test_the_way_of_the_design_is_told_by_the_faces_of_the_part() -> None:
+    """Light that lands has passed cap and exit, or the side, the wall, which reflects it, and the exit."""
+    content = {
+        "name": "spot",
+        "source": {"kind": "square", "side_mm": 1.0},
+        "lens": {"kind": "tir", "profile": 8},
+        "constraints": {"max_radius_mm": 8.0},
+        "target": {"kind": "disc", "diameter_deg": 20.0, "half_angle_deg": 30.0},
+    }
+    spec = parse_spec(content, "spot")
+    parameters = ProfileParameters.of(spec, 2.5)
+    lens = parameters.lens(*parameters.start(), spec, 0, "draft")
+    optical = optical_of(Body(lens.body.faces[::-1]), lens.events)  # in another order than the design has them
+    rays = build_source(spec.source, None).sample(1000, 3)
+    (found,) = expected_of(lens, lf.evaluate(lens, rays=1024), rays, optical)
+    landed = ~np.isnan(found.landings[:, 0])
+    ways = [tuple(optical.names[face] for face in row if face >= 0) for row in found.met[landed]]
+    count = {way: ways.count(way) for way in set(ways)}
+    usual = {way: count[way] for way in (("cap", "exit"), ("side", "wall", "exit"))}
+    assert min(usual.values()) > 100 and sum(usual.values()) > 0.99 * landed.sum() > 900

@@ -59,12 +59,26 @@ def lens_step(tmp_path_factory):
     return step(tmp_path_factory.mktemp("brep") / "lens.step")
 
 
+PART = part_mesh_of(lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0)))
+
+
 def cast_of(step_bytes):
-    part = part_mesh_of(lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0)))
-    mesh = send_through(part, Grid(part.mesh), RAYS, Media(Medium(INDEX)))
+    mesh = send_through(PART, Grid(PART.mesh), RAYS, Media(Medium(INDEX)))
     expected = Expected(SCREEN, np.ones((8, 8)), HITS, WEIGHTS)
     (found,) = judge_brep(cast_step(step_bytes, RAYS, Media(Medium(INDEX)))(), RAYS, [expected], mesh)
     return found
+
+
+def test_a_step_is_held_against_the_way_in_the_mesh(lens_step):
+    """A ray that met other faces there is of another fate; so is one that did in the design."""
+    mesh = send_through(PART, Grid(PART.mesh), RAYS, Media(Medium(INDEX)))
+    other, way = mesh.met.copy(), np.tile([0, 1], (len(RAYS), 1))
+    first, second, third = np.flatnonzero(SCREEN.on_pixels(HITS))[:3]
+    other[first, 1] = way[second, 0] = way[third, 1] = -1
+    expected = Expected(SCREEN, np.ones((8, 8)), HITS, WEIGHTS, met=way)
+    step = cast_step(lens_step, RAYS, Media(Medium(INDEX)))()
+    ((found, _),) = judge_brep(step, RAYS, [expected], replace(mesh, met=other))
+    assert (found.against_design.fates, found.against_mesh.fates) == (2, 1)
 
 
 def failed(cast):
