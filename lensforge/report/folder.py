@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 from lensforge.errors import InputError
 from lensforge.report.results import REPORT_FILE, Results, conditions_of, stem_of
@@ -19,9 +19,6 @@ from lensforge.results.folder_lock import locked
 from lensforge.results.validation import its_type
 from lensforge.search.design_result import Design
 from lensforge.surfaces.imported_face import LENS_FILE
-
-if TYPE_CHECKING:
-    from lensforge.report.lens_page import PageBegun
 
 _Result = TypeVar("_Result", bound=StageResult)
 
@@ -37,16 +34,14 @@ class Run(Results):
 
         Raises :class:`InputError` where ``path`` cannot be written, or holds a file that this program did not write.
         """
-        return self._report(Path(path), None)
-
-    def _report(self, path: Path, begun: "PageBegun | None") -> Path:
         from lensforge.report.lens_page import render_report
         from lensforge.report.page import write_page
 
+        path = Path(path)
         require_own(path)
         require_writable(path)
         beside = path.resolve().parent == self.folder.resolve()
-        write_page(render_report(self, self.folder, beside=beside, begun=begun), path)
+        write_page(render_report(self, self.folder, beside=beside), path)
         return path
 
     def row(self) -> dict[str, float | int | bool | str | None]:
@@ -210,10 +205,10 @@ class RunFolder:
         self._record = RunRecord.of(self._results, self._stored, hashes, seconds)
         self._record.write(self.path)
 
-    def write_report(self, *, seconds: float | None = None, begun: "PageBegun | None" = None) -> Path:
-        """Write ``report.html`` on what counts, and return its path; ``begun``: what has been drawn of it."""
+    def write_report(self, *, seconds: float | None = None) -> Path:
+        """Write ``report.html`` on what counts, and return its path."""
         run = self.renew(seconds=seconds)  # before the page is written: it states the hash of every file
-        return run._report(self.path / REPORT_FILE, begun)
+        return run.report(self.path / REPORT_FILE)
 
     def refresh_report(self) -> None:
         """Write the report again where there is one that this program wrote."""

@@ -1,10 +1,10 @@
 """The report on one lens: a self-contained page, or the output of a notebook, from its results."""
 
 import base64
+from contextlib import closing
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Self
 
 from lensforge.cad.boundary import lens_boundaries
 from lensforge.cad.part import Part
@@ -33,60 +33,20 @@ from lensforge.version import __version__
 
 _PACKAGES = ("numpy", "scipy", "torch", "numba", "cadquery", "trimesh", "manifold3d", "matplotlib", "pyvista")
 
-Pictures = dict[str, object]  # by the section of the page
 
-
-class PageBegun:
-    """Pictures of a page that are drawn while a run goes on; the others are drawn with the page.
-
-    A context manager: at its end the rendering of the solid ends, too.
-    """
-
-    def __init__(self) -> None:
-        self._light: Pictures | None = None
-        self._rendering: Rendering | None = None
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._rendering is not None:
-            self._rendering.close()
-
-    def draw_light(self, results: Results) -> None:
-        """Draw the lens, its search and its light: they need no part, and a run waits for that."""
-        self._light = _light_pictures(results)
-
-    def render_solid(self, results: Results) -> None:
-        """Begin to render the part in a process of its own, where there is a part and none has begun."""
-        part = results.find(Part)
-        if part is not None and self._rendering is None:
-            radius_mm = float(lens_boundaries(results.lens)[1].radius(fibonacci_hemisphere(500)).max())  # to a per cent
-            self._rendering = Rendering(part.stl, radius_mm)
-
-    def pictures(self, results: Results) -> Pictures:
-        """All pictures of the page but those of the solid."""
-        return {**(self._light or _light_pictures(results)), **_part_pictures(results)}
-
-    def solid(self) -> SolidViews:
-        """Wait for the pictures of the solid. Raises :class:`InputError` for an STL that is no mesh."""
-        if self._rendering is None:
-            return SolidViews({}, problem="No 3-D picture: no part has been exported.")
-        return self._rendering.result()
-
-
-def render_report(
-    results: Results, folder: Path | None = None, *, beside: bool = True, begun: PageBegun | None = None
-) -> str:
+def render_report(results: Results, folder: Path | None = None, *, beside: bool = True) -> str:
     """The page on ``results``; ``folder``: where they lie, whose files are listed, linked if the page is ``beside``.
 
-    ``begun``: what has been drawn of these results. A stage that has not run is said. Raises :class:`InputError` for an
-    STL that is no mesh, or a file not readable.
+    A stage that has not run is said. Raises :class:`InputError` for an STL that is no mesh, or a file not readable.
     """
-    with begun or PageBegun() as page:
-        page.render_solid(results)
-        context = {**_context(results, folder, beside), "pictures": page.pictures(results)}
-        return template(REPORT_FILE).render(**context, **_solid(page.solid()))
+    part = results.find(Part)
+    if part is None:
+        views = SolidViews({}, problem="No 3-D picture: no part has been exported.")
+        return template(REPORT_FILE).render(**_context(results, folder, beside), **_solid(views))
+    radius_mm = float(lens_boundaries(results.lens)[1].radius(fibonacci_hemisphere(500)).max())  # to a per cent
+    with closing(Rendering(part.stl, radius_mm)) as rendering:
+        context = _context(results, folder, beside)
+        return template(REPORT_FILE).render(**context, **_solid(rendering.result()))
 
 
 def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, object]:
@@ -111,6 +71,7 @@ def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, o
         "far_proof": proof is not None and any(each.far_field for each in proof.receivers),
         "first": light_section.first_picture(results),
         "photometry": _photometry_sentence(results),
+        "pictures": _pictures(results),
         "measured": measured_sections(results),
         "seen_at_once": FIRST,
         "yields": yield_sections(results),
@@ -162,19 +123,13 @@ def _photometry_sentence(results: Results) -> str:
     return f"By {number(found.rays)} rays{noise}. Candela and lumens {basis}."
 
 
-def _light_pictures(results: Results) -> Pictures:
-    """Pictures of the lens, its search and its light."""
+def _pictures(results: Results) -> dict[str, object]:
     return {
         "light": light_section.receiver_pictures(results),
         "photometry": light_section.photometry_pictures(results),
         "other": light_section.other_pictures(results),
         "history": exported_part.history_pictures(results),
         "sections": exported_part.section_pictures(results),
-    }
-
-
-def _part_pictures(results: Results) -> Pictures:
-    return {
         "surfaces": exported_part.surface_pictures(results),
         "verification": exported_part.verification_pictures(results),
         "gaps": exported_part.gap_pictures(results),

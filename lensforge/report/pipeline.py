@@ -48,7 +48,6 @@ from lensforge.spec.spec_section import date_of
 from lensforge.surfaces.imported_face import LENS_FILE
 
 if TYPE_CHECKING:
-    from lensforge.report.lens_page import PageBegun
     from lensforge.shop.handover import Handover
 
 Decides = Literal["light", "files", "cutting", ""]
@@ -225,10 +224,9 @@ def run(
                     options["checkpoint"] = folder / CHECKPOINT
                 made = design(spec, resume=resume, **options)
             here.write(made)
-            with _page_begun() as page:
-                run_later_stages(here, heard, second, page)
-                with heard.timed("report"):
-                    here.write_report(seconds=time.perf_counter() - began, begun=page)
+            run_later_stages(here, heard, second)
+        with heard.timed("report"):
+            here.write_report(seconds=time.perf_counter() - began)
         delete_checkpoint(folder / CHECKPOINT)  # not earlier: a run interrupted in any stage resumes from it
         return here.run
 
@@ -244,30 +242,20 @@ def _process_for_later_stages() -> Iterator[SecondProcess]:
         yield second
 
 
-def _page_begun() -> "PageBegun":
-    """An empty page; what it needs is loaded after the search, while the part is made."""
-    from lensforge.report.lens_page import PageBegun
-
-    return PageBegun()
-
-
 def _load_cad_kernel() -> None:
     import cadquery  # noqa: F401  two seconds
 
     import lensforge.cad.part_export  # noqa: F401
 
 
-def run_later_stages(here: RunFolder, heard: Listener, second: SecondProcess, page: "PageBegun") -> None:
-    """Evaluate, export, check, verify and photometry of the lens in a folder; the same bits on one core or more.
-
-    What can be drawn of its ``page`` while the part is made or verified, is.
-    """
+def run_later_stages(here: RunFolder, heard: Listener, second: SecondProcess) -> None:
+    """Evaluate, export, check, verify and photometry of the lens in a folder; the same bits on one core or more."""
     import torch
 
     return_freed_memory()  # of the search: two processes are to need no more than one did
     if second.runs:
         with threads_of_torch(max(1, torch.get_num_threads() - 1)):
-            _side_by_side(here, heard, second, page)
+            _side_by_side(here, heard, second)
     else:
         _one_after_another(here, heard)
 
@@ -286,7 +274,7 @@ def _one_after_another(here: RunFolder, heard: Listener) -> None:
         here.write(photometry(lens))
 
 
-def _side_by_side(here: RunFolder, heard: Listener, second: SecondProcess, page: "PageBegun") -> None:
+def _side_by_side(here: RunFolder, heard: Listener, second: SecondProcess) -> None:
     """Run the stages with a second process, which has the part to make and to check, and then a share of verify."""
     from lensforge.shop.check import check_lens
 
@@ -298,14 +286,12 @@ def _side_by_side(here: RunFolder, heard: Listener, second: SecondProcess, page:
         light = here.write(evaluate(lens))
     with heard.timed(Photometry.stage):
         here.write(photometry(lens))
-    page.draw_light(here.run)
     return_freed_memory()
     part = made.result()
     for content in (part.step, part.stl, part.threemf):
         remembered(content)  # this program made them, if not this process
     here.write(part)
     heard.ended(Part.stage, part.seconds)
-    page.render_solid(here.run)
     heard.begins(Check.stage)
     with heard.timed(Proof.stage):
         proof = verify_with(second, part, light)

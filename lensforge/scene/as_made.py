@@ -14,7 +14,7 @@ from jaxtyping import Float
 from lensforge.optics.arrays import Array, like
 from lensforge.optics.media import DOUBLE
 
-Placed = tuple[Float[np.ndarray, "p 3 4"], float, float]
+Placed = tuple[Float[np.ndarray, "frames 3 4"], float, float]
 Rough = tuple[Float[np.ndarray, "_ m"], Float[np.ndarray, " f"]]
 
 _NOISE_SEED = 20_29  # of the roughness: any number; the same in every trace, so that parts compare ray by ray

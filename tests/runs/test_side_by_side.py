@@ -1,7 +1,6 @@
 """The stages after a search give the same files on one thread and on two; what is told of them, and their lines."""
 
 import json
-import re
 import shutil
 from collections.abc import Callable
 from functools import partial
@@ -17,8 +16,7 @@ from scenes import small_spec
 import lensforge as lf
 from lensforge.cli.progress import DesignProgress, StageClock
 from lensforge.report.folder import RunFolder
-from lensforge.report.lens_page import PageBegun
-from lensforge.report.pipeline import Listener, _process_for_later_stages, build, run_later_stages, write_report
+from lensforge.report.pipeline import Listener, _process_for_later_stages, build, run_later_stages
 from lensforge.results import second_process
 from lensforge.results.arguments import threads_of_torch
 from lensforge.verbs import CHECK
@@ -53,10 +51,8 @@ def in_a_copy(run: lf.Run, folder: Path, threads: int) -> list[tuple[str, str]]:
     with threads_of_torch(threads):
         before = torch.get_num_threads()
         heard = Listener(lambda name: told.append(("begins", name)), lambda name, _: told.append(("ended", name)))
-        with _process_for_later_stages() as second, PageBegun() as page:
-            here = RunFolder(folder)
-            run_later_stages(here, heard, second, page)
-            here.write_report(begun=page)
+        with _process_for_later_stages() as second:
+            run_later_stages(RunFolder(folder), heard, second)
         assert torch.get_num_threads() == before
     return told
 
@@ -80,17 +76,6 @@ def test_one_thread_and_two_make_the_same_files(
     one, two = files(tmp_path / "one"), files(tmp_path / "two")
     assert sorted(one) == sorted(two) and [name for name in one if one[name] != two[name]] == []
     assert lf.load(tmp_path / "two").verdict == lf.load(tmp_path / "one").verdict
-    drawn_meanwhile = pictures_in(tmp_path / "two")
-    write_report(tmp_path / "two")
-    assert drawn_meanwhile == pictures_in(tmp_path / "two")
-
-
-def pictures_in(folder: Path) -> list[str]:
-    """The pictures of the page in a folder, as they stand there."""
-    page = (folder / "report.html").read_text(encoding="utf-8")
-    found = re.findall(r"<svg.*?</svg>|<img.*?>", page, flags=re.DOTALL)
-    assert len(found) > 15
-    return found
 
 
 def test_on_one_thread_a_stage_begins_when_the_one_before_it_has_ended(
