@@ -19,7 +19,13 @@ from lensforge.spec.derived_values import derived_sizes
 from lensforge.spec.feasible import require_feasible
 from lensforge.spec.lamps_section import AnyLamps, Lamps, lamps_of, require_together
 from lensforge.spec.lens_section import AnyLens, LensSection
-from lensforge.spec.light_limits import LightLimitSpec, PhotometrySection, require_limit_fits, require_seen_from_afar
+from lensforge.spec.light_limits import (
+    ColourSection,
+    LightLimitSpec,
+    PhotometrySection,
+    require_limit_fits,
+    require_seen_from_afar,
+)
 from lensforge.spec.part_section import BaseSection, DrawingSection, ManufactureSection
 from lensforge.spec.receiver_sections import (
     AnyReceiver,
@@ -128,6 +134,8 @@ class Spec(Section):
     """Light that must be at least, or at most, so much."""
     roads: Annotated[tuple[RoadSection, ...], Field(max_length=MOST_ROADS)] = ()
     """Roads that rows of lamps with the lens light, each with its class: limits on the light, too."""
+    colour: ColourSection | None = None
+    """Colour of the beam; by default it is not computed."""
     optimise: OptimiseSection = Field(default_factory=OptimiseSection)
     """Settings of the search."""
     evaluate: EvaluateSection = Field(default_factory=EvaluateSection)
@@ -313,8 +321,8 @@ class Spec(Section):
 
     @property
     def has_limits(self) -> bool:
-        """True where the light must keep limits: those of ``limits``, and of the classes of ``roads``."""
-        return bool(self.limits or self.roads)
+        """True where the light must keep limits: those of ``limits``, of classes of ``roads``, and on its colour."""
+        return bool(self.limits or self.roads or (self.colour is not None and self.colour.has_limits))
 
     @property
     def has_uniform_region(self) -> bool:
