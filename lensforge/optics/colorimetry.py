@@ -95,7 +95,8 @@ def colour_temperature(uv: Float[np.ndarray, " 2"]) -> ColourTemperature | None:
 
 
 def srgb_of(tristimulus: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
-    """Values from 0 to 1 of sRGB (IEC 61966-2-1) for light whose Y is 1 at the white of the screen; clipped."""
-    from colour.models import XYZ_to_sRGB
+    """Values from 0 to 1 of sRGB (IEC 61966-2-1), the brightest of all at 1; what a screen cannot show is clipped."""
+    from colour.models import XYZ_to_sRGB, eotf_inverse_sRGB
 
-    return np.clip(np.asarray(XYZ_to_sRGB(tristimulus)), 0.0, 1.0)
+    linear = np.maximum(np.asarray(XYZ_to_sRGB(tristimulus, apply_cctf_encoding=False)), 0.0)
+    return np.asarray(eotf_inverse_sRGB(linear / (float(linear.max()) or 1.0)))

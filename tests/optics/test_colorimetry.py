@@ -66,10 +66,11 @@ def test_distance_from_a_colour_is_linear_and_nothing_for_that_colour() -> None:
     assert away_from(uv, other) / denominator(other) == pytest.approx(uv_of(other) - uv)
 
 
-def test_white_and_primaries_of_srgb() -> None:
-    """IEC 61966-2-1: chromaticities (0.3127, 0.3290) and, of its red, (0.64, 0.33) with a luminance of 0.2126."""
-    white, red = (
-        [x * y / below, y, (1.0 - x - below) * y / below]
-        for x, below, y in ((0.3127, 0.329, 1.0), (0.64, 0.33, 0.2126))
+def test_white_and_primaries_of_srgb_are_as_bright_as_a_screen_shows_them() -> None:
+    """IEC 61966-2-1: chromaticities (0.3127, 0.3290) of white and (0.64, 0.33) of red, half as bright at 0.735."""
+    white, red = (np.array([x, y, 1.0 - x - y]) for x, y in ((0.3127, 0.329), (0.64, 0.33)))
+    assert srgb_of(3.0 * np.array([white, 0.5 * white])) == pytest.approx(
+        np.repeat([[1.0], [0.735]], 3, axis=1), abs=0.01
     )
-    assert srgb_of(np.array([white, red])) == pytest.approx(np.array([[1.0, 1.0, 1.0], [1.0, 0.0, 0.0]]), abs=0.01)
+    assert srgb_of(red) == pytest.approx([1.0, 0.0, 0.0], abs=0.01)
+    assert (srgb_of(np.zeros(3)) == 0.0).all()
