@@ -1,13 +1,13 @@
 """The light of a finished lens: the verb ``evaluate``."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from math import isclose
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
 from lensforge.errors import InputError
 from lensforge.kernels.parallel import kernel_threads
-from lensforge.light.evaluation_result import Light
+from lensforge.light.evaluation_result import LedLight, Light
 from lensforge.results import Conditions
 from lensforge.results.arguments import count_of, number_of, require
 from lensforge.results.record import MOST_PIXELS
@@ -15,7 +15,7 @@ from lensforge.scene.lens import Lens, at_temperature
 from lensforge.sources.measured_rays import held_back
 from lensforge.sources.ray_bundle import Source
 from lensforge.spec import Accuracy, Spec
-from lensforge.spec.accuracy import preset_of
+from lensforge.spec.accuracy import Preset, preset_of
 from lensforge.spec.source_sections import RayfileSource, SourceSpec
 from lensforge.spec.spec_files import input_hashes, section_sha256
 
@@ -54,18 +54,32 @@ def evaluate(
     summary = summarise(emitter, chosen)
     asked = {"accuracy": accuracy, "rays": rays, "pixels": pixels, "seed": seed, "temperature_c": temperature_c}
     conditions = _conditions(lens, other, summary.warnings, name, asked)
+    settings: dict[str, Any] = {"rays": rays, "pixels": pixels, "seed": seed}
     with kernel_threads(count_of("threads", threads)):
         light = evaluate_lens(
             body,
             emitter,
             preset,
-            rays=rays,
-            pixels=pixels,
-            seed=seed,
+            **settings,
             lumens_per_watt=summary.lumens_per_watt,
             searched_with=has_rays_of(chosen, lens.spec.source),
         )
-    return light.model_copy(update={"inputs": inputs_of(lens, chosen), "conditions": conditions})
+        others = tuple(_others(body, preset, settings)) if other is None else ()
+    led = lens.spec.sources[0].name if others else ""
+    update = {"inputs": inputs_of(lens, chosen), "conditions": conditions, "led": led, "others": others}
+    return light.model_copy(update=update)
+
+
+def _others(lens: Lens, preset: Preset, settings: Mapping[str, Any]) -> Iterator[LedLight]:
+    """The light of every further LED that ``lens`` is for."""
+    from lensforge.light.evaluation import evaluate_lens
+    from lensforge.sources.build_source import build_source, summarise
+
+    for led in lens.spec.sources[1:]:
+        emitter = build_source(led.source, lens.dispersion)
+        efficacy = summarise(emitter, led.source).lumens_per_watt
+        light = evaluate_lens(lens, emitter, preset, **settings, lumens_per_watt=efficacy, searched_with=True)
+        yield LedLight.of(led.name, led.source.title, light)
 
 
 def _conditions(
@@ -104,6 +118,13 @@ def source_of(spec: Spec) -> Source:
     from lensforge.sources.build_source import build_source
 
     return build_source(spec.source, spec.lens.dispersion)
+
+
+def searched_source(spec: Spec) -> Source:
+    """The source of a search: all LEDs that the lens of ``spec`` is for."""
+    from lensforge.sources.several_sources import SeveralSources
+
+    return SeveralSources(tuple(map(source_of, spec.of_each_source))) if spec.sources else source_of(spec)
 
 
 def judging_source(spec: Spec) -> Source:
