@@ -16,7 +16,8 @@ from lensforge.sources.measured_rays import held_back
 from lensforge.sources.ray_bundle import Source
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.accuracy import Preset, preset_of
-from lensforge.spec.source_sections import RayfileSource, SourceSpec
+from lensforge.spec.source_list import source_with_file
+from lensforge.spec.source_sections import SourceSpec
 from lensforge.spec.spec_files import input_hashes, section_sha256
 
 
@@ -43,7 +44,7 @@ def evaluate(
     from lensforge.sources.build_source import build_source, summarise
 
     require(lens, Lens, "evaluate")
-    other = source_with_file(lens.spec, Path(source)) if isinstance(source, Path | str) else source
+    other = source_with_file(lens.spec.source, Path(source)) if isinstance(source, Path | str) else source
     chosen = lens.spec.source if other is None else other
     if not isinstance(chosen, get_args(get_args(SourceSpec)[0])):
         raise InputError(f"source: {type(chosen).__name__} given; give one of the sources, such as SquareSource(...)")
@@ -108,8 +109,6 @@ def _conditions(
     return named.model_copy(update={"warnings": warned})
 
 
-# Fields of a source that another LED in its place has, too.
-_KEPT = ("flux_w", "flux_lm", "luminous_efficacy_lm_per_w", "rotate_z_deg", "tilt_deg", "position_mm")
 _Value = TypeVar("_Value")
 
 
@@ -160,18 +159,6 @@ def photometry_conditions(lens: Lens, source: Source, rays: int | None, lumens: 
 def unless_own(value: _Value | None, own: _Value) -> _Value | None:
     """``value``, or None where it is None or the lens's ``own``."""
     return None if value == own else value
-
-
-def source_with_file(spec: Spec, file: Path) -> SourceSpec:
-    """The source of ``spec`` with ``file`` as its ray file.
-
-    Another source is replaced by the file with its virtual focus at the origin, placed as the source was, and with the
-    flux that the spec states.
-    """
-    if isinstance(spec.source, RayfileSource):
-        return spec.source.model_copy(update={"file": file.absolute()})
-    kept = {name: getattr(spec.source, name) for name in _KEPT}
-    return RayfileSource(file=file, origin="virtual_focus", **kept)
 
 
 def has_rays_of(source: SourceSpec, own: SourceSpec) -> bool:
