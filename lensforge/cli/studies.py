@@ -21,13 +21,15 @@ from lensforge.cli.options import (
 )
 from lensforge.cli.output import Output, with_output
 from lensforge.errors import CriterionMissed, InputError
+from lensforge.light.lens_light import evaluate
 from lensforge.report import pipeline
-from lensforge.report.folder import Run
+from lensforge.report.folder import Run, RunFolder, opened
 from lensforge.results.arguments import threads_of_torch
 from lensforge.results.criteria import require
 from lensforge.search.checkpoint import CHECKPOINT
-from lensforge.search.searches import SearchOptions
+from lensforge.search.searches import SearchOptions, redesign
 from lensforge.spec import Accuracy, Spec, load_spec
+from lensforge.spec.design_spec import joined_name
 
 if TYPE_CHECKING:
     from lensforge.cli.progress import StageClock
@@ -57,6 +59,20 @@ def run_with_progress(
     return pipeline.run(
         spec, directory, announce=heard.on_stage, ended=heard.on_end, starts=starts, scheduler=scheduler, **options
     )
+
+
+def renewed_for(here: RunFolder, source: Path, clock: "StageClock", threads: int | None) -> Run:
+    """Search a lens for ``source`` from the lens of a folder on, with its light, in a folder beside it."""
+    from lensforge.cli.progress import DesignProgress
+
+    lens, folder = here.run.lens, here.path.parent / joined_name(here.path.resolve().name, source.stem)
+    heard = DesignProgress(clock, lens.spec)
+    clock.begin("design")
+    with opened(folder, create=True) as there:
+        made = there.write(redesign(lens, source, threads=threads, progress=heard.on_step, warn=clock.warn))
+        clock.begin("evaluate")
+        there.write(evaluate(made.lens, threads=threads))
+        return there.run
 
 
 @click.command()

@@ -44,10 +44,8 @@ def evaluate(
     from lensforge.sources.build_source import build_source, summarise
 
     require(lens, Lens, "evaluate")
-    other = source_with_file(lens.spec.source, Path(source)) if isinstance(source, Path | str) else source
+    other = None if source is None else other_source(lens.spec, source)
     chosen = lens.spec.source if other is None else other
-    if not isinstance(chosen, get_args(get_args(SourceSpec)[0])):
-        raise InputError(f"source: {type(chosen).__name__} given; give one of the sources, such as SquareSource(...)")
     rays, pixels, seed = count_of("rays", rays), count_of("pixels", pixels, most=MOST_PIXELS), count_of("seed", seed, 0)
     temperature_c = number_of("temperature_c", temperature_c)
     body = lens if temperature_c is None else at_temperature(lens, temperature_c)
@@ -129,6 +127,15 @@ def searched_source(spec: Spec) -> Source:
 def judging_source(spec: Spec) -> Source:
     """The source of ``spec`` as all that judges its lens sees it: of measured rays those that no search uses."""
     return held_back(source_of(spec))
+
+
+def other_source(spec: Spec, source: SourceSpec | Path | str) -> SourceSpec:
+    """The source that takes the place of the one of ``spec``. Raises :class:`InputError` for anything else."""
+    if isinstance(source, Path | str):
+        return source_with_file(spec.source, Path(source))
+    if not isinstance(source, get_args(get_args(SourceSpec)[0])):
+        raise InputError(f"source: {type(source).__name__} given; give one of the sources, such as SquareSource(...)")
+    return source
 
 
 def inputs_of(lens: Lens, source: SourceSpec) -> dict[str, str]:

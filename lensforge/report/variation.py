@@ -8,6 +8,7 @@ from typing import ClassVar
 
 from lensforge.errors import InputError, remedy
 from lensforge.spec import Spec
+from lensforge.spec.design_spec import joined_name
 from lensforge.spec.source_list import read_sources, require_told_apart
 from lensforge.spec.source_sections import NamedSource, SourceSpec
 from lensforge.spec.spec_section import Section
@@ -67,10 +68,10 @@ class SourceVariation:
         found = []
         for led in self.sources:
             with remedy(f"the LED is {led.name}"):
-                changed = base.replace(source=led.source, sources=(), name=_joined(base.name, led.name))
+                changed = base.replace(source=led.source, sources=(), name=joined_name(base.name, led.name))
             found.append(Variant(led.name, {}, changed))
         if {led.name for led in base.sources} == {led.name for led in self.sources}:
-            found.append(Variant(ONE_FOR_ALL, {}, base.replace(name=_joined(base.name, ONE_FOR_ALL))))
+            found.append(Variant(ONE_FOR_ALL, {}, base.replace(name=joined_name(base.name, ONE_FOR_ALL))))
         return found
 
 
@@ -124,11 +125,7 @@ def parse_variation(text: str, scaled: Sequence[str] = ()) -> Variation:
 
 def variant_name(name: str, value: float) -> str:
     """Name of a design and of its folder: the spec's name and the value, in characters that a spec's name may have."""
-    return _joined(name, f"{value:g}".replace(".", "_").replace("+", ""))
-
-
-def _joined(name: str, end: str) -> str:
-    return f"{name[: 63 - len(end)]}-{end}"
+    return joined_name(name, f"{value:g}".replace("+", ""))
 
 
 def _value(spec: Spec, field: str) -> object:

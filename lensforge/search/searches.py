@@ -19,7 +19,9 @@ from lensforge.search.design_result import Design, Observer, Start
 from lensforge.sources.measured_rays import searched, smoothed
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.accuracy import preset_of
-from lensforge.spec.design_spec import require_spec
+from lensforge.spec.design_spec import joined_name, require_spec
+from lensforge.spec.source_sections import SourceSpec
+from lensforge.surfaces.mirror_group import contains
 
 if TYPE_CHECKING:
     import torch
@@ -99,6 +101,26 @@ def design(
             warnings=warned,
             preview=preview,
         )
+
+
+def redesign(lens: Lens, source: SourceSpec | Path | str, **options: Unpack[SearchOptions]) -> Design:
+    """Search for a lens of the spec of ``lens`` for another LED, from ``lens`` on, on automatic levels.
+
+    ``source``: in the place of the spec's; of a file as for :func:`lensforge.evaluate`. ``options``: as of
+    :func:`design`, by default with the accuracy and seed of ``lens``. The new spec's name ends with that of the source.
+    """
+    from lensforge.light.lens_light import name_of_source, other_source
+    from lensforge.sources.build_source import build_source
+
+    require(lens, Lens, "redesign")
+    other = other_source(lens.spec, source)
+    spec, built = lens.spec.with_automatic_levels(), build_source(other, lens.dispersion)
+    symmetry = spec.lens.symmetry if contains(built.symmetry, spec.lens.symmetry) else "auto"
+    name = joined_name(spec.name, name_of_source(other))
+    changed = spec.replace({"lens.symmetry": symmetry, "sources": ()}, source=other, name=name)
+    chosen: SearchOptions = {"accuracy": lens.accuracy, "seed": lens.seed, "start": lens}
+    chosen.update(options)
+    return design(changed, **chosen)
 
 
 def _start_of(spec: Spec, start: Lens | None = None) -> Lens | None:

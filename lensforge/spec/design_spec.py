@@ -3,6 +3,7 @@
 Each wrong field is reported in a line: its name, its value, what is allowed.
 """
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -362,6 +363,15 @@ def parse_spec(content: Mapping[str, object], origin: str) -> Spec:
         return Spec.model_validate(content)
     except ValidationError as error:
         raise spec_error(error, origin, Spec) from None
+
+
+_LONGEST_NAME, _LONGEST_END = 64, 32
+
+
+def joined_name(name: str, end: str) -> str:
+    """A spec's ``name`` with an ``end``, in characters that a spec's name may have."""
+    ending = re.sub(r"[^A-Za-z0-9_-]+", "_", end)[:_LONGEST_END]
+    return f"{name[: _LONGEST_NAME - 1 - len(ending)]}-{ending}"
 
 
 def require_spec(spec: object, verb: str) -> Spec:
