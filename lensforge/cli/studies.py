@@ -24,6 +24,7 @@ from lensforge.errors import CriterionMissed, InputError
 from lensforge.light.lens_light import evaluate
 from lensforge.report import pipeline
 from lensforge.report.folder import Run, RunFolder, opened
+from lensforge.report.variation import AnyVariation, parse_variation, sources_of
 from lensforge.results.arguments import threads_of_torch
 from lensforge.results.criteria import require
 from lensforge.search.checkpoint import CHECKPOINT
@@ -33,7 +34,6 @@ from lensforge.spec.design_spec import joined_name
 
 if TYPE_CHECKING:
     from lensforge.cli.progress import StageClock
-    from lensforge.report.variation import AnyVariation
 
 _PAGE = "sweep.html"
 
@@ -108,8 +108,6 @@ def sweep(
     lensforge sweep examples/pi.toml --vary constraints.max_radius_mm=8,10,12,14 \\
         --scale lens.inner.offset_mm --scale lens.outer.offset_mm
     """
-    from lensforge.report.variation import parse_variation
-
     content = with_rays(load_spec(spec), rays)
     directory = out or Path("cad_out") / f"{content.name}_sweep"
     options = {"accuracy": accuracy, "seed": seed, "threads": threads}
@@ -120,8 +118,6 @@ def design_for_each(
     content: Spec, leds: Sequence[str], out: Path | None, *, resume: bool, output: Output, **options: Any
 ) -> Path:
     """Design a spec for each LED of the files ``leds``, and return the page on all."""
-    from lensforge.report.variation import sources_of
-
     directory, scheduler = out or Path("cad_out") / f"{content.name}_sources", options.pop("scheduler", None)
     _run_study(content, sources_of(list(leds), content), directory, resume, scheduler, output, options)
     return directory / _PAGE
@@ -129,7 +125,7 @@ def design_for_each(
 
 def _run_study(
     content: Spec,
-    variation: "AnyVariation",
+    variation: AnyVariation,
     directory: Path,
     resume: bool,
     scheduler: str | None,

@@ -14,6 +14,7 @@ from lensforge.results.record import MOST_PIXELS
 from lensforge.scene.lens import Lens, at_temperature
 from lensforge.sources.measured_rays import held_back
 from lensforge.sources.ray_bundle import Source
+from lensforge.sources.several_sources import SeveralSources
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.accuracy import Preset, preset_of
 from lensforge.spec.source_list import source_with_file
@@ -119,8 +120,6 @@ def source_of(spec: Spec) -> Source:
 
 def searched_source(spec: Spec) -> Source:
     """The source of a search: all LEDs that the lens of ``spec`` is for."""
-    from lensforge.sources.several_sources import SeveralSources
-
     return SeveralSources(tuple(map(source_of, spec.of_each_source))) if spec.sources else source_of(spec)
 
 
@@ -133,9 +132,10 @@ def other_source(spec: Spec, source: SourceSpec | Path | str) -> SourceSpec:
     """The source that takes the place of the one of ``spec``. Raises :class:`InputError` for anything else."""
     if isinstance(source, Path | str):
         return source_with_file(spec.source, Path(source))
+    chosen: SourceSpec = source
     if not isinstance(source, get_args(get_args(SourceSpec)[0])):
         raise InputError(f"source: {type(source).__name__} given; give one of the sources, such as SquareSource(...)")
-    return source
+    return chosen
 
 
 def inputs_of(lens: Lens, source: SourceSpec) -> dict[str, str]:

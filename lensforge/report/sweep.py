@@ -110,11 +110,11 @@ class Sweep(StageResult):
 
     @property
     def facts(self) -> list[Group]:
-        """A row for each design, and one for each value without; of a lens for several LEDs what each loses by it."""
+        """A row for each design, and one for each value without; and of a lens for several LEDs the loss of each."""
         return [*map(self._row, self.designs), *self._losses(), *map(_without_design, self.failed.items())]
 
     def _losses(self) -> Iterator[Group]:
-        """What each LED loses with the one lens for all against its own."""
+        """Loss of each LED with the one lens for all against its own."""
         rows = {row.value: row for row in self.designs}
         common = rows.get(ONE_FOR_ALL)
         for name, with_all in ({} if common is None else common.by_led).items():

@@ -1,4 +1,4 @@
-"""What varies in a sweep: the values of a field of the spec, or its LED; and the spec of every design."""
+"""Variations of a sweep: values of a field of the spec, or LEDs; and the spec of every design."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -212,7 +212,7 @@ _Light = TypeVar("_Light")
 
 
 class Merit(ABC, Generic[_Light]):
-    """What a search minimises, but for the constraints: of one LED, or of several."""
+    """The merit that a search minimises, but for the constraints: of one LED, or of several."""
 
     parametrisation: Parametrisation
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal, TypedDict, Unpack
 from lensforge import seeds
 from lensforge.errors import InputError, SourceWarning, remedy
 from lensforge.light.evaluation_result import Light
-from lensforge.light.lens_light import searched_source, source_of
+from lensforge.light.lens_light import name_of_source, other_source, searched_source, source_of
 from lensforge.light.source_photometry import SourceLumens
 from lensforge.results.arguments import count_of, path_of, require, threads_of_torch
 from lensforge.results.cluster import connected
@@ -109,7 +109,6 @@ def redesign(lens: Lens, source: SourceSpec | Path | str, **options: Unpack[Sear
     ``source``: in the place of the spec's; of a file as for :func:`lensforge.evaluate`. ``options``: as of
     :func:`design`, by default with the accuracy and seed of ``lens``. The new spec's name ends with that of the source.
     """
-    from lensforge.light.lens_light import name_of_source, other_source
     from lensforge.sources.build_source import build_source
 
     require(lens, Lens, "redesign")

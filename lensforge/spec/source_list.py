@@ -24,7 +24,7 @@ _MOST_BYTES = 4 * MIB
 _KEPT = ("flux_w", "flux_lm", "luminous_efficacy_lm_per_w", "rotate_z_deg", "tilt_deg", "position_mm")
 
 
-class _Listed(Section):
+class _SourceList(Section):
     """The sources of a file, whatever else is in it."""
 
     sources: tuple[NamedSource, ...]
@@ -84,9 +84,9 @@ def _of_toml(path: Path) -> tuple[NamedSource, ...]:
         raise InputError(f"{path}: has no [[sources]]; give each LED a name and a source there")
     resolve_files(content["sources"], path.parent)
     try:
-        return _Listed.model_validate(content).sources
+        return _SourceList.model_validate(content).sources
     except ValidationError as error:
-        raise spec_error(error, str(path), _Listed) from None
+        raise spec_error(error, str(path), _SourceList) from None
 
 
 def _of_table(path: Path, own: SourceSpec) -> Iterator[NamedSource]:
