@@ -1,6 +1,6 @@
 """Studies of many designs: ``sweep`` over a field, a lens for each LED, and ``tradeoff`` of accuracy and time."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
@@ -130,7 +130,7 @@ def _run_study(
     resume: bool,
     scheduler: str | None,
     output: Output,
-    options: dict[str, Any],
+    options: Mapping[str, Any],
 ) -> None:
     """Make every design of ``variation``, and print all. Raises :class:`CriterionMissed` where one fails."""
     from lensforge.cli.progress import StageClock

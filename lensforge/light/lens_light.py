@@ -54,7 +54,7 @@ def evaluate(
     summary = summarise(emitter, chosen)
     asked = {"accuracy": accuracy, "rays": rays, "pixels": pixels, "seed": seed, "temperature_c": temperature_c}
     conditions = _conditions(lens, other, summary.warnings, name, asked)
-    settings: dict[str, Any] = {"rays": rays, "pixels": pixels, "seed": seed}
+    settings: Mapping[str, Any] = {"rays": rays, "pixels": pixels, "seed": seed}
     with kernel_threads(count_of("threads", threads)):
         light = evaluate_lens(
             body,

@@ -4,7 +4,7 @@ import csv
 import io
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
 from pydantic import Field, model_validator
 
@@ -161,8 +161,8 @@ class Sweep(StageResult):
 
     def products(self) -> dict[str, bytes]:
         """The designs as CSV, and what has failed."""
-        failed: list[dict[str, Any]] = [{"value": value, "failed": why} for value, why in self.failed.items()]
-        rows: list[dict[str, Any]] = [*self.rows(), *failed]
+        failed: list[Mapping[str, object]] = [{"value": value, "failed": why} for value, why in self.failed.items()]
+        rows: list[Mapping[str, object]] = [*self.rows(), *failed]
         buffer = io.StringIO()
         columns = dict.fromkeys(name for row in rows for name in row)
         writer = csv.DictWriter(buffer, list(columns), lineterminator="\n")

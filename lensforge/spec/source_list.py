@@ -111,7 +111,7 @@ def _of_row(path: Path, line: int, row: Mapping[str, Any], own: SourceSpec) -> N
         raise InputError(f"{where}: must have a file, and as many entries as there are columns")
     led = _of_file(path.parent / row["file"], own)
     try:
-        numbers: dict[str, Any] = {
+        numbers: dict[str, float | None] = {
             name: float(row[name]) for name in _COLUMNS if name not in ("name", "file") and row.get(name)
         }
     except ValueError:
