@@ -35,6 +35,15 @@ class CriterionMissed(LensforgeError):
     exit_code = 1
 
 
+class MissedCriteria(CriterionMissed):
+    """Several designs miss criteria: one complete line for each."""
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The lines."""
+        return tuple(str(self).splitlines())
+
+
 class MissingResult(InputError, AttributeError):
     """A stage has not run yet, so it has no result; ``hasattr`` gives False."""
 

@@ -37,7 +37,7 @@ from lensforge.results.criteria import Criterion
 from lensforge.results.verdict import Verdict
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.search.design_result import Design, Progress
-from lensforge.search.searches import best_design, design
+from lensforge.search.searches import best_design, design, redesign
 from lensforge.shop.check_result import Check
 from lensforge.shop.handover import Handover
 from lensforge.sources.photometric.photometric_summary import PhotometricSummary, rays
@@ -98,6 +98,7 @@ from lensforge.spec.source_sections import (
     ChipsSource,
     DiscSource,
     LuminanceSource,
+    NamedSource,
     RadianceSource,
     RayfilePart,
     RayfileSource,
@@ -123,19 +124,19 @@ __all__ = [
     "ChipArraySource", "ChipsSource", "ColourSection", "Conditions", "ConstraintsSection", "Correction",
     "CosineIntensity", "Criterion", "CriterionMissed", "CrossTarget", "CylinderReceiver", "Design", "DiscSource",
     "DiscTarget", "DrawingSection", "EllipseTarget", "EvaluateSection", "FaceSection", "FaceTolerances",
-    "FarFieldReceiver", "FileSpectrum", "FixedAsphere", "FixedBiconic", "FixedCadFace", "FixedLensFace",
-    "FixedPoints", "FixedSphere", "FlatTopTarget", "GaussianSpectrum", "GlareLimit", "Handover", "ImageTarget",
-    "InputError", "Lens", "LensSection", "LensforgeError", "Light", "LimitResult", "LineLimit", "LineSpectrum",
-    "LuminanceSource", "ManufactureSection", "Metric", "MissingResult", "OptimiseSection", "Part",
-    "PartTolerances", "PhotoComparison", "PhotometricIntensity", "PhotometricSummary", "PhotometricTarget",
-    "Photometry", "PhotometrySection", "PlaneReceiver", "PointsLimit", "PolygonTarget", "Possible", "Progress",
-    "Proof", "RadianceSource", "RayFileSummary", "RaySource", "RayfilePart", "RayfileSource", "RayfilesSource",
+    "FarFieldReceiver", "FileSpectrum", "FixedAsphere", "FixedBiconic", "FixedCadFace", "FixedLensFace", "FixedPoints",
+    "FixedSphere", "FlatTopTarget", "GaussianSpectrum", "GlareLimit", "Handover", "ImageTarget", "InputError", "Lens",
+    "LensSection", "LensforgeError", "Light", "LimitResult", "LineLimit", "LineSpectrum", "LuminanceSource",
+    "ManufactureSection", "Metric", "MissingResult", "NamedSource", "OptimiseSection", "Part", "PartTolerances",
+    "PhotoComparison", "PhotometricIntensity", "PhotometricSummary", "PhotometricTarget", "Photometry",
+    "PhotometrySection", "PlaneReceiver", "PointsLimit", "PolygonTarget", "Possible", "Progress", "Proof",
+    "RadianceSource", "RayFileSummary", "RaySource", "RayfilePart", "RayfileSource", "RayfilesSource",
     "RectangleSource", "RectangleTarget", "RenamedWarning", "Results", "RingTarget", "Run", "Sensitivity",
     "SourceWarning", "Spec", "SphereReceiver", "SpotsTarget", "SquareSource", "StrayLight", "SurfaceComparison",
     "Sweep", "TableIntensity", "TableSpectrum", "TableTarget", "TextTarget", "ToleranceSpec", "TolerancesSection",
     "Tool", "Tradeoff", "Verdict", "Yield", "ZoneLimit", "__version__", "best_design", "build", "check", "compare",
-    "correct", "design", "evaluate", "handover", "load", "load_lens", "load_spec", "photometry", "rays", "run",
-    "sensitivity", "stray_light", "sweep", "tolerance", "tradeoff", "verify",
+    "correct", "design", "evaluate", "handover", "load", "load_lens", "load_spec", "photometry", "rays", "redesign",
+    "run", "sensitivity", "stray_light", "sweep", "tolerance", "tradeoff", "verify",
 ]  # fmt: skip
 
 NAMES = {name: globals()[name] for name in __all__}

@@ -17,7 +17,7 @@ from typing import Any, NoReturn
 
 import click
 
-from lensforge.cli.design import design, preview, sweep, tradeoff
+from lensforge.cli.design import design, preview
 from lensforge.cli.interrupts import Interrupts
 from lensforge.cli.output import printable, warning_line
 from lensforge.cli.rays import rays
@@ -25,7 +25,8 @@ from lensforge.cli.road import road
 from lensforge.cli.specs import examples, new, schema
 from lensforge.cli.stages import STAGE_COMMANDS, handover, report
 from lensforge.cli.streams import lasting_streams, open_standard_streams
-from lensforge.errors import LensforgeError, RenamedWarning, WrongFields
+from lensforge.cli.studies import sweep, tradeoff
+from lensforge.errors import LensforgeError, MissedCriteria, RenamedWarning, WrongFields
 from lensforge.version import __version__
 
 # Commands by what they are for; those of no heading come last.
@@ -159,7 +160,7 @@ def _run(interrupts: Interrupts) -> int:
 
 def _failure(error: BaseException) -> int:
     """Say what is wrong, and return the exit code."""
-    if isinstance(error, WrongFields):
+    if isinstance(error, WrongFields | MissedCriteria):
         return max(_say(line, error.exit_code) for line in error.lines)
     if isinstance(error, LensforgeError):
         return _say(str(error), error.exit_code)

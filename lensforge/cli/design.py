@@ -1,12 +1,12 @@
-"""Commands that design: ``design``, a whole run; ``preview``, a first look; ``sweep`` and ``tradeoff``, studies."""
+"""Commands that design: ``design``, whole runs; ``preview``, a first look."""
 
-from functools import partial
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import click
 
-from lensforge.cli.conclusion import document, finish_run, finish_study, preview_rows
+from lensforge.cli.conclusion import document, finish_run, preview_rows
 from lensforge.cli.options import (
     ACCURACY,
     DEVICE,
@@ -21,29 +21,34 @@ from lensforge.cli.options import (
     with_force,
     with_rays,
 )
-from lensforge.cli.output import Block, Output, with_output
-from lensforge.errors import InputError
+from lensforge.cli.output import Block, Output, print_json, with_output
+from lensforge.cli.studies import design_for_each, run_with_progress
+from lensforge.errors import CriterionMissed, InputError, MissedCriteria, WrongFields
 from lensforge.light.lens_light import evaluate
-from lensforge.report import pipeline
 from lensforge.report.folder import Run, opened
 from lensforge.report.results import REPORT_FILE
-from lensforge.results.arguments import threads_of_torch
-from lensforge.results.criteria import require
 from lensforge.search import searches
 from lensforge.search.checkpoint import CHECKPOINT, is_checkpoint
 from lensforge.search.searches import SearchOptions
-from lensforge.spec import Accuracy, Spec, load_spec
+from lensforge.spec import Spec, load_spec
 
 if TYPE_CHECKING:
-    from lensforge.cli.progress import StageClock
+    pass
 
 _PICTURE_FILE = "light.png"  # of a preview
 _PREVIEW_RAYS = 2**17  # at most: an eighth of a draft's, for figures that have 2.8 times its errors
 
 
 @click.command()
-@SPEC
+@click.argument("specs", metavar="SPEC...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path), help="Result folder; default: cad_out/<spec name>.")
+@click.option(
+    "--sources",
+    "files",
+    metavar="FILE",
+    multiple=True,
+    help="A lens for each of these LEDs: ray files, a .csv table of them, a .toml file with [[sources]].",
+)
 @ACCURACY
 @SEED
 @click.option("--resume", is_flag=True, help="Continue from the checkpoint of an interrupted design.")
@@ -56,33 +61,85 @@ _PREVIEW_RAYS = 2**17  # at most: an eighth of a draft's, for figures that have 
 @OPEN
 @with_output
 def design(
-    spec: Path,
+    specs: tuple[Path, ...],
     out: Path | None,
+    files: tuple[str, ...],
     resume: bool,
-    starts: int,
     rays: int | None,
-    scheduler: str | None,
     shown: bool,
     output: Output,
-    **options: Unpack[SearchOptions],
+    **options: Any,
 ) -> None:
     """Make a lens from SPEC, from the search to the report.
 
     The stages are design, evaluate, export, check, verify, photometry and report; all files go into one folder. An
     interrupted search continues with --resume. Lengths in the spec are in mm, angles in degrees, flux in W or lm;
     examples/ has specs to begin from.
+
+    Several specs are designed one after the other. With --sources one spec is designed for each LED:
+
+    \b
+    lensforge design lens.toml --sources leds/*.ray
     """
+    if files:
+        spec, leds = _spec_and_leds(specs, files)
+        page = design_for_each(with_rays(load_spec(spec), rays), leds, out, resume=resume, output=output, **options)
+        if shown:
+            click.launch(str(page))
+        return
+    contents = [with_rays(load_spec(spec), rays) for spec in specs]  # all of them before the first search
+    if len(contents) == 1:
+        directory = out or Path("cad_out") / contents[0].name
+        run = _run_of(contents[0], directory, resume, output, options)
+        if shown:
+            click.launch(str(run.folder / REPORT_FILE))
+        finish_run(output, run)
+    else:
+        _design_several(contents, out, resume, shown, output, options)
+
+
+def _run_of(content: Spec, directory: Path, resume: bool, output: Output, options: Mapping[str, Any]) -> Run:
     from lensforge.cli.progress import StageClock
 
-    content = with_rays(load_spec(spec), rays)
-    directory = out or Path("cad_out") / content.name
     resume_after_interrupt(lambda: is_checkpoint(directory / CHECKPOINT))
     with StageClock("design", quiet=output.quiet) as clock:
-        run = run_with_progress(content, directory, clock, resume=resume, starts=starts, scheduler=scheduler, **options)
+        run = run_with_progress(content, directory, clock, resume=resume, **options)
         clock.total()
-    if shown:
-        click.launch(str(run.folder / REPORT_FILE))
-    finish_run(output, run)
+    return run
+
+
+def _design_several(
+    contents: Sequence[Spec], out: Path | None, resume: bool, shown: bool, output: Output, options: Mapping[str, Any]
+) -> None:
+    """Design one spec after the other, whatever becomes of the others.
+
+    Raises the worst of what went wrong when all have ended.
+    """
+    names = [content.name for content in contents]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise InputError(f"SPEC: two have the name {twice!r}, and would go to one folder; rename one")
+    for given, option in ((out, "--out"), (resume, "--resume"), (shown, "--open")):
+        if given:
+            raise InputError(f"{option}: goes with one SPEC, {len(contents)} are given; design that one by itself")
+    wrong, runs = [], list[Run]()
+    for content in contents:
+        try:
+            runs.append(_run_of(content, Path("cad_out") / content.name, False, output, options))
+            finish_run(Output(quiet=True) if output.json else output, runs[-1])
+        except (InputError, CriterionMissed) as error:
+            wrong.append(type(error)(str(error) if content.name in str(error) else f"{content.name}: {error}"))
+    if output.json:
+        print_json({"designs": [document(run, *run.found.values()) for run in runs]})
+    if wrong:
+        lines = "\n".join(map(str, wrong))
+        raise WrongFields(lines) if any(error.exit_code > 1 for error in wrong) else MissedCriteria(lines)
+
+
+def _spec_and_leds(specs: Sequence[Path], files: Sequence[str]) -> tuple[Path, list[str]]:
+    """The one spec, and all files of LEDs: of a pattern, a shell puts all but the first among the specs."""
+    spec = next((each for each in specs if each.suffix == ".toml"), specs[0])
+    return spec, [*files, *(str(each) for each in specs if each is not spec)]
 
 
 @click.command()
@@ -114,119 +171,3 @@ def preview(spec: Path, out: Path | None, shown: bool, output: Output, **options
         click.launch(str(directory / _PICTURE_FILE))
     title, picture = f"{content.name}: a draft, {run.design.steps} steps", ("Picture", str(directory / _PICTURE_FILE))
     output.show(lambda: document(run, made, light), lambda: [Block(title, [*preview_rows(run), picture])])
-
-
-def run_with_progress(
-    spec: Spec,
-    directory: Path,
-    clock: "StageClock",
-    *,
-    resume: bool = False,
-    starts: int = 1,
-    scheduler: str | None = None,
-    **options: Unpack[SearchOptions],
-) -> Run:
-    """Run with progress on ``clock``. Raises :class:`InputError` where there is no checkpoint to ``resume`` from."""
-    from lensforge.cli.progress import DesignProgress
-
-    checkpoint = directory / CHECKPOINT
-    if resume and not checkpoint.exists():
-        raise InputError(f"{checkpoint}: no checkpoint to resume from; run without --resume")
-    heard = DesignProgress(clock, spec)
-    options.update({"checkpoint": checkpoint if resume else None, "progress": heard.on_step, "warn": clock.warn})
-    return pipeline.run(
-        spec, directory, announce=heard.on_stage, ended=heard.on_end, starts=starts, scheduler=scheduler, **options
-    )
-
-
-@click.command()
-@SPEC
-@click.option("--vary", required=True, metavar="FIELD=V1,V2,...", help="The field and its values.")
-@click.option("--scale", multiple=True, metavar="FIELD", help="A field that keeps its ratio to the varied one.")
-@click.option("--out", type=click.Path(path_type=Path), help="Result folder; default: cad_out/<spec name>_sweep.")
-@ACCURACY
-@SEED
-@click.option("--resume", is_flag=True, help="Keep the designs that an earlier call finished, and continue.")
-@RAYS
-@THREADS
-@SCHEDULER
-@with_output
-def sweep(
-    spec: Path,
-    vary: str,
-    scale: tuple[str, ...],
-    out: Path | None,
-    accuracy: Accuracy,
-    seed: int,
-    resume: bool,
-    rays: int | None,
-    threads: int | None,
-    scheduler: str | None,
-    output: Output,
-) -> None:
-    """Design SPEC for each value of one field.
-
-    Writes sweep.json and sweep.html.
-
-    \b
-    lensforge sweep examples/pi.toml --vary constraints.max_radius_mm=8,10,12,14 \\
-        --scale lens.inner.offset_mm --scale lens.outer.offset_mm
-    """
-    from lensforge.cli.progress import StageClock
-    from lensforge.report.sweep import parse_variation
-    from lensforge.report.sweep_runs import resumable, run_sweep
-
-    content = with_rays(load_spec(spec), rays)
-    variation = parse_variation(vary, scale)
-    directory = out or Path("cad_out") / f"{content.name}_sweep"
-    resume_after_interrupt(lambda: resumable(directory))
-
-    with StageClock("sweep", quiet=output.quiet, study=True) as clock:
-
-        def run_design(spec: Spec, folder: Path, resume: bool) -> object:
-            clock.begin("design")
-            return run_with_progress(spec, folder, clock, accuracy=accuracy, seed=seed, threads=threads, resume=resume)
-
-        result = run_sweep(
-            content,
-            variation,
-            directory,
-            run_design,
-            accuracy=accuracy,
-            seed=seed,
-            resume=resume,
-            scheduler=scheduler,
-            announce=clock.head,
-        )
-    finish_study(output, directory, result, f"{result.vary}, {len(result.designs)} designs", "sweep.html")
-    require(result.criteria)
-
-
-@click.command()
-@SPEC
-@click.option("--out", type=click.Path(path_type=Path), help="Result folder; default: cad_out/<spec name>.")
-@click.option(
-    "--most-rays",
-    metavar="N",
-    type=WholeNumber(2**12, 2**24),
-    default=2**20,
-    show_default=True,
-    help="Rays of the longest evaluation; 2^24 takes a minute.",
-)
-@THREADS
-@with_output
-def tradeoff(spec: Path, out: Path | None, most_rays: int, threads: int | None, output: Output) -> None:
-    """Measure accuracy against time for the scene of SPEC.
-
-    Writes tradeoff.json and tradeoff.html.
-    """
-    content = load_spec(spec)
-    directory = out or Path("cad_out") / content.name
-
-    from lensforge.cli.progress import StageClock
-    from lensforge.report.tradeoff_study import run_tradeoff
-
-    with StageClock("tradeoff", quiet=output.quiet, study=True) as clock, threads_of_torch(threads):
-        begin = partial(clock.begin, "study")
-        found = run_tradeoff(content, directory, most_rays=most_rays, announce=begin, warn=clock.warn)
-    finish_study(output, directory, found, "Error of each preset on this scene", "tradeoff.html")

@@ -115,6 +115,11 @@ OPTIONS: dict[str, Callable[[Command], Command]] = {
         "--pixels", metavar="N", type=WholeNumber(1, 2048), help="Pixels across the receiver; default: from the spec."
     ),
     "source": click.option("--source", type=_FILE, help="A ray file to use instead of the spec's source."),
+    "compare": click.option(
+        "--compare",
+        is_flag=True,
+        help="Also search a lens for --source, from this one on, and say what it would gain; its folder is DIR-SOURCE.",
+    ),
     "temperature_c": click.option(
         "--temperature",
         "temperature_c",

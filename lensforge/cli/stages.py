@@ -10,6 +10,7 @@ import click
 from lensforge.cli.conclusion import finish, finish_handover, finish_page
 from lensforge.cli.options import FOLDER, OPTIONS, Command
 from lensforge.cli.output import Output, with_output
+from lensforge.cli.studies import renewed_for
 from lensforge.errors import InputError
 from lensforge.report.folder import opened
 from lensforge.report.pipeline import FolderStage, write_comparison, write_report
@@ -17,7 +18,7 @@ from lensforge.report.pipeline import handover as make_handover
 from lensforge.report.results import REPORT_FILE
 from lensforge.results import StageResult
 from lensforge.results.files import require_own, require_writable
-from lensforge.verbs import STAGES, STRAY, VERIFY
+from lensforge.verbs import EVALUATE, STAGES, STRAY, VERIFY
 
 
 def _command_of(stage: FolderStage[Any]) -> click.Command:
@@ -40,12 +41,19 @@ def _run(
     output: Output,
     stray: bool = False,
     base: Literal["polished", "black"] = "polished",
+    compare: bool = False,
     **options: Any,
 ) -> None:
-    """Run ``stage`` in a folder, by the verb's defaults for options not given; with ``stray`` stray light follows."""
+    """Run ``stage`` in a folder, by the verb's defaults for options not given.
+
+    With ``stray`` stray light follows, with ``compare`` a lens that is made for the other source.
+    """
     from lensforge.cli.progress import PartsProgress, StageClock
 
     options = {name: value for name, value in options.items() if value is not None}
+    if compare and "source" not in options:
+        raise InputError("--compare: with which LED? Give its ray file as --source, too")
+    renewed = None
     with opened(directory) as here:
         with StageClock(stage.name, quiet=output.quiet, study=bool(stage.counts)) as clock:
             heard = PartsProgress(clock, stage.counts).heard(stage.name) if stage.counts else {}
@@ -55,10 +63,12 @@ def _run(
             if stray:
                 clock.begin("stray light")
                 results.append(STRAY.run_in(here, base=base, **options))
-        finish(output, here, *results, decides=stage.decides)
+            if compare:
+                renewed = renewed_for(here, options["source"], clock, options.get("threads"))
+        finish(output, here, *results, decides=stage.decides, renewed=renewed)
 
 
-_FURTHER = {VERIFY.name: ("stray", "base")}  # options of a second stage
+_FURTHER = {VERIFY.name: ("stray", "base"), EVALUATE.name: ("compare",)}  # options of what follows the stage
 STAGE_COMMANDS = tuple(_command_of(stage) for stage in STAGES)
 
 

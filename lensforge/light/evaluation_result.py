@@ -7,6 +7,7 @@ from pydantic import Field, model_validator
 from lensforge.light.receiver_light import Flux, MissedByCause, Picture, Possible, RawMetrics, ReceiverLight
 from lensforge.results import (
     Bound,
+    Conditions,
     Count,
     Fact,
     Image,
@@ -106,6 +107,24 @@ class FittedLight(Record):
     efficiency: Metric
 
 
+class LedLight(Record):
+    """The light with one more of the LEDs that a lens is for, by the same protocol; ``source``: its title."""
+
+    name: Text
+    source: Text
+    receivers: Annotated[tuple[ReceiverLight, ...], Field(min_length=1)]
+    limits: tuple[LimitResult, ...] = ()
+    rays: Count
+    lumens_per_watt: Positive | None
+    criteria: tuple[Criterion, ...]
+
+    @staticmethod
+    def of(name: str, source: str, light: "Light") -> "LedLight":
+        """The ``light`` of one LED by its own evaluation."""
+        kept = ("receivers", "limits", "rays", "lumens_per_watt", "criteria")
+        return LedLight(name=name, source=source, **{field: getattr(light, field) for field in kept})
+
+
 def light_criteria(flux: Flux) -> tuple[Criterion, ...]:
     """The one criterion on a simulation: a search for a crossing that gives up must not lose any light."""
     remedy = "take a higher accuracy; please report the lens.json"
@@ -116,7 +135,8 @@ class Light(SimulatedResult):
     """The light of a lens on its receivers, simulated with independent replicates of rays.
 
     Metrics, flux and maps of the light itself are those of the first receiver. Of a ray file they are those of rays
-    that the search has not used; ``fitted``: by the rays that it has.
+    that the search has not used; ``fitted``: by the rays that it has. Of a lens for several LEDs they are those of the
+    first, called ``led``; ``others``: the light of each of the rest.
     """
 
     stage: ClassVar[str] = "evaluate"
@@ -124,6 +144,8 @@ class Light(SimulatedResult):
 
     receivers: Annotated[tuple[ReceiverLight, ...], Field(min_length=1)]
     limits: tuple[LimitResult, ...] = ()
+    led: str = ""
+    others: tuple[LedLight, ...] = ()
     rays: Annotated[Count, Field(ge=1)]
     replicates: Annotated[Count, Field(ge=1)]
     pixels: Annotated[Count, Field(ge=1, le=MOST_PIXELS)]
@@ -136,6 +158,18 @@ class Light(SimulatedResult):
     seed: Count
     seconds: NotNegative
     criteria: tuple[Criterion, ...]
+
+    @property
+    def by_led(self) -> "dict[str, Light]":
+        """The light of each LED alone, by its name, the first one's first; "" is the name of the only one."""
+        alone = self.model_copy(update={"others": ()}) if self.others else self
+        found = {self.led: alone}
+        for other in self.others:
+            fields = {name: getattr(other, name) for name in type(other).model_fields if name not in ("name", "source")}
+            conditions = Conditions.of(source_name=other.name, source=other.source)
+            own = {"led": other.name, "conditions": conditions, "fitted": None, "preset_error": None}
+            found[other.name] = alone.model_copy(update={**fields, **own})
+        return found
 
     @property
     def first(self) -> ReceiverLight:
@@ -209,7 +243,7 @@ class Light(SimulatedResult):
 
     @model_validator(mode="after")
     def _is_of_one_piece(self) -> "Light":
-        for receiver in self.receivers:
+        for receiver in (*self.receivers, *(each for other in self.others for each in other.receivers)):
             if receiver.pixels != self.pixels:
                 raise ValueError(f"pixels = {self.pixels}, but the maps of {receiver.name} have {receiver.pixels}")
         return self
@@ -217,6 +251,7 @@ class Light(SimulatedResult):
     def __str__(self) -> str:
         several = len(self.receivers) > 1
         figures = "; ".join(f"{each.name}: {_figures(each)}" if several else _figures(each) for each in self.receivers)
+        figures += "".join(f"; with {other.name}: {_figures(other.receivers[0])}" for other in self.others)
         where = "" if self.conditions is None else f" under other conditions ({self.conditions})"
         rows, columns = self.map.shape
         return f"light{where}: {figures} ({self.rays} rays, {columns} x {rows} pixels, {self.filter})"

@@ -1,22 +1,24 @@
 """The light of a finished lens: the verb ``evaluate``."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from math import isclose
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
 from lensforge.errors import InputError
 from lensforge.kernels.parallel import kernel_threads
-from lensforge.light.evaluation_result import Light
+from lensforge.light.evaluation_result import LedLight, Light
 from lensforge.results import Conditions
 from lensforge.results.arguments import count_of, number_of, require
 from lensforge.results.record import MOST_PIXELS
 from lensforge.scene.lens import Lens, at_temperature
 from lensforge.sources.measured_rays import held_back
 from lensforge.sources.ray_bundle import Source
+from lensforge.sources.several_sources import SeveralSources
 from lensforge.spec import Accuracy, Spec
-from lensforge.spec.accuracy import preset_of
-from lensforge.spec.source_sections import RayfileSource, SourceSpec
+from lensforge.spec.accuracy import Preset, preset_of
+from lensforge.spec.source_list import source_with_file
+from lensforge.spec.source_sections import SourceSpec
 from lensforge.spec.spec_files import input_hashes, section_sha256
 
 
@@ -43,10 +45,8 @@ def evaluate(
     from lensforge.sources.build_source import build_source, summarise
 
     require(lens, Lens, "evaluate")
-    other = source_with_file(lens.spec, Path(source)) if isinstance(source, Path | str) else source
+    other = None if source is None else other_source(lens.spec, source)
     chosen = lens.spec.source if other is None else other
-    if not isinstance(chosen, get_args(get_args(SourceSpec)[0])):
-        raise InputError(f"source: {type(chosen).__name__} given; give one of the sources, such as SquareSource(...)")
     rays, pixels, seed = count_of("rays", rays), count_of("pixels", pixels, most=MOST_PIXELS), count_of("seed", seed, 0)
     temperature_c = number_of("temperature_c", temperature_c)
     body = lens if temperature_c is None else at_temperature(lens, temperature_c)
@@ -55,18 +55,32 @@ def evaluate(
     summary = summarise(emitter, chosen)
     asked = {"accuracy": accuracy, "rays": rays, "pixels": pixels, "seed": seed, "temperature_c": temperature_c}
     conditions = _conditions(lens, other, summary.warnings, name, asked)
+    settings: Mapping[str, Any] = {"rays": rays, "pixels": pixels, "seed": seed}
     with kernel_threads(count_of("threads", threads)):
         light = evaluate_lens(
             body,
             emitter,
             preset,
-            rays=rays,
-            pixels=pixels,
-            seed=seed,
+            **settings,
             lumens_per_watt=summary.lumens_per_watt,
             searched_with=has_rays_of(chosen, lens.spec.source),
         )
-    return light.model_copy(update={"inputs": inputs_of(lens, chosen), "conditions": conditions})
+        others = tuple(_others(body, preset, settings)) if other is None else ()
+    led = lens.spec.sources[0].name if others else ""
+    update = {"inputs": inputs_of(lens, chosen), "conditions": conditions, "led": led, "others": others}
+    return light.model_copy(update=update)
+
+
+def _others(lens: Lens, preset: Preset, settings: Mapping[str, Any]) -> Iterator[LedLight]:
+    """The light of every further LED that ``lens`` is for."""
+    from lensforge.light.evaluation import evaluate_lens
+    from lensforge.sources.build_source import build_source, summarise
+
+    for led in lens.spec.sources[1:]:
+        emitter = build_source(led.source, lens.dispersion, coloured=lens.spec.colour is not None)
+        efficacy = summarise(emitter, led.source).lumens_per_watt
+        light = evaluate_lens(lens, emitter, preset, **settings, lumens_per_watt=efficacy, searched_with=True)
+        yield LedLight.of(led.name, led.source.title, light)
 
 
 def _conditions(
@@ -95,8 +109,6 @@ def _conditions(
     return named.model_copy(update={"warnings": warned})
 
 
-# Fields of a source that another LED in its place has, too.
-_KEPT = ("flux_w", "flux_lm", "luminous_efficacy_lm_per_w", "rotate_z_deg", "tilt_deg", "position_mm")
 _Value = TypeVar("_Value")
 
 
@@ -107,9 +119,24 @@ def source_of(spec: Spec) -> Source:
     return build_source(spec.source, spec.lens.dispersion, coloured=spec.colour is not None)
 
 
+def searched_source(spec: Spec) -> Source:
+    """The source of a search: all LEDs that the lens of ``spec`` is for."""
+    return SeveralSources(tuple(map(source_of, spec.of_each_source))) if spec.sources else source_of(spec)
+
+
 def judging_source(spec: Spec) -> Source:
     """The source of ``spec`` as all that judges its lens sees it: of measured rays those that no search uses."""
     return held_back(source_of(spec))
+
+
+def other_source(spec: Spec, source: SourceSpec | Path | str) -> SourceSpec:
+    """The source that takes the place of the one of ``spec``. Raises :class:`InputError` for anything else."""
+    if isinstance(source, Path | str):
+        return source_with_file(spec.source, Path(source))
+    chosen: SourceSpec = source
+    if not isinstance(source, get_args(get_args(SourceSpec)[0])):
+        raise InputError(f"source: {type(source).__name__} given; give one of the sources, such as SquareSource(...)")
+    return chosen
 
 
 def inputs_of(lens: Lens, source: SourceSpec) -> dict[str, str]:
@@ -140,18 +167,6 @@ def photometry_conditions(lens: Lens, source: Source, rays: int | None, lumens: 
 def unless_own(value: _Value | None, own: _Value) -> _Value | None:
     """``value``, or None where it is None or the lens's ``own``."""
     return None if value == own else value
-
-
-def source_with_file(spec: Spec, file: Path) -> SourceSpec:
-    """The source of ``spec`` with ``file`` as its ray file.
-
-    Another source is replaced by the file with its virtual focus at the origin, placed as the source was, and with the
-    flux that the spec states.
-    """
-    if isinstance(spec.source, RayfileSource):
-        return spec.source.model_copy(update={"file": file.absolute()})
-    kept = {name: getattr(spec.source, name) for name in _KEPT}
-    return RayfileSource(file=file, origin="virtual_focus", **kept)
 
 
 def has_rays_of(source: SourceSpec, own: SourceSpec) -> bool:

@@ -36,27 +36,37 @@ METRICS = {
 
 
 def light_facts(light: Light, lens: Lens, possible: LimitBounds | None = None) -> list[Group]:
-    """A group for each receiver, one of the limits, and one of the simulation; ``possible``: light at the limits."""
-    groups = [
-        Group("light", "Light" if len(light.receivers) == 1 else receiver.name, tuple(_figures(light, index, lens)))
-        for index, receiver in enumerate(light.receivers)
-    ]
-    if light.limits:
-        groups.append(Group("limits", "Limits", tuple(limit_facts(light, possible or {}))))
+    """A group for each receiver, one of the limits, and one of the simulation; ``possible``: light at the limits.
+
+    Of a lens for several LEDs the first two of each, which its name tells apart.
+    """
+    groups = []
+    for name, own in light.by_led.items():
+        end = f", {name}" if light.others else ""
+        for index, receiver in enumerate(own.receivers):
+            title = "Light" if len(own.receivers) == 1 else receiver.name
+            groups.append(Group("light", f"{title}{end}", tuple(_figures(own, index, lens))))
+        if own.limits:
+            groups.append(Group("limits", f"Limits{end}", tuple(limit_facts(own, possible or {}, end))))
     return [*groups, Group("simulation", "Simulation", tuple(_simulation(light, lens)))]
 
 
 def light_reasons(light: Light, lens: Lens) -> Iterator[Reason]:
     """Reasons why the light does not pass; limits of the spec are what it must keep: with any, no others count."""
+    for name, own in light.by_led.items():
+        yield from _reasons_with(own, lens, f" with {name}" if light.others else "")
+
+
+def _reasons_with(light: Light, lens: Lens, led: str) -> Iterator[Reason]:
     yield from missed(light.criteria)
     if not lens.spec.has_limits:
         for index, receiver in enumerate(light.receivers):
             where = f" on {receiver.name}" if len(light.receivers) > 1 else ""
-            yield from reasons_of(_figures(light, index, lens), where)
+            yield from reasons_of(_figures(light, index, lens), f"{where}{led}")
     elif not light.limits:
         yield "undecided", "the limits of the spec have not been judged in this light"
     else:
-        yield from reasons_of(limit_facts(light))
+        yield from reasons_of(limit_facts(light), led)
 
 
 def reasons_of(facts: Iterator[Fact] | Sequence[Fact], where: str = "") -> Iterator[Reason]:
@@ -66,12 +76,13 @@ def reasons_of(facts: Iterator[Fact] | Sequence[Fact], where: str = "") -> Itera
             yield fact.state, replace(fact, label=f"{fact.label}{where}").reason
 
 
-def limit_facts(light: Light, possible: LimitBounds | None = None) -> Iterator[Fact]:
-    """A fact for each limit of the spec."""
+def limit_facts(light: Light, possible: LimitBounds | None = None, end: str = "") -> Iterator[Fact]:
+    """A fact for each limit of the spec; ``end``: of its label."""
     for limit in light.limits:
         on = f", on {limit.receiver}" if len(light.receivers) > 1 else ""
         quantity = _LIGHT.get(limit.unit, "light") if limit.quantity == "light" else limit.quantity
-        yield limit.fact(f"{quantity}{on}", (possible or {}).get((limit.name, limit.bound)))
+        fact = limit.fact(f"{quantity}{on}", (possible or {}).get((limit.name, limit.bound)))
+        yield replace(fact, label=f"{fact.label}{end}") if end else fact
 
 
 def metric_facts(metrics: LightMetrics, note: str = "") -> tuple[Fact, ...]:

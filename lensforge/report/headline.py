@@ -207,7 +207,8 @@ def task(spec: Spec) -> str:
     """Source, lens, and the targets of each receiver with its place, and how many lamps light it."""
     lens = spec.lens
     body = f"{_LENSES[lens.kind]}, {lens.material}, n = {lens.refractive_index:g}{_fixed(lens)}{_surroundings(lens)}"
-    return f"{spec.source.title} · {body} · {'; '.join(map(_on_receiver, spec.all_receivers))}{spec.all_lamps.words}"
+    leds = " or ".join(source.title for source in spec.each_source)
+    return f"{leds} · {body} · {'; '.join(map(_on_receiver, spec.all_receivers))}{spec.all_lamps.words}"
 
 
 def _fixed(lens: AnyLens) -> str:

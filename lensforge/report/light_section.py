@@ -306,7 +306,10 @@ def _compared(results: Results) -> dict[str, Light]:
     found = (light for light in results.others.values() if isinstance(light, Light))
     others = {OWN if light.conditions is None else light.conditions.name: light for light in found}
     own = results.find(Light)
-    return others if own is None or not others else {OWN: own, **others}
+    if own is None or not (others or own.others):
+        return others
+    (first, alone), *rest = own.by_led.items()
+    return {f"{OWN}, {first}" if rest else OWN: alone, **dict(rest), **others}
 
 
 def _light_rows(results: Results, name: str, light: Light) -> Iterator[Group]:

@@ -24,8 +24,9 @@ from lensforge.proof.casts import verify, verify_with
 from lensforge.proof.proof_result import Proof
 from lensforge.report.folder import Run, RunFolder, existing, folder_of, opened
 from lensforge.report.results import REPORT_FILE, Results
-from lensforge.report.sweep import Sweep, sweep_of, variation_of
+from lensforge.report.sweep import Sweep, sweep_of
 from lensforge.report.tradeoff import Tradeoff
+from lensforge.report.variation import AnyVariation, sources_of, variation_of
 from lensforge.results import StageResult
 from lensforge.results.arguments import count_of, number_of, require, threads_of_torch
 from lensforge.results.file_bounds import remembered
@@ -44,6 +45,7 @@ from lensforge.spec.accuracy import preset_of
 from lensforge.spec.design_spec import require_spec
 from lensforge.spec.feasible import require_base_around_cavity
 from lensforge.spec.part_section import read_drawing
+from lensforge.spec.source_sections import NamedSource, SourceSpec
 from lensforge.spec.spec_section import date_of
 from lensforge.surfaces.imported_face import LENS_FILE
 
@@ -322,9 +324,10 @@ def write_comparison(folders: Sequence[Path], page: Path) -> None:
 
 def sweep(
     spec: Spec,
-    field: str,
-    values: Sequence[float],
+    field: str | None = None,
+    values: Sequence[float] | None = None,
     *,
+    source: Sequence[NamedSource | SourceSpec | Path | str] | None = None,
     scale: Sequence[str] = (),
     accuracy: Accuracy = "standard",
     seed: int = 0,
@@ -333,10 +336,16 @@ def sweep(
 ) -> Sweep:
     """Run every stage for each of ``values`` of ``field`` (dotted, ``constraints.max_radius_mm``), in memory.
 
-    Every field of ``scale`` keeps its ratio to the varied one. Raises :class:`InputError` for values not allowed.
+    Every field of ``scale`` keeps its ratio to the varied one. With ``source`` in their place: for each of these LEDs,
+    files or sources, with names or without. Raises :class:`InputError` for values not allowed.
     """
     require_spec(spec, "sweep")
-    variation = variation_of(field, values, tuple(scale))
+    if source is not None:
+        if field is not None or values is not None or scale:
+            raise InputError("sweep: field, values or scale, and source: give a field with its values, or sources")
+        variation: AnyVariation = sources_of(source, spec)
+    else:
+        variation = variation_of(field, values or (), tuple(scale))
     found = []
     for variant in variation.variants(spec):
         made = design(variant.spec, accuracy=accuracy, seed=seed, threads=threads, progress=progress)

@@ -1,15 +1,17 @@
-"""A sweep: values of a field of the spec, a design for each of them, and the record of all."""
+"""The record of a sweep: a design for each value of a field of the spec, or for each LED."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from math import isfinite
+import csv
+import io
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
 from pydantic import Field, model_validator
 
-from lensforge.errors import InputError
+from lensforge.light.evaluation_result import LightMetrics
 from lensforge.light.light_facts import METRICS
 from lensforge.report.results import Results
+from lensforge.report.variation import ONE_FOR_ALL, AnyVariation, Variant, Variation
 from lensforge.results import (
     Count,
     Fact,
@@ -29,99 +31,9 @@ from lensforge.results.criteria import Criterion
 from lensforge.search.design_result import Margins
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.spec_files import section_sha256
-from lensforge.spec.spec_section import Section
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-MOST_VALUES = 100
-
-
-@dataclass(frozen=True)
-class Variant:
-    """One design of a sweep: the varied field's value, every field that was changed, the spec that results."""
-
-    value: float
-    changes: dict[str, float]
-    spec: Spec
-
-
-@dataclass(frozen=True)
-class Variation:
-    """``field`` (dotted path) takes each of ``values``, in order; those of ``scaled`` keep their ratio to it."""
-
-    field: str
-    values: tuple[float, ...]
-    scaled: tuple[str, ...] = ()
-
-    def variants(self, base: Spec) -> list[Variant]:
-        """The designs, smallest value first. Raises :class:`InputError` for values that a spec cannot have."""
-        return [self._variant(base, value) for value in self.values]
-
-    def _variant(self, base: Spec, value: float) -> Variant:
-        for field in (self.field, *self.scaled):
-            _value(base, field)
-        changes = {self.field: value}
-        if self.scaled:
-            before = _number(base, self.field)
-            changes |= {field: _number(base, field) * value / before for field in self.scaled}
-        return Variant(value, changes, base.replace(changes, name=variant_name(base.name, value)))
-
-
-def variation_of(field: str, values: Sequence[float], scaled: Sequence[str] = ()) -> Variation:
-    """``field`` at each of ``values``, sorted, each kept once. Raises :class:`InputError` for an invalid variation."""
-    if not isinstance(field, str) or isinstance(scaled, str) or not all(isinstance(name, str) for name in scaled):
-        raise InputError(
-            f"sweep: field = {field!r}, scale = {scaled!r}: a field's dotted name, and a list of such names"
-        )
-    try:
-        kept = tuple(sorted({float(value) for value in values}))
-    except (TypeError, ValueError):
-        raise InputError(f"{field} = {str(values)[:60]}: give 2 to {MOST_VALUES} numbers") from None
-    if not (2 <= len(kept) <= MOST_VALUES and all(map(isfinite, kept))):
-        raise InputError(f"{field}: {len(kept)} values; give 2 to {MOST_VALUES} finite numbers")
-    if field in scaled:
-        raise InputError(f"{field}: this is the field that varies; name others to be scaled")
-    return Variation(field, kept, tuple(scaled))
-
-
-def parse_variation(text: str, scaled: Sequence[str] = ()) -> Variation:
-    """Parse ``section.field=v1,v2,...``. Raises :class:`InputError` for anything else."""
-    field, _, listed = text.partition("=")
-    try:
-        values = [float(part) for part in listed.split(",")]
-    except ValueError:
-        raise InputError(f"--vary {text}: give section.field=value,value,... with numbers as values") from None
-    return variation_of(field, values, scaled)
-
-
-def variant_name(name: str, value: float) -> str:
-    """Name of a design and of its folder: the spec's name and the value, in characters that a spec's name may have."""
-    shown = f"{value:g}".replace(".", "_").replace("+", "")
-    return f"{name[: 63 - len(shown)]}-{shown}"
-
-
-def _value(spec: Spec, field: str) -> object:
-    """Value of ``field`` in ``spec``. Raises :class:`InputError` where there is no such field."""
-    found: object = spec
-    for part in field.split("."):
-        if isinstance(found, tuple) and part in map(str, range(len(found))):
-            found = found[int(part)]
-            continue
-        known = type(found).model_fields if isinstance(found, Section) else {}
-        if part not in known:
-            there = ", ".join(sorted(known)) or "none within it"
-            raise InputError(f"{field}: no such field in this spec; there are: {there}")
-        found = getattr(found, part)
-    return found
-
-
-def _number(spec: Spec, field: str) -> float:
-    value = _value(spec, field)
-    if isinstance(value, bool) or not isinstance(value, int | float) or value == 0.0:
-        raise InputError(f"{field} = {value!r} in the spec: only a number other than 0 can be scaled")
-    return float(value)
-
 
 # A name of a spec, and so never the way out of the sweep's own folder.
 FolderName = Annotated[str, Field(strict=True, pattern=r"^[A-Za-z0-9_-]{1,64}$")]
@@ -129,9 +41,12 @@ SweptMetric = Literal["nmse", "uniformity", "rsd", "efficiency", "share_in_targe
 
 
 class SweepRow(Record):
-    """One design by its ``value``. ``folder``: its name, beside ``sweep.json``. ``cutting``: the verdict on it."""
+    """One design by its ``value``. ``folder``: its name, beside ``sweep.json``. ``cutting``: the verdict on it.
 
-    value: Number
+    ``by_led``: the light with each LED, of a lens for several.
+    """
+
+    value: Number | Text
     folder: FolderName
     changes: dict[Text, Number]
     nmse: Metric
@@ -146,13 +61,15 @@ class SweepRow(Record):
     constraints: Margins
     criteria: tuple[Criterion, ...]
     cutting: State = "undecided"
+    by_led: dict[Text, LightMetrics] = Field(default_factory=dict)
 
 
 class Sweep(StageResult):
     """Designs by the value of the field ``vary``, smallest first; the fields of ``scale`` keep their ratio to it.
 
     ``spec``: the one that was varied; ``spec_sha256``: its hash, in which every file that it names counts by its
-    content. ``inputs``: the lenses, by folder.
+    content. ``inputs``: the lenses, by folder. Where ``vary`` is "source", values are names of LEDs, in their order.
+    ``failed``: values without a design, each with the reason.
     """
 
     stage: ClassVar[str] = "sweep"
@@ -165,19 +82,21 @@ class Sweep(StageResult):
     accuracy: Accuracy
     seed: Count
     designs: tuple[SweepRow, ...]
+    failed: dict[Text, Text] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _every_design_has_its_lens(self) -> "Sweep":
         folders = [row.folder for row in self.designs]
         if sorted(self.inputs) != sorted(folders):
             raise ValueError(f"inputs: must be the lenses of {', '.join(folders)}, one for each of the designs")
-        if any(low >= high for low, high in zip(self.values, self.values[1:], strict=False)):
+        numbers = [value for value in self.values if not isinstance(value, str)]
+        if any(low >= high for low, high in pairwise(numbers)):
             raise ValueError("designs: must have rising values")
         return self
 
     @property
-    def values(self) -> tuple[float, ...]:
-        """Values of the varied field, smallest first."""
+    def values(self) -> tuple[float | str, ...]:
+        """Values of the varied field, smallest first, or names of LEDs."""
         return tuple(row.value for row in self.designs)
 
     @property
@@ -191,8 +110,27 @@ class Sweep(StageResult):
 
     @property
     def facts(self) -> list[Group]:
-        """A row for each design, by the value of the varied field."""
-        return [self._row(row) for row in self.designs]
+        """A row for each design, and one for each value without; and of a lens for several LEDs the loss of each."""
+        return [*map(self._row, self.designs), *self._losses(), *map(_without_design, self.failed.items())]
+
+    def _losses(self) -> Iterator[Group]:
+        """Loss of each LED with the one lens for all against its own."""
+        rows = {row.value: row for row in self.designs}
+        common = rows.get(ONE_FOR_ALL)
+        for name, with_all in ({} if common is None else common.by_led).items():
+            if name not in rows:
+                continue
+            own = rows[name]
+            lost, more = 1.0 - with_all.efficiency.value / own.efficiency.value, with_all.nmse.value / own.nmse.value
+            facts = (
+                Fact.share("own_efficiency", "Efficiency, own lens", own.efficiency),
+                Fact.share("efficiency", "With one for all", with_all.efficiency),
+                Fact("lost", "Lost", 100.0 * lost, "%", digits=2),
+                Fact.measured("own_nmse", "NMSE, own lens", own.nmse),
+                Fact.measured("nmse", "NMSE with one for all", with_all.nmse),
+                Fact("more", "Ratio", more, digits=3),
+            )
+            yield Group("loss", f"{name} in one lens for all", facts)
 
     def _row(self, row: SweepRow) -> Group:
         missed = [criterion.name for criterion in row.criteria if not criterion.passed]
@@ -214,13 +152,25 @@ class Sweep(StageResult):
 
     def joined(self, other: "Sweep") -> "Sweep":
         """This sweep with the designs of ``other``, else the same sweep; at equal values the designs of this one."""
-        rows = {row.value: row for row in (*other.designs, *self.designs)}
+        own = {row.value: row for row in self.designs}
+        rows = own | {row.value: row for row in other.designs if row.value not in own}
         content = {name: getattr(self, name) for name in type(self).model_fields}
-        designs, lenses = tuple(rows[value] for value in sorted(rows)), other.inputs | self.inputs
+        designs, lenses = tuple(_in_order(rows)), other.inputs | self.inputs
         content |= {"inputs": {row.folder: lenses[row.folder] for row in designs}, "designs": designs}
         return type(self).model_validate(content)
 
-    def curve(self, metric: SweptMetric) -> tuple[list[float], list[float], list[float]]:
+    def products(self) -> dict[str, bytes]:
+        """The designs as CSV, and what has failed."""
+        failed: list[Mapping[str, object]] = [{"value": value, "failed": why} for value, why in self.failed.items()]
+        rows: list[Mapping[str, object]] = [*self.rows(), *failed]
+        buffer = io.StringIO()
+        columns = dict.fromkeys(name for row in rows for name in row)
+        writer = csv.DictWriter(buffer, list(columns), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+        return {".csv": buffer.getvalue().encode()}
+
+    def curve(self, metric: SweptMetric) -> tuple[list[float | str], list[float], list[float]]:
         """Values of the varied field, ``metric``, and its standard error or 0, of the designs that have it."""
         found = [(row.value, measured) for row in self.designs if (measured := getattr(row, metric)) is not None]
         errors = [measured.standard_error or 0.0 for _, measured in found]
@@ -237,15 +187,28 @@ class Sweep(StageResult):
         return axes
 
 
+def _in_order(rows: Mapping[float | str, SweepRow]) -> Iterator[SweepRow]:
+    """Numbers smallest first; names as they come."""
+    numbers = sorted(value for value in rows if not isinstance(value, str))
+    yield from (rows[value] for value in numbers)
+    yield from (row for value, row in rows.items() if isinstance(value, str))
+
+
+def _without_design(failed: tuple[str, str]) -> Group:
+    value, why = failed
+    return Group("failed", value, (Fact("failed", "No design", why, state="fail"),))
+
+
 def _metric(name: str, metric: Metric | None) -> Fact:
     shares = ("efficiency", "share_in_target")
     return Fact.share(name, METRICS[name], metric) if name in shares else Fact.measured(name, METRICS[name], metric)
 
 
-def sweep_of(spec: Spec, variation: Variation, found: Sequence[tuple[Variant, Results]]) -> Sweep:
+def sweep_of(spec: Spec, variation: AnyVariation, found: Sequence[tuple[Variant, Results]]) -> Sweep:
     """The sweep of finished designs: variants of ``spec`` with their results, at least one of them."""
     lens = found[0][1].lens
-    found = sorted(found, key=lambda pair: pair[0].value)
+    if isinstance(variation, Variation):
+        found = sorted(found, key=lambda pair: pair[0].value)
     return Sweep(
         inputs={variant.spec.name: results.lens.sha256 for variant, results in found},
         spec=spec,
@@ -272,4 +235,5 @@ def _row(variant: Variant, results: Results) -> SweepRow:
         constraints=design.constraints,
         criteria=tuple(criterion for _, criterion in results.criteria()),
         cutting=results.verdict.cutting,
+        by_led={name: LightMetrics.of(own) for name, own in light.by_led.items()} if light.others else {},
     )

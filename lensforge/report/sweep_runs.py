@@ -12,12 +12,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lensforge.errors import InputError
+from lensforge.light.lens_light import is_same_source
 from lensforge.report import pipeline
 from lensforge.report.compare import ComparedPictures
 from lensforge.report.page import picture, template, write_page
 from lensforge.report.results import Results
 from lensforge.report.stored import load_results
-from lensforge.report.sweep import Sweep, SweptMetric, Variant, Variation, sweep_of
+from lensforge.report.sweep import Sweep, SweptMetric, sweep_of
+from lensforge.report.variation import AnyVariation, SourceVariation, Variant
 from lensforge.results.cluster import connected
 from lensforge.results.figure_style import BLUE, GREEN, GREY, ORANGE, WIDE, in_report_style, new_figure
 from lensforge.results.files import replacing, require_own
@@ -30,22 +32,26 @@ from lensforge.surfaces.imported_face import LENS_FILE
 from lensforge.version import __version__
 
 Files = Mapping[str, bytes]
+Made = tuple[Variant, str]  # a design that is in its folder, and the reason where there is none
 
 
 def runs_on_workers(
     specs: Sequence[Spec], accuracy: Accuracy, seed: int, scheduler: str
-) -> Iterator[tuple[int, Files]]:
-    """Make every design, in any order: its number, and the files of its result folder, by name."""
+) -> Iterator[tuple[int, Files | str]]:
+    """Make every design, in any order: its number, and its files by name, or why there are none."""
     with connected(scheduler) as cluster:
         yield from cluster.map(files_of_run, (accuracy, seed), specs)
 
 
-def files_of_run(settings: tuple[Accuracy, int], spec: Spec) -> Files:
-    """Make one design in a folder of the worker, and return what is in it."""
+def files_of_run(settings: tuple[Accuracy, int], spec: Spec) -> Files | str:
+    """Make one design in a folder of the worker, and return what is in it, or why it cannot be made."""
     accuracy, seed = settings
     with TemporaryDirectory(prefix="lensforge_") as name:
         folder = Path(name) / spec.name
-        pipeline.run(spec, folder, accuracy=accuracy, seed=seed, warn=lambda _: None)
+        try:
+            pipeline.run(spec, folder, accuracy=accuracy, seed=seed, warn=lambda _: None)
+        except InputError as error:
+            return str(error)
         return {path.name: path.read_bytes() for path in sorted(folder.iterdir()) if not path.name.startswith(".")}
 
 
@@ -57,7 +63,7 @@ def write_run(files: Files, folder: Path) -> None:
                 temporary.write_bytes(files[name])
 
 
-PAGE = "sweep.html"
+PAGE, TABLE = "sweep.html", "sweep.csv"
 
 
 # A run of every stage: of a spec, into a folder, and True to continue from the checkpoint there.
@@ -66,7 +72,7 @@ RunDesign = Callable[[Spec, Path, bool], object]
 
 def run_sweep(
     spec: Spec,
-    variation: Variation,
+    variation: AnyVariation,
     directory: Path,
     run_design: RunDesign,
     *,
@@ -76,13 +82,14 @@ def run_sweep(
     scheduler: str | None = None,
     announce: Callable[[str], None] = lambda _: None,
 ) -> Sweep:
-    """Make every design of ``variation`` in ``directory``; write sweep.json and sweep.html; return the sweep.
+    """Make every design of ``variation`` in ``directory``; write sweep.json, .csv and .html; return the sweep.
 
     ``accuracy`` and ``seed``: those that ``run_design`` uses. ``scheduler``: a Dask cluster, whose workers then make
     whole runs in its place, several at once, without checkpoints. With ``resume`` designs that sweep.json lists are
-    kept, whatever the values are now. A design that misses a criterion is listed with it, and the sweep continues.
-    Raises :class:`InputError` before the first design for a value that the spec cannot have, for a sweep.json of
-    another sweep, for a page of another program, and where another process writes in ``directory``.
+    kept, whatever the values are now. A design that misses a criterion, or that cannot be made, is listed with the
+    reason, and the sweep continues. Raises :class:`InputError` before the first design for a value that the spec
+    cannot have, for a sweep.json of another sweep, for a page of another program, and where another process writes in
+    ``directory``; and where no design could be made.
     """
     variants = variation.variants(spec)
     require_own(directory / PAGE)
@@ -91,7 +98,7 @@ def run_sweep(
         wanted = [variant for variant in variants if sweep is None or variant.value not in sweep.values]
 
         def tell(number: int, variant: Variant) -> None:
-            announce(f"design {number} of {len(wanted)}: {variation.field} = {variant.value:g}")
+            announce(f"design {number} of {len(wanted)}: {variation.field} = {variant.words}")
 
         if scheduler is None:
             made = _one_by_one(wanted, directory, run_design, resume, tell)
@@ -114,38 +121,54 @@ def _one_by_one(
     run_design: RunDesign,
     resume: bool,
     tell: Callable[[int, Variant], None],
-) -> Iterator[Variant]:
-    """Make every design here; each as soon as its folder is finished."""
+) -> Iterator[Made]:
+    """Make every design here; each as soon as its folder is finished, or as it fails."""
     for number, variant in enumerate(wanted, start=1):
         tell(number, variant)
-        folder = directory / variant.spec.name
-        run_design(variant.spec, folder, resume and (folder / CHECKPOINT).exists())
-        yield variant
+        folder, why = directory / variant.spec.name, ""
+        try:
+            run_design(variant.spec, folder, resume and (folder / CHECKPOINT).exists())
+        except InputError as error:
+            why = str(error)
+        yield variant, why
 
 
 def _written(
-    wanted: Sequence[Variant], directory: Path, found: Iterator[tuple[int, Files]], tell: Callable[[int, Variant], None]
-) -> Iterator[Variant]:
+    wanted: Sequence[Variant],
+    directory: Path,
+    found: Iterator[tuple[int, Files | str]],
+    tell: Callable[[int, Variant], None],
+) -> Iterator[Made]:
     """Write the folder of each design as it comes from the workers of a cluster."""
     for done, (number, files) in enumerate(found, start=1):
-        write_run(files, directory / wanted[number].spec.name)
+        if not isinstance(files, str):
+            write_run(files, directory / wanted[number].spec.name)
         tell(done, wanted[number])
-        yield wanted[number]
+        yield wanted[number], files if isinstance(files, str) else ""
 
 
-def _joined(spec: Spec, variation: Variation, made: Iterator[Variant], directory: Path, sweep: Sweep | None) -> Sweep:
-    """The sweep with every design that is ``made``, written after each."""
-    for variant in made:
+def _joined(spec: Spec, variation: AnyVariation, made: Iterator[Made], directory: Path, sweep: Sweep | None) -> Sweep:
+    """The sweep with every design that is ``made``, written after each. Raises :class:`InputError` where none is."""
+    failed: dict[str, str] = {}
+    for variant, why in made:
+        if why:
+            failed[variant.words] = why
+            continue
         one = sweep_of(spec, variation, [(variant, load_results(directory / variant.spec.name))])
         sweep = one if sweep is None else sweep.joined(one)
         sweep.write(directory)
-    assert sweep is not None, "a variation has values"
+    if sweep is None:
+        raise InputError(next(iter(failed.values())))
+    if failed or sweep.failed:
+        sweep = sweep.model_copy(update={"failed": failed})
+        sweep.write(directory)
+    sweep.save(directory / TABLE)
     results = [load_results(directory / row.folder) for row in sweep.designs]
     write_page(sweep_page(sweep, results), directory / PAGE)
     return sweep
 
 
-def _finished(directory: Path, spec: Spec, variation: Variation, accuracy: Accuracy, seed: int) -> Sweep | None:
+def _finished(directory: Path, spec: Spec, variation: AnyVariation, accuracy: Accuracy, seed: int) -> Sweep | None:
     """The designs that an earlier call finished, None without any. Only its values may differ from this call's.
 
     Raises :class:`InputError` where anything else differs, the content of a file too, and where the folder of one of
@@ -165,10 +188,15 @@ def _finished(directory: Path, spec: Spec, variation: Variation, accuracy: Accur
     ):
         if found != wanted:
             raise InputError(f"{path}: a sweep with another {words}; start again without resume")
+    leds = {led.name: led.source for led in variation.sources} if isinstance(variation, SourceVariation) else {}
     for row in sweep.designs:
         folder = directory / row.folder
-        if load_lens(folder / LENS_FILE).sha256 != sweep.inputs[row.folder]:
+        lens = load_lens(folder / LENS_FILE)
+        if lens.sha256 != sweep.inputs[row.folder]:
             raise InputError(f"{folder}: not the design that {path.name} lists; start again without resume")
+        led = leds.get(str(row.value))
+        if led is not None and not is_same_source(lens.spec.source, led):
+            raise InputError(f"{folder}: designed for another LED {row.value}; start again without resume")
     return sweep
 
 
@@ -183,7 +211,8 @@ _AXES = {
 
 def sweep_page(sweep: Sweep, results: Sequence[Results]) -> str:
     """The page; ``results`` of each design, in the order of the sweep."""
-    names = [f"{sweep.vary.split('.')[-1]} = {row.value:g}" for row in sweep.designs]
+    field = sweep.vary.split(".")[-1]
+    names = [row.value if isinstance(row.value, str) else f"{field} = {row.value:g}" for row in sweep.designs]
     return template("sweep.html").render(
         name=sweep.spec.name,
         field=sweep.vary,
@@ -222,4 +251,16 @@ def sweep_figure(sweep: Sweep) -> Figure:
 
 def _draw(axes: Axes, sweep: Sweep, metric: SweptMetric, label: str, colour: str, marker: str) -> None:
     x, y, noise = sweep.curve(metric)
-    axes.errorbar(x, y, noise, color=colour, ecolor=GREY, elinewidth=0.8, marker=marker, markersize=4.0, label=label)
+    line = "none" if sweep.vary == SourceVariation.field else "solid"
+    axes.errorbar(
+        x,
+        y,
+        noise,
+        color=colour,
+        linestyle=line,
+        ecolor=GREY,
+        elinewidth=0.8,
+        marker=marker,
+        markersize=4.0,
+        label=label,
+    )

@@ -5,9 +5,11 @@ Its terms are of the light on each receiver, and of the limits on it. All are di
 """
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from statistics import mean
+from typing import Generic, TypeVar
 
 import numpy as np
 import torch
@@ -198,8 +200,57 @@ class SampledLight:
 
 
 @dataclass(frozen=True)
-class MeritFunction:
-    """The scene of a design: its light path, and the terms of each receiver."""
+class Assessed:
+    """The light of one sample: the loss without constraints, and its parts for the history."""
+
+    loss: Float[Tensor, ""]
+    nmse: float
+    efficiency: float
+
+
+_Light = TypeVar("_Light")
+
+
+class Merit(ABC, Generic[_Light]):
+    """The merit that a search minimises, but for the constraints: of one LED, or of several."""
+
+    parametrisation: Parametrisation
+
+    @abstractmethod
+    def light_of(self, tables: Float[Tensor, "f side side"], rays: RayBundle, pair: Pair | None = None) -> _Light:
+        """The light of ``rays`` through the lens with these tables, or through a ``pair`` of its parts."""
+
+    @abstractmethod
+    def assessed(self, light: _Light, uniform: bool) -> Assessed:
+        """The loss by one sample; ``uniform`` puts the uniformity of the masks before the images."""
+
+    @abstractmethod
+    def judge(self, first: _Light, second: _Light, uniform: bool) -> tuple[float, float]:
+        """Merit without constraints from two independent samples, without their noise, and its part of the images."""
+
+    @abstractmethod
+    def joined(self, parts: Sequence[_Light], emitted_w: float) -> _Light:
+        """The light of all ``parts``, in proportion, as a sample of ``emitted_w``."""
+
+    def evaluate(
+        self,
+        weights: Float[Tensor, "k f"],
+        offsets: Float[Tensor, " f"],
+        rays: RayBundle,
+        constraints: AugmentedLagrangian,
+        uniform: bool,
+        pair: Pair | None = None,
+    ) -> Evaluated:
+        """Trace ``rays`` and add the constraints; with a ``pair`` of opposite parts the mean over both."""
+        tables = self.parametrisation.tables(weights, offsets)
+        found = self.assessed(self.light_of(tables, rays, pair), uniform)
+        fields = constraints.fields(tables)
+        return Evaluated(found.loss + constraints.term(fields), found.nmse, found.efficiency, fields)
+
+
+@dataclass(frozen=True)
+class MeritFunction(Merit[SampledLight]):
+    """The scene of a design with one LED: its light path, and the terms of each receiver."""
 
     spec: Spec
     parametrisation: Parametrisation
@@ -232,21 +283,8 @@ class MeritFunction:
         light = LightPath(scene, receivers, device, source=crossing)
         return MeritFunction(spec, parametrisation, light, terms, limits)
 
-    def evaluate(
-        self,
-        weights: Float[Tensor, "k f"],
-        offsets: Float[Tensor, " f"],
-        rays: RayBundle,
-        constraints: AugmentedLagrangian,
-        uniform: bool,
-        pair: Pair | None = None,
-    ) -> Evaluated:
-        """Trace ``rays``; ``uniform`` puts the uniformity of the masks before the images.
-
-        With a ``pair`` of opposite parts the mean over both.
-        """
-        tables = self.parametrisation.tables(weights, offsets)
-        light = self.light_of(tables, rays, pair)
+    def assessed(self, light: SampledLight, uniform: bool) -> Assessed:
+        """The loss by one sample; ``uniform`` puts the uniformity of the masks before the images."""
         efficiency = self._weighted(light.images, lambda terms, image: float(image.detach().sum())) / light.emitted_w
         parts = light.of_parts()
         nmse = mean(
@@ -255,8 +293,11 @@ class MeritFunction:
         )
         loss = torch.stack([self._image_loss(images, uniform) for images in parts]).mean()
         loss = loss + light.terms / light.emitted_w + torch.stack([self._limit_term(images) for images in parts]).mean()
-        fields = constraints.fields(tables)
-        return Evaluated(loss + constraints.term(fields), nmse, efficiency, fields)
+        return Assessed(loss, nmse, efficiency)
+
+    def joined(self, parts: Sequence[SampledLight], emitted_w: float) -> SampledLight:
+        """The light of all ``parts``, in proportion, as a sample of ``emitted_w``."""
+        return SampledLight.joined(parts, emitted_w)
 
     def light_of(self, tables: Float[Tensor, "f side side"], rays: RayBundle, pair: Pair | None = None) -> SampledLight:
         """The light of ``rays`` through the lens with these tables, or through a ``pair`` of its parts.

@@ -40,6 +40,7 @@ from lensforge.search.search_state import Adam, Parameters, SearchState
 from lensforge.sources.build_source import summarise
 from lensforge.sources.measured_rays import searched
 from lensforge.sources.ray_bundle import Source
+from lensforge.sources.several_sources import each_of
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.accuracy import PRESETS, Preset, for_preview
 from lensforge.spec.spec_files import input_hashes, section_sha256
@@ -78,7 +79,7 @@ class Descent:
         """Run all remaining stages and return the end; keep the checkpoint fresh, also at an interrupt."""
         saved = time.monotonic()
         if self.validation is not None:
-            self._compile_kernels(self.validation)
+            self._compile_kernels()
         try:
             while (stage := self.schedule.next_stage(self.state.outcomes).stage) is not None:
                 steps = self._stage_steps(stage)
@@ -94,13 +95,13 @@ class Descent:
                 self.state.save(checkpoint, key)
         return self.schedule.next_stage(self.state.outcomes)
 
-    def _compile_kernels(self, validation: ValidationRays) -> None:
+    def _compile_kernels(self) -> None:
         """Take a derivative that nobody needs: compiled later, kernels would make the first level look dear."""
         stage = self.schedule.next_stage(self.state.outcomes).stage
         if stage is not None:
             problem = self.problems.of(stage.levels)
             weights, offsets = (each.clone().requires_grad_() for each in (self.state.weights, self.state.offsets))
-            one = validation.samples[0].take(slice(0, 1))
+            one = self.source.sample(1, 0)
             pair = self._pair(problem, 0)
             problem.merit.evaluate(weights, offsets, one, problem.constraints, stage.uniform, pair).loss.backward()
 
@@ -355,6 +356,7 @@ def _design(
     warnings: tuple[str, ...],
 ) -> Design:
     """The record of a finished search; ``warnings`` on its scene go with those on its source."""
+    source = each_of(source)[0]
     summary = summarise(source, lens.spec.source)
     directions = fibonacci_hemisphere(_SIZE_DIRECTIONS)
     directions = directions[first_images(directions, lens.symmetry)]

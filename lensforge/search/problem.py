@@ -8,6 +8,7 @@ error by a third gained -8 to 31 +- 37 % by 6,000 of them.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -17,12 +18,14 @@ from torch import Tensor
 from lensforge import seeds
 from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.light_path import SearchParts
-from lensforge.search.merit import MeritFunction, SampledLight
+from lensforge.search.merit import Merit, MeritFunction
+from lensforge.search.merit_of_sources import MeritOfSources
 from lensforge.search.parameters import Parametrisation, SphereParameters
 from lensforge.search.profiles import ProfileParameters
 from lensforge.search.schedule import SLICES, Judgement
 from lensforge.sources.measured_rays import smoothed
 from lensforge.sources.ray_bundle import RayBundle, Source
+from lensforge.sources.several_sources import SeveralSources
 from lensforge.spec import Spec
 
 
@@ -34,7 +37,7 @@ class Problem:
     """
 
     spec: Spec
-    merit: MeritFunction
+    merit: Merit[Any]
     constraints: AugmentedLagrangian
     sparse: bool = False
     parts: SearchParts | None = None
@@ -63,6 +66,13 @@ def parameters_of(spec: Spec, nodes_per_sigma: float) -> Parametrisation:
     return kinds[spec.lens.kind](spec, nodes_per_sigma)
 
 
+def merit_of(spec: Spec, source: Source, parametrisation: Parametrisation, device: torch.device | None) -> Merit[Any]:
+    """The merit of lenses for ``source``, one LED or several."""
+    if isinstance(source, SeveralSources):
+        return MeritOfSources.of(spec, source, parametrisation, device)
+    return MeritFunction.of(spec, source, parametrisation, device)
+
+
 @dataclass
 class Problems:
     """The problems of one search, of which the last is kept; constraints of automatic levels hold at fewer points."""
@@ -79,7 +89,7 @@ class Problems:
             spec = self.spec.with_levels(levels)
             automatic = self.spec.lens.levels == "auto"
             parametrisation = parameters_of(spec, self.nodes_per_sigma)
-            merit = MeritFunction.of(spec, self.source, parametrisation, self.device)
+            merit = merit_of(spec, self.source, parametrisation, self.device)
             constraints = AugmentedLagrangian.of(spec, parametrisation.grid, sparse=automatic)
             parts = SearchParts.of(spec, parametrisation) if spec.optimise.robust else None
             self._last = Problem(spec, merit, constraints, automatic, parts)
@@ -127,13 +137,13 @@ class ValidationRays:
         return judged[0], judged[1] if even else None
 
 
-def _judgement(merit: MeritFunction, lights: list[list[SampledLight]], missing: float, uniform: bool) -> Judgement:
+def _judgement(merit: Merit[Any], lights: list[list[Any]], missing: float, uniform: bool) -> Judgement:
     """The judgement of the light of both samples' slices, and of what is missing of the constraints' margins."""
     flux_w = [sum(part.emitted_w for part in parts) for parts in lights]
 
     def judged(left_out: int | None) -> tuple[float, float]:
         kept = ([part for k, part in enumerate(parts) if k != left_out] for parts in lights)
-        first, second = (SampledLight.joined(parts, emitted_w) for parts, emitted_w in zip(kept, flux_w, strict=True))
+        first, second = (merit.joined(parts, emitted_w) for parts, emitted_w in zip(kept, flux_w, strict=True))
         return merit.judge(first, second, uniform)
 
     value, image = judged(None)

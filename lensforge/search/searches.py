@@ -2,14 +2,15 @@
 
 import warnings
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypedDict, Unpack
 
 from lensforge import seeds
-from lensforge.errors import InputError, SourceWarning
+from lensforge.errors import InputError, SourceWarning, remedy
 from lensforge.light.evaluation_result import Light
-from lensforge.light.lens_light import source_of
+from lensforge.light.lens_light import name_of_source, other_source, searched_source, source_of
 from lensforge.light.source_photometry import SourceLumens
 from lensforge.results.arguments import count_of, path_of, require, threads_of_torch
 from lensforge.results.cluster import connected
@@ -18,7 +19,9 @@ from lensforge.search.design_result import Design, Observer, Start
 from lensforge.sources.measured_rays import searched, smoothed
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.accuracy import preset_of
-from lensforge.spec.design_spec import require_spec
+from lensforge.spec.design_spec import joined_name, require_spec
+from lensforge.spec.source_sections import SourceSpec
+from lensforge.surfaces.mirror_group import contains
 
 if TYPE_CHECKING:
     import torch
@@ -100,6 +103,25 @@ def design(
         )
 
 
+def redesign(lens: Lens, source: SourceSpec | Path | str, **options: Unpack[SearchOptions]) -> Design:
+    """Search for a lens of the spec of ``lens`` for another LED, from ``lens`` on, on automatic levels.
+
+    ``source``: in the place of the spec's; of a file as for :func:`lensforge.evaluate`. ``options``: as of
+    :func:`design`, by default with the accuracy and seed of ``lens``. The new spec's name ends with that of the source.
+    """
+    from lensforge.sources.build_source import build_source
+
+    require(lens, Lens, "redesign")
+    other = other_source(lens.spec, source)
+    spec, built = lens.spec.with_automatic_levels(), build_source(other, lens.dispersion)
+    symmetry = spec.lens.symmetry if contains(built.symmetry, spec.lens.symmetry) else "auto"
+    name = joined_name(spec.name, name_of_source(other))
+    changed = spec.replace({"lens.symmetry": symmetry, "sources": ()}, source=other, name=name)
+    chosen: SearchOptions = {"accuracy": lens.accuracy, "seed": lens.seed, "start": lens}
+    chosen.update(options)
+    return design(changed, **chosen)
+
+
 def _start_of(spec: Spec, start: Lens | None = None) -> Lens | None:
     """The lens from which a search goes on: ``start``, or the one that the spec names; None for hemispheres."""
     if start is not None:
@@ -143,18 +165,23 @@ def _checked_scene(
         from lensforge.cad.custom_base import read_custom_base
 
         read_custom_base(spec.base.file)
-    source = source_of(spec)
-    summary = summarise(source, spec.source)
-    SourceLumens.of(None, summary).require_known(spec.photometry)  # not after a search
-    room = source_clearance_warnings(spec, source)
-    scene = SceneCheck.of(spec, source, start)
-    scene.require_light(force=force)
-    for words in (*spec.lens.warnings, *summary.warnings, *scene.warnings(), *room):
+    found, of_scene = list(spec.lens.warnings), tuple[str, ...]()
+    for number, own in enumerate(spec.of_each_source):
+        source = source_of(own)
+        summary = summarise(source, own.source)
+        SourceLumens.of(None, summary).require_known(own.photometry)  # not after a search
+        room = source_clearance_warnings(own, source)
+        scene, name = SceneCheck.of(own, source, start), f"{spec.sources[number].name}: " if spec.sources else ""
+        with remedy(f"the LED is {spec.sources[number].name}") if spec.sources else nullcontext():
+            scene.require_light(force=force)
+        of_scene += tuple(f"{name}{words}" for words in scene.warnings())
+        found += [f"{name}{words}" for words in (*summary.warnings, *scene.warnings(), *room)]
+    for words in found:
         if warn is None:
             warnings.warn(words, SourceWarning, stacklevel=3)
         else:
             warn(words)
-    return source, scene.warnings()
+    return searched_source(spec), of_scene
 
 
 @dataclass(frozen=True)
@@ -176,21 +203,21 @@ class SeededSearch:
 
         design = search(
             self.spec,
-            source_of(self.spec),
+            searched_source(self.spec),
             accuracy=self.accuracy,
             seed=seed,
             start=_start_of(self.spec),
             progress=self.progress,
             warnings=self.warnings,
         )
-        light = _light_by_other_rays(design.lens, self.rays_seed)
+        lights = _light_by_other_rays(design.lens, self.rays_seed)
         missed = sum(not criterion.passed for criterion in design.criteria)
-        missed += sum(limit.state == "missed" for limit in light.limits)
-        errors = [each.nmse.value for each in light.receivers if each.nmse is not None]
+        missed += sum(limit.state == "missed" for light in lights for limit in light.limits)
+        errors = [each.nmse.value for light in lights for each in light.receivers if each.nmse is not None]
         return design, Start(
             seed=seed,
-            nmse=light.nmse,
-            efficiency=light.efficiency,
+            nmse=lights[0].nmse,
+            efficiency=lights[0].efficiency,
             merit=sum(errors) / len(errors),
             missed=missed,
             seconds=design.seconds,
@@ -248,24 +275,20 @@ def _all(
             yield number, search.made(seed)
 
 
-def _light_by_other_rays(lens: Lens, seed: int) -> Light:
-    """The light of ``lens`` by rays of its source that judge none: measured ones are those of the search, turned."""
+def _light_by_other_rays(lens: Lens, seed: int) -> list[Light]:
+    """The light of ``lens`` with each of its LEDs, by rays that judge none: measured ones are the search's, turned."""
     from lensforge.light.evaluation import evaluate_traced
     from lensforge.light.simulation import TracedLens
     from lensforge.scene.limit_readings import light_limits
     from lensforge.scene.receiver_shapes import receivers_of
     from lensforge.sources.build_source import build_source, summarise
 
-    spec, preset = lens.spec, preset_of(lens.accuracy)
-    source = build_source(spec.source, lens.dispersion)
-    efficacy = summarise(source, spec.source).lumens_per_watt
-    limits = light_limits(spec, receivers_of(spec, spec.evaluate.pixels), efficacy, source.flux_w)
-    return evaluate_traced(
-        TracedLens.of(lens, preset.evaluate_nodes_per_sigma),
-        spec,
-        smoothed(searched(source)),
-        spec.evaluate.rays or preset.evaluate_rays,
-        seed,
-        limits=limits,
-        bounds_by=source,
-    )
+    preset, found = preset_of(lens.accuracy), []
+    traced = TracedLens.of(lens, preset.evaluate_nodes_per_sigma)
+    for spec in lens.spec.of_each_source:
+        source = build_source(spec.source, lens.dispersion)
+        efficacy = summarise(source, spec.source).lumens_per_watt
+        limits = light_limits(spec, receivers_of(spec, spec.evaluate.pixels), efficacy, source.flux_w)
+        rays, own = spec.evaluate.rays or preset.evaluate_rays, smoothed(searched(source))
+        found.append(evaluate_traced(traced, spec, own, rays, seed, limits=limits, bounds_by=source))
+    return found

@@ -15,6 +15,7 @@ from lensforge import seeds
 from lensforge.errors import InputError
 from lensforge.sources.dispersion import ColouredSource
 from lensforge.sources.ray_bundle import ChangedSource, RayBundle, Source, aimed
+from lensforge.sources.several_sources import SeveralSources
 
 if TYPE_CHECKING:
     from lensforge.sources.ray_set import RaySetEmitter
@@ -58,6 +59,8 @@ def held_back(source: Source) -> Source:
 
 def _parts(source: Source) -> tuple[Source, Source]:
     """Rays for searches, and those that judge: divided alike for every seed, as a search may start from any lens."""
+    if isinstance(source, SeveralSources):
+        return source.changed(searched), source.changed(held_back)
     count = source.ray_count
     if count is None:
         return source, source
@@ -70,6 +73,8 @@ def smoothed(source: Source) -> Source:
     """``source`` with its rays turned by small random angles; as it is where it draws new rays with every seed."""
     if source.ray_count is None:
         return source
+    if isinstance(source, SeveralSources):
+        return source.changed(smoothed)
     if isinstance(source, ColouredSource):
         return replace(source, source=smoothed(source.source))
     sigma_rad = min(float(np.sqrt(0.5 * _RAYS_IN_TURN / source.ray_count)), _MOST_TURN_RAD)

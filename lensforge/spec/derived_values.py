@@ -4,6 +4,7 @@ The rules are those of the shipped specs, rounded to three digits; what they cos
 hand is in docs/results.md. A value that is given is never touched.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, floor, hypot, log10
 from typing import Any
@@ -63,20 +64,19 @@ class LensSizes:
         return {"inner": _digits(min(wanted, outer - 1.5 * self.min_thickness_mm), floor), "outer": outer}
 
 
-def derived_sizes(source: Any, lens: Any, limits: Any, target: Any) -> dict[str, dict[str, Any]]:
+def derived_sizes(sources: Sequence[Any], lens: Any, limits: Any, target: Any) -> dict[str, dict[str, Any]]:
     """Values of fields that the spec leaves out, by the rules, in tables by section and face.
 
-    The arguments are the sections of a spec, ``target`` may be None. Of a source that is no uniform area the cavity is
-    not known, and of a target without a size its receiver.
+    The arguments are the sections of a spec, ``target`` may be None. The cavity has room for each of the ``sources``.
+    Of a source that is no uniform area the cavity is not known, and of a target without a size its receiver.
     """
-    extent = source_extent(source)
-    x, y, z = source.position_mm
-    sizes = (
-        LensSizes(limits.max_radius_mm, 0.0)
-        if extent is None
-        else LensSizes(limits.max_radius_mm, extent + hypot(x, y), z)
-    )
-    known = ("min_thickness_mm",) if extent is None else ("min_thickness_mm", "cavity_radius_mm", "cavity_height_mm")
+    reaches = list(map(_reach_mm, sources))
+    heights = [source.position_mm[2] for source in sources]
+    if None in reaches:
+        sizes = LensSizes(limits.max_radius_mm, 0.0)
+    else:
+        sizes = LensSizes(limits.max_radius_mm, max(filter(None, reaches), default=0.0), max(heights))
+    known = ("min_thickness_mm",) if None in reaches else ("min_thickness_mm", "cavity_radius_mm", "cavity_height_mm")
     return {
         "lens": {}
         if lens.kind != "double"
@@ -84,6 +84,12 @@ def derived_sizes(source: Any, lens: Any, limits: Any, target: Any) -> dict[str,
         "constraints": {name: getattr(sizes, name) for name in known},
         "target": {} if target is None else _receiver_of(target),
     }
+
+
+def _reach_mm(source: Any) -> float | None:
+    """Largest distance (mm) of a uniform emitting area from the axis; None for any other source."""
+    extent, (x, y, _) = source_extent(source), source.position_mm
+    return None if extent is None else extent + hypot(x, y)
 
 
 def source_extent(source: Any) -> float | None:

@@ -1,10 +1,10 @@
 """The specification of a design, read from TOML: validated once, immutable, every length in mm.
 
-Each wrong field is reported in a line: its name, its value, what is allowed. A spec as nested tables is changed by
-dotted names, and made plain enough for TOML.
+Each wrong field is reported in a line: its name, its value, what is allowed.
 """
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -37,57 +37,11 @@ from lensforge.spec.receiver_sections import (
 )
 from lensforge.spec.road_section import MOST_ROADS, RoadSection
 from lensforge.spec.search_section import ConstraintsSection, EvaluateSection, OptimiseSection
-from lensforge.spec.source_sections import SourceSpec
+from lensforge.spec.source_sections import NamedSource, SourceSpec
 from lensforge.spec.spec_fields import words_of
-from lensforge.spec.spec_files import read_toml, resolve_files
+from lensforge.spec.spec_files import changed, plain, read_toml, resolve_files, short
 from lensforge.spec.spec_section import Section, spec_error
 from lensforge.spec.tolerances_section import PartTolerances, TolerancesSection
-
-
-def short(value: object) -> str:
-    """The first characters of ``value`` as a text for a message."""
-    return repr(str(value)[:60])
-
-
-def changed(content: dict[str, object], changes: Mapping[str, object]) -> dict[str, object]:
-    """A copy of ``content`` in which dotted names have new values; a table of changes goes into a table."""
-    result = dict(content)
-    for name, value in changes.items():
-        if not isinstance(name, str):
-            raise InputError(
-                f"replace: the name {short(name)} is {its_type(name)}, must be text such as 'target.distance_mm'"
-            )
-        section, _, rest = name.partition(".")
-        before = result.get(section)
-        if rest and isinstance(before, list | tuple):
-            result[section] = _entry_changed(before, section, rest, value)
-        elif rest:
-            result[section] = changed(dict(before) if isinstance(before, Mapping) else {}, {rest: value})
-        elif isinstance(value, Mapping) and isinstance(before, Mapping):
-            result[section] = changed(dict(before), value)
-        else:
-            result[section] = value
-    return result
-
-
-def _entry_changed(entries: Sequence[object], section: str, rest: str, value: object) -> list[object]:
-    """A copy of a list in which one entry, ``rest`` begins with its number from 0, has another value."""
-    number, _, name = rest.partition(".")
-    if number not in map(str, range(len(entries))):
-        raise InputError(f"replace: {section}.{rest}: {section} has {len(entries)} entries, by their numbers from 0")
-    before, place = entries[int(number)], int(number)
-    after = changed(dict(before), {name: value}) if name and isinstance(before, Mapping) else value
-    return [*entries[:place], after, *entries[place + 1 :]]
-
-
-def plain(value: Any) -> Any:
-    """Convert to what TOML can hold: no None, paths as text."""
-    if isinstance(value, Mapping):
-        return {key: plain(entry) for key, entry in value.items() if entry is not None}
-    if isinstance(value, list | tuple):
-        return [plain(entry) for entry in value]
-    return str(value) if isinstance(value, Path) else value
-
 
 _Filled = TypeVar("_Filled", bound=Section)
 
@@ -107,7 +61,7 @@ def _filled(section: _Filled, derived: Mapping[str, Any]) -> _Filled:
     return filled
 
 
-_MOST_RECEIVERS, _MOST_LIMITS = 16, 1000
+_MOST_SOURCES, _MOST_RECEIVERS, _MOST_LIMITS = 16, 16, 1000
 _ALL_BELOW = 90.0  # degrees from the axis: all that is below a lamp
 _OneReceiver = Annotated[AnyReceiver, Field(discriminator="kind")]
 _OF_GIVEN_LEVELS = ("steps_per_level", "rays")  # fields of optimise
@@ -119,7 +73,9 @@ class Spec(Section):
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] = "lens"
     """Name of the design, by default that of the file; its results go to cad_out/NAME."""
     source: SourceSpec
-    """The LED: where light starts, how much, and in which directions."""
+    """The LED: where light starts, how much, and in which directions; or give ``sources``."""
+    sources: Annotated[tuple[NamedSource, ...], Field(max_length=_MOST_SOURCES)] = ()
+    """LEDs that one lens is for, in the place of ``source``. What is stated for one LED alone is of the first."""
     lens: AnyLens = Field(default_factory=LensSection)
     """Material, and the two surfaces from which the search starts."""
     constraints: ConstraintsSection
@@ -151,10 +107,33 @@ class Spec(Section):
     photometry: PhotometrySection = Field(default_factory=PhotometrySection)
     """Lighting that the lens is for: general, of an area, or of a road."""
 
+    @model_validator(mode="before")
+    @classmethod
+    def _first_of_several(cls, content: Any) -> Any:
+        """Take the first of several sources as the one LED of all that looks at one."""
+        if not isinstance(content, Mapping) or not content.get("sources") or content.get("source") is not None:
+            return content
+        several = content["sources"]
+        first = several[0] if isinstance(several, list | tuple) else None
+        source = first.get("source") if isinstance(first, Mapping) else getattr(first, "source", None)
+        return content if source is None else {**content, "source": source}
+
+    @model_validator(mode="after")
+    def _sources_are_told_apart(self) -> "Spec":
+        if not self.sources:
+            return self
+        names = [each.name for each in self.sources]
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice is not None:
+            raise ValueError(f"sources: two have the name {twice!r}; give each its own")
+        if self.source != self.sources[0].source:
+            raise ValueError("source and sources: both are given; give the one LED, or all of them as sources")
+        return self
+
     @model_validator(mode="after")
     def _with_derived_values(self) -> "Spec":
         """Derive what is left out; it counts as left out, so that it follows when the spec is changed or saved."""
-        for name, derived in derived_sizes(self.source, self.lens, self.constraints, self.target).items():
+        for name, derived in derived_sizes(self.each_source, self.lens, self.constraints, self.target).items():
             section: Section | None = getattr(self, name)
             if section is None:
                 continue
@@ -240,6 +219,18 @@ class Spec(Section):
             except ValueError as error:
                 raise ValueError(f"limits.{number}: {error}") from None
         return self
+
+    @property
+    def each_source(self) -> tuple[SourceSpec, ...]:
+        """The LEDs that the lens is for: one, unless ``sources`` has more."""
+        return tuple(each.source for each in self.sources) or (self.source,)
+
+    @property
+    def of_each_source(self) -> "tuple[Spec, ...]":
+        """The spec with each of its LEDs alone, all else as it is."""
+        if not self.sources:
+            return (self,)
+        return tuple(self.model_copy(update={"source": each.source, "sources": ()}) for each in self.sources)
 
     @property
     def all_lamps(self) -> Lamps:
@@ -369,7 +360,7 @@ def load_spec(path: Path | str) -> Spec:
     path = Path(path)
     content = read_toml(path, missing="`lensforge new` writes one, `lensforge examples` lists the shipped ones")
     content.setdefault("name", path.stem)
-    for section in ("source", "lens", "target", "receivers", "roads", "base", "constraints"):
+    for section in ("source", "sources", "lens", "target", "receivers", "roads", "base", "constraints"):
         resolve_files(content.get(section), path.parent)
     return parse_spec(content, str(path))
 
@@ -380,6 +371,15 @@ def parse_spec(content: Mapping[str, object], origin: str) -> Spec:
         return Spec.model_validate(content)
     except ValidationError as error:
         raise spec_error(error, origin, Spec) from None
+
+
+_LONGEST_NAME, _LONGEST_END = 64, 32
+
+
+def joined_name(name: str, end: str) -> str:
+    """A spec's ``name`` with an ``end``, in characters that a spec's name may have."""
+    ending = re.sub(r"[^A-Za-z0-9_-]+", "_", end)[:_LONGEST_END]
+    return f"{name[: _LONGEST_NAME - 1 - len(ending)]}-{ending}"
 
 
 def require_spec(spec: object, verb: str) -> Spec:

@@ -101,6 +101,8 @@ class OptimiseSection(Section):
     """Pixels along a side of the receiver in the search."""
     aim: Literal["pattern", "share"] = "pattern"
     """What counts: "pattern", light as the targets say; "share", as much light in them as possible, however it lies."""
+    over_sources: Literal["mean", "worst"] = "mean"
+    """Of several ``sources``: the "mean" error over them by their shares, or that of the "worst"."""
     seconds: Annotated[float, Field(ge=1.0, le=1e6)] | None = None
     """Time that the search with automatic levels may take, set-up included; by default it goes on for as long as it
     gains.

@@ -10,7 +10,15 @@ from pydantic import Field, model_validator
 
 from lensforge.optics.image import Luminance
 from lensforge.spec.emitter_section import CosineIntensity, EmitterSection, FluxSection, IntensitySpec, SpectrumSpec
-from lensforge.spec.spec_section import Coordinate, FilePath, Millimetres, MillimetresOrZero, Numbers, numbers_of
+from lensforge.spec.spec_section import (
+    Coordinate,
+    FilePath,
+    Millimetres,
+    MillimetresOrZero,
+    Numbers,
+    Section,
+    numbers_of,
+)
 
 Scale = Annotated[float, Field(ge=1e-9, le=1e9)]  # from a file in nm or km to mm, with room to spare
 
@@ -263,3 +271,14 @@ SourceSpec = Annotated[
     | RaySource,
     Field(discriminator="kind"),
 ]
+
+
+class NamedSource(Section):
+    """One of the LEDs that a lens is for."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,32}$")]
+    """Name of the LED, in tables, pictures and folders."""
+    share: Annotated[float, Field(ge=1e-6, le=1e6)] = 1.0
+    """Weight of its light in the mean over all, relative."""
+    source: SourceSpec
+    """Where its light starts, how much, and in which directions."""

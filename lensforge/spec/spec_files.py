@@ -1,17 +1,19 @@
 """Files of a spec: its TOML, and the files it names, resolved and hashed.
 
-Named files are resolved against the folder of the spec, and hashed so that a result can name its inputs.
+Its tables are changed by dotted names, and made plain enough for TOML. Named files are resolved against the folder of
+the spec, and hashed so that a result can name its inputs.
 """
 
 import hashlib
 import json
 import tomllib
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from lensforge.errors import InputError
 from lensforge.results.files import MIB, read_file, require_regular_file
+from lensforge.results.validation import its_type
 from lensforge.spec.spec_section import Section
 
 _MOST_BYTES = 32 * MIB  # 400,000 rays as a text, parsed in 5 seconds; more belong into a ray file
@@ -39,6 +41,51 @@ def _decoded(content: bytes) -> str:
     if content.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in content[:4]:
         raise ValueError("it is in UTF-16 or UTF-32; save it as UTF-8")
     return content.decode("utf-8-sig")
+
+
+def short(value: object) -> str:
+    """The first characters of ``value`` as a text for a message."""
+    return repr(str(value)[:60])
+
+
+def changed(content: dict[str, object], changes: Mapping[str, object]) -> dict[str, object]:
+    """A copy of ``content`` in which dotted names have new values; a table of changes goes into a table."""
+    result = dict(content)
+    for name, value in changes.items():
+        if not isinstance(name, str):
+            raise InputError(
+                f"replace: the name {short(name)} is {its_type(name)}, must be text such as 'target.distance_mm'"
+            )
+        section, _, rest = name.partition(".")
+        before = result.get(section)
+        if rest and isinstance(before, list | tuple):
+            result[section] = _entry_changed(before, section, rest, value)
+        elif rest:
+            result[section] = changed(dict(before) if isinstance(before, Mapping) else {}, {rest: value})
+        elif isinstance(value, Mapping) and isinstance(before, Mapping):
+            result[section] = changed(dict(before), value)
+        else:
+            result[section] = value
+    return result
+
+
+def _entry_changed(entries: Sequence[object], section: str, rest: str, value: object) -> list[object]:
+    """A copy of a list in which one entry, ``rest`` begins with its number from 0, has another value."""
+    number, _, name = rest.partition(".")
+    if number not in map(str, range(len(entries))):
+        raise InputError(f"replace: {section}.{rest}: {section} has {len(entries)} entries, by their numbers from 0")
+    before, place = entries[int(number)], int(number)
+    after = changed(dict(before), {name: value}) if name and isinstance(before, Mapping) else value
+    return [*entries[:place], after, *entries[place + 1 :]]
+
+
+def plain(value: Any) -> Any:
+    """Convert to what TOML can hold: no None, paths as text."""
+    if isinstance(value, Mapping):
+        return {key: plain(entry) for key, entry in value.items() if entry is not None}
+    if isinstance(value, list | tuple):
+        return [plain(entry) for entry in value]
+    return str(value) if isinstance(value, Path) else value
 
 
 _NAMED = "the spec names it"

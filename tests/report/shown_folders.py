@@ -19,8 +19,9 @@ from lensforge.results.criteria import Criterion
 from lensforge.scene.lens import Lens
 from lensforge.shop.findings import check_findings
 from lensforge.sources.source_summary import SourceSummary
-from lensforge.spec.design_spec import changed, parse_spec
+from lensforge.spec.design_spec import parse_spec
 from lensforge.spec.source_sections import RayfileSource
+from lensforge.spec.spec_files import changed
 
 WALL = {
     "kind": "plane", "name": "wall", "centre_mm": (100.0, 0.0, 200.0), "width_mm": 300.0, "height_mm": 150.0,

@@ -12,8 +12,8 @@ from scenes import random_surface, small_spec
 from lensforge.errors import InputError, RenamedWarning
 from lensforge.scene.lens import Lens, load_lens
 from lensforge.spec import ConstraintsSection, LensSection, Spec, load_spec
-from lensforge.spec.design_spec import plain
 from lensforge.spec.renamed import MOVED
+from lensforge.spec.spec_files import plain
 from lensforge.spec.tolerances_section import read_tolerances
 
 DOME = {"kind": "sphere", "radius_mm": 6.5}

@@ -11,8 +11,9 @@ from lensforge import build, check, design, evaluate
 from lensforge.errors import InputError
 from lensforge.report.results import Results
 from lensforge.report.stored import load_results
-from lensforge.report.sweep import Sweep, parse_variation, sweep_of, variation_of
+from lensforge.report.sweep import Sweep, sweep_of
 from lensforge.report.sweep_runs import resumable, run_sweep, sweep_figure
+from lensforge.report.variation import parse_variation, variation_of
 from lensforge.results.criteria import require
 from lensforge.scene.lens import load_lens
 from lensforge.search.checkpoint import CHECKPOINT

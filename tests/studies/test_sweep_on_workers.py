@@ -7,8 +7,9 @@ from scenes import small_spec
 
 import lensforge as lf
 from lensforge.report import sweep_runs
-from lensforge.report.sweep import Sweep, parse_variation
+from lensforge.report.sweep import Sweep
 from lensforge.report.sweep_runs import run_sweep
+from lensforge.report.variation import parse_variation
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 

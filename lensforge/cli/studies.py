@@ -1,0 +1,192 @@
+"""Studies of many designs: ``sweep`` over a field, a lens for each LED, and ``tradeoff`` of accuracy and time."""
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Unpack
+
+import click
+
+from lensforge.cli.conclusion import finish_study
+from lensforge.cli.options import (
+    ACCURACY,
+    RAYS,
+    SCHEDULER,
+    SEED,
+    SPEC,
+    THREADS,
+    WholeNumber,
+    resume_after_interrupt,
+    with_rays,
+)
+from lensforge.cli.output import Output, with_output
+from lensforge.errors import CriterionMissed, InputError
+from lensforge.light.lens_light import evaluate
+from lensforge.report import pipeline
+from lensforge.report.folder import Run, RunFolder, opened
+from lensforge.report.variation import AnyVariation, parse_variation, sources_of
+from lensforge.results.arguments import threads_of_torch
+from lensforge.results.criteria import require
+from lensforge.search.checkpoint import CHECKPOINT
+from lensforge.search.searches import SearchOptions, redesign
+from lensforge.spec import Accuracy, Spec, load_spec
+from lensforge.spec.design_spec import joined_name
+
+if TYPE_CHECKING:
+    from lensforge.cli.progress import StageClock
+
+_PAGE = "sweep.html"
+
+
+def run_with_progress(
+    spec: Spec,
+    directory: Path,
+    clock: "StageClock",
+    *,
+    resume: bool = False,
+    starts: int = 1,
+    scheduler: str | None = None,
+    **options: Unpack[SearchOptions],
+) -> Run:
+    """Run with progress on ``clock``. Raises :class:`InputError` where there is no checkpoint to ``resume`` from."""
+    from lensforge.cli.progress import DesignProgress
+
+    checkpoint = directory / CHECKPOINT
+    if resume and not checkpoint.exists():
+        raise InputError(f"{checkpoint}: no checkpoint to resume from; run without --resume")
+    heard = DesignProgress(clock, spec)
+    options.update({"checkpoint": checkpoint if resume else None, "progress": heard.on_step, "warn": clock.warn})
+    return pipeline.run(
+        spec, directory, announce=heard.on_stage, ended=heard.on_end, starts=starts, scheduler=scheduler, **options
+    )
+
+
+def renewed_for(here: RunFolder, source: Path, clock: "StageClock", threads: int | None) -> Run:
+    """Search a lens for ``source`` from the lens of a folder on, with its light, in a folder beside it."""
+    from lensforge.cli.progress import DesignProgress
+
+    lens, folder = here.run.lens, here.path.parent / joined_name(here.path.resolve().name, source.stem)
+    heard = DesignProgress(clock, lens.spec)
+    clock.begin("design")
+    with opened(folder, create=True) as there:
+        made = there.write(redesign(lens, source, threads=threads, progress=heard.on_step, warn=clock.warn))
+        clock.begin("evaluate")
+        there.write(evaluate(made.lens, threads=threads))
+        return there.run
+
+
+@click.command()
+@SPEC
+@click.option("--vary", required=True, metavar="FIELD=V1,V2,...", help="The field and its values.")
+@click.option("--scale", multiple=True, metavar="FIELD", help="A field that keeps its ratio to the varied one.")
+@click.option("--out", type=click.Path(path_type=Path), help="Result folder; default: cad_out/<spec name>_sweep.")
+@ACCURACY
+@SEED
+@click.option("--resume", is_flag=True, help="Keep the designs that an earlier call finished, and continue.")
+@RAYS
+@THREADS
+@SCHEDULER
+@with_output
+def sweep(
+    spec: Path,
+    vary: str,
+    scale: tuple[str, ...],
+    out: Path | None,
+    accuracy: Accuracy,
+    seed: int,
+    resume: bool,
+    rays: int | None,
+    threads: int | None,
+    scheduler: str | None,
+    output: Output,
+) -> None:
+    """Design SPEC for each value of one field.
+
+    Writes sweep.json and sweep.html.
+
+    \b
+    lensforge sweep examples/pi.toml --vary constraints.max_radius_mm=8,10,12,14 \\
+        --scale lens.inner.offset_mm --scale lens.outer.offset_mm
+    """
+    content = with_rays(load_spec(spec), rays)
+    directory = out or Path("cad_out") / f"{content.name}_sweep"
+    options = {"accuracy": accuracy, "seed": seed, "threads": threads}
+    _run_study(content, parse_variation(vary, scale), directory, resume, scheduler, output, options)
+
+
+def design_for_each(
+    content: Spec, leds: Sequence[str], out: Path | None, *, resume: bool, output: Output, **options: Any
+) -> Path:
+    """Design a spec for each LED of the files ``leds``, and return the page on all."""
+    directory, scheduler = out or Path("cad_out") / f"{content.name}_sources", options.pop("scheduler", None)
+    _run_study(content, sources_of(list(leds), content), directory, resume, scheduler, output, options)
+    return directory / _PAGE
+
+
+def _run_study(
+    content: Spec,
+    variation: AnyVariation,
+    directory: Path,
+    resume: bool,
+    scheduler: str | None,
+    output: Output,
+    options: Mapping[str, Any],
+) -> None:
+    """Make every design of ``variation``, and print all. Raises :class:`CriterionMissed` where one fails."""
+    from lensforge.cli.progress import StageClock
+    from lensforge.report.sweep_runs import resumable, run_sweep
+
+    resume_after_interrupt(lambda: resumable(directory))
+    with StageClock("sweep", quiet=output.quiet, study=True) as clock:
+
+        def run_design(spec: Spec, folder: Path, resume: bool) -> object:
+            clock.begin("design")
+            return run_with_progress(spec, folder, clock, resume=resume, **options)
+
+        result = run_sweep(
+            content,
+            variation,
+            directory,
+            run_design,
+            accuracy=options["accuracy"],
+            seed=options["seed"],
+            resume=resume,
+            scheduler=scheduler,
+            announce=clock.head,
+        )
+    finish_study(output, directory, result, f"{result.vary}, {len(result.designs)} designs", _PAGE)
+    if result.failed:
+        name, why = next(iter(result.failed.items()))
+        rest = f", and {len(result.failed) - 1} more" if len(result.failed) > 1 else ""
+        raise CriterionMissed(f"{directory}: no design for {name}{rest}: {why}")
+    require(result.criteria)
+
+
+@click.command()
+@SPEC
+@click.option("--out", type=click.Path(path_type=Path), help="Result folder; default: cad_out/<spec name>.")
+@click.option(
+    "--most-rays",
+    metavar="N",
+    type=WholeNumber(2**12, 2**24),
+    default=2**20,
+    show_default=True,
+    help="Rays of the longest evaluation; 2^24 takes a minute.",
+)
+@THREADS
+@with_output
+def tradeoff(spec: Path, out: Path | None, most_rays: int, threads: int | None, output: Output) -> None:
+    """Measure accuracy against time for the scene of SPEC.
+
+    Writes tradeoff.json and tradeoff.html.
+    """
+    content = load_spec(spec)
+    directory = out or Path("cad_out") / content.name
+
+    from lensforge.cli.progress import StageClock
+    from lensforge.report.tradeoff_study import run_tradeoff
+
+    with StageClock("tradeoff", quiet=output.quiet, study=True) as clock, threads_of_torch(threads):
+        begin = partial(clock.begin, "study")
+        found = run_tradeoff(content, directory, most_rays=most_rays, announce=begin, warn=clock.warn)
+    finish_study(output, directory, found, "Error of each preset on this scene", "tradeoff.html")

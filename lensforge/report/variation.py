@@ -1,0 +1,150 @@
+"""Variations of a sweep: values of a field of the spec, or LEDs; and the spec of every design."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import ClassVar
+
+from lensforge.errors import InputError, remedy
+from lensforge.spec import Spec
+from lensforge.spec.design_spec import joined_name
+from lensforge.spec.source_list import read_sources, require_told_apart
+from lensforge.spec.source_sections import NamedSource, SourceSpec
+from lensforge.spec.spec_section import Section
+
+MOST_VALUES = 100
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One design of a study: the varied field's value or the name of its LED, the changes, the spec that results."""
+
+    value: float | str
+    changes: dict[str, float]
+    spec: Spec
+
+    @property
+    def words(self) -> str:
+        """The value, as a text."""
+        return self.value if isinstance(self.value, str) else f"{self.value:g}"
+
+
+@dataclass(frozen=True)
+class Variation:
+    """``field`` (dotted path) takes each of ``values``, in order; those of ``scaled`` keep their ratio to it."""
+
+    field: str
+    values: tuple[float, ...]
+    scaled: tuple[str, ...] = ()
+
+    def variants(self, base: Spec) -> list[Variant]:
+        """The designs, smallest value first. Raises :class:`InputError` for values that a spec cannot have."""
+        return [self._variant(base, value) for value in self.values]
+
+    def _variant(self, base: Spec, value: float) -> Variant:
+        for field in (self.field, *self.scaled):
+            _value(base, field)
+        changes = {self.field: value}
+        if self.scaled:
+            before = _number(base, self.field)
+            changes |= {field: _number(base, field) * value / before for field in self.scaled}
+        return Variant(value, changes, base.replace(changes, name=variant_name(base.name, value)))
+
+
+ONE_FOR_ALL = "one_for_all"  # the design of a spec for all of its LEDs, beside one for each
+
+
+@dataclass(frozen=True)
+class SourceVariation:
+    """A design for each of ``sources``; where the spec is for these, another one for all of them together."""
+
+    sources: tuple[NamedSource, ...]
+    field: ClassVar[str] = "source"
+    scaled: ClassVar[tuple[str, ...]] = ()
+
+    def variants(self, base: Spec) -> list[Variant]:
+        """The designs, in the order of the sources. Raises :class:`InputError` for a source the spec cannot have."""
+        found = []
+        for led in self.sources:
+            with remedy(f"the LED is {led.name}"):
+                changed = base.replace(source=led.source, sources=(), name=joined_name(base.name, led.name))
+            found.append(Variant(led.name, {}, changed))
+        if {led.name for led in base.sources} == {led.name for led in self.sources}:
+            found.append(Variant(ONE_FOR_ALL, {}, base.replace(name=joined_name(base.name, ONE_FOR_ALL))))
+        return found
+
+
+AnyVariation = Variation | SourceVariation
+
+
+def sources_of(given: Sequence[NamedSource | SourceSpec | Path | str], base: Spec) -> SourceVariation:
+    """The LEDs ``given`` as sources, with or without names, or as files.
+
+    Raises :class:`InputError` for anything else, for a single one, and for two of one name.
+    """
+    if isinstance(given, str | Path) or not isinstance(given, Sequence):
+        raise InputError(f"source = {str(given)[:60]!r}: a list of sources, named or not, and of files")
+    found: list[NamedSource] = []
+    for number, each in enumerate(given, start=1):
+        if isinstance(each, Path | str):
+            found.extend(read_sources([each], base.source))
+        elif isinstance(each, NamedSource):
+            found.append(each)
+        else:
+            found.append(NamedSource(name=f"source_{number}", source=each))
+    return SourceVariation(require_told_apart(found))
+
+
+def variation_of(field: object, values: Sequence[float], scaled: Sequence[str] = ()) -> Variation:
+    """``field`` at each of ``values``, sorted, each kept once. Raises :class:`InputError` for an invalid variation."""
+    if not isinstance(field, str) or isinstance(scaled, str) or not all(isinstance(name, str) for name in scaled):
+        raise InputError(
+            f"sweep: field = {field!r}, scale = {scaled!r}: a field's dotted name, and a list of such names"
+        )
+    try:
+        kept = tuple(sorted({float(value) for value in values}))
+    except (TypeError, ValueError):
+        raise InputError(f"{field} = {str(values)[:60]}: give 2 to {MOST_VALUES} numbers") from None
+    if not (2 <= len(kept) <= MOST_VALUES and all(map(isfinite, kept))):
+        raise InputError(f"{field}: {len(kept)} values; give 2 to {MOST_VALUES} finite numbers")
+    if field in scaled:
+        raise InputError(f"{field}: this is the field that varies; name others to be scaled")
+    return Variation(field, kept, tuple(scaled))
+
+
+def parse_variation(text: str, scaled: Sequence[str] = ()) -> Variation:
+    """Parse ``section.field=v1,v2,...``. Raises :class:`InputError` for anything else."""
+    field, _, listed = text.partition("=")
+    try:
+        values = [float(part) for part in listed.split(",")]
+    except ValueError:
+        raise InputError(f"--vary {text}: give section.field=value,value,... with numbers as values") from None
+    return variation_of(field, values, scaled)
+
+
+def variant_name(name: str, value: float) -> str:
+    """Name of a design and of its folder: the spec's name and the value, in characters that a spec's name may have."""
+    return joined_name(name, f"{value:g}".replace("+", ""))
+
+
+def _value(spec: Spec, field: str) -> object:
+    """Value of ``field`` in ``spec``. Raises :class:`InputError` where there is no such field."""
+    found: object = spec
+    for part in field.split("."):
+        if isinstance(found, tuple) and part in map(str, range(len(found))):
+            found = found[int(part)]
+            continue
+        known = type(found).model_fields if isinstance(found, Section) else {}
+        if part not in known:
+            there = ", ".join(sorted(known)) or "none within it"
+            raise InputError(f"{field}: no such field in this spec; there are: {there}")
+        found = getattr(found, part)
+    return found
+
+
+def _number(spec: Spec, field: str) -> float:
+    value = _value(spec, field)
+    if isinstance(value, bool) or not isinstance(value, int | float) or value == 0.0:
+        raise InputError(f"{field} = {value!r} in the spec: only a number other than 0 can be scaled")
+    return float(value)

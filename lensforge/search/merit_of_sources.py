@@ -1,0 +1,94 @@
+"""The merit of one lens for several LEDs: the mean of their merits by shares, or the worst of them.
+
+Every step traces as many rays as for one LED, shared out to all. Each has its own picture, whose error counts: a lens
+whose pictures are good only together would be good with no LED.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from lensforge.search.light_path import Pair
+from lensforge.search.merit import Assessed, Merit, MeritFunction, SampledLight
+from lensforge.search.parameters import Parametrisation
+from lensforge.sources.ray_bundle import RayBundle
+from lensforge.sources.several_sources import SeveralSources
+from lensforge.spec import Spec
+
+
+@dataclass(frozen=True)
+class LightOfSources:
+    """The light of each LED in one sample."""
+
+    lights: tuple[SampledLight, ...]
+
+    @property
+    def emitted_w(self) -> float:
+        """Flux (W) of all together."""
+        return sum(light.emitted_w for light in self.lights)
+
+
+@dataclass(frozen=True)
+class MeritOfSources(Merit[LightOfSources]):
+    """The merits ``members`` of ``source`` by their ``shares``, which add up to 1; ``worst``: the worst alone counts.
+
+    The worst is a maximum: its gradient is that of one LED, at each step of another one where two are equal.
+    """
+
+    source: SeveralSources
+    members: tuple[MeritFunction, ...]
+    shares: tuple[float, ...]
+    worst: bool
+
+    @staticmethod
+    def of(
+        spec: Spec, source: SeveralSources, parametrisation: Parametrisation, device: torch.device | None = None
+    ) -> "MeritOfSources":
+        """The merit for all sources of ``spec``; each asks for the same targets and limits with its own flux."""
+        pairs = zip(spec.of_each_source, source.sources, strict=True)
+        members = tuple(MeritFunction.of(own, led, parametrisation, device) for own, led in pairs)
+        total = sum(each.share for each in spec.sources)
+        shares = tuple(each.share / total for each in spec.sources)
+        return MeritOfSources(source, members, shares, spec.optimise.over_sources == "worst")
+
+    @property
+    def parametrisation(self) -> Parametrisation:  # type: ignore[override]  # a property in place of a field
+        """Parameters and tables of the lens."""
+        return self.members[0].parametrisation
+
+    def light_of(
+        self, tables: Float[Tensor, "f side side"], rays: RayBundle, pair: Pair | None = None
+    ) -> LightOfSources:
+        """The light of ``rays``, each LED's by itself, through the lens with these tables, or a ``pair`` of parts."""
+        own = zip(self.members, self.source.shared_out(rays), strict=True)
+        return LightOfSources(tuple(merit.light_of(tables, some, pair) for merit, some in own))
+
+    def assessed(self, light: LightOfSources, uniform: bool) -> Assessed:
+        """The loss by one sample; NMSE and efficiency for the history are means by the shares."""
+        found = [merit.assessed(own, uniform) for merit, own in zip(self.members, light.lights, strict=True)]
+        losses = torch.stack([each.loss for each in found])
+        loss = losses.max() if self.worst else (losses * losses.new_tensor(self.shares)).sum()
+        nmse, efficiency = (self._mean([getattr(each, name) for each in found]) for name in ("nmse", "efficiency"))
+        return Assessed(loss, nmse, efficiency)
+
+    def judge(self, first: LightOfSources, second: LightOfSources, uniform: bool) -> tuple[float, float]:
+        """Merit without constraints from two independent samples, without their noise, and its part of the images."""
+        both = zip(self.members, first.lights, second.lights, strict=True)
+        found = [merit.judge(one, other, uniform) for merit, one, other in both]
+        if self.worst:
+            return max(found)
+        return self._mean([merit for merit, _ in found]), self._mean([image for _, image in found])
+
+    def joined(self, parts: Sequence[LightOfSources], emitted_w: float) -> LightOfSources:
+        """The light of all ``parts``, in proportion, as a sample of ``emitted_w``."""
+        factor = emitted_w / sum(part.emitted_w for part in parts)
+        own = list(zip(*(part.lights for part in parts), strict=True))
+        return LightOfSources(
+            tuple(SampledLight.joined(same, factor * sum(each.emitted_w for each in same)) for same in own)
+        )
+
+    def _mean(self, values: Sequence[float]) -> float:
+        return sum(share * value for share, value in zip(self.shares, values, strict=True))

@@ -1,0 +1,67 @@
+"""Several LEDs that one lens is for: a sample has rays of each in turn, so that one trace's rays are shared out.
+
+Every ray says of which LED it is. The rays of each are a whole sample of that LED by themselves, with all of its flux.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.sources.ray_bundle import RayBundle, Source
+from lensforge.surfaces.mirror_group import NAMES, contains
+
+
+@dataclass(frozen=True, eq=False)
+class SeveralSources:
+    """The LEDs of a lens, as one source; ``flux_w``: of all together."""
+
+    sources: tuple[Source, ...]
+
+    @property
+    def flux_w(self) -> float:
+        """Sum of the fluxes (W)."""
+        return sum(source.flux_w for source in self.sources)
+
+    @property
+    def symmetry(self) -> str:
+        """Largest mirror group that all of them have."""
+        return next(name for name in reversed(NAMES) if all(contains(source.symmetry, name) for source in self.sources))
+
+    @property
+    def ray_count(self) -> int | None:
+        """Rays of which none is drawn twice: as many of each as the smallest file has; None without a file."""
+        counts = [source.ray_count for source in self.sources if source.ray_count is not None]
+        return len(self.sources) * min(counts) if counts else None
+
+    def sample(self, count: int, seed: int) -> RayBundle:
+        """Draw at least ``count`` rays, equally many of each LED, one of each in turn; ``of_source`` has the number.
+
+        Any part of consecutive rays is shared out alike.
+        """
+        several = len(self.sources)
+        own = -(-count // several)
+        rays = RayBundle.joined([source.sample(own, seed) for source in self.sources])
+        numbers = np.repeat(np.arange(several, dtype=np.int16), own)
+        in_turn = np.arange(several * own).reshape(several, own).T.ravel()
+        return replace(rays, of_source=numbers).take(in_turn)
+
+    def shared_out(self, rays: RayBundle) -> list[RayBundle]:
+        """The rays of each LED, of a sample or a part of it."""
+        assert rays.of_source is not None, "a sample of several sources"
+        return [rays.take(rays.of_source == number) for number in range(len(self.sources))]
+
+    def changed(self, change: Callable[[Source], Source]) -> "SeveralSources":
+        """The same LEDs, each of them changed."""
+        return SeveralSources(tuple(map(change, self.sources)))
+
+    def outline(self) -> Float[np.ndarray, "k 3"]:
+        """Outline (mm) of the smallest: it shows the finest shapes of a lens."""
+        outlines = [source.outline() for source in self.sources]
+        return min(outlines, key=lambda each: float(np.ptp(each, axis=0).max()) if len(each) else 0.0)
+
+
+def each_of(source: Source) -> tuple[Source, ...]:
+    """The LEDs of a source: itself, unless it is several."""
+    return source.sources if isinstance(source, SeveralSources) else (source,)

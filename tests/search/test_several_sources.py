@@ -1,0 +1,150 @@
+"""One lens for several LEDs: rays shared out, the mean or the worst merit, and the light of each."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from scenes import small_spec
+from search_scenes import require_same_bits_after
+
+import lensforge as lf
+from lensforge.light.lens_light import searched_source, source_of
+from lensforge.search.constraints import AugmentedLagrangian
+from lensforge.search.merit import MeritFunction
+from lensforge.search.merit_of_sources import MeritOfSources
+from lensforge.search.optimiser import search
+from lensforge.search.parameters import SphereParameters
+from lensforge.search.problem import Problems, ValidationRays
+from lensforge.sources.measured_rays import held_back, searched, smoothed
+from lensforge.sources.several_sources import SeveralSources
+from lensforge.spec import Spec
+
+LEFT = {"kind": "square", "side_mm": 1.0, "flux_w": 2.0}
+RIGHT = {
+    "kind": "rectangle", "width_mm": 0.6, "height_mm": 1.2, "flux_w": 0.5, "position_mm": [0.1, -0.2, 0.0],
+    "tilt_deg": [0.0, 25.0],
+}  # fmt: skip
+LEDS = [{"name": "left", "share": 3.0, "source": LEFT}, {"name": "right", "source": RIGHT}]
+
+
+def _spec(**changes: Any) -> Spec:
+    return small_spec(source=None, sources=LEDS, target__uniform_mm=None, **changes)
+
+
+def test_a_sample_has_rays_of_each_in_turn_and_each_is_a_sample_of_its_own() -> None:
+    spec = _spec()
+    source = searched_source(spec)
+    assert isinstance(source, SeveralSources) and source.flux_w == pytest.approx(2.5)
+    rays = source.sample(101, 7)
+    assert np.array_equal(rays.of_source, np.tile([0, 1], 51))
+    for own, alone in zip(source.shared_out(rays), map(source_of, spec.of_each_source), strict=True):
+        wanted = alone.sample(51, 7)
+        for name in ("origins", "directions", "flux"):
+            assert np.array_equal(getattr(own, name), getattr(wanted, name))
+    for part in rays.divided(3):
+        assert len({len(own) for own in source.shared_out(part)}) == 1
+
+
+def test_the_symmetry_is_what_all_have() -> None:
+    several = searched_source(small_spec(source=None, sources=[LEDS[0], {"name": "x", "source": {
+        "kind": "rectangle", "width_mm": 1.0, "height_mm": 0.5}}]))  # fmt: skip
+    assert (several.symmetry, searched_source(_spec()).symmetry) == ("rectangle", "none")
+
+
+@pytest.mark.parametrize("over", ["mean", "worst"])
+def test_the_merit_is_the_mean_by_shares_or_the_worst(over: str) -> None:
+    spec = _spec(optimise__over_sources=over)
+    source, parametrisation = searched_source(spec), SphereParameters.of(spec, 3.0)
+    merit = MeritOfSources.of(spec, source, parametrisation)
+    rng = np.random.default_rng(0)
+    weights = torch.from_numpy(rng.normal(size=(parametrisation.basis.size, 2)) * 0.02).requires_grad_()
+    offsets, rays = torch.tensor([1.0, 1.05], dtype=torch.float64), source.sample(4096, 1)
+    constraints = AugmentedLagrangian.of(spec, parametrisation.grid)
+    found = merit.evaluate(weights, offsets, rays, constraints, False)
+    alone = []
+    for own in spec.of_each_source:
+        led = source_of(own)
+        alone.append(MeritFunction.of(own, led, parametrisation).evaluate(
+            weights, offsets, led.sample(2048, 1), constraints, False
+        ))  # fmt: skip
+    term = constraints.term(found.fields)
+    losses = [each.loss - term for each in alone]
+    assert abs(losses[0] - losses[1]) > 0.01
+    wanted = 0.75 * losses[0] + 0.25 * losses[1] if over == "mean" else max(losses)
+    assert (found.loss - term).item() == pytest.approx(wanted.item(), rel=1e-12)
+    assert found.nmse == pytest.approx(0.75 * alone[0].nmse + 0.25 * alone[1].nmse, rel=1e-12)
+    by_all, by_each = (torch.autograd.grad(each, weights, retain_graph=True)[0] for each in (found.loss, wanted + term))
+    assert torch.allclose(by_all, by_each, rtol=1e-9, atol=1e-14) and float(by_all.abs().max()) > 1e-3
+
+
+@pytest.mark.parametrize("over", ["mean", "worst"])
+def test_a_judgement_is_that_of_each_by_its_own_samples(over: str) -> None:
+    spec = _spec(optimise__over_sources=over, optimise__steps_per_level=[4], lens__levels=[9])
+    source = searched_source(spec)
+    problem = Problems(spec, source, 3.0, None).of((9,))
+    weights, offsets = problem.parametrisation.start()
+    judged, _ = ValidationRays.of(source, 4096, 0)[0].judge(problem, weights, offsets, False)
+    found = []
+    for own in spec.of_each_source:
+        led = source_of(own)
+        alone = Problems(own, led, 3.0, None).of((9,))
+        found.append(ValidationRays.of(led, 2048, 0)[0].judge(alone, weights, offsets, False)[0])
+    missing = float(problem.constraints.penalty_alone(problem.constraints.fields(problem.parametrisation.tables(
+        weights, offsets))))  # fmt: skip
+    merits = [each.merit - missing for each in found]
+    wanted = max(merits) if over == "worst" else 0.75 * merits[0] + 0.25 * merits[1]
+    assert judged.merit - missing == pytest.approx(wanted, rel=1e-9)
+    for slice_number, value in enumerate(judged.without):
+        each = [judgement.without[slice_number] - missing for judgement in found]
+        wanted = max(each) if over == "worst" else 0.75 * each[0] + 0.25 * each[1]
+        assert value - missing == pytest.approx(wanted, rel=1e-9)
+
+
+def test_files_of_rays_are_divided_each_by_itself(examples: Path) -> None:
+    files = [{"name": name, "source": {"kind": "rayfile", "file": str(examples / "led.tm25ray"), "flux_w": flux}}
+             for name, flux in (("a", 1.0), ("b", 2.0))]  # fmt: skip
+    source = searched_source(small_spec(source=None, sources=files))
+    count = source_of(small_spec(source=files[0]["source"])).ray_count
+    assert count is not None and source.ray_count == 2 * count
+    steps, judging = searched(source), held_back(source)
+    assert isinstance(steps, SeveralSources) and isinstance(judging, SeveralSources)
+    assert [led.ray_count for led in (*steps.sources, *judging.sources)] == [14000, 14000, 6000, 6000]
+    turned = smoothed(steps)
+    assert turned.ray_count is None and turned.sample(100, 0).flux.sum() == pytest.approx(3.0)
+
+
+def test_the_pictures_of_two_leds_add_up_to_that_of_their_joint_rays() -> None:
+    spec = _spec()
+    source, parametrisation = searched_source(spec), SphereParameters.of(spec, 3.0)
+    assert isinstance(source, SeveralSources)
+    rays, tables = source.sample(6000, 5), parametrisation.tables(*parametrisation.start())
+    merit = MeritOfSources.of(spec, source, parametrisation)
+    columns = rays.origins, rays.directions, rays.flux[:, None]
+    joint = spec.replace(source=lf.RaySource(np.hstack(columns)), sources=())
+    together = MeritFunction.of(joint, source_of(joint), parametrisation).light_of(tables, rays).images[0]
+    lights = merit.light_of(tables, rays).lights
+    assert min(float(light.images[0].sum()) for light in lights) > 0.2
+    assert torch.allclose(sum(light.images[0] for light in lights), together, rtol=0.0, atol=1e-13)
+
+
+def test_the_light_of_every_led_is_its_own_evaluation_and_is_judged() -> None:
+    limit = {"kind": "zone", "at_least_share": 0.3}
+    spec = _spec(limits=[limit], optimise__steps_per_level=[2, 2])
+    made = lf.design(spec, accuracy="draft")
+    light = lf.evaluate(made.lens)
+    assert list(light.by_led) == ["left", "right"]
+    for led in spec.sources:
+        alone = lf.evaluate(made.lens, source=led.source)
+        own = light.by_led[led.name]
+        assert (own.nmse, own.efficiency, own.limits) == (alone.nmse, alone.efficiency, alone.limits)
+        assert np.array_equal(own.map, alone.map)
+    assert light.by_led["right"].nmse != light.nmse and str(light).count("with right") == 1
+
+
+def test_an_interrupted_search_ends_with_the_same_bits(tmp_path: Path) -> None:
+    spec = _spec()
+    source = searched_source(spec)
+    whole = search(spec, source, accuracy="draft", seed=3)
+    require_same_bits_after(5, spec, source, tmp_path / "checkpoint.bin", whole, seed=3)

@@ -1,0 +1,208 @@
+"""A lens for each LED of a list: how lists are read, and what the study says of each."""
+
+import csv
+import shutil
+from pathlib import Path
+
+import pytest
+from in_this_process import lensforge
+from scenes import small_spec
+
+import lensforge as lf
+from lensforge import design, evaluate
+from lensforge.errors import InputError
+from lensforge.report.stored import load_results
+from lensforge.report.sweep import Sweep
+from lensforge.report.sweep_runs import run_sweep
+from lensforge.report.variation import ONE_FOR_ALL, sources_of
+from lensforge.search.checkpoint import CHECKPOINT
+from lensforge.spec.source_list import read_sources, require_told_apart
+
+pytestmark = pytest.mark.usefixtures("undrawn")
+
+LEDS = [
+    {"name": "small", "source": {"kind": "square", "side_mm": 0.5}},
+    {"name": "wide", "source": {"kind": "rectangle", "width_mm": 1.4, "height_mm": 0.7}},
+]
+STEPS = {"steps_per_level": [2, 2], "rays": 256, "pixels": 16}
+SPEC = small_spec(source=None, sources=LEDS, optimise=STEPS, base={"kind": "none"})
+
+
+def designed(spec: lf.Spec, folder: Path, resume: bool) -> None:
+    """Design and evaluation of one LED, the files of a whole run left out; ``wide`` fails where it is alone."""
+    if spec.name.endswith("-failing"):
+        raise InputError("source: it cannot be")
+    found = design(spec, accuracy="draft", checkpoint=folder / CHECKPOINT)
+    found.lens.save(folder / "lens.json")
+    found.write(folder)
+    (folder / CHECKPOINT).unlink()
+    evaluate(found.lens).write(folder)
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Sweep]:
+    folder = tmp_path_factory.mktemp("leds")
+    failing = lf.NamedSource(name="failing", source=SPEC.sources[0].source)
+    spec = SPEC.replace(sources=[*SPEC.sources, failing])
+    return folder, run_sweep(spec, sources_of(spec.sources, spec), folder, designed, accuracy="draft")
+
+
+def test_every_led_has_its_own_design_and_one_has_them_all(study: tuple[Path, Sweep]) -> None:
+    folder, found = study
+    assert found.values == ("small", "wide", ONE_FOR_ALL) and found.failed == {"failing": "source: it cannot be"}
+    for row in found.designs:
+        results = load_results(folder / row.folder)
+        assert row.efficiency == results.light.efficiency
+        titles = [each.title for each in results.spec.each_source]
+        own = {"small": ["0.5 mm square Lambertian source"], "wide": ["1.4 mm × 0.7 mm source"]}
+        assert titles == own.get(str(row.value), [*own["small"], *own["wide"], *own["small"]])
+    rows = list(csv.DictReader((folder / "sweep.csv").read_text(encoding="utf-8").splitlines()))
+    assert [row["value"] for row in rows] == ["small", "wide", ONE_FOR_ALL, "failing"]
+    assert float(rows[1]["efficiency.value"]) == found.designs[1].efficiency.value
+    assert rows[3]["failed"] == "source: it cannot be"
+    page = (folder / "sweep.html").read_text(encoding="utf-8")
+    assert "it cannot be" in page and "small in one lens for all" in page
+
+
+def test_the_loss_of_each_led_is_against_its_own_lens(study: tuple[Path, Sweep]) -> None:
+    folder, found = study
+    with_all = load_results(folder / found.designs[2].folder).light.by_led
+    for row in found.designs[:2]:
+        (loss,) = (group for group in found.facts if group.title == f"{row.value} in one lens for all")
+        own, common = row.efficiency.value, with_all[str(row.value)].efficiency.value
+        assert loss.fact("lost").value == pytest.approx(100.0 * (1.0 - common / own))
+        assert loss.fact("more").value == pytest.approx(with_all[str(row.value)].nmse.value / row.nmse.value)
+
+
+def test_a_study_goes_on_with_what_is_finished(study: tuple[Path, Sweep], tmp_path: Path) -> None:
+    folder, found = study
+    shutil.copytree(folder, tmp_path / "leds")
+    made = []
+    again = run_sweep(
+        found.spec, sources_of(found.spec.sources, found.spec), tmp_path / "leds",
+        lambda spec, where, resume: made.append(spec.name) or designed(spec, where, resume),
+        accuracy="draft", resume=True,
+    )  # fmt: skip
+    assert made == ["small-failing"] and again == found
+    other = [SPEC.sources[0], lf.NamedSource(name="wide", source=lf.SquareSource(side_mm=1.1))]
+    with pytest.raises(InputError, match="designed for another LED wide"):
+        run_sweep(found.spec, sources_of(other, SPEC), tmp_path / "leds", designed, accuracy="draft", resume=True)
+
+
+def test_a_study_without_any_design_says_why(tmp_path: Path) -> None:
+    leds = [lf.NamedSource(name=f"{number}-failing", source=SPEC.source) for number in range(2)]
+    with pytest.raises(InputError, match="it cannot be"):
+        run_sweep(SPEC, sources_of(leds, SPEC), tmp_path, designed, accuracy="draft")
+
+
+def test_lists_are_files_patterns_tables_and_sections(examples: Path, tmp_path: Path) -> None:
+    for name in ("b x.tm25ray", "a.tm25ray"):
+        shutil.copy(examples / "led.tm25ray", tmp_path / name)
+    own = lf.SquareSource(side_mm=1.0, flux_lm=90.0, position_mm=(0.0, 0.0, 0.1))
+    listed = read_sources([tmp_path / "*.tm25ray"], own)
+    assert [led.name for led in listed] == ["a", "b_x"]
+    assert listed[1].source == lf.RayfileSource(
+        file=tmp_path / "b x.tm25ray", origin="virtual_focus", flux_lm=90.0, position_mm=(0.0, 0.0, 0.1)
+    )
+    table = tmp_path / "leds.csv"
+    table.write_text("name,file,flux_lm,share\nfirst,a.tm25ray,120,2\n,b x.tm25ray,,\n", encoding="utf-8")
+    first, second = read_sources([str(table)], own)
+    assert (first.name, first.share, first.source.flux_lm, second.name) == ("first", 2.0, 120.0, "b_x")
+    assert second.source.flux_lm == 90.0
+    sections = tmp_path / "leds.toml"
+    sections.write_text(
+        '[[sources]]\nname = "c"\nsource = { kind = "rayfile", file = "a.tm25ray" }\n', encoding="utf-8"
+    )
+    (third,) = read_sources([sections], own)
+    assert third.source.file == tmp_path / "a.tm25ray"
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("*.ray", "", "no file of this pattern"),
+        ("none.ray", "", "no such file"),
+        ("none.toml", "", "no such file"),
+        ("a.toml", "x = 1\n", r"has no \[\[sources\]\]"),
+        ("a.toml", '[[sources]]\nname = "a"\nsource = { kind = "sqare" }\n', "did you mean square"),
+        ("a.csv", "name,lumens\n", "column 'lumens'; the columns are name, file"),
+        ("a.csv", "name,flux_lm\n", "no column file"),
+        ("a.csv", "file,flux_lm\nled.ray,many\n", "line 2: flux and share must be numbers"),
+        ("a.csv", "file,flux_lm\nled.ray,1,2\n", "line 2: must have a file"),
+        ("a.csv", "file,flux_lm\nled.ray,-1\n", "line 2: RayfileSource: flux_lm = -1"),
+        ("a.csv", "file\nnone.ray\n", "no such file"),
+    ],
+)
+def test_a_bad_list_is_one_line(name: str, content: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / "led.ray").write_bytes(b"")
+    if content:
+        (tmp_path / name).write_text(content, encoding="utf-8")
+    with pytest.raises(InputError, match=message) as raised:
+        read_sources([tmp_path / name if name != "*.ray" else str(tmp_path / "x*.ray")], SPEC.source)
+    assert "\n" not in str(raised.value)
+
+
+def test_leds_need_names_of_their_own() -> None:
+    with pytest.raises(InputError, match="two have the name 'small'"):
+        require_told_apart([SPEC.sources[0]] * 2)
+    with pytest.raises(InputError, match="takes two or more"):
+        require_told_apart(SPEC.sources[:1])
+    with pytest.raises(InputError, match="field, values or scale, and source"):
+        lf.sweep(SPEC, "constraints.max_radius_mm", [7.0, 8.0], source=SPEC.sources)
+    with pytest.raises(InputError, match="a list of sources"):
+        lf.sweep(SPEC, source="led.ray")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"sources": [LEDS[0], LEDS[0]]}, "two have the name 'small'"),
+        ({"sources": LEDS, "source": LEDS[1]["source"]}, "source and sources: both are given"),
+    ],
+)
+def test_sources_of_a_spec_that_cannot_be_are_one_line(changes: dict, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        small_spec(**{"source": None, **changes})
+
+
+def test_several_specs_are_designed_in_one_call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    made = []
+
+    def run(spec: lf.Spec, folder: Path, *_args: object, **_options: object) -> lf.Run:
+        if spec.name == "b":
+            raise InputError("target: too far")
+        made.append((spec.name, str(folder)))
+        designed(spec, folder, False)
+        return lf.load(folder)
+
+    monkeypatch.setattr("lensforge.cli.design.run_with_progress", run)
+    for name in "abc":
+        SPEC.replace(name=name).save(f"{name}.toml")
+    ended = lensforge("design", "a.toml", "b.toml", "c.toml", "--quiet")
+    assert made == [("a", "cad_out/a"), ("c", "cad_out/c")]
+    assert ended.code == 2 and "lensforge: b: target: too far" in ended.stderr.splitlines()
+    shutil.copy("a.toml", "d.toml")
+    for arguments, words in (
+        (("a.toml", "d.toml"), "two have the name 'a'"),
+        (("a.toml", "c.toml", "--out", "x"), "--out: goes with one SPEC, 2 are given"),
+        (("a.toml", "c.toml", "--resume"), "--resume: goes with one SPEC"),
+        (("a.toml", "none.toml"), "none.toml: no such file"),
+    ):
+        ended = lensforge("design", *arguments)
+        assert ended.code == 2 and words in ended.stderr and ended.stderr.count("\n") == 1
+    assert len(made) == 2
+
+
+def test_a_design_for_each_led_is_a_study_of_its_own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(
+        "lensforge.cli.studies.run_with_progress",
+        lambda spec, folder, _clock, *, resume, **_options: designed(spec, folder, resume),
+    )
+    SPEC.save("lens.toml")
+    ended = lensforge("design", "lens.toml", "--sources", "lens.toml", "--accuracy", "draft")
+    assert ended.code in (0, 1) and "small in one lens for all" in ended.stdout
+    assert Sweep.read(Path("cad_out/small_sources")).values == ("small", "wide", ONE_FOR_ALL)
+    bad = lensforge("design", "lens.toml", "--sources", "none.ray")
+    assert bad.code == 2 and "none.ray: no such file" in bad.stderr
