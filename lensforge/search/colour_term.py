@@ -1,0 +1,67 @@
+"""Colour as a term of the merit: the light on every pixel of a beam is to have the colour of the whole source.
+
+With U = 4 X - u0 D, V = 9 Y - v0 D and D = X + 15 Y + 3 Z, where (u0, v0) are u', v' of the source, both are 0 where a
+pixel has that colour, and linear in its light: pictures of the rays by two weights of each. Their square sum over that
+of D is the mean square of the distance in u', v', each pixel by the square of its light. D is that of the light that is
+wanted there, so that of two independent samples the product has no noise.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from lensforge.optics.colorimetry import away_from, denominator, uv_of
+from lensforge.sources.ray_bundle import RayBundle, Source
+from lensforge.spec.light_limits import ColourSection
+
+_RAYS, _SEED = 2**16, 0  # of the source's colour
+
+Colours = Sequence[Float[Tensor, "2 _ _"]]  # U and V over D per W (W), on each receiver
+
+
+@dataclass(frozen=True, eq=False)
+class SourceColour:
+    """Colour of a whole source: u', v', and ``X + 15 Y + 3 Z`` (lm) of 1 W."""
+
+    uv: Float[np.ndarray, " 2"]
+    per_watt: float
+
+    @staticmethod
+    def of(source: Source) -> "SourceColour":
+        """Mean over the rays of ``source``, which carry their colours."""
+        rays = source.sample(min(_RAYS, source.ray_count or _RAYS), _SEED)
+        assert rays.tristimulus is not None, "a source that was built with its colours"
+        mean = rays.flux @ rays.tristimulus / rays.flux.sum()
+        return SourceColour(uv_of(mean), float(denominator(mean)))
+
+    def weights(self, rays: RayBundle) -> Float[np.ndarray, "2 n"]:
+        """U and V of 1 W of each ray, over D of 1 W of the source."""
+        assert rays.tristimulus is not None, "a source that was built with its colours"
+        return np.ascontiguousarray(away_from(self.uv, rays.tristimulus).T / self.per_watt)
+
+
+@dataclass(frozen=True, eq=False)
+class ColourTerm:
+    """Error of the colours where light is ``wanted`` (W), times ``weight``; receivers by their ``shares``."""
+
+    weight: float
+    wanted: tuple[Float[Tensor, "_ _"], ...]
+    shares: tuple[float, ...]
+
+    @staticmethod
+    def of(section: ColourSection, wanted: Sequence[Float[Tensor, "_ _"]], shares: Sequence[float]) -> "ColourTerm":
+        """The term within the beams that are wanted: 0 outside."""
+        beams = tuple(torch.where(each >= section.level * each.max(), each, 0.0) for each in wanted)
+        return ColourTerm(section.weight, beams, tuple(shares))
+
+    def error(self, first: Colours, second: Colours) -> Float[Tensor, ""]:
+        """The term by the colours of two samples; of one alone, given twice, with the noise of its rays."""
+        each = [
+            share * torch.sum((one * other).sum(dim=0) * (wanted > 0.0)) / torch.sum(wanted**2)
+            for one, other, wanted, share in zip(first, second, self.wanted, self.shares, strict=True)
+        ]
+        return self.weight * torch.stack(each).sum()
