@@ -289,7 +289,8 @@ class MeritFunction(Merit[SampledLight]):
         light, term, colour = LightPath(scene, receivers, device, source=crossing), None, spec.colour
         if colour is not None and colour.weight > 0.0:
             light = replace(light, colour=SourceColour.of(source))
-            term = ColourTerm.of(colour, [each.wanted for each in terms], [each.share for each in terms])
+            wanted, shares = zip(*((each.wanted, each.share) for each in terms), strict=True)
+            term = ColourTerm(colour.weight, wanted, shares)
         return MeritFunction(spec, parametrisation, light, terms, limits, term)
 
     def assessed(self, light: SampledLight, uniform: bool) -> Assessed:
