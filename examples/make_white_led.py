@@ -17,9 +17,9 @@ import numpy as np
 from lensforge.sources.rayfiles.ray_file import RayFile
 from lensforge.sources.rayfiles.ray_file_io import write_rayfile
 
-RAYS = 12_000  # of each file
+RAYS = {"blue": 7_000, "phosphor": 21_000}  # all of the same flux
 SEED = 20251125
-BLUE_W, PHOSPHOR_W = 0.25, 0.75
+FLUX_W = {"blue": 0.25, "phosphor": 0.75}
 CHIP_MM, PLATE_MM = 1.0, 1.6
 
 
@@ -29,27 +29,31 @@ def main() -> None:
     for name, rays in make_white().items():
         path = folder / f"white_{name}.tm25ray"
         write_rayfile(path, rays, "tm25")
-        print(f"{path}: {RAYS} rays, {path.stat().st_size} bytes")
+        print(f"{path}: {RAYS[name]} rays, {path.stat().st_size} bytes")
 
 
 def make_white() -> dict[str, RayFile]:
     """The blue light that is left, and that of the phosphor; rays of equal flux."""
     random = np.random.default_rng(SEED)
     return {
-        "blue": _part("blue light", _emitted(random, CHIP_MM, forward=True), BLUE_W),
-        "phosphor": _part("light of its phosphor", _emitted(random, PLATE_MM, forward=False), PHOSPHOR_W),
+        "blue": _part("blue", "blue light", _emitted(random, RAYS["blue"], CHIP_MM, forward=True)),
+        "phosphor": _part(
+            "phosphor", "light of its phosphor", _emitted(random, RAYS["phosphor"], PLATE_MM, forward=False)
+        ),
     }
 
 
-def _emitted(random: np.random.Generator, side_mm: float, *, forward: bool) -> tuple[np.ndarray, np.ndarray]:
+def _emitted(
+    random: np.random.Generator, count: int, side_mm: float, *, forward: bool
+) -> tuple[np.ndarray, np.ndarray]:
     """Start points in a square, and directions: Lambertian, or ``forward`` as the cube of the cosine."""
-    positions = np.zeros((RAYS, 3))
-    positions[:, :2] = side_mm * (random.random((RAYS, 2)) - 0.5)
+    positions = np.zeros((count, 3))
+    positions[:, :2] = side_mm * (random.random((count, 2)) - 0.5)
     flat = np.zeros((0, 2))
-    while len(flat) < RAYS:
-        some = 2.0 * random.random((RAYS, 2)) - 1.0
+    while len(flat) < count:
+        some = 2.0 * random.random((count, 2)) - 1.0
         flat = np.concatenate([flat, some[some[:, 0] * some[:, 0] + some[:, 1] * some[:, 1] < 1.0]])
-    flat = flat[:RAYS]  # uniform in a disc: the two components of Lambertian directions
+    flat = flat[:count]  # uniform in a disc: the two components of Lambertian directions
     square = flat[:, 0] * flat[:, 0] + flat[:, 1] * flat[:, 1]
     if forward:  # sin^2 = 1 - u^(1/2) of a uniform u, as it is 1 - u for Lambert
         sine = 1.0 - np.sqrt(1.0 - square)
@@ -57,14 +61,14 @@ def _emitted(random: np.random.Generator, side_mm: float, *, forward: bool) -> t
     return positions, np.column_stack([flat, np.sqrt(1.0 - square)])
 
 
-def _part(words: str, rays: tuple[np.ndarray, np.ndarray], flux_w: float) -> RayFile:
+def _part(name: str, words: str, rays: tuple[np.ndarray, np.ndarray]) -> RayFile:
     positions, directions = rays
     return RayFile(
         positions_mm=positions.astype(np.float32),
         directions=directions.astype(np.float32),
-        flux=np.full(RAYS, flux_w / RAYS, dtype=np.float32),
+        flux=np.full(len(positions), FLUX_W[name] / len(positions), dtype=np.float32),
         flux_unit="W",
-        header_flux_w=flux_w,
+        header_flux_w=FLUX_W[name],
         header={
             "name": f"Example white LED, {words}",
             "manufacturer": "none: computed by lensforge",
