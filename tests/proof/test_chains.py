@@ -83,17 +83,20 @@ def test_the_kernel_sends_every_ray_along_its_chain(name, events, absorption):
     media = Media(Medium(INDEX, absorption), coatings=coatings)
     found = send_through_body(StepBody(step_of(name), optical_of(body, events)), RAYS, media)
     out = np.isfinite(wanted.points[:, 0])
-    np.testing.assert_array_equal(found.fates == CastFate.LANDED, out)
+    # The oracle ends where a ray comes back to the cavity; the cast follows it through, where there are events left.
+    told = ~np.array([chain.endswith("c") and len(chain) < events for chain in wanted.chains])
+    assert (~told).sum() == (1 if (name, events) == ("ball", 6) else 0)
+    np.testing.assert_array_equal((found.fates == CastFate.LANDED)[told], out[told])
     lost = [CastFate.TOTAL_REFLECTION, CastFate.MORE_EVENTS]
-    np.testing.assert_array_equal(np.isin(found.fates, lost), wanted.inside)
+    np.testing.assert_array_equal(np.isin(found.fates, lost)[told], wanted.inside[told])
     by_mirror = wanted.inside & np.array([chain.endswith("w") and name == "ball" for chain in wanted.chains])
-    np.testing.assert_array_equal(found.fates == CastFate.MORE_EVENTS, by_mirror)
+    np.testing.assert_array_equal((found.fates == CastFate.MORE_EVENTS)[told], by_mirror[told])
     np.testing.assert_allclose(found.points[out], wanted.points[out], rtol=0.0, atol=1e-9)
     np.testing.assert_allclose(found.directions[out], wanted.directions[out], rtol=0.0, atol=1e-10)
     kept = out | wanted.inside  # with the flux that is left in it, polarised by all that it has met
     np.testing.assert_allclose(found.flux[kept], wanted.flux[kept], rtol=1e-9)
     if absorption == 0.0:
-        np.testing.assert_allclose(found.absorbed, wanted.in_mirrors, rtol=1e-9, atol=1e-15)
+        np.testing.assert_allclose(found.absorbed[told], wanted.in_mirrors[told], rtol=1e-9, atol=1e-15)
 
 
 @pytest.mark.parametrize(("name", "events", "precision"), [("cone", 3, 3e-3), ("ball", 4, 2e-5)])
