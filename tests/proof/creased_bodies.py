@@ -209,7 +209,7 @@ def follow_exactly(body, rays, events, index=INDEX, mirrors=None, absorption=0.0
             if medium == OUTSIDE:
                 found.points[k], found.directions[k] = p, d
                 break
-        found.inside[k] = medium != OUTSIDE and not chain.endswith("x")
+        found.inside[k] = medium != OUTSIDE and chain[-1:] not in ("x", "c")
         found.flux[k] = rays.flux[k] * np.trace(coherency).real
         found.chains.append(chain)
     return found
