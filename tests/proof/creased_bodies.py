@@ -190,11 +190,12 @@ def follow_exactly(body, rays, events, index=INDEX, mirrors=None, absorption=0.0
             lengths = [face.surface.hit(p[None], d[None])[0] for face in faces]
             face, length = faces[int(np.argmin(lengths))], min(lengths)
             hit = p + length * d
+            above = min(length, -p[2] / d[2] if d[2] < 0.0 else np.inf)  # as far as the base
+            if medium == BODY and np.isfinite(above) and _meets_cavity(body, p, d, above):
+                chain += "c"
+                break
             if not np.isfinite(length) or hit[2] <= 0.0:
                 chain += "x"
-                break
-            if medium == BODY and _meets_cavity(body, p, d, length):
-                chain += "c"
                 break
             p = hit
             if medium == BODY:
