@@ -1,9 +1,11 @@
 """The result of the evaluation: the light on every receiver, how it was simulated, and the judgement of each limit."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
-from pydantic import Field, model_validator
+from pydantic import Field, model_serializer, model_validator
 
+from lensforge.light.light_ways import LightWay
 from lensforge.light.receiver_light import Flux, MissedByCause, Picture, Possible, RawMetrics, ReceiverLight
 from lensforge.results import (
     Bound,
@@ -116,7 +118,8 @@ class Light(SimulatedResult):
     """The light of a lens on its receivers, simulated with independent replicates of rays.
 
     Metrics, flux and maps of the light itself are those of the first receiver. Of a ray file they are those of rays
-    that the search has not used; ``fitted``: by the rays that it has.
+    that the search has not used; ``fitted``: by the rays that it has. ``ways``: shares of the emitted flux by way, of a
+    lens of more than two faces.
     """
 
     stage: ClassVar[str] = "evaluate"
@@ -124,6 +127,7 @@ class Light(SimulatedResult):
 
     receivers: Annotated[tuple[ReceiverLight, ...], Field(min_length=1)]
     limits: tuple[LimitResult, ...] = ()
+    ways: tuple[LightWay, ...] = ()
     rays: Annotated[Count, Field(ge=1)]
     replicates: Annotated[Count, Field(ge=1)]
     pixels: Annotated[Count, Field(ge=1, le=MOST_PIXELS)]
@@ -136,6 +140,12 @@ class Light(SimulatedResult):
     seed: Count
     seconds: NotNegative
     criteria: tuple[Criterion, ...]
+
+    @model_serializer(mode="wrap")
+    def _ways_where_there_are_any(self, dumped: Callable[[object], dict[str, object]]) -> dict[str, object]:
+        """The fields; records of the usual lens say nothing of ways."""
+        content = dumped(self)
+        return content if self.ways else {name: entry for name, entry in content.items() if name != "ways"}
 
     @property
     def first(self) -> ReceiverLight:

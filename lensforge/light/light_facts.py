@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from lensforge.light.evaluation_result import Light, LightMetrics
+from lensforge.light.light_ways import way_facts
 from lensforge.light.metrics import scaled
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import REGIONS, ReceiverLight, bounds_on
@@ -35,11 +36,13 @@ METRICS = {
 
 
 def light_facts(light: Light, lens: Lens, possible: LimitBounds | None = None) -> list[Group]:
-    """A group for each receiver, one of the limits, and one of the simulation; ``possible``: light at the limits."""
+    """Groups: one for each receiver, the ways of the light, the limits (``possible``: light there), the simulation."""
     groups = [
         Group("light", "Light" if len(light.receivers) == 1 else receiver.name, tuple(_figures(light, index, lens)))
         for index, receiver in enumerate(light.receivers)
     ]
+    if light.ways:
+        groups.append(way_facts(light.ways))
     if light.limits:
         groups.append(Group("limits", "Limits", tuple(limit_facts(light, possible or {}))))
     return [*groups, Group("simulation", "Simulation", tuple(_simulation(light, lens)))]
