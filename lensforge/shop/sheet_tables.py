@@ -40,7 +40,7 @@ def optical_table(lens: Lens, part: Part, check: Check, words: DrawingSection) -
         for faces in (lens.body.envelope, lens.body.cavity)
     )
     spec = lens.spec.lens
-    index = _amount(lens, "index")
+    index = lens.spec.part_tolerances.tolerance("index").amount
     material = [
         _HEAD,
         spec.material,
@@ -107,7 +107,7 @@ def _shape(name: str, lens: Lens) -> str:
 
 
 def _form(name: str, lens: Lens) -> str:
-    form, waves = _amount(lens, f"{name}_form_um"), _amount(lens, f"{name}_waviness_um")
+    form, waves = _amount(lens, name, "form_um"), _amount(lens, name, "waviness_um")
     words = f"3/ RMS form {form:g} µm" if form else f"3/ {NOTHING}"
     return f"{words}; waviness {waves:g} µm" if waves else words
 
@@ -134,12 +134,12 @@ def _centring(name: str, lens: Lens) -> str:
 
 
 def _centred(name: str, lens: Lens) -> list[str]:
-    tilt, shift = _amount(lens, f"{name}_tilt_deg"), _amount(lens, f"{name}_shift_mm")
+    tilt, shift = _amount(lens, name, "tilt_deg"), _amount(lens, name, "shift_mm")
     return ([f"±{tilt:g}°"] if tilt else []) + ([f"±{shift:g} mm"] if shift else [])
 
 
 def _texture(name: str, lens: Lens, height: float | None) -> str:
-    slope, ripple = _amount(lens, f"{name}_roughness_mrad"), _amount(lens, f"{name}_ripple_um")
+    slope, ripple = _amount(lens, name, "roughness_mrad"), _amount(lens, name, "ripple_um")
     words = ["polished"]
     words += [f"Rq {height:g} nm"] if height else []
     words += [f"RΔq {slope:g} mrad"] if slope else []
@@ -147,8 +147,8 @@ def _texture(name: str, lens: Lens, height: float | None) -> str:
     return ", ".join(words)
 
 
-def _amount(lens: Lens, name: str) -> float:
-    return lens.spec.part_tolerances.tolerance(name).amount
+def _amount(lens: Lens, face: str, field: str) -> float:
+    return lens.spec.part_tolerances.amount(face, field)
 
 
 @dataclass(frozen=True)
