@@ -41,7 +41,7 @@ from lensforge.sources.measured_rays import held_back
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec import Spec
 from lensforge.spec.accuracy import PRESETS
-from lensforge.spec.tolerances_section import Factor, factors_of
+from lensforge.spec.tolerances_section import Factor, factor_name, factors_of
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 _COLUMNS = 32  # into which rays are sorted
@@ -322,7 +322,7 @@ _DIRECTIONS = 4000
 # Farthest that a drawn number lies: a normal one beyond twice its amount in one part of 30,000.
 _FARTHEST = {"uniform": 1.0, "truncated": 1.0, "normal": 2.0}
 _RMS_TO_PEAK = 3.0
-_OF_FACE = ("shift_mm", "tilt_deg", "form_um", "waviness_um")  # a tolerance of a face begins with its name
+_OF_FACE = ("shift_mm", "gap_mm", "tilt_deg", "form_um", "waviness_um")  # that bring it nearer to another face
 _OF_SOURCE = (
     "source_shift_mm", "source_height_mm", "source_tilt_deg", "source_size", "lens_shift_mm", "lens_height_mm",
     "lens_tilt_deg",
@@ -346,7 +346,7 @@ def require_bearable(lens: Lens, factors: Sequence[Factor]) -> None:
     room = float((cavity.radius(along) - distance).min())
     size = float(distance.max())
     nearest = " or ".join(face.name for face in lens.body.cavity)
-    of_faces = ["gap_mm", *(f"{name}_{each}" for name in lens.surfaces for each in _OF_FACE)]
+    of_faces = [factor_name(name, each) for name in lens.surfaces for each in _OF_FACE]
     for factor in factors:
         for names, left, arm, words in (
             (of_faces, wall, reach, f"the faces are {wall:.3g} mm apart at their closest"),

@@ -19,7 +19,7 @@ from lensforge.shop.check_result import Check
 from lensforge.shop.dimensions import dimensions
 from lensforge.shop.drawing import DrawingContent, drawing_content, make_sheet, scale_words
 from lensforge.shop.handover import DXF_FILE, PDF_FILE, POINTS_FILE, Handover, PointGrid
-from lensforge.shop.point_tables import GridRequest, dense_tables, origin_lines, points_table, ring_angles
+from lensforge.shop.point_tables import GridRequest, dense_tables, faces_to_cut, origin_lines, points_table
 from lensforge.shop.sheet import Sheet, shown
 from lensforge.shop.sheet_tables import ToleranceTable, tolerance_table
 from lensforge.shop.sheet_writers import sheet_dxf, sheet_figure, sheet_pdf
@@ -71,7 +71,7 @@ def make_handover(
         pdf=sheet_pdf(sheet),
         dxf=dxf,
         points_csv=tables[POINTS_FILE],
-        points=len(lens.surfaces) * len(ring_angles()),
+        points=sum(len(face.ring_angles) for face in faces_to_cut(lens)),
         grids=grids,
         sha256=hashes,
         refused=tuple(verdict for verdict in check.verdicts if not verdict.holds),

@@ -12,7 +12,6 @@ import tomli_w
 from pydantic import Field, ValidationError, model_validator
 
 from lensforge.errors import InputError
-from lensforge.optics.media import DOUBLE
 from lensforge.results.files import replacing
 from lensforge.results.validation import its_type
 from lensforge.spec.derived_values import derived_sizes
@@ -35,7 +34,7 @@ from lensforge.spec.source_sections import NamedSource, SourceSpec
 from lensforge.spec.spec_fields import words_of
 from lensforge.spec.spec_files import changed, plain, read_toml, resolve_files, short
 from lensforge.spec.spec_section import Section, spec_error
-from lensforge.spec.tolerances_section import PartTolerances, TolerancesSection
+from lensforge.spec.tolerances_section import FacesTolerances, TolerancesSection, tolerances_with
 
 _Filled = TypeVar("_Filled", bound=Section)
 
@@ -275,22 +274,22 @@ class Spec(Section):
         return (implied_receiver(self.target),) if self.target is not None else named(self.receivers)
 
     @property
-    def part_tolerances(self) -> PartTolerances:
-        """All tolerances: ``[tolerances]``, and those of the faces.
+    def part_tolerances(self) -> FacesTolerances:
+        """All tolerances: ``[tolerances]``, and those of the faces."""
+        return tolerances_with(self.lens.names).of(self.tolerances, self.lens.faces)
 
-        Raises :class:`InputError` for another lens than the usual one, whose parts are not known.
+    def with_tolerances(self, other: FacesTolerances) -> "Spec":
+        """The spec with all tolerances of ``other`` in place of its own.
+
+        Raises :class:`InputError` for those of a lens with other faces.
         """
-        if self.lens.kind != "double":
+        if other.names != self.lens.names:
             raise InputError(
-                f"lens.kind = {self.lens.kind!r}: parts with tolerances are those of a lens of two faces as yet; leave "
-                "out yield, sensitivity, handover and optimise.robust"
+                f"tolerances of the faces {', '.join(other.names)}: this lens has {', '.join(self.lens.names)}; give "
+                "those of its faces"
             )
-        return PartTolerances.of(self.tolerances, self.lens.faces)
-
-    def with_tolerances(self, other: PartTolerances) -> "Spec":
-        """The spec with all tolerances of ``other`` in place of its own."""
         faces = {name: face.with_tolerances(getattr(other, name)) for name, face in self.lens.faces.items()}
-        own = TolerancesSection(**other.model_dump(exclude_unset=True, exclude=set(DOUBLE)))
+        own = TolerancesSection(**other.model_dump(exclude_unset=True, exclude=set(other.names)))
         return self.model_copy(update={"lens": self.lens.model_copy(update=faces), "tolerances": own})
 
     def is_cut(self, face: str) -> bool:
@@ -315,6 +314,10 @@ class Spec(Section):
     @model_validator(mode="after")
     def _settings_match_levels(self) -> "Spec":
         given = self.optimise.model_fields_set
+        if self.optimise.robust and self.lens.has_creases:
+            raise ValueError(
+                f"optimise.robust goes with lens.kind = 'double' as yet, not {self.lens.kind!r}; leave it out"
+            )
         if self.lens.levels != "auto":
             if self.optimise.seconds is not None:
                 raise ValueError('optimise.seconds goes with lens.levels = "auto"; leave out one of the two')
