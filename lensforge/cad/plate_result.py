@@ -58,25 +58,30 @@ def plate_facts(plate: Plate, criteria: Iterable[Criterion], bytes_by_name: Mapp
 
 
 def _facts(plate: Plate, criteria: tuple[Criterion, ...], bytes_by_name: Mapping[str, int]) -> Iterator[Fact]:
-    yield Fact("plate_lenses", "Lenses", plate.lenses, note=f"in one solid of {quantity(plate.faces, 'faces')}")
+    yield Fact(
+        "plate_lenses", "Lenses of the plate", plate.lenses, note=f"in one solid of {quantity(plate.faces, 'faces')}"
+    )
     if plate.gap_mm is not None:
-        yield Fact("plate_gap", "Least gap", plate.gap_mm, "mm", note="between two lenses")
+        yield Fact("plate_gap", "Least gap", plate.gap_mm, "mm", note="between two lenses of the plate")
     low, high = plate.bounds_mm
     across = " × ".join(f"{end - start:.5g}" for start, end in zip(low, high, strict=True))
-    yield Fact("plate_size", "Size", f"{across} mm")
+    yield Fact("plate_size", "Size of the plate", f"{across} mm")
     yield Fact(
         "plate_form_error",
-        "Form error",
+        "Form of all lenses",
         plate.form_error_nm,
         "nm",
         **kept(criteria, "plate_form_error"),
-        note=f"largest of all lenses in {PLATE_STEP_FILE}",
+        note=f"largest error in {PLATE_STEP_FILE}",
         digits=2,
     )
-    yield Fact("plate_volume", "Volume", plate.volume_mm3, "mm³", note="of lenses, plate and pins", digits=5)
+    yield Fact(
+        "plate_volume", "Volume of the plate", plate.volume_mm3, "mm³", note="lenses and pins included", digits=5
+    )
     if plate.mass_g is not None:
-        yield Fact("plate_mass", "Mass", plate.mass_g, "g", note="by the density of the spec")
-    facets = f"{quantity(plate.triangles, 'facets')} within {quantity(plate.chord_error_um, 'µm')}, genus {plate.genus}"
-    yield Fact("plate_mesh", "Mesh", "closed" if plate.watertight else "not closed", note=facets)
+        yield Fact("plate_mass", "Mass of the plate", plate.mass_g, "g", note="by the density of the spec")
+    chord = quantity(plate.chord_error_um, "µm", digits=2)
+    facets = f"{quantity(plate.triangles, 'facets')} within {chord}, genus {plate.genus}"
+    yield Fact("plate_mesh", "Mesh of the plate", "closed" if plate.watertight else "not closed", note=facets)
     sizes = ", ".join(f"{name} {size(count)}" for name, count in bytes_by_name.items())
-    yield Fact("plate_files", "Files", sizes)
+    yield Fact("plate_files", "Files of the plate", sizes)

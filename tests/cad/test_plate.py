@@ -1,6 +1,7 @@
 """The plate with all lenses as one solid: closed forms, its files read back, and what breaks it."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -102,6 +103,16 @@ def test_the_meshes_of_a_plate_are_closed_and_have_its_size(ring: Part) -> None:
     assert set(ring.files) >= {"plate.step", "plate.stl", "plate.3mf"}
     facts = {fact.key: fact for group in part_facts(ring) for fact in group.facts}
     assert facts["plate_lenses"].value == 3 and "plate.step" in str(facts["plate_files"].value)
+
+
+def test_a_plate_is_kept_with_its_files_and_goes_with_them(ring: Part, tmp_path: Path) -> None:
+    ring.write(tmp_path)
+    assert Part.read(tmp_path, lens=ring.lens) == ring
+    with (tmp_path / "plate.stl").open("ab") as file:
+        file.write(b" ")
+    assert Part.read(tmp_path, lens=ring.lens).altered == ("plate.stl",)
+    build_part(replace(ring.lens, spec=ring.lens.spec.replace({"plate": None})), rings=16).write(tmp_path)
+    assert not list(tmp_path.glob("plate.*")), "a plate of an earlier spec"
 
 
 def test_the_least_gap_is_that_of_the_spheres() -> None:

@@ -91,7 +91,7 @@ def test_a_plate_is_read_as_it_was_written(tmp_path: Any) -> None:
         ({"width_mm": 90.0}, GRID, "width_mm and height_mm go together"),
         ({"width_mm": 90.0, "height_mm": 90.0, "margin_mm": 2.0}, GRID, "margin_mm = 2: the size says where"),
         ({"holes": [{**MIDDLE, "place_mm": [28.0, 0.0]}]}, GRID, r"holes.0: .* at \(28, 0\) mm crosses the edge"),
-        ({"holes": [{**MIDDLE, "place_mm": [14.0, 12.0]}]}, GRID, r"holes.0: .* meets a lens of 7 mm .*, 6.708 mm away"),
+        ({"holes": [{**MIDDLE, "place_mm": [14.0, 12.0]}]}, GRID, r"holes.0: .* a lens of 7 mm .*, 6.708 mm away"),
         ({"pins": [{**MIDDLE, "height_mm": 1.0, "place_mm": [20, 12]}]}, GRID, "pins.0: .* meets a cavity of .* 3 mm"),
         ({"holes": [MIDDLE, {**MIDDLE, "place_mm": [12.0, 0.0]}]}, GRID, "holes.1: .* meets plate.holes.0; move one"),
         ({"thickness_mm": 0.0}, GRID, "plate.thickness_mm = 0"),
