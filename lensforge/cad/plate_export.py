@@ -11,13 +11,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.cad.boundary import Boundary, Pair
 from lensforge.cad.mesh import BodyMesh, Closure, check_closed, manifold_of, mesh_error
 from lensforge.cad.mesh_files import parse_3mf, parse_stl, stl_bytes, threemf_bytes
 from lensforge.cad.outline import sampled_azimuths
 from lensforge.cad.part_limits import mass_g, mesh_volume_limit
 from lensforge.cad.patch import Patch
-from lensforge.cad.plan import Plan, lay_out, rim_directions, rim_radius
-from lensforge.cad.plate_layout import PlateLayout, layout_of, require_walls
+from lensforge.cad.plan import MIN_BASE_WALL_MM, Plan, lay_out, rim_directions, rim_radius
+from lensforge.cad.plate_layout import PlateLayout, PlateWall, layout_of
 from lensforge.cad.plate_mesh import build_plate_mesh, lens_mesh
 from lensforge.cad.plate_result import PLATE_FILES, PLATE_STEP_FILE, Plate, plate_criteria
 from lensforge.cad.plate_solid import build_plate_solid, poles_of
@@ -59,8 +60,8 @@ def build_plate(
     if layout is None:
         return None
     bare, product = lay_out(plan.cavity, plan.envelope, _BARE), f"{lens.spec.name} plate"
-    opening = rim_radius(bare.cavity)(sampled_azimuths())
-    require_walls(layout, opening[:, None] * rim_directions(sampled_azimuths())[:, :2])
+    opening = opening_of(bare.cavity)
+    _require_walls(layout, opening)
     one, chord_mm = lens_mesh(bare, len(layout.lenses))
     gap_mm = least_gap_mm(one, layout)
     solid = build_plate_solid(bare, layout)
@@ -69,7 +70,7 @@ def build_plate(
     mesh = build_plate_mesh(bare, layout, one, chord_mm)
     files = dict(zip(PLATE_FILES, (step, stl_bytes(mesh), threemf_bytes(mesh, product)), strict=True))
     read, (closed, closed_3mf) = parse_step(step), _closures(files)
-    volume = layout.volume_mm3(build_solid(bare).volume_mm3, float(np.pi * np.mean(opening**2)))
+    volume = layout.volume_mm3(build_solid(bare).volume_mm3, float(np.pi * np.mean(np.sum(opening**2, axis=1))))
     form_nm = form_error_nm + copies_off_mm(read.faces, bare, layout) * _NM_PER_MM
     measured = {
         "form_error": form_nm,
@@ -100,6 +101,22 @@ def build_plate(
     return BuiltPlate(figures, plate_criteria(measured, limit, read.faults), files)
 
 
+def opening_of(cavity: Boundary[Patch]) -> Float[np.ndarray, "n 2"]:
+    """Points (mm) at equal azimuths around the rim of ``cavity``."""
+    azimuths = sampled_azimuths()
+    points: Float[np.ndarray, "n 2"] = rim_radius(cavity)(azimuths)[:, None] * rim_directions(azimuths)[:, :2]
+    return points
+
+
+def _require_walls(layout: PlateLayout, opening: Float[np.ndarray, "n 2"]) -> None:
+    wall = layout.thinnest_wall(opening)
+    if wall is not None and wall.thickness_mm < MIN_BASE_WALL_MM:
+        raise InputError(
+            f"plate: the wall between {wall.between} is {wall.thickness_mm:.4g} mm; allowed: at least "
+            f"{MIN_BASE_WALL_MM:g}; move one of the two, or take a smaller diameter"
+        )
+
+
 def _require_readable(step: bytes, lenses: int) -> None:
     if len(step) > MOST_FILE_BYTES:
         raise InputError(
@@ -112,6 +129,15 @@ def _closures(files: Mapping[str, bytes]) -> tuple[Closure, Closure]:
     """Closures of the STL and of the 3MF as read back."""
     stl, threemf = (files[name] for name in PLATE_FILES[1:])
     return check_closed(*parse_stl(stl, PLATE_FILES[1])), check_closed(*parse_3mf(threemf, PLATE_FILES[2]))
+
+
+def room_on_plate(lens: Lens, pair: Pair[Patch]) -> tuple[float | None, PlateWall | None]:
+    """Least gap (mm) between two lenses, and the thinnest wall at holes and pins; None for what there is not."""
+    layout = layout_of(lens)
+    if layout is None:
+        return None, None
+    one, _ = lens_mesh(lay_out(*pair, _BARE), len(layout.lenses))
+    return least_gap_mm(one, layout), layout.thinnest_wall(opening_of(pair[0]))
 
 
 def copies_off_mm(faces: Shapes, plan: Plan[Patch], layout: PlateLayout) -> float:

@@ -4,19 +4,17 @@ A loop is a chain of straight lines and arcs. Solid and mesh of the plate are bo
 volume follows from them in closed form.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from math import atan2, ceil, cos, hypot, pi, sin
+from math import atan2, ceil, cos, hypot, pi, radians, sin
 
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.cad.outline import FULL_TURN
-from lensforge.cad.plan import MIN_BASE_WALL_MM, rim_directions
-from lensforge.errors import InputError
+from lensforge.cad.plan import rim_directions
 from lensforge.scene.lens import Lens
 from lensforge.spec.lamps_section import Lamps, Place
-from lensforge.spec.plate_section import PlateHole, PlatePin, PlateSection
+from lensforge.spec.plate_section import PlateSection
 
 Ends = tuple[float, float]  # azimuths (rad)
 
@@ -83,37 +81,78 @@ def points_on(loop: Loop, chord_mm: float) -> Float[np.ndarray, "n 2"]:
 
 
 @dataclass(frozen=True)
-class PlateLayout:
-    """Outline, thickness (mm), holes and pins of a plate, and the places and turns of its lenses."""
+class PlateWall:
+    """A wall of the plate, and between which two things it is."""
 
-    outline: Loop
     thickness_mm: float
+    between: str
+
+
+@dataclass(frozen=True)
+class PlateLayout:
+    """A plate of the spec, its width and height (mm), and the places and turns of its lenses."""
+
+    plate: PlateSection
+    size_mm: tuple[float, float]
     lenses: Lamps
-    holes: tuple[PlateHole, ...]
-    pins: tuple[PlatePin, ...]
 
     @property
-    def marks(self) -> tuple[Loop, ...]:
-        """Circles of the holes, then of the pins."""
-        return tuple(circle_at(mark.place_mm, mark.radius_mm) for mark in (*self.holes, *self.pins))
+    def outline(self) -> Loop:
+        """Its outline, counter-clockwise; lines of no length are left out."""
+        corner, half = self.plate.corner_radius_mm, (self.size_mm[0] / 2.0, self.size_mm[1] / 2.0)
+        if self.plate.kind == "round":
+            return circle_at((0.0, 0.0), half[0])
+        arcs = list[Edge]()
+        for x, y in ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)):
+            centre = (x * (half[0] - corner), y * (half[1] - corner))
+            on_side, on_end = (x * half[0], centre[1]), (centre[0], y * half[1])
+            arcs.append(Edge(*((on_side, on_end) if x * y > 0.0 else (on_end, on_side)), centre))
+        lines = [Edge(one.end, other.start) for one, other in zip(arcs, [*arcs[1:], arcs[0]], strict=True)]
+        chain = [edge for pair in zip(arcs, lines, strict=True) for edge in pair]
+        return tuple(edge for edge in chain if edge.end != edge.start)
 
     def volume_mm3(self, lens_mm3: float, opening_mm2: float) -> float:
         """Volume of the plate in closed form.
 
         ``lens_mm3``: of one lens above z = 0 without a base. ``opening_mm2``: area of its cavity's rim.
         """
-        open_mm2 = len(self.lenses) * opening_mm2 + sum(pi * hole.radius_mm**2 for hole in self.holes)
-        pins_mm3 = sum(pi * pin.radius_mm**2 * pin.height_mm for pin in self.pins)
-        return len(self.lenses) * lens_mm3 + self.thickness_mm * (area_mm2(self.outline) - open_mm2) + pins_mm3
+        count, plate = len(self.lenses), self.plate
+        open_mm2 = count * opening_mm2 + sum(pi * hole.radius_mm**2 for hole in plate.holes)
+        pins_mm3 = sum(pi * pin.radius_mm**2 * pin.height_mm for pin in plate.pins)
+        return count * lens_mm3 + plate.thickness_mm * (area_mm2(self.outline) - open_mm2) + pins_mm3
 
     def placed(self, points: Float[np.ndarray, "n d"], number: int) -> Float[np.ndarray, "n d"]:
         """Points (mm) of the lens, in its own coordinates, at the place and turn of lens ``number``; d is 2 or 3."""
-        turn = self.lenses.turns_deg[number] * pi / 180.0
+        turn = radians(self.lenses.turns_deg[number])
         moved = np.array(points)
         if turn:
             moved[:, :2] = points[:, :2] @ np.array([[cos(turn), sin(turn)], [-sin(turn), cos(turn)]])
         moved[:, :2] += self.lenses.places_mm[number]
         return moved
+
+    def thinnest_wall(self, opening: Float[np.ndarray, "n 2"]) -> PlateWall | None:
+        """The thinnest wall at its holes and pins; ``opening``: points (mm) around a cavity in z = 0.
+
+        None where it has neither.
+        """
+        plate, axes, largest = self.plate, np.array(self.lenses.places_mm), float(np.hypot(*opening.T).max())
+        found = list[PlateWall]()
+        for number, (name, mark) in enumerate(plate.marks):
+            away = np.hypot(*(axes - mark.place_mm).T)
+            near = np.flatnonzero(away <= away.min() + 2.0 * largest)
+            gaps = {"the cavity of a lens": min(self._gap_mm(opening, int(k), mark.place_mm) for k in near)}
+            gaps["the edge"] = plate.to_edge_mm(mark.place_mm, self.size_mm)
+            for other, one in plate.marks[:number]:
+                gaps[other] = mark.away_mm(one.place_mm) - one.radius_mm
+            found += [PlateWall(gap - mark.radius_mm, f"{name} and {other}") for other, gap in gaps.items()]
+        return min(found, key=lambda wall: wall.thickness_mm, default=None)
+
+    def _gap_mm(self, opening: Float[np.ndarray, "n 2"], number: int, place: Place) -> float:
+        """Distance (mm) of a place from the opening of a lens, below 0 within its smallest radius."""
+        nearest = float(np.hypot(*(self.placed(opening, number) - place).T).min())
+        axis = self.lenses.places_mm[number]
+        inside = hypot(place[0] - axis[0], place[1] - axis[1]) < float(np.hypot(*opening.T).min())
+        return -nearest if inside else nearest
 
 
 def layout_of(lens: Lens) -> PlateLayout | None:
@@ -122,43 +161,4 @@ def layout_of(lens: Lens) -> PlateLayout | None:
     if plate is None:
         return None
     lenses = plate.lenses(spec.lamps)
-    size = plate.size_mm(lenses, spec.constraints.max_radius_mm)
-    return PlateLayout(_outline(plate, size), plate.thickness_mm, lenses, plate.holes, plate.pins)
-
-
-def _outline(plate: PlateSection, size_mm: tuple[float, float]) -> Loop:
-    """The outline, counter-clockwise; lines of no length are left out."""
-    if plate.kind == "round":
-        return circle_at((0.0, 0.0), size_mm[0] / 2.0)
-    corner, half = plate.corner_radius_mm, (size_mm[0] / 2.0, size_mm[1] / 2.0)
-    edges = list[Edge]()
-    for x, y in ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)):
-        centre = (x * (half[0] - corner), y * (half[1] - corner))
-        along_x, along_y = (x * half[0], centre[1]), (centre[0], y * half[1])  # where sides across x and y end
-        ends = (along_x, along_y) if x * y > 0.0 else (along_y, along_x)
-        edges.append(Edge(*ends, centre))
-    lines = [Edge(one.end, other.start) for one, other in zip(edges, [*edges[1:], edges[0]], strict=True)]
-    chain = [edge for pair in zip(edges, lines, strict=True) for edge in pair]
-    return tuple(edge for edge in chain if hypot(edge.end[0] - edge.start[0], edge.end[1] - edge.start[1]) > 0.0)
-
-
-def require_walls(layout: PlateLayout, opening: Float[np.ndarray, "n 2"]) -> None:
-    """Raise :class:`InputError` for a pin that meets a cavity, whose ``opening`` (mm) in z = 0 are points around it."""
-    for number, pin in enumerate(layout.pins):
-        wall = _least_mm(layout, opening, pin.place_mm) - pin.radius_mm
-        if wall < MIN_BASE_WALL_MM:
-            raise InputError(
-                f"plate.pins.{number}: its wall to the cavity of a lens is {wall:.4g} mm; allowed: at least "
-                f"{MIN_BASE_WALL_MM:g}; move it between the lenses, or take a smaller one"
-            )
-
-
-def _least_mm(layout: PlateLayout, opening: Float[np.ndarray, "n 2"], place: Sequence[float]) -> float:
-    """Distance (mm) of ``place`` from the nearest opening; below 0 inside, by its distance from the axis there."""
-    found = []
-    for number, axis in enumerate(layout.lenses.places_mm):
-        ways = layout.placed(opening, number) - place
-        nearest = float(np.hypot(*ways.T).min())
-        inside = hypot(place[0] - axis[0], place[1] - axis[1]) < float(np.hypot(*opening.T).min())
-        found.append(-nearest if inside else nearest)
-    return min(found)
+    return PlateLayout(plate, plate.size_mm(lenses, spec.constraints.max_radius_mm), lenses)

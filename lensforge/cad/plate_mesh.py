@@ -15,7 +15,7 @@ from lensforge.cad.facets import MOST_TRIANGLES
 from lensforge.cad.mesh import BodyMesh, build_mesh
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import RIM, Plan
-from lensforge.cad.plate_layout import Loop, PlateLayout, points_on
+from lensforge.cad.plate_layout import Loop, PlateLayout, circle_at, points_on
 from lensforge.cad.plate_solid import PIN_END, PIN_SIDE, PLATE_BORE, PLATE_BOTTOM, PLATE_HOLE, PLATE_SIDE, PLATE_TOP
 
 _RINGS = 24  # of a lens to begin with: its facets are split where they are too far from their faces
@@ -81,7 +81,7 @@ def lens_mesh(plan: Plan[Patch], count: int) -> tuple[BodyMesh, float]:
 
 def build_plate_mesh(plan: Plan[Patch], layout: PlateLayout, lens: BodyMesh, chord_mm: float) -> BodyMesh:
     """Mesh the plate; ``lens``: one lens without a base, ``chord_mm``: of the round edges of the plate."""
-    parts, thickness = _Parts(), layout.thickness_mm
+    parts, thickness = _Parts(), layout.plate.thickness_mm
     optical = [name for name in lens.names if name != RIM]
     rim, mouth = (_rim_of(lens, boundary) for boundary in (plan.envelope, plan.cavity))
     outline, foot = _prism(parts, PLATE_SIDE, layout.outline, chord_mm, 0.0, thickness, outwards=True)
@@ -94,12 +94,13 @@ def build_plate_mesh(plan: Plan[Patch], layout: PlateLayout, lens: BodyMesh, cho
         parts.add_wall(PLATE_BORE, ids[mouth][::-1], below[::-1])
         tops.append(ids[rim])
         bottoms.append(below)
-    circles = layout.marks
-    for circle in circles[: len(layout.holes)]:
+    for hole in layout.plate.holes:
+        circle = circle_at(hole.place_mm, hole.radius_mm)
         edge, below = _prism(parts, PLATE_HOLE, circle, chord_mm, 0.0, thickness, outwards=False)
         tops.append(edge)
         bottoms.append(below)
-    for circle, pin in zip(circles[len(layout.holes) :], layout.pins, strict=True):
+    for pin in layout.plate.pins:
+        circle = circle_at(pin.place_mm, pin.radius_mm)
         edge, end = _prism(parts, PIN_SIDE, circle, chord_mm, thickness, pin.height_mm, outwards=True)
         parts.add_plane(PIN_END, end, [], up=False)
         bottoms.append(edge)

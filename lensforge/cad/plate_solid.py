@@ -41,7 +41,7 @@ def build_plate_solid(plan: Plan[Patch], layout: PlateLayout) -> Solid:
     whole = (Arc(0.0, FULL_TURN, "bare"),)
     envelope, rims = optical_faces(plan.envelope, whole, True, FROM_ORIGIN)
     cavity, (mouth,) = optical_faces(plan.cavity, whole, True, TO_ORIGIN)
-    bore, foot = walls_below(PLATE_BORE, mouth, layout.thickness_mm)
+    bore, foot = walls_below(PLATE_BORE, mouth, layout.plate.thickness_mm)
     lens = [*envelope, *cavity, *_all_facing(bore, TOWARDS)]
     rim = wire([edge for chain in rims for edge in chain])
     faces, openings, feet = Named(), list[Any](), list[Any]()
@@ -50,19 +50,19 @@ def build_plate_solid(plan: Plan[Patch], layout: PlateLayout) -> Solid:
         faces += [(name, _at(face, there)) for name, face in lens]
         openings.append(_wire_at(rim, there))
         feet.append(_wire_at(foot, there))
-    for hole in layout.holes:
-        sides, below, edge = _round_walls(PLATE_HOLE, hole.radius_mm, 0.0, layout.thickness_mm, TOWARDS)
+    for hole in layout.plate.holes:
+        sides, below, edge = _round_walls(PLATE_HOLE, hole.radius_mm, 0.0, layout.plate.thickness_mm, TOWARDS)
         there = _moved(hole.place_mm)
         faces += [(name, _at(face, there)) for name, face in sides]
         openings.append(_wire_at(edge, there))
         feet.append(_wire_at(below, there))
-    for pin in layout.pins:
-        sides, below, edge = _round_walls(PIN_SIDE, pin.radius_mm, layout.thickness_mm, pin.height_mm, AWAY)
+    for pin in layout.plate.pins:
+        sides, below, edge = _round_walls(PIN_SIDE, pin.radius_mm, layout.plate.thickness_mm, pin.height_mm, AWAY)
         there = _moved(pin.place_mm)
         faces += [(name, _at(face, there)) for name, face in [*sides, (PIN_END, facing(planar_face(below), DOWN))]]
         feet.append(_wire_at(edge, there))
     outline = _loop_edges(layout.outline, 0.0)
-    sides, bottom = walls_below(PLATE_SIDE, outline, layout.thickness_mm)
+    sides, bottom = walls_below(PLATE_SIDE, outline, layout.plate.thickness_mm)
     faces += _all_facing(sides, AWAY)
     faces.append((PLATE_TOP, facing(planar_face(wire(outline), *openings), UP)))
     faces.append((PLATE_BOTTOM, facing(planar_face(bottom, *feet), DOWN)))

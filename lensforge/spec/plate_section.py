@@ -4,7 +4,6 @@ Its top is the plane z = 0, in which the rims of the lenses lie, and its middle 
 down through it, as through a base.
 """
 
-from collections.abc import Sequence
 from math import hypot
 from typing import Annotated, Literal
 
@@ -32,6 +31,10 @@ class PlateMark(Section):
     def radius_mm(self) -> float:
         """Half of the diameter."""
         return self.diameter_mm / 2.0
+
+    def away_mm(self, place: Place) -> float:
+        """Distance of its axis from a place."""
+        return hypot(self.place_mm[0] - place[0], self.place_mm[1] - place[1])
 
 
 class PlateHole(PlateMark):
@@ -90,6 +93,12 @@ class PlateSection(Section):
         if (self.columns is None) != (self.rows is None):
             raise ValueError("columns and rows go together: give both, or neither")
         return self
+
+    @property
+    def marks(self) -> tuple[tuple[str, PlateMark], ...]:
+        """Holes and pins, each with its name in the spec."""
+        holes = tuple((f"plate.holes.{number}", hole) for number, hole in enumerate(self.holes))
+        return (*holes, *((f"plate.pins.{number}", pin) for number, pin in enumerate(self.pins)))
 
     def lenses(self, lamps: LampsSection | None) -> Lamps:
         """Places and turns of its lenses: those of ``lamps``, or its rows and columns of an endless lattice."""
@@ -150,19 +159,15 @@ def require_plate(plate: PlateSection, lamps: LampsSection | None, limits: Const
 
 def _require_clear(plate: PlateSection, size: tuple[float, float], lenses: Lamps, limits: ConstraintsSection) -> None:
     """Raise ``ValueError`` for a hole or a pin across the edge, another one, a lens, or a cavity."""
-    named: Sequence[tuple[str, PlateMark, float]] = [
-        *((f"plate.holes.{number}", hole, limits.max_radius_mm) for number, hole in enumerate(plate.holes)),
-        *((f"plate.pins.{number}", pin, limits.cavity_radius_mm) for number, pin in enumerate(plate.pins)),
-    ]
-    for number, (name, mark, around) in enumerate(named):
+    for number, (name, mark) in enumerate(plate.marks):
+        through = isinstance(mark, PlateHole)
+        around, what = (limits.max_radius_mm, "a lens") if through else (limits.cavity_radius_mm, "a cavity")
         stated = f"{name}: a diameter of {mark.diameter_mm:g} mm at ({mark.place_mm[0]:g}, {mark.place_mm[1]:g}) mm"
         if plate.to_edge_mm(mark.place_mm, size) <= mark.radius_mm:
             raise ValueError(f"{stated} crosses the edge of the plate; move it inwards, or make the plate larger")
-        away = min(hypot(mark.place_mm[0] - x, mark.place_mm[1] - y) for x, y in lenses.places_mm)
+        away = min(mark.away_mm(place) for place in lenses.places_mm)
         if away <= mark.radius_mm + around:
-            what = "a lens" if isinstance(mark, PlateHole) else "a cavity"
             raise ValueError(f"{stated} meets {what} of {around:g} mm radius, {away:.4g} mm away; move it between them")
-        for other, each, _ in named[:number]:
-            between = hypot(mark.place_mm[0] - each.place_mm[0], mark.place_mm[1] - each.place_mm[1])
-            if between <= mark.radius_mm + each.radius_mm:
+        for other, one in plate.marks[:number]:
+            if mark.away_mm(one.place_mm) <= mark.radius_mm + one.radius_mm:
                 raise ValueError(f"{stated} meets {other}; move one of the two")

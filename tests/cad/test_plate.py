@@ -18,6 +18,7 @@ from lensforge.cad.plate_solid import build_plate_solid
 from lensforge.cad.step import parse_step
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
+from lensforge.shop.check import check_lens
 
 INNER, OUTER = 0.8, 2.45  # mm; constraints.max_radius_mm is twice the outer
 RING = {"kind": "ring", "count": 3, "diameter_mm": 14.0}
@@ -133,9 +134,10 @@ def test_a_lens_beside_its_place_fails(ring: Part, monkeypatch: pytest.MonkeyPat
 
 
 def test_a_hole_that_the_solid_lacks_fails(ring: Part, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(
-        plate_export, "build_plate_solid", lambda plan, layout: build_plate_solid(plan, replace(layout, holes=()))
-    )
+    def without(plan: Any, layout: Any) -> Any:
+        return build_plate_solid(plan, replace(layout, plate=layout.plate.model_copy(update={"holes": ()})))
+
+    monkeypatch.setattr(plate_export, "build_plate_solid", without)
     assert {"plate_volume_error", "plate_genus_difference"} <= set(failed(build_part(ring.lens, rings=16)))
 
 
@@ -159,7 +161,8 @@ def test_lenses_that_overlap_and_pins_in_a_cavity_are_refused_in_one_line() -> N
     with pytest.raises(InputError, match=r"^plate: two lenses, 4 mm apart, overlap; raise the pitch.*$"):
         build_part(replace(lens, spec=lens.spec.replace(narrow)), rings=16)
     pin = {"place_mm": [0.9, 0.0], "diameter_mm": 0.4, "height_mm": 1.0}
-    with pytest.raises(InputError, match=r"^plate\.pins\.0: its wall to the cavity of a lens is -0\.1\d* mm.*0\.01.*$"):
+    words = r"^plate: the wall between plate\.pins\.0 and the cavity of a lens is -0\.1\d* mm; .* at least 0\.01;.*$"
+    with pytest.raises(InputError, match=words):
         build_part(on_plate({"thickness_mm": 1.0, "pins": [pin]}), rings=16)
 
 
@@ -171,3 +174,36 @@ def test_an_outline_is_sampled_within_its_chord() -> None:
     shoelace = 0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
     assert shoelace == pytest.approx(12.0 * 9.0 - (4.0 - np.pi) * 4.5**2, abs=9.0 * np.pi * 1e-3)
     assert shoelace < area_mm2(layout.outline), "chords lie inside"
+
+
+@pytest.mark.parametrize(
+    ("cutter", "make", "holds"), [(2.0, "part", True), (2.1, "part", False), (2.1, "insert", None)]
+)
+def test_the_ball_must_fit_between_lenses_that_are_cut(cutter: float, make: str, holds: bool | None) -> None:
+    """Spheres of 2.45 mm, 9 mm apart, leave 4.1 mm."""
+    lens = on_plate({"thickness_mm": 1.0}, {"kind": "table", "places_mm": [[-4.5, 0.0], [4.5, 0.0]]})
+    spec = lens.spec.replace({"manufacture.cutter_radius_mm": cutter, "manufacture.make": make})
+    found = [each for each in check_lens(replace(lens, spec=spec)).verdicts if each.name == "gap"]
+    assert [each.holds for each in found] == ([] if holds is None else [holds])
+    for each in found:
+        assert each.limit == pytest.approx(4.1, abs=2e-3)
+        assert ("manufacture.cutter_radius_mm = 2.0" in each.remedy) == (not each.holds)
+
+
+@pytest.mark.parametrize(
+    ("place", "wall", "between"),
+    [
+        ([1.2, 0.0], 1.2 - 0.2 - INNER, "the cavity of a lens"),
+        ([0.0, -3.0], 3.5 - 3.0 - 0.2, "the edge"),
+        ([2.4, 2.8], 0.4 - 0.2 - 0.1, "plate.holes.0"),
+    ],
+)
+def test_the_thinnest_wall_of_a_plate_is_found(place: list[float], wall: float, between: str) -> None:
+    """A plate of 7 x 7 mm about one lens, a hole in its corner, and a pin of 0.4 mm somewhere."""
+    hole = {"place_mm": [2.8, 2.8], "diameter_mm": 0.2}
+    pin = {"place_mm": place, "diameter_mm": 0.4, "height_mm": 1.0}
+    plate = {"thickness_mm": 1.0, "width_mm": 7.0, "height_mm": 7.0, "holes": [hole], "pins": [pin]}
+    lens = make_lens(INNER, OUTER, base={"kind": "none"})
+    spec = lens.spec.replace({"constraints.max_radius_mm": 2.5, "plate": plate})
+    (found,) = [each for each in check_lens(replace(lens, spec=spec)).verdicts if each.name == "plate"]
+    assert found.value == pytest.approx(wall, abs=1e-6) and f"between plate.pins.0 and {between}" in found.reason
