@@ -116,7 +116,7 @@ def read_arrays(path: Path, sha256: object, remedy: str) -> dict[str, np.ndarray
 
 
 SCHEMA_VERSION = 3  # 1: the records of version 0.1.0, which named no schema; 2: of one receiver, a square on the axis
-_MOST_FILE_BYTES = 384 * MIB  # of a CAD file or a mesh: eight million triangles, several times those of a reference run
+MOST_FILE_BYTES = 384 * MIB  # of a CAD file or a mesh: eight million triangles, several times those of a reference run
 _ARRAYS = "arrays_sha256"  # the key of the npz file's hash in the JSON
 _UNHASHED = ("seconds", "version")  # differ between runs with the same result
 
@@ -131,7 +131,7 @@ class InFile:
     """Marks a field of bytes that are the file ``name`` of a result folder, which has at most ``most_bytes``."""
 
     name: str
-    most_bytes: int = _MOST_FILE_BYTES
+    most_bytes: int = MOST_FILE_BYTES
 
     def beside(self, stage: str, stem: str) -> str:
         """Name of the file that belongs to ``stem``.json: ``lens_x.ies`` to ``photometry_x.json``."""

@@ -18,7 +18,6 @@ from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.several_sources import SeveralSources
 from lensforge.spec import Spec
 
-
 _SMOOTH = 0.25  # width of the smooth maximum over the mean NMSE
 
 
@@ -38,9 +37,8 @@ class LightOfSources:
 class MeritOfSources(Merit[LightOfSources]):
     """The merits ``members`` of ``source`` by their ``shares``, which add up to 1; ``worst``: the worst counts.
 
-    A step sees a smooth maximum: each loss counts by ``exp(loss / width)``, the width a quarter of the mean NMSE. By the
-    largest alone every step would follow another LED, and the largest end 1.15 times as large (three LEDs of 1.0 to
-    1.4 mm, a rectangle from a lens of 6 mm). Judgements take the largest itself.
+    A step sees a smooth maximum: each loss counts by ``exp(loss / width)``, the width a quarter of the mean NMSE. By
+    the largest alone every step would follow another LED. Judgements take the largest itself.
     """
 
     source: SeveralSources

@@ -11,13 +11,14 @@ from lensforge.cad.form_error import fit_lens
 from lensforge.cad.part import Part, SplineNodes
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import lay_out
+from lensforge.cad.plate_export import room_on_plate
 from lensforge.cad.wall import Span, thickest, thinnest
 from lensforge.scene.lens import Lens
 from lensforge.shop.ball_clearance import check_ball_clearance, read_base_mesh
 from lensforge.shop.check_result import Check, Wall, Walls
 from lensforge.shop.face_check import FaceCheck, check_face, face_result
 from lensforge.shop.face_samples import OpticalFace, air_side
-from lensforge.shop.findings import check_findings, wall_criteria
+from lensforge.shop.findings import check_findings, plate_findings, wall_criteria
 from lensforge.shop.tool_reach import check_tools
 
 
@@ -50,7 +51,10 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
         relief=relief,
         tools=tools,
         criteria=wall_criteria(lens.spec, walls),
-        verdicts=check_findings(lens.spec, results, walls.thinnest.thickness_mm, relief, tools),
+        verdicts=(
+            *check_findings(lens.spec, results, walls.thinnest.thickness_mm, relief, tools),
+            *plate_findings(lens.spec, *room_on_plate(lens, pair)),
+        ),
         seconds=time.perf_counter() - started,
         chart_axis=next(iter(faces.values())).samples.grid.axis,
         **results,

@@ -16,6 +16,8 @@ _SUBJECTS = {
     "tool": "Tool reaches it",
     "draft": "Draft suffices",
     "wall": "Wall suffices",
+    "gap": "Ball fits between lenses",
+    "plate": "Walls of the plate suffice",
 }
 
 
@@ -44,7 +46,8 @@ def finding_groups(check: Check) -> list[Group]:
 def cutting_reasons(check: Check, spec: Spec) -> Iterator[Reason]:
     """Reasons why the lens cannot be cut."""
     for finding in check.verdicts:
-        counts = finding.name != "tool" and not (finding.name == "wall" and spec.manufacture.make == "insert")
+        of_part = finding.name in ("wall", "plate") and spec.manufacture.make == "insert"  # an insert has none of them
+        counts = finding.name != "tool" and not of_part
         if counts and not finding.holds:
             yield "fail", finding.reason
     for name in check.faces:  # one tool is enough

@@ -80,7 +80,7 @@ class BallClearance(Record):
 
 FaceMap = Annotated[Float[np.ndarray, "c c"], Array("c", "c", gaps=True)]
 FacePoints = Annotated[Float[np.ndarray, "c c 3"], Array("c", "c", 3, gaps=True)]
-FindingName = Literal["cutter", "relief", "tilt", "wall", "draft", "tool"]
+FindingName = Literal["cutter", "relief", "tilt", "wall", "draft", "tool", "gap", "plate"]
 BODY = "body"  # the surface of a finding on none of the faces
 
 

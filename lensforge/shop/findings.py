@@ -3,8 +3,9 @@
 All follow from the measurements of the check and the spec alone.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import ceil, degrees, floor
+from typing import TYPE_CHECKING
 
 from lensforge.cad.part_limits import NORMAL_LIMIT_MRAD
 from lensforge.results import Sense
@@ -29,6 +30,9 @@ from lensforge.shop.check_result import (
 )
 from lensforge.spec import BaseSection, Spec
 
+if TYPE_CHECKING:
+    from lensforge.cad.plate_layout import PlateWall
+
 GOOD_DRAFT_DEG = 2.0
 _WHOLE = 1.0 - 1e-9  # share that counts as the whole face
 _BALL = 1.0 + 1e-6  # relative: a ball that is larger than the largest by rounding still reaches the face
@@ -44,6 +48,8 @@ _KINDS: dict[FindingName, tuple[Sense, str]] = {
     "wall": (">=", "mm"),
     "draft": (">=", "deg"),
     "tool": (">=", "of the face"),
+    "gap": ("<=", "mm"),
+    "plate": (">=", "mm"),
 }
 
 
@@ -196,6 +202,22 @@ def wall_finding(wall_mm: float, spec: Spec) -> Finding:
     word, thinnest = "at least" if holds else "less than", quantity(wall_mm, "mm", digits=4)
     reason = f"the thinnest wall is {thinnest}, {word} constraints.min_thickness_mm = {required_mm:g}"
     return _finding("wall", BODY, wall_mm, limit, reason, changes)
+
+
+def plate_findings(spec: Spec, gap_mm: float | None, wall: "PlateWall | None") -> Iterator[Finding]:
+    """Room for the ball between the lenses of the plate, where these are cut, and the thinnest wall of the plate."""
+    shop, required_mm = spec.manufacture, spec.constraints.min_thickness_mm
+    if gap_mm is not None and shop.make == "part":
+        wide = 2.0 * shop.cutter_radius_mm
+        fits = "fits" if wide <= gap_mm else "does not fit"
+        reason = f"a ball of {quantity(wide, 'mm')} diameter {fits} between two lenses, {quantity(gap_mm, 'mm')} apart"
+        changes = [f"manufacture.cutter_radius_mm = {_down(gap_mm / 2.0)}", "a wider pitch of lamps"]
+        yield _finding("gap", BODY, wide, gap_mm, reason, changes)
+    if wall is not None:
+        thinnest = f"{quantity(wall.thickness_mm, 'mm', digits=4)} thick between {wall.between}"
+        reason = f"the plate is {thinnest}; constraints.min_thickness_mm = {required_mm:g}"
+        limit = least_wall_mm(spec)
+        yield _finding("plate", BODY, wall.thickness_mm, limit, reason, ["another place for one of the two"])
 
 
 def draft_finding(surface: str, face: FaceResult, spec: Spec) -> Finding:

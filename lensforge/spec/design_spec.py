@@ -20,6 +20,7 @@ from lensforge.spec.lamps_section import AnyLamps, Lamps, lamps_of, require_toge
 from lensforge.spec.lens_section import AnyLens, LensSection
 from lensforge.spec.light_limits import LightLimitSpec, PhotometrySection, require_limit_fits, require_seen_from_afar
 from lensforge.spec.part_section import BaseSection, DrawingSection, ManufactureSection
+from lensforge.spec.plate_section import PlateSection, require_plate
 from lensforge.spec.receiver_sections import (
     AnyReceiver,
     FarFieldReceiver,
@@ -89,6 +90,8 @@ class Spec(Section):
     """Settings of the simulation of the finished lens."""
     base: BaseSection = Field(default_factory=BaseSection)
     """The clamping base, which holds the lens below z = 0."""
+    plate: PlateSection | None = None
+    """The plate that carries the lenses of ``lamps`` in one piece; by default none is made."""
     manufacture: ManufactureSection = Field(default_factory=ManufactureSection)
     """Equipment of the shop, and names for its files."""
     drawing: DrawingSection = Field(default_factory=DrawingSection)
@@ -237,9 +240,16 @@ class Spec(Section):
     def _lamps_have_room(self) -> "Spec":
         if self.lamps is not None and not self.all_lamps.alone:
             lenses, receivers = self.photometry.lenses, self.all_receivers
-            require_together(self.all_lamps, self.constraints, self.base, receivers, lenses)
+            base = BaseSection(kind="none") if self.plate is not None else self.base  # the plate holds the lenses
+            require_together(self.all_lamps, self.constraints, base, receivers, lenses)
             if self.evaluate.window_mm is not None:
                 raise ValueError("evaluate.window_mm: of lamps together the whole receiver counts; leave it out")
+        return self
+
+    @model_validator(mode="after")
+    def _plate_holds_its_lenses(self) -> "Spec":
+        if self.plate is not None:
+            require_plate(self.plate, self.lamps, self.constraints)
         return self
 
     @model_validator(mode="after")
