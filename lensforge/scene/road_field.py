@@ -25,7 +25,7 @@ _LEAST_ALONG, _STEP_M, _ACROSS_OF_LANE, _ACROSS_M, _LEAST_ACROSS = 10, 3.0, 3, 1
 # Lamps that count, in heights: for luminance towards the eye, away from it and aside; for illuminance around a point.
 _TOWARDS, _AWAY, _ASIDE, _AROUND = 5.0, 12.0, 5.0, 5.0
 # The eye: metres before the field and above the road; for glare it sees under the roof of a car.
-_BEFORE_M, _EYE_M, _VIEW_DOWN_DEG, _ROOF_DEG, _FIRST, _SEEN_M = 60.0, 1.5, 1.0, 20.0, 2.75, 500.0
+BEFORE_M, _EYE_M, _VIEW_DOWN_DEG, _ROOF_DEG, _FIRST, _SEEN_M = 60.0, 1.5, 1.0, 20.0, 2.75, 500.0
 # Veiling luminance for an eye of 23 years, by angles (deg) from the line of sight: EN 13201-3, 8.5.
 _AGE, _SMALL_DEG, _LEAST_DEG, _MOST_DEG = 23.0, 1.5, 0.1, 60.0
 _WIDE = 9.86 * (1.0 + (_AGE / 66.4) ** 4)
@@ -111,6 +111,14 @@ class _Lamps:
         ]
         return _Lamps(road, *(np.concatenate(each) for each in zip(*found, strict=True)))
 
+    @property
+    def foot_y(self) -> Points:
+        """Where the pole of each stands: at its edge, straight below a lamp beside it, in the middle of a median."""
+        road = self.road
+        if road.arrangement == "median":
+            return np.full_like(self.y, road.width_m + 0.5 * road.median_m)
+        return self.y - self.facing * max(road.overhang_m, 0.0)
+
     def light(self, x: Points, y: Points, height_m: float, weights: Float[np.ndarray, "k l"]) -> CandelaSum:
         """Sum over the lamps of ``weights`` times the intensity towards each point, which is ``height_m`` up."""
         from scipy import sparse
@@ -152,7 +160,7 @@ class RoadReadings:
         outside_right, inside_right, outside_left, inside_left = (_illuminance(road, *ends).mean() for ends in strips)
         return RoadReadings(
             road,
-            tuple(_luminance(road, surface, y) for y in lanes),
+            tuple(_luminance(road, surface, y, *_field(road)) for y in lanes),
             tuple(_veiling(road, y) for y in lanes),
             _illuminance(road, 0.0, width),
             (CandelaSum.joined((outside_right, inside_right)), CandelaSum.joined((outside_left, inside_left))),
@@ -167,6 +175,40 @@ class RoadReadings:
         """Points of the luminance on the middle line of a lane."""
         first = (lane * _ACROSS_OF_LANE + _ACROSS_OF_LANE // 2) * self.along
         return slice(first, first + self.along)
+
+
+@dataclass(frozen=True)
+class DriverView:
+    """View of the driver in ``lane`` (0 is the right one): a pinhole camera at the eye, which looks along the road.
+
+    The eye is 60 m before the field and 1.5 m above the road. Places in the picture are tangents, to the right and up
+    from the horizon straight ahead: what is d ahead on the road lies 1.5 m/d below it.
+    """
+
+    road: RoadSection
+    lane: int
+
+    def seen(
+        self, x: Float[np.ndarray, "*k"], y: Float[np.ndarray, "*k"], z: Float[np.ndarray, "*k"]
+    ) -> Float[np.ndarray, "*k 2"]:
+        """Places in the picture of points in the frame of the road, which lie ahead of the eye."""
+        ahead = x + BEFORE_M
+        return np.stack([(self._eye_y - y) / ahead, (z - _EYE_M) / ahead], axis=-1)
+
+    def luminance(self, x: Points, y: Points) -> CandelaSum:
+        """Luminance of points of the road by lamps as they are when new; nearer than the field by the same table."""
+        road = self.road
+        surface = RoadSurface.of(road.surface, road.surface_file, road.surface_q0)
+        return _luminance(road, surface, self._eye_y, x, y)
+
+    def lamps(self, near_m: float, far_m: float) -> tuple[Points, Points, Points]:
+        """x and y of the lamps within two distances from the eye, and y of the feet of their poles."""
+        lamps = _Lamps.between(self.road, near_m - BEFORE_M, far_m - BEFORE_M)
+        return lamps.x, lamps.y, lamps.foot_y
+
+    @property
+    def _eye_y(self) -> float:
+        return (self.lane + 0.5) * self.road.lane_m
 
 
 def steps_along(road: RoadSection) -> Points:
@@ -190,13 +232,18 @@ def lux_across(low_m: float, high_m: float) -> Points:
     return steps
 
 
-def _luminance(road: RoadSection, surface: RoadSurface, eye_y: float) -> CandelaSum:
-    """Luminance of the field for an eye in the middle of a lane, 60 m before it."""
-    x, y = (each.ravel() for each in np.meshgrid(steps_along(road), steps_across(road)))
+def _field(road: RoadSection) -> tuple[Points, Points]:
+    """Points of the luminance, row by row along the road."""
+    x, y = np.meshgrid(steps_along(road), steps_across(road))
+    return x.ravel(), y.ravel()
+
+
+def _luminance(road: RoadSection, surface: RoadSurface, eye_y: float, x: Points, y: Points) -> CandelaSum:
+    """Luminance of points of the road for an eye in the middle of a lane, 60 m before the field."""
     high = road.pole_height_m
-    lamps = _Lamps.between(road, -_TOWARDS * high, road.pole_spacing_m + _AWAY * high)
+    lamps = _Lamps.between(road, float(x.min()) - _TOWARDS * high, float(x.max()) + _AWAY * high)
     beyond, aside = lamps.x - x[:, None], lamps.y - y[:, None]
-    turn = np.arctan2(aside, beyond) - np.arctan2(y - eye_y, x + _BEFORE_M)[:, None]
+    turn = np.arctan2(aside, beyond) - np.arctan2(y - eye_y, x + BEFORE_M)[:, None]
     beta = np.degrees(np.arccos(np.clip(np.cos(turn), -1.0, 1.0)))
     tan_gamma = np.hypot(beyond, aside) / high
     beta = np.where(tan_gamma > 0.0, beta, 0.0)
