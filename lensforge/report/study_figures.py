@@ -130,7 +130,10 @@ def road_from_above(found: Photometry, index: int, spec: Spec) -> Figure:
     road, judged, readings = spec.roads[index], found.roads[index], RoadReadings.of(spec.roads[index])
     candela = _kept_candela(found, road, spec)
     across, unit = (steps_across(road), "cd/m²") if road.by_luminance else (lux_across(0.0, road.width_m), "lx")
-    lights = readings.luminance[::-1] if road.by_luminance else (readings.illuminance,)
+    drivers = sorted(judged.drivers, key=lambda driver: -road.from_right(driver.lane - 1))
+    lights = (
+        [readings.luminance[driver.lane - 1] for driver in drivers] if road.by_luminance else [readings.illuminance]
+    )
     seen = [light.of(candela(light)).reshape(len(across), -1) for light in lights]
     least, top = min(float(each.min()) for each in seen), max(float(each.max()) for each in seen) or 1.0
     figure = Figure(figsize=(WIDE, 0.5 + 1.3 * len(seen)), layout="constrained")
@@ -139,8 +142,10 @@ def road_from_above(found: Photometry, index: int, spec: Spec) -> Figure:
     for light, axes in zip(seen, views, strict=True):
         _road_view(axes, light, road, across, levels, top)
     if road.by_luminance:
-        for driver, axes in zip(reversed(judged.drivers), views, strict=True):
-            axes.plot(0.0, (driver.lane - 0.5) * road.lane_m, ">", color=ORANGE, clip_on=False, markersize=6.0)
+        for driver, axes in zip(drivers, views, strict=True):
+            at = DriverView(road, driver.lane - 1)
+            start = at.place(np.zeros(1)).item()
+            axes.plot(start, at.y, "<" if at.oncoming else ">", color=ORANGE, clip_on=False, markersize=6.0)
             axes.set_title(_of_driver(driver), loc="left", fontsize=8.0)
     views[-1].set(xlabel="along the road (m)")
     figure.colorbar(views[0].images[0], ax=list(views), label=unit)
@@ -157,27 +162,24 @@ def _kept_candela(found: Photometry, road: RoadSection, spec: Spec) -> Candela:
 def road_by_night(found: Photometry, index: int, spec: Spec) -> Figure:
     """A road of a class M from the eye of each driver, the left lane first, in its luminance, with its lamps."""
     road, candela = spec.roads[index], _kept_candela(found, spec.roads[index], spec)
-    views = [DriverView(road, lane) for lane in reversed(range(road.lanes))]
-    away, y = np.meshgrid(
-        1.0 / np.linspace(1.0 / _NEAR_M, 1.0 / _FAR_M, _ROWS),
-        np.linspace(0.0, road.width_m, _PER_LANE * road.lanes + 1),
-    )
-    x = away - BEFORE_M
-    lights = [view.luminance(x.ravel(), y.ravel()) for view in views]
-    seen = [light.of(candela(light)).reshape(x.shape) for light in lights]
+    views = [DriverView(road, lane) for lane in sorted(range(road.lanes), key=road.from_right, reverse=True)]
+    away = 1.0 / np.linspace(1.0 / _NEAR_M, 1.0 / _FAR_M, _ROWS)  # even steps in the picture
+    away, y = np.meshgrid(away, np.linspace(0.0, road.width_m, _PER_LANE * road.lanes + 1))
+    lights = [view.luminance(view.place(away.ravel() - BEFORE_M), y.ravel()) for view in views]
+    seen = [light.of(candela(light)).reshape(y.shape) for light in lights]
     top = max(float(each.max()) for each in seen) or 1.0
     roof = min(_ABOVE_LAMPS * road.pole_height_m / BEFORE_M, _MOST_UP)
     tall = WIDE * (roof + _DOWN) / (2.0 * _ASIDE)
     figure = Figure(figsize=(WIDE, 0.2 + (0.15 + 0.85 * tall) * len(seen)), layout="constrained")
     all_axes = figure.subplots(len(seen), 1, squeeze=False)[:, 0]
     for view, light, axes in zip(views, seen, all_axes, strict=True):
-        spots = view.seen(x, y, np.zeros_like(x))
+        spots = view.seen(view.place(away - BEFORE_M), y, np.zeros_like(y))
         road_colours = axes.pcolormesh(
             *np.moveaxis(spots, -1, 0), light, cmap="inferno", vmin=0.0, vmax=top, shading="gouraud", rasterized=True
         )
         _by_the_road(axes, view)
         axes.set(xlim=(-_ASIDE, _ASIDE), ylim=(-_DOWN, roof), aspect="equal", xticks=[], yticks=[], facecolor="black")
-        axes.set_title(f"from lane {view.lane + 1}", loc="left", fontsize=8.0)
+        axes.set_title(f"from lane {view.lane + 1}{', oncoming' * view.oncoming}", loc="left", fontsize=8.0)
     figure.colorbar(road_colours, ax=list(all_axes), label="cd/m²")
     return figure
 
@@ -185,7 +187,8 @@ def road_by_night(found: Photometry, index: int, spec: Spec) -> Figure:
 def _by_the_road(axes: Axes, view: DriverView) -> None:
     """Lines between the lanes and at the ends of the field; poles with their arms, and lamps."""
     road, high = view.road, view.road.pole_height_m
-    lines = [(np.array([_NEAR_M, _FAR_M]) - BEFORE_M, np.full(2, k * road.lane_m)) for k in range(road.lanes + 1)]
+    shown = view.place(np.array([_NEAR_M, _FAR_M]) - BEFORE_M)
+    lines = [(shown, np.full(2, k * road.lane_m)) for k in range(road.lanes + 1)]
     ends = [(np.full(2, end), np.array([0.0, road.width_m])) for end in (0.0, road.pole_spacing_m)]
     for along, aside in (*lines, *ends):
         axes.plot(*view.seen(along, aside, np.zeros(2)).T, color="white", linewidth=0.5)

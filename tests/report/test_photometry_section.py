@@ -111,24 +111,33 @@ def lens_on(**road):
     return small_lens(wanted={"target": far, "roads": [ON_A_ROAD | road]})
 
 
-def test_a_road_by_night_has_its_lamps_in_place_and_the_luminance_of_its_drivers():
+@pytest.mark.parametrize(
+    ("fields", "seats"),
+    [
+        ({}, [(2, 5.25, 1), (1, 1.75, 1)]),
+        ({"driving_side": "left", "oncoming_lanes": 1}, [(1, 5.25, 1), (2, 1.75, -1)]),
+    ],
+)
+def test_a_road_by_night_has_its_lamps_in_place_and_the_luminance_of_its_drivers(fields, seats):
     """From the left lane first. A lamp at the right edge is 6.5 m above the eye and y aside, at 60 m and at 90 m."""
-    lens = lens_on(lighting_class="M4")
+    lens = lens_on(lighting_class="M4", **fields)
     found = make_photometry(lens)
-    for driver, eye_y, axes in zip(
-        found.roads[0].drivers[::-1], (5.25, 1.75), road_by_night(found, 0, lens.spec).axes, strict=False
-    ):
+    night, above = (draw(found, 0, lens.spec).axes[:2] for draw in (road_by_night, road_from_above))
+    for (lane, eye_y, heading), axes, plan in zip(seats, night, above, strict=True):
         mesh, *_, heads = axes.collections
         middles = np.array([path.vertices[[0, 2]].mean(axis=0) for path in heads.get_paths()])
         for away in (60.0, 90.0):
-            assert np.abs(middles - np.array([eye_y, 6.5 - 0.06]) / away).max(axis=1).min() < 1e-9
+            assert np.abs(middles - np.array([heading * eye_y, 6.5 - 0.06]) / away).max(axis=1).min() < 1e-9
         u, v = np.moveaxis(mesh.get_coordinates(), -1, 0)
         away = -1.5 / v
-        assert np.allclose((u * away)[[0, -1]], [[eye_y], [eye_y - 7.0]])  # both edges of the road
+        assert np.allclose((u * away)[[0, -1]], heading * np.array([[eye_y], [eye_y - 7.0]]))  # the edges of the road
         rows, field = mesh.get_array().reshape(u.shape), np.arange(61.5, 90.0, 3.0)
         mean = np.mean([np.interp(field, ahead, row) for ahead, row in zip(away, rows, strict=True)])
-        assert mean == pytest.approx(driver.mean_cd_per_m2.value, rel=0.01)
-        assert axes.get_title("left") == f"from lane {driver.lane}"
+        assert mean == pytest.approx(found.roads[0].drivers[lane - 1].mean_cd_per_m2.value, rel=0.01)
+        assert plan.images[0].get_array().mean() == pytest.approx(mean, rel=0.01)
+        assert axes.get_title("left") == f"from lane {lane}" + (", oncoming" if heading < 0 else "")
+        (arrow,) = (line for line in plan.lines if line.get_marker() in "<>")
+        assert [*arrow.get_xydata()[0], arrow.get_marker()] == [15.0 - 15.0 * heading, eye_y, "<>"[heading > 0]]
 
 
 @pytest.mark.parametrize("lighting_class", ["M4", "P2"])
