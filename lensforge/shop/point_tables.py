@@ -11,12 +11,11 @@ found: error and spacing follow a power law. A face that ends at creases has rin
 
 from dataclasses import dataclass
 from numbers import Real
-from typing import get_args
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.cad.boundary import WHOLE, Domain, lens_boundaries
 from lensforge.cad.part import Part
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
@@ -24,6 +23,9 @@ from lensforge.shop.check_result import Check
 from lensforge.shop.handover import Interpolation, PointGrid
 from lensforge.spec.spec_section import rounded_up
 from lensforge.surfaces.surface import Surface, scaled
+
+if TYPE_CHECKING:
+    from lensforge.cad.boundary import Domain
 
 POINT_COLUMNS = "surface,x_mm,y_mm,z_mm,nx,ny,nz,polar_deg,azimuth_deg,departure_mm"
 COLUMNS = "x_mm,y_mm,z_mm,nx,ny,nz,polar_deg,azimuth_deg"
@@ -80,17 +82,19 @@ class GridRequest:
 class FaceToCut:
     """A face as it is cut; ``air``: 1 where the air lies outside of its ``surface``, -1 where inside.
 
-    ``domain``: the part of the chart on which it bounds the lens.
+    ``domain``: the part of the chart on which it bounds the lens; None for all of the hemisphere.
     """
 
     name: str
     surface: Surface
     air: int
-    domain: Domain = WHOLE
+    domain: "Domain | None" = None
 
     @property
     def ends_deg(self) -> tuple[float, float]:
         """Polar angles (degrees) between which it lies: 0 and 90 from the apex to the rim."""
+        if self.domain is None:
+            return 0.0, _RIM_DEG
         low, high = (float(np.degrees(2.0 * np.arctan(radius))) for radius in self.domain.extent)
         return low, high if self.domain.outside is not None else _RIM_DEG
 
@@ -100,7 +104,7 @@ class FaceToCut:
         begin, end = self.ends_deg
         turn, polar = np.array([0.0, 90.0, 180.0, 270.0]), np.linspace(begin, end, _TRIED_DEG)
         points, _ = self.at(np.stack(np.meshgrid(polar, turn, indexing="ij"), axis=-1).reshape(-1, 2))
-        if not self.domain.edges:
+        if self.domain is None:
             size = float(np.linalg.norm(points.reshape(_TRIED_DEG, 4, 3)[[0, -1]], axis=2).max())
             return size, size
         steps = np.diff(points.reshape(_TRIED_DEG, 4, 3), axis=0)
@@ -112,7 +116,7 @@ class FaceToCut:
         """Polar angle and azimuth (degrees) of every point to measure, the apex first."""
         polar, azimuth = np.meshgrid(_POLAR_DEG, _AZIMUTH_DEG, indexing="ij")
         found = np.concatenate([np.zeros((1, 2)), np.stack([polar.ravel(), azimuth.ravel()], axis=-1)])
-        if not self.domain.edges:
+        if self.domain is None:
             return found
         radius, (low, high) = np.tan(0.5 * np.radians(found[:, 0])), self.domain.radii(np.radians(found[:, 1]))
         inside: Float[np.ndarray, "n 2"] = found[(radius >= low) & (radius <= high + 1e-12)]
@@ -128,10 +132,12 @@ class FaceToCut:
 
 def faces_to_cut(lens: Lens) -> list[FaceToCut]:
     """The faces as they are cut: scaled for a mould insert, whose air is on the side of the lens's material."""
-    from lensforge.shop.face_samples import air_side  # and with it SciPy
+    from lensforge.cad.boundary import lens_boundaries  # and with it SciPy
+    from lensforge.shop.face_samples import air_side
 
     shop = lens.spec.manufacture
-    domains = {face.name: face.domain for boundary in lens_boundaries(lens) for face in boundary.faces}
+    trimmed = {face.name: face.domain for boundary in lens_boundaries(lens) for face in boundary.faces}
+    domains = {name: domain if domain.edges else None for name, domain in trimmed.items()}
     return [
         FaceToCut(face.name, scaled(face.surface, shop.scale), air_side(face, shop), domains[face.name])
         for face in lens.body.faces
@@ -279,7 +285,7 @@ def _grid(table: DenseTable, errors: Float[np.ndarray, " k"], head: list[str], r
 def _found(face: FaceToCut, request: GridRequest) -> tuple[DenseTable, Float[np.ndarray, " k"]]:
     """The table of the spacing that is given, or of about the widest that keeps the error; and its errors (nm)."""
     span, scheme = np.radians(face.ends_deg[1] - face.ends_deg[0]), request.interpolation
-    along, around = face.lengths_mm if face.domain.edges else 2 * (float(face.at(np.zeros((1, 2)))[0][0, 2]),)
+    along, around = face.lengths_mm if face.domain else 2 * (float(face.at(np.zeros((1, 2)))[0][0, 2]),)
 
     def make(spacing_mm: float) -> DenseTable:
         _require_count((span * along / spacing_mm) * (2.0 * np.pi * around / spacing_mm), face, request)
@@ -323,7 +329,7 @@ def make_table(face: FaceToCut, spacing_mm: float, scheme: Interpolation) -> Den
     (along, around), span = face.lengths_mm, end_deg - begin_deg
     count = max(int(np.ceil(span / _MOST_STEP_DEG)), int(np.ceil(np.radians(span) * along / spacing_mm)))
     turns = 2 * max(4, int(np.ceil(np.pi * around / spacing_mm)))
-    begin = _BEYOND[scheme] if face.domain.inside is not None else 0
+    begin = _BEYOND[scheme] if begin_deg > 0.0 else 0
     step, rim, azimuths = span / count, begin + count, 360.0 / turns * np.arange(turns)
     first_deg = begin_deg - begin * step
     polar = first_deg + step * np.arange(rim + 1 + _BEYOND[scheme])
@@ -352,7 +358,7 @@ def _table_lines(table: DenseTable, request: GridRequest, error_nm: float, measu
         begins, apex, extent, where = "i p with", "the apex once; ", "", "beyond it"
         before = "; the ring before the apex is the first one from the other side, r with the other sign"
     rim = "reaches its crease"
-    if table.face.domain.outside is None:
+    if table.face.ends_deg[1] == _RIM_DEG:
         rim, where = "is the rim", where if table.begin else "below it"
     return [
         f"face: {table.face.name}; its air, where the tool is, lies {side} the origin",
