@@ -195,7 +195,9 @@ def test_several_specs_are_designed_in_one_call(tmp_path: Path, monkeypatch: pyt
     assert len(made) == 2
 
 
-def test_a_design_for_each_led_is_a_study_of_its_own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_design_for_each_led_is_a_study_of_its_own_folder(
+    examples: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(
         "lensforge.cli.studies.run_with_progress",
@@ -205,6 +207,11 @@ def test_a_design_for_each_led_is_a_study_of_its_own_folder(tmp_path: Path, monk
     ended = lensforge("design", "lens.toml", "--sources", "lens.toml", "--accuracy", "draft")
     assert ended.code in (0, 1) and "small in one lens for all" in ended.stdout
     assert Sweep.read(Path("cad_out/small_sources")).values == ("small", "wide", ONE_FOR_ALL)
+    for name in ("a.tm25ray", "b.tm25ray"):  # the shell writes a pattern out: the first is the option's value
+        shutil.copy(examples / "led.tm25ray", name)
+    options = "--accuracy", "draft", "--out", "listed"
+    ended = lensforge("design", "lens.toml", "--sources", "a.tm25ray", "b.tm25ray", *options)
+    assert ended.code in (0, 1) and Sweep.read(Path("listed")).values == ("a", "b")
     bad = lensforge("design", "lens.toml", "--sources", "none.ray")
     assert bad.code == 2 and "none.ray: no such file" in bad.stderr
 
