@@ -75,8 +75,13 @@ def test_every_face_of_a_lens_for_total_reflection_may_be_given(tmp_path: Path) 
     lens = spot_lens()
     lens.save(tmp_path / "lens.json")
     for name, surface in lens.surfaces.items():
-        found = spot(**{name: {"fixed": {"kind": "lens", "file": str(tmp_path), "face": name}}}).lens.faces[name].fixed
-        assert found is not None and np.array_equal(found.surface.radius(U), surface.radius(U))
+        spec = spot(**{name: {"fixed": {"kind": "lens", "file": str(tmp_path), "face": name}}})
+        begun = spot_lens(spec)
+        assert np.array_equal(begun.surfaces[name].radius(U), surface.radius(U)), "the search does not change it"
+        begun.save(tmp_path / "again.json")
+        assert lf.load_lens(tmp_path / "again.json").surfaces[name].radius(U) == pytest.approx(
+            surface.radius(U), rel=0.0
+        )
     with pytest.raises(
         InputError, match=r"lens\.exit\.fixed.*the faces of this lens are cap, side, wall, exit; give one"
     ):
