@@ -21,6 +21,7 @@ GROUPS = {
     "The paper's": ("flat_top", "flat_top_compact", "pi", "plus"),
     "For the shop": ("flat_top_milled", "robust_pi", "fixed_inner", "fixed_outer", "fixed_step_face"),
     "Real LEDs": ("led_rayfile", "led_colours", "osram_pi", "chip_array"),
+    "Colours": ("rgbw", "white_two_files"),
     "Other receivers": ("wall_washer", "curved_screen", "two_distances"),
     "Beams and lamps": ("batwing", "elliptical_beam", "from_ies", "signal", "street_lamp"),
     "Roads": ("road_m3", "road_wide", "road_luminance", "pedestrian"),

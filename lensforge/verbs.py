@@ -58,6 +58,7 @@ from lensforge.spec import (
 from lensforge.spec.emitter_section import (
     CosineIntensity,
     FileSpectrum,
+    GaussianSpectrum,
     LineSpectrum,
     PhotometricIntensity,
     TableIntensity,
@@ -71,7 +72,15 @@ from lensforge.spec.fixed_surface import (
     FixedPoints,
     FixedSphere,
 )
-from lensforge.spec.light_limits import BeamAngleLimit, GlareLimit, LineLimit, PhotometrySection, PointsLimit, ZoneLimit
+from lensforge.spec.light_limits import (
+    BeamAngleLimit,
+    ColourSection,
+    GlareLimit,
+    LineLimit,
+    PhotometrySection,
+    PointsLimit,
+    ZoneLimit,
+)
 from lensforge.spec.receiver_sections import CylinderReceiver, FarFieldReceiver, PlaneReceiver, SphereReceiver
 from lensforge.spec.shape_targets import (
     CrossTarget,
@@ -112,21 +121,22 @@ from lensforge.version import __version__
 
 __all__ = [
     "ArrayTarget", "BaseSection", "BatwingTarget", "BeamAngleLimit", "BeamTarget", "Cancelled", "Check", "Chip",
-    "ChipArraySource", "ChipsSource", "Conditions", "ConstraintsSection", "Correction", "CosineIntensity", "Criterion",
-    "CriterionMissed", "CrossTarget", "CylinderReceiver", "Design", "DiscSource", "DiscTarget", "DrawingSection",
-    "EllipseTarget", "EvaluateSection", "FaceSection", "FaceTolerances", "FarFieldReceiver", "FileSpectrum",
-    "FixedAsphere", "FixedBiconic", "FixedCadFace", "FixedLensFace", "FixedPoints", "FixedSphere", "FlatTopTarget",
-    "GlareLimit", "Handover", "ImageTarget", "InputError", "Lens", "LensSection", "LensforgeError", "Light",
-    "LimitResult", "LineLimit", "LineSpectrum", "LuminanceSource", "ManufactureSection", "Metric", "MissingResult",
-    "NamedSource", "OptimiseSection", "Part", "PartTolerances", "PhotoComparison", "PhotometricIntensity",
-    "PhotometricSummary", "PhotometricTarget", "Photometry", "PhotometrySection", "PlaneReceiver", "PointsLimit",
-    "PolygonTarget", "Possible", "Progress", "Proof", "RadianceSource", "RayFileSummary", "RaySource", "RayfilePart",
-    "RayfileSource", "RayfilesSource", "RectangleSource", "RectangleTarget", "RenamedWarning", "Results", "RingTarget",
-    "Run", "Sensitivity", "SourceWarning", "Spec", "SphereReceiver", "SpotsTarget", "SquareSource", "StrayLight",
-    "SurfaceComparison", "Sweep", "TableIntensity", "TableSpectrum", "TableTarget", "TextTarget", "ToleranceSpec",
-    "TolerancesSection", "Tool", "Tradeoff", "Verdict", "Yield", "ZoneLimit", "__version__", "best_design", "build",
-    "check", "compare", "correct", "design", "evaluate", "handover", "load", "load_lens", "load_spec", "photometry",
-    "rays", "redesign", "run", "sensitivity", "stray_light", "sweep", "tolerance", "tradeoff", "verify",
+    "ChipArraySource", "ChipsSource", "ColourSection", "Conditions", "ConstraintsSection", "Correction",
+    "CosineIntensity", "Criterion", "CriterionMissed", "CrossTarget", "CylinderReceiver", "Design", "DiscSource",
+    "DiscTarget", "DrawingSection", "EllipseTarget", "EvaluateSection", "FaceSection", "FaceTolerances",
+    "FarFieldReceiver", "FileSpectrum", "FixedAsphere", "FixedBiconic", "FixedCadFace", "FixedLensFace", "FixedPoints",
+    "FixedSphere", "FlatTopTarget", "GaussianSpectrum", "GlareLimit", "Handover", "ImageTarget", "InputError", "Lens",
+    "LensSection", "LensforgeError", "Light", "LimitResult", "LineLimit", "LineSpectrum", "LuminanceSource",
+    "ManufactureSection", "Metric", "MissingResult", "NamedSource", "OptimiseSection", "Part", "PartTolerances",
+    "PhotoComparison", "PhotometricIntensity", "PhotometricSummary", "PhotometricTarget", "Photometry",
+    "PhotometrySection", "PlaneReceiver", "PointsLimit", "PolygonTarget", "Possible", "Progress", "Proof",
+    "RadianceSource", "RayFileSummary", "RaySource", "RayfilePart", "RayfileSource", "RayfilesSource",
+    "RectangleSource", "RectangleTarget", "RenamedWarning", "Results", "RingTarget", "Run", "Sensitivity",
+    "SourceWarning", "Spec", "SphereReceiver", "SpotsTarget", "SquareSource", "StrayLight", "SurfaceComparison",
+    "Sweep", "TableIntensity", "TableSpectrum", "TableTarget", "TextTarget", "ToleranceSpec", "TolerancesSection",
+    "Tool", "Tradeoff", "Verdict", "Yield", "ZoneLimit", "__version__", "best_design", "build", "check", "compare",
+    "correct", "design", "evaluate", "handover", "load", "load_lens", "load_spec", "photometry", "rays", "redesign",
+    "run", "sensitivity", "stray_light", "sweep", "tolerance", "tradeoff", "verify",
 ]  # fmt: skip
 
 NAMES = {name: globals()[name] for name in __all__}

@@ -14,16 +14,18 @@ from jaxtyping import Bool, Float
 
 from lensforge import seeds
 from lensforge.kernels.fate import Fate
+from lensforge.light.beam_colour import BeamColour
 from lensforge.light.chain_trace import TracedFaces, trace_chain
 from lensforge.light.evaluation_result import (
     FittedLight,
     Light,
+    LimitResult,
     PresetError,
     TableError,
     light_criteria,
 )
 from lensforge.light.exact_trace import DenseScan, FixedSurface, TableScan, exact_surfaces, trace_exact
-from lensforge.light.judged_limits import judged_limits
+from lensforge.light.judged_limits import colour_limits, judged_limits
 from lensforge.light.metrics import (
     Images,
     jackknife_metric,
@@ -69,6 +71,7 @@ from lensforge.sources.measured_rays import held_back, searched
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec import AnyReceiver, Spec
 from lensforge.spec.accuracy import Preset
+from lensforge.spec.light_limits import ColourSection
 
 _ACROSS = 2.1  # a ray crosses a body within twice its radius
 _SCRAMBLES, _RAYS = 8, 2**8  # few: each is traced through the exact surfaces, which is slow
@@ -156,7 +159,17 @@ def evaluate_lens(
     side = pixels or lens.spec.evaluate.pixels
     limits = light_limits(lens.spec, receivers_of(lens.spec, side), lumens_per_watt, source.flux_w)
     seed, judging = lens.seed if seed is None else seed, held_back(source) if searched_with else source
-    light = evaluate_traced(traced, lens.spec, judging, count, seed, pixels=side, limits=limits, bounds_by=source)
+    light = evaluate_traced(
+        traced,
+        lens.spec,
+        judging,
+        count,
+        seed,
+        pixels=side,
+        limits=limits,
+        bounds_by=source,
+        colour=lens.spec.colour,
+    )
     design = TracedLens.of(lens, preset.nodes_per_sigma)
     error = measure_preset(lens, judging, design, traced)
     fitted = _fitted(traced, lens.spec, searched(source), count, seed) if judging is not source else None
@@ -181,11 +194,13 @@ def evaluate_traced(
     pixels: int | None = None,
     limits: Sequence[LightLimit] = (),
     bounds_by: Source | None = None,
+    colour: ColourSection | None = None,
 ) -> Light:
     """Simulate surfaces that are tables already, such as measured ones, under the protocol of ``spec``.
 
     ``limits`` on pictures of that many ``pixels`` are judged. The luminous efficacy is left open: it is not one of the
     emitter. ``bounds_by``: all rays of the source, of which ``source`` may be a part; they tell what is possible.
+    ``colour``: as it is wanted of rays that have their colours.
     """
     started = time.perf_counter()
     side = pixels or spec.evaluate.pixels
@@ -194,18 +209,20 @@ def evaluate_traced(
         (drawn_target(section.targets, receiver), coarser_target(section.targets, receiver))
         for section, receiver in zip(spec.all_receivers, receivers, strict=True)
     ]
-    simulation = simulate(traced, source, receivers, rays, seed, drawn)
+    simulation = simulate(traced, source, receivers, rays, seed, drawn, coloured=colour is not None)
     light = SourceLight.of(bounds_by or source, traced.scene.media, reflects=traced.scene.chain is not None)
     variance = spec.evaluate.filter_variance
     reach_mm = spec.constraints.max_radius_mm + traced.grown_mm
     lit = tuple(
-        receiver_light(section, PossibleLight(light, receiver, reach_mm), received, variance, simulation.emitted_w)
+        receiver_light(
+            section, PossibleLight(light, receiver, reach_mm), received, variance, simulation.emitted_w, colour
+        )
         for section, receiver, received in zip(spec.all_receivers, receivers, simulation.received, strict=True)
     )
     images = [gaussian3(received.images, variance) for received in simulation.received] if limits else []
     return Light(
         receivers=lit,
-        limits=judged_limits(limits, images, [each.name for each in lit]),
+        limits=(*judged_limits(limits, images, [each.name for each in lit]), *_colour_limits(colour, lit)),
         ways=simulation.by_way.ways(simulation.emitted_w),
         rays=simulation.rays,
         replicates=len(simulation.received[0].images),
@@ -221,8 +238,20 @@ def evaluate_traced(
     )
 
 
+def _colour_limits(colour: ColourSection | None, lit: Sequence[ReceiverLight]) -> tuple[LimitResult, ...]:
+    """The limits on colour, judged on every receiver."""
+    if colour is None:
+        return ()
+    return tuple(limit for each in lit for limit in colour_limits(colour, each.colour, each.name))
+
+
 def receiver_light(
-    section: AnyReceiver, physics: PossibleLight, received: ReceivedFlux, variance: float, emitted_w: float
+    section: AnyReceiver,
+    physics: PossibleLight,
+    received: ReceivedFlux,
+    variance: float,
+    emitted_w: float,
+    colour: ColourSection | None = None,
 ) -> ReceiverLight:
     """Metrics and maps of the light on one receiver, with the bounds that physics sets there.
 
@@ -236,6 +265,7 @@ def receiver_light(
     mask, measure = lit_mask(uniform_region(section.targets, receiver), images), receiver.pixel_measure
     metrics = ReplicateMetrics.of(images, target, mask, received.window / emitted_w).metrics()
     flux, missed = _flux_budget(received, emitted_w)
+    colours = None if colour is None or received.colours is None else gaussian3(received.colours, variance)
     unit = light_unit(None, far_field=receiver.kind == "far_field")
     width, height, radius = (side if np.isfinite(side) else None for side in astuple(receiver.window))
     return ReceiverLight(
@@ -260,6 +290,8 @@ def receiver_light(
         map=mean / measure,
         raw_map=raw / measure,
         target_map=target * mean.sum() / measure,
+        colour=None if colour is None or colours is None else BeamColour.of(colours, colour.level),
+        tristimulus_map=None if colours is None else colours.mean(axis=1) / measure,
     )
 
 

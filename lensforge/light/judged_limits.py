@@ -1,10 +1,11 @@
 """Limits judged: the figure that decides on each, by readings of the light, without the noise that would choose it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.light.beam_colour import BeamColour
 from lensforge.light.evaluation_result import LimitResult
 from lensforge.light.metrics import (
     jackknife_metric,
@@ -19,9 +20,10 @@ from lensforge.results import Metric, Sense
 from lensforge.scene.limit_readings import LightLimit
 from lensforge.scene.road_classes import Ask, glare_law
 from lensforge.sources.intensity import width_above
-from lensforge.spec.light_limits import Quantity
+from lensforge.spec.light_limits import ColourSection, Quantity
 
 DARK_PERCENT = 1e6  # threshold increment of a road without light
+_NO_COLOUR = Metric(value=1.0, standard_error=0.0)  # differences in the dark: larger than any in u', v'
 Readings = Float[np.ndarray, "r k"]
 
 
@@ -55,6 +57,25 @@ def judged(limit: LightLimit | Ask, receiver: str, value: Metric) -> LimitResult
         bound=limit.bound,
         unit=limit.unit,
     )
+
+
+def colour_limits(section: ColourSection, found: BeamColour | None, receiver: str) -> Iterator[LimitResult]:
+    """Judge the limits on the colour ``found`` on a receiver; in the dark each is missed."""
+    rms, worst = (_NO_COLOUR, _NO_COLOUR) if found is None else (found.rms, found.worst)
+    for words, value, bound in (("rms", rms, section.max_rms_delta_uv), ("worst", worst, section.max_delta_uv)):
+        if bound is not None:
+            yield LimitResult(
+                name=f"Δu′v′ {words} {BEAMS[section.within]}",
+                receiver=receiver,
+                quantity="distance from the mean colour",
+                value=value,
+                sense="<=",
+                bound=bound,
+                unit="",
+            )
+
+
+BEAMS = {"fwhm": "within half of the peak", "tenth": "within a tenth of the peak"}
 
 
 def limit_value(limit: LightLimit, images: Float[np.ndarray, "r h w"]) -> Metric:

@@ -50,7 +50,8 @@ def evaluate(
     rays, pixels, seed = count_of("rays", rays), count_of("pixels", pixels, most=MOST_PIXELS), count_of("seed", seed, 0)
     temperature_c = number_of("temperature_c", temperature_c)
     body = lens if temperature_c is None else at_temperature(lens, temperature_c)
-    preset, emitter = preset_of(accuracy or lens.accuracy), build_source(chosen, body.dispersion)
+    preset, coloured = preset_of(accuracy or lens.accuracy), lens.spec.colour is not None
+    emitter = build_source(chosen, body.dispersion, coloured=coloured)
     summary = summarise(emitter, chosen)
     asked = {"accuracy": accuracy, "rays": rays, "pixels": pixels, "seed": seed, "temperature_c": temperature_c}
     conditions = _conditions(lens, other, summary.warnings, name, asked)
@@ -76,7 +77,7 @@ def _others(lens: Lens, preset: Preset, settings: Mapping[str, Any]) -> Iterator
     from lensforge.sources.build_source import build_source, summarise
 
     for led in lens.spec.sources[1:]:
-        emitter = build_source(led.source, lens.dispersion)
+        emitter = build_source(led.source, lens.dispersion, coloured=lens.spec.colour is not None)
         efficacy = summarise(emitter, led.source).lumens_per_watt
         light = evaluate_lens(lens, emitter, preset, **settings, lumens_per_watt=efficacy, searched_with=True)
         yield LedLight.of(led.name, led.source.title, light)
@@ -112,10 +113,10 @@ _Value = TypeVar("_Value")
 
 
 def source_of(spec: Spec) -> Source:
-    """The source of ``spec``, with the dispersion of the lens material."""
+    """The source of ``spec``, with the dispersion of the lens material, and colours where these are asked for."""
     from lensforge.sources.build_source import build_source
 
-    return build_source(spec.source, spec.lens.dispersion)
+    return build_source(spec.source, spec.lens.dispersion, coloured=spec.colour is not None)
 
 
 def searched_source(spec: Spec) -> Source:

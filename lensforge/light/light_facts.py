@@ -7,6 +7,7 @@ little of the light lands there; ``light_bounds`` holds both bounds.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
+from lensforge.light.beam_colour import BeamColour
 from lensforge.light.evaluation_result import Light, LightMetrics
 from lensforge.light.light_ways import way_facts
 from lensforge.light.metrics import scaled
@@ -145,6 +146,8 @@ def _figures(light: Light, index: int, lens: Lens) -> Iterator[Fact]:
     if receiver.rsd is not None:
         yield Fact.measured("rsd", METRICS["rsd"], receiver.rsd, f"standard deviation over mean {mask}")
     yield from _in_region(receiver, unit_on(light, receiver))
+    if receiver.tristimulus_map is not None:
+        yield from _colour(receiver.colour)
 
 
 def _error_of_pattern(receiver: ReceiverLight, largest: Bound | None) -> Fact:
@@ -206,6 +209,23 @@ def _in_region(receiver: ReceiverLight, unit: LightUnit) -> Iterator[Fact]:
     yield Fact.measured(
         "peak", "Peak to target", region.peak, "largest light over the target’s largest, both with the same flux"
     )
+
+
+def _colour(found: BeamColour | None) -> Iterator[Fact]:
+    """Colour of the beam, and how far colours in it are from that."""
+    if found is None:
+        yield Fact("colour_u", "Colour", "no light")
+        return
+    beam = f"where the light is above {percent(found.level)} of its peak"
+    yield Fact.measured("colour_u", "Colour u′", found.u, f"of all light {beam}, mixed")
+    yield Fact.measured("colour_v", "Colour v′", found.v)
+    if found.cct is None:
+        yield Fact("cct", "Colour temperature", "none", note="Duv above 0.05")
+    else:
+        yield Fact.measured("cct", "Colour temperature", found.cct, "correlated (Ohno 2013)")
+        yield Fact.measured("duv", "Duv", found.duv, "distance from Planck’s locus, positive towards green")
+    yield Fact.measured("rms_delta_uv", "Δu′v′ rms", found.rms, f"from that colour, {beam}")
+    yield Fact.measured("worst_delta_uv", "Δu′v′ worst", found.worst, "of a pixel there")
 
 
 def _simulation(light: Light, lens: Lens) -> Iterator[Fact]:

@@ -168,8 +168,18 @@ def rsd_estimate(images: Images, mask: Bool[np.ndarray, "h w"]) -> RootEstimate:
     means = inside.mean(axis=1)
     if not _enough(means):
         return RootEstimate(relative_deviation(images.mean(axis=0), mask))
-    deviations = (inside - means[:, None]) / np.sqrt(inside.shape[1])
-    squared, apart = _ratio_of_squares(deviations, means)
+    return root_estimate((inside - means[:, None]) / np.sqrt(inside.shape[1]), means)
+
+
+def root_estimate(errors: Float[np.ndarray, "r n"], scales: Float[np.ndarray, " r"]) -> RootEstimate:
+    """Root of the square sum of ``errors`` over the square of ``scales``, both without noise.
+
+    Fewer than four replicates, or scales above 0, give that of the mean, with its noise, and no standard error.
+    """
+    if not _enough(scales):
+        mean = float(np.linalg.norm(errors.mean(axis=0)))
+        return RootEstimate(mean / float(scales.mean()) if mean > 0.0 else 0.0)
+    squared, apart = _ratio_of_squares(errors, scales)
     value, error = np.sqrt(max(squared, 0.0)), _error_over_pairs(apart)
     # the slope of the root, bounded where the square is not larger than its own error, so that 0 has an error too
     slopes = apart / (2.0 * max(value, 0.5 * np.sqrt(error) or 1.0))
@@ -269,8 +279,10 @@ def least_over_mean(readings: Float[np.ndarray, "r k"]) -> LeastEstimate:
     return LeastEstimate(float(mean.min() / mean.mean()) if mean.mean() > 0.0 else 0.0)
 
 
-def least_without_noise(readings: Float[np.ndarray, "r k"]) -> Metric:
+def least_without_noise(readings: Float[np.ndarray, "r k"], most: float | None = None) -> Metric:
     """Least of the values at ``k`` places, of which each replicate is an unbiased reading with noise.
+
+    It is at most ``most``, by default the mean of all readings.
 
     The standard error has two parts: that of the estimate by the jackknife, with the slope h held, and the rest of the
     way from the estimate to v of the halves, the part that the extrapolation has taken off the rigorous upper bound.
@@ -278,12 +290,15 @@ def least_without_noise(readings: Float[np.ndarray, "r k"]) -> Metric:
     """
     if len(readings) != _REPLICATES:
         return Metric(value=float(readings.mean(axis=0).min()))
-    return _least(readings).metric()
+    return _least(readings, most).metric()
 
 
-def largest_without_noise(readings: Float[np.ndarray, "r k"]) -> Metric:
-    """Largest of the values at ``k`` places: as :func:`least_without_noise`, which would be too large with noise."""
-    found = least_without_noise(-readings)
+def largest_without_noise(readings: Float[np.ndarray, "r k"], least: float | None = None) -> Metric:
+    """Largest of the values at ``k`` places: as :func:`least_without_noise`, which would be too large with noise.
+
+    It is at least ``least``, by default the mean of all readings.
+    """
+    found = least_without_noise(-readings, None if least is None else -least)
     return found.model_copy(update={"value": -found.value})
 
 

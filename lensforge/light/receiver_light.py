@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from pydantic import Field, model_validator
 
+from lensforge.light.beam_colour import BeamColour
 from lensforge.light.metrics import (
     jackknife_metric,
     largest_without_noise,
@@ -25,6 +26,7 @@ from lensforge.light.metrics import (
 from lensforge.results import Bound, Flag, Image, Irradiance, Metric, NotNegative, Number, Positive, Record, Share, Text
 from lensforge.results.chart import Chart
 from lensforge.results.numerals import percent
+from lensforge.results.record import Array
 from lensforge.spec.target_sections import IN_TARGET
 
 Region = Literal["uniform", "bright"]
@@ -156,6 +158,9 @@ class ReceiverLight(Record):
     Where the replicates are too few to tell light from noise, both are the same, and there is no standard error.
     ``nmse_of_noise``: the NMSE of the noise in ``map``, about as much as it adds to that of ``raw``.
     ``nmse_of_raster``: the NMSE less that on half as many pixels; None where it was not measured.
+
+    ``colour``: of the beam, ``tristimulus_map``: X, Y and Z (lx, or cd), filtered; None where nobody asks for colour,
+    and the first in the dark.
     """
 
     name: Text
@@ -179,6 +184,8 @@ class ReceiverLight(Record):
     map: Irradiance
     raw_map: Irradiance
     target_map: Irradiance
+    colour: BeamColour | None = None
+    tristimulus_map: Annotated[Float[np.ndarray, "3 h w"], Array(3, "h", "w", least=0.0)] | None = None
 
     @property
     def wanted_in_target(self) -> float:

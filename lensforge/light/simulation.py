@@ -133,6 +133,7 @@ class ReceivedFlux:
 
     The fates are those of :class:`~lensforge.kernels.fate.Fate`, where ``LEFT_LENS`` holds what landed, and
     ``MISSED_RECEIVER``, ``ABSORBED`` and ``IN_GLASS``. ``in_targets``: in each of the ``targets`` (k).
+    ``colours``: X, Y and Z (lm) per pixel; None where nobody asks for colour.
     """
 
     images: Float[np.ndarray, "r h w"]
@@ -141,16 +142,27 @@ class ReceivedFlux:
     outside: Float[np.ndarray, " r"]
     in_targets: Float[np.ndarray, "r k"]
     targets: tuple[DrawnTarget, ...] = ()
+    colours: Float[np.ndarray, "3 r h w"] | None = None
 
     @staticmethod
-    def none_yet(receiver: PosedReceiver, replicates: int, targets: tuple[DrawnTarget, ...]) -> "ReceivedFlux":
+    def none_yet(
+        receiver: PosedReceiver, replicates: int, targets: tuple[DrawnTarget, ...], *, coloured: bool = False
+    ) -> "ReceivedFlux":
         """No flux."""
         images, none = np.zeros((replicates, *receiver.grid.shape)), np.zeros(replicates)
-        in_targets = np.zeros((replicates, len(targets)))
-        return ReceivedFlux(images, np.zeros((replicates, CAUSES)), none, none.copy(), in_targets, targets)
+        in_targets, colours = np.zeros((replicates, len(targets))), np.zeros((3, *images.shape)) if coloured else None
+        return ReceivedFlux(images, np.zeros((replicates, CAUSES)), none, none.copy(), in_targets, targets, colours)
 
-    def add(self, replicate: int, share: float, receiver: PosedReceiver, rays: ExitRays, landings: Landings) -> None:
-        """Count ``share`` of the flux of ``rays`` in ``replicate``."""
+    def add(
+        self,
+        replicate: int,
+        share: float,
+        receiver: PosedReceiver,
+        rays: ExitRays,
+        landings: Landings,
+        tristimulus: Float[np.ndarray, "n 3"] | None = None,
+    ) -> None:
+        """Count ``share`` of the flux of ``rays`` in ``replicate``; ``tristimulus``: X, Y, Z per W of each."""
         hits, flux = landings.hits, landings.flux * share
         self.images[replicate] += bin_flux(hits, flux, receiver.grid)
         self.by_fate[replicate] += share * flux_by_fate(rays, landings.missed_receiver)
@@ -158,6 +170,9 @@ class ReceivedFlux:
         self.window[replicate] += flux[inside].sum()
         self.outside[replicate] += flux[~inside].sum()
         self.in_targets[replicate] += [flux[target.contains(hits)].sum() for target in self.targets]
+        if self.colours is not None and tristimulus is not None:
+            for picture, per_watt in zip(self.colours, tristimulus.T, strict=True):
+                picture[replicate] += bin_flux(hits, flux * per_watt, receiver.grid)
 
     @staticmethod
     def together(
@@ -172,7 +187,9 @@ class ReceivedFlux:
             grid = replace(target.fine, columns=target.light.shape[1], rows=target.light.shape[0])
             in_targets[:, k] = (rebinned(images, grid) * target.coverage).sum(axis=(1, 2))
         by_fate = lamps.mean([each.by_fate for each in found])
-        return ReceivedFlux(images, by_fate, window, np.maximum(landed - window, 0.0), in_targets, targets)
+        seen = [each.colours for each in found if each.colours is not None]
+        colours = lamps.added(seen) if seen else None
+        return ReceivedFlux(images, by_fate, window, np.maximum(landed - window, 0.0), in_targets, targets, colours)
 
 
 @dataclass(frozen=True)
@@ -192,16 +209,22 @@ def simulate(
     rays: int,
     seed: int,
     targets: Sequence[tuple[DrawnTarget, ...]] = (),
+    *,
+    coloured: bool = False,
 ) -> Simulation:
     """Trace ``rays`` rays, or as many as a measured source holds, in up to 16 independent replicates.
 
-    ``targets``: of each receiver, in which flux is counted; none by default.
+    ``targets``: of each receiver, in which flux is counted; none by default. ``coloured``: the rays have their colours,
+    which are wanted.
     """
     replicates = min(REPLICATES, rays, source.ray_count or rays)
     drawn = targets or [()] * len(receivers)
     lamps = [LampPictures.of(receiver) for receiver in receivers]
     deposits = [
-        [ReceivedFlux.none_yet(each, replicates, own if board.alone else ()) for each in board.receivers]
+        [
+            ReceivedFlux.none_yet(each, replicates, own if board.alone else (), coloured=coloured)
+            for each in board.receivers
+        ]
         for board, own in zip(lamps, drawn, strict=True)
     ]
     by_way, traced = FluxByWay.none_yet(lens.scene.chain, replicates), 0
@@ -210,7 +233,7 @@ def simulate(
         by_way.add(replicate, share, exit_rays)
         for board, own in zip(lamps, deposits, strict=True):
             for receiver, deposit in zip(board.receivers, own, strict=True):
-                deposit.add(replicate, share, receiver, exit_rays, receiver.land(exit_rays))
+                deposit.add(replicate, share, receiver, exit_rays, receiver.land(exit_rays), bundle.tristimulus)
         traced += len(bundle)
     received = tuple(
         own[0] if board.alone else ReceivedFlux.together(board, own, wanted)

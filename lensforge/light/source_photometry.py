@@ -16,10 +16,18 @@ from jaxtyping import Float
 from lensforge.errors import InputError
 from lensforge.optics.photopic import efficacy_at
 from lensforge.sources.ray_bundle import blocks_of
+from lensforge.sources.source_flux import chip_fluxes
 from lensforge.sources.source_spectrum import Spectrum, spectrum_of
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec.light_limits import PhotometrySection
-from lensforge.spec.source_sections import RayfilePart, RayfileSource, RayfilesSource, RaySource, SourceSpec
+from lensforge.spec.source_sections import (
+    ChipsSource,
+    RayfilePart,
+    RayfileSource,
+    RayfilesSource,
+    RaySource,
+    SourceSpec,
+)
 
 _RELATIVE_LM = 1000.0  # of the source where its flux is not known: cd/klm, as relative photometry has it
 
@@ -64,7 +72,7 @@ def spectrum_of_source(spec: SourceSpec, summary: SourceSummary) -> Spectrum | N
     The spec's own, or that of its ray files; ``summary`` has the flux of each. Rays with a wavelength each give a table
     in steps of 5 nm. Raises :class:`InputError` for a file that cannot be used.
     """
-    if spec.spectrum is not None:
+    if spec.spectrum is not None and not (isinstance(spec, ChipsSource) and spec.spectra):
         return spectrum_of(spec.spectrum)
     match spec:
         case RayfileSource():
@@ -79,6 +87,8 @@ def spectrum_of_source(spec: SourceSpec, summary: SourceSummary) -> Spectrum | N
                 return None
             light = waves, np.ones(len(waves)) if flux is None else flux
             return _of_rays(lambda: [light])
+        case ChipsSource(spectra=spectra) if spectra and None not in spectra:
+            return _mixed([spectrum_of(each) for each in spectra if each], [flux.flux_w for flux in chip_fluxes(spec)])
         case _:
             return None
 

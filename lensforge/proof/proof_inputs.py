@@ -29,7 +29,7 @@ from lensforge.sources.ray_set import RaySetEmitter
 from lensforge.sources.source_flux import chip_fluxes
 from lensforge.sources.source_spectrum import spectrum_of
 from lensforge.spec import Spec
-from lensforge.spec.emitter_section import CosineIntensity, IntensitySpec, TableIntensity
+from lensforge.spec.emitter_section import CosineIntensity, IntensitySpec, SpectrumSpec, TableIntensity
 from lensforge.spec.lamps_section import Lamps
 from lensforge.spec.source_sections import (
     ChipArraySource,
@@ -106,11 +106,27 @@ def independent_rays(spec: Spec, source: Source, count: int, seed: int) -> RayBu
     points = np.column_stack([points, np.zeros(count)])
     place = (section.rotate_z_deg, section.tilt_deg, section.position_mm)
     rays = independent_draws.posed(points, directions, source.flux_w, *place)
-    if spec.lens.dispersion is None or section.spectrum is None:
+    if spec.lens.dispersion is None:
         return rays
-    table = spectrum_of(section.spectrum)
-    waves = independent_draws.wavelengths(random, count, table.wavelengths_nm, table.power_density)
-    return replace(rays, wavelengths_nm=waves)
+    if isinstance(section, ChipsSource) and section.spectra:
+        return replace(rays, wavelengths_nm=_of_chips(random, points[:, :2], section))
+    return rays if section.spectrum is None else replace(rays, wavelengths_nm=_waves(random, count, section.spectrum))
+
+
+def _waves(random: Generator, count: int, spectrum: SpectrumSpec) -> Float[np.ndarray, " n"]:
+    table = spectrum_of(spectrum)
+    return independent_draws.wavelengths(random, count, table.wavelengths_nm, table.power_density)
+
+
+def _of_chips(random: Generator, points: Float[np.ndarray, "n 2"], section: ChipsSource) -> Float[np.ndarray, " n"]:
+    """Wavelengths (nm) of rays that start at ``points`` (mm) of chips with spectra of their own."""
+    waves = np.zeros(len(points))
+    for chip, spectrum in zip(section.chips, section.spectra, strict=True):
+        sides = np.array([chip.width_mm, chip.height_mm])
+        own = (np.abs(points - [chip.x_mm, chip.y_mm]) <= 0.5 * sides).all(axis=1)
+        assert spectrum is not None, "the source itself refuses it"
+        waves[own] = _waves(random, int(own.sum()), spectrum)
+    return waves
 
 
 def _by_flux(rays: Rays, count: int, random: Generator) -> Int[np.ndarray, " n"]:

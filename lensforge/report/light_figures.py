@@ -85,13 +85,13 @@ def irradiance_map(
     frame = frame or chart
     figure, axes, bar = new_map(width, tall=frame.height / frame.width)
     shown = _show(axes, unit.per_watt * image, chart, "inferno", 0.0, unit.per_watt * top, frame)
-    _draw_angles(axes, chart, _ON_DARK)
+    draw_angles(axes, chart, _ON_DARK)
     if outline is not None and min(outline.shape) > 1 and outline.max() > 0.0:
         line = drawn(outline)
         x, y = chart.x(line.shape[1]), chart.y(line.shape[0])
         axes.contour(x, y, line, levels=[0.5 * line.max()], colors="white", linewidths=0.7, alpha=0.85)
     if mask is not None and mask.any():
-        _draw_border(axes, mask, chart)
+        draw_border(axes, mask, chart)
     add_colour_bar(bar, shown, unit.label, "max" if image.max() > _ROUNDED * top else "neither")
     return figure
 
@@ -106,10 +106,10 @@ def isolines(image: Image, chart: Chart, level: float, unit: LightUnit = WATTS) 
         x, y = chart.x(image.shape[1]), chart.y(image.shape[0])
         axes.contour(x, y, image, levels=[share * level for share in ISO_SHARES], colors=colours, linewidths=0.9)
     chart.label(axes)
-    _frame(axes, chart)
+    show_all_of(axes, chart)
     axes.set_aspect("equal")
     if chart.far_field:
-        _draw_angles(axes, chart, _ON_PALE)
+        draw_angles(axes, chart, _ON_PALE)
     else:
         axes.grid(True)
     _draw_values(scale, level, unit)
@@ -123,7 +123,7 @@ def difference_map(difference: Image, chart: Chart, unit: LightUnit = WATTS) -> 
     difference = unit.per_watt * difference
     reach = float(np.abs(difference).max()) or 1.0
     shown = _show(axes, difference, chart, "RdBu_r", -reach, reach)
-    _draw_angles(axes, chart, _ON_PALE)
+    draw_angles(axes, chart, _ON_PALE)
     add_colour_bar(bar, shown, f"difference ({unit.symbol})")
     return figure
 
@@ -147,17 +147,17 @@ def _show(
     )
     frame = frame or chart
     frame.label(axes)
-    _frame(axes, frame)
+    show_all_of(axes, frame)
     return shown
 
 
-def _frame(axes: Axes, chart: Chart) -> None:
+def show_all_of(axes: Axes, chart: Chart) -> None:
     """Show the chart, no more and no less."""
     left, right, lower, upper = chart.extent
     axes.set(xlim=(left, right), ylim=(lower, upper))
 
 
-def _draw_angles(axes: Axes, chart: Chart, style: tuple[str, float]) -> None:
+def draw_angles(axes: Axes, chart: Chart, style: tuple[str, float]) -> None:
     """Circles of the angles from the axis that are labelled; none where the chart is in mm."""
     colour, opacity = style
     for angle in angles_to(0.5 * min(chart.width, chart.height)) if chart.far_field else []:
@@ -165,7 +165,7 @@ def _draw_angles(axes: Axes, chart: Chart, style: tuple[str, float]) -> None:
         axes.add_patch(circle)
 
 
-def _draw_border(axes: Axes, mask: Bool[np.ndarray, "m n"], chart: Chart) -> None:
+def draw_border(axes: Axes, mask: Bool[np.ndarray, "m n"], chart: Chart) -> None:
     """Border of a region, dashed; where it reaches the edge of the chart, along that edge."""
     rows, columns = mask.shape
     x, y = _framed(chart.x(columns), chart.width), _framed(chart.y(rows), chart.height)

@@ -4,19 +4,20 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 from matplotlib.figure import Figure
 
+from lensforge.light.beam_colour import BeamColour
 from lensforge.light.evaluation_result import Light
 from lensforge.light.light_facts import METRICS, light_reasons, mask_words, unit_on, window_words
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import ReceiverLight
-from lensforge.report import light_figures, study_figures
+from lensforge.report import colour_figures, light_figures, study_figures
 from lensforge.report.page import PagePicture, picture
 from lensforge.report.results import Results
 from lensforge.results import Bound, Fact, Group, Image
 from lensforge.results.chart import Chart, LightUnit, light_unit
-from lensforge.results.numerals import number
+from lensforge.results.numerals import number, percent
 from lensforge.results.verdict import worst
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import uniform_region
@@ -160,11 +161,32 @@ def _of_receiver(shown: ShownReceiver, whole: Light) -> ReceiverPictures:
     """All maps are seen at once where there is one receiver; of several the light on each: the page stays short."""
     light = shown.light
     lines = line_pictures(shown.picture_name, (light.target_map, light.map), light.chart, shown.unit)
-    maps, rest = _maps(shown, whole), (lines, _flux(shown))
+    maps, rest = _maps(shown, whole), [lines, _flux(shown)]
+    if light.colour is not None and light.tristimulus_map is not None:
+        rest.insert(0, _colours(shown, light.colour, light.tristimulus_map))
     if not shown.several:
-        return ReceiverPictures(shown.heading, maps, rest)
+        return ReceiverPictures(shown.heading, maps, tuple(rest))
     wanted, lit, difference = maps
     return ReceiverPictures(shown.heading, [replace(lit, title=shown.heading)], ([wanted, difference], *rest))
+
+
+def _colours(shown: ShownReceiver, colour: BeamColour, tristimulus: Float[np.ndarray, "3 h w"]) -> list[PagePicture]:
+    """The light in its colours, their distances from the beam's, and over the angle or the radius."""
+    chart, name, line = shown.light.chart, shown.picture_name, f"Dashed: {percent(colour.level)} of the peak."
+    over = "Over angle" if chart.far_field else "Over radius"
+    drawings = (
+        ("colour", colour_figures.true_colours, "In its colours", f"As a screen of sRGB shows it. {line}"),
+        (
+            "delta-uv",
+            colour_figures.delta_uv_map,
+            "Δu′v′ from the beam’s colour",
+            f"With the noise of the rays. {line}",
+        ),
+        ("colour-over", colour_figures.colour_over_angle, f"{over}", "Colour of rings about the middle, u′ and v′."),
+    )
+    return [
+        picture(name(key), draw(tristimulus, colour, chart), title, caption) for key, draw, title, caption in drawings
+    ]
 
 
 def _maps(shown: ShownReceiver, whole: Light) -> list[PagePicture]:

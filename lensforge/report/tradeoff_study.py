@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from lensforge.errors import InputError
 from lensforge.light.evaluation import evaluate_traced, measure_preset
 from lensforge.light.evaluation_result import Light
+from lensforge.light.lens_light import source_of
 from lensforge.light.simulation import TracedLens
 from lensforge.report.folder import RunFolder
 from lensforge.report.page import picture, template, write_page
@@ -23,7 +24,6 @@ from lensforge.search.design_result import Design, Progress
 from lensforge.search.optimiser import search
 from lensforge.search.parameters import settled_symmetry
 from lensforge.search.searches import design
-from lensforge.sources.build_source import build_source
 from lensforge.sources.measured_rays import held_back
 from lensforge.sources.ray_bundle import Source
 from lensforge.spec import Accuracy, Spec
@@ -52,7 +52,7 @@ def run_tradeoff(
     """
     require_own(directory / PAGE)
     with locked(directory, create=True):
-        source = build_source(spec.source, spec.lens.dispersion)
+        source = source_of(spec)
         if (directory / LENS_FILE).exists():
             lens = _lens_in(directory, spec, source)
         else:

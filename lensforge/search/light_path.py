@@ -9,7 +9,6 @@ each exit ray from its path lengths. On another device torch does all, in chunks
 the backward pass: only the start and the two crossings of each ray are kept, 84 bytes.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -21,8 +20,6 @@ from torch import Tensor
 from torch.utils.checkpoint import checkpoint
 
 from lensforge import seeds
-from lensforge.kernels.image_sums import SAFE_SIN2, SIN2_SCALE, collect, collect_adjoint
-from lensforge.kernels.parallel import CHUNKS, in_chunks
 from lensforge.light.crease import crease_gradients, worth_on
 from lensforge.light.device_trace import DeviceTable, first_crossing, tables_on
 from lensforge.light.later_creases import later_crease_gradients
@@ -32,140 +29,14 @@ from lensforge.scene.exit_rays import Sensitivities
 from lensforge.scene.lamp_pictures import LampPictures
 from lensforge.scene.made_part import ErrorField, FaceNodes, MadePart, PartMaker, waviness
 from lensforge.scene.perturbations import Draws
-from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.scene.receiver import Landings, PosedReceiver
+from lensforge.search.collected_light import Collected, collected, collected_on_device, together
+from lensforge.search.colour_term import SourceColour
 from lensforge.search.parameters import Parametrisation
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec import Spec
 from lensforge.spec.tolerances_section import Factor, factors_of
 from lensforge.surfaces.bicubic_table import TableGrid
-
-
-@dataclass(frozen=True)
-class Collected:
-    """Sums over rays on one receiver, all in W and differentiable in the landings and the exit sines.
-
-    ``image``: flux per pixel by the four-pixel splat. ``in_window``: flux in the receiver's window.
-    ``outside_receiver``: flux off the receiver, each ray times ``e^2/(1+e^2)``, e its distance from it in half
-    widths and heights. ``total_reflection``: flux whose squared exit sine exceeds 0.97, likewise bounded: its gradient
-    brings totally reflected rays back and keeps others from it. The last two count the flux with which a ray left the
-    source, as a constant.
-    """
-
-    image: Float[Tensor, "h w"]
-    in_window: Float[Tensor, ""]
-    outside_receiver: Float[Tensor, ""]
-    total_reflection: Float[Tensor, ""]
-
-
-class _Collect(torch.autograd.Function):
-    @staticmethod
-    def forward(
-        ctx: Any, hits: Tensor, flux: Tensor, sin2_exit: Tensor, landed: Tensor, emitted: Tensor, grid: PixelGrid,
-        window: Window,
-    ) -> Any:  # fmt: skip
-        images, sums = np.zeros((CHUNKS, *grid.shape)), np.zeros((CHUNKS, 3))
-        rays = [tensor.detach().numpy() for tensor in (hits, flux, sin2_exit, landed, emitted)]
-
-        places = grid.size, window.packed()
-
-        def work(chunk: int, part: slice) -> None:
-            collect(*(array[part] for array in rays), *places, images[chunk], sums[chunk])
-
-        in_chunks(work, len(emitted))
-        ctx.rays, ctx.places = rays, places
-        return torch.from_numpy(images.sum(axis=0)), torch.from_numpy(sums.sum(axis=0))
-
-    @staticmethod
-    def backward(ctx: Any, by_image: Tensor, by_sums: Tensor) -> Any:
-        rays = ctx.rays
-        by_hits, by_flux, by_sin2 = (np.empty_like(array) for array in rays[:3])
-        pixels, sums = by_image.contiguous().numpy(), by_sums.contiguous().numpy()
-
-        def work(_: int, part: slice) -> None:
-            collect_adjoint(
-                *(array[part] for array in rays), *ctx.places, pixels, sums,
-                by_hits[part], by_flux[part], by_sin2[part],
-            )  # fmt: skip
-
-        in_chunks(work, len(by_flux))
-        return *(torch.from_numpy(array) for array in (by_hits, by_flux, by_sin2)), None, None, None, None
-
-
-def collected(
-    landings: Landings, sin2_exit: Float[Tensor, " n"], emitted: Float[Tensor, " n"], grid: PixelGrid, window: Window
-) -> Collected:
-    """Collect rays that left the source with ``emitted`` (W); float64, CPU."""
-    image, sums = _Collect.apply(  # type: ignore[no-untyped-call]  # as torch has it
-        landings.hits, landings.flux, sin2_exit, landings.landed, emitted, grid, window
-    )
-    return Collected(image, sums[0], sums[1], sums[2])
-
-
-def collected_on_device(
-    landings: Landings, sin2_exit: Float[Tensor, " n"], emitted: Float[Tensor, " n"], grid: PixelGrid, window: Window
-) -> Collected:
-    """Collect rays that left the source with ``emitted`` (W); all tensors on one device."""
-    landed = landings.landed
-    hits, flux = landings.hits[landed], landings.flux[landed]
-    size, (half_width, half_height, square) = hits.new_tensor(grid.size), window.packed()
-    distance = hits.abs()
-    in_window = (distance[:, 0] <= half_width) & (distance[:, 1] <= half_height) & (hits.square().sum(dim=1) <= square)
-    outside = (distance / (0.5 * size) - 1.0).clamp(min=0.0).square().sum(dim=1)
-    over = (sin2_exit - SAFE_SIN2).clamp(min=0.0) / SIN2_SCALE
-    return Collected(
-        image=_splat(hits, flux, grid),
-        in_window=flux[in_window].sum(),
-        outside_receiver=(emitted[landed] * _bounded(outside)).sum(),
-        total_reflection=(emitted * _bounded(over)).sum(),
-    )
-
-
-def _bounded(excess: Float[Tensor, " n"]) -> Float[Tensor, " n"]:
-    """Bounded excess ``e/(1+e)``: a few outliers cannot outweigh the image."""
-    return excess / (1.0 + excess)
-
-
-def _splat(hits: Float[Tensor, "n 2"], flux: Float[Tensor, " n"], grid: PixelGrid) -> Float[Tensor, "h w"]:
-    """Share each ray's flux among the four nearest pixels; a frame for the shares outside is cut off."""
-    size, pixels = hits.new_tensor(grid.size), hits.new_tensor([float(grid.columns), float(grid.rows)])
-    position = (hits / size + 0.5) * pixels - 0.5
-    near = ((position > -1.0) & (position < pixels)).all(dim=1)
-    position, flux = position[near], flux[near]
-    first = torch.floor(position.detach())
-    (right, up), (column, row) = (position - first).T, (first.to(torch.int64) + 1).T
-    shares = torch.stack(((1.0 - up) * (1.0 - right), (1.0 - up) * right, up * (1.0 - right), up * right))
-    framed = grid.columns + 2
-    corner = torch.tensor([0, 1, framed, framed + 1], device=flux.device)[:, None]
-    # adds in a fixed order, on a GPU too
-    image = flux.new_zeros((grid.rows + 2) * framed)
-    image = image.index_put((row * framed + column + corner,), flux * shares, accumulate=True)
-    return image.reshape(grid.rows + 2, framed)[1:-1, 1:-1]
-
-
-class _Added(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx: Any, lamps: LampPictures, *pictures: Tensor) -> Tensor:
-        ctx.lamps = lamps
-        return torch.from_numpy(lamps.added([picture.detach().numpy() for picture in pictures]))
-
-    @staticmethod
-    def backward(ctx: Any, by_image: Tensor) -> Any:
-        return None, *map(torch.from_numpy, ctx.lamps.spread(by_image.numpy()))
-
-
-def together(lamps: LampPictures, found: Sequence[Collected]) -> Collected:
-    """Mean light of a lamp on their receiver, from that of one on each raster.
-
-    Where a raster is wider than the receiver, light is in the window by its pixels, and outside off the raster.
-    """
-    if lamps.alone:
-        return found[0]
-    image: Tensor = _Added.apply(lamps, *(each.image for each in found))  # type: ignore[no-untyped-call]
-    in_window = image.sum() if lamps.widened else lamps.mean([each.in_window for each in found])
-    outside = lamps.mean([each.outside_receiver for each in found])
-    return Collected(image, in_window, outside, found[0].total_reflection)
-
 
 _FANS, _RAYS_OF_FAN = 128, 32  # 2 % of noise in the part of later creases
 
@@ -222,7 +93,8 @@ class LightPath:
     """Path of the light through the lens and to the receivers, each of which sees every exit ray.
 
     ``source``: where faces meet in creases, for the light that crosses these; None where there is no such light, or
-    where the source cannot say how much it is.
+    where the source cannot say how much it is. ``colour``: of the source, from which the colours of its rays are
+    collected; None where they do not count. Their gradient is without the light that crosses creases.
     """
 
     scene: Scene
@@ -230,6 +102,7 @@ class LightPath:
     device: torch.device | None = None
     chunk: int = _CHUNK
     source: Source | None = None
+    colour: SourceColour | None = None
 
     @cached_property
     def lamps(self) -> tuple[LampPictures, ...]:
@@ -260,8 +133,9 @@ class LightPath:
         if self.device is None:
             landed, sin2_exit = landed_through(tables, self.scene, rays, self.seen)
             emitted = torch.from_numpy(rays.flux)
+            weights = None if self.colour is None else torch.from_numpy(self.colour.weights(rays))
             found = tuple(
-                collected(landings, sin2_exit, emitted, receiver.grid, receiver.window)
+                collected(landings, sin2_exit, emitted, receiver.grid, receiver.window, weights)
                 for receiver, landings in zip(self.seen, landed, strict=True)
             )
             creased = self.source is not None and self.scene.made is None
@@ -270,17 +144,20 @@ class LightPath:
         starts = range(0, len(rays), self.chunk)
         parts = [self._part(there, rays.take(slice(start, start + self.chunk))) for start in starts]
         sums = [torch.stack(each).sum(dim=0).cpu() for each in zip(*parts, strict=True)]
-        return self._together(tuple(Collected(*sums[first : first + 4]) for first in range(0, len(sums), 4)))
+        each = len(sums) // len(self.seen)
+        return self._together(tuple(Collected(*sums[first : first + each]) for first in range(0, len(sums), each)))
 
     def _together(self, found: tuple[Collected, ...]) -> tuple[Collected, ...]:
         rest = iter(found)
         return tuple(together(lamps, [next(rest) for _ in lamps.rasters]) for lamps in self.lamps)
 
     def _with_creases(self, tables: Tensor, found: tuple[Collected, ...]) -> tuple[Collected, ...]:
-        sums = [each for own in found for each in vars(own).values()]
+        sums = [each for own in found for each in list(vars(own).values())[:4]]
         places = self.scene, self.source, self.seen
         same = _AtCreases.apply(tables, *places, *sums)  # type: ignore[no-untyped-call]  # as torch has it
-        return tuple(Collected(*same[first : first + 4]) for first in range(0, len(same), 4))
+        rest = iter(same)
+        names = ("image", "in_window", "outside_receiver", "total_reflection")
+        return tuple(replace(own, **{name: next(rest) for name in names}) for own in found)
 
     def _part(self, tables: tuple[DeviceTable, DeviceTable], rays: RayBundle) -> tuple[Tensor, ...]:
         inner, outer = (TableSurface(table) for table in tables)
@@ -290,14 +167,15 @@ class LightPath:
             return torch.as_tensor(array).to(device, torch.float64)
 
         entering = EnteringRays.of(rays, self.scene.media, self.scene.made, on_device)
+        weights = None if self.colour is None else on_device(self.colour.weights(rays))
 
         def light() -> tuple[Tensor, ...]:
             exit_rays = trace_sequence(inner, outer, entering, self.scene.fresnel)
             sums: list[Tensor] = []
             for receiver in self.seen:
                 landings, places = receiver.land_by_arrays(exit_rays), (receiver.grid, receiver.window)
-                found = collected_on_device(landings, exit_rays.sin2_exit, entering.flux, *places)
-                sums += (found.image, found.in_window, found.outside_receiver, found.total_reflection)
+                found = collected_on_device(landings, exit_rays.sin2_exit, entering.flux, *places, weights)
+                sums += (each for each in vars(found).values() if each is not None)
             return tuple(sums)
 
         parts: tuple[Tensor, ...] = checkpoint(light, use_reentrant=False, preserve_rng_state=False)

@@ -7,7 +7,7 @@ Its terms are of the light on each receiver, and of the limits on it. All are di
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import mean
 from typing import Generic, TypeVar
 
@@ -24,8 +24,10 @@ from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import in_target, target_light, uniform_region
+from lensforge.search.collected_light import Collected
+from lensforge.search.colour_term import Colours, ColourTerm, SourceColour
 from lensforge.search.constraints import AugmentedLagrangian
-from lensforge.search.light_path import Collected, LightPath, Pair
+from lensforge.search.light_path import LightPath, Pair
 from lensforge.search.limit_terms import Image, Images, LimitTerm, RoadTerms, limit_terms, not_dark, smoothed
 from lensforge.search.parameters import ChartMirrors, Parametrisation, chart_mirrors, mirrored_light
 from lensforge.sources.build_source import summarise
@@ -170,13 +172,14 @@ class SampledLight:
     """Light of a sample of rays: flux (W) on each receiver's pixels, the terms of the flux (W), and that emitted.
 
     ``halves``: in a robust search, half of the difference between the images of two opposite parts, for each pair; the
-    images are then the mean over all parts.
+    images are then the mean over all parts. ``colours``: the mean likewise, where they count.
     """
 
     images: Images
     terms: Float[Tensor, ""]
     emitted_w: float
     halves: tuple[Images, ...] = ()
+    colours: Colours = ()
 
     def of_parts(self) -> list[Images]:
         """The images of every part: of the lens as designed alone, unless the search is robust."""
@@ -196,7 +199,9 @@ class SampledLight:
         halves = tuple(
             tuple(emitted_w / part.emitted_w * half for half in each) for part in parts for each in part.halves
         )
-        return SampledLight(images, share * torch.stack([part.terms for part in parts]).sum(), emitted_w, halves)
+        terms = share * torch.stack([part.terms for part in parts]).sum()
+        colours = [share * torch.stack(same).sum(dim=0) for same in zip(*(p.colours for p in parts), strict=True)]
+        return SampledLight(images, terms, emitted_w, halves, colours)
 
 
 @dataclass(frozen=True)
@@ -257,6 +262,7 @@ class MeritFunction(Merit[SampledLight]):
     light: LightPath
     terms: tuple[ImageTerms, ...]
     limits: tuple[LimitTerm | RoadTerms, ...] = ()
+    colour: ColourTerm | None = None
 
     @staticmethod
     def of(
@@ -280,8 +286,12 @@ class MeritFunction(Merit[SampledLight]):
         efficacy = summarise(source, spec.source).lumens_per_watt if spec.has_limits else None
         limits = limit_terms(light_limits(spec, receivers, efficacy, source.flux_w))
         crossing = source if scene.chain is not None and aims(source) else None
-        light = LightPath(scene, receivers, device, source=crossing)
-        return MeritFunction(spec, parametrisation, light, terms, limits)
+        light, term, colour = LightPath(scene, receivers, device, source=crossing), None, spec.colour
+        if colour is not None and colour.weight > 0.0:
+            light = replace(light, colour=SourceColour.of(source))
+            wanted, shares = zip(*((each.wanted, each.share) for each in terms), strict=True)
+            term = ColourTerm(colour.weight, wanted, shares)
+        return MeritFunction(spec, parametrisation, light, terms, limits, term)
 
     def assessed(self, light: SampledLight, uniform: bool) -> Assessed:
         """The loss by one sample; ``uniform`` puts the uniformity of the masks before the images."""
@@ -293,6 +303,8 @@ class MeritFunction(Merit[SampledLight]):
         )
         loss = torch.stack([self._image_loss(images, uniform) for images in parts]).mean()
         loss = loss + light.terms / light.emitted_w + torch.stack([self._limit_term(images) for images in parts]).mean()
+        if self.colour is not None:
+            loss = loss + self.colour.error(light.colours, light.colours)
         return Assessed(loss, nmse, efficiency)
 
     def joined(self, parts: Sequence[SampledLight], emitted_w: float) -> SampledLight:
@@ -308,14 +320,14 @@ class MeritFunction(Merit[SampledLight]):
         emitted_w = float(rays.flux.sum())
         if pair is None:
             light = self.light.collect(tables, rays)
-            return SampledLight(self._images(light), self._flux_term(light), emitted_w)
+            return SampledLight(self._images(light), self._flux_term(light), emitted_w, (), self._colours((light,)))
         one, other = (self.light.through(tables, rays, part) for part in pair)
         both = list(zip(self.terms, one, other, strict=True))
         # only the mean over all parts has the symmetry of the scene: each part alone has none
         images = tuple(terms.mirrored(0.5 * (a.image + b.image)) for terms, a, b in both)
         halves = tuple(0.5 * (a.image - b.image) for _, a, b in both)
         flux = 0.5 * (self._flux_term(one) + self._flux_term(other))
-        return SampledLight(images, flux, emitted_w, (halves,))
+        return SampledLight(images, flux, emitted_w, (halves,), self._colours((one, other)))
 
     def judge(self, first: SampledLight, second: SampledLight, uniform: bool) -> tuple[float, float]:
         """Merit without constraints from two independent samples, without their noise, and its part of the images.
@@ -327,7 +339,8 @@ class MeritFunction(Merit[SampledLight]):
         error = torch.stack([self._judged(one, other, uniform) for one, other in both]).mean()
         of_flux = 0.5 * (first.terms / first.emitted_w + second.terms / second.emitted_w)
         of_images = self._judged(first.images, second.images, uniform) if first.halves else error
-        return float(error + of_flux), float(of_images)
+        of_colours = 0.0 if self.colour is None else float(self.colour.error(first.colours, second.colours))
+        return float(error + of_flux) + of_colours, float(of_images) + of_colours
 
     def _judged(self, first: Images, second: Images, uniform: bool) -> Float[Tensor, ""]:
         """The error of the images of one part by two samples."""
@@ -351,6 +364,15 @@ class MeritFunction(Merit[SampledLight]):
 
     def _images(self, light: tuple[Collected, ...]) -> Images:
         return tuple(terms.mirrored(each.image) for terms, each in zip(self.terms, light, strict=True))
+
+    def _colours(self, parts: Sequence[tuple[Collected, ...]]) -> Colours:
+        """Mean colours over parts; none where they do not count."""
+        found = []
+        for terms, *same in zip(self.terms, *parts, strict=True):
+            own = [each.colours for each in same if each.colours is not None]
+            if own:
+                found.append(torch.stack([terms.mirrored(each) for each in torch.stack(own).mean(dim=0)]))
+        return tuple(found)
 
     def _flux_term(self, light: tuple[Collected, ...]) -> Float[Tensor, ""]:
         """Flux (W) that has no gradient in the images."""

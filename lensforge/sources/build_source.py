@@ -14,12 +14,14 @@ from lensforge.optics.material import Material
 from lensforge.sources.dispersion import ColouredSource
 from lensforge.sources.emitting_area import sobol
 from lensforge.sources.ray_bundle import RayBundle, Source, aimed
-from lensforge.sources.source_flux import emitter_flux
+from lensforge.sources.ray_colours import TristimulusSource, tristimulus_of_spectrum
+from lensforge.sources.source_flux import chip_fluxes, emitter_flux
 from lensforge.sources.source_pose import PlacedSource, placed_source
 from lensforge.sources.source_spectrum import spectrum_of
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec.derived_values import CAVITY_HEIGHT, rounded_length
 from lensforge.spec.source_sections import (
+    ChipsSource,
     RadianceSource,
     RayfileSource,
     RayfilesSource,
@@ -70,17 +72,18 @@ class SquareEmitter:
         return np.array([[-half, -half, 0.0], [half, -half, 0.0], [half, half, 0.0], [-half, half, 0.0]])
 
 
-def build_source(spec: SourceSpec, material: Material | None = None) -> Source:
+def build_source(spec: SourceSpec, material: Material | None = None, *, coloured: bool = False) -> Source:
     """Build the emitter that ``spec`` describes. Raises :class:`InputError` for a file that cannot be used.
 
     ``material``: of the lens if it is dispersive; then rays carry their wavelengths, where these are known, and
-    :class:`InputError` is raised too where its index is not known at them.
+    :class:`InputError` is raised too where its index is not known at them. ``coloured``: rays carry X, Y and Z per W,
+    and :class:`InputError` is raised where a spectrum is not known or not visible.
     """
     match spec:
         case RayfileSource() | RayfilesSource() | RaySource():
             from lensforge.sources.ray_set_loading import load_ray_set
 
-            return load_ray_set(spec, material)
+            return load_ray_set(spec, material, colours=coloured)
         case SquareSource():
             emitter: Source = SquareEmitter(spec.side_mm, emitter_flux(spec).flux_w)
         case RadianceSource():
@@ -90,15 +93,24 @@ def build_source(spec: SourceSpec, material: Material | None = None) -> Source:
         case _:
             from lensforge.sources.planar_emitter import planar_emitter
 
-            emitter = planar_emitter(spec)
+            emitter = planar_emitter(spec, disperses=material is not None, coloured=coloured)
     emitter = placed_source(emitter, spec)
-    if material is None or spec.spectrum is None:
+    spectra = spec.spectra if isinstance(spec, ChipsSource) else ()
+    if material is not None and isinstance(spec, ChipsSource) and spectra:
+        parts = zip(spectra, chip_fluxes(spec), strict=True)
+        known = [(spectrum_of(each), flux.flux_w) for each, flux in parts if each is not None]
+        emitter = ColouredSource.of_parts(emitter, known, material)
+    elif material is not None and spec.spectrum is not None:
+        emitter = ColouredSource.of(emitter, spectrum_of(spec.spectrum), material)
+    if not coloured:
         return emitter
-    return ColouredSource.of(emitter, spectrum_of(spec.spectrum), material)
+    return TristimulusSource(emitter, None if spectra else tristimulus_of_spectrum(spec.spectrum, "source"))
 
 
 def summarise(source: Source, spec: SourceSpec) -> SourceSummary:
     """Summarise ``source``, built from ``spec``; of a ray set also its files, and all that was done to them."""
+    if isinstance(source, TristimulusSource):
+        return summarise(source.source, spec)
     if isinstance(source, ColouredSource):
         plain = summarise(source.source, spec)
         warnings = (*plain.warnings, *source.warnings)

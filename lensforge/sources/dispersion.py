@@ -1,6 +1,6 @@
 """Wavelengths of a source's rays, and how much is known of the lens's index at them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -99,6 +99,20 @@ def index_of_spectrum(spectrum: Spectrum, material: Material) -> IndexRange:
     return index_range_of(low, high, material, extrapolated, clamped)
 
 
+def joined_range(parts: Sequence[tuple[IndexRange, float]]) -> IndexRange:
+    """Least and largest wavelength of all parts, the indices there, and shares of the flux (W) that each comes with."""
+    ends = sorted(
+        end for each, _ in parts for end in zip(each.wavelengths_nm or (), each.refractive_indices or (), strict=True)
+    )
+    total = sum(flux for _, flux in parts)
+    return IndexRange(
+        wavelengths_nm=(ends[0][0], ends[-1][0]),
+        refractive_indices=(ends[0][1], ends[-1][1]),
+        extrapolated_index_share=sum((each.extrapolated_index_share or 0.0) * flux for each, flux in parts) / total,
+        clamped_index_share=sum((each.clamped_index_share or 0.0) * flux for each, flux in parts) / total,
+    )
+
+
 def _within(waves: Float[np.ndarray, " n"], ends: tuple[float, float]) -> Bool[np.ndarray, " n"]:
     return (waves >= ends[0]) & (waves <= ends[1])
 
@@ -115,12 +129,12 @@ def _require_few(clamped: float, low: float, high: float, material: Material, na
 
 @dataclass(frozen=True, eq=False)
 class ColouredSource(ChangedSource):
-    """Source that emits ``spectrum`` from every point in every direction.
+    """Source that emits ``spectrum`` from every point in every direction; None where its rays have their wavelengths.
 
     ``index_range`` and ``warnings``: what is known of the lens's index at its wavelengths.
     """
 
-    spectrum: Spectrum
+    spectrum: Spectrum | None
     index_range: IndexRange
     warnings: tuple[str, ...] = ()
 
@@ -133,11 +147,22 @@ class ColouredSource(ChangedSource):
         found = index_of_spectrum(spectrum, material)
         return ColouredSource(source, spectrum, found, tuple(index_warnings(found, material)))
 
+    @staticmethod
+    def of_parts(source: Source, parts: Sequence[tuple[Spectrum, float]], material: Material) -> "ColouredSource":
+        """``source`` whose rays have wavelengths of the spectra of its ``parts``, each with its flux (W).
+
+        Raises :class:`InputError` as :meth:`of`, for each part.
+        """
+        found = joined_range([(index_of_spectrum(spectrum, material), flux) for spectrum, flux in parts])
+        return ColouredSource(source, None, found, tuple(index_warnings(found, material)))
+
     def sample(self, count: int, seed: int) -> RayBundle:
         """Draw the rays of the source itself, each with a wavelength drawn by ``seed``."""
-        return replace(self.source.sample(count, seed), wavelengths_nm=self.spectrum.draw(count, seed))
+        return self._coloured(self.source.sample(count, seed), seed)
 
     def towards(self, targets: Float[np.ndarray, "n 3"], seed: int) -> RayBundle:
         """The rays of a sample, each turned to its target (mm); their flux is W/sr there."""
-        waves = self.spectrum.draw(len(targets), seed)
-        return replace(towards(self.source, targets, seed), wavelengths_nm=waves)
+        return self._coloured(towards(self.source, targets, seed), seed)
+
+    def _coloured(self, rays: RayBundle, seed: int) -> RayBundle:
+        return rays if self.spectrum is None else replace(rays, wavelengths_nm=self.spectrum.draw(len(rays), seed))

@@ -4,11 +4,11 @@ The points are scrambled Sobol sequences (Owen 1998; Matousek's linear scramble)
 """
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeAlias
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.spatial import ConvexHull, QhullError
 from scipy.stats import qmc
 
@@ -50,11 +50,15 @@ class Disc:
 
 @dataclass(frozen=True, eq=False)
 class Rectangles:
-    """Uniform rectangles: centres and sides (mm), and the share of the flux of each."""
+    """Uniform rectangles: centres and sides (mm), the share of the flux of each, and the number of its spectrum.
+
+    ``spectra``: empty where all have the same.
+    """
 
     centres: Float[np.ndarray, "k 2"]
     sides: Float[np.ndarray, "k 2"]
     shares: Float[np.ndarray, " k"]
+    spectra: Int[np.ndarray, " _"] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     @property
     def symmetry(self) -> str:
@@ -62,9 +66,9 @@ class Rectangles:
         original = self._sorted(np.eye(3))
         return largest_symmetry(lambda mirror: np.allclose(self._sorted(mirror), original, rtol=0.0, atol=_SAME_MM))
 
-    def _sorted(self, mirror: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "k 5"]:
-        matrix = mirror[:2, :2]
-        table = np.column_stack([self.centres @ matrix.T, self.sides @ np.abs(matrix).T, self.shares])
+    def _sorted(self, mirror: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "k _"]:
+        matrix, colours = mirror[:2, :2], [self.spectra] if len(self.spectra) else []
+        table = np.column_stack([self.centres @ matrix.T, self.sides @ np.abs(matrix).T, self.shares, *colours])
         return table[np.lexsort(np.round(table / _SAME_MM).T)]
 
     def place(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
@@ -72,6 +76,11 @@ class Rectangles:
         index, rest = choose(np.cumsum(self.shares), points[:, 0])
         inside = np.stack([rest, points[:, 1]], axis=1) - 0.5
         return np.asarray(self.centres[index] + inside * self.sides[index])
+
+    def numbers(self, numbers: Float[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
+        """Number of the rectangle that :meth:`place` chooses by each first number."""
+        index: Int[np.ndarray, " n"] = choose(np.cumsum(self.shares), numbers)[0]
+        return index
 
     def density(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
         """Sum over the rectangles in which a point lies."""

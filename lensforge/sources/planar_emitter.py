@@ -12,6 +12,7 @@ from lensforge.sources.intensity import CosinePower, TabulatedIntensity
 from lensforge.sources.photometric import read_photometric
 from lensforge.sources.photometric.photometric_file import far_field_warnings, turned_over
 from lensforge.sources.ray_bundle import RayBundle, aimed
+from lensforge.sources.ray_colours import ChipColours
 from lensforge.sources.source_flux import chip_fluxes, emitter_flux
 from lensforge.spec.emitter_section import CosineIntensity, IntensitySpec, TableIntensity
 from lensforge.spec.source_sections import ChipArraySource, ChipsSource, DiscSource, LuminanceSource, RectangleSource
@@ -29,6 +30,7 @@ class PlanarEmitter:
     flux_w: float = 1.0
     ray_count: int | None = None
     warnings: tuple[str, ...] = ()  # on the file of the profile
+    colours: ChipColours | None = None  # of rectangles with spectra of their own
 
     @property
     def symmetry(self) -> str:
@@ -41,7 +43,10 @@ class PlanarEmitter:
         points = sobol(count, 4, seed)
         origins = np.zeros((count, 3))
         origins[:, :2] = self.area.place(points[:, :2])
-        return RayBundle(origins, self.profile.aim(points[:, 2:]), np.full(count, self.flux_w / count))
+        rays = RayBundle(origins, self.profile.aim(points[:, 2:]), np.full(count, self.flux_w / count))
+        if self.colours is None or not isinstance(self.area, Rectangles):
+            return rays
+        return self.colours.given(rays, self.area.numbers(points[:, 0]), seed)
 
     def radiances(self, count: int, seed: int) -> Float[np.ndarray, " n"]:
         """Radiance (W/(mm^2 sr)) of each ray of ``sample(count, seed)``: emittance times intensity over its cosine."""
@@ -59,12 +64,14 @@ class PlanarEmitter:
         return np.column_stack([corners, np.zeros(len(corners))])
 
 
-def planar_emitter(spec: PlanarSource) -> PlanarEmitter:
+def planar_emitter(spec: PlanarSource, *, disperses: bool = False, coloured: bool = False) -> PlanarEmitter:
     """Build the emitter that ``spec`` describes, in the plane z = 0.
 
-    Raises :class:`InputError` for a file that cannot be used.
+    Rays of chips with spectra of their own carry wavelengths where the lens ``disperses``, else where it is asked for
+    X, Y and Z per W. Raises :class:`InputError` for a file that cannot be used.
     """
     profile, warnings = _profile(spec.intensity)
+    colours = None
     match spec:
         case RectangleSource():
             area: Area = _grid(1, 1, (spec.width_mm, spec.height_mm), (1.0, 1.0))
@@ -82,8 +89,11 @@ def planar_emitter(spec: PlanarSource) -> PlanarEmitter:
             flux = np.array([chip.flux_w for chip in chip_fluxes(spec)])
             centres = np.array([[chip.x_mm, chip.y_mm] for chip in spec.chips])
             sides = np.array([[chip.width_mm, chip.height_mm] for chip in spec.chips])
-            area = Rectangles(centres, sides, flux / flux.sum())
-    return PlanarEmitter(area, profile, emitter_flux(spec).flux_w, warnings=warnings)
+            kinds = list(dict.fromkeys(spec.spectra))
+            numbers = np.array([kinds.index(each) for each in spec.spectra], dtype=np.int64)
+            area = Rectangles(centres, sides, flux / flux.sum(), numbers)
+            colours = ChipColours.of(spec.spectra, disperses=disperses, coloured=coloured)
+    return PlanarEmitter(area, profile, emitter_flux(spec).flux_w, warnings=warnings, colours=colours)
 
 
 def _grid(columns: int, rows: int, side_mm: tuple[float, float], pitch_mm: tuple[float, float]) -> Rectangles:

@@ -53,7 +53,8 @@ class RayBundle:
     """Rays: start points ``origins`` (mm), unit directions, and the flux each carries (W). NumPy, float64.
 
     ``wavelengths_nm``: of each, at which media answer their index; None where that does not count, or is not known.
-    ``of_source``: number of the LED of each, where a lens is for several.
+    ``of_source``: number of the LED of each, where a lens is for several. ``tristimulus``: X, Y, Z (lm) per W of each;
+    None where nobody asks for colour.
     """
 
     origins: Float[np.ndarray, "n 3"]
@@ -61,6 +62,7 @@ class RayBundle:
     flux: Float[np.ndarray, " n"]
     wavelengths_nm: Float[np.ndarray, " n"] | None = None
     of_source: Int[np.ndarray, " n"] | None = None
+    tristimulus: Float[np.ndarray, "n 3"] | None = None
 
     def __len__(self) -> int:
         return len(self.flux)
@@ -69,7 +71,8 @@ class RayBundle:
         """Select some of the rays."""
         waves = None if self.wavelengths_nm is None else some_of(self.wavelengths_nm, rows)
         numbers = None if self.of_source is None else self.of_source[rows]
-        return RayBundle(self.origins[rows], self.directions[rows], self.flux[rows], waves, numbers)
+        colours = None if self.tristimulus is None else self.tristimulus[rows]
+        return RayBundle(self.origins[rows], self.directions[rows], self.flux[rows], waves, numbers, colours)
 
     def divided(self, parts: int) -> list["RayBundle"]:
         """Consecutive parts: those of a low-discrepancy sample are such samples themselves."""
@@ -78,15 +81,17 @@ class RayBundle:
 
     @classmethod
     def joined(cls, parts: Sequence["RayBundle"]) -> "RayBundle":
-        """Join the rays of all parts in their order; a wavelength all of them have, or none, and a number likewise."""
+        """Join the rays of all parts in their order; a wavelength, a number or a colour all of them have, or none."""
         waves = [part.wavelengths_nm for part in parts if part.wavelengths_nm is not None]
         numbers = [part.of_source for part in parts if part.of_source is not None]
+        colours = [part.tristimulus for part in parts if part.tristimulus is not None]
         return cls(
             np.concatenate([part.origins for part in parts]),
             np.concatenate([part.directions for part in parts]),
             np.concatenate([part.flux for part in parts]),
             np.concatenate(waves) if waves else None,
             np.concatenate(numbers) if numbers else None,
+            np.concatenate(colours) if colours else None,
         )
 
 

@@ -14,8 +14,9 @@ from jaxtyping import Float
 from lensforge.errors import InputError, remedy
 from lensforge.optics.material import Material
 from lensforge.results import Point
-from lensforge.sources.dispersion import coloured, index_warnings
-from lensforge.sources.ray_bundle import Rays, changed, joined
+from lensforge.sources.dispersion import coloured, index_warnings, joined_range
+from lensforge.sources.ray_bundle import RayBundle, Rays, changed, joined
+from lensforge.sources.ray_colours import coloured_set
 from lensforge.sources.ray_set import RaySetEmitter, placed
 from lensforge.sources.rayfiles.ray_file import RayFile, no_usable_ray
 from lensforge.sources.rayfiles.ray_file_io import read_rayfile
@@ -30,7 +31,7 @@ from lensforge.sources.source_flux import (
     with_spectrum_compared,
 )
 from lensforge.sources.source_pose import SourcePose
-from lensforge.sources.source_spectrum import spectrum_of
+from lensforge.sources.source_spectrum import spectrum_of, usable_wavelengths
 from lensforge.sources.source_summary import (
     AppliedPlacement,
     IndexRange,
@@ -73,28 +74,39 @@ class _Loaded:
         return "source.rays" if self.file is None else self.file.file
 
 
-def load_ray_set(spec: RaySetSource, material: Material | None = None) -> RaySetEmitter:
+@dataclass(frozen=True)
+class _Asked:
+    """Properties that rays are to carry: wavelengths for a lens of ``material``, and ``colours``."""
+
+    material: Material | None
+    colours: bool
+
+
+def load_ray_set(spec: RaySetSource, material: Material | None = None, *, colours: bool = False) -> RaySetEmitter:
     """Load the emitter that ``spec`` describes; with ``material``, of a dispersive lens, rays carry their wavelengths.
+
+    With ``colours`` they carry X, Y and Z per W.
 
     Several files keep their powers, or with ``spec.flux_w`` their ratio. Raises :class:`InputError`, one line,
     for files or arrays that cannot be used.
     """
+    asked = _Asked(material, colours)
     match spec:
         case RayfileSource():
             part = RayfilePart(file=spec.file, flux_w=spec.flux_w, flux_lm=spec.flux_lm)
-            return _emitter([_load_file(part, spec, material)], spec)
+            return _emitter([_load_file(part, spec, asked)], spec)
         case RayfilesSource():
-            parts = [_load_file(part, spec, material) for part in spec.files]
+            parts = [_load_file(part, spec, asked) for part in spec.files]
             _require_same_dispersion(parts)
             named = (tuple(f"{part.name}: {warning}" for warning in part.warnings) for part in parts)
             return _emitter([replace(part, warnings=words) for part, words in zip(parts, named, strict=True)], spec)
         case RaySource():
-            return _emitter([_load_arrays(spec, material)], spec)
+            return _emitter([_load_arrays(spec, asked)], spec)
 
 
-def _load_file(part: RayfilePart, spec: RaySetSource, material: Material | None) -> _Loaded:
+def _load_file(part: RayfilePart, spec: RaySetSource, asked: _Asked) -> _Loaded:
     rayfile = read_rayfile(part.file)
-    found = _loaded(rayfile, part, spec, part.spectrum or spec.spectrum, material)
+    found = _loaded(rayfile, part, spec, part.spectrum or spec.spectrum, asked)
     file = LoadedRayFile(
         file=Path(part.file).name,
         format=rayfile.format,
@@ -112,16 +124,16 @@ def _load_file(part: RayfilePart, spec: RaySetSource, material: Material | None)
     return replace(found, file=file)
 
 
-def _load_arrays(spec: RaySource, material: Material | None) -> _Loaded:
+def _load_arrays(spec: RaySource, asked: _Asked) -> _Loaded:
     relative = np.ones(len(spec.positions_mm)) if spec.ray_flux is None else spec.ray_flux
     given = RayFile(spec.positions_mm, spec.directions, relative, "W", spec.wavelengths_nm, path="source.rays")
-    return _loaded(given, spec, spec, spec.spectrum, material)
+    return _loaded(given, spec, spec, spec.spectrum, asked)
 
 
 def _loaded(
-    rayfile: RayFile, stated: FluxSection, spec: RaySetSource, spectrum: SpectrumSpec | None, material: Material | None
+    rayfile: RayFile, stated: FluxSection, spec: RaySetSource, spectrum: SpectrumSpec | None, asked: _Asked
 ) -> _Loaded:
-    """Load the usable rays of a file, in W, and with their wavelengths for a lens of ``material``.
+    """Load the usable rays of a file, in W, and with what is ``asked`` of them.
 
     ``stated``: the flux by the spec. ``spectrum``: of the spec, in place of the file's own.
     """
@@ -134,16 +146,41 @@ def _loaded(
     factor = flux.flux_w / sums.flux
     rays = changed(rays, lambda some: replace(some, flux=some.flux * factor, wavelengths_nm=None))
     figures, index_range, dispersion = RaySums.of(rays), None, tuple[str, ...]()
+    material, name = asked.material, rayfile.path if spectrum is None else "source.spectrum"
     if material is not None:
         with remedy("give source.spectrum"):
             stored = stored.coloured(None if spectrum is None else spectrum_of(spectrum))
         if stored.has_wavelengths:
             rays = changed(stored.loaded(), lambda some: replace(some, flux=some.flux * factor))
-            rays, index_range = coloured(rays, material, rayfile.path if spectrum is None else "source.spectrum")
+            rays, index_range = coloured(rays, material, name)
             dispersion = tuple(index_warnings(index_range, material))
+    if asked.colours:
+        rays = _with_colours(rays, stored, factor, spectrum, rayfile.path)
     given_flux = stated.flux_w is not None or stated.flux_lm is not None
     warnings = (*file_warnings(rayfile, sums, given_flux), *dispersion)
     return _Loaded(rays, flux, sums, figures, len(rayfile), index_range, warnings)
+
+
+def _with_colours(rays: Rays, stored: StoredRays, factor: float, spectrum: SpectrumSpec | None, name: str) -> Rays:
+    """``rays`` with X, Y and Z per W; ``stored``: the same, and ``factor`` takes their flux to W.
+
+    Where no lens disperses them and no spectrum is given, they follow the file: each its own wavelength, or one drawn
+    from the file's tables; those without a usable one are of the mean wavelength.
+    """
+    own = stored if stored.drawn_nm is not None or spectrum is not None else stored.coloured()
+    if rays.take(slice(0, 1)).wavelengths_nm is not None or spectrum is not None or not own.has_wavelengths:
+        return coloured_set(rays, spectrum, name)
+    mean_nm = RaySums.of(own.loaded()).colours.mean_nm
+    if mean_nm is None:
+        raise InputError(f"{name}: no ray has a usable wavelength; give source.spectrum, or leave out [colour]")
+
+    def usable(some: RayBundle) -> RayBundle:
+        assert some.wavelengths_nm is not None
+        waves = np.where(usable_wavelengths(some.wavelengths_nm), some.wavelengths_nm, mean_nm)
+        return replace(some, flux=some.flux * factor, wavelengths_nm=waves)
+
+    found = coloured_set(changed(own.loaded(), usable), None, name)
+    return changed(found, lambda some: replace(some, wavelengths_nm=None))
 
 
 def _flux(
@@ -230,21 +267,9 @@ def _emitter(parts: Sequence[_Loaded], spec: RaySetSource) -> RaySetEmitter:
 
 
 def _whole_range(parts: Sequence[_Loaded]) -> IndexRange | None:
-    """Least and largest wavelength of all parts, the indices there, and shares of the flux of all."""
+    """Indices at the wavelengths of all parts; None where they have none."""
     known = [(part.index_range, part.flux.flux_w) for part in parts if part.index_range is not None]
-    if not known:
-        return None
-    ranges = [each for each, _ in known]
-    ends = sorted(
-        end for each in ranges for end in zip(each.wavelengths_nm or (), each.refractive_indices or (), strict=True)
-    )
-    total = sum(flux for _, flux in known)
-    return IndexRange(
-        wavelengths_nm=(ends[0][0], ends[-1][0]),
-        refractive_indices=(ends[0][1], ends[-1][1]),
-        extrapolated_index_share=sum((each.extrapolated_index_share or 0.0) * flux for each, flux in known) / total,
-        clamped_index_share=sum((each.clamped_index_share or 0.0) * flux for each, flux in known) / total,
-    )
+    return joined_range(known) if known else None
 
 
 def _origin_mm(spec: Placement, focus_mm: Point | None, name: str) -> Float[np.ndarray, " 3"]:

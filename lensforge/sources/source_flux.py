@@ -122,7 +122,7 @@ def joined_flux(
 
 def emitter_flux(spec: EmitterSection, own_w: float = DEFAULT_FLUX_W) -> SourceFlux:
     """Settle the flux of an emitter of ``spec``; ``own_w``: of its table, if it has one. Raises :class:`InputError`."""
-    spectral = spectral_efficacy(spec.spectrum)
+    spectral = None if isinstance(spec, ChipsSource) and spec.spectra else spectral_efficacy(spec.spectrum)
     if isinstance(spec, ChipsSource):
         names = [f"source.chips[{number}]" for number in range(len(spec.chips))]
         found = joined_flux(spec, chip_fluxes(spec), spec.luminous_efficacy_lm_per_w, names)
@@ -145,8 +145,10 @@ def with_spectrum_compared(found: SourceFlux, spec: EmitterSection, spectral: fl
 
 def chip_fluxes(spec: ChipsSource) -> list[SourceFlux]:
     """Settle the flux of each chip, of 1 W if nothing is stated."""
-    spectral = spectral_efficacy(spec.spectrum)
-    return [settled_flux(chip, spec.luminous_efficacy_lm_per_w, spectral) for chip in spec.chips]
+    spectra = spec.spectra or [spec.spectrum] * len(spec.chips)
+    spectral = {each: spectral_efficacy(each) for each in dict.fromkeys(spectra)}
+    efficacy = None if spec.spectra else spec.luminous_efficacy_lm_per_w
+    return [settled_flux(chip, efficacy, spectral[each]) for chip, each in zip(spec.chips, spectra, strict=True)]
 
 
 def spectral_efficacy(spec: SpectrumSpec | None) -> float | None:

@@ -3,7 +3,6 @@
 Each wrong field is reported in a line: its name, its value, what is allowed.
 """
 
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -18,7 +17,13 @@ from lensforge.spec.derived_values import derived_sizes
 from lensforge.spec.feasible import require_feasible
 from lensforge.spec.lamps_section import AnyLamps, Lamps, lamps_of, require_together
 from lensforge.spec.lens_section import AnyLens, LensSection
-from lensforge.spec.light_limits import LightLimitSpec, PhotometrySection, require_limit_fits, require_seen_from_afar
+from lensforge.spec.light_limits import (
+    ColourSection,
+    LightLimitSpec,
+    PhotometrySection,
+    require_limit_fits,
+    require_seen_from_afar,
+)
 from lensforge.spec.part_section import BaseSection, DrawingSection, ManufactureSection
 from lensforge.spec.plate_section import PlateSection, require_plate
 from lensforge.spec.receiver_sections import (
@@ -84,6 +89,8 @@ class Spec(Section):
     """Light that must be at least, or at most, so much."""
     roads: Annotated[tuple[RoadSection, ...], Field(max_length=MOST_ROADS)] = ()
     """Roads that rows of lamps with the lens light, each with its class: limits on the light, too."""
+    colour: ColourSection | None = None
+    """Colour of the beam; by default it is not computed."""
     optimise: OptimiseSection = Field(default_factory=OptimiseSection)
     """Settings of the search."""
     evaluate: EvaluateSection = Field(default_factory=EvaluateSection)
@@ -313,8 +320,8 @@ class Spec(Section):
 
     @property
     def has_limits(self) -> bool:
-        """True where the light must keep limits: those of ``limits``, and of the classes of ``roads``."""
-        return bool(self.limits or self.roads)
+        """True where the light must keep limits: those of ``limits``, of classes of ``roads``, and on its colour."""
+        return bool(self.limits or self.roads or (self.colour is not None and self.colour.has_limits))
 
     @property
     def has_uniform_region(self) -> bool:
@@ -376,15 +383,6 @@ def parse_spec(content: Mapping[str, object], origin: str) -> Spec:
         return Spec.model_validate(content)
     except ValidationError as error:
         raise spec_error(error, origin, Spec) from None
-
-
-_LONGEST_NAME, _LONGEST_END = 64, 32
-
-
-def joined_name(name: str, end: str) -> str:
-    """A spec's ``name`` with an ``end``, in characters that a spec's name may have."""
-    ending = re.sub(r"[^A-Za-z0-9_-]+", "_", end)[:_LONGEST_END]
-    return f"{name[: _LONGEST_NAME - 1 - len(ending)]}-{ending}"
 
 
 def require_spec(spec: object, verb: str) -> Spec:

@@ -89,7 +89,17 @@ class FileSpectrum(Section):
     """Text file of wavelength (nm) and relative power density in two columns, OPTIS or LightTools."""
 
 
-SpectrumSpec = Annotated[LineSpectrum | TableSpectrum | FileSpectrum, Field(discriminator="kind")]
+class GaussianSpectrum(Section):
+    """Normal distribution of power over wavelength, as of a chip without a phosphor."""
+
+    kind: Literal["gaussian"] = "gaussian"
+    peak_nm: Nanometres
+    """Wavelength of the largest power density."""
+    fwhm_nm: Annotated[float, Field(ge=0.1, le=2000.0)]
+    """Full width at half of that."""
+
+
+SpectrumSpec = Annotated[LineSpectrum | TableSpectrum | FileSpectrum | GaussianSpectrum, Field(discriminator="kind")]
 
 
 _SAME_EFFICACY = 0.01  # relative: figures of a data sheet, rounded to three digits each, agree this well
@@ -141,8 +151,8 @@ class EmitterSection(FluxSection):
     """Luminous efficacy of the light: with it, with both fluxes or with a spectrum reports show lux, without it W/m^2.
     """
     spectrum: SpectrumSpec | None = None
-    """Spectrum, used where the lens material is dispersive, and for the luminous efficacy; for a ray file it replaces
-    the file's own.
+    """Spectrum, used where the lens material is dispersive, for colour, and for the luminous efficacy; for a ray file
+    it replaces the file's own.
     """
     rotate_z_deg: Turn = 0.0
     """Turn about the z axis, before the tilt."""

@@ -210,6 +210,33 @@ LightLimitSpec = Annotated[
 ]
 
 
+class ColourSection(Section):
+    """Colour of the beam, and limits on how far it is from its mean.
+
+    A beam is where the light is above a level of its peak, on each receiver. Colours are of the CIE 1931 observer, and
+    their differences are distances in u', v' (CIE 1976).
+    """
+
+    within: Literal["fwhm", "tenth"] = "fwhm"
+    """Level that bounds the beam: half of the peak, or a tenth."""
+    max_rms_delta_uv: Fraction | None = None
+    """Largest root mean square of the distances from the beam's mean colour."""
+    max_delta_uv: Fraction | None = None
+    """Largest distance from the beam's mean colour."""
+    weight: Annotated[float, Field(ge=0.0, le=1e4)] = 0.0
+    """Factor of colour in the merit of the search, where the error of the pattern has 1; 0: none."""
+
+    @property
+    def level(self) -> float:
+        """Level that bounds the beam, relative to the peak."""
+        return 0.5 if self.within == "fwhm" else 0.1
+
+    @property
+    def has_limits(self) -> bool:
+        """True where it bounds the colour."""
+        return self.max_rms_delta_uv is not None or self.max_delta_uv is not None
+
+
 def require_limit_fits(limit: LimitSection, unit: Unit, extent: tuple[float, float], receiver: str) -> None:
     """Raise ``ValueError`` for units that ``receiver`` does not have, or places off it.
 

@@ -86,7 +86,8 @@ class RaySource(Placement):
     all rays have the same.
     """
     wavelengths_nm: Annotated[Float[np.ndarray, " n"], Numbers(1)] | None = None
-    """Wavelength of each ray, used where the lens material is dispersive, and for the luminous efficacy."""
+    """Wavelength of each ray, used where the lens material is dispersive, for colour, and for the luminous efficacy.
+    """
 
     if TYPE_CHECKING:  # the arguments of the class; the fields themselves are validated as everywhere
 
@@ -192,6 +193,8 @@ class Chip(FluxSection):
     """Width along x."""
     height_mm: Millimetres
     """Height along y."""
+    spectrum: SpectrumSpec | None = None
+    """Spectrum in place of that of ``source``: the colour of this chip."""
 
 
 class ChipsSource(_PlanarSource):
@@ -205,6 +208,12 @@ class ChipsSource(_PlanarSource):
     def description(self) -> str:
         """The source in a few words."""
         return f"source of {len(self.chips)} chips"
+
+    @property
+    def spectra(self) -> tuple[SpectrumSpec | None, ...]:
+        """Spectrum of each chip, its own or that of all; empty where none has one of its own."""
+        own = [chip.spectrum for chip in self.chips]
+        return tuple(each or self.spectrum for each in own) if any(own) else ()
 
 
 class ChipArraySource(_PlanarSource):

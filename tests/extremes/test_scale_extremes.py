@@ -25,7 +25,7 @@ from lensforge.scene.pixel_grid import PixelGrid, Window, bin_flux, flux_in, spl
 from lensforge.scene.receiver import Landings, ReceiverPose
 from lensforge.scene.receiver_shapes import Plane
 from lensforge.scene.target_pattern import target_light
-from lensforge.search.light_path import Collected, collected
+from lensforge.search.collected_light import Collected, collected
 from lensforge.search.optimiser import search
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle

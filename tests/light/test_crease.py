@@ -18,7 +18,8 @@ from lensforge.scene.body import Body, Face
 from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver import ReceiverPose
 from lensforge.scene.receiver_shapes import FarField
-from lensforge.search.light_path import collected, landed_through
+from lensforge.search.collected_light import collected
+from lensforge.search.light_path import landed_through
 from lensforge.search.merit import nmse_loss
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.dispersion import ColouredSource

@@ -12,6 +12,7 @@ from lensforge.scene.lens import Lens
 
 CAD = ["cadquery", "OCP", "trimesh", "manifold3d", "lib3mf"]
 PICTURES = ["pyvista", "matplotlib", "mitsuba"]
+COLOUR = ["colour"]  # colour-science
 SOURCES = ["lensforge.sources.ray_set", "lensforge.sources.rayfiles.ray_file_io"]
 PROOFS = ["lensforge.proof.step_cast", "lensforge.proof.stray_analysis", "lensforge.cad.solid"]
 
@@ -37,12 +38,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_plain_scene_loads_no_file_reader_no_cad_and_no_pictures_to_be_evaluated_and_checked(folder: Path) -> None:
-    evaluate = (["evaluate", str(folder), "--rays", "64"], ["torch", *CAD, *PICTURES, *SOURCES, *PROOFS])
+    evaluate = (["evaluate", str(folder), "--rays", "64"], ["torch", *COLOUR, *CAD, *PICTURES, *SOURCES, *PROOFS])
     check = (["check", str(folder)], ["cadquery", "OCP", *PICTURES, *SOURCES])
     commands = (evaluate, check) if NIGHTLY else (evaluate,)  # by day the check's own test: five seconds
     assert _loaded(*commands) == ["[]"] * len(commands)
 
 
 def test_help_loads_nothing() -> None:
-    modules = [*CAD, *PICTURES, *SOURCES, *PROOFS, "torch", "scipy", "numba"]
+    modules = [*COLOUR, *CAD, *PICTURES, *SOURCES, *PROOFS, "torch", "scipy", "numba"]
     assert _loaded((["design", "--help"], modules)) == ["[]"]

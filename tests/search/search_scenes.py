@@ -44,7 +44,7 @@ class Step:
 
     def __init__(self, changes: dict[str, Any]) -> None:
         spec, rng = small_spec(**changes), np.random.default_rng(0)
-        source = build_source(spec.source, spec.lens.dispersion)
+        source = build_source(spec.source, spec.lens.dispersion, coloured=spec.colour is not None)
         self.problem = Problems(spec, source, 3.0, None).of((9, 25))
         parts = self.problem.parts
         self.pair = None if parts is None else parts.of_step(0, 3)

@@ -9,7 +9,7 @@ from scenes import DEVICES
 
 from lensforge.scene.pixel_grid import PixelGrid, Window, splat_flux
 from lensforge.scene.receiver import Landings
-from lensforge.search.light_path import Collected, collected, collected_on_device
+from lensforge.search.collected_light import Collected, collected, collected_on_device
 
 GRID = PixelGrid(300.0, 200.0, 32, 24)
 WINDOWS = {"rectangle": Window(240.0, 130.0), "circle": Window(radius=110.0), "everywhere": Window()}

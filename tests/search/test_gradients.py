@@ -20,6 +20,23 @@ PERIOD = {
     "kind": "plane", "centre_mm": [0.0, 0.0, 40.0], "width_mm": 60.0, "height_mm": 60.0 * 3.0**0.5,
     "targets": [{"kind": "rectangle", "width_mm": 60.0, "height_mm": 100.0, "uniform_mm": 50.0}],
 }  # fmt: skip
+COLOURS = {
+    "source": {
+        "kind": "chips",
+        "chips": [
+            {
+                "x_mm": x,
+                "y_mm": y,
+                "width_mm": 0.6,
+                "height_mm": 0.6,
+                "spectrum": {"kind": "line", "wavelength_nm": wave},
+            }
+            for x, y, wave in ((-0.4, 0.0, 630.0), (0.4, 0.0, 530.0), (0.0, 0.7, 460.0))
+        ],
+    },
+    "colour": {"within": "tenth", "weight": 30.0},
+}
+LAMPS = {"lamps": {"kind": "grid", "columns": 3, "rows": 2, "pitch_mm": 20.0}}
 SPECS: dict[str, dict[str, Any]] = {
     "free": {},
     "symmetric": {"lens__symmetry": "square"},
@@ -30,7 +47,7 @@ SPECS: dict[str, dict[str, Any]] = {
     "lossless": {"optimise__fresnel": False},
     **{name: {"target": None, "receivers": [each]} for name, each in RECEIVERS.items()},
     "all receivers": {"target": None, "receivers": list(RECEIVERS.values())},
-    "lamps in a grid": {"lamps": {"kind": "grid", "columns": 3, "rows": 2, "pitch_mm": 20.0}},
+    "lamps in a grid": LAMPS,
     "lamps without an end": {"lamps": {"kind": "endless", "pitch_mm": 200.0}},
     "lamps in hexagons without an end": {
         "lamps": {"kind": "endless", "lattice": "hexagon", "pitch_mm": 60.0},
@@ -46,6 +63,10 @@ SPECS: dict[str, dict[str, Any]] = {
     "robust, large": ROBUST | tolerance_changes(LARGE),
     "robust, symmetric": ROBUST | tolerance_changes(LARGE) | {"lens__symmetry": "square"},
     "robust, dispersed": ROBUST | DISPERSED,
+    "coloured": COLOURS,
+    "coloured, all receivers": COLOURS | {"target": None, "receivers": list(RECEIVERS.values())},
+    "coloured, lamps, mirrored": COLOURS | LAMPS | {"lens__symmetry": "mirror_x"},
+    "coloured, robust, dispersed": COLOURS | ROBUST | tolerance_changes(LARGE) | {"lens__material": "PC"},
 }
 
 

@@ -8,6 +8,7 @@ from own_media import with_own
 from scenes import small_spec, sphere
 
 from lensforge.light.exact_trace import DenseScan, FixedSurface, trace_exact
+from lensforge.light.simulation import ReceivedFlux
 from lensforge.light.table_trace import Scene, trace_tables
 from lensforge.optics.material import MATERIALS
 from lensforge.optics.media import Media, Medium
@@ -15,6 +16,7 @@ from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver import ReceiverPose
 from lensforge.scene.receiver_shapes import Plane
 from lensforge.sources.build_source import build_source
+from lensforge.sources.ray_colours import coloured_by_wavelength
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate
 
 INNER, OUTER, Z = 3.0, 6.0, 100.0
@@ -78,3 +80,28 @@ def test_equal_indices_for_all_rays_are_the_scene_of_that_index(trace):
     plain = trace(rays, Medium(index))
     np.testing.assert_allclose(alike.hits, plain.hits, atol=1e-10)
     np.testing.assert_allclose(alike.flux, plain.flux, rtol=1e-12)
+
+
+CIE_1931 = {  # X, Y, Z of 1 W over 683.002 lm, from the tables of CIE 15
+    450.0: (0.336200, 0.038000, 1.772110),
+    550.0: (0.433450, 0.994950, 0.008750),
+    650.0: (0.283500, 0.107000, 0.0),
+}
+
+
+def test_colours_on_a_receiver_are_those_of_three_lines_by_hand():
+    """A line of each primary through the spheres: pictures of X, Y, Z against rays placed and weighed by hand."""
+    rays, body = dispersed_rays(count=512)
+    waves = np.resize(list(CIE_1931), len(rays))
+    rays = coloured_by_wavelength(replace(rays, wavelengths_nm=waves))
+    grid = TableGrid(32)
+    exits = trace_tables(tuple(tabulate(grid, sphere(r)) for r in (INNER, OUTER)), Scene(Media(body), grid), rays)
+    landings = RECEIVER.land(exits)
+    received = ReceivedFlux.none_yet(RECEIVER, 1, (), coloured=True)
+    received.add(0, 1.0, RECEIVER, exits, landings, rays.tristimulus)
+    x, y = bouguer(rays, body.indices(waves, len(rays))).T
+    edges = np.linspace(-100.0, 100.0, RECEIVER.grid.columns + 1)
+    for k, picture in enumerate(received.colours):
+        weight = landings.flux * [683.002 * CIE_1931[wave][k] for wave in waves]
+        by_hand, _, _ = np.histogram2d(y, x, bins=(edges, edges), weights=weight)
+        np.testing.assert_allclose(picture[0], by_hand, atol=1e-4 * by_hand.max())

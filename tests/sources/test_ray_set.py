@@ -97,6 +97,9 @@ def test_the_example_file_is_what_its_script_makes(tmp_path):
     content = (EXAMPLES / "led.tm25ray").read_bytes()
     assert (tmp_path / "led").read_bytes() == content
     assert len(content) <= 700_000
+    for name, made in runpy.run_path(str(EXAMPLES / "make_white_led.py"))["make_white"]().items():
+        write_rayfile(tmp_path / name, made, "tm25")
+        assert (tmp_path / name).read_bytes() == (EXAMPLES / f"white_{name}.tm25ray").read_bytes()
 
 
 def test_the_example_led_is_off_the_axis_and_below_the_plane():

@@ -72,6 +72,7 @@ CASES = {
         {"chips": [CHIP, {**CHIP, "x_mm": -0.6, "flux_w": 2.0}]},
         {"chips": [CHIP], "flux_w": 0.25},
         {"chips": [{**CHIP, "flux_lm": 100.0}], **PLACE},
+        {"chips": [{**CHIP, "spectrum": WHITE}, {**CHIP, "x_mm": -0.6, "spectrum": WHITE}], **PLACE},
     ],
     "chip_array": [
         {"columns": 2, "rows": 3, "width_mm": 0.5, "height_mm": 0.25, "pitch_mm": [0.75, 0.5]},
@@ -106,8 +107,9 @@ def _fields(kind, index, folder):
 
 
 def _built(fields):
-    """The emitter, its light dispersed by PMMA where a spectrum is known."""
-    return build_source(small_spec(source=fields).source, MATERIALS["PMMA"])
+    """The emitter, its light dispersed by PMMA where a spectrum is known, and coloured where chips have their own."""
+    coloured = "spectrum" in str(fields.get("chips"))
+    return build_source(small_spec(source=fields).source, MATERIALS["PMMA"], coloured=coloured)
 
 
 def _radiance(path):

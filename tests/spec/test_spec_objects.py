@@ -12,6 +12,7 @@ from lensforge.spec import source_sections
 from lensforge.spec.emitter_section import (
     CosineIntensity,
     FileSpectrum,
+    GaussianSpectrum,
     IntensitySpec,
     LineSpectrum,
     PhotometricIntensity,
@@ -144,6 +145,7 @@ SPECTRA = (
     LineSpectrum(wavelength_nm=550.0),
     TableSpectrum(wavelength_nm=(500.0, 600.0), weight=(1.0, 2.0)),
     FileSpectrum(file="led.txt"),
+    GaussianSpectrum(peak_nm=450.0, fwhm_nm=20.0),
 )
 INTENSITIES = (
     CosineIntensity(power=2.0),

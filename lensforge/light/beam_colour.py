@@ -1,0 +1,85 @@
+"""Colour of a beam: its mean in u', v' and as a temperature, and how far colours in it are from that mean.
+
+The beam is where the filtered light is above a level of its peak. Its mean colour is that of all its light mixed.
+With U = 4 X - u0 D, V = 9 Y - v0 D and D = X + 15 Y + 3 Z, a pixel's distance from the colour (u0, v0) is
+|(U, V)| / D. U and V are linear in the light, so that products of two replicates have no noise. D is that of all rays
+together: its noise enters as a factor 1 + 1/n of n rays in a pixel.
+
+The largest distance is that along the best of 32 directions in u', v', which is at most 0.5 % too small: distances
+along a direction are linear, and their largest is known without the noise that chooses it.
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.light.metrics import jackknife_metric, largest_without_noise, root_estimate
+from lensforge.optics.colorimetry import ColourTemperature, away_from, colour_temperature, denominator, uv_of
+from lensforge.results import Count, Metric, Record, Share
+
+Pictures = Float[np.ndarray, "3 r h w"]  # X, Y, Z (lm) in each pixel, by every replicate
+_DIRECTIONS = 32
+_MOST_PIXELS = 2**13  # of which the worst is sought: those that look worst, where there are more
+
+
+class BeamColour(Record):
+    """Colour of the light on a receiver where it is above ``level`` of its peak, on so many ``pixels``.
+
+    ``u``, ``v``: u', v' (CIE 1976) of the light there, mixed. ``cct`` (K), ``duv``: correlated colour temperature and
+    distance from Planck's locus; None for light without one. ``rms``, ``worst``: root mean square and largest of the
+    distances in u', v' of its pixels from that colour.
+    """
+
+    level: Share
+    pixels: Count
+    u: Metric
+    v: Metric
+    cct: Metric | None
+    duv: Metric | None
+    rms: Metric
+    worst: Metric
+
+    @staticmethod
+    def of(pictures: Pictures, level: float) -> "BeamColour | None":
+        """Colour of filtered ``pictures``; None in the dark, and where a replicate is dark."""
+        luminous, replicates = pictures[1], pictures.shape[1]
+        if not (luminous.sum(axis=(1, 2)) > 0.0).all():
+            return None
+        peak = largest_without_noise(luminous.reshape(replicates, -1)).value
+        inside = luminous.mean(axis=0) >= level * peak
+        light = np.moveaxis(pictures[:, :, inside], 0, -1)
+        totals = light.sum(axis=1)
+        if not (totals[:, 1] > 0.0).all():
+            return None
+        mean = uv_of(totals.mean(axis=0))
+        away = away_from(mean, light) / denominator(light.mean(axis=0))[:, None]
+        temperature = colour_temperature(mean)
+        return BeamColour(
+            level=level,
+            pixels=int(inside.sum()),
+            u=jackknife_metric(totals, lambda mean: float(uv_of(mean)[0])),
+            v=jackknife_metric(totals, lambda mean: float(uv_of(mean)[1])),
+            cct=None if temperature is None else _of_temperature(totals, temperature, 0, "K"),
+            duv=None if temperature is None else _of_temperature(totals, temperature, 1, ""),
+            rms=_rms(away),
+            worst=_worst(away),
+        )
+
+
+def _of_temperature(totals: Float[np.ndarray, "r 3"], known: ColourTemperature, index: int, unit: str) -> Metric:
+    """One of both figures with its error; ``known`` counts where a part of the replicates has none."""
+    return jackknife_metric(totals, lambda mean: float((colour_temperature(uv_of(mean)) or known)[index]), unit)
+
+
+def _rms(away: Float[np.ndarray, "r n 2"]) -> Metric:
+    """Root mean square of the distances of ``n`` pixels, without noise."""
+    return root_estimate(away.reshape(len(away), -1) / np.sqrt(away.shape[1]), np.ones(len(away))).metric()
+
+
+def _worst(away: Float[np.ndarray, "r n 2"]) -> Metric:
+    """Largest of the distances of ``n`` pixels, without noise."""
+    seen = np.linalg.norm(away.mean(axis=0), axis=1)
+    if len(seen) > _MOST_PIXELS:
+        away = away[:, np.argpartition(seen, -_MOST_PIXELS)[-_MOST_PIXELS:]]
+    angles = 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
+    along = away @ np.stack([np.cos(angles), np.sin(angles)])
+    return largest_without_noise(along.reshape(len(away), -1), least=0.0)

@@ -1,0 +1,171 @@
+"""Sums of the rays of one gradient step on one receiver: its picture, and what the picture misses; of lamps together.
+
+By the compiled kernels as one torch operation, or in torch where another device traces.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from lensforge.kernels.image_sums import SAFE_SIN2, SIN2_SCALE, collect, collect_adjoint
+from lensforge.kernels.parallel import CHUNKS, in_chunks
+from lensforge.scene.lamp_pictures import LampPictures
+from lensforge.scene.pixel_grid import PixelGrid, Window
+from lensforge.scene.receiver import Landings
+
+
+@dataclass(frozen=True)
+class Collected:
+    """Sums over rays on one receiver, all in W and differentiable in the landings and the exit sines.
+
+    ``image``: flux per pixel by the four-pixel splat. ``in_window``: flux in the receiver's window.
+    ``outside_receiver``: flux off the receiver, each ray times ``e^2/(1+e^2)``, e its distance from it in half
+    widths and heights. ``total_reflection``: flux whose squared exit sine exceeds 0.97, likewise bounded: its gradient
+    brings totally reflected rays back and keeps others from it. The last two count the flux with which a ray left the
+    source, as a constant. ``colours``: as ``image``, of the flux times two weights of each ray; None without these.
+    """
+
+    image: Float[Tensor, "h w"]
+    in_window: Float[Tensor, ""]
+    outside_receiver: Float[Tensor, ""]
+    total_reflection: Float[Tensor, ""]
+    colours: Float[Tensor, "2 h w"] | None = None
+
+
+class _Collect(torch.autograd.Function):
+    @staticmethod
+    def forward(
+        ctx: Any, hits: Tensor, flux: Tensor, sin2_exit: Tensor, landed: Tensor, emitted: Tensor, grid: PixelGrid,
+        window: Window,
+    ) -> Any:  # fmt: skip
+        images, sums = np.zeros((CHUNKS, *grid.shape)), np.zeros((CHUNKS, 3))
+        rays = [tensor.detach().numpy() for tensor in (hits, flux, sin2_exit, landed, emitted)]
+
+        places = grid.size, window.packed()
+
+        def work(chunk: int, part: slice) -> None:
+            collect(*(array[part] for array in rays), *places, images[chunk], sums[chunk])
+
+        in_chunks(work, len(emitted))
+        ctx.rays, ctx.places = rays, places
+        return torch.from_numpy(images.sum(axis=0)), torch.from_numpy(sums.sum(axis=0))
+
+    @staticmethod
+    def backward(ctx: Any, by_image: Tensor, by_sums: Tensor) -> Any:
+        rays = ctx.rays
+        by_hits, by_flux, by_sin2 = (np.empty_like(array) for array in rays[:3])
+        pixels, sums = by_image.contiguous().numpy(), by_sums.contiguous().numpy()
+
+        def work(_: int, part: slice) -> None:
+            collect_adjoint(
+                *(array[part] for array in rays), *ctx.places, pixels, sums,
+                by_hits[part], by_flux[part], by_sin2[part],
+            )  # fmt: skip
+
+        in_chunks(work, len(by_flux))
+        return *(torch.from_numpy(array) for array in (by_hits, by_flux, by_sin2)), None, None, None, None
+
+
+def collected(
+    landings: Landings,
+    sin2_exit: Float[Tensor, " n"],
+    emitted: Float[Tensor, " n"],
+    grid: PixelGrid,
+    window: Window,
+    weights: Float[Tensor, "2 n"] | None = None,
+) -> Collected:
+    """Collect rays that left the source with ``emitted`` (W); ``weights``: of the colours. Float64, CPU."""
+
+    def summed(flux: Tensor) -> tuple[Tensor, Tensor]:
+        found: tuple[Tensor, Tensor] = _Collect.apply(  # type: ignore[no-untyped-call]  # as torch has it
+            landings.hits, flux, sin2_exit, landings.landed, emitted, grid, window
+        )
+        return found
+
+    image, sums = summed(landings.flux)
+    colours = None if weights is None else torch.stack([summed(landings.flux * each)[0] for each in weights])
+    return Collected(image, sums[0], sums[1], sums[2], colours)
+
+
+def collected_on_device(
+    landings: Landings,
+    sin2_exit: Float[Tensor, " n"],
+    emitted: Float[Tensor, " n"],
+    grid: PixelGrid,
+    window: Window,
+    weights: Float[Tensor, "2 n"] | None = None,
+) -> Collected:
+    """Collect rays that left the source with ``emitted`` (W); all tensors on one device, as :func:`collected`."""
+    landed = landings.landed
+    hits, flux = landings.hits[landed], landings.flux[landed]
+    size, (half_width, half_height, square) = hits.new_tensor(grid.size), window.packed()
+    distance = hits.abs()
+    in_window = (distance[:, 0] <= half_width) & (distance[:, 1] <= half_height) & (hits.square().sum(dim=1) <= square)
+    outside = (distance / (0.5 * size) - 1.0).clamp(min=0.0).square().sum(dim=1)
+    over = (sin2_exit - SAFE_SIN2).clamp(min=0.0) / SIN2_SCALE
+    return Collected(
+        image=_splat(hits, flux, grid),
+        in_window=flux[in_window].sum(),
+        outside_receiver=(emitted[landed] * _bounded(outside)).sum(),
+        total_reflection=(emitted * _bounded(over)).sum(),
+        colours=None if weights is None else torch.stack([_splat(hits, flux * each[landed], grid) for each in weights]),
+    )
+
+
+def _bounded(excess: Float[Tensor, " n"]) -> Float[Tensor, " n"]:
+    """Bounded excess ``e/(1+e)``: a few outliers cannot outweigh the image."""
+    return excess / (1.0 + excess)
+
+
+def _splat(hits: Float[Tensor, "n 2"], flux: Float[Tensor, " n"], grid: PixelGrid) -> Float[Tensor, "h w"]:
+    """Share each ray's flux among the four nearest pixels; a frame for the shares outside is cut off."""
+    size, pixels = hits.new_tensor(grid.size), hits.new_tensor([float(grid.columns), float(grid.rows)])
+    position = (hits / size + 0.5) * pixels - 0.5
+    near = ((position > -1.0) & (position < pixels)).all(dim=1)
+    position, flux = position[near], flux[near]
+    first = torch.floor(position.detach())
+    (right, up), (column, row) = (position - first).T, (first.to(torch.int64) + 1).T
+    shares = torch.stack(((1.0 - up) * (1.0 - right), (1.0 - up) * right, up * (1.0 - right), up * right))
+    framed = grid.columns + 2
+    corner = torch.tensor([0, 1, framed, framed + 1], device=flux.device)[:, None]
+    # adds in a fixed order, on a GPU too
+    image = flux.new_zeros((grid.rows + 2) * framed)
+    image = image.index_put((row * framed + column + corner,), flux * shares, accumulate=True)
+    return image.reshape(grid.rows + 2, framed)[1:-1, 1:-1]
+
+
+class _Added(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, lamps: LampPictures, *pictures: Tensor) -> Tensor:
+        ctx.lamps = lamps
+        return torch.from_numpy(lamps.added([picture.detach().numpy() for picture in pictures]))
+
+    @staticmethod
+    def backward(ctx: Any, by_image: Tensor) -> Any:
+        return None, *map(torch.from_numpy, ctx.lamps.spread(by_image.numpy()))
+
+
+def together(lamps: LampPictures, found: Sequence[Collected]) -> Collected:
+    """Mean light of a lamp on their receiver, from that of one on each raster.
+
+    Where a raster is wider than the receiver, light is in the window by its pixels, and outside off the raster.
+    """
+    if lamps.alone:
+        return found[0]
+    image, colours = _added(lamps, [each.image for each in found]), None
+    if found[0].colours is not None:
+        pairs = zip(*(each.colours for each in found if each.colours is not None), strict=True)
+        colours = torch.stack([_added(lamps, pictures) for pictures in pairs])
+    in_window = image.sum() if lamps.widened else lamps.mean([each.in_window for each in found])
+    outside = lamps.mean([each.outside_receiver for each in found])
+    return Collected(image, in_window, outside, found[0].total_reflection, colours)
+
+
+def _added(lamps: LampPictures, pictures: Sequence[Tensor]) -> Tensor:
+    found: Tensor = _Added.apply(lamps, *pictures)  # type: ignore[no-untyped-call]  # as torch has it
+    return found

@@ -1,0 +1,172 @@
+"""Colour of beams in closed form, without the noise of its rays; its limits, facts and record."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scenes import small_spec, sphere
+
+from lensforge.errors import InputError
+from lensforge.light.beam_colour import BeamColour
+from lensforge.light.evaluation_result import Light
+from lensforge.light.lens_light import evaluate
+from lensforge.light.light_facts import light_facts, light_reasons
+from lensforge.optics.colorimetry import tristimulus_of, uv_of
+from lensforge.scene.lens import Lens
+from lensforge.sources.source_spectrum import spectrum_of
+from lensforge.spec import Spec
+from lensforge.spec.emitter_section import GaussianSpectrum
+
+WARM, COOL = np.array([60.0, 50.0, 20.0]), np.array([50.0, 52.0, 60.0])
+RED, BLUE = (
+    {"kind": "gaussian", "peak_nm": 630.0, "fwhm_nm": 20.0},
+    {"kind": "gaussian", "peak_nm": 455.0, "fwhm_nm": 24.0},
+)
+
+
+def pictures(light: np.ndarray, noise: float = 0.0, seed: int = 0) -> np.ndarray:
+    """Sixteen replicates of ``light`` [row, column, XYZ], whose mean has relative ``noise`` in each value."""
+    rng = np.random.default_rng(seed)
+    replicates = light * (1.0 + 4.0 * noise * rng.normal(size=(16, *light.shape)))
+    return np.moveaxis(replicates, -1, 0)
+
+
+def halves(side: int = 20) -> np.ndarray:
+    """A square of two colours, the left half warm, in the dark."""
+    light = np.zeros((side, side, 3))
+    light[4:-4, 4 : side // 2], light[4:-4, side // 2 : -4] = WARM, COOL
+    return light
+
+
+def test_two_colours_side_by_side_in_closed_form() -> None:
+    found = BeamColour.of(pictures(halves()), 0.5)
+    assert found is not None
+    mean = uv_of(WARM + COOL)
+    apart = [float(np.linalg.norm(uv_of(each) - mean)) for each in (WARM, COOL)]
+    assert (found.u.value, found.v.value) == pytest.approx(tuple(mean))
+    assert found.rms.value == pytest.approx(np.sqrt(np.mean(np.square(apart))))
+    assert max(apart) * np.cos(np.pi / 32.0) - 1e-12 <= found.worst.value <= max(apart) + 1e-12
+    assert found.pixels == 144
+    assert found.cct is not None and found.cct.unit == "K" and 3000.0 < found.cct.value < 7000.0
+
+
+def test_the_beam_ends_at_its_level_of_the_peak() -> None:
+    light = np.ones((21, 21, 1)) * WARM * np.linspace(1.0, 0.001, 21)[:, None, None]
+    assert [found.pixels for level in (0.5, 0.1) if (found := BeamColour.of(pictures(light), level))] == [
+        11 * 21,
+        19 * 21,
+    ]
+    assert BeamColour.of(pictures(0.0 * light), 0.5) is None
+
+
+def test_noise_of_the_rays_is_no_difference_of_colours() -> None:
+    """Pictures of one colour with 2 % of noise in each value have as much Δu'v' to look at, and none without noise."""
+    one_colour = np.broadcast_to(WARM, (40, 40, 3))
+    found = [BeamColour.of(pictures(one_colour, 0.02, seed), 0.5) for seed in range(20)]
+    rms = np.array([each.rms.value for each in found if each])
+    looks = uv_of(pictures(one_colour, 0.02).mean(axis=1).transpose(1, 2, 0)) - uv_of(WARM)
+    assert np.sqrt((looks**2).sum(axis=-1).mean()) > 0.0028
+    assert rms.mean() < 0.0006
+    worst = [each.worst for each in found if each]
+    assert all(each.value < 3.0 * (each.standard_error or 0.0) for each in worst)
+
+
+def test_differences_under_noise_are_the_true_ones_within_their_errors() -> None:
+    truth = BeamColour.of(pictures(halves(40)), 0.5)
+    found = [BeamColour.of(pictures(halves(40), 0.02, seed), 0.5) for seed in range(30)]
+    assert truth is not None
+    for name in ("u", "v", "rms", "worst"):
+        figures = [getattr(each, name) for each in found if each]
+        values, errors = np.array([(each.value, each.standard_error) for each in figures]).T
+        scores = (values - getattr(truth, name).value) / errors
+        assert abs(scores.mean()) < 1.0 and np.abs(scores).max() < 4.5, name
+
+
+def chip(x: float, spectrum: Any, flux_w: float = 1.0) -> dict[str, Any]:
+    return {"x_mm": x, "y_mm": 0.0, "width_mm": 0.6, "height_mm": 0.6, "spectrum": spectrum, "flux_w": flux_w}
+
+
+def spheres(*chips: dict[str, Any], **changes: Any) -> Lens:
+    spec = small_spec(source={"kind": "chips", "chips": list(chips)}, base={"kind": "none"}, **changes)
+    return Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft")
+
+
+def lit(lens: Lens) -> Light:
+    return evaluate(lens, rays=2**15, pixels=16)
+
+
+def xyz(spectrum: dict[str, Any]) -> np.ndarray:
+    table = spectrum_of(GaussianSpectrum.model_validate(spectrum))
+    return tristimulus_of(table.wavelengths_nm, table.power_density)
+
+
+def test_superposed_chips_have_their_mixed_colour_everywhere() -> None:
+    light = lit(spheres(chip(0.0, RED, 1.0), chip(0.0, BLUE, 3.0), colour={}))
+    found = light.first.colour
+    assert found is not None
+    mixed = uv_of(xyz(RED) + 3.0 * xyz(BLUE))
+    for metric, wanted in zip((found.u, found.v), mixed, strict=True):
+        assert abs(metric.value - wanted) < 4.0 * (metric.standard_error or 0.0)
+    assert found.rms.value < 3.0 * (found.rms.standard_error or 0.0)
+    assert found.cct is None, "purple is no white"
+
+
+@pytest.mark.parametrize("lamps", [None, {"kind": "grid", "columns": 2, "rows": 1, "pitch_mm": 25.0}])
+def test_the_light_of_chips_together_is_the_sum_of_each(lamps: dict[str, Any] | None) -> None:
+    """Same flux of each, so that the chips share the rays of one sample; X, Y, Z add up within the noise."""
+    more = {} if lamps is None else {"lamps": lamps}
+    both = lit(spheres(chip(-0.5, RED), chip(0.5, BLUE), colour={}, **more)).first
+    each = [lit(spheres(chip(x, spectrum), colour={}, **more)).first for x, spectrum in ((-0.5, RED), (0.5, BLUE))]
+    together, alone = (
+        np.array([found.tristimulus_map.sum(axis=(1, 2)) for found in lights]) for lights in ([both], each)
+    )
+    np.testing.assert_allclose(together[0], alone.sum(axis=0), rtol=3e-3)
+    watts = both.map.sum()
+    np.testing.assert_allclose(together[0] / watts, 0.5 * (xyz(RED) + xyz(BLUE)), rtol=5e-3)
+    assert both.colour is not None and both.colour.rms.value > 10.0 * (both.colour.rms.standard_error or 0.0)
+
+
+def test_chips_that_change_places_mirror_the_colours_of_the_far_field() -> None:
+    far = {"kind": "disc", "half_angle_deg": 40.0, "diameter_deg": 60.0}
+    ratios = []
+    for one, other in ((RED, BLUE), (BLUE, RED)):
+        light = lit(spheres(chip(-0.8, one), chip(0.8, other), target=far, colour={"within": "tenth"})).first
+        x, _, z = light.tristimulus_map
+        ratios.append((x[:, :8].sum() / z[:, :8].sum()) / (x[:, 8:].sum() / z[:, 8:].sum()))
+        assert light.colour is not None and light.colour.level == 0.1
+    assert ratios[0] > 1.1
+    assert ratios[0] * ratios[1] == pytest.approx(1.0, abs=0.02)
+
+
+def _reasons(light: Light, lens: Lens) -> Sequence[str]:
+    return [words for _, words in light_reasons(light, lens)]
+
+
+def test_limits_on_colour_are_judged_by_the_verdict() -> None:
+    chips, alike = (chip(-0.5, RED), chip(0.5, BLUE)), (chip(-0.5, RED), chip(0.5, RED))
+    strict = {"within": "tenth", "max_rms_delta_uv": 0.005, "max_delta_uv": 0.9}
+    lens = spheres(*chips, colour=strict)
+    light = lit(lens)
+    assert [limit.state for limit in light.limits] == ["missed", "held"]
+    assert [words.split(" = ")[0] for words in _reasons(light, lens)] == ["Δu′v′ rms within a tenth of the peak"]
+    facts = {fact.key: fact for group in light_facts(light, lens) for fact in group.facts}
+    assert {"colour_u", "colour_v", "cct", "rms_delta_uv", "worst_delta_uv"} <= set(facts)
+    same = spheres(*alike, colour=strict)
+    assert _reasons(lit(same), same) == []
+
+
+def test_a_light_with_colours_is_kept_and_one_without_has_none(tmp_path: Path) -> None:
+    chips = chip(-0.5, RED), chip(0.5, BLUE)
+    light, plain = lit(spheres(*chips, colour={})), lit(spheres(*chips))
+    light.write(tmp_path)
+    assert Light.read(tmp_path) == light
+    assert (plain.first.colour, plain.first.tristimulus_map) == (None, None)
+    np.testing.assert_array_equal(plain.map, light.map)
+
+
+def test_colour_of_a_source_without_a_spectrum_is_one_line_at_once() -> None:
+    spec: Spec = small_spec(colour={}, base={"kind": "none"})
+    with pytest.raises(InputError, match="source: its colour is not known; give its spectrum, or leave out"):
+        lit(Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft"))

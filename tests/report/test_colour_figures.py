@@ -1,0 +1,47 @@
+"""Pictures of colours on a receiver: what they draw, and that the page has them."""
+
+import numpy as np
+import pytest
+
+from lensforge.light.beam_colour import BeamColour
+from lensforge.optics.colorimetry import srgb_of, uv_of
+from lensforge.report.colour_figures import colour_of_rings, colour_over_angle, delta_uv_map, true_colours
+from lensforge.results.chart import Chart
+
+WARM, COOL = np.array([60.0, 50.0, 20.0]), np.array([50.0, 52.0, 60.0])
+PLANE, SKY = Chart(100.0, 100.0), Chart(0.4, 0.4, True)
+
+
+def rings(side: int = 40) -> np.ndarray:
+    """A cool disc in a warm ring, in the dark: X, Y, Z on [3, row, column]."""
+    place = np.abs(np.linspace(-1.0, 1.0, side))
+    distance = np.hypot(place[:, None], place[None, :])
+    light = np.where((distance < 0.4)[..., None], COOL, np.where((distance < 0.8)[..., None], WARM, 0.0))
+    return np.moveaxis(light, -1, 0)
+
+
+def beam(light: np.ndarray) -> BeamColour:
+    found = BeamColour.of(np.repeat(light[:, None], 16, axis=1), 0.5)
+    assert found is not None
+    return found
+
+
+def test_the_light_has_its_colours_and_the_map_their_distances() -> None:
+    light = rings()
+    colour = beam(light)
+    image = true_colours(light, colour, PLANE).axes[0].images[0].get_array()
+    np.testing.assert_allclose(image[20, 20], srgb_of(np.array([WARM, COOL]))[1], atol=1e-9)
+    away = delta_uv_map(light, colour, PLANE).axes[0].images[0].get_array()
+    mean = np.array([colour.u.value, colour.v.value])
+    assert away[20, 20] == pytest.approx(float(np.linalg.norm(uv_of(COOL) - mean)))
+    assert np.ma.getmaskarray(np.ma.masked_invalid(away))[0, 0], "no colour in the dark"
+
+
+@pytest.mark.parametrize(("chart", "reach"), [(PLANE, 40.0), (SKY, 0.16)])
+def test_rings_have_the_colour_of_their_light(chart: Chart, reach: float) -> None:
+    radii, uv = colour_of_rings(rings(), chart)
+    assert radii[-1] == pytest.approx(reach, rel=0.06)
+    np.testing.assert_allclose(uv[0], uv_of(COOL))
+    np.testing.assert_allclose(uv[np.searchsorted(radii, 0.75 * reach)], uv_of(WARM))
+    axes = colour_over_angle(rings(), beam(rings()), chart).axes[0]
+    assert len(axes.lines) == 2 and ("°" in axes.get_xlabel()) == chart.far_field
