@@ -1,9 +1,8 @@
 """The result of the evaluation: the light on every receiver, how it was simulated, and the judgement of each limit."""
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
-from pydantic import Field, model_serializer, model_validator
+from pydantic import Field, model_validator
 
 from lensforge.light.light_ways import LightWay
 from lensforge.light.receiver_light import Flux, MissedByCause, Picture, Possible, RawMetrics, ReceiverLight
@@ -145,6 +144,7 @@ class Light(SimulatedResult):
 
     stage: ClassVar[str] = "evaluate"
     made_from: ClassVar[tuple[str, ...]] = ("lens", "source")
+    told_if_any: ClassVar[tuple[str, ...]] = ("ways",)
 
     receivers: Annotated[tuple[ReceiverLight, ...], Field(min_length=1)]
     limits: tuple[LimitResult, ...] = ()
@@ -163,12 +163,6 @@ class Light(SimulatedResult):
     seed: Count
     seconds: NotNegative
     criteria: tuple[Criterion, ...]
-
-    @model_serializer(mode="wrap")
-    def _ways_where_there_are_any(self, dumped: Callable[[object], dict[str, object]]) -> dict[str, object]:
-        """The fields; records of the usual lens say nothing of ways."""
-        content = dumped(self)
-        return content if self.ways else {name: entry for name, entry in content.items() if name != "ways"}
 
     @property
     def by_led(self) -> "dict[str, Light]":

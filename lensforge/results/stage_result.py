@@ -8,14 +8,14 @@ import hashlib
 import io
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self, TypeVar, get_args
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, model_serializer
 
 from lensforge.errors import InputError, OutdatedResult
 from lensforge.results.files import MIB, read_file, read_json, replacing
@@ -140,14 +140,24 @@ class InFile:
 
 
 class StageResult(Record):
-    """Result of one stage. ``inputs``: SHA-256 of its inputs, by name."""
+    """Result of one stage. ``inputs``: SHA-256 of its inputs, by name.
+
+    ``told_if_any``: fields that a record leaves out where they are empty: those of lenses of more than two faces.
+    """
 
     stage: ClassVar[str]
     command: ClassVar[str] = ""  # the command that makes it, where not named like the stage
     made_from: ClassVar[tuple[str, ...]] = ("lens",)  # inputs whose hashes a record must state
+    told_if_any: ClassVar[tuple[str, ...]] = ()
 
     version: Text = __version__
     inputs: dict[Text, Sha256] = Field(default_factory=dict)
+
+    @model_serializer(mode="wrap")
+    def _what_there_is(self, dumped: Callable[[object], dict[str, object]]) -> dict[str, object]:
+        """The fields, without those that are told only where there are any."""
+        content = dumped(self)
+        return {name: each for name, each in content.items() if each or name not in self.told_if_any}
 
     @classmethod
     def schema_name(cls) -> str:

@@ -8,6 +8,7 @@ from math import ceil, degrees, floor
 from typing import TYPE_CHECKING
 
 from lensforge.cad.part_limits import NORMAL_LIMIT_MRAD
+from lensforge.optics.media import FROM_BELOW
 from lensforge.results import Sense
 from lensforge.results.criteria import Criterion, at_least, at_most
 from lensforge.results.numerals import percent, quantity
@@ -226,6 +227,9 @@ def draft_finding(surface: str, face: FaceResult, spec: Spec) -> Finding:
     asked_deg = spec.lens.faces[surface].draft_deg
     wanted_deg = GOOD_DRAFT_DEG if asked_deg is None else asked_deg
     limit_deg = GOOD_DRAFT_DEG if asked_deg is None else asked_deg - _DRAFT_TOLERANCE_DEG
+    if undercut > 0.0 and surface in FROM_BELOW and least_deg >= 0.0:
+        reason = f"{percent(undercut)} of the {surface} face lies over the base: its half of the mould cannot be drawn"
+        return _finding("draft", surface, None, limit_deg, reason, ['base.kind = "none"', "a narrower base"])
     if undercut > 0.0:
         down = quantity(least_deg, "deg", digits=3)
         reason = f"{percent(undercut)} of the {surface} face is undercut, down to a draft of {down}"
