@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 _STEM = "lens"  # of the files
 _MOST_ROWS, _MOST_LIMITS = 10, 3
 # Groups that are rows of a table, a line each even where there is one alone.
-_LINES = ("bound", "spread", "causes", "budget", "error", "design", "preset")
+_LINES = ("road_yield", "bound", "spread", "causes", "budget", "error", "design", "preset")
 # Facts of a whole run, by its blocks; a stage shows all that it has.
 _LIGHT = ("nmse", "share_in_target", "efficiency", "uniformity", "level", "rays", "fitted_nmse")
 _FAR_FIELD = ("exit_lm", "peak_cd", "beam_C 0", "beam_C 90", "bug")
@@ -231,6 +231,7 @@ def _titled(groups: Sequence[Group]) -> list[Block]:
     kinds = dict.fromkeys(group.key for group in groups)
     found = [[group for group in groups if group.key == key] for key in kinds]
     titles = {"bound": "A part passes if", "spread": "The parts", "causes": "Causes", "budget": "At most"}
+    titles["road_yield"] = "Roads"
     titles["error"] = "Change by each tolerance at its end"
     return [Block(titles.get(same[0].key, same[0].title), list(rows_of(same))) for same in found]
 
