@@ -27,7 +27,7 @@ from lensforge.cad.step import parse_step, signed_step
 from lensforge.errors import InputError
 from lensforge.results.criteria import Criterion
 from lensforge.results.files import MIB
-from lensforge.results.stage_result import MOST_FILE_BYTES
+from lensforge.results.record import MOST_FILE_BYTES
 from lensforge.scene.lens import Lens
 from lensforge.spec import BaseSection
 from lensforge.spec.lamps_section import Lamps

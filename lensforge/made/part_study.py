@@ -19,7 +19,7 @@ from lensforge.cad.wall import thinnest_of
 from lensforge.errors import InputError
 from lensforge.light.evaluation import evaluate_traced
 from lensforge.light.evaluation_result import Light
-from lensforge.light.judged_limits import limit_value
+from lensforge.light.judged_limits import values_left_out
 from lensforge.light.metrics import Images, jackknife_error
 from lensforge.light.receiver_light import ReceiverLight, bounds_on
 from lensforge.light.simulation import REPLICATES, ReplicateMetrics, TracedLens, bundles, lit_mask, mean_share
@@ -126,7 +126,8 @@ class PartLight:
             images = found.images
             metrics.append(ReplicateMetrics.of(images, target.light, lit_mask(mask, images), found.window))
             shares.append(found.in_target)
-        return MeasuredPart(tuple(metrics), tuple(shares), tuple(self._limit(limit, received) for limit in self.limits))
+        limits = (values_left_out(limit, received[limit.receiver].images) for limit in self.limits)
+        return MeasuredPart(tuple(metrics), tuple(shares), tuple(limits))
 
     @cached_property
     def _targets(self) -> tuple[list[DrawnTarget], list[Bool[np.ndarray, "_ _"] | None]]:
@@ -134,12 +135,6 @@ class PartLight:
         pairs = list(zip((section.targets for section in self.spec.all_receivers), self.receivers, strict=True))
         targets = [drawn_target(own, receiver) for own, receiver in pairs]
         return targets, [uniform_region(own, each) for own, each in pairs]
-
-    def _limit(self, limit: LightLimit, received: tuple[ReceivedImages, ...]) -> Float[np.ndarray, " k"]:
-        """The value that decides on ``limit``, of all replicates and then with one after the other left out."""
-        images = received[limit.receiver].images
-        kept = [images, *(np.delete(images, k, axis=0) for k in range(len(images)) if len(images) > 1)]
-        return np.array([limit_value(limit, each).value for each in kept])
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,6 @@ import io
 import json
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self, TypeVar, get_args
@@ -24,6 +23,8 @@ from lensforge.results.notebook_html import PLOT_KINDS, plot_file, plot_html
 from lensforge.results.record import (
     Array,
     Count,
+    Given,
+    InFile,
     Number,
     Positive,
     Record,
@@ -116,27 +117,8 @@ def read_arrays(path: Path, sha256: object, remedy: str) -> dict[str, np.ndarray
 
 
 SCHEMA_VERSION = 3  # 1: the records of version 0.1.0, which named no schema; 2: of one receiver, a square on the axis
-MOST_FILE_BYTES = 384 * MIB  # of a CAD file or a mesh: eight million triangles, several times those of a reference run
 _ARRAYS = "arrays_sha256"  # the key of the npz file's hash in the JSON
 _UNHASHED = ("seconds", "version")  # differ between runs with the same result
-
-
-@dataclass(frozen=True)
-class Given:
-    """Marks a field that another file holds."""
-
-
-@dataclass(frozen=True)
-class InFile:
-    """Marks a field of bytes that are the file ``name`` of a result folder, which has at most ``most_bytes``."""
-
-    name: str
-    most_bytes: int = MOST_FILE_BYTES
-
-    def beside(self, stage: str, stem: str) -> str:
-        """Name of the file that belongs to ``stem``.json: ``lens_x.ies`` to ``photometry_x.json``."""
-        path, end = Path(self.name), stem.removeprefix(stage) if stem.startswith(f"{stage}_") else ""
-        return f"{path.stem}{end}{path.suffix}"
 
 
 class StageResult(Record):
