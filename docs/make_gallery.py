@@ -20,12 +20,12 @@ GROUPS = {
     "The first ones": ("quickstart", "cross", "rectangle", "text", "image"),
     "The paper's": ("flat_top", "flat_top_compact", "pi", "plus"),
     "For the shop": ("flat_top_milled", "robust_pi", "fixed_inner", "fixed_outer", "fixed_step_face"),
-    "Real LEDs": ("led_rayfile", "led_colours", "osram_pi", "chip_array"),
+    "Real LEDs": ("led_rayfile", "led_colours", "osram_pi", "chip_array", "second_source"),
     "Colours": ("rgbw", "white_two_files"),
     "Other receivers": ("wall_washer", "curved_screen", "two_distances"),
     "Beams and lamps": ("batwing", "elliptical_beam", "from_ies", "signal", "street_lamp"),
     "Roads": ("road_m3", "road_wide", "road_luminance", "pedestrian"),
-    "Lamps together": ("backlight", "high_bay", "panel", "street_module"),
+    "Lamps together": ("backlight", "backlight_plate", "high_bay", "panel", "street_module"),
     "Total internal reflection": ("spot", "spot_10", "oval", "flashlight", "desk_spot", "collimating_mirror"),
     "Materials": ("silicone", "coated_cover_glass"),
     "Designs of published papers": (
@@ -127,7 +127,7 @@ def main() -> None:
     if not parser.parse_args().page:
         for name in names():
             figures = _stored()
-            source = tomllib.loads((EXAMPLES / f"{name}.toml").read_text(encoding="utf-8"))["source"]
+            source = tomllib.loads((EXAMPLES / f"{name}.toml").read_text(encoding="utf-8")).get("source", {})
             if name in figures or ("file" in source and not (EXAMPLES / name).parent.joinpath(source["file"]).exists()):
                 continue
             figures[name] = draw(name)

@@ -63,6 +63,12 @@ class Crease:
         """Its chart points."""
         return _on_chart(azimuths, self.radius(azimuths))
 
+    def points(self, azimuths: _Values) -> Float[np.ndarray, "n 3"]:
+        """Its points (mm)."""
+        directions = to_sphere(self.chart(azimuths))
+        points: Float[np.ndarray, "n 3"] = self.one.radius(directions)[:, None] * directions
+        return points
+
     @cached_property
     def extent(self) -> tuple[float, float]:
         """Least and largest distance from the chart's centre."""

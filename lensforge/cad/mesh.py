@@ -22,6 +22,7 @@ from lensforge.cad.outline import FULL_TURN
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import RIM, TOP, Plan, base_corners, rim_directions
 from lensforge.errors import InputError
+from lensforge.results import Box
 from lensforge.surfaces.surface import to_sphere
 
 _CROSSING_REPLACES = 0.1  # of an azimuth step: a crossing this close to a grid azimuth replaces it
@@ -160,6 +161,12 @@ class BodyMesh:
         """The triangles of the face ``name``."""
         triangles: Int[np.ndarray, "k 3"] = self.triangles[self.face == self.names.index(name)]
         return triangles
+
+    @property
+    def bounds_mm(self) -> Box:
+        """Least and largest corner (mm) of the box around the vertices."""
+        (x0, y0, z0), (x1, y1, z1) = self.vertices.min(axis=0).tolist(), self.vertices.max(axis=0).tolist()
+        return (x0, y0, z0), (x1, y1, z1)
 
     def volume(self) -> float:
         """Enclosed volume (mm^3), by the divergence theorem."""

@@ -10,6 +10,14 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from lensforge.cad.part_limits import FormTolerance, Signature
+from lensforge.cad.plate_result import (
+    PLATE_FILES,
+    PLATE_STEP_FILE,
+    PLATE_STL_FILE,
+    PLATE_THREEMF_FILE,
+    Plate,
+    plate_facts,
+)
 from lensforge.errors import InputError
 from lensforge.results import (
     BodySize,
@@ -111,6 +119,7 @@ class Part(StageResult):
     states a density.
     ``keep_out``: None where the spec has none, or the mesh is not closed.
     ``form_tolerances``: those that the STEP carries on its faces, in AP242. ``signature``: in its header.
+    ``plate``: the plate of all lenses, where the spec has one.
     ``files``: size and hash of each file, as built; ``altered`` names those whose bytes are others, in a folder whose
     files somebody has changed. Bytes that this process has not made itself are read within bounds, STEP and 3MF in a
     child process.
@@ -137,6 +146,7 @@ class Part(StageResult):
     signature: Signature
     untrimmed_surfaces: UntrimmedSurfaces | None
     triangulation: Triangulation
+    plate: Plate | None = None
     files: dict[Text, FileStamp]
     seconds: NotNegative
     criteria: tuple[Criterion, ...]
@@ -144,6 +154,9 @@ class Part(StageResult):
     stl: Annotated[bytes, InFile(STL_FILE), _CONTENT]
     threemf: Annotated[bytes, InFile(THREEMF_FILE), _CONTENT]
     surfaces_step: Annotated[bytes | None, InFile(SURFACES_FILE), _CONTENT] = None
+    plate_step: Annotated[bytes | None, InFile(PLATE_STEP_FILE), _CONTENT] = None
+    plate_stl: Annotated[bytes | None, InFile(PLATE_STL_FILE), _CONTENT] = None
+    plate_threemf: Annotated[bytes | None, InFile(PLATE_THREEMF_FILE), _CONTENT] = None
 
     @model_validator(mode="after")
     def _files_are_those_of_the_record(self) -> "Part":
@@ -161,8 +174,14 @@ class Part(StageResult):
         return tuple(name for name, content in self._bytes().items() if self.files[name] != stamp_of(content))
 
     def _bytes(self) -> dict[str, bytes]:
-        contents = {STEP_FILE: self.step, STL_FILE: self.stl, THREEMF_FILE: self.threemf}
-        return contents if self.surfaces_step is None else {**contents, SURFACES_FILE: self.surfaces_step}
+        further = {
+            SURFACES_FILE: self.surfaces_step,
+            PLATE_STEP_FILE: self.plate_step,
+            PLATE_STL_FILE: self.plate_stl,
+            PLATE_THREEMF_FILE: self.plate_threemf,
+        }
+        there = {name: content for name, content in further.items() if content is not None}
+        return {STEP_FILE: self.step, STL_FILE: self.stl, THREEMF_FILE: self.threemf, **there}
 
     @property
     def size(self) -> BodySize:
@@ -215,8 +234,12 @@ class Part(StageResult):
 
 
 def part_facts(part: Part) -> list[Group]:
-    """One group on solid and files."""
-    return [Group("files", "Files as read back", (*_errors(part), *_solid(part), *_mould(part)))]
+    """One group on solid and files, and one on the plate."""
+    found = [Group("files", "Files as read back", (*_errors(part), *_solid(part), *_mould(part)))]
+    if part.plate is not None:
+        sizes = {name: part.files[name].bytes for name in PLATE_FILES if name in part.files}
+        found.append(plate_facts(part.plate, part.criteria, sizes))
+    return found
 
 
 def _errors(part: Part) -> Iterator[Fact]:

@@ -6,7 +6,6 @@ shop cuts a mould, must keep the limits of the faces of the part.
 """
 
 import time
-from dataclasses import dataclass
 
 from lensforge.cad.body_export import BodyProof, BuiltBody, on_base, prove
 from lensforge.cad.custom_base import read_custom_base
@@ -14,7 +13,6 @@ from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.facets import CHORD_MM
 from lensforge.cad.form_error import FormError, face_error, fit_lens, worst
 from lensforge.cad.keep_out import keep_out_criteria, keep_out_distance, mesh_error_mm, read_keep_out
-from lensforge.cad.mesh import BodyMesh
 from lensforge.cad.mesh_files import stl_bytes, threemf_bytes
 from lensforge.cad.part import (
     STEP_FILE,
@@ -31,7 +29,6 @@ from lensforge.cad.part import (
 from lensforge.cad.part_limits import (
     FORM_LIMIT_NM,
     NORMAL_LIMIT_MRAD,
-    FormTolerance,
     Signature,
     mass_g,
     mesh_volume_limit,
@@ -39,48 +36,20 @@ from lensforge.cad.part_limits import (
 )
 from lensforge.cad.patch import Patch, fit_extended
 from lensforge.cad.plan import Plan
-from lensforge.cad.solid import Solid, untrimmed_faces
+from lensforge.cad.plate_export import build_plate
+from lensforge.cad.plate_result import PLATE_STEP_FILE, PLATE_STL_FILE, PLATE_THREEMF_FILE
+from lensforge.cad.solid import untrimmed_faces
 from lensforge.cad.step import (
-    form_tolerances,
     parse_surfaces,
     require_schema,
-    step_bytes,
+    signed_step,
     surfaces_bytes,
 )
-from lensforge.results import Box, Extent
+from lensforge.results import Extent
 from lensforge.results.criteria import Criterion, at_most
 from lensforge.scene.lens import Lens
-from lensforge.spec import Spec
 from lensforge.surfaces.step_file import Schema
 from lensforge.surfaces.surface import scaled
-
-
-def mesh_bounds_mm(mesh: BodyMesh) -> Box:
-    """Least and largest corner (mm) of the box around the vertices of ``mesh``."""
-    (x0, y0, z0), (x1, y1, z1) = mesh.vertices.min(axis=0).tolist(), mesh.vertices.max(axis=0).tolist()
-    return (x0, y0, z0), (x1, y1, z1)
-
-
-@dataclass(frozen=True)
-class SignedStep:
-    """The bytes of the file, its author and date, and the tolerances on its faces."""
-
-    content: bytes
-    signature: Signature
-    tolerances: tuple[FormTolerance, ...]
-
-
-def signed_step(solid: Solid, spec: Spec, product: str, schema: Schema, date: str | None = None) -> SignedStep:
-    """STEP file of ``solid`` as ``product``; AP242 carries ``manufacture.form_tolerance_um``.
-
-    ``date``: by default ``manufacture.date``. Raises :class:`InputError` for tolerances that the kernel does not write.
-    """
-    shop = spec.manufacture
-    signature = Signature(author=shop.author, organisation=shop.organisation, date=date or shop.date)
-    width_um = shop.form_tolerance_um if schema == "AP242" else None
-    tolerances = () if width_um is None else form_tolerances(solid.faces, width_um)
-    content = step_bytes(solid, product, schema, header=signature, tolerances=tolerances)
-    return SignedStep(content, signature, tolerances)
 
 
 def untrimmed_criteria(found: UntrimmedSurfaces | None) -> tuple[Criterion, ...]:
@@ -129,7 +98,8 @@ def build_part(
     proof = prove(body, step, stl, threemf)
     form = worst(list(proof.form.values()))
     keep_out = _keep_out(lens, body)
-    files = {STEP_FILE: step, STL_FILE: stl, THREEMF_FILE: threemf}
+    plate = build_plate(lens, body.plan, form.form_max_nm, schema, date)
+    files = {STEP_FILE: step, STL_FILE: stl, THREEMF_FILE: threemf} | ({} if plate is None else dict(plate.files))
     if surfaces_step is not None:
         files[SURFACES_FILE] = surfaces_step
     return Part(
@@ -143,7 +113,7 @@ def build_part(
         keep_out=keep_out,
         area_mm2=proof.solid.area_mm2,
         area_mesh_mm2=body.mesh.area(),
-        bounds_mm=mesh_bounds_mm(body.mesh),
+        bounds_mm=body.mesh.bounds_mm,
         watertight=proof.stl.watertight,
         genus=proof.stl.genus,
         faces=Faces(count=len(proof.solid.shape.Faces()), names=tuple(sorted(proof.solid.faces))),
@@ -152,6 +122,7 @@ def build_part(
         form_tolerances=signed.tolerances,
         signature=signed.signature,
         untrimmed_surfaces=untrimmed,
+        plate=None if plate is None else plate.figures,
         triangulation=Triangulation(
             triangles=len(body.mesh.triangles),
             vertices=len(body.mesh.vertices),
@@ -164,11 +135,15 @@ def build_part(
             *_criteria(body, proof, form),
             *untrimmed_criteria(untrimmed),
             *keep_out_criteria(lens.spec, keep_out),
+            *(() if plate is None else plate.criteria),
         ),
         step=step,
         stl=stl,
         threemf=threemf,
         surfaces_step=surfaces_step,
+        plate_step=files.get(PLATE_STEP_FILE),
+        plate_stl=files.get(PLATE_STL_FILE),
+        plate_threemf=files.get(PLATE_THREEMF_FILE),
     )
 
 

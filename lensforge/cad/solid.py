@@ -52,34 +52,34 @@ def body_faces(plan: Plan[Patch], cavity_rim: Chain, envelope_rim: list[Chain]) 
     """
     whole_rim = [edge for chain in envelope_rim for edge in chain]
     if not plan.has_base:
-        return [(RIM, _planar(wire(whole_rim), wire(cavity_rim)))]
+        return [(RIM, planar_face(wire(whole_rim), wire(cavity_rim)))]
     bore, bore_foot = _bore(plan, cavity_rim)
     faces, foot = _outside(plan, envelope_rim, whole_rim)
     pocket, opening = _pocket(plan, bore_foot)
-    return [*bore, *faces, *pocket, (BOTTOM, _planar(foot, opening))]
+    return [*bore, *faces, *pocket, (BOTTOM, planar_face(foot, opening))]
 
 
 def _bore(plan: Plan[Patch], cavity_rim: Chain) -> tuple[Named, Any]:
     """The wall of the bore, with the ring above it where it is set back, and the wire at its foot."""
     if plan.bore is None:
-        return _walls(BORE, cavity_rim, plan.bore_mm)
+        return walls_below(BORE, cavity_rim, plan.bore_mm)
     mouth = _circle(plan.bore, 0.0)
-    walls, foot = _walls(BORE, mouth, plan.bore_mm)
-    return [(BORE_TOP, _planar(wire(mouth), wire(cavity_rim))), *walls], foot
+    walls, foot = walls_below(BORE, mouth, plan.bore_mm)
+    return [(BORE_TOP, planar_face(wire(mouth), wire(cavity_rim))), *walls], foot
 
 
 def _outside(plan: Plan[Patch], envelope_rim: list[Chain], whole_rim: Chain) -> tuple[Named, Any]:
     """Faces between the outer rim and the bottom, and the wire at the bottom."""
     if plan.flush:
-        faces, foot = _walls(SIDE, whole_rim, plan.shoulder_mm)
+        faces, foot = walls_below(SIDE, whole_rim, plan.shoulder_mm)
     else:
         faces, seat = [], envelope_rim
         if plan.ring is not None:
             ring = _circle(plan.ring, 0.0)
-            walls, seat_wire = _walls(RELIEF, ring, plan.relief_mm)
-            faces, seat = [(RIM, _planar(wire(whole_rim), wire(ring))), *walls], [_edges(seat_wire)]
+            walls, seat_wire = walls_below(RELIEF, ring, plan.relief_mm)
+            faces, seat = [(RIM, planar_face(wire(whole_rim), wire(ring))), *walls], [_edges(seat_wire)]
         elif plan.relief_mm > 0.0:
-            faces, seat_wire = _walls(RELIEF, whole_rim, plan.relief_mm)
+            faces, seat_wire = walls_below(RELIEF, whole_rim, plan.relief_mm)
             seat = [_edges(seat_wire)]
         outline = outline_edges(plan.outline, plan.relief_mm, envelope_rim, plan.arcs)
         side_faces, foot = _prism(outline, plan.shoulder_mm - plan.relief_mm)
@@ -88,8 +88,8 @@ def _outside(plan: Plan[Patch], envelope_rim: list[Chain], whole_rim: Chain) -> 
     if plan.flange is None:
         return faces, foot
     flange = _circle(plan.flange, plan.shoulder_mm)
-    sides, flange_foot = _walls(FLANGE_SIDE, flange, plan.base.flange_height_mm)
-    return [*faces, (FLANGE_TOP, _planar(wire(flange), foot)), *sides], flange_foot
+    sides, flange_foot = walls_below(FLANGE_SIDE, flange, plan.base.flange_height_mm)
+    return [*faces, (FLANGE_TOP, planar_face(wire(flange), foot)), *sides], flange_foot
 
 
 def _pocket(plan: Plan[Patch], bore_foot: Any) -> tuple[Named, Any]:
@@ -97,8 +97,8 @@ def _pocket(plan: Plan[Patch], bore_foot: Any) -> tuple[Named, Any]:
     if plan.pocket is None:
         return [], bore_foot
     mouth = _circle(plan.pocket, plan.base.height_mm)
-    sides, top = _walls(POCKET_SIDE, mouth, -plan.base.pocket_depth_mm)
-    return [*sides, (POCKET_TOP, _planar(top, bore_foot))], wire(mouth)
+    sides, top = walls_below(POCKET_SIDE, mouth, -plan.base.pocket_depth_mm)
+    return [*sides, (POCKET_TOP, planar_face(top, bore_foot))], wire(mouth)
 
 
 def _circle(outline: Outline, depth_mm: float) -> Chain:
@@ -118,11 +118,11 @@ def _between_rim_and_outline(plan: Plan[Patch], rim: list[Chain], outline: Chain
     relation = plan.arcs[0].relation
     if len(plan.arcs) == 1:
         inside, around = wire(rim[0]), wire(outline)
-        return [(TOP, _planar(around, inside))] if relation == "ledge" else [(RIM, _planar(inside, around))]
+        return [(TOP, planar_face(around, inside))] if relation == "ledge" else [(RIM, planar_face(inside, around))]
     faces = []
     for arc, chain in zip(plan.arcs, rim, strict=True):
         name = TOP if arc.relation == "ledge" else RIM
-        faces.append((name, _planar(wire([*chain, *_chain_between(chain, outline)]))))
+        faces.append((name, planar_face(wire([*chain, *_chain_between(chain, outline)]))))
     return faces
 
 
@@ -140,7 +140,7 @@ def _chain_between(rim: Chain, outline: Chain) -> Chain:
     return chain
 
 
-def _walls(name: str, edges: Chain, depth_mm: float) -> tuple[Named, Any]:
+def walls_below(name: str, edges: Chain, depth_mm: float) -> tuple[Named, Any]:
     """Walls of one name below ``edges``, and the wire at their foot."""
     faces, foot = _prism(edges, depth_mm)
     return [(name, face) for face in faces], foot
@@ -163,7 +163,7 @@ def _edges(boundary: Any) -> Chain:
     return [edge.wrapped for edge in cq.Shape.cast(boundary).Edges()]
 
 
-def _planar(boundary: Any, *holes: Any) -> Any:
+def planar_face(boundary: Any, *holes: Any) -> Any:
     """The horizontal face, its normal up, within a horizontal wire, without ``holes``."""
     import cadquery as cq
     from OCP.gp import gp_Dir, gp_Pln, gp_Pnt
@@ -173,12 +173,12 @@ def _planar(boundary: Any, *holes: Any) -> Any:
 
 
 # Outward direction of each face: along +z or -z, away from the axis or towards it; of an optical one, from the origin.
-_UP, _DOWN, _AWAY, _TOWARDS = "+z", "-z", "+r", "-r"
-_FROM_ORIGIN, _TO_ORIGIN = "+u", "-u"
+UP, DOWN, AWAY, TOWARDS = "+z", "-z", "+r", "-r"
+FROM_ORIGIN, TO_ORIGIN = "+u", "-u"
 _OUTWARD = {
-    **{RIM: _DOWN, TOP: _UP, SIDE: _AWAY, BOTTOM: _DOWN, BORE: _TOWARDS},
-    **{RELIEF: _AWAY, FLAT: _AWAY, FLANGE_TOP: _UP, FLANGE_SIDE: _AWAY, POCKET_SIDE: _TOWARDS, POCKET_TOP: _DOWN},
-    **{BORE_TOP: _DOWN},
+    **{RIM: DOWN, TOP: UP, SIDE: AWAY, BOTTOM: DOWN, BORE: TOWARDS},
+    **{RELIEF: AWAY, FLAT: AWAY, FLANGE_TOP: UP, FLANGE_SIDE: AWAY, POCKET_SIDE: TOWARDS, POCKET_TOP: DOWN},
+    **{BORE_TOP: DOWN},
 }
 
 # Relative; the volume errs by as much, in 2 s instead of the 5 s of 1e-10.
@@ -242,14 +242,16 @@ class Solid:
 
 def build_solid(plan: Plan[Patch]) -> Solid:
     """Build the closed solid of a plan."""
-    envelope_faces, envelope_rim = _optical(plan.envelope, plan.arcs, len(plan.arcs) == 1, _FROM_ORIGIN)
-    cavity_faces, (cavity_rim,) = _optical(plan.cavity, (Arc(0.0, FULL_TURN, "bare"),), True, _TO_ORIGIN)
-    faces = [(name, _facing(face, _OUTWARD[name])) for name, face in body_faces(plan, cavity_rim, envelope_rim)]
-    return _assembled([*envelope_faces, *cavity_faces, *faces])
+    envelope_faces, envelope_rim = optical_faces(plan.envelope, plan.arcs, len(plan.arcs) == 1, FROM_ORIGIN)
+    cavity_faces, (cavity_rim,) = optical_faces(plan.cavity, (Arc(0.0, FULL_TURN, "bare"),), True, TO_ORIGIN)
+    faces = [(name, facing(face, _OUTWARD[name])) for name, face in body_faces(plan, cavity_rim, envelope_rim)]
+    return assembled([*envelope_faces, *cavity_faces, *faces])
 
 
-def _optical(boundary: Boundary[Patch], arcs: tuple[Arc, ...], split: bool, outward: str) -> tuple[Named, list[Chain]]:
-    """The optical faces of a boundary, on shared edges along its creases, and the chains of its rim."""
+def optical_faces(
+    boundary: Boundary[Patch], arcs: tuple[Arc, ...], split: bool, outward: str
+) -> tuple[Named, list[Chain]]:
+    """The optical faces of a boundary, on shared edges along its creases, and the chains of its rim over ``arcs``."""
     patches = [face.shape for face in boundary.faces]
     surfaces = [geom_surface(face.shape.bounded(face.domain.extent[1])) for face in boundary.faces]
     pairs = zip(pairwise(patches), pairwise(surfaces), strict=True)
@@ -259,7 +261,7 @@ def _optical(boundary: Boundary[Patch], arcs: tuple[Arc, ...], split: bool, outw
     faces = []
     for face, surface, outline, hole in zip(boundary.faces, surfaces, outlines, holes, strict=True):
         trimmed = _within(surface, wire(outline), *map(wire, hole))
-        faces.append((face.label, _facing(trimmed, outward, face.domain)))
+        faces.append((face.label, facing(trimmed, outward, face.domain)))
     return faces, rim
 
 
@@ -271,7 +273,7 @@ def untrimmed_faces(patches: dict[str, Patch], envelope: Collection[str] = (OUTE
     from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
 
     faces = {name: BRepBuilderAPI_MakeFace(geom_surface(patch), 1e-7).Face() for name, patch in patches.items()}
-    return {name: _facing(face, _FROM_ORIGIN if name in envelope else _TO_ORIGIN) for name, face in faces.items()}
+    return {name: facing(face, FROM_ORIGIN if name in envelope else TO_ORIGIN) for name, face in faces.items()}
 
 
 def _within(surface: Any, boundary: Any, *holes: Any) -> Any:
@@ -285,7 +287,7 @@ def _within(surface: Any, boundary: Any, *holes: Any) -> Any:
     return maker.Face()
 
 
-def _facing(face: Any, outward: str, domain: Domain | None = None) -> Any:
+def facing(face: Any, outward: str, domain: Domain | None = None) -> Any:
     """``face`` with the orientation that makes its normal point outwards, judged in the middle or in its ``domain``."""
     import cadquery as cq
     from OCP.BRepTools import BRepTools
@@ -298,11 +300,12 @@ def _facing(face: Any, outward: str, domain: Domain | None = None) -> Any:
     normal, point = shape.normalAt(*place)
     radial = normal.x * point.x + normal.y * point.y
     ahead = radial + normal.z * point.z
-    along = {_UP: normal.z, _DOWN: -normal.z, _AWAY: radial, _TOWARDS: -radial, _FROM_ORIGIN: ahead, _TO_ORIGIN: -ahead}
+    along = {UP: normal.z, DOWN: -normal.z, AWAY: radial, TOWARDS: -radial, FROM_ORIGIN: ahead, TO_ORIGIN: -ahead}
     return shape if along[outward] > 0.0 else cq.Face(face.Reversed())
 
 
-def _assembled(faces: list[tuple[str, Any]]) -> Solid:
+def assembled(faces: Named) -> Solid:
+    """The solid within ``faces``, which share their edges."""
     import cadquery as cq
     from OCP.BRep import BRep_Builder
     from OCP.TopoDS import TopoDS_Shell, TopoDS_Solid

@@ -9,6 +9,7 @@ the number that it is given with the unit metre, whatever the unit of the part i
 every file is read back before it is handed out.
 """
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from lensforge.cad.solid import Shapes, Solid
 from lensforge.errors import InputError
 from lensforge.results.file_bounds import made_here, remembered
 from lensforge.results.files import file_bytes, temporary_file
+from lensforge.spec import Spec
 from lensforge.surfaces.step_file import (
     KERNEL_SCHEMA,
     Product,
@@ -206,6 +208,28 @@ def step_bytes(
     if tolerances:
         require_written(content, tolerances)
     return content
+
+
+@dataclass(frozen=True)
+class SignedStep:
+    """The bytes of the file, its author and date, and the tolerances on its faces."""
+
+    content: bytes
+    signature: Signature
+    tolerances: tuple[FormTolerance, ...]
+
+
+def signed_step(solid: Solid, spec: Spec, product: str, schema: Schema, date: str | None = None) -> SignedStep:
+    """STEP file of ``solid`` as ``product``; AP242 carries ``manufacture.form_tolerance_um``.
+
+    ``date``: by default ``manufacture.date``. Raises :class:`InputError` for tolerances that the kernel does not write.
+    """
+    shop = spec.manufacture
+    signature = Signature(author=shop.author, organisation=shop.organisation, date=date or shop.date)
+    width_um = shop.form_tolerance_um if schema == "AP242" else None
+    tolerances = () if width_um is None else form_tolerances(solid.faces, width_um)
+    content = step_bytes(solid, product, schema, header=signature, tolerances=tolerances)
+    return SignedStep(content, signature, tolerances)
 
 
 def surfaces_bytes(faces: Shapes, product: str, schema: Schema = "AP214", *, header: Signature = _UNSIGNED) -> bytes:

@@ -30,8 +30,9 @@ if TYPE_CHECKING:
 
 _STEM = "lens"  # of the files
 _MOST_ROWS, _MOST_LIMITS = 10, 3
+_WHOLE = ("ways", "limits")  # groups of a whole run; of others some facts
 # Groups that are rows of a table, a line each even where there is one alone.
-_LINES = ("bound", "spread", "causes", "budget", "error", "design", "preset")
+_LINES = ("ways", "road_yield", "bound", "spread", "causes", "budget", "error", "design", "preset")
 # Facts of a whole run, by its blocks; a stage shows all that it has.
 _LIGHT = ("nmse", "share_in_target", "efficiency", "uniformity", "level", "rays", "fitted_nmse")
 _FAR_FIELD = ("exit_lm", "peak_cd", "beam_C 0", "beam_C 90", "bug")
@@ -231,6 +232,7 @@ def _titled(groups: Sequence[Group]) -> list[Block]:
     kinds = dict.fromkeys(group.key for group in groups)
     found = [[group for group in groups if group.key == key] for key in kinds]
     titles = {"bound": "A part passes if", "spread": "The parts", "causes": "Causes", "budget": "At most"}
+    titles["road_yield"] = "Roads"
     titles["error"] = "Change by each tolerance at its end"
     return [Block(titles.get(same[0].key, same[0].title), list(rows_of(same))) for same in found]
 
@@ -240,10 +242,10 @@ def _because(verdict: Verdict, name: str) -> list[Row]:
 
 
 def _selected(run: Run, keys: tuple[str, ...], *kinds: type[StageResult]) -> list[Group]:
-    """The facts called ``keys`` of the results of ``kinds``; limits in full."""
+    """The facts called ``keys`` of the results of ``kinds``; ways of light and limits in full."""
     results = [result for result in map(run.find, kinds) if result is not None]
     groups = [group for result in results for group in run.facts(result)]
-    selected = (group if group.key == "limits" else group.select(*keys) for group in groups)
+    selected = (group if group.key in _WHOLE else group.select(*keys) for group in groups)
     return [group for group in selected if group.facts]
 
 

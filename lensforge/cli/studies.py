@@ -30,7 +30,7 @@ from lensforge.results.criteria import require
 from lensforge.search.checkpoint import CHECKPOINT
 from lensforge.search.searches import SearchOptions, redesign
 from lensforge.spec import Accuracy, Spec, load_spec
-from lensforge.spec.design_spec import joined_name
+from lensforge.spec.spec_files import joined_name
 
 if TYPE_CHECKING:
     from lensforge.cli.progress import StageClock

@@ -223,6 +223,7 @@ def evaluate_traced(
     return Light(
         receivers=lit,
         limits=(*judged_limits(limits, images, [each.name for each in lit]), *_colour_limits(colour, lit)),
+        ways=simulation.by_way.ways(simulation.emitted_w),
         rays=simulation.rays,
         replicates=len(simulation.received[0].images),
         pixels=side,

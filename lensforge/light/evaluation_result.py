@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
 from pydantic import Field, model_validator
 
+from lensforge.light.light_ways import LightWay
 from lensforge.light.receiver_light import Flux, MissedByCause, Picture, Possible, RawMetrics, ReceiverLight
 from lensforge.results import (
     Bound,
@@ -114,6 +115,7 @@ class LedLight(Record):
     source: Text
     receivers: Annotated[tuple[ReceiverLight, ...], Field(min_length=1)]
     limits: tuple[LimitResult, ...] = ()
+    ways: tuple[LightWay, ...] = ()
     rays: Count
     lumens_per_watt: Positive | None
     criteria: tuple[Criterion, ...]
@@ -121,7 +123,7 @@ class LedLight(Record):
     @staticmethod
     def of(name: str, source: str, light: "Light") -> "LedLight":
         """The ``light`` of one LED by its own evaluation."""
-        kept = ("receivers", "limits", "rays", "lumens_per_watt", "criteria")
+        kept = ("receivers", "limits", "ways", "rays", "lumens_per_watt", "criteria")
         return LedLight(name=name, source=source, **{field: getattr(light, field) for field in kept})
 
 
@@ -135,15 +137,18 @@ class Light(SimulatedResult):
     """The light of a lens on its receivers, simulated with independent replicates of rays.
 
     Metrics, flux and maps of the light itself are those of the first receiver. Of a ray file they are those of rays
-    that the search has not used; ``fitted``: by the rays that it has. Of a lens for several LEDs they are those of the
-    first, called ``led``; ``others``: the light of each of the rest.
+    that the search has not used; ``fitted``: by the rays that it has. ``ways``: shares of the emitted flux by way, of a
+    lens of more than two faces. Of a lens for several LEDs they are those of the first, called ``led``; ``others``: the
+    light of each of the rest.
     """
 
     stage: ClassVar[str] = "evaluate"
     made_from: ClassVar[tuple[str, ...]] = ("lens", "source")
+    told_if_any: ClassVar[tuple[str, ...]] = ("ways",)
 
     receivers: Annotated[tuple[ReceiverLight, ...], Field(min_length=1)]
     limits: tuple[LimitResult, ...] = ()
+    ways: tuple[LightWay, ...] = ()
     led: str = ""
     others: tuple[LedLight, ...] = ()
     rays: Annotated[Count, Field(ge=1)]

@@ -80,7 +80,20 @@ BEAMS = {"fwhm": "within half of the peak", "tenth": "within a tenth of the peak
 
 def limit_value(limit: LightLimit, images: Float[np.ndarray, "r h w"]) -> Metric:
     """The value that decides, in the limit's unit."""
-    readings = limit.of(images)
+    return _value(limit, limit.of(images), images)
+
+
+def values_left_out(limit: LightLimit, images: Float[np.ndarray, "r h w"]) -> Float[np.ndarray, " k"]:
+    """The value that decides by all replicates, then with one after the other left out; of one replicate alone it."""
+    read, numbers = limit.of(images).T, np.arange(len(images))  # read once: places are few, pixels many
+    found = []
+    for rows in (numbers, *(numbers[numbers != k] for k in numbers if len(numbers) > 1)):
+        readings = np.take(read, rows, axis=1).T
+        found.append(_value(limit, readings, images[rows] if limit.quantity == "relative" else readings).value)
+    return np.array(found)
+
+
+def _value(limit: LightLimit, readings: Readings, images: Float[np.ndarray, "r *_"]) -> Metric:
     if limit.quantity == "beam_angle":
         return jackknife_metric(readings, lambda mean: beam_angle(limit, mean), limit.unit)
     if limit.quantity == "relative":

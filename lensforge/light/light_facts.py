@@ -9,6 +9,7 @@ from dataclasses import replace
 
 from lensforge.light.beam_colour import BeamColour
 from lensforge.light.evaluation_result import Light, LightMetrics
+from lensforge.light.light_ways import way_facts
 from lensforge.light.metrics import scaled
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import REGIONS, ReceiverLight, bounds_on
@@ -36,9 +37,9 @@ METRICS = {
 
 
 def light_facts(light: Light, lens: Lens, possible: LimitBounds | None = None) -> list[Group]:
-    """A group for each receiver, one of the limits, and one of the simulation; ``possible``: light at the limits.
+    """Groups: one for each receiver, the ways of the light, the limits (``possible``: light there), the simulation.
 
-    Of a lens for several LEDs the first two of each, which its name tells apart.
+    Of a lens for several LEDs all but the last are those of each, which its name tells apart.
     """
     groups = []
     for name, own in light.by_led.items():
@@ -46,6 +47,8 @@ def light_facts(light: Light, lens: Lens, possible: LimitBounds | None = None) -
         for index, receiver in enumerate(own.receivers):
             title = "Light" if len(own.receivers) == 1 else receiver.name
             groups.append(Group("light", f"{title}{end}", tuple(_figures(own, index, lens))))
+        if own.ways:
+            groups.append(replace(way_facts(own.ways), title=f"Light by way{end}"))
         if own.limits:
             groups.append(Group("limits", f"Limits{end}", tuple(limit_facts(own, possible or {}, end))))
     return [*groups, Group("simulation", "Simulation", tuple(_simulation(light, lens)))]

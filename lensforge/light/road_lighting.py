@@ -184,7 +184,7 @@ class RoadFigures(Record):
 
 
 class SeenRoad(Record):
-    """Road as the driver in one ``lane`` sees it, counted from the right.
+    """Road as the driver in one ``lane`` sees it, counted from the side on which one drives.
 
     ``mean_cd_per_m2``, ``uniformity`` (U0, least over mean), ``uniformity_along`` (Ul, least over largest on the middle
     of the lane), ``glare_percent`` (threshold increment TI, of new lamps). ``luminance_per_lux``: mean luminance over
@@ -202,7 +202,7 @@ class SeenRoad(Record):
 class RoadJudgement(Record):
     """Light of a row of lamps on one road. ``limits``: what its ``lighting_class`` asks, each judged.
 
-    ``reached``: the best class M of the figures, "none" below all. ``drivers``: by their lanes, from the right.
+    ``reached``: the best class M of the figures, "none" below all. ``drivers``: by their lanes.
     ``edges``: ratio of the illuminance beside the road to that within, at the right and at the left edge. ``mean_lx``,
     ``least_lx``, ``uniformity_lx``: horizontal illuminance of the road. ``power_density`` (W per lx and m^2, D_P) and
     ``yearly_energy`` (kWh per m^2, AECI): None where the power of a lamp is not known.

@@ -14,6 +14,7 @@ from lensforge import seeds
 from lensforge.errors import remedy
 from lensforge.kernels.fate import Fate
 from lensforge.light.evaluation_result import LightMetrics
+from lensforge.light.light_ways import FluxByWay
 from lensforge.light.metrics import (
     Images,
     LeastEstimate,
@@ -193,11 +194,12 @@ class ReceivedFlux:
 
 @dataclass(frozen=True)
 class Simulation:
-    """Light of ``rays`` rays on each receiver, of ``emitted_w`` from the source."""
+    """Light of ``rays`` rays on each receiver, of ``emitted_w`` from the source, and the flux by its way."""
 
     received: tuple[ReceivedFlux, ...]
     emitted_w: float
     rays: int
+    by_way: FluxByWay
 
 
 def simulate(
@@ -225,9 +227,10 @@ def simulate(
         ]
         for board, own in zip(lamps, drawn, strict=True)
     ]
-    traced = 0
+    by_way, traced = FluxByWay.none_yet(lens.scene.chain, replicates), 0
     for replicate, share, bundle in bundles(source, rays, replicates, seed):
         exit_rays = lens.trace(bundle)
+        by_way.add(replicate, share, exit_rays)
         for board, own in zip(lamps, deposits, strict=True):
             for receiver, deposit in zip(board.receivers, own, strict=True):
                 deposit.add(replicate, share, receiver, exit_rays, receiver.land(exit_rays), bundle.tristimulus)
@@ -236,7 +239,7 @@ def simulate(
         own[0] if board.alone else ReceivedFlux.together(board, own, wanted)
         for board, own, wanted in zip(lamps, deposits, drawn, strict=True)
     )
-    return Simulation(received, source.flux_w, traced)
+    return Simulation(received, source.flux_w, traced, by_way)
 
 
 def flux_by_fate(rays: ExitRays, missed_receiver: Bool[np.ndarray, " n"]) -> Float[np.ndarray, " f"]:

@@ -16,10 +16,9 @@ from lensforge.cad.custom_base import read_custom_base
 from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.form_error import FormError, face_error, fit_boundaries, worst
 from lensforge.cad.part import SplineNodes, stamp_of
-from lensforge.cad.part_export import signed_step
 from lensforge.cad.patch import fit_patch, principal_curvatures
 from lensforge.cad.plan import make_plan
-from lensforge.cad.step import parse_step
+from lensforge.cad.step import parse_step, signed_step
 from lensforge.made.areal_filter import ChangedSurface, FilteredPoints, RadialChange
 from lensforge.made.first_cut import FirstCut, Request
 from lensforge.made.measured_surface import ChangedLens, FacePixels, pose_of

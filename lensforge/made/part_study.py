@@ -19,7 +19,7 @@ from lensforge.cad.wall import thinnest_of
 from lensforge.errors import InputError
 from lensforge.light.evaluation import evaluate_traced
 from lensforge.light.evaluation_result import Light
-from lensforge.light.judged_limits import limit_value
+from lensforge.light.judged_limits import values_left_out
 from lensforge.light.metrics import Images, jackknife_error
 from lensforge.light.receiver_light import ReceiverLight, bounds_on
 from lensforge.light.simulation import REPLICATES, ReplicateMetrics, TracedLens, bundles, lit_mask, mean_share
@@ -41,7 +41,7 @@ from lensforge.sources.measured_rays import held_back
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec import Spec
 from lensforge.spec.accuracy import PRESETS
-from lensforge.spec.tolerances_section import Factor, factors_of
+from lensforge.spec.tolerances_section import Factor, factor_name, factors_of
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 _COLUMNS = 32  # into which rays are sorted
@@ -126,7 +126,8 @@ class PartLight:
             images = found.images
             metrics.append(ReplicateMetrics.of(images, target.light, lit_mask(mask, images), found.window))
             shares.append(found.in_target)
-        return MeasuredPart(tuple(metrics), tuple(shares), tuple(self._limit(limit, received) for limit in self.limits))
+        limits = (values_left_out(limit, received[limit.receiver].images) for limit in self.limits)
+        return MeasuredPart(tuple(metrics), tuple(shares), tuple(limits))
 
     @cached_property
     def _targets(self) -> tuple[list[DrawnTarget], list[Bool[np.ndarray, "_ _"] | None]]:
@@ -134,12 +135,6 @@ class PartLight:
         pairs = list(zip((section.targets for section in self.spec.all_receivers), self.receivers, strict=True))
         targets = [drawn_target(own, receiver) for own, receiver in pairs]
         return targets, [uniform_region(own, each) for own, each in pairs]
-
-    def _limit(self, limit: LightLimit, received: tuple[ReceivedImages, ...]) -> Float[np.ndarray, " k"]:
-        """The value that decides on ``limit``, of all replicates and then with one after the other left out."""
-        images = received[limit.receiver].images
-        kept = [images, *(np.delete(images, k, axis=0) for k in range(len(images)) if len(images) > 1)]
-        return np.array([limit_value(limit, each).value for each in kept])
 
 
 @dataclass(frozen=True, eq=False)
@@ -322,7 +317,7 @@ _DIRECTIONS = 4000
 # Farthest that a drawn number lies: a normal one beyond twice its amount in one part of 30,000.
 _FARTHEST = {"uniform": 1.0, "truncated": 1.0, "normal": 2.0}
 _RMS_TO_PEAK = 3.0
-_OF_FACE = ("shift_mm", "tilt_deg", "form_um", "waviness_um")  # a tolerance of a face begins with its name
+_OF_FACE = ("shift_mm", "gap_mm", "tilt_deg", "form_um", "waviness_um")  # that bring it nearer to another face
 _OF_SOURCE = (
     "source_shift_mm", "source_height_mm", "source_tilt_deg", "source_size", "lens_shift_mm", "lens_height_mm",
     "lens_tilt_deg",
@@ -346,7 +341,7 @@ def require_bearable(lens: Lens, factors: Sequence[Factor]) -> None:
     room = float((cavity.radius(along) - distance).min())
     size = float(distance.max())
     nearest = " or ".join(face.name for face in lens.body.cavity)
-    of_faces = ["gap_mm", *(f"{name}_{each}" for name in lens.surfaces for each in _OF_FACE)]
+    of_faces = [factor_name(name, each) for name in lens.surfaces for each in _OF_FACE]
     for factor in factors:
         for names, left, arm, words in (
             (of_faces, wall, reach, f"the faces are {wall:.3g} mm apart at their closest"),

@@ -20,7 +20,7 @@ from lensforge.results.arguments import count_of, number_of, path_of, require, r
 from lensforge.results.cluster import connected
 from lensforge.scene.lens import Lens
 from lensforge.spec.spec_files import section_sha256
-from lensforge.spec.tolerances_section import PartTolerances, TolerancesSection, read_tolerances
+from lensforge.spec.tolerances_section import FacesTolerances, TolerancesSection, read_tolerances, tolerances_with
 from lensforge.surfaces.point_cloud import read_cloud
 
 if TYPE_CHECKING:
@@ -233,11 +233,11 @@ def tolerance(
 
     require(lens, Lens, "tolerance")
     if isinstance(tolerances, Path | str):
-        tolerances = read_tolerances(str(tolerances))
+        tolerances = read_tolerances(str(tolerances), lens.spec.lens.names)
     elif tolerances is not None:
         require(tolerances, TolerancesSection, "tolerance")
-        if not isinstance(tolerances, PartTolerances):
-            tolerances = PartTolerances.of(tolerances, {})
+        if not isinstance(tolerances, FacesTolerances):
+            tolerances = tolerances_with(lens.spec.lens.names).of(tolerances, {})
     parts = count_of("parts", parts, least=_LEAST_PARTS, most=MOST_PARTS) or parts
     count, seed = count_of("rays", rays), count_of("seed", seed, least=0, most=seeds.MOST) or 0
     other = tolerances if tolerances is not None and tolerances != lens.spec.part_tolerances else None
@@ -274,8 +274,8 @@ def _part_workers(scheduler: str | None) -> "Iterator[Workers]":
         yield of_cluster(cluster)
 
 
-def _name_of(tolerances: PartTolerances) -> str:
+def _name_of(tolerances: FacesTolerances) -> str:
     """Name of a preset, or one of its own for each other section: no study takes the place of another."""
-    if tolerances == PartTolerances(preset=tolerances.preset):
+    if tolerances == type(tolerances)(preset=tolerances.preset):
         return tolerances.preset
     return f"own_{section_sha256(tolerances)[:8]}"

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from lensforge.light.evaluation_result import LightMetrics
 from lensforge.made.part_study import PartStudy, Recipe, require_bearable
 from lensforge.made.tolerance_result import ErrorRow, Sensitivity
+from lensforge.scene.body import nearest
 from lensforge.scene.lens import Lens
 from lensforge.scene.perturbations import Deviations
 from lensforge.spec.tolerances_section import Factor
@@ -85,14 +86,15 @@ def _at(factor: Factor, numbers: list[float]) -> Deviations:
 
 
 def _shape(study: PartStudy, factor: Factor) -> Float[np.ndarray, " k"]:
-    """Numbers (mm) of a random shape of which the rms along the normal, over the hemisphere, is the amount."""
+    """Numbers (mm) of a random shape of which the rms along the normal, over the face, is the amount."""
     numbers = np.random.default_rng([_SHAPE_SEED, *factor.name.encode()]).standard_normal(factor.numbers)
     amount, tables = factor.amount * factor.to_internal, study.maker.errors[factor.name].tables
     if not len(tables):  # too fine for the tables: its slope counts, by the rms of its numbers
         return amount * numbers / float(np.sqrt(np.mean(numbers**2)))
-    surfaces = study.recipe.lens.surfaces
-    face = next(surface for name, surface in surfaces.items() if factor.name.startswith(f"{name}_"))
-    u = fibonacci_hemisphere(_SAMPLES)
-    cosine = np.sum(face.normal(u) * u, axis=1)
+    body, u = study.recipe.lens.body, fibonacci_hemisphere(_SAMPLES)
+    face = next(face for face in body.faces if factor.name.startswith(f"{face.name}_"))
+    beside = body.bounding(face.before)
+    u = u[nearest(beside, u) == beside.index(face)]
+    cosine = np.sum(face.surface.normal(u) * u, axis=1)
     error = evaluate_table(study.light.nominal.scene.grid, np.tensordot(numbers, tables, axes=1), u) * cosine
     return amount * numbers / float(np.sqrt(np.mean(error**2)))

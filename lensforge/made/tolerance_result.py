@@ -178,6 +178,22 @@ def drawn_to_mean(values: Float[np.ndarray, " n"], spread: float) -> Float[np.nd
     return mean + (values - mean) * (spread / scatter if scatter > 0.0 < spread else 1.0)
 
 
+class RoadYield(Record):
+    """Parts that hold the class of one road, and what decides on it: what is nearest to its bound, by tolerances.
+
+    The margin of a part is the least distance of all that the class asks for to its bound, relative to that, and below
+    0 beyond one. ``nearest``: the metric from which most parts have it, ``nearest_share`` of them; ``variance``: causes
+    of the margin, None where the rays' noise outweighs its spread.
+    """
+
+    name: Text
+    lighting_class: Text
+    pass_rate: PassRate
+    nearest: Text
+    nearest_share: Share
+    variance: Variance | None
+
+
 class BudgetRow(Record):
     """The largest ``at_most`` of one tolerance at which 95 % of the parts pass, the others as specified.
 
@@ -241,7 +257,8 @@ class Yield(SimulatedResult):
     """``parts`` lamps drawn from the tolerances of the spec, and their light.
 
     ``columns``: names of the numbers drawn and of the metrics, in the order of ``table``, which has a row for each
-    part; numbers in the unit of the spec. ``worst_maps``: light of the worst parts on the first receiver.
+    part; numbers in the unit of the spec. ``roads``: those of the spec. ``worst_maps``: light of the worst parts on the
+    first receiver.
     """
 
     stage: ClassVar[str] = "yield"
@@ -255,6 +272,7 @@ class Yield(SimulatedResult):
     pass_rate: PassRate
     metrics: dict[Text, MetricSpread]
     variance: dict[Text, Variance]
+    roads: tuple[RoadYield, ...] = ()
     budget: Budget | None
     worst: tuple[WorstPart, ...]
     notes: tuple[Text, ...]

@@ -5,7 +5,16 @@ from collections.abc import Iterator
 import numpy as np
 
 from lensforge.light.light_facts import METRICS, metric_facts
-from lensforge.made.tolerance_result import FIELD, BudgetRow, ErrorRow, MetricBound, Sensitivity, WorstPart, Yield
+from lensforge.made.tolerance_result import (
+    FIELD,
+    BudgetRow,
+    CauseShare,
+    ErrorRow,
+    MetricBound,
+    Sensitivity,
+    WorstPart,
+    Yield,
+)
 from lensforge.results import Bound, Fact, Group, Metric
 from lensforge.results.numerals import NOTHING, percent, quantity
 from lensforge.results.verdict import CERTAIN
@@ -27,6 +36,7 @@ def yield_facts(found: Yield) -> list[Group]:
     """A group of the parts that pass, then rows of bounds, spreads, causes and budget."""
     return [
         Group("yield", "Yield", tuple(_passing(found))),
+        *road_rows(found),
         *bound_rows(found),
         *spread_rows(found),
         *cause_rows(found),
@@ -39,6 +49,26 @@ def sensitivity_facts(found: Sensitivity) -> list[Group]:
     designed = (*metric_facts(found.nominal), Fact("rays", "Rays", found.rays))
     rows = sorted(found.rows, key=lambda row: abs(row.change.nmse.value), reverse=True)
     return [Group("nominal", "As designed", designed), *(_change(row) for row in rows)]
+
+
+def road_rows(found: Yield) -> list[Group]:
+    """A row for each road: the parts that hold its class, the figure nearest to its bound, and the main cause."""
+    rows = []
+    for road in found.roads:
+        rate, main = road.pass_rate, "undecided: the noise of the rays outweighs it"
+        if road.variance is not None:
+            cause = road.variance.causes[0]
+            main = f"{_words(cause)}, {Fact.share('', '', _share(cause)).text}"
+        nearest = f"{road.nearest.removeprefix(f'{road.name}: ')}, of {percent(road.nearest_share)} of the parts"
+        facts = (
+            Fact("road_class", "Class", road.lighting_class),
+            Fact.share("holds", "Parts that hold it", rate.value),
+            Fact("confidence", "95\u2009% confidence", f"{percent(rate.low)} to {percent(rate.high)}"),
+            Fact("nearest", "Nearest to its bound", nearest),
+            Fact("main", "Main cause", main),
+        )
+        rows.append(Group("road_yield", metric_words(road.name), facts))
+    return rows
 
 
 def bound_rows(found: Yield) -> list[Group]:
@@ -207,10 +237,7 @@ def _passing(found: Yield) -> Iterator[Fact]:
     yield Fact("rays", "Rays of each part", found.rays)
     for name in [name for name in failing_first(found) if name in found.variance][:2]:
         cause = found.variance[name].causes[0]
-        share = Metric(value=cause.share, standard_error=cause.standard_error)
-        doubt = "" if cause.share > CERTAIN * cause.standard_error else "; not certain by so few parts"
-        note = f"{cause.words}{doubt}"
-        yield Fact.share("main_cause", f"Main cause, {metric_words(name)}", share, note)
+        yield Fact.share("main_cause", f"Main cause, {metric_words(name)}", _share(cause), _words(cause))
     if found.budget is not None:
         most, interval = (budget_row(found.budget.together).fact(key) for key in ("at_most", "interval"))
         note = f"all by one factor, so that {percent(found.budget.pass_rate)} pass; {interval.text}"
@@ -218,13 +245,21 @@ def _passing(found: Yield) -> Iterator[Fact]:
         yield Fact.share("wanted", "Parts that must pass", found.budget.pass_rate)
 
 
+def _share(cause: CauseShare) -> Metric:
+    return Metric(value=cause.share, standard_error=cause.standard_error)
+
+
+def _words(cause: CauseShare) -> str:
+    """Words of a cause, with doubts where there are."""
+    return cause.words + ("" if cause.share > CERTAIN * cause.standard_error else "; not certain by so few parts")
+
+
 def _causes(found: Yield, name: str) -> Iterator[Fact]:
     """The leading causes with their shares of the variance, and that of several together."""
     variance = found.variance[name]
     for cause in variance.causes[:_LEADING]:
         if cause.share > _LEAST:
-            share = Metric(value=cause.share, standard_error=cause.standard_error)
-            yield Fact.share(cause.tolerance, cause.words, share)
+            yield Fact.share(cause.tolerance, cause.words, _share(cause))
     if variance.interactions.value > _LEAST:
         yield Fact.share("together", TOGETHER, variance.interactions)
 

@@ -9,7 +9,7 @@ of merit is quadratic in them.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,6 +24,7 @@ from lensforge.made.tolerance_result import (
     CauseShare,
     MetricSpread,
     PassRate,
+    RoadYield,
     ToleranceAmount,
     Variance,
     WorstPart,
@@ -35,6 +36,7 @@ from lensforge.scene.lens import Lens
 from lensforge.scene.perturbations import Draws, orthonormal
 from lensforge.sources.build_source import build_source
 from lensforge.sources.measured_rays import held_back
+from lensforge.spec.road_section import names_of
 from lensforge.spec.tolerances_section import Factor
 
 _DEGREE = 4
@@ -159,6 +161,7 @@ def measure_yield(
         pass_rate=PassRate.of(int(passes.sum()), parts),
         metrics=metrics,
         variance=variance,
+        roads=tuple(_roads(study, measured)),
         budget=limits,
         worst=worst,
         notes=_notes(study, metrics),
@@ -221,6 +224,29 @@ def _spread(designed: Metric, values: Float[np.ndarray, "n 2"]) -> MetricSpread:
         spread=spread,
         standard_error=float(np.median(values[:, 1])),
     )
+
+
+def _roads(study: PartStudy, measured: Float[np.ndarray, "n m 2"]) -> Iterator[RoadYield]:
+    """The share of parts that hold the class of each road, and the causes of the least distance to its bounds."""
+    spec, every = study.recipe.lens.spec, study.excess(measured[..., 0])
+    for number, (road, name) in enumerate(zip(spec.roads, names_of(spec.roads), strict=True)):
+        asked = [row for row, limit in enumerate(study.light.limits) if limit.road == number]
+        bounds = [study.bounds[row] for row in asked]
+        scale = np.array([bound.bound for bound in bounds])
+        beyond = every[:, asked] / scale
+        nearest, parts = beyond.argmax(axis=1), np.arange(len(beyond))
+        columns = np.array([study.names.index(bound.metric) for bound in bounds])
+        margin = np.stack([-beyond.max(axis=1), measured[parts, columns[nearest], 1] / scale[nearest]], axis=1)
+        counts = np.bincount(nearest, minlength=len(bounds))
+        decided = _true_spread(margin) > float(np.median(margin[:, 1]))
+        yield RoadYield(
+            name=name,
+            lighting_class=road.lighting_class,
+            pass_rate=PassRate.of(int((beyond <= 0.0).all(axis=1).sum()), len(beyond)),
+            nearest=bounds[int(counts.argmax())].metric,
+            nearest_share=float(counts.max() / len(beyond)),
+            variance=contributions(study.draws, margin[:, 0], float(np.mean(margin[:, 1] ** 2))) if decided else None,
+        )
 
 
 def _worst(study: PartStudy, measured: Float[np.ndarray, "n m 2"]) -> tuple[WorstPart, ...]:

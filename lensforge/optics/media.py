@@ -16,6 +16,8 @@ from lensforge.optics.material import Material
 CAVITY, BODY, OUTSIDE = MEDIA = "cavity", "body", "outside"  # from the source on
 DOUBLE = "inner", "outer"  # the faces of the usual lens, from the source on
 TIR = "cap", "side", "wall", "exit"  # of a lens for total internal reflection
+# Faces of the envelope that the lower half of a mould makes, with the core: it parts from the upper at the exit's rim.
+FROM_BELOW = ("wall",)
 MOST_EVENTS = 64  # at which a ray may meet a face
 # What lies before each face, on the origin's side, and behind it.
 SIDES = {

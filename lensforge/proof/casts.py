@@ -103,22 +103,28 @@ def _of_one_lamp(lens: Lens, light: Light) -> tuple[Lens, Light]:
 def stray_light(
     part: Part, *, rays: int | None = None, base: Literal["polished", "black"] = "polished", threads: int | None = None
 ) -> StrayLight:
-    """Follow rays through the part with reflections and the base, which the sequential design leaves out."""
-    from lensforge.proof.proof_inputs import optical_of, screens_of
+    """Follow rays through the part with reflections and the base, which the sequential design leaves out.
+
+    Where the part has a plate they go through all of it, from the lamp nearest to its middle, which is at the origin.
+    """
+    from lensforge.proof.proof_inputs import optical_of, plate_of, screens_of
 
     lens, spec = require(part, Part, "stray_light").lens, part.lens.spec
     rays = count_of("rays", rays)
     preset, source = preset_of(lens.accuracy), judging_source(spec)
     count, conditions = rays_of(rays, min(preset.verify_rays, _STRAY_RAYS), source)
+    optical, stl = optical_of(lens.body, lens.events), part.stl
+    if spec.plate is not None and part.plate_stl is not None:
+        optical, stl = replace(optical, plate=plate_of(spec.plate.lenses(spec.lamps))), part.plate_stl
     with threads_of_torch(threads):
         stray = stray_in_sandbox(
-            part.stl,
+            stl,
             rays=source.sample(count, seeds.of_verification(lens.seed)),
             media=lens.media,
             screens=screens_of(spec),
             names=[receiver.name or receiver.kind for receiver in spec.all_receivers],
             base=base,
-            optical=optical_of(lens.body, lens.events),
+            optical=optical,
             inputs={"lens": lens.sha256, "export": part.sha256},
         )
     return stray.model_copy(update={"conditions": conditions})

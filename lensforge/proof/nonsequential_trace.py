@@ -40,7 +40,8 @@ class Cause(IntEnum):
 class SplitRays(LitRays):
     """Rays on their way or out of the part: last points (mm), flux (W), cause.
 
-    ``events``: on the sequential path; ``crossings``: 0 in the cavity, 1 in the body, 2 behind it.
+    ``events``: on the sequential path; ``crossings``: 0 in the cavity, 1 in the body, 2 behind it. ``beside``: True
+    for light that has met a neighbour of its lens.
     """
 
     points: Float[np.ndarray, "n 3"]
@@ -48,6 +49,7 @@ class SplitRays(LitRays):
     causes: Int[np.ndarray, " n"]
     crossings: Int[np.ndarray, " n"]
     events: Int[np.ndarray, " n"]
+    beside: Bool[np.ndarray, " n"]
 
     @property
     def stray(self) -> Bool[np.ndarray, " n"]:
@@ -74,13 +76,17 @@ class Limits:
 
 @dataclass
 class FluxBudget:
-    """Flux (W) by its end: gone from the part, in pieces as it left, or lost. ``absorbed``: by the body and mirrors."""
+    """Flux (W) by its end: gone from the part, in pieces as it left, or lost. ``absorbed``: by the body and mirrors.
+
+    ``neighbours``: of light as it first met a neighbour of its lens on a plate.
+    """
 
     pieces: list[SplitRays] = field(default_factory=list)
     absorbed: float = 0.0
     base: float = 0.0
     cut_off: float = 0.0
     leaked: float = 0.0
+    neighbours: float = 0.0
 
     def escaped(self) -> SplitRays:
         """All pieces joined."""
@@ -114,7 +120,7 @@ def _emitted(body: PartBody, rays: RayBundle) -> SplitRays:
     causes = np.where(hits.leaving | hits.away, Cause.BASE, Cause.SEQUENTIAL)
     light, nothing = vars(LitRays.of(rays, body.media)), np.zeros(len(rays), dtype=np.int64)
     light |= {"inside": hits.leaving, "points": rays.origins, "flux": rays.flux.copy(), "causes": causes}
-    return SplitRays(**light, crossings=nothing, events=nothing)
+    return SplitRays(**light, crossings=nothing, events=nothing, beside=np.zeros(len(rays), dtype=bool))
 
 
 def _step(body: PartBody, light: SplitRays, least: float, budget: FluxBudget) -> SplitRays:
@@ -135,6 +141,9 @@ def _step(body: PartBody, light: SplitRays, least: float, budget: FluxBudget) ->
         budget.base += float(light.flux[hits.base].sum())
         rows = np.nonzero(~hits.base)[0]
         light, hits = light.take(rows), hits.take(rows)
+    beside = body.optical.at_neighbour(hits.points)
+    budget.neighbours += float(light.flux[beside & ~light.beside].sum())
+    light = replace(light, beside=light.beside | beside)
     at = at_faces(body.optical, body.media, light, hits)
     budget.absorbed += float(np.sum(light.flux * (1.0 - at.transmittance - at.reflectance)))  # by mirrors
     children = _split(body.optical, light, hits, at)

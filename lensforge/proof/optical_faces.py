@@ -6,6 +6,8 @@ which its coating depends, and the number of events that the light has on its wa
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from math import cos, sin
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -29,19 +31,61 @@ def faces_away(points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3
 
 
 @dataclass(frozen=True)
+class PlateOfLenses:
+    """Lenses of a plate: places (mm) of their axes, turns (rad), and the number of the one that is lit."""
+
+    places: Float[np.ndarray, "k 2"]
+    turns: Float[np.ndarray, " k"]
+    lit: int
+
+    def nearest(self, points: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, " n"]:
+        """Number of the lens whose axis is nearest to points in the coordinates of the lit one."""
+        found = [np.hypot(*(points[:, :2] - place).T) for place in self._seen]
+        numbers: Int[np.ndarray, " n"] = np.argmin(found, axis=0)
+        return numbers
+
+    def from_lit(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """Points of the plate in the coordinates of the lit lens."""
+        moved: Float[np.ndarray, "n 3"] = (points - (*self.places[self.lit], 0.0)) @ _turned(-self.turns[self.lit]).T
+        return moved
+
+    def from_own(
+        self, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]
+    ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+        """Points and normals, from those of the lit lens into the coordinates of the nearest one."""
+        numbers, (own, ahead) = self.nearest(points), (points.copy(), normals.copy())
+        for number in np.unique(numbers):
+            rows, turn = numbers == number, _turned(self.turns[self.lit] - self.turns[number]).T
+            own[rows] = (points[rows] - (*self._seen[number], 0.0)) @ turn
+            ahead[rows] = normals[rows] @ turn
+        return own, ahead
+
+    @cached_property
+    def _seen(self) -> Float[np.ndarray, "k 2"]:
+        """Places in the coordinates of the lit lens."""
+        return self.from_lit(np.column_stack([self.places, np.zeros(len(self.places))]))[:, :2]
+
+
+def _turned(angle: float) -> Float[np.ndarray, "3 3"]:
+    return np.array([[cos(angle), -sin(angle), 0.0], [sin(angle), cos(angle), 0.0], [0.0, 0.0, 1.0]])
+
+
+@dataclass(frozen=True)
 class OpticalFaces:
     """Names of the faces of a body, True for those that bound it outwards, False for those that bound the cavity.
 
     ``events``: at most as many times the light is refracted or reflected on the sequential path; with 2 no reflection
     is followed. ``inverse_radii``: of the design, by which a place is sorted where several faces lie on one side: 1
     over the distance from the origin (1/mm), on a square grid of the stereographic chart up to +-1, first index X. By
-    default None, and the usual lens: in through one face and out through the other.
+    default None, and the usual lens: in through one face and out through the other. ``plate``: of a part with several
+    such bodies, seen from the one that is lit; None for one.
     """
 
     names: tuple[str, ...] = DOUBLE
     away: tuple[bool, ...] = (False, True)
     events: int = _CROSSINGS
     inverse_radii: Float[np.ndarray, "f m m"] | None = None
+    plate: PlateOfLenses | None = None
 
     def __post_init__(self) -> None:
         if self.events < _CROSSINGS:
@@ -55,6 +99,17 @@ class OpticalFaces:
         """True where a ray that is reflected, or is back in the cavity, is followed beyond ``event`` (from 0)."""
         return (self.events > _CROSSINGS) & (event + 1 < self.events)
 
+    def away_at(self, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+        """True where a surface with ``normals`` out of the material faces away from the origin of its own lens."""
+        return faces_away(*(points, normals) if self.plate is None else self.plate.from_own(points, normals))
+
+    def at_neighbour(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+        """True for points above z = 0 that are nearer to another lens of a plate than to the lit one."""
+        if self.plate is None:
+            return np.zeros(len(points), dtype=bool)
+        beside: Bool[np.ndarray, " n"] = (self.plate.nearest(points) != self.plate.lit) & (points[:, 2] > 0.0)
+        return beside
+
     def sorted(
         self, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]
     ) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, " n"]]:
@@ -62,6 +117,8 @@ class OpticalFaces:
 
         It is the nearest of its side; NO_FACE at or below z = 0. Of a face alone on its side the distance is left at 0.
         """
+        if self.plate is not None:
+            points, normals = self.plate.from_own(points, normals)
         above, away = points[:, 2] > 0.0, faces_away(points, normals)
         numbers, apart = np.full(len(points), NO_FACE), np.zeros(len(points))
         for side in (False, True):

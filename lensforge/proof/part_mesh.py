@@ -19,7 +19,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from lensforge.errors import InputError
-from lensforge.proof.optical_faces import FAR_MM, USUAL_LENS, OpticalFaces
+from lensforge.proof.optical_faces import FAR_MM, NO_FACE, USUAL_LENS, OpticalFaces
 from lensforge.proof.proof_result import SizedFile
 from lensforge.results import BodySize, Box
 from lensforge.results.file_bounds import MOST_TRIANGLES, made_here, stl_corners
@@ -102,7 +102,8 @@ def read_part_mesh(stl: bytes, optical: OpticalFaces = USUAL_LENS) -> PartMesh:
     """
     corners = stl_corners(stl, "STL", "export it again", None if made_here(stl) else MOST_TRIANGLES)
     rows = np.arange(3 * len(corners)).reshape(-1, 3)
-    mesh = trimesh.Trimesh(corners.reshape(-1, 3), rows, process=True)
+    points = corners.reshape(-1, 3) if optical.plate is None else optical.plate.from_lit(corners.reshape(-1, 3))
+    mesh = trimesh.Trimesh(points, rows, process=True)
     if not (mesh.area_faces > 0.0).any():
         raise InputError("STL: none of its triangles has an area; export it again")
     return part_mesh_of(mesh, optical)
@@ -112,6 +113,9 @@ def part_mesh_of(mesh: trimesh.Trimesh, optical: OpticalFaces = USUAL_LENS) -> P
     """Build the part that a mesh with merged vertices bounds."""
     own, apart = optical.sorted(mesh.triangles_center, mesh.face_normals)
     faces = smooth_faces(mesh, None if optical.inverse_radii is None else own)
+    if optical.plate is not None:  # its sides turn from flat to round without a crease: what is no lens stays facets
+        flat = np.flatnonzero(own == NO_FACE)
+        faces[flat] = faces.max() + 1 + np.arange(len(flat))
     keys, corners = np.unique(mesh.faces.astype(np.int64) * (faces.max() + 1) + faces[:, None], return_inverse=True)
     corners = corners.reshape(-1, 3)
     vertices, face_of = np.divmod(keys, faces.max() + 1)

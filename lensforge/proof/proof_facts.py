@@ -49,9 +49,16 @@ def tracer_groups(proof: Proof) -> list[Group]:
 def stray_facts(stray: StrayLight) -> list[Group]:
     """A group of the stray light on each receiver."""
     return [
-        Group("stray", f"Stray light{suffix(stray.receivers, index)}", tuple(_stray(stray, each)))
+        Group("stray", f"Stray light{suffix(stray.receivers, index)}", (*_stray(stray, each), *_neighbours(stray)))
         for index, each in enumerate(stray.receivers)
     ]
+
+
+def _neighbours(stray: StrayLight) -> tuple[Fact, ...]:
+    if stray.lenses == 1:
+        return ()
+    note = f"share of one lamp's light that meets another lens of a plate of {stray.lenses}"
+    return (Fact.share("neighbours", "Meets a neighbour", stray.neighbours, note),)
 
 
 def stray_budget(receiver: ReceiverStray) -> tuple[list[tuple[str, float]], list[tuple[str, float]]]:

@@ -16,7 +16,7 @@ from lensforge.light.evaluation_result import Light
 from lensforge.optics.image_reading import read_light
 from lensforge.optics.media import BODY
 from lensforge.proof import independent_draws
-from lensforge.proof.optical_faces import OpticalFaces
+from lensforge.proof.optical_faces import OpticalFaces, PlateOfLenses
 from lensforge.proof.part_comparison import RAYS, IndependentLight
 from lensforge.proof.receiver_screen import Screen
 from lensforge.scene.body import Body, radii
@@ -30,6 +30,7 @@ from lensforge.sources.source_flux import chip_fluxes
 from lensforge.sources.source_spectrum import spectrum_of
 from lensforge.spec import Spec
 from lensforge.spec.emitter_section import CosineIntensity, IntensitySpec, SpectrumSpec, TableIntensity
+from lensforge.spec.lamps_section import Lamps
 from lensforge.spec.source_sections import (
     ChipArraySource,
     ChipsSource,
@@ -53,6 +54,12 @@ def optical_of(body: Body, events: int = 2) -> OpticalFaces:
     chart = grid(_NODES, 1.0)
     chart = chart / np.maximum(np.linalg.norm(chart, axis=-1, keepdims=True), 1.0)  # no face is beyond the rim
     return OpticalFaces(names, away, events, 1.0 / radii(body.faces, to_sphere(chart)))
+
+
+def plate_of(lamps: Lamps) -> PlateOfLenses:
+    """The lenses of a plate; the one nearest to the origin is lit."""
+    places = np.array(lamps.places_mm)
+    return PlateOfLenses(places, np.radians(lamps.turns_deg), int(np.hypot(*places.T).argmin()))
 
 
 def screens_of(spec: Spec, pixels: int | None = None) -> list[Screen]:

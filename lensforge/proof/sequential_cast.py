@@ -16,7 +16,7 @@ from trimesh.triangles import points_to_barycentric
 
 from lensforge.optics.media import Media, Mirror
 from lensforge.proof.facet_casting import FacetHits, Grid, Leg, RayRows
-from lensforge.proof.optical_faces import NO_FACE, OpticalFaces, faces_away
+from lensforge.proof.optical_faces import NO_FACE, OpticalFaces
 from lensforge.proof.part_mesh import PartMesh
 from lensforge.proof.receiver_screen import Screen
 from lensforge.proof.refraction import AtFace, Fields, LitRays, RefractingFace, through_glass, unpolarised
@@ -196,7 +196,7 @@ class MeshBody:
         flat, facing = leg.origins + hits.distances[:, None] * leg.directions, part.mesh.face_normals[hits.triangles]
         found.points[rows], found.normals[rows] = meet(part, leg, hits)
         found.leaving[rows] = self._leaving(leg, hits)
-        found.away[rows] = faces_away(flat, facing)
+        found.away[rows] = self.optical.away_at(flat, facing)
         found.faces[rows] = part.faces[hits.triangles]
         found.skins[rows] = _SKIN_EDGES * np.sqrt(2.0 * part.mesh.area_faces[hits.triangles])
         found.heights[rows] = np.sum((found.points[rows] - flat) * found.normals[rows], axis=1)

@@ -59,6 +59,8 @@ def trace_stray(
         ),
         rays=len(rays),
         base=base,
+        lenses=1 if optical.plate is None else len(optical.plate.places),
+        neighbours=budget.neighbours / emitted,
         absorption_per_mm=media.body.absorption_per_mm,
         cut_off=limits.cut_off,
         depth=limits.depth,

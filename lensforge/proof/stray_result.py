@@ -73,7 +73,8 @@ class ReceiverStray(OnReceiver):
 class StrayLight(SimulatedResult):
     """Stray light, which the sequential design leaves out: reflections, the base, absorption; on every receiver.
 
-    The flux budget and the efficiencies are those of the first.
+    The flux budget and the efficiencies are those of the first. Of a plate with several ``lenses`` one in the middle is
+    lit; ``neighbours``: share of its light that meets another of them, above z = 0.
     """
 
     stage: ClassVar[str] = "stray"
@@ -83,6 +84,8 @@ class StrayLight(SimulatedResult):
     receivers: Annotated[tuple[ReceiverStray, ...], Field(min_length=1)]
     rays: Count
     base: Literal["polished", "black"]
+    lenses: Count = 1
+    neighbours: Share = 0.0
     absorption_per_mm: NotNegative
     cut_off: NotNegative
     depth: Count

@@ -28,6 +28,10 @@ from lensforge.spec import Spec
 from lensforge.spec.source_sections import ChipArraySource, DiscSource, RectangleSource, SquareSource
 
 _FROM_ABOVE = "One field between two lamps; the arrow is the lane of the driver, who is 60 m before it."
+_BY_NIGHT = (
+    "What each driver sees from 60 m before the field, which lies between the two lines across the road. Poles and "
+    "lamps are to scale. The table of the surface is for 60 m and beyond, and taken for the road nearer by as well."
+)
 OWN = "the lens’s own"
 _FIRST = 4.6  # inches: half of the page
 _ABOVE = 1.1  # of the target's peak: the ripple of a flat target can still be told
@@ -260,6 +264,9 @@ def photometry_pictures(results: Results) -> list[PagePicture]:
     for index, judged in enumerate(found.roads):
         view = study_figures.road_from_above(found, index, results.spec)
         drawn.append(picture(f"road-{index}", view, judged.name.capitalize(), _FROM_ABOVE))
+        if results.spec.roads[index].by_luminance:
+            night = study_figures.road_by_night(found, index, results.spec)
+            drawn.append(picture(f"night-{index}", night, f"{judged.name.capitalize()} by night", _BY_NIGHT))
     return drawn
 
 

@@ -5,11 +5,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, PercentFormatter
 
 from lensforge.light.photometry_result import Photometry
-from lensforge.light.road_judgement import lenses_in, of_table
+from lensforge.light.road_judgement import Candela, lenses_in, of_table
 from lensforge.light.road_lighting import SeenRoad
 from lensforge.made.tolerance_result import MetricBound, Variance
 from lensforge.made.yield_facts import TOGETHER
@@ -28,7 +29,7 @@ from lensforge.results.figure_style import (
     new_figure,
 )
 from lensforge.results.numerals import number, percent
-from lensforge.scene.road_field import RoadReadings, lux_across, steps_across, steps_along
+from lensforge.scene.road_field import BEFORE_M, DriverView, RoadReadings, lux_across, steps_across, steps_along
 from lensforge.sources.intensity import TabulatedIntensity, plane_profile
 from lensforge.spec import Spec
 from lensforge.spec.road_section import RoadSection
@@ -41,6 +42,10 @@ _FURTHER = 1.25  # of the field angle: what the isocandela diagram shows beyond 
 _SHOWN_HEIGHTS = 6.0  # mounting heights to each side: "very long" lies beyond
 _PIXELS = 241
 _ISOLINES = 5  # of luminance
+# What a driver's view shows: distances ahead, tangents below, beside and above the horizon straight ahead.
+_NEAR_M, _FAR_M, _ROWS, _PER_LANE = 15.0, 400.0, 120, 10
+_DOWN, _ASIDE, _MOST_UP, _ABOVE_LAMPS = 0.1, 0.35, 0.36, 1.2
+_POLE_M, _HEAD_M = 0.15, (0.6, 0.12)  # width of a pole; width and depth of a lamp
 _DIAGONAL = 0.5**0.5  # between the labels of C
 
 
@@ -123,10 +128,12 @@ def ground_diagram(found: Photometry, street_deg: float, lenses: int, height_m: 
 def road_from_above(found: Photometry, index: int, spec: Spec) -> Figure:
     """A road from above: in the luminance that each driver sees, the left lane first; of a class P or C in lux."""
     road, judged, readings = spec.roads[index], found.roads[index], RoadReadings.of(spec.roads[index])
-    factor = lenses_in(road, spec, found.source_lm) * road.maintenance_factor
-    candela = of_table(_table(found), -spec.photometry.street_side_deg, factor)
+    candela = _kept_candela(found, road, spec)
     across, unit = (steps_across(road), "cd/m²") if road.by_luminance else (lux_across(0.0, road.width_m), "lx")
-    lights = readings.luminance[::-1] if road.by_luminance else (readings.illuminance,)
+    drivers = sorted(judged.drivers, key=lambda driver: -road.from_right(driver.lane - 1))
+    lights = (
+        [readings.luminance[driver.lane - 1] for driver in drivers] if road.by_luminance else [readings.illuminance]
+    )
     seen = [light.of(candela(light)).reshape(len(across), -1) for light in lights]
     least, top = min(float(each.min()) for each in seen), max(float(each.max()) for each in seen) or 1.0
     figure = Figure(figsize=(WIDE, 0.5 + 1.3 * len(seen)), layout="constrained")
@@ -135,12 +142,66 @@ def road_from_above(found: Photometry, index: int, spec: Spec) -> Figure:
     for light, axes in zip(seen, views, strict=True):
         _road_view(axes, light, road, across, levels, top)
     if road.by_luminance:
-        for driver, axes in zip(reversed(judged.drivers), views, strict=True):
-            axes.plot(0.0, (driver.lane - 0.5) * road.lane_m, ">", color=ORANGE, clip_on=False, markersize=6.0)
+        for driver, axes in zip(drivers, views, strict=True):
+            at = DriverView(road, driver.lane - 1)
+            start = at.place(np.zeros(1)).item()
+            axes.plot(start, at.y, "<" if at.oncoming else ">", color=ORANGE, clip_on=False, markersize=6.0)
             axes.set_title(_of_driver(driver), loc="left", fontsize=8.0)
     views[-1].set(xlabel="along the road (m)")
     figure.colorbar(views[0].images[0], ax=list(views), label=unit)
     return figure
+
+
+def _kept_candela(found: Photometry, road: RoadSection, spec: Spec) -> Candela:
+    """Intensities of a lamp of ``road``, with its maintenance factor."""
+    factor = lenses_in(road, spec, found.source_lm) * road.maintenance_factor
+    return of_table(_table(found), -spec.photometry.street_side_deg, factor)
+
+
+@in_report_style
+def road_by_night(found: Photometry, index: int, spec: Spec) -> Figure:
+    """A road of a class M from the eye of each driver, the left lane first, in its luminance, with its lamps."""
+    road, candela = spec.roads[index], _kept_candela(found, spec.roads[index], spec)
+    views = [DriverView(road, lane) for lane in sorted(range(road.lanes), key=road.from_right, reverse=True)]
+    away = 1.0 / np.linspace(1.0 / _NEAR_M, 1.0 / _FAR_M, _ROWS)  # even steps in the picture
+    away, y = np.meshgrid(away, np.linspace(0.0, road.width_m, _PER_LANE * road.lanes + 1))
+    lights = [view.luminance(view.place(away.ravel() - BEFORE_M), y.ravel()) for view in views]
+    seen = [light.of(candela(light)).reshape(y.shape) for light in lights]
+    top = max(float(each.max()) for each in seen) or 1.0
+    roof = min(_ABOVE_LAMPS * road.pole_height_m / BEFORE_M, _MOST_UP)
+    tall = WIDE * (roof + _DOWN) / (2.0 * _ASIDE)
+    figure = Figure(figsize=(WIDE, 0.2 + (0.15 + 0.85 * tall) * len(seen)), layout="constrained")
+    all_axes = figure.subplots(len(seen), 1, squeeze=False)[:, 0]
+    for view, light, axes in zip(views, seen, all_axes, strict=True):
+        spots = view.seen(view.place(away - BEFORE_M), y, np.zeros_like(y))
+        road_colours = axes.pcolormesh(
+            *np.moveaxis(spots, -1, 0), light, cmap="inferno", vmin=0.0, vmax=top, shading="gouraud", rasterized=True
+        )
+        _by_the_road(axes, view)
+        axes.set(xlim=(-_ASIDE, _ASIDE), ylim=(-_DOWN, roof), aspect="equal", xticks=[], yticks=[], facecolor="black")
+        axes.set_title(f"from lane {view.lane + 1}{', oncoming' * view.oncoming}", loc="left", fontsize=8.0)
+    figure.colorbar(road_colours, ax=list(all_axes), label="cd/m²")
+    return figure
+
+
+def _by_the_road(axes: Axes, view: DriverView) -> None:
+    """Lines between the lanes and at the ends of the field; poles with their arms, and lamps."""
+    road, high = view.road, view.road.pole_height_m
+    shown = view.place(np.array([_NEAR_M, _FAR_M]) - BEFORE_M)
+    lines = [(shown, np.full(2, k * road.lane_m)) for k in range(road.lanes + 1)]
+    ends = [(np.full(2, end), np.array([0.0, road.width_m])) for end in (0.0, road.pole_spacing_m)]
+    for along, aside in (*lines, *ends):
+        axes.plot(*view.seen(along, aside, np.zeros(2)).T, color="white", linewidth=0.5)
+    x, y, foot = view.lamps(_NEAR_M, _FAR_M)
+    arm, (wide, deep) = np.sort([foot, y], axis=0), _HEAD_M
+    for left, right, low, top, colour in (
+        (foot - 0.5 * _POLE_M, foot + 0.5 * _POLE_M, 0.0, high, GREY),
+        (*arm, high - _POLE_M, high, GREY),
+        (y - 0.5 * wide, y + 0.5 * wide, high - deep, high, "white"),
+    ):
+        corners = ((left, low), (right, low), (right, top), (left, top))
+        shapes = np.stack([view.seen(x, side, np.full_like(x, up)) for side, up in corners], axis=1)
+        axes.add_collection(PolyCollection(list(shapes), facecolors=colour, linewidths=0.0))
 
 
 def _of_driver(driver: SeenRoad) -> str:

@@ -20,6 +20,7 @@ from lensforge.report.results import Results
 from lensforge.report.stored import load_results
 from lensforge.report.sweep import Sweep, SweptMetric, sweep_of
 from lensforge.report.variation import AnyVariation, SourceVariation, Variant
+from lensforge.results import Group
 from lensforge.results.cluster import connected
 from lensforge.results.figure_style import BLUE, GREEN, GREY, ORANGE, WIDE, in_report_style, new_figure
 from lensforge.results.files import replacing, require_own
@@ -220,10 +221,16 @@ def sweep_page(sweep: Sweep, results: Sequence[Results]) -> str:
         accuracy=sweep.accuracy,
         seed=sweep.seed,
         plot=picture("sweep", sweep_figure(sweep), f"Error and efficiency against {_label(sweep)}"),
-        designs=sweep.facts,
+        designs=_of_kind(sweep, "design"),
+        losses=_of_kind(sweep, "loss"),
+        failed=_of_kind(sweep, "failed"),
         pictures=ComparedPictures(names, results),
         version=sweep.version,
     )
+
+
+def _of_kind(sweep: Sweep, key: str) -> list[Group]:
+    return [group for group in sweep.facts if group.key == key]
 
 
 def _label(sweep: Sweep) -> str:

@@ -8,9 +8,9 @@ from typing import ClassVar
 
 from lensforge.errors import InputError, remedy
 from lensforge.spec import Spec
-from lensforge.spec.design_spec import joined_name
 from lensforge.spec.source_list import read_sources, require_told_apart
 from lensforge.spec.source_sections import NamedSource, SourceSpec
+from lensforge.spec.spec_files import joined_name
 from lensforge.spec.spec_section import Section
 
 MOST_VALUES = 100

@@ -20,7 +20,9 @@ from lensforge.results.record import (
     Count,
     Extent,
     Flag,
+    Given,
     Image,
+    InFile,
     Irradiance,
     Metric,
     NotNegative,
@@ -35,7 +37,7 @@ from lensforge.results.record import (
     Text,
     stated,
 )
-from lensforge.results.stage_result import Conditions, Given, InFile, SimulatedResult, StageResult
+from lensforge.results.stage_result import Conditions, SimulatedResult, StageResult
 
 __all__ = [
     "Array",

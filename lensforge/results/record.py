@@ -6,7 +6,9 @@ bounded: a page draws them, and a sum of them stays finite. Text is never taken 
 
 import unicodedata
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar, get_args, get_origin
 
 import numpy as np
@@ -16,6 +18,7 @@ from pydantic.fields import FieldInfo
 from pydantic.main import IncEx
 from pydantic_core import CoreSchema, core_schema
 
+from lensforge.results.files import MIB
 from lensforge.results.notebook_html import table_html
 from lensforge.results.numerals import quantity
 from lensforge.results.validation import same
@@ -30,6 +33,26 @@ _LONGEST_TEXT = 10_000  # characters; the longest remedy of lensforge has 300, a
 
 Scalar = float | int | bool | str | None
 _Mark = TypeVar("_Mark")
+
+MOST_FILE_BYTES = 384 * MIB  # of a CAD file or a mesh: eight million triangles, several times those of a reference run
+
+
+@dataclass(frozen=True)
+class Given:
+    """Marks a field that another file holds."""
+
+
+@dataclass(frozen=True)
+class InFile:
+    """Marks a field of bytes that are the file ``name`` of a result folder, which has at most ``most_bytes``."""
+
+    name: str
+    most_bytes: int = MOST_FILE_BYTES
+
+    def beside(self, stage: str, stem: str) -> str:
+        """Name of the file that belongs to ``stem``.json: ``lens_x.ies`` to ``photometry_x.json``."""
+        path, end = Path(self.name), stem.removeprefix(stage) if stem.startswith(f"{stage}_") else ""
+        return f"{path.stem}{end}{path.suffix}"
 
 
 class Array:

@@ -8,14 +8,13 @@ import hashlib
 import io
 import json
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self, TypeVar, get_args
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, model_serializer
 
 from lensforge.errors import InputError, OutdatedResult
 from lensforge.results.files import MIB, read_file, read_json, replacing
@@ -24,6 +23,8 @@ from lensforge.results.notebook_html import PLOT_KINDS, plot_file, plot_html
 from lensforge.results.record import (
     Array,
     Count,
+    Given,
+    InFile,
     Number,
     Positive,
     Record,
@@ -116,38 +117,29 @@ def read_arrays(path: Path, sha256: object, remedy: str) -> dict[str, np.ndarray
 
 
 SCHEMA_VERSION = 3  # 1: the records of version 0.1.0, which named no schema; 2: of one receiver, a square on the axis
-_MOST_FILE_BYTES = 384 * MIB  # of a CAD file or a mesh: eight million triangles, several times those of a reference run
 _ARRAYS = "arrays_sha256"  # the key of the npz file's hash in the JSON
 _UNHASHED = ("seconds", "version")  # differ between runs with the same result
 
 
-@dataclass(frozen=True)
-class Given:
-    """Marks a field that another file holds."""
-
-
-@dataclass(frozen=True)
-class InFile:
-    """Marks a field of bytes that are the file ``name`` of a result folder, which has at most ``most_bytes``."""
-
-    name: str
-    most_bytes: int = _MOST_FILE_BYTES
-
-    def beside(self, stage: str, stem: str) -> str:
-        """Name of the file that belongs to ``stem``.json: ``lens_x.ies`` to ``photometry_x.json``."""
-        path, end = Path(self.name), stem.removeprefix(stage) if stem.startswith(f"{stage}_") else ""
-        return f"{path.stem}{end}{path.suffix}"
-
-
 class StageResult(Record):
-    """Result of one stage. ``inputs``: SHA-256 of its inputs, by name."""
+    """Result of one stage. ``inputs``: SHA-256 of its inputs, by name.
+
+    ``told_if_any``: fields that a record leaves out where they are empty: those of lenses of more than two faces.
+    """
 
     stage: ClassVar[str]
     command: ClassVar[str] = ""  # the command that makes it, where not named like the stage
     made_from: ClassVar[tuple[str, ...]] = ("lens",)  # inputs whose hashes a record must state
+    told_if_any: ClassVar[tuple[str, ...]] = ()
 
     version: Text = __version__
     inputs: dict[Text, Sha256] = Field(default_factory=dict)
+
+    @model_serializer(mode="wrap")
+    def _what_there_is(self, dumped: Callable[[object], dict[str, object]]) -> dict[str, object]:
+        """The fields, without those that are told only where there are any."""
+        content = dumped(self)
+        return {name: each for name, each in content.items() if each or name not in self.told_if_any}
 
     @classmethod
     def schema_name(cls) -> str:

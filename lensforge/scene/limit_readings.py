@@ -24,7 +24,7 @@ from lensforge.spec.light_limits import (
     Quantity,
     ZoneLimit,
 )
-from lensforge.spec.road_section import RoadSection, names_of
+from lensforge.spec.road_section import names_of
 
 _UNITS = {"w_per_m2": "W/m²", "lx": "lx", "w_per_sr": "W/sr", "cd": "cd", "deg": "°"}
 _PHOTOMETRIC = ("lx", "cd")
@@ -39,7 +39,7 @@ class LightLimit:
     ``readings``: matrix from the flux (W) on each pixel to the light at each place, in ``unit``; relative light and
     angles in W/m² or W/sr. ``angles_deg``: of the places of a beam angle, whose half side counts at ``level``. Of a
     threshold increment the last place is the mean luminance (cd/m²), the others are veiling luminance; of a ratio the
-    first place is over the second. ``of_road``: each of its few places decides, however many there are.
+    first place is over the second. ``road``: number of the road whose class asks for it.
     """
 
     name: str
@@ -51,7 +51,12 @@ class LightLimit:
     readings: sparse.csr_array
     angles_deg: Float[np.ndarray, " k"] | None = None
     level: float = 1.0
-    of_road: bool = False
+    road: int | None = None
+
+    @property
+    def of_road(self) -> bool:
+        """True for a limit by the class of a road: each of its few places decides, however many there are."""
+        return self.road is not None
 
     def of(self, images: Float[np.ndarray, "r h w"]) -> Float[np.ndarray, "r k"]:
         """Readings of pictures of flux (W)."""
@@ -77,22 +82,17 @@ def light_limits(
         index = 0 if limit.receiver is None else names.index(limit.receiver)
         where = f"limits.{number}"
         found += _bounds_of(limit, where, index, receivers[index], lumens_per_watt, flux_w)
-    for road, name in zip(spec.roads, names_of(spec.roads), strict=True):
-        found += _of_road(road, name, spec, receivers, lumens_per_watt, flux_w)
+    for number in range(len(spec.roads)):
+        found += _of_road(number, spec, receivers, lumens_per_watt, flux_w)
     return tuple(found)
 
 
 def _of_road(
-    road: RoadSection,
-    name: str,
-    spec: Spec,
-    receivers: Sequence[PosedReceiver],
-    lumens_per_watt: float | None,
-    flux_w: float,
+    number: int, spec: Spec, receivers: Sequence[PosedReceiver], lumens_per_watt: float | None, flux_w: float
 ) -> Iterator[LightLimit]:
     """Limits by the class of a road, on the picture of the first far field: its pixels are intensities of a lamp."""
     index = next(index for index, receiver in enumerate(receivers) if receiver.kind == "far_field")
-    receiver = receivers[index]
+    receiver, road, name = receivers[index], spec.roads[number], names_of(spec.roads)[number]
     if road.lamp_lm is None and lumens_per_watt is None:
         raise InputError(f"{name}: lamp_lm is missing, and the source's lumens are not known; give either")
     source_lm = flux_w * (lumens_per_watt or 0.0) * spec.photometry.lenses
@@ -104,7 +104,7 @@ def _of_road(
         pixels = _bilinear(receiver, *equal_area(units @ receiver.pose.axes.T).T)
         readings = sparse.csr_array(scale * (ask.light.weights * (units[:, 2] >= 0.0)) @ pixels)
         yield LightLimit(
-            f"{name}: {ask.name}", index, ask.quantity, ask.sense, ask.bound, ask.unit, readings, of_road=True
+            f"{name}: {ask.name}", index, ask.quantity, ask.sense, ask.bound, ask.unit, readings, road=number
         )
 
 

@@ -5,6 +5,9 @@ field is a sum of tables with independent Gaussian numbers, whose mean square ov
 1 mm^2 along the normal. Radii add linearly: an error e along the normal is taken as one along the radius of e over the
 cosine between the two, which neglects terms of e times its own slope (1e-6 of it at a micrometre).
 
+Where a ray may meet any of several faces, a face out of place is such an error, too: along the normal, that of its
+displacement. This leaves out the displacement's square over twice the face's radius of curvature, 0.1 um of 25 um.
+
 Waviness has the spectral density k^-2 between two wavelengths: a mixture of Gaussian low-pass
 fields whose widths s (correlation exp(-r^2 / 2 s^2) over the chord r) are evenly spread over their logarithm, all of
 the same variance. A sum of waves in space with normally distributed wave vectors, read on the face, is such a field
@@ -24,7 +27,7 @@ from lensforge.scene.as_made import AsMade, Displacement
 from lensforge.scene.lens import Lens
 from lensforge.scene.perturbations import Deviations
 from lensforge.spec import Spec
-from lensforge.spec.tolerances_section import FORM_NUMBERS, WAVINESS_NUMBERS, Factor
+from lensforge.spec.tolerances_section import FORM_NUMBERS, PLACEMENT, WAVINESS_NUMBERS, Factor, factor_name
 from lensforge.surfaces.bicubic_table import TableGrid
 from lensforge.surfaces.srbf import SrbfBasis, fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface
@@ -117,9 +120,18 @@ def ripple(face: FaceNodes, period_mm: float) -> ErrorField:
     return face.table(0.5 * np.cos(phase)[:, None])
 
 
+def displaced(face: FaceNodes, surface: Surface) -> dict[str, ErrorField]:
+    """Displacements of a face by the fields of its table: a shift along x and y (mm), along z, a tilt about x and y."""
+    normals = surface.normal(face.directions)
+    turned = np.cross(face.points, normals)  # (w x p) . n = w . (p x n)
+    fields = {"shift_mm": normals[:, :2], "gap_mm": normals[:, 2:], "tilt_deg": turned[:, :2]}
+    return {name: face.table(each) for name, each in fields.items()}
+
+
 _SEED = 5  # of the shapes of waviness: any number; those of two faces differ
 _NONE = np.zeros(2)
-_FIELDS = ("form", "waviness", "ripple")  # errors of a face that have tables
+_FIELDS = ("form_um", "waviness_um", "ripple_um")  # errors of a face that have tables
+_IN_CHAINS = (*_FIELDS, *PLACEMENT)  # of a face that is one of several between the same media
 _ORIGIN = (0.0, 0.0, 0.0)
 
 
@@ -163,12 +175,15 @@ class PartMaker:
         """Prepare the form errors of ``surfaces``, by name from the source on, on tables of ``grid``."""
         section, wanted = spec.tolerances, {factor.name for factor in factors}
         band = section.waviness_shortest_mm, section.waviness_longest_mm
-        errors = {}
+        errors: dict[str, ErrorField] = {}
         for number, (face, surface) in enumerate(surfaces.items()):
-            form, waves, rings = own = [f"{face}_{kind}_um" for kind in _FIELDS]
-            if wanted.isdisjoint(own):
+            form, waves, rings = own = [factor_name(face, kind) for kind in _FIELDS]
+            placed = {kind: factor_name(face, kind) for kind in PLACEMENT if spec.lens.has_creases}
+            if wanted.isdisjoint([*own, *placed.values()]):
                 continue
             sampled = FaceNodes.of(grid, surface)
+            if not wanted.isdisjoint(placed.values()):
+                errors |= {placed[kind]: each for kind, each in displaced(sampled, surface).items()}
             if form in wanted:
                 errors[form] = low_order(sampled)
             if waves in wanted:
@@ -189,6 +204,8 @@ class PartMaker:
             return float(found[name][0]) if name in found else 0.0
 
         def placed(of: str, height: str, centre: tuple[float, float, float] = _ORIGIN) -> Displacement:
+            if height in self.errors:  # it is out of place by its table
+                return Displacement()
             x, y = found.get(f"{of}_shift_mm", _NONE).tolist()
             about_x, about_y = found.get(f"{of}_tilt_deg", _NONE).tolist()
             return Displacement((x, y, one(height)), (about_x, about_y), centre)
@@ -197,7 +214,7 @@ class PartMaker:
             names=self.names,
             source=placed("source", "source_height_mm", self.source_mm),
             lens=placed("lens", "lens_height_mm"),
-            faces={name: placed(name, "gap_mm") for name in self.names[1:]},
+            faces={name: placed(name, factor_name(name, "gap_mm")) for name in self.names[1:]},
             source_size=1.0 + one("source_size"),
             scale=1.0 + one("shrinkage"),
             seat_mm=self.seat_mm,
@@ -217,7 +234,7 @@ class PartMaker:
 
     def _error(self, face: str, found: Deviations) -> Float[np.ndarray, "side side"] | None:
         total = None
-        for name in (f"{face}_{kind}_um" for kind in _FIELDS):
+        for name in (factor_name(face, kind) for kind in _IN_CHAINS):
             if name in self.errors and name in found and len(self.errors[name].tables):
                 error = np.tensordot(found[name], self.errors[name].tables, axes=1)
                 total = error if total is None else total + error

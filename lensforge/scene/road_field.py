@@ -3,8 +3,9 @@
 Luminance, illuminance and the light that veils a driver's view are linear in the intensity of the lamps: each is a
 matrix of weights on the intensities in some directions. These directions are the same for all lamps, which are equal.
 
-Frame (m): x along the road as it is driven, y across it from its right edge to the left, z up. The field begins at a
-lamp of the first row, at x = 0, and ends at the next. A lamp's street is across the road from the edge where it stands.
+Frame (m): x along the road as lane 1 is driven, y across it from its right edge to the left, z up. The field begins at
+a lamp of the first row, at x = 0, and ends at the next; of staggered rows the first is at the driving side. A lamp's
+street is across the road from the edge where it stands.
 """
 
 from dataclasses import dataclass, replace
@@ -25,7 +26,7 @@ _LEAST_ALONG, _STEP_M, _ACROSS_OF_LANE, _ACROSS_M, _LEAST_ACROSS = 10, 3.0, 3, 1
 # Lamps that count, in heights: for luminance towards the eye, away from it and aside; for illuminance around a point.
 _TOWARDS, _AWAY, _ASIDE, _AROUND = 5.0, 12.0, 5.0, 5.0
 # The eye: metres before the field and above the road; for glare it sees under the roof of a car.
-_BEFORE_M, _EYE_M, _VIEW_DOWN_DEG, _ROOF_DEG, _FIRST, _SEEN_M = 60.0, 1.5, 1.0, 20.0, 2.75, 500.0
+BEFORE_M, _EYE_M, _VIEW_DOWN_DEG, _ROOF_DEG, _FIRST, _SEEN_M = 60.0, 1.5, 1.0, 20.0, 2.75, 500.0
 # Veiling luminance for an eye of 23 years, by angles (deg) from the line of sight: EN 13201-3, 8.5.
 _AGE, _SMALL_DEG, _LEAST_DEG, _MOST_DEG = 23.0, 1.5, 0.1, 60.0
 _WIDE = 9.86 * (1.0 + (_AGE / 66.4) ** 4)
@@ -96,13 +97,14 @@ class _Lamps:
     def between(road: RoadSection, low_m: float, high_m: float) -> "_Lamps":
         """All lamps from ``low_m`` to ``high_m``."""
         width, over, spacing = road.width_m, road.overhang_m, road.pole_spacing_m
-        right, left = (0.0, over, 1.0), (0.0, width - over, -1.0)
+        edges = right, left = (0.0, over, 1.0), (0.0, width - over, -1.0)
+        (_, near_y, near), (_, far_y, far) = edges if road.driving_side == "right" else edges[::-1]
         rows = {
             "right": (right,),
             "left": (left,),
             "opposite": (right, left),
-            "staggered": (right, (0.5 * spacing, width - over, -1.0)),
-            "median": (left, (0.0, width + road.median_m + over, 1.0)),
+            "staggered": ((0.0, near_y, near), (0.5 * spacing, far_y, far)),
+            "median": ((0.0, far_y, far), (0.0, far_y - far * (road.median_m + 2.0 * over), near)),
         }[road.arrangement]
         found = [
             (x, np.full_like(x, y), np.full_like(x, facing))
@@ -110,6 +112,15 @@ class _Lamps:
             for x in [start + spacing * np.arange(ceil((low_m - start) / spacing), (high_m - start) // spacing + 1)]
         ]
         return _Lamps(road, *(np.concatenate(each) for each in zip(*found, strict=True)))
+
+    @property
+    def foot_y(self) -> Points:
+        """Place of the pole of each: at its edge, straight below a lamp beside it, in the middle of a median."""
+        road = self.road
+        if road.arrangement == "median":
+            aside = 0.5 * road.median_m
+            return np.full_like(self.y, road.width_m + aside if road.driving_side == "right" else -aside)
+        return self.y - self.facing * max(road.overhang_m, 0.0)
 
     def light(self, x: Points, y: Points, height_m: float, weights: Float[np.ndarray, "k l"]) -> CandelaSum:
         """Sum over the lamps of ``weights`` times the intensity towards each point, which is ``height_m`` up."""
@@ -131,9 +142,9 @@ class _Lamps:
 class RoadReadings:
     """All light of one road by its lamps as they are when new, without the maintenance factor.
 
-    For the observer in each lane, from the right: ``luminance`` (cd/m^2) at the points of the field, row by row along
-    the road, three to a lane; ``veiling`` luminance (cd/m^2) on the way through the field. ``illuminance`` (lx) at the
-    points of its own field. ``edges``: mean illuminance outside and inside of the right edge, and of the left one.
+    For the observer in each lane, from the driving side: ``luminance`` (cd/m^2) at the points of the field, row by row
+    along the road, three to a lane; ``veiling`` luminance (cd/m^2) on the way through the field. ``illuminance`` (lx)
+    at the points of its own field. ``edges``: mean illuminance outside and inside of the right edge, and of the left.
     """
 
     road: RoadSection
@@ -146,14 +157,15 @@ class RoadReadings:
     def of(road: RoadSection) -> "RoadReadings":
         """Readings of ``road``. Raises :class:`InputError` for a file that is no table of a surface."""
         surface = RoadSurface.of(road.surface, road.surface_file, road.surface_q0)
-        lanes = (np.arange(road.lanes) + 0.5) * road.lane_m
+        views = [DriverView(road, lane) for lane in range(road.lanes)]
+        x, y = (each.ravel() for each in np.meshgrid(steps_along(road), steps_across(road)))
         width, lane = road.width_m, road.lane_m
         strips = ((-lane, 0.0), (0.0, lane), (width, width + lane), (width - lane, width))
         outside_right, inside_right, outside_left, inside_left = (_illuminance(road, *ends).mean() for ends in strips)
         return RoadReadings(
             road,
-            tuple(_luminance(road, surface, y) for y in lanes),
-            tuple(_veiling(road, y) for y in lanes),
+            tuple(_luminance(view, surface, x, y) for view in views),
+            tuple(map(_veiling, views)),
             _illuminance(road, 0.0, width),
             (CandelaSum.joined((outside_right, inside_right)), CandelaSum.joined((outside_left, inside_left))),
         )
@@ -165,8 +177,61 @@ class RoadReadings:
 
     def middle(self, lane: int) -> slice:
         """Points of the luminance on the middle line of a lane."""
-        first = (lane * _ACROSS_OF_LANE + _ACROSS_OF_LANE // 2) * self.along
+        first = (self.road.from_right(lane) * _ACROSS_OF_LANE + _ACROSS_OF_LANE // 2) * self.along
         return slice(first, first + self.along)
+
+
+@dataclass(frozen=True)
+class DriverView:
+    """View of the driver in ``lane``, of which 0 is at the driving side: a pinhole camera that looks along the road.
+
+    The eye is in the middle of the lane, 60 m before the field and 1.5 m above the road. Places in the picture are
+    tangents, to the right and up from the horizon straight ahead: what is d ahead on the road lies 1.5 m/d below it.
+    """
+
+    road: RoadSection
+    lane: int
+
+    @property
+    def oncoming(self) -> bool:
+        """True for a driver who comes the other way."""
+        return self.lane >= self.road.lanes - self.road.oncoming_lanes
+
+    @property
+    def heading(self) -> float:
+        """+1 along x; -1 of a driver who comes the other way, and for whom the field begins at its other end."""
+        return -1.0 if self.oncoming else 1.0
+
+    @property
+    def y(self) -> float:
+        """Place across the road."""
+        return (self.road.from_right(self.lane) + 0.5) * self.road.lane_m
+
+    def place(self, ahead: Float[np.ndarray, "*k"]) -> Float[np.ndarray, "*k"]:
+        """The x of places so far ahead of the beginning of the field, as this driver sees it."""
+        return self.road.pole_spacing_m - ahead if self.oncoming else ahead
+
+    def ahead(self, x: Float[np.ndarray, "*k"]) -> Float[np.ndarray, "*k"]:
+        """Distance of places along the road from the eye."""
+        return BEFORE_M + (self.road.pole_spacing_m - x if self.oncoming else x)
+
+    def seen(
+        self, x: Float[np.ndarray, "*k"], y: Float[np.ndarray, "*k"], z: Float[np.ndarray, "*k"]
+    ) -> Float[np.ndarray, "*k 2"]:
+        """Places in the picture of points in the frame of the road, which lie ahead of the eye."""
+        away = self.ahead(x)
+        return np.stack([self.heading * (self.y - y) / away, (z - _EYE_M) / away], axis=-1)
+
+    def luminance(self, x: Points, y: Points) -> CandelaSum:
+        """Luminance of points of the road by lamps as they are when new; nearer than the field by the same table."""
+        road = self.road
+        return _luminance(self, RoadSurface.of(road.surface, road.surface_file, road.surface_q0), x, y)
+
+    def lamps(self, near_m: float, far_m: float) -> tuple[Points, Points, Points]:
+        """x and y of the lamps within two distances from the eye, and y of the feet of their poles."""
+        ends = self.place(np.array([near_m, far_m]) - BEFORE_M)
+        lamps = _Lamps.between(self.road, float(ends.min()), float(ends.max()))
+        return lamps.x, lamps.y, lamps.foot_y
 
 
 def steps_along(road: RoadSection) -> Points:
@@ -190,13 +255,13 @@ def lux_across(low_m: float, high_m: float) -> Points:
     return steps
 
 
-def _luminance(road: RoadSection, surface: RoadSurface, eye_y: float) -> CandelaSum:
-    """Luminance of the field for an eye in the middle of a lane, 60 m before it."""
-    x, y = (each.ravel() for each in np.meshgrid(steps_along(road), steps_across(road)))
-    high = road.pole_height_m
-    lamps = _Lamps.between(road, -_TOWARDS * high, road.pole_spacing_m + _AWAY * high)
-    beyond, aside = lamps.x - x[:, None], lamps.y - y[:, None]
-    turn = np.arctan2(aside, beyond) - np.arctan2(y - eye_y, x + _BEFORE_M)[:, None]
+def _luminance(view: DriverView, surface: RoadSurface, x: Points, y: Points) -> CandelaSum:
+    """Luminance of points of the road for an eye in the middle of a lane, 60 m before the field."""
+    high, heading = view.road.pole_height_m, view.heading
+    before, after = (_AWAY, _TOWARDS) if view.oncoming else (_TOWARDS, _AWAY)
+    lamps = _Lamps.between(view.road, float(x.min()) - before * high, float(x.max()) + after * high)
+    beyond, aside = heading * (lamps.x - x[:, None]), heading * (lamps.y - y[:, None])
+    turn = np.arctan2(aside, beyond) - np.arctan2(heading * (y - view.y), view.ahead(x))[:, None]
     beta = np.degrees(np.arccos(np.clip(np.cos(turn), -1.0, 1.0)))
     tan_gamma = np.hypot(beyond, aside) / high
     beta = np.where(tan_gamma > 0.0, beta, 0.0)
@@ -213,13 +278,14 @@ def _illuminance(road: RoadSection, low_m: float, high_m: float) -> CandelaSum:
     return lamps.light(x, y, 0.0, (away <= reach) * height / (away**2 + height**2) ** 1.5)
 
 
-def _veiling(road: RoadSection, eye_y: float) -> CandelaSum:
+def _veiling(view: DriverView) -> CandelaSum:
     """Veiling luminance for an eye on its way over one field; it begins where the first lamp appears under the roof."""
-    along = steps_along(road)
-    x = along - along[0] - _FIRST * max(road.pole_height_m - _EYE_M, 0.0)
-    y = np.full_like(x, eye_y)
-    lamps = _Lamps.between(road, x[0], x[-1] + _SEEN_M)
-    ahead, aside = lamps.x - x[:, None], lamps.y - y[:, None]
+    road, along = view.road, steps_along(view.road)
+    x = view.place(along - along[0] - _FIRST * max(road.pole_height_m - _EYE_M, 0.0))
+    y = np.full_like(x, view.y)
+    back, far = (_SEEN_M, 0.0) if view.oncoming else (0.0, _SEEN_M)
+    lamps = _Lamps.between(road, float(x.min()) - back, float(x.max()) + far)
+    ahead, aside = view.heading * (lamps.x - x[:, None]), lamps.y - y[:, None]
     up, level = road.pole_height_m - _EYE_M, np.hypot(ahead, aside)
     away, down = np.hypot(level, up), np.radians(_VIEW_DOWN_DEG)
     cosine = (np.cos(down) * ahead - np.sin(down) * up) / away

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lensforge.errors import InputError
-from lensforge.optics.media import DOUBLE
+from lensforge.optics.media import SIDES
 from lensforge.results import Count, NotNegative, Record, Sha256, Text
 from lensforge.results.files import read_file, replacing
 from lensforge.results.json_npz import arrays_in
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 CHECKPOINT = "checkpoint.bin"  # its name in a result folder
 _FORMAT = b"lensforge checkpoint 4\n"
 _ANEW = "delete it, or start anew without resume"
-_OF_FACES = tuple(f"lens.{face}.{name}" for face in DOUBLE for name in FaceTolerances.model_fields)
+_OF_FACES = tuple(f"lens.{face}.{name}" for face in SIDES for name in FaceTolerances.model_fields)
 # What a search does not depend on.
 _NOT_SEARCHED = ("evaluate", "base", "manufacture", "tolerances", *_OF_FACES)
 _NOT_ROBUST = ("evaluate", "manufacture")  # the same where it is robust: the lens shrinks about its seat

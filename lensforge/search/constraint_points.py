@@ -217,8 +217,8 @@ def least_curvature(jet: RadiusJet, points: ChartPoints, air: int) -> Float[Tens
 def draft_sine(jet: RadiusJet, points: ChartPoints) -> Float[Tensor, " k"]:
     """Sine of the draft angle, ``n . z`` of the outward normal; negative in an undercut.
 
-    The same for every face: the mould half of the envelope opens along +z, the core of the cavity along -z, and their
-    normals are opposite too.
+    The same for every face of the usual lens: the mould half of the envelope opens along +z, the core of the cavity
+    along -z, and their normals are opposite too.
     """
     g_x, g_y = _gradient(jet, points)
     rho_x, rho_y = jet.derivatives[:2]

@@ -21,7 +21,7 @@ from jaxtyping import Float
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from lensforge.optics.media import BODY, CAVITY, SIDES
+from lensforge.optics.media import BODY, CAVITY, FROM_BELOW, SIDES
 from lensforge.search.constraint_points import (
     ChartOperator,
     ChartPoints,
@@ -102,7 +102,7 @@ def _constraint(spec: Spec, limit: Limit) -> Constraint:
         field = partial(_curvature_left, air, 1.0 / limit.given)
         factor, margin = 0.5 * sigma**2 * largest_mm, _CURVATURE_MARGIN / limit.given
     elif limit.kind == DRAFT:
-        field = partial(_draft_left, limit.given)
+        field = partial(_draft_left, limit.given, -1 if limit.faces[0] in FROM_BELOW else 1)
         factor, margin = radians(sigma), _DRAFT_MARGIN_DEG
     else:
         field, factor, margin = _length_left(spec, limit), 1.0 / largest_mm, spec.constraints.margin_mm
@@ -142,9 +142,9 @@ def _curvature_left(air: int, curvature: float, face: RadiusJet, points: ChartPo
     return curvature + least_curvature(face, points, air)
 
 
-def _draft_left(limit_deg: float, face: RadiusJet, points: ChartPoints) -> Float[Tensor, " k"]:
-    """Draft (deg) beyond the limit."""
-    sine = torch.clamp(draft_sine(face, points), -1.0 + 1e-6, _STEEP)
+def _draft_left(limit_deg: float, sense: int, face: RadiusJet, points: ChartPoints) -> Float[Tensor, " k"]:
+    """Draft (deg) beyond the limit; ``sense``: -1 for a face that the lower half of the mould makes."""
+    sine = torch.clamp(sense * draft_sine(face, points), -1.0 + 1e-6, _STEEP)
     return torch.rad2deg(torch.asin(sine)) - limit_deg
 
 

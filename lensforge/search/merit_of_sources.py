@@ -18,6 +18,8 @@ from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.several_sources import SeveralSources
 from lensforge.spec import Spec
 
+_SMOOTH = 0.25  # width of the smooth maximum over the mean NMSE
+
 
 @dataclass(frozen=True)
 class LightOfSources:
@@ -33,9 +35,10 @@ class LightOfSources:
 
 @dataclass(frozen=True)
 class MeritOfSources(Merit[LightOfSources]):
-    """The merits ``members`` of ``source`` by their ``shares``, which add up to 1; ``worst``: the worst alone counts.
+    """The merits ``members`` of ``source`` by their ``shares``, which add up to 1; ``worst``: the worst counts.
 
-    The worst is a maximum: its gradient is that of one LED, at each step of another one where two are equal.
+    A step sees a smooth maximum: each loss counts by ``exp(loss / width)``, the width a quarter of the mean NMSE. By
+    the largest alone every step would follow another LED. Judgements take the largest itself.
     """
 
     source: SeveralSources
@@ -70,9 +73,11 @@ class MeritOfSources(Merit[LightOfSources]):
         """The loss by one sample; NMSE and efficiency for the history are means by the shares."""
         found = [merit.assessed(own, uniform) for merit, own in zip(self.members, light.lights, strict=True)]
         losses = torch.stack([each.loss for each in found])
-        loss = losses.max() if self.worst else (losses * losses.new_tensor(self.shares)).sum()
         nmse, efficiency = (self._mean([getattr(each, name) for each in found]) for name in ("nmse", "efficiency"))
-        return Assessed(loss, nmse, efficiency)
+        weights = losses.new_tensor(self.shares)
+        if self.worst:
+            weights = torch.softmax(losses.detach() / (_SMOOTH * nmse), dim=0)
+        return Assessed((losses * weights).sum(), nmse, efficiency)
 
     def judge(self, first: LightOfSources, second: LightOfSources, uniform: bool) -> tuple[float, float]:
         """Merit without constraints from two independent samples, without their noise, and its part of the images."""

@@ -19,8 +19,9 @@ from lensforge.search.design_result import Design, Observer, Start
 from lensforge.sources.measured_rays import searched, smoothed
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.accuracy import preset_of
-from lensforge.spec.design_spec import joined_name, require_spec
+from lensforge.spec.design_spec import require_spec
 from lensforge.spec.source_sections import SourceSpec
+from lensforge.spec.spec_files import joined_name
 from lensforge.surfaces.mirror_group import contains
 
 if TYPE_CHECKING:

@@ -2,23 +2,29 @@
 
 import time
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
 from lensforge.cad.boundary import Pair
 from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.form_error import fit_lens
+from lensforge.cad.outline import FULL_TURN
 from lensforge.cad.part import Part, SplineNodes
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import lay_out
+from lensforge.cad.plate_export import room_on_plate
 from lensforge.cad.wall import Span, thickest, thinnest
+from lensforge.optics.media import FROM_BELOW
 from lensforge.scene.lens import Lens
 from lensforge.shop.ball_clearance import check_ball_clearance, read_base_mesh
-from lensforge.shop.check_result import Check, Wall, Walls
+from lensforge.shop.check_result import Check, Edge, FaceResult, Wall, Walls
 from lensforge.shop.face_check import FaceCheck, check_face, face_result
 from lensforge.shop.face_samples import OpticalFace, air_side
-from lensforge.shop.findings import check_findings, wall_criteria
+from lensforge.shop.findings import check_findings, plate_findings, wall_criteria
 from lensforge.shop.tool_reach import check_tools
+
+_EDGE_PLACES = 360  # all around a crease, at which the angle of its faces is measured
 
 
 def check_part(part: Part) -> Check:
@@ -40,7 +46,7 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
     custom = None if plan is None or plan.base.file is None else read_base_mesh(plan.base.file)
     relief = check_ball_clearance(plan, custom, faces)
     tools = check_tools(manufacture.tools, faces, plan, custom, float(np.deg2rad(manufacture.max_tilt_deg)))
-    results = {name: face_result(face) for name, face in faces.items()}
+    results = _results(lens, pair, faces)
     return Check(
         inputs={"lens": lens.sha256},
         make=manufacture.make,
@@ -49,8 +55,12 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
         walls=walls,
         relief=relief,
         tools=tools,
+        edges=_edges(pair),
         criteria=wall_criteria(lens.spec, walls),
-        verdicts=check_findings(lens.spec, results, walls.thinnest.thickness_mm, relief, tools),
+        verdicts=(
+            *check_findings(lens.spec, results, walls.thinnest.thickness_mm, relief, tools),
+            *plate_findings(lens.spec, *room_on_plate(lens, pair)),
+        ),
         seconds=time.perf_counter() - started,
         chart_axis=next(iter(faces.values())).samples.grid.axis,
         **results,
@@ -64,11 +74,40 @@ def _faces(lens: Lens, pair: Pair[Patch]) -> dict[str, FaceCheck]:
         faces = {}
         for face in boundary.faces:
             cut = replace(face.shape, control=manufacture.scale * face.shape.control)
-            faces[face.name] = OpticalFace(cut, air_side(lens.body.face(face.name), manufacture), face.domain)
+            sense = -1 if face.name in FROM_BELOW else 1
+            air = air_side(lens.body.face(face.name), manufacture)
+            faces[face.name] = OpticalFace(cut, air, face.domain, sense=sense)
         for name, own in faces.items():
             beside = tuple(other for each, other in faces.items() if each != name)
             found[name] = check_face(replace(own, beside=beside), manufacture.cutter_radius_mm)
     return {name: found[name] for name in lens.surfaces}
+
+
+def _edges(pair: Pair[Patch]) -> tuple[Edge, ...]:
+    """The creases of the lens itself."""
+    found = []
+    for boundary in pair:
+        for (one, other), crease in zip(pairwise(boundary.faces), boundary.creases, strict=True):
+            chart = crease.chart(np.linspace(0.0, FULL_TURN, _EDGE_PLACES, endpoint=False))
+            turned = np.sum(one.shape.normals(chart) * other.shape.normals(chart), axis=1)
+            angles = 180.0 - np.degrees(np.arccos(np.clip(turned, -1.0, 1.0)))
+            least = int(np.argmin(angles))
+            place = tuple(one.shape.points(chart[least : least + 1])[0].tolist())
+            found.append(Edge(faces=(one.name, other.name), angle_deg=float(angles[least]), point_mm=place))
+    return tuple(found)
+
+
+def _results(lens: Lens, pair: Pair[Patch], faces: dict[str, FaceCheck]) -> dict[str, FaceResult]:
+    """The record of each face; of one that is made from below, what lies over the base is undercut, too."""
+    found, base = {name: face_result(face) for name, face in faces.items()}, base_with_room(lens)
+    for name, face in faces.items():
+        if face.samples.face.sense < 0 and base.kind not in ("none", "step"):
+            plan = lay_out(*pair, base)
+            widest = plan.outline if plan.flange is None else plan.flange
+            covered = face.samples.area.share_within(widest, lens.spec.manufacture.scale)
+            undercut = max(found[name].undercut_fraction, covered)
+            found[name] = found[name].model_copy(update={"undercut_fraction": undercut})
+    return found
 
 
 def _walls(pair: Pair[Patch]) -> Walls:

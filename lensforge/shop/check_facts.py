@@ -2,11 +2,12 @@
 
 from collections.abc import Iterator, Sequence
 
+from lensforge.optics.media import CAVITY, SIDES
 from lensforge.results import Bound, Fact, FactState, Group
 from lensforge.results.criteria import kept, state_of
 from lensforge.results.numerals import quantity
 from lensforge.results.verdict import Reason
-from lensforge.shop.check_result import BODY, Check, FaceResult, Finding
+from lensforge.shop.check_result import BODY, Check, Edge, FaceResult, Finding
 from lensforge.spec import Spec
 
 _SUBJECTS = {
@@ -16,13 +17,17 @@ _SUBJECTS = {
     "tool": "Tool reaches it",
     "draft": "Draft suffices",
     "wall": "Wall suffices",
+    "gap": "Ball fits between lenses",
+    "plate": "Walls of the plate suffice",
 }
 
 
 def check_facts(check: Check, spec: Spec) -> list[Group]:
     """A group for each face and one for the wall, and the findings on each of them."""
     faces = [Group(name, face_title(name), tuple(_face(name, face, check, spec))) for name, face in check.faces.items()]
-    return [*faces, Group("walls", "Wall", tuple(_wall(check, spec))), *finding_groups(check)]
+    walls = Group("walls", "Wall", tuple(_wall(check, spec)))
+    edges = [Group("edges", "Edges", tuple(map(_edge, check.edges)))] if check.edges else []
+    return [*faces, walls, *edges, *finding_groups(check)]
 
 
 def face_title(name: str) -> str:
@@ -44,7 +49,8 @@ def finding_groups(check: Check) -> list[Group]:
 def cutting_reasons(check: Check, spec: Spec) -> Iterator[Reason]:
     """Reasons why the lens cannot be cut."""
     for finding in check.verdicts:
-        counts = finding.name != "tool" and not (finding.name == "wall" and spec.manufacture.make == "insert")
+        of_part = finding.name in ("wall", "plate") and spec.manufacture.make == "insert"  # an insert has none of them
+        counts = finding.name != "tool" and not of_part
         if counts and not finding.holds:
             yield "fail", finding.reason
     for name in check.faces:  # one tool is enough
@@ -121,6 +127,14 @@ def _wall(check: Check, spec: Spec) -> Iterator[Fact]:
         state=state_of(check.criteria, "largest radial wall"),
         note="seen from the LED",
     )
+
+
+def _edge(edge: Edge) -> Fact:
+    """The sharpest place of an edge."""
+    one, other = edge.faces
+    of = "the mould’s core" if SIDES[one][0] == CAVITY else "the lens"
+    note = f"the sharpest of {of}, where these faces meet"
+    return Fact(f"edge_{one}", f"{one.capitalize()} and {other}", edge.angle_deg, "°", note=note)
 
 
 def _finding(finding: Finding) -> Fact:

@@ -80,7 +80,7 @@ class BallClearance(Record):
 
 FaceMap = Annotated[Float[np.ndarray, "c c"], Array("c", "c", gaps=True)]
 FacePoints = Annotated[Float[np.ndarray, "c c 3"], Array("c", "c", 3, gaps=True)]
-FindingName = Literal["cutter", "relief", "tilt", "wall", "draft", "tool"]
+FindingName = Literal["cutter", "relief", "tilt", "wall", "draft", "tool", "gap", "plate"]
 BODY = "body"  # the surface of a finding on none of the faces
 
 
@@ -195,6 +195,17 @@ class Finding(Judged):
         return within(self.value, self.sense, self.limit)
 
 
+class Edge(Record):
+    """The crease of two ``faces``: the least angle (degrees) between them, and where.
+
+    Of the wedge that is an edge: the lens at its rim, and the core of the mould at its cavity.
+    """
+
+    faces: tuple[Text, Text]
+    angle_deg: Number
+    point_mm: Point
+
+
 class Check(StageResult):
     """The manufacturing check. ``criteria`` are those of the design, ``verdicts`` the findings for the shop.
 
@@ -206,6 +217,7 @@ class Check(StageResult):
     __pydantic_extra__: dict[str, FaceResult]
     model_config = ConfigDict(extra="allow")
     stage: ClassVar[str] = "check"
+    told_if_any: ClassVar[tuple[str, ...]] = ("edges",)
 
     make: Literal["part", "insert"]
     scale: Positive
@@ -213,6 +225,7 @@ class Check(StageResult):
     walls: Walls
     relief: BallClearance
     tools: tuple[ToolResult, ...]
+    edges: tuple[Edge, ...] = ()
     criteria: tuple[Criterion, ...]
     verdicts: tuple[Finding, ...]
     seconds: NotNegative

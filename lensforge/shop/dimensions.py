@@ -10,12 +10,13 @@ middle plane of two sides of a square one; C stops the part from turning.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.cad.boundary import StarShaped, lens_boundaries
+from lensforge.cad.boundary import WHOLE, Crease, Domain, StarShaped, lens_boundaries
 from lensforge.cad.custom_base import mesh_of_base
 from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.part import Part
@@ -41,6 +42,7 @@ SCOPES: dict[Scope, str] = {
     "base": "of the base, all around",
 }
 View = Literal["S", "T", "base", "dome"]
+_SCOPE_OF: dict[View, Scope] = {"S": "section", "T": "second"}
 Ends = tuple[tuple[float, float], tuple[float, float]]
 
 
@@ -86,7 +88,8 @@ def dimensions(lens: Lens) -> list[Dimension]:
 
 
 def _lens_dimensions(lens: Lens) -> Iterator[Dimension]:
-    (cavity, envelope), gap = lens_boundaries(lens), lens.spec.part_tolerances.tolerance("gap_mm").amount
+    cavity, envelope = lens_boundaries(lens)
+    gap = lens.spec.part_tolerances.amount(envelope.faces[0].name, "gap_mm")
     low, high = (float(boundary.radius(_AXIS)[0]) for boundary in (cavity, envelope))
     side = -float(rim_radius(envelope)(np.array([np.pi]))[0])
     yield Dimension("outer apex above z = 0", high, "axis", ((0.0, side), (high, 0.0)))
@@ -100,11 +103,18 @@ def _lens_dimensions(lens: Lens) -> Iterator[Dimension]:
         yield _rim_in_section(name, boundary, 0.0, "S")
         if second_deg is not None:
             yield _rim_in_section(name, boundary, second_deg, "T")
+    for boundary in (envelope, cavity):
+        for (one, other), crease in zip(pairwise(boundary.faces), boundary.creases, strict=True):
+            name = f"crease of {one.name} and {other.name}"
+            yield from _crease_in_section(name, crease, 0.0, "S")
+            if second_deg is not None:
+                yield from _crease_in_section(name, crease, second_deg, "T")
 
 
-def widest_mm(surface: StarShaped) -> float:
-    """Diameter (mm) of the cylinder about the axis that holds ``surface``."""
-    return 2.0 * float(np.hypot(*_farthest(surface, lambda points: np.hypot(points[:, 0], points[:, 1]))[:2]))
+def widest_mm(surface: StarShaped, domain: Domain = WHOLE) -> float:
+    """Diameter (mm) of the cylinder about the axis that holds ``surface``, or its part over ``domain``."""
+    found = _farthest(surface, lambda points: np.hypot(points[:, 0], points[:, 1]), domain)
+    return 2.0 * float(np.hypot(*found[:2]))
 
 
 def _circle(name: str, width_mm: float, scope: Scope) -> Dimension:
@@ -115,9 +125,21 @@ def _circle(name: str, width_mm: float, scope: Scope) -> Dimension:
 
 def _rim_in_section(name: str, surface: StarShaped, azimuth_deg: float, view: View) -> Dimension:
     right, left = rim_radius(surface)(np.radians(azimuth_deg) + np.array([0.0, np.pi])).tolist()
-    along = {0.0: "along x", 90.0: "along y"}.get(azimuth_deg, f"at {azimuth_deg:g}°")
-    scope: Scope = "section" if view == "S" else "second"
-    return Dimension(f"{name} in z = 0, {along}", left + right, scope, ((0.0, -left), (0.0, right)), view, upright=True)
+    ends = (0.0, -left), (0.0, right)
+    return Dimension(f"{name} in z = 0, {_along(azimuth_deg)}", left + right, _SCOPE_OF[view], ends, view, upright=True)
+
+
+def _crease_in_section(name: str, crease: Crease, azimuth_deg: float, view: View) -> Iterator[Dimension]:
+    """Width of a crease, and its height on the side of the azimuth."""
+    points = crease.points(np.radians(azimuth_deg) + np.array([0.0, np.pi]))
+    (high, low), (right, left) = points[:, 2].tolist(), np.hypot(points[:, 0], points[:, 1]).tolist()
+    words, scope = f"{name}, {_along(azimuth_deg)}", _SCOPE_OF[view]
+    yield Dimension(words, left + right, scope, ((low, -left), (high, right)), view, upright=True)
+    yield Dimension(f"{words}, above z = 0", high, scope, ((0.0, right), (high, right)), view)
+
+
+def _along(azimuth_deg: float) -> str:
+    return {0.0: "along x", 90.0: "along y"}.get(azimuth_deg, f"at {azimuth_deg:g}°")
 
 
 def _part_dimensions(lens: Lens) -> Iterator[Dimension]:
@@ -143,15 +165,19 @@ def highest_point_mm(surface: StarShaped) -> Float[np.ndarray, " 3"]:
     return _farthest(surface, lambda points: points[:, 2])
 
 
-def _farthest(surface: StarShaped, measured: Measured) -> Float[np.ndarray, " 3"]:
-    """Point (mm) of ``surface``, rim included, with the largest ``measured``, searched for between samples."""
+def _farthest(surface: StarShaped, measured: Measured, domain: Domain = WHOLE) -> Float[np.ndarray, " 3"]:
+    """Point (mm) of ``surface`` over ``domain``, edge included, with the largest ``measured``, also between samples."""
 
     def points(chart: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:
         directions = to_sphere(chart)
         return np.asarray(surface.radius(directions)[:, None] * directions)
 
+    def figure(chart: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
+        return measured(points(chart))
+
     chart = to_chart(np.concatenate([_AXIS, fibonacci_hemisphere(_SAMPLES)]))
-    place, _ = refined_maximum(lambda there: measured(points(there)), chart, measured(points(chart)), _REACH, rounds=24)
+    chart = domain.within(chart) if domain.edges else chart
+    place, _ = refined_maximum(figure, chart, figure(chart), _REACH, rounds=24, within=domain.within)
     return np.asarray(points(place[None])[0])
 
 

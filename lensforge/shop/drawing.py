@@ -13,7 +13,7 @@ from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
 from lensforge.shop.check_result import Check, FaceResult
 from lensforge.shop.dimensions import DatumScheme, Dimension, datum_scheme
-from lensforge.shop.sheet import Box, Marks, Place, Sheet
+from lensforge.shop.sheet import Box, Marks, Place, Sheet, box_of
 from lensforge.shop.sheet_marks import cell, frame_of, paragraphs_in
 from lensforge.shop.sheet_tables import Rows, ToleranceTable, draw_optical_table, optical_table, table_height
 from lensforge.shop.view_drawing import ViewContent, draw_views, room_of
@@ -156,6 +156,7 @@ SIZES: dict[SheetName, tuple[float, float]] = {"A4": (297.0, 210.0), "A3": (420.
 _UNITS: dict[SheetName, float] = {"A4": 0.5**0.5, "A3": 1.0}
 # ISO 5455, and its further steps of ten.
 SCALES = tuple(step * 10.0**power for power in (2, 1, 0, -1, -2, -3) for step in (5.0, 2.0, 1.0))
+_NARROW = 3  # columns of a table that is as wide as the title block
 _BINDING, _BORDER, _GAP = 20.0, 10.0, 4.0  # ISO 5457: borders of every sheet (mm); between blocks, mm on A3
 
 
@@ -204,9 +205,33 @@ def _inside(name: SheetName) -> Box:
     return _BINDING, _BORDER, width - _BORDER, height - _BORDER
 
 
+def _is_wide(content: DrawingContent) -> bool:
+    """True for a table of more faces than stand above the title block: it has all the width, above the notes too."""
+    return len(content.table[0]) > _NARROW
+
+
+def _table_width(content: DrawingContent, name: SheetName) -> float:
+    """Width of the table, mm on A3."""
+    left, _, right, _ = _inside(name)
+    return (right - left) / _UNITS[name] if _is_wide(content) else WIDTH
+
+
+def _block_height(content: DrawingContent, name: SheetName) -> float:
+    """Height of the title block, and of the notes beside it where the table stands above both."""
+    left, _, right, _ = _inside(name)
+    unit = _UNITS[name]
+    if not _is_wide(content):
+        return HEIGHT * unit
+    box = left + _GAP * unit, -SIZES[name][1], right - (WIDTH + _GAP) * unit, 0.0
+    lowest = min(box_of(words)[1] for words in paragraphs_in(box, content.notes, unit))
+    return max(HEIGHT * unit, _GAP * unit - lowest)
+
+
 def _band(content: DrawingContent, name: SheetName) -> float:
     """Height of notes, table and title block."""
-    return (HEIGHT + _GAP) * _UNITS[name] + table_height(content.table, _UNITS[name])
+    unit = _UNITS[name]
+    table = table_height(content.table, _table_width(content, name), unit)
+    return _block_height(content, name) + _GAP * unit + table
 
 
 def _views_box(content: DrawingContent, name: SheetName) -> Box:
@@ -218,7 +243,8 @@ def _views_box(content: DrawingContent, name: SheetName) -> Box:
 def _notes_box(content: DrawingContent, name: SheetName) -> Box:
     left, bottom, right, _ = _inside(name)
     unit = _UNITS[name]
-    return left + _GAP * unit, bottom + 0.5 * _GAP * unit, right - (WIDTH + _GAP) * unit, bottom + _band(content, name)
+    top = _block_height(content, name) + 0.5 * _GAP * unit if _is_wide(content) else _band(content, name)
+    return left + _GAP * unit, bottom + 0.5 * _GAP * unit, right - (WIDTH + _GAP) * unit, bottom + top
 
 
 def _sheet(content: DrawingContent, name: SheetName, scale: float) -> Sheet:
@@ -228,7 +254,8 @@ def _sheet(content: DrawingContent, name: SheetName, scale: float) -> Sheet:
     marks = Marks([frame_of(inside, "outline")])
     marks.add(draw_views(content.views, scale, unit, origin))
     marks.add(draw_title_block(content.block, (right, bottom), unit, scale, name))
-    marks.add(draw_optical_table(content.table, right - WIDTH * unit, bottom + _band(content, name), unit))
+    top, width = bottom + _band(content, name), _table_width(content, name)
+    marks.add(draw_optical_table(content.table, right, top, width, unit))
     marks.words += paragraphs_in(_notes_box(content, name), content.notes, unit)
     return Sheet(name, SIZES[name], unit, scale, content.title, origin, marks)
 

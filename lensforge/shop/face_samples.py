@@ -9,7 +9,8 @@ Gauss-Legendre in the chart's radius times the trapezoidal rule in azimuth. Area
 come out to 1e-9, the share of a hemisphere below a draft, whose edge is located along each radius, to 3e-5.
 
 Draft is the angle of the face to the optical axis, along which a mould opens: ``asin(n . z)`` with the outward normal,
-since the core of the cavity is drawn along -z. A negative draft is an undercut.
+since the core of the cavity is drawn along -z; with the opposite one of a wall, which the lower half of the mould makes
+together with the core. A negative draft is an undercut.
 """
 
 from collections.abc import Callable
@@ -21,6 +22,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.cad.boundary import WHOLE, Domain
+from lensforge.cad.outline import Outline
 from lensforge.cad.part_limits import NORMAL_LIMIT_MRAD
 from lensforge.cad.patch import Jet, Patch, PrincipalCurvatures, principal_curvatures
 from lensforge.optics.media import CAVITY
@@ -100,12 +102,14 @@ class OpticalFace:
     """An exported face and its air side; points of the stereographic chart have the rim on the unit circle.
 
     ``domain``: the part of the chart on which it bounds its medium; ``beside``: the faces that bound the rest of it.
+    ``sense``: -1 for a face of the envelope that is made and cut from below, as the cavity is.
     """
 
     patch: Patch
     air: AirSide
     domain: Domain = WHOLE
     beside: "tuple[OpticalFace, ...]" = ()
+    sense: int = 1
 
     def radius(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
         """Distance (mm) from the origin at chart ``points``; beyond the patch's square, the value at its edge."""
@@ -171,7 +175,7 @@ class FaceSamples:
         rule = area_rule()
         chart, weights = rule.over(self.face.domain)
         jet = self.face.jet(chart)
-        return FaceArea(rule, jet.point, jet.normal, weights * jet.area_element)
+        return FaceArea(rule, jet.point, jet.normal, weights * jet.area_element, self.face.sense)
 
     def largest(
         self, figure: Callable[[Float[np.ndarray, "m 2"]], Float[np.ndarray, " m"]], values: Float[np.ndarray, " k"]
@@ -194,12 +198,13 @@ class FaceSamples:
 
 @dataclass(frozen=True)
 class FaceArea:
-    """A face at ``q`` integration points: points (mm), unit outward normals, and the area (mm^2) of each."""
+    """A face at ``q`` integration points: points (mm), unit outward normals, the area (mm^2) of each, its sense."""
 
     rule: AreaRule
     points: Float[np.ndarray, "q 3"]
     outward: Float[np.ndarray, "q 3"]
     areas: Float[np.ndarray, " q"]
+    sense: int = 1
 
     @property
     def total_mm2(self) -> float:
@@ -214,7 +219,12 @@ class FaceArea:
     @property
     def undercut_fraction(self) -> float:
         """Share of the area that neither a two-part mould nor an untilted cutter reaches along the axis."""
-        return self.rule.share_below(self.outward[:, 2], -_UNDERCUT, self.areas)
+        return self.rule.share_below(self.sense * self.outward[:, 2], -_UNDERCUT, self.areas)
+
+    def share_within(self, outline: Outline, scale: float) -> float:
+        """Share of the area that lies within an outline, ``scale`` times as large, seen along the axis."""
+        x, y, _ = self.points.T
+        return self.rule.share_below(np.hypot(x, y) - scale * outline.radius(np.arctan2(y, x)), 0.0, self.areas)
 
 
 def sample_face(face: OpticalFace, nodes: int) -> FaceSamples:
@@ -272,6 +282,6 @@ def _in_domain(
 
 def least_draft_rad(samples: FaceSamples) -> float:
     """The least draft angle (rad) of the face, searched for between the samples too."""
-    patch = samples.face.patch
-    steepest = samples.largest(lambda points: -patch.normals(points)[:, 2], -samples.outward[:, 2])
+    patch, sense = samples.face.patch, samples.face.sense
+    steepest = samples.largest(lambda points: -sense * patch.normals(points)[:, 2], -sense * samples.outward[:, 2])
     return -float(np.arcsin(np.clip(steepest, -1.0, 1.0)))

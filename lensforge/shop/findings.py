@@ -3,10 +3,12 @@
 All follow from the measurements of the check and the spec alone.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import ceil, degrees, floor
+from typing import TYPE_CHECKING
 
 from lensforge.cad.part_limits import NORMAL_LIMIT_MRAD
+from lensforge.optics.media import FROM_BELOW
 from lensforge.results import Sense
 from lensforge.results.criteria import Criterion, at_least, at_most
 from lensforge.results.numerals import percent, quantity
@@ -29,6 +31,9 @@ from lensforge.shop.check_result import (
 )
 from lensforge.spec import BaseSection, Spec
 
+if TYPE_CHECKING:
+    from lensforge.cad.plate_layout import PlateWall
+
 GOOD_DRAFT_DEG = 2.0
 _WHOLE = 1.0 - 1e-9  # share that counts as the whole face
 _BALL = 1.0 + 1e-6  # relative: a ball that is larger than the largest by rounding still reaches the face
@@ -44,6 +49,8 @@ _KINDS: dict[FindingName, tuple[Sense, str]] = {
     "wall": (">=", "mm"),
     "draft": (">=", "deg"),
     "tool": (">=", "of the face"),
+    "gap": ("<=", "mm"),
+    "plate": (">=", "mm"),
 }
 
 
@@ -198,12 +205,31 @@ def wall_finding(wall_mm: float, spec: Spec) -> Finding:
     return _finding("wall", BODY, wall_mm, limit, reason, changes)
 
 
+def plate_findings(spec: Spec, gap_mm: float | None, wall: "PlateWall | None") -> Iterator[Finding]:
+    """Room for the ball between the lenses of the plate, where these are cut, and the thinnest wall of the plate."""
+    shop, required_mm = spec.manufacture, spec.constraints.min_thickness_mm
+    if gap_mm is not None and shop.make == "part":
+        wide = 2.0 * shop.cutter_radius_mm
+        fits = "fits" if wide <= gap_mm else "does not fit"
+        reason = f"a ball of {quantity(wide, 'mm')} diameter {fits} between two lenses, {quantity(gap_mm, 'mm')} apart"
+        changes = [f"manufacture.cutter_radius_mm = {_down(gap_mm / 2.0)}", "a wider pitch of lamps"]
+        yield _finding("gap", BODY, wide, gap_mm, reason, changes)
+    if wall is not None:
+        thinnest = f"{quantity(wall.thickness_mm, 'mm', digits=4)} thick between {wall.between}"
+        reason = f"the plate is {thinnest}; constraints.min_thickness_mm = {required_mm:g}"
+        limit = least_wall_mm(spec)
+        yield _finding("plate", BODY, wall.thickness_mm, limit, reason, ["another place for one of the two"])
+
+
 def draft_finding(surface: str, face: FaceResult, spec: Spec) -> Finding:
     """Draft: what the spec asks, else what a mould of two parts needs that opens along the axis."""
     least_deg, undercut = face.draft_deg.min, face.undercut_fraction
     asked_deg = spec.lens.faces[surface].draft_deg
     wanted_deg = GOOD_DRAFT_DEG if asked_deg is None else asked_deg
     limit_deg = GOOD_DRAFT_DEG if asked_deg is None else asked_deg - _DRAFT_TOLERANCE_DEG
+    if undercut > 0.0 and surface in FROM_BELOW and least_deg >= 0.0:
+        reason = f"{percent(undercut)} of the {surface} face lies over the base: its half of the mould cannot be drawn"
+        return _finding("draft", surface, None, limit_deg, reason, ['base.kind = "none"', "a narrower base"])
     if undercut > 0.0:
         down = quantity(least_deg, "deg", digits=3)
         reason = f"{percent(undercut)} of the {surface} face is undercut, down to a draft of {down}"

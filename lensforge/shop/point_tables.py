@@ -6,12 +6,12 @@ radius R that touches at **p** is **p** + R **n**.
 The rings of a dense table are even in the polar angle as seen from the origin, which covers a rim that stands upright.
 R and Z are interpolated over it and the azimuth by the polynomial through the nearest nodes (Lagrange), 2 along each
 axis, or 4 with the cell in their middle. It errs most in the middle of a cell or of its side. The spacing is given, or
-found: error and spacing follow a power law.
+found: error and spacing follow a power law. A face that ends at creases has rings from the one to the other.
 """
 
 from dataclasses import dataclass
 from numbers import Real
-from typing import get_args
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -23,6 +23,9 @@ from lensforge.shop.check_result import Check
 from lensforge.shop.handover import Interpolation, PointGrid
 from lensforge.spec.spec_section import rounded_up
 from lensforge.surfaces.surface import Surface, scaled
+
+if TYPE_CHECKING:
+    from lensforge.cad.boundary import Domain
 
 POINT_COLUMNS = "surface,x_mm,y_mm,z_mm,nx,ny,nz,polar_deg,azimuth_deg,departure_mm"
 COLUMNS = "x_mm,y_mm,z_mm,nx,ny,nz,polar_deg,azimuth_deg"
@@ -43,6 +46,7 @@ _MIDDLE: dict[Interpolation, tuple[float, ...]] = {
 MOST_POINTS = 400_000  # of one table: 40 MB of text
 _TRIED, _MEASURED = 4_000, 100_000  # middles of cells and sides at which a trial, and the table, are measured
 _FIRST_CELLS, _TRIALS, _WIDER = 40, 8, 4.0  # cells across the first trial; trials; most from one to a wider one
+_TRIED_DEG = 181  # polar angles at which the length of a face is measured
 _MARGIN = 0.95  # of the spacing that the power law gives
 _ROUNDING_NM = 1e-3  # of the files
 _RIM_DEG = 90.0
@@ -76,11 +80,47 @@ class GridRequest:
 
 @dataclass(frozen=True)
 class FaceToCut:
-    """A face as it is cut; ``air``: 1 where the air lies outside of its ``surface``, -1 where inside."""
+    """A face as it is cut; ``air``: 1 where the air lies outside of its ``surface``, -1 where inside.
+
+    ``domain``: the part of the chart on which it bounds the lens; None for all of the hemisphere.
+    """
 
     name: str
     surface: Surface
     air: int
+    domain: "Domain | None" = None
+
+    @property
+    def ends_deg(self) -> tuple[float, float]:
+        """Polar angles (degrees) between which it lies: 0 and 90 from the apex to the rim."""
+        if self.domain is None:
+            return 0.0, _RIM_DEG
+        low, high = (float(np.degrees(2.0 * np.arctan(radius))) for radius in self.domain.extent)
+        return low, high if self.domain.outside is not None else _RIM_DEG
+
+    @property
+    def lengths_mm(self) -> tuple[float, float]:
+        """Largest length (mm) per radian along a meridian, and around the axis; of a whole face its size is both."""
+        begin, end = self.ends_deg
+        turn, polar = np.array([0.0, 90.0, 180.0, 270.0]), np.linspace(begin, end, _TRIED_DEG)
+        points, _ = self.at(np.stack(np.meshgrid(polar, turn, indexing="ij"), axis=-1).reshape(-1, 2))
+        if self.domain is None:
+            size = float(np.linalg.norm(points.reshape(_TRIED_DEG, 4, 3)[[0, -1]], axis=2).max())
+            return size, size
+        steps = np.diff(points.reshape(_TRIED_DEG, 4, 3), axis=0)
+        along = float(np.linalg.norm(steps, axis=2).max()) / np.radians(polar[1] - polar[0])
+        return along, float(np.hypot(points[:, 0], points[:, 1]).max())
+
+    @property
+    def ring_angles(self) -> Float[np.ndarray, "n 2"]:
+        """Polar angle and azimuth (degrees) of every point to measure, the apex first."""
+        polar, azimuth = np.meshgrid(_POLAR_DEG, _AZIMUTH_DEG, indexing="ij")
+        found = np.concatenate([np.zeros((1, 2)), np.stack([polar.ravel(), azimuth.ravel()], axis=-1)])
+        if self.domain is None:
+            return found
+        radius, (low, high) = np.tan(0.5 * np.radians(found[:, 0])), self.domain.radii(np.radians(found[:, 1]))
+        inside: Float[np.ndarray, "n 2"] = found[(radius >= low) & (radius <= high + 1e-12)]
+        return inside
 
     def at(self, angles_deg: Float[np.ndarray, "n 2"]) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
         """Points (mm) and unit air-side normals at polar angles and azimuths (degrees); the rim lies in z = 0."""
@@ -92,24 +132,24 @@ class FaceToCut:
 
 def faces_to_cut(lens: Lens) -> list[FaceToCut]:
     """The faces as they are cut: scaled for a mould insert, whose air is on the side of the lens's material."""
-    from lensforge.shop.face_samples import air_side  # and with it SciPy
+    from lensforge.cad.boundary import lens_boundaries  # and with it SciPy
+    from lensforge.shop.face_samples import air_side
 
     shop = lens.spec.manufacture
-    return [FaceToCut(face.name, scaled(face.surface, shop.scale), air_side(face, shop)) for face in lens.body.faces]
-
-
-def ring_angles() -> Float[np.ndarray, "n 2"]:
-    """Polar angle and azimuth (degrees) of every point to measure, the apex first."""
-    polar, azimuth = np.meshgrid(_POLAR_DEG, _AZIMUTH_DEG, indexing="ij")
-    return np.concatenate([np.zeros((1, 2)), np.stack([polar.ravel(), azimuth.ravel()], axis=-1)])
+    trimmed = {face.name: face.domain for boundary in lens_boundaries(lens) for face in boundary.faces}
+    domains = {name: domain if domain.edges else None for name, domain in trimmed.items()}
+    return [
+        FaceToCut(face.name, scaled(face.surface, shop.scale), air_side(face, shop), domains[face.name])
+        for face in lens.body.faces
+    ]
 
 
 def points_table(lens: Lens, check: Check, head: list[str]) -> str:
     """Points to measure, each with its normal and its departure (mm) from the check's best-fit sphere."""
-    angles = ring_angles()
     lines = [*(f"# {line}" for line in head), POINT_COLUMNS]
     for face in faces_to_cut(lens):
         sphere = check.faces[face.name].best_fit_sphere
+        angles = face.ring_angles
         points, normals = face.at(angles)
         departure = np.linalg.norm(points - np.array(sphere.centre_mm), axis=1) - sphere.radius_mm
         rows = np.column_stack([points, normals, angles, departure]) + 0.0  # no minus zero
@@ -135,14 +175,16 @@ def origin_lines(lens: Lens, part: Part) -> list[str]:
 
 @dataclass(frozen=True)
 class DenseTable:
-    """Rings ``step_deg`` apart (polar angle), the first the apex, each of even azimuths; [ring, azimuth, (R, Z)] in mm.
+    """Rings ``step_deg`` apart from the polar angle ``first_deg`` on, of even azimuths; [ring, azimuth, (R, Z)] in mm.
 
-    ``normals``: unit vectors from the material into the air at the same nodes, as x, y, z. ``rim``: number of the ring
-    at the rim; the rings beyond it continue the face.
+    ``normals``: unit vectors from the material into the air at the same nodes, as x, y, z. The face lies from ring
+    ``begin``, 0 where that is the apex, to ring ``rim``; the rings beyond continue it.
     """
 
     face: FaceToCut
+    first_deg: float
     step_deg: float
+    begin: int
     rim: int
     azimuths_deg: Float[np.ndarray, " m"]
     values: Float[np.ndarray, "n m 2"]
@@ -151,13 +193,18 @@ class DenseTable:
     @property
     def rows(self) -> Float[np.ndarray, "k 8"]:
         """x, y, z (mm), unit normal, polar angle and azimuth (degrees) of each node; the apex once."""
-        rings, turns = self.values.shape[:2]
-        polar, azimuth = np.meshgrid(self.step_deg * np.arange(rings), self.azimuths_deg, indexing="ij")
+        turns = self.values.shape[1]
+        polar, azimuth = np.meshgrid(self.polar_deg, self.azimuths_deg, indexing="ij")
         turn, r, z = np.radians(azimuth), self.values[..., 0], self.values[..., 1]
         places = np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=-1)
         angles = np.stack([polar, azimuth], axis=-1)
         rows = np.concatenate([places, self.normals, angles], axis=-1).reshape(-1, 8)
-        return np.concatenate([rows[:1], rows[turns:]])
+        return rows if self.first_deg > 0.0 else np.concatenate([rows[:1], rows[turns:]])
+
+    @property
+    def polar_deg(self) -> Float[np.ndarray, " n"]:
+        """Polar angle (degrees) of each ring."""
+        return np.asarray(self.first_deg + self.step_deg * np.arange(len(self.values)))
 
     @property
     def spacing_mm(self) -> float:
@@ -177,15 +224,15 @@ class DenseTable:
         return np.asarray(1e6 * np.abs(across * outwards + up * normals[:, 2]))
 
     def _middles(self, scheme: Interpolation) -> Float[np.ndarray, "k 4"]:
-        """Polar angle, azimuth, and interpolated R and Z in the middle of every cell and side up to the rim."""
-        beyond, turns = _BEYOND[scheme], len(self.azimuths_deg)
-        # The ring before the first is the first one seen from the other side; the azimuths go around.
-        before = np.roll(self.values[1 : 1 + beyond], turns // 2, axis=1) * [-1.0, 1.0]
-        rings = np.concatenate([before, self.values])
-        along = _halfway(rings, 0, scheme)[: self.rim]
-        around = _halfway(_wrapped(self.values[: self.rim + 1], beyond), 1, scheme)
+        """Polar angle, azimuth, and interpolated R and Z in the middle of every cell and side of the face."""
+        beyond, turns, begin = _BEYOND[scheme], len(self.azimuths_deg), self.begin
+        rings = self.values[begin - beyond :] if begin else self.values
+        if not begin:  # the ring before the apex is the first one seen from the other side; the azimuths go around
+            rings = np.concatenate([np.roll(rings[1 : 1 + beyond], turns // 2, axis=1) * [-1.0, 1.0], rings])
+        along = _halfway(rings, 0, scheme)[: self.rim - begin]
+        around = _halfway(_wrapped(self.values[begin : self.rim + 1], beyond), 1, scheme)
         both = _halfway(_wrapped(along, beyond), 1, scheme)
-        at = self.step_deg * np.arange(self.rim + 1)
+        at = self.polar_deg[begin : self.rim + 1]
         half_ring, half_turn = at[:-1] + 0.5 * self.step_deg, self.azimuths_deg + 0.5 * self.azimuths_deg[1]
         found = []
         for polar, azimuth, values in (
@@ -237,16 +284,17 @@ def _grid(table: DenseTable, errors: Float[np.ndarray, " k"], head: list[str], r
 
 def _found(face: FaceToCut, request: GridRequest) -> tuple[DenseTable, Float[np.ndarray, " k"]]:
     """The table of the spacing that is given, or of about the widest that keeps the error; and its errors (nm)."""
-    size, scheme = float(face.at(np.zeros((1, 2)))[0][0, 2]), request.interpolation
+    span, scheme = np.radians(face.ends_deg[1] - face.ends_deg[0]), request.interpolation
+    along, around = face.lengths_mm if face.domain else 2 * (float(face.at(np.zeros((1, 2)))[0][0, 2]),)
 
     def make(spacing_mm: float) -> DenseTable:
-        _require_count((np.pi * size / spacing_mm) ** 2, face, request)
+        _require_count((span * along / spacing_mm) * (2.0 * np.pi * around / spacing_mm), face, request)
         return make_table(face, spacing_mm, scheme)
 
     if request.spacing_mm is not None:
         table = make(request.spacing_mm)
         return table, table.errors_nm(scheme, _MEASURED)
-    spacing = 2.0 * size / _FIRST_CELLS
+    spacing = 2.0 * around / _FIRST_CELLS
     for trial in range(_TRIALS):
         table = make(spacing)
         error = float(table.errors_nm(scheme, _TRIED).max())
@@ -276,19 +324,21 @@ def _require_count(points: float, face: FaceToCut, request: GridRequest) -> None
 
 
 def make_table(face: FaceToCut, spacing_mm: float, scheme: Interpolation) -> DenseTable:
-    """Rings and azimuths about ``spacing_mm`` apart at the widest, down to the rim and as far as ``scheme`` needs."""
-    size = float(np.linalg.norm(face.at(_RIM_AND_APEX_DEG)[0], axis=1).max())
-    rim = max(int(np.ceil(_RIM_DEG / _MOST_STEP_DEG)), int(np.ceil(0.5 * np.pi * size / spacing_mm)))
-    turns = 2 * max(4, int(np.ceil(np.pi * size / spacing_mm)))
-    polar, azimuths = _RIM_DEG / rim * np.arange(rim + 1 + _BEYOND[scheme]), 360.0 / turns * np.arange(turns)
-    polar[rim] = _RIM_DEG
+    """Rings and azimuths about ``spacing_mm`` apart at the widest, over the face and as far as ``scheme`` needs."""
+    begin_deg, end_deg = face.ends_deg
+    (along, around), span = face.lengths_mm, end_deg - begin_deg
+    count = max(int(np.ceil(span / _MOST_STEP_DEG)), int(np.ceil(np.radians(span) * along / spacing_mm)))
+    turns = 2 * max(4, int(np.ceil(np.pi * around / spacing_mm)))
+    begin = _BEYOND[scheme] if begin_deg > 0.0 else 0
+    step, rim, azimuths = span / count, begin + count, 360.0 / turns * np.arange(turns)
+    first_deg = begin_deg - begin * step
+    polar = first_deg + step * np.arange(rim + 1 + _BEYOND[scheme])
+    polar[rim] = end_deg
     points, normals = face.at(np.stack(np.meshgrid(polar, azimuths, indexing="ij"), axis=-1).reshape(-1, 2))
     values = np.stack([np.linalg.norm(points[:, :2], axis=1), points[:, 2]], axis=-1)
     shape = len(polar), turns
-    return DenseTable(face, _RIM_DEG / rim, rim, azimuths, values.reshape(*shape, 2), normals.reshape(*shape, 3))
-
-
-_RIM_AND_APEX_DEG = np.array([[0.0, 0.0], [90.0, 0.0], [90.0, 90.0], [90.0, 180.0], [90.0, 270.0]])
+    nodes = values.reshape(*shape, 2), normals.reshape(*shape, 3)
+    return DenseTable(face, first_deg, step, begin, rim, azimuths, *nodes)
 
 
 def _table_text(table: DenseTable, head: list[str]) -> str:
@@ -301,14 +351,22 @@ def _table_text(table: DenseTable, head: list[str]) -> str:
 def _table_lines(table: DenseTable, request: GridRequest, error_nm: float, measured: int) -> list[str]:
     """Lines on the face, the nodes, the interpolation, and its error at ``measured`` places."""
     turns, side = len(table.azimuths_deg), "away from" if table.face.air > 0 else "towards"
+    beyond, first = _BEYOND[request.interpolation], table.first_deg
+    begins, apex, before = f"b + i p with b = {first:.15g} degrees and", "", ""
+    extent, where = f", from ring {table.begin}, which reaches its crease", "at either end"
+    if not table.begin:
+        begins, apex, extent, where = "i p with", "the apex once; ", "", "beyond it"
+        before = "; the ring before the apex is the first one from the other side, r with the other sign"
+    rim = "reaches its crease"
+    if table.face.ends_deg[1] == _RIM_DEG:
+        rim, where = "is the rim", where if table.begin else "below it"
     return [
         f"face: {table.face.name}; its air, where the tool is, lies {side} the origin",
-        f"nodes: rings of polar angle i p with p = {table.step_deg:.15g} degrees, seen from the origin; {turns} "
-        f"azimuths k q with q = {360.0 / turns:.15g} degrees; the apex once; spacing up to {table.spacing_mm:.4g} mm",
-        f"extent: all of the face; ring {table.rim} is the rim, {_BEYOND[request.interpolation]} more below it "
+        f"nodes: rings of polar angle {begins} p = {table.step_deg:.15g} degrees, seen from the origin; {turns} "
+        f"azimuths k q with q = {360.0 / turns:.15g} degrees; {apex}spacing up to {table.spacing_mm:.4g} mm",
+        f"extent: all of the face{extent}; ring {table.rim} {rim}, {beyond} more {where} "
         "continues the face smoothly (extension)",
-        "interpolated over polar angle and azimuth: z, and r, the distance from the axis; the ring before the apex is "
-        "the first one from the other side, r with the other sign",
+        f"interpolated over polar angle and azimuth: z, and r, the distance from the axis{before}",
         "nx, ny, nz: the unit normal n from the material into the air; the centre of a ball of radius R is p + R n",
         f"interpolation: {_WORDS[request.interpolation]}",
         f"interpolation error: at most {rounded_up(error_nm, 3)} nm along the normal against the exact face, "

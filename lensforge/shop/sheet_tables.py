@@ -9,22 +9,23 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from lensforge.cad.boundary import optical_name
+from lensforge.cad.boundary import lens_boundaries, optical_name
 from lensforge.cad.part import STEP_FILE, Part
 from lensforge.errors import InputError
 from lensforge.optics.material import D_LINE_NM
 from lensforge.results import Group
-from lensforge.results.numerals import NOTHING
+from lensforge.results.numerals import NOTHING, percent
 from lensforge.scene.lens import Lens
 from lensforge.shop.check_facts import face_title
-from lensforge.shop.check_result import Check
+from lensforge.shop.check_result import Check, Sphere
 from lensforge.shop.dimensions import widest_mm
 from lensforge.shop.sheet import Marks
 from lensforge.shop.sheet_marks import row, row_height
 from lensforge.spec import DrawingSection
 from lensforge.spec.tolerances_section import Factor, amount_words, factors_of
 
-_MATERIAL, _FACES = 38.0, 142.0  # widths of the columns, mm on A3: that of the material, and of all faces
+_FLAT_MM = 1e6  # of a best-fit sphere that is a plane
+_MATERIAL = 38.0  # width of its column, mm on A3
 _HEAD = "Material"
 _SHAPES = ("sphere", "asphere", "biconic")  # faces that the spec gives by a formula; those of files have none
 
@@ -40,7 +41,7 @@ def optical_table(lens: Lens, part: Part, check: Check, words: DrawingSection) -
         for faces in (lens.body.envelope, lens.body.cavity)
     )
     spec = lens.spec.lens
-    index = _amount(lens, "index")
+    index = lens.spec.part_tolerances.tolerance("index").amount
     material = [
         _HEAD,
         spec.material,
@@ -65,49 +66,62 @@ def index_wavelength(lens: Lens) -> str:
     return "wavelength not stated" if spec.dispersion is None else f"at {spec.design_wavelength_nm:g} nm"
 
 
-def _widths(rows: Rows, unit: float) -> list[float]:
-    """Widths of the columns; that of the material has its name above it."""
+def _widths(rows: Rows, width: float, unit: float) -> list[float]:
+    """Widths of the columns; that of the material has its name above it, and the faces share the rest."""
     head, faces = rows[0], len(rows[0]) - 1
-    return [(_MATERIAL if text == _HEAD else _FACES / faces) * unit for text in head]
+    return [(_MATERIAL if text == _HEAD else (width - _MATERIAL) / faces) * unit for text in head]
 
 
-def table_height(rows: Rows, unit: float) -> float:
-    """Height of the table."""
-    return sum(row_height(texts, _widths(rows, unit), unit) for texts in rows)
+def table_height(rows: Rows, width: float, unit: float) -> float:
+    """Height of the table, ``width`` mm wide on A3."""
+    return sum(row_height(texts, _widths(rows, width, unit), unit) for texts in rows)
 
 
-def draw_optical_table(rows: Rows, left: float, top: float, unit: float) -> Marks:
-    """The table, its upper left corner given."""
-    marks, widths = Marks(), _widths(rows, unit)
+def draw_optical_table(rows: Rows, right: float, top: float, width: float, unit: float) -> Marks:
+    """The table, its upper right corner given, ``width`` mm wide on A3."""
+    marks, widths = Marks(), _widths(rows, width, unit)
     for texts in rows:
-        marks.add(row(left, top, texts, widths, unit))
+        marks.add(row(right - width * unit, top, texts, widths, unit))
         top -= row_height(texts, widths, unit)
     return marks
 
 
 def _face(name: str, lens: Lens, part: Part, check: Check, words: DrawingSection) -> list[str]:
     found, sphere = check.faces[name], check.faces[name].best_fit_sphere
-    coating = lens.spec.lens.faces[name].coating
+    domains = {face.name: face.domain for boundary in lens_boundaries(lens) for face in boundary.faces}
     return [
         f"{face_title(name)}, {optical_name(name)}",
-        f"{_shape(name, lens)}; best-fit R {sphere.radius_mm:.3f}, PV {sphere.pv_mm:.3f}",
-        f"Effective aperture: ⌀{widest_mm(lens.surfaces[name]):.3f}, whole face",
+        f"{_shape(name, lens)}; best-fit {_sphere(sphere)}, PV {sphere.pv_mm:.3f}",
+        f"Effective aperture: ⌀{widest_mm(lens.surfaces[name], domains[name]):.3f}, whole face",
         _form(name, lens),
         _profile(name, lens, part),
         _centring(name, lens),
         f"5/ {words.imperfections or NOTHING}",
         _texture(name, lens, words.roughness_nm),
-        f"Coating: {NOTHING if coating is None else coating.title}; {found.area_mm2:.1f} mm²",
+        f"Coating: {_coating(name, lens)}; {found.area_mm2:.1f} mm²",
     ]
+
+
+def _sphere(sphere: Sphere) -> str:
+    return f"R {sphere.radius_mm:.3f}" if sphere.radius_mm < _FLAT_MM else "plane"
+
+
+def _coating(name: str, lens: Lens) -> str:
+    face = lens.spec.lens.faces[name]
+    if face.mirror is not None:
+        return f"mirror, reflects {percent(face.mirror)}"
+    return NOTHING if face.coating is None else face.coating.title
 
 
 def _shape(name: str, lens: Lens) -> str:
     fixed = lens.spec.lens.faces[name].fixed
+    if fixed is None and lens.spec.lens.is_round:
+        return "of revolution"
     return fixed.kind if fixed is not None and fixed.kind in _SHAPES else "freeform"
 
 
 def _form(name: str, lens: Lens) -> str:
-    form, waves = _amount(lens, f"{name}_form_um"), _amount(lens, f"{name}_waviness_um")
+    form, waves = _amount(lens, name, "form_um"), _amount(lens, name, "waviness_um")
     words = f"3/ RMS form {form:g} µm" if form else f"3/ {NOTHING}"
     return f"{words}; waviness {waves:g} µm" if waves else words
 
@@ -134,12 +148,12 @@ def _centring(name: str, lens: Lens) -> str:
 
 
 def _centred(name: str, lens: Lens) -> list[str]:
-    tilt, shift = _amount(lens, f"{name}_tilt_deg"), _amount(lens, f"{name}_shift_mm")
+    tilt, shift = _amount(lens, name, "tilt_deg"), _amount(lens, name, "shift_mm")
     return ([f"±{tilt:g}°"] if tilt else []) + ([f"±{shift:g} mm"] if shift else [])
 
 
 def _texture(name: str, lens: Lens, height: float | None) -> str:
-    slope, ripple = _amount(lens, f"{name}_roughness_mrad"), _amount(lens, f"{name}_ripple_um")
+    slope, ripple = _amount(lens, name, "roughness_mrad"), _amount(lens, name, "ripple_um")
     words = ["polished"]
     words += [f"Rq {height:g} nm"] if height else []
     words += [f"RΔq {slope:g} mrad"] if slope else []
@@ -147,8 +161,8 @@ def _texture(name: str, lens: Lens, height: float | None) -> str:
     return ", ".join(words)
 
 
-def _amount(lens: Lens, name: str) -> float:
-    return lens.spec.part_tolerances.tolerance(name).amount
+def _amount(lens: Lens, face: str, field: str) -> float:
+    return lens.spec.part_tolerances.amount(face, field)
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from lensforge.shop.check_result import Check
 from lensforge.shop.dimensions import dimensions
 from lensforge.shop.drawing import DrawingContent, drawing_content, make_sheet, scale_words
 from lensforge.shop.handover import DXF_FILE, PDF_FILE, POINTS_FILE, Handover, PointGrid
-from lensforge.shop.point_tables import GridRequest, dense_tables, origin_lines, points_table, ring_angles
+from lensforge.shop.point_tables import GridRequest, dense_tables, faces_to_cut, origin_lines, points_table
 from lensforge.shop.sheet import Sheet, shown
 from lensforge.shop.sheet_tables import ToleranceTable, tolerance_table
 from lensforge.shop.sheet_writers import sheet_dxf, sheet_figure, sheet_pdf
@@ -71,7 +71,7 @@ def make_handover(
         pdf=sheet_pdf(sheet),
         dxf=dxf,
         points_csv=tables[POINTS_FILE],
-        points=len(lens.surfaces) * len(ring_angles()),
+        points=sum(len(face.ring_angles) for face in faces_to_cut(lens)),
         grids=grids,
         sha256=hashes,
         refused=tuple(verdict for verdict in check.verdicts if not verdict.holds),
@@ -148,7 +148,8 @@ def _page(title: str, sheet: Sheet, tables: list[Table], figures: Pictures, vers
 def shop_facts(lens: Lens, part: Part, check: Check) -> Group:
     """Facts on the part and its files, beyond those of its title block."""
     files = part_facts(part)[0].select("form_error", "normal_error", "volume", "mass", "schema", "surfaces").facts
-    walls = next(group for group in check_facts(check, lens.spec) if group.key == "walls").facts
+    groups = check_facts(check, lens.spec)
+    walls = [fact for group in groups if group.key in ("walls", "edges") for fact in group.facts]
     facts = (
         *_make(lens, part),
         *files,

@@ -126,7 +126,8 @@ def _reaches(
 ) -> list[ToolReach]:
     """The shares of one face that each tool reaches."""
     contacts = sample_face(face.samples.face, _CONTACT_NODES)
-    ball, away = largest_ball_mm(contacts, face.samples.points), _AWAY[face.samples.face.air]
+    ball = largest_ball_mm(contacts, face.samples.points)
+    away = face.samples.face.sense * _AWAY[face.samples.face.air]
     return [
         tool_reach(contacts, reachable(ball, tool.radius_mm), tool, away, max_tilt_rad, obstacles) for tool in tools
     ]

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float
 
-from lensforge.cad.boundary import lens_boundaries
+from lensforge.cad.boundary import Boundary, lens_boundaries
 from lensforge.cad.custom_base import mesh_of_base
 from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.mesh import manifold_of
@@ -19,10 +19,12 @@ from lensforge.cad.section import body_outlines
 from lensforge.scene.lens import Lens
 from lensforge.shop.sheet import PenName, Points
 from lensforge.spec import BaseSection
+from lensforge.surfaces.surface import Surface
 
 # Of the curves of a view, and of the meridians whose widest place is the silhouette: 1 um on a lens of 14 mm, a
 # hundredth of a line's width at 5 : 1. Twice as many of each cost 6 s on a lens of 400 functions.
 _AZIMUTHS, _POLAR = 361, 91
+_CLOSER, _BESIDE = 3, 21  # rounds of a search for a silhouette at a crease, and its places in each
 _BEYOND_MM = 1e-4  # silhouettes nearer to the cut are not drawn beside it
 _AXIS = np.array([0.0, 0.0, 1.0])
 
@@ -50,7 +52,8 @@ def section_view(lens: Lens, letter: str, azimuth_deg: float) -> SectionView:
     """The section through the axis at ``azimuth_deg``, that side upwards."""
     outlines = [outline[:, ::-1] for outline in body_outlines(lens, azimuth_deg)]
     edges = [ViewLine(edge, closed=False) for edge in _edges(lens, np.radians(azimuth_deg))]
-    return SectionView(letter, azimuth_deg, outlines, [*edges, *_silhouettes(lens, np.radians(azimuth_deg))])
+    behind = [*_silhouettes(lens, np.radians(azimuth_deg)), *_creases(lens, np.radians(azimuth_deg))]
+    return SectionView(letter, azimuth_deg, outlines, [*edges, *behind])
 
 
 def _edges(lens: Lens, azimuth: float) -> list[Points]:
@@ -78,20 +81,39 @@ def _silhouettes(lens: Lens, azimuth: float) -> list[ViewLine]:
     return _pieces(line, behind > cut + _BEYOND_MM, "outline", None)
 
 
+def _creases(lens: Lens, azimuth: float) -> list[ViewLine]:
+    """Creases of the cavity behind the plane of the section, where the cut leaves them open."""
+    cavity, found = lens_boundaries(lens)[0], []
+    across = rim_directions(np.array([azimuth]))[0]
+    for crease in cavity.creases:
+        points = crease.points(np.linspace(azimuth - np.pi, azimuth, _AZIMUTHS))
+        line = np.column_stack([points[:, 2], points @ across])
+        away = np.linalg.norm(line, axis=1)
+        cut = cavity.radius((line[:, 1:] * across + line[:, :1] * _AXIS) / away[:, None])
+        found += _pieces(line, away < cut - _BEYOND_MM, "outline", None)
+    return found
+
+
+def _creases_along(boundary: Boundary[Surface], turn: Float[np.ndarray, " n"]) -> list[Points]:
+    """(y, x) of the creases of a boundary."""
+    return [crease.points(turn)[:, 1::-1] for crease in boundary.creases]
+
+
 def end_lines(lens: Lens) -> list[ViewLine]:
     """Lines of the part seen from its base, as (y, x)."""
     base = base_with_room(lens)
     turn = np.linspace(0.0, 2.0 * np.pi, _AZIMUTHS)
     opening, rim = (_loop(turn, rim_radius(boundary)(turn)) for boundary in lens_boundaries(lens))
     dome = dome_radius(lens, turn)
+    inside = [ViewLine(each) for each in _creases_along(lens_boundaries(lens)[0], turn)]
     if base.kind == "none":
-        return [ViewLine(opening), ViewLine(rim), ViewLine(_loop(turn, dome))]
+        return [ViewLine(opening), ViewLine(rim), ViewLine(_loop(turn, dome)), *inside]
     outlines = _base_outlines(lens, base)
     if base.file is not None:
-        return [*(ViewLine(loop) for loop in outlines), ViewLine(_loop(turn, dome), pen="hidden")]
+        return [*(ViewLine(loop) for loop in outlines), ViewLine(_loop(turn, dome), pen="hidden"), *inside]
     plan = lay_out(*lens_boundaries(lens), base)
     circles = [_loop(turn, circle.radius(turn)) for circle in (plan.bore, plan.pocket) if circle is not None]
-    found = [ViewLine(each) for each in (opening, *circles, outlines[-1])]
+    found = [*(ViewLine(each) for each in (opening, *circles, outlines[-1])), *inside]
     found += [ViewLine(each, pen="hidden") for each in outlines[:-1]]
     widest = plan.outline if plan.flange is None else plan.flange
     return [*found, *_pieces(_loop(turn, dome), dome > widest.radius(turn), "outline", "hidden")]
@@ -102,6 +124,7 @@ def dome_lines(lens: Lens) -> list[ViewLine]:
     base = base_with_room(lens)
     turn = np.linspace(0.0, 2.0 * np.pi, _AZIMUTHS)
     found = [ViewLine(_loop(turn, dome_radius(lens, turn)))]
+    found += [ViewLine(each) for each in _creases_along(lens_boundaries(lens)[1], turn)]
     for loop in [] if base.kind == "none" else _base_outlines(lens, base):
         closed = np.vstack([loop, loop[:1]])
         covered = dome_radius(lens, np.arctan2(closed[:, 0], closed[:, 1]))
@@ -128,10 +151,14 @@ def dome_radius(lens: Lens, turn: Float[np.ndarray, " n"]) -> Float[np.ndarray, 
 
 def _seen_along(lens: Lens, plane: Float[np.ndarray, "n 3"], away: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " n"]:
     """Silhouette (mm) of the envelope seen along ``away``, of the half on that side, in directions across it."""
-    tilt = np.linspace(0.0, 0.5 * np.pi, _POLAR)
-    directions = np.cos(tilt)[:, None, None] * plane + np.sin(tilt)[:, None, None] * away
-    radius = lens_boundaries(lens)[1].radius(directions.reshape(-1, 3)).reshape(directions.shape[:2])
-    return np.asarray((radius * np.cos(tilt)[:, None]).max(axis=0))
+    envelope, tilt = lens_boundaries(lens)[1], np.linspace(0.0, 0.5 * np.pi, _POLAR)[:, None]
+    for _ in range(1 + _CLOSER * bool(envelope.creases)):  # where it is a crease it has a bend: nearer and nearer
+        directions = np.cos(tilt)[..., None] * plane + np.sin(tilt)[..., None] * away
+        radius = envelope.radius(directions.reshape(-1, 3)).reshape(directions.shape[:2])
+        seen = radius * np.cos(tilt)
+        best, step = np.take_along_axis(tilt + 0.0 * seen, seen.argmax(axis=0)[None], axis=0), tilt[1] - tilt[0]
+        tilt = np.clip(best + step * np.linspace(-1.0, 1.0, _BESIDE)[:, None], 0.0, 0.5 * np.pi)
+    return np.asarray(seen.max(axis=0))
 
 
 def _loop(turn: Float[np.ndarray, " n"], radius: Float[np.ndarray, " n"]) -> Points:

@@ -3,7 +3,6 @@
 Each wrong field is reported in a line: its name, its value, what is allowed.
 """
 
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -12,7 +11,6 @@ import tomli_w
 from pydantic import Field, ValidationError, model_validator
 
 from lensforge.errors import InputError
-from lensforge.optics.media import DOUBLE
 from lensforge.results.files import replacing
 from lensforge.results.validation import its_type
 from lensforge.spec.derived_values import derived_sizes
@@ -27,6 +25,7 @@ from lensforge.spec.light_limits import (
     require_seen_from_afar,
 )
 from lensforge.spec.part_section import BaseSection, DrawingSection, ManufactureSection
+from lensforge.spec.plate_section import PlateSection, require_plate
 from lensforge.spec.receiver_sections import (
     AnyReceiver,
     FarFieldReceiver,
@@ -41,7 +40,7 @@ from lensforge.spec.source_sections import NamedSource, SourceSpec
 from lensforge.spec.spec_fields import words_of
 from lensforge.spec.spec_files import changed, plain, read_toml, resolve_files, short
 from lensforge.spec.spec_section import Section, spec_error
-from lensforge.spec.tolerances_section import PartTolerances, TolerancesSection
+from lensforge.spec.tolerances_section import FacesTolerances, TolerancesSection, tolerances_with
 
 _Filled = TypeVar("_Filled", bound=Section)
 
@@ -98,6 +97,8 @@ class Spec(Section):
     """Settings of the simulation of the finished lens."""
     base: BaseSection = Field(default_factory=BaseSection)
     """The clamping base, which holds the lens below z = 0."""
+    plate: PlateSection | None = None
+    """The plate that carries the lenses of ``lamps`` in one piece; by default none is made."""
     manufacture: ManufactureSection = Field(default_factory=ManufactureSection)
     """Equipment of the shop, and names for its files."""
     drawing: DrawingSection = Field(default_factory=DrawingSection)
@@ -246,9 +247,16 @@ class Spec(Section):
     def _lamps_have_room(self) -> "Spec":
         if self.lamps is not None and not self.all_lamps.alone:
             lenses, receivers = self.photometry.lenses, self.all_receivers
-            require_together(self.all_lamps, self.constraints, self.base, receivers, lenses)
+            base = BaseSection(kind="none") if self.plate is not None else self.base  # the plate holds the lenses
+            require_together(self.all_lamps, self.constraints, base, receivers, lenses)
             if self.evaluate.window_mm is not None:
                 raise ValueError("evaluate.window_mm: of lamps together the whole receiver counts; leave it out")
+        return self
+
+    @model_validator(mode="after")
+    def _plate_holds_its_lenses(self) -> "Spec":
+        if self.plate is not None:
+            require_plate(self.plate, self.lamps, self.constraints)
         return self
 
     @model_validator(mode="after")
@@ -283,22 +291,22 @@ class Spec(Section):
         return (implied_receiver(self.target),) if self.target is not None else named(self.receivers)
 
     @property
-    def part_tolerances(self) -> PartTolerances:
-        """All tolerances: ``[tolerances]``, and those of the faces.
+    def part_tolerances(self) -> FacesTolerances:
+        """All tolerances: ``[tolerances]``, and those of the faces."""
+        return tolerances_with(self.lens.names).of(self.tolerances, self.lens.faces)
 
-        Raises :class:`InputError` for another lens than the usual one, whose parts are not known.
+    def with_tolerances(self, other: FacesTolerances) -> "Spec":
+        """The spec with all tolerances of ``other`` in place of its own.
+
+        Raises :class:`InputError` for those of a lens with other faces.
         """
-        if self.lens.kind != "double":
+        if other.names != self.lens.names:
             raise InputError(
-                f"lens.kind = {self.lens.kind!r}: parts with tolerances are those of a lens of two faces as yet; leave "
-                "out yield, sensitivity, handover and optimise.robust"
+                f"tolerances of the faces {', '.join(other.names)}: this lens has {', '.join(self.lens.names)}; give "
+                "those of its faces"
             )
-        return PartTolerances.of(self.tolerances, self.lens.faces)
-
-    def with_tolerances(self, other: PartTolerances) -> "Spec":
-        """The spec with all tolerances of ``other`` in place of its own."""
         faces = {name: face.with_tolerances(getattr(other, name)) for name, face in self.lens.faces.items()}
-        own = TolerancesSection(**other.model_dump(exclude_unset=True, exclude=set(DOUBLE)))
+        own = TolerancesSection(**other.model_dump(exclude_unset=True, exclude=set(other.names)))
         return self.model_copy(update={"lens": self.lens.model_copy(update=faces), "tolerances": own})
 
     def is_cut(self, face: str) -> bool:
@@ -323,6 +331,10 @@ class Spec(Section):
     @model_validator(mode="after")
     def _settings_match_levels(self) -> "Spec":
         given = self.optimise.model_fields_set
+        if self.optimise.robust and self.lens.has_creases:
+            raise ValueError(
+                f"optimise.robust goes with lens.kind = 'double' as yet, not {self.lens.kind!r}; leave it out"
+            )
         if self.lens.levels != "auto":
             if self.optimise.seconds is not None:
                 raise ValueError('optimise.seconds goes with lens.levels = "auto"; leave out one of the two')
@@ -371,15 +383,6 @@ def parse_spec(content: Mapping[str, object], origin: str) -> Spec:
         return Spec.model_validate(content)
     except ValidationError as error:
         raise spec_error(error, origin, Spec) from None
-
-
-_LONGEST_NAME, _LONGEST_END = 64, 32
-
-
-def joined_name(name: str, end: str) -> str:
-    """A spec's ``name`` with an ``end``, in characters that a spec's name may have."""
-    ending = re.sub(r"[^A-Za-z0-9_-]+", "_", end)[:_LONGEST_END]
-    return f"{name[: _LONGEST_NAME - 1 - len(ending)]}-{ending}"
 
 
 def require_spec(spec: object, verb: str) -> Spec:

@@ -73,7 +73,7 @@ class FacesSection(Section):
 
     @model_validator(mode="after")
     def _first_is_the_reference(self) -> "FacesSection":
-        refuse_placement(*self.faces.items())
+        refuse_placement(self.faces)
         return self
 
     @property

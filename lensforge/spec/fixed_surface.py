@@ -133,8 +133,8 @@ class FixedLensFace(_OfFile):
     kind: Literal["lens"] = "lens"
     file: Annotated[FilePath, AfterValidator(lens_file)]
     """Result folder, or its lens.json."""
-    face: Literal["inner", "outer"]
-    """Face of that lens."""
+    face: Annotated[str, Field(min_length=1, max_length=200)]
+    """Face of that lens by its name, such as inner, outer, or exit."""
 
     def _read(self) -> GivenFace:
         return face_of_lens(self.file, self.face)

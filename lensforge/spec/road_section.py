@@ -1,7 +1,7 @@
 """Roads that a lens is for: ``[[roads]]`` of a spec, and of a file by which a lamp's photometry is judged.
 
-A road is straight, and seen along its direction of travel: left and right are those of a driver. All lamps of a road
-are equal, and stand in rows at equal steps.
+A road is straight, and seen along its direction of travel: left and right are those of a driver in lane 1. All lamps of
+a road are equal, and stand in rows at equal steps.
 """
 
 from collections.abc import Sequence
@@ -71,7 +71,11 @@ class RoadSection(Section):
     width_m: Metres
     """Width of the road."""
     lanes: Annotated[int, Field(ge=1, le=12)] = 2
-    """Lanes side by side, all of the same direction."""
+    """Lanes side by side, the first at the edge of ``driving_side``."""
+    driving_side: Literal["left", "right"] = "right"
+    """Side of the road on which one drives."""
+    oncoming_lanes: Annotated[int, Field(ge=0, le=11)] = 0
+    """Lanes whose drivers come the other way: the last of ``lanes``, at the edge opposite to ``driving_side``."""
     surface: Surface = "R3"
     """Class of the surface by the CIE."""
     surface_file: FilePath | None = None
@@ -88,7 +92,8 @@ class RoadSection(Section):
     """Tilt of a lamp, upwards on the side of the road."""
     arrangement: Arrangement = "right"
     """Rows of lamps: at the left or at the right edge, at both edges "opposite" each other or "staggered" by half the
-    spacing, or two on poles in a "median" at the left edge, of which the second lights the other carriageway.
+    spacing, or two on poles in a "median" opposite to ``driving_side``, of which the second lights the other
+    carriageway.
     """
     median_m: Annotated[float, Field(ge=0.0, le=100.0)] = 0.0
     """Width of the median, in whose middle the poles stand."""
@@ -129,12 +134,21 @@ class RoadSection(Section):
         """Width of a lane."""
         return self.width_m / self.lanes
 
+    def from_right(self, lane: int) -> int:
+        """Place of a lane among all from the right edge; the numbers of both begin with 0."""
+        return lane if self.driving_side == "right" else self.lanes - 1 - lane
+
     @model_validator(mode="after")
     def _is_a_road(self) -> "RoadSection":
         if self.lane_m < _LEAST_LANE_M and self.by_luminance:
             raise ValueError(
                 f"lanes = {self.lanes} on width_m = {self.width_m:g} are {self.lane_m:.2f} m each, below "
                 f"{_LEAST_LANE_M:g} m: no class M has lanes as narrow; give fewer lanes, or a class P for a path"
+            )
+        if self.oncoming_lanes >= self.lanes:
+            raise ValueError(
+                f"oncoming_lanes = {self.oncoming_lanes} leave none of lanes = {self.lanes} for those who drive with "
+                "the road; give at most one less"
             )
         if self.median_m and self.arrangement != "median":
             raise ValueError(

@@ -6,6 +6,7 @@ the spec, and hashed so that a result can name its inputs.
 
 import hashlib
 import json
+import re
 import tomllib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -86,6 +87,15 @@ def plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [plain(entry) for entry in value]
     return str(value) if isinstance(value, Path) else value
+
+
+_LONGEST_NAME, _LONGEST_END = 64, 32
+
+
+def joined_name(name: str, end: str) -> str:
+    """A spec's ``name`` with an ``end``, in characters that a spec's name may have."""
+    ending = re.sub(r"[^A-Za-z0-9_-]+", "_", end)[:_LONGEST_END]
+    return f"{name[: _LONGEST_NAME - 1 - len(ending)]}-{ending}"
 
 
 _NAMED = "the spec names it"

@@ -12,15 +12,15 @@ give your own where you know them.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
+from functools import cache
 from math import pi
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, TypeVar, get_args
 
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from lensforge.errors import InputError
-from lensforge.optics.media import DOUBLE
+from lensforge.optics.media import DOUBLE, SIDES, TIR
 from lensforge.results.numerals import percent, quantity
 from lensforge.spec.renamed import with_new_names
 from lensforge.spec.spec_files import read_toml
@@ -49,48 +49,62 @@ class _Cause(NamedTuple):
     field: str = ""
 
 
-def _of_faces(field: str, cause: _Cause) -> dict[str, _Cause]:
+# Faces with a place of their own against the first one; the others are cut as one with it.
+_PLACED = {DOUBLE: ("outer",), TIR: ("wall", "exit")}
+PLACEMENT = ("shift_mm", "gap_mm", "tilt_deg")  # fields of such a face
+
+
+def factor_name(face: str, field: str) -> str:
+    """Name of the tolerance ``field`` of a ``face``; the usual lens has one gap."""
+    return field if (face, field) == ("outer", "gap_mm") else f"{face}_{field}"
+
+
+def _of_faces(names: tuple[str, ...], field: str, cause: _Cause) -> dict[str, _Cause]:
     """The tolerance ``field`` of each face, its words those of the ``cause`` and the face."""
     return {
-        f"{face}_{field}": cause._replace(words=f"{cause.words}, {face} face", face=face, field=field)
-        for face in DOUBLE
+        factor_name(face, field): cause._replace(words=f"{cause.words}, {face} face", face=face, field=field)
+        for face in names
     }
 
 
-def _placed(field: str, cause: _Cause) -> dict[str, _Cause]:
-    """A tolerance of the place of each face against the one before it."""
+def _placed(names: tuple[str, ...], field: str, cause: _Cause) -> dict[str, _Cause]:
+    """A tolerance of the place of each face against the first one."""
     return {
-        field if field == "gap_mm" else f"{face}_{field}": cause._replace(
-            words=f"{face} face against {before}, {cause.words}", face=face, field=field
+        factor_name(face, field): cause._replace(
+            words=f"{face} face against {names[0]}, {cause.words}", face=face, field=field
         )
-        for before, face in pairwise(DOUBLE)
+        for face in _PLACED[names]
     }
 
 
-# In the order in which parts are drawn: the numbers of a part depend on it.
-_CAUSES = {
-    "source_shift_mm": _Cause("source, decentre", (0.02, 0.05, 0.05), 2),
-    "source_height_mm": _Cause("source, height", (0.02, 0.05, 0.05)),
-    "source_tilt_deg": _Cause("source, tilt", (0.2, 0.5, 0.5), 2),
-    "source_flux": _Cause("source, flux", (0.05, 0.05, 0.05)),
-    "source_size": _Cause("source, size", (0.01, 0.02, 0.02)),
-    **_placed("shift_mm", _Cause("decentre", (0.005, 0.02, 0.025), 2)),
-    **_placed("gap_mm", _Cause("gap", (0.005, 0.02, 0.025))),
-    **_placed("tilt_deg", _Cause("tilt", (0.02, 0.05, 0.05), 2)),
-    "lens_shift_mm": _Cause("lens against source, decentre", (0.02, 0.05, 0.05), 2),
-    "lens_height_mm": _Cause("lens against source, height", (0.01, 0.03, 0.05)),
-    "lens_tilt_deg": _Cause("lens against source, tilt", (0.05, 0.1, 0.2), 2),
-    "index": _Cause("refractive index", (0.0005, 0.001, 0.001)),
-    "shrinkage": _Cause("shrinkage", (0.0, 0.0, 0.001)),
-    **_of_faces("roughness_mrad", _Cause("roughness", (0.2, 0.5, 0.5), 1, "one-sided")),
-    **_of_faces("ripple_um", _Cause("ripple", (0.01, 0.02, 0.0), 1, "one-sided")),
-    **_of_faces("form_um", _Cause("form", (0.3, 1.0, 2.0), FORM_NUMBERS, "field")),
-    **_of_faces("waviness_um", _Cause("waviness", (0.03, 0.1, 0.2), WAVINESS_NUMBERS, "field")),
-}
-PLACEMENT = ("shift_mm", "gap_mm", "tilt_deg")  # fields of a face: its place against the one before it
+@cache
+def _causes(names: tuple[str, ...]) -> dict[str, _Cause]:
+    """The tolerances of a lens with these faces in the order in which parts are drawn: their numbers depend on it."""
+    return {
+        "source_shift_mm": _Cause("source, decentre", (0.02, 0.05, 0.05), 2),
+        "source_height_mm": _Cause("source, height", (0.02, 0.05, 0.05)),
+        "source_tilt_deg": _Cause("source, tilt", (0.2, 0.5, 0.5), 2),
+        "source_flux": _Cause("source, flux", (0.05, 0.05, 0.05)),
+        "source_size": _Cause("source, size", (0.01, 0.02, 0.02)),
+        **_placed(names, "shift_mm", _Cause("decentre", (0.005, 0.02, 0.025), 2)),
+        **_placed(names, "gap_mm", _Cause("gap", (0.005, 0.02, 0.025))),
+        **_placed(names, "tilt_deg", _Cause("tilt", (0.02, 0.05, 0.05), 2)),
+        "lens_shift_mm": _Cause("lens against source, decentre", (0.02, 0.05, 0.05), 2),
+        "lens_height_mm": _Cause("lens against source, height", (0.01, 0.03, 0.05)),
+        "lens_tilt_deg": _Cause("lens against source, tilt", (0.05, 0.1, 0.2), 2),
+        "index": _Cause("refractive index", (0.0005, 0.001, 0.001)),
+        "shrinkage": _Cause("shrinkage", (0.0, 0.0, 0.001)),
+        **_of_faces(names, "roughness_mrad", _Cause("roughness", (0.2, 0.5, 0.5), 1, "one-sided")),
+        **_of_faces(names, "ripple_um", _Cause("ripple", (0.01, 0.02, 0.0), 1, "one-sided")),
+        **_of_faces(names, "form_um", _Cause("form", (0.3, 1.0, 2.0), FORM_NUMBERS, "field")),
+        **_of_faces(names, "waviness_um", _Cause("waviness", (0.03, 0.1, 0.2), WAVINESS_NUMBERS, "field")),
+    }
+
+
 _PRESETS: tuple[TolerancePreset, ...] = get_args(TolerancePreset)
-PRESET_AMOUNTS: dict[TolerancePreset, dict[str, float]] = {
-    preset: {name: cause.amounts[number] for name, cause in _CAUSES.items()} for number, preset in enumerate(_PRESETS)
+PRESET_AMOUNTS: dict[TolerancePreset, dict[str, float]] = {  # of the usual lens
+    preset: {name: cause.amounts[number] for name, cause in _causes(DOUBLE).items()}
+    for number, preset in enumerate(_PRESETS)
 }
 
 
@@ -167,7 +181,7 @@ class _Amounts(Section):
 
 
 class FaceTolerances(_Amounts):
-    """Tolerances of a face, and of its place against the face before it: those left out come from the preset."""
+    """Tolerances of a face, and of its place against the first face: those left out come from the preset."""
 
     form_um: _Tolerance | None = None
     """Error of form as wide as astigmatism and coma, rms over parts and face."""
@@ -178,20 +192,22 @@ class FaceTolerances(_Amounts):
     roughness_mrad: _Tolerance | None = None
     """Slope of the roughness along any line, rms."""
     shift_mm: _Tolerance | None = None
-    """Shift of the outer face against the inner one, in x and in y."""
+    """Shift of the face against the first one, in x and in y: of the outer face, of the wall, or of the exit."""
     gap_mm: _Tolerance | None = None
-    """Shift of the outer face against the inner one along z."""
+    """Shift of that face against the first one along z."""
     tilt_deg: _Tolerance | None = None
-    """Tilt of the outer face against the inner one, about x and about y."""
+    """Tilt of that face against the first one, about x and about y."""
 
 
-def refuse_placement(first: tuple[str, FaceTolerances], following: tuple[str, FaceTolerances], *_: object) -> None:
-    """Raise ``ValueError`` where the first of some faces, each with its name, has a place of its own."""
-    for name in PLACEMENT:
-        if getattr(first[1], name) is not None:
-            raise ValueError(
-                f"{first[0]}.{name}: this face is what the next is placed against; give {following[0]}.{name}"
-            )
+def refuse_placement(faces: Mapping[str, FaceTolerances]) -> None:
+    """Raise ``ValueError`` where a face against which others are placed has a place of its own."""
+    placed = _PLACED[tuple(faces)]
+    for face, tolerances in faces.items():
+        for name in PLACEMENT if face not in placed else ():
+            if getattr(tolerances, name) is not None:
+                raise ValueError(
+                    f"{face}.{name}: this face is what the next is placed against; give {placed[0]}.{name}"
+                )
 
 
 class TolerancesSection(_Amounts):
@@ -241,40 +257,70 @@ class TolerancesSection(_Amounts):
         return self
 
 
-class PartTolerances(TolerancesSection):
+class FacesTolerances(TolerancesSection):
+    """All tolerances of a part: the ``[tolerances]`` of a spec, and those of its faces, whose ``names`` it has."""
+
+    names: ClassVar[tuple[str, ...]] = ()
+
+    @model_validator(mode="after")
+    def _first_is_the_reference(self) -> Self:
+        refuse_placement({name: getattr(self, name) for name in self.names})
+        return self
+
+    @classmethod
+    def of(cls, section: TolerancesSection, faces: Mapping[str, FaceTolerances]) -> Self:
+        """The tolerances of ``section`` with those in the tables of the ``faces``."""
+        fields = FaceTolerances.model_fields
+        own = {name: FaceTolerances(**{each: getattr(face, each) for each in fields}) for name, face in faces.items()}
+        return cls(**{**section.model_dump(exclude_unset=True), **own})
+
+    def given(self, name: str) -> ToleranceSpec | None:
+        """The tolerance of the factor ``name`` where it is given; None for that of the preset."""
+        cause = _causes(self.names)[name]
+        holder = self if cause.face is None else getattr(self, cause.face)
+        found: ToleranceSpec | None = getattr(holder, cause.field or name)
+        return found
+
+    def tolerance(self, name: str) -> ToleranceSpec:
+        """The tolerance of the factor ``name``: as given, or that of the preset."""
+        amounts = _causes(self.names)[name].amounts
+        return self.given(name) or ToleranceSpec(amount=amounts[_PRESETS.index(self.preset)])
+
+    def amount(self, face: str, field: str) -> float:
+        """Amount of the tolerance ``field`` of a ``face``; 0 of a place that it has not."""
+        name = factor_name(face, field)
+        return self.tolerance(name).amount if name in _causes(self.names) else 0.0
+
+
+class PartTolerances(FacesTolerances):
     """All tolerances of a part: the ``[tolerances]`` of a spec, and those of its faces."""
+
+    names = DOUBLE
 
     inner: FaceTolerances = Field(default_factory=FaceTolerances)
     """Those of the inner face."""
     outer: FaceTolerances = Field(default_factory=FaceTolerances)
     """Those of the outer face, and of its place against the inner one."""
 
-    @model_validator(mode="after")
-    def _first_is_the_reference(self) -> "PartTolerances":
-        refuse_placement((DOUBLE[0], self.inner), (DOUBLE[1], self.outer))
-        return self
 
-    @staticmethod
-    def of(section: TolerancesSection, faces: Mapping[str, FaceTolerances]) -> "PartTolerances":
-        """The tolerances of ``section`` with those in the tables of the ``faces``."""
-        fields = FaceTolerances.model_fields
-        own = {name: FaceTolerances(**{each: getattr(face, each) for each in fields}) for name, face in faces.items()}
-        return PartTolerances(**{**section.model_dump(exclude_unset=True), **own})
+class TirTolerances(FacesTolerances):
+    """All tolerances of a part for total internal reflection. The cap and the side of its cavity are cut as one."""
 
-    def given(self, name: str) -> ToleranceSpec | None:
-        """The tolerance of the factor ``name`` where it is given; None for that of the preset."""
-        face, field = _CAUSES[name].face, _CAUSES[name].field
-        found: ToleranceSpec | None = getattr(self if face is None else getattr(self, face), field or name)
-        return found
+    names = TIR
 
-    def tolerance(self, name: str) -> ToleranceSpec:
-        """The tolerance of the factor ``name``: as given, or that of the preset."""
-        return self.given(name) or ToleranceSpec(amount=PRESET_AMOUNTS[self.preset][name])
+    cap: FaceTolerances = Field(default_factory=FaceTolerances)
+    """Those of the cap."""
+    side: FaceTolerances = Field(default_factory=FaceTolerances)
+    """Those of the side."""
+    wall: FaceTolerances = Field(default_factory=FaceTolerances)
+    """Those of the wall, and of its place against the cavity."""
+    exit: FaceTolerances = Field(default_factory=FaceTolerances)
+    """Those of the exit, and of its place against the cavity."""
 
 
-def names_of(*fields: str) -> tuple[str, ...]:
-    """Names of the factors that are these ``fields`` in the tables of the faces."""
-    return tuple(name for name, cause in _CAUSES.items() if cause.field in fields)
+def tolerances_with(names: tuple[str, ...]) -> type[FacesTolerances]:
+    """The class of all tolerances of a lens with faces of these ``names``."""
+    return PartTolerances if names == DOUBLE else TirTolerances
 
 
 @dataclass(frozen=True)
@@ -295,10 +341,10 @@ class Factor:
     numbers: int
 
 
-def factors_of(tolerances: PartTolerances) -> tuple[Factor, ...]:
+def factors_of(tolerances: FacesTolerances) -> tuple[Factor, ...]:
     """All ``tolerances`` that are not 0. Raises :class:`InputError` where all are 0."""
     found = []
-    for name, cause in _CAUSES.items():
+    for name, cause in _causes(tolerances.names).items():
         tolerance, (unit, to_internal, _) = tolerances.tolerance(name), _unit_of(name)
         if tolerance.amount > 0.0:
             stated = (cause.words, unit, to_internal, tolerance.amount, cause.kind)
@@ -308,31 +354,35 @@ def factors_of(tolerances: PartTolerances) -> tuple[Factor, ...]:
     return tuple(found)
 
 
-def read_tolerances(name: str) -> PartTolerances:
+def read_tolerances(name: str, names: tuple[str, ...] = DOUBLE) -> FacesTolerances:
     """Tolerances of a preset, or of a TOML file with ``[tolerances]`` or tables of faces, such as a whole spec.
 
-    Raises :class:`InputError` where there is neither.
+    ``names``: of the faces of the lens. Raises :class:`InputError` where there is neither, and for other faces.
     """
+    own_kind = tolerances_with(names)
     if name in PRESET_AMOUNTS:
-        return PartTolerances(preset=name)
+        return own_kind(preset=name)
     content = read_toml(Path(name), f"give {', '.join(PRESET_AMOUNTS)}, or a TOML file")
     try:
         content = with_new_names("Spec", content)
     except ValueError as error:
         raise InputError(f"{name}: {error}") from None
     lens = content.get("lens")
-    faces = {face: lens[face] for face in DOUBLE if isinstance(lens, dict) and isinstance(lens.get(face), dict)}
+    faces = {face: lens[face] for face in SIDES if isinstance(lens, dict) and isinstance(lens.get(face), dict)}
     if "source" in content:  # a whole spec: its faces have more than tolerances
         known = FaceTolerances.model_fields
         faces = {face: {name: table[name] for name in table if name in known} for face, table in faces.items()}
+    for face in faces:
+        if face not in names:
+            raise InputError(f"{name}: lens.{face}: the faces of this lens are {', '.join(names)}; give these")
     if not isinstance(section := content.get("tolerances", {} if any(faces.values()) else None), dict):
         raise InputError(f"{name}: has no [tolerances]; give {', '.join(PRESET_AMOUNTS)}, or a file that has")
     found = _validated(TolerancesSection, section, f"{name}: tolerances")
     own = {face: _validated(FaceTolerances, table, f"{name}: lens.{face}") for face, table in faces.items()}
     try:
-        return PartTolerances.of(found, own)
+        return own_kind.of(found, own)
     except InputError as error:
-        raise InputError(str(error).replace(PartTolerances.__name__, f"{name}: lens", 1)) from None
+        raise InputError(str(error).replace(own_kind.__name__, f"{name}: lens", 1)) from None
 
 
 _Table = TypeVar("_Table", bound=_Amounts)

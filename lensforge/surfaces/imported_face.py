@@ -9,12 +9,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
+from lensforge.optics.media import SIDES
 from lensforge.results import Record
 from lensforge.results.file_bounds import MOST_STEP_MIB, require_small_step
 from lensforge.results.files import MIB, read_file, read_json, temporary_folder, write_json
@@ -67,13 +67,19 @@ class _Face(Record):
     face: SurfaceRecord
 
 
-def face_of_lens(path: Path, side: Literal["inner", "outer"]) -> GivenFace:
-    """The ``side`` of the lens in ``path``. Raises :class:`InputError` for any other file."""
+def face_of_lens(path: Path, name: str) -> GivenFace:
+    """The face of that ``name`` of the lens in ``path``.
+
+    Raises :class:`InputError` for any other file, and for a face that the lens has not.
+    """
     content = read_json(path, _LENS_REMEDY)
     faces = content.get("faces", content) if isinstance(content, dict) else None  # earlier versions: beside the spec
-    face = faces.get(side) if isinstance(faces, dict) else None
-    if not isinstance(content, dict) or not isinstance(face, dict):
+    names = [each for each in SIDES if isinstance(faces, dict) and isinstance(faces.get(each), dict)]
+    if not isinstance(content, dict) or not isinstance(faces, dict) or not names:
         raise InputError(f"{path}: not a lens file; {_LENS_REMEDY}")
+    if name not in names:
+        raise InputError(f"{path}: face = {name!r}: the faces of this lens are {', '.join(names)}; give one of them")
+    face = faces[name]
     if CHECKSUM in content:
         require_checksum(content, path, _LENS_REMEDY)
     # files of version 0.1.0 state no kind: they knew one
@@ -81,8 +87,8 @@ def face_of_lens(path: Path, side: Literal["inner", "outer"]) -> GivenFace:
     try:
         surface = record.face.surface()
     except InputError as error:
-        raise InputError(f"{path}: {side}: {error}; {_LENS_REMEDY}") from None
-    return GivenFace(surface, f"{side} face of {path.parent.name}/{path.name}", 0.0, 0.0)
+        raise InputError(f"{path}: {name}: {error}; {_LENS_REMEDY}") from None
+    return GivenFace(surface, f"{name} face of {path.parent.name}/{path.name}", 0.0, 0.0)
 
 
 STEP_SUFFIXES, IGES_SUFFIXES = (".step", ".stp"), (".iges", ".igs")

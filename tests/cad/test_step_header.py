@@ -14,11 +14,18 @@ from lensforge.cad import step
 from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.form_error import face_points, fit_faces
 from lensforge.cad.part import Part
-from lensforge.cad.part_export import build_part, signed_step
+from lensforge.cad.part_export import build_part
 from lensforge.cad.part_limits import FormTolerance
 from lensforge.cad.plan import make_plan
 from lensforge.cad.solid import build_solid
-from lensforge.cad.step import form_tolerances, parse_step, parse_surfaces, read_tolerances, require_written
+from lensforge.cad.step import (
+    form_tolerances,
+    parse_step,
+    parse_surfaces,
+    read_tolerances,
+    require_written,
+    signed_step,
+)
 from lensforge.errors import InputError
 from lensforge.surfaces.surface import to_sphere
 

@@ -6,10 +6,13 @@ from lensforge.made.part_study import PartStudy, Recipe
 from lensforge.scene.lens import Lens
 
 
-def lens_with(tolerances: dict | None = None, roughness: float = 0.01, **sections: object) -> Lens:
+def lens_with(
+    tolerances: dict | None = None, roughness: float = 0.01, target: dict | None = None, **sections: object
+) -> Lens:
     """A lens with these tolerances and no others; None: those of the preset."""
     inner, outer = (random_surface(seed, 3.0 * seed, roughness, (9, 25)) for seed in (1, 2))
     own = {} if tolerances is None else tolerance_changes({**NO_TOLERANCES, **tolerances})
+    own |= {} if target is None else {"target": target}
     return Lens.double(inner, outer, small_spec(**own).replace(**sections), 0, "draft")
 
 

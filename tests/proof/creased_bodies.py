@@ -190,7 +190,11 @@ def follow_exactly(body, rays, events, index=INDEX, mirrors=None, absorption=0.0
             lengths = [face.surface.hit(p[None], d[None])[0] for face in faces]
             face, length = faces[int(np.argmin(lengths))], min(lengths)
             hit = p + length * d
-            if not np.isfinite(length) or hit[2] <= 0.0 or (medium == BODY and _meets_cavity(body, p, d, length)):
+            above = min(length, -p[2] / d[2] if d[2] < 0.0 else np.inf)  # as far as the base
+            if medium == BODY and np.isfinite(above) and _meets_cavity(body, p, d, above):
+                chain += "c"
+                break
+            if not np.isfinite(length) or hit[2] <= 0.0:
                 chain += "x"
                 break
             p = hit
@@ -206,7 +210,7 @@ def follow_exactly(body, rays, events, index=INDEX, mirrors=None, absorption=0.0
             if medium == OUTSIDE:
                 found.points[k], found.directions[k] = p, d
                 break
-        found.inside[k] = medium != OUTSIDE and not chain.endswith("x")
+        found.inside[k] = medium != OUTSIDE and chain[-1:] not in ("x", "c")
         found.flux[k] = rays.flux[k] * np.trace(coherency).real
         found.chains.append(chain)
     return found

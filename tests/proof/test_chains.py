@@ -26,6 +26,8 @@ from lens_meshes import right
 from nightly import first_by_day
 
 from lensforge.errors import InputError
+from lensforge.light.light_ways import FluxByWay
+from lensforge.light.simulation import TracedLens
 from lensforge.optics.media import OUTSIDE, FaceCoating, Media, Medium, Mirror, ReflectanceTable
 from lensforge.proof.facet_casting import Grid
 from lensforge.proof.mitsuba_cast import send_through_mitsuba
@@ -42,6 +44,7 @@ from lensforge.proof.verification import passage_through, verify_part
 from lensforge.scene import body as scene
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces import asphere
+from lensforge.surfaces.reciprocal import ConeFace, PlaneFace
 
 RAYS = rays_from(200, 1.0)
 SILVERED = (FaceCoating("wall", OUTSIDE, Mirror(0.8)),)
@@ -74,6 +77,27 @@ def test_the_oracle_sees_every_kind_of_chain():
     assert exact("ball", 6).inside.sum() < exact("ball", 3).inside.sum()
 
 
+@pytest.mark.parametrize(("coatings", "events"), [((), 3), (SILVERED, 6)])
+def test_the_ways_of_the_light_are_those_of_every_ray(coatings, events):
+    """The share of each way, and of all that leaves by the wall, with their errors."""
+    faces = (PlaneFace(24.0, 2.5), asphere.sphere(3.0), ConeFace(24.0, 6.0, 1.0), PlaneFace(24.0, 10.0))
+    lens = TracedLens.of_body(body_of(*faces), Media(Medium(INDEX), coatings=coatings), events, 24.0)
+    found, shares = FluxByWay.none_yet(lens.scene.chain, 4), Counter()
+    for k, rays in enumerate(RAYS.take(slice(first, first + 50)) for first in (0, 50, 100, 150)):
+        for half in (0.5, 0.5):
+            found.add(k, half, lens.trace(rays))
+        wanted = follow_exactly(OF_CONE, rays, events, mirrors={"wall": 0.8} if coatings else None)
+        for chain, flux in zip(wanted.chains, wanted.flux, strict=True):
+            if chain[-1] in "EW":
+                shares[chain.upper() if chain[-1] == "E" else "W", k] += 4.0 * flux
+    ways = {"".join(face[0] for face in way.faces).upper(): way.share for way in found.ways(0.25)}
+    assert set(ways) == {way for way, _ in shares} | {"W"} and len(ways) == (5 if coatings else 4)
+    for way, share in ways.items():
+        each = np.array([shares[way, k] for k in range(4)])
+        assert share.value == pytest.approx(each.mean(), rel=1e-3)
+        assert share.standard_error == pytest.approx(each.std(ddof=1) / 2.0, rel=1e-2, abs=1e-12)
+
+
 @pytest.mark.parametrize("absorption", [0.0, 0.05])
 @pytest.mark.parametrize(
     ("name", "events"), [("cone", 3), *first_by_day(1, [("ball", 4), ("ball", 6), ("cone", 2)], "other chains")]
@@ -83,17 +107,20 @@ def test_the_kernel_sends_every_ray_along_its_chain(name, events, absorption):
     media = Media(Medium(INDEX, absorption), coatings=coatings)
     found = send_through_body(StepBody(step_of(name), optical_of(body, events)), RAYS, media)
     out = np.isfinite(wanted.points[:, 0])
-    np.testing.assert_array_equal(found.fates == CastFate.LANDED, out)
+    # The oracle ends where a ray comes back to the cavity; the cast follows it through, where there are events left.
+    told = ~np.array([chain.endswith("c") and len(chain) + 2 <= events for chain in wanted.chains])
+    assert told.all() or (events == 6 and told.sum() > 0.6 * len(told))
+    np.testing.assert_array_equal((found.fates == CastFate.LANDED)[told], out[told])
     lost = [CastFate.TOTAL_REFLECTION, CastFate.MORE_EVENTS]
-    np.testing.assert_array_equal(np.isin(found.fates, lost), wanted.inside)
+    np.testing.assert_array_equal(np.isin(found.fates, lost)[told], wanted.inside[told])
     by_mirror = wanted.inside & np.array([chain.endswith("w") and name == "ball" for chain in wanted.chains])
-    np.testing.assert_array_equal(found.fates == CastFate.MORE_EVENTS, by_mirror)
+    np.testing.assert_array_equal((found.fates == CastFate.MORE_EVENTS)[told], by_mirror[told])
     np.testing.assert_allclose(found.points[out], wanted.points[out], rtol=0.0, atol=1e-9)
     np.testing.assert_allclose(found.directions[out], wanted.directions[out], rtol=0.0, atol=1e-10)
     kept = out | wanted.inside  # with the flux that is left in it, polarised by all that it has met
     np.testing.assert_allclose(found.flux[kept], wanted.flux[kept], rtol=1e-9)
     if absorption == 0.0:
-        np.testing.assert_allclose(found.absorbed, wanted.in_mirrors, rtol=1e-9, atol=1e-15)
+        np.testing.assert_allclose(found.absorbed[told], wanted.in_mirrors[told], rtol=1e-9, atol=1e-15)
 
 
 @pytest.mark.parametrize(("name", "events", "precision"), [("cone", 3, 3e-3), ("ball", 4, 2e-5)])

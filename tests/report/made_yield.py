@@ -9,6 +9,7 @@ from lensforge.made.tolerance_result import (
     MetricBound,
     MetricSpread,
     PassRate,
+    RoadYield,
     ToleranceAmount,
     Variance,
     WorstPart,
@@ -45,6 +46,17 @@ def make_yield(lens):
         pass_rate=_wilson(int((nmse <= 0.0985).sum()), PARTS),
         metrics={name: _spread(values) for name, values in metrics.items()},
         variance={name: _variance(factors) for name in metrics},
+        roads=tuple(
+            RoadYield(
+                name=f"road {number}",
+                lighting_class="M3",
+                pass_rate=_wilson(36, PARTS),
+                nearest="nmse",
+                nearest_share=0.625,
+                variance=variance,
+            )
+            for number, variance in ((1, _variance(factors)), (2, None))
+        ),
         budget=_budget(factors),
         worst=(WorstPart(part=last, metrics={n: float(v[last]) for n, v in metrics.items()}, passes=False),),
         notes=("a <remark> of the study",),

@@ -11,6 +11,7 @@ from told_apart import told_apart
 
 from lensforge.cad.part import KeepOutDistance
 from lensforge.light.evaluation_result import FittedLight, LightMetrics, LimitResult, PresetError, TableError
+from lensforge.light.light_ways import LightWay
 from lensforge.light.receiver_light import Flux, MissedByCause, RegionLight
 from lensforge.made.tolerance_result import ErrorRow, Sensitivity
 from lensforge.report.results import Results
@@ -89,7 +90,7 @@ def several_receivers():
 
 
 def coated():
-    """Coated faces, another medium in the cavity, and light that it absorbs."""
+    """Coated faces, another medium in the cavity, light that it absorbs, and ways of the light."""
     flux = Flux(
         detected=0.45, outside=0.02, missed=0.31, total_reflection=0.01, not_converged=0.05, absorbed=0.04,
         cover_glass=0.03, reflected=0.09,
@@ -97,7 +98,11 @@ def coated():
     missed = MissedByCause(
         backward=0.07, outside_cavity=0.06, base=0.08, missed_receiver=0.055, surfaces_intersect=0.045
     )
-    light = {"flux": flux, "missed_by_cause": missed}
+    shares = {("side", "wall", "exit"): 0.21, ("cap", "exit"): 0.25, ("wall",): 0.013, (): 0.0017}
+    ways = tuple(
+        LightWay(faces=faces, share=Metric(value=share, standard_error=share / 90.0)) for faces, share in shares.items()
+    )
+    light = {"flux": flux, "missed_by_cause": missed, "ways": ways}
     return _folder(("design", "evaluate", "export", "check"), lens_of(lens=_COATED), evaluate=light)
 
 

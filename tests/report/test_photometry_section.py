@@ -7,7 +7,14 @@ from page_text import text_of
 from result_folders import make_results, small_lens
 from shown_folders import REGION, ROAD
 
-from lensforge.report.study_figures import ground_diagram, isocandela_diagram, polar_diagram, road_from_above
+from lensforge.report.light_section import photometry_pictures
+from lensforge.report.study_figures import (
+    ground_diagram,
+    isocandela_diagram,
+    polar_diagram,
+    road_by_night,
+    road_from_above,
+)
 
 
 def road_lens(**changes):
@@ -96,14 +103,51 @@ def test_isolux_lines_of_a_lamp_lie_where_its_illuminance_is():
     assert f"{0.2 * 24 * 1000.0 / np.pi / 64.0:.2g} lx" in words
 
 
+ON_A_ROAD = {"width_m": 7.0, "pole_height_m": 8.0, "pole_spacing_m": 30.0, "lamp_lm": 5000.0, "maintenance_factor": 0.8}
+
+
+def lens_on(**road):
+    far = {"kind": "beam", "fwhm_deg": (60.0, 25.0), "half_angle_deg": 90.0}
+    return small_lens(wanted={"target": far, "roads": [ON_A_ROAD | road]})
+
+
+@pytest.mark.parametrize(
+    ("fields", "seats"),
+    [
+        ({}, [(2, 5.25, 1), (1, 1.75, 1)]),
+        ({"driving_side": "left", "oncoming_lanes": 1}, [(1, 5.25, 1), (2, 1.75, -1)]),
+    ],
+)
+def test_a_road_by_night_has_its_lamps_in_place_and_the_luminance_of_its_drivers(fields, seats):
+    """From the left lane first. A lamp at the right edge is 6.5 m above the eye and y aside, at 60 m and at 90 m."""
+    lens = lens_on(lighting_class="M4", **fields)
+    found = make_photometry(lens)
+    night, above = (draw(found, 0, lens.spec).axes[:2] for draw in (road_by_night, road_from_above))
+    for (lane, eye_y, heading), axes, plan in zip(seats, night, above, strict=True):
+        mesh, *_, heads = axes.collections
+        middles = np.array([path.vertices[[0, 2]].mean(axis=0) for path in heads.get_paths()])
+        for away in (60.0, 90.0):
+            assert np.abs(middles - np.array([heading * eye_y, 6.5 - 0.06]) / away).max(axis=1).min() < 1e-9
+        u, v = np.moveaxis(mesh.get_coordinates(), -1, 0)
+        away = -1.5 / v
+        assert np.allclose((u * away)[[0, -1]], heading * np.array([[eye_y], [eye_y - 7.0]]))  # the edges of the road
+        rows, field = mesh.get_array().reshape(u.shape), np.arange(61.5, 90.0, 3.0)
+        mean = np.mean([np.interp(field, ahead, row) for ahead, row in zip(away, rows, strict=True)])
+        assert mean == pytest.approx(found.roads[0].drivers[lane - 1].mean_cd_per_m2.value, rel=0.01)
+        assert plan.images[0].get_array().mean() == pytest.approx(mean, rel=0.01)
+        assert axes.get_title("left") == f"from lane {lane}" + (", oncoming" if heading < 0 else "")
+        (arrow,) = (line for line in plan.lines if line.get_marker() in "<>")
+        assert [*arrow.get_xydata()[0], arrow.get_marker()] == [15.0 - 15.0 * heading, eye_y, "<>"[heading > 0]]
+
+
 @pytest.mark.parametrize("lighting_class", ["M4", "P2"])
 def test_a_road_from_above_is_what_its_figures_say(lighting_class):
     """A view for each driver, the left lane first, whose mean is the stated one; of a path one, in lux."""
-    road = {"lighting_class": lighting_class, "width_m": 7.0, "pole_height_m": 8.0, "pole_spacing_m": 30.0}
-    far = {"kind": "beam", "fwhm_deg": (60.0, 25.0), "half_angle_deg": 90.0}
-    lens = small_lens(wanted={"target": far, "roads": [road | {"lamp_lm": 5000.0, "maintenance_factor": 0.8}]})
+    lens = lens_on(lighting_class=lighting_class)
     found = make_photometry(lens)
     (judged,) = found.roads
+    drawn = photometry_pictures(make_results(("photometry",), lens, photometry=found))
+    assert [each.title for each in drawn][2:] == ["Road", "Road by night"][: 2 if lighting_class == "M4" else 1]
     views = road_from_above(found, 0, lens.spec).axes[:-1]  # the last is the colour bar
     means = [view.images[0].get_array().mean() for view in views]
     if lighting_class == "P2":

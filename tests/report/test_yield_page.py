@@ -11,7 +11,15 @@ from page_text import Page, folded, text_of, undrawn_page_of
 from result_folders import make_results, small_lens
 from scenes import part_tolerances
 
-from lensforge.made.yield_facts import budget_row, budget_rows, cause_rows, metric_words, spread_rows, yield_facts
+from lensforge.made.yield_facts import (
+    budget_row,
+    budget_rows,
+    cause_rows,
+    metric_words,
+    road_rows,
+    spread_rows,
+    yield_facts,
+)
 from lensforge.results import Conditions
 from lensforge.results.numerals import percent
 from lensforge.shop.sheet_tables import tolerance_table
@@ -70,6 +78,14 @@ def test_every_tolerance_is_on_the_page_with_its_largest_amount(page, found):
     assert [row.fact("at_most").text for row in rows[:3]] == ["0.075 mm", "above 0.8 mm", "0.75°"]
     assert [row.fact("at_most").state for row in rows[:3]] == ["pass", "pass", "pass"]
     assert (rows[-1].fact("at_most").text, rows[-1].fact("at_most").state) == ("× 0.875", "fail")
+
+
+def test_each_road_is_on_the_page_with_the_parts_that_hold_its_class(page, found):
+    words = "90 %, 76.9 % to 96 %, nmse, of 62.5 % of the parts".replace(" %", "\u2009%").split(", ", 2)
+    causes = ("source, decentre, 50.0 ± 6.2\u2009%", "undecided: the noise of the rays outweighs it")
+    for number, (row, main) in enumerate(zip(road_rows(found), causes, strict=True), start=1):
+        assert [fact.text for fact in row.facts] == ["M3", *words, main]
+        assert row.title == f"Road {number}" and folded(main) in page.text and folded(words[2]) in page.text
 
 
 def test_a_tolerance_of_which_no_amount_is_small_enough_is_named(found):

@@ -7,7 +7,7 @@ import pytest
 
 from lensforge.errors import InputError
 from lensforge.scene.road_classes import Ask, asked_of
-from lensforge.scene.road_field import CandelaSum, RoadReadings
+from lensforge.scene.road_field import CandelaSum, DriverView, RoadReadings
 from lensforge.scene.road_surface import RoadSurface, read_surface
 from lensforge.spec.road_section import STANDARD_SURFACES, RoadSection
 
@@ -23,8 +23,9 @@ def _candela(azimuth_deg, gamma_deg):
     return 1000.0 * wide * np.clip((95.0 - gamma_deg) / 95.0, 0.0, None) ** 0.4
 
 
-def _of(light: CandelaSum) -> np.ndarray:
-    return light.of(_candela(light.azimuth_deg, light.gamma_deg)[None])[0]
+def _of(light: CandelaSum, mirror: float = 1.0) -> np.ndarray:
+    """Light by that lamp, or by its mirror image."""
+    return light.of(_candela(mirror * light.azimuth_deg, light.gamma_deg)[None])[0]
 
 
 def _lamps(road: RoadSection):
@@ -61,21 +62,25 @@ def _r(surface: RoadSurface, beta: float, tan_gamma: float) -> float:
 
 def _plain_luminance(road: RoadSection, surface: RoadSurface, eye_y: float) -> list[float]:
     count = max(10, ceil(road.pole_spacing_m / 3.0))
-    found, high = [], road.pole_height_m
+    found = []
     for row in range(3 * road.lanes):
         y = (row + 0.5) * road.width_m / (3 * road.lanes)
         for step in range(count):
-            x, total = (step + 0.5) * road.pole_spacing_m / count, 0.0
-            for lamp in _lamps(road):
-                dx, dy = lamp[0] - x, lamp[1] - y
-                if not (-5.0 * high <= dx <= 12.0 * high and abs(dy) <= 5.0 * high):
-                    continue
-                view = np.array([x + 60.0, y - eye_y])
-                cosine = view @ [dx, dy] / (np.linalg.norm(view) * hypot(dx, dy))
-                beta = degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
-                total += _intensity(road, lamp, x, y, 0.0) * _r(surface, beta, hypot(dx, dy) / high) / high**2
-            found.append(total)
+            found.append(_plain_luminance_at(road, surface, eye_y, (step + 0.5) * road.pole_spacing_m / count, y))
     return found
+
+
+def _plain_luminance_at(road: RoadSection, surface: RoadSurface, eye_y: float, x: float, y: float) -> float:
+    total, high = 0.0, road.pole_height_m
+    for lamp in _lamps(road):
+        dx, dy = lamp[0] - x, lamp[1] - y
+        if not (-5.0 * high <= dx <= 12.0 * high and abs(dy) <= 5.0 * high):
+            continue
+        view = np.array([x + 60.0, y - eye_y])
+        cosine = view @ [dx, dy] / (np.linalg.norm(view) * hypot(dx, dy))
+        beta = degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+        total += _intensity(road, lamp, x, y, 0.0) * _r(surface, beta, hypot(dx, dy) / high) / high**2
+    return total
 
 
 def _plain_veil(road: RoadSection, eye_y: float) -> list[float]:
@@ -135,6 +140,81 @@ def test_a_road_as_plain_loops_have_it(arrangement, overhang_m, tilt_deg, lanes,
     for edge, strips in zip(readings.edges, pairs, strict=True):
         np.testing.assert_allclose(_of(edge), [_plain_mean_lux(road, *ends) for ends in strips], rtol=1e-9)
     assert _of(readings.illuminance.mean()).item() == pytest.approx(_plain_mean_lux(road, 0.0, 7.0), rel=1e-9)
+
+
+def test_a_driver_sees_by_a_pinhole_60_m_before_the_field() -> None:
+    """Straight ahead at d the road lies 1.5/d below the horizon; lines along it meet there; what is aside is y/d."""
+    road = RoadSection(**ROAD, lanes=2)
+    ahead = np.array([20.0, 60.0, 93.0, 1e9])
+    for lane, eye_y in ((0, 1.75), (1, 5.25)):
+        view = DriverView(road, lane)
+        straight = view.seen(ahead - 60.0, np.full(4, eye_y), np.zeros(4))
+        np.testing.assert_allclose(straight, np.stack([np.zeros(4), -1.5 / ahead], axis=1), atol=1e-15)
+        lamps = view.seen(ahead - 60.0, np.zeros(4), np.full(4, 9.0))
+        np.testing.assert_allclose(lamps, np.stack([eye_y / ahead, 7.5 / ahead], axis=1))  # of the right edge
+    x, y = np.array([-45.0, -20.0, 10.0, 140.0]), np.array([0.4, 3.0, 6.9, 2.0])  # nearer than the field, in it, beyond
+    wanted = [_plain_luminance_at(road, RoadSurface.of("R3"), 5.25, *place) for place in zip(x, y, strict=True)]
+    np.testing.assert_allclose(_of(DriverView(road, 1).luminance(x, y)), wanted, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("fields", "lamp_y", "foot_y"),
+    [
+        ({"overhang_m": 1.0}, [1.0], [0.0]),
+        ({"overhang_m": -1.0, "arrangement": "left"}, [8.0], [8.0]),
+        ({"overhang_m": 1.0, "arrangement": "opposite"}, [1.0, 6.0], [0.0, 7.0]),
+        ({"overhang_m": 0.5, "arrangement": "median", "median_m": 3.0}, [6.5, 10.5], [8.5, 8.5]),
+    ],
+)
+def test_poles_stand_beside_the_road(fields, lamp_y, foot_y) -> None:
+    x, y, foot = DriverView(RoadSection(**ROAD, **fields), 0).lamps(59.0, 61.0)
+    assert (list(x), list(y), list(foot)) == ([0.0] * len(lamp_y), lamp_y, foot_y)
+
+
+@pytest.mark.parametrize(
+    ("arrangement", "image", "more"),
+    [
+        ("right", "left", {"oncoming_lanes": 1}),
+        ("opposite", "opposite", {"overhang_m": -0.5, "oncoming_lanes": 2}),
+        ("staggered", "staggered", {"tilt_deg": 5.0}),
+        ("median", "median", {"median_m": 3.0, "overhang_m": 0.4}),
+    ],
+)
+def test_the_mirror_image_of_a_road_has_the_mirror_image_of_its_figures(arrangement, image, more) -> None:
+    """With lamps that are mirror images, too, each driver sees in the same lane what the other does, left for right."""
+    fields = ROAD | {"width_m": 9.6, "lanes": 3} | more
+    one = RoadReadings.of(RoadSection(**fields, arrangement=arrangement))
+    other = RoadReadings.of(RoadSection(**fields, arrangement=image, driving_side="left"))
+    for lane in range(3):
+        seen, mirrored = _of(one.luminance[lane]).reshape(9, -1), _of(other.luminance[lane], -1.0).reshape(9, -1)
+        np.testing.assert_allclose(mirrored[::-1], seen, rtol=1e-9)
+        np.testing.assert_allclose(_of(other.veiling[lane], -1.0), _of(one.veiling[lane]), rtol=1e-9)
+        middle, wanted = (each.luminance[lane].places(each.middle(lane)) for each in (other, one))
+        np.testing.assert_allclose(_of(middle, -1.0), _of(wanted), rtol=1e-9)
+    np.testing.assert_allclose(_of(other.illuminance, -1.0).reshape(7, -1)[::-1].ravel(), _of(one.illuminance))
+    for edge, wanted in zip(other.edges, one.edges[::-1], strict=True):
+        np.testing.assert_allclose(_of(edge, -1.0), _of(wanted), rtol=1e-9)
+    poles = [DriverView(each.road, 0).lamps(59.0, 61.0)[2] for each in (one, other)]
+    np.testing.assert_allclose(np.sort(9.6 - poles[1]), np.sort(poles[0]))
+
+
+@pytest.mark.parametrize("driving_side", ["right", "left"])
+def test_who_comes_the_other_way_sees_the_road_turned_by_half_a_turn(driving_side) -> None:
+    """Their driver, in the last lane, has the lamps of the right edge at the left; the lamps stay as they are."""
+    fields = ROAD | {"overhang_m": 0.6, "tilt_deg": 5.0, "driving_side": driving_side}
+    road = RoadSection(**fields, arrangement="right", oncoming_lanes=1)
+    both, turned = RoadReadings.of(road), RoadReadings.of(RoadSection(**fields, arrangement="left"))
+    np.testing.assert_allclose(_of(both.luminance[1])[::-1], _of(turned.luminance[0]), rtol=1e-9)
+    np.testing.assert_allclose(_of(both.veiling[1]), _of(turned.veiling[0]), rtol=1e-9)
+    alone = RoadReadings.of(RoadSection(**fields, arrangement="right"))
+    np.testing.assert_array_equal(_of(both.luminance[0]), _of(alone.luminance[0]))
+    assert abs(_of(both.veiling[1]).max() / _of(alone.veiling[1]).max() - 1.0) > 0.01
+    x, y, z = np.array([20.0]), np.array([2.0]), np.array([6.0])
+    there, here = DriverView(road, 1), DriverView(turned.road, 0)
+    np.testing.assert_allclose(there.seen(33.0 - x, 7.0 - y, z), here.seen(x, y, z))
+    np.testing.assert_allclose(_of(there.luminance(33.0 - x, 7.0 - y)), _of(here.luminance(x, y)))
+    for one, other in zip(there.lamps(10.0, 100.0)[1:], here.lamps(10.0, 100.0)[1:], strict=True):
+        np.testing.assert_allclose(7.0 - one, other)
 
 
 def test_an_even_lamp_over_a_surface_that_looks_alike_from_everywhere(tmp_path) -> None:
@@ -224,6 +304,7 @@ def test_a_table_that_is_none_has_one_line(content: str, words: str, tmp_path) -
         ({"lighting_class": "P2", "uniformity": 0.5}, "uniformity is of a class M"),
         ({"surface": "R5"}, "surface"),
         ({"arrangement": "median", "overhang_m": -1.0, "median_m": 1.8}, "inside the lane of the other"),
+        ({"oncoming_lanes": 2}, "oncoming_lanes = 2 leave none of lanes = 2"),
         ({"median_m": 2.0}, "median_m = 2 is for arrangement"),
     ],
 )

@@ -72,7 +72,12 @@ def test_the_merit_is_the_mean_by_shares_or_the_worst(over: str) -> None:
     term = constraints.term(found.fields)
     losses = [each.loss - term for each in alone]
     assert abs(losses[0] - losses[1]) > 0.01
-    wanted = 0.75 * losses[0] + 0.25 * losses[1] if over == "mean" else max(losses)
+    shares = [0.75, 0.25]
+    if over == "worst":
+        shares = np.exp([4.0 * each.item() / found.nmse for each in losses])
+        shares /= shares.sum()
+        assert max(shares) > 0.6 and np.argmax(shares) == np.argmax([each.item() for each in losses])
+    wanted = shares[0] * losses[0] + shares[1] * losses[1]
     assert (found.loss - term).item() == pytest.approx(wanted.item(), rel=1e-12)
     assert found.nmse == pytest.approx(0.75 * alone[0].nmse + 0.25 * alone[1].nmse, rel=1e-12)
     by_all, by_each = (torch.autograd.grad(each, weights, retain_graph=True)[0] for each in (found.loss, wanted + term))

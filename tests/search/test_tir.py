@@ -1,10 +1,9 @@
 """A lens for total internal reflection from its spec: start, tables, derivatives, limits, and a short search."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 import torch
+from tir_lenses import SPOT, spot
 
 import lensforge as lf
 from lensforge.kernels.chain import REFLECTED
@@ -18,21 +17,6 @@ from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec, parse_spec
 from lensforge.surfaces.bicubic_table import evaluate_table, tabulate
 from lensforge.surfaces.srbf import fibonacci_hemisphere
-
-SPOT = {
-    "source": {"kind": "square", "side_mm": 1.0},
-    "lens": {"kind": "tir", "profile": 8},
-    "constraints": {"max_radius_mm": 8.0},
-    "target": {"kind": "disc", "diameter_deg": 20.0, "half_angle_deg": 30.0},
-    "optimise": {"aim": "share", "steps_per_level": [25], "rays": 4096},
-    "limits": [{"kind": "zone", "zone": {"kind": "disc", "diameter_deg": 20.0}, "at_least_share": 0.8}],
-}
-
-
-def spot(**lens: Any) -> Spec:
-    steps = [25, *(10 for _ in lens.get("levels", ()))]
-    optimise = {**SPOT["optimise"], "steps_per_level": steps}
-    return parse_spec({**SPOT, "lens": {**SPOT["lens"], **lens}, "optimise": optimise}, "spot")
 
 
 def moved(parameters: ProfileParameters, size: float) -> tuple[torch.Tensor, torch.Tensor]:

@@ -15,9 +15,10 @@ from shop_lenses import BASE, quick_check, small_lens
 
 from lensforge.cad.form_error import fit_faces
 from lensforge.cad.part import Faces
-from lensforge.cad.part_export import build_part, signed_step
+from lensforge.cad.part_export import build_part
 from lensforge.cad.plan import make_plan
 from lensforge.cad.solid import build_solid
+from lensforge.cad.step import signed_step
 from lensforge.errors import InputError
 from lensforge.shop.dimensions import datum_scheme, dimensions
 from lensforge.shop.drawing import SCALES, SIZES, drawing_content, make_sheet

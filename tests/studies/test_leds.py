@@ -1,6 +1,7 @@
 """A lens for each LED of a list: how lists are read, and what the study says of each."""
 
 import csv
+import json
 import shutil
 from pathlib import Path
 
@@ -194,7 +195,9 @@ def test_several_specs_are_designed_in_one_call(tmp_path: Path, monkeypatch: pyt
     assert len(made) == 2
 
 
-def test_a_design_for_each_led_is_a_study_of_its_own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_design_for_each_led_is_a_study_of_its_own_folder(
+    examples: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(
         "lensforge.cli.studies.run_with_progress",
@@ -204,5 +207,45 @@ def test_a_design_for_each_led_is_a_study_of_its_own_folder(tmp_path: Path, monk
     ended = lensforge("design", "lens.toml", "--sources", "lens.toml", "--accuracy", "draft")
     assert ended.code in (0, 1) and "small in one lens for all" in ended.stdout
     assert Sweep.read(Path("cad_out/small_sources")).values == ("small", "wide", ONE_FOR_ALL)
+    for name in ("a.tm25ray", "b.tm25ray"):  # the shell writes a pattern out: the first is the option's value
+        shutil.copy(examples / "led.tm25ray", name)
+    options = "--accuracy", "draft", "--out", "listed"
+    ended = lensforge("design", "lens.toml", "--sources", "a.tm25ray", "b.tm25ray", *options)
+    assert ended.code in (0, 1) and Sweep.read(Path("listed")).values == ("a", "b")
     bad = lensforge("design", "lens.toml", "--sources", "none.ray")
     assert bad.code == 2 and "none.ray: no such file" in bad.stderr
+
+
+def test_a_lens_for_another_led_begins_at_the_old_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = {}
+    monkeypatch.setattr("lensforge.search.searches.design", lambda spec, **options: asked.update(spec=spec, **options))
+    old = design(small_spec(lens__symmetry="square", optimise=STEPS), accuracy="draft", seed=4).lens
+    lf.redesign(old, lf.SquareSource(side_mm=0.5, flux_lm=100.0), threads=1)
+    spec = asked["spec"]
+    assert asked["start"] is old and (asked["accuracy"], asked["seed"], asked["threads"]) == ("draft", 4, 1)
+    assert (spec.source.side_mm, spec.lens.levels, spec.lens.symmetry) == (0.5, "auto", "square")
+    assert spec.name == "small-0_5_mm_square_Lambertian_source"
+    lf.redesign(old, lf.RectangleSource(width_mm=0.5, height_mm=0.6), accuracy="standard")
+    assert asked["spec"].lens.symmetry == "auto" and asked["accuracy"] == "standard"
+
+
+def test_a_change_of_the_led_is_compared_with_a_lens_made_for_it(
+    examples: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    old, source = small_spec(optimise=STEPS, base={"kind": "none"}), examples / "led.tm25ray"
+    designed(old, Path("old"), False)
+
+    def renewed(_lens: lf.Lens, file: Path, **_options: object) -> lf.Design:
+        return design(old.replace(source=lf.RayfileSource(file=file, origin="virtual_focus")), accuracy="draft")
+
+    monkeypatch.setattr("lensforge.cli.studies.redesign", renewed)
+    ended = lensforge("evaluate", "old", "--source", source, "--compare", "--json")
+    content = json.loads(ended.stdout)
+    assert ended.code == 0 and content["renewed"]["folder"] == "old-led"
+    before, after = content["evaluate_led"]["efficiency"], content["renewed"]["evaluate"]["efficiency"]
+    assert before["value"] != after["value"] and lf.load("old-led").light.efficiency.value == after["value"]
+    shown = lensforge("evaluate", "old", "--source", source, "--compare")
+    assert "A lens made for it, in old-led" in shown.stdout
+    bad = lensforge("evaluate", "old", "--compare")
+    assert bad.code == 2 and "--compare: with which LED?" in bad.stderr

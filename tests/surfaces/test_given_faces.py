@@ -8,6 +8,7 @@ import pytest
 from cad_shapes import ball, in_inches, shell, write
 from nightly import NIGHTLY, first_by_day
 from scenes import hemisphere_directions, random_surface, small_spec
+from tir_lenses import spot, spot_lens
 
 import lensforge as lf
 from lensforge.cad.form_error import fit_to_form, form_error
@@ -70,6 +71,23 @@ def test_points_are_moved_by_their_shift(coordinates: str, tmp_path: Path) -> No
     assert np.abs(np.linalg.norm(points - shift, axis=1) - RADIUS).max() < 1e-5
 
 
+def test_every_face_of_a_lens_for_total_reflection_may_be_given(tmp_path: Path) -> None:
+    lens = spot_lens()
+    lens.save(tmp_path / "lens.json")
+    for name, surface in lens.surfaces.items():
+        spec = spot(**{name: {"fixed": {"kind": "lens", "file": str(tmp_path), "face": name}}})
+        begun = spot_lens(spec)
+        assert np.array_equal(begun.surfaces[name].radius(U), surface.radius(U)), "the search does not change it"
+        begun.save(tmp_path / "again.json")
+        assert lf.load_lens(tmp_path / "again.json").surfaces[name].radius(U) == pytest.approx(
+            surface.radius(U), rel=0.0
+        )
+    with pytest.raises(
+        InputError, match=r"lens\.exit\.fixed.*the faces of this lens are cap, side, wall, exit; give one"
+    ):
+        spot(exit={"fixed": {"kind": "lens", "file": str(tmp_path), "face": "outer"}})
+
+
 def test_a_lens_file_that_was_changed_is_no_given_face(tmp_path: Path) -> None:
     lens = Lens.double(random_surface(1, 3.0), random_surface(2, 6.0), small_spec(), 0, "draft")
     lens.save(tmp_path / "lens.json")
@@ -113,6 +131,8 @@ def test_the_face_of_a_lens_is_that_face(tmp_path: Path) -> None:
     assert np.array_equal(given.surface.radius(U), lens.inner.radius(U))
     assert FixedLensFace(file=tmp_path / "lens.json", face="outer").surface == lens.outer
     assert given.title == f"inner face of {tmp_path.name}/lens.json"
+    with pytest.raises(InputError, match=r"face = 'exit': the faces of this lens are inner, outer; give one of them"):
+        FixedLensFace(file=tmp_path, face="exit").resolved()
     face = {"kind": "lens", "file": str(tmp_path), "face": "inner"}
     spec = small_spec(lens={"levels": [9, 25], "inner": {"fixed": face}, "outer": {"offset_mm": 6.0}})
     changed = spec.replace(name="other")

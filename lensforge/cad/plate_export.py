@@ -1,0 +1,203 @@
+"""The plate from the faces of one lens: STEP, STL and 3MF, and their errors, measured by reading them back.
+
+Each lens in the solid as read back is compared with the one whose form error is known: two splines of the same knots
+are no farther apart than their poles. The volume is compared with its closed form.
+"""
+
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.cad.boundary import Boundary, Pair
+from lensforge.cad.mesh import BodyMesh, Closure, check_closed, manifold_of, mesh_error
+from lensforge.cad.mesh_files import parse_3mf, parse_stl, stl_bytes, threemf_bytes
+from lensforge.cad.outline import sampled_azimuths
+from lensforge.cad.part_limits import mass_g, mesh_volume_limit
+from lensforge.cad.patch import Patch
+from lensforge.cad.plan import MIN_BASE_WALL_MM, Plan, lay_out, rim_directions, rim_radius
+from lensforge.cad.plate_layout import PlateLayout, PlateWall, layout_of
+from lensforge.cad.plate_mesh import build_plate_mesh, lens_mesh
+from lensforge.cad.plate_result import PLATE_FILES, PLATE_STEP_FILE, Plate, plate_criteria
+from lensforge.cad.plate_solid import build_plate_solid, poles_of
+from lensforge.cad.solid import Shapes, build_solid
+from lensforge.cad.step import parse_step, signed_step
+from lensforge.errors import InputError
+from lensforge.results.criteria import Criterion
+from lensforge.results.files import MIB
+from lensforge.results.record import MOST_FILE_BYTES
+from lensforge.scene.lens import Lens
+from lensforge.spec import BaseSection
+from lensforge.spec.lamps_section import Lamps
+from lensforge.surfaces.step_file import Schema
+
+_BARE = BaseSection(kind="none")
+_NEIGHBOURS = 1.5  # of the distance of the nearest two axes: lenses this close may be the closest two
+_CLOSEST = 64  # vertices, and facets of each, among which the closest are found
+_NM_PER_MM = 1e6
+
+
+@dataclass(frozen=True, eq=False)
+class BuiltPlate:
+    """Figures, criteria, and files by their names."""
+
+    figures: Plate
+    criteria: tuple[Criterion, ...]
+    files: dict[str, bytes]
+
+
+def build_plate(
+    lens: Lens, plan: Plan[Patch], form_error_nm: float, schema: Schema, date: str | None
+) -> BuiltPlate | None:
+    """Make the plate of the spec from the fitted faces of one lens; None where the spec has no ``[plate]``.
+
+    ``plan``, ``form_error_nm``: of the lens as exported by itself. Raises :class:`InputError` for lenses that overlap,
+    a pin in a cavity, and a file that would be too large.
+    """
+    start, layout = time.perf_counter(), layout_of(lens)
+    if layout is None:
+        return None
+    bare, product = lay_out(plan.cavity, plan.envelope, _BARE), f"{lens.spec.name} plate"
+    opening = opening_of(bare.cavity)
+    _require_walls(layout, opening)
+    one, chord_mm = lens_mesh(bare, len(layout.lenses))
+    gap_mm = least_gap_mm(one, layout)
+    solid = build_plate_solid(bare, layout)
+    step = signed_step(solid, lens.spec, product, schema, date).content
+    _require_readable(step, len(layout.lenses))
+    mesh = build_plate_mesh(bare, layout, one, chord_mm)
+    files = dict(zip(PLATE_FILES, (step, stl_bytes(mesh), threemf_bytes(mesh, product)), strict=True))
+    read, (closed, closed_3mf) = parse_step(step), _closures(files)
+    volume = layout.volume_mm3(build_solid(bare).volume_mm3, float(np.pi * np.mean(np.sum(opening**2, axis=1))))
+    form_nm = form_error_nm + copies_off_mm(read.faces, bare, layout) * _NM_PER_MM
+    measured = {
+        "form_error": form_nm,
+        "step_valid": float(read.valid),
+        "step_volume_change": abs(read.default_volume_mm3 / solid.default_volume_mm3 - 1.0),
+        "volume_error": abs(read.default_volume_mm3 / volume - 1.0),
+        "watertight": float(closed.watertight),
+        "watertight_3mf": float(closed_3mf.watertight),
+        "genus_difference": float(abs(closed.genus - read.genus)),
+        "mesh_volume_change": abs(closed.volume_mm3 / volume - 1.0),
+    }
+    figures = Plate(
+        lenses=len(layout.lenses),
+        gap_mm=gap_mm,
+        form_error_nm=form_nm,
+        volume_mm3=volume,
+        volume_mesh_mm3=closed.volume_mm3,
+        mass_g=mass_g(lens.spec, volume),
+        bounds_mm=mesh.bounds_mm,
+        watertight=closed.watertight,
+        genus=closed.genus,
+        faces=len(read.shape.Faces()),
+        triangles=len(mesh.triangles),
+        chord_error_um=1e3 * mesh_error(one, bare),
+        seconds=round(time.perf_counter() - start, 3),
+    )
+    limit = mesh_volume_limit(mesh.area(), chord_mm, volume)
+    return BuiltPlate(figures, plate_criteria(measured, limit, read.faults), files)
+
+
+def opening_of(cavity: Boundary[Patch]) -> Float[np.ndarray, "n 2"]:
+    """Points (mm) at equal azimuths around the rim of ``cavity``."""
+    azimuths = sampled_azimuths()
+    points: Float[np.ndarray, "n 2"] = rim_radius(cavity)(azimuths)[:, None] * rim_directions(azimuths)[:, :2]
+    return points
+
+
+def _require_walls(layout: PlateLayout, opening: Float[np.ndarray, "n 2"]) -> None:
+    wall = layout.thinnest_wall(opening)
+    if wall is not None and wall.thickness_mm < MIN_BASE_WALL_MM:
+        raise InputError(
+            f"plate: the wall between {wall.between} is {wall.thickness_mm:.4g} mm; allowed: at least "
+            f"{MIN_BASE_WALL_MM:g}; move one of the two, or take a smaller diameter"
+        )
+
+
+def _require_readable(step: bytes, lenses: int) -> None:
+    if len(step) > MOST_FILE_BYTES:
+        raise InputError(
+            f"{PLATE_STEP_FILE}: {len(step) // MIB} MiB for {lenses} lenses, at most {MOST_FILE_BYTES // MIB} MiB "
+            "are read; take fewer lenses on a plate, or export with fewer --nodes"
+        )
+
+
+def _closures(files: Mapping[str, bytes]) -> tuple[Closure, Closure]:
+    """Closures of the STL and of the 3MF as read back."""
+    stl, threemf = (files[name] for name in PLATE_FILES[1:])
+    return check_closed(*parse_stl(stl, PLATE_FILES[1])), check_closed(*parse_3mf(threemf, PLATE_FILES[2]))
+
+
+def room_on_plate(lens: Lens, pair: Pair[Patch]) -> tuple[float | None, PlateWall | None]:
+    """Least gap (mm) between two lenses, and the thinnest wall at holes and pins; None for what there is not."""
+    layout = layout_of(lens)
+    if layout is None:
+        return None, None
+    one, _ = lens_mesh(lay_out(*pair, _BARE), len(layout.lenses))
+    return least_gap_mm(one, layout), layout.thinnest_wall(opening_of(pair[0]))
+
+
+def copies_off_mm(faces: Shapes, plan: Plan[Patch], layout: PlateLayout) -> float:
+    """Largest distance (mm) of the optical ``faces`` of a plate's solid from those of the lens at its places.
+
+    Infinite where a face is missing, or is no spline of as many poles.
+    """
+    count, off = len(layout.lenses), 0.0
+    for face in plan.faces:
+        poles = face.shape.bounded(face.domain.extent[1]).control
+        for number in range(count):
+            found = faces.get(face.label if count == 1 else f"{face.label}_{number + 1}")
+            read = None if found is None else poles_of(found)
+            if read is None or read.shape != poles.shape:
+                return float("inf")
+            wanted = layout.placed(poles.reshape(-1, 3), number)
+            off = max(off, float(np.linalg.norm(read.reshape(-1, 3) - wanted, axis=1).max()))
+    return off
+
+
+def least_gap_mm(lens: BodyMesh, layout: PlateLayout) -> float | None:
+    """Least distance (mm) between two lenses: from a vertex of one to the facets of the other; None for one lens.
+
+    Raises :class:`InputError` where two overlap.
+    """
+    body, gaps = manifold_of(lens.vertices, lens.triangles), list[float]()
+    for way, turn in _neighbours(layout):
+        beside = replace(layout, lenses=Lamps((way,), (turn,)))
+        vertices = beside.placed(lens.vertices, 0)
+        if (body ^ manifold_of(vertices, lens.triangles)).volume() > 0.0:
+            raise InputError(
+                f"plate: two lenses, {np.hypot(*way):.4g} mm apart, overlap; raise the pitch of lamps, or lower "
+                "constraints.max_radius_mm and design again"
+            )
+        gaps.append(_between_mm(vertices, lens))
+    return min(gaps, default=None)
+
+
+def _between_mm(points: Float[np.ndarray, "n 3"], lens: BodyMesh) -> float:
+    """Least distance (mm) of ``points`` from the facets of ``lens``, of those that are nearest by their vertices."""
+    import trimesh
+    from scipy.spatial import cKDTree
+
+    near = points[np.argsort(cKDTree(lens.vertices).query(points)[0])[:_CLOSEST]]
+    corners = lens.vertices[lens.triangles]
+    facets = corners[cKDTree(corners.mean(axis=1)).query(near, k=_CLOSEST)[1].ravel()]
+    repeated = np.repeat(near, _CLOSEST, axis=0)
+    return float(np.linalg.norm(trimesh.triangles.closest_point(facets, repeated) - repeated, axis=1).min())
+
+
+def _neighbours(layout: PlateLayout) -> Iterator[tuple[tuple[float, float], float]]:
+    """Places (mm) and turns (degrees) of lenses as near ones see them in their own coordinates, each once."""
+    lenses, seen = layout.lenses, set[tuple[float, float, float]]()
+    places, turns = np.array(lenses.places_mm), np.array(lenses.turns_deg)
+    for one, turn in enumerate(lenses.turns_deg):
+        ways = places - places[one]
+        near = np.flatnonzero(np.hypot(*ways.T) <= _NEIGHBOURS * lenses.nearest_mm())
+        for other in near[near != one]:
+            way = complex(*ways[other]) * np.exp(-1j * np.radians(turn))
+            x, y, turned = np.round((way.real, way.imag, (turns[other] - turn) % 360.0), 6).tolist()
+            if (x, y, turned) not in seen:
+                seen.add((x, y, turned))
+                yield (x, y), turned

@@ -1,0 +1,164 @@
+"""The plate seen along z: its outline and its round openings as closed loops, and where each lens stands and is turned.
+
+A loop is a chain of straight lines and arcs. Solid and mesh of the plate are both made from the same loops, and its
+volume follows from them in closed form.
+"""
+
+from dataclasses import dataclass
+from math import atan2, ceil, cos, hypot, pi, radians, sin
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.cad.outline import FULL_TURN
+from lensforge.cad.plan import rim_directions
+from lensforge.scene.lens import Lens
+from lensforge.spec.lamps_section import Lamps, Place
+from lensforge.spec.plate_section import PlateSection
+
+Ends = tuple[float, float]  # azimuths (rad)
+
+
+@dataclass(frozen=True)
+class Edge:
+    """A line from ``start`` to ``end`` (mm), or an arc between them, counter-clockwise about ``centre``.
+
+    An arc that ends where it starts is a whole circle.
+    """
+
+    start: Place
+    end: Place
+    centre: Place | None = None
+
+    @property
+    def radius_mm(self) -> float:
+        """Radius of an arc; 0 of a line."""
+        return 0.0 if self.centre is None else hypot(self.start[0] - self.centre[0], self.start[1] - self.centre[1])
+
+    @property
+    def azimuths(self) -> Ends:
+        """Azimuths (rad) of an arc's ends about its centre, the second one larger."""
+        x, y = self.centre or (0.0, 0.0)
+        first, last = (atan2(point[1] - y, point[0] - x) for point in (self.start, self.end))
+        return first, last if last > first + 1e-9 else last + FULL_TURN
+
+    @property
+    def twice_area_mm2(self) -> float:
+        """Integral of x dy - y dx along it."""
+        (x0, y0), (x1, y1) = self.start, self.end
+        if self.centre is None:
+            return x0 * y1 - y0 * x1
+        first, last = self.azimuths
+        return self.radius_mm**2 * (last - first) + self.centre[0] * (y1 - y0) - self.centre[1] * (x1 - x0)
+
+    def points(self, chord_mm: float) -> Float[np.ndarray, "n 2"]:
+        """Points from its start up to, and without, its end; chords of an arc are within ``chord_mm`` of it."""
+        if self.centre is None:
+            return np.array([self.start])
+        first, last = self.azimuths
+        step = 2.0 * np.arccos(max(1.0 - chord_mm / self.radius_mm, 0.5))
+        turns = np.linspace(first, last, max(ceil((last - first) / step), 2), endpoint=False)
+        return np.array(self.centre) + self.radius_mm * rim_directions(turns)[:, :2]
+
+
+Loop = tuple[Edge, ...]
+
+
+def circle_at(place: Place, radius_mm: float) -> Loop:
+    """The circle about ``place``, counter-clockwise from +x."""
+    start = (place[0] + radius_mm, place[1])
+    return (Edge(start, start, place),)
+
+
+def area_mm2(loop: Loop) -> float:
+    """Area (mm^2) within a loop that runs counter-clockwise."""
+    return sum(edge.twice_area_mm2 for edge in loop) / 2.0
+
+
+def points_on(loop: Loop, chord_mm: float) -> Float[np.ndarray, "n 2"]:
+    """Points (mm) along the loop."""
+    return np.concatenate([edge.points(chord_mm) for edge in loop])
+
+
+@dataclass(frozen=True)
+class PlateWall:
+    """A wall of the plate, and between which two things it is."""
+
+    thickness_mm: float
+    between: str
+
+
+@dataclass(frozen=True)
+class PlateLayout:
+    """A plate of the spec, its width and height (mm), and the places and turns of its lenses."""
+
+    plate: PlateSection
+    size_mm: tuple[float, float]
+    lenses: Lamps
+
+    @property
+    def outline(self) -> Loop:
+        """Its outline, counter-clockwise; lines of no length are left out."""
+        corner, half = self.plate.corner_radius_mm, (self.size_mm[0] / 2.0, self.size_mm[1] / 2.0)
+        if self.plate.kind == "round":
+            return circle_at((0.0, 0.0), half[0])
+        arcs = list[Edge]()
+        for x, y in ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)):
+            centre = (x * (half[0] - corner), y * (half[1] - corner))
+            on_side, on_end = (x * half[0], centre[1]), (centre[0], y * half[1])
+            arcs.append(Edge(*((on_side, on_end) if x * y > 0.0 else (on_end, on_side)), centre))
+        lines = [Edge(one.end, other.start) for one, other in zip(arcs, [*arcs[1:], arcs[0]], strict=True)]
+        chain = [edge for pair in zip(arcs, lines, strict=True) for edge in pair]
+        return tuple(edge for edge in chain if edge.end != edge.start)
+
+    def volume_mm3(self, lens_mm3: float, opening_mm2: float) -> float:
+        """Volume of the plate in closed form.
+
+        ``lens_mm3``: of one lens above z = 0 without a base. ``opening_mm2``: area of its cavity's rim.
+        """
+        count, plate = len(self.lenses), self.plate
+        open_mm2 = count * opening_mm2 + sum(pi * hole.radius_mm**2 for hole in plate.holes)
+        pins_mm3 = sum(pi * pin.radius_mm**2 * pin.height_mm for pin in plate.pins)
+        return count * lens_mm3 + plate.thickness_mm * (area_mm2(self.outline) - open_mm2) + pins_mm3
+
+    def placed(self, points: Float[np.ndarray, "n d"], number: int) -> Float[np.ndarray, "n d"]:
+        """Points (mm) of the lens, in its own coordinates, at the place and turn of lens ``number``; d is 2 or 3."""
+        turn = radians(self.lenses.turns_deg[number])
+        moved = np.array(points)
+        if turn:
+            moved[:, :2] = points[:, :2] @ np.array([[cos(turn), sin(turn)], [-sin(turn), cos(turn)]])
+        moved[:, :2] += self.lenses.places_mm[number]
+        return moved
+
+    def thinnest_wall(self, opening: Float[np.ndarray, "n 2"]) -> PlateWall | None:
+        """The thinnest wall at its holes and pins; ``opening``: points (mm) around a cavity in z = 0.
+
+        None where it has neither.
+        """
+        plate, axes, largest = self.plate, np.array(self.lenses.places_mm), float(np.hypot(*opening.T).max())
+        found = list[PlateWall]()
+        for number, (name, mark) in enumerate(plate.marks):
+            away = np.hypot(*(axes - mark.place_mm).T)
+            near = np.flatnonzero(away <= away.min() + 2.0 * largest)
+            gaps = {"the cavity of a lens": min(self._gap_mm(opening, int(k), mark.place_mm) for k in near)}
+            gaps["the edge"] = plate.to_edge_mm(mark.place_mm, self.size_mm)
+            for other, one in plate.marks[:number]:
+                gaps[other] = mark.away_mm(one.place_mm) - one.radius_mm
+            found += [PlateWall(gap - mark.radius_mm, f"{name} and {other}") for other, gap in gaps.items()]
+        return min(found, key=lambda wall: wall.thickness_mm, default=None)
+
+    def _gap_mm(self, opening: Float[np.ndarray, "n 2"], number: int, place: Place) -> float:
+        """Distance (mm) of a place from the opening of a lens, below 0 within its smallest radius."""
+        nearest = float(np.hypot(*(self.placed(opening, number) - place).T).min())
+        axis = self.lenses.places_mm[number]
+        inside = hypot(place[0] - axis[0], place[1] - axis[1]) < float(np.hypot(*opening.T).min())
+        return -nearest if inside else nearest
+
+
+def layout_of(lens: Lens) -> PlateLayout | None:
+    """The plate of the spec of ``lens``; None where it has none."""
+    plate, spec = lens.spec.plate, lens.spec
+    if plate is None:
+        return None
+    lenses = plate.lenses(spec.lamps)
+    return PlateLayout(plate, plate.size_mm(lenses, spec.constraints.max_radius_mm), lenses)

@@ -1,0 +1,128 @@
+"""The closed mesh of the plate: the facets of one lens, placed for every lens, and the plane faces cut out around them.
+
+The rims of the lenses are kept as they are: top and bottom have the same vertices on them, so by construction the mesh
+is closed. The plane faces are triangulated by manifold3d, which adds no vertex.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from lensforge.cad.boundary import Boundary
+from lensforge.cad.facets import MOST_TRIANGLES
+from lensforge.cad.mesh import BodyMesh, build_mesh
+from lensforge.cad.patch import Patch
+from lensforge.cad.plan import RIM, Plan
+from lensforge.cad.plate_layout import Loop, PlateLayout, circle_at, points_on
+from lensforge.cad.plate_solid import PIN_END, PIN_SIDE, PLATE_BORE, PLATE_BOTTOM, PLATE_HOLE, PLATE_SIDE, PLATE_TOP
+
+_RINGS = 24  # of a lens to begin with: its facets are split where they are too far from their faces
+_CHORD_MM = 2e-3
+
+_Ids = Int[np.ndarray, " n"]
+
+
+@dataclass
+class _Parts:
+    """Vertices and triangles of the plate as they are collected, the latter by the name of their face."""
+
+    count: int = 0
+    vertices: list[Float[np.ndarray, "_ 3"]] = field(default_factory=list)
+    triangles: dict[str, list[Int[np.ndarray, "_ 3"]]] = field(default_factory=dict)
+
+    def add_points(self, points: Float[np.ndarray, "n d"], height_mm: float = 0.0) -> _Ids:
+        """Add points in space, or points of the plane in z = height, and return their numbers."""
+        if points.shape[1] == 2:
+            points = np.column_stack([points, np.full(len(points), height_mm)])
+        self.vertices.append(points)
+        self.count += len(points)
+        return np.arange(self.count - len(points), self.count)
+
+    def add_facets(self, name: str, triangles: Int[np.ndarray, "t 3"]) -> None:
+        """Add triangles, by the numbers of their vertices, to the face ``name``."""
+        self.triangles.setdefault(name, []).append(triangles)
+
+    def add_wall(self, name: str, top: _Ids, foot: _Ids) -> None:
+        """Add the wall between two loops of as many vertices; it faces outwards where they run counter-clockwise."""
+        ahead, below = np.roll(top, -1), np.roll(foot, -1)
+        self.add_facets(name, np.concatenate([np.stack(c, axis=1) for c in ((top, foot, below), (top, below, ahead))]))
+
+    def add_plane(self, name: str, outline: _Ids, openings: Sequence[Int[np.ndarray, " _"]], *, up: bool) -> None:
+        """Add the plane face within ``outline``, without ``openings``; all loops run counter-clockwise."""
+        import manifold3d
+
+        loops = [outline, *(each[::-1] for each in openings)]
+        ids, places = np.concatenate(loops), np.concatenate(self.vertices)[:, :2]
+        found = ids[np.asarray(manifold3d.triangulate([np.ascontiguousarray(places[loop]) for loop in loops]))]
+        self.add_facets(name, found if up else found[:, ::-1])
+
+    def mesh(self, rings: int) -> BodyMesh:
+        """Collect the mesh; faces in the order of their names."""
+        names = sorted(self.triangles)
+        each = [np.concatenate(self.triangles[name]) for name in names]
+        face = np.repeat(np.arange(len(names)), [len(triangles) for triangles in each])
+        return BodyMesh(np.concatenate(self.vertices), np.concatenate(each), face, tuple(names), rings)
+
+
+def lens_mesh(plan: Plan[Patch], count: int) -> tuple[BodyMesh, float]:
+    """The mesh of one lens without a base, and the largest distance (mm) that was allowed of its facets.
+
+    That is 2 um, or as much as ``count`` lenses of a file that is still read may have.
+    """
+    chord_mm = _CHORD_MM
+    while True:
+        mesh = build_mesh(plan, _RINGS, chord_mm)
+        if count * len(mesh.triangles) <= MOST_TRIANGLES:
+            return mesh, chord_mm
+        chord_mm *= 2.0
+
+
+def build_plate_mesh(plan: Plan[Patch], layout: PlateLayout, lens: BodyMesh, chord_mm: float) -> BodyMesh:
+    """Mesh the plate; ``lens``: one lens without a base, ``chord_mm``: of the round edges of the plate."""
+    parts, thickness = _Parts(), layout.plate.thickness_mm
+    optical = [name for name in lens.names if name != RIM]
+    rim, mouth = (_rim_of(lens, boundary) for boundary in (plan.envelope, plan.cavity))
+    outline, foot = _prism(parts, PLATE_SIDE, layout.outline, chord_mm, 0.0, thickness, outwards=True)
+    tops, bottoms = [], []
+    for number in range(len(layout.lenses)):
+        ids = parts.add_points(layout.placed(lens.vertices, number))
+        for name in optical:
+            parts.add_facets(name, ids[lens.part(name)])
+        below = parts.add_points(layout.placed(lens.vertices[mouth, :2], number), -thickness)
+        parts.add_wall(PLATE_BORE, ids[mouth][::-1], below[::-1])
+        tops.append(ids[rim])
+        bottoms.append(below)
+    for hole in layout.plate.holes:
+        circle = circle_at(hole.place_mm, hole.radius_mm)
+        edge, below = _prism(parts, PLATE_HOLE, circle, chord_mm, 0.0, thickness, outwards=False)
+        tops.append(edge)
+        bottoms.append(below)
+    for pin in layout.plate.pins:
+        circle = circle_at(pin.place_mm, pin.radius_mm)
+        edge, end = _prism(parts, PIN_SIDE, circle, chord_mm, thickness, pin.height_mm, outwards=True)
+        parts.add_plane(PIN_END, end, [], up=False)
+        bottoms.append(edge)
+    parts.add_plane(PLATE_TOP, outline, tops, up=True)
+    parts.add_plane(PLATE_BOTTOM, foot, bottoms, up=False)
+    return parts.mesh(lens.rings)
+
+
+def _prism(
+    parts: _Parts, name: str, loop: Loop, chord_mm: float, depth_mm: float, length_mm: float, *, outwards: bool
+) -> tuple[_Ids, _Ids]:
+    """Add the wall below a loop in z = -depth; return the numbers of its vertices there and at its foot."""
+    points = points_on(loop, chord_mm)
+    top, foot = (parts.add_points(points, -depth) for depth in (depth_mm, depth_mm + length_mm))
+    parts.add_wall(name, *((top, foot) if outwards else (top[::-1], foot[::-1])))
+    return top, foot
+
+
+def _rim_of(lens: BodyMesh, boundary: Boundary[Patch]) -> _Ids:
+    """Numbers of the vertices on the rim of ``boundary``, in z = 0, counter-clockwise."""
+    ids = np.unique(lens.part(boundary.faces[-1].label))
+    ids = ids[lens.vertices[ids, 2] == 0.0]
+    x, y = lens.vertices[ids, :2].T
+    found: _Ids = ids[np.argsort(np.arctan2(y, x), kind="stable")]
+    return found

@@ -1,0 +1,98 @@
+"""Ways of the light through a lens of several faces: which it meets, by which it leaves, and its share of the flux."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from jaxtyping import Float, Int, Int8
+from pydantic import Field
+
+from lensforge.light.metrics import jackknife_metric
+from lensforge.optics.media import OUTSIDE
+from lensforge.results import Fact, Group, Metric, Record, Text
+from lensforge.scene.body import Chain
+from lensforge.scene.exit_rays import ExitRays
+
+_LONGEST = 4  # faces of a way that is told apart
+_MOST_WAYS = 6  # told apart, the brightest; the shipped lenses have two or three
+
+
+class LightWay(Record):
+    """A way of the light through the lens, and its ``share`` of the emitted flux as it leaves.
+
+    ``faces``: all that it meets, by name, from the source on; it leaves by the last. One alone: all light that leaves
+    by that face, which is not the exit. None: all other light that leaves.
+    """
+
+    faces: Annotated[tuple[Text, ...], Field(max_length=_LONGEST)]
+    share: Metric
+
+    @property
+    def title(self) -> str:
+        """The way in words."""
+        if not self.faces:
+            return "Other ways"
+        return f"Through the {self.faces[0]}" if len(self.faces) == 1 else " → ".join(self.faces).capitalize()
+
+
+@dataclass(frozen=True)
+class FluxByWay:
+    """Flux (W) that left the lens in each replicate by each way, whose number has a digit for each face that it meets.
+
+    ``chain``: the faces from the source on, the exit last; None for the usual lens, of which there is nothing to tell.
+    """
+
+    chain: Chain | None
+    flux: Float[np.ndarray, "r w"]
+
+    @staticmethod
+    def none_yet(chain: Chain | None, replicates: int) -> "FluxByWay":
+        """No flux."""
+        return FluxByWay(chain, np.zeros((replicates, 1 if chain is None else (len(chain.names) + 1) ** _LONGEST)))
+
+    def add(self, replicate: int, share: float, rays: ExitRays) -> None:
+        """Count ``share`` of the flux of ``rays`` in ``replicate``."""
+        if self.chain is not None and rays.met is not None:
+            out = rays.left_lens
+            numbers = _numbers(rays.met[out], len(self.chain.names))
+            self.flux[replicate] += np.bincount(numbers, share * rays.flux[out], minlength=self.flux.shape[1])
+
+    def ways(self, emitted_w: float) -> tuple[LightWay, ...]:
+        """The brightest ways to the exit, what leaves by each other face to the outside, and all other light."""
+        if self.chain is None:
+            return ()
+        shares, names = self.flux / emitted_w, self.chain.names
+        brightest = np.argsort(-shares.sum(axis=0), kind="stable").tolist()
+        to_exit = [number for number in brightest if number > len(names) and shares[:, number].any()]
+        elsewhere = [k + 1 for k, behind in enumerate(self.chain.behind[:-1]) if behind == OUTSIDE]
+        shares[:, 0] += shares[:, to_exit[_MOST_WAYS:]].sum(axis=1)
+        shown = [*to_exit[:_MOST_WAYS], *elsewhere, *([0] if shares[:, 0].any() else [])]
+        return tuple(
+            LightWay(faces=tuple(_faces(number, names)), share=jackknife_metric(shares[:, number], float))
+            for number in shown
+        )
+
+
+def _faces(number: int, names: Sequence[str]) -> Iterator[str]:
+    """Names of the faces of a way."""
+    while number:
+        number, digit = divmod(number, len(names) + 1)
+        yield names[digit - 1]
+
+
+def _numbers(met: Int8[np.ndarray, "n e"], faces: int) -> Int[np.ndarray, " n"]:
+    """Number of the way of each ray; of its last face alone where that is not the exit, 0 where it is long."""
+    count = (met >= 0).sum(axis=1)
+    last = met[np.arange(len(met)), count - 1].astype(int)
+    digits = met[:, :_LONGEST].astype(int) + 1
+    whole = digits @ (faces + 1) ** np.arange(digits.shape[1])
+    found: Int[np.ndarray, " n"] = np.where(last < faces - 1, last + 1, np.where(count <= _LONGEST, whole, 0))
+    return found
+
+
+def way_facts(ways: Sequence[LightWay]) -> Group:
+    """The group of the share of each way."""
+    note = "share of the LED’s flux that leaves the lens by these faces"
+    facts = tuple(Fact.share(f"way_{k}", way.title, way.share, "" if k else note) for k, way in enumerate(ways))
+    return Group("ways", "Light by way", facts, note)

@@ -1,0 +1,173 @@
+"""The plate that carries the lenses of ``[lamps]`` in one piece: ``[plate]``, its outline, holes and pins.
+
+Its top is the plane z = 0, in which the rims of the lenses lie, and its middle is the origin. The cavities go straight
+down through it, as through a base.
+"""
+
+from math import hypot
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from lensforge.spec.lamps_section import EndlessLamps, Lamps, LampsSection, Place, lamps_of
+from lensforge.spec.search_section import ConstraintsSection
+from lensforge.spec.spec_section import Coordinate, Millimetres, MillimetresOrZero, Section, rounded_up
+
+_MOST_LENSES, _MOST_MARKS = 400, 200
+_MARGIN_MM = 2.0
+_SAME_MM = 1e-9
+_Lines = Annotated[int, Field(ge=1, le=_MOST_LENSES)]
+
+
+class PlateMark(Section):
+    """Fields of what stands at a place of the plate."""
+
+    place_mm: tuple[Coordinate, Coordinate]
+    """Place (x, y) of its axis."""
+    diameter_mm: Millimetres
+    """Diameter."""
+
+    @property
+    def radius_mm(self) -> float:
+        """Half of the diameter."""
+        return self.diameter_mm / 2.0
+
+    def away_mm(self, place: Place) -> float:
+        """Distance of its axis from a place."""
+        return hypot(self.place_mm[0] - place[0], self.place_mm[1] - place[1])
+
+
+class PlateHole(PlateMark):
+    """A round hole through the plate, as for a screw."""
+
+
+class PlatePin(PlateMark):
+    """A round pin below the plate, which finds its place on the board."""
+
+    height_mm: Millimetres
+    """Length below the plate."""
+
+
+class PlateSection(Section):
+    """One moulded plate for all lenses of [lamps], its top in z = 0; without [lamps] it has one lens."""
+
+    kind: Literal["rectangle", "round"] = "rectangle"
+    """Outline, about the origin."""
+    thickness_mm: Millimetres
+    """Thickness, from z = 0 downwards."""
+    margin_mm: MillimetresOrZero | None = None
+    """Distance of the edge from lenses as wide as ``constraints.max_radius_mm``; 2 where neither it nor a size is
+    given.
+    """
+    width_mm: Millimetres | None = None
+    """Width of a rectangle along x; left out, by ``margin_mm``."""
+    height_mm: Millimetres | None = None
+    """Height of a rectangle along y; left out, by ``margin_mm``."""
+    diameter_mm: Millimetres | None = None
+    """Diameter of a round plate; left out, by ``margin_mm``."""
+    corner_radius_mm: MillimetresOrZero = 0.0
+    """Radius of the corners of a rectangle."""
+    columns: _Lines | None = None
+    """Lenses along x; of lamps of kind "endless", whose plate has so many."""
+    rows: _Lines | None = None
+    """Lenses along y; of lamps of kind "endless"."""
+    holes: Annotated[tuple[PlateHole, ...], Field(max_length=_MOST_MARKS)] = ()
+    """Holes through the plate, beside the lenses."""
+    pins: Annotated[tuple[PlatePin, ...], Field(max_length=_MOST_MARKS)] = ()
+    """Pins below the plate, beside the cavities."""
+
+    @model_validator(mode="after")
+    def _sizes_go_with_the_outline(self) -> "PlateSection":
+        """Each size has something to be the size of, and the margin is given once."""
+        foreign = ("diameter_mm",) if self.kind == "rectangle" else ("width_mm", "height_mm", "corner_radius_mm")
+        wrong = next((name for name in foreign if getattr(self, name)), None)
+        if wrong is not None:
+            raise ValueError(f'{wrong} = {getattr(self, wrong):g} does not go with kind = "{self.kind}"; leave it out')
+        if (self.width_mm is None) != (self.height_mm is None):
+            raise ValueError("width_mm and height_mm go together: give both, or neither")
+        size = self.diameter_mm or self.width_mm
+        if size is not None and self.margin_mm is not None:
+            raise ValueError(
+                f"margin_mm = {self.margin_mm:g}: the size says where the edge is; leave out one of the two"
+            )
+        if (self.columns is None) != (self.rows is None):
+            raise ValueError("columns and rows go together: give both, or neither")
+        return self
+
+    @property
+    def marks(self) -> tuple[tuple[str, PlateMark], ...]:
+        """Holes and pins, each with its name in the spec."""
+        holes = tuple((f"plate.holes.{number}", hole) for number, hole in enumerate(self.holes))
+        return (*holes, *((f"plate.pins.{number}", pin) for number, pin in enumerate(self.pins)))
+
+    def lenses(self, lamps: LampsSection | None) -> Lamps:
+        """Places and turns of its lenses: those of ``lamps``, or its rows and columns of an endless lattice."""
+        if not isinstance(lamps, EndlessLamps):
+            return lamps_of(lamps)
+        across, up = lamps.lamps.period_mm or (0.0, 0.0)
+        up, odd = (up, 0.0) if lamps.lattice == "rectangle" else (up / 2.0, 0.25)
+        columns, rows = self.columns or 0, self.rows or 0
+        places = [
+            (across * (i - 0.5 * (columns - 1) + odd * (-1.0) ** (j + 1) * (rows > 1)), up * (j - 0.5 * (rows - 1)))
+            for j in range(rows)
+            for i in range(columns)
+        ]
+        return Lamps(tuple(places), (0.0,) * len(places))
+
+    def size_mm(self, lenses: Lamps, lens_mm: float) -> tuple[float, float]:
+        """Width and height; of a round plate its diameter twice. ``lens_mm``: radius of a lens."""
+        beyond = lens_mm + (_MARGIN_MM if self.margin_mm is None else self.margin_mm)
+        if self.kind == "round":
+            size = self.diameter_mm or 2.0 * (lenses.reach_mm + beyond)
+            return size, size
+        if self.width_mm is not None and self.height_mm is not None:
+            return self.width_mm, self.height_mm
+        reach_x, reach_y = (max(abs(place[axis]) for place in lenses.places_mm) for axis in (0, 1))
+        return 2.0 * (reach_x + beyond), 2.0 * (reach_y + beyond)
+
+    def to_edge_mm(self, place: Place, size_mm: tuple[float, float]) -> float:
+        """Distance of a place from the edge of a plate of ``size_mm``, below 0 outside."""
+        corner = size_mm[0] / 2.0 if self.kind == "round" else self.corner_radius_mm
+        x, y = (abs(at) - width / 2.0 + corner for at, width in zip(place, size_mm, strict=True))
+        return corner - hypot(max(x, 0.0), max(y, 0.0)) - min(max(x, y), 0.0)
+
+
+def require_plate(plate: PlateSection, lamps: LampsSection | None, limits: ConstraintsSection) -> None:
+    """Raise ``ValueError`` for a plate that does not hold its lenses, holes and pins, or of an unknown number of them.
+
+    That the lenses do not overlap is asked of the lamps.
+    """
+    endless = isinstance(lamps, EndlessLamps)
+    if endless != (plate.columns is not None):
+        words = "a lattice without an end needs them" if endless else 'they go with lamps of kind = "endless"'
+        raise ValueError(f"plate.columns and plate.rows: {words}; {'give both' if endless else 'leave them out'}")
+    lenses, lens_mm = plate.lenses(lamps), limits.max_radius_mm
+    if len(lenses) > _MOST_LENSES:
+        raise ValueError(f"plate: {len(lenses)} lenses, at most {_MOST_LENSES}; take fewer columns, rows or lamps")
+    size = plate.size_mm(lenses, lens_mm)
+    if 2.0 * plate.corner_radius_mm > min(size) + _SAME_MM:
+        raise ValueError(f"plate.corner_radius_mm = {plate.corner_radius_mm:g}: at most {min(size) / 2.0:.6g}")
+    room = min(plate.to_edge_mm(place, size) for place in lenses.places_mm)
+    if room < lens_mm - _SAME_MM:
+        field = "plate.diameter_mm" if plate.kind == "round" else "plate.width_mm and plate.height_mm"
+        raise ValueError(
+            f"{field} = {size[0]:g}{'' if plate.kind == 'round' else f' x {size[1]:g}'}: smaller than its lenses, of "
+            f"which one ends {lens_mm - room:.4g} mm outside; leave it out, or add {rounded_up(2.0 * (lens_mm - room))}"
+        )
+    _require_clear(plate, size, lenses, limits)
+
+
+def _require_clear(plate: PlateSection, size: tuple[float, float], lenses: Lamps, limits: ConstraintsSection) -> None:
+    """Raise ``ValueError`` for a hole or a pin across the edge, another one, a lens, or a cavity."""
+    for number, (name, mark) in enumerate(plate.marks):
+        through = isinstance(mark, PlateHole)
+        around, what = (limits.max_radius_mm, "a lens") if through else (limits.cavity_radius_mm, "a cavity")
+        stated = f"{name}: a diameter of {mark.diameter_mm:g} mm at ({mark.place_mm[0]:g}, {mark.place_mm[1]:g}) mm"
+        if plate.to_edge_mm(mark.place_mm, size) <= mark.radius_mm:
+            raise ValueError(f"{stated} crosses the edge of the plate; move it inwards, or make the plate larger")
+        away = min(mark.away_mm(place) for place in lenses.places_mm)
+        if away <= mark.radius_mm + around:
+            raise ValueError(f"{stated} meets {what} of {around:g} mm radius, {away:.4g} mm away; move it between them")
+        for other, one in plate.marks[:number]:
+            if mark.away_mm(one.place_mm) <= mark.radius_mm + one.radius_mm:
+                raise ValueError(f"{stated} meets {other}; move one of the two")

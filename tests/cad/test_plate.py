@@ -1,0 +1,209 @@
+"""The plate with all lenses as one solid: closed forms, its files read back, and what breaks it."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from geometry_lenses import make_lens
+
+from lensforge.cad import plate_export
+from lensforge.cad.mesh import check_closed
+from lensforge.cad.mesh_files import parse_3mf, parse_stl
+from lensforge.cad.part import Part, part_facts
+from lensforge.cad.part_export import build_part
+from lensforge.cad.plate_layout import area_mm2, layout_of, points_on
+from lensforge.cad.plate_solid import build_plate_solid
+from lensforge.cad.step import parse_step
+from lensforge.errors import InputError
+from lensforge.scene.lens import Lens
+from lensforge.shop.check import check_lens
+
+INNER, OUTER = 0.8, 2.45  # mm; constraints.max_radius_mm is twice the outer
+RING = {"kind": "ring", "count": 3, "diameter_mm": 14.0}
+SCREW = {"place_mm": [0.0, 0.0], "diameter_mm": 1.0}
+PIN = {"place_mm": [-3.0, 0.0], "diameter_mm": 1.2, "height_mm": 1.5}
+
+
+def on_plate(plate: dict[str, Any], lamps: dict[str, Any] | None = None, relative: float = 0.0) -> Lens:
+    lens = make_lens(INNER, OUTER, relative, base={"kind": "none"})
+    changes = {"plate": plate, "constraints.max_radius_mm": 4.0, **({} if lamps is None else {"lamps": lamps})}
+    return replace(lens, spec=lens.spec.replace(changes))
+
+
+def failed(part: Part) -> list[str]:
+    return [criterion.name for criterion in part.criteria if not criterion.passed]
+
+
+@pytest.fixture(scope="module")
+def ring() -> Part:
+    """Three turned freeform lenses around a screw, with a pin: nothing is symmetric."""
+    plate = {"thickness_mm": 2.0, "corner_radius_mm": 1.5, "holes": [SCREW], "pins": [PIN]}
+    return build_part(on_plate(plate, RING, 0.02), rings=16)
+
+
+@pytest.mark.parametrize(
+    ("outline", "area"),
+    [
+        ({"width_mm": 12.0, "height_mm": 9.0, "corner_radius_mm": 2.0}, 12.0 * 9.0 - (4.0 - np.pi) * 2.0**2),
+        ({"kind": "round", "diameter_mm": 12.0}, np.pi * 6.0**2),
+        ({"kind": "rectangle", "margin_mm": 1.0}, 10.0**2),
+    ],
+    ids=["rectangle", "round", "margin"],
+)
+def test_a_plate_of_one_is_the_lens_and_the_plate(outline: dict[str, Any], area: float) -> None:
+    part = build_part(on_plate({"thickness_mm": 1.5, **outline}), rings=16)
+    assert failed(part) == []
+    lens_mm3 = 2.0 / 3.0 * np.pi * (OUTER**3 - INNER**3)
+    volume = lens_mm3 + 1.5 * (area - np.pi * INNER**2)
+    assert part.volume_mm3 == pytest.approx(lens_mm3, rel=1e-8)
+    assert part.plate is not None and part.plate.volume_mm3 == pytest.approx(volume, rel=1e-8)
+    assert (part.plate.lenses, part.plate.gap_mm, part.plate.genus) == (1, None, 0)
+    solid = parse_step(part.plate_step or b"")
+    assert solid.volume_mm3 == pytest.approx(volume, rel=1e-8)
+    assert {"OPTICAL_INNER", "OPTICAL_OUTER", "PLATE_TOP", "PLATE_BOTTOM"} < set(solid.faces)
+
+
+def test_turned_lenses_of_a_plate_are_those_of_the_part(ring: Part) -> None:
+    assert failed(ring) == [] and ring.plate is not None
+    solid, layout = parse_step(ring.plate_step or b""), layout_of(ring.lens)
+    assert layout is not None
+    assert len(solid.shape.Faces()) == ring.plate.faces == len(solid.faces)
+    assert (solid.valid, solid.genus, ring.plate.genus) == (True, 1, 1)
+    holes = 2.0 * np.pi * 0.5**2 - np.pi * 0.6**2 * 1.5
+    rim = np.linspace(0.0, 2.0 * np.pi, 512, endpoint=False)
+    around = np.stack([np.cos(rim), np.sin(rim), 0.0 * rim], axis=1)
+    opening = np.pi * np.mean(ring.lens.inner.radius(around) ** 2)
+    expected = 3.0 * ring.volume_mm3 + 2.0 * (area_mm2(layout.outline) - 3.0 * opening) - holes
+    assert solid.volume_mm3 == pytest.approx(expected, rel=1e-8)
+    for number, turn in enumerate((0.0, 2.0 * np.pi / 3.0, 4.0 * np.pi / 3.0)):
+        apex = solid.faces[f"OPTICAL_OUTER_{number + 1}"]
+        axis = 7.0 * np.array([np.cos(turn), np.sin(turn)])
+        directions = np.array([[0.3, 0.4, 3.0**0.5 / 2.0], [0.6, -0.2, 0.6**0.5]])
+        turned = directions[:, :2] @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+        points = ring.lens.outer.radius(directions)[:, None] * np.column_stack([turned, directions[:, 2]])
+        assert max(_away(apex, [*(at[:2] + axis), at[2]]) for at in points) < 1e-6
+
+
+def _away(face: Any, point: list[float]) -> float:
+    import cadquery as cq
+
+    return float(face.distance(cq.Vertex.makeVertex(*point)))
+
+
+def test_the_meshes_of_a_plate_are_closed_and_have_its_size(ring: Part) -> None:
+    plate = ring.plate
+    assert plate is not None
+    for vertices, triangles in (parse_stl(ring.plate_stl or b""), parse_3mf(ring.plate_threemf or b"")):
+        closure = check_closed(vertices, triangles)
+        assert (closure.watertight, closure.genus) == (True, 1)
+        assert closure.volume_mm3 == pytest.approx(plate.volume_mm3, rel=1e-3)
+        np.testing.assert_allclose(vertices[:, 2].min(), -3.5, atol=1e-6)
+        assert len(triangles) == plate.triangles
+    assert set(ring.files) >= {"plate.step", "plate.stl", "plate.3mf"}
+    facts = {fact.key: fact for group in part_facts(ring) for fact in group.facts}
+    assert facts["plate_lenses"].value == 3 and "plate.step" in str(facts["plate_files"].value)
+
+
+def test_a_plate_is_kept_with_its_files_and_goes_with_them(ring: Part, tmp_path: Path) -> None:
+    ring.write(tmp_path)
+    assert Part.read(tmp_path, lens=ring.lens) == ring
+    with (tmp_path / "plate.stl").open("ab") as file:
+        file.write(b" ")
+    assert Part.read(tmp_path, lens=ring.lens).altered == ("plate.stl",)
+    build_part(replace(ring.lens, spec=ring.lens.spec.replace({"plate": None})), rings=16).write(tmp_path)
+    assert not list(tmp_path.glob("plate.*")), "a plate of an earlier spec"
+
+
+def test_the_least_gap_is_that_of_the_spheres() -> None:
+    lamps = {"kind": "table", "places_mm": [[-4.5, 0.0], [4.5, 0.0], [4.5, 9.3]]}
+    plate = build_part(on_plate({"thickness_mm": 1.0}, lamps), rings=16).plate
+    assert plate is not None and plate.gap_mm == pytest.approx(9.0 - 2.0 * OUTER, abs=2e-3)
+
+
+@pytest.mark.parametrize("shift_mm", [2e-6, 1e-2])
+def test_a_lens_beside_its_place_fails(ring: Part, monkeypatch: pytest.MonkeyPatch, shift_mm: float) -> None:
+    def shifted(plan: Any, layout: Any) -> Any:
+        (x, y), *others = layout.lenses.places_mm
+        moved = replace(layout.lenses, places_mm=((x + shift_mm, y), *others))
+        return build_plate_solid(plan, replace(layout, lenses=moved))
+
+    monkeypatch.setattr(plate_export, "build_plate_solid", shifted)
+    assert failed(build_part(ring.lens, rings=16)) == ["plate_form_error"]
+
+
+def test_a_hole_that_the_solid_lacks_fails(ring: Part, monkeypatch: pytest.MonkeyPatch) -> None:
+    def without(plan: Any, layout: Any) -> Any:
+        return build_plate_solid(plan, replace(layout, plate=layout.plate.model_copy(update={"holes": ()})))
+
+    monkeypatch.setattr(plate_export, "build_plate_solid", without)
+    assert {"plate_volume_error", "plate_genus_difference"} <= set(failed(build_part(ring.lens, rings=16)))
+
+
+def test_a_plate_without_a_lens_s_rim_is_not_closed(ring: Part, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = plate_export.build_plate_mesh
+
+    def torn(*given: Any) -> Any:
+        mesh = made(*given)
+        kept = np.arange(len(mesh.triangles)) != 7
+        return replace(mesh, triangles=mesh.triangles[kept], face=mesh.face[kept])
+
+    monkeypatch.setattr(plate_export, "build_plate_mesh", torn)
+    assert {"plate_watertight", "plate_watertight_3mf"} <= set(failed(build_part(ring.lens, rings=16)))
+
+
+def test_lenses_that_overlap_and_pins_in_a_cavity_are_refused_in_one_line() -> None:
+    lens = make_lens(INNER, OUTER, base={"kind": "none"})
+    near = {"kind": "table", "places_mm": [[-2.0, 0.0], [2.0, 0.0]]}
+    narrow = {"lamps": near, "plate": {"thickness_mm": 1.0}, "constraints.max_radius_mm": 2.0}
+    narrow |= {"lens.outer.offset_mm": 1.9}  # of the search's start; the lens is wider than its spec allows
+    with pytest.raises(InputError, match=r"^plate: two lenses, 4 mm apart, overlap; raise the pitch.*$"):
+        build_part(replace(lens, spec=lens.spec.replace(narrow)), rings=16)
+    pin = {"place_mm": [0.9, 0.0], "diameter_mm": 0.4, "height_mm": 1.0}
+    words = r"^plate: the wall between plate\.pins\.0 and the cavity of a lens is -0\.1\d* mm; .* at least 0\.01;.*$"
+    with pytest.raises(InputError, match=words):
+        build_part(on_plate({"thickness_mm": 1.0, "pins": [pin]}), rings=16)
+
+
+def test_an_outline_is_sampled_within_its_chord() -> None:
+    layout = layout_of(on_plate({"thickness_mm": 1.0, "width_mm": 12.0, "height_mm": 9.0, "corner_radius_mm": 4.5}))
+    assert layout is not None
+    points = points_on(layout.outline, 1e-3)
+    x, y = points.T
+    shoelace = 0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
+    assert shoelace == pytest.approx(12.0 * 9.0 - (4.0 - np.pi) * 4.5**2, abs=9.0 * np.pi * 1e-3)
+    assert shoelace < area_mm2(layout.outline), "chords lie inside"
+
+
+@pytest.mark.parametrize(
+    ("cutter", "make", "holds"), [(2.0, "part", True), (2.1, "part", False), (2.1, "insert", None)]
+)
+def test_the_ball_must_fit_between_lenses_that_are_cut(cutter: float, make: str, holds: bool | None) -> None:
+    """Spheres of 2.45 mm, 9 mm apart, leave 4.1 mm."""
+    lens = on_plate({"thickness_mm": 1.0}, {"kind": "table", "places_mm": [[-4.5, 0.0], [4.5, 0.0]]})
+    spec = lens.spec.replace({"manufacture.cutter_radius_mm": cutter, "manufacture.make": make})
+    found = [each for each in check_lens(replace(lens, spec=spec)).verdicts if each.name == "gap"]
+    assert [each.holds for each in found] == ([] if holds is None else [holds])
+    for each in found:
+        assert each.limit == pytest.approx(4.1, abs=2e-3)
+        assert ("manufacture.cutter_radius_mm = 2.0" in each.remedy) == (not each.holds)
+
+
+@pytest.mark.parametrize(
+    ("place", "wall", "between"),
+    [
+        ([1.2, 0.0], 1.2 - 0.2 - INNER, "the cavity of a lens"),
+        ([0.0, -3.0], 3.5 - 3.0 - 0.2, "the edge"),
+        ([2.4, 2.8], 0.4 - 0.2 - 0.1, "plate.holes.0"),
+    ],
+)
+def test_the_thinnest_wall_of_a_plate_is_found(place: list[float], wall: float, between: str) -> None:
+    """A plate of 7 x 7 mm about one lens, a hole in its corner, and a pin of 0.4 mm somewhere."""
+    hole = {"place_mm": [2.8, 2.8], "diameter_mm": 0.2}
+    pin = {"place_mm": place, "diameter_mm": 0.4, "height_mm": 1.0}
+    plate = {"thickness_mm": 1.0, "width_mm": 7.0, "height_mm": 7.0, "holes": [hole], "pins": [pin]}
+    lens = make_lens(INNER, OUTER, base={"kind": "none"})
+    spec = lens.spec.replace({"constraints.max_radius_mm": 2.5, "plate": plate})
+    (found,) = [each for each in check_lens(replace(lens, spec=spec)).verdicts if each.name == "plate"]
+    assert found.value == pytest.approx(wall, abs=1e-6) and f"between plate.pins.0 and {between}" in found.reason

@@ -1,0 +1,55 @@
+"""The ways of the light through a lens of four faces: told apart, added up, kept in the record, shown."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from chains import collimator
+from scenes import small_spec
+from tir_lenses import spot_lens
+
+import lensforge as lf
+from lensforge.light.evaluation import evaluate_traced
+from lensforge.light.light_facts import light_facts
+from lensforge.light.light_ways import FluxByWay
+from lensforge.light.simulation import TracedLens
+from lensforge.scene.exit_rays import ExitRays
+from lensforge.sources.build_source import build_source
+from lensforge.surfaces.asphere import sphere
+
+TOLD = [(0, 3), (1, 2, 3), (1, 3), (0, 2, 3), (1, 3, 2, 3), (0, 3, 2, 3), (0, 2, 2, 3), (1, 2, 2, 3)]
+MET = [*TOLD, (1, 2), (1, 3, 2), (1, 3, 2, 3, 2, 3), (0, 3, 2, 3, 3), (1, 2, 3)]  # the last is lost in the end
+
+
+def test_long_and_faint_ways_count_together() -> None:
+    met = np.array([[*way, *[-1] * (6 - len(way))] for way in MET], dtype=np.int8)
+    flux, nowhere = 2.0 ** -np.arange(13.0), np.zeros((13, 3))
+    fates = np.array([0] * 12 + [4], dtype=np.int8)
+    by_way = FluxByWay.none_yet(collimator().chain(6), 1)
+    by_way.add(0, 3.0, ExitRays(nowhere, nowhere, flux, np.zeros(13), fates, met=met))
+    found = [(way.title, way.share.value) for way in by_way.ways(6.0)]
+    names = ("cap", "side", "wall", "exit")
+    wanted = [(" → ".join(names[k] for k in way).capitalize(), 0.5 * flux[n]) for n, way in enumerate(TOLD[:6])]
+    rest = [("Through the wall", 0.5 * flux[8:10].sum()), ("Other ways", 0.5 * flux[[6, 7, 10, 11]].sum())]
+    assert found == [(title, pytest.approx(share, rel=1e-15)) for title, share in (*wanted, *rest)]
+
+
+def test_ways_add_up_to_the_light_that_leaves_and_stand_in_the_record(tmp_path: Path) -> None:
+    lens = spot_lens()
+    light = evaluate_traced(TracedLens.of(lens, 8.0), lens.spec, build_source(lens.spec.source), 2**13, 1)
+    left = light.flux.detected + light.flux.outside + light.missed_by_cause.missed_receiver
+    assert sum(way.share.value for way in light.ways) == pytest.approx(left, rel=1e-12)
+    assert [way.faces for way in light.ways[:2]] == [("side", "wall", "exit"), ("cap", "exit")]
+    light.save(tmp_path / "evaluate.json")
+    stored = json.loads((tmp_path / "evaluate.json").read_text(encoding="utf-8"))
+    assert [entry["share"]["value"] for entry in stored["ways"]] == [way.share.value for way in light.ways]
+    group = next(group for group in light_facts(light, lens) if group.key == "ways")
+    assert [fact.value for fact in group.facts] == [100.0 * way.share.value for way in light.ways]
+
+
+def test_the_record_of_a_usual_lens_says_nothing_of_ways() -> None:
+    spec = small_spec()
+    start = lf.Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft")
+    light = lf.evaluate(start, rays=2**8)
+    assert light.ways == () and "ways" not in light.plain()

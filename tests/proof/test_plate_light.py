@@ -1,0 +1,106 @@
+"""Light of one lamp through a whole plate: what meets a neighbour, against closed forms and other placements."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from lens_meshes import lambertian
+from scenes import small_spec
+
+from lensforge.cad.form_error import fit_lens
+from lensforge.cad.mesh import build_mesh
+from lensforge.cad.mesh_files import stl_bytes
+from lensforge.cad.plan import lay_out
+from lensforge.cad.plate_layout import layout_of
+from lensforge.cad.plate_mesh import build_plate_mesh, lens_mesh
+from lensforge.optics.media import Media, Medium
+from lensforge.proof.nonsequential_trace import Base
+from lensforge.proof.optical_faces import OpticalFaces, PlateOfLenses
+from lensforge.proof.proof_inputs import plate_of
+from lensforge.proof.receiver_screen import Screen
+from lensforge.proof.stray_analysis import trace_stray
+from lensforge.proof.stray_result import StrayLight
+from lensforge.scene.lens import Lens
+from lensforge.sources.ray_bundle import RayBundle
+from lensforge.spec import BaseSection
+from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
+
+INNER, OUTER, APART, INDEX = 1.0, 3.0, 8.0, 1.5
+RAYS = lambertian(2000, 0.01, seed=3)
+SCREEN = Screen.square(100.0, 400.0, 16, 0.0)
+
+
+def lens_on(plate: dict[str, Any], places: list[list[float]], turns: list[float], relative: float = 0.0) -> Lens:
+    lamps = {"kind": "table", "places_mm": places, "turns_deg": turns}
+    spec = small_spec(lamps=lamps, base={"kind": "none"}, plate={"thickness_mm": 2.0, **plate}, **WIDE)
+    basis = SrbfBasis((9, 25), 1.75, "none")
+    noise = np.random.default_rng(1).normal(size=basis.size) * basis.sigmas / basis.sigmas.max()
+    return Lens.double(*(SrbfSurface(basis, h * relative * noise, h) for h in (INNER, OUTER)), spec, 0, "draft")
+
+
+WIDE = {"constraints__max_radius_mm": 4.0, "lens__inner__offset_mm": 1.5, "lens__outer__offset_mm": 3.0}
+
+
+def cast(lens: Lens, rays: RayBundle = RAYS, base: Base = "polished") -> StrayLight:
+    plan, layout = lay_out(*fit_lens(lens), BaseSection(kind="none")), layout_of(lens)
+    assert layout is not None
+    stl = stl_bytes(build_plate_mesh(plan, layout, *lens_mesh(plan, len(layout.lenses))))
+    optical = OpticalFaces(plate=plate_of(layout.lenses))
+    return trace_stray(stl, rays=rays, media=Media(Medium(INDEX)), screens=[SCREEN], optical=optical, base=base)
+
+
+def test_a_neighbour_meets_what_its_solid_angle_asks_for() -> None:
+    """Light of a point leaves a sphere about it unrefracted: half of a sphere beside it, by its view factor.
+
+    Howell, A Catalog of Radiation Heat Transfer Configuration Factors, B-41: a plane element and a sphere whose centre
+    is in its plane.
+    """
+    half, count = 0.45, 90  # rad: the neighbour is seen under 0.384
+    up, beside = np.meshgrid((np.arange(count) + 0.5) / count, (np.arange(2 * count) + 0.5) / count - 1.0)
+    up, beside = half * up.ravel(), half * beside.ravel()
+    ways = np.stack([np.cos(up) * np.cos(beside), np.cos(up) * np.sin(beside), np.sin(up)], axis=1)
+    flux = np.sin(up) * np.cos(up) * (half / count) ** 2 / np.pi
+    rays = RayBundle(np.zeros_like(ways), ways, flux)
+    found = cast(lens_on({"margin_mm": 0.0}, [[0.0, 0.0], [APART, 0.0]], []), rays, "black")
+    h = APART / OUTER
+    factor = (np.arctan(1.0 / np.sqrt(h**2 - 1.0)) - np.sqrt(h**2 - 1.0) / h**2) / np.pi
+    through = (1.0 - ((INDEX - 1.0) / (INDEX + 1.0)) ** 2) ** 2
+    assert found.lenses == 2 and found.flux.leaked < 1e-4
+    assert found.neighbours * flux.sum() == pytest.approx(factor * through, rel=5e-3)
+
+
+def test_a_plate_of_one_sends_the_light_of_the_lens_on_a_base_of_its_shape() -> None:
+    plate = lens_on({"kind": "round", "diameter_mm": 10.0}, [[0.0, 0.0]], [], 0.02)
+    one = cast(plate)
+    base = BaseSection(diameter_mm=10.0, height_mm=2.0, relief_step_mm=0.0, relief_setback_mm=0.0, bore_setback_mm=0.0)
+    stl = stl_bytes(build_mesh(lay_out(*fit_lens(plate), base), 96, 2e-3))
+    other = trace_stray(stl, rays=RAYS, media=Media(Medium(INDEX)), screens=[SCREEN])
+    assert (one.lenses, one.neighbours) == (1, 0.0)
+    for name, share in other.flux.model_dump().items():
+        assert getattr(one.flux, name) == pytest.approx(share, abs=3e-4), name
+
+
+def test_a_plate_may_be_turned_and_any_of_its_lenses_lit() -> None:
+    """The same plate turned by 90 degrees with its lenses: the lit one sees the same."""
+    apart = 9.0
+    lying = cast(lens_on({}, [[0.0, 0.0], [apart, 0.0], [0.0, apart]], [0.0, 30.0, 75.0], 0.03))
+    turned = cast(lens_on({}, [[apart, 0.0], [0.0, 0.0], [0.0, -apart]], [-15.0, -90.0, -60.0], 0.03))
+    assert lying.neighbours > 0.01
+    assert turned.neighbours == pytest.approx(lying.neighbours, rel=2e-3)
+    assert turned.efficiency == pytest.approx(lying.efficiency, abs=2e-5)
+
+
+def test_a_point_of_any_lens_is_found_in_its_own_coordinates() -> None:
+    turns = np.array([0.3, -1.1, 2.0])
+    plate = PlateOfLenses(np.array([[4.0, 1.0], [-6.0, 2.0], [3.0, -8.0]]), turns, 1)
+    point, normal = np.array([[1.0, -0.5, 0.7]]), np.array([[0.6, 0.0, 0.8]])
+    for place, turn in zip(plate.places, turns, strict=True):
+        there, ahead = (
+            np.array([[np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y, z]])
+            for ((x, y, z),) in (point, normal)
+        )
+        seen = plate.from_lit(there + np.array([*place, 0.0]))
+        turned = plate.from_lit(ahead + np.array([*plate.places[1], 0.0]))
+        own = plate.from_own(seen, turned)
+        np.testing.assert_allclose(np.concatenate(own), np.concatenate([point, normal]), atol=1e-12)
+        assert (plate.nearest(seen)[0] == 1) == (turn == turns[1])

@@ -1,0 +1,104 @@
+"""The check of a lens for total internal reflection made of spheres: draft from both halves of a mould, edges, base."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+from known_shapes import sphere
+from tir_lenses import spot
+
+from lensforge.optics.media import TIR
+from lensforge.scene.lens import Lens
+from lensforge.search.constraints import AugmentedLagrangian
+from lensforge.search.profiles import ProfileParameters
+from lensforge.shop.check import check_lens
+from lensforge.shop.check_facts import check_facts
+from lensforge.shop.check_result import Check
+from lensforge.shop.face_check import check_face
+
+# Spheres by radius and height of their centre, and the height at which wall and exit meet. One wall widens all the way
+# up: 144 - (z - 6)^2 = 1600 - (z + 35)^2. The other narrows above z = 2: 25 - (z - 2)^2 = 144 - (z + 6)^2.
+CAVITY = ((2.0, -0.5), (1.8, 0.0))
+OPEN, OPEN_MM = ((12.0, 6.0), (40.0, -35.0)), 267.0 / 82.0
+SHUT, SHUT_MM = ((5.0, 2.0), (12.0, -6.0)), 87.0 / 16.0
+
+
+class OfSpheres(Lens):
+    """A lens that is told from others by itself: no lens file holds its surfaces."""
+
+    __hash__ = object.__hash__
+    sha256 = "0" * 64
+
+
+def checked(envelope: tuple, **sections: object) -> tuple[Check, Lens]:
+    faces = {
+        name: sphere(radius, (0.0, 0.0, height))
+        for name, (radius, height) in zip(TIR, (*CAVITY, *envelope), strict=True)
+    }
+    lens = OfSpheres(faces, spot().replace(sections), 0, "draft")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("lensforge.shop.check.check_face", partial(check_face, nodes=81))
+        return check_lens(lens, dict.fromkeys(TIR, 61)), lens
+
+
+@pytest.fixture(scope="module")
+def bare() -> tuple[Check, Lens]:
+    return checked(OPEN, base={"kind": "none"})
+
+
+def test_the_wall_is_drawn_from_below_and_the_other_faces_as_ever(bare: tuple[Check, Lens]) -> None:
+    """A sphere's normal is along its radius: its outward z is the height over the centre by the radius."""
+    lowest = {"cap": (0.51 + 0.5) / 2.0, "side": 0.0, "wall": (6.0 - OPEN_MM) / 12.0, "exit": (OPEN_MM + 35.0) / 40.0}
+    for name, sine in lowest.items():
+        face = bare[0].faces[name]
+        assert face.draft_deg.min == pytest.approx(np.degrees(np.arcsin(sine)), abs=2e-3), name
+        assert face.largest_tilt_deg == pytest.approx(90.0 - face.draft_deg.min) and face.undercut_fraction == 0.0
+
+
+def test_a_wall_that_narrows_upwards_is_undercut() -> None:
+    wall = checked(SHUT, base={"kind": "none"})[0].faces["wall"]
+    assert wall.draft_deg.min == pytest.approx(-np.degrees(np.arcsin((SHUT_MM - 2.0) / 5.0)), abs=2e-3)
+    assert wall.undercut_fraction == pytest.approx((SHUT_MM - 2.0) / SHUT_MM, abs=1e-4), "a zone's area is its height"
+
+
+def test_what_lies_over_the_base_is_undercut_and_a_mould_says_so() -> None:
+    over = 6.0 - np.sqrt(144.0 - 11.0**2)  # where the wall is 11 mm from the axis
+    base = {"kind": "cylinder", "diameter_mm": 22.0, "height_mm": 2.0}
+    found, _ = checked(OPEN, base=base, manufacture={"make": "insert", "shrinkage": 0.01})
+    wall = found.faces["wall"]
+    assert wall.undercut_fraction == pytest.approx(over / OPEN_MM, abs=1e-4) and wall.draft_deg.min > 10.0
+    finding = next(each for each in found.verdicts if (each.name, each.surface) == ("draft", "wall"))
+    assert not finding.holds and 'base.kind = "none"' in finding.remedy
+    assert "of the wall face lies over the base: its half of the mould cannot be drawn" in finding.reason
+    others = [each for each in found.verdicts if each.name == "draft" and each.surface in ("cap", "exit")]
+    assert len(others) == 2 and all(each.holds for each in others)
+
+
+def test_an_edge_has_the_angle_of_the_spheres_that_meet_there(bare: tuple[Check, Lens]) -> None:
+    """By the law of cosines: of the lines from a point of both spheres to their centres."""
+    (found, lens), wanted = bare, {}
+    for names, ((one, low), (other, high)) in (((TIR[0], TIR[1]), CAVITY), ((TIR[3], TIR[2]), OPEN[::-1])):
+        turned = np.degrees(np.arccos((one**2 + other**2 - (low - high) ** 2) / (2.0 * one * other)))
+        wanted[names] = 180.0 - turned
+    assert {edge.faces: edge.angle_deg for edge in found.edges} == {
+        names: pytest.approx(angle, abs=5e-3) for names, angle in wanted.items()
+    }
+    assert [edge.point_mm[2] for edge in found.edges] == pytest.approx([0.51, OPEN_MM], abs=1e-4)
+    facts = next(group for group in check_facts(found, lens.spec) if group.key == "edges").facts
+    assert [fact.value for fact in facts] == [edge.angle_deg for edge in found.edges]
+    assert "core" in facts[0].note and "lens" in facts[1].note
+
+
+def test_the_search_keeps_the_draft_of_the_wall_from_below() -> None:
+    spec = spot(wall={"draft_deg": 5.0})
+    parameters = ProfileParameters.of(spec, 2.5)
+    grid, tables = parameters.refined().grid, parameters.refined().tables(*parameters.start())
+    constraints = AugmentedLagrangian.of(spec, grid)
+    found = constraints.least(constraints.fields(tables))
+    (least,) = (value for key, value in found.items() if "draft" in key)
+    faces = parameters.start_surfaces
+    polar = np.linspace(0.0, 0.5 * np.pi, 20_001)
+    u = np.column_stack([np.sin(polar), np.zeros_like(polar), np.cos(polar)])
+    own = faces["wall"].radius(u) <= faces["exit"].radius(u)
+    draft = -np.degrees(np.arcsin(faces["wall"].normal(u[own])[:, 2].max()))
+    assert draft > 10.0 and least == pytest.approx(min(draft, 30.0) - 5.0, abs=0.2)

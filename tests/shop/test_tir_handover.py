@@ -1,0 +1,166 @@
+"""The handover of a lens for total internal reflection: tables up to the creases, sizes, section and sheet.
+
+The part and the check are those of a lens of two faces under the names of four: drawing and tables are of the lens.
+"""
+
+import io
+import re
+
+import ezdxf
+import numpy as np
+import pytest
+from known_shapes import sphere
+from shop_lenses import quick_check, small_lens
+from tir_lenses import spot, spot_lens
+
+from lensforge.cad.part_export import build_part
+from lensforge.optics.media import TIR
+from lensforge.scene.lens import Lens
+from lensforge.shop.dimensions import dimensions
+from lensforge.shop.point_tables import GridRequest, dense_tables, faces_to_cut
+from lensforge.shop.shop_files import make_handover
+from lensforge.shop.view_lines import section_view
+
+# Spheres by radius and height of their centre. Cap and side meet where 4 - (z + 0.5)^2 = 1.8^2 - z^2, wall and exit
+# where 25 - (z - 2)^2 = 144 - (z + 6)^2.
+SPHERES = dict(zip(TIR, ((2.0, -0.5), (1.8, 0.0), (5.0, 2.0), (12.0, -6.0)), strict=True))
+MET = {"cap and side": 0.51, "exit and wall": 87.0 / 16.0}
+WIDTH = {
+    "cap and side": 2.0 * np.sqrt(1.8**2 - 0.51**2),
+    "exit and wall": 2.0 * np.sqrt(25.0 - (87.0 / 16.0 - 2.0) ** 2),
+}
+
+
+class OfSpheres(Lens):
+    """A lens that is told from others by itself: no lens file holds its surfaces."""
+
+    __hash__ = object.__hash__
+
+
+@pytest.fixture(scope="module")
+def handed():
+    """The lens and its files."""
+    part = build_part(small_lens({"kind": "none"}), rings=16)
+    found, lens = quick_check(part), spot_lens()
+    twice = {name: found.faces["inner" if name in ("cap", "side") else "outer"] for name in TIR}
+    fields = {name: getattr(found, name) for name in type(found).model_fields}
+    check = type(found).model_construct(**{**fields, **twice})
+    return lens, make_handover(part.model_copy(update={"lens": lens}), check, [])
+
+
+def domain_of(lens, name, polar):
+    """True where the face of that name bounds its medium in the directions of the meridian at azimuth 0."""
+    beside = TIR[:2] if name in TIR[:2] else TIR[2:]
+    u = np.column_stack([np.sin(polar), np.zeros_like(polar), np.cos(polar)])
+    radii = {each: lens.surfaces[each].radius(u) for each in beside}
+    return radii[name] <= np.min(list(radii.values()), axis=0) + 1e-9
+
+
+def rows_of(grid):
+    lines = grid.content.decode().splitlines()
+    head = "\n".join(line for line in lines if line.startswith("#"))
+    count = head.count("\n") + 2
+    return head, np.array([[float(value) for value in line.split(",")] for line in lines[count:]])
+
+
+def lagrange(fraction, count):
+    nodes = np.arange(count) - (count // 2 - 1)
+    return np.stack([np.prod([(fraction - o) / (n - o) for o in nodes if o != n], axis=0) for n in nodes], axis=-1)
+
+
+def test_points_to_measure_lie_on_their_face_up_to_the_crease(handed):
+    lens, made = handed
+    lines = [line.split(",") for line in made.points_csv.decode().splitlines() if not line.startswith("#")][1:]
+    assert len(lines) == made.points
+    for name in TIR:
+        values = np.array([line[1:] for line in lines if line[0] == name], dtype=float)
+        radius = np.linalg.norm(values[:, :3], axis=1)
+        assert np.abs(radius - lens.surfaces[name].radius(values[:, :3] / radius[:, None])).max() < 5e-9
+        tried = np.arange(0.0, 90.1, 2.5)
+        wanted = tried[domain_of(lens, name, np.radians(tried))]
+        assert np.unique(values[:, 6]) == pytest.approx(wanted), "every ring where it bounds its medium, no other"
+
+
+def test_a_table_from_crease_to_rim_read_back_and_interpolated_is_within_its_stated_error(handed):
+    lens, made = handed
+    for name, grid in zip(TIR, made.grids, strict=True):
+        (head, rows), surface = rows_of(grid), lens.surfaces[name]
+        assert (grid.face, grid.points) == (name, len(rows))
+        turns, rim = (
+            int(re.search(words, head).group(1))
+            for words in (r"; (\d+) azimuths", r"ring (\d+) (?:is|reaches its crease,)")
+        )
+        begin = int(found.group(1)) if (found := re.search(r"from ring (\d+),", head)) else 0
+        assert (begin > 0) == (name in ("side", "wall"))
+        rings = (rows if begin else rows[1:]).reshape(-1, turns, 8)
+        if not begin:  # the apex, and the first ring from the other side before it
+            through = np.roll(rings[:1], turns // 2, axis=1)
+            rings = np.concatenate([through, np.tile(rows[0], (1, turns, 1)), rings])
+        values = np.stack([np.linalg.norm(rings[..., :2], axis=-1), rings[..., 2]], axis=-1)
+        values[0] *= 1.0 if begin else np.array([-1.0, 1.0])
+        shift = 0 if begin else 1
+        polar = np.radians(rings[:, 0, 6])
+        own = domain_of(lens, name, np.linspace(polar[begin + shift], polar[rim + shift], 400))
+        assert own[1:-1].all() and (name in ("side", "wall") or polar[rim + shift] < 1.5)
+        rng = np.random.default_rng(3)
+        t, turn = begin + (rim - begin) * rng.random(300), turns * rng.random(300)
+        cell, sector = np.minimum(np.floor(t).astype(int), rim - 1), np.floor(turn).astype(int)
+        around = np.arange(4) - 1
+        near = values[(cell[:, None] + around + shift)[:, :, None], ((sector[:, None] + around) % turns)[:, None, :]]
+        r, z = np.einsum("nabc,na,nb->cn", near, lagrange(t - cell, 4), lagrange(turn - sector, 4))
+        azimuth = 2.0 * np.pi / turns * turn
+        between = np.column_stack([r * np.cos(azimuth), r * np.sin(azimuth), z])
+        radius = np.linalg.norm(between, axis=1, keepdims=True)
+        u = between / radius
+        off = (radius[:, 0] - surface.radius(u)) * np.sum(surface.normal(u) * u, axis=1)
+        assert 1e6 * np.abs(off).max() <= 1.05 * grid.error_nm + 2e-3 <= 11.0
+
+
+def test_a_spacing_that_is_given_counts_the_points_of_the_face_alone():
+    lens = spot_lens()
+    grids = {grid.face: grid for grid in dense_tables(lens, [], GridRequest(spacing_mm=0.2))}
+    assert all(0.1 < grid.spacing_mm < 0.3 for grid in grids.values())
+    whole = {face.name: face.ends_deg for face in faces_to_cut(lens)}
+    assert whole["cap"][1] == pytest.approx(whole["side"][0]) and whole["exit"][1] == pytest.approx(whole["wall"][0])
+    assert whole["side"][1] == whole["wall"][1] == 90.0 and whole["cap"][0] == whole["exit"][0] == 0.0
+
+
+def test_the_sizes_of_creases_are_those_of_spheres_that_meet():
+    faces = {name: sphere(radius, (0.0, 0.0, height)) for name, (radius, height) in SPHERES.items()}
+    spec = spot(exit={"gap_mm": 0.07}).replace(base={"kind": "none"})
+    lens = OfSpheres(faces, spec, 0, "draft")
+    found = {each.name: each for each in dimensions(lens)}
+    for name, height in MET.items():
+        radius = 0.5 * WIDTH[name]
+        width, above = (found[f"crease of {name}, along x{more}"] for more in ("", ", above z = 0"))
+        assert width.value_mm == pytest.approx(2.0 * radius, abs=1e-9)
+        assert above.value_mm == pytest.approx(height, abs=1e-9)
+        assert width.ends == (pytest.approx((height, -radius)), pytest.approx((height, radius)))
+        assert width.tolerance == above.tolerance == "auxiliary"
+    assert found["thickness on the axis"].tolerance_mm == 0.07
+    (seen,) = (
+        line.points for line in section_view(lens, "S", 0.0).lines if np.abs(line.points[:, 0] - 0.51).max() < 1e-9
+    )
+    assert np.ptp(seen[:, 1]) == pytest.approx(WIDTH["cap and side"], abs=1e-3), "the crease in the open cavity"
+
+
+def test_the_section_and_the_sheet_show_every_face(handed):
+    lens, made = handed
+    (outline,) = section_view(lens, "S", 0.0).outlines
+    z, x = outline[outline[:, 0] > 1e-6].T
+    distance = np.hypot(x, z)
+    u = np.column_stack([x / distance, np.zeros_like(x), z / distance])
+    off = {name: np.abs(lens.surfaces[name].radius(u) - distance) for name in TIR}
+    assert np.min(list(off.values()), axis=0).max() < 1e-9
+    assert all((each < 1e-9).sum() > 20 for each in off.values()), "of all four faces"
+    document = ezdxf.read(io.StringIO(made.dxf.decode("utf-8")))
+    assert not document.audit().errors
+    measured = np.array([each.get_measurement() for each in document.modelspace().query("DIMENSION")])
+    for each in dimensions(lens):
+        assert each.ends is None or np.abs(measured - each.value_mm).min() < 1e-9, each.name
+    page = made.html.decode("utf-8")
+    for name in TIR:
+        assert f"OPTICAL_{name.upper()}" in page and f"form, {name} face" in page
+    assert "wall face against cap, tilt" in page and "exit face against cap, gap" in page
+    scale = next(text for text in re.findall(r"scale ([\d :]+)", page))
+    assert scale.strip() in ("2 : 1", "5 : 1")

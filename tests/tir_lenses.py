@@ -1,0 +1,29 @@
+"""A small lens for total internal reflection: its spec, and the lens from which its search starts."""
+
+from typing import Any
+
+from lensforge.scene.lens import Lens
+from lensforge.search.profiles import ProfileParameters
+from lensforge.spec import Spec, parse_spec
+
+SPOT = {
+    "source": {"kind": "square", "side_mm": 1.0},
+    "lens": {"kind": "tir", "profile": 8},
+    "constraints": {"max_radius_mm": 8.0},
+    "target": {"kind": "disc", "diameter_deg": 20.0, "half_angle_deg": 30.0},
+    "optimise": {"aim": "share", "steps_per_level": [25], "rays": 4096},
+    "limits": [{"kind": "zone", "zone": {"kind": "disc", "diameter_deg": 20.0}, "at_least_share": 0.8}],
+}
+
+
+def spot(**lens: Any) -> Spec:
+    """Its spec, with fields of its lens."""
+    steps = [25, *(10 for _ in lens.get("levels", ()))]
+    optimise = {**SPOT["optimise"], "steps_per_level": steps}
+    return parse_spec({**SPOT, "lens": {**SPOT["lens"], **lens}, "optimise": optimise}, "spot")
+
+
+def spot_lens(spec: Spec | None = None, **changes: Any) -> Lens:
+    """The lens from which the search starts; ``changes`` of sections of its spec."""
+    spec = (spec or spot()).replace(**changes)
+    return Lens(ProfileParameters.of(spec, 2.5).start_surfaces, spec, 0, "draft")
