@@ -12,7 +12,7 @@ from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.rayfiles.ray_file_io import write_rayfile
 from lensforge.sources.source_spectrum import Spectrum
-from lensforge.spec.source_sections import RayfileSource, RayfilesSource, RaySource, SquareSource
+from lensforge.spec.source_sections import ChipsSource, RayfileSource, RayfilesSource, RaySource, SquareSource
 
 
 def test_rays_of_one_wavelength_are_a_line():
@@ -90,3 +90,14 @@ def test_files_have_the_spectrum_of_their_rays_by_power_or_none_where_one_is_unk
 def test_a_table_in_the_header_of_a_file_is_its_spectrum(tmp_path):
     write_rayfile(tmp_path / "led.tm25ray", with_tables(rays(8)), "tm25")
     assert spectrum(RayfileSource(file=tmp_path / "led.tm25ray")).wavelengths_nm.tolist() == [430.0, 450.0, 470.0]
+
+
+def test_chips_have_the_spectrum_of_all_by_their_power():
+    chip = {"x_mm": 0.0, "y_mm": 0.0, "width_mm": 1.0, "height_mm": 1.0}
+    colours = [{"kind": "line", "wavelength_nm": wave} for wave in (450.0, 633.0)]
+    chips = [{**chip, "flux_w": flux, "spectrum": each} for flux, each in zip((1.0, 3.0), colours, strict=True)]
+    both = spectrum(ChipsSource(chips=chips, spectrum=colours[0]))
+    red = both.wavelengths_nm > 550.0
+    areas = [np.trapezoid(both.power_density[part], both.wavelengths_nm[part]) for part in (~red, red)]
+    assert areas[1] / areas[0] == pytest.approx(3.0)
+    assert spectrum(ChipsSource(chips=[*chips, chip])) is None
