@@ -198,6 +198,10 @@ def proof_criteria(proof: Proof) -> tuple[Criterion, ...]:
     for number, receiver in enumerate(proof.receivers):
         own = _receiver_criteria(proof, receiver)
         found += own if number == 0 else [_named(each, receiver.name) for each in own]
+    finer = "verify with more rays, or export again: plate.stl is not the lens of lens.json at its places"
+    for lit in proof.together:
+        limit = noise_limit(lit.noise_floor_nmse)
+        found.append(_named(at_most("plate_nmse_vs_sum", lit.nmse_vs_sum, limit, "", finer), lit.name))
     return tuple(found)
 
 

@@ -32,7 +32,8 @@ def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | 
 
     ``light``: of the same lens. The ray cast shares no code with the design's tracer; further rays are drawn by code
     that shares nothing with its sampler, and make the light of the design; of several lamps that of one. Both files are
-    measured, and compared with the size as exported.
+    measured, and compared with the size as exported. With a plate the light of all lamps goes through its mesh as well,
+    and is compared with their sum.
     """
     with threads_of_torch(threads):
         return verify_with(IN_TURN, part, light, rays)
@@ -44,7 +45,7 @@ def verify_with(second: SecondProcess, part: Part, light: Light, rays: int | Non
 
     from lensforge.proof.mitsuba_cast import RAYS as MITSUBA_RAYS
     from lensforge.proof.mitsuba_cast import installed as mitsuba_installed
-    from lensforge.proof.proof_inputs import independent_light, optical_of
+    from lensforge.proof.proof_inputs import independent_light, lamps_on_plate, optical_of
 
     lens, spec = require(part, Part, "verify").lens, part.lens.spec
     rays = count_of("rays", rays)
@@ -58,8 +59,10 @@ def verify_with(second: SecondProcess, part: Part, light: Light, rays: int | Non
     count, conditions = rays_of(rays, preset.verify_rays, source)
     bundle = source.sample(count, seeds.of_verification(lens.seed))
     optical = optical_of(lens.body, lens.events)
+    lamps = lamps_on_plate(part.plate_stl, part.lens, whole, bundle, optical)
     proof = verify_in_sandbox(
         part.stl,
+        lamps=lamps,
         rays=bundle,
         media=lens.media,
         expected=expected_of(lens, light, bundle, optical),

@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float, Int
 
 from lensforge.errors import InputError
 from lensforge.optics.media import DOUBLE
+from lensforge.sources.ray_bundle import RayBundle
 
 NO_FACE = -1  # at or below z = 0 lies no optical face
 FAR_MM = 0.05  # facets further from every face of the design are of none of them: as MOST_CHORD_MM of the acceptance
@@ -32,11 +33,14 @@ def faces_away(points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3
 
 @dataclass(frozen=True)
 class PlateOfLenses:
-    """Lenses of a plate: places (mm) of their axes, turns (rad), and the number of the one that is lit."""
+    """Lenses of a plate: places (mm) of their axes, turns (rad), and the number of the one that is lit.
+
+    None: all are, and all is in the coordinates of the plate.
+    """
 
     places: Float[np.ndarray, "k 2"]
     turns: Float[np.ndarray, " k"]
-    lit: int
+    lit: int | None
 
     def nearest(self, points: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, " n"]:
         """Number of the lens whose axis is nearest to points in the coordinates of the lit one."""
@@ -46,6 +50,8 @@ class PlateOfLenses:
 
     def from_lit(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """Points of the plate in the coordinates of the lit lens."""
+        if self.lit is None:
+            return points
         moved: Float[np.ndarray, "n 3"] = (points - (*self.places[self.lit], 0.0)) @ _turned(-self.turns[self.lit]).T
         return moved
 
@@ -54,11 +60,21 @@ class PlateOfLenses:
     ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
         """Points and normals, from those of the lit lens into the coordinates of the nearest one."""
         numbers, (own, ahead) = self.nearest(points), (points.copy(), normals.copy())
+        lit = 0.0 if self.lit is None else self.turns[self.lit]
         for number in np.unique(numbers):
-            rows, turn = numbers == number, _turned(self.turns[self.lit] - self.turns[number]).T
+            rows, turn = numbers == number, _turned(lit - self.turns[number]).T
             own[rows] = (points[rows] - (*self._seen[number], 0.0)) @ turn
             ahead[rows] = normals[rows] @ turn
         return own, ahead
+
+    def placed(self, rays: RayBundle, numbers: Int[np.ndarray, " n"]) -> RayBundle:
+        """Rays of one lens in its own coordinates, each at the lens of its number, in those of the plate."""
+        origins, directions = rays.origins.copy(), rays.directions.copy()
+        for number, (place, turn) in enumerate(zip(self.places, self.turns, strict=True)):
+            rows, turned = numbers == number, _turned(turn).T
+            origins[rows] = rays.origins[rows] @ turned + np.array([*place, 0.0])
+            directions[rows] = rays.directions[rows] @ turned
+        return RayBundle(origins, directions, rays.flux, rays.wavelengths_nm)
 
     @cached_property
     def _seen(self) -> Float[np.ndarray, "k 2"]:
@@ -105,7 +121,7 @@ class OpticalFaces:
 
     def at_neighbour(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
         """True for points above z = 0 that are nearer to another lens of a plate than to the lit one."""
-        if self.plate is None:
+        if self.plate is None or self.plate.lit is None:
             return np.zeros(len(points), dtype=bool)
         beside: Bool[np.ndarray, " n"] = (self.plate.nearest(points) != self.plate.lit) & (points[:, 2] > 0.0)
         return beside

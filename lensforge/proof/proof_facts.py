@@ -2,11 +2,19 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from lensforge.proof.proof_result import BrepCast, IndependentRays, LandingDeviation, MitsubaCast, Proof, ReceiverProof
+from lensforge.proof.proof_result import (
+    BrepCast,
+    IndependentRays,
+    LampsTogether,
+    LandingDeviation,
+    MitsubaCast,
+    Proof,
+    ReceiverProof,
+)
 from lensforge.proof.stray_result import ReceiverStray, StrayLight
 from lensforge.results import Fact, FactState, Group
 from lensforge.results.chart import light_unit
-from lensforge.results.criteria import Criterion, state_of
+from lensforge.results.criteria import Criterion, kept, state_of
 from lensforge.results.numerals import number, percent, quantity
 
 _CAUSES = {
@@ -37,7 +45,17 @@ def proof_facts(proof: Proof, designed: Mapping[str, float]) -> list[Group]:
             tuple(_receiver(proof, index, designed.get(receiver.name))),
         )
         for index, receiver in enumerate(proof.receivers)
+    ] + [
+        Group("together", f"All lamps of the plate{suffix(proof.together, index)}", tuple(_together(each, proof)))
+        for index, each in enumerate(proof.together)
     ]
+
+
+def _together(lit: LampsTogether, proof: Proof) -> Iterator[Fact]:
+    judged = kept(proof.criteria, f"{lit.name}: plate_nmse_vs_sum")
+    note = f"of {lit.lamps} lamps; ray noise alone makes {number(lit.noise_floor_nmse, 3)}"
+    yield Fact("nmse_vs_sum", "NMSE against the sum", lit.nmse_vs_sum, **judged, note=note, digits=3)
+    yield Fact.share("plate_efficiency", "Efficiency of the plate", lit.efficiency, "through its mesh")
 
 
 def tracer_groups(proof: Proof) -> list[Group]:

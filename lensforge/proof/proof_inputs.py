@@ -18,6 +18,7 @@ from lensforge.optics.media import BODY
 from lensforge.proof import independent_draws
 from lensforge.proof.optical_faces import OpticalFaces, PlateOfLenses
 from lensforge.proof.part_comparison import RAYS, IndependentLight
+from lensforge.proof.plate_cast import LampsOnPlate
 from lensforge.proof.receiver_screen import Screen
 from lensforge.scene.body import Body, radii
 from lensforge.scene.lens import Lens
@@ -60,6 +61,25 @@ def plate_of(lamps: Lamps) -> PlateOfLenses:
     """The lenses of a plate; the one nearest to the origin is lit."""
     places = np.array(lamps.places_mm)
     return PlateOfLenses(places, np.radians(lamps.turns_deg), int(np.hypot(*places.T).argmin()))
+
+
+def lamps_on_plate(
+    stl: bytes | None, lens: Lens, light: Light, rays: RayBundle, optical: OpticalFaces
+) -> LampsOnPlate | None:
+    """The cast of all lamps; None without a plate of several, and for a lattice, whose light no plate makes.
+
+    ``light``: of all lamps; ``rays``, ``optical``: of one.
+    """
+    spec, lamps = lens.spec, lens.spec.all_lamps
+    if stl is None or spec.plate is None or lamps.period_mm is not None or len(lamps) == 1:
+        return None
+    plate = PlateOfLenses(np.array(lamps.places_mm), np.radians(lamps.turns_deg), None)
+    drawn = np.random.default_rng(seeds.of_verification(lens.seed)).permutation(len(rays)) % len(lamps)
+    designed = [
+        (lit.name, replace(screen, rows=len(lit.map), columns=len(lit.map[0])), lit.map)
+        for lit, screen in zip(light.receivers, screens_of(spec, light.pixels), strict=True)
+    ]
+    return LampsOnPlate(stl, plate.placed(rays, drawn), replace(optical, plate=plate), designed)
 
 
 def screens_of(spec: Spec, pixels: int | None = None) -> list[Screen]:

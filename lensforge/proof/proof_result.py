@@ -183,6 +183,17 @@ class ReceiverProof(OnReceiver):
     gaps_mitsuba_mm: Gaps | None = None
 
 
+class LampsTogether(Record):
+    """The light of all ``lamps`` of a plate on one receiver, through the plate's mesh, against the design's sum."""
+
+    name: Text
+    lamps: Count
+    rays: Count
+    efficiency: Share
+    nmse_vs_sum: NotNegative
+    noise_floor_nmse: NotNegative
+
+
 class Proof(SimulatedResult):
     """Rays through the exported part, against the same rays through the design, on every receiver.
 
@@ -190,7 +201,7 @@ class Proof(SimulatedResult):
     was not what export.json describes when the rays were cast. ``sizes``: None where no size as exported was given.
     ``emission_apart``: largest difference of a moment of the design's rays, as they leave the source, from that of rays
     which verification has drawn, in standard errors; None where it has drawn none. ``far_facets``: optical facets of
-    the mesh far from every face of the design, of a body of more than two.
+    the mesh far from every face of the design, of a body of more than two. ``together``: all lamps through their plate.
     """
 
     stage: ClassVar[str] = "verify"
@@ -208,6 +219,7 @@ class Proof(SimulatedResult):
     far_facets: Count = 0
     altered_files: tuple[Text, ...] = ()
     plain_cast: PlainCast
+    together: tuple[LampsTogether, ...] = ()
     criteria: tuple[Criterion, ...]
 
     @property

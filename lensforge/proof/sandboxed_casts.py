@@ -52,7 +52,9 @@ def _cast_in_child(kind: type[_Result], count: int, **given: Any) -> _Result:
     """Leave the cast of ``count`` rays to a child process, and read the record that it writes."""
     with temporary_folder("lens.stl") as folder:
         (folder / _CALL).write_bytes(pickle.dumps((kind.stage, given), protocol=pickle.HIGHEST_PROTOCOL))
-        memory_mib = _MEMORY_MIB + _MEMORY_KIB_PER_TRIANGLE * len(given["stl"]) // _STL_RECORD // 1024
+        lamps = given.get("lamps")
+        most_bytes = max(len(given["stl"]), 0 if lamps is None else len(lamps.stl))
+        memory_mib = _MEMORY_MIB + _MEMORY_KIB_PER_TRIANGLE * most_bytes // _STL_RECORD // 1024
         limits = ChildLimits(memory_mib, _SECONDS + _SECONDS_PER_RAY * count)
         words = "export it again, or cast fewer rays"
         work_in_child(Path(__file__).resolve(), folder, limits, origin="lens.stl and lens.step", remedy=words)

@@ -28,6 +28,7 @@ from lensforge.proof.part_comparison import (
     share,
 )
 from lensforge.proof.part_mesh import PartMesh, read_part_mesh, sized_mesh
+from lensforge.proof.plate_cast import LampsOnPlate, cast_lamps
 from lensforge.proof.proof_result import (
     BrepCast,
     Gaps,
@@ -66,6 +67,7 @@ def verify_part(
     threads: int = 1,
     inputs: Mapping[str, str] | None = None,
     second: SecondProcess = IN_TURN,
+    lamps: LampsOnPlate | None = None,
 ) -> Proof:
     """Cast ``rays`` into the part in the bytes of an STL file (mm), and compare with the design.
 
@@ -76,7 +78,8 @@ def verify_part(
     rays, drawn by other code than the design's, and the light of the design that theirs is compared with. ``optical``:
     the faces of the part, and the events of its light. ``exported``: size of the part as exported, its box within
     ``chord_mm`` of the solid's. The result does not depend on ``threads``. ``inputs``: hashes of the inputs, by name.
-    ``second``: casts by the CAD kernel and by trimesh, where there is one.
+    ``second``: casts by the CAD kernel and by trimesh, where there is one. ``lamps``: of a plate, whose light is
+    compared with their sum.
 
     Raises :class:`InputError` for bytes that hold no mesh or no solid and for arrays that do not fit; a wrong part
     misses its criteria instead.
@@ -116,6 +119,7 @@ def verify_part(
         facet_height_um=Extent(rms=float(np.sqrt(np.mean(heights**2))), max=float(heights.max())),
         far_facets=part.far,
         plain_cast=compared,
+        together=() if lamps is None else cast_lamps(lamps, media, threads),
         criteria=(),
         seconds=perf_counter() - started,
     )

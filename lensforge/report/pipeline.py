@@ -290,7 +290,7 @@ def _side_by_side(here: RunFolder, heard: Listener, second: SecondProcess) -> No
         here.write(photometry(lens))
     return_freed_memory()
     part = made.result()
-    for content in (part.step, part.stl, part.threemf):
+    for content in (part.step, part.stl, part.threemf, part.plate_stl or b""):
         remembered(content)  # this program made them, if not this process
     here.write(part)
     heard.ended(Part.stage, part.seconds)

@@ -42,6 +42,7 @@ _WORDS = {
     "plate_watertight_3mf": "plate.3mf is closed (1: yes)",
     "plate_genus_difference": "handles and holes that the mesh of the plate should not have",
     "plate_mesh_volume_change": "volume of plate.stl, against its closed form",
+    "plate_nmse_vs_sum": "pattern of all lamps through plate.stl, against their sum",
     "concave_radius": "smallest hollow of the corrected face",
     "open_edges": f"open edges of the {_STL}",
     "plain_cast_disagreements": "first hits that a second ray caster finds elsewhere",

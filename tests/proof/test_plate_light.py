@@ -1,5 +1,6 @@
 """Light of one lamp through a whole plate: what meets a neighbour, against closed forms and other placements."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -7,17 +8,27 @@ import pytest
 from lens_meshes import lambertian
 from scenes import small_spec
 
+from lensforge import seeds
 from lensforge.cad.form_error import fit_lens
 from lensforge.cad.mesh import build_mesh
 from lensforge.cad.mesh_files import stl_bytes
+from lensforge.cad.part_export import build_part
 from lensforge.cad.plan import lay_out
-from lensforge.cad.plate_layout import layout_of
+from lensforge.cad.plate_layout import PlateLayout, layout_of
 from lensforge.cad.plate_mesh import build_plate_mesh, lens_mesh
+from lensforge.light.lens_light import evaluate
 from lensforge.optics.media import Media, Medium
+from lensforge.proof.acceptance import proof_criteria
+from lensforge.proof.casts import verify
+from lensforge.proof.facet_casting import Grid
 from lensforge.proof.nonsequential_trace import Base
 from lensforge.proof.optical_faces import OpticalFaces, PlateOfLenses
-from lensforge.proof.proof_inputs import plate_of
+from lensforge.proof.part_mesh import read_part_mesh
+from lensforge.proof.plate_cast import cast_lamps
+from lensforge.proof.proof_facts import proof_facts
+from lensforge.proof.proof_inputs import lamps_on_plate, plate_of
 from lensforge.proof.receiver_screen import Screen
+from lensforge.proof.sequential_cast import LandedRays, send_through
 from lensforge.proof.stray_analysis import trace_stray
 from lensforge.proof.stray_result import StrayLight
 from lensforge.scene.lens import Lens
@@ -41,11 +52,15 @@ def lens_on(plate: dict[str, Any], places: list[list[float]], turns: list[float]
 WIDE = {"constraints__max_radius_mm": 4.0, "lens__inner__offset_mm": 1.5, "lens__outer__offset_mm": 3.0}
 
 
+def stl_of(lens: Lens, layout: PlateLayout) -> bytes:
+    plan = lay_out(*fit_lens(lens), BaseSection(kind="none"))
+    return stl_bytes(build_plate_mesh(plan, layout, *lens_mesh(plan, len(layout.lenses))))
+
+
 def cast(lens: Lens, rays: RayBundle = RAYS, base: Base = "polished") -> StrayLight:
-    plan, layout = lay_out(*fit_lens(lens), BaseSection(kind="none")), layout_of(lens)
+    layout = layout_of(lens)
     assert layout is not None
-    stl = stl_bytes(build_plate_mesh(plan, layout, *lens_mesh(plan, len(layout.lenses))))
-    optical = OpticalFaces(plate=plate_of(layout.lenses))
+    optical, stl = OpticalFaces(plate=plate_of(layout.lenses)), stl_of(lens, layout)
     return trace_stray(stl, rays=rays, media=Media(Medium(INDEX)), screens=[SCREEN], optical=optical, base=base)
 
 
@@ -104,3 +119,41 @@ def test_a_point_of_any_lens_is_found_in_its_own_coordinates() -> None:
         own = plate.from_own(seen, turned)
         np.testing.assert_allclose(np.concatenate(own), np.concatenate([point, normal]), atol=1e-12)
         assert (plate.nearest(seen)[0] == 1) == (turn == turns[1])
+
+
+def test_the_light_of_all_lamps_is_the_sum_of_each_moved_by_hand() -> None:
+    """The same rays through the lens alone, its light turned and moved with each lamp, added on a tilted plane."""
+    places, turns = [[-5.0, 1.0], [4.0, -2.0], [3.0, 7.0]], [0.0, 70.0, 200.0]
+    lens = lens_on({}, places, turns, 0.03)
+    layout, light, rays = layout_of(lens), evaluate(lens, rays=1024), lambertian(6000, 1.0, seed=5)
+    assert layout is not None
+    lamps = lamps_on_plate(stl_of(lens, layout), lens, light, rays, OpticalFaces())
+    assert lamps is not None
+    screen = replace(SCREEN, facing=(0.3, 0.0, 1.0))
+    plan = lay_out(*fit_lens(lens), BaseSection(kind="none"))
+    part = read_part_mesh(stl_bytes(lens_mesh(plan, 3)[0]))
+    passage = send_through(part, Grid(part.mesh), rays, Media(Medium(INDEX)))
+    drawn = np.random.default_rng(seeds.of_verification(0)).permutation(len(rays)) % 3
+    total = np.zeros((16, 16))
+    for number, ((x, y), turn) in enumerate(zip(places, np.radians(turns), strict=True)):
+        around = np.array([[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
+        points, ways = passage.points @ around + [x, y, 0.0], passage.directions @ around
+        own = replace(passage, points=points, directions=ways)
+        landed = LandedRays.of(own, screen)
+        total += screen.irradiance(landed.landings, np.where(drawn == number, 3.0, 0.0) * landed.flux)
+    (found,) = cast_lamps(replace(lamps, designed=[("light", screen, total)]), Media(Medium(INDEX)), 1)
+    assert (found.lamps, found.rays) == (3, 6000) and found.nmse_vs_sum < 1e-4 < found.noise_floor_nmse
+    assert found.efficiency == pytest.approx(total.sum() * screen.pixel_measure / 3.0, rel=1e-3)
+
+
+def test_verify_judges_the_light_of_the_whole_plate() -> None:
+    lens = lens_on({}, [[-5.0, 0.0], [5.0, 0.0]], [0.0, 90.0], 0.03)
+    part, light = build_part(lens), evaluate(lens, rays=2**16)
+    proof = verify(part, light, rays=4096)
+    (found,), name = proof.together, "light: plate_nmse_vs_sum"
+    assert found.efficiency == pytest.approx(light.first.efficiency.value, abs=0.02)
+    assert {each.name: each.passed for each in proof.criteria}[name]
+    (shown,) = [group for group in proof_facts(proof, {}) if group.key == "together"]
+    assert [fact.state for fact in shown.facts] == ["pass", ""]
+    wrong = proof.model_copy(update={"together": (found.model_copy(update={"nmse_vs_sum": 9 * found.nmse_vs_sum}),)})
+    assert not {each.name: each.passed for each in proof_criteria(wrong)}[name]
