@@ -16,9 +16,10 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.cad.boundary import WHOLE, Crease, Domain, StarShaped, lens_boundaries
+from lensforge.cad.boundary import WHOLE, Boundary, Crease, Domain, StarShaped, lens_boundaries
 from lensforge.cad.custom_base import mesh_of_base
 from lensforge.cad.cutter_room import base_with_room
+from lensforge.cad.outline import FULL_TURN
 from lensforge.cad.part import Part
 from lensforge.cad.plan import BOTTOM, RIM, SIDE, TOP, lay_out, rim_radius
 from lensforge.cad.section import body_outlines, other_section_deg
@@ -29,6 +30,7 @@ from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import to_chart, to_sphere
 
 _SAMPLES, _REACH = 5_000, 0.02  # samples 1.8 degrees apart, in the chart as here
+_ALONG_CREASE = 3601  # azimuths: 0.1 degrees apart
 _AXIS = np.array([[0.0, 0.0, 1.0]])
 
 Measured = Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, " n"]]
@@ -177,8 +179,14 @@ def _farthest(surface: StarShaped, measured: Measured, domain: Domain = WHOLE) -
 
     chart = to_chart(np.concatenate([_AXIS, fibonacci_hemisphere(_SAMPLES)]))
     chart = domain.within(chart) if domain.edges else chart
-    place, _ = refined_maximum(figure, chart, figure(chart), _REACH, rounds=24, within=domain.within)
-    return np.asarray(points(place[None])[0])
+    place, most = refined_maximum(figure, chart, figure(chart), _REACH, rounds=24, within=domain.within)
+    found = points(place[None])[0]
+    for crease in surface.creases if isinstance(surface, Boundary) else ():  # where it bends, and often is widest
+        along = crease.points(np.linspace(0.0, FULL_TURN, _ALONG_CREASE))
+        best = int(np.argmax(measured(along)))
+        if measured(along)[best] > most:
+            found, most = along[best], float(measured(along)[best])
+    return np.asarray(found)
 
 
 def _base_dimensions(lens: Lens) -> list[Dimension]:

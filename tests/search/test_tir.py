@@ -1,5 +1,7 @@
 """A lens for total internal reflection from its spec: start, tables, derivatives, limits, and a short search."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 import torch
@@ -189,7 +191,7 @@ def test_a_silvered_wall_keeps_its_share_of_the_light_that_it_turns() -> None:
         ({"lens": {"kind": "tir", "refractive_index": 1.05}}, "raise the index"),
         ({"lens": {"kind": "tir", "side": {"draft_deg": 24.0}}}, "lens: cone: slope"),
         ({"lens": {"kind": "tir", "levels": "auto"}}, "lens.levels"),
-        ({"optimise": {"robust": True}}, "parts with tolerances"),
+        ({"optimise": {"robust": True}}, "optimise.robust goes with"),
         ({"lens": {"kind": "prism"}}, "double, tir"),
         ({"lens": {"inner": {"mirror": 0.9}}}, "no light would leave"),
         ({"lens": {"kind": "tir", "wall": {"mirror": 0.9, "coating": {"reflectance": 0.1}}}}, "coating and mirror"),
