@@ -115,7 +115,7 @@ class _Lamps:
 
     @property
     def foot_y(self) -> Points:
-        """Where the pole of each stands: at its edge, straight below a lamp beside it, in the middle of a median."""
+        """Place of each pole across the road: at its edge, below a lamp beside it, in the middle of a median."""
         road = self.road
         if road.arrangement == "median":
             aside = 0.5 * road.median_m
