@@ -83,9 +83,14 @@ def limit_value(limit: LightLimit, images: Float[np.ndarray, "r h w"]) -> Metric
     return _value(limit, limit.of(images), images)
 
 
-def values_left_out(limit: LightLimit, images: Float[np.ndarray, "r h w"]) -> Float[np.ndarray, " k"]:
-    """The value that decides by all replicates, then with one after the other left out; of one replicate alone it."""
-    read, numbers = limit.of(images).T, np.arange(len(images))  # read once: places are few, pixels many
+def values_left_out(
+    limit: LightLimit, read: Float[np.ndarray, "k r"], images: Float[np.ndarray, "r h w"]
+) -> Float[np.ndarray, " v"]:
+    """The value that decides by all replicates, then with one after the other left out; of one replicate alone it.
+
+    ``read``: what the readings of ``limit`` are of each of the ``images``.
+    """
+    numbers = np.arange(len(images))
     found = []
     for rows in (numbers, *(numbers[numbers != k] for k in numbers if len(numbers) > 1)):
         readings = np.take(read, rows, axis=1).T

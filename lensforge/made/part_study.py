@@ -7,12 +7,13 @@ Parts share their rays with the lens as designed, so that most of the ray noise 
 of a part is that of the lens as designed, by many rays, plus this change.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy import sparse
 
 from lensforge.cad.boundary import lens_boundaries
 from lensforge.cad.wall import thinnest_of
@@ -126,8 +127,24 @@ class PartLight:
             images = found.images
             metrics.append(ReplicateMetrics.of(images, target.light, lit_mask(mask, images), found.window))
             shares.append(found.in_target)
-        limits = (values_left_out(limit, received[limit.receiver].images) for limit in self.limits)
-        return MeasuredPart(tuple(metrics), tuple(shares), tuple(limits))
+        return MeasuredPart(tuple(metrics), tuple(shares), tuple(self._limits(received)))
+
+    def _limits(self, received: tuple[ReceivedImages, ...]) -> Iterator[Float[np.ndarray, " v"]]:
+        """The values that decide on each limit, by all replicates, then with one after the other left out."""
+        read = {}
+        for receiver, matrix in self._readings.items():  # all limits at once: to read pixels takes longer than to judge
+            images, asked = received[receiver].images, [each for each in self.limits if each.receiver == receiver]
+            ends = np.cumsum([each.readings.shape[0] for each in asked])[:-1]
+            read[receiver] = iter(np.split(matrix @ images.reshape(len(images), -1).T, ends))
+        for limit in self.limits:
+            yield values_left_out(limit, next(read[limit.receiver]), received[limit.receiver].images)
+
+    @cached_property
+    def _readings(self) -> dict[int, sparse.csr_array]:
+        """Readings of all limits on each receiver that has some, as one matrix."""
+        numbers = dict.fromkeys(limit.receiver for limit in self.limits)
+        rows = {each: [limit.readings for limit in self.limits if limit.receiver == each] for each in numbers}
+        return {each: sparse.csr_array(sparse.vstack(own)) for each, own in rows.items()}
 
     @cached_property
     def _targets(self) -> tuple[list[DrawnTarget], list[Bool[np.ndarray, "_ _"] | None]]:

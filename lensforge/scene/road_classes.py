@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from lensforge.results import Sense
 from lensforge.scene.road_field import CandelaSum, RoadReadings
 from lensforge.spec.light_limits import Quantity
-from lensforge.spec.road_section import C_CLASSES, C_UNIFORMITY, M_CLASSES, P_CLASSES, P_MOST
+from lensforge.spec.road_section import C_CLASSES, C_UNIFORMITY, M_CLASSES, P_CLASSES, P_MOST, WET_UNIFORMITY
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +58,9 @@ def _of_luminance(readings: RoadReadings) -> Iterator[Ask]:
         kept, mean = seen.times(road.maintenance_factor), seen.mean()
         yield Ask(f"{of}mean luminance", "light", ">=", least, "cd/m²", kept.mean())
         yield Ask(f"{of}uniformity U0", "min_over_mean", ">=", uniformity, "", kept)
+        if readings.wet:
+            even = road.wet_uniformity or WET_UNIFORMITY
+            yield Ask(f"{of}uniformity U0, wet", "min_over_mean", ">=", even, "", readings.wet[lane])
         yield Ask(f"{of}uniformity Ul", "min_over_max", ">=", along, "", kept.places(readings.middle(lane)))
         glaring = CandelaSum.joined((veiling, mean))
         if road.luminance_per_lux is not None:

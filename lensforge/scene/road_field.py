@@ -115,7 +115,7 @@ class _Lamps:
 
     @property
     def foot_y(self) -> Points:
-        """Place of the pole of each: at its edge, straight below a lamp beside it, in the middle of a median."""
+        """Place of each pole across the road: at its edge, below a lamp beside it, in the middle of a median."""
         road = self.road
         if road.arrangement == "median":
             aside = 0.5 * road.median_m
@@ -143,12 +143,14 @@ class RoadReadings:
     """All light of one road by its lamps as they are when new, without the maintenance factor.
 
     For the observer in each lane, from the driving side: ``luminance`` (cd/m^2) at the points of the field, row by row
-    along the road, three to a lane; ``veiling`` luminance (cd/m^2) on the way through the field. ``illuminance`` (lx)
-    at the points of its own field. ``edges``: mean illuminance outside and inside of the right edge, and of the left.
+    along the road, three to a lane, ``wet`` that of the wet surface, of none where there is none; ``veiling`` luminance
+    (cd/m^2) on the way through the field. ``illuminance`` (lx) at the points of its own field. ``edges``: mean
+    illuminance outside and inside of the right edge, and of the left.
     """
 
     road: RoadSection
     luminance: tuple[CandelaSum, ...]
+    wet: tuple[CandelaSum, ...]
     veiling: tuple[CandelaSum, ...]
     illuminance: CandelaSum
     edges: tuple[CandelaSum, CandelaSum]
@@ -157,6 +159,7 @@ class RoadReadings:
     def of(road: RoadSection) -> "RoadReadings":
         """Readings of ``road``. Raises :class:`InputError` for a file that is no table of a surface."""
         surface = RoadSurface.of(road.surface, road.surface_file, road.surface_q0)
+        wet_surface = [RoadSurface.of(road.wet_surface or "", road.wet_surface_file)] if road.has_wet_surface else []
         views = [DriverView(road, lane) for lane in range(road.lanes)]
         x, y = (each.ravel() for each in np.meshgrid(steps_along(road), steps_across(road)))
         width, lane = road.width_m, road.lane_m
@@ -165,6 +168,7 @@ class RoadReadings:
         return RoadReadings(
             road,
             tuple(_luminance(view, surface, x, y) for view in views),
+            tuple(_luminance(view, wet, x, y) for view in views for wet in wet_surface),
             tuple(map(_veiling, views)),
             _illuminance(road, 0.0, width),
             (CandelaSum.joined((outside_right, inside_right)), CandelaSum.joined((outside_left, inside_left))),

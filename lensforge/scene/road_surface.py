@@ -8,7 +8,10 @@ The shipped tables are R1 to R4 of CIE 30.2 (1982), and C1 and C2 of CIE 66 (198
 from the tables of a framework for Radiance of TU Berlin (J. Winter, S. Buschmann, R. Franke), of which a second copy
 has compared C2 with table 2 of CIE 140:2000, and differs in three entries, taken from there. R2 is that copy's alone.
 Their own specular factors S1 are the published ones to all digits; their integrals Q0 are 1 to 3 % above the nominal
-ones, as bilinear ones of a convex function are. N1 to N4 and the wet tables W1 to W4 were not at hand.
+ones, as bilinear ones of a convex function are. W4, a wet surface of CIE 47 (1979), is of the same tables alone: its
+integral is 2.6 % above the Q0 of 0.247 in van Bommel, Road Lighting (2015), table 12.3, its S1 of 10.8 between the
+limits of its class there, 9.8 and 12. W3 has columns of unknown angles in these tables; N1 to N4, W1 and W2 were not
+at hand.
 """
 
 import csv

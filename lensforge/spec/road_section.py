@@ -14,8 +14,8 @@ from pydantic import Field, ValidationError, model_validator
 from lensforge.spec.spec_files import read_toml, resolve_files
 from lensforge.spec.spec_section import FilePath, Label, Section, spec_error
 
-# Nominal average luminance coefficient Q0 (cd/m^2 per lx) of the classes of the CIE: CIE 144:2001.
-STANDARD_SURFACES = {"R1": 0.10, "R2": 0.07, "R3": 0.07, "R4": 0.08, "C1": 0.10, "C2": 0.07}
+# Nominal average luminance coefficient Q0 (cd/m^2 per lx) of the classes of the CIE: CIE 144:2001; of wet ones CIE 47.
+STANDARD_SURFACES = {"R1": 0.10, "R2": 0.07, "R3": 0.07, "R4": 0.08, "C1": 0.10, "C2": 0.07, "W4": 0.247}
 
 
 @dataclass(frozen=True)
@@ -37,6 +37,7 @@ M_CLASSES = {
     "M5": LuminanceClass(0.50, 0.35, 0.40, 15.0, 0.30),
     "M6": LuminanceClass(0.30, 0.35, 0.40, 20.0, 0.30),
 }
+WET_UNIFORMITY = 0.15  # least U0 of a wet road, of all classes M
 # Mean and least illuminance (lx); the mean of a P class may be at most 1.5 times what it asks for.
 P_CLASSES = {
     "P1": (15.0, 3.0), "P2": (10.0, 2.0), "P3": (7.5, 1.5), "P4": (5.0, 1.0), "P5": (3.0, 0.6), "P6": (2.0, 0.4),
@@ -44,17 +45,21 @@ P_CLASSES = {
 P_MOST = 1.5
 # Mean illuminance (lx); the least must be 0.4 of the mean.
 C_CLASSES = {"C0": 50.0, "C1": 30.0, "C2": 20.0, "C3": 15.0, "C4": 10.0, "C5": 7.5}
-C_UNIFORMITY = 0.4  # all three: EN 13201-2:2015
+C_UNIFORMITY = 0.4  # all: EN 13201-2:2015
 
 ClassName = Literal[
     "M1", "M2", "M3", "M4", "M5", "M6", "C0", "C1", "C2", "C3", "C4", "C5", "P1", "P2", "P3", "P4", "P5", "P6"
 ]
 Metres = Annotated[float, Field(gt=0.0, le=1000.0)]
 Surface = Literal["R1", "R2", "R3", "R4", "C1", "C2"]
+WetSurface = Literal["W4"]
 Arrangement = Literal["left", "right", "opposite", "staggered", "median"]
 Share = Annotated[float, Field(gt=0.0, le=1.0)]
 _LEAST_LANE_M, MOST_ROADS = 2.0, 32
-_BY_LUMINANCE = ("mean_cd_per_m2", "uniformity", "uniformity_along", "glare_percent", "luminance_per_lux")
+_WET = ("wet_surface", "wet_surface_file", "wet_uniformity")
+_BY_LUMINANCE = (
+    "mean_cd_per_m2", "uniformity", "uniformity_along", "glare_percent", "luminance_per_lux", *_WET
+)  # fmt: skip
 
 
 class RoadSection(Section):
@@ -82,6 +87,10 @@ class RoadSection(Section):
     """CSV file with a table of its own in place of the class: a row of beta, then rows of tan gamma and 10^4 r."""
     surface_q0: Annotated[float, Field(ge=1e-3, le=1.0)] | None = None
     """Average luminance coefficient to which the table is scaled; by default the nominal one of the class."""
+    wet_surface: WetSurface | None = None
+    """Class of the surface when it is wet, for which a class M asks that it be even, too; by default it is dry."""
+    wet_surface_file: FilePath | None = None
+    """CSV file of a wet surface in place of its class."""
     pole_height_m: Metres
     """Height of the lamps above the road."""
     pole_spacing_m: Metres
@@ -101,6 +110,8 @@ class RoadSection(Section):
     """Least mean luminance; by default of the class, as the three that follow."""
     uniformity: Share | None = None
     """Least over mean luminance U0 that is wanted at least."""
+    wet_uniformity: Share | None = None
+    """Least over mean luminance of the wet road that is wanted at least; by default 0.15, as every class M asks."""
     uniformity_along: Share | None = None
     """Least over largest luminance Ul on the middle of a lane that is wanted at least."""
     glare_percent: Annotated[float, Field(gt=0.0, le=1000.0)] | None = None
@@ -133,6 +144,11 @@ class RoadSection(Section):
     def lane_m(self) -> float:
         """Width of a lane."""
         return self.width_m / self.lanes
+
+    @property
+    def has_wet_surface(self) -> bool:
+        """True where the wet road counts, too."""
+        return self.wet_surface is not None or self.wet_surface_file is not None
 
     def from_right(self, lane: int) -> int:
         """Place of a lane among all from the right edge; the numbers of both begin with 0."""
@@ -170,6 +186,10 @@ class RoadSection(Section):
             raise ValueError(
                 f"pole_spacing_m = {self.pole_spacing_m:g} is above 12 pole heights, {12.0 * self.pole_height_m:g} m: "
                 "no table of a surface has light from so far; put the poles closer, or make them higher"
+            )
+        if self.wet_uniformity is not None and not self.has_wet_surface:
+            raise ValueError(
+                f"wet_uniformity = {self.wet_uniformity:g} is of a wet road; name its wet_surface, or leave it out"
             )
         beyond = [name for name in _BY_LUMINANCE if getattr(self, name) is not None]
         if beyond and not self.by_luminance:

@@ -8,6 +8,7 @@ from nightly import scaled
 from parts import lens_with, study_of
 
 from lensforge.errors import InputError
+from lensforge.light.judged_limits import limit_value
 from lensforge.light.metrics import rsd_estimate
 from lensforge.made.part_study import PartStudy, Recipe
 from lensforge.made.part_verbs import _name_of
@@ -292,19 +293,21 @@ def test_other_tolerances_name_themselves() -> None:
         lf.tolerance(lens, tolerances="no_such")
 
 
+FAR = {"kind": "beam", "fwhm_deg": 60.0, "half_angle_deg": 90.0}
+ROAD = {"lighting_class": "M6", "width_m": 7.0, "pole_height_m": 9.0, "pole_spacing_m": 30.0, "lamp_lm": 3e3}
+
+
 def test_the_class_of_a_road_is_held_by_the_parts_whose_source_is_bright_enough() -> None:
     """Of the source's flux alone all light is in proportion: a mean luminance is that of the lens times 1 + the number.
 
     Its least of two drivers decides, and its cause is that tolerance; of twice as bright a road no part is good enough.
     """
-    far = {"kind": "beam", "fwhm_deg": 60.0, "half_angle_deg": 90.0}
     easy = dict.fromkeys(("uniformity", "uniformity_along", "edge_ratio"), 1e-9) | {"glare_percent": 1e3}
-    road = {"lighting_class": "M6", "width_m": 7.0, "pole_height_m": 9.0, "pole_spacing_m": 30.0, "lamp_lm": 3e3}
 
     def study(*means: float) -> PartStudy:
-        roads = [road | easy | {"mean_cd_per_m2": mean} for mean in means]
+        roads = [ROAD | easy | {"mean_cd_per_m2": mean} for mean in means]
         return PartStudy(
-            Recipe(lens_with({"source_flux": 0.05, "index": 1e-9}, target=far, roads=roads), 64, 4096, 0, 2**13)
+            Recipe(lens_with({"source_flux": 0.05, "index": 1e-9}, target=FAR, roads=roads), 64, 4096, 0, 2**13)
         )
 
     means = [limit.value.value for limit in study(1.0).designed_light.limits if "mean lum" in limit.name]
@@ -323,3 +326,15 @@ def test_the_class_of_a_road_is_held_by_the_parts_whose_source_is_bright_enough(
     assert rows[0]["nearest"] == f"lane {darker}: mean luminance: light, of 100\u2009% of the parts"
     assert rows[0]["main"].startswith("source, flux, ")
     assert found.pass_rate.value == 0.0  # a part must hold the classes of all roads
+
+
+def test_limits_read_at_once_are_those_read_one_by_one() -> None:
+    """Of all replicates, and with each left out; a figure over the maximum of the picture needs the whole picture."""
+    wanted = {"target": FAR, "roads": [ROAD], "limits": [{"kind": "glare", "from_deg": 60.0, "at_most_relative": 0.3}]}
+    light = PartStudy(Recipe(lens_with({"source_flux": 0.05}, **wanted), 2, 4096, 0, 4096)).light
+    received = light.received(None)
+    images = received[0].images
+    assert {limit.quantity for limit in light.limits} >= {"relative", "ratio", "threshold_increment", "min_over_max"}
+    for limit, found in zip(light.limits, light.measured(received).limits, strict=True):
+        kept = [images, *(np.delete(images, k, axis=0) for k in range(len(images)))]
+        np.testing.assert_array_equal(found, [limit_value(limit, each).value for each in kept], err_msg=limit.name)

@@ -12,8 +12,8 @@ from lensforge.scene.road_surface import RoadSurface, read_surface
 from lensforge.spec.road_section import STANDARD_SURFACES, RoadSection
 
 ROAD = {"lighting_class": "M3", "width_m": 7.0, "pole_height_m": 9.0, "pole_spacing_m": 33.0}
-# Specular factors S1 as published: CIE 144:2001.
-_S1 = {"R1": 0.25, "R2": 0.58, "R3": 1.11, "R4": 1.55, "C1": 0.24, "C2": 0.97}
+# Specular factors S1 as published: CIE 144:2001; of W4 that of its table, within the limits of its class, 9.8 and 12.
+_S1 = {"R1": 0.25, "R2": 0.58, "R3": 1.11, "R4": 1.55, "C1": 0.24, "C2": 0.97, "W4": 10.84}
 
 
 def _candela(azimuth_deg, gamma_deg):
@@ -247,6 +247,25 @@ def test_the_tables_have_the_published_lightness_and_gloss(name: str) -> None:
     assert np.abs(np.diff(smooth[:, :3], 2, axis=0)).max() < 0.32
 
 
+def test_a_wet_road_must_be_even_for_every_driver(tmp_path) -> None:
+    fields = ROAD | {"lanes": 2, "maintenance_factor": 0.8}
+    wet = RoadReadings.of(RoadSection(**fields, wet_surface="W4"))
+    asks = [each for each in asked_of(wet) if each.name.endswith("wet")]
+    assert [(each.name, each.quantity, each.bound) for each in asks] == [
+        (f"lane {lane}: uniformity U0, wet", "min_over_mean", 0.15) for lane in (1, 2)
+    ]
+    for eye_y, ask in zip((1.75, 5.25), asks, strict=True):
+        wanted = _plain_luminance(wet.road, RoadSurface.of("W4"), eye_y)
+        np.testing.assert_allclose(_of(ask.light), wanted, rtol=1e-9)
+        assert min(wanted) / np.mean(wanted) < 0.8 * _of(wet.luminance[0]).min() / _of(wet.luminance[0]).mean()
+    path = tmp_path / "wet.csv"
+    path.write_text(_HEAD + "1,100,80,90\n2,90,20,30\n12,40,0,0\n")
+    own = RoadReadings.of(RoadSection(**fields, wet_surface_file=path, wet_uniformity=0.2))
+    np.testing.assert_allclose(_of(own.wet[1]), _plain_luminance(own.road, read_surface(path), 5.25), rtol=1e-9)
+    assert [each.bound for each in asked_of(own) if "wet" in each.name] == [0.2, 0.2]
+    assert RoadReadings.of(RoadSection(**fields)).wet == ()
+
+
 def test_a_class_asks_of_every_observer() -> None:
     readings = RoadReadings.of(RoadSection(**ROAD, lanes=3, maintenance_factor=0.8, uniformity=0.6))
     asks: list[Ask] = list(asked_of(readings))
@@ -304,6 +323,8 @@ def test_a_table_that_is_none_has_one_line(content: str, words: str, tmp_path) -
         ({"lighting_class": "P2", "uniformity": 0.5}, "uniformity is of a class M"),
         ({"surface": "R5"}, "surface"),
         ({"arrangement": "median", "overhang_m": -1.0, "median_m": 1.8}, "inside the lane of the other"),
+        ({"lighting_class": "P2", "wet_surface": "W4"}, "wet_surface is of a class M"),
+        ({"wet_uniformity": 0.2}, "name its wet_surface"),
         ({"oncoming_lanes": 2}, "oncoming_lanes = 2 leave none of lanes = 2"),
         ({"median_m": 2.0}, "median_m = 2 is for arrangement"),
     ],

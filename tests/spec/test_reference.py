@@ -23,8 +23,8 @@ SPECS = sorted((ROOT / "examples").glob("*.toml"))
 FIELDS = [(section, name) for section in all_sections(Spec) for name in section.model_fields]
 # Counts, shares, indices and other numbers that have no unit, and tables whose numbers have several.
 PURE = {
-    "lanes", "oncoming_lanes", "uniformity", "uniformity_along", "luminance_per_lux", "edge_ratio", "surface_q0",
-    "profile",
+    "lanes", "oncoming_lanes", "wet_uniformity", "uniformity", "uniformity_along", "luminance_per_lux", "edge_ratio",
+    "surface_q0", "profile",
     "events",
     "mirror",
     "refractive_index", "reflectance", "power", "intensity", "weight", "conic_constant", "conic_x", "conic_y",
