@@ -20,7 +20,7 @@ Ends = tuple[float, float]  # azimuths (rad)
 
 
 @dataclass(frozen=True)
-class Edge:
+class LoopEdge:
     """A line from ``start`` to ``end`` (mm), or an arc between them, counter-clockwise about ``centre``.
 
     An arc that ends where it starts is a whole circle.
@@ -61,13 +61,13 @@ class Edge:
         return np.array(self.centre) + self.radius_mm * rim_directions(turns)[:, :2]
 
 
-Loop = tuple[Edge, ...]
+Loop = tuple[LoopEdge, ...]
 
 
 def circle_at(place: Place, radius_mm: float) -> Loop:
     """The circle about ``place``, counter-clockwise from +x."""
     start = (place[0] + radius_mm, place[1])
-    return (Edge(start, start, place),)
+    return (LoopEdge(start, start, place),)
 
 
 def area_mm2(loop: Loop) -> float:
@@ -102,12 +102,12 @@ class PlateLayout:
         corner, half = self.plate.corner_radius_mm, (self.size_mm[0] / 2.0, self.size_mm[1] / 2.0)
         if self.plate.kind == "round":
             return circle_at((0.0, 0.0), half[0])
-        arcs = list[Edge]()
+        arcs = list[LoopEdge]()
         for x, y in ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)):
             centre = (x * (half[0] - corner), y * (half[1] - corner))
             on_side, on_end = (x * half[0], centre[1]), (centre[0], y * half[1])
-            arcs.append(Edge(*((on_side, on_end) if x * y > 0.0 else (on_end, on_side)), centre))
-        lines = [Edge(one.end, other.start) for one, other in zip(arcs, [*arcs[1:], arcs[0]], strict=True)]
+            arcs.append(LoopEdge(*((on_side, on_end) if x * y > 0.0 else (on_end, on_side)), centre))
+        lines = [LoopEdge(one.end, other.start) for one, other in zip(arcs, [*arcs[1:], arcs[0]], strict=True)]
         chain = [edge for pair in zip(arcs, lines, strict=True) for edge in pair]
         return tuple(edge for edge in chain if edge.end != edge.start)
 

@@ -15,7 +15,7 @@ from lensforge.cad.edges import wire
 from lensforge.cad.outline import FULL_TURN, Arc
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import Plan
-from lensforge.cad.plate_layout import Edge, Loop, PlateLayout, circle_at
+from lensforge.cad.plate_layout import Loop, LoopEdge, PlateLayout, circle_at
 from lensforge.cad.solid import (
     AWAY,
     DOWN,
@@ -134,7 +134,7 @@ def _loop_edges(loop: Loop, depth_mm: float) -> list[Any]:
     return edges
 
 
-def _circle(edge: Edge, depth_mm: float) -> Any:
+def _circle(edge: LoopEdge, depth_mm: float) -> Any:
     from OCP.Geom import Geom_Circle
     from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
 
