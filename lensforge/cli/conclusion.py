@@ -34,7 +34,9 @@ _WHOLE = ("ways", "limits")  # groups of a whole run; of others some facts
 # Groups that are rows of a table, a line each even where there is one alone.
 _LINES = ("ways", "road_yield", "bound", "spread", "causes", "budget", "error", "design", "preset")
 # Facts of a whole run, by its blocks; a stage shows all that it has.
-_LIGHT = ("nmse", "share_in_target", "efficiency", "uniformity", "level", "rays", "fitted_nmse")
+_LIGHT = (
+    "nmse", "share_in_target", "efficiency", "uniformity", "level", "cct", "rms_delta_uv", "rays", "fitted_nmse",
+)  # fmt: skip
 _FAR_FIELD = ("exit_lm", "peak_cd", "beam_C 0", "beam_C 90", "bug")
 _LENS = ("radius", "height", "kept", "next")
 _FILES = ("form_error", "volume", "mass", "surfaces", "scale", "keep_out", "landing")
