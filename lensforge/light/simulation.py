@@ -170,7 +170,8 @@ class ReceivedFlux:
         self.window[replicate] += flux[inside].sum()
         self.outside[replicate] += flux[~inside].sum()
         self.in_targets[replicate] += [flux[target.contains(hits)].sum() for target in self.targets]
-        if self.colours is not None and tristimulus is not None:
+        if self.colours is not None:
+            assert tristimulus is not None, "a source that was built with its colours"
             for picture, per_watt in zip(self.colours, tristimulus.T, strict=True):
                 picture[replicate] += bin_flux(hits, flux * per_watt, receiver.grid)
 

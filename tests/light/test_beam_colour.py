@@ -166,6 +166,17 @@ def test_a_light_with_colours_is_kept_and_one_without_has_none(tmp_path: Path) -
     np.testing.assert_array_equal(plain.map, light.map)
 
 
+def test_each_of_several_leds_has_its_colour() -> None:
+    leds = [{"kind": "chips", "chips": [chip(0.0, spectrum)]} for spectrum in (RED, BLUE)]
+    sources = [{"name": f"led_{number}", "source": led} for number, led in enumerate(leds)]
+    spec = small_spec(sources=sources, source=None, colour={}, base={"kind": "none"})
+    light = lit(Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft"))
+    found = [each.receivers[0].colour for each in light.by_led.values()]
+    assert [each is not None and (each.u.value, each.v.value) for each in found] == [
+        pytest.approx(tuple(uv_of(xyz(spectrum)))) for spectrum in (RED, BLUE)
+    ]
+
+
 def test_colour_of_a_source_without_a_spectrum_is_one_line_at_once() -> None:
     spec: Spec = small_spec(colour={}, base={"kind": "none"})
     with pytest.raises(InputError, match="source: its colour is not known; give its spectrum, or leave out"):

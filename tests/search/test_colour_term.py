@@ -8,14 +8,17 @@ import torch
 from scenes import small_spec
 from scipy.ndimage import gaussian_filter
 
+from lensforge.light.lens_light import searched_source, source_of
 from lensforge.optics.colorimetry import denominator, tristimulus_at, uv_of
 from lensforge.scene.pixel_grid import splat_flux
 from lensforge.search.colour_term import SourceColour
 from lensforge.search.light_path import landed_through
 from lensforge.search.merit import MeritFunction
+from lensforge.search.optimiser import search
 from lensforge.search.parameters import SphereParameters
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
+from lensforge.surfaces.bicubic_table import tabulate
 
 WAVES = (630.0, 460.0)
 ONE = torch.ones(2, dtype=torch.float64)
@@ -92,3 +95,18 @@ def test_the_colour_of_a_source_is_that_of_its_light() -> None:
     red, blue = tristimulus_at(np.array(WAVES))
     assert found.uv == pytest.approx(uv_of(2.0 * red + blue), abs=1e-4)
     assert found.per_watt == pytest.approx(denominator((2.0 * red + blue) / 3.0), rel=1e-3)
+
+
+def test_a_search_mixes_colours() -> None:
+    """Chips far apart for a lens so small: with the term the colours of the found lens are closer to the source's."""
+    left = []
+    for weight in (0.0, 300.0):
+        steps = {"optimise__steps_per_level": [15, 15], "optimise__rays": 2048}
+        spec = spec_of(1.6, weight, constraints__cavity_radius_mm=1.5, **steps)
+        lens = search(spec, searched_source(spec), accuracy="draft").lens
+        merit = MeritFunction.of(spec_of(1.6, 1.0), source_of(spec), SphereParameters.of(spec, 4.0))
+        tables = np.stack([tabulate(merit.parametrisation.grid, each) for each in lens.surfaces.values()])
+        lights = [merit.light_of(torch.from_numpy(tables), source_of(spec).sample(2**16, seed)) for seed in (1, 2)]
+        assert merit.colour is not None
+        left.append(merit.colour.error(lights[0].colours, lights[1].colours).item())
+    assert left[1] < 0.7 * left[0]
