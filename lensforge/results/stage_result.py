@@ -122,24 +122,19 @@ _UNHASHED = ("seconds", "version")  # differ between runs with the same result
 
 
 class StageResult(Record):
-    """Result of one stage. ``inputs``: SHA-256 of its inputs, by name.
-
-    ``told_if_any``: fields that a record leaves out where they are empty: those of lenses of more than two faces.
-    """
+    """Result of one stage. ``inputs``: SHA-256 of its inputs, by name."""
 
     stage: ClassVar[str]
     command: ClassVar[str] = ""  # the command that makes it, where not named like the stage
     made_from: ClassVar[tuple[str, ...]] = ("lens",)  # inputs whose hashes a record must state
-    told_if_any: ClassVar[tuple[str, ...]] = ()
+    told_if_any: ClassVar[tuple[str, ...]] = ()  # fields that a record leaves out where they are empty
 
     version: Text = __version__
     inputs: dict[Text, Sha256] = Field(default_factory=dict)
 
     @model_serializer(mode="wrap")
     def _what_there_is(self, dumped: Callable[[object], dict[str, object]]) -> dict[str, object]:
-        """The fields, without those that are told only where there are any."""
-        content = dumped(self)
-        return {name: each for name, each in content.items() if each or name not in self.told_if_any}
+        return {name: each for name, each in dumped(self).items() if each or name not in self.told_if_any}
 
     @classmethod
     def schema_name(cls) -> str:

@@ -217,11 +217,9 @@ def _table_width(content: DrawingContent, name: SheetName) -> float:
 
 
 def _block_height(content: DrawingContent, name: SheetName) -> float:
-    """Height of the title block, and of the notes beside it where the table stands above both."""
+    """Height of the title block and of the notes beside it, where the table stands above both."""
     left, _, right, _ = _inside(name)
     unit = _UNITS[name]
-    if not _is_wide(content):
-        return HEIGHT * unit
     box = left + _GAP * unit, -SIZES[name][1], right - (WIDTH + _GAP) * unit, 0.0
     lowest = min(box_of(words)[1] for words in paragraphs_in(box, content.notes, unit))
     return max(HEIGHT * unit, _GAP * unit - lowest)
@@ -231,7 +229,7 @@ def _band(content: DrawingContent, name: SheetName) -> float:
     """Height of notes, table and title block."""
     unit = _UNITS[name]
     table = table_height(content.table, _table_width(content, name), unit)
-    return _block_height(content, name) + _GAP * unit + table
+    return _block_height(content, name) + _GAP * unit + table if _is_wide(content) else (HEIGHT + _GAP) * unit + table
 
 
 def _views_box(content: DrawingContent, name: SheetName) -> Box:

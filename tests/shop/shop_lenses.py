@@ -2,6 +2,7 @@
 
 from functools import partial
 
+import numpy as np
 import pytest
 from scenes import random_surface, small_spec
 
@@ -25,3 +26,9 @@ def quick_check(part):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("lensforge.shop.check.check_face", partial(check_face, nodes=81))
         return check_part(part)
+
+
+def lagrange(fraction, count):
+    """Weights of the polynomial through ``count`` nodes at -1, 0, 1, 2 (or 0, 1), written out by its definition."""
+    nodes = np.arange(count) - (count // 2 - 1)
+    return np.stack([np.prod([(fraction - o) / (n - o) for o in nodes if o != n], axis=0) for n in nodes], axis=-1)

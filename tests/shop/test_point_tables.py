@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from nightly import first_by_day
 from scenes import random_surface, sphere
-from shop_lenses import small_lens
+from shop_lenses import lagrange, small_lens
 
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
@@ -35,12 +35,6 @@ def written(lens, request):
 
 def stated_nm(head):
     return float(re.search(r"interpolation error: at most (\S+) nm", head).group(1))
-
-
-def lagrange(fraction, count):
-    """Weights of the polynomial through ``count`` nodes at -1, 0, 1, 2 (or 0, 1), written out by its definition."""
-    nodes = np.arange(count) - (count // 2 - 1)
-    return np.stack([np.prod([(fraction - o) / (n - o) for o in nodes if o != n], axis=0) for n in nodes], axis=-1)
 
 
 def off_surface_nm(points, surface):

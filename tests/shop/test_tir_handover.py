@@ -10,14 +10,13 @@ import ezdxf
 import numpy as np
 import pytest
 from known_shapes import sphere
-from shop_lenses import quick_check, small_lens
+from shop_lenses import lagrange, quick_check, small_lens
 from tir_lenses import spot, spot_lens
 
 from lensforge.cad.part_export import build_part
 from lensforge.optics.media import TIR
 from lensforge.scene.lens import Lens
 from lensforge.shop.dimensions import dimensions
-from lensforge.shop.point_tables import GridRequest, dense_tables, faces_to_cut
 from lensforge.shop.shop_files import make_handover
 from lensforge.shop.view_lines import section_view
 
@@ -61,11 +60,6 @@ def rows_of(grid):
     head = "\n".join(line for line in lines if line.startswith("#"))
     count = head.count("\n") + 2
     return head, np.array([[float(value) for value in line.split(",")] for line in lines[count:]])
-
-
-def lagrange(fraction, count):
-    nodes = np.arange(count) - (count // 2 - 1)
-    return np.stack([np.prod([(fraction - o) / (n - o) for o in nodes if o != n], axis=0) for n in nodes], axis=-1)
 
 
 def test_points_to_measure_lie_on_their_face_up_to_the_crease(handed):
@@ -114,15 +108,6 @@ def test_a_table_from_crease_to_rim_read_back_and_interpolated_is_within_its_sta
         u = between / radius
         off = (radius[:, 0] - surface.radius(u)) * np.sum(surface.normal(u) * u, axis=1)
         assert 1e6 * np.abs(off).max() <= 1.05 * grid.error_nm + 2e-3 <= 11.0
-
-
-def test_a_spacing_that_is_given_counts_the_points_of_the_face_alone():
-    lens = spot_lens()
-    grids = {grid.face: grid for grid in dense_tables(lens, [], GridRequest(spacing_mm=0.2))}
-    assert all(0.1 < grid.spacing_mm < 0.3 for grid in grids.values())
-    whole = {face.name: face.ends_deg for face in faces_to_cut(lens)}
-    assert whole["cap"][1] == pytest.approx(whole["side"][0]) and whole["exit"][1] == pytest.approx(whole["wall"][0])
-    assert whole["side"][1] == whole["wall"][1] == 90.0 and whole["cap"][0] == whole["exit"][0] == 0.0
 
 
 def test_the_sizes_of_creases_are_those_of_spheres_that_meet():
