@@ -29,7 +29,10 @@ def spec_schema() -> dict[str, Any]:
             field["description"] = words_of(section, name)
         if kind_of(section) not in (None, USUAL_KIND):  # it chooses among several, so a file has to name it
             found["required"] = ["kind", *(name for name in found.get("required", ()) if name != "kind")]
-    return {"title": "lensforge spec", **_table(_plain(schema))}
+    found = _table(_plain(schema))
+    required = [name for name in found["required"] if name != "source"]  # or sources
+    either = [{"required": [name]} for name in ("source", "sources")]
+    return {"title": "lensforge spec", **found, "required": required, "anyOf": either}
 
 
 def _plain(value: Any) -> Any:

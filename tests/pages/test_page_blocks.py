@@ -27,6 +27,8 @@ def whole(part: dict[str, object]) -> dict[str, object]:
         plain["target"] = {"kind": "beam", "fwhm_deg": 40.0, "half_angle_deg": 90.0}
     if set(part) & set(EITHER):
         plain = {name: section for name, section in plain.items() if name not in EITHER}
+    if "sources" in part:
+        plain.pop("source")
     return {**plain, **part}
 
 
