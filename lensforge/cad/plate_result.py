@@ -8,7 +8,7 @@ from lensforge.results.criteria import Criterion, at_least, at_most, kept
 from lensforge.results.numerals import quantity, size
 
 PLATE_STEP_FILE, PLATE_STL_FILE, PLATE_THREEMF_FILE = PLATE_FILES = ("plate.step", "plate.stl", "plate.3mf")
-CLOSED_FORM_LIMIT = 1e-6  # relative, of the volume: the CAD kernel's integral errs by 1e-7 at most where rims are short
+CLOSED_FORM_LIMIT = 1e-6  # relative, of the volume: the CAD kernel's areas err by 1e-7 at most where rims are short
 
 
 class Plate(Record):
