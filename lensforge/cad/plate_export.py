@@ -22,7 +22,7 @@ from lensforge.cad.plate_layout import PlateLayout, PlateWall, layout_of
 from lensforge.cad.plate_mesh import build_plate_mesh, lens_mesh
 from lensforge.cad.plate_result import PLATE_FILES, PLATE_STEP_FILE, Plate, plate_criteria
 from lensforge.cad.plate_solid import PIN_END, PLATE_BOTTOM, build_plate_solid, poles_of
-from lensforge.cad.solid import Shapes, build_solid
+from lensforge.cad.solid import Shapes, Solid, build_solid
 from lensforge.cad.step import parse_step, signed_step
 from lensforge.errors import InputError
 from lensforge.results.criteria import Criterion
@@ -69,37 +69,45 @@ def build_plate(
     _require_readable(step, len(layout.lenses))
     mesh = build_plate_mesh(bare, layout, one, chord_mm)
     files = dict(zip(PLATE_FILES, (step, stl_bytes(mesh), threemf_bytes(mesh, product)), strict=True))
-    read, (closed, closed_3mf) = parse_step(step), _closures(files)
     lens_mm3 = build_solid(bare).volume_mm3
     volume = layout.volume_mm3(lens_mm3, float(np.pi * np.mean(np.sum(opening**2, axis=1))))
+    read, closed = parse_step(step), _closures(files)
     form_nm = form_error_nm + copies_off_mm(read.faces, bare, layout) * _NM_PER_MM
     measured = {
         "form_error": form_nm,
-        "step_valid": float(read.valid),
         "step_volume_change": abs(read.default_volume_mm3 / solid.default_volume_mm3 - 1.0),
         "volume_error": abs(volume_of_mm3(read.faces, layout, lens_mm3) / volume - 1.0),
-        "watertight": float(closed.watertight),
-        "watertight_3mf": float(closed_3mf.watertight),
-        "genus_difference": float(abs(closed.genus - read.genus)),
-        "mesh_volume_change": abs(closed.volume_mm3 / volume - 1.0),
     }
     figures = Plate(
         lenses=len(layout.lenses),
         gap_mm=gap_mm,
         form_error_nm=form_nm,
         volume_mm3=volume,
-        volume_mesh_mm3=closed.volume_mm3,
+        volume_mesh_mm3=closed[0].volume_mm3,
         mass_g=mass_g(lens.spec, volume),
         bounds_mm=mesh.bounds_mm,
-        watertight=closed.watertight,
-        genus=closed.genus,
+        watertight=closed[0].watertight,
+        genus=closed[0].genus,
         faces=len(read.shape.Faces()),
         triangles=len(mesh.triangles),
         chord_error_um=1e3 * mesh_error(one, bare),
         seconds=round(time.perf_counter() - start, 3),
     )
     limit = mesh_volume_limit(mesh.area(), chord_mm, volume)
-    return BuiltPlate(figures, plate_criteria(measured, limit, read.faults), files)
+    criteria = plate_criteria({**measured, **_of_files(read, closed, volume)}, limit, read.faults)
+    return BuiltPlate(figures, criteria, files)
+
+
+def _of_files(read: Solid, closed: tuple[Closure, Closure], volume_mm3: float) -> dict[str, float]:
+    """Figures of the files as read back, by the names of their criteria."""
+    stl, threemf = closed
+    return {
+        "step_valid": float(read.valid),
+        "watertight": float(stl.watertight),
+        "watertight_3mf": float(threemf.watertight),
+        "genus_difference": float(abs(stl.genus - read.genus)),
+        "mesh_volume_change": abs(stl.volume_mm3 / volume_mm3 - 1.0),
+    }
 
 
 def opening_of(cavity: Boundary[Patch]) -> Float[np.ndarray, "n 2"]:

@@ -1,6 +1,9 @@
 """The result of the plate: its size, its errors as read back, the criteria on them, and their facts."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Annotated
+
+from pydantic import Field
 
 from lensforge.cad.part_limits import FORM_LIMIT_NM, ROUND_TRIP_LIMIT
 from lensforge.results import Box, Count, Fact, Flag, Group, NotNegative, Number, Record
@@ -27,7 +30,7 @@ class Plate(Record):
     mass_g: NotNegative | None
     bounds_mm: Box
     watertight: Flag
-    genus: Count
+    genus: Annotated[int, Field(strict=True)]
     faces: Count
     triangles: Count
     chord_error_um: NotNegative
