@@ -10,5 +10,6 @@
 - ``step``: STEP files
 - ``form_error.face_error``: how far the exported face is from the exact one
 - ``wall.thinnest``: the thinnest wall along the normal
+- ``plate_export.build_plate``: the plate that carries several lenses in one piece
 - ``keep_out``: room for other parts
 """

@@ -21,8 +21,8 @@ from lensforge.cad.plan import MIN_BASE_WALL_MM, Plan, lay_out, rim_directions, 
 from lensforge.cad.plate_layout import PlateLayout, PlateWall, layout_of
 from lensforge.cad.plate_mesh import build_plate_mesh, lens_mesh
 from lensforge.cad.plate_result import PLATE_FILES, PLATE_STEP_FILE, Plate, plate_criteria
-from lensforge.cad.plate_solid import build_plate_solid, poles_of
-from lensforge.cad.solid import Shapes, build_solid
+from lensforge.cad.plate_solid import PIN_END, PLATE_BOTTOM, build_plate_solid, poles_of
+from lensforge.cad.solid import Shapes, Solid, build_solid
 from lensforge.cad.step import parse_step, signed_step
 from lensforge.errors import InputError
 from lensforge.results.criteria import Criterion
@@ -69,36 +69,45 @@ def build_plate(
     _require_readable(step, len(layout.lenses))
     mesh = build_plate_mesh(bare, layout, one, chord_mm)
     files = dict(zip(PLATE_FILES, (step, stl_bytes(mesh), threemf_bytes(mesh, product)), strict=True))
-    read, (closed, closed_3mf) = parse_step(step), _closures(files)
-    volume = layout.volume_mm3(build_solid(bare).volume_mm3, float(np.pi * np.mean(np.sum(opening**2, axis=1))))
+    lens_mm3 = build_solid(bare).volume_mm3
+    volume = layout.volume_mm3(lens_mm3, float(np.pi * np.mean(np.sum(opening**2, axis=1))))
+    read, closed = parse_step(step), _closures(files)
     form_nm = form_error_nm + copies_off_mm(read.faces, bare, layout) * _NM_PER_MM
     measured = {
         "form_error": form_nm,
-        "step_valid": float(read.valid),
         "step_volume_change": abs(read.default_volume_mm3 / solid.default_volume_mm3 - 1.0),
-        "volume_error": abs(read.default_volume_mm3 / volume - 1.0),
-        "watertight": float(closed.watertight),
-        "watertight_3mf": float(closed_3mf.watertight),
-        "genus_difference": float(abs(closed.genus - read.genus)),
-        "mesh_volume_change": abs(closed.volume_mm3 / volume - 1.0),
+        "volume_error": abs(volume_of_mm3(read.faces, layout, lens_mm3) / volume - 1.0),
     }
     figures = Plate(
         lenses=len(layout.lenses),
         gap_mm=gap_mm,
         form_error_nm=form_nm,
         volume_mm3=volume,
-        volume_mesh_mm3=closed.volume_mm3,
+        volume_mesh_mm3=closed[0].volume_mm3,
         mass_g=mass_g(lens.spec, volume),
         bounds_mm=mesh.bounds_mm,
-        watertight=closed.watertight,
-        genus=closed.genus,
+        watertight=closed[0].watertight,
+        genus=closed[0].genus,
         faces=len(read.shape.Faces()),
         triangles=len(mesh.triangles),
         chord_error_um=1e3 * mesh_error(one, bare),
         seconds=round(time.perf_counter() - start, 3),
     )
     limit = mesh_volume_limit(mesh.area(), chord_mm, volume)
-    return BuiltPlate(figures, plate_criteria(measured, limit, read.faults), files)
+    criteria = plate_criteria({**measured, **_of_files(read, closed, volume)}, limit, read.faults)
+    return BuiltPlate(figures, criteria, files)
+
+
+def _of_files(read: Solid, closed: tuple[Closure, Closure], volume_mm3: float) -> dict[str, float]:
+    """Figures of the files as read back, by the names of their criteria."""
+    stl, threemf = closed
+    return {
+        "step_valid": float(read.valid),
+        "watertight": float(stl.watertight),
+        "watertight_3mf": float(threemf.watertight),
+        "genus_difference": float(abs(stl.genus - read.genus)),
+        "mesh_volume_change": abs(stl.volume_mm3 / volume_mm3 - 1.0),
+    }
 
 
 def opening_of(cavity: Boundary[Patch]) -> Float[np.ndarray, "n 2"]:
@@ -138,6 +147,15 @@ def room_on_plate(lens: Lens, pair: Pair[Patch]) -> tuple[float | None, PlateWal
         return None, None
     one, _ = lens_mesh(lay_out(*pair, _BARE), len(layout.lenses))
     return least_gap_mm(one, layout), layout.thinnest_wall(opening_of(pair[0]))
+
+
+def volume_of_mm3(faces: Shapes, layout: PlateLayout, lens_mm3: float) -> float:
+    """Volume (mm^3) within ``faces``, by the flux of z through them: their levels times areas, and that of the lenses.
+
+    ``lens_mm3``: through the faces of one lens, the same at each place. All other faces stand upright or lie in z = 0.
+    """
+    levels = [face for name, face in faces.items() if name.startswith((PLATE_BOTTOM, PIN_END))]
+    return len(layout.lenses) * lens_mm3 - sum(float(face.Area() * face.Vertices()[0].Z) for face in levels)
 
 
 def copies_off_mm(faces: Shapes, plan: Plan[Patch], layout: PlateLayout) -> float:

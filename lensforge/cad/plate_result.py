@@ -1,6 +1,9 @@
 """The result of the plate: its size, its errors as read back, the criteria on them, and their facts."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Annotated
+
+from pydantic import Field
 
 from lensforge.cad.part_limits import FORM_LIMIT_NM, ROUND_TRIP_LIMIT
 from lensforge.results import Box, Count, Fact, Flag, Group, NotNegative, Number, Record
@@ -8,7 +11,7 @@ from lensforge.results.criteria import Criterion, at_least, at_most, kept
 from lensforge.results.numerals import quantity, size
 
 PLATE_STEP_FILE, PLATE_STL_FILE, PLATE_THREEMF_FILE = PLATE_FILES = ("plate.step", "plate.stl", "plate.3mf")
-CLOSED_FORM_LIMIT = 1e-6  # relative, of the volume: the CAD kernel's integral errs by 1e-7 at most where rims are short
+CLOSED_FORM_LIMIT = 1e-6  # relative, of the volume: the CAD kernel's areas err by 1e-7 at most where rims are short
 
 
 class Plate(Record):
@@ -27,7 +30,7 @@ class Plate(Record):
     mass_g: NotNegative | None
     bounds_mm: Box
     watertight: Flag
-    genus: Count
+    genus: Annotated[int, Field(strict=True)]
     faces: Count
     triangles: Count
     chord_error_um: NotNegative

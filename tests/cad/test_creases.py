@@ -14,12 +14,19 @@ from lensforge.cad.body_export import BodyProof, BuiltBody, build_body, prove
 from lensforge.cad.boundary import Boundary, Crease, boundaries
 from lensforge.cad.form_error import chart_samples, fit_to_form
 from lensforge.cad.mesh import build_mesh, check_closed, mesh_error
+from lensforge.cad.plate_export import copies_off_mm, opening_of, volume_of_mm3
+from lensforge.cad.plate_layout import PlateLayout
+from lensforge.cad.plate_mesh import build_plate_mesh, lens_mesh
+from lensforge.cad.plate_solid import build_plate_solid
 from lensforge.cad.section import profile
+from lensforge.cad.step import parse_step, step_bytes
 from lensforge.cad.wall import thickest, thinnest
 from lensforge.errors import InputError
 from lensforge.optics.media import BODY, CAVITY, OUTSIDE
 from lensforge.scene.body import Body, Face
 from lensforge.spec import BaseSection
+from lensforge.spec.lamps_section import Lamps
+from lensforge.spec.plate_section import PlateSection
 from lensforge.surfaces.surface import Surface, to_sphere
 
 Centre = tuple[float, float, float]
@@ -99,6 +106,21 @@ def free_body() -> BuiltBody:
 @pytest.fixture(scope="module")
 def proof(free_body: BuiltBody) -> BodyProof:
     return prove(free_body, *free_body.files("four faces"))
+
+
+def test_bodies_of_four_faces_are_joined_by_a_plate(free_body: BuiltBody) -> None:
+    plate = PlateSection(thickness_mm=1.5, kind="round", diameter_mm=30.0)
+    layout = PlateLayout(plate, (30.0, 30.0), Lamps(((-7.0, 0.0), (7.0, 1.0)), (20.0, 250.0)))
+    read = parse_step(step_bytes(build_plate_solid(free_body.plan, layout), "two bodies"))
+    assert read.valid and copies_off_mm(read.faces, free_body.plan, layout) < 1e-9
+    opening = opening_of(free_body.plan.cavity)
+    around = float(np.pi * np.mean(np.sum(opening**2, axis=1)))
+    expected = 2.0 * free_body.solid.volume_mm3 + 1.5 * (np.pi * 15.0**2 - 2.0 * around)
+    assert read.volume_mm3 == pytest.approx(expected, rel=1e-8)
+    assert volume_of_mm3(read.faces, layout, free_body.solid.volume_mm3) == pytest.approx(expected, rel=1e-8)
+    mesh = build_plate_mesh(free_body.plan, layout, *lens_mesh(free_body.plan, 2))
+    closure = check_closed(mesh.vertices, mesh.triangles)
+    assert closure.watertight and closure.volume_mm3 == pytest.approx(expected, rel=1e-3)
 
 
 def test_two_spheres_meet_in_their_circle_and_have_its_volume(round_body: BuiltBody) -> None:

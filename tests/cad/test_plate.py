@@ -13,7 +13,7 @@ from lensforge.cad.mesh import check_closed
 from lensforge.cad.mesh_files import parse_3mf, parse_stl
 from lensforge.cad.part import Part, part_facts
 from lensforge.cad.part_export import build_part
-from lensforge.cad.plate_layout import area_mm2, layout_of, points_on
+from lensforge.cad.plate_layout import area_mm2, layout_of
 from lensforge.cad.plate_solid import build_plate_solid
 from lensforge.cad.step import parse_step
 from lensforge.errors import InputError
@@ -164,16 +164,6 @@ def test_lenses_that_overlap_and_pins_in_a_cavity_are_refused_in_one_line() -> N
     words = r"^plate: the wall between plate\.pins\.0 and the cavity of a lens is -0\.1\d* mm; .* at least 0\.01;.*$"
     with pytest.raises(InputError, match=words):
         build_part(on_plate({"thickness_mm": 1.0, "pins": [pin]}), rings=16)
-
-
-def test_an_outline_is_sampled_within_its_chord() -> None:
-    layout = layout_of(on_plate({"thickness_mm": 1.0, "width_mm": 12.0, "height_mm": 9.0, "corner_radius_mm": 4.5}))
-    assert layout is not None
-    points = points_on(layout.outline, 1e-3)
-    x, y = points.T
-    shoelace = 0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
-    assert shoelace == pytest.approx(12.0 * 9.0 - (4.0 - np.pi) * 4.5**2, abs=9.0 * np.pi * 1e-3)
-    assert shoelace < area_mm2(layout.outline), "chords lie inside"
 
 
 @pytest.mark.parametrize(
