@@ -16,9 +16,9 @@ from scenes import small_spec
 import lensforge as lf
 from lensforge.errors import InputError
 from lensforge.report.pipeline import write_report
-from lensforge.report.sweep import parse_variation
 from lensforge.report.sweep_runs import run_sweep
 from lensforge.report.tradeoff_study import run_tradeoff
+from lensforge.report.variation import parse_variation
 from lensforge.results.folder_lock import LOCK_FILE, locked
 from lensforge.verbs import CHECK, COMPARE, EVALUATE, EXPORT, PHOTOMETRY, SENSITIVITY, STRAY, VERIFY
 

@@ -23,6 +23,7 @@ from lensforge.sources.measured_rays import smoothed
 from lensforge.sources.photometric import PhotometricFile, write_photometric
 from lensforge.sources.radiance_emitter import RadianceTable
 from lensforge.sources.ray_bundle import Source
+from lensforge.sources.several_sources import SeveralSources
 from lensforge.spec.source_sections import SourceSpec
 from lensforge.surfaces.mirror_group import NAMES, contains, group
 
@@ -166,7 +167,8 @@ def test_every_kind_and_every_emitter_class_has_a_case(tmp_path):
     found = set(_emitter_classes())
     assert len(found) >= 3
     turned = smoothed(_built({"kind": "rayfile", "file": LED}))  # made by a search, not by a spec
-    assert found == built | {type(radiant), type(turned)}
+    several = {SeveralSources}  # of these; it has tests of its own
+    assert found == built | several | {type(radiant), type(turned)}
     assert isinstance(turned, Source)
 
 
