@@ -66,6 +66,9 @@ def quantity(value: float | None, unit: str = "", error: float | None = None, di
     return with_unit(" ± ".join(by_error(value, error)), unit)
 
 
+_PLAIN = 4  # digits before the point of a number that is never written as a power of ten
+
+
 def by_error(value: float, error: float) -> tuple[str, str]:
     """``value`` and ``error`` (above 0) to the second digit of the error: "0.0123" and "0.0012"; "1230" and "120"."""
     decimals = 1 - math.floor(math.log10(float(f"{error:.1e}")))
@@ -74,6 +77,8 @@ def by_error(value: float, error: float) -> tuple[str, str]:
         shown = max(decimals, 0)
         return _typeset(f"{kept:.{shown}f}"), _typeset(f"{round(error, decimals):.{shown}f}")
     size = math.floor(math.log10(abs(kept))) if kept else -decimals
+    if -2 <= size < _PLAIN:  # 92.30055217, 0.0923: no one reads these as powers of ten
+        return _typeset(f"{kept:.{decimals}f}"), _typeset(f"{error:.1e}")
     return _typeset(f"{kept:.{size + decimals}e}"), _typeset(f"{error:.1e}")
 
 

@@ -102,3 +102,9 @@ def test_other_values_read_well():
     assert [anything(value) for value in (True, False, None, "text", 3)] == ["yes", "no", "–", "text", "3"]
     assert percent(0.88625, 4) == "88.62\u2009%"
     assert [size(count) for count in (12, 18494, 10137684)] == ["12\u2009B", "18.5\u2009kB", "10.1\u2009MB"]
+
+
+def test_a_number_of_usual_size_is_no_power_of_ten_however_small_its_error() -> None:
+    assert quantity(92.3005521712, "lm", 4.1e-7) == "92.30055217 ± 4.1\u2009×\u200910⁻⁷ lm"
+    assert quantity(0.09230055, "", 4e-9) == "0.0923005500 ± 4.0\u2009×\u200910⁻⁹"
+    assert quantity(1.569e-5, "", 2e-7) == "1.569\u2009×\u200910⁻⁵ ± 2.0\u2009×\u200910⁻⁷"
