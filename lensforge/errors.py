@@ -4,7 +4,7 @@ An error message is one line: what is wrong, the value, what is allowed, and wha
 each wrong field.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 
@@ -20,13 +20,17 @@ class InputError(LensforgeError):
     exit_code = 2
 
 
-class WrongFields(InputError):
-    """Several fields of a spec are wrong: one complete line for each."""
+class SeveralErrors(LensforgeError):
+    """Several things are wrong: one complete line for each."""
 
     @property
     def lines(self) -> tuple[str, ...]:
         """The lines."""
         return tuple(str(self).splitlines())
+
+
+class WrongFields(SeveralErrors, InputError):
+    """Several fields of a spec are wrong."""
 
 
 class CriterionMissed(LensforgeError):
@@ -35,13 +39,12 @@ class CriterionMissed(LensforgeError):
     exit_code = 1
 
 
-class MissedCriteria(CriterionMissed):
-    """Several designs miss criteria: one complete line for each."""
+class FailedDesigns(SeveralErrors):
+    """Designs of one call that failed, each with its name; the exit code is the worst."""
 
-    @property
-    def lines(self) -> tuple[str, ...]:
-        """The lines."""
-        return tuple(str(self).splitlines())
+    def __init__(self, errors: Mapping[str, LensforgeError]) -> None:
+        super().__init__("\n".join(f"{name}: {error}" for name, error in errors.items()))
+        self.exit_code = max(error.exit_code for error in errors.values())
 
 
 class MissingResult(InputError, AttributeError):

@@ -26,7 +26,7 @@ from lensforge.cli.specs import examples, new, schema
 from lensforge.cli.stages import STAGE_COMMANDS, handover, report
 from lensforge.cli.streams import lasting_streams, open_standard_streams
 from lensforge.cli.studies import sweep, tradeoff
-from lensforge.errors import LensforgeError, MissedCriteria, RenamedWarning, WrongFields
+from lensforge.errors import LensforgeError, RenamedWarning, SeveralErrors
 from lensforge.version import __version__
 
 # Commands by what they are for; those of no heading come last.
@@ -160,7 +160,7 @@ def _run(interrupts: Interrupts) -> int:
 
 def _failure(error: BaseException) -> int:
     """Say what is wrong, and return the exit code."""
-    if isinstance(error, WrongFields | MissedCriteria):
+    if isinstance(error, SeveralErrors):
         return max(_say(line, error.exit_code) for line in error.lines)
     if isinstance(error, LensforgeError):
         return _say(str(error), error.exit_code)

@@ -48,34 +48,23 @@ def finish(
 ) -> None:
     """Print the ``results`` of a stage, the first one the stage's own, and refresh the report if there is one.
 
-    ``renewed``: the lens made for another LED, whose light stands beside.
-
-    Raises :class:`CriterionMissed` where a criterion is missed, or the part of the verdict that the stage ``decides``.
-    A result under other conditions than the lens's own decides nothing.
+    ``renewed``: the lens made for another LED, whose light stands beside. Raises :class:`CriterionMissed` where a
+    criterion is missed, or the part of the verdict that the stage ``decides``. A result under other conditions than the
+    lens's own decides nothing.
     """
     run = here.run
     here.refresh_report()  # first: the reader of the screen may leave
+    beside = {} if renewed is None else {"renewed": document(renewed, renewed.light, renewed.design)}
+    blocks = [] if renewed is None else [Block(f"A lens made for it, in {renewed.folder}", preview_rows(renewed))]
     output.show(
-        lambda: {**document(run, *results), **({} if renewed is None else {"renewed": _renewed_document(renewed)})},
-        lambda: [
-            *(block for each in results for block in blocks_of(each, run)),
-            *([] if renewed is None else [_renewed_block(renewed)]),
-        ],
+        lambda: {**document(run, *results), **beside},
+        lambda: [*(block for each in results for block in blocks_of(each, run)), *blocks],
     )
     for each in results:
         _tell_conditions(each)
     require(criterion for each in results for criterion in getattr(each, "criteria", ()))
     if decides and conditions_of(results[0]) is None:
         _require_pass(run, decides)
-
-
-def _renewed_block(run: Run) -> Block:
-    rows = [*rows_of(_selected(run, _LIGHT, Light)), *rows_of(_selected(run, _LENS, Design))]
-    return Block(f"A lens made for it, in {run.folder}", rows)
-
-
-def _renewed_document(run: Run) -> dict[str, object]:
-    return document(run, run.light, run.design)
 
 
 def finish_run(output: Output, run: Run) -> None:

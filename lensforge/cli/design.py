@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import Any, Unpack
 
 import click
 
@@ -23,7 +23,7 @@ from lensforge.cli.options import (
 )
 from lensforge.cli.output import Block, Output, print_json, with_output
 from lensforge.cli.studies import design_for_each, run_with_progress
-from lensforge.errors import CriterionMissed, InputError, MissedCriteria, WrongFields
+from lensforge.errors import CriterionMissed, FailedDesigns, InputError, LensforgeError
 from lensforge.light.lens_light import evaluate
 from lensforge.report.folder import Run, opened
 from lensforge.report.results import REPORT_FILE
@@ -31,9 +31,6 @@ from lensforge.search import searches
 from lensforge.search.checkpoint import CHECKPOINT, is_checkpoint
 from lensforge.search.searches import SearchOptions
 from lensforge.spec import Spec, load_spec
-
-if TYPE_CHECKING:
-    pass
 
 _PICTURE_FILE = "light.png"  # of a preview
 _PREVIEW_RAYS = 2**17  # at most: an eighth of a draft's, for figures that have 2.8 times its errors
@@ -113,7 +110,7 @@ def _design_several(
 ) -> None:
     """Design one spec after the other, whatever becomes of the others.
 
-    Raises the worst of what went wrong when all have ended.
+    Raises :class:`FailedDesigns` when all have ended, :class:`InputError` before the first.
     """
     names = [content.name for content in contents]
     twice = next((name for name in names if names.count(name) > 1), None)
@@ -122,18 +119,17 @@ def _design_several(
     for given, option in ((out, "--out"), (resume, "--resume"), (shown, "--open")):
         if given:
             raise InputError(f"{option}: goes with one SPEC, {len(contents)} are given; design that one by itself")
-    wrong, runs = [], list[Run]()
+    failed, runs = dict[str, LensforgeError](), list[Run]()
     for content in contents:
         try:
             runs.append(_run_of(content, Path("cad_out") / content.name, False, output, options))
             finish_run(Output(quiet=True) if output.json else output, runs[-1])
         except (InputError, CriterionMissed) as error:
-            wrong.append(type(error)(str(error) if content.name in str(error) else f"{content.name}: {error}"))
+            failed[content.name] = error
     if output.json:
         print_json({"designs": [document(run, *run.found.values()) for run in runs]})
-    if wrong:
-        lines = "\n".join(map(str, wrong))
-        raise WrongFields(lines) if any(error.exit_code > 1 for error in wrong) else MissedCriteria(lines)
+    if failed:
+        raise FailedDesigns(failed)
 
 
 def _spec_and_leds(specs: Sequence[Path], files: Sequence[str]) -> tuple[Path, list[str]]:

@@ -152,6 +152,7 @@ def _run_study(
             seed=options["seed"],
             resume=resume,
             scheduler=scheduler,
+            further=options,
             announce=clock.head,
         )
     finish_study(output, directory, result, f"{result.vary}, {len(result.designs)} designs", _PAGE)

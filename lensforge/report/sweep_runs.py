@@ -7,6 +7,8 @@ within a design from its checkpoint.
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import MappingProxyType
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -37,20 +39,19 @@ Made = tuple[Variant, str]  # a design that is in its folder, and the reason whe
 
 
 def runs_on_workers(
-    specs: Sequence[Spec], accuracy: Accuracy, seed: int, scheduler: str
+    specs: Sequence[Spec], options: Mapping[str, Any], scheduler: str
 ) -> Iterator[tuple[int, Files | str]]:
     """Make every design, in any order: its number, and its files by name, or why there are none."""
     with connected(scheduler) as cluster:
-        yield from cluster.map(files_of_run, (accuracy, seed), specs)
+        yield from cluster.map(files_of_run, options, specs)
 
 
-def files_of_run(settings: tuple[Accuracy, int], spec: Spec) -> Files | str:
+def files_of_run(options: Mapping[str, Any], spec: Spec) -> Files | str:
     """Make one design in a folder of the worker, and return what is in it, or why it cannot be made."""
-    accuracy, seed = settings
     with TemporaryDirectory(prefix="lensforge_") as name:
         folder = Path(name) / spec.name
         try:
-            pipeline.run(spec, folder, accuracy=accuracy, seed=seed, warn=lambda _: None)
+            pipeline.run(spec, folder, **options, warn=lambda _: None)
         except InputError as error:
             return str(error)
         return {path.name: path.read_bytes() for path in sorted(folder.iterdir()) if not path.name.startswith(".")}
@@ -81,16 +82,17 @@ def run_sweep(
     seed: int = 0,
     resume: bool = False,
     scheduler: str | None = None,
+    further: Mapping[str, Any] = MappingProxyType({}),
     announce: Callable[[str], None] = lambda _: None,
 ) -> Sweep:
     """Make every design of ``variation`` in ``directory``; write sweep.json, .csv and .html; return the sweep.
 
     ``accuracy`` and ``seed``: those that ``run_design`` uses. ``scheduler``: a Dask cluster, whose workers then make
-    whole runs in its place, several at once, without checkpoints. With ``resume`` designs that sweep.json lists are
-    kept, whatever the values are now. A design that misses a criterion, or that cannot be made, is listed with the
-    reason, and the sweep continues. Raises :class:`InputError` before the first design for a value that the spec
-    cannot have, for a sweep.json of another sweep, for a page of another program, and where another process writes in
-    ``directory``; and where no design could be made.
+    whole runs in its place, several at once, without checkpoints; ``further``: other keywords of these runs. With
+    ``resume`` designs that sweep.json lists are kept, whatever the values are now. A design that misses a criterion, or
+    that cannot be made, is listed with the reason, and the sweep continues. Raises :class:`InputError` before the first
+    design for a value that the spec cannot have, for a sweep.json of another sweep, for a page of another program, and
+    where another process writes in ``directory``; and where no design could be made.
     """
     variants = variation.variants(spec)
     require_own(directory / PAGE)
@@ -104,7 +106,8 @@ def run_sweep(
         if scheduler is None:
             made = _one_by_one(wanted, directory, run_design, resume, tell)
         else:
-            found = runs_on_workers([variant.spec for variant in wanted], accuracy, seed, scheduler)
+            options = {**further, "accuracy": accuracy, "seed": seed}
+            found = runs_on_workers([variant.spec for variant in wanted], options, scheduler)
             made = _written(wanted, directory, found, tell)
         return _joined(spec, variation, made, directory, sweep)
 
@@ -160,9 +163,12 @@ def _joined(spec: Spec, variation: AnyVariation, made: Iterator[Made], directory
         sweep.write(directory)
     if sweep is None:
         raise InputError(next(iter(failed.values())))
-    if failed or sweep.failed:
-        sweep = sweep.model_copy(update={"failed": failed})
-        sweep.write(directory)
+    if isinstance(variation, SourceVariation):  # workers end in any order
+        order = [variant.value for variant in variation.variants(spec)]
+        rows = sorted(sweep.designs, key=lambda row: order.index(row.value) if row.value in order else -1)
+        sweep = sweep.model_copy(update={"designs": tuple(rows)})
+    sweep = sweep.model_copy(update={"failed": failed})
+    sweep.write(directory)
     sweep.save(directory / TABLE)
     results = [load_results(directory / row.folder) for row in sweep.designs]
     write_page(sweep_page(sweep, results), directory / PAGE)

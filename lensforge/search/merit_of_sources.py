@@ -41,6 +41,7 @@ class MeritOfSources(Merit[LightOfSources]):
     the largest alone every step would follow another LED. Judgements take the largest itself.
     """
 
+    parametrisation: Parametrisation
     source: SeveralSources
     members: tuple[MeritFunction, ...]
     shares: tuple[float, ...]
@@ -55,12 +56,7 @@ class MeritOfSources(Merit[LightOfSources]):
         members = tuple(MeritFunction.of(own, led, parametrisation, device) for own, led in pairs)
         total = sum(each.share for each in spec.sources)
         shares = tuple(each.share / total for each in spec.sources)
-        return MeritOfSources(source, members, shares, spec.optimise.over_sources == "worst")
-
-    @property
-    def parametrisation(self) -> Parametrisation:  # type: ignore[override]  # a property in place of a field
-        """Parameters and tables of the lens."""
-        return self.members[0].parametrisation
+        return MeritOfSources(parametrisation, source, members, shares, spec.optimise.over_sources == "worst")
 
     def light_of(
         self, tables: Float[Tensor, "f side side"], rays: RayBundle, pair: Pair | None = None

@@ -167,13 +167,14 @@ def _checked_scene(
 
         read_custom_base(spec.base.file)
     found, of_scene = list(spec.lens.warnings), tuple[str, ...]()
-    for number, own in enumerate(spec.of_each_source):
+    leds = [led.name for led in spec.sources] or [""]
+    for led, own in zip(leds, spec.of_each_source, strict=True):
         source = source_of(own)
         summary = summarise(source, own.source)
         SourceLumens.of(None, summary).require_known(own.photometry)  # not after a search
         room = source_clearance_warnings(own, source)
-        scene, name = SceneCheck.of(own, source, start), f"{spec.sources[number].name}: " if spec.sources else ""
-        with remedy(f"the LED is {spec.sources[number].name}") if spec.sources else nullcontext():
+        scene, name = SceneCheck.of(own, source, start), f"{led}: " if led else ""
+        with remedy(f"the LED is {led}") if led else nullcontext():
             scene.require_light(force=force)
         of_scene += tuple(f"{name}{words}" for words in scene.warnings())
         found += [f"{name}{words}" for words in (*summary.warnings, *scene.warnings(), *room)]

@@ -3,6 +3,7 @@
 import csv
 import json
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -88,6 +89,27 @@ def test_a_study_goes_on_with_what_is_finished(study: tuple[Path, Sweep], tmp_pa
     other = [SPEC.sources[0], lf.NamedSource(name="wide", source=lf.SquareSource(side_mm=1.1))]
     with pytest.raises(InputError, match="designed for another LED wide"):
         run_sweep(found.spec, sources_of(other, SPEC), tmp_path / "leds", designed, accuracy="draft", resume=True)
+
+
+def test_workers_get_all_options_and_their_designs_are_in_the_order_of_the_leds(
+    study: tuple[Path, Sweep], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, found = study
+    asked = {}
+
+    def backwards(specs: list, options: dict, scheduler: str) -> Iterator[tuple[int, object]]:
+        asked.update(options, scheduler=scheduler)
+        for number in reversed(range(len(specs))):
+            made = folder / specs[number].name
+            yield number, {each.name: each.read_bytes() for each in made.iterdir()} if made.exists() else "cannot be"
+
+    monkeypatch.setattr("lensforge.report.sweep_runs.runs_on_workers", backwards)
+    there = run_sweep(
+        found.spec, sources_of(found.spec.sources, found.spec), tmp_path, pytest.fail, accuracy="draft", seed=2,
+        scheduler="tcp://host:8786", further={"force": True, "seed": 9},
+    )  # fmt: skip
+    assert asked == {"accuracy": "draft", "seed": 2, "force": True, "scheduler": "tcp://host:8786"}
+    assert there.values == found.values and there.failed == {"failing": "cannot be"}
 
 
 def test_a_study_without_any_design_says_why(tmp_path: Path) -> None:

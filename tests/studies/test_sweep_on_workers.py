@@ -42,10 +42,10 @@ def test_the_files_of_the_workers_make_the_same_sweep(tmp_path, monkeypatch) -> 
     )
     asked = []
 
-    def backwards(specs, accuracy, seed, scheduler):
-        asked.append((len(specs), accuracy, seed, scheduler))
+    def backwards(specs, options, scheduler):
+        asked.append((len(specs), options["accuracy"], options["seed"], scheduler))
         for number in reversed(range(len(specs))):
-            yield number, sweep_runs.files_of_run((accuracy, seed), specs[number])
+            yield number, sweep_runs.files_of_run(options, specs[number])
 
     monkeypatch.setattr(sweep_runs, "runs_on_workers", backwards)
     never = pytest.fail
