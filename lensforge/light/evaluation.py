@@ -226,7 +226,7 @@ def evaluate_traced(
         ways=simulation.by_way.ways(simulation.emitted_w),
         rays=simulation.rays,
         replicates=len(simulation.received[0].images),
-        pixels=lit[0].pixels,  # of lamps together somewhat more or fewer than asked
+        pixels=side,
         filter=f"3x3 Gaussian, variance {spec.evaluate.filter_variance:g} pixel^2, hard bins",
         lumens_per_watt=None,
         table_nodes=traced.scene.grid.nodes,

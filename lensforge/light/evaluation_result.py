@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from lensforge.light.light_ways import LightWay
 from lensforge.light.receiver_light import Flux, MissedByCause, Picture, Possible, RawMetrics, ReceiverLight
@@ -137,7 +137,8 @@ class Light(SimulatedResult):
     """The light of a lens on its receivers, simulated with independent replicates of rays.
 
     Metrics, flux and maps of the light itself are those of the first receiver. Of a ray file they are those of rays
-    that the search has not used; ``fitted``: by the rays that it has. ``ways``: shares of the emitted flux by way, of a
+    that the search has not used; ``fitted``: by the rays that it has. ``pixels``: along the longer side of a map as
+    asked, of which lamps together may need somewhat more or fewer. ``ways``: shares of the emitted flux by way, of a
     lens of more than two faces. Of a lens for several LEDs they are those of the first, called ``led``; ``others``: the
     light of each of the rest.
     """
@@ -245,13 +246,6 @@ class Light(SimulatedResult):
     def target_map(self) -> Image:
         """Its target, scaled to the flux that arrives."""
         return self.first.target_map
-
-    @model_validator(mode="after")
-    def _is_of_one_piece(self) -> "Light":
-        for receiver in (*self.receivers, *(each for other in self.others for each in other.receivers)):
-            if receiver.pixels != self.pixels:
-                raise ValueError(f"pixels = {self.pixels}, but the maps of {receiver.name} have {receiver.pixels}")
-        return self
 
     def __str__(self) -> str:
         several = len(self.receivers) > 1

@@ -112,16 +112,10 @@ class ChipColours:
                 raise InputError(f"{name}: no spectrum, as other chips have; give it one, or source.spectrum")
         known = [spec for spec in specs if spec is not None]
         spectra = {spec: spectrum_of(spec) for spec in dict.fromkeys(known)}
-        seen = (
-            {spec: tristimulus_of_spectrum(spec, name) for spec, name in zip(known, names, strict=True)}
-            if (coloured)
-            else {}
-        )
-        return ChipColours(
-            tuple(spectra[spec] for spec in known),
-            np.array([seen[spec] for spec in known]) if coloured and not disperses else None,
-            disperses,
-        )
+        tristimulus = None
+        if coloured:
+            tristimulus = np.array([tristimulus_of_spectrum(*each) for each in zip(known, names, strict=True)])
+        return ChipColours(tuple(spectra[spec] for spec in known), None if disperses else tristimulus, disperses)
 
     def given(self, rays: RayBundle, chips: Int[np.ndarray, " n"], seed: int) -> RayBundle:
         """``rays`` with the colours of their ``chips``, by number; wavelengths are drawn by ``seed``."""

@@ -35,12 +35,16 @@ def light(scene) -> Light:
     return evaluate_traced(traced, spec, source, 512, 3, pixels=12)
 
 
-def test_receivers_of_other_pixels_are_refused(light: Light) -> None:
-    content = {name: getattr(light, name) for name in ("rays", "replicates", "filter", "lumens_per_watt", "table_nodes",
-               "table_error_nm", "preset_error", "seed", "seconds", "criteria", "receivers")}  # fmt: skip
-    assert Light(**content, pixels=12).pixels == 12
-    with pytest.raises(ValueError, match="pixels = 13, but the maps of wall have 12"):
-        Light(**content, pixels=13)
+def test_receivers_of_lamps_have_rasters_of_their_own() -> None:
+    """A pitch is a whole number of pixels, on a receiver of each size another number."""
+    sizes = {"near": (90.0, 90.0), "far": (210.0, 130.0)}
+    planes = [{**WALL, "name": name, "width_mm": w, "height_mm": h} for name, (w, h) in sizes.items()]
+    lamps = {"kind": "grid", "columns": 2, "rows": 3, "pitch_mm": [17.0, 23.0]}
+    spec = small_spec(target=None, receivers=planes, lamps=lamps, base={"kind": "none"})
+    lens = Lens.double(random_surface(1, 3.0, 0.02, (9,)), random_surface(2, 6.0, 0.02, (9,)), spec, 0, "draft")
+    light = evaluate_traced(TracedLens.of(lens, 2.0), spec, build_source(spec.source), 512, 3, pixels=128)
+    found = [receiver.pixels for receiver in light.receivers]
+    assert light.pixels == 128 and len(set(found)) == 2 and all(abs(each - 128) < 16 for each in found)
 
 
 def test_maps_count_by_their_hash_alone(light: Light, tmp_path: Path) -> None:
