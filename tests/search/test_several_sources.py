@@ -10,7 +10,9 @@ from scenes import small_spec
 from search_scenes import require_same_bits_after
 
 import lensforge as lf
+from lensforge.light.evaluation_result import LimitResult
 from lensforge.light.lens_light import searched_source, source_of
+from lensforge.light.light_facts import light_reasons
 from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.merit import MeritFunction
 from lensforge.search.merit_of_sources import MeritOfSources
@@ -146,6 +148,27 @@ def test_the_light_of_every_led_is_its_own_evaluation_and_is_judged() -> None:
         assert (own.nmse, own.efficiency, own.limits) == (alone.nmse, alone.efficiency, alone.limits)
         assert np.array_equal(own.map, alone.map)
     assert light.by_led["right"].nmse != light.nmse and str(light).count("with right") == 1
+    assert list(light_reasons(light, made.lens)) == []
+    missed = LimitResult.model_validate({**_fields(light.others[0].limits[0]), "bound": 0.999})
+    other = light.others[0].model_copy(update={"limits": (missed,)})
+    ((state, words),) = light_reasons(light.model_copy(update={"others": (other,)}), made.lens)
+    assert state == "fail" and "with right" in words
+
+
+def _fields(limit: LimitResult) -> dict[str, Any]:
+    return {name: getattr(limit, name) for name in type(limit).model_fields}
+
+
+def test_the_cavity_has_room_for_the_largest_and_an_led_that_cannot_be_is_named() -> None:
+    lens = {"levels": [9, 25], "symmetry": "none"}
+    sizes = {"cavity_height_mm": None, "cavity_radius_mm": None, "min_thickness_mm": None, "max_radius_mm": 7.0}
+    several = _spec(constraints=sizes, lens=lens).constraints
+    alone = [small_spec(source=led["source"], constraints=sizes, lens=lens).constraints for led in LEDS]
+    assert several.cavity_radius_mm == max(each.cavity_radius_mm for each in alone)
+    assert alone[0].cavity_radius_mm != alone[1].cavity_radius_mm
+    backwards = [LEDS[0], {"name": "right", "source": {**RIGHT, "tilt_deg": [180.0, 0.0]}}]
+    with pytest.raises(lf.InputError, match=r"at least 0\.1 % must enter; the LED is right"):
+        lf.design(small_spec(source=None, sources=backwards), accuracy="draft")
 
 
 def test_an_interrupted_search_ends_with_the_same_bits(tmp_path: Path) -> None:
