@@ -22,28 +22,15 @@ from lensforge.proof.optical_faces import NO_FACE, USUAL_LENS, OpticalFaces, fac
 from lensforge.proof.part_mesh import as_box
 from lensforge.proof.sequential_cast import SurfaceHits
 from lensforge.results import BodySize
+from lensforge.results.brep_size import area_mm2, volume_mm3
 from lensforge.results.file_bounds import made_here, require_small_step
 from lensforge.results.files import temporary_file
 from lensforge.results.refined_maximum import NODES, refined_maximum
 
-# Of volume and area, relative. The errors are 5e-9 of a lens's volume and 1e-9 of its area; without a setting 1e-4 and
-# 1e-6 where another program has joined the rims to long edges, 1e-7 as exported. With several faces on a side the same
-# takes 29 s; here it is 13 s, the errors are 2e-8 and 4e-7, with joined rims too, and the criteria allow 5e-4 and more.
-_PRECISIONS, _OF_SEVERAL = (1e-6, 1e-4), (1e-3, 1e-3)
 _TOP_TOLERANCE_MM = 1e-6  # what the box of a face exceeds that of the edges by rounding
 # Points along u and v: as many as the knots of a spline, whose bumps are three knots wide. About so many of their tops
 # the window is halved as often: a top is then missed by 1e-5 of its height above its neighbours.
 _LEAST_COARSE, _MOST_COARSE, _TOPS, _ROUNDS = 48, 400, 64, 8
-
-
-def _integral(kind: str, shape: Any, precision: float) -> float:
-    """Volume (mm^3), negative where the faces face inwards, or area (mm^2), as the kernel's function ``kind`` says."""
-    from OCP.BRepGProp import BRepGProp
-    from OCP.GProp import GProp_GProps
-
-    found = GProp_GProps()
-    getattr(BRepGProp, kind)(shape, found, precision)
-    return float(found.Mass())
 
 
 def bounds_mm(shape: Any, faces: Sequence[Any]) -> tuple[list[float], list[float]]:
@@ -235,12 +222,11 @@ class StepBody:
         self._pieces = _Pieces.of(self._faces, cut=several)
 
     def size(self) -> BodySize:
-        """Volume, area and box of the solid, by the kernel's integrals and by points on its faces; takes a second."""
+        """Volume, area and box of the solid, by integrals over its faces and by points on them; takes a second."""
         corners = bounds_mm(self._solid, self._faces)
-        volume, area = _PRECISIONS if self.optical.inverse_radii is None else _OF_SEVERAL
         return BodySize(
-            volume_mm3=_integral("VolumeProperties_s", self._solid, volume),
-            area_mm2=_integral("SurfaceProperties_s", self._solid, area),
+            volume_mm3=volume_mm3(self._solid),
+            area_mm2=area_mm2(self._solid),
             bounds_mm=as_box(np.array(corners)),
         )
 

@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
+from scipy.interpolate import BSpline
 
 from lensforge.errors import InputError
 from lensforge.surfaces.reciprocal import ReciprocalSurface
@@ -19,7 +20,7 @@ from lensforge.surfaces.surface import Surface
 
 _Vectors = Float[np.ndarray, "n 3"]
 _Values = Float[np.ndarray, " n"]
-_Weights = Float[np.ndarray, "n w"]
+_Splines = tuple[BSpline, BSpline, BSpline]
 
 DEGREE = 5  # as the exported faces; tables and exports could not follow the kinks of a cubic's third derivative
 LEAST_COEFFICIENTS = DEGREE + 1
@@ -54,46 +55,29 @@ class ProfileBasis:
         """Cosines at which a linear function has its coefficients; some lie beyond ``low`` and ``high``."""
         return self.low + self.step * (np.arange(self.count) - 0.5 * (DEGREE - 1))
 
+    def splines(self, coefficients: Float[np.ndarray, "c *w"]) -> _Splines:
+        """The sum of the functions with these coefficients, over the number of the knot, and two derivatives by it."""
+        value = BSpline(np.arange(-DEGREE, self.count + 1.0), coefficients, DEGREE)
+        return value, value.derivative(1), value.derivative(2)
+
+    def at(self, splines: _Splines, cosines: _Values) -> tuple[Float[np.ndarray, "n *w"], Float[np.ndarray, "n *w"]]:
+        """A sum at each cosine, and its derivative by the cosine."""
+        within = np.clip(cosines, self.low, self.high)
+        value, slope, bend = (spline((within - self.low) / self.step) for spline in splines)
+        beyond = ((cosines - within) / self.step).reshape(-1, *[1] * (value.ndim - 1))
+        turn = np.expm1(-np.abs(beyond))
+        # The bend is half of the square near the end, and straight far away.
+        continued = value + beyond * slope + (np.abs(beyond) + turn) * bend
+        return continued, (slope - np.sign(beyond) * turn * bend) / self.step
+
     def matrix(self, cosines: _Values) -> Float[np.ndarray, "n c"]:
         """Every function at each cosine."""
-        within = np.clip(cosines, self.low, self.high)
-        beyond = (cosines - within) / self.step
-        bend = np.abs(beyond) + np.expm1(-np.abs(beyond))  # half of the square near the end, straight far away
-        straight = self._spread(within, 0) + beyond[:, None] * self._spread(within, 1)
-        return np.asarray(straight + bend[:, None] * self._spread(within, 2))
-
-    def slopes(self, cosines: _Values) -> Float[np.ndarray, "n c"]:
-        """Derivative of every function by the cosine."""
-        within = np.clip(cosines, self.low, self.high)
-        beyond = (cosines - within) / self.step
-        turn = -np.sign(beyond) * np.expm1(-np.abs(beyond))
-        return np.asarray((self._spread(within, 1) + turn[:, None] * self._spread(within, 2)) / self.step)
+        return self.at(self.splines(np.eye(self.count)), cosines)[0]
 
     def nearest(self, cosines: _Values, values: _Values) -> tuple[float, ...]:
         """Coefficients of the function nearest to ``values`` in least squares."""
         found: list[float] = np.linalg.lstsq(self.matrix(cosines), values, rcond=None)[0].tolist()
         return tuple(found)
-
-    def _spread(self, within: _Values, order: int) -> Float[np.ndarray, "n c"]:
-        """Derivatives of ``order`` by the knot, in the columns of their functions."""
-        place = (within - self.low) / self.step
-        cell = np.clip(np.floor(place).astype(int), 0, self.count - DEGREE - 1)
-        found = np.zeros((len(within), self.count))
-        columns = cell[:, None] + np.arange(DEGREE + 1)
-        np.put_along_axis(found, columns, _on_cell(place - cell, order), axis=1)
-        return found
-
-
-def _on_cell(fraction: _Values, order: int) -> _Weights:
-    """The functions that are not 0 on a cell between knots, or their derivatives of ``order`` (de Boor)."""
-    weights, f = np.ones((len(fraction), 1)), fraction[:, None]
-    for degree in range(1, DEGREE + 1 - order):
-        falling = (np.arange(1, degree + 1) - f) / degree * weights
-        rising = (f + np.arange(degree - 1, -1, -1)) / degree * weights
-        weights = np.pad(falling, ((0, 0), (0, 1))) + np.pad(rising, ((0, 0), (1, 0)))
-    for _ in range(order):
-        weights = np.pad(weights, ((0, 0), (1, 0))) - np.pad(weights, ((0, 0), (0, 1)))
-    return weights
 
 
 @dataclass(frozen=True)
@@ -140,10 +124,13 @@ class ProfileFace(ReciprocalSurface):
 
     def reciprocal(self, directions: _Vectors) -> tuple[_Values, _Vectors]:
         """The profile at the cosine, which is z."""
-        cosines, own = directions[:, 2], np.array(self.coefficients)
         slope = np.zeros_like(directions)
-        slope[:, 2] = self.basis.slopes(cosines) @ own
-        return self.basis.matrix(cosines) @ own, slope
+        value, slope[:, 2] = self.basis.at(self._splines, directions[:, 2])
+        return value, slope
+
+    @cached_property
+    def _splines(self) -> _Splines:
+        return self.basis.splines(np.array(self.coefficients))
 
 
 @dataclass(frozen=True, eq=False)
