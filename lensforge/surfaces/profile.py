@@ -8,19 +8,22 @@ origin is linear in the cosine. A spline holds these exactly: its coefficients a
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
-from scipy.interpolate import BSpline
 
 from lensforge.errors import InputError
 from lensforge.surfaces.reciprocal import ReciprocalSurface
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 from lensforge.surfaces.surface import Surface
 
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
+
 _Vectors = Float[np.ndarray, "n 3"]
 _Values = Float[np.ndarray, " n"]
-_Splines = tuple[BSpline, BSpline, BSpline]
+_Splines = tuple["BSpline", "BSpline", "BSpline"]
 
 DEGREE = 5  # as the exported faces; tables and exports could not follow the kinks of a cubic's third derivative
 LEAST_COEFFICIENTS = DEGREE + 1
@@ -57,6 +60,8 @@ class ProfileBasis:
 
     def splines(self, coefficients: Float[np.ndarray, "c *w"]) -> _Splines:
         """The sum of the functions with these coefficients, over the number of the knot, and two derivatives by it."""
+        from scipy.interpolate import BSpline
+
         value = BSpline(np.arange(-DEGREE, self.count + 1.0), coefficients, DEGREE)
         return value, value.derivative(1), value.derivative(2)
 
