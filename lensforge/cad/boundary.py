@@ -59,6 +59,10 @@ class Crease:
         radius: _Values = start - _gap(self.one, self.other, azimuths, start) / slope
         return radius
 
+    def tabulated(self, azimuths: _Values) -> _Values:
+        """The same by its table alone, as good as that is, in a fiftieth of the time."""
+        return np.asarray(self.table(np.mod(azimuths, FULL_TURN))[:, 0])
+
     def chart(self, azimuths: _Values) -> Float[np.ndarray, "n 2"]:
         """Its chart points."""
         return _on_chart(azimuths, self.radius(azimuths))

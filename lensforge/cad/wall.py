@@ -132,9 +132,9 @@ def _inside(one: Domain, other: Domain) -> dict[str, Callable[[Float[np.ndarray,
     def room(at: Float[np.ndarray, "4"]) -> Float[np.ndarray, " k"]:
         found = []
         for domain, place in ((one, at[:2]), (other, at[2:])):
-            low, high = domain.radii(np.arctan2(place[1:], place[:1]))
-            squared = place @ place
-            found += [high**2 - squared, squared - low**2]
-        return np.concatenate(found)
+            azimuth, squared = np.arctan2(place[1:], place[:1]), place @ place
+            found.append((domain.outside.tabulated(azimuth) ** 2 if domain.outside else 1.0) - squared)
+            found.append(squared - (domain.inside.tabulated(azimuth) ** 2 if domain.inside else 0.0))
+        return np.concatenate([np.atleast_1d(each) for each in found])
 
     return {"fun": room}
