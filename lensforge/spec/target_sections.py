@@ -208,8 +208,8 @@ class BeamTarget(_FarFieldTarget, SoftTarget):
 class BatwingTarget(_FarFieldTarget, SoftTarget):
     """Even illuminance on a plane at right angles to the axis: intensity as 1 / cos^3 of the angle.
 
-    With ``edge_deg`` the edge is soft: the illuminance falls as the integral of a Gaussian with this standard deviation,
-    and is one half at ``to_deg``.
+    With ``edge_deg`` the edge is soft: the illuminance falls as the integral of a Gaussian with that standard
+    deviation, and is one half at ``to_deg``.
     """
 
     needs: ClassVar[tuple[str, ...]] = ("to",)
