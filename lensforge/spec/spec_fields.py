@@ -15,20 +15,8 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 from pydantic import BaseModel
 
 from lensforge.results import Record
+from lensforge.results.numerals import unit_in
 from lensforge.spec.derived_values import WHY
-
-# Units by the end of a field's name, the longest end first.
-_UNITS = {
-    "_lm_per_w": "lm/W", "_w_per_m2": "W/m²", "_w_per_sr": "W/sr", "_g_per_cm3": "g/cm³", "_per_mm": "1/mm",
-    "_per_k": "1/K", "_mrad": "mrad", "_urad": "µrad", "_deg": "°", "_mm": "mm", "_nm": "nm", "_um": "µm",
-    "_lm": "lm", "_cd": "cd", "_lx": "lx", "_m": "m", "_w": "W", "temperature_c": "°C", "seconds": "s",
-    "_cd_per_m2": "cd/m²", "_percent": "%", "hours": "h",
-}  # fmt: skip
-
-
-def unit_of(name: str) -> str:
-    """Unit of the field ``name``; "" for texts, and for numbers without one."""
-    return next((unit for end, unit in _UNITS.items() if name.endswith(end)), "")
 
 
 def words_of(section: type[BaseModel], name: str) -> str:
@@ -41,7 +29,7 @@ def words_of(section: type[BaseModel], name: str) -> str:
     words = below.get(name, "") or twin
     if name == "kind" and not words:
         words = f"Kind: {_first_line(section)}"
-    unit = unit_of(name)
+    unit = unit_in(name)
     return f"{words} [{unit}]" if unit and words else words
 
 

@@ -10,10 +10,11 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from lensforge.results.numerals import unit_in
 from lensforge.spec.derived_values import WHY
 from lensforge.spec.design_spec import Spec
 from lensforge.spec.lens_section import USUAL_KIND
-from lensforge.spec.spec_fields import all_sections, kind_of, sections_in, summary_of, unit_of, words_of
+from lensforge.spec.spec_fields import all_sections, kind_of, sections_in, summary_of, words_of
 
 SCHEMA_FILE = "lensforge.schema.json"
 
@@ -179,7 +180,7 @@ def _field_table(section: type[BaseModel], names: Sequence[str], place: str = ""
 
 
 def _row(section: type[BaseModel], name: str, schema: dict[str, Any], needed: bool, place: str) -> str:
-    unit = unit_of(name)
+    unit = unit_in(name)
     default = f"`{json.dumps(schema['default'], ensure_ascii=False)}`" if "default" in schema else ""
     derived = "; ".join(WHY[key] for each in place.split(_AND) if (key := f"{each}.{name}") in WHY)
     default = f"derived: {derived}" if derived and not default else default

@@ -31,10 +31,11 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, ErrorDetails, core_schema
 
 from lensforge.errors import InputError, WrongFields
+from lensforge.results.numerals import unit_in
 from lensforge.results.record import read_only, real_numbers
 from lensforge.results.validation import given_words, same, shortened
 from lensforge.spec.renamed import MOVED, with_new_names
-from lensforge.spec.spec_fields import all_sections, help_of, kind_of, sections_in, signature_of, unit_of, words_of
+from lensforge.spec.spec_fields import all_sections, help_of, kind_of, sections_in, signature_of, words_of
 
 _MOST_LINES = 20  # of a message; a list of a thousand wrong numbers has one cause
 _MOST_CHARACTERS = 480  # of what is wrong in a line
@@ -139,7 +140,7 @@ def _hint(place: _FieldPlace, root: type[BaseModel]) -> tuple[str, str]:
 
 def _nearest(name: str, known: Sequence[str]) -> str | None:
     """The known name that was meant: the same with its unit, or one that differs by a few letters."""
-    with_unit = [each for each in known if unit_of(each) and each == f"{name}_{each.removeprefix(f'{name}_')}"]
+    with_unit = [each for each in known if unit_in(each) and each == f"{name}_{each.removeprefix(f'{name}_')}"]
     return next(iter(with_unit or get_close_matches(name, known, n=1, cutoff=_LIKENESS)), None)
 
 
