@@ -29,6 +29,7 @@ _WHOLE_NAMES = {
     "lumens": "lm",
     "watts": "W",
     "lumens_per_watt": "lm/W",
+    "uniformity_lx": "",  # of illuminance: a ratio
 }
 _PURE_NUMBERS = ("fraction", "share", "count", "nmse", "efficiency")
 
@@ -114,7 +115,8 @@ def unit_of(names: Sequence[str]) -> str:
 
 def unit_in(name: str) -> str:
     """The unit that the name of one field says; ``""`` where it says none."""
-    return _WHOLE_NAMES.get(name) or next((unit for end, unit in _SUFFIXES.items() if name.endswith(end)), "")
+    by_end = next((unit for end, unit in _SUFFIXES.items() if name.endswith(end)), "")
+    return _WHOLE_NAMES.get(name, by_end)
 
 
 def unit_suffix(unit: str) -> str:
