@@ -81,9 +81,9 @@ class _Group(click.Group):
         named = {name for names in _SECTIONS.values() for name in names}
         rest = tuple(name for name in self.list_commands(ctx) if name not in named)
         for title, names in {**_SECTIONS, _REST: rest}.items():
-            found = [(name, self.get_command(ctx, name)) for name in names]
+            commands = [(name, self.get_command(ctx, name)) for name in names]
             limit = formatter.width - 20
-            rows = [(name, command.get_short_help_str(limit)) for name, command in found if command is not None]
+            rows = [(name, command.get_short_help_str(limit)) for name, command in commands if command is not None]
             if rows:
                 with formatter.section(title):
                     formatter.write_dl([(name.ljust(11), words) for name, words in rows])

@@ -66,11 +66,11 @@ class Picture:
         return self._by_bands(partial(self._linear, lambda values: values**gamma))
 
     def _by_bands(self, light: Callable[[slice], Float[np.ndarray, "b w"]]) -> Float[np.ndarray, "h w"]:
-        found = np.empty(self.shape)
+        rows = np.empty(self.shape)
         band = max(1, _BAND_VALUES // (self.values.shape[1] * self.values.shape[2]))
-        for first in range(0, len(found), band):
-            found[first : first + band] = light(slice(first, first + band))
-        return found
+        for first in range(0, len(rows), band):
+            rows[first : first + band] = light(slice(first, first + band))
+        return rows
 
     def _stored(self, rows: slice) -> Float[np.ndarray, "b w"]:
         stored = self.values[rows].astype(np.float64)

@@ -148,8 +148,8 @@ def photometry(
     rays, preset = count_of("rays", rays), preset_of(lens.accuracy)
     lumens, source = number_of("lumens", lumens), judging_source(lens.spec)
     with kernel_threads(count_of("threads", threads)):
-        found = measure_photometry(lens, source, preset, rays=rays, lumens=lumens, ies_version=version)
-    return found.model_copy(update={"conditions": photometry_conditions(lens, source, rays, lumens)})
+        measured = measure_photometry(lens, source, preset, rays=rays, lumens=lumens, ies_version=version)
+    return measured.model_copy(update={"conditions": photometry_conditions(lens, source, rays, lumens)})
 
 
 def handover(
@@ -297,8 +297,8 @@ def _side_by_side(here: RunFolder, heard: Listener, second: SecondProcess) -> No
     heard.begins(Check.stage)
     with heard.timed(Proof.stage):
         proof = verify_with(second, part, light)
-        found = here.write(checked.result())
-        heard.ended(Check.stage, found.seconds)
+        check_result = here.write(checked.result())
+        heard.ended(Check.stage, check_result.seconds)
         here.write(proof)
 
 
@@ -346,11 +346,11 @@ def sweep(
         variation: AnyVariation = sources_of(source, spec)
     else:
         variation = variation_of(field, values or (), tuple(scale))
-    found = []
+    designs = []
     for variant in variation.variants(spec):
         made = design(variant.spec, accuracy=accuracy, seed=seed, threads=threads, progress=progress)
-        found.append((variant, _run_in_memory(made, threads)))
-    return sweep_of(spec, variation, found)
+        designs.append((variant, _run_in_memory(made, threads)))
+    return sweep_of(spec, variation, designs)
 
 
 def _run_in_memory(made: Design, threads: int | None) -> Results:

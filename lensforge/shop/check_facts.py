@@ -38,12 +38,12 @@ def face_title(name: str) -> str:
 def finding_groups(check: Check) -> list[Group]:
     """The findings by what they are on: can it be cut?"""
     named = {**{name: face_title(name) for name in check.faces}, BODY: "Wall"}
-    found = []
+    groups = []
     for surface, title in named.items():
         facts = tuple(_finding(each) for each in check.verdicts if each.surface == surface)
         if facts:
-            found.append(Group(f"findings_{surface}", f"Cutting, {title.lower()}", facts))
-    return found
+            groups.append(Group(f"findings_{surface}", f"Cutting, {title.lower()}", facts))
+    return groups
 
 
 def cutting_reasons(check: Check, spec: Spec) -> Iterator[Reason]:

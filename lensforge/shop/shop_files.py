@@ -114,12 +114,12 @@ def _tables(
 def _tolerance_tables(tolerances: ToleranceTable) -> list[Table]:
     """A table for each group, its last column only where an amount is known; the sentence above all of them."""
     head = ("Tolerance", "Amount", "From", "At most")
-    found = [Table("Tolerances", sentences=[tolerances.sentence])]
+    tables = [Table("Tolerances", sentences=[tolerances.sentence])]
     for title, rows in (("The lens", tolerances.lens), ("LED and mounting", tolerances.assembly)):
         columns = 4 if any(row.at_most for row in rows) else 3
         texts = [(row.name, row.amount, row.source, row.at_most)[:columns] for row in rows]
-        found += [Table(title, texts, head[:columns])] if rows else []
-    return found
+        tables += [Table(title, texts, head[:columns])] if rows else []
+    return tables
 
 
 def _rows(group: Group) -> list[tuple[str, str]]:

@@ -114,13 +114,13 @@ class _OfFile(FixedFace):
 
     def resolved(self) -> GivenSurface:
         """The face of the file."""
-        found = self._read()
+        imported = self._read()
         return GivenSurface(
-            origin=found.origin[:200],
-            form_error_nm=found.form_error_nm,
-            normal_error_urad=found.normal_error_urad,
-            unit=found.unit,
-            face=surface_record(found.surface),
+            origin=imported.origin[:200],
+            form_error_nm=imported.form_error_nm,
+            normal_error_urad=imported.normal_error_urad,
+            unit=imported.unit,
+            face=surface_record(imported.surface),
         )
 
     def _read(self) -> GivenFace:

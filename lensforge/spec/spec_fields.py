@@ -100,17 +100,17 @@ def _sections(annotation: Any) -> Iterator[type[BaseModel]]:
             yield annotation
         return
     inner = get_args(annotation)
-    for each in inner[:1] if get_origin(annotation) is Annotated else inner:
-        yield from _sections(each)
+    for part in inner[:1] if get_origin(annotation) is Annotated else inner:
+        yield from _sections(part)
 
 
 def all_sections(root: type[BaseModel]) -> tuple[type[BaseModel], ...]:
     """``root`` and every section within it, however deep."""
-    found = [root]
-    for section in found:  # grows
+    sections = [root]
+    for section in sections:  # grows
         for field in section.model_fields.values():
-            found += [each for each in sections_in(field.annotation) if each not in found]
-    return tuple(found)
+            sections += [each for each in sections_in(field.annotation) if each not in sections]
+    return tuple(sections)
 
 
 def _first_line(section: type[BaseModel]) -> str:
@@ -120,11 +120,11 @@ def _first_line(section: type[BaseModel]) -> str:
 @cache
 def _words(section: type[BaseModel]) -> dict[str, str]:
     """Words below the fields of a class and of those that it extends."""
-    found: dict[str, str] = {}
-    for each in reversed(section.__mro__):
-        if issubclass(each, BaseModel) and each.__module__.startswith("lensforge.spec."):
-            found |= _module_words(each.__module__).get(each.__name__, {})
-    return found
+    words: dict[str, str] = {}
+    for base in reversed(section.__mro__):
+        if issubclass(base, BaseModel) and base.__module__.startswith("lensforge.spec."):
+            words |= _module_words(base.__module__).get(base.__name__, {})
+    return words
 
 
 @cache

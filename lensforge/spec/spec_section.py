@@ -60,17 +60,17 @@ class _FieldPlace:
 
 def spec_error(error: ValidationError, origin: str, root: type[BaseModel]) -> WrongFields:
     """All wrong fields of what ``origin`` names, a table that ``root`` describes."""
-    found = error.errors(include_url=False)
-    entries = [each for each in found if each["type"] != "too_short"] or found  # a list whose only entry is wrong
+    errors = error.errors(include_url=False)
+    entries = [each for each in errors if each["type"] != "too_short"] or errors  # a list whose only entry is wrong
     unknown = [each for each in entries if each["type"] == "extra_forbidden"]
     meant, lines = set[str](), list[str]()
-    for each in unknown:
-        place = _place(each["loc"], root)
+    for entry in unknown:
+        place = _place(entry["loc"], root)
         hint, instead = _hint(place, root)
         meant.add(instead)
-        value = None if hint.startswith(_NO_HINT) else each["input"]  # of another file's field: not for a message
+        value = None if hint.startswith(_NO_HINT) else entry["input"]  # of another file's field: not for a message
         lines.append(_line(origin, place.name, value, f"unknown; {hint}"))
-    for place, group in _by_place([each for each in entries if each not in unknown], root):
+    for place, group in _by_place([entry for entry in entries if entry not in unknown], root):
         if not (group[0]["type"] == "missing" and place.name in meant):
             words = " or ".join(dict.fromkeys(_problem(each, place) for each in group))
             name = f"{place.name}.kind".lstrip(".") if group[0]["type"] == _KINDS[0] else place.name
@@ -89,9 +89,9 @@ def _line(origin: str, name: str, value: object, words: str) -> str:
 def _by_place(entries: Iterable[ErrorDetails], root: type[BaseModel]) -> list[tuple[_FieldPlace, list[ErrorDetails]]]:
     """The errors of each field together: a field that takes a number or a list has one for either."""
     groups: dict[str, tuple[_FieldPlace, list[ErrorDetails]]] = {}
-    for each in entries:
-        place = _place(each["loc"], root)
-        groups.setdefault(place.name, (place, []))[1].append(each)
+    for entry in entries:
+        place = _place(entry["loc"], root)
+        groups.setdefault(place.name, (place, []))[1].append(entry)
     return list(groups.values())
 
 
@@ -229,8 +229,8 @@ class Section(_Model):
     @model_validator(mode="before")
     @classmethod
     def _old_names(cls, content: Any) -> Any:
-        for each in cls.__mro__:
-            content = with_new_names(each.__name__, content)
+        for base in cls.__mro__:
+            content = with_new_names(base.__name__, content)
         return content
 
     @model_validator(mode="after")

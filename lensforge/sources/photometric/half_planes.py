@@ -128,8 +128,8 @@ def _mirrored_at(
     angles = np.concatenate([c_deg, (2.0 * edge - c_deg) % 360.0])
     if edge == 180.0:
         angles[len(c_deg)] = 360.0  # the image of C 0 closes the turn
-    found, rows = np.unique(np.round(angles, 9), return_index=True)
-    return found, np.concatenate([candela, candela])[rows]
+    distinct, rows = np.unique(np.round(angles, 9), return_index=True)
+    return distinct, np.concatenate([candela, candela])[rows]
 
 
 def _closed(
