@@ -71,17 +71,17 @@ class ProfileBasis:
 
     def nearest(self, cosines: _Values, values: _Values) -> tuple[float, ...]:
         """Coefficients of the function nearest to ``values`` in least squares."""
-        found: list[float] = np.linalg.lstsq(self.matrix(cosines), values, rcond=None)[0].tolist()
-        return tuple(found)
+        coefficients: list[float] = np.linalg.lstsq(self.matrix(cosines), values, rcond=None)[0].tolist()
+        return tuple(coefficients)
 
     def _spread(self, within: _Values, order: int) -> Float[np.ndarray, "n c"]:
         """Derivatives of ``order`` by the knot, in the columns of their functions."""
         place = (within - self.low) / self.step
         cell = np.clip(np.floor(place).astype(int), 0, self.count - DEGREE - 1)
-        found = np.zeros((len(within), self.count))
+        spread = np.zeros((len(within), self.count))
         columns = cell[:, None] + np.arange(DEGREE + 1)
-        np.put_along_axis(found, columns, _on_cell(place - cell, order), axis=1)
-        return found
+        np.put_along_axis(spread, columns, _on_cell(place - cell, order), axis=1)
+        return spread
 
 
 def _on_cell(fraction: _Values, order: int) -> _Weights:
