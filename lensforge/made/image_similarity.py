@@ -168,7 +168,7 @@ class _Pair:
         return np.asarray(inverse @ (light.T @ self.measured))
 
     def determined(self, parameters: Float[np.ndarray, "4"]) -> Bool[np.ndarray, "4"]:
-        """True where the slope of the light by a parameter is well above that of the differences and of rounding."""
+        """True where the light's slope by a parameter is well above the slopes of the differences and of rounding."""
         light = self._nuisances(parameters)
         gain = self._weights(light)[0]
         slopes = gain * self._slopes(parameters, self.spline)

@@ -140,7 +140,7 @@ def _uniform(light: Light, lens: Lens | None) -> "Bool[np.ndarray, 'h w'] | None
     if lens is None:
         return None
     if lens.sha256 != light.inputs["lens"]:
-        raise InputError("lens: the light is that of another lens; give the lens that was evaluated")
+        raise InputError("lens: the light was evaluated with another lens; give the lens of the light")
     return uniform_region(lens.spec.all_receivers[0].targets, receivers_of(lens.spec, light.pixels)[0])
 
 

@@ -150,7 +150,7 @@ def wrong_colours(name: str) -> str:
 
 
 def not_srgb(profile: bytes) -> str:
-    """Say why a colour profile is not that of sRGB, "" where it is, or where it is empty.
+    """Say why a colour profile is not the sRGB profile, "" where it is, or where it is empty.
 
     Little CMS converts colours of the profile to sRGB: they stay where it is sRGB's own.
     """
@@ -169,4 +169,4 @@ def not_srgb(profile: bytes) -> str:
     except (ImageCms.PyCMSError, OSError, ValueError, TypeError) as error:
         return f"its colour profile is damaged, or not one of grey or RGB ({str(error).splitlines()[0][:100]})"
     apart = np.abs(srgb_decoded(np.asarray(converted) / 255.0) - srgb_decoded(colours / 255.0))
-    return "" if float(apart.max()) < _WITHIN_SRGB else "its colour profile is not that of sRGB"
+    return "" if float(apart.max()) < _WITHIN_SRGB else "its colour profile is not the sRGB profile"

@@ -69,7 +69,7 @@ class ShownReceiver:
         return f"{self.light.name}, {self.light.place}" if self.several else ""
 
     def picture_name(self, name: str) -> str:
-        """Name of one of its pictures, unique on the page; that of the first receiver's is ``name`` itself."""
+        """Name of one of its pictures, unique on the page; pictures of the first receiver have ``name`` itself."""
         return numbered(name, self.index)
 
     def mask(self, pixels: int) -> Bool[np.ndarray, "h w"] | None:
@@ -226,7 +226,7 @@ def line_pictures(
     unit: LightUnit,
     labels: tuple[str, str] = ("target", "simulated"),
 ) -> list[PagePicture]:
-    """Cross-sections of two images; ``name``: makes that of a picture unique on the page."""
+    """Cross-sections of two images; ``name``: makes the name of a picture unique on the page."""
     draw = light_figures.line_comparison
     return [
         picture(name(f"line{index}"), draw(line, *images, chart, unit, labels), f"Along {words}")

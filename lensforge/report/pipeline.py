@@ -102,7 +102,7 @@ def build(
 
     ``schema``: of the STEP. ``extension_deg``: adds the optical faces untrimmed, extended by this angle beyond the rim.
     ``nodes``: spline nodes across each optical face, ``rings``: rings of the mesh; by default as many as their
-    tolerances need. ``date``: of the files, by default that of the spec. Raises :class:`InputError` for a lens whose
+    tolerances need. ``date``: of the files, by default the spec's. Raises :class:`InputError` for a lens whose
     surfaces enclose no body.
     """
     from lensforge.cad.part_export import build_part
@@ -120,7 +120,7 @@ def build(
 
 
 def check(part: Part | Lens) -> Check:
-    """Check whether ``part``, or that of a lens, can be cut: best-fit sphere, curvature, cutter, wall, draft."""
+    """Check whether ``part``, or the part of a lens, can be cut: best-fit sphere, curvature, cutter, wall, draft."""
     from lensforge.shop.check import check_lens, check_part
 
     return check_lens(part) if isinstance(part, Lens) else check_part(require(part, Part, "check"))
@@ -162,7 +162,7 @@ def handover(
 ) -> "Handover":
     """Make the documents for the shop: drawing, verdicts, point tables, hashes; ``save(folder)`` writes them.
 
-    ``drawing``: words of its title block and notes, or a TOML file that has them; None: those of the spec.
+    ``drawing``: words of its title block and notes, or a TOML file that has them; None: the spec's.
     ``spacing_mm``: of the dense tables; None: as wide as an ``interpolation`` error of ``error_nm`` along the normal
     allows. Raises :class:`InputError` for too many points.
     """

@@ -65,7 +65,7 @@ def run_tradeoff(
 
 
 def _lens_in(directory: Path, spec: Spec, source: Source) -> Lens:
-    """The lens in ``directory``. Raises :class:`InputError` where it is that of another scene."""
+    """The lens in ``directory``. Raises :class:`InputError` where it was designed for another scene."""
     path, results = directory / LENS_FILE, RunFolder(directory).run
     require_same_scene(results.lens, spec, source, str(path))
     made = results.find(Design)

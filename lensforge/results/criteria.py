@@ -114,7 +114,7 @@ class Criterion(Judged):
 
     @property
     def words(self) -> str:
-        """Words for its name, which begins with that of its face, or of its receiver where that is a further one."""
+        """Words for its name, which begins with its face, or with its receiver where that is not the first."""
         receiver, colon, short = self.name.rpartition(": ")
         face, _, of_face = short.partition(" ")
         if of_face in _OF_FACE:

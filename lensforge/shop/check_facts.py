@@ -91,7 +91,7 @@ def _face(name: str, face: FaceResult, check: Check, spec: Spec) -> Iterator[Fac
 
 
 def _ball(name: str, face: FaceResult, check: Check) -> Iterator[Fact]:
-    """The largest ball that reaches the whole face, against that of the shop."""
+    """The largest ball that reaches the whole face, against the shop's ball."""
     cutter = face.cutter
     largest = cutter.largest_radius_mm
     note = f"largest radius that reaches all of it{check.relief.beyond_shop(largest, cutter.radius_mm, name)}"
@@ -100,7 +100,7 @@ def _ball(name: str, face: FaceResult, check: Check) -> Iterator[Fact]:
         f"Ball mill, {name} face",
         "any" if largest is None else largest,
         "mm",
-        limit=Bound(">=", cutter.radius_mm, "that of the shop"),
+        limit=Bound(">=", cutter.radius_mm, "the shop's"),
         state=_state(check.verdicts, "cutter", name),
         note=note,
         digits=3,

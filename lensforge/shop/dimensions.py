@@ -303,7 +303,7 @@ def datum_scheme(lens: Lens, part: Part) -> DatumScheme:
         would = "; base.flat_mm would" if marked else ""
         missing.append(f"Nothing on the part marks the azimuth, which counts from +x of lens.step{would}")
     if base.kind == "step":
-        missing[-1] = "The azimuth is that of the base in its own file"
+        missing[-1] = "The azimuth is the base's, as in its own file"
     lines = *(f"Datum {datum.letter}: {datum.words}" for datum in datums), *missing
     return DatumScheme(tuple(datums), lines)
 

@@ -96,7 +96,7 @@ def wall_criteria(spec: Spec, walls: Walls) -> tuple[Criterion, ...]:
 
 
 def least_wall_mm(spec: Spec) -> float:
-    """The least wall that still counts as that of the spec."""
+    """The least wall that still counts as the wall of the spec."""
     return spec.constraints.min_thickness_mm - spec.constraints.tolerance_mm
 
 

@@ -111,7 +111,9 @@ def joined_flux(
     dim = [part.least_power for part in parts]
     if any(dim) and not all(dim):
         which = ", ".join(name for name, only_lumens in zip(names, dim, strict=True) if only_lumens)
-        raise InputError(f"{which}: flux known in lm alone, that of other parts in W; give its flux_w or a spectrum")
+        raise InputError(
+            f"{which}: flux known in lm alone, the flux of other parts in W; give its flux_w or a spectrum"
+        )
     watts, lumens = np.array([part.flux_w for part in parts]), [part.flux_lm for part in parts]
     seen = None if None in lumens else sum(each for each in lumens if each is not None)
     joined = settled_flux(stated, efficacy, own=OwnFlux(None if all(dim) else float(watts.sum()), seen))
@@ -132,7 +134,7 @@ def emitter_flux(spec: EmitterSection, own_w: float = DEFAULT_FLUX_W) -> SourceF
 
 
 def with_spectrum_compared(flux: SourceFlux, spec: EmitterSection, spectral: float | None) -> SourceFlux:
-    """Add a warning where the efficacy that ``spec`` states is not that of the spectrum, ``spectral`` (lm/W)."""
+    """Add a warning where the efficacy that ``spec`` states differs from the spectrum's, ``spectral`` (lm/W)."""
     said = spec.stated_lm_per_w or spec.luminous_efficacy_lm_per_w
     if said is None or not spectral or abs(said / spectral - 1.0) <= _SPECTRUM_TOLERANCE:
         return flux

@@ -205,7 +205,7 @@ class LensMaterial(FacesSection):
     expansion_per_k: Expansion | None = None
     """Linear expansion with temperature, for a material that does not state its own."""
     reference_temperature_c: Celsius | None = None
-    """Temperature at which the lens has its index and its size; by default 20, or that of the material."""
+    """Temperature at which the lens has its index and its size; by default 20, or as the material states."""
 
     @model_validator(mode="before")
     @classmethod

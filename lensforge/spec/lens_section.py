@@ -27,7 +27,7 @@ Symmetry = Literal["auto", "none", "mirror_x", "mirror_y", "rectangle", "square"
 
 
 def _kind_of_lens(value: Any) -> str | None:
-    """The kind of a lens; that of the usual one where none is named."""
+    """The kind of a lens; the usual kind where none is named."""
     kind = value.get("kind", USUAL_KIND) if isinstance(value, dict) else getattr(value, "kind", USUAL_KIND)
     return str(kind) if isinstance(kind, str) else None
 

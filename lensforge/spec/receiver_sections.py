@@ -130,8 +130,8 @@ _LEAST_ACROSS = 1e-3  # sine of the angle at which a plane may be seen from the 
 class PlaneReceiver(ReceiverSection):
     """A rectangle in a plane in any pose.
 
-    The side that faces the lens receives the light, whichever that is. The axes x and y of the plane are those of the
-    lens, tilted with the plane by the smallest rotation, and then turned about its normal by ``rotation_deg``.
+    The side that faces the lens receives the light, whichever that is. The plane takes the axes x and y of the lens
+    with it: tilted by the smallest rotation, then turned about its normal by ``rotation_deg``.
     """
 
     kind: Literal["plane"] = "plane"

@@ -194,7 +194,7 @@ class BeamTarget(_FarFieldTarget, SoftTarget):
     """Full width at half maximum, one for both directions or along x and along y."""
     profile: Literal["gaussian", "cosine", "flat"] = "gaussian"
     """Course of the intensity: "gaussian", "cosine" (a power of the cosine of the angle from the axis; between x and y
-    the width is that of an ellipse), or "flat" up to the half width and dark beyond it, with soft edges by
+    the width follows an ellipse), or "flat" up to the half width and dark beyond it, with soft edges by
     ``edge_deg``.
     """
 

@@ -141,7 +141,7 @@ def test_profiles_count_where_values_are_decoded(light, refused):
         + (int.from_bytes(own[start + 12 : start + 16], "big") + 2000).to_bytes(4, "big")
         + own[start + 16 :]
     )
-    assert "not that of sRGB" in refused(_with_profile(colours, other), "srgb")
+    assert "not the sRGB profile" in refused(_with_profile(colours, other), "srgb")
     np.testing.assert_allclose(light(_with_profile(colours, other)), colours / 255 @ LUMA, atol=1e-5)
     lab = ImageCms.ImageCmsProfile(ImageCms.createProfile("LAB")).tobytes()
     assert "colour profile" in refused(_with_profile(colours, lab), "srgb")

@@ -139,7 +139,7 @@ def convert_photometric(path_in: Path, path_out: Path, *, ies_version: IesVersio
     )
     if Path(path_out).suffix.lower() == ".ldt" and original.lamp_lumens is None:
         warnings.append(
-            "absolute photometry: the lumens of the luminaire are written as those of its lamps, whose number is -1"
+            "absolute photometry: the lumens of the luminaire are written as lumens of its lamps, whose number is -1"
         )
     write_photometric(path_out, kept, ies_version=ies_version)
     back = read_photometric(path_out)
@@ -177,4 +177,4 @@ def _lost(before: PhotometricFile, after: PhotometricFile) -> Iterator[str]:
         if had and had != UNDEFINED and not same:
             yield f"{words} ({had:.6g})" if isinstance(had, float) else f"{words} ({had})"
     if before.photometric_type != after.photometric_type:
-        yield f"photometric type {before.photometric_type}: the angles are those of type {after.photometric_type}"
+        yield f"photometric type {before.photometric_type}: the angles are now of type {after.photometric_type}"
