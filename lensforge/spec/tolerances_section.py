@@ -278,8 +278,8 @@ class FacesTolerances(TolerancesSection):
         """The tolerance of the factor ``name`` where it is given; None for that of the preset."""
         cause = _causes(self.names)[name]
         holder = self if cause.face is None else getattr(self, cause.face)
-        stated: ToleranceSpec | None = getattr(holder, cause.field or name)
-        return stated
+        found: ToleranceSpec | None = getattr(holder, cause.field or name)
+        return found
 
     def tolerance(self, name: str) -> ToleranceSpec:
         """The tolerance of the factor ``name``: as given, or that of the preset."""
@@ -343,15 +343,15 @@ class Factor:
 
 def factors_of(tolerances: FacesTolerances) -> tuple[Factor, ...]:
     """All ``tolerances`` that are not 0. Raises :class:`InputError` where all are 0."""
-    factors = []
+    found = []
     for name, cause in _causes(tolerances.names).items():
         tolerance, (unit, to_internal, _) = tolerances.tolerance(name), _unit_of(name)
         if tolerance.amount > 0.0:
             stated = (cause.words, unit, to_internal, tolerance.amount, cause.kind)
-            factors.append(Factor(name, *stated, tolerance.distribution, cause.numbers))
-    if not factors:
+            found.append(Factor(name, *stated, tolerance.distribution, cause.numbers))
+    if not found:
         raise InputError("tolerances: all of them are 0: every part is as designed; raise one, or leave out the zeros")
-    return tuple(factors)
+    return tuple(found)
 
 
 def read_tolerances(name: str, names: tuple[str, ...] = DOUBLE) -> FacesTolerances:
@@ -377,10 +377,10 @@ def read_tolerances(name: str, names: tuple[str, ...] = DOUBLE) -> FacesToleranc
             raise InputError(f"{name}: lens.{face}: the faces of this lens are {', '.join(names)}; give these")
     if not isinstance(section := content.get("tolerances", {} if any(faces.values()) else None), dict):
         raise InputError(f"{name}: has no [tolerances]; give {', '.join(PRESET_AMOUNTS)}, or a file that has")
-    common = _validated(TolerancesSection, section, f"{name}: tolerances")
+    found = _validated(TolerancesSection, section, f"{name}: tolerances")
     own = {face: _validated(FaceTolerances, table, f"{name}: lens.{face}") for face, table in faces.items()}
     try:
-        return own_kind.of(common, own)
+        return own_kind.of(found, own)
     except InputError as error:
         raise InputError(str(error).replace(own_kind.__name__, f"{name}: lens", 1)) from None
 
