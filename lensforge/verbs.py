@@ -153,9 +153,9 @@ def _lens_of_photo(here: RunFolder, options: Mapping[str, Any]) -> dict[str, obj
     return {"lens": here.run.lens} if options.get("on") is not None else {}
 
 
-def _write_parts(here: RunFolder, found: Yield) -> None:
+def _write_parts(here: RunFolder, study: Yield) -> None:
     """Write the table of parts beside the record; what was kept of an interrupted study goes."""
-    found.save(here.path / f"{stem_of(found)}.csv")
+    study.save(here.path / f"{stem_of(study)}.csv")
     (here.path / YIELD_PARTS).unlink(missing_ok=True)
 
 

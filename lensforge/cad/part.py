@@ -114,9 +114,9 @@ class Part(StageResult):
     """The lens as a solid: the bytes of STEP, STL and 3MF, and their errors against the exact surfaces.
 
     ``nodes``: of the spline of each optical face, by its name. ``volume_mm3``, ``area_mm2``: of the solid,
-    ``volume_mesh_mm3``, ``area_mesh_mm2`` of the mesh. ``bounds_mm``: corners of the box around the mesh, all vertices
-    of which lie on the solid: that of the solid is larger by no more than the chord error. ``mass_g`` where the spec
-    states a density.
+    ``volume_mesh_mm3``, ``area_mesh_mm2`` of the mesh. ``bounds_mm``: least and largest corner of the box around the
+    mesh. The vertices of the mesh lie on the solid, so the box of the solid is larger by the chord error at most.
+    ``mass_g`` where the spec states a density.
     ``keep_out``: None where the spec has none, or the mesh is not closed.
     ``form_tolerances``: those that the STEP carries on its faces, in AP242. ``signature``: in its header.
     ``plate``: the plate of all lenses, where the spec has one.

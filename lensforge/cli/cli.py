@@ -81,9 +81,9 @@ class _Group(click.Group):
         named = {name for names in _SECTIONS.values() for name in names}
         rest = tuple(name for name in self.list_commands(ctx) if name not in named)
         for title, names in {**_SECTIONS, _REST: rest}.items():
-            found = [(name, self.get_command(ctx, name)) for name in names]
+            commands = [(name, self.get_command(ctx, name)) for name in names]
             limit = formatter.width - 20
-            rows = [(name, command.get_short_help_str(limit)) for name, command in found if command is not None]
+            rows = [(name, command.get_short_help_str(limit)) for name, command in commands if command is not None]
             if rows:
                 with formatter.section(title):
                     formatter.write_dl([(name.ljust(11), words) for name, words in rows])
@@ -171,19 +171,8 @@ def _failure(error: BaseException) -> int:
     if isinstance(error, OSError) and error.errno in _FULL_OR_FAILING:
         where = "" if error.filename is None else f"{error.filename}: "
         return _say(f"{where}{error.strerror}; a full disk, or a limit of this machine?", 2)
-    module = _module_cut_short(error)
-    if module is not None:
-        return _say(f"{module}: a compiled module, cut short as a full disk leaves it; delete it and try again", 2)
     # a bug: the user gets a line, the developer the details
     return _say(f"internal error: {type(error).__name__}: {error}; {_details(error)}", 1)
-
-
-def _module_cut_short(error: BaseException) -> str | None:
-    """The file that Python could not load as a compiled module: Python 3.11 keeps one that it could not write whole."""
-    if not isinstance(error, EOFError):
-        return None
-    frames = [frame.f_locals for frame, _ in traceback.walk_tb(error.__traceback__)]
-    return next((str(names["bytecode_path"]) for names in frames if names.get("bytecode_path")), None)
 
 
 def _details(error: BaseException) -> str:

@@ -60,8 +60,8 @@ def finish(
         lambda: {**document(run, *results), **beside},
         lambda: [*(block for each in results for block in blocks_of(each, run)), *blocks],
     )
-    for each in results:
-        _tell_conditions(each)
+    for result in results:
+        _tell_conditions(result)
     require(criterion for each in results for criterion in getattr(each, "criteria", ()))
     if decides and conditions_of(results[0]) is None:
         _require_pass(run, decides)
@@ -96,11 +96,11 @@ def finish_handover(output: Output, here: RunFolder, made: "Handover") -> None:
     )
 
 
-def finish_study(output: Output, directory: Path, found: Sweep | Tradeoff, title: str, page: str) -> None:
+def finish_study(output: Output, directory: Path, study: Sweep | Tradeoff, title: str, page: str) -> None:
     """Print a study of its own folder under ``title``, and its ``page``."""
     output.show(
-        lambda: {"folder": str(directory), found.stage: found.plain()},
-        lambda: [study_block(title, found.facts), Block(f"Written: {directory / page}")],
+        lambda: {"folder": str(directory), study.stage: study.plain()},
+        lambda: [study_block(title, study.facts), Block(f"Written: {directory / page}")],
     )
 
 
@@ -168,14 +168,14 @@ def study_block(title: str, groups: Sequence[Group]) -> Block:
 
 def summary(run: Run) -> list[Block]:
     """The end of a whole run: verdict, light, lens, files, cutting, and the folder, in 30 lines at most."""
-    found, verdict = headline(run), run.verdict
+    head, verdict = headline(run), run.verdict
     light, lens = _selected(run, _LIGHT, Light), _selected(run, _LENS, Design)
     design = run.find(Design)
     search = "" if design is None else f": {_search(run, design)}"
     far_field, files = _selected(run, _FAR_FIELD, Photometry), _selected(run, _FILES, Part, Proof)
     why = [] if run.spec.has_limits else _because(verdict, "light")[:1]  # limits are lines of their own already
     return [
-        Block(f"{run.spec.name}: {found.sentence} {found.criteria}"),
+        Block(f"{run.spec.name}: {head.sentence} {head.criteria}"),
         Block(f"Light: {verdict.light}", [*rows_of(light), *rows_of(far_field), *why]),
         Block(f"Lens{search}", list(rows_of(lens))),
         Block(f"Files: {verdict.files}", [*rows_of(files), *_because(verdict, "files")[:1]]),
@@ -221,11 +221,11 @@ def _judged(result: StageResult, run: Run) -> tuple[str, list[Row]]:
 def _titled(groups: Sequence[Group]) -> list[Block]:
     """A block for each group, those of one kind together."""
     kinds = dict.fromkeys(group.key for group in groups)
-    found = [[group for group in groups if group.key == key] for key in kinds]
+    by_kind = [[group for group in groups if group.key == key] for key in kinds]
     titles = {"bound": "A part passes if", "spread": "The parts", "causes": "Causes", "budget": "At most"}
     titles["road_yield"] = "Roads"
     titles["error"] = "Change by each tolerance at its end"
-    return [Block(titles.get(same[0].key, same[0].title), list(rows_of(same))) for same in found]
+    return [Block(titles.get(same[0].key, same[0].title), list(rows_of(same))) for same in by_kind]
 
 
 def _because(verdict: Verdict, name: str) -> list[Row]:

@@ -55,8 +55,8 @@ class WholeNumber(click.IntRange):
             if not number.is_finite() or number.adjusted() > _MOST_DIGITS or number != number.to_integral_value():
                 self.fail(f"{value!r} is not a whole number {self._describe_range()}", param, ctx)
             value = int(number)
-        found: int = super().convert(value, param, ctx)
-        return found
+        count: int = super().convert(value, param, ctx)
+        return count
 
     def _describe_range(self) -> str:
         return f"from {self.min:,} to {self.max:,}"
@@ -151,9 +151,7 @@ OPTIONS: dict[str, Callable[[Command], Command]] = {
         type=WholeNumber(1, 100_000),
         help="Equal rings of the mesh; default: its facets are within 1 um of the faces.",
     ),
-    "date": click.option(
-        "--date", metavar="YYYY-MM-DD", help="Date of the files for the shop; default: that of the spec."
-    ),
+    "date": click.option("--date", metavar="YYYY-MM-DD", help="Date of the files for the shop; default: the spec's."),
     "stray": click.option(
         "--stray", is_flag=True, help="Also trace reflections, the base and absorption; writes stray.json."
     ),
@@ -181,9 +179,7 @@ OPTIONS: dict[str, Callable[[Command], Command]] = {
         callback=_or_none,
         help="Corners of the target, clockwise from top left; default: found.",
     ),
-    "target_mm": click.option(
-        "--target-mm", type=_ABOVE_ZERO, help="Side of the target; default: that of the receiver."
-    ),
+    "target_mm": click.option("--target-mm", type=_ABOVE_ZERO, help="Side of the target; default: the receiver's."),
     "gamma": click.option("--gamma", type=click.FloatRange(0.2, 5.0), default=1.0, help="Gamma of the camera."),
     "points": click.option("--points", type=_FILE, help="Points x, y, z in mm, measured on one surface."),
     "surface": click.option("--surface", metavar="FACE", help="Face on which --points lie, such as inner or outer."),

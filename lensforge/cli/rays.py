@@ -54,10 +54,10 @@ def rays(
     if ies_version and (to is None or to.suffix.lower() != ".ies"):
         raise InputError(f"--ies-version {ies_version}: give --to FILE.ies with it; other files have no such version")
     if holds_far_field(file):
-        found = _far_field(file, to, format_name, ies_version, plot)
+        summary = _far_field(file, to, format_name, ies_version, plot)
     else:
-        found = _rays(file, only_header, to, format_name, plot)
-    content = found.model_dump(mode="json", exclude={"inputs", "version"})
+        summary = _rays(file, only_header, to, format_name, plot)
+    content = summary.model_dump(mode="json", exclude={"inputs", "version"})
     if output.json:
         print_json(content)
     elif output.screen:
@@ -65,11 +65,11 @@ def rays(
         print_screen([Block(str(file), [_row(each) for each in rows(content) if each.value != NOTHING])])
 
 
-def _row(found: TableRow) -> Row:
+def _row(row: TableRow) -> Row:
     """A value of the record, under its path in words; of a long list the number of its entries."""
-    path = found.path.removesuffix(unit_suffix(found.unit)).replace(".", " ").replace("_", " ")
-    value = f"{len(found.value.split('  '))} entries" if found.block else found.value
-    return path, with_unit(value, found.unit)
+    path = row.path.removesuffix(unit_suffix(row.unit)).replace(".", " ").replace("_", " ")
+    value = f"{len(row.value.split('  '))} entries" if row.block else row.value
+    return path, with_unit(value, row.unit)
 
 
 def _rays(file: Path, only_header: bool, to: Path | None, format_name: str | None, plot: Path | None) -> Record:

@@ -40,8 +40,8 @@ def _completed(kinds: Sequence[str]) -> Callable[[click.Context, click.Parameter
     """Completion of a kind, or of the name of a file."""
 
     def complete(_context: click.Context, _option: click.Parameter, begun: str) -> list[CompletionItem]:
-        found = [CompletionItem(f"{kind}:") for kind in kinds if f"{kind}:".startswith(begun)]
-        return found or [CompletionItem(begun, type="file")]
+        completions = [CompletionItem(f"{kind}:") for kind in kinds if f"{kind}:".startswith(begun)]
+        return completions or [CompletionItem(begun, type="file")]
 
     return complete
 
@@ -136,7 +136,7 @@ def _name(spec: Path | None) -> str:
 def _content(name: str, sections: Tables, radius_mm: float, material: str, made_by: Tables) -> Tables:
     if material not in MATERIALS:
         raise InputError(f"--material {material}: must be one of {', '.join(MATERIALS)}")
-    found = {
+    content = {
         "name": name,
         "source": sections["source"],
         "lens": {"material": material, "levels": "auto", **{face: {**made_by.get("face", {})} for face in DOUBLE}},
@@ -145,8 +145,8 @@ def _content(name: str, sections: Tables, radius_mm: float, material: str, made_
         **({"manufacture": made_by["manufacture"]} if made_by else {}),
     }
     if radius_mm > _OF_USUAL_BASE_MM:
-        found["base"] = {"diameter_mm": 1.8 * radius_mm, "height_mm": 0.125 * radius_mm}
-    return found
+        content["base"] = {"diameter_mm": 1.8 * radius_mm, "height_mm": 0.125 * radius_mm}
+    return content
 
 
 def _checked_text(content: Tables, folder: Path, force: bool) -> str:
@@ -236,10 +236,10 @@ def examples(name: str | None) -> None:
 
 def shipped_folder() -> Path:
     """The folder of the shipped specs. Raises :class:`InputError` for an installation without them."""
-    found = next((place for place in _PLACES if (place / "quickstart.toml").is_file()), None)
-    if found is None:
+    folder = next((place for place in _PLACES if (place / "quickstart.toml").is_file()), None)
+    if folder is None:
         raise InputError("examples: this installation has none; install lensforge from its wheel or its sources")
-    return found
+    return folder
 
 
 def _first_comment(path: Path) -> str:

@@ -189,5 +189,5 @@ def tradeoff(spec: Path, out: Path | None, most_rays: int, threads: int | None, 
 
     with StageClock("tradeoff", quiet=output.quiet, study=True) as clock, threads_of_torch(threads):
         begin = partial(clock.begin, "study")
-        found = run_tradeoff(content, directory, most_rays=most_rays, announce=begin, warn=clock.warn)
-    finish_study(output, directory, found, "Error of each preset on this scene", "tradeoff.html")
+        measured = run_tradeoff(content, directory, most_rays=most_rays, announce=begin, warn=clock.warn)
+    finish_study(output, directory, measured, "Error of each preset on this scene", "tradeoff.html")

@@ -154,14 +154,14 @@ class AngularGrid:
         """Intensities (W/sr) at the nodes for each of ``p`` deposits; some may be below 0."""
         step = 2.0 * np.pi / self.planes
         waves = np.fft.rfft(deposits, axis=1)
-        found = np.zeros_like(waves)
+        solution = np.zeros_like(waves)
         for wave, first in enumerate(self._first_nodes):
             if first < len(self.gamma_deg):
                 right = waves[:, wave].T * (0.5 * (1.0 + 3.0 / (2.0 + np.cos(wave * step))) / step)
                 solved = self._along_gamma(np.concatenate([right.real, right.imag], axis=1), int(first))
-                found[:, wave] = (solved[:, : len(deposits)] + 1j * solved[:, len(deposits) :]).T
-        found[:, 0] = self._pooled(found[:, 0].real, deposits.sum(axis=(0, 1)))
-        return np.fft.irfft(found, n=self.planes, axis=1)
+                solution[:, wave] = (solved[:, : len(deposits)] + 1j * solved[:, len(deposits) :]).T
+        solution[:, 0] = self._pooled(solution[:, 0].real, deposits.sum(axis=(0, 1)))
+        return np.fft.irfft(solution, n=self.planes, axis=1)
 
     def _pooled(self, means: Float[np.ndarray, "p g"], flux: Float[np.ndarray, " g"]) -> Float[np.ndarray, "p g"]:
         """``means`` of all cones with those about the axis on a parabola a + b gamma^2, of the same flux.

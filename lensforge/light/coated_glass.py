@@ -103,10 +103,10 @@ def _places(waves: Float[np.ndarray, " n"], nodes: Float[np.ndarray, " k"]) -> F
     last = len(nodes) - 1
     step = (nodes[-1] - nodes[0]) / last
     if np.abs(np.diff(nodes) - step).max() > _EVEN * step:
-        found: Float[np.ndarray, " n"] = np.interp(waves, nodes, np.arange(last + 1.0))
+        places: Float[np.ndarray, " n"] = np.interp(waves, nodes, np.arange(last + 1.0))
     else:
-        found = np.clip((waves - nodes[0]) / step, 0.0, last)
-    return found
+        places = np.clip((waves - nodes[0]) / step, 0.0, last)
+    return places
 
 
 def _require_known(rays: RayBundle, media: Media) -> None:

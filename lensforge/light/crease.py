@@ -174,8 +174,8 @@ class CreasePoints:
             one, other = (OnFaces.of(tables, scene.grid, face, place[:, None] * axes) for face in faces)
             slope = ((one.slopes - other.slopes) * axes).sum(axis=1)
             place = np.clip(place - (one.radius - other.radius) / slope, *ends)
-        found = CreasePoints(one, other)
-        return found.take(np.flatnonzero(np.abs(found.rate) > 0.0))
+        points = CreasePoints(one, other)
+        return points.take(np.flatnonzero(np.abs(points.rate) > 0.0))
 
     @cached_property
     def tangents(self) -> _Vectors:

@@ -238,10 +238,10 @@ def _close_in(
         place = _Place.of(starts[:, going] + path * along[:, going], along[:, going])
         F, slope = place.gap_and_slope(table)
         newton = -F / slope
-        found = (newton.abs() <= TOLERANCE * place.r) | (F.abs() <= ROUNDING * place.r)
-        below = ~found & (F > 0.0) & (path >= plane[going])
+        converged = (newton.abs() <= TOLERANCE * place.r) | (F.abs() <= ROUNDING * place.r)
+        below = ~converged & (F > 0.0) & (path >= plane[going])
         ahead = torch.minimum(path + newton, plane[going])
-        roots[going] = torch.where(found, path + newton, torch.where(below, path, ahead))
-        states[going] = torch.where(found, FOUND, torch.where(below, BELOW, LOST)).to(torch.int8)
-        going = going[~(found | below)]
+        roots[going] = torch.where(converged, path + newton, torch.where(below, path, ahead))
+        states[going] = torch.where(converged, FOUND, torch.where(below, BELOW, LOST)).to(torch.int8)
+        going = going[~(converged | below)]
     return roots, states

@@ -169,13 +169,13 @@ class Light(SimulatedResult):
     def by_led(self) -> "dict[str, Light]":
         """The light of each LED alone, by its name, the first one's first; "" is the name of the only one."""
         alone = self.model_copy(update={"others": ()}) if self.others else self
-        found = {self.led: alone}
+        lights = {self.led: alone}
         for other in self.others:
             fields = {name: getattr(other, name) for name in type(other).model_fields if name not in ("name", "source")}
             conditions = Conditions.of(source_name=other.name, source=other.source)
             own = {"led": other.name, "conditions": conditions, "fitted": None, "preset_error": None}
-            found[other.name] = alone.model_copy(update={**fields, **own})
-        return found
+            lights[other.name] = alone.model_copy(update={**fields, **own})
+        return lights
 
     @property
     def first(self) -> ReceiverLight:

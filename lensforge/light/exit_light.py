@@ -33,23 +33,23 @@ def exit_rays(lens: TracedLens, rays: RayBundle, sphere_mm: float, lamps: Lamps 
 
     Rays are dealt to the lamps by chance, as many to each, and carry the flux of all.
     """
-    found = lens.trace(rays) if lamps.alone else _of_lamps(lens, rays, lamps)
-    upwards = found.left_lens & (found.directions[:, 2] > 0.0)
-    points, directions, flux = (each[upwards] for each in (found.points, found.directions, found.flux))
+    traced = lens.trace(rays) if lamps.alone else _of_lamps(lens, rays, lamps)
+    upwards = traced.left_lens & (traced.directions[:, 2] > 0.0)
+    points, directions, flux = (each[upwards] for each in (traced.points, traced.directions, traced.flux))
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
-    by_fate = flux_by_fate(found, found.left_lens & ~upwards)
+    by_fate = flux_by_fate(traced, traced.left_lens & ~upwards)
     return RaysOnSphere(RayBundle(_on_sphere(points, directions, sphere_mm), directions, flux), by_fate)
 
 
 def _of_lamps(lens: TracedLens, rays: RayBundle, lamps: Lamps) -> ExitRays:
-    found = lens.trace(replace(rays, flux=len(lamps) * rays.flux))
+    traced = lens.trace(replace(rays, flux=len(lamps) * rays.flux))
     own = np.random.default_rng(len(rays)).permutation(len(rays)) % len(lamps)
     turns, up = np.radians(lamps.turns_deg), np.zeros(len(lamps))
     axes = np.array([[np.cos(turns), -np.sin(turns), up], [np.sin(turns), np.cos(turns), up], [up, up, up + 1.0]])
     turned = axes.transpose(2, 0, 1)[own]
     places = np.column_stack([lamps.places_mm, up])[own]
-    points, directions = (np.einsum("nij,nj->ni", turned, each) for each in (found.points, found.directions))
-    return replace(found, points=points + places, directions=directions)
+    points, directions = (np.einsum("nij,nj->ni", turned, each) for each in (traced.points, traced.directions))
+    return replace(traced, points=points + places, directions=directions)
 
 
 def _on_sphere(

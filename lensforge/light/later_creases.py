@@ -48,15 +48,15 @@ def later_crease_gradients(
     if scene.chain is None:
         return total
     drawn = Fans.of(source, float(tables[0].max()), fans, rays, seed)
-    found = _changes(drawn, tables, scene)
-    found = found.take(found.later)
-    beside = [drawn.rays(found.fan, found.middle + sign * _BESIDE) for sign in (-1.0, 1.0)]
-    creases = _at_creases(found, *(TracedBundle.of(tables, scene, each) for each in beside))
+    changes = _changes(drawn, tables, scene)
+    changes = changes.take(changes.later)
+    beside = [drawn.rays(changes.fan, changes.middle + sign * _BESIDE) for sign in (-1.0, 1.0)]
+    creases = _at_creases(changes, *(TracedBundle.of(tables, scene, each) for each in beside))
     if not creases.any():
         return total
-    found, low, high = found.take(creases), *(TracedBundle.of(tables, scene, each.take(creases)) for each in beside)
-    flux = drawn.flux(found.fan, found.middle) * (worth(low) - worth(high))
-    return _gradients(found, low, high, flux)
+    changes, low, high = changes.take(creases), *(TracedBundle.of(tables, scene, each.take(creases)) for each in beside)
+    flux = drawn.flux(changes.fan, changes.middle) * (worth(low) - worth(high))
+    return _gradients(changes, low, high, flux)
 
 
 @dataclass(frozen=True)
@@ -97,8 +97,8 @@ class Fans:
         """Flux (W/rad) of some fans at angles between those at which it is known."""
         place = np.interp(angle, self.angles, np.arange(len(self.angles)))
         low = np.minimum(place.astype(int), len(self.angles) - 2)
-        found: _Values = self.known[low, fan] + (place - low) * (self.known[low + 1, fan] - self.known[low, fan])
-        return found
+        flux: _Values = self.known[low, fan] + (place - low) * (self.known[low + 1, fan] - self.known[low, fan])
+        return flux
 
 
 def _directions(angle: _Values, azimuth: _Values) -> _Vectors:
@@ -148,17 +148,17 @@ class _Changes:
 
     def narrowed(self, fans: Fans, tables: Tables, scene: Scene) -> "_Changes":
         """Narrow each interval down to the first change in it."""
-        found, rows = self, np.arange(len(self.fan))
+        closer, rows = self, np.arange(len(self.fan))
         for _ in range(_TIMES):
-            angles = found.low + (found.high - found.low) * np.arange(_PARTS + 1)[:, None] / _PARTS
-            inner = fans.rays(np.tile(found.fan, _PARTS - 1), angles[1:-1].ravel())
+            angles = closer.low + (closer.high - closer.low) * np.arange(_PARTS + 1)[:, None] / _PARTS
+            inner = fans.rays(np.tile(closer.fan, _PARTS - 1), angles[1:-1].ravel())
             met = TracedBundle.of(tables, scene, inner).met
             assert met is not None
-            met = np.concatenate([found.met_low, met, found.met_high]).reshape(_PARTS + 1, len(rows), -1)
+            met = np.concatenate([closer.met_low, met, closer.met_high]).reshape(_PARTS + 1, len(rows), -1)
             first = np.argmax((met[1:] != met[:-1]).any(axis=2), axis=0)
             ends = angles[first, rows], angles[first + 1, rows], met[first, rows], met[first + 1, rows]
-            found = _Changes(self.fan, *ends)
-        return found
+            closer = _Changes(self.fan, *ends)
+        return closer
 
 
 def _changes(fans: Fans, tables: Tables, scene: Scene) -> _Changes:
@@ -170,22 +170,24 @@ def _changes(fans: Fans, tables: Tables, scene: Scene) -> _Changes:
     met = met.reshape(steps, count, -1)
     step, fan = np.nonzero((met[1:] != met[:-1]).any(axis=2))
     wide = _Changes(fan, fans.angles[step], fans.angles[step + 1], met[step, fan], met[step + 1, fan])
-    found: list[_Changes] = []
-    while len(wide.fan) and len(found) < _ROUNDS:
-        found.append(wide.narrowed(fans, tables, scene))
-        rest = _Changes(wide.fan, found[-1].high, wide.high, found[-1].met_high, wide.met_high)
+    narrowed: list[_Changes] = []
+    while len(wide.fan) and len(narrowed) < _ROUNDS:
+        narrowed.append(wide.narrowed(fans, tables, scene))
+        rest = _Changes(wide.fan, narrowed[-1].high, wide.high, narrowed[-1].met_high, wide.met_high)
         wide = rest.take((rest.met_low != rest.met_high).any(axis=1))
-    every = [*found, wide]
+    every = [*narrowed, wide]
     return _Changes(*(np.concatenate([getattr(each, part.name) for each in every]) for part in fields(_Changes)))
 
 
-def _at_creases(found: _Changes, low: TracedBundle, high: TracedBundle) -> Bool[np.ndarray, " k"]:
+def _at_creases(changes: _Changes, low: TracedBundle, high: TracedBundle) -> Bool[np.ndarray, " k"]:
     """True where the rays beside a change differ in nothing before it, and then meet two faces in one place."""
     assert low.met is not None and high.met is not None
-    rows, event = np.arange(len(found.fan)), found.event
-    same: Bool[np.ndarray, " k"] = (low.met[rows, event] == found.codes[0]) & (high.met[rows, event] == found.codes[1])
+    rows, event = np.arange(len(changes.fan)), changes.event
+    same: Bool[np.ndarray, " k"] = (low.met[rows, event] == changes.codes[0]) & (
+        high.met[rows, event] == changes.codes[1]
+    )
     before = np.arange(low.met.shape[1]) < event[:, None]
-    same &= ((low.met == found.met_low) & (high.met == found.met_low) | ~before).all(axis=1)
+    same &= ((low.met == changes.met_low) & (high.met == changes.met_low) | ~before).all(axis=1)
     chosen = np.flatnonzero(same)
     places = [each.hits for each in (_Lines.of(low, event, chosen), _Lines.of(high, event, chosen))]
     path = low.lengths[chosen, event[chosen]]
@@ -236,16 +238,16 @@ def _behind(traced: TracedBundle, rows: _Numbers, code: _Numbers, points: _Vecto
     root = np.sqrt(np.maximum(1.0 - ratio**2 * (1.0 - cosine**2), 0.0))
     reflected = (code & REFLECTED)[:, None] > 0
     refracted = ratio * along + (root - ratio * cosine) * normals
-    found: _Vectors = np.where(reflected, along - 2.0 * cosine * normals, refracted)
-    return found
+    bent: _Vectors = np.where(reflected, along - 2.0 * cosine * normals, refracted)
+    return bent
 
 
-def _gradients(found: _Changes, low: TracedBundle, high: TracedBundle, flux: _Values) -> Tables:
+def _gradients(changes: _Changes, low: TracedBundle, high: TracedBundle, flux: _Values) -> Tables:
     """Gradients by all tables: ``flux`` (of the merit, per rad) goes over where the angle of a change grows."""
-    scene, rows, event = low.scene, np.arange(len(flux)), found.event
+    scene, rows, event = low.scene, np.arange(len(flux)), changes.event
     line, beside = _Lines.of(low, event, rows), _Lines.of(high, event, rows)
     chart = to_chart(line.hits)
-    faces = [OnFaces.of(low.tables, scene.grid, code >> 2, chart) for code in found.codes]
+    faces = [OnFaces.of(low.tables, scene.grid, code >> 2, chart) for code in changes.codes]
     steep = [(face.normals * line.directions).sum(axis=1) for face in faces]
     across = faces[0].normals / steep[0][:, None] - faces[1].normals / steep[1][:, None]
     there = beside.points + line.paths[:, None] * beside.directions

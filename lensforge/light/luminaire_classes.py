@@ -119,8 +119,8 @@ def distribution_type(lamp: LampLight) -> DistributionType:
     finer = None if lamp.finer is None else lamp.finer.intensities(road.lateral_deg, road.gamma_deg)[0]
 
     def figure(read: Callable[[Degrees], float]) -> Metric:
-        found = jackknife_metric(samples, read)
-        return found if finer is None else with_error(found, read(finer) - found.value)
+        metric = jackknife_metric(samples, read)
+        return metric if finer is None else with_error(metric, read(finer) - metric.value)
 
     roundness = figure(road.roundness)
     everywhere = roundness.value >= _ROUND  # the largest intensity is then as large along the road
@@ -184,13 +184,13 @@ class ZoneLumens(Record):
     @staticmethod
     def of(samples: Float[np.ndarray, "p 2 4"]) -> "ZoneLumens":
         """The mean of independent ``samples`` of :func:`zone_flux` (lm); a lens sends none above 90 degrees."""
-        found = {
+        lumens = {
             f"{side}_{height}": jackknife_metric(samples[:, row, column], float, "lm")
             for row, side in enumerate(_SIDES)
             for column, height in enumerate(_HEIGHTS)
         }
         none = Metric(value=0.0, unit="lm", standard_error=0.0)
-        return ZoneLumens(**found, up_low=none, up_high=none)
+        return ZoneLumens(**lumens, up_low=none, up_high=none)
 
 
 def zone_flux(rays: RayBundle, street_deg: float, symmetry: str) -> Float[np.ndarray, "2 4"]:

@@ -298,8 +298,8 @@ def largest_without_noise(readings: Float[np.ndarray, "r k"], least: float | Non
 
     It is at least ``least``, by default the mean of all readings.
     """
-    found = least_without_noise(-readings, None if least is None else -least)
-    return found.model_copy(update={"value": -found.value})
+    negative = least_without_noise(-readings, None if least is None else -least)
+    return negative.model_copy(update={"value": -negative.value})
 
 
 def ratio_of(above: Metric, below: Metric) -> Metric:

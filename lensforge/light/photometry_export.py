@@ -93,19 +93,19 @@ def _rayfile(
 
 def read_back(contents: dict[str, bytes], exit_w: float, lumens_per_watt: float) -> WrittenFiles:
     """Flux of each file as read back, and its relative error from ``exit_w``, the flux of the rays."""
-    found = {}
+    files = {}
     with temporary_folder(TM25_FILE) as folder:
         for name, content in contents.items():
             (folder / name).write_bytes(content)
         for key, name in _FAR_FIELDS.items():
             back = float(read_photometric(folder / name).intensity.flux())
-            found[key] = WrittenFile(lumens=back, relative_error=abs(back / (exit_w * lumens_per_watt) - 1.0))
+            files[key] = WrittenFile(lumens=back, relative_error=abs(back / (exit_w * lumens_per_watt) - 1.0))
         rayfile = read_rayfile(folder / TM25_FILE)
         count, watts, lumens = len(rayfile), float(rayfile.ray_sum()), rayfile.header_flux_lm
         del rayfile  # it maps the file, which is deleted next
     error = float(np.abs(watts / exit_w - 1.0))
     tm25 = WrittenFile(rays=count, watts=watts, lumens=lumens, relative_error=error)
-    return WrittenFiles(**found, tm25ray=tm25)
+    return WrittenFiles(**files, tm25ray=tm25)
 
 
 _SLACK = 1.001  # the sphere on which exit rays start, in radii of the lens

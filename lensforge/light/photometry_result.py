@@ -140,16 +140,16 @@ class CandelaTables:
         def width(table: TabulatedIntensity, level: float) -> float:
             return width_above(*plane_profile(table, c_deg), level) or 0.0
 
-        found = self.figure(lambda table: width(table, share * peak.value), "°", 2.0 * self._step_deg)
-        if not found.value > 0.0:
+        angle = self.figure(lambda table: width(table, share * peak.value), "°", 2.0 * self._step_deg)
+        if not angle.value > 0.0:
             return None
-        if found.standard_error is None or peak.standard_error is None:
-            return found
+        if angle.standard_error is None or peak.standard_error is None:
+            return angle
         lowest, highest = peak.value - peak.standard_error, peak.value + peak.standard_error
         wide = width(self.whole, share * lowest) if lowest > 0.0 else self._span_deg  # all of the table is brighter
         narrow = width(self.whole, share * highest)
-        error = min(float(np.hypot(found.standard_error, 0.5 * (wide - narrow))), self._span_deg)
-        return found.model_copy(update={"standard_error": error})
+        error = min(float(np.hypot(angle.standard_error, 0.5 * (wide - narrow))), self._span_deg)
+        return angle.model_copy(update={"standard_error": error})
 
 
 IES_FILE, LDT_FILE, TM33_FILE, TM25_FILE = "lens.ies", "lens.ldt", "lens.iesxml", "lens.tm25ray"
@@ -184,7 +184,7 @@ def photometry_criteria(files: WrittenFiles) -> tuple[Criterion, ...]:
     )
     unit, remedy = "relative", "please report the lens.json"
     return tuple(
-        at_most(f"flux of {name} as read back", found.relative_error, _CONSERVED, unit, remedy) for name, found in named
+        at_most(f"flux of {name} as read back", file.relative_error, _CONSERVED, unit, remedy) for name, file in named
     )
 
 

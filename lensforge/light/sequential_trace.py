@@ -155,10 +155,12 @@ def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: EnteringRay
         origins, before, normals = points[passes], directions[passes], normals[passes]
         directions = refract(before, normals, ratio)
         if fresnel:
-            found = face_transmittances(cosine, ratio, coating, coatings.rows, alive)
-            passed = fields_behind(fields[alive], before, directions, normals, passing_amplitudes(found, ratio))
+            transmittances = face_transmittances(cosine, ratio, coating, coatings.rows, alive)
+            passed = fields_behind(
+                fields[alive], before, directions, normals, passing_amplitudes(transmittances, ratio)
+            )
             share = 0.5 * (passed**2).sum((1, 2))
-            most = constant(xp.maximum(*found[:2]) / share)  # by rounding in single precision more passes
+            most = constant(xp.maximum(*transmittances[:2]) / share)  # by rounding in single precision more passes
             share = share * xp.where(most < 1.0, most, 1.0)
             flux = replaced(flux, alive, flux[alive] * share)
             fields = replaced(fields, alive, passed / xp.sqrt(share)[:, None, None])

@@ -183,7 +183,7 @@ def correct_face(cloud: Float[np.ndarray, "k 3"], cuts: ChangedLens, request: Re
 
 
 def _expected(cut: FirstCut, made: CutFace, gain: float) -> ChangedSurface:
-    """Radial error of a second cut: that of the first, corrected by a measurement of it with noise of its own.
+    """Radial error of a second cut: the error of the first, corrected by a measurement of it with noise of its own.
 
     The points of the first measurement decided on the correction, so that what it leaves of them is too small (a
     parametric bootstrap: Efron & Tibshirani 1993).

@@ -90,11 +90,11 @@ def fit_similarity(
     fitted = np.ones(4, dtype=bool)
     start = _start(measured, simulated, grid)
     pair = _Pair.of(measured, simulated, grid)
-    found = pair.fit(start, fitted)
-    fitted = pair.determined(found)
+    parameters = pair.fit(start, fitted)
+    fitted = pair.determined(parameters)
     if not fitted.all():
-        found = pair.fit(np.where(fitted, found, 0.0), fitted)
-    return SimilarityFit(found, pair.errors(found, fitted), fitted)
+        parameters = pair.fit(np.where(fitted, parameters, 0.0), fitted)
+    return SimilarityFit(parameters, pair.errors(parameters, fitted), fitted)
 
 
 def _start(
@@ -144,14 +144,14 @@ class _Pair:
             return parameters
 
         begin = np.clip(start / unit, -0.9 * _MOST, 0.9 * _MOST)[fitted]
-        found = least_squares(
+        solution = least_squares(
             lambda chosen: self.residual(whole(chosen)),
             begin,
             bounds=(-_MOST[fitted], _MOST[fitted]),
             xtol=1e-6,
             max_nfev=30,
         )
-        return whole(found.x)
+        return whole(solution.x)
 
     def misfit(self, parameters: Float[np.ndarray, "4"]) -> float:
         """Sum of the squared differences."""
@@ -168,7 +168,7 @@ class _Pair:
         return np.asarray(inverse @ (light.T @ self.measured))
 
     def determined(self, parameters: Float[np.ndarray, "4"]) -> Bool[np.ndarray, "4"]:
-        """True where the slope of the light by a parameter is well above that of the differences and of rounding."""
+        """True where the light's slope by a parameter is well above the slopes of the differences and of rounding."""
         light = self._nuisances(parameters)
         gain = self._weights(light)[0]
         slopes = gain * self._slopes(parameters, self.spline)
@@ -182,12 +182,12 @@ class _Pair:
         light, left = self._nuisances(parameters), self.residual(parameters)
         gain = self._weights(light)[0]
         design = np.concatenate([gain * self._slopes(parameters, self.spline)[:, fitted], light], axis=1)
-        normal, found = design.T @ design, []
+        normal, left_out = design.T @ design, []
         for block in _blocks(self.grid):
             rows = design[block]
-            found.append(np.linalg.lstsq(normal - rows.T @ rows, rows.T @ left[block], rcond=None)[0])
+            left_out.append(np.linalg.lstsq(normal - rows.T @ rows, rows.T @ left[block], rcond=None)[0])
         errors = np.zeros(4)
-        errors[fitted] = [jackknife_error(values) for values in np.array(found).T[: fitted.sum()]]
+        errors[fitted] = [jackknife_error(values) for values in np.array(left_out).T[: fitted.sum()]]
         errors *= self._units()
         return errors
 

@@ -48,10 +48,10 @@ def _photo(photo: PhotoComparison) -> Iterator[Fact]:
             yield Fact.measured(key, label, metric, "counter-clockwise" if key == "rotation_deg" else "")
     yield Fact("aligned_ssim", "SSIM once aligned", photo.aligned.ssim, digits=3)
     yield Fact("aligned_nmse", "NMSE once aligned", photo.aligned.nmse, digits=3)
-    found, expected = photo.measured_evenness.uniformity, photo.simulated_evenness.uniformity
-    if found is not None:
+    measured, expected = photo.measured_evenness.uniformity, photo.simulated_evenness.uniformity
+    if measured is not None:
         note = f"simulated {quantity(expected, digits=3)}"
-        yield Fact("photo_uniformity", "Uniformity, measured", found, note=note, digits=3)
+        yield Fact("photo_uniformity", "Uniformity, measured", measured, note=note, digits=3)
     if photo.likely_cause:
         yield Fact("cause", "Likely cause", photo.likely_cause)
     state = state_of(photo.criteria, "photo_clipped")

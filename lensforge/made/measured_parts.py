@@ -88,10 +88,10 @@ class KeptParts:
 
 def _sha256(arrays: Mapping[str, np.ndarray]) -> str:
     """Hash of the numbers, their types and shapes."""
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for name in _NUMBERS:
-        found.update(f"{name} {arrays[name].dtype.str} {arrays[name].shape} ".encode() + arrays[name].tobytes())
-    return found.hexdigest()
+        digest.update(f"{name} {arrays[name].dtype.str} {arrays[name].shape} ".encode() + arrays[name].tobytes())
+    return digest.hexdigest()
 
 
 def _parts(
@@ -161,8 +161,8 @@ class MeasuredParts:
         chunks = [tuple(missing[first : first + _CHUNK]) for first in range(0, len(missing), _CHUNK)]
         saved, done = time.monotonic(), len(jobs) - len(missing)
         try:
-            for number, found in self.workers(self.study, chunks) if chunks else ():
-                known.update(zip(((rays, job) for job in chunks[number]), found, strict=True))
+            for number, values in self.workers(self.study, chunks) if chunks else ():
+                known.update(zip(((rays, job) for job in chunks[number]), values, strict=True))
                 done += len(chunks[number])
                 if self.progress is not None and self.progress(done, len(jobs)) is False:
                     raise Cancelled("yield: cancelled")

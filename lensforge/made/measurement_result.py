@@ -377,14 +377,14 @@ def correction_criteria(
     Where the design is concave more tightly than the cutter already, the correction must not make it tighter.
     """
     longer = "take a longer wavelength_mm"
-    found = (
+    criteria = (
         *surface_criteria(used, covered),
         at_most("form_error", form_nm, FORM_LIMIT_NM, "nm", longer),
         at_most("normal_error", normal_mrad, NORMAL_LIMIT_MRAD, "mrad", longer),
         at_most("step_volume_change", volume_change, ROUND_TRIP_LIMIT, "", longer),
     )
     if cutter.concave_radius_mm is None:
-        return found
+        return criteria
     before = cutter.concave_radius_before_mm
     least = min(cutter.cutter_radius_mm, np.inf if before is None else before) * (1.0 - 2.0 * KEPT)
-    return (*found, at_least("concave_radius", cutter.concave_radius_mm, least, "mm", longer))
+    return (*criteria, at_least("concave_radius", cutter.concave_radius_mm, least, "mm", longer))

@@ -84,8 +84,8 @@ def compare(
 
         side = require_choice("surface", surface, measured.surfaces)
         traced, conditions = ChangedLens.of(measured, side, count_of("rays", rays))
-        found = compare_surface(read_cloud(points), traced, registration)
-        return found.model_copy(update={"conditions": conditions})
+        comparison = compare_surface(read_cloud(points), traced, registration)
+        return comparison.model_copy(update={"conditions": conditions})
     raise InputError(
         "compare: give a Light with on=PHOTO (--on PHOTO), or a Lens with points=FILE and surface=FACE, one of its "
         "faces (--points FILE --surface FACE)"
@@ -128,8 +128,8 @@ def _compare_photo(
             "a plane as its first receiver, and evaluate again"
         )
     grid = PixelGrid(first.width, first.height, columns, rows)
-    found = compare_photo(shot, simulated=light.map, grid=grid, uniform=_uniform(light, lens))
-    return found.model_copy(update={"inputs": {"lens": light.inputs["lens"], "evaluate": light.sha256}})
+    comparison = compare_photo(shot, simulated=light.map, grid=grid, uniform=_uniform(light, lens))
+    return comparison.model_copy(update={"inputs": {"lens": light.inputs["lens"], "evaluate": light.sha256}})
 
 
 def _uniform(light: Light, lens: Lens | None) -> "Bool[np.ndarray, 'h w'] | None":
@@ -140,7 +140,7 @@ def _uniform(light: Light, lens: Lens | None) -> "Bool[np.ndarray, 'h w'] | None
     if lens is None:
         return None
     if lens.sha256 != light.inputs["lens"]:
-        raise InputError("lens: the light is that of another lens; give the lens that was evaluated")
+        raise InputError("lens: the light was evaluated with another lens; give the lens of the light")
     return uniform_region(lens.spec.all_receivers[0].targets, receivers_of(lens.spec, light.pixels)[0])
 
 
@@ -178,8 +178,8 @@ def correct(
     request = Request(number_of("wavelength_mm", wavelength_mm), 1.0 if factor is None else factor, registration)
     cuts, conditions = ChangedLens.of(lens, side, rays)
     with threads_of_torch(threads):
-        found = correct_face(read_cloud(file), cuts, request)
-    return found.model_copy(update={"conditions": conditions})
+        correction = correct_face(read_cloud(file), cuts, request)
+    return correction.model_copy(update={"conditions": conditions})
 
 
 _LEAST_PARTS = 40  # two in each block by which the shares of the variance have their errors
@@ -201,8 +201,8 @@ def sensitivity(
     require(lens, Lens, "sensitivity")
     count, conditions = rays_of(count_of("rays", rays), RAYS, judging_source(lens.spec))
     with threads_of_torch(threads):
-        found = measure_sensitivity(lens, rays=count, progress=progress)
-    return found.model_copy(update={"conditions": conditions})
+        result = measure_sensitivity(lens, rays=count, progress=progress)
+    return result.model_copy(update={"conditions": conditions})
 
 
 def tolerance(
@@ -243,7 +243,7 @@ def tolerance(
     other = tolerances if tolerances is not None and tolerances != lens.spec.part_tolerances else None
     drawn = lens if other is None else replace(lens, spec=lens.spec.with_tolerances(other))
     with threads_of_torch(threads), _part_workers(scheduler) as workers:
-        found = measure_yield(
+        study = measure_yield(
             drawn,
             parts=parts,
             rays=count,
@@ -259,7 +259,7 @@ def tolerance(
         tolerances_sha256=None if other is None else section_sha256(other),
         seed=unless_own(seed, 0),
     )
-    return found.model_copy(update={"inputs": {"lens": lens.sha256}, "conditions": conditions})
+    return study.model_copy(update={"inputs": {"lens": lens.sha256}, "conditions": conditions})
 
 
 @contextmanager

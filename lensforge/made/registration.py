@@ -87,8 +87,8 @@ def _amounts(expected: Float[np.ndarray, "q c c"], left: Float[np.ndarray, " c"]
     """Variances, none below 0, with which the products of the residuals ``left`` are closest to the ``expected``."""
     flat = expected.reshape(len(expected), -1)
     norms = np.linalg.norm(flat, axis=1)
-    unit, found = flat / norms[:, None], np.einsum("qij,i,j->q", expected, left, left) / norms
-    return np.asarray(nnls(unit @ unit.T, found)[0] / norms)
+    unit, products = flat / norms[:, None], np.einsum("qij,i,j->q", expected, left, left) / norms
+    return np.asarray(nnls(unit @ unit.T, products)[0] / norms)
 
 
 _REACH = HALF_WIDTH**2  # squared chart radius up to which the patch is defined: a little below the rim
@@ -212,8 +212,8 @@ def _settled(
         counted = more
     over = over_surface(moved(points, motion))
     _require_enough(over)
-    found = _fit(patch, points[over], motion, free)
-    return _whole(found.x, free), float(np.mean(found.fun**2))
+    fitted = _fit(patch, points[over], motion, free)
+    return _whole(fitted.x, free), float(np.mean(fitted.fun**2))
 
 
 def _whole(chosen: Float[np.ndarray, " k"], free: Bool[np.ndarray, "6"]) -> Float[np.ndarray, "6"]:

@@ -111,8 +111,8 @@ def fit_sides(picture: Float[np.ndarray, "h w"], corners: Float[np.ndarray, "4 2
         lines.append((start + level * outward, (end - start) + slope * outward))
         quality.append((float(on_line.mean()), float(np.sqrt(np.mean(rest**2))), float(abs(bow)), step))
     met = [_meeting(lines[side - 1], lines[side]) for side in range(4)]
-    found = np.array(met)
-    return Sides(found, *np.array(quality).T) if np.isfinite(found).all() else None
+    crossings = np.array(met)
+    return Sides(crossings, *np.array(quality).T) if np.isfinite(crossings).all() else None
 
 
 def _edge(
@@ -182,9 +182,9 @@ def locate(
     rolled one is seen: nothing is guessed.
     """
     light = on if off is None else on - off
-    found = [each for each in _found(on, off, light) if _holds(each.corners, light)]
-    found = [_with_lit(each, light, border_share) for each in found]
-    panels, lit = ([each for each in found if each.located.lit == seen] for seen in (False, True))
+    squares = [each for each in _found(on, off, light) if _holds(each.corners, light)]
+    squares = [_with_lit(each, light, border_share) for each in squares]
+    panels, lit = ([each for each in squares if each.located.lit == seen] for seen in (False, True))
     chosen = _one(panels) if panels or not lit else _one(lit)
     if chosen.located.lit and not lit_square:
         raise InputError(
@@ -208,9 +208,9 @@ def _found(
                 located = Located(seen_in=name, lit=name == "the light", edge_rms_px=rms, edge_bow_px=bow)
                 seen.append(Square(clockwise(sides.corners), located))
     distinct: list[Square] = []
-    for each in sorted(seen, key=lambda one: one.located.edge_rms_px):
-        if not any(_same(each.corners, other.corners) for other in distinct):
-            distinct.append(each)
+    for square in sorted(seen, key=lambda one: one.located.edge_rms_px):
+        if not any(_same(square.corners, other.corners) for other in distinct):
+            distinct.append(square)
     return distinct
 
 
@@ -273,29 +273,29 @@ def _holds(corners: Float[np.ndarray, "4 2"], light: Float[np.ndarray, "h w"]) -
     return bool(inside.mean() >= _HELD) if len(rows) else False
 
 
-def _with_lit(each: Square, light: Float[np.ndarray, "h w"], border_share: float) -> Square:
+def _with_lit(square: Square, light: Float[np.ndarray, "h w"], border_share: float) -> Square:
     """Set ``lit`` by the light just inside the border; a square seen with the LED off is a panel in any case."""
-    if each.located.seen_in == "off":
-        return each
-    centre, t = each.corners.mean(axis=0), np.linspace(0.0, 1.0, 50)[:, None, None]
-    border = ((1.0 - t) * each.corners + t * np.roll(each.corners, -1, axis=0)).reshape(-1, 2)
+    if square.located.seen_in == "off":
+        return square
+    centre, t = square.corners.mean(axis=0), np.linspace(0.0, 1.0, 50)[:, None, None]
+    border = ((1.0 - t) * square.corners + t * np.roll(square.corners, -1, axis=0)).reshape(-1, 2)
     ring = np.concatenate([centre + inset * (border - centre) for inset in (0.9, 0.93, 0.96)])
     share = float(np.median(map_coordinates(light, [ring[:, 1], ring[:, 0]], order=1)) / np.quantile(light, 0.999))
-    return replace(each, located=each.located.model_copy(update={"lit": share > _LIT + border_share}))
+    return replace(square, located=square.located.model_copy(update={"lit": share > _LIT + border_share}))
 
 
-def _one(found: list[Square]) -> Square:
+def _one(squares: list[Square]) -> Square:
     """Return the only one. Raises :class:`InputError`, with what to do, for none or several."""
-    if not found:
+    if not squares:
         raise InputError(
             "on: no square with four straight edges is seen around the light, the target's border is too faint; "
             "give corners, or a second photograph, off, with some room light on the target"
         )
-    if len(found) > 1:
-        by_size = sorted(found, key=lambda each: -area(each.corners))[:3]
+    if len(squares) > 1:
+        by_size = sorted(squares, key=lambda each: -area(each.corners))[:3]
         listing = "; or ".join(listed(each.corners) for each in by_size)
-        raise InputError(f"on: {len(found)} squares are seen around the light; give the target's corners: {listing}")
-    return found[0]
+        raise InputError(f"on: {len(squares)} squares are seen around the light; give the target's corners: {listing}")
+    return squares[0]
 
 
 def _sound(square: Square) -> Square:

@@ -37,12 +37,12 @@ class ScaleSearch:
     def passing(self, scale: float, at_least: Passes, at_most: Passes) -> Passes:
         """Parts that pass at ``scale``; those in both or in neither of the two are taken as known."""
         if scale not in self.known:
-            found = at_least & at_most
+            passes = at_least & at_most
             open_parts = np.flatnonzero(at_least != at_most)
             if len(open_parts):
                 values = self.parts.of(open_parts.tolist(), dict.fromkeys(self.names, scale))[..., 0]
-                found[open_parts] = (self.parts.study.excess(values) <= 0.0).all(axis=1)
-            self.known[scale] = found
+                passes[open_parts] = (self.parts.study.excess(values) <= 0.0).all(axis=1)
+            self.known[scale] = passes
         return self.known[scale]
 
     def bracket(self) -> tuple[float | None, float | None]:
@@ -113,8 +113,8 @@ def _row(
 ) -> BudgetRow:
     search = ScaleSearch(parts, [factor.name for factor in factors], {1.0: passes})
     low, high = search.bracket()
-    found = None if low is None or high is None else search.root(low, high)
-    at_most, least, most = (None, None, None) if found is None else (each * amount for each in found)
+    roots = None if low is None or high is None else search.root(low, high)
+    at_most, least, most = (None, None, None) if roots is None else (each * amount for each in roots)
     return BudgetRow(
         tolerance=name,
         words=words,

@@ -58,7 +58,7 @@ class ErrorRow(Record):
 class Sensitivity(SimulatedResult):
     """Tolerances of the spec, one at a time at its end, and the change of the light by each.
 
-    ``preset``: that of the tolerances that the spec leaves out.
+    ``preset``: gives the tolerances that the spec leaves out.
     """
 
     stage: ClassVar[str] = "sensitivity"
@@ -130,7 +130,7 @@ class MetricSpread(Record):
     """Distribution of a metric over the parts; ``designed``: of the lens as designed, by its own many rays.
 
     ``p5``, ``p50``, ``p95``: percentiles; ``mean`` and ``spread`` (standard deviation, without ray noise) of the parts.
-    ``standard_error``: median of that of one part's change from the designed lens.
+    ``standard_error``: of one part's change from the designed lens, the median over the parts.
     """
 
     unit: Text

@@ -68,12 +68,12 @@ def _of_table(table: ReflectanceTable) -> Reflectance:
     def at(waves: Waves, cosines: Cosines) -> Pairs:
         rows: Reflectances = curves(cosines)
         if len(rows) == 1:
-            found = np.repeat(rows, len(waves), axis=0)
+            values = np.repeat(rows, len(waves), axis=0)
         else:
             place = np.interp(waves, nodes, np.arange(len(nodes)))
             low = np.minimum(place.astype(int), len(nodes) - 2)
-            found = rows[low] + (place - low)[:, None] * (rows[low + 1] - rows[low])
-        return np.stack([found, np.zeros_like(found)], axis=-1)
+            values = rows[low] + (place - low)[:, None] * (rows[low + 1] - rows[low])
+        return np.stack([values, np.zeros_like(values)], axis=-1)
 
     return Reflectance(at, nodes, float(values.min()))  # a monotone cubic stays within its values
 
@@ -116,8 +116,8 @@ def _nodes(at: Callable[[Waves, Cosines], Pairs], low: float, high: float) -> Wa
     rows = _LEAST_ROWS
     while low < high and rows <= _MOST_ROWS:
         waves = np.linspace(low, high, 2 * rows + 1)
-        found = at(waves, _SOME)
-        if np.abs(found[1::2] - 0.5 * (found[:-1:2] + found[2::2])).max() < _ERROR:
+        pairs = at(waves, _SOME)
+        if np.abs(pairs[1::2] - 0.5 * (pairs[:-1:2] + pairs[2::2])).max() < _ERROR:
             return waves[::2]
         rows *= 2
     if low < high:
@@ -138,7 +138,7 @@ def stack_reflectances(
     body, number = stack.body.at(waves)[:, None], 2.0 * np.pi / waves[:, None]
     ends = np.full_like(body, around), body
     invariant = (np.minimum(*ends) ** 2) * (1.0 - cosines**2)  # (n sin)^2 of the angle, the same in every layer
-    found: list[Reflectances] = []
+    reflectances: list[Reflectances] = []
     for power in (0, 2):  # s and p: the admittance of a wave is n cos over n^power
         first, last = (np.sqrt(index**2 - invariant) / index**power for index in ends)
         a, b, c, d = np.ones_like(first), np.zeros_like(first), np.zeros_like(first), np.ones_like(first)
@@ -150,8 +150,8 @@ def stack_reflectances(
             a, b, c, d = a * cosine - b * down, a * up + b * cosine, c * cosine + d * down, d * cosine - c * up
         real, imaginary, both = a * first, b * first * last + c, d * last
         less = (real - both) ** 2 + (b * first * last - c) ** 2
-        found.append(less / ((real + both) ** 2 + imaginary**2))
-    return found[0], found[1]
+        reflectances.append(less / ((real + both) ** 2 + imaginary**2))
+    return reflectances[0], reflectances[1]
 
 
 def _waves(squared: Reflectances) -> tuple[Reflectances, Reflectances]:
@@ -207,15 +207,15 @@ class CoatedFace:
 
 def coated_faces(media: Media) -> dict[str, CoatedFace]:
     """The faces with a film by name, both of the cover glass last, as GLASS; a mirror is none."""
-    found = {
+    faces = {
         each.face: CoatedFace(each.coating, media.around(each.around))
         for each in media.coatings
         if not isinstance(each.coating, Mirror)
     }
     glass = media.cover_glass
     if glass is not None and glass.coating is not None:
-        found[GLASS] = CoatedFace(glass.coating, media.outside_index)
-    return found
+        faces[GLASS] = CoatedFace(glass.coating, media.outside_index)
+    return faces
 
 
 def whole_span(wavelengths_nm: Float[np.ndarray, " n"] | None, media: Media) -> Span:
@@ -232,11 +232,11 @@ def coating_tables(media: Media, span_nm: Span) -> CoatingTables:
 
     Raises :class:`InputError` for layers too thick for a table.
     """
-    found = {name: face.reflectance(span_nm) for name, face in coated_faces(media).items()}
-    nodes = np.unique(np.concatenate([each.nodes_nm for each in found.values()]))
+    curves = {name: face.reflectance(span_nm) for name, face in coated_faces(media).items()}
+    nodes = np.unique(np.concatenate([each.nodes_nm for each in curves.values()]))
     single = span_nm[0] == span_nm[1] or len(nodes) == 0
     waves = np.array(span_nm[:1]) if single else nodes
-    return CoatingTables(waves, {name: _coefficients(each, waves) for name, each in found.items()})
+    return CoatingTables(waves, {name: _coefficients(each, waves) for name, each in curves.items()})
 
 
 def least_reflectances(media: Media, span_nm: Span | None) -> dict[str, float]:

@@ -31,8 +31,8 @@ def tristimulus_at(wavelengths_nm: Float[np.ndarray, " n"]) -> Float[np.ndarray,
     """X, Y, Z (lm) of 1 W of monochromatic light, linear between whole nm; 0 for light that nobody sees."""
     nodes, functions = _observer()
     columns = [np.interp(wavelengths_nm, nodes, column, left=0.0, right=0.0) for column in functions.T]
-    found: Float[np.ndarray, "n 3"] = LARGEST_LM_PER_W * np.stack(columns, axis=1)
-    return found
+    tristimulus: Float[np.ndarray, "n 3"] = LARGEST_LM_PER_W * np.stack(columns, axis=1)
+    return tristimulus
 
 
 def tristimulus_of(
@@ -62,8 +62,8 @@ def uv_of(tristimulus: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 2"]:
     below = denominator(tristimulus)
     above = tristimulus[..., :2] * np.array([4.0, 9.0])
     lit = (below > 0.0)[..., None]
-    found: Float[np.ndarray, "*n 2"] = np.divide(above, below[..., None], out=np.full(above.shape, np.nan), where=lit)
-    return found
+    uv: Float[np.ndarray, "*n 2"] = np.divide(above, below[..., None], out=np.full(above.shape, np.nan), where=lit)
+    return uv
 
 
 def away_from(uv: Float[np.ndarray, " 2"], tristimulus: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 2"]:
@@ -88,8 +88,8 @@ def colour_temperature(uv: Float[np.ndarray, " 2"]) -> ColourTemperature | None:
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of light far from the locus, which is left out below
-        found = np.asarray(uv_to_CCT_Ohno2013(uv * np.array([1.0, 2.0 / 3.0])))  # of CIE 1960 u, v
-    cct_k, duv = float(found[0]), float(found[1])
+        cct_and_duv = np.asarray(uv_to_CCT_Ohno2013(uv * np.array([1.0, 2.0 / 3.0])))  # of CIE 1960 u, v
+    cct_k, duv = float(cct_and_duv[0]), float(cct_and_duv[1])
     known = np.isfinite([cct_k, duv]).all() and abs(duv) <= MOST_DUV and _CCT_K[0] <= cct_k <= _CCT_K[1]
     return ColourTemperature(cct_k, duv) if known else None
 

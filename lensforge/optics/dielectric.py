@@ -58,15 +58,15 @@ def coated_transmittances(
     top = max(len(table) - 2, 0)
     low = whole(xp.where(rows < top, rows, top))
     high, share = xp.where(low < len(table) - 1, low + 1, low), rows - low
-    found = xp.zeros_like(cosine)[:, None] * xp.zeros_like(table[0, 0])
+    lost = xp.zeros_like(cosine)[:, None] * xp.zeros_like(table[0, 0])
     for j in range(4):  # a uniform cubic B-spline by its truncated powers
         away = abs(position - cell - (j - 1))
         weight = _above(2.0 - away) ** 3 / 6.0 - _above(1.0 - away) ** 3 * (2.0 / 3.0)
         before, after = table[low, cell + j], table[high, cell + j]
-        found = found + weight[:, None] * (before + share[:, None] * (after - before))
-    excess = found[:, 1] * xp.where(denser, 1.0, into**2)
+        lost = lost + weight[:, None] * (before + share[:, None] * (after - before))
+    excess = lost[:, 1] * xp.where(denser, 1.0, into**2)
     half = 0.5 * excess * (1.0 - cosine**2)
-    return 1.0 - found[:, 0] - half, 1.0 - found[:, 0] + half, excess
+    return 1.0 - lost[:, 0] - half, 1.0 - lost[:, 0] + half, excess
 
 
 def _above(values: Float[Array, " n"]) -> Float[Array, " n"]:
@@ -84,11 +84,11 @@ def unpolarised_fields(directions: Float[Array, "n 3"]) -> Float[Array, "n 2 3"]
     return xp.stack([one, xp.linalg.cross(directions, one)], 1)
 
 
-def passing_amplitudes(found: Transmittances, ratio: Ratio) -> Amplitudes:
+def passing_amplitudes(transmittances: Transmittances, ratio: Ratio) -> Amplitudes:
     """Amplitudes of light that passes: roots of both shares, which differ by excess and both sines over their sum."""
-    xp = module_of(found[0])
-    root_s, root_p = (xp.sqrt(xp.where(each > _DARK, each, _DARK)) for each in found[:2])
-    return root_s, found[2] / (ratio * (root_s + root_p))
+    xp = module_of(transmittances[0])
+    root_s, root_p = (xp.sqrt(xp.where(each > _DARK, each, _DARK)) for each in transmittances[:2])
+    return root_s, transmittances[2] / (ratio * (root_s + root_p))
 
 
 def reflecting_amplitudes(cosine: Float[Array, " n"], ratio: Ratio) -> Amplitudes:
@@ -115,8 +115,8 @@ def fields_behind(
     xp, (across, more) = module_of(fields), amplitudes
 
     def onto(vectors: Float[Array, "n 3"]) -> Inexact[Array, "n 2"]:
-        found: Inexact[Array, "n 2"] = xp.einsum("nfi,ni->nf", fields, like(fields, vectors))
-        return found
+        components: Inexact[Array, "n 2"] = xp.einsum("nfi,ni->nf", fields, like(fields, vectors))
+        return components
 
     cosine, inside = ((each * normals).sum(1)[:, None] for each in (before, behind))
     one, other = normals - cosine * before, normals - inside * behind  # in the plane, as long as the sines

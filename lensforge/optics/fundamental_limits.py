@@ -141,7 +141,7 @@ def cone_around(
 ) -> tuple[Float[np.ndarray, " 3"], float]:
     """Axis (unit vector) and half angle (rad) of a cone from the origin that holds all chosen ``cells``."""
     units = corners / np.linalg.norm(corners, axis=-1, keepdims=True)
-    found = np.concatenate([units[:-1, :-1][cells], units[:-1, 1:][cells], units[1:, 1:][cells], units[1:, :-1][cells]])
-    axis = found.mean(axis=0)
+    ends = np.concatenate([units[:-1, :-1][cells], units[:-1, 1:][cells], units[1:, 1:][cells], units[1:, :-1][cells]])
+    axis = ends.mean(axis=0)
     axis /= np.linalg.norm(axis)
-    return axis, float(np.arccos(np.clip(found @ axis, -1.0, 1.0)).max())
+    return axis, float(np.arccos(np.clip(ends @ axis, -1.0, 1.0)).max())

@@ -66,11 +66,11 @@ class Picture:
         return self._by_bands(partial(self._linear, lambda values: values**gamma))
 
     def _by_bands(self, light: Callable[[slice], Float[np.ndarray, "b w"]]) -> Float[np.ndarray, "h w"]:
-        found = np.empty(self.shape)
+        rows = np.empty(self.shape)
         band = max(1, _BAND_VALUES // (self.values.shape[1] * self.values.shape[2]))
-        for first in range(0, len(found), band):
-            found[first : first + band] = light(slice(first, first + band))
-        return found
+        for first in range(0, len(rows), band):
+            rows[first : first + band] = light(slice(first, first + band))
+        return rows
 
     def _stored(self, rows: slice) -> Float[np.ndarray, "b w"]:
         stored = self.values[rows].astype(np.float64)
@@ -150,7 +150,7 @@ def wrong_colours(name: str) -> str:
 
 
 def not_srgb(profile: bytes) -> str:
-    """Say why a colour profile is not that of sRGB, "" where it is, or where it is empty.
+    """Say why a colour profile is not the sRGB profile, "" where it is, or where it is empty.
 
     Little CMS converts colours of the profile to sRGB: they stay where it is sRGB's own.
     """
@@ -169,4 +169,4 @@ def not_srgb(profile: bytes) -> str:
     except (ImageCms.PyCMSError, OSError, ValueError, TypeError) as error:
         return f"its colour profile is damaged, or not one of grey or RGB ({str(error).splitlines()[0][:100]})"
     apart = np.abs(srgb_decoded(np.asarray(converted) / 255.0) - srgb_decoded(colours / 255.0))
-    return "" if float(apart.max()) < _WITHIN_SRGB else "its colour profile is not that of sRGB"
+    return "" if float(apart.max()) < _WITHIN_SRGB else "its colour profile is not the sRGB profile"

@@ -155,8 +155,8 @@ def _separate(
 
 
 def _exif_orientation(file: ImageFile) -> int:
-    found: Any = file.getexif().get(_ORIENTATION, 1)
-    return found if isinstance(found, int) else 1
+    orientation: Any = file.getexif().get(_ORIENTATION, 1)
+    return orientation if isinstance(orientation, int) else 1
 
 
 def _profile_not_srgb(file: ImageFile) -> str:

@@ -141,8 +141,8 @@ class IndexTable:
 
     def index(self, wavelengths_nm: Waves) -> Waves:
         """The refractive index at each wavelength; beyond the table that at its end."""
-        found: Waves = np.interp(wavelengths_nm, self.wavelengths_nm, self.indices)
-        return found
+        indices: Waves = np.interp(wavelengths_nm, self.wavelengths_nm, self.indices)
+        return indices
 
 
 REFERENCE_C = 20.0  # of catalogues, and of a drawing's lengths (ISO 1)
@@ -205,8 +205,8 @@ def air_index(wavelengths_nm: Waves, celsius: float) -> Waves:
     """Index of dry air at one atmosphere and ``celsius``: F. Kohlrausch, Praktische Physik 1 (1968), p. 408."""
     squared = (1e-3 * wavelengths_nm) ** 2
     at_15 = 6432.8 + 2949810.0 * squared / (146.0 * squared - 1.0) + 25540.0 * squared / (41.0 * squared - 1.0)
-    found: Waves = 1.0 + 1e-8 * at_15 / (1.0 + (celsius - 15.0) * _AIR_PER_K)
-    return found
+    index: Waves = 1.0 + 1e-8 * at_15 / (1.0 + (celsius - 15.0) * _AIR_PER_K)
+    return index
 
 
 D_LINE_NM, F_LINE_NM, C_LINE_NM = 587.5618, 486.1327, 656.2725  # He d, H F, H C: where n_d and V_d are defined
@@ -231,8 +231,8 @@ class Absorption:
 
     def at(self, wavelengths_nm: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Absorption (1/mm) at each wavelength."""
-        found: Float[np.ndarray, " n"] = np.interp(wavelengths_nm, self.wavelengths_nm, self.per_mm)
-        return found
+        absorption: Float[np.ndarray, " n"] = np.interp(wavelengths_nm, self.wavelengths_nm, self.per_mm)
+        return absorption
 
 
 @dataclass(frozen=True)

@@ -117,7 +117,7 @@ def _lines_of(path: Path, glass: str) -> list[str]:
 
 def _absorptions(lines: list[str], path: Path, glass: str) -> list[tuple[float, float]]:
     """Wavelength (nm) and absorption (1/mm) of each IT line with a thickness."""
-    found = []
+    absorptions = []
     for line in lines:
         words = line.split()[1:]
         if line[:2].upper() != "IT" or len(words) < 3:
@@ -126,8 +126,8 @@ def _absorptions(lines: list[str], path: Path, glass: str) -> list[tuple[float, 
         if thickness > 0.0:
             if not 0.0 <= transmittance <= 1.0:
                 raise InputError(f"{path}: {glass} has an internal transmittance of {transmittance:g}, must be 0 to 1")
-            found.append((1e3 * um, -log(max(transmittance, _LEAST_TRANSMITTANCE)) / thickness + 0.0))
-    return found
+            absorptions.append((1e3 * um, -log(max(transmittance, _LEAST_TRANSMITTANCE)) / thickness + 0.0))
+    return absorptions
 
 
 def _temperature_law(td: list[str], ed: list[str], path: Path, glass: str) -> TemperatureLaw:
@@ -310,12 +310,12 @@ def _table(block: dict[str, Any], path: Path, columns: int) -> Float[np.ndarray,
 
 def _numbers(block: dict[str, Any], name: str, path: Path, least: int) -> list[float]:
     try:
-        found = [float(word) for word in str(block[name]).split()]
+        numbers = [float(word) for word in str(block[name]).split()]
     except (KeyError, ValueError):
-        found = []
-    if len(found) < least:
+        numbers = []
+    if len(numbers) < least:
         raise InputError(f"{path}: {name} must be {least} numbers at least; download it again")
-    return found
+    return numbers
 
 
 SUFFIXES = (".agf", ".yml", ".yaml", ".csv", ".txt")

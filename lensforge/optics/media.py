@@ -37,8 +37,8 @@ class IndexCurve:
         """Index at each wavelength; beyond the curve that at its end."""
         if not self.wavelengths_nm:
             return np.full(len(wavelengths_nm), self.refractive_index[0])
-        found: Float[np.ndarray, " n"] = np.interp(wavelengths_nm, self.wavelengths_nm, self.refractive_index)
-        return found
+        indices: Float[np.ndarray, " n"] = np.interp(wavelengths_nm, self.wavelengths_nm, self.refractive_index)
+        return indices
 
 
 @dataclass(frozen=True)
@@ -123,9 +123,9 @@ _KNOWN: dict[int, _Known] = {}  # by the identity of the array
 
 def some_of(wavelengths_nm: _Waves, rows: _Rows) -> Float[np.ndarray, " k"]:
     """Wavelengths (nm) of some of the rays; neither array is changed afterwards."""
-    found: Float[np.ndarray, " k"] = wavelengths_nm[rows]
-    _known(found, (wavelengths_nm, rows))
-    return found
+    chosen: Float[np.ndarray, " k"] = wavelengths_nm[rows]
+    _known(chosen, (wavelengths_nm, rows))
+    return chosen
 
 
 def values_at(material: Material, wavelengths_nm: _Waves) -> _Values:
@@ -173,8 +173,8 @@ class Medium:
         """Index for each ray; one for all where none has a wavelength, or where that does not count."""
         if wavelengths_nm is None or self.material is None:
             return np.array([self.refractive_index + self.index_error])
-        found = values_at(self.material, wavelengths_nm)[0]
-        return found if self.index_error == 0.0 else found + self.index_error
+        indices = values_at(self.material, wavelengths_nm)[0]
+        return indices if self.index_error == 0.0 else indices + self.index_error
 
     def absorption(self, wavelengths_nm: Float[np.ndarray, " n"] | None) -> Float[np.ndarray, " k"]:
         """Absorption (1/mm) for each ray, or one for all; empty where the medium is clear."""

@@ -45,21 +45,23 @@ def emission_criterion(apart: float) -> Criterion:
     return at_most("own_rays_emission", apart, MOST_APART, "standard errors", remedy)
 
 
-def independent_rays_criteria(own: IndependentRays) -> list[Criterion]:
+def independent_rays_criteria(independent: IndependentRays) -> list[Criterion]:
     """Acceptance criteria of the light of these rays: within noise of the design's."""
-    error = math.hypot(own.efficiency.standard_error or 0.0, own.efficiency_design.standard_error or 0.0)
+    error = math.hypot(
+        independent.efficiency.standard_error or 0.0, independent.efficiency_design.standard_error or 0.0
+    )
     remedy = (
         "rays drawn from the source's description make another light than the design's: evaluate and verify again; if "
         f"it stays where all other criteria are met, {_WRONG}"
     )
-    apart = abs(own.efficiency.value - own.efficiency_design.value)
-    found = [at_most("own_rays_efficiency", apart, FLUX_SHARE + _ERRORS * error, "of the flux", remedy)]
-    seen = own.nmse_less_noise
+    apart = abs(independent.efficiency.value - independent.efficiency_design.value)
+    criteria = [at_most("own_rays_efficiency", apart, FLUX_SHARE + _ERRORS * error, "of the flux", remedy)]
+    seen = independent.nmse_less_noise
     if seen is not None:
-        found.append(
+        criteria.append(
             at_most("own_rays_nmse", seen.value, NOISE_ALLOWANCE + _ERRORS * (seen.standard_error or 0.0), "", remedy)
         )
-    return found
+    return criteria
 
 
 # Faces that another CAD program has written again may lie so far off: a fifth of the finest tolerance of a drawing. The
@@ -101,34 +103,34 @@ def other_body(sizes: Sizes | None, name: str) -> str:
 
 
 def _file_criteria(sizes: Sizes, file: SizedFile, prefix: str, remedy: str) -> Iterator[Criterion]:
-    exported, found = sizes.exported, file.size
+    exported, in_file = sizes.exported, file.size
     moved_mm3 = REWRITTEN_MM * exported.area_mm2
     volume = (min(file.facets_mm3, MOST_CHORD_MM * exported.area_mm2) + moved_mm3) / exported.volume_mm3
     # Faces moved by d change volume by A d, and area by the same share at most.
     area = min(file.facets_mm2 / exported.area_mm2, _MOST_AREA) + moved_mm3 / exported.volume_mm3
     box = min(file.chord_mm, MOST_CHORD_MM) + sizes.chord_mm + REWRITTEN_MM
     changes = (
-        ("volume_change", found.volume_mm3 / exported.volume_mm3 - 1.0, volume, "of the volume"),
-        ("area_change", found.area_mm2 / exported.area_mm2 - 1.0, area, "of the area"),
-        ("box_change", max(map(abs, _box_changes(exported, found))), box, "mm"),
+        ("volume_change", in_file.volume_mm3 / exported.volume_mm3 - 1.0, volume, "of the volume"),
+        ("area_change", in_file.area_mm2 / exported.area_mm2 - 1.0, area, "of the area"),
+        ("box_change", max(map(abs, _box_changes(exported, in_file))), box, "mm"),
     )
     yield from (at_most(f"{prefix}{each}", abs(value), limit, unit, remedy) for each, value, limit, unit in changes)
 
 
-def _box_changes(exported: BodySize, found: BodySize) -> list[float]:
-    pairs = zip(chain(*exported.bounds_mm), chain(*found.bounds_mm), strict=True)
+def _box_changes(exported: BodySize, in_file: BodySize) -> list[float]:
+    pairs = zip(chain(*exported.bounds_mm), chain(*in_file.bounds_mm), strict=True)
     return [there - here for here, there in pairs]
 
 
-def _scale(exported: BodySize, found: BodySize) -> float | None:
+def _scale(exported: BodySize, in_file: BodySize) -> float | None:
     """Ratio of all lengths, which the light may be too blunt to see; None where volume and area say otherwise."""
-    here, there = ([high - low for low, high in zip(*size.bounds_mm, strict=True)] for size in (exported, found))
+    here, there = ([high - low for low, high in zip(*size.bounds_mm, strict=True)] for size in (exported, in_file))
     ratios = [side / before if before > 0.0 else 0.0 for before, side in zip(here, there, strict=True)]
     scale = sum(ratios) / 3.0
     powers = (
         *((ratio, 1) for ratio in ratios),
-        (found.area_mm2 / exported.area_mm2, 2),
-        (found.volume_mm3 / exported.volume_mm3, 3),
+        (in_file.area_mm2 / exported.area_mm2, 2),
+        (in_file.volume_mm3 / exported.volume_mm3, 3),
     )
     alike = all(abs(ratio - scale**power) <= _SCALED_ALIKE * abs(scale**power - 1.0) for ratio, power in powers)
     return scale if alike and scale != 1.0 else None
@@ -136,19 +138,19 @@ def _scale(exported: BodySize, found: BodySize) -> float | None:
 
 def _other(exported: BodySize, file: SizedFile, name: str) -> str:
     """Words on a scale, or on the volume and the side of the box that differs most."""
-    found, changes = file.size, _box_changes(exported, file.size)
-    if found.volume_mm3 < 0.0:
+    in_file, changes = file.size, _box_changes(exported, file.size)
+    if in_file.volume_mm3 < 0.0:
         return f"{name}: {INWARDS}"
-    scale = _scale(exported, found)
+    scale = _scale(exported, in_file)
     if scale is not None:
         unit = next((words for ratio, words in _UNITS.items() if abs(scale / ratio - 1.0) < _NEAR_UNIT), "")
         words = unit or f"it is the lens scaled by {scale:.5g}"
         return f"{name}: {words}: write it again as it was exported, in mm"
     side = max(range(6), key=lambda k: abs(changes[k]))
-    stated, seen = (list(chain(*size.bounds_mm))[side] for size in (exported, found))
+    stated, seen = (list(chain(*size.bounds_mm))[side] for size in (exported, in_file))
     place = f"{'least' if side < 3 else 'largest'} {'xyz'[side % 3]}"
     return (
-        f"{name} is another body than the one exported: volume {found.volume_mm3:.5g} mm^3, exported "
+        f"{name} is another body than the one exported: volume {in_file.volume_mm3:.5g} mm^3, exported "
         f"{exported.volume_mm3:.5g}; {place} {seen:.5g} mm, exported {stated:.5g}; correct it, or export again"
     )
 
@@ -188,7 +190,7 @@ def noise_limit(floor: float) -> float:
 
 def proof_criteria(proof: Proof) -> tuple[Criterion, ...]:
     """Acceptance criteria of all casts of a part; those of further receivers carry the receiver's name."""
-    found = [
+    criteria = [
         at_most("open_edges", proof.open_edges, 0.0, "edges", "export again: the mesh is not closed"),
         plain_criterion(proof.plain_cast),
         *([at_most("far_facets", proof.far_facets, 0.0, "facets", _ELSEWHERE)] if proof.far_facets else []),
@@ -196,13 +198,13 @@ def proof_criteria(proof: Proof) -> tuple[Criterion, ...]:
         *([] if proof.emission_apart is None else [emission_criterion(proof.emission_apart)]),
     ]
     for number, receiver in enumerate(proof.receivers):
-        own = _receiver_criteria(proof, receiver)
-        found += own if number == 0 else [_named(each, receiver.name) for each in own]
+        of_receiver = _receiver_criteria(proof, receiver)
+        criteria += of_receiver if number == 0 else [_named(each, receiver.name) for each in of_receiver]
     finer = "verify with more rays, or export again: plate.stl is not the lens of lens.json at its places"
     for lit in proof.together:
         limit = noise_limit(lit.noise_floor_nmse)
-        found.append(_named(at_most("plate_nmse_vs_sum", lit.nmse_vs_sum, limit, "", finer), lit.name))
-    return tuple(found)
+        criteria.append(_named(at_most("plate_nmse_vs_sum", lit.nmse_vs_sum, limit, "", finer), lit.name))
+    return tuple(criteria)
 
 
 def _named(criterion: Criterion, receiver: str) -> Criterion:
@@ -227,31 +229,31 @@ def _receiver_criteria(proof: Proof, receiver: ReceiverProof) -> list[Criterion]
     ]
 
 
-def _mesh_criteria(proof: ReceiverProof, found: Evidence) -> Iterator[Criterion]:
+def _mesh_criteria(proof: ReceiverProof, evidence: Evidence) -> Iterator[Criterion]:
     floor = proof.noise_floor_nmse
     same_rays = SAME_RAYS_FLOORS * floor + SAME_RAYS_ALLOWANCE
     noise = "evaluate the design with more rays and the same filter, or verify with more rays"
-    light = noise if proof.nmse_same_rays <= same_rays else found.of_pixels()
-    yield from _cast_criteria("", found)
-    yield at_most("nmse_same_rays", proof.nmse_same_rays, same_rays, "", found.of_pixels())
+    light = noise if proof.nmse_same_rays <= same_rays else evidence.of_pixels()
+    yield from _cast_criteria("", evidence)
+    yield at_most("nmse_same_rays", proof.nmse_same_rays, same_rays, "", evidence.of_pixels())
     yield at_most("nmse_vs_design", proof.nmse_vs_design, noise_limit(floor), "", light)
 
 
-def _landing_criteria(prefix: str, found: Evidence) -> list[Criterion]:
+def _landing_criteria(prefix: str, evidence: Evidence) -> list[Criterion]:
     """Criteria of rays cast through a file: where they land, and their flux."""
-    design = found.agreement
+    design = evidence.agreement
     return [
-        at_most(f"{prefix}deviation_rms", design.rms, found.deviation_mm, "mm", found.of_deviation()),
-        at_most(f"{prefix}flux_deviation", design.flux, found.flux, "of the flux", found.of_flux()),
+        at_most(f"{prefix}deviation_rms", design.rms, evidence.deviation_mm, "mm", evidence.of_deviation()),
+        at_most(f"{prefix}flux_deviation", design.flux, evidence.flux, "of the flux", evidence.of_flux()),
     ]
 
 
-def _cast_criteria(prefix: str, found: Evidence) -> list[Criterion]:
+def _cast_criteria(prefix: str, evidence: Evidence) -> list[Criterion]:
     """Criteria of rays cast through a mesh: where they land, their flux, and the flux of other fates."""
-    fates = found.agreement.fates_flux
+    fates = evidence.agreement.fates_flux
     return [
-        *_landing_criteria(prefix, found),
-        at_most(f"{prefix}fate_disagreement_flux", fates, found.fates, "of the flux", found.of_fates()),
+        *_landing_criteria(prefix, evidence),
+        at_most(f"{prefix}fate_disagreement_flux", fates, evidence.fates, "of the flux", evidence.of_fates()),
     ]
 
 

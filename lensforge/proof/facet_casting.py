@@ -132,13 +132,15 @@ class Grid:
         """First hit of each ray."""
         from lensforge.proof.grid_walk import walk
 
-        found, distances = np.empty(len(leg.origins), dtype=np.int64), np.empty(len(leg.origins))
+        numbers, distances = np.empty(len(leg.origins), dtype=np.int64), np.empty(len(leg.origins))
         rays = (np.ascontiguousarray(each, dtype=np.float64) for each in (leg.origins, leg.directions, leg.beyond))
         mesh = self.triangles, self.normals
-        walk(*rays, self.starts, self.members, *mesh, self.corner, self.cell, self.shape, found, distances)
-        hits = FacetHits(found, distances, np.zeros((len(found), 3)))
+        walk(*rays, self.starts, self.members, *mesh, self.corner, self.cell, self.shape, numbers, distances)
+        hits = FacetHits(numbers, distances, np.zeros((len(numbers), 3)))
         rows = np.nonzero(hits.found)[0]
-        facets, ways = self.triangles[found[rows]], (leg.origins[rows], leg.directions[rows])
-        points, _, distances[rows] = planes_lines(facets[:, 0], self.normals[found[rows]], *ways, return_distance=True)
+        facets, ways = self.triangles[numbers[rows]], (leg.origins[rows], leg.directions[rows])
+        points, _, distances[rows] = planes_lines(
+            facets[:, 0], self.normals[numbers[rows]], *ways, return_distance=True
+        )
         hits.barycentric[rows] = points_to_barycentric(facets, points)
         return hits

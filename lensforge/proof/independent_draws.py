@@ -145,12 +145,12 @@ def wavelengths(
 
 def _accepted(count: int, draw: Callable[[int], tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
     """The first ``count`` rows that ``draw`` accepts; it returns rows, and which are accepted."""
-    found, some = [], 0
+    accepted, some = [], 0
     while some < count:
         rows, kept = draw(max(2 * (count - some), _BATCH))
-        found.append(rows[kept])
+        accepted.append(rows[kept])
         some += int(kept.sum())
-    return np.concatenate(found)[:count]
+    return np.concatenate(accepted)[:count]
 
 
 def _whole_turn(

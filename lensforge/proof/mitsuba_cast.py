@@ -56,9 +56,9 @@ def cast_mitsuba(
     rows = drawn(count, len(rays))
     some = rays.take(rows)
     version, passage = send_through_mitsuba(part, some, media)
-    seconds, found = perf_counter() - start, []
-    for each in expected:
-        landed, design, screen = LandedRays.of(passage, each.screen), each.take(rows), each.screen
+    seconds, casts = perf_counter() - start, []
+    for receiver in expected:
+        landed, design, screen = LandedRays.of(passage, receiver.screen), receiver.take(rows), receiver.screen
         # The irradiance of the drawn rays is scaled to the flux of all of them.
         flux, design_flux = landed.flux / share(rays, some.flux), design.flux / share(rays, some.flux)
         image = screen.irradiance(landed.landings, flux)
@@ -66,14 +66,14 @@ def cast_mitsuba(
         cast = MitsubaCast(
             version=version,
             rays=len(rows),
-            nmse_vs_design=nmse(image, each.irradiance),
-            noise_floor_nmse=float(variance.sum()) / squared_norm(each.irradiance),
+            nmse_vs_design=nmse(image, receiver.irradiance),
+            noise_floor_nmse=float(variance.sum()) / squared_norm(receiver.irradiance),
             nmse_same_rays=nmse(image, screen.irradiance(design.landings, design_flux)),
             against_design=compare(some, landed, design),
             seconds=seconds,
         )
-        found.append((cast, gap_quantiles(landed, design)))
-    return found
+        casts.append((cast, gap_quantiles(landed, design)))
+    return casts
 
 
 def send_through_mitsuba(part: PartMesh, rays: RayBundle, media: Media) -> tuple[str, Passage]:

@@ -91,11 +91,11 @@ def _fate_pairs(
 ) -> tuple[FatePair, ...]:
     """Rays of ``differs`` by their fates in design and part, the largest share of flux first."""
     design, part = expected.fate_names, landed.fate_names
-    found = []
+    pairs = []
     for first, second in sorted(set(zip(design[differs].tolist(), part[differs].tolist(), strict=True))):
         rows = differs & (design == first) & (part == second)
-        found.append(FatePair(design=first, part=second, rays=int(rows.sum()), flux=share(rays, rays.flux[rows])))
-    return tuple(sorted(found, key=lambda pair: -pair.flux))
+        pairs.append(FatePair(design=first, part=second, rays=int(rows.sum()), flux=share(rays, rays.flux[rows])))
+    return tuple(sorted(pairs, key=lambda pair: -pair.flux))
 
 
 def landing_gaps(
@@ -166,7 +166,7 @@ class IndependentLight:
     designs: tuple[tuple[Metric, float | None], ...]
 
 
-def emission_difference(own: RayBundle, design: RayBundle) -> float:
+def emission_difference(independent: RayBundle, design: RayBundle) -> float:
     """Largest difference of a mean, or of a mean product of two, of start point and direction, in standard errors.
 
     Both samples as they leave the source, weighted by flux. The design's rays are quasi-random: they have no more noise
@@ -174,13 +174,13 @@ def emission_difference(own: RayBundle, design: RayBundle) -> float:
     """
     rows, columns = np.triu_indices(7)
     means, squares = np.zeros(len(rows)), np.zeros(len(rows))
-    for sign, rays in ((1.0, own), (-1.0, design)):
+    for sign, rays in ((1.0, independent), (-1.0, design)):
         table = np.column_stack([np.ones(len(rays)), rays.origins, rays.directions])
         products, weights = table[:, rows] * table[:, columns], rays.flux / rays.flux.sum()
         mean = weights @ products
         means += sign * mean
         squares += weights**2 @ (products - mean) ** 2
-    scale = 1.0 + float(np.abs(own.origins).max())
+    scale = 1.0 + float(np.abs(independent.origins).max())
     return float(np.max(np.abs(means) / (np.sqrt(squares) + _ROUNDING * scale**2)))
 
 

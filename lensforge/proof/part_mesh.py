@@ -111,16 +111,16 @@ def read_part_mesh(stl: bytes, optical: OpticalFaces = USUAL_LENS) -> PartMesh:
 
 def part_mesh_of(mesh: trimesh.Trimesh, optical: OpticalFaces = USUAL_LENS) -> PartMesh:
     """Build the part that a mesh with merged vertices bounds."""
-    own, apart = optical.sorted(mesh.triangles_center, mesh.face_normals)
-    faces = smooth_faces(mesh, None if optical.inverse_radii is None else own)
+    numbers, apart = optical.sorted(mesh.triangles_center, mesh.face_normals)
+    faces = smooth_faces(mesh, None if optical.inverse_radii is None else numbers)
     if optical.plate is not None:  # its sides turn from flat to round without a crease: what is no lens stays facets
-        flat = np.flatnonzero(own == NO_FACE)
+        flat = np.flatnonzero(numbers == NO_FACE)
         faces[flat] = faces.max() + 1 + np.arange(len(flat))
     keys, corners = np.unique(mesh.faces.astype(np.int64) * (faces.max() + 1) + faces[:, None], return_inverse=True)
     corners = corners.reshape(-1, 3)
     vertices, face_of = np.divmod(keys, faces.max() + 1)
     fit = fit_vertices(mesh.vertices[vertices], corners, face_of)
-    return PartMesh(mesh, corners, fit, optical, own, int(np.sum(apart > FAR_MM)))
+    return PartMesh(mesh, corners, fit, optical, numbers, int(np.sum(apart > FAR_MM)))
 
 
 def smooth_faces(mesh: trimesh.Trimesh, optical: Int[np.ndarray, " t"] | None = None) -> Int[np.ndarray, " t"]:

@@ -33,13 +33,13 @@ class LampsOnPlate:
 def cast_lamps(lamps: LampsOnPlate, media: Media, threads: int) -> tuple[LampsTogether, ...]:
     """Cast the rays of all lamps through the mesh of the plate, and compare their light on each receiver."""
     part = read_part_mesh(lamps.stl, lamps.optical)
-    passage, found = send_through(part, Grid(part.mesh), lamps.rays, media, threads), []
+    passage, together = send_through(part, Grid(part.mesh), lamps.rays, media, threads), []
     count = len(lamps.optical.plate.places) if lamps.optical.plate is not None else 1
     for name, screen, designed in lamps.designed:
         landed = LandedRays.of(passage, screen)
         image, variance = (see(landed.landings, count * landed.flux) for see in (screen.irradiance, screen.noise))
         inside = screen.in_window(landed.landings)
-        found.append(
+        together.append(
             LampsTogether(
                 name=name,
                 lamps=count,
@@ -49,4 +49,4 @@ def cast_lamps(lamps: LampsOnPlate, media: Media, threads: int) -> tuple[LampsTo
                 noise_floor_nmse=float(variance.sum()) / squared_norm(designed),
             )
         )
-    return tuple(found)
+    return tuple(together)

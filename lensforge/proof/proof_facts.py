@@ -169,13 +169,15 @@ def _mitsuba(proof: Proof, mitsuba: MitsubaCast, index: int) -> Group:
     return _tracer(proof, index, title, facts, says, [f"mitsuba_{kind}" for kind in kinds])
 
 
-def _independent_rays(proof: Proof, own: IndependentRays, index: int) -> Group:
-    found, expected = (Fact.share("", "", share).text for share in (own.efficiency, own.efficiency_design))
-    says = f"lens.stl; efficiency {found}, the design’s light {expected}"
-    if own.nmse_less_noise is not None:
-        says += f"; NMSE less noise {own.nmse_less_noise}"
+def _independent_rays(proof: Proof, independent: IndependentRays, index: int) -> Group:
+    redrawn, expected = (
+        Fact.share("", "", share).text for share in (independent.efficiency, independent.efficiency_design)
+    )
+    says = f"lens.stl; efficiency {redrawn}, the design’s light {expected}"
+    if independent.nmse_less_noise is not None:
+        says += f"; NMSE less noise {independent.nmse_less_noise}"
     names = ("own_rays_efficiency", "own_rays_nmse", *(["own_rays_emission"] if index == 0 else []))
-    return _tracer(proof, index, "Freshly drawn rays of the LED", (_rays(own.rays),), says, names)
+    return _tracer(proof, index, "Freshly drawn rays of the LED", (_rays(independent.rays),), says, names)
 
 
 def _rays(count: int) -> Fact:
@@ -188,8 +190,8 @@ def _state(criteria: Sequence[Criterion], receiver: ReceiverProof, index: int, *
     return state_of(criteria, *(f"{start}{name}" for name in names))
 
 
-def _gaps(found: LandingDeviation) -> tuple[Fact, ...]:
-    named = (("rms", "rms", found.rms), ("p99", "99 %", found.p99), ("largest", "largest", found.max))
+def _gaps(deviation: LandingDeviation) -> tuple[Fact, ...]:
+    named = (("rms", "rms", deviation.rms), ("p99", "99 %", deviation.p99), ("largest", "largest", deviation.max))
     return tuple(Fact(key, label, value, "mm", digits=2) for key, label, value in named)
 
 

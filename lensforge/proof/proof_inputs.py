@@ -143,9 +143,9 @@ def _of_chips(random: Generator, points: Float[np.ndarray, "n 2"], section: Chip
     waves = np.zeros(len(points))
     for chip, spectrum in zip(section.chips, section.spectra, strict=True):
         sides = np.array([chip.width_mm, chip.height_mm])
-        own = (np.abs(points - [chip.x_mm, chip.y_mm]) <= 0.5 * sides).all(axis=1)
+        on_chip = (np.abs(points - [chip.x_mm, chip.y_mm]) <= 0.5 * sides).all(axis=1)
         assert spectrum is not None, "the source itself refuses it"
-        waves[own] = _waves(random, int(own.sum()), spectrum)
+        waves[on_chip] = _waves(random, int(on_chip.sum()), spectrum)
     return waves
 
 
@@ -203,9 +203,9 @@ def _aimed(random: Generator, count: int, profile: IntensitySpec) -> Float[np.nd
         plane = np.array([profile.intensity])
         return independent_draws.along_table(random, count, np.zeros(1), np.array(profile.gamma_deg), plane)
     table = read_photometric(profile.file).intensity
-    found = independent_draws.along_table(random, count, table.c_deg, table.gamma_deg, table.values)
-    found[:, 1] *= -1.0  # a luminaire's C = 90 is the lens's -y
-    return found
+    directions = independent_draws.along_table(random, count, table.c_deg, table.gamma_deg, table.values)
+    directions[:, 1] *= -1.0  # a luminaire's C = 90 is the lens's -y
+    return directions
 
 
 _Rectangles = tuple[Float[np.ndarray, "k 2"], Float[np.ndarray, "k 2"], Float[np.ndarray, " k"]]

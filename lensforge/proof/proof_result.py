@@ -257,8 +257,8 @@ class Proof(SimulatedResult):
         failed = [str(criterion) for criterion in self.criteria if not criterion.passed]
         deviation = f"{self.deviation_mm.rms:.3g} mm rms, {self.deviation_mm.max:.3g} mm at most"
         verdict = "; ".join(failed) or "every criterion is met"
-        found = f"part: {self.rays} rays land {deviation} from where the design sends them; {verdict}"
-        return "; ".join([found, *self.notes])
+        landing = f"part: {self.rays} rays land {deviation} from where the design sends them; {verdict}"
+        return "; ".join([landing, *self.notes])
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Cumulative share of the rays over the distance between their first landings and the design's."""

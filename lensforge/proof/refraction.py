@@ -42,8 +42,8 @@ class LitRays(RayRows):
     def of(rays: RayBundle, media: Media) -> "LitRays":
         """Unpolarised light that has met nothing yet."""
         seen = media.body.indices, media.body.absorptions, media.wavelengths
-        own = [each(rays.wavelengths_nm, len(rays)) for each in seen]
-        return LitRays(rays.directions, unpolarised(rays.directions), np.zeros(len(rays), dtype=bool), *own)
+        of_rays = [each(rays.wavelengths_nm, len(rays)) for each in seen]
+        return LitRays(rays.directions, unpolarised(rays.directions), np.zeros(len(rays), dtype=bool), *of_rays)
 
 
 @dataclass(frozen=True)
@@ -95,8 +95,8 @@ class RefractingFace:
 
     def _of_layers(self, stack: LayerStack | None, along: PerRay, polarisation: str) -> Amplitudes:
         """Without a stack that of the bare face."""
-        own = () if stack is None else stack.layers
-        layers = own if self.inwards else own[::-1]
+        films = () if stack is None else stack.layers
+        layers = films if self.inwards else films[::-1]
         indices = [self.before, *(layer.index.at(self.wavelengths_nm) for layer in layers), self.behind]
         across = [np.sqrt((index**2 - along**2).astype(complex)) for index in indices]
         admittances = [a if polarisation == "s" else index**2 / np.where(a == 0.0, 1e-300, a)
@@ -126,10 +126,10 @@ def _of_table(table: ReflectanceTable, cosines: PerRay, wavelengths_nm: PerRay) 
     if len(rows) == 1:
         return by_row[0]
     waves = np.clip(wavelengths_nm, table.wavelengths_nm[0], table.wavelengths_nm[-1])
-    found = np.zeros(len(cosines))
-    for k, own in enumerate(by_row):  # each row counts by a hat function about its wavelength
-        found += own * np.interp(waves, table.wavelengths_nm, np.eye(len(rows))[k])
-    return found
+    reflectance = np.zeros(len(cosines))
+    for k, curve in enumerate(by_row):  # each row counts by a hat function about its wavelength
+        reflectance += curve * np.interp(waves, table.wavelengths_nm, np.eye(len(rows))[k])
+    return reflectance
 
 
 def refract(
@@ -245,5 +245,5 @@ def through_glass(
 
 def _unit(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-    found: Float[np.ndarray, "n 3"] = vectors / np.where(lengths > 0.0, lengths, 1.0)
-    return found
+    unit: Float[np.ndarray, "n 3"] = vectors / np.where(lengths > 0.0, lengths, 1.0)
+    return unit

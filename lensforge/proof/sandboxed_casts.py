@@ -67,8 +67,8 @@ def _cast(folder: Path) -> None:
     from lensforge.proof.verification import verify_part
 
     stage, given = pickle.loads((folder / _CALL).read_bytes())
-    found: Proof | StrayLight = verify_part(**given) if stage == Proof.stage else trace_stray(**given)
-    found.write(folder)
+    result: Proof | StrayLight = verify_part(**given) if stage == Proof.stage else trace_stray(**given)
+    result.write(folder)
 
 
 if __name__ == "__main__":

@@ -190,17 +190,17 @@ class MeshBody:
                 getattr(hits, name)[wrong] = values
         no, place, zero = np.zeros(count, dtype=bool), np.zeros((count, 3)), np.zeros(count)
         none = np.full(count, NO_FACE)
-        found = SurfaceHits(hits.found, place, place.copy(), no, no.copy(), none, zero, zero.copy())
+        on_surface = SurfaceHits(hits.found, place, place.copy(), no, no.copy(), none, zero, zero.copy())
         rows = np.nonzero(hits.found)[0]
         leg, hits, part = leg.take(rows), hits.take(rows), self.part
         flat, facing = leg.origins + hits.distances[:, None] * leg.directions, part.mesh.face_normals[hits.triangles]
-        found.points[rows], found.normals[rows] = meet(part, leg, hits)
-        found.leaving[rows] = self._leaving(leg, hits)
-        found.away[rows] = self.optical.away_at(flat, facing)
-        found.faces[rows] = part.faces[hits.triangles]
-        found.skins[rows] = _SKIN_EDGES * np.sqrt(2.0 * part.mesh.area_faces[hits.triangles])
-        found.heights[rows] = np.sum((found.points[rows] - flat) * found.normals[rows], axis=1)
-        return found
+        on_surface.points[rows], on_surface.normals[rows] = meet(part, leg, hits)
+        on_surface.leaving[rows] = self._leaving(leg, hits)
+        on_surface.away[rows] = self.optical.away_at(flat, facing)
+        on_surface.faces[rows] = part.faces[hits.triangles]
+        on_surface.skins[rows] = _SKIN_EDGES * np.sqrt(2.0 * part.mesh.area_faces[hits.triangles])
+        on_surface.heights[rows] = np.sum((on_surface.points[rows] - flat) * on_surface.normals[rows], axis=1)
+        return on_surface
 
     def _leaving(self, leg: Leg, hits: FacetHits) -> Bool[np.ndarray, " n"]:
         along: Bool[np.ndarray, " n"] = (
@@ -215,7 +215,7 @@ def at_faces(optical: OpticalFaces, media: Media, light: LitRays, hits: SurfaceH
     On their other side than the body is the cavity where they face the origin; where no optical face is, no coating.
     """
     names, split = optical.names, np.empty((2, *light.fields.shape), dtype=complex)
-    found = AtFace(*np.empty((2, *hits.points.shape)), *np.empty((2, len(hits.points))), *split)
+    at_face = AtFace(*np.empty((2, *hits.points.shape)), *np.empty((2, len(hits.points))), *split)
     for number, away, inside in product(range(NO_FACE, len(names)), (False, True), (False, True)):
         rows = np.nonzero((hits.faces == number) & (hits.away == away) & (light.inside == inside))[0]
         if len(rows):
@@ -224,8 +224,8 @@ def at_faces(optical: OpticalFaces, media: Media, light: LitRays, hits: SurfaceH
             face = RefractingFace.of(light.take(rows), around, coating, inside=inside)
             some = AtFace.of(face, light.directions[rows], hits.normals[rows], light.fields[rows])
             for name, values in vars(some).items():
-                getattr(found, name)[rows] = values
-    return found
+                getattr(at_face, name)[rows] = values
+    return at_face
 
 
 def meet(part: PartMesh, leg: Leg, hits: FacetHits) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:

@@ -81,14 +81,14 @@ def _reach(face: Any, axis: int, sign: float, known: float) -> float:
     def highest(places: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
         """Height of the highest place of every window inside the trim, all others NaN: the trim takes the time."""
         values = untrimmed(places)
-        found = np.full(values.shape, np.nan)
+        heights = np.full(values.shape, np.nan)
         for window in np.arange(len(places)).reshape(-1, len(NODES)):
             for row in window[np.argsort(-values[window], kind="stable")]:
                 u, v = low + places[row] * sides
                 if trim.Perform(gp_Pnt2d(u, v)) != TopAbs_State.TopAbs_OUT:
-                    found[row] = values[row]
+                    heights[row] = values[row]
                     break
-        return found
+        return heights
 
     along = np.linspace(0.0, 1.0, _samples(surface))
     places = np.stack(np.meshgrid(along, along, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -158,8 +158,8 @@ class _Pieces:
         slopes = np.where(np.abs(direction) < _FLAT, _FLAT, direction)
         ends = (self.boxes - origin) / slopes
         enters, leaves = ends.min(axis=1).max(axis=1), ends.max(axis=1).min(axis=1)
-        found: list[int] = np.flatnonzero(leaves >= np.maximum(enters, 0.0)).tolist()
-        return found
+        numbers: list[int] = np.flatnonzero(leaves >= np.maximum(enters, 0.0)).tolist()
+        return numbers
 
     def trimmed(self, face: int, u: float, v: float) -> bool:
         """True where a place on a face lies outside of its trim."""
@@ -181,15 +181,15 @@ def _cut(face: Any) -> list[Any]:
     spline = kind.GetType() == GeomAbs_SurfaceType.GeomAbs_BSplineSurface
     if not spline or max(kind.NbUKnots(), kind.NbVKnots()) <= _KNOTS_OF_PIECE:
         return [face]
-    surface, found = BRep_Tool.Surface_s(face), []
+    surface, pieces = BRep_Tool.Surface_s(face), []
     first_u, last_u, first_v, last_v = surface.Bounds()
     along_u = np.linspace(first_u, last_u, 1 + -(-kind.NbUKnots() // _KNOTS_OF_PIECE)).tolist()
     along_v = np.linspace(first_v, last_v, 1 + -(-kind.NbVKnots() // _KNOTS_OF_PIECE)).tolist()
     for (u, to_u), (v, to_v) in product(pairwise(along_u), pairwise(along_v)):
         piece = BRepBuilderAPI_MakeFace(surface, u, to_u, v, to_v, _TOLERANCE_MM).Face()
         piece.Orientation(face.Orientation())
-        found.append(piece)
-    return found
+        pieces.append(piece)
+    return pieces
 
 
 def _around(face: Any) -> Float[np.ndarray, "2 3"]:
@@ -260,13 +260,13 @@ class StepBody:
         nearest = np.inf
         hit: tuple[int, bool, float, float] | None = None
         for piece in self._pieces.met(leg.origins[row], leg.directions[row]):
-            face, found = self._pieces.faces[piece], self._pieces.intersectors[piece]
-            found.Perform(line, float(leg.beyond[row]), _FAR_MM)
-            for k in range(1, found.NbPnt() + 1):
-                place = found.UParameter(k), found.VParameter(k)
-                if found.WParameter(k) < nearest and not self._pieces.trimmed(face, *place):
-                    nearest = found.WParameter(k)
-                    out = found.Transition(k) == IntCurveSurface_TransitionOnCurve.IntCurveSurface_Out
+            face, crossings = self._pieces.faces[piece], self._pieces.intersectors[piece]
+            crossings.Perform(line, float(leg.beyond[row]), _FAR_MM)
+            for k in range(1, crossings.NbPnt() + 1):
+                place = crossings.UParameter(k), crossings.VParameter(k)
+                if crossings.WParameter(k) < nearest and not self._pieces.trimmed(face, *place):
+                    nearest = crossings.WParameter(k)
+                    out = crossings.Transition(k) == IntCurveSurface_TransitionOnCurve.IntCurveSurface_Out
                     hit = face, out, *place
         return hit
 
@@ -325,6 +325,6 @@ def _parts(shape: Any, kind: Any) -> list[Any]:
     from OCP.TopExp import TopExp
     from OCP.TopTools import TopTools_IndexedMapOfShape
 
-    found = TopTools_IndexedMapOfShape()
-    TopExp.MapShapes_s(shape, kind, found)
-    return [found.FindKey(k + 1) for k in range(found.Extent())]
+    parts = TopTools_IndexedMapOfShape()
+    TopExp.MapShapes_s(shape, kind, parts)
+    return [parts.FindKey(k + 1) for k in range(parts.Extent())]

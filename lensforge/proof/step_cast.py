@@ -71,16 +71,18 @@ def judge_brep(
 
     ``rays``, ``expected`` and ``mesh`` hold all of the rays; the quantiles of the gaps are from the design.
     """
-    rows, found = cast.rows, []
+    rows, judged = cast.rows, []
     some = rays.take(rows)
-    for each in expected:
-        landed, by_mesh = LandedRays.of(cast.passage, each.screen), LandedRays.of(mesh, each.screen)
-        design, names = each.take(rows), by_mesh.fate_names[rows]
-        met = None if each.met is None else by_mesh.met[rows]
-        reference = Expected(each.screen, each.irradiance, by_mesh.landings[rows], by_mesh.flux[rows], names, met)
+    for receiver in expected:
+        landed, by_mesh = LandedRays.of(cast.passage, receiver.screen), LandedRays.of(mesh, receiver.screen)
+        design, names = receiver.take(rows), by_mesh.fate_names[rows]
+        met = None if receiver.met is None else by_mesh.met[rows]
+        reference = Expected(
+            receiver.screen, receiver.irradiance, by_mesh.landings[rows], by_mesh.flux[rows], names, met
+        )
         agreements = [compare(some, landed, other) for other in (design, reference)]
         agreed = BrepCast(
             rays=len(rows), seconds=cast.seconds, against_design=agreements[0], against_mesh=agreements[1]
         )
-        found.append((agreed, gap_quantiles(landed, design)))
-    return found
+        judged.append((agreed, gap_quantiles(landed, design)))
+    return judged

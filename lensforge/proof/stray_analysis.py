@@ -51,7 +51,7 @@ def trace_stray(
     grid = Grid(part.mesh)
     budget = follow(PartBody(part, grid, media, base), rays, limits)
     passage, emitted = send_through(part, grid, rays, media), float(rays.flux.sum())
-    found = StrayLight(
+    result = StrayLight(
         inputs=dict(inputs or {}),
         receivers=tuple(
             _on_receiver(name, screen, budget, passage, emitted, media)
@@ -67,7 +67,7 @@ def trace_stray(
         criteria=(),
         seconds=perf_counter() - start,
     )
-    return found.model_copy(update={"criteria": stray_criteria(found)})
+    return result.model_copy(update={"criteria": stray_criteria(result)})
 
 
 def _on_receiver(

@@ -151,8 +151,8 @@ def _sizes(part: PartMesh, cast: StepCast | None, exported: BodySize, chord_mm: 
 
 def _require_rays(rays: RayBundle, expected: Sequence[Expected]) -> None:
     """Raise :class:`InputError` for rays without flux, and for arrays that do not belong to them."""
-    for each in expected:
-        each.require_shapes(len(rays))
+    for receiver in expected:
+        receiver.require_shapes(len(rays))
     flux = float(rays.flux.sum())
     if not flux > 0.0:
         raise InputError(f"rays: {len(rays)} rays carry {flux:g} W, must be above 0; is the source empty?")

@@ -85,12 +85,12 @@ def folder_names(folders: Sequence[Path]) -> list[str]:
 
 def number_lines(designs: Sequence[Results]) -> list[Line]:
     """The main facts; the best is marked where one value is better than another and they differ."""
-    found = [{fact.label: fact for fact in (*asked_facts(each), *further_facts(each))} for each in designs]
+    by_design = [{fact.label: fact for fact in (*asked_facts(each), *further_facts(each))} for each in designs]
     first, *others = (design.spec.all_receivers for design in designs)
     same_target = all(each == first for each in others)
     lines = []
-    for label in dict.fromkeys(label for labelled in found for label in labelled):
-        facts = [labelled.get(label) for labelled in found]
+    for label in dict.fromkeys(label for labelled in by_design for label in labelled):
+        facts = [labelled.get(label) for labelled in by_design]
         texts = [NOTHING if fact is None else fact.text for fact in facts]
         best = _best(facts) if same_target and len(set(texts)) > 1 else None
         mark = None if best is None else texts[best]  # designs with the same text are equally good
@@ -152,8 +152,8 @@ class ComparedPictures:
 
     def __init__(self, names: Sequence[str], designs: Sequence[Results]) -> None:
         self._designs = list(zip(names, designs, strict=True))
-        found = ((name, design, design.find(Light)) for name, design in self._designs)
-        lights = [(name, design, light) for name, design, light in found if light is not None]
+        candidates = ((name, design, design.find(Light)) for name, design in self._designs)
+        lights = [(name, design, light) for name, design, light in candidates if light is not None]
         lumens_known = all(light.lumens_per_watt is not None for _, _, light in lights)
         shown = [
             (f"{name}, {each.light.name}" if each.several else name, each.light, light)
@@ -210,12 +210,12 @@ class ComparedPictures:
     def curves(self) -> list[PagePicture]:
         """Lines across the receivers and encircled energy: all designs whose places have one unit in one picture."""
         groups = [[lit for lit in self._lit if lit.chart.far_field == far_field] for far_field in (False, True)]
-        found: list[PagePicture] = []
+        pictures: list[PagePicture] = []
         for lit in groups:
             if lit:
                 where = ("in the far field" if lit[0].chart.far_field else "at a distance") if all(groups) else ""
-                found += _curves(lit, "-far" if found else "", f", {where}" if where else "")
-        return found
+                pictures += _curves(lit, "-far" if pictures else "", f", {where}" if where else "")
+        return pictures
 
     @cached_property
     def sections(self) -> list[PagePicture]:
@@ -241,11 +241,11 @@ def _lines(lit: Sequence[_Lit], direction: tuple[float, float]) -> Figure:
     figure, axes = new_figure(NARROW, 2.6)
     across, up = direction
     reaches = []
-    for each in lit:
-        half = 0.5 * (across * each.chart.width + up * each.chart.height)
+    for design in lit:
+        half = 0.5 * (across * design.chart.width + up * design.chart.height)
         end = half * np.array(direction)
-        values = each.unit.per_watt * along(each.light.map, -end, end, each.chart)
-        axes.plot(np.linspace(-half, half, len(values)), values, color=each.colour)
+        values = design.unit.per_watt * along(design.light.map, -end, end, design.chart)
+        axes.plot(np.linspace(-half, half, len(values)), values, color=design.colour)
         reaches.append(half)
     label_positions(axes, lit[0].chart, max(reaches))
     axes.set(ylabel=lit[0].unit.label)
@@ -257,9 +257,9 @@ def _lines(lit: Sequence[_Lit], direction: tuple[float, float]) -> Figure:
 def _circles(lit: Sequence[_Lit]) -> Figure:
     figure, axes = new_figure(NARROW, 2.6)
     reaches = []
-    for each in lit:
-        radius, share = encircled_share(each.light.raw_map, each.chart)
-        axes.plot(radius, share, color=each.colour)
+    for design in lit:
+        radius, share = encircled_share(design.light.raw_map, design.chart)
+        axes.plot(radius, share, color=design.colour)
         reaches.append(float(radius[-1]))
     right = axes.get_xlim()[1]
     label_radii(axes, lit[0].chart, max(reaches))
@@ -269,8 +269,8 @@ def _circles(lit: Sequence[_Lit]) -> Figure:
 
 def _named(figure: Figure, axes: Axes, lit: Sequence[_Lit]) -> Figure:
     axes.grid(True)
-    for line, each in zip(axes.lines, lit, strict=True):
-        line.set(label=each.name, linestyle=each.dashes)
+    for line, design in zip(axes.lines, lit, strict=True):
+        line.set(label=design.name, linestyle=design.dashes)
     figure.legend(loc="outside upper left", ncols=min(2, len(lit)), handlelength=1.3)
     return figure
 

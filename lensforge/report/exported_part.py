@@ -119,9 +119,9 @@ def _face_pictures(name: str, face: FaceResult) -> list[PagePicture]:
 
 def verification_pictures(results: Results) -> list[list[PagePicture]]:
     """Light of the design, of the part, and their difference, for each receiver."""
-    proof, found = results.find(Proof), list[list[PagePicture]]()
+    proof, rows = results.find(Proof), list[list[PagePicture]]()
     if proof is None:
-        return found
+        return rows
     for index, receiver in enumerate(proof.receivers):
         chart, unit = receiver.chart, unit_of_light(results, far_field=receiver.far_field)
         design, part, on = receiver.design_irradiance, receiver.irradiance, suffix(proof.receivers, index)
@@ -129,14 +129,14 @@ def verification_pictures(results: Results) -> list[list[PagePicture]]:
         rays = f"{number(proof.rays)} rays cast through the exported mesh."
         noise = "Where the two agree, only the noise of the rays is left."
         draw, difference = light_figures.irradiance_map, light_figures.difference_map(part - design, chart, unit)
-        found.append(
+        rows.append(
             [
                 picture(numbered("design", index), draw(design, chart, top, unit=unit), f"Design{on}"),
                 picture(numbered("part", index), draw(part, chart, top, unit=unit), f"Exported part{on}", rays),
                 picture(numbered("part-minus-design", index), difference, f"Part minus design{on}", noise),
             ]
         )
-    return found
+    return rows
 
 
 def gap_pictures(results: Results) -> list[PagePicture]:
@@ -168,9 +168,9 @@ def _quantiles(receiver: ReceiverProof) -> dict[str, Float[np.ndarray, " q"]]:
 
 def stray_pictures(results: Results) -> list[list[PagePicture]]:
     """Flux budget with all reflections, stray light, and all light minus the design's model, for each receiver."""
-    stray, found = results.find(StrayLight), list[list[PagePicture]]()
+    stray, rows = results.find(StrayLight), list[list[PagePicture]]()
     if stray is None:
-        return found
+        return rows
     for index, receiver in enumerate(stray.receivers):
         chart, unit = receiver.chart, unit_of_light(results, far_field=receiver.far_field)
         scattered = light_figures.irradiance_map(receiver.stray, chart, top_of([receiver.stray]), unit=unit)
@@ -178,14 +178,14 @@ def stray_pictures(results: Results) -> list[list[PagePicture]]:
         budget, on = light_figures.waterfall(*stray_budget(receiver)), suffix(stray.receivers, index)
         scale = "No stray light lands on the receiver." if not receiver.stray.any() else "On its own scale."
         detected, less = "Green: detected in the window.", "Red: the design predicts too little."
-        found.append(
+        rows.append(
             [
                 picture(numbered("stray-budget", index), budget, f"Flux budget with all reflections{on}", detected),
                 picture(numbered("stray-light", index), scattered, f"Stray light on the receiver{on}", scale),
                 picture(numbered("unmodelled", index), change, f"All light minus the design's model{on}", less),
             ]
         )
-    return found
+    return rows
 
 
 def exported_files(results: Results) -> list[FileRow]:
@@ -197,7 +197,7 @@ def exported_files(results: Results) -> list[FileRow]:
 
 def folder_files(folder: Path, linked: bool) -> list[FileRow]:
     """Files in ``folder`` but report and hidden ones, ``linked`` or not. Raises :class:`InputError` if unreadable."""
-    found = []
+    rows = []
     for path in sorted(folder.iterdir()):
         if path.is_file() and path.name != REPORT_FILE and not path.name.startswith("."):
             try:
@@ -207,8 +207,8 @@ def folder_files(folder: Path, linked: bool) -> list[FileRow]:
             except OSError as error:
                 raise InputError(f"{path}: cannot be read ({error.strerror})") from None
             link = quote(path.name) if linked else ""
-            found.append(FileRow(path.name, length, digest, _purpose(path.name), link))
-    return found
+            rows.append(FileRow(path.name, length, digest, _purpose(path.name), link))
+    return rows
 
 
 def _purpose(name: str) -> str:
@@ -229,16 +229,16 @@ class MeasuredSection:
 
 def measured_sections(results: Results) -> list[MeasuredSection]:
     """Every measurement of the part; empty where there is none."""
-    found, photo = [], results.find(PhotoComparison)
+    sections, photo = [], results.find(PhotoComparison)
     if photo is not None:
         lit, labels = (photo.simulated, photo.measured), ("simulated", "photographed")
         lines = line_pictures(lambda name: f"photo-{name}", lit, photo.chart, RELATIVE, labels)
-        found.append(_section(results, photo, photo_pictures(photo), lines))
+        sections.append(_section(results, photo, photo_pictures(photo), lines))
     for surface in results.surfaces.values():
-        found.append(_section(results, surface, _surface_pictures(results, surface)))
+        sections.append(_section(results, surface, _surface_pictures(results, surface)))
     for made in results.corrections.values():
-        found.append(_section(results, made, correction_pictures(made)))
-    return found
+        sections.append(_section(results, made, correction_pictures(made)))
+    return sections
 
 
 def _section(

@@ -97,7 +97,7 @@ def _in_words(states: Mapping[str, State], results: Results) -> str:
     """Verdicts as sentences, the worst first: "Light fails. Files and cutting pass."; cutting may be "not required"."""
     sentences = []
     for state, (one, several) in _VERBS.items():
-        names = [name for name, found in states.items() if found == state]
+        names = [name for name, judged in states.items() if judged == state]
         allowed = names == ["cutting"] and state == "fail" and not results.spec.manufacture.required
         if names:
             verb = one if names in (["light"], ["cutting"]) else several
@@ -151,11 +151,11 @@ def stage_name(stem: str) -> str:
 
 def criterion_groups(results: Results, *, missed: bool = False) -> list[Group]:
     """The criteria of every stage that has run; ``missed``: only those that are not met."""
-    found: dict[str, list[Fact]] = {}
+    by_stem: dict[str, list[Fact]] = {}
     for stem, criterion in results.criteria():
         if not (missed and criterion.passed):
-            found.setdefault(stem, []).append(criterion.fact)
-    return [Group(stem, stage_name(stem), tuple(facts)) for stem, facts in found.items()]
+            by_stem.setdefault(stem, []).append(criterion.fact)
+    return [Group(stem, stage_name(stem), tuple(facts)) for stem, facts in by_stem.items()]
 
 
 def asked_facts(results: Results, possible: LimitBounds | None = None) -> list[Fact]:
@@ -189,11 +189,11 @@ def _selected(groups: list[Group], keys: tuple[str, ...]) -> list[Fact]:
 
 def times(results: Results) -> str | None:
     """Sentence on the seconds of each stage and of the whole command, where they ran; None without any."""
-    found = [(words, result.seconds) for kind, words in _TIMED if (result := results.find(kind)) is not None]
-    parts = [f"{words} {quantity(seconds, 's', digits=3)}" for words, seconds in found]
+    timed = [(words, result.seconds) for kind, words in _TIMED if (result := results.find(kind)) is not None]
+    parts = [f"{words} {quantity(seconds, 's', digits=3)}" for words, seconds in timed]
     if not parts or results.seconds is None:
         return f"Time: {', '.join(parts)}." if parts else None
-    beside = " (stages can run side by side)" if sum(seconds for _, seconds in found) > results.seconds else ""
+    beside = " (stages can run side by side)" if sum(seconds for _, seconds in timed) > results.seconds else ""
     whole = quantity(results.seconds, "s", digits=3)
     return f"Time: {', '.join(parts)}; the whole command, up to this page, {whole}{beside}."
 

@@ -94,8 +94,8 @@ def _facts(results: Results) -> dict[str, list[Group]]:
     """Groups of facts by the section of the page that shows them; light and size stand in the table at its head."""
 
     def of(*kinds: type[StageResult]) -> list[Group]:
-        found = (results.find(kind) for kind in kinds)
-        return [group for result in found if result is not None for group in results.facts(result)]
+        stages = (results.find(kind) for kind in kinds)
+        return [group for result in stages if result is not None for group in results.facts(result)]
 
     check, proof = results.find(Check), results.find(Proof)
     lit = [group for group in of(Light) if group.key != "limits"]
@@ -115,12 +115,12 @@ def _facts(results: Results) -> dict[str, list[Group]]:
 
 def _photometry_sentence(results: Results) -> str:
     """A sentence on rays and noise of the far field; empty without one."""
-    found = results.find(Photometry)
-    if found is None:
+    photometry = results.find(Photometry)
+    if photometry is None:
         return ""
-    basis = "per 1000 lm of the source, whose own are not known" if found.per_1000_lm else "are absolute"
-    noise = "" if found.node_error is None else f"; the table’s noise is {percent(found.node_error.rms)} rms"
-    return f"By {number(found.rays)} rays{noise}. Candela and lumens {basis}."
+    basis = "per 1000 lm of the source, whose own are not known" if photometry.per_1000_lm else "are absolute"
+    noise = "" if photometry.node_error is None else f"; the table’s noise is {percent(photometry.node_error.rms)} rms"
+    return f"By {number(photometry.rays)} rays{noise}. Candela and lumens {basis}."
 
 
 def _pictures(results: Results) -> dict[str, object]:
@@ -158,10 +158,10 @@ def _solid(views: SolidViews) -> dict[str, object]:
 
 
 def _versions() -> dict[str, str]:
-    found = {}
+    versions = {}
     for name in _PACKAGES:
         try:
-            found[name] = version(name)
+            versions[name] = version(name)
         except PackageNotFoundError:
             continue
-    return found
+    return versions

@@ -69,7 +69,7 @@ class ShownReceiver:
         return f"{self.light.name}, {self.light.place}" if self.several else ""
 
     def picture_name(self, name: str) -> str:
-        """Name of one of its pictures, unique on the page; that of the first receiver's is ``name`` itself."""
+        """Name of one of its pictures, unique on the page; pictures of the first receiver have ``name`` itself."""
         return numbered(name, self.index)
 
     def mask(self, pixels: int) -> Bool[np.ndarray, "h w"] | None:
@@ -226,7 +226,7 @@ def line_pictures(
     unit: LightUnit,
     labels: tuple[str, str] = ("target", "simulated"),
 ) -> list[PagePicture]:
-    """Cross-sections of two images; ``name``: makes that of a picture unique on the page."""
+    """Cross-sections of two images; ``name``: makes the name of a picture unique on the page."""
     draw = light_figures.line_comparison
     return [
         picture(name(f"line{index}"), draw(line, *images, chart, unit, labels), f"Along {words}")
@@ -249,23 +249,25 @@ def _flux(shown: ShownReceiver) -> list[PagePicture]:
 
 def photometry_pictures(results: Results) -> list[PagePicture]:
     """Polar and isocandela diagram, and of a lamp for an area or a road the light on the ground."""
-    found, section = results.find(Photometry), results.spec.photometry
-    if found is None:
+    photometry, section = results.find(Photometry), results.spec.photometry
+    if photometry is None:
         return []
-    polar, isocandela = study_figures.polar_diagram(found), study_figures.isocandela_diagram(found)
+    polar, isocandela = study_figures.polar_diagram(photometry), study_figures.isocandela_diagram(photometry)
     drawn = [
         picture("polar", polar, "Polar diagram", "Intensity (cd); gamma = 0 is the axis of the lens."),
         picture("isocandela", isocandela, "Isocandela", "C around, gamma outwards, as in the files."),
     ]
-    if found.road is not None:
-        ground = study_figures.ground_diagram(found, section.street_side_deg, section.lenses, section.pole_height_m)
+    if photometry.road is not None:
+        ground = study_figures.ground_diagram(
+            photometry, section.street_side_deg, section.lenses, section.pole_height_m
+        )
         caption = "One lamp at the centre; above the line is the street."
         drawn.append(picture("ground", ground, "On the ground", caption))
-    for index, judged in enumerate(found.roads):
-        view = study_figures.road_from_above(found, index, results.spec)
+    for index, judged in enumerate(photometry.roads):
+        view = study_figures.road_from_above(photometry, index, results.spec)
         drawn.append(picture(f"road-{index}", view, judged.name.capitalize(), _FROM_ABOVE))
         if results.spec.roads[index].by_luminance:
-            night = study_figures.road_by_night(found, index, results.spec)
+            night = study_figures.road_by_night(photometry, index, results.spec)
             drawn.append(picture(f"night-{index}", night, f"{judged.name.capitalize()} by night", _BY_NIGHT))
     return drawn
 
@@ -310,8 +312,8 @@ def other_results(results: Results) -> list[Group]:
 
 def _compared(results: Results) -> dict[str, Light]:
     """The lens's own light before every other; none where there is no other."""
-    found = (light for light in results.others.values() if isinstance(light, Light))
-    others = {OWN if light.conditions is None else light.conditions.name: light for light in found}
+    lights = (light for light in results.others.values() if isinstance(light, Light))
+    others = {OWN if light.conditions is None else light.conditions.name: light for light in lights}
     own = results.find(Light)
     if own is None or not (others or own.others):
         return others

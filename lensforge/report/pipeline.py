@@ -102,7 +102,7 @@ def build(
 
     ``schema``: of the STEP. ``extension_deg``: adds the optical faces untrimmed, extended by this angle beyond the rim.
     ``nodes``: spline nodes across each optical face, ``rings``: rings of the mesh; by default as many as their
-    tolerances need. ``date``: of the files, by default that of the spec. Raises :class:`InputError` for a lens whose
+    tolerances need. ``date``: of the files, by default the spec's. Raises :class:`InputError` for a lens whose
     surfaces enclose no body.
     """
     from lensforge.cad.part_export import build_part
@@ -120,7 +120,7 @@ def build(
 
 
 def check(part: Part | Lens) -> Check:
-    """Check whether ``part``, or that of a lens, can be cut: best-fit sphere, curvature, cutter, wall, draft."""
+    """Check whether ``part``, or the part of a lens, can be cut: best-fit sphere, curvature, cutter, wall, draft."""
     from lensforge.shop.check import check_lens, check_part
 
     return check_lens(part) if isinstance(part, Lens) else check_part(require(part, Part, "check"))
@@ -148,8 +148,8 @@ def photometry(
     rays, preset = count_of("rays", rays), preset_of(lens.accuracy)
     lumens, source = number_of("lumens", lumens), judging_source(lens.spec)
     with kernel_threads(count_of("threads", threads)):
-        found = measure_photometry(lens, source, preset, rays=rays, lumens=lumens, ies_version=version)
-    return found.model_copy(update={"conditions": photometry_conditions(lens, source, rays, lumens)})
+        measured = measure_photometry(lens, source, preset, rays=rays, lumens=lumens, ies_version=version)
+    return measured.model_copy(update={"conditions": photometry_conditions(lens, source, rays, lumens)})
 
 
 def handover(
@@ -162,7 +162,7 @@ def handover(
 ) -> "Handover":
     """Make the documents for the shop: drawing, verdicts, point tables, hashes; ``save(folder)`` writes them.
 
-    ``drawing``: words of its title block and notes, or a TOML file that has them; None: those of the spec.
+    ``drawing``: words of its title block and notes, or a TOML file that has them; None: the spec's.
     ``spacing_mm``: of the dense tables; None: as wide as an ``interpolation`` error of ``error_nm`` along the normal
     allows. Raises :class:`InputError` for too many points.
     """
@@ -297,8 +297,8 @@ def _side_by_side(here: RunFolder, heard: Listener, second: SecondProcess) -> No
     heard.begins(Check.stage)
     with heard.timed(Proof.stage):
         proof = verify_with(second, part, light)
-        found = here.write(checked.result())
-        heard.ended(Check.stage, found.seconds)
+        check_result = here.write(checked.result())
+        heard.ended(Check.stage, check_result.seconds)
         here.write(proof)
 
 
@@ -346,11 +346,11 @@ def sweep(
         variation: AnyVariation = sources_of(source, spec)
     else:
         variation = variation_of(field, values or (), tuple(scale))
-    found = []
+    designs = []
     for variant in variation.variants(spec):
         made = design(variant.spec, accuracy=accuracy, seed=seed, threads=threads, progress=progress)
-        found.append((variant, _run_in_memory(made, threads)))
-    return sweep_of(spec, variation, found)
+        designs.append((variant, _run_in_memory(made, threads)))
+    return sweep_of(spec, variation, designs)
 
 
 def _run_in_memory(made: Design, threads: int | None) -> Results:

@@ -155,8 +155,8 @@ class Results:
     @property
     def yield_facts(self) -> list[Group]:
         """Facts of the yield; empty where it has not been computed."""
-        found = self.find(Yield)
-        return [] if found is None else self.facts(found)
+        study = self.find(Yield)
+        return [] if study is None else self.facts(study)
 
     @property
     def missing(self) -> list[str]:
@@ -219,11 +219,11 @@ def unjudged_files(part: Part, proof: Proof | None) -> tuple[str, ...]:
 
 def own_stems(faces: Iterable[str]) -> dict[str, type[StageResult]]:
     """The class of each result under the own conditions of a lens with these ``faces``, by the stem of its file."""
-    names, found = tuple(faces), dict[str, type[StageResult]]()
+    names, kind_by_stem = tuple(faces), dict[str, type[StageResult]]()
     for kind in (*STAGES, *EXTRAS):
         of_faces = [f"{_OF_FACE[kind]}_{face}" for face in names] if kind in _OF_FACE else [kind.stage]
-        found |= dict.fromkeys(of_faces, kind)
-    return found
+        kind_by_stem |= dict.fromkeys(of_faces, kind)
+    return kind_by_stem
 
 
 def stem_of(result: StageResult) -> str:

@@ -61,21 +61,21 @@ class Stored:
 
     def results(self, doubt: Callable[[str, StageResult], str] = lambda _stem, _result: "") -> Results:
         """The results of this lens, of a part and light that count; ``doubt``: a reason why one does not, or empty."""
-        found: dict[str, StageResult] = {}
+        accepted: dict[str, StageResult] = {}
         others: dict[str, SimulatedResult] = {}
         outdated = {stem: str(error) for stem, error in self.unreadable.items()}
         stems = list(own_stems(self.lens.surfaces))  # each after those that it is made from
         for stem in sorted(self.records, key=lambda stem: (stems.index(stem) if stem in stems else len(stems), stem)):
             result, own = self.records[stem], stem in stems
-            why = _mismatch(result, self.lens, found, outdated) or _foreign_conditions(result, stem, own)
+            why = _mismatch(result, self.lens, accepted, outdated) or _foreign_conditions(result, stem, own)
             why = why or doubt(stem, result)
             if why:
                 outdated[stem] = f"{why}; {type(result).again()}"
             elif own:
-                found[stem] = result
+                accepted[stem] = result
             elif isinstance(result, SimulatedResult):
                 others[stem] = result
-        return Results(self.lens, found, outdated, others)
+        return Results(self.lens, accepted, outdated, others)
 
 
 def load_results(folder: Path) -> Results:
@@ -113,14 +113,14 @@ def _foreign_conditions(result: StageResult, stem: str, own: bool) -> str:
     return "" if stem_of(result) == stem else f"it belongs into {stem_of(result)}.json"
 
 
-def _mismatch(result: StageResult, lens: Lens, found: Mapping[str, StageResult], outdated: Mapping[str, str]) -> str:
+def _mismatch(result: StageResult, lens: Lens, accepted: Mapping[str, StageResult], outdated: Mapping[str, str]) -> str:
     """The reason why ``result`` belongs to another lens, part or light; empty where it does not."""
     for name in result.made_from:
-        if name in found and found[name].sha256 != result.inputs[name]:
+        if name in accepted and accepted[name].sha256 != result.inputs[name]:
             return f"it was made from another {name}"
         if name == "lens" and lens.sha256 != result.inputs[name]:
             return "it was made from another lens"
-        if name in ("export", "evaluate") and name not in found:
+        if name in ("export", "evaluate") and name not in accepted:
             return f"the {name} that it was made from {'does not count' if name in outdated else 'is missing'}"
     return ""
 

@@ -172,9 +172,9 @@ class Sweep(StageResult):
 
     def curve(self, metric: SweptMetric) -> tuple[list[float | str], list[float], list[float]]:
         """Values of the varied field, ``metric``, and its standard error or 0, of the designs that have it."""
-        found = [(row.value, measured) for row in self.designs if (measured := getattr(row, metric)) is not None]
-        errors = [measured.standard_error or 0.0 for _, measured in found]
-        return [value for value, _ in found], [measured.value for _, measured in found], errors
+        points = [(row.value, measured) for row in self.designs if (measured := getattr(row, metric)) is not None]
+        errors = [measured.standard_error or 0.0 for _, measured in points]
+        return [value for value, _ in points], [measured.value for _, measured in points], errors
 
     def plot(self, axes: "Axes | None" = None, *, metric: SweptMetric = "nmse") -> "Axes":
         """Plot ``metric``, with standard errors. Raises :class:`InputError` for an unknown one."""
@@ -204,20 +204,20 @@ def _metric(name: str, metric: Metric | None) -> Fact:
     return Fact.share(name, METRICS[name], metric) if name in shares else Fact.measured(name, METRICS[name], metric)
 
 
-def sweep_of(spec: Spec, variation: AnyVariation, found: Sequence[tuple[Variant, Results]]) -> Sweep:
+def sweep_of(spec: Spec, variation: AnyVariation, finished: Sequence[tuple[Variant, Results]]) -> Sweep:
     """The sweep of finished designs: variants of ``spec`` with their results, at least one of them."""
-    lens = found[0][1].lens
+    lens = finished[0][1].lens
     if isinstance(variation, Variation):
-        found = sorted(found, key=lambda pair: pair[0].value)
+        finished = sorted(finished, key=lambda pair: pair[0].value)
     return Sweep(
-        inputs={variant.spec.name: results.lens.sha256 for variant, results in found},
+        inputs={variant.spec.name: results.lens.sha256 for variant, results in finished},
         spec=spec,
         spec_sha256=section_sha256(spec),
         vary=variation.field,
         scale=variation.scaled,
         accuracy=lens.accuracy,
         seed=lens.seed,
-        designs=tuple(_row(variant, results) for variant, results in found),
+        designs=tuple(_row(variant, results) for variant, results in finished),
     )
 
 

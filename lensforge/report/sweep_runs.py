@@ -107,8 +107,8 @@ def run_sweep(
             made = _one_by_one(wanted, directory, run_design, resume, tell)
         else:
             options = {**further, "accuracy": accuracy, "seed": seed}
-            found = runs_on_workers([variant.spec for variant in wanted], options, scheduler)
-            made = _written(wanted, directory, found, tell)
+            answers = runs_on_workers([variant.spec for variant in wanted], options, scheduler)
+            made = _written(wanted, directory, answers, tell)
         return _joined(spec, variation, made, directory, sweep)
 
 
@@ -140,11 +140,11 @@ def _one_by_one(
 def _written(
     wanted: Sequence[Variant],
     directory: Path,
-    found: Iterator[tuple[int, Files | str]],
+    answers: Iterator[tuple[int, Files | str]],
     tell: Callable[[int, Variant], None],
 ) -> Iterator[Made]:
     """Write the folder of each design as it comes from the workers of a cluster."""
-    for done, (number, files) in enumerate(found, start=1):
+    for done, (number, files) in enumerate(answers, start=1):
         if not isinstance(files, str):
             write_run(files, directory / wanted[number].spec.name)
         tell(done, wanted[number])
@@ -185,7 +185,7 @@ def _finished(directory: Path, spec: Spec, variation: AnyVariation, accuracy: Ac
     if not path.exists():
         return None
     sweep = Sweep.read(directory)
-    for words, found, wanted in (
+    for words, stored, wanted in (
         ("spec, or file that it names", sweep.spec_sha256, section_sha256(spec)),
         ("field", sweep.vary, variation.field),
         ("scaled fields", sweep.scale, variation.scaled),
@@ -193,7 +193,7 @@ def _finished(directory: Path, spec: Spec, variation: AnyVariation, accuracy: Ac
         ("seed", sweep.seed, seed),
         ("version of lensforge", sweep.version, __version__),
     ):
-        if found != wanted:
+        if stored != wanted:
             raise InputError(f"{path}: a sweep with another {words}; start again without resume")
     leds = {led.name: led.source for led in variation.sources} if isinstance(variation, SourceVariation) else {}
     for row in sweep.designs:

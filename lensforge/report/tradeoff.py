@@ -18,8 +18,7 @@ class TradeoffRow(Record):
 
     ``search``: the lens at the end of a stage of one search, with its ``functions`` a surface and gradient ``steps``.
     ``rays``: an evaluation with so many rays. ``presets``: the evaluation of an accuracy preset, with at most the rays
-    asked for; ``design_tables_nmse`` and ``tables_nmse``: error of the irradiance by the tables of its search and of
-    its evaluation, as NMSE against the exact surfaces, without noise.
+    asked for.
     ``seconds``: of the search so far, or of the evaluation. ``nmse``, ``efficiency``: noise taken off, with standard
     errors. ``noise_nmse``: what the noise of the rays adds to the NMSE of the picture.
     """
@@ -33,8 +32,6 @@ class TradeoffRow(Record):
     noise_nmse: NotNegative | None = None
     functions: Count | None = None
     steps: Count | None = None
-    design_tables_nmse: Metric | None = None
-    tables_nmse: Metric | None = None
 
     @property
     def facts(self) -> Group:
@@ -45,8 +42,6 @@ class TradeoffRow(Record):
             Fact.measured("nmse", "NMSE", self.nmse),
             Fact.share("efficiency", "Efficiency", self.efficiency),
             Fact("noise", "Ray noise, NMSE", self.noise_nmse, digits=2),
-            Fact.measured("design_tables", "Tables of the search, NMSE", self.design_tables_nmse),
-            Fact.measured("tables", "Tables of the evaluation, NMSE", self.tables_nmse),
             Fact("steps", "Steps", self.steps),
         )
         return Group(self.setting, self.setting, tuple(fact for fact in facts if fact.value is not None))

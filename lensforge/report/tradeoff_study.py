@@ -8,7 +8,7 @@ import torch
 from matplotlib.figure import Figure
 
 from lensforge.errors import InputError
-from lensforge.light.evaluation import evaluate_traced, measure_preset
+from lensforge.light.evaluation import evaluate_traced
 from lensforge.light.evaluation_result import Light
 from lensforge.light.lens_light import source_of
 from lensforge.light.simulation import TracedLens
@@ -65,7 +65,7 @@ def run_tradeoff(
 
 
 def _lens_in(directory: Path, spec: Spec, source: Source) -> Lens:
-    """The lens in ``directory``. Raises :class:`InputError` where it is that of another scene."""
+    """The lens in ``directory``. Raises :class:`InputError` where it was designed for another scene."""
     path, results = directory / LENS_FILE, RunFolder(directory).run
     require_same_scene(results.lens, spec, source, str(path))
     made = results.find(Design)
@@ -109,14 +109,7 @@ def _preset_row(name: Accuracy, preset: Preset, lens: Lens, source: Source, most
     started = time.perf_counter()
     traced = TracedLens.of(lens, preset.evaluate_nodes_per_sigma)
     light = evaluate_traced(traced, lens.spec, source, min(preset.evaluate_rays, most_rays), lens.seed)
-    seconds = time.perf_counter() - started
-    tables = measure_preset(lens, source, TracedLens.of(lens, preset.nodes_per_sigma), traced)
-    added = {
-        "seconds": seconds,
-        "design_tables_nmse": tables.design.irradiance_nmse,
-        "tables_nmse": tables.evaluation.irradiance_nmse,
-    }
-    return _row("presets", name, light).model_copy(update=added)
+    return _row("presets", name, light).model_copy(update={"seconds": time.perf_counter() - started})
 
 
 def search_rows(spec: Spec, source: Source, rays: int, accuracy: Accuracy = _SEARCH) -> list[TradeoffRow]:

@@ -65,14 +65,14 @@ class SourceVariation:
 
     def variants(self, base: Spec) -> list[Variant]:
         """The designs, in the order of the sources. Raises :class:`InputError` for a source the spec cannot have."""
-        found = []
+        designs = []
         for led in self.sources:
             with remedy(f"the LED is {led.name}"):
                 changed = base.replace(source=led.source, sources=(), name=joined_name(base.name, led.name))
-            found.append(Variant(led.name, {}, changed))
+            designs.append(Variant(led.name, {}, changed))
         if {led.name for led in base.sources} == {led.name for led in self.sources}:
-            found.append(Variant(ONE_FOR_ALL, {}, base.replace(name=joined_name(base.name, ONE_FOR_ALL))))
-        return found
+            designs.append(Variant(ONE_FOR_ALL, {}, base.replace(name=joined_name(base.name, ONE_FOR_ALL))))
+        return designs
 
 
 AnyVariation = Variation | SourceVariation
@@ -85,15 +85,15 @@ def sources_of(given: Sequence[NamedSource | SourceSpec | Path | str], base: Spe
     """
     if isinstance(given, str | Path) or not isinstance(given, Sequence):
         raise InputError(f"source = {str(given)[:60]!r}: a list of sources, named or not, and of files")
-    found: list[NamedSource] = []
-    for number, each in enumerate(given, start=1):
-        if isinstance(each, Path | str):
-            found.extend(read_sources([each], base.source))
-        elif isinstance(each, NamedSource):
-            found.append(each)
+    sources: list[NamedSource] = []
+    for number, led in enumerate(given, start=1):
+        if isinstance(led, Path | str):
+            sources.extend(read_sources([led], base.source))
+        elif isinstance(led, NamedSource):
+            sources.append(led)
         else:
-            found.append(NamedSource(name=f"source_{number}", source=each))
-    return SourceVariation(require_told_apart(found))
+            sources.append(NamedSource(name=f"source_{number}", source=led))
+    return SourceVariation(require_told_apart(sources))
 
 
 def variation_of(field: object, values: Sequence[float], scaled: Sequence[str] = ()) -> Variation:
@@ -130,17 +130,17 @@ def variant_name(name: str, value: float) -> str:
 
 def _value(spec: Spec, field: str) -> object:
     """Value of ``field`` in ``spec``. Raises :class:`InputError` where there is no such field."""
-    found: object = spec
+    value: object = spec
     for part in field.split("."):
-        if isinstance(found, tuple) and part in map(str, range(len(found))):
-            found = found[int(part)]
+        if isinstance(value, tuple) and part in map(str, range(len(value))):
+            value = value[int(part)]
             continue
-        known = type(found).model_fields if isinstance(found, Section) else {}
+        known = type(value).model_fields if isinstance(value, Section) else {}
         if part not in known:
             there = ", ".join(sorted(known)) or "none within it"
             raise InputError(f"{field}: no such field in this spec; there are: {there}")
-        found = getattr(found, part)
-    return found
+        value = getattr(value, part)
+    return value
 
 
 def _number(spec: Spec, field: str) -> float:

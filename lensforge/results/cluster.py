@@ -139,9 +139,9 @@ def connected(scheduler: str) -> Iterator[Cluster]:
 
 def require_scheduler(scheduler: object) -> int:
     """Number of processes of ``local:N``, 0 for an address. Raises :class:`InputError` for anything else."""
-    found = re.fullmatch(r"local:(\d{1,4})", scheduler) if isinstance(scheduler, str) else None
-    if found is not None and 1 <= int(found[1]) <= _MOST_WORKERS:
-        return int(found[1])
+    local = re.fullmatch(r"local:(\d{1,4})", scheduler) if isinstance(scheduler, str) else None
+    if local is not None and 1 <= int(local[1]) <= _MOST_WORKERS:
+        return int(local[1])
     if isinstance(scheduler, str) and re.fullmatch(r"(tcp|tls|ws|wss)://\S+:\d{1,5}", scheduler):
         return 0
     raise InputError(

@@ -114,7 +114,7 @@ class Criterion(Judged):
 
     @property
     def words(self) -> str:
-        """Words for its name, which begins with that of its face, or of its receiver where that is a further one."""
+        """Words for its name, which begins with its face, or with its receiver where that is not the first."""
         receiver, colon, short = self.name.rpartition(": ")
         face, _, of_face = short.partition(" ")
         if of_face in _OF_FACE:
@@ -178,10 +178,10 @@ def state_of(criteria: Iterable[Criterion], *names: str) -> Literal["pass", "fai
 
 def kept(criteria: Iterable[Criterion], name: str) -> Kept:
     """Limit and state of the criterion called ``name``, for the fact on the same value; empty where there is none."""
-    found = next((criterion for criterion in criteria if criterion.name == name), None)
-    if found is None:
+    judged = next((criterion for criterion in criteria if criterion.name == name), None)
+    if judged is None:
         return {}
-    return {"limit": Bound(found.sense, found.limit), "state": "pass" if found.passed else "fail"}
+    return {"limit": Bound(judged.sense, judged.limit), "state": "pass" if judged.passed else "fail"}
 
 
 def require(criteria: Iterable[Criterion]) -> None:

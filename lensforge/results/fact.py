@@ -125,7 +125,7 @@ class Fact:
 class Group:
     """Facts under a title: a block of a screen, a table of a page, or one row of a table whose columns are labels.
 
-    ``key``: name by which it is selected. ``note``: beside the title. ``state``: of all of them, where that is judged.
+    ``key``: name by which it is selected. ``note``: beside the title. ``state``: of all of them, where they are judged.
     """
 
     key: str

@@ -141,7 +141,7 @@ def add_colour_bar(
 
 
 def to_svg(figure: Figure, name: str, description: str) -> str:
-    """``figure`` as an SVG element for HTML. ``name`` keeps its ids apart from those of other figures."""
+    """``figure`` as an SVG element for HTML. ``name`` keeps its ids apart from the ids of other figures."""
     buffer = io.StringIO()
     with mpl.rc_context({**_STYLE, "svg.hashsalt": name}):
         figure.savefig(buffer, format="svg", transparent=True, metadata=dict.fromkeys(_METADATA))

@@ -79,7 +79,7 @@ def stl_corners(
 def _of_text(content: bytes, most_triangles: int | None, origin: str, remedy: str) -> Float[np.ndarray, "t 3 3"]:
     count = content.count(b"endfacet")
     _require_count(count, None if most_triangles is None else MOST_TEXT_TRIANGLES, origin, remedy)
-    words = (word for found in _VERTEX.finditer(content) for word in found.groups())
+    words = (word for vertex in _VERTEX.finditer(content) for word in vertex.groups())
     try:
         numbers = np.fromiter((float(word) for word in words), dtype=np.float64)
     except ValueError as error:

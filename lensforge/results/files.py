@@ -143,16 +143,16 @@ def read_file(path: Path | str, *, missing: str, most_bytes: int) -> bytes:
 def require_regular_file(path: Path | str, *, missing: str, most_bytes: int | None = None) -> None:
     """Raise :class:`InputError` as :func:`read_file` does, for readers that need a path."""
     try:
-        found = Path(path).stat()
+        status = Path(path).stat()
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; {missing}") from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the path
         reason = error.strerror if isinstance(error, OSError) else error
         raise InputError(f"{str(path)[:_SHOWN]!r}: cannot be read ({reason}); {missing}") from None
-    if not stat.S_ISREG(found.st_mode):
-        raise InputError(f"{path}: {_kind_of(found.st_mode)}, must be a file; {missing}")
-    if most_bytes is not None and found.st_size > most_bytes:
-        size, most = found.st_size / MIB, most_bytes / MIB
+    if not stat.S_ISREG(status.st_mode):
+        raise InputError(f"{path}: {_kind_of(status.st_mode)}, must be a file; {missing}")
+    if most_bytes is not None and status.st_size > most_bytes:
+        size, most = status.st_size / MIB, most_bytes / MIB
         raise InputError(f"{path}: {size:.0f} MiB, must be at most {most:g} MiB; is it the right file?")
 
 

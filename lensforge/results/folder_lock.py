@@ -97,8 +97,8 @@ def _held(folder: Path) -> Iterator[None]:
 def _require_own_file(path: Path) -> None:
     """Raise :class:`InputError` for a link, a pipe or a folder in the place of the lock: text is written into it."""
     with suppress(OSError):
-        found = path.lstat()
-        if not stat.S_ISREG(found.st_mode) or found.st_nlink > 1:
+        status = path.lstat()
+        if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
             raise InputError(f"{path}: no file of its own, so it cannot be a lock; delete it")
 
 

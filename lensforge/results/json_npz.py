@@ -37,10 +37,10 @@ def arrays_in(content: bytes, names: Collection[str] | None, most_bytes: int) ->
             if unpacked > most_bytes:
                 raise ValueError(f"{unpacked} bytes unpacked, at most {most_bytes} are read")
             with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
-                found = {name: arrays[name] for name in arrays.files if names is None or name in names}
+                chosen = {name: arrays[name] for name in arrays.files if names is None or name in names}
     except Exception as error:  # whatever zipfile, zlib and NumPy's parser of a header raise, the file is damaged
         raise ValueError(" ".join((str(error) or type(error).__name__).split())[:_MOST_CHARACTERS]) from None
-    for name, array in found.items():
+    for name, array in chosen.items():
         if not isinstance(array, np.ndarray) or array.dtype.kind not in "biuf" or array.dtype.itemsize > 8:
             raise ValueError(f"array {name[:40]!r} must be numbers of 8 bytes at most")
-    return found
+    return chosen

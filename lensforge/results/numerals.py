@@ -13,34 +13,23 @@ _THIN_SPACE, _MINUS = "\u2009", "\u2212"
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _LARGEST_PLAIN, _MOST_DECIMALS = 1e6, 7  # beyond them a number is written with an exponent
 
-# The longest suffix first: `_per_mm` ends in `_mm` too, `_lm_per_w` in `_w`.
-_SUFFIXES = (
-    ("_lm_per_w", "lm/W"),
-    ("_per_mm", "1/mm"),
-    ("_seconds", "s"),
-    ("_pixel2", "pixel²"),
-    ("_mrad", "mrad"),
-    ("_w_m2", "W/m²"),
-    ("_mm3", "mm³"),
-    ("_mm2", "mm²"),
-    ("_rad", "rad"),
-    ("_deg", "°"),
-    ("_mm", "mm"),
-    ("_um", "µm"),
-    ("_nm", "nm"),
-    ("_lm", "lm"),
-    ("_cd", "cd"),
-    ("_px", "pixel"),
-    ("_w", "W"),
-)
+# Units by the end of a name, the longest end first: `_per_mm` ends in `_mm` too, `_lm_per_w` in `_w`.
+_SUFFIXES = {
+    "_cd_per_m2": "cd/m²", "_lm_per_w": "lm/W", "_w_per_m2": "W/m²", "_w_per_sr": "W/sr", "_g_per_cm3": "g/cm³",
+    "_per_mm": "1/mm", "_per_k": "1/K", "temperature_c": "°C", "_percent": "%", "_seconds": "s", "_pixel2": "pixel²",
+    "_mrad": "mrad", "_urad": "µrad", "_w_m2": "W/m²", "_mm3": "mm³", "_mm2": "mm²", "_rad": "rad", "_deg": "°",
+    "_mm": "mm", "_um": "µm", "_nm": "nm", "_lm": "lm", "_lx": "lx", "_cd": "cd", "_px": "pixel", "_m": "m", "_w": "W",
+}  # fmt: skip
 _WHOLE_NAMES = {
     "seconds": "s",
+    "hours": "h",
     "bytes": "B",
     "filter_variance": "pixel²",
     "rate": "1/s",
     "lumens": "lm",
     "watts": "W",
     "lumens_per_watt": "lm/W",
+    "uniformity_lx": "",  # of illuminance: a ratio
 }
 _PURE_NUMBERS = ("fraction", "share", "count", "nmse", "efficiency")
 
@@ -119,24 +108,20 @@ def unit_of(names: Sequence[str]) -> str:
     ``draft_deg.area_fraction`` is a pure number.
     """
     for name in reversed(names):
-        unit = _stated(name)
-        if unit is not None:
+        if (unit := unit_in(name)) or any(word in name for word in _PURE_NUMBERS):
             return unit
     return ""
 
 
+def unit_in(name: str) -> str:
+    """The unit that the name of one field says; ``""`` where it says none."""
+    by_end = next((unit for end, unit in _SUFFIXES.items() if name.endswith(end)), "")
+    return _WHOLE_NAMES.get(name, by_end)
+
+
 def unit_suffix(unit: str) -> str:
     """The end of a field's name that says ``unit``; empty for a pure number."""
-    return next((suffix for suffix, each in _SUFFIXES if each == unit), "")
-
-
-def _stated(name: str) -> str | None:
-    if name in _WHOLE_NAMES:
-        return _WHOLE_NAMES[name]
-    for suffix, unit in _SUFFIXES:
-        if name.endswith(suffix):
-            return unit
-    return "" if any(word in name for word in _PURE_NUMBERS) else None
+    return next((suffix for suffix, each in _SUFFIXES.items() if each == unit), "")
 
 
 def _typeset(text: str) -> str:

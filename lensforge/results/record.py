@@ -182,11 +182,11 @@ else:
 
 def marker(field: FieldInfo, kind: type[_Mark]) -> _Mark | None:
     """The annotation of class ``kind`` on a field, also where the field may be None."""
-    found = [each for each in field.metadata if isinstance(each, kind)]
+    marks = [each for each in field.metadata if isinstance(each, kind)]
     for part in get_args(field.annotation):
         if get_origin(part) is Annotated:
-            found += [each for each in get_args(part)[1:] if isinstance(each, kind)]
-    return found[0] if found else None
+            marks += [each for each in get_args(part)[1:] if isinstance(each, kind)]
+    return marks[0] if marks else None
 
 
 def values_of(record: Record) -> dict[str, object]:
@@ -222,12 +222,12 @@ def put_arrays(content: dict[str, object], arrays: Mapping[str, np.ndarray]) -> 
 def excluded_arrays(record: Record) -> dict[str, IncEx | bool]:
     """The arrays of a record, as pydantic takes fields to leave out of a dump."""
     fields = type(record).model_fields.items()
-    found: dict[str, IncEx | bool] = {name: True for name, info in fields if marker(info, Array) is not None}
+    excluded: dict[str, IncEx | bool] = {name: True for name, info in fields if marker(info, Array) is not None}
     for name, value in values_of(record).items():
         entry = value[0] if isinstance(value, tuple) and value else value  # the entries of a list are of one class
         if isinstance(entry, Record) and (nested := excluded_arrays(entry)):
-            found[name] = nested if entry is value else {"__all__": nested}
-    return found
+            excluded[name] = nested if entry is value else {"__all__": nested}
+    return excluded
 
 
 def _flat(value: Any, prefix: str) -> Iterator[tuple[str, Scalar]]:

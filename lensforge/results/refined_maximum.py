@@ -44,11 +44,11 @@ def refined_maximum(
     places, highest = samples[best], known[best]
     for _ in range(rounds):
         window = within(places[:, None] + reach * NODES)
-        found = figure(window.reshape(-1, 2)).reshape(len(places), -1)
-        found = np.where(np.isnan(found), -np.inf, found)
-        top = np.argmax(found, axis=1)
+        heights = figure(window.reshape(-1, 2)).reshape(len(places), -1)
+        heights = np.where(np.isnan(heights), -np.inf, heights)
+        top = np.argmax(heights, axis=1)
         rows = np.arange(len(places))
-        higher = found[rows, top]
+        higher = heights[rows, top]
         places = np.where((higher > highest)[:, None], window[rows, top], places)
         highest = np.maximum(highest, higher)
         reach /= 2.0

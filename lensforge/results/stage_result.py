@@ -88,12 +88,12 @@ def without_schema(content: object, schema: str, path: Path, remedy: str) -> dic
 
 
 def _require_schema(content: Mapping[str, object], schema: str, path: Path, remedy: str) -> None:
-    found = content.get("schema")
-    if found == schema:
+    stated = content.get("schema")
+    if stated == schema:
         return
-    what = "written before version 0.2.0" if found is None else f"schema = {json.dumps(found)[:60]}"
-    of_this_kind = isinstance(found, str) and re.fullmatch(re.escape(schema.rstrip("0123456789")) + r"\d+", found)
-    kind = OutdatedResult if found is None or of_this_kind else InputError
+    what = "written before version 0.2.0" if stated is None else f"schema = {json.dumps(stated)[:60]}"
+    of_this_kind = isinstance(stated, str) and re.fullmatch(re.escape(schema.rstrip("0123456789")) + r"\d+", stated)
+    kind = OutdatedResult if stated is None or of_this_kind else InputError
     raise kind(f"{path}: {what}, must be {schema!r}; {remedy}")
 
 
@@ -311,10 +311,10 @@ class Conditions(Record):
     @classmethod
     def of(cls, source_name: str = "", **differing: Any) -> "Conditions | None":
         """Conditions by those ``differing`` from the lens's own, None where none does; ``source_name``: in the name."""
-        found = {key: value for key, value in differing.items() if value is not None}
-        if not found:
+        given = {key: value for key, value in differing.items() if value is not None}
+        if not given:
             return None
-        unnamed = cls(name="other", **found)
+        unnamed = cls(name="other", **given)
         source = [_in_a_name(source_name)] if unnamed.source is not None else []
         return unnamed.renamed("_".join([*source, *(text for _, text in unnamed._short())]))
 

@@ -21,14 +21,14 @@ def input_error(error: ValidationError, origin: str, *, remedy: str = "", unions
     ``unions``: fields that hold one of several records by ``kind``; pydantic adds the kind to the path of a field.
     """
     errors = error.errors(include_url=False)
-    found = [each for each in errors if each["type"] != "too_short"] or errors  # a list whose only entry is wrong
-    first = found[0]
+    causes = [each for each in errors if each["type"] != "too_short"] or errors  # a list whose only entry is wrong
+    first = causes[0]
     location = first["loc"]
     before = zip((None, None, *location), (None, *location), location, strict=False)
     field = ".".join(str(part) for two, one, part in before if not _is_kind(two, one, part, unions))
     field = shortened(field)
     message = shortened(" ".join(first["msg"].removeprefix("Value error, ").split()), _MOST_OF_MESSAGE)
-    more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+    more = f" (and {len(causes) - 1} more)" if len(causes) > 1 else ""
     parts = [
         part for part in (origin, f"{field}{given_words(first['input'])}" if field else "", f"{message}{more}") if part
     ]

@@ -35,8 +35,8 @@ def judge(value: float | None, sense: Sense, limit: float | None, error: float |
 
 def worst(states: Iterable[State]) -> State:
     """The state of several together: a failure outweighs a doubt."""
-    found = set(states)
-    return "fail" if "fail" in found else "undecided" if "undecided" in found else "pass"
+    present = set(states)
+    return "fail" if "fail" in present else "undecided" if "undecided" in present else "pass"
 
 
 class Reasons(Record):

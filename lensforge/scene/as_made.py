@@ -107,9 +107,9 @@ def rough_part(rough: Rough | None, part: slice) -> Rough | None:
 @lru_cache(maxsize=2)
 def _noise(rays: int, faces: int) -> Float[np.ndarray, "n m"]:
     """Standard normal numbers of each ray at every face, (x, y, z) each."""
-    found = np.random.default_rng(_NOISE_SEED).standard_normal((rays, 3 * faces))
-    found.flags.writeable = False
-    return found
+    noise = np.random.default_rng(_NOISE_SEED).standard_normal((rays, 3 * faces))
+    noise.flags.writeable = False
+    return noise
 
 
 def through_frame(

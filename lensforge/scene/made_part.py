@@ -197,17 +197,17 @@ class PartMaker:
         """Prepare the form errors of the faces of a finished lens."""
         return PartMaker.of(lens.spec, lens.surfaces, grid, factors)
 
-    def part(self, found: Deviations) -> MadePart:
+    def part(self, deviations: Deviations) -> MadePart:
         """The part with these deviations."""
 
         def one(name: str) -> float:
-            return float(found[name][0]) if name in found else 0.0
+            return float(deviations[name][0]) if name in deviations else 0.0
 
         def placed(of: str, height: str, centre: tuple[float, float, float] = _ORIGIN) -> Displacement:
             if height in self.errors:  # it is out of place by its table
                 return Displacement()
-            x, y = found.get(f"{of}_shift_mm", _NONE).tolist()
-            about_x, about_y = found.get(f"{of}_tilt_deg", _NONE).tolist()
+            x, y = deviations.get(f"{of}_shift_mm", _NONE).tolist()
+            about_x, about_y = deviations.get(f"{of}_tilt_deg", _NONE).tolist()
             return Displacement((x, y, one(height)), (about_x, about_y), centre)
 
         made = AsMade(
@@ -218,24 +218,24 @@ class PartMaker:
             source_size=1.0 + one("source_size"),
             scale=1.0 + one("shrinkage"),
             seat_mm=self.seat_mm,
-            slopes={name: self._slope(name, found) for name in self.names},
+            slopes={name: self._slope(name, deviations) for name in self.names},
         )
-        errors = {name: error for name in self.names if (error := self._error(name, found)) is not None}
+        errors = {name: error for name in self.names if (error := self._error(name, deviations)) is not None}
         return MadePart(errors, made, one("index"), 1.0 + one("source_flux"))
 
-    def _slope(self, face: str, found: Deviations) -> float:
+    def _slope(self, face: str, deviations: Deviations) -> float:
         """Rms slope of a face along any line: its roughness, and what of its errors is too fine for the tables."""
-        squared = float(found[f"{face}_roughness_mrad"][0]) ** 2 if f"{face}_roughness_mrad" in found else 0.0
+        squared = float(deviations[f"{face}_roughness_mrad"][0]) ** 2 if f"{face}_roughness_mrad" in deviations else 0.0
         for name in (f"{face}_waviness_um", f"{face}_ripple_um"):
-            if name in self.errors and name in found:
+            if name in self.errors and name in deviations:
                 # the numbers of a field are standard normal: their mean square times that of the amount
-                squared += float(np.mean(found[name] ** 2)) * self.errors[name].slope ** 2
+                squared += float(np.mean(deviations[name] ** 2)) * self.errors[name].slope ** 2
         return float(np.sqrt(squared))
 
-    def _error(self, face: str, found: Deviations) -> Float[np.ndarray, "side side"] | None:
+    def _error(self, face: str, deviations: Deviations) -> Float[np.ndarray, "side side"] | None:
         total = None
         for name in (factor_name(face, kind) for kind in _IN_CHAINS):
-            if name in self.errors and name in found and len(self.errors[name].tables):
-                error = np.tensordot(found[name], self.errors[name].tables, axes=1)
+            if name in self.errors and name in deviations and len(self.errors[name].tables):
+                error = np.tensordot(deviations[name], self.errors[name].tables, axes=1)
                 total = error if total is None else total + error
         return total

@@ -101,19 +101,21 @@ def read_table(path: Path) -> Float[np.ndarray, "h w"]:
     if values.ndim != 2 or values.size == 0:
         raise InputError(f"{path}: shape {values.shape}, must be a table of rows and columns")
     if not (values.min() >= 0.0 and 1.0 / LARGEST <= values.max() <= LARGEST):
-        found = f"{values.min():.4g} to {values.max():.4g}"
-        raise InputError(f"{path}: {found}; must be 0 or above, and its largest from {1.0 / LARGEST:g} to {LARGEST:g}")
+        extremes = f"{values.min():.4g} to {values.max():.4g}"
+        raise InputError(
+            f"{path}: {extremes}; must be 0 or above, and its largest from {1.0 / LARGEST:g} to {LARGEST:g}"
+        )
     return values
 
 
 def _from_npz(content: bytes, path: Path) -> np.ndarray:
     try:
-        found = arrays_in(content, None, 4 * _MOST_BYTES)
+        arrays = arrays_in(content, None, 4 * _MOST_BYTES)
     except ValueError as error:
         raise InputError(f"{path}: {error}; save it again with numpy.savez") from None
-    if len(found) != 1:
-        raise InputError(f"{path}: holds {len(found)} arrays, must hold one; save it with numpy.savez(path, values)")
-    return next(iter(found.values())).astype(np.float64)
+    if len(arrays) != 1:
+        raise InputError(f"{path}: holds {len(arrays)} arrays, must hold one; save it with numpy.savez(path, values)")
+    return next(iter(arrays.values())).astype(np.float64)
 
 
 def _from_csv(content: bytes, path: Path) -> np.ndarray:
@@ -302,7 +304,7 @@ def uniform_region(
     targets: tuple[Target, ...], receiver: PosedReceiver, wider_by_pixels: float = 0.0
 ) -> Bool[np.ndarray, "h w"] | None:
     """Pixels whose centres lie in the region of uniform light of any of ``targets``; None where none has one."""
-    grid, found = receiver.grid, None
+    grid, region = receiver.grid, None
     for target in targets:
         sides = target.pair("uniform")
         if sides is None:
@@ -314,8 +316,8 @@ def uniform_region(
             side + wider_by_pixels * to_degrees * pixel for side, pixel in zip(sides, grid.pixel, strict=True)
         )
         inside = (np.abs(y) <= height / 2.0) & (np.abs(x) <= width / 2.0)
-        found = inside if found is None else found | inside
-    return found
+        region = inside if region is None else region | inside
+    return region
 
 
 def in_target(light: Float[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:

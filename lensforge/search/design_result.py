@@ -123,10 +123,9 @@ class Start(Record):
 class Design(StageResult):
     """A finished search.
 
-    ``forward_evaluations``: traces of a ray sample, one for each step. ``source_outline_mm``: a polygon around the
-    emitting area. ``max_radius_mm``, ``height_mm``: of the outer surface. ``ended``: why a search that chooses its
-    levels went no further. ``seconds``: of the search, set-up included. ``starts``: all searches of which this was the
-    best, where there were several.
+    ``source_outline_mm``: a polygon around the emitting area. ``max_radius_mm``, ``height_mm``: of the outer surface.
+    ``ended``: why a search that chooses its levels went no further. ``seconds``: of the search, set-up included.
+    ``starts``: all searches of which this was the best, where there were several.
     """
 
     stage: ClassVar[str] = "design"
@@ -134,7 +133,6 @@ class Design(StageResult):
 
     lens: Annotated[Lens, Given()]
     steps: Count
-    forward_evaluations: Count
     rays_per_step: Count
     seconds: NotNegative
     max_radius_mm: Positive

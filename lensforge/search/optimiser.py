@@ -366,7 +366,6 @@ def _design(
         inputs={"lens": lens.sha256, "spec": section_sha256(lens.spec), **input_hashes(lens.spec)},
         lens=lens,
         steps=state.steps_done,
-        forward_evaluations=state.steps_done,
         rays_per_step=rays_per_step,
         seconds=state.seconds,
         max_radius_mm=float((radius * across).max()),

@@ -73,8 +73,8 @@ def nearest_points(
     if len(parts) < 2:
         return tree.query(points)  # type: ignore[no-any-return]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        found = list(pool.map(tree.query, parts))
-    return np.concatenate([distance for distance, _ in found]), np.concatenate([index for _, index in found])
+        answers = list(pool.map(tree.query, parts))
+    return np.concatenate([distance for distance, _ in answers]), np.concatenate([index for _, index in answers])
 
 
 def reachable(ball_mm: Float[np.ndarray, " k"], cutter_radius_mm: float) -> Bool[np.ndarray, " k"]:

@@ -38,12 +38,12 @@ def face_title(name: str) -> str:
 def finding_groups(check: Check) -> list[Group]:
     """The findings by what they are on: can it be cut?"""
     named = {**{name: face_title(name) for name in check.faces}, BODY: "Wall"}
-    found = []
+    groups = []
     for surface, title in named.items():
         facts = tuple(_finding(each) for each in check.verdicts if each.surface == surface)
         if facts:
-            found.append(Group(f"findings_{surface}", f"Cutting, {title.lower()}", facts))
-    return found
+            groups.append(Group(f"findings_{surface}", f"Cutting, {title.lower()}", facts))
+    return groups
 
 
 def cutting_reasons(check: Check, spec: Spec) -> Iterator[Reason]:
@@ -91,7 +91,7 @@ def _face(name: str, face: FaceResult, check: Check, spec: Spec) -> Iterator[Fac
 
 
 def _ball(name: str, face: FaceResult, check: Check) -> Iterator[Fact]:
-    """The largest ball that reaches the whole face, against that of the shop."""
+    """The largest ball that reaches the whole face, against the shop's ball."""
     cutter = face.cutter
     largest = cutter.largest_radius_mm
     note = f"largest radius that reaches all of it{check.relief.beyond_shop(largest, cutter.radius_mm, name)}"
@@ -100,7 +100,7 @@ def _ball(name: str, face: FaceResult, check: Check) -> Iterator[Fact]:
         f"Ball mill, {name} face",
         "any" if largest is None else largest,
         "mm",
-        limit=Bound(">=", cutter.radius_mm, "that of the shop"),
+        limit=Bound(">=", cutter.radius_mm, "the shop's"),
         state=_state(check.verdicts, "cutter", name),
         note=note,
         digits=3,

@@ -115,8 +115,8 @@ def _lens_dimensions(lens: Lens) -> Iterator[Dimension]:
 
 def widest_mm(surface: StarShaped, domain: Domain = WHOLE) -> float:
     """Diameter (mm) of the cylinder about the axis that holds ``surface``, or its part over ``domain``."""
-    found = _farthest(surface, lambda points: np.hypot(points[:, 0], points[:, 1]), domain)
-    return 2.0 * float(np.hypot(*found[:2]))
+    point = _farthest(surface, lambda points: np.hypot(points[:, 0], points[:, 1]), domain)
+    return 2.0 * float(np.hypot(*point[:2]))
 
 
 def _circle(name: str, width_mm: float, scope: Scope) -> Dimension:
@@ -180,13 +180,13 @@ def _farthest(surface: StarShaped, measured: Measured, domain: Domain = WHOLE) -
     chart = to_chart(np.concatenate([_AXIS, fibonacci_hemisphere(_SAMPLES)]))
     chart = domain.within(chart) if domain.edges else chart
     place, most = refined_maximum(figure, chart, figure(chart), _REACH, rounds=24, within=domain.within)
-    found = points(place[None])[0]
+    farthest = points(place[None])[0]
     for crease in surface.creases if isinstance(surface, Boundary) else ():  # where it bends, and often is widest
         along = crease.points(np.linspace(0.0, FULL_TURN, _ALONG_CREASE))
         best = int(np.argmax(measured(along)))
         if measured(along)[best] > most:
-            found, most = along[best], float(measured(along)[best])
-    return np.asarray(found)
+            farthest, most = along[best], float(measured(along)[best])
+    return np.asarray(farthest)
 
 
 def _base_dimensions(lens: Lens) -> list[Dimension]:
@@ -294,18 +294,18 @@ class DatumScheme:
 def datum_scheme(lens: Lens, part: Part) -> DatumScheme:
     """The datums of a lens with its base."""
     base = base_with_room(lens)
-    found = [datum for datum in (_plane(lens, part, base), _centre(base), _turn(base)) if datum is not None]
+    datums = [datum for datum in (_plane(lens, part, base), _centre(base), _turn(base)) if datum is not None]
     missing = []
     if base.kind in ("none", "step"):
         missing.append("No datum feature for the axis: z through the origin of lens.step, aligned by the optical faces")
-    if len(found) < 3:
+    if len(datums) < 3:
         marked = base.kind == "cylinder" and other_section_deg(lens) is not None
         would = "; base.flat_mm would" if marked else ""
         missing.append(f"Nothing on the part marks the azimuth, which counts from +x of lens.step{would}")
     if base.kind == "step":
-        missing[-1] = "The azimuth is that of the base in its own file"
-    lines = *(f"Datum {datum.letter}: {datum.words}" for datum in found), *missing
-    return DatumScheme(tuple(found), lines)
+        missing[-1] = "The azimuth is the base's, as in its own file"
+    lines = *(f"Datum {datum.letter}: {datum.words}" for datum in datums), *missing
+    return DatumScheme(tuple(datums), lines)
 
 
 def _plane(lens: Lens, part: Part, base: BaseSection) -> Datum:

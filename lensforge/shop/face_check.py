@@ -136,5 +136,5 @@ def _least_squares_centre(area: FaceArea) -> Float[np.ndarray, "3"]:
 
     scale = float(np.linalg.norm(area.points, axis=1).mean())
     tight = {"xtol": 1e-14, "ftol": 1e-14, "gtol": 1e-14}
-    found = least_squares(residual, np.zeros(1), slope, method="lm", x_scale=scale, **tight)
-    return np.asarray(found.x @ axis)
+    solution = least_squares(residual, np.zeros(1), slope, method="lm", x_scale=scale, **tight)
+    return np.asarray(solution.x @ axis)

@@ -96,7 +96,7 @@ def wall_criteria(spec: Spec, walls: Walls) -> tuple[Criterion, ...]:
 
 
 def least_wall_mm(spec: Spec) -> float:
-    """The least wall that still counts as that of the spec."""
+    """The least wall that still counts as the wall of the spec."""
     return spec.constraints.min_thickness_mm - spec.constraints.tolerance_mm
 
 
@@ -127,7 +127,7 @@ def cutter_finding(surface: str, cutter: Cutter, relief: BallClearance, spec: Sp
 
 def clearance_findings(relief: BallClearance, base: BaseSection) -> list[Finding]:
     """Clearance of the ball at ``base``: one statement for each face that has a base below it."""
-    return [_clearance_finding(surface, found, base) for surface, found in relief.faces.items()]
+    return [_clearance_finding(surface, clearance, base) for surface, clearance in relief.faces.items()]
 
 
 def _clearance_finding(surface: str, relief: AnyClearance, base: BaseSection) -> Finding:

@@ -115,11 +115,11 @@ class FaceToCut:
     def ring_angles(self) -> Float[np.ndarray, "n 2"]:
         """Polar angle and azimuth (degrees) of every point to measure, the apex first."""
         polar, azimuth = np.meshgrid(_POLAR_DEG, _AZIMUTH_DEG, indexing="ij")
-        found = np.concatenate([np.zeros((1, 2)), np.stack([polar.ravel(), azimuth.ravel()], axis=-1)])
+        angles = np.concatenate([np.zeros((1, 2)), np.stack([polar.ravel(), azimuth.ravel()], axis=-1)])
         if self.domain is None:
-            return found
-        radius, (low, high) = np.tan(0.5 * np.radians(found[:, 0])), self.domain.radii(np.radians(found[:, 1]))
-        inside: Float[np.ndarray, "n 2"] = found[(radius >= low) & (radius <= high + 1e-12)]
+            return angles
+        radius, (low, high) = np.tan(0.5 * np.radians(angles[:, 0])), self.domain.radii(np.radians(angles[:, 1]))
+        inside: Float[np.ndarray, "n 2"] = angles[(radius >= low) & (radius <= high + 1e-12)]
         return inside
 
     def at(self, angles_deg: Float[np.ndarray, "n 2"]) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
@@ -234,15 +234,15 @@ class DenseTable:
         both = _halfway(_wrapped(along, beyond), 1, scheme)
         at = self.polar_deg[begin : self.rim + 1]
         half_ring, half_turn = at[:-1] + 0.5 * self.step_deg, self.azimuths_deg + 0.5 * self.azimuths_deg[1]
-        found = []
+        middles = []
         for polar, azimuth, values in (
             (half_ring, self.azimuths_deg, along),
             (at[1:], half_turn, around[1:]),
             (half_ring, half_turn, both),
         ):
             angles = np.stack(np.meshgrid(polar, azimuth, indexing="ij"), axis=-1)
-            found.append(np.concatenate([angles, values], axis=-1).reshape(-1, 4))
-        return np.concatenate(found)
+            middles.append(np.concatenate([angles, values], axis=-1).reshape(-1, 4))
+        return np.concatenate(middles)
 
 
 def _wrapped(values: Float[np.ndarray, "n m 2"], beyond: int) -> Float[np.ndarray, "n k 2"]:

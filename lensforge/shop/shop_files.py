@@ -51,7 +51,7 @@ def make_handover(
     """Make the files that go to the shop with the STEP.
 
     ``studied``: facts of the yield, empty where it has not been computed. ``request``: of the dense tables. ``words``:
-    of title block and notes; None: those of the spec. Raises :class:`InputError` for tables that cannot be made so.
+    of title block and notes; None: the spec's. Raises :class:`InputError` for tables that cannot be made so.
     """
     lens, request = part.lens, request or GridRequest()
     head = origin_lines(lens, part)
@@ -114,12 +114,12 @@ def _tables(
 def _tolerance_tables(tolerances: ToleranceTable) -> list[Table]:
     """A table for each group, its last column only where an amount is known; the sentence above all of them."""
     head = ("Tolerance", "Amount", "From", "At most")
-    found = [Table("Tolerances", sentences=[tolerances.sentence])]
+    tables = [Table("Tolerances", sentences=[tolerances.sentence])]
     for title, rows in (("The lens", tolerances.lens), ("LED and mounting", tolerances.assembly)):
         columns = 4 if any(row.at_most for row in rows) else 3
         texts = [(row.name, row.amount, row.source, row.at_most)[:columns] for row in rows]
-        found += [Table(title, texts, head[:columns])] if rows else []
-    return found
+        tables += [Table(title, texts, head[:columns])] if rows else []
+    return tables
 
 
 def _rows(group: Group) -> list[tuple[str, str]]:

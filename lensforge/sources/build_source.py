@@ -132,8 +132,10 @@ def _file_warnings(source: Source) -> tuple[str, ...]:
     """Warnings on the file of an intensity profile; none for a source without one."""
     if isinstance(source, PlacedSource):
         return _file_warnings(source.source)
-    found: tuple[str, ...] = getattr(source, "warnings", ())  # of a planar emitter; its module is loaded for it alone
-    return found
+    warnings: tuple[str, ...] = getattr(
+        source, "warnings", ()
+    )  # of a planar emitter; its module is loaded for it alone
+    return warnings
 
 
 _RAYS, _SEED = 2**16, 0

@@ -31,9 +31,9 @@ def index_range_of(
     )
 
 
-def index_warnings(found: IndexRange, material: Material) -> Iterator[str]:
+def index_warnings(indices: IndexRange, material: Material) -> Iterator[str]:
     """Say how much of the flux has an index that is not one of the measured range."""
-    extrapolated, clamped = found.extrapolated_index_share or 0.0, found.clamped_index_share or 0.0
+    extrapolated, clamped = indices.extrapolated_index_share or 0.0, indices.clamped_index_share or 0.0
     if extrapolated > _MENTIONED:
         low, high = material.range_nm
         yield (
@@ -66,13 +66,13 @@ def coloured(rays: Rays, material: Material, name: str) -> tuple[Rays, IndexRang
     if mean_nm is None:
         raise InputError(f"{name}: no ray has a usable wavelength; give a spectrum, or a constant refractive index")
     _require_few(clamped / flux, sums.low_nm, sums.high_nm, material, name)
-    found = index_range_of(sums.low_nm, sums.high_nm, material, extrapolated / flux, clamped / flux)
+    indices = index_range_of(sums.low_nm, sums.high_nm, material, extrapolated / flux, clamped / flux)
 
     def usable(some: RayBundle) -> RayBundle:
         waves = _wavelengths(some)
         return replace(some, wavelengths_nm=np.where(usable_wavelengths(waves), waves, mean_nm))
 
-    return changed(rays, usable), found
+    return changed(rays, usable), indices
 
 
 def _wavelengths(rays: RayBundle) -> Float[np.ndarray, " n"]:
@@ -144,8 +144,8 @@ class ColouredSource(ChangedSource):
 
         Raises :class:`InputError` where more than 1 % of it is beyond the trusted range of ``material``.
         """
-        found = index_of_spectrum(spectrum, material)
-        return ColouredSource(source, spectrum, found, tuple(index_warnings(found, material)))
+        indices = index_of_spectrum(spectrum, material)
+        return ColouredSource(source, spectrum, indices, tuple(index_warnings(indices, material)))
 
     @staticmethod
     def of_parts(source: Source, parts: Sequence[tuple[Spectrum, float]], material: Material) -> "ColouredSource":
@@ -153,8 +153,8 @@ class ColouredSource(ChangedSource):
 
         Raises :class:`InputError` as :meth:`of`, for each part.
         """
-        found = joined_range([(index_of_spectrum(spectrum, material), flux) for spectrum, flux in parts])
-        return ColouredSource(source, None, found, tuple(index_warnings(found, material)))
+        indices = joined_range([(index_of_spectrum(spectrum, material), flux) for spectrum, flux in parts])
+        return ColouredSource(source, None, indices, tuple(index_warnings(indices, material)))
 
     def sample(self, count: int, seed: int) -> RayBundle:
         """Draw the rays of the source itself, each with a wavelength drawn by ``seed``."""

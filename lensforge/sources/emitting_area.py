@@ -84,11 +84,11 @@ class Rectangles:
 
     def density(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
         """Sum over the rectangles in which a point lies."""
-        found = np.zeros(len(points))
+        density = np.zeros(len(points))
         for centre, side, share in zip(self.centres, self.sides, self.shares, strict=True):
             inside = (np.abs(points - centre) <= 0.5 * side + _SAME_MM).all(axis=1)
-            found[inside] += share / float(np.prod(side))
-        return found
+            density[inside] += share / float(np.prod(side))
+        return density
 
     def corners(self) -> Float[np.ndarray, "k 2"]:
         """Convex hull of all rectangles."""

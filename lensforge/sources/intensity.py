@@ -32,8 +32,8 @@ class CosinePower:
     def intensity(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """Share of the flux per sr."""
         rise = np.maximum(directions[:, 2], 0.0)
-        found: Float[np.ndarray, " n"] = (self.power + 1.0) / (2.0 * np.pi) * rise**self.power
-        return found * (directions[:, 2] > 0.0)
+        share: Float[np.ndarray, " n"] = (self.power + 1.0) / (2.0 * np.pi) * rise**self.power
+        return share * (directions[:, 2] > 0.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -122,8 +122,8 @@ class TurnedRays(ChangedSource):
 
         def density(turned: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
             square = np.maximum((turned * along).sum(axis=1), 0.0) ** 2
-            found: Float[np.ndarray, " n"] = (1.0 + square / variance) * np.exp((square - 1.0) / (2.0 * variance))
-            return found / (2.0 * np.pi)
+            lobe: Float[np.ndarray, " n"] = (1.0 + square / variance) * np.exp((square - 1.0) / (2.0 * variance))
+            return lobe / (2.0 * np.pi)
 
         start = replace(own, origins=crossings)
         if pose is None:

@@ -110,6 +110,6 @@ def _profile(spec: IntensitySpec) -> tuple[CosinePower | TabulatedIntensity, tup
     if isinstance(spec, TableIntensity):
         return TabulatedIntensity(np.zeros(1), np.array(spec.gamma_deg), np.array([spec.intensity])), ()
     with remedy("correct source.intensity.file"):
-        found = read_photometric(spec.file)
-    warnings = tuple(f"{spec.file.name}: {warning}" for warning in far_field_warnings(found))
-    return turned_over(found.intensity), warnings
+        file = read_photometric(spec.file)
+    warnings = tuple(f"{spec.file.name}: {warning}" for warning in far_field_warnings(file))
+    return turned_over(file.intensity), warnings

@@ -92,12 +92,12 @@ class RadianceTable:
             for axis, edges in ((1, self.y_mm), (0, self.x_mm))
         )
         azimuth = np.rad2deg(np.arctan2(along[:, 1], along[:, 0])) % 360.0
-        squared, found = np.sum(along[:, :2] ** 2, axis=1), np.zeros(len(along))
+        squared, radiance = np.sum(along[:, :2] ** 2, axis=1), np.zeros(len(along))
         for plane, by_turn in _beside(azimuth, self.c_deg):
             for node, by_rise in _beside(squared, self.squares):
-                found += by_turn * by_rise * self.radiance[(*cells, plane, node)]
+                radiance += by_turn * by_rise * self.radiance[(*cells, plane, node)]
         lit = (along[:, 2] > 0.0) & (squared >= self.squares[0]) & (squared <= self.squares[-1])
-        share: Float[np.ndarray, " n"] = lit * found * along[:, 2] / self.sectors.sum(axis=2)[cells]
+        share: Float[np.ndarray, " n"] = lit * radiance * along[:, 2] / self.sectors.sum(axis=2)[cells]
         return share
 
     def _unchanged(self, mirror: Float[np.ndarray, "3 3"]) -> bool:
@@ -152,13 +152,13 @@ def read_radiance(path: Path) -> RadianceTable:
 def _arrays(path: Path) -> dict[str, np.ndarray]:
     content = read_file(path, missing="give a NumPy archive of a radiance table", most_bytes=_LARGEST)
     try:
-        found = arrays_in(content, _NAMES, _LARGEST)
+        arrays = arrays_in(content, _NAMES, _LARGEST)
     except ValueError as error:
         raise InputError(f"{path}: not readable as a NumPy archive ({error})") from None
-    missing = [name for name in _NAMES if name not in found]
+    missing = [name for name in _NAMES if name not in arrays]
     if missing:
         raise InputError(f"{path}: no array {missing[0]!r}; it needs {', '.join(_NAMES)}")
-    return {name: found[name].astype(np.float64) for name in _NAMES}
+    return {name: arrays[name].astype(np.float64) for name in _NAMES}
 
 
 def _problem(arrays: dict[str, np.ndarray]) -> str:

@@ -232,20 +232,20 @@ class UnreadRays:
         """Read some of the rays, each from its part, and change them."""
         if self.numbers is not None:
             rows = self.numbers[rows].astype(np.int64)
-        found = self.parts[0].take(rows) if len(self.parts) == 1 else self._from_parts(rows)
-        return found if self.change is None else self.change(found)
+        rays = self.parts[0].take(rows) if len(self.parts) == 1 else self._from_parts(rows)
+        return rays if self.change is None else self.change(rays)
 
     def _from_parts(self, rows: Int[np.ndarray, " k"] | slice) -> RayBundle:
         if isinstance(rows, slice):
             rows = np.arange(*rows.indices(sum(map(len, self.parts))))
         starts = accumulate(map(len, self.parts), initial=0)
-        found, places = [], []
+        taken, places = [], []
         for part, start in zip(self.parts, starts, strict=False):  # the last start is the end
-            own = np.flatnonzero((rows >= start) & (rows < start + len(part)))
-            if len(own):
-                found.append(part.take(rows[own] - start))
-                places.append(own)
-        return RayBundle.joined(found).take(np.argsort(np.concatenate(places)))
+            here = np.flatnonzero((rows >= start) & (rows < start + len(part)))
+            if len(here):
+                taken.append(part.take(rows[here] - start))
+                places.append(here)
+        return RayBundle.joined(taken).take(np.argsort(np.concatenate(places)))
 
 
 def number_type(count: int) -> type[np.int32] | type[np.int64]:

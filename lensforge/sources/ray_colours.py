@@ -23,9 +23,9 @@ def tristimulus_of_spectrum(spec: SpectrumSpec | None, name: str) -> Float[np.nd
     if spec is None:
         raise InputError(f"{name}: its colour is not known; give its spectrum, or leave out [colour]")
     spectrum = spectrum_of(spec)
-    found = tristimulus_of(spectrum.wavelengths_nm, spectrum.power_density)
-    _require_visible(float(found.sum()), spectrum.wavelengths_nm, f"{name}.spectrum")
-    return found
+    tristimulus = tristimulus_of(spectrum.wavelengths_nm, spectrum.power_density)
+    _require_visible(float(tristimulus.sum()), spectrum.wavelengths_nm, f"{name}.spectrum")
+    return tristimulus
 
 
 def _require_visible(lumens_per_watt: float, waves: Float[np.ndarray, " k"], name: str) -> None:
@@ -56,14 +56,14 @@ def coloured_set(rays: Rays, spectrum: SpectrumSpec | None, name: str) -> Rays:
     if all(block.wavelengths_nm is None for block in _first(rays)):
         constant = tristimulus_of_spectrum(spectrum, name)
         return changed(rays, lambda some: coloured_alike(some, constant))
-    found = changed(rays, coloured_by_wavelength)
+    coloured = changed(rays, coloured_by_wavelength)
     seen, flux, ends = 0.0, 0.0, list[float]()
-    for block in blocks_of(found):
+    for block in blocks_of(coloured):
         assert block.tristimulus is not None and block.wavelengths_nm is not None
         seen, flux = seen + float(block.flux @ block.tristimulus.sum(axis=1)), flux + float(block.flux.sum())
         ends += [float(block.wavelengths_nm.min()), float(block.wavelengths_nm.max())]
     _require_visible(seen / flux, np.array(ends), name)
-    return found
+    return coloured
 
 
 def _first(rays: Rays) -> list[RayBundle]:

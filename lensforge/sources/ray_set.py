@@ -178,8 +178,8 @@ class RaySetEmitter:
         times = np.full(len(self), copies)
         times[self._some(rest, seed)] += 1
         index = np.repeat(np.arange(len(self)), times)
-        found = self.rays.take(index)
-        return self._of_flux(replace(found, flux=found.flux / times[index]))
+        drawn = self.rays.take(index)
+        return self._of_flux(replace(drawn, flux=drawn.flux / times[index]))
 
     def drawn(self, count: int, seed: int) -> Rays:
         """The rays of ``sample(count, seed)``, at most all of them; those of a large file are read when taken."""

@@ -106,22 +106,22 @@ def load_ray_set(spec: RaySetSource, material: Material | None = None, *, colour
 
 def _load_file(part: RayfilePart, spec: RaySetSource, asked: _Asked) -> _Loaded:
     rayfile = read_rayfile(part.file)
-    found = _loaded(rayfile, part, spec, part.spectrum or spec.spectrum, asked)
+    loaded = _loaded(rayfile, part, spec, part.spectrum or spec.spectrum, asked)
     file = LoadedRayFile(
         file=Path(part.file).name,
         format=rayfile.format,
-        rays=found.count,
-        rays_dropped=RaysDropped.model_validate(found.sums.dropped),
-        effective_rays=found.figures.effective_rays,
-        file_flux=rayfile.total_flux(found.sums.flux),
-        file_ray_sum=found.sums.flux,
+        rays=loaded.count,
+        rays_dropped=RaysDropped.model_validate(loaded.sums.dropped),
+        effective_rays=loaded.figures.effective_rays,
+        file_flux=rayfile.total_flux(loaded.sums.flux),
+        file_ray_sum=loaded.sums.flux,
         file_flux_unit=rayfile.flux_unit,
-        flux_w=found.flux.flux_w,
-        virtual_focus_mm=found.figures.focus_mm,
-        warnings=found.warnings,
-        **({} if found.index_range is None else found.index_range.fields()),
+        flux_w=loaded.flux.flux_w,
+        virtual_focus_mm=loaded.figures.focus_mm,
+        warnings=loaded.warnings,
+        **({} if loaded.index_range is None else loaded.index_range.fields()),
     )
-    return replace(found, file=file)
+    return replace(loaded, file=file)
 
 
 def _load_arrays(spec: RaySource, asked: _Asked) -> _Loaded:
@@ -179,8 +179,8 @@ def _with_colours(rays: Rays, stored: StoredRays, factor: float, spectrum: Spect
         waves = np.where(usable_wavelengths(some.wavelengths_nm), some.wavelengths_nm, mean_nm)
         return replace(some, flux=some.flux * factor, wavelengths_nm=waves)
 
-    found = coloured_set(changed(own.loaded(), usable), None, name)
-    return changed(found, lambda some: replace(some, wavelengths_nm=None))
+    coloured = coloured_set(changed(own.loaded(), usable), None, name)
+    return changed(coloured, lambda some: replace(some, wavelengths_nm=None))
 
 
 def _flux(
@@ -207,8 +207,8 @@ def _flux(
     else:
         own = OwnFlux(rayfile.header_flux_w if trusted else None, total, file_lm_per_w)
     spectral = spectral_efficacy(spectrum)
-    found = settled_flux(stated, None if isinstance(spec, RayfilesSource) else efficacy, spectral, own)
-    return settled_flux(stated, efficacy, spectral, own) if found.efficacy is None or found.least_power else found
+    settled = settled_flux(stated, None if isinstance(spec, RayfilesSource) else efficacy, spectral, own)
+    return settled_flux(stated, efficacy, spectral, own) if settled.efficacy is None or settled.least_power else settled
 
 
 def _require_same_dispersion(parts: Sequence[_Loaded]) -> None:

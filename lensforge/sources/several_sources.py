@@ -41,10 +41,10 @@ class SeveralSources:
         Any part of consecutive rays is shared out alike.
         """
         several = len(self.sources)
-        own = -(-count // several)
-        rays = RayBundle.joined([source.sample(own, seed) for source in self.sources])
-        numbers = np.repeat(np.arange(several, dtype=np.int16), own)
-        in_turn = np.arange(several * own).reshape(several, own).T.ravel()
+        of_each = -(-count // several)
+        rays = RayBundle.joined([source.sample(of_each, seed) for source in self.sources])
+        numbers = np.repeat(np.arange(several, dtype=np.int16), of_each)
+        in_turn = np.arange(several * of_each).reshape(several, of_each).T.ravel()
         return replace(rays, of_source=numbers).take(in_turn)
 
     def shared_out(self, rays: RayBundle) -> list[RayBundle]:

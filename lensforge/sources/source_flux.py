@@ -111,13 +111,15 @@ def joined_flux(
     dim = [part.least_power for part in parts]
     if any(dim) and not all(dim):
         which = ", ".join(name for name, only_lumens in zip(names, dim, strict=True) if only_lumens)
-        raise InputError(f"{which}: flux known in lm alone, that of other parts in W; give its flux_w or a spectrum")
+        raise InputError(
+            f"{which}: flux known in lm alone, the flux of other parts in W; give its flux_w or a spectrum"
+        )
     watts, lumens = np.array([part.flux_w for part in parts]), [part.flux_lm for part in parts]
     seen = None if None in lumens else sum(each for each in lumens if each is not None)
-    found = settled_flux(stated, efficacy, own=OwnFlux(None if all(dim) else float(watts.sum()), seen))
+    joined = settled_flux(stated, efficacy, own=OwnFlux(None if all(dim) else float(watts.sum()), seen))
     warnings = dict.fromkeys(warning for part in parts for warning in part.warnings if warning != _LEAST_POWER)
     in_lumens = stated.flux_lm is not None or efficacy is not None or any(part.in_lumens for part in parts)
-    return replace(found, in_lumens=in_lumens, warnings=(*warnings, *found.warnings))
+    return replace(joined, in_lumens=in_lumens, warnings=(*warnings, *joined.warnings))
 
 
 def emitter_flux(spec: EmitterSection, own_w: float = DEFAULT_FLUX_W) -> SourceFlux:
@@ -125,22 +127,22 @@ def emitter_flux(spec: EmitterSection, own_w: float = DEFAULT_FLUX_W) -> SourceF
     spectral = None if isinstance(spec, ChipsSource) and spec.spectra else spectral_efficacy(spec.spectrum)
     if isinstance(spec, ChipsSource):
         names = [f"source.chips[{number}]" for number in range(len(spec.chips))]
-        found = joined_flux(spec, chip_fluxes(spec), spec.luminous_efficacy_lm_per_w, names)
+        settled = joined_flux(spec, chip_fluxes(spec), spec.luminous_efficacy_lm_per_w, names)
     else:
-        found = settled_flux(spec, spec.luminous_efficacy_lm_per_w, spectral, OwnFlux(own_w))
-    return with_spectrum_compared(found, spec, spectral)
+        settled = settled_flux(spec, spec.luminous_efficacy_lm_per_w, spectral, OwnFlux(own_w))
+    return with_spectrum_compared(settled, spec, spectral)
 
 
-def with_spectrum_compared(found: SourceFlux, spec: EmitterSection, spectral: float | None) -> SourceFlux:
-    """Add a warning where the efficacy that ``spec`` states is not that of the spectrum, ``spectral`` (lm/W)."""
+def with_spectrum_compared(flux: SourceFlux, spec: EmitterSection, spectral: float | None) -> SourceFlux:
+    """Add a warning where the efficacy that ``spec`` states differs from the spectrum's, ``spectral`` (lm/W)."""
     said = spec.stated_lm_per_w or spec.luminous_efficacy_lm_per_w
     if said is None or not spectral or abs(said / spectral - 1.0) <= _SPECTRUM_TOLERANCE:
-        return found
+        return flux
     warning = (
         f"source: {said:.4g} lm/W stated, its spectrum has {spectral:.4g} lm/W; lm per W of light are meant, not per W "
         "of electric power"
     )
-    return replace(found, warnings=(*found.warnings, warning))
+    return replace(flux, warnings=(*flux.warnings, warning))
 
 
 def chip_fluxes(spec: ChipsSource) -> list[SourceFlux]:

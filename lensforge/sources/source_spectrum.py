@@ -58,15 +58,15 @@ def read_spectrum_file(path: Path) -> Columns:
         raise InputError(f"{path}: line 3 of an OPTIS spectrum is the number of its samples; export it again")
     if announced and announced[1] != str(len(lines) - first):
         raise InputError(f"{path}: {announced[0][:9]} samples announced, {len(lines) - first} found; export it again")
-    found = np.array([_row(line, path) for line in lines[first:]])
-    if (np.diff(found[:, 0]) < 0.0).all():
-        found = found[::-1]  # from red to blue
-    if found[:, 0].max() < _LEAST_NM:
+    table = np.array([_row(line, path) for line in lines[first:]])
+    if (np.diff(table[:, 0]) < 0.0).all():
+        table = table[::-1]  # from red to blue
+    if table[:, 0].max() < _LEAST_NM:
         raise InputError(
-            f"{path}: wavelengths from {found[:, 0].min():g} to {found[:, 0].max():g}: nm are expected, µm can be one "
+            f"{path}: wavelengths from {table[:, 0].min():g} to {table[:, 0].max():g}: nm are expected, µm can be one "
             "cause; multiply them by 1000"
         )
-    return found[:, 0], found[:, 1]
+    return table[:, 0], table[:, 1]
 
 
 class _Line(NamedTuple):

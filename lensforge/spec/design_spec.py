@@ -70,7 +70,7 @@ class Spec(Section):
     """One design: source, starting lens, constraints and target, and the settings of every stage."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] = "lens"
-    """Name of the design, by default that of the file; its results go to cad_out/NAME."""
+    """Name of the design, by default the name of the file. Its results go to cad_out/NAME."""
     source: SourceSpec
     """The LED: where light starts, how much, and in which directions; or give ``sources``."""
     sources: Annotated[tuple[NamedSource, ...], Field(max_length=_MOST_SOURCES)] = ()

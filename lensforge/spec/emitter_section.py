@@ -179,9 +179,9 @@ class EmitterSection(FluxSection):
     @property
     def title(self) -> str:
         """The source in a few words, and where it sits unless that is at the lens origin."""
-        found = [self.description]
+        parts = [self.description]
         if any(self.position_mm):
-            found.append(f"at ({', '.join(f'{value:g}' for value in self.position_mm)}) mm")
+            parts.append(f"at ({', '.join(f'{value:g}' for value in self.position_mm)}) mm")
         if any(self.tilt_deg):
-            found.append(f"tilted by ({', '.join(f'{value:g}' for value in self.tilt_deg)})°")
-        return " ".join(found)
+            parts.append(f"tilted by ({', '.join(f'{value:g}' for value in self.tilt_deg)})°")
+        return " ".join(parts)

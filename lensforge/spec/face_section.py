@@ -79,9 +79,9 @@ class FacesSection(Section):
     @property
     def start_mm(self) -> dict[str, float]:
         """Heights of the faces on the axis before the search."""
-        found = {name: face.apex_mm for name, face in self.faces.items()}
-        assert None not in found.values(), "a spec derives what is left out"
-        return {name: height for name, height in found.items() if height is not None}
+        apexes = {name: face.apex_mm for name, face in self.faces.items()}
+        assert None not in apexes.values(), "a spec derives what is left out"
+        return {name: height for name, height in apexes.items() if height is not None}
 
     @property
     def fixed(self) -> dict[str, Surface | None]:

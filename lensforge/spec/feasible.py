@@ -56,8 +56,8 @@ def smallest_cavity_mm(lens: AnyLens, limits: ConstraintsSection) -> _Meridian:
     """
     cavity = [lens.faces[name].fixed for name in lens.names if SIDES[name][0] == CAVITY]
     if all(fixed is not None for fixed in cavity):
-        found: _Meridian = np.min([fixed.shape.least_mm(_POLAR) for fixed in cavity if fixed is not None], axis=0)
-        return found
+        least_mm: _Meridian = np.min([fixed.shape.least_mm(_POLAR) for fixed in cavity if fixed is not None], axis=0)
+        return least_mm
     height, radius = limits.cavity_height_mm, limits.cavity_radius_mm
     sine, cosine = np.sin(_POLAR), np.cos(_POLAR)
     paraboloid: _Meridian = 2.0 * height / (cosine + np.sqrt(cosine**2 + (2.0 * height / radius * sine) ** 2))

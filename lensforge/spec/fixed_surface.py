@@ -114,13 +114,13 @@ class _OfFile(FixedFace):
 
     def resolved(self) -> GivenSurface:
         """The face of the file."""
-        found = self._read()
+        imported = self._read()
         return GivenSurface(
-            origin=found.origin[:200],
-            form_error_nm=found.form_error_nm,
-            normal_error_urad=found.normal_error_urad,
-            unit=found.unit,
-            face=surface_record(found.surface),
+            origin=imported.origin[:200],
+            form_error_nm=imported.form_error_nm,
+            normal_error_urad=imported.normal_error_urad,
+            unit=imported.unit,
+            face=surface_record(imported.surface),
         )
 
     def _read(self) -> GivenFace:
@@ -147,8 +147,8 @@ class FixedCadFace(_OfFile):
     file: FilePath
     """STEP or IGES file."""
     face: _FaceName | Annotated[tuple[_FaceName, ...], Field(min_length=1, max_length=100)] = "first"
-    """Face by its name, by its number in the file from 1, or "first", the one that the axis meets first above the
-    origin; several where the face comes in parts.
+    """Face by its name, by its number in the file from 1, or "first": the face that the axis meets first above the
+    origin. Several where the face comes in parts.
     """
     shift_mm: _Shift = (0.0, 0.0, 0.0)
     """Shift of the file's face along x, y and z."""
@@ -161,7 +161,7 @@ class FixedCadFace(_OfFile):
 class FixedPoints(_OfFile):
     """A face through the points of a text file, a grid or a cloud, in the coordinates of the lens.
 
-    Points a little below z = 0 make the normals at the rim as good as elsewhere (those of a sphere 1 urad, else 20).
+    Points a little below z = 0 make the normals at the rim as good as elsewhere (errors on a sphere: 1 urad, else 20).
     """
 
     kind: Literal["points"] = "points"

@@ -140,27 +140,27 @@ def with_optical_data(content: Any) -> Any:
         return content
     if content.get("optical_data") is not None:
         raise InputError("material_file and optical_data: give one of the two")
-    found = read_material(Path(content["material_file"]), content.get("material"))
+    data = read_material(Path(content["material_file"]), content.get("material"))
     rest = {key: value for key, value in content.items() if key != "material_file"}
-    return rest | {"material": found.name, "optical_data": _fields(found)}
+    return rest | {"material": data.name, "optical_data": _fields(data)}
 
 
-def _fields(found: MaterialData) -> dict[str, Any]:
+def _fields(data: MaterialData) -> dict[str, Any]:
     """Fields of :class:`OpticalData`, plain, as a file would have them."""
-    absorption = {"absorption_nm": list(found.absorption_nm), "absorption_per_mm": list(found.absorption_per_mm)}
-    if isinstance(found.index, Formula):
-        index: dict[str, Any] = {"formula": found.index.name, "coefficients": list(found.index.coefficients)}
-        index["range_nm"] = list(found.range_nm)
+    absorption = {"absorption_nm": list(data.absorption_nm), "absorption_per_mm": list(data.absorption_per_mm)}
+    if isinstance(data.index, Formula):
+        index: dict[str, Any] = {"formula": data.index.name, "coefficients": list(data.index.coefficients)}
+        index["range_nm"] = list(data.range_nm)
     else:
-        index = {"wavelength_nm": list(found.index.wavelengths_nm), "refractive_index": list(found.index.indices)}
-    law, warming = found.temperature, dict[str, Any]()
+        index = {"wavelength_nm": list(data.index.wavelengths_nm), "refractive_index": list(data.index.indices)}
+    law, warming = data.temperature, dict[str, Any]()
     if law.reference_c != REFERENCE_C:
         warming["reference_temperature_c"] = law.reference_c
     if law.schott:
         warming["schott_coefficients"] = list(law.schott)
     if law.expansion_per_k is not None:
         warming["expansion_per_k"] = law.expansion_per_k
-    return {"source": found.source, **index, **(absorption if found.absorption_nm else {}), **warming}
+    return {"source": data.source, **index, **(absorption if data.absorption_nm else {}), **warming}
 
 
 _SHORTEST_NM, _LONGEST_NM = 1.0, 1e7  # of any light
@@ -205,7 +205,7 @@ class LensMaterial(FacesSection):
     expansion_per_k: Expansion | None = None
     """Linear expansion with temperature, for a material that does not state its own."""
     reference_temperature_c: Celsius | None = None
-    """Temperature at which the lens has its index and its size; by default 20, or that of the material."""
+    """Temperature at which the lens has its index and its size; by default 20, or as the material states."""
 
     @model_validator(mode="before")
     @classmethod

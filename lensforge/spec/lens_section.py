@@ -27,9 +27,9 @@ Symmetry = Literal["auto", "none", "mirror_x", "mirror_y", "rectangle", "square"
 
 
 def _kind_of_lens(value: Any) -> str | None:
-    """The kind of a lens; that of the usual one where none is named."""
-    found = value.get("kind", USUAL_KIND) if isinstance(value, dict) else getattr(value, "kind", USUAL_KIND)
-    return str(found) if isinstance(found, str) else None
+    """The kind of a lens; the usual kind where none is named."""
+    kind = value.get("kind", USUAL_KIND) if isinstance(value, dict) else getattr(value, "kind", USUAL_KIND)
+    return str(kind) if isinstance(kind, str) else None
 
 
 class LensShape(LensMaterial):

@@ -130,8 +130,8 @@ _LEAST_ACROSS = 1e-3  # sine of the angle at which a plane may be seen from the 
 class PlaneReceiver(ReceiverSection):
     """A rectangle in a plane in any pose.
 
-    Either side may face the lens: the light comes from there. Its x and y are the lens's own, tilted the shortest way,
-    then turned by ``rotation_deg``.
+    The side that faces the lens receives the light, whichever that is. The plane takes the axes x and y of the lens
+    with it: tilted by the smallest rotation, then turned about its normal by ``rotation_deg``.
     """
 
     kind: Literal["plane"] = "plane"
@@ -325,7 +325,7 @@ def named(receivers: tuple[AnyReceiver, ...]) -> tuple[AnyReceiver, ...]:
 
     Raises ``ValueError`` for two of the same name, and for targets that name a receiver of their own.
     """
-    found: list[AnyReceiver] = []
+    with_names: list[AnyReceiver] = []
     for receiver in receivers:
         for target in receiver.targets:
             own = next((name for name in _OF_RECEIVER if getattr(target, name) is not None), None)
@@ -335,10 +335,10 @@ def named(receivers: tuple[AnyReceiver, ...]) -> tuple[AnyReceiver, ...]:
         alike = [each for each in receivers if each.kind == receiver.kind]
         number = next(k for k, each in enumerate(alike, start=1) if each is receiver)
         name = receiver.name or (receiver.kind if len(alike) == 1 else f"{receiver.kind}_{number}")
-        if any(name == each.name for each in found):
+        if any(name == each.name for each in with_names):
             raise ValueError(f"receivers: two are called {name!r}; give each a name of its own")
-        found.append(receiver.model_copy(update={"name": name}))
-    return tuple(found)
+        with_names.append(receiver.model_copy(update={"name": name}))
+    return tuple(with_names)
 
 
 def require_outside(receiver: AnyReceiver, limits: ConstraintsSection, field: str) -> None:

@@ -23,7 +23,7 @@ KEEP_OUT_MARGIN_MM = 0.1  # a placed package may be off by 0.05 mm, and so may a
 
 
 class ConstraintsSection(Section):
-    """Feasible lenses, Eqs. (10) to (14); optional limits, and those of each face, are for manufacture and assembly."""
+    """Feasible lenses, Eqs. (10) to (14). Optional limits, of each face too, are for manufacture and assembly."""
 
     cavity_height_mm: DerivedMillimetres = LEFT_OUT
     """Height of the paraboloid that stays inside the cavity: room for the LED. A ray file needs it given."""
@@ -102,7 +102,7 @@ class OptimiseSection(Section):
     aim: Literal["pattern", "share"] = "pattern"
     """What counts: "pattern", light as the targets say; "share", as much light in them as possible, however it lies."""
     over_sources: Literal["mean", "worst"] = "mean"
-    """Of several ``sources``: the "mean" error over them by their shares, or that of the "worst"."""
+    """Of several ``sources``: the "mean" error over them by their shares, or the error of the "worst"."""
     seconds: Annotated[float, Field(ge=1.0, le=1e6)] | None = None
     """Time that the search with automatic levels may take, set-up included; by default it goes on for as long as it
     gains.
@@ -119,7 +119,7 @@ class EvaluateSection(Section):
     """Settings of the evaluation."""
 
     rays: Annotated[int, Field(ge=1, le=2**28)] | None = None
-    """Rays; by default those of the accuracy preset."""
+    """Rays; by default as many as the accuracy preset has."""
     pixels: Annotated[int, Field(ge=1, le=2048)] = 128
     """Pixels along the longer side of the picture."""
     window_mm: Millimetres | None = None

@@ -24,7 +24,7 @@ Scale = Annotated[float, Field(ge=1e-9, le=1e9)]  # from a file in nm or km to m
 
 
 class Placement(EmitterSection):
-    """Placement of a ray set in lens coordinates; the fields apply in their order, and then those of every source."""
+    """Placement of a ray set in lens coordinates: its own fields in their order, then the fields of every source."""
 
     origin: Literal["file", "virtual_focus"] | tuple[Coordinate, Coordinate, Coordinate] = "file"
     """Point that is put at the lens origin: the file's own origin, its virtual focus, or a point (mm) of the file."""
@@ -47,7 +47,7 @@ class RayfileSource(Placement):
 
 
 class RayfilePart(FluxSection):
-    """One of several ray files: its flux, or that of the file.
+    """One of several ray files: its flux, else the flux of the file.
 
     With ``source.flux_w`` or ``source.flux_lm`` only the ratio counts.
     """
@@ -72,7 +72,7 @@ class RayfilesSource(Placement):
 
 
 class RaySource(Placement):
-    """Ray set given as arrays, such as that of another program."""
+    """Ray set given as arrays, for example from another program."""
 
     positional: ClassVar[str] = "rays"
 
@@ -194,7 +194,7 @@ class Chip(FluxSection):
     height_mm: Millimetres
     """Height along y."""
     spectrum: SpectrumSpec | None = None
-    """Spectrum in place of that of ``source``: the colour of this chip."""
+    """Spectrum of this chip, in place of the spectrum of ``source``: its colour."""
 
 
 class ChipsSource(_PlanarSource):

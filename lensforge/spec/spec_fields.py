@@ -15,20 +15,8 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 from pydantic import BaseModel
 
 from lensforge.results import Record
+from lensforge.results.numerals import unit_in
 from lensforge.spec.derived_values import WHY
-
-# Units by the end of a field's name, the longest end first.
-_UNITS = {
-    "_lm_per_w": "lm/W", "_w_per_m2": "W/m²", "_w_per_sr": "W/sr", "_g_per_cm3": "g/cm³", "_per_mm": "1/mm",
-    "_per_k": "1/K", "_mrad": "mrad", "_urad": "µrad", "_deg": "°", "_mm": "mm", "_nm": "nm", "_um": "µm",
-    "_lm": "lm", "_cd": "cd", "_lx": "lx", "_m": "m", "_w": "W", "temperature_c": "°C", "seconds": "s",
-    "_cd_per_m2": "cd/m²", "_percent": "%", "hours": "h",
-}  # fmt: skip
-
-
-def unit_of(name: str) -> str:
-    """Unit of the field ``name``; "" for texts, and for numbers without one."""
-    return next((unit for end, unit in _UNITS.items() if name.endswith(end)), "")
 
 
 def words_of(section: type[BaseModel], name: str) -> str:
@@ -41,7 +29,7 @@ def words_of(section: type[BaseModel], name: str) -> str:
     words = below.get(name, "") or twin
     if name == "kind" and not words:
         words = f"Kind: {_first_line(section)}"
-    unit = unit_of(name)
+    unit = unit_in(name)
     return f"{words} [{unit}]" if unit and words else words
 
 
@@ -112,17 +100,17 @@ def _sections(annotation: Any) -> Iterator[type[BaseModel]]:
             yield annotation
         return
     inner = get_args(annotation)
-    for each in inner[:1] if get_origin(annotation) is Annotated else inner:
-        yield from _sections(each)
+    for part in inner[:1] if get_origin(annotation) is Annotated else inner:
+        yield from _sections(part)
 
 
 def all_sections(root: type[BaseModel]) -> tuple[type[BaseModel], ...]:
     """``root`` and every section within it, however deep."""
-    found = [root]
-    for section in found:  # grows
+    sections = [root]
+    for section in sections:  # grows
         for field in section.model_fields.values():
-            found += [each for each in sections_in(field.annotation) if each not in found]
-    return tuple(found)
+            sections += [each for each in sections_in(field.annotation) if each not in sections]
+    return tuple(sections)
 
 
 def _first_line(section: type[BaseModel]) -> str:
@@ -132,11 +120,11 @@ def _first_line(section: type[BaseModel]) -> str:
 @cache
 def _words(section: type[BaseModel]) -> dict[str, str]:
     """Words below the fields of a class and of those that it extends."""
-    found: dict[str, str] = {}
-    for each in reversed(section.__mro__):
-        if issubclass(each, BaseModel) and each.__module__.startswith("lensforge.spec."):
-            found |= _module_words(each.__module__).get(each.__name__, {})
-    return found
+    words: dict[str, str] = {}
+    for base in reversed(section.__mro__):
+        if issubclass(base, BaseModel) and base.__module__.startswith("lensforge.spec."):
+            words |= _module_words(base.__module__).get(base.__name__, {})
+    return words
 
 
 @cache

@@ -29,13 +29,13 @@ def read_toml(path: Path, missing: str) -> dict[str, Any]:
     """
     content = read_file(path, missing=missing, most_bytes=_MOST_BYTES)
     try:
-        found = tomllib.loads(_decoded(content))
+        tables = tomllib.loads(_decoded(content))
     except RecursionError:
         raise InputError(f"{path}: not readable as TOML (nested too deep)") from None
     except ValueError as error:
         problem = " ".join(str(error).split())[:_MOST_SHOWN]
         raise InputError(f"{path}: not readable as TOML ({problem})") from None
-    return found
+    return tables
 
 
 def _decoded(content: bytes) -> str:
@@ -129,14 +129,14 @@ def input_hashes(section: Section) -> dict[str, str]:
     Another file of the same name is ``file:NAME (2)``, and so on, in the order of the section: no folder is part of
     it. Raises :class:`InputError` for a file that is not there.
     """
-    found: dict[str, list[str]] = {}
+    digests: dict[str, list[str]] = {}
     for path in dict.fromkeys(_paths(section)):
-        digest, contents = _file_sha256(path), found.setdefault(path.name, [])
+        digest, contents = _file_sha256(path), digests.setdefault(path.name, [])
         if digest not in contents:
             contents.append(digest)
     return {
         f"file:{name}" if number == 1 else f"file:{name} ({number})": digest
-        for name, contents in sorted(found.items())
+        for name, contents in sorted(digests.items())
         for number, digest in enumerate(contents, start=1)
     }
 
@@ -150,8 +150,8 @@ def section_sha256(section: Section, *, without: Collection[str] = ()) -> str:
     for name in without:
         *holders, last = name.split(".")
         table = left_out
-        for each in holders:
-            table = table.setdefault(each, {})
+        for holder in holders:
+            table = table.setdefault(holder, {})
         table[last] = True
     content = _by_content(section.model_dump(exclude=left_out))
     return hashlib.sha256(json.dumps(content, allow_nan=False).encode()).hexdigest()

@@ -10,10 +10,11 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from lensforge.results.numerals import unit_in
 from lensforge.spec.derived_values import WHY
 from lensforge.spec.design_spec import Spec
 from lensforge.spec.lens_section import USUAL_KIND
-from lensforge.spec.spec_fields import all_sections, kind_of, sections_in, summary_of, unit_of, words_of
+from lensforge.spec.spec_fields import all_sections, kind_of, sections_in, summary_of, words_of
 
 SCHEMA_FILE = "lensforge.schema.json"
 
@@ -23,16 +24,16 @@ def spec_schema() -> dict[str, Any]:
     schema = Spec.model_json_schema()
     objects = {**schema["$defs"], "Spec": schema}
     for section in all_sections(Spec):
-        found = objects[section.__name__]
-        found["description"] = summary_of(section)
-        for name, field in found["properties"].items():
+        table = objects[section.__name__]
+        table["description"] = summary_of(section)
+        for name, field in table["properties"].items():
             field["description"] = words_of(section, name)
         if kind_of(section) not in (None, USUAL_KIND):  # it chooses among several, so a file has to name it
-            found["required"] = ["kind", *(name for name in found.get("required", ()) if name != "kind")]
-    found = _table(_plain(schema))
-    required = [name for name in found["required"] if name != "source"]  # or sources
+            table["required"] = ["kind", *(name for name in table.get("required", ()) if name != "kind")]
+    table = _table(_plain(schema))
+    required = [name for name in table["required"] if name != "source"]  # or sources
     either = [{"required": [name]} for name in ("source", "sources")]
-    return {"title": "lensforge spec", **found, "required": required, "anyOf": either}
+    return {"title": "lensforge spec", **table, "required": required, "anyOf": either}
 
 
 def _plain(value: Any) -> Any:
@@ -41,11 +42,11 @@ def _plain(value: Any) -> Any:
         return [_plain(entry) for entry in value]
     if not isinstance(value, dict):
         return value
-    found = {key: _plain(entry) for key, entry in value.items() if not _is_of_python(key, entry)}
-    kinds = [each for each in found.get("anyOf", ()) if each != {"type": "null"}]
+    kept = {key: _plain(entry) for key, entry in value.items() if not _is_of_python(key, entry)}
+    kinds = [each for each in kept.get("anyOf", ()) if each != {"type": "null"}]
     if len(kinds) == 1:
-        return {**kinds[0], **{key: entry for key, entry in found.items() if key != "anyOf"}}
-    return {**found, "anyOf": kinds} if kinds else found
+        return {**kinds[0], **{key: entry for key, entry in kept.items() if key != "anyOf"}}
+    return {**kept, "anyOf": kinds} if kinds else kept
 
 
 def _is_of_python(key: str, entry: Any) -> bool:
@@ -65,8 +66,8 @@ def allowed_words(schema: Mapping[str, Any]) -> str:
         return _either([f'"{each}"' for each in schema["enum"]])
     kinds = schema.get("anyOf") or schema.get("oneOf")
     if kinds:
-        found = list(dict.fromkeys(allowed_words(each) for each in kinds))
-        return "table of its kind" if len(found) == 1 and found[0] == "table" and len(kinds) > 1 else _either(found)
+        words = list(dict.fromkeys(allowed_words(each) for each in kinds))
+        return "table of its kind" if len(words) == 1 and words[0] == "table" and len(kinds) > 1 else _either(words)
     match schema.get("type"):
         case "number" | "integer":
             return _number_words(schema)
@@ -157,17 +158,17 @@ def _section_words(title: str, sections: Sequence[type[BaseModel]]) -> Iterator[
     yield f"One of the kinds {', '.join(f'`{kind_of(each)}`' for each in sections)}."
     if shared:
         yield f"Every kind has these fields:\n\n{_field_table(sections[0], shared, title)}"
-    for each in sections:
-        yield f'### `{title}`, `kind = "{kind_of(each)}"`\n\n{summary_of(each)}\n'
-        own = [name for name in each.model_fields if name not in shared and name != "kind"]
+    for section in sections:
+        yield f'### `{title}`, `kind = "{kind_of(section)}"`\n\n{summary_of(section)}\n'
+        own = [name for name in section.model_fields if name not in shared and name != "kind"]
         if own:
-            yield _field_table(each, own)
+            yield _field_table(section, own)
 
 
 def _is_shared(name: str, sections: Sequence[type[BaseModel]]) -> bool:
     """True for a field that means the same in all of ``sections``."""
-    found = {words_of(each, name) for each in sections if name in each.model_fields}
-    return len(found) == 1 and all(name in each.model_fields for each in sections)
+    texts = {words_of(each, name) for each in sections if name in each.model_fields}
+    return len(texts) == 1 and all(name in each.model_fields for each in sections)
 
 
 def _field_table(section: type[BaseModel], names: Sequence[str], place: str = "") -> str:
@@ -179,7 +180,7 @@ def _field_table(section: type[BaseModel], names: Sequence[str], place: str = ""
 
 
 def _row(section: type[BaseModel], name: str, schema: dict[str, Any], needed: bool, place: str) -> str:
-    unit = unit_of(name)
+    unit = unit_in(name)
     default = f"`{json.dumps(schema['default'], ensure_ascii=False)}`" if "default" in schema else ""
     derived = "; ".join(WHY[key] for each in place.split(_AND) if (key := f"{each}.{name}") in WHY)
     default = f"derived: {derived}" if derived and not default else default

@@ -31,10 +31,11 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, ErrorDetails, core_schema
 
 from lensforge.errors import InputError, WrongFields
+from lensforge.results.numerals import unit_in
 from lensforge.results.record import read_only, real_numbers
 from lensforge.results.validation import given_words, same, shortened
 from lensforge.spec.renamed import MOVED, with_new_names
-from lensforge.spec.spec_fields import all_sections, help_of, kind_of, sections_in, signature_of, unit_of, words_of
+from lensforge.spec.spec_fields import all_sections, help_of, kind_of, sections_in, signature_of, words_of
 
 _MOST_LINES = 20  # of a message; a list of a thousand wrong numbers has one cause
 _MOST_CHARACTERS = 480  # of what is wrong in a line
@@ -59,17 +60,17 @@ class _FieldPlace:
 
 def spec_error(error: ValidationError, origin: str, root: type[BaseModel]) -> WrongFields:
     """All wrong fields of what ``origin`` names, a table that ``root`` describes."""
-    found = error.errors(include_url=False)
-    entries = [each for each in found if each["type"] != "too_short"] or found  # a list whose only entry is wrong
+    errors = error.errors(include_url=False)
+    entries = [each for each in errors if each["type"] != "too_short"] or errors  # a list whose only entry is wrong
     unknown = [each for each in entries if each["type"] == "extra_forbidden"]
     meant, lines = set[str](), list[str]()
-    for each in unknown:
-        place = _place(each["loc"], root)
+    for entry in unknown:
+        place = _place(entry["loc"], root)
         hint, instead = _hint(place, root)
         meant.add(instead)
-        value = None if hint.startswith(_NO_HINT) else each["input"]  # of another file's field: not for a message
+        value = None if hint.startswith(_NO_HINT) else entry["input"]  # of another file's field: not for a message
         lines.append(_line(origin, place.name, value, f"unknown; {hint}"))
-    for place, group in _by_place([each for each in entries if each not in unknown], root):
+    for place, group in _by_place([entry for entry in entries if entry not in unknown], root):
         if not (group[0]["type"] == "missing" and place.name in meant):
             words = " or ".join(dict.fromkeys(_problem(each, place) for each in group))
             name = f"{place.name}.kind".lstrip(".") if group[0]["type"] == _KINDS[0] else place.name
@@ -88,9 +89,9 @@ def _line(origin: str, name: str, value: object, words: str) -> str:
 def _by_place(entries: Iterable[ErrorDetails], root: type[BaseModel]) -> list[tuple[_FieldPlace, list[ErrorDetails]]]:
     """The errors of each field together: a field that takes a number or a list has one for either."""
     groups: dict[str, tuple[_FieldPlace, list[ErrorDetails]]] = {}
-    for each in entries:
-        place = _place(each["loc"], root)
-        groups.setdefault(place.name, (place, []))[1].append(each)
+    for entry in entries:
+        place = _place(entry["loc"], root)
+        groups.setdefault(place.name, (place, []))[1].append(entry)
     return list(groups.values())
 
 
@@ -139,7 +140,7 @@ def _hint(place: _FieldPlace, root: type[BaseModel]) -> tuple[str, str]:
 
 def _nearest(name: str, known: Sequence[str]) -> str | None:
     """The known name that was meant: the same with its unit, or one that differs by a few letters."""
-    with_unit = [each for each in known if unit_of(each) and each == f"{name}_{each.removeprefix(f'{name}_')}"]
+    with_unit = [each for each in known if unit_in(each) and each == f"{name}_{each.removeprefix(f'{name}_')}"]
     return next(iter(with_unit or get_close_matches(name, known, n=1, cutoff=_LIKENESS)), None)
 
 
@@ -228,8 +229,8 @@ class Section(_Model):
     @model_validator(mode="before")
     @classmethod
     def _old_names(cls, content: Any) -> Any:
-        for each in cls.__mro__:
-            content = with_new_names(each.__name__, content)
+        for base in cls.__mro__:
+            content = with_new_names(base.__name__, content)
         return content
 
     @model_validator(mode="after")

@@ -194,7 +194,7 @@ class BeamTarget(_FarFieldTarget, SoftTarget):
     """Full width at half maximum, one for both directions or along x and along y."""
     profile: Literal["gaussian", "cosine", "flat"] = "gaussian"
     """Course of the intensity: "gaussian", "cosine" (a power of the cosine of the angle from the axis; between x and y
-    the width is that of an ellipse), or "flat" up to the half width and dark beyond it, with soft edges by
+    the width follows an ellipse), or "flat" up to the half width and dark beyond it, with soft edges by
     ``edge_deg``.
     """
 
@@ -208,7 +208,8 @@ class BeamTarget(_FarFieldTarget, SoftTarget):
 class BatwingTarget(_FarFieldTarget, SoftTarget):
     """Even illuminance on a plane at right angles to the axis: intensity as 1 / cos^3 of the angle.
 
-    ``edge_deg``: standard deviation of the Gaussian whose integral the illuminance falls as: to half at ``to_deg``.
+    With ``edge_deg`` the edge is soft: the illuminance falls as the integral of a Gaussian with that standard
+    deviation, and is one half at ``to_deg``.
     """
 
     needs: ClassVar[tuple[str, ...]] = ("to",)

@@ -160,7 +160,7 @@ def _raised(directions: _Vectors) -> tuple[_Vectors, _Values, _Values]:
     And what a step costs there of one here: along the meridian (angle by angle), and around the axis.
     """
     below = directions[:, 2] < 0.0
-    found, along, around = directions.copy(), np.ones(len(directions)), np.ones(len(directions))
+    moved, along, around = directions.copy(), np.ones(len(directions)), np.ones(len(directions))
     if below.any():
         height = -directions[below, 2]
         bend = 1.0 + (height / -_LEAST_HEIGHT) ** _SOFTNESS
@@ -168,8 +168,8 @@ def _raised(directions: _Vectors) -> tuple[_Vectors, _Values, _Values]:
         off_axis = np.maximum(np.hypot(directions[below, 0], directions[below, 1]), np.finfo(float).tiny)
         own = np.sqrt(1.0 - raised**2)
         along[below], around[below] = bend ** (-1.0 / _SOFTNESS - 1.0) * off_axis / own, own / off_axis
-        found[below] = np.column_stack([directions[below, :2] * around[below, None], raised])
-    return found, along, around
+        moved[below] = np.column_stack([directions[below, :2] * around[below, None], raised])
+    return moved, along, around
 
 
 def _tangents(directions: _Vectors) -> tuple[_Vectors, _Vectors]:

@@ -243,9 +243,9 @@ def _coarser(by_table: Float[np.ndarray, "t t"], side: int) -> Float[np.ndarray,
 def _patches(grid: TableGrid, count: int, sigma: float) -> LevelPatches:
     centres = fibonacci_hemisphere(count)
     reach = sigma * np.sqrt(-np.log(_BEYOND * _NEGLIGIBLE))
-    found = [_patch(grid, centre, sigma, reach) for centre in centres]
-    boxes = np.array([(row, column, *patch.shape) for row, column, patch in found])
-    return LevelPatches(grid, boxes, np.concatenate([patch.ravel() for *_, patch in found]))
+    patches = [_patch(grid, centre, sigma, reach) for centre in centres]
+    boxes = np.array([(row, column, *patch.shape) for row, column, patch in patches])
+    return LevelPatches(grid, boxes, np.concatenate([patch.ravel() for *_, patch in patches]))
 
 
 def _patch(

@@ -94,14 +94,14 @@ class FaceCast:
 
     def all_mm(self, directions: Float[np.ndarray, "n 3"]) -> list[list[float]]:
         """Distances (mm) at which each ray meets a face, rising."""
-        found = []
+        by_ray = []
         for crossings in self._crossings(directions):
             distances: list[float] = []
             for distance in sorted(distance for distance, *_ in crossings):
                 if not distances or distance - distances[-1] > _SAME_MM:
                     distances.append(distance)
-            found.append(distances)
-        return found
+            by_ray.append(distances)
+        return by_ray
 
     def points(self, directions: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3"]]:
         """Distance (mm) of the first crossing of each ray to rounding, and the unit normal there, outwards.
@@ -149,9 +149,9 @@ class FaceCast:
         for (u, v), face in zip(parameters.tolist(), faces.tolist(), strict=True):
             self._surfaces[face].D1(u, v, point, along_u, along_v)
             rows.append((point.Coord(), along_u.Coord(), along_v.Coord()))
-        found = np.array(rows).reshape(-1, 3, 3)
-        found[:, 0] -= self._start
-        return found[:, 0], found[:, 1], found[:, 2]
+        vectors = np.array(rows).reshape(-1, 3, 3)
+        vectors[:, 0] -= self._start
+        return vectors[:, 0], vectors[:, 1], vectors[:, 2]
 
     def _crossings(self, directions: Float[np.ndarray, "n 3"]) -> Iterator[list[tuple[float, float, float, int]]]:
         """Distance (mm), parameters and number of the face of each crossing, ray by ray."""
@@ -159,13 +159,13 @@ class FaceCast:
 
         casts, start = list(enumerate(self._casts)), self._start_point
         for direction in directions.tolist():
-            line, found = gp_Lin(start, gp_Dir(*direction)), []
+            line, crossings = gp_Lin(start, gp_Dir(*direction)), []
             for index, cast in casts:
                 cast.Perform(line, 0.0, _FAR_MM)
                 if cast.IsDone():
                     for k in range(1, cast.NbPnt() + 1):
-                        found.append((cast.WParameter(k), cast.UParameter(k), cast.VParameter(k), index))
-            yield found
+                        crossings.append((cast.WParameter(k), cast.UParameter(k), cast.VParameter(k), index))
+            yield crossings
 
 
 FIRST = "first"
@@ -197,23 +197,23 @@ def _sample_face(folder: Path) -> None:
     cast = FaceCast([each.face for each in chosen], shift)
     sampled = sampled_face(cast, f"{job['origin']}: {' and '.join(each.words for each in chosen)}")
     np.savez(folder / SPLINE, axis=sampled.axis, radius=sampled.radius)
-    found = {"unit": unit, "names": [each.words for each in chosen]}
+    described = {"unit": unit, "names": [each.words for each in chosen]}
     errors = {"form_error_nm": sampled.form_error_nm, "normal_error_urad": sampled.normal_error_urad}
-    write_json(folder / FOUND, {**found, **errors})
+    write_json(folder / FOUND, {**described, **errors})
 
 
 def _selected(
     faces: list[NamedFace], wanted: list[str | int], origin: str, shift_mm: Float[np.ndarray, "3"]
 ) -> list[NamedFace]:
     names = [each.name for each in faces if each.name]
-    found = []
+    chosen = []
     for each in wanted:
         if each == FIRST:
-            found.append(_first_on_axis(faces, origin, shift_mm))
+            chosen.append(_first_on_axis(faces, origin, shift_mm))
         elif isinstance(each, int):
             if not 1 <= each <= len(faces):
                 raise InputError(f"{origin}: face = {each}: it has faces 1 to {len(faces)}")
-            found.append(faces[each - 1])
+            chosen.append(faces[each - 1])
         else:
             same = [face for face in faces if face.name == each]
             if len(same) != 1:
@@ -221,8 +221,8 @@ def _selected(
                 known = f"names of faces: {', '.join(near)}" if near else "its faces have no names; give a number"
                 count = f"{len(same)} faces have this name" if same else "no such face"
                 raise InputError(f"{origin}: face = {each!r}: {count}; {known}, or 'first'")
-            found.append(same[0])
-    return found
+            chosen.append(same[0])
+    return chosen
 
 
 def _first_on_axis(faces: list[NamedFace], origin: str, shift_mm: Float[np.ndarray, "3"]) -> NamedFace:

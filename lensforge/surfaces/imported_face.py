@@ -133,10 +133,14 @@ def _sampled(
         write_json(folder / JOB, job)
         script = Path(__file__).with_name("cad_sampling.py").resolve()
         work_in_child(script, folder, limits, origin=origin, remedy=_CAD_REMEDY)
-        found = json.loads((folder / FOUND).read_text(encoding="utf-8"))
+        described = json.loads((folder / FOUND).read_text(encoding="utf-8"))
         arrays = arrays_in((folder / SPLINE).read_bytes(), ("axis", "radius"), 64 * MIB)
-    named = " and ".join(found["names"])
+    named = " and ".join(described["names"])
     surface = ChartSpline.through(np.asarray(arrays["axis"]), np.asarray(arrays["radius"]))
     return GivenFace(
-        surface, f"{named} of {name}", found["form_error_nm"], found["normal_error_urad"], str(found["unit"])
+        surface,
+        f"{named} of {name}",
+        described["form_error_nm"],
+        described["normal_error_urad"],
+        str(described["unit"]),
     )

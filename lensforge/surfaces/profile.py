@@ -81,8 +81,8 @@ class ProfileBasis:
 
     def nearest(self, cosines: _Values, values: _Values) -> tuple[float, ...]:
         """Coefficients of the function nearest to ``values`` in least squares."""
-        found: list[float] = np.linalg.lstsq(self.matrix(cosines), values, rcond=None)[0].tolist()
-        return tuple(found)
+        coefficients: list[float] = np.linalg.lstsq(self.matrix(cosines), values, rcond=None)[0].tolist()
+        return tuple(coefficients)
 
 
 @dataclass(frozen=True)

@@ -173,15 +173,15 @@ class SrbfSurface(Surface):
         from lensforge.kernels.basis_sum import BLOCK
 
         basis, order = self.basis, _as_neighbours(directions, BLOCK)
-        ordered, found = np.ascontiguousarray(directions[order]), np.empty_like(total)
+        ordered, sums = np.ascontiguousarray(directions[order]), np.empty_like(total)
         images, weights = np.stack(group(basis.symmetry)), np.ascontiguousarray(self.weights_mm)
 
         def work(_: int, part: slice) -> None:
             space = np.empty((rows, BLOCK))
-            kernel(ordered[part], images, basis.centres, basis.sigmas, basis.reaches, weights, space, found[part])
+            kernel(ordered[part], images, basis.centres, basis.sigmas, basis.reaches, weights, space, sums[part])
 
         in_chunks(work, len(ordered))
-        total[order] = found
+        total[order] = sums
 
 
 def _as_neighbours(directions: Float[np.ndarray, "n 3"], together: int) -> Int[np.ndarray, " n"]:

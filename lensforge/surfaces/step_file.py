@@ -91,8 +91,8 @@ def parse_apart(content: bytes, origin: str, remedy: str, *, to_be_joined: bool 
         shape = TopoDS_Shape()
         with temporary_file(binary, "part.bin") as path:
             BinTools.Read_s(shape, str(path))
-        found = faces_of(shape)
-        named = {each: cq.Face(found[index]) for each, index in faces.items()}
+        all_faces = faces_of(shape)
+        named = {each: cq.Face(all_faces[index]) for each, index in faces.items()}
         products.append(Product(name, cq.Shape.cast(shape), named))
     return products
 
@@ -106,8 +106,8 @@ def _tested(content: bytes, origin: str, remedy: str, to_be_joined: bool) -> lis
         (folder / _STEP).write_bytes(content)
         write_json(folder / _JOB, {"origin": origin, "remedy": remedy, "to_be_joined": to_be_joined})
         work_in_child(Path(__file__).resolve(), folder, limits, origin=origin, remedy=remedy)
-        found = json.loads((folder / _PRODUCTS).read_text(encoding="utf-8"))
-        return [(each["name"], (folder / f"{k}.bin").read_bytes(), each["faces"]) for k, each in enumerate(found)]
+        entries = json.loads((folder / _PRODUCTS).read_text(encoding="utf-8"))
+        return [(each["name"], (folder / f"{k}.bin").read_bytes(), each["faces"]) for k, each in enumerate(entries)]
 
 
 def shapes_in(reader: Any, path: Path, refusal: str) -> list[tuple[str, Any, dict[str, Any]]]:
@@ -164,9 +164,9 @@ def faces_of(shape: Any) -> list[Any]:
     from OCP.TopoDS import TopoDS
     from OCP.TopTools import TopTools_IndexedMapOfShape
 
-    found = TopTools_IndexedMapOfShape()
-    TopExp.MapShapes_s(shape, TopAbs_ShapeEnum.TopAbs_FACE, found)
-    return [TopoDS.Face_s(found.FindKey(k + 1)) for k in range(found.Extent())]
+    distinct = TopTools_IndexedMapOfShape()
+    TopExp.MapShapes_s(shape, TopAbs_ShapeEnum.TopAbs_FACE, distinct)
+    return [TopoDS.Face_s(distinct.FindKey(k + 1)) for k in range(distinct.Extent())]
 
 
 def _write_products(folder: Path) -> None:
@@ -175,11 +175,11 @@ def _write_products(folder: Path) -> None:
 
     job = json.loads((folder / _JOB).read_text(encoding="utf-8"))
     origin, remedy = job["origin"], job["remedy"]
-    found = _shapes_in_step(folder / _STEP, origin, remedy)
-    if len(found) > _MOST_PRODUCTS:
-        raise InputError(f"{origin}: {len(found)} products, at most {_MOST_PRODUCTS} are read; {remedy}")
+    shapes = _shapes_in_step(folder / _STEP, origin, remedy)
+    if len(shapes) > _MOST_PRODUCTS:
+        raise InputError(f"{origin}: {len(shapes)} products, at most {_MOST_PRODUCTS} are read; {remedy}")
     records = []
-    for number, (name, shape, named) in enumerate(found):
+    for number, (name, shape, named) in enumerate(shapes):
         faces = faces_of(shape)
         BinTools.Write_s(shape, str(folder / f"{number}.bin"))  # before the tests, which may add triangles to it
         _require_usable(shape, len(faces), origin, remedy, job["to_be_joined"])

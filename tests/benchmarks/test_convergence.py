@@ -2,19 +2,14 @@
 
 import numpy as np
 import pytest
-from convergence.exported import EQUAL, mesh_study, nurbs_study
 from convergence.pixels import bias, pixel_study
-from convergence.rays import PLAIN, QMC, ray_study
 from convergence.runs import TracedRun
 from convergence.study import order_of
-from convergence.tables import table_normals, table_study
-from scenes import random_surface, small_spec, table_of
+from convergence.tables import table_normals
+from scenes import random_surface, small_spec
 from scipy.stats import linregress
 
-from lensforge.light.simulation import TracedLens
-from lensforge.light.table_trace import Scene
 from lensforge.scene.lens import Lens
-from lensforge.sources.build_source import build_source
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate
 
 GRID = TableGrid(100)
@@ -25,24 +20,6 @@ SPEC = small_spec(base={"kind": "none"})
 def lens():
     inner, outer = (random_surface(k, 3.0 * k, 0.01, (9, 25)) for k in (1, 2))
     return Lens.double(inner, outer, SPEC, 0, "draft")
-
-
-@pytest.mark.nightly("a benchmark of its own: half a minute")
-def test_plain_monte_carlo_falls_with_the_root_of_the_rays_and_quasi_monte_carlo_faster(lens):
-    traced = TracedLens(
-        Scene(lens.media, GRID), np.stack([table_of(each, GRID) for each in lens.surfaces.values()]), {}
-    )
-    orders = ray_study(traced, lens.spec, build_source(SPEC.source), (2**10, 2**12, 2**14))[0].order
-    assert orders[PLAIN]["irradiance_nmse"].value == pytest.approx(-1.0, abs=0.05)
-    assert abs(orders[PLAIN]["efficiency"].value + 0.5) < 4.0 * orders[PLAIN]["efficiency"].standard_error
-    assert orders[QMC]["irradiance_nmse"].value < -1.05
-
-
-def test_the_table_converges_to_the_exact_sum_with_the_fourth_power_and_its_normals_with_the_third(lens):
-    orders = table_study(lens, build_source(SPEC.source), (3.0, 5.0, 8.0, 12.0)).study.order["table"]
-    assert orders["rho"].value == pytest.approx(-4.0, abs=0.5)
-    assert orders["normal"].value == pytest.approx(-3.0, abs=0.6)
-    assert orders["hit_99_percent"].value < -2.4
 
 
 def test_normals_of_a_table_by_differences_are_those_of_the_sum(lens):
@@ -73,14 +50,6 @@ def test_noise_does_not_count_as_bias():
     noise = np.random.default_rng(1)
     found = [bias(1.0 + noise.normal(size=(8, 30, 30)), np.ones((8, 30, 30))) for _ in range(50)]
     assert abs(np.mean(found)) < 4.0 * np.std(found) / np.sqrt(50)
-
-
-@pytest.mark.nightly("meshes of a study that no command runs")
-def test_the_faces_converge_to_the_sum_and_the_mesh_to_the_faces(lens):
-    by_nodes, plan = nurbs_study(lens, (20, 28, 40), cad=False)
-    assert by_nodes.order["quintic spline"]["form"].value < -5.0
-    by_rings = mesh_study(plan, (12, 24, 48))
-    assert by_rings.order[EQUAL]["chord"].value == pytest.approx(-2.0, abs=0.15)
 
 
 def test_an_order_is_the_slope_and_knows_its_error():

@@ -66,6 +66,9 @@ def test_units_follow_by_their_own_gap(value, unit, text):
         ("exit_lm.standard_error", "lm"),
         ("lumens_per_watt", "lm/W"),
         ("turned_rad", "rad"),
+        ("roads.[0].mean_lx", "lx"),
+        ("roads.[0].uniformity_lx", ""),
+        ("roads.[0].pole_spacing_m", "m"),
     ],
 )
 def test_units_follow_the_names(path, unit):

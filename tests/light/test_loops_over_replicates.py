@@ -17,7 +17,6 @@ from lensforge.light.metrics import (
     least_without_noise,
     nmse,
     nmse_estimate,
-    ratio_of,
     relative_deviation,
     relative_square,
     rsd_estimate,
@@ -223,12 +222,6 @@ def test_other_than_sixteen_replicates_have_the_least_of_their_mean(count: int) 
     assert least_without_noise(readings).value == pytest.approx(min(means), rel=1e-12)
     assert largest_without_noise(readings).value == pytest.approx(max(means), rel=1e-12)
     assert least_without_noise(readings).standard_error is None
-
-
-def test_a_ratio_to_little_light_is_a_ratio_and_one_to_none_is_zero() -> None:
-    above = Metric(value=0.03, standard_error=0.003)
-    assert ratio_of(above, Metric(value=0.06)).value == pytest.approx(0.5)
-    assert ratio_of(above, Metric(value=-0.06)) == ratio_of(above, Metric(value=0.0)) == Metric(value=0.0)
 
 
 def test_what_was_taken_off_is_a_part_of_the_error() -> None:

@@ -112,5 +112,6 @@ def test_relative_errors_of_a_ratio_add_in_squares() -> None:
     assert ratio.value == 0.75
     assert ratio.standard_error / ratio.value == pytest.approx(np.hypot(0.1, 0.05))
     assert ratio_of(above, Metric(value=4.0)) == ratio_of(Metric(value=3.0), below) == Metric(value=0.75)
+    assert ratio_of(Metric(value=0.03), Metric(value=0.06)).value == pytest.approx(0.5), "little light is light"
     for dark in (0.0, -4.0):
         assert ratio_of(above, Metric(value=dark, standard_error=1.0)) == Metric(value=0.0)

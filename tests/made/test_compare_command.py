@@ -67,7 +67,7 @@ def test_light_on_a_rectangle_is_compared_where_its_lens_says(tmp_path: Path) ->
     assert found.ssim > 0.99 and found.measured.shape == light.map.shape
     assert found.simulated_evenness.uniformity == pytest.approx(light.raw.uniformity)
     assert lf.compare(light, on=tmp_path / "on.png", corners=corners).simulated_evenness.uniformity is None
-    with pytest.raises(InputError, match="lens: the light is that of another lens"):
+    with pytest.raises(InputError, match="lens: the light was evaluated with another lens"):
         lf.compare(light, on=tmp_path / "on.png", corners=corners, lens=LENS)
 
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from handmade_pictures import exif, png, tiff
 from photo_scenes import homography
+from picture_files import exif, png, tiff, with_tag
 from PIL import Image
 from scipy.ndimage import gaussian_filter
 
@@ -248,7 +248,7 @@ def test_all_16_bits_of_a_colour_photograph_count(tmp_path):
     values = np.random.default_rng(5).integers(0, 2**16, (20, 30, 3), dtype=np.uint16)
     values[3, 4, 1], values[values == 65535] = 65535, 65534
     values[3, 4, 1] = 65535
-    for name, content in (("on.png", png(values, "rgb", 16)), ("on.tif", tiff(values, deflated=True))):
+    for name, content in (("on.png", png(values, "rgb", 16)), ("on.tif", tiff(values, compression="zlib"))):
         (tmp_path / name).write_bytes(content)
         seen = read_photograph(tmp_path / name, gamma=2.2)
         np.testing.assert_allclose(seen.light, (values / 65535) ** 2.2 @ [0.2126, 0.7152, 0.0722], rtol=1e-12)
@@ -260,8 +260,7 @@ def test_a_camera_of_12_bits_clips_at_its_own_full_scale(tmp_path):
     packed = np.zeros((20, 45), dtype=np.uint8)  # two values in three bytes
     first, second = values[:, ::2], values[:, 1::2]
     packed[:, 0::3], packed[:, 1::3], packed[:, 2::3] = first >> 4, (first & 15) << 4 | second >> 8, second & 255
-    tags = [(256, 4, [30]), (258, 3, [12])]
-    (tmp_path / "on.tif").write_bytes(tiff(packed, extra_tags=tags))
+    (tmp_path / "on.tif").write_bytes(with_tag(with_tag(tiff(packed), 256, 30), 258, 12))
     seen = read_photograph(tmp_path / "on.tif")
     np.testing.assert_array_equal(seen.light, values / 4095)
     np.testing.assert_array_equal(seen.clipped, values == 4095)

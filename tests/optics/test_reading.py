@@ -1,10 +1,10 @@
-"""Pictures of every layout against the numbers that were written into them by hand."""
+"""Pictures of every layout against the numbers that were written into them."""
 
 import io
 
 import numpy as np
 import pytest
-from handmade_pictures import RNG, bmp, exif, numbers, png, tiff
+from picture_files import RNG, bmp, exif, numbers, png, tiff
 from PIL import Image, ImageCms, ImageOps
 
 LUMA, REC709 = np.array([0.299, 0.587, 0.114]), np.array([0.2126, 0.7152, 0.0722])
@@ -14,11 +14,10 @@ def srgb(v):
     return np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
 
 
-@pytest.mark.parametrize("interlaced", [False, True])
 @pytest.mark.parametrize("depth", [1, 2, 4, 8, 16])
-def test_grey_png(light, depth, interlaced):
+def test_grey_png(light, depth):
     values = RNG.integers(0, 2**depth, (11, 19))
-    np.testing.assert_array_equal(light(png(values, "grey", depth, interlaced)), _full(values, depth))
+    np.testing.assert_array_equal(light(png(values, "grey", depth)), _full(values, depth))
 
 
 def _full(values, depth):
@@ -26,16 +25,15 @@ def _full(values, depth):
     return values * (255 // (2**depth - 1)) / 255 if depth < 8 else values / (2**depth - 1)
 
 
-@pytest.mark.parametrize("interlaced", [False, True])
 @pytest.mark.parametrize("kind", ["uint8", "uint16"])
-def test_colours_of_png(light, kind, interlaced):
+def test_colours_of_png(light, kind):
     full, depth = np.iinfo(kind).max, 8 * np.dtype(kind).itemsize
     colours, clear = numbers(kind, 3), numbers(kind, 1)
     stored = colours / full
-    file = png(colours, "rgb", depth, interlaced)
+    file = png(colours, "rgb", depth)
     np.testing.assert_allclose(light(file), stored @ LUMA, rtol=0, atol=1e-5)  # its weights are n/65536
     np.testing.assert_allclose(light(file, "srgb"), srgb(stored) @ REC709, rtol=1e-12)
-    covered = png(np.concatenate([colours, clear], axis=2), "rgb_alpha", depth, interlaced)
+    covered = png(np.concatenate([colours, clear], axis=2), "rgb_alpha", depth)
     np.testing.assert_allclose(light(covered), stored @ LUMA * clear[..., 0] / full, rtol=0, atol=1e-5)
     np.testing.assert_allclose(light(covered, "srgb"), srgb(stored) @ REC709 * clear[..., 0] / full, rtol=1e-12)
 
@@ -46,9 +44,7 @@ def test_transparent_grey_is_dark(light, kind):
     depth = 8 * np.dtype(kind).itemsize
     expected = both[..., 0] / full * (both[..., 1] / full)
     np.testing.assert_allclose(light(png(both, "grey_alpha", depth)), expected, rtol=1e-14)
-    np.testing.assert_allclose(
-        light(tiff(both, extra_tags=[(338, 3, [2])])), expected, rtol=1e-14
-    ) if depth == 8 else None
+    np.testing.assert_allclose(light(tiff(both, extrasamples=[2])), expected, rtol=1e-14) if depth == 8 else None
 
 
 @pytest.mark.parametrize("depth", [8, 16])
@@ -73,15 +69,13 @@ def test_palette_with_transparency(light):
 
 @pytest.mark.parametrize("order", ["<", ">"])
 @pytest.mark.parametrize(
-    "options", [{}, {"deflated": True}, {"deflated": True, "predictor": True}, {"rows_per_strip": 4}]
+    "options", [{}, {"compression": "zlib"}, {"compression": "zlib", "predictor": True}, {"rowsperstrip": 4}]
 )
 @pytest.mark.parametrize("kind", ["uint8", "uint16", "float32"])
 @pytest.mark.parametrize("channels", [1, 3])
 def test_tiff(light, order, options, kind, channels):
     values = numbers(kind, channels)
     file = tiff(values, order, **options)
-    if kind == "float32" and "predictor" in options:
-        return  # differences are of whole numbers
     stored = values / (np.iinfo(kind).max if kind != "float32" else 1.0)
     expected = stored @ LUMA if channels == 3 else stored[..., 0]
     np.testing.assert_allclose(light(file), expected, rtol=0, atol=1e-5 if channels == 3 else 0.0)
@@ -90,7 +84,7 @@ def test_tiff(light, order, options, kind, channels):
 @pytest.mark.parametrize("kind", ["uint8", "uint16"])
 def test_white_is_zero(light, kind):
     values, full = numbers(kind, 1), np.iinfo(kind).max
-    np.testing.assert_array_equal(light(tiff(values, photometric=0)), (full - values[..., 0]) / full)
+    np.testing.assert_array_equal(light(tiff(values, photometric="miniswhite")), (full - values[..., 0]) / full)
 
 
 @pytest.mark.parametrize("kind", ["uint8", "uint16"])
@@ -103,8 +97,8 @@ def test_opacity_of_tiff_once_multiplied_and_once_not(light, kind, order):
     multiplied = straight.copy()
     multiplied[..., :3] = np.floor(straight[..., :3] * opaque[..., None])
     for file, stored in (
-        (tiff(straight, order, extra_tags=[(338, 3, [2])]), straight[..., :3] / full * opaque[..., None]),
-        (tiff(multiplied, order, extra_tags=[(338, 3, [1])]), multiplied[..., :3] / full),
+        (tiff(straight, order, extrasamples=[2]), straight[..., :3] / full * opaque[..., None]),
+        (tiff(multiplied, order, extrasamples=[1]), multiplied[..., :3] / full),
     ):
         np.testing.assert_allclose(light(file), stored @ LUMA, atol=1e-5)
         plain = np.divide(stored, opaque[..., None], out=np.zeros_like(stored), where=opaque[..., None] > 0)
@@ -124,16 +118,10 @@ def test_pictures_stand_upright(light, orientation):
     expected = np.asarray(ImageOps.exif_transpose(upright)) / 255
     np.testing.assert_array_equal(light(png(grey, extra=[(b"eXIf", exif(orientation, ">"))])), expected)
     for order in "<>":
-        np.testing.assert_array_equal(light(tiff(grey, order, extra_tags=[(274, 3, [orientation])])), expected)
-        deflated = tiff(numbers_like(grey), order, extra_tags=[(274, 3, [orientation])], deflated=True)
-        assert light(deflated).shape == expected.shape
+        np.testing.assert_array_equal(light(tiff(grey, order, orientation)), expected)
     jpeg = io.BytesIO()
     Image.fromarray(grey[..., 0]).save(jpeg, "JPEG", quality=100, exif=b"Exif\0\0" + exif(orientation))
     np.testing.assert_allclose(light(jpeg.getvalue()), expected, atol=4 / 255)
-
-
-def numbers_like(grey):
-    return grey.astype(np.uint16) * 257
 
 
 def _with_profile(grey, profile):
@@ -153,7 +141,7 @@ def test_profiles_count_where_values_are_decoded(light, refused):
         + (int.from_bytes(own[start + 12 : start + 16], "big") + 2000).to_bytes(4, "big")
         + own[start + 16 :]
     )
-    assert "not that of sRGB" in refused(_with_profile(colours, other), "srgb")
+    assert "not the sRGB profile" in refused(_with_profile(colours, other), "srgb")
     np.testing.assert_allclose(light(_with_profile(colours, other)), colours / 255 @ LUMA, atol=1e-5)
     lab = ImageCms.ImageCmsProfile(ImageCms.createProfile("LAB")).tobytes()
     assert "colour profile" in refused(_with_profile(colours, lab), "srgb")

@@ -8,7 +8,7 @@ import zlib
 
 import numpy as np
 import pytest
-from handmade_pictures import bmp, chunk, numbers, png, tiff
+from picture_files import bmp, chunk, numbers, png, tiff, with_tag
 from PIL import Image
 
 from lensforge.errors import InputError
@@ -28,7 +28,7 @@ def test_what_has_no_one_luminance_is_refused(refused):
     assert "signed" in refused(tiff(numbers("int16", 1)))
     assert "below 0" in refused(tiff(-numbers("float32", 1)))
     assert "finite" in refused(tiff(np.full((4, 4, 1), np.inf, dtype=np.float32)))
-    planes_of_which_two_are_missing = tiff(numbers("uint16", 3), extra_tags=[(284, 3, [2])])
+    planes_of_which_two_are_missing = with_tag(tiff(numbers("uint16", 3)), 284, 2)
     assert "truncated" in refused(planes_of_which_two_are_missing)
 
 
@@ -77,7 +77,7 @@ def test_large_pictures_are_refused_before_they_are_decoded(refused):
         chunk(*each) for each in ((b"IHDR", header), (b"IDAT", rows), (b"IEND", b""))
     )
     assert "67.1 million" in refused(bomb)
-    wide = tiff(numbers("uint8", 1), extra_tags=[(256, 4, [2**20])])
+    wide = with_tag(tiff(numbers("uint8", 1)), 256, 2**20)
     assert "pixels, must be at most" in refused(wide)
     assert time.process_time() - started < 2.0
 
@@ -101,7 +101,7 @@ def test_damage_is_refused(refused, light):
 def test_truncated_files_are_one_line(refused, kind):
     grey = numbers("uint8", 1, (40, 40))
     content = {
-        "png": png(grey), "tiff": tiff(grey), "deflated": tiff(grey, deflated=True), "bmp": bmp(grey[..., 0]),
+        "png": png(grey), "tiff": tiff(grey), "deflated": tiff(grey, compression="zlib"), "bmp": bmp(grey[..., 0]),
         "jpeg": _saved("L", "JPEG"),
     }[kind]  # fmt: skip
     for size in (0, 1, 2, 3, 8, 20, 33, len(content) // 2, len(content) - 20):

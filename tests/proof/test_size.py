@@ -128,8 +128,6 @@ def test_a_scaled_body_is_named_even_where_light_does_not_tell(tmp_path):
     ("scale", "says"),
     [(1.0 / 25.4, "in inches"), (25.4, "as if its mm were inches"), (0.1, "in cm"), (1e-3, "in metres")],
 )
-def test_another_unit_and_facets_that_face_inwards_are_named(tmp_path, scale, says):
+def test_another_unit_is_named(tmp_path, scale, says):
     mesh = mesh_of(dome(), tmp_path / "dome.stl")
-    assert says in failed(mesh.copy().apply_scale(scale))["volume_change"]
-    mesh.invert()
-    assert "facets face inwards" in failed(mesh)["volume_change"]
+    assert says in failed(mesh.apply_scale(scale))["volume_change"]

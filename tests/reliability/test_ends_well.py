@@ -1,9 +1,7 @@
 """Streams that close or are full, folders that cannot be written, full disks, and pages that belong to others."""
 
 import errno
-import importlib
 import os
-import py_compile
 import resource
 import shutil
 import subprocess
@@ -239,24 +237,6 @@ def test_a_full_disk_is_one_line_and_old_files_stay(command: str, small_run: lf.
     assert done.returncode == 2 and ("File too large" in line or "full disk" in line), line
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
     assert not list(temporary.iterdir())
-
-
-def test_a_compiled_module_that_a_full_disk_has_cut_short_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    """It was "interrupted": click takes every early end of a file for one."""
-    (tmp_path / "cut_short.py").write_text("LENGTHS_MM = (1.0, 2.0, 3.0)", encoding="utf-8")
-    compiled_module = Path(py_compile.compile(str(tmp_path / "cut_short.py"), doraise=True))
-    os.truncate(compiled_module, compiled_module.stat().st_size // 2)
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(cli.cli.commands["examples"], "callback", lambda **_: importlib.import_module("cut_short"))
-    monkeypatch.setattr(sys, "argv", ["lensforge", "examples"])
-    with pytest.raises(SystemExit) as end:
-        cli.main()
-    said = (
-        f"lensforge: {compiled_module}: a compiled module, cut short as a full disk leaves it; delete it and try again"
-    )
-    assert (end.value.code, capfd.readouterr().err) == (2, f"{said}\n")
 
 
 def test_a_reader_of_progress_that_leaves_costs_no_work(examples: Path, tmp_path: Path) -> None:

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from handmade_pictures import numbers, png, tiff
 from nightly import scaled
+from picture_files import numbers, png, tiff
 from PIL import Image
 from rayfile_samples import CASES, encoded
 
@@ -137,7 +137,7 @@ def formats() -> dict[str, tuple[str, bytes, Reader]]:
     example = Path(__file__).parents[2] / "examples" / "quickstart.toml"
     sphere = trimesh.creation.icosphere(1, 5.0)
     pictures = {
-        "png": png(numbers("uint16", 3), "rgb", 16), "tiff": tiff(numbers("uint16", 3), deflated=True),
+        "png": png(numbers("uint16", 3), "rgb", 16), "tiff": tiff(numbers("uint16", 3), compression="zlib"),
         "lzw": picture("TIFF", compression="tiff_lzw"), "jpeg": picture("JPEG", "RGB"), "bmp": picture("BMP", "RGB"),
     }  # fmt: skip
     return {

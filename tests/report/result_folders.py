@@ -172,7 +172,6 @@ def make_design(lens, **changes):
         "lens": lens,
         "inputs": {"lens": lens.sha256, "spec": "ef" * 32},
         "steps": 7,
-        "forward_evaluations": 7,
         "rays_per_step": 4096,
         "seconds": 1.25,
         "max_radius_mm": 10.75,

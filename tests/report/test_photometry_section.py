@@ -27,17 +27,6 @@ def facts_of(lens, **changes):
     return {fact.label: fact for group in results.facts(results.photometry) for fact in group.facts}
 
 
-def test_numbers_of_the_far_field_are_those_of_the_record():
-    facts = facts_of(small_lens())
-    assert facts["Luminous flux"].text == "1000.00 ± 0.50 lm"
-    assert facts["Peak intensity"].sentence == "318.3 ± 2.0 cd; at C 0°, gamma 0°"
-    assert facts["Intensity on the axis"].text == "318.3 ± 2.0 cd"
-    for plane in ("C 0", "C 90"):
-        assert facts[f"Beam angle, {plane}"].text == "120.00 ± 0.20°"
-        assert facts[f"Field angle, {plane}"].text == "168.52 ± 0.20°"
-    assert "Lenses" not in facts
-
-
 def test_relative_candela_are_said():
     assert "states no flux" in facts_of(small_lens(), per_1000_lm=True)["Luminous flux"].note
 

@@ -123,9 +123,8 @@ def test_every_number_of_the_comparison_is_one_of_a_fact():
 
 def make_tradeoff(lens):
     metrics = {"nmse": Metric(value=0.0123, standard_error=0.0004), "efficiency": Metric(value=0.8134)}
-    tables = {"design_tables_nmse": Metric(value=3.2e-6, standard_error=4e-7), "tables_nmse": Metric(value=1.1e-7)}
     rows = [
-        TradeoffRow(series="presets", setting=name, seconds=seconds, rays=rays, noise_nmse=2.3e-4, **metrics, **tables)
+        TradeoffRow(series="presets", setting=name, seconds=seconds, rays=rays, noise_nmse=2.3e-4, **metrics)
         for name, seconds, rays in (("draft", 0.51, 65536), ("standard", 3.2, 524288))
     ]
     rows += [TradeoffRow(series="search", setting="level 1", seconds=4.5, rays=16384, steps=25, functions=9, **metrics)]

@@ -4,7 +4,7 @@ import unicodedata
 
 import numpy as np
 import pytest
-from handmade_pictures import png, tiff
+from picture_files import png, tiff
 
 from lensforge.errors import InputError
 from lensforge.scene.pixel_grid import PixelGrid

@@ -22,7 +22,7 @@ def test_a_design_gets_better_and_keeps_its_history() -> None:
     nmse = [value for level in result.history for value in level.nmse]
     assert len(nmse) == 50
     assert np.mean(nmse[-5:]) < 0.65 * np.mean(nmse[:5])
-    assert result.forward_evaluations == 50
+    assert result.steps == 50
     assert all(len(level.efficiency) == len(level.loss) == 25 for level in result.history)
     assert all(len(values) == 25 for level in result.history for values in level.constraints.values())
     last = {name: values[-1] for name, values in result.history[-1].constraints.items()}

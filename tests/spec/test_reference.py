@@ -13,9 +13,10 @@ from pydantic_core import PydanticUndefined
 
 import lensforge as lf
 from lensforge.cli.cli import cli
+from lensforge.results.numerals import unit_in
 from lensforge.spec import Spec, load_spec
 from lensforge.spec.lens_section import USUAL_KIND
-from lensforge.spec.spec_fields import all_sections, kind_of, unit_of, words_of
+from lensforge.spec.spec_fields import all_sections, kind_of, words_of
 from lensforge.spec.spec_reference import spec_schema
 
 ROOT = Path(__file__).parents[2]
@@ -45,11 +46,11 @@ def schema() -> dict[str, Any]:
 def test_every_field_has_words_and_every_number_a_unit(schema: dict[str, Any]) -> None:
     for section, name in FIELDS:
         words, where = words_of(section, name), f"{section.__name__}.{name}"
-        assert len(words) >= 5 and words.removesuffix(f" [{unit_of(name)}]").endswith("."), f"{where}: no sentence"
+        assert len(words) >= 5 and words.removesuffix(f" [{unit_in(name)}]").endswith("."), f"{where}: no sentence"
         field = {**schema["$defs"], "Spec": schema}[section.__name__]["properties"][name]
         assert field["description"] == words, where
         if any(f'"type": "{kind}"' in json.dumps(field) for kind in ("number", "integer")):
-            assert unit_of(name) or name in PURE, f"{where}: a number's name ends with its unit, or it has none"
+            assert unit_in(name) or name in PURE, f"{where}: a number's name ends with its unit, or it has none"
 
 
 def test_all_kinds_are_in_the_schema(schema: dict[str, Any]) -> None:
@@ -109,7 +110,7 @@ def test_help_and_signature_have_every_argument_with_words_unit_and_default() ->
         for name in names:
             field = section.model_fields[name]
             line = next(line for line in shown.splitlines() if line.startswith(f"    {name}:"))
-            assert words_of(section, name) in line and unit_of(name) in line
+            assert words_of(section, name) in line and unit_in(name) in line
             assert field.is_required() == (arguments[name].default is inspect.Parameter.empty) == ("(needed)" in line)
             if field.default_factory is None and field.default not in (None, PydanticUndefined):
                 assert arguments[name].default == field.default and line.endswith(f"(default: {field.default!r})")

@@ -3,7 +3,7 @@ import pytest
 from nightly import first_by_day
 from scenes import random_surface, weight_matrix
 
-from lensforge.surfaces.bicubic_table import TableGrid, grid_for, table_error, tabulate
+from lensforge.surfaces.bicubic_table import TableGrid, grid_for, tabulate
 from lensforge.surfaces.mirror_group import NAMES
 
 
@@ -13,13 +13,6 @@ def test_the_weight_matrix_makes_the_table_of_the_exact_sum(symmetry: str) -> No
     grid = TableGrid(40)
     table = surface.offset_mm + weight_matrix(grid, surface.basis) @ surface.weights_mm
     assert np.allclose(table.reshape(grid.side, -1), tabulate(grid, surface), atol=1e-12)
-
-
-def test_the_table_converges_with_the_fourth_power_of_the_step() -> None:
-    surface = random_surface(2, 2.45, levels=(25, 81))
-    grids = [TableGrid(nodes) for nodes in (61, 121)]
-    errors = [table_error(grid, tabulate(grid, surface), surface) for grid in grids]
-    assert 3.6 < np.log2(errors[0] / errors[1]) < 4.4
 
 
 def test_the_grid_resolves_the_narrowest_function() -> None:

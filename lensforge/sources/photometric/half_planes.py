@@ -48,7 +48,7 @@ def tabulated(
         raise InputError(f"{name}: one gamma angle only; a far field needs two or more")
     candela, warnings = not_below_zero(candela, name)
     if len(c_deg) == 1 and c_deg[0] != 0.0:
-        warnings = (*warnings, f"its only half-plane is C {c_deg[0]:g}: taken as that of light of revolution")
+        warnings = (*warnings, f"its only half-plane is C {c_deg[0]:g}: taken as light of revolution")
     candela, seam = _one_seam(c_deg, candela)
     if seam > _SAME_PLANE:
         line = f"its half-planes C 0 and C 360, which are one, differ by {seam:.2g} of the largest: their mean is taken"
@@ -128,8 +128,8 @@ def _mirrored_at(
     angles = np.concatenate([c_deg, (2.0 * edge - c_deg) % 360.0])
     if edge == 180.0:
         angles[len(c_deg)] = 360.0  # the image of C 0 closes the turn
-    found, rows = np.unique(np.round(angles, 9), return_index=True)
-    return found, np.concatenate([candela, candela])[rows]
+    distinct, rows = np.unique(np.round(angles, 9), return_index=True)
+    return distinct, np.concatenate([candela, candela])[rows]
 
 
 def _closed(

@@ -152,33 +152,33 @@ _FLUX_TOLERANCE = 0.01  # integral and stated flux of real files agree this well
 _CUT_SHARE = 0.01  # of the peak: more than that at the last gamma, and the file has lost light beyond it
 
 
-def far_field_warnings(found: PhotometricFile) -> tuple[str, ...]:
+def far_field_warnings(file: PhotometricFile) -> tuple[str, ...]:
     """List what was not taken as it stands in the file, and what contradicts itself there."""
-    return (*found.warnings, *_contradictions(found), *_cut(found))
+    return (*file.warnings, *_contradictions(file), *_cut(file))
 
 
-def _contradictions(found: PhotometricFile) -> Iterator[str]:
-    lumens, stated, watts = found.intensity.flux(), found.stated_lumens, found.watts
+def _contradictions(file: PhotometricFile) -> Iterator[str]:
+    lumens, stated, watts = file.intensity.flux(), file.stated_lumens, file.watts
     if stated and abs(lumens / stated - 1.0) > _FLUX_TOLERANCE:
         yield f"its intensities integrate to {lumens:.6g} lm, the file states {stated:.6g} lm"
-    if found.lamp_lumens and lumens > found.lamp_lumens * (1.0 + _FLUX_TOLERANCE):
-        yield f"its light has {lumens:.6g} lm, its lamps only {found.lamp_lumens:.6g} lm: check its factors"
+    if file.lamp_lumens and lumens > file.lamp_lumens * (1.0 + _FLUX_TOLERANCE):
+        yield f"its light has {lumens:.6g} lm, its lamps only {file.lamp_lumens:.6g} lm: check its factors"
     if watts > 0.0 and lumens > LARGEST_LM_PER_W * watts:
         yield f"{lumens / watts:.4g} lm per W, no light has more than 683: check its lumens and watts"
 
 
-def cut_below(found: PhotometricFile) -> str | None:
+def cut_below(file: PhotometricFile) -> str | None:
     """Words for a last gamma at which there is light, so that some is not in the file; None where it is complete."""
-    table = found.intensity
+    table = file.intensity
     last, at_last = float(table.gamma_deg[-1]), float(table.values[:, -1].max() / table.values.max())
     if last in (90.0, 180.0) or at_last <= _CUT_SHARE:
         return None
     return f"its last gamma is {last:g} degrees, with {100.0 * at_last:.3g} % of the largest intensity"
 
 
-def _cut(found: PhotometricFile) -> Iterator[str]:
-    first = float(found.intensity.gamma_deg[0])
-    if (words := cut_below(found)) is not None:
+def _cut(file: PhotometricFile) -> Iterator[str]:
+    first = float(file.intensity.gamma_deg[0])
+    if (words := cut_below(file)) is not None:
         yield f"{words}: light beyond is not in the file"
     if first > 0.0:
         yield f"its first gamma is {first:g} degrees: no light is taken within that"

@@ -71,8 +71,8 @@ def read_photometric(path: Path) -> PhotometricFile:
     )
     for entry in _FORMATS.values():
         if entry.matches(text):
-            found = entry.decode(text, str(path))
-            return replace(found, warnings=(*warnings, *found.warnings))
+            file = entry.decode(text, str(path))
+            return replace(file, warnings=(*warnings, *file.warnings))
     raise InputError(f"{path}: neither IES LM-63 nor EULUMDAT nor TM-33; export one of these")
 
 
@@ -133,24 +133,26 @@ def convert_photometric(path_in: Path, path_out: Path, *, ies_version: IesVersio
     ``ies_version``: year of LM-63 that an IES file follows.
     Raises :class:`InputError` for a suffix of another format.
     """
-    found, warnings = read_photometric(path_in), []
-    kept = replace(found, test=f"{found.test} (converted from {shortened(Path(path_in).name)} by lensforge)".strip())
-    if Path(path_out).suffix.lower() == ".ldt" and found.lamp_lumens is None:
+    original, warnings = read_photometric(path_in), []
+    kept = replace(
+        original, test=f"{original.test} (converted from {shortened(Path(path_in).name)} by lensforge)".strip()
+    )
+    if Path(path_out).suffix.lower() == ".ldt" and original.lamp_lumens is None:
         warnings.append(
-            "absolute photometry: the lumens of the luminaire are written as those of its lamps, whose number is -1"
+            "absolute photometry: the lumens of the luminaire are written as lumens of its lamps, whose number is -1"
         )
     write_photometric(path_out, kept, ies_version=ies_version)
     back = read_photometric(path_out)
     if not _same_intensities(kept, back):
         raise InputError(f"{path_out}: its intensities read back are not those of {path_in}; report this")
     return PhotometricConversion(
-        from_format=found.format,
+        from_format=original.format,
         to_format=back.format,
         planes=max(len(back.intensity.c_deg) - 1, 1),
         gammas=len(back.intensity.gamma_deg),
         bytes=Path(path_out).stat().st_size,
-        lost=tuple(_lost(found, back)),
-        warnings=(*found.warnings, *warnings),
+        lost=tuple(_lost(original, back)),
+        warnings=(*original.warnings, *warnings),
     )
 
 
@@ -175,4 +177,4 @@ def _lost(before: PhotometricFile, after: PhotometricFile) -> Iterator[str]:
         if had and had != UNDEFINED and not same:
             yield f"{words} ({had:.6g})" if isinstance(had, float) else f"{words} ({had})"
     if before.photometric_type != after.photometric_type:
-        yield f"photometric type {before.photometric_type}: the angles are those of type {after.photometric_type}"
+        yield f"photometric type {before.photometric_type}: the angles are now of type {after.photometric_type}"

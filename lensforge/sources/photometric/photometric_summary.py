@@ -144,14 +144,14 @@ _AS_STATED = (
 
 def summarise_photometric(path: Path) -> PhotometricSummary:
     """Summarise a photometric file. Raises :class:`InputError` if it cannot be used."""
-    found = read_photometric(path)
-    table, watts = found.intensity, found.watts if found.watts > 0.0 else None
+    file = read_photometric(path)
+    table, watts = file.intensity, file.watts if file.watts > 0.0 else None
     lumens, axis = table.flux(), bool(table.gamma_deg[0] == 0.0)
     plane, angle = np.unravel_index(int(np.argmax(table.values)), table.values.shape)
     summary = PhotometricSummary(
-        format=found.format,
-        title=TITLES.get(found.format, found.format),
-        luminaire=found.title,
+        format=file.format,
+        title=TITLES.get(file.format, file.format),
+        luminaire=file.title,
         symmetry="revolution" if len(table.c_deg) == 1 else table.symmetry,
         angles=FarFieldAngles(
             planes=max(len(table.c_deg) - 1, 1),
@@ -171,9 +171,9 @@ def summarise_photometric(path: Path) -> PhotometricSummary:
         beam_c90=beam_in_plane(table, _PLANES[1]),
         watts=watts,
         lumens_per_electric_watt=None if watts is None else lumens / watts,
-        opening_diameter_mm=max(found.diameter_mm, 0.0),
-        warnings=far_field_warnings(found),
-        **{name: getattr(found, name) for name in _AS_STATED},
+        opening_diameter_mm=max(file.diameter_mm, 0.0),
+        warnings=far_field_warnings(file),
+        **{name: getattr(file, name) for name in _AS_STATED},
     )
     summary._intensity = table
     return summary

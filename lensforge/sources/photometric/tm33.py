@@ -205,8 +205,8 @@ def _emitter(root: ElementTree.Element, name: str) -> tuple[ElementTree.Element,
 
 def _intensity(emitter: ElementTree.Element, name: str) -> tuple[TabulatedIntensity, tuple[str, ...]]:
     """Intensity over C and gamma, from a list that has every pair of its angles once, in any order."""
-    found = emitter.findall(f"{_INTENSITY}/IntData")
-    rows = np.array([_datum(each, name) for each in found]).reshape(-1, 3)
+    entries = emitter.findall(f"{_INTENSITY}/IntData")
+    rows = np.array([_datum(each, name) for each in entries]).reshape(-1, 3)
     h_deg, v_deg = np.unique(rows[:, 0]), np.unique(rows[:, 1])
     promised = [_number(emitter, f"{_INTENSITY}/{count}", name) for count in ("NumberHorz", "NumberVert")]
     for angles, count in zip((h_deg, v_deg), promised, strict=True):

@@ -94,11 +94,11 @@ def _decode_binary(image: FileImage) -> RayFile:
     }
     unit: FluxUnit = "lm" if flux_type else "W"
     start = origin if far_field else None
-    found = _rayfile(BINARY.name, rows, unit, start, _MM_BY_CODE[unit_code], known(flux), header)
+    rayfile = _rayfile(BINARY.name, rows, unit, start, _MM_BY_CODE[unit_code], known(flux), header)
     if unit_code != _SYSTEM_UNIT:
-        return found
+        return rayfile
     warning = "lengths are in the unit of the model that wrote it: taken as mm"
-    return replace(found, warnings=(*found.warnings, warning))
+    return replace(rayfile, warnings=(*rayfile.warnings, warning))
 
 
 def _wrong_end(image: FileImage) -> InputError:

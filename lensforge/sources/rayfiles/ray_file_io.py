@@ -49,14 +49,14 @@ def is_rayfile(path: Path) -> bool:
 
 def decode(image: FileImage) -> RayFile:
     """Decode a mapped file, whatever its format."""
-    found = _matching(image)
-    if found is None:
+    layout = _matching(image)
+    if layout is None:
         titles = ", ".join(entry.title for entry in FORMATS.values())
         raise image.refuse(
             f"its content is none of the known formats ({titles}); the layouts of other programs are not public: "
             "export TM-25 (.tm25ray), LightTools or Zemax from there"
         )
-    rayfile = replace(_in_nanometres(found.decode(image)), path=str(image.path))
+    rayfile = replace(_in_nanometres(layout.decode(image)), path=str(image.path))
     object.__setattr__(rayfile, "verbatim", image.data)
     return rayfile
 

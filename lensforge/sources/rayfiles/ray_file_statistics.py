@@ -158,7 +158,7 @@ def _wavelength_warnings(rayfile: RayFile, sums: RaySums) -> Iterator[str]:
 
 
 def _efficacy_warnings(rayfile: RayFile, sums: RaySums) -> Iterator[str]:
-    """Compare the lm/W of the file's totals with that of its wavelengths or of its one common table."""
+    """Compare the lm/W of the file's totals with the lm/W of its wavelengths or of its one common table."""
     watts, lumens = rayfile.flux_in("W", sums.flux), rayfile.flux_in("lm", sums.flux)
     if not watts or not lumens:
         return
@@ -199,7 +199,7 @@ def ray_set_warnings(sums: RaySums, placed: bool) -> Iterator[str]:
     if sums.effective_rays < FEWEST_EFFECTIVE_RAYS:
         yield (
             f"{sums.effective_rays:.0f} effective rays: a lens fits the noise of fewer than {FEWEST_EFFECTIVE_RAYS} "
-            "and is worse in other light than in that of the rays it is designed with; ask for a larger file"
+            "and is worse in other light than in the rays that it is designed with; ask for a larger file"
         )
 
 

@@ -142,7 +142,7 @@ def _draw_intensity(axes: "Axes", intensity: Float[np.ndarray, " r"], flux: floa
 
 
 class FileFlux(Record):
-    """Flux of the source by header and by rays, in ``unit``; ``total_from``: the one that ``total`` is."""
+    """Flux of the source by header and by rays, in ``unit``; ``total_from``: which of them ``total`` is."""
 
     unit: FluxUnit
     header_w: Number | None
