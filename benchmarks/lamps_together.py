@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from lensforge.made.part_study import PartStudy, Recipe
 from lensforge.search.parameters import settled_symmetry
 from lensforge.search.problem import Problems
 from lensforge.sources.build_source import build_source
@@ -90,6 +91,31 @@ def costs() -> None:
         print(f"{name:26s} {ratio:5.2f} times a step of one", flush=True)
 
 
+def apart() -> None:
+    """CPU seconds of a part of a yield study, and the deviation over patches of a lattice of drawn lamps."""
+    bins = {
+        "tolerances": {"source_flux": {"amount": 0.05, "distribution": "uniform"}},
+        "limits": (),
+        "evaluate.pixels": 32,
+    }
+    lens = lf.design(BACKLIGHT.replace(bins), accuracy="draft").lens
+    grid = {"kind": "grid", "columns": 6, "rows": 6, "pitch_mm": 20.0}
+    for name, spec in (("one", lens.spec.of_one_lamp), ("6 x 6", lens.spec.replace({**square(60.0), "lamps": grid}))):
+        for rays in (2**16, 2**18):
+            study = PartStudy(Recipe(replace(lens, spec=spec), 40, rays, 0, 2**18))
+            study.measure(0)
+            begun = time.process_time()
+            for number in range(1, 11):
+                study.measure(number)
+            print(f"{name:6s} {(time.process_time() - begun) / 10:6.3f} s of CPU a part of {rays} rays", flush=True)
+    for periods in (1, 3, 4, 5):
+        plate = {"thickness_mm": 2.0, "columns": periods, "rows": periods}
+        study = PartStudy(Recipe(replace(lens, spec=lens.spec.replace({"plate": plate})), 24, 2**18, 0, 2**20))
+        found = np.array([study.measure(number)[study.names.index("rsd"), 0] for number in range(24)])
+        error = found.std(ddof=1) / len(found) ** 0.5
+        print(f"{periods} x {periods} lamps: deviation {found.mean():.4f} ± {error:.4f}", flush=True)
+
+
 def main() -> None:
     """Measure all."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -97,6 +123,7 @@ def main() -> None:
     options = parser.parse_args()
     costs()
     rim(evenness(options.accuracy))
+    apart()
 
 
 if __name__ == "__main__":

@@ -40,7 +40,7 @@ _LIGHT = (
 _FAR_FIELD = ("exit_lm", "peak_cd", "beam_C 0", "beam_C 90", "bug")
 _LENS = ("radius", "height", "kept", "next")
 _FILES = ("form_error", "volume", "mass", "surfaces", "scale", "keep_out", "landing")
-_FILES_OF_HANDOVER = ("html", "pdf", "dxf", "points_csv")  # bytes, which lie in the folder
+_FILES_OF_HANDOVER = ("html", "pdf", "dxf", "points_csv", "plate_pdf", "plate_dxf")  # bytes, which lie in the folder
 
 
 def finish(

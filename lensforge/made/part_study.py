@@ -7,186 +7,46 @@ Parts share their rays with the lens as designed, so that most of the ray noise 
 of a part is that of the lens as designed, by many rays, plus this change.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
-from scipy import sparse
+from jaxtyping import Float
 
 from lensforge.cad.boundary import lens_boundaries
 from lensforge.cad.wall import thinnest_of
 from lensforge.errors import InputError
 from lensforge.light.evaluation import evaluate_traced
 from lensforge.light.evaluation_result import Light
-from lensforge.light.judged_limits import values_left_out
-from lensforge.light.metrics import Images, jackknife_error
-from lensforge.light.receiver_light import ReceiverLight, bounds_on
-from lensforge.light.simulation import REPLICATES, ReplicateMetrics, TracedLens, bundles, lit_mask, mean_share
-from lensforge.light.table_trace import trace_tables
+from lensforge.light.metrics import Images
+from lensforge.light.receiver_light import bounds_on
+from lensforge.light.simulation import TracedLens
+from lensforge.made.board_light import (
+    BoardLight,
+    common_to_lamps,
+    designed_pictures,
+    in_plate,
+    periods_of,
+    pictures_of,
+)
+from lensforge.made.part_light import HeldLight, MeasuredPart, PartLight
 from lensforge.made.tolerance_result import MetricBound
 from lensforge.optics.fundamental_limits import transmittance_of
 from lensforge.results import Metric
-from lensforge.scene.exit_rays import ExitRays
+from lensforge.scene.lamp_pictures import LampPictures
 from lensforge.scene.lens import Lens
 from lensforge.scene.limit_readings import LightLimit, light_limits
 from lensforge.scene.made_part import MadePart, PartMaker
-from lensforge.scene.perturbations import Draws
-from lensforge.scene.pixel_grid import bin_replicates, gaussian3
-from lensforge.scene.receiver import PosedReceiver
+from lensforge.scene.perturbations import Deviations, Draws
 from lensforge.scene.receiver_shapes import receivers_of
-from lensforge.scene.target_pattern import DrawnTarget, drawn_target, uniform_region
 from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.measured_rays import held_back
-from lensforge.sources.ray_bundle import RayBundle, Source
-from lensforge.spec import Spec
+from lensforge.sources.ray_bundle import Source
 from lensforge.spec.accuracy import PRESETS
+from lensforge.spec.lamps_section import Lamps
 from lensforge.spec.tolerances_section import Factor, factor_name, factors_of
 from lensforge.surfaces.srbf import fibonacci_hemisphere
-
-_COLUMNS = 32  # into which rays are sorted
-
-
-@dataclass(frozen=True, eq=False)
-class HeldLight:
-    """Rays of all replicates in one bundle, and the number of the replicate of each."""
-
-    rays: RayBundle
-    replicate: Int[np.ndarray, " n"]
-    replicates: int
-    emitted_w: float
-
-    @staticmethod
-    def of(source: Source, rays: int, seed: int) -> "HeldLight":
-        """The rays by which an evaluation of so many ``rays`` with ``seed`` simulates."""
-        count = min(REPLICATES, rays, source.ray_count or rays)
-        parts, numbers = [], []
-        for replicate, share, bundle in bundles(source, rays, count, seed):
-            parts.append(replace(bundle, flux=bundle.flux * share))
-            numbers.append(np.full(len(bundle), replicate))
-        joined, replicate_of = RayBundle.joined(parts), np.concatenate(numbers)
-        # neighbours use the same part of a table: in order of direction a trace takes a sixth less time
-        order = np.lexsort((joined.directions[:, 1], np.floor(_COLUMNS * joined.directions[:, 0])))
-        return HeldLight(joined.take(order), replicate_of[order], count, source.flux_w)
-
-    def __len__(self) -> int:
-        return len(self.replicate)
-
-
-@dataclass(frozen=True, eq=False)
-class ReceivedImages:
-    """Filtered image of flux (W) of every replicate on one receiver; shares of the emitted flux in window and target.
-
-    ``emitted_w``: of this part's source.
-    """
-
-    images: Images
-    window: Float[np.ndarray, " r"]
-    in_target: Float[np.ndarray, " r"]
-    emitted_w: float
-
-
-@dataclass(frozen=True, eq=False)
-class PartLight:
-    """Simulation of parts of one lens: ``receivers`` of ``spec``, their ``limits``, and the rays of all parts."""
-
-    spec: Spec
-    nominal: TracedLens
-    receivers: tuple[PosedReceiver, ...]
-    limits: tuple[LightLimit, ...]
-    held: HeldLight
-
-    def exit_rays(self, part: MadePart | None) -> ExitRays:
-        """Rays behind one part; None: behind the lens as designed."""
-        nominal, rays = self.nominal, self.held.rays
-        if part is None:
-            return trace_tables(nominal.tables, nominal.scene, rays)
-        scene = replace(nominal.scene, media=part.media(nominal.scene.media), made=part.made)
-        return trace_tables(part.tables(nominal.tables), scene, rays)
-
-    def received(self, part: MadePart | None) -> tuple[ReceivedImages, ...]:
-        """Light of one part on each receiver; None: of the lens as designed."""
-        exits, flux = self.exit_rays(part), 1.0 if part is None else part.flux
-        found = []
-        for receiver, target in zip(self.receivers, self._targets[0], strict=True):
-            landings = receiver.land(exits)
-            hits, carried = landings.hits, landings.flux * flux
-            held, inside = self.held, (receiver.window.contains(hits), target.contains(hits))
-            window, lit = (np.bincount(held.replicate[own], carried[own], minlength=held.replicates) for own in inside)
-            images = bin_replicates(hits, carried, receiver.grid, held.replicate, held.replicates)
-            emitted_w = flux * held.emitted_w
-            smooth = gaussian3(images, self.spec.evaluate.filter_variance)
-            found.append(ReceivedImages(smooth, window / emitted_w, lit / emitted_w, emitted_w))
-        return tuple(found)
-
-    def measured(self, received: tuple[ReceivedImages, ...]) -> "MeasuredPart":
-        """Metrics of one part by its replicates."""
-        metrics, shares = [], []
-        for found, target, mask in zip(received, *self._targets, strict=True):
-            images = found.images
-            metrics.append(ReplicateMetrics.of(images, target.light, lit_mask(mask, images), found.window))
-            shares.append(found.in_target)
-        return MeasuredPart(tuple(metrics), tuple(shares), tuple(self._limits(received)))
-
-    def _limits(self, received: tuple[ReceivedImages, ...]) -> Iterator[Float[np.ndarray, " v"]]:
-        """The values that decide on each limit, by all replicates, then with one after the other left out."""
-        read = {}
-        for receiver, matrix in self._readings.items():  # all limits at once: to read pixels takes longer than to judge
-            images, asked = received[receiver].images, [each for each in self.limits if each.receiver == receiver]
-            ends = np.cumsum([each.readings.shape[0] for each in asked])[:-1]
-            read[receiver] = iter(np.split(matrix @ images.reshape(len(images), -1).T, ends))
-        for limit in self.limits:
-            yield values_left_out(limit, next(read[limit.receiver]), received[limit.receiver].images)
-
-    @cached_property
-    def _readings(self) -> dict[int, sparse.csr_array]:
-        """Readings of all limits on each receiver that has some, as one matrix."""
-        numbers = dict.fromkeys(limit.receiver for limit in self.limits)
-        rows = {each: [limit.readings for limit in self.limits if limit.receiver == each] for each in numbers}
-        return {each: sparse.csr_array(sparse.vstack(own)) for each, own in rows.items()}
-
-    @cached_property
-    def _targets(self) -> tuple[list[DrawnTarget], list[Bool[np.ndarray, "_ _"] | None]]:
-        """Target of each receiver, and its region of uniform light, if any."""
-        pairs = list(zip((section.targets for section in self.spec.all_receivers), self.receivers, strict=True))
-        targets = [drawn_target(own, receiver) for own, receiver in pairs]
-        return targets, [uniform_region(own, each) for own, each in pairs]
-
-
-@dataclass(frozen=True, eq=False)
-class MeasuredPart:
-    """Metrics of one part on each receiver, by replicates; shares of flux in the targets; values of its limits."""
-
-    metrics: tuple[ReplicateMetrics, ...]
-    shares: tuple[Float[np.ndarray, " r"], ...]
-    limits: tuple[Float[np.ndarray, " k"], ...]
-
-    def change_from(
-        self, before: "MeasuredPart", rays: int, designed: Sequence[ReceiverLight]
-    ) -> list[dict[str, Metric]]:
-        """Differences from ``before``, the lens as designed by the same rays: of each receiver, then of the limits.
-
-        ``designed``: the light of that lens by many rays, to which they are to be added.
-        """
-        found = []
-        parts = zip(self.metrics, before.metrics, self.shares, before.shares, strict=True)
-        for light, (own, other, share, other_share) in zip(designed, parts, strict=True):
-            rsd = None if light.rsd is None else light.rsd.value
-            changes = own.change_from(other, rays, designed_rsd=rsd)
-            change = {name: value for name, value in changes if value is not None}
-            if light.uniformity is not None and "uniformity" in change:
-                ratio, moved = light.uniformity.value, change["uniformity"]  # within 0 and 1, however few the rays
-                within = min(max(moved.value, -ratio), 1.0 - ratio)
-                change["uniformity"] = moved.model_copy(update={"value": within})
-            found.append({**change, "share_in_target": mean_share(share - other_share)})
-        limits = {}
-        for number, (own_limit, other_limit) in enumerate(zip(self.limits, before.limits, strict=True)):
-            difference = own_limit - other_limit
-            error = jackknife_error(difference[1:]) if len(difference) > 1 else None
-            limits[str(number)] = Metric(value=float(difference[0]), standard_error=error)
-        return [*found, limits]
-
 
 Scales = Mapping[str, float]
 _SIDES = {">=": "least", "<=": "most"}
@@ -216,25 +76,56 @@ class PartStudy:
 
     @cached_property
     def draws(self) -> Draws:
-        """Numbers of every part."""
-        return Draws.of(self.factors, self.recipe.parts, self.recipe.seed)
+        """Numbers of every part, by lamp. Raises :class:`InputError` for too many of them."""
+        parts, lamps, factors = self.recipe.parts, len(self.lamps), self.factors
+        if parts * lamps * sum(factor.numbers for factor in factors) > _MOST_NUMBERS:
+            raise InputError(f"yield: {parts} parts of {lamps} lamps are more than fit in memory; take fewer parts")
+        return Draws.of(factors, parts, self.recipe.seed, lamps, common_to_lamps(self.recipe.lens.spec))
+
+    @cached_property
+    def boards(self) -> tuple[LampPictures, ...]:
+        """Each receiver, of a lattice without an end that of a patch."""
+        spec = self.recipe.lens.spec
+        return tuple(pictures_of(each, periods_of(spec)) for each in receivers_of(spec, spec.evaluate.pixels))
+
+    @cached_property
+    def lamps(self) -> Lamps:
+        """Lamps of each part, which are drawn apart."""
+        lamps = self.recipe.lens.spec.all_lamps
+        return lamps if lamps.period_mm is None else self.boards[0].receiver.lamps
+
+    @cached_property
+    def designed_pictures(self) -> list[list[Images]]:
+        """Pictures of one lamp as designed, by many rays, where several are drawn apart; none of one alone."""
+        if self.lamps.alone:
+            return []
+        rays, seed = self.recipe.designed_rays, self.recipe.seed
+        return designed_pictures(self._nominal, held_back(self._source), self.boards, rays, seed)
+
+    @cached_property
+    def _nominal(self) -> TracedLens:
+        """Tables of the search, not of an evaluation: their error is in the part and in the lens as designed alike."""
+        lens = self.recipe.lens
+        return TracedLens.of(lens, PRESETS[lens.accuracy].nodes_per_sigma)
+
+    @cached_property
+    def limits(self) -> tuple[LightLimit, ...]:
+        """Limits of the spec on its receivers."""
+        spec, source = self.recipe.lens.spec, self._source
+        efficacy = summarise(source, spec.source).lumens_per_watt
+        return light_limits(spec, receivers_of(spec, spec.evaluate.pixels), efficacy, source.flux_w)
+
+    @cached_property
+    def _source(self) -> Source:
+        return build_source(self.recipe.lens.spec.source, self.recipe.lens.dispersion)
 
     @cached_property
     def light(self) -> PartLight:
         """Receivers, limits and rays."""
-        lens, recipe = self.recipe.lens, self.recipe
-        if not lens.spec.all_lamps.alone:
-            raise InputError(
-                "[lamps]: tolerances are those of one lamp as yet; leave [lamps] out to study the lens alone"
-            )
-        source, spec = build_source(lens.spec.source, lens.dispersion), lens.spec
-        receivers = receivers_of(spec, spec.evaluate.pixels)
-        efficacy = summarise(source, spec.source).lumens_per_watt
-        limits = light_limits(spec, receivers, efficacy, source.flux_w)
-        # tables of the search, not of an evaluation: their error is in the part and in the lens as designed alike
-        nominal = TracedLens.of(lens, PRESETS[lens.accuracy].nodes_per_sigma)
-        held = HeldLight.of(held_back(source), recipe.rays, recipe.seed)
-        return PartLight(spec, nominal, receivers, limits, held)
+        recipe, spec = self.recipe, self.recipe.lens.spec
+        held = HeldLight.of(held_back(self._source), recipe.rays, recipe.seed)
+        light = PartLight(spec, self._nominal, receivers_of(spec, spec.evaluate.pixels), self.limits, held)
+        return light if self.lamps.alone else BoardLight.of(light, self.boards, self.designed_pictures)
 
     @cached_property
     def maker(self) -> PartMaker:
@@ -250,11 +141,10 @@ class PartStudy:
     def designed_light(self) -> Light:
         """The light of the lens as designed, by many rays."""
         lens, recipe = self.recipe.lens, self.recipe
-        source = build_source(lens.spec.source, lens.dispersion)
         traced = TracedLens.of(lens, PRESETS[lens.accuracy].evaluate_nodes_per_sigma)
-        judging, rays = held_back(source), recipe.designed_rays
-        limits = self.light.limits
-        return evaluate_traced(traced, lens.spec, judging, rays, recipe.seed, limits=limits, bounds_by=source)
+        judging, rays = held_back(self._source), recipe.designed_rays
+        limits = self.limits
+        return evaluate_traced(traced, lens.spec, judging, rays, recipe.seed, limits=limits, bounds_by=self._source)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -302,13 +192,20 @@ class PartStudy:
     def with_rays(self, rays: int) -> "PartStudy":
         """Study with other ``rays`` for each part; what does not depend on them is kept."""
         other = PartStudy(replace(self.recipe, rays=rays))
-        for name in ("draws", "maker", "designed_light"):
+        for name in ("draws", "maker", "designed_light", "boards", "designed_pictures"):
             other.__dict__[name] = getattr(self, name)
         return other
 
-    def part(self, number: int, scales: Scales | None = None) -> MadePart:
-        """One part, some of its deviations scaled."""
-        return self.maker.part(self.draws.deviations(number, scales))
+    def part(self, number: int, scales: Scales | None = None) -> tuple[MadePart, ...]:
+        """One part, some of its deviations scaled: the lens of each of its lamps."""
+        return self.made([self.draws.deviations(number, scales, lamp) for lamp in range(len(self.lamps))])
+
+    def made(self, found: Sequence[Deviations]) -> tuple[MadePart, ...]:
+        """The lenses of a part with these deviations, one after the other."""
+        if self.recipe.lens.spec.plate is not None:
+            lamps = zip(self.lamps.places_mm, self.lamps.turns_deg, strict=True)
+            found = [in_plate(each, *lamp) for each, lamp in zip(found, lamps, strict=True)]
+        return tuple(map(self.maker.part, found))
 
     def measure(self, number: int, scales: Scales | None = None) -> Float[np.ndarray, "m 2"]:
         """Metrics of one part, in the order of ``names``, and the standard error of each one's change by its errors."""
@@ -330,6 +227,7 @@ class PartStudy:
         return np.asarray(signs * (values[..., columns] - limits))
 
 
+_MOST_NUMBERS = 2**27  # 1 GiB
 _DIRECTIONS = 4000
 # Farthest that a drawn number lies: a normal one beyond twice its amount in one part of 30,000.
 _FARTHEST = {"uniform": 1.0, "truncated": 1.0, "normal": 2.0}
@@ -359,11 +257,16 @@ def require_bearable(lens: Lens, factors: Sequence[Factor]) -> None:
     size = float(distance.max())
     nearest = " or ".join(face.name for face in lens.body.cavity)
     of_faces = [factor_name(name, each) for name in lens.surfaces for each in _OF_FACE]
+    from_source = f"the source is {room:.3g} mm from the {nearest} face at its closest"
+    bounds = [
+        (of_faces, wall, reach, f"the faces are {wall:.3g} mm apart at their closest"),
+        (_OF_SOURCE, room, size, from_source),
+    ]
+    if lens.spec.plate is not None:  # its lenses move as far as they stand from its middle
+        middle = lens.spec.plate.lenses(lens.spec.lamps).reach_mm
+        bounds.append((["shrinkage", "lens_tilt_deg"], room, middle, from_source))
     for factor in factors:
-        for names, left, arm, words in (
-            (of_faces, wall, reach, f"the faces are {wall:.3g} mm apart at their closest"),
-            (_OF_SOURCE, room, size, f"the source is {room:.3g} mm from the {nearest} face at its closest"),
-        ):
+        for names, left, arm, words in bounds:
             moved = displacement(factor, arm)
             if factor.name in names and moved >= left > 0.0:
                 most = factor.amount * left / moved

@@ -35,7 +35,7 @@ class SingleError:
 def measure_sensitivity(
     lens: Lens, *, rays: int = RAYS, progress: Callable[[int, int], object] | None = None
 ) -> Sensitivity:
-    """Trace the lens with each tolerance of its spec at its end, always with the same rays.
+    """Trace the lens with each tolerance of its spec at its end, always with the same rays; of lamps, at once in all.
 
     Changes are from the lens as designed, replicate by replicate: the noise that both have in common cancels, and the
     standard error of a change is that of what is left. ``progress`` is called after each lens with the number of lenses
@@ -49,7 +49,8 @@ def measure_sensitivity(
     announce(1, len(errors) + 1)
     rows = []
     for done, error in enumerate(errors, start=2):
-        found = study.light.measured(study.light.received(study.maker.part(error.deviations))).metrics[0]
+        part = study.made([error.deviations] * len(study.lamps))
+        found = study.light.measured(study.light.received(part)).metrics[0]
         change: LightMetrics = found.change_from(designed, count)
         rows.append(
             ErrorRow(name=error.name, amount=error.amount, unit=error.unit, metrics=found.metrics(), change=change)

@@ -254,16 +254,17 @@ class ToleranceAmount(Record):
 
 
 class Yield(SimulatedResult):
-    """``parts`` lamps drawn from the tolerances of the spec, and their light.
+    """``parts`` drawn from the tolerances of the spec, each with so many ``lamps``, and their light.
 
     ``columns``: names of the numbers drawn and of the metrics, in the order of ``table``, which has a row for each
-    part; numbers in the unit of the spec. ``roads``: those of the spec. ``worst_maps``: light of the worst parts on the
-    first receiver.
+    part; numbers in the unit of the spec, those of each of several lamps left out. ``roads``: those of the spec.
+    ``worst_maps``: light of the worst parts on the first receiver.
     """
 
     stage: ClassVar[str] = "yield"
 
     parts: Annotated[Count, Field(ge=2, le=MOST_PARTS)]
+    lamps: Count = 1
     rays: Count
     seed: Count
     preset: Text

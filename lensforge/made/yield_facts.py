@@ -165,7 +165,8 @@ def pass_sentence(found: Yield) -> str:
     passed = quantity(round(rate.value * found.parts))
     between = f"{percent(rate.low)} to {percent(rate.high)}"
     share = f"{percent(rate.value)} (95\u2009% confidence: {between})"
-    return f"Of {quantity(found.parts)} parts drawn from the tolerances {passed} keep every bound: {share}."
+    parts = f"{quantity(found.parts)} parts" + (f" of {quantity(found.lamps)} lamps each" if found.lamps > 1 else "")
+    return f"Of {parts} drawn from the tolerances {passed} keep every bound: {share}."
 
 
 def budget_sentence(found: Yield) -> str:
@@ -234,6 +235,8 @@ def _passing(found: Yield) -> Iterator[Fact]:
     low, high = percent(found.pass_rate.low), percent(found.pass_rate.high)
     yield Fact.share("pass_rate", "Parts that pass", found.pass_rate.value, f"95\u2009% confidence: {low} to {high}")
     yield Fact("parts", "Parts", found.parts)
+    if found.lamps > 1:
+        yield Fact("lamps", "Lamps of each part", found.lamps, note="drawn apart")
     yield Fact("rays", "Rays of each part", found.rays)
     for name in [name for name in failing_first(found) if name in found.variance][:2]:
         cause = found.variance[name].causes[0]

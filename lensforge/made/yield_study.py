@@ -17,8 +17,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.light.metrics import jackknife_error
+from lensforge.light.simulation import REPLICATES
+from lensforge.made.board_light import periods_of
 from lensforge.made.measured_parts import KeptParts, MeasuredParts, Progress, Workers, by_threads
-from lensforge.made.part_study import HeldLight, PartStudy, Recipe, require_bearable
+from lensforge.made.part_light import HeldLight
+from lensforge.made.part_study import PartStudy, Recipe, require_bearable
 from lensforge.made.tolerance_budget import budget
 from lensforge.made.tolerance_result import (
     CauseShare,
@@ -51,7 +54,7 @@ def contributions(draws: Draws, values: Float[np.ndarray, " n"], noise: float) -
     total = total * (len(values) / (len(values) - 1)) - noise
     causes, explained = [], np.zeros(_BLOCKS + 1)
     for factor in draws.factors:
-        found = _explained(features(factor, draws.numbers[factor.name]), centred, blocks)
+        found = _explained(features(factor, draws.numbers[factor.name], draws.of_lamps(factor.name)), centred, blocks)
         explained = explained + found
         share = _metric(found / total)
         causes.append(
@@ -63,12 +66,20 @@ def contributions(draws: Draws, values: Float[np.ndarray, " n"], noise: float) -
     return Variance(causes=tuple(causes), interactions=_metric(1.0 - explained / total))
 
 
-def features(factor: Factor, numbers: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n b"]:
-    """Functions of the factor's numbers, orthonormal over the parts."""
+def features(factor: Factor, numbers: Float[np.ndarray, "n k"], lamps: int = 1) -> Float[np.ndarray, "n b"]:
+    """Functions of the factor's numbers, orthonormal over the parts.
+
+    Of several ``lamps``, each with its own numbers, there are as many products as parts at most, or none: more of them
+    have more noise than they explain.
+    """
     count, dimensions = numbers.shape
-    if factor.kind == "field":
-        pairs = [numbers[:, i : i + 1] * numbers[:, i + 1 :] for i in range(dimensions - 1)]
-        return np.concatenate([numbers, (numbers**2 - 1.0) / np.sqrt(2.0), *pairs], axis=1)
+    if factor.kind == "field" or lamps > 1:
+        first, second = numbers, (numbers**2 - 1.0) / np.sqrt(2.0)
+        if factor.kind != "field":
+            first, second = np.moveaxis(orthonormal(factor, numbers, 2), -1, 0)
+        few = lamps == 1 or dimensions * (dimensions - 1) <= 2 * count
+        pairs = [first[:, i : i + 1] * first[:, i + 1 :] for i in range(dimensions - 1 if few else 0)]
+        return np.concatenate([first, second, *pairs], axis=1)
     single = orthonormal(factor, numbers, _DEGREE)
     found = [single[:, k] for k in range(dimensions)]
     if dimensions == 2:
@@ -102,6 +113,7 @@ def _metric(values: Float[np.ndarray, " s"]) -> Metric:
 
 PARTS, RAYS = 1000, 2**16
 DESIGNED_RAYS = 2**20  # of the lens as designed: its error is common to all parts
+_MOST_OF_LAMPS = 2**24  # of one of several lamps as designed, whose pictures are part of that of every board
 _MOST_RAYS = 2**20
 _PILOT = 32
 _LARGEST_ERROR = 0.1  # of a part's metric, as a share of the spread over the parts
@@ -130,7 +142,9 @@ def measure_yield(
     for tolerances that the part cannot bear.
     """
     started, announce = time.perf_counter(), announce or (lambda _: None)
-    study = PartStudy(Recipe(lens, parts, rays or RAYS, seed, DESIGNED_RAYS))
+    lamps = not lens.spec.all_lamps.alone
+    designed_rays = max(DESIGNED_RAYS, min(lens.spec.evaluate.rays or 0, _MOST_OF_LAMPS)) if lamps else DESIGNED_RAYS
+    study = PartStudy(Recipe(lens, parts, rays or RAYS, seed, designed_rays))
     require_bearable(lens, study.factors)
     found = MeasuredParts(study, workers, KeptParts.of(file, study), progress)
     if rays is None:
@@ -153,6 +167,7 @@ def measure_yield(
     return Yield(
         inputs={"lens": lens.sha256},
         parts=parts,
+        lamps=len(study.lamps),
         rays=len(study.light.held),
         seed=seed,
         preset=lens.spec.tolerances.preset,
@@ -182,11 +197,12 @@ def _with_enough_rays(found: MeasuredParts, pilot: int) -> MeasuredParts:
 def _for_budget(found: MeasuredParts, measured: Float[np.ndarray, "n m 2"]) -> MeasuredParts:
     """Parts measured by as few rays as tell whether they pass: a third of what separates metrics and bounds."""
     study, rays = found.study, found.study.recipe.rays
+    least = max(_FEWEST_RAYS, 2 * REPLICATES * len(study.lamps))
     columns = [study.names.index(bound.metric) for bound in study.bounds]
     errors = np.median(measured[:, columns, 1], axis=0)
     apart = np.abs(study.excess(measured[..., 0])).mean(axis=0) * _OF_DISTANCE
     scale = np.maximum(apart, [_true_spread(measured[:, column]) for column in columns])
-    while rays > _FEWEST_RAYS and np.all(np.sqrt(2.0) * errors <= _LARGEST_BUDGET_ERROR * scale):
+    while rays > least and np.all(np.sqrt(2.0) * errors <= _LARGEST_BUDGET_ERROR * scale):
         rays, errors = rays // 2, np.sqrt(2.0) * errors
     return found.with_rays(rays)
 
@@ -269,24 +285,36 @@ def _worst_maps(study: PartStudy, worst: tuple[WorstPart, ...]) -> Float[np.ndar
     lens, light = study.recipe.lens, study.light
     source = held_back(build_source(lens.spec.source, lens.dispersion))
     held = HeldLight.of(source, max(_WORST_RAYS, study.recipe.rays), study.recipe.seed)
-    finer = replace(light, held=held)
+    finer = replace(light, held=held)  # of lamps, their share of the rays is new as well
     images = [finer.received(study.part(each.part))[0].images.mean(axis=0) for each in worst]
     return np.stack(images) / light.receivers[0].pixel_measure
 
 
 def _table(study: PartStudy, measured: Float[np.ndarray, "n m 2"]) -> tuple[tuple[str, ...], Float[np.ndarray, "n c"]]:
-    """Numbers drawn for every part, in the unit of the spec, and its metrics."""
-    columns, found = [], []
+    """Numbers drawn for every part, in the unit of the spec, but for those of each lamp; and its metrics."""
+    columns, found = list[str](), list[Float[np.ndarray, "n k"]]()
     for factor in study.factors:
+        if study.draws.of_lamps(factor.name) > 1:
+            continue
         numbers = study.draws.numbers[factor.name] * factor.amount
         columns += [factor.name if factor.numbers == 1 else f"{factor.name} {k + 1}" for k in range(factor.numbers)]
         found.append(numbers)
     return (*columns, *study.names), np.concatenate([*found, measured[..., 0]], axis=1)
 
 
+def _of_lamps(study: PartStudy) -> str:
+    """A remark on the lamps of a part, and on what they have in common."""
+    spec, (columns, rows) = study.recipe.lens.spec, periods_of(study.recipe.lens.spec)
+    common = ", ".join(factor.words for factor in study.factors if factor.name in study.draws.common) or "nothing"
+    piece = "board" if spec.plate is None else "plate"
+    if spec.all_lamps.period_mm is not None:
+        piece = f"{piece} of {columns} × {rows} periods of the lattice, which is repeated without an end,"
+    return f"each part is a {piece} with {len(study.lamps)} lamps, drawn apart; in common: {common}"
+
+
 def _notes(study: PartStudy, metrics: dict[str, MetricSpread]) -> tuple[str, ...]:
     """Remarks on how the study was made."""
-    found = []
+    found = [] if study.lamps.alone else [_of_lamps(study)]
     for name, error in study.maker.errors.items():
         if error.slope > 0.0:
             words = next(factor.words for factor in study.factors if factor.name == name)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lensforge.light.evaluation_result import Light
+from lensforge.made.board_light import periods_of
 from lensforge.made.tolerance_result import Yield
 from lensforge.made.yield_facts import (
     bound_words,
@@ -86,11 +87,12 @@ def _distribution(found: Yield, name: str, on_page: str) -> PagePicture:
 
 def _worst_pictures(stem: str, found: Yield, results: Results) -> list[PagePicture]:
     """Light of the lens as designed, where it was evaluated, and of the worst parts, with the same colours."""
-    section, unit = results.spec.all_receivers[0], unit_of_light(results)
-    chart = Chart(*section.size, section.kind == "far_field")
+    section, unit, (columns, rows) = results.spec.all_receivers[0], unit_of_light(results), periods_of(results.spec)
+    width, height = section.size
+    chart = Chart(columns * width, rows * height, section.kind == "far_field")
     light = results.find(Light)
     maps = list(_worst_maps(found))
-    designed = [] if light is None else [("As designed", "", light.receivers[0].map)]
+    designed = [] if light is None else [("As designed", "", np.tile(light.receivers[0].map, (rows, columns)))]
     top = top_of(each for _, _, each in (designed or maps))
     return [
         picture(f"{stem}-worst{index}", irradiance_map(image, chart, top, unit=unit), title, caption)

@@ -23,7 +23,7 @@ from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.scene.receiver import Landings, PosedReceiver
 from lensforge.scene.receiver_shapes import WHOLE, Plane
-from lensforge.spec.lamps_section import ALONE
+from lensforge.spec.lamps_section import ALONE, Lamps
 
 _MOST_PIXELS = 2**22  # of a picture, of which an evaluation keeps sixteen: half a gigabyte
 _CELLS = 4  # periods on each side by which the solid angles of a lattice's pixels are summed
@@ -58,11 +58,13 @@ class Raster:
     """Pixels on which the light of one lamp is deposited: the ``receiver`` as ``lamps`` equal lamps see it.
 
     ``corners``: row and column at which the receiver of each of them begins; it may reach beyond the raster.
+    ``numbers``: of the lamp of each corner.
     """
 
     receiver: PosedReceiver
     lamps: int
     corners: tuple[tuple[int, int], ...] = ((0, 0),)
+    numbers: tuple[int, ...] = (0,)
 
     def overlaps(self, shape: tuple[int, int]) -> Iterator[tuple[tuple[slice, slice], tuple[slice, slice]]]:
         """Rows and columns of the raster, and of the receiver of ``shape``, that are the same, for each corner."""
@@ -102,15 +104,18 @@ class LampPictures:
         """True where a picture reaches beyond the receiver, whose flux is then known by pixel alone."""
         return any(raster.receiver.grid != self.receiver.grid for raster in self.rasters)
 
-    def added(self, pictures: Sequence[_Images]) -> _Images:
-        """Mean flux of a lamp on the receiver's pixels, from that of one on each raster's."""
+    def added(self, pictures: Sequence[_Images], fluxes: Float[np.ndarray, " n"] | None = None) -> _Images:
+        """Mean flux of a lamp on the receiver's pixels, from that of one on each raster's.
+
+        ``fluxes``: of the lamps, relative to that of the pictures; all are 1 where it is None.
+        """
         if self.alone:
             return pictures[0]
-        shape = self.receiver.grid.shape
+        shape, weights = self.receiver.grid.shape, np.ones(len(self.receiver.lamps)) if fluxes is None else fluxes
         total = np.zeros((*pictures[0].shape[:-2], *shape))
         for raster, picture in zip(self.rasters, pictures, strict=True):
-            for there, here in raster.overlaps(shape):
-                total[(..., *here)] += picture[(..., *there)]
+            for (there, here), number in zip(raster.overlaps(shape), raster.numbers, strict=True):
+                total[(..., *here)] += weights[number] * picture[(..., *there)]
         return total / len(self.receiver.lamps)
 
     def spread(self, by_picture: _Image) -> list[_Image]:
@@ -164,7 +169,8 @@ def _pictures(receiver: PosedReceiver) -> LampPictures:
             rasters.append(_wider(receiver, own, moves[own]))
         else:
             pose = receiver.pose.seen_from(lamps.places_mm[own[0]], lamps.turns_deg[own[0]])
-            rasters.append(Raster(replace(receiver, pose=pose, lamps=ALONE), len(own), ((0, 0),) * len(own)))
+            seen = replace(receiver, pose=pose, lamps=ALONE)
+            rasters.append(Raster(seen, len(own), ((0, 0),) * len(own), tuple(own)))
     return LampPictures(receiver, tuple(rasters))
 
 
@@ -202,6 +208,7 @@ def _wider(receiver: PosedReceiver, own: list[int], moves: Float[np.ndarray, "k 
         replace(receiver, pose=pose, grid=wide, lamps=ALONE),
         len(own),
         tuple((row, column) for column, row in corners.tolist()),
+        tuple(own),
     )
 
 
@@ -215,4 +222,39 @@ def _period(receiver: PosedReceiver, number: int) -> Raster:
     rows, columns = grid.shape
     around = PixelGrid(grid.width + 2.0 * width, grid.height + 2.0 * height, columns + 2, rows + 2)
     corners = tuple((1 + i * rows, 1 + j * columns) for i in (-1, 0, 1) for j in (-1, 0, 1))
-    return Raster(PeriodPlane(pose, around, Window(), receiver.lamps), 1, corners)
+    return Raster(PeriodPlane(pose, around, Window(), receiver.lamps), 1, corners, (number,) * len(corners))
+
+
+def patch_pictures(receiver: PosedReceiver, columns: int, rows: int) -> LampPictures:
+    """The rasters of a patch of a lattice, ``columns`` x ``rows`` periods, which is repeated without an end.
+
+    ``receiver``: one period. Its lamps stand in each of them, those of one period after those of the one on its left.
+    """
+    (across, up), (height, width) = receiver.lamps.period_mm or (0.0, 0.0), receiver.grid.shape
+    each = [(i, j) for j in range(rows) for i in range(columns)]
+    first, kind = np.array([-0.5 * (columns - 1) * across, -0.5 * (rows - 1) * up]), len(receiver.lamps)
+    starts = [tuple((first + place).tolist()) for place in receiver.lamps.places_mm]
+    places = tuple((x + i * across, y + j * up) for i, j in each for x, y in starts)
+    lamps = Lamps(places, receiver.lamps.turns_deg * len(each), (columns * across, rows * up))
+    grid = PixelGrid(columns * receiver.grid.width, rows * receiver.grid.height, columns * width, rows * height)
+    turns = [(i, j, a, b) for i, j in each for a in (0, rows) for b in (0, columns)]
+    corners = tuple(((a - j) * height, (b - i) * width) for i, j, a, b in turns)
+    rasters = tuple(
+        Raster(
+            PeriodPlane(receiver.pose.seen_from((x, y), 0.0), grid, Window(), lamps),
+            len(each),
+            corners,
+            tuple(number + kind * (i + columns * j) for i, j, _, _ in turns),
+        )
+        for number, (x, y) in enumerate(starts)
+    )
+    return LampPictures(replace(receiver, grid=grid, window=Window(), lamps=lamps), rasters)
+
+
+def seen_by(receiver: PosedReceiver, number: int) -> PosedReceiver:
+    """The receiver as one of its lamps sees it, in whose frame rays start from the origin."""
+    lamps = receiver.lamps
+    pose = receiver.pose.seen_from(lamps.places_mm[number], lamps.turns_deg[number])
+    if lamps.period_mm is not None:
+        return PeriodPlane(pose, receiver.grid, Window(), lamps)
+    return replace(receiver, pose=pose, lamps=ALONE)

@@ -70,41 +70,68 @@ Deviations = Mapping[str, Float[np.ndarray, " k"]]  # by the name of the factor,
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """``numbers`` (n, k) of each factor, by its name, in units of its amount."""
+    """``numbers`` (n, k) of each factor, by its name, in units of its amount.
+
+    ``lamps``: of each part, one after the other in a row; those of a factor in ``common`` are the same for all.
+    """
 
     factors: tuple[Factor, ...]
     numbers: Mapping[str, Float[np.ndarray, "n k"]]
+    lamps: int = 1
+    common: frozenset[str] = frozenset()
 
     @staticmethod
-    def of(factors: tuple[Factor, ...], parts: int, seed: int) -> "Draws":
+    def of(
+        factors: tuple[Factor, ...], parts: int, seed: int, lamps: int = 1, common: frozenset[str] = frozenset()
+    ) -> "Draws":
         """The first ``parts`` of the endless row of parts of a yield study with this ``seed``."""
-        return Draws.seeded(factors, parts, seeds.of_parts(seed))
+        return Draws.seeded(factors, parts, seeds.of_parts(seed), lamps, common)
 
     @staticmethod
-    def seeded(factors: tuple[Factor, ...], parts: int, own_seed: int) -> "Draws":
-        """The first ``parts`` of the row of parts with ``own_seed``, one of :mod:`lensforge.seeds`."""
-        spread = [factor for factor in factors if factor.kind != "field"]
+    def seeded(
+        factors: tuple[Factor, ...], parts: int, own_seed: int, lamps: int = 1, common: frozenset[str] = frozenset()
+    ) -> "Draws":
+        """The first ``parts`` of the row of parts with ``own_seed``, one of :mod:`lensforge.seeds`.
+
+        Numbers of one lamp among several are random and independent: a sequence would make their mean too exact.
+        """
+        apart = {factor.name for factor in factors if lamps > 1 and factor.name not in common}
+        spread = [factor for factor in factors if factor.kind != "field" and factor.name not in apart]
         points = _sobol(sum(factor.numbers for factor in spread), parts, own_seed)
         numbers, first = {}, 0
         for factor in spread:
             numbers[factor.name] = quantiles(factor, points[:, first : first + factor.numbers])
             first += factor.numbers
         for factor in factors:
-            if factor.kind == "field":  # a seed of its own: another tolerance given or left out changes no other
-                rng = np.random.default_rng([own_seed, *factor.name.encode()])
-                numbers[factor.name] = rng.standard_normal((parts, factor.numbers))
-        return Draws(factors, numbers)
+            if factor.kind != "field" and factor.name not in apart:
+                continue
+            # a seed of its own: another tolerance given or left out changes no other
+            rng = np.random.default_rng([own_seed, *factor.name.encode()])
+            size = parts, factor.numbers * (lamps if factor.name in apart else 1)
+            field = factor.kind == "field"
+            numbers[factor.name] = rng.standard_normal(size) if field else quantiles(factor, _inside(rng.random(size)))
+        return Draws(factors, numbers, lamps, common)
+
+    def of_lamps(self, name: str) -> int:
+        """Number of lamps that have numbers of their own of a factor."""
+        return 1 if name in self.common else self.lamps
+
+    def of_lamp(self, name: str, lamp: int) -> Float[np.ndarray, "n k"]:
+        """Numbers of one factor for one lamp of every part."""
+        if self.of_lamps(name) == 1:
+            return self.numbers[name]
+        return self.numbers[name].reshape(self.parts, self.lamps, -1)[:, lamp]
 
     @property
     def parts(self) -> int:
         """Number of parts."""
         return len(next(iter(self.numbers.values())))
 
-    def deviations(self, part: int, scales: Mapping[str, float] | None = None) -> Deviations:
-        """Deviations of one part, those of some factors scaled."""
+    def deviations(self, part: int, scales: Mapping[str, float] | None = None, lamp: int = 0) -> Deviations:
+        """Deviations of one part, or of one of its lamps, those of some factors scaled."""
         scales = scales or {}
         return {
-            factor.name: self.numbers[factor.name][part]
+            factor.name: self.of_lamp(factor.name, lamp)[part]
             * (factor.amount * factor.to_internal * scales.get(factor.name, 1.0))
             for factor in self.factors
         }
@@ -121,5 +148,10 @@ def _sobol(dimensions: int, count: int, seed: int) -> Float[np.ndarray, "n d"]:
         return np.zeros((count, 0))
     sequence = qmc.Sobol(dimensions, scramble=True, bits=52, rng=np.random.default_rng(seed))
     points: Float[np.ndarray, "n d"] = sequence.random_base2(int(np.ceil(np.log2(max(count, 1)))))[:count]
-    inside: Float[np.ndarray, "n d"] = np.clip(points, 2.0**-53, 1.0 - 2.0**-53)
+    return _inside(points)
+
+
+def _inside(levels: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n d"]:
+    """Levels that are never 0 or 1."""
+    inside: Float[np.ndarray, "n d"] = np.clip(levels, 2.0**-53, 1.0 - 2.0**-53)
     return inside

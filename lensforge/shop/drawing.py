@@ -32,10 +32,10 @@ def drawing_notes(
         "z = 0 is the plane in which the optical faces end.",
         *(f"{line}." for line in datums.lines),
         _sources(lens, tolerances),
-        _general(words),
+        general_words(words),
         _edges(words),
         "Optical faces polished, free of marks; all other faces as machined, no roughness stated.",
-        *_mould(lens),
+        *mould_words(lens),
         *tool_notes(check),
         "Notation as in ISO 10110 and ISO 1101; conformance is not claimed. A dash: nothing is stated.",
     ]
@@ -83,7 +83,8 @@ def _sources(lens: Lens, tolerances: ToleranceTable) -> str:
     return f"Tolerances on the axis, 3/, 4/, n and roughness: {words}.{passing}"
 
 
-def _general(words: DrawingSection) -> str:
+def general_words(words: DrawingSection) -> str:
+    """The tolerances of sizes that have none of their own."""
     stated = words.general_tolerances
     return (
         f"Sizes “general”: {stated}." if stated else "Sizes “general”: no tolerance stated; agree on one with the shop."
@@ -98,7 +99,8 @@ def _edges(words: DrawingSection) -> str:
     return f"Edges outside the optical faces: broken, {largest:g} mm at most; {rims}."
 
 
-def _mould(lens: Lens) -> list[str]:
+def mould_words(lens: Lens) -> list[str]:
+    """A note on the faces of the mould, by how much they are larger; none for parts that are cut."""
     shop = lens.spec.manufacture
     if shop.make == "part":
         return []
@@ -194,13 +196,19 @@ def make_sheet(content: DrawingContent, name: SheetName = "A3") -> Sheet:
     for scale in SCALES:
         if scale * content.views.width > right - left:  # not even without dimensions
             continue
-        box = room_of(draw_views(content.views, scale, _UNITS[name], (0.0, 0.0)))
+        box = room_of(draw_views(content.views, scale, unit_of(name), (0.0, 0.0)))
         if box[2] - box[0] <= right - left and box[3] - box[1] <= top - bottom:
             return _sheet(content, name, scale)
     raise InputError(f"the part fits on {name} at no scale; its drawing is left to a CAD program")
 
 
-def _inside(name: SheetName) -> Box:
+def unit_of(name: SheetName) -> float:
+    """Size of a millimetre of the A3 layout."""
+    return _UNITS[name]
+
+
+def inside_of(name: SheetName) -> Box:
+    """The frame of a sheet, within its borders."""
     width, height = SIZES[name]
     return _BINDING, _BORDER, width - _BORDER, height - _BORDER
 
@@ -212,14 +220,14 @@ def _is_wide(content: DrawingContent) -> bool:
 
 def _table_width(content: DrawingContent, name: SheetName) -> float:
     """Width of the table, mm on A3."""
-    left, _, right, _ = _inside(name)
-    return (right - left) / _UNITS[name] if _is_wide(content) else WIDTH
+    left, _, right, _ = inside_of(name)
+    return (right - left) / unit_of(name) if _is_wide(content) else WIDTH
 
 
 def _block_height(content: DrawingContent, name: SheetName) -> float:
     """Height of the title block and of the notes beside it, where the table stands above both."""
-    left, _, right, _ = _inside(name)
-    unit = _UNITS[name]
+    left, _, right, _ = inside_of(name)
+    unit = unit_of(name)
     box = left + _GAP * unit, -SIZES[name][1], right - (WIDTH + _GAP) * unit, 0.0
     lowest = min(box_of(words)[1] for words in paragraphs_in(box, content.notes, unit))
     return max(HEIGHT * unit, _GAP * unit - lowest)
@@ -227,26 +235,26 @@ def _block_height(content: DrawingContent, name: SheetName) -> float:
 
 def _band(content: DrawingContent, name: SheetName) -> float:
     """Height of notes, table and title block."""
-    unit = _UNITS[name]
+    unit = unit_of(name)
     table = table_height(content.table, _table_width(content, name), unit)
     return _block_height(content, name) + _GAP * unit + table if _is_wide(content) else (HEIGHT + _GAP) * unit + table
 
 
 def _views_box(content: DrawingContent, name: SheetName) -> Box:
-    left, bottom, right, top = _inside(name)
-    gap = _GAP * _UNITS[name]
+    left, bottom, right, top = inside_of(name)
+    gap = _GAP * unit_of(name)
     return left + gap, bottom + _band(content, name) + gap, right - gap, top - gap
 
 
 def _notes_box(content: DrawingContent, name: SheetName) -> Box:
-    left, bottom, right, _ = _inside(name)
-    unit = _UNITS[name]
+    left, bottom, right, _ = inside_of(name)
+    unit = unit_of(name)
     top = _block_height(content, name) + 0.5 * _GAP * unit if _is_wide(content) else _band(content, name)
     return left + _GAP * unit, bottom + 0.5 * _GAP * unit, right - (WIDTH + _GAP) * unit, bottom + top
 
 
 def _sheet(content: DrawingContent, name: SheetName, scale: float) -> Sheet:
-    unit, inside = _UNITS[name], _inside(name)
+    unit, inside = unit_of(name), inside_of(name)
     origin = _centred(room_of(draw_views(content.views, scale, unit, (0.0, 0.0))), _views_box(content, name))
     right, bottom = inside[2], inside[1]
     marks = Marks([frame_of(inside, "outline")])

@@ -12,14 +12,17 @@ from lensforge.results.files import replacing, require_own
 from lensforge.shop.check_result import Finding
 
 HTML_FILE, PDF_FILE, DXF_FILE, POINTS_FILE = "manufacturing.html", "manufacturing.pdf", "drawing.dxf", "points.csv"
+PLATE_PDF_FILE, PLATE_DXF_FILE = "plate.pdf", "plate.dxf"
 Interpolation = Literal["bicubic", "linear"]  # between the nodes of a dense table
 
 
-FileBytes = Annotated[
-    bytes,
-    Field(repr=False),
-    PlainSerializer(lambda content: b64encode(content).decode("ascii"), return_type=str, when_used="json"),
-]
+_Text = PlainSerializer(
+    lambda content: None if content is None else b64encode(content).decode("ascii"),
+    return_type=str | None,
+    when_used="json",
+)
+FileBytes = Annotated[bytes, Field(repr=False), _Text]
+FileBytesOrNone = Annotated[bytes | None, Field(repr=False), _Text]
 
 
 class PointGrid(Record):
@@ -39,7 +42,9 @@ class PointGrid(Record):
 
 
 class Handover(Record):
-    """Page with drawing and verdicts, the drawing as PDF and DXF, tables of points, as the bytes of files.
+    """Page with drawings and verdicts, drawings as PDF and DXF, tables of points, as the bytes of files.
+
+    ``plate_pdf``, ``plate_dxf``: the drawing of the plate; None without one.
 
     ``points``: number of points in the table for a measuring machine; ``grids``: dense tables for milling and turning.
     ``sha256``: of the files that go to the shop, by name, except page and PDF; the page lists them.
@@ -51,6 +56,8 @@ class Handover(Record):
     pdf: FileBytes
     dxf: FileBytes
     points_csv: FileBytes
+    plate_pdf: FileBytesOrNone = None
+    plate_dxf: FileBytesOrNone = None
     points: Count
     grids: tuple[PointGrid, ...]
     sha256: dict[Text, Sha256]
@@ -60,6 +67,8 @@ class Handover(Record):
     def files(self) -> dict[str, bytes]:
         """The files by name."""
         fixed = {HTML_FILE: self.html, PDF_FILE: self.pdf, DXF_FILE: self.dxf, POINTS_FILE: self.points_csv}
+        plate = {PLATE_PDF_FILE: self.plate_pdf, PLATE_DXF_FILE: self.plate_dxf}
+        fixed |= {name: content for name, content in plate.items() if content is not None}
         return fixed | {grid.file: grid.content for grid in self.grids}
 
     @property
@@ -78,7 +87,7 @@ class Handover(Record):
 
         Raises :class:`InputError` where they cannot be written, and for a page or a PDF of another program.
         """
-        for name in (HTML_FILE, PDF_FILE):
+        for name in (HTML_FILE, *(name for name in self.files if name.endswith(".pdf"))):
             require_own(Path(folder) / name)
         for name, content in self.files.items():
             with replacing(Path(folder) / name) as temporary:

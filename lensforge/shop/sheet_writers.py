@@ -105,6 +105,7 @@ _TEXTS, _DIMENSIONS = "TEXTS", "DIMENSIONS"
 _SIGNS = {"⌀": "%%c", "±": "%%p", "°": "%%d", "□": "SQ ", "…": "...", "–": "-", "“": '"', "”": '"'}
 _WIDTHS = (9, 13, 18, 25, 35, 50, 70)  # of lines, in hundredths of a millimetre; a DXF knows no others
 _DIGITS = 3
+_SAME_SCALE = 1e-6
 
 
 def sheet_dxf(sheet: Sheet) -> bytes:
@@ -210,7 +211,13 @@ def plain_text(text: str) -> str:
 
 
 def _add_dimension(document: "Drawing", sheet: Sheet, dimension: LinearDimension) -> None:
-    """A dimension that CAD programs measure themselves: ``<>`` in its text is the length between its ends."""
+    """A dimension that CAD programs measure themselves: ``<>`` in its text is the length between its ends.
+
+    Of a view at another scale than the sheet's it is that times a factor.
+    """
+    low, high = dimension.ends_mm
+    factor = dimension.length_mm / _in_model(sheet, high - low)
+    own = {} if abs(factor - 1.0) < _SAME_SCALE else {"dimlfac": factor}
     made = document.modelspace().add_linear_dim(
         base=_place(sheet, dimension.at(dimension.text_mm, dimension.line_mm)),
         p1=_place(sheet, dimension.start),
@@ -218,6 +225,7 @@ def _add_dimension(document: "Drawing", sheet: Sheet, dimension: LinearDimension
         angle=dimension.turned_deg,
         text=plain_text(f"{dimension.before}<>{dimension.after}"),
         dimstyle=_STYLE,
+        override=own,
         dxfattribs={"layer": _DIMENSIONS},
     )
     made.set_location(_place(sheet, words_of_dimension(dimension).at))

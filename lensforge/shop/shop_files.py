@@ -10,6 +10,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from lensforge.cad.part import SURFACES_FILE, Part, part_facts
+from lensforge.cad.plate_layout import PlateLayout, layout_of
 from lensforge.results import Fact, Group
 from lensforge.results.figure_style import to_svg
 from lensforge.results.numerals import quantity, with_unit
@@ -18,7 +19,16 @@ from lensforge.shop.check_facts import check_facts, finding_groups
 from lensforge.shop.check_result import Check
 from lensforge.shop.dimensions import dimensions
 from lensforge.shop.drawing import DrawingContent, drawing_content, make_sheet, scale_words
-from lensforge.shop.handover import DXF_FILE, PDF_FILE, POINTS_FILE, Handover, PointGrid
+from lensforge.shop.handover import (
+    DXF_FILE,
+    PDF_FILE,
+    PLATE_DXF_FILE,
+    PLATE_PDF_FILE,
+    POINTS_FILE,
+    Handover,
+    PointGrid,
+)
+from lensforge.shop.plate_drawing import place_rows, plate_notes, plate_sheet
 from lensforge.shop.point_tables import GridRequest, dense_tables, faces_to_cut, origin_lines, points_table
 from lensforge.shop.sheet import Sheet, shown
 from lensforge.shop.sheet_tables import ToleranceTable, tolerance_table
@@ -59,17 +69,25 @@ def make_handover(
     tables = {POINTS_FILE: points_table(lens, check, head).encode(), **{grid.file: grid.content for grid in grids}}
     tolerances, words = tolerance_table(lens, studied), words or lens.spec.drawing
     drawn = drawing_content(lens, part, check, dimensions(lens), tolerances, words)
-    sheet = make_sheet(drawn, words.sheet or "A3")
-    dxf, figures = sheet_dxf(sheet), _pictures(check)
+    sheet, layout = make_sheet(drawn, words.sheet or "A3"), layout_of(lens)
+    plate = None if layout is None else plate_sheet(lens, part, layout, words, words.sheet or "A3")
+    dxf, figures, plate_dxf = sheet_dxf(sheet), _pictures(check), None if plate is None else sheet_dxf(plate)
     hashes = {name: stamp.sha256 for name, stamp in part.files.items()}
-    hashes |= {name: sha256(content).hexdigest() for name, content in {**tables, DXF_FILE: dxf}.items()}
+    hashed = {**tables, DXF_FILE: dxf, **({} if plate_dxf is None else {PLATE_DXF_FILE: plate_dxf})}
+    hashes |= {name: sha256(content).hexdigest() for name, content in hashed.items()}
     content = _tables(part, check, drawn, tolerances, grids, hashes)
+    sheets = [(sheet, PDF_FILE, DXF_FILE)]
+    if plate is not None and layout is not None:
+        content[2:2] = _plate_tables(lens, layout, plate, words)
+        sheets.append((plate, PLATE_PDF_FILE, PLATE_DXF_FILE))
     title = f"{drawn.title}: for manufacture"
     return Handover(
         name=title,
-        html=_page(title, sheet, content, figures, lens.version).encode(),
+        html=_page(title, sheets, content, figures, lens.version).encode(),
         pdf=sheet_pdf(sheet),
         dxf=dxf,
+        plate_pdf=None if plate is None else sheet_pdf(plate),
+        plate_dxf=plate_dxf,
         points_csv=tables[POINTS_FILE],
         points=sum(len(face.ring_angles) for face in faces_to_cut(lens)),
         grids=grids,
@@ -111,6 +129,18 @@ def _tables(
     ]  # fmt: skip
 
 
+def _plate_tables(lens: Lens, layout: PlateLayout, plate: Sheet, words: DrawingSection) -> list[Table]:
+    """Sizes, places and notes of the plate."""
+    sizes = [(each.name, each.text) for each in plate.marks.dimensions]
+    notes = [f"{number}. {note}" for number, note in enumerate(plate_notes(lens, layout, words), 1)]
+    places = Table("Places on the plate", place_rows(layout), ("", "x (mm)", "y (mm)", ""))
+    return [
+        Table("Sizes of the plate", sizes, ("Size", "mm")),
+        *([places] if places.rows else []),
+        Table("Notes of its drawing", sentences=notes),
+    ]
+
+
 def _tolerance_tables(tolerances: ToleranceTable) -> list[Table]:
     """A table for each group, its last column only where an amount is known; the sentence above all of them."""
     head = ("Tolerance", "Amount", "From", "At most")
@@ -136,13 +166,21 @@ def _pictures(check: Check) -> Pictures:
     return figures
 
 
-def _page(title: str, sheet: Sheet, tables: list[Table], figures: Pictures, version: str) -> str:
-    caption = f"Drawing, {sheet.name}, scale {scale_words(sheet.scale)}; the same as {PDF_FILE} and {DXF_FILE}"
-    drawn = [(caption, sheet_figure(sheet)), *figures]
+def _page(
+    title: str, sheets: list[tuple[Sheet, str, str]], tables: list[Table], figures: Pictures, version: str
+) -> str:
+    drawings = [
+        (f"Drawing, {sheet.name}, scale {scale_words(sheet.scale)}; the same as {pdf} and {dxf}", sheet_figure(sheet))
+        for sheet, pdf, dxf in sheets
+    ]
+    drawn = [*drawings, *figures]
     pictures = [(words, Markup(to_svg(figure, f"handover{k}", words))) for k, (words, figure) in enumerate(drawn)]
     environment = Environment(loader=FileSystemLoader(_TEMPLATES), autoescape=True)
     template = environment.get_template("manufacturing.html")
-    return template.render(title=title, tables=tables, pictures=pictures, version=version)
+    count = len(sheets)
+    return template.render(
+        title=title, tables=tables, drawings=pictures[:count], pictures=pictures[count:], version=version
+    )
 
 
 def shop_facts(lens: Lens, part: Part, check: Check) -> Group:

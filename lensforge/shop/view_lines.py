@@ -149,6 +149,16 @@ def dome_radius(lens: Lens, turn: Float[np.ndarray, " n"]) -> Float[np.ndarray, 
     return _seen_along(lens, rim_directions(turn), _AXIS)
 
 
+def front_line(lens: Lens, turn_deg: float) -> Points:
+    """The dome of a lens that is turned about its axis, as it is seen along +y: (x, z) from rim to rim."""
+    across, towards = rim_directions(np.radians([-turn_deg, 90.0 - turn_deg]))
+    polar = np.linspace(-0.5 * np.pi, 0.5 * np.pi, _AZIMUTHS)
+    plane = np.sin(polar)[:, None] * across + np.cos(polar)[:, None] * _AXIS
+    plane[[0, -1], 2] = 0.0
+    radius = np.maximum(*(_seen_along(lens, plane, way * towards) for way in (1.0, -1.0)))
+    return np.column_stack([radius * np.sin(polar), radius * plane[:, 2]])
+
+
 def _seen_along(lens: Lens, plane: Float[np.ndarray, "n 3"], away: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " n"]:
     """Silhouette (mm) of the envelope seen along ``away``, of the half on that side, in directions across it."""
     envelope, tilt = lens_boundaries(lens)[1], np.linspace(0.0, 0.5 * np.pi, _POLAR)[:, None]

@@ -5,7 +5,7 @@ down through it, as through a base.
 """
 
 from math import hypot
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -20,7 +20,10 @@ _Lines = Annotated[int, Field(ge=1, le=_MOST_LENSES)]
 
 
 class PlateMark(Section):
-    """Fields of what stands at a place of the plate."""
+    """Fields of what stands at a place of the plate; a ``letter`` of its kind, and a ``pen``, for the drawing."""
+
+    letter: ClassVar[str]
+    pen: ClassVar[Literal["outline", "hidden"]] = "outline"
 
     place_mm: tuple[Coordinate, Coordinate]
     """Place (x, y) of its axis."""
@@ -32,6 +35,16 @@ class PlateMark(Section):
         """Half of the diameter."""
         return self.diameter_mm / 2.0
 
+    @property
+    def below_mm(self) -> float:
+        """Length below the plate; 0 of a hole."""
+        return 0.0
+
+    @property
+    def words(self) -> str:
+        """What it is, with its sizes."""
+        raise NotImplementedError
+
     def away_mm(self, place: Place) -> float:
         """Distance of its axis from a place."""
         return hypot(self.place_mm[0] - place[0], self.place_mm[1] - place[1])
@@ -40,12 +53,32 @@ class PlateMark(Section):
 class PlateHole(PlateMark):
     """A round hole through the plate, as for a screw."""
 
+    letter: ClassVar[str] = "H"
+
+    @property
+    def words(self) -> str:
+        """What it is, with its sizes."""
+        return f"hole ⌀{self.diameter_mm:.3f}, through"
+
 
 class PlatePin(PlateMark):
     """A round pin below the plate, which finds its place on the board."""
 
+    letter: ClassVar[str] = "P"
+    pen: ClassVar[Literal["outline", "hidden"]] = "hidden"
+
     height_mm: Millimetres
     """Length below the plate."""
+
+    @property
+    def below_mm(self) -> float:
+        """Length below the plate."""
+        return self.height_mm
+
+    @property
+    def words(self) -> str:
+        """What it is, with its sizes."""
+        return f"pin ⌀{self.diameter_mm:.3f}, {self.height_mm:.3f} below"
 
 
 class PlateSection(Section):

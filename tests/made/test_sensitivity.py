@@ -86,7 +86,7 @@ def changes():
         errors = {factor.name: list(single_errors(study, factor)) for factor in study.factors}
         for name, (factor, number) in wanted.items():
             part = study.maker.part(errors[factor][number].deviations)
-            lit = study.light.measured(study.light.received(part)).metrics[0]
+            lit = study.light.measured(study.light.received((part,))).metrics[0]
             for metric, change in lit.change_from(study.designed.metrics[0], RAYS):
                 found.setdefault((name, metric), []).append((change.value, change.standard_error))
     return {key: np.array(values) for key, values in found.items()}

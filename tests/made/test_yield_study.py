@@ -54,7 +54,7 @@ def small_errors():
     """Smooth light of many parts with small errors, and its derivative by every number that is drawn."""
     study = study_of(SMALL, parts=scaled(2048, by_day=512), rays=2048)
     designed = _smooth_light(study, None)
-    parts = np.array([_smooth_light(study, study.part(k)) for k in range(study.recipe.parts)]) - designed
+    parts = np.array([_smooth_light(study, study.part(k)[0]) for k in range(study.recipe.parts)]) - designed
     slopes, variances = [], []
     for factor in study.factors:
         numbers = study.draws.numbers[factor.name]
@@ -126,7 +126,7 @@ def test_flux_of_the_source_scales_light_and_no_share() -> None:
     study = PartStudy(Recipe(lens_with({"source_flux": 0.5}, limits=[limit]), 8, 2048, 0, 2048))
     before = {name: metric.value for name, metric in study.of_design.items()}
     for number in range(4):
-        flux = study.part(number).flux
+        flux = study.part(number)[0].flux
         found = dict(zip(study.names, study.measure(number)[:, 0], strict=True))
         (light,) = (name for name in study.names if name.startswith("axis"))
         designed = study.designed.limits[0][0]

@@ -1,0 +1,191 @@
+"""Light of one part, by rays that all parts of a study share, and its change from that of the lens as designed."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy import sparse
+
+from lensforge.light.judged_limits import values_left_out
+from lensforge.light.metrics import Images, jackknife_error
+from lensforge.light.receiver_light import ReceiverLight
+from lensforge.light.simulation import REPLICATES, ReplicateMetrics, TracedLens, bundles, lit_mask, mean_share
+from lensforge.light.table_trace import trace_tables
+from lensforge.results import Metric
+from lensforge.scene.exit_rays import ExitRays
+from lensforge.scene.limit_readings import LightLimit
+from lensforge.scene.made_part import MadePart
+from lensforge.scene.pixel_grid import bin_replicates, gaussian3
+from lensforge.scene.receiver import PosedReceiver
+from lensforge.scene.target_pattern import DrawnTarget, drawn_target, uniform_region
+from lensforge.sources.ray_bundle import RayBundle, Source
+from lensforge.spec import Spec
+
+_COLUMNS = 32  # into which rays are sorted
+_SHARING = 7  # seed: any number
+
+
+@dataclass(frozen=True, eq=False)
+class HeldLight:
+    """Rays of all replicates in one bundle, and the number of the replicate of each."""
+
+    rays: RayBundle
+    replicate: Int[np.ndarray, " n"]
+    replicates: int
+    emitted_w: float
+
+    @staticmethod
+    def of(source: Source, rays: int, seed: int) -> "HeldLight":
+        """The rays by which an evaluation of so many ``rays`` with ``seed`` simulates."""
+        count = min(REPLICATES, rays, source.ray_count or rays)
+        parts, numbers = [], []
+        for replicate, share, bundle in bundles(source, rays, count, seed):
+            parts.append(replace(bundle, flux=bundle.flux * share))
+            numbers.append(np.full(len(bundle), replicate))
+        joined, replicate_of = RayBundle.joined(parts), np.concatenate(numbers)
+        # neighbours use the same part of a table: in order of direction a trace takes a sixth less time
+        order = np.lexsort((joined.directions[:, 1], np.floor(_COLUMNS * joined.directions[:, 0])))
+        return HeldLight(joined.take(order), replicate_of[order], count, source.flux_w)
+
+    def __len__(self) -> int:
+        return len(self.replicate)
+
+    def shared_out(self, lamps: int) -> "list[HeldLight]":
+        """Rays for each of several lamps: at random, from every replicate as many, and its share of the flux."""
+        order = np.random.default_rng(_SHARING).permutation(len(self))
+        order = order[np.argsort(self.replicate[order], kind="stable")]
+        first = np.searchsorted(self.replicate[order], self.replicate[order])
+        lamp = np.empty(len(self), dtype=np.int64)
+        lamp[order] = (np.arange(len(self)) - first) % lamps
+        found, every = [], np.bincount(self.replicate, minlength=self.replicates)
+        for number in range(lamps):
+            rows = np.flatnonzero(lamp == number)
+            rays, replicate = self.rays.take(rows), self.replicate[rows]
+            share = every / lamps / np.bincount(replicate, minlength=self.replicates)
+            shared = replace(rays, flux=rays.flux * share[replicate])
+            found.append(HeldLight(shared, replicate, self.replicates, self.emitted_w / lamps))
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class ReceivedImages:
+    """Filtered image of flux (W) of every replicate on one receiver; shares of the emitted flux in window and target.
+
+    ``emitted_w``: of this part's source.
+    """
+
+    images: Images
+    window: Float[np.ndarray, " r"]
+    in_target: Float[np.ndarray, " r"]
+    emitted_w: float
+
+
+@dataclass(frozen=True, eq=False)
+class PartLight:
+    """Simulation of parts of one lens: ``receivers`` of ``spec``, their ``limits``, and the rays of all parts."""
+
+    spec: Spec
+    nominal: TracedLens
+    receivers: tuple[PosedReceiver, ...]
+    limits: tuple[LightLimit, ...]
+    held: HeldLight
+
+    def exit_rays(self, part: MadePart | None, rays: RayBundle | None = None) -> ExitRays:
+        """Rays, by default all that are held, behind one part; None: behind the lens as designed."""
+        nominal, rays = self.nominal, self.held.rays if rays is None else rays
+        if part is None:
+            return trace_tables(nominal.tables, nominal.scene, rays)
+        scene = replace(nominal.scene, media=part.media(nominal.scene.media), made=part.made)
+        return trace_tables(part.tables(nominal.tables), scene, rays)
+
+    def received(self, parts: Sequence[MadePart] | None) -> tuple[ReceivedImages, ...]:
+        """Light of a part on each receiver, by each of its lenses, here one; None: of the lens as designed."""
+        part = None if parts is None else parts[0]
+        exits, flux = self.exit_rays(part), 1.0 if part is None else part.flux
+        found = []
+        for receiver, target in zip(self.receivers, self._targets[0], strict=True):
+            landings = receiver.land(exits)
+            hits, carried = landings.hits, landings.flux * flux
+            held, inside = self.held, (receiver.window.contains(hits), target.contains(hits))
+            window, lit = (np.bincount(held.replicate[own], carried[own], minlength=held.replicates) for own in inside)
+            images = bin_replicates(hits, carried, receiver.grid, held.replicate, held.replicates)
+            emitted_w = flux * held.emitted_w
+            smooth = gaussian3(images, self.spec.evaluate.filter_variance)
+            found.append(ReceivedImages(smooth, window / emitted_w, lit / emitted_w, emitted_w))
+        return tuple(found)
+
+    def measured(self, received: tuple[ReceivedImages, ...]) -> "MeasuredPart":
+        """Metrics of one part by its replicates."""
+        metrics, shares = [], []
+        for found, target, mask in zip(received, *self._targets, strict=True):
+            images = found.images
+            metrics.append(ReplicateMetrics.of(images, target.light, lit_mask(mask, images), found.window))
+            shares.append(found.in_target)
+        return MeasuredPart(tuple(metrics), tuple(shares), tuple(self._limits(received)))
+
+    def _limits(self, received: tuple[ReceivedImages, ...]) -> Iterator[Float[np.ndarray, " v"]]:
+        """The values that decide on each limit, by all replicates, then with one after the other left out."""
+        read = {}
+        for receiver, matrix in self._readings.items():  # all limits at once: to read pixels takes longer than to judge
+            images, asked = received[receiver].images, [each for each in self.limits if each.receiver == receiver]
+            ends = np.cumsum([each.readings.shape[0] for each in asked])[:-1]
+            read[receiver] = iter(np.split(matrix @ images.reshape(len(images), -1).T, ends))
+        for limit in self.limits:
+            yield values_left_out(limit, next(read[limit.receiver]), received[limit.receiver].images)
+
+    @cached_property
+    def _readings(self) -> dict[int, sparse.csr_array]:
+        """Readings of all limits on each receiver that has some, as one matrix."""
+        numbers = dict.fromkeys(limit.receiver for limit in self.limits)
+        rows = {each: [limit.readings for limit in self.limits if limit.receiver == each] for each in numbers}
+        return {each: sparse.csr_array(sparse.vstack(own)) for each, own in rows.items()}
+
+    @cached_property
+    def _targets(self) -> tuple[list[DrawnTarget], list[Bool[np.ndarray, "_ _"] | None]]:
+        """Target of each receiver, and its region of uniform light, if any."""
+        return wanted_on(self.spec, self.receivers)
+
+
+def wanted_on(
+    spec: Spec, receivers: Sequence[PosedReceiver]
+) -> tuple[list[DrawnTarget], list[Bool[np.ndarray, "_ _"] | None]]:
+    """Target of each receiver of ``spec``, and its region of uniform light, if any."""
+    pairs = list(zip((section.targets for section in spec.all_receivers), receivers, strict=True))
+    targets = [drawn_target(own, receiver) for own, receiver in pairs]
+    return targets, [uniform_region(own, each) for own, each in pairs]
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredPart:
+    """Metrics of one part on each receiver, by replicates; shares of flux in the targets; values of its limits."""
+
+    metrics: tuple[ReplicateMetrics, ...]
+    shares: tuple[Float[np.ndarray, " r"], ...]
+    limits: tuple[Float[np.ndarray, " k"], ...]
+
+    def change_from(
+        self, before: "MeasuredPart", rays: int, designed: Sequence[ReceiverLight]
+    ) -> list[dict[str, Metric]]:
+        """Differences from ``before``, the lens as designed by the same rays: of each receiver, then of the limits.
+
+        ``designed``: the light of that lens by many rays, to which they are to be added.
+        """
+        found = []
+        parts = zip(self.metrics, before.metrics, self.shares, before.shares, strict=True)
+        for light, (own, other, share, other_share) in zip(designed, parts, strict=True):
+            rsd = None if light.rsd is None else light.rsd.value
+            changes = own.change_from(other, rays, designed_rsd=rsd)
+            change = {name: value for name, value in changes if value is not None}
+            if light.uniformity is not None and "uniformity" in change:
+                ratio, moved = light.uniformity.value, change["uniformity"]  # within 0 and 1, however few the rays
+                within = min(max(moved.value, -ratio), 1.0 - ratio)
+                change["uniformity"] = moved.model_copy(update={"value": within})
+            found.append({**change, "share_in_target": mean_share(share - other_share)})
+        limits = {}
+        for number, (own_limit, other_limit) in enumerate(zip(self.limits, before.limits, strict=True)):
+            difference = own_limit - other_limit
+            error = jackknife_error(difference[1:]) if len(difference) > 1 else None
+            limits[str(number)] = Metric(value=float(difference[0]), standard_error=error)
+        return [*found, limits]

@@ -1,0 +1,187 @@
+"""Lamps drawn apart: sums of lamps lit one by one, a patch of equal lamps, rigid plates, and their statistics."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from parts import lens_with
+from scenes import NO_TOLERANCES, small_spec, sphere, tolerance_changes
+
+from lensforge.errors import InputError
+from lensforge.light.lens_light import evaluate
+from lensforge.made.board_light import BoardLight, in_plate
+from lensforge.made.part_study import PartStudy, Recipe, require_bearable
+from lensforge.made.sensitivity import measure_sensitivity
+from lensforge.made.yield_facts import pass_sentence
+from lensforge.made.yield_study import contributions, measure_yield
+from lensforge.scene.as_made import Displacement
+from lensforge.scene.lens import Lens
+from lensforge.scene.perturbations import Draws
+from lensforge.spec.tolerances_section import Factor
+
+PATTERN = {"kind": "rectangle", "width_mm": 20.0, "height_mm": 20.0, "distance_mm": 20.0, "receiver_mm": 40.0}
+PERIOD = {**PATTERN, "width_mm": 8.0, "receiver_mm": 20.0, "uniform_mm": 16.0, "distance_mm": 9.0}
+GRID = {"kind": "grid", "columns": 3, "rows": 2, "pitch_mm": 15.0}
+RING = {"kind": "ring", "count": 3, "diameter_mm": 30.0}
+ENDLESS = {"kind": "endless", "lattice": "rectangle", "pitch_mm": 20.0}
+PLATE = {"thickness_mm": 2.0}
+N = 2**13
+
+
+def study_of(
+    tolerances: dict[str, Any], lamps: dict[str, Any], *, parts: int = 8, rays: int = N, **changes: Any
+) -> PartStudy:
+    """Of a point source in concentric spheres; as many rays of the lens as designed as of each part."""
+    changes = {"target": PATTERN, "base": {"kind": "none"}, "evaluate__filter_variance": 0.0, **changes}
+    own = tolerance_changes({**NO_TOLERANCES, **tolerances})
+    lens = Lens.double(sphere(3.0), sphere(6.0), small_spec(lamps=lamps, **changes, **own), 0, "draft")
+    return PartStudy(Recipe(lens, parts, rays, 0, rays))
+
+
+@pytest.mark.parametrize("lamps", [GRID, RING])
+def test_lamps_of_other_flux_make_the_sum_of_lamps_that_are_lit_one_by_one(lamps: dict[str, Any]) -> None:
+    """By as many rays of each lamp as of the lens as designed: the pictures are the same, without noise."""
+    study = study_of({"source_flux": 0.3}, lamps)
+    fluxes = np.array([part.flux for part in study.part(3)])
+    assert len(fluxes) == len(study.lamps) and np.ptp(fluxes) > 0.1
+    total = np.zeros((16, 16))
+    for place, turn, flux in zip(study.lamps.places_mm, study.lamps.turns_deg, fluxes, strict=True):
+        one = {"kind": "table", "places_mm": [list(place)], "turns_deg": [turn]}
+        lens = study_of({"source_flux": 0.3}, one).recipe.lens
+        lit = evaluate(replace(lens, seed=0), rays=N, pixels=16).receivers[0]
+        total += flux * lit.map * study.light.single[0].pixel_measure
+    found = study.light.received(study.part(3))[0]
+    np.testing.assert_allclose(found.images.mean(axis=0), total, rtol=1e-3, atol=2e-3 * total.max())
+    assert found.emitted_w == pytest.approx(fluxes.mean() * study.light.held.emitted_w, rel=1e-12)
+
+
+@pytest.mark.parametrize("lattice", ["rectangle", "hexagon"])
+def test_a_patch_of_equal_lamps_is_the_lattice_again_and_again(lattice: str) -> None:
+    """Its metrics and limits are those of one period, as are the shares of the light."""
+    up = 20.0 * (3.0**0.5 if lattice == "hexagon" else 1.0)
+    limits: list[dict[str, Any]] = [
+        {"kind": "zone", "at_least_min_over_max": 0.1},
+        {"kind": "points", "at_mm": [[2.0, 3.0]], "at_least": 1.0, "unit": "w_per_m2"},
+        {"kind": "zone", "at_least_share": 0.1},
+    ]
+    receiver = {"kind": "plane", "centre_mm": [0.0, 0.0, 20.0], "width_mm": 20.0, "height_mm": up}
+    receiver |= {"targets": [{"kind": "disc", "diameter_mm": 10.0, "uniform_mm": 8.0}]}
+    study = study_of({"index": 1e-3}, {**ENDLESS, "lattice": lattice}, target=None, receivers=[receiver], limits=limits)
+    lit = evaluate(study.recipe.lens, rays=N, pixels=16, seed=0)
+    found = study.light.measured(study.light.received(None))
+    image = study.light.received(None)[0].images.mean(axis=0) / study.light.receivers[0].pixel_measure
+    np.testing.assert_allclose(image, np.tile(lit.receivers[0].map, (3, 3)), rtol=2e-3, atol=1e-3 * image.max())
+    metrics = found.metrics[0].metrics()
+    for name in ("nmse", "efficiency", "rsd"):
+        assert getattr(metrics, name).value == pytest.approx(getattr(lit.receivers[0], name).value, rel=2e-2), name
+    assert found.shares[0].mean() == pytest.approx(lit.receivers[0].share_in_target.value, rel=2e-2)
+    for own, limit in zip(found.limits, lit.limits, strict=True):
+        assert own[0] == pytest.approx(limit.value.value, rel=0.05), limit.name
+
+
+@pytest.mark.parametrize(("lamps", "number"), [(GRID, 1), (ENDLESS, 5)])
+def test_a_lamp_that_is_moved_as_a_whole_moves_its_own_picture(lamps: dict[str, Any], number: int) -> None:
+    """Whole pixels: the change is that of the picture as designed, within the noise of the lamp's share of the rays."""
+    amounts = {"source_shift_mm": 1.0, "lens_shift_mm": 1.0}
+    study = study_of(amounts, lamps, target=PERIOD, evaluate__pixels=10, rays=2**17)
+    light, step = study.light, study.light.single[0].grid.pixel[0]
+    assert isinstance(light, BoardLight)
+    still = {name: np.zeros(2) for name in ("source_shift_mm", "lens_shift_mm")}
+    moved = {name: np.array([2.0 * step, -2.0 * step]) for name in still}
+    deviations = [still] * len(study.lamps)
+    deviations[number] = moved
+    found = light.received(study.made(deviations))[0].images
+    one = np.zeros(len(study.lamps))
+    one[number] = 1.0
+    picture = light.boards[0].added(light.designed[0], one)
+    change = (found - light.received(None)[0].images)[:, 2:-2, 2:-2]
+
+    def off(rows: int, columns: int) -> float:
+        """Distance from the picture moved so, in standard errors."""
+        wanted = (np.roll(picture, (rows, columns), axis=(1, 2)) - picture)[:, 2:-2, 2:-2]
+        noise = (change - wanted).reshape(len(found), -1)
+        return float(np.sqrt(np.mean(noise.mean(axis=0) ** 2) / np.mean(noise.var(axis=0, ddof=1) / len(noise))))
+
+    assert off(-2, 2) < 1.25
+    assert min(off(2, 2), off(-2, -2), off(0, 0)) > 2.0
+
+
+def test_lamps_are_drawn_apart_and_their_mean_scatters_as_that_of_independent_ones() -> None:
+    study = study_of({"source_flux": 0.1, "index": 1e-3, "lens_shift_mm": 0.1}, GRID, parts=4096)
+    fluxes = np.array([study.draws.of_lamp("source_flux", k)[:, 0] for k in range(6)])
+    assert np.abs(np.corrcoef(fluxes) - np.eye(6)).max() < 0.06
+    assert fluxes.mean(axis=0).std() == pytest.approx(fluxes.std() / np.sqrt(6.0), rel=0.04)
+    sums = [np.bincount(own.replicate, own.rays.flux) for own in study.light.held.shared_out(6)]
+    np.testing.assert_allclose(sums, study.light.held.emitted_w / 6.0, rtol=1e-12)
+    parts = study.part(5)
+    assert len({part.index for part in parts}) == 1 and len({part.made.lens.shift_mm for part in parts}) == 6
+    again = study_of({"source_flux": 0.1, "index": 1e-3, "lens_shift_mm": 0.1}, GRID, parts=64)
+    assert [part.flux for part in again.part(5)] == [part.flux for part in parts]  # more parts change none
+    whole = study_of({"lens_shift_mm": 0.1, "source_shift_mm": 0.1}, GRID, plate=PLATE).part(5)
+    assert len({part.made.lens.shift_mm for part in whole}) == 1 and len({part.made.source for part in whole}) == 6
+    tilted = study_of({"lens_tilt_deg": 0.1}, GRID, plate=PLATE)
+    for part, (x, y) in zip(tilted.part(5), tilted.lamps.places_mm, strict=True):
+        about_x, about_y = part.made.lens.tilt_rad
+        assert part.made.lens.shift_mm[2] == pytest.approx(about_x * y - about_y * x, abs=1e-12) != 0.0
+
+
+def test_lenses_of_a_plate_move_with_it_as_one_body() -> None:
+    """Points of a lens, moved in its own frame and then placed, against those of the plate, to first order."""
+    place, turn, shrinkage = (40.0, -25.0), 35.0, 1e-5
+    plate = {"lens_shift_mm": np.array([0.01, -0.02]), "lens_height_mm": np.array([0.03]), "index": np.array([1e-3])}
+    plate |= {"lens_tilt_deg": np.array([2e-5, -3e-5]), "shrinkage": np.array([shrinkage])}
+    own = in_plate(plate, place, turn)
+    points = np.random.default_rng(0).normal(size=(5, 3))
+    c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
+    turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+    def moved(found: Any, at: np.ndarray) -> np.ndarray:
+        x, y = found["lens_shift_mm"]
+        body = Displacement((x, y, found["lens_height_mm"][0]), tuple(found["lens_tilt_deg"]))
+        return np.asarray(at * (1.0 + shrinkage)) @ body.rotation.T + body.shift
+
+    by_lens = moved(own, points) @ turned.T + (*place, 0.0)
+    np.testing.assert_allclose(by_lens, moved(plate, points @ turned.T + (*place, 0.0)), atol=1e-7)
+    assert own["index"] is plate["index"]
+
+
+def test_causes_of_boards_are_those_of_a_known_sum() -> None:
+    """y = 3 a mean of the lamps' numbers + a product of two lamps' + a common number: shares of 9/4, 1 and 2."""
+    spread = {"unit": "", "to_internal": 1.0, "amount": 1.0, "kind": "spread", "numbers": 1}
+    factors = tuple(Factor(name=name, words=name, distribution="uniform", **spread) for name in ("own", "index"))  # type: ignore[arg-type]
+    draws = Draws.of(factors, 4096, 0, 4, frozenset({"index"}))
+    own, common = np.sqrt(3.0) * draws.numbers["own"], np.sqrt(3.0) * draws.numbers["index"][:, 0]
+    assert own.shape == (4096, 4)
+    found = contributions(draws, 3.0 * own.mean(axis=1) + own[:, 0] * own[:, 2] + np.sqrt(2.0) * common, 0.0)
+    shares = {cause.tolerance: cause for cause in found.causes}
+    for name, share in (("own", 3.25 / 5.25), ("index", 2.0 / 5.25)):
+        assert abs(shares[name].share - share) < 4.0 * shares[name].standard_error < 0.2, name
+
+
+def test_yield_and_sensitivity_of_a_board(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The scatter of the mean flux; numbers of each lamp are not in the table. All lamps at an end are a lamp there."""
+    for name in ("DESIGNED_RAYS", "_WORST_RAYS"):
+        monkeypatch.setattr(f"lensforge.made.yield_study.{name}", N)
+    limit = {"kind": "points", "at_mm": [[0.0, 0.0]], "at_least": 1.0, "unit": "w_per_m2"}
+    tolerances = {"source_flux": {"amount": 0.3, "distribution": "uniform"}, "index": 1e-4}
+    lens = study_of(tolerances, ENDLESS, target=PERIOD, limits=[limit]).recipe.lens
+    found = measure_yield(lens, parts=64, rays=N, with_budget=False)
+    assert found.lamps == 9 and found.columns[0] == "index" and "source_flux" not in found.columns
+    assert found.worst_maps.shape == (3, 48, 48)
+    assert "64 parts of 9 lamps each" in pass_sentence(found)
+    assert found.notes[0].startswith("each part is a board of 3 × 3 periods") and "refractive index" in found.notes[0]
+    least = found.metrics["limits.0: light"]
+    assert least.p50 < 0.9 * least.designed.value  # the darkest of nine lamps decides
+    rows = {row.name: row for row in measure_sensitivity(lens, rays=N).rows if row.amount > 0.0}
+    assert abs(rows["source, flux"].change.nmse.value) < 1e-9  # all alike: no other shape
+    with pytest.raises(InputError, match="16 rays for 9 lamps: 16 each at least; give 144"):
+        measure_yield(lens, parts=64, rays=16, with_budget=False)
+
+
+def test_a_tilted_or_shrunk_plate_is_refused_where_its_last_lens_would_meet_the_led() -> None:
+    lens = study_of({"shrinkage": 0.09}, {**GRID, "pitch_mm": 40.0}, plate=PLATE).recipe.lens
+    with pytest.raises(InputError, match=r"tolerances.shrinkage = 0.09: parts at its end move by 4.0\d mm"):
+        require_bearable(lens, PartStudy(Recipe(lens, 2, N, 0, N)).factors)
+    alone = lens_with({"shrinkage": 0.09})
+    require_bearable(alone, PartStudy(Recipe(alone, 2, N, 0, N)).factors)

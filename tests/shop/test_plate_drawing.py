@@ -1,0 +1,139 @@
+"""The drawing of the plate: its pattern found again, its sizes read back from the DXF, and its part in the handover."""
+
+import io
+from itertools import combinations
+from typing import Any
+
+import ezdxf
+import numpy as np
+import pytest
+from shop_lenses import quick_check, small_lens
+
+from lensforge.cad.part import Part
+from lensforge.cad.part_export import build_part
+from lensforge.cad.plate_layout import layout_of
+from lensforge.scene.lens import Lens
+from lensforge.shop.plate_drawing import pattern_of, place_rows, plate_sheet
+from lensforge.shop.point_tables import GridRequest
+from lensforge.shop.sheet import Sheet, box_of
+from lensforge.shop.sheet_marks import words_of_dimension
+from lensforge.shop.sheet_writers import sheet_dxf
+from lensforge.shop.shop_files import make_handover
+from lensforge.spec.lamps_section import GridLamps, HexagonLamps, RingLamps, TableLamps
+
+PLATE = {"thickness_mm": 2.5, "margin_mm": 3.0}
+MARKS: dict[str, Any] = {
+    "holes": [{"place_mm": [10.0, 0.0], "diameter_mm": 3.0}],
+    "pins": [{"place_mm": [-10.0, 8.0], "diameter_mm": 2.0, "height_mm": 1.25}],
+}
+GRID = {"kind": "grid", "columns": 3, "rows": 2, "pitch_mm": [20.0, 25.0]}
+KINDS: dict[str, tuple[dict[str, Any] | None, dict[str, Any]]] = {
+    "grid": (GRID, {**PLATE, **MARKS, "corner_radius_mm": 2.0}),
+    "hexagon": ({"kind": "hexagon", "rings": 1, "pitch_mm": 20.0}, {**PLATE, "kind": "round"}),
+    "ring": ({"kind": "ring", "count": 5, "diameter_mm": 60.0}, {**PLATE, "kind": "round"}),
+    "table": ({"kind": "table", "places_mm": [[0.0, 0.0], [17.0, 3.0], [30.0, -14.0]]}, PLATE),
+    "one": (None, PLATE),
+}
+
+
+def lens_on(kind: str) -> Lens:
+    lamps, plate = KINDS[kind]
+    return small_lens({"kind": "none"}, lamps=lamps, plate=plate)
+
+
+@pytest.fixture(scope="module")
+def part() -> Part:
+    return build_part(lens_on("grid"), rings=16)
+
+
+def sheet_of(part: Part, kind: str, name: str = "A3") -> Sheet:
+    lens = lens_on(kind)
+    layout = layout_of(lens)
+    assert layout is not None
+    return plate_sheet(lens, part, layout, lens.spec.drawing, name)  # type: ignore[arg-type]
+
+
+def test_patterns_are_found_again() -> None:
+    grid = pattern_of(GridLamps(columns=4, rows=3, pitch_mm=(20.0, 15.0)).lamps)
+    assert grid is not None and (grid.pitch_mm, grid.count, grid.first) == ((20.0, 15.0), (4, 3), (-30.0, -15.0))
+    hexagon = pattern_of(HexagonLamps(rings=2, pitch_mm=20.0).lamps)
+    assert hexagon is not None and hexagon.count == (5, 5) and hexagon.row_mm == 0.0
+    assert hexagon.pitch_mm == pytest.approx((20.0, 20.0 * np.sin(np.pi / 3.0)))
+    ring = pattern_of(RingLamps(count=7, diameter_mm=50.0).lamps)
+    assert ring is not None and ring.ring_mm == pytest.approx(50.0)
+    assert pattern_of(TableLamps(places_mm=((0.0, 0.0), (20.0, 0.0), (45.0, 0.0))).lamps) is None
+    assert pattern_of(TableLamps(places_mm=((0.0, 0.0), (20.0, 1.0), (45.0, 3.0))).lamps) is None
+
+
+@pytest.mark.parametrize("name", ["A3", "A4"])
+def test_sizes_read_back_from_the_dxf_are_those_of_the_design(part: Part, name: str) -> None:
+    """Also those of the section of one lens, which is drawn at another scale; with eight millimetres of a lens."""
+    sheet = sheet_of(part, "grid", name)
+    document = ezdxf.read(io.StringIO(sheet_dxf(sheet).decode("utf-8")))
+    assert not document.audit().errors
+    found = {}
+    for dimension, each in zip(sheet.marks.dimensions, document.modelspace().query("DIMENSION"), strict=True):
+        factor = each.override().get("dimlfac", 1.0)
+        found[dimension.name] = each.get_measurement() * factor
+        assert found[dimension.name] == pytest.approx(dimension.length_mm, abs=1e-9), dimension.name
+        texts = [
+            e.dxf.text if e.dxftype() == "TEXT" else e.text for e in each.virtual_entities() if "TEXT" in e.dxftype()
+        ]
+        assert f"{dimension.length_mm:.3f}" in "".join(texts)
+    lens = lens_on("grid")
+    around = 2.0 * (8.0 + 3.0)  # constraints.max_radius_mm and the margin
+    x = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
+    wanted = {
+        "width of the plate": 40.0 + around, "height of the plate": 25.0 + around,
+        "pitch of the lenses along x": 40.0, "pitch of the lenses along y": 25.0,
+        "edge to the first lens along x": 11.0, "edge to the first lens along y": 11.0,
+        "thickness of the plate": 2.5, "height below the plate": 1.25,
+        "rim of a lens in z = 0": lens.outer.radius(x).sum(), "opening of a lens in z = 0": lens.inner.radius(x).sum(),
+    }  # fmt: skip
+    assert {key: found[key] for key in wanted} == pytest.approx(wanted, abs=1e-6)
+    assert found["height of a lens"] > found["height of a cavity"] > 2.0
+    texts = {each.name: each.text for each in sheet.marks.dimensions}
+    assert texts["pitch of the lenses along x"] == "2 × 20.000 = 40.000"
+    assert texts["pitch of the lenses along y"] == "25.000"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_text_meets_another_or_the_frame(part: Part, kind: str) -> None:
+    sheet = sheet_of(part, kind)
+    boxes = [box_of(each) for each in (*sheet.marks.words, *map(words_of_dimension, sheet.marks.dimensions))]
+    for a, b in combinations(boxes, 2):
+        assert a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1]
+    left, bottom, right, top = np.array(boxes).T
+    assert left.min() > 20.0 and bottom.min() > 10.0 and right.max() < 410.0 and top.max() < 287.0
+    drawn = {each.name for each in sheet.marks.dimensions}
+    assert ("circle of the axes" in drawn) == (kind == "ring")
+    rows = place_rows(layout_of(lens_on(kind)))  # type: ignore[arg-type]
+    assert [row[0] for row in rows] == {
+        "grid": ["H1", "P1"], "ring": ["L1", "L2", "L3", "L4", "L5"], "table": ["L1", "L2", "L3"]
+    }.get(kind, [])  # fmt: skip
+
+
+def test_lenses_of_the_drawing_stand_where_they_are(part: Part) -> None:
+    """Circles in the view from above, about the plate's middle, at the places and as wide as the lenses."""
+    sheet = sheet_of(part, "ring")
+    lens = lens_on("ring")
+    middles = []
+    for stroke in sheet.marks.strokes:
+        points = (stroke.points - sheet.origin) / sheet.scale
+        width = float(np.ptp(points[:, 0]))
+        if stroke.closed and stroke.pen == "outline" and 11.0 < width < 14.0 and len(points) > 100:
+            middles.append(points[:-1].mean(axis=0))
+    assert len(middles) == 5
+    places = np.array(lens.spec.all_lamps.places_mm)
+    away = np.linalg.norm(np.array(middles)[:, None] - places, axis=2)
+    assert (away.min(axis=0) < 0.2).all()
+
+
+def test_the_handover_has_both_drawings(part: Part) -> None:
+    check = quick_check(part)
+    made = make_handover(part, check, [], GridRequest(spacing_mm=1.0))
+    assert {"plate.pdf", "plate.dxf"} < set(made.files) and made.files["plate.pdf"].startswith(b"%PDF")
+    page = made.html.decode("utf-8")
+    assert page.count('<figure class="drawing">') == 2 and made.sha256["plate.dxf"] in page
+    for text in ("2 × 20.000 = 40.000", "hole ⌀3.000, through", "pin ⌀2.000, 1.250 below", "plate of 6 lenses"):
+        assert text in page
