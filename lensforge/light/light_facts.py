@@ -22,7 +22,7 @@ from lensforge.results.numerals import number, percent, quantity
 from lensforge.results.verdict import Reason, judge
 from lensforge.scene.lens import Lens
 from lensforge.spec import Spec
-from lensforge.spec.road_section import M_CLASSES
+from lensforge.spec.road_section import M_CLASSES, RP8_CLASSES
 
 LimitBounds = Mapping[tuple[str, float], Bound]  # what is possible, by a limit's name and bound
 _SMALLER = "a larger lens, a smaller source or"
@@ -293,12 +293,12 @@ def _far_field(found: Photometry) -> Iterator[Fact]:
 
 def road_facts(found: RoadJudgement) -> Group:
     """The group of one road: its class, what that asks of every driver's view, and its figures beside."""
-    by_luminance = found.lighting_class in M_CLASSES
+    by_luminance = found.lighting_class in (M_CLASSES | RP8_CLASSES)
     reached = f"; reached: {found.reached}" if by_luminance else ""
-    facts = [Fact("road_class", "Class", found.lighting_class, note=f"EN 13201{reached}")]
+    facts = [Fact("road_class", "Class", found.lighting_class, note=f"{found.standard}{reached}")]
     facts += [replace(limit.fact(), key=f"road_{number}") for number, limit in enumerate(found.limits)]
     for driver in found.drivers if by_luminance else ():
-        words = f"Q, lane {driver.lane}"
+        words = f"Q, {'from ' * (driver.veiling_ratio is not None)}lane {driver.lane}"
         facts.append(Fact.measured(f"road_q_{driver.lane}", words, driver.luminance_per_lux))
     facts += [
         Fact.measured("road_lx", "Mean illuminance", found.mean_lx),

@@ -1,6 +1,7 @@
 """Judgement of the light on a road by the candela of its lamps: what every driver sees, its class, and its cost.
 
-Figures are those of EN 13201-3:2015, classes those of EN 13201-2:2015, power and energy those of EN 13201-5:2015. Of
+Figures are those of EN 13201-3:2015, classes those of EN 13201-2:2015, power and energy those of EN 13201-5:2015; of a
+class of RP-8 those of its luminance method. Of
 light by independent samples of rays each has a standard error, and none is chosen by noise; a file has none.
 """
 
@@ -22,7 +23,7 @@ from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric.photometric_file import PhotometricFile
 from lensforge.spec import Spec
 from lensforge.spec.light_limits import Quantity
-from lensforge.spec.road_section import M_CLASSES, RoadSection, names_of
+from lensforge.spec.road_section import M_CLASSES, RP8_CLASSES, RoadSection, names_of
 
 _NONE = "none"
 _KWH_PER_WH = 1e-3
@@ -45,7 +46,7 @@ def judge_road(road: RoadSection, candela: Candela, name: str = "road") -> RoadJ
     return RoadJudgement(
         name=name,
         lighting_class=road.lighting_class,
-        reached=best_class(drivers, (right, left)),
+        reached=classes_held(drivers) if road.by_rp8 else best_class(drivers, (right, left)),
         surface=surface.name,
         q0=surface.q0,
         s1=surface.s1,
@@ -59,6 +60,7 @@ def judge_road(road: RoadSection, candela: Candela, name: str = "road") -> RoadJ
         if road.lamp_w is None
         else Metric(value=_KWH_PER_WH * road.lamp_w * road.hours / area, unit="kWh/m²", standard_error=0.0),
         limits=limits,
+        standard=road.standard,
     )
 
 
@@ -76,17 +78,19 @@ class _Reader:
 
 
 def _drivers(readings: RoadReadings, read: _Reader) -> Iterator[SeenRoad]:
-    factor = readings.road.maintenance_factor
-    for lane, (seen, veiling) in enumerate(zip(readings.luminance, readings.veiling, strict=True)):
-        kept = seen.times(factor)
-        by_lux = CandelaSum.joined((kept.mean(), readings.illuminance.times(factor).mean()))
+    road, factor = readings.road, readings.road.maintenance_factor
+    observers = zip(readings.luminance, readings.veiling, readings.seen_lux, strict=True)
+    for number, (seen, veiling, lux) in enumerate(observers):
+        kept, glaring = seen.times(factor), CandelaSum.joined((veiling, seen.mean()))
+        along = kept if road.by_rp8 else kept.places(readings.middle(number))
         yield SeenRoad(
-            lane=lane + 1,
+            lane=1 + number * (road.lanes - road.oncoming_lanes if road.by_rp8 else 1),
             mean_cd_per_m2=read.figure("light", ">=", "cd/m²", kept.mean()),
             uniformity=read.figure("min_over_mean", ">=", "", kept),
-            uniformity_along=read.figure("min_over_max", ">=", "", kept.places(readings.middle(lane))),
-            glare_percent=read.figure("threshold_increment", "<=", "%", CandelaSum.joined((veiling, seen.mean()))),
-            luminance_per_lux=read.figure("ratio", ">=", "cd/m²/lx", by_lux),
+            uniformity_along=read.figure("min_over_max", ">=", "", along),
+            glare_percent=None if road.by_rp8 else read.figure("threshold_increment", "<=", "%", glaring),
+            luminance_per_lux=read.figure("ratio", ">=", "cd/m²/lx", CandelaSum.joined((seen.mean(), lux))),
+            veiling_ratio=read.figure("veiling_ratio", "<=", "", glaring) if road.by_rp8 else None,
         )
 
 
@@ -108,12 +112,30 @@ def best_class(drivers: tuple[SeenRoad, ...], edges: tuple[Metric, Metric]) -> s
         min(getattr(driver, name).value for driver in drivers)
         for name in ("mean_cd_per_m2", "uniformity", "uniformity_along")
     )
-    glare = max(driver.glare_percent.value for driver in drivers)
+    glare = max(driver.glare_percent.value for driver in drivers if driver.glare_percent is not None)
     for name, asked in M_CLASSES.items():
         bright, even = mean >= asked.mean, uniformity >= asked.uniformity and along >= asked.along
         if bright and even and glare <= asked.glare_percent and edge >= asked.edge_ratio:
             return name
     return _NONE
+
+
+def classes_held(drivers: tuple[SeenRoad, ...]) -> str:
+    """All classes of RP-8 whose numbers all ``drivers`` have."""
+    mean, uniformity, least_over_largest = (
+        min(getattr(driver, name).value for driver in drivers)
+        for name in ("mean_cd_per_m2", "uniformity", "uniformity_along")
+    )
+    veiling = max(driver.veiling_ratio.value for driver in drivers if driver.veiling_ratio is not None)
+    held = (
+        name
+        for name, asked in RP8_CLASSES.items()
+        if mean >= asked.mean
+        and uniformity * asked.mean_over_least >= 1.0
+        and least_over_largest * asked.largest_over_least >= 1.0
+        and veiling <= asked.veiling
+    )
+    return ", ".join(held) or _NONE
 
 
 def judged_roads(spec: Spec, lens: LampLight, source_lm: float) -> tuple[RoadJudgement, ...]:
