@@ -13,7 +13,7 @@ from lensforge.light.light_ways import way_facts
 from lensforge.light.metrics import scaled
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import REGIONS, ReceiverLight, bounds_on
-from lensforge.light.road_lighting import RoadFigures, RoadJudgement
+from lensforge.light.road_lighting import HeldSpacing, RoadFigures, RoadJudgement
 from lensforge.optics.fundamental_limits import transmittance_of
 from lensforge.results import Bound, Fact, Group
 from lensforge.results.chart import LightUnit, light_unit
@@ -310,6 +310,15 @@ def road_facts(found: RoadJudgement) -> Group:
     if found.yearly_energy is not None:
         facts.append(Fact.measured("yearly_energy", "Energy of a year", found.yearly_energy))
     return Group("road", found.name, tuple(facts))
+
+
+def spacing_fact(held: HeldSpacing | None) -> Fact:
+    """The largest spacing of a road at which its class is held."""
+    if held is None:
+        return Fact("largest_spacing", "Largest spacing", "none holds the class")
+    beyond = "" if held.beyond is None else f"; beyond that {held.beyond.name} is missed"
+    note = f"held from {quantity(held.least, 'm')} on{beyond}"
+    return Fact("largest_spacing", "Largest spacing", held.largest, "m", note=note)
 
 
 def _lamp(road: RoadFigures, lenses: int) -> Iterator[Fact]:

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.light.evaluation_result import LimitResult
 from lensforge.light.judged_limits import figure_of, judged
 from lensforge.light.luminaire_classes import LampLight
 from lensforge.light.metrics import scaled
-from lensforge.light.road_lighting import RoadJudgement, SeenRoad
+from lensforge.light.road_lighting import HeldSpacing, RoadJudgement, SeenRoad
 from lensforge.results import Metric, Sense
 from lensforge.scene.road_classes import asked_of
 from lensforge.scene.road_field import CandelaSum, RoadReadings
@@ -27,6 +28,7 @@ from lensforge.spec.road_section import M_CLASSES, RP8_CLASSES, RoadSection, nam
 
 _NONE = "none"
 _KWH_PER_WH = 1e-3
+_LEAST_STEPS, _MOST_STEPS, _END_M = 5, 120, 1e-3  # of a tenth of the pole height, of spacings tried
 
 Candela = Callable[[CandelaSum], Float[np.ndarray, "p n"]]  # intensities (cd) of a lamp by each sample
 
@@ -39,9 +41,6 @@ def judge_road(road: RoadSection, candela: Candela, name: str = "road") -> RoadJ
     mean_lx = read.figure("light", ">=", "lx", kept.mean())
     drivers = tuple(_drivers(readings, read))
     right, left = (read.figure("ratio", ">=", "", edge) for edge in readings.edges)
-    limits = tuple(
-        judged(ask, name, read.figure(ask.quantity, ask.sense, ask.unit, ask.light)) for ask in asked_of(readings)
-    )
     area = road.width_m * road.pole_spacing_m / _lamps_of(road)
     return RoadJudgement(
         name=name,
@@ -59,7 +58,7 @@ def judge_road(road: RoadSection, candela: Candela, name: str = "road") -> RoadJ
         yearly_energy=None
         if road.lamp_w is None
         else Metric(value=_KWH_PER_WH * road.lamp_w * road.hours / area, unit="kWh/m²", standard_error=0.0),
-        limits=limits,
+        limits=tuple(read.limits(readings, name)),
         standard=road.standard,
     )
 
@@ -75,6 +74,11 @@ class _Reader:
         readings = light.of(self.candela(light))
         found = figure_of(quantity, sense, unit, readings)
         return found if len(readings) > 1 else found.model_copy(update={"standard_error": 0.0})
+
+    def limits(self, readings: RoadReadings, name: str) -> Iterator[LimitResult]:
+        """What the class of the road asks for, each judged."""
+        for ask in asked_of(readings):
+            yield judged(ask, name, self.figure(ask.quantity, ask.sense, ask.unit, ask.light))
 
 
 def _drivers(readings: RoadReadings, read: _Reader) -> Iterator[SeenRoad]:
@@ -136,6 +140,36 @@ def classes_held(drivers: tuple[SeenRoad, ...]) -> str:
         and veiling <= asked.veiling
     )
     return ", ".join(held) or _NONE
+
+
+def held_spacing(road: RoadSection, candela: Candela) -> HeldSpacing | None:
+    """The largest spacing at which lamps of these intensities hold the class of ``road``, all else as it is.
+
+    By steps of a tenth of the pole height, from 12 of them down to a half, and to 1 mm at both ends; None where no step
+    holds it.
+    """
+    read = _Reader(candela)
+
+    def missed(spacing_m: float) -> LimitResult | None:
+        readings = RoadReadings.of(road.model_copy(update={"pole_spacing_m": spacing_m}))
+        return next((limit for limit in read.limits(readings, "") if limit.state != "held"), None)
+
+    def end(inside: float, outside: float) -> tuple[float, LimitResult | None]:
+        why = missed(outside)
+        while abs(outside - inside) > _END_M:
+            middle = 0.5 * (inside + outside)
+            found = missed(middle)
+            inside, outside, why = (middle, outside, why) if found is None else (inside, middle, found)
+        return inside, why
+
+    falling = [road.pole_height_m * step / 10.0 for step in range(_MOST_STEPS, _LEAST_STEPS - 1, -1)]
+    first = next((k for k, step in enumerate(falling) if missed(step) is None), None)
+    if first is None:
+        return None
+    largest, beyond = (falling[0], None) if first == 0 else end(falling[first], falling[first - 1])
+    nearer = next((k for k in range(first, len(falling)) if missed(falling[k]) is not None), None)
+    least = falling[-1] if nearer is None else end(falling[nearer - 1], falling[nearer])[0]
+    return HeldSpacing(least, largest, beyond)
 
 
 def judged_roads(spec: Spec, lens: LampLight, source_lm: float) -> tuple[RoadJudgement, ...]:

@@ -228,3 +228,15 @@ class RoadJudgement(Record):
     yearly_energy: Metric | None
     limits: tuple[LimitResult, ...]
     standard: Text = "EN 13201"
+
+
+@dataclass(frozen=True)
+class HeldSpacing:
+    """Spacings (m) of poles at which a class is held, from ``least`` to ``largest``; ``beyond``: what is missed there.
+
+    ``beyond``: None where the largest is 12 pole heights, the most that a road may have.
+    """
+
+    least: float
+    largest: float
+    beyond: LimitResult | None

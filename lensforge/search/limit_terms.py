@@ -55,7 +55,7 @@ class LimitTerm:
         places = torch.from_numpy(np.stack([coo.row, coo.col]).astype(np.int64))
         matrix = torch.sparse_coo_tensor(places, torch.from_numpy(coo.data), coo.shape, check_invariants=False)
         factor = _OF_EACH * coo.shape[0]
-        return LimitTerm(limit, matrix.coalesce(), factor if limit.of_road else min(factor, _AT_MOST))
+        return LimitTerm(limit, matrix.coalesce(), limit.share * factor if limit.of_road else min(factor, _AT_MOST))
 
     def loss(self, images: Images) -> Float[Tensor, ""]:
         """Mean of e^2/(1+e) over the places, e what is missing to the bound or above it, relative to the bound."""

@@ -99,6 +99,8 @@ class RoadSection(Section):
 
     name: Label | None = None
     """Name in records and on pages."""
+    share: Annotated[float, Field(gt=0.0, le=1000.0)] = 1.0
+    """Weight in the search of what its class lacks, beside those of other roads; the classes of all must be held."""
     lighting_class: ClassName
     """Class of EN 13201-2: M by luminance, C and P by illuminance; or of RP-8 by luminance: highways, and streets by
     how many pedestrians there are.

@@ -12,8 +12,9 @@ from scenes import small_spec
 from lensforge.errors import InputError
 from lensforge.light.angular_grid import AngularGrid
 from lensforge.light.judged_limits import judged_limits, limit_value
+from lensforge.light.light_facts import spacing_fact
 from lensforge.light.luminaire_classes import LampLight
-from lensforge.light.road_judgement import classes_held, judge_road, of_file, of_lens
+from lensforge.light.road_judgement import classes_held, held_spacing, judge_road, of_file, of_lens
 from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.road_field import RoadReadings
@@ -211,6 +212,55 @@ def test_a_field_of_one_road_is_changed_by_its_number() -> None:
     assert (spec.roads[0].pole_spacing_m, spec.roads[0].pole_height_m) == (22.5, 9.0)
     with pytest.raises(InputError, match="roads has 1 entries"):
         spec.replace({"roads.1.pole_spacing_m": 22.5})
+
+
+def test_a_share_weighs_what_the_class_of_its_road_lacks() -> None:
+    roads = [ROAD | {"lamp_lm": 300.0, "pole_spacing_m": spacing} for spacing in (25.0, 35.0)]
+    receivers = receivers_of(_spec(), 48)
+    picture = torch.from_numpy(np.random.default_rng(2).uniform(0.5, 1.5, receivers[0].grid.shape)) * 1e-4
+
+    def loss(*shares: float) -> float:
+        spec = _spec().replace(roads=[road | {"share": share} for road, share in zip(roads, shares, strict=True)])
+        return float(RoadTerms.of(light_limits(spec, receivers, None, 1.0)).loss((picture,)))
+
+    first, second = (loss(*shares) for shares in ((1.0, 1e-12), (1e-12, 1.0)))
+    assert min(first, second) > 1.0 and first != pytest.approx(second)
+    assert loss(3.0, 0.5) == pytest.approx(3.0 * first + 0.5 * second)
+
+
+_NOT_TOO_MUCH = ROAD | {"lighting_class": "P3"}  # at most 1.5 times its mean: poles too near miss it, too
+
+
+@pytest.mark.parametrize("fields", [ROAD | {"glare_percent": 90.0, "edge_ratio": 0.1}, RP8, _NOT_TOO_MUCH])
+def test_the_largest_spacing_is_where_a_class_ceases_to_be_held(fields, tmp_path) -> None:
+    road, candela = RoadSection(**fields), of_file(_file(), 270.0, None)
+    found = held_spacing(road, candela)
+
+    def held(spacing_m: float) -> bool:
+        there = road.model_copy(update={"pole_spacing_m": spacing_m})
+        return all(limit.state == "held" for limit in judge_road(there, candela).limits)
+
+    assert held(found.largest) and not held(found.largest + 0.002)
+    assert held(found.least) and (found.least == 4.5 or not held(found.least - 0.002))
+    assert (found.least > 20.0) == (fields is _NOT_TOO_MUCH)
+    assert not any(held(spacing) for spacing in np.linspace(found.largest + 0.9, 108.0, 7))
+    assert all(held(spacing) for spacing in np.linspace(found.least, found.largest, 5))
+    assert found.beyond.state == "missed"
+    assert held_spacing(road.model_copy(update={"maintenance_factor": 1e-9}), candela) is None
+    path, roads = tmp_path / "lens.ies", tmp_path / "roads.toml"
+    write_photometric(path, _file())
+    roads.write_text("[[roads]]\n" + "\n".join(f"{name} = {json.dumps(value)}" for name, value in fields.items()))
+    done = lensforge("road", path, "--road", roads, "--street-c", "270", "--json", "--spacing")
+    (fact,) = (each for each in json.loads(done.stdout)["facts"][0]["facts"] if each["key"] == "largest_spacing")
+    assert fact["value"] == pytest.approx(found.largest, abs=0.05) and found.beyond.name in fact["note"]
+
+
+def test_a_class_may_be_held_at_any_spacing_or_at_none() -> None:
+    easy = {"mean_cd_per_m2": 1e-9, "uniformity": 1e-9, "uniformity_along": 1e-9, "glare_percent": 900.0}
+    road, candela = RoadSection(**ROAD, **easy, edge_ratio=1e-9, lanes=1), of_file(_file(), 270.0, None)
+    found = held_spacing(road, candela)
+    assert (found.least, found.largest, found.beyond) == (4.5, 108.0, None)
+    assert spacing_fact(found).note == "held from 4.5 m on" and spacing_fact(None).text == "none holds the class"
 
 
 def test_lamps_together_share_the_lumens_of_a_road() -> None:
