@@ -76,7 +76,7 @@ class _Reader:
         return found if len(readings) > 1 else found.model_copy(update={"standard_error": 0.0})
 
     def limits(self, readings: RoadReadings, name: str) -> Iterator[LimitResult]:
-        """What the class of the road asks for, each judged."""
+        """Limits by the class of the road, each judged."""
         for ask in asked_of(readings):
             yield judged(ask, name, self.figure(ask.quantity, ask.sense, ask.unit, ask.light))
 
