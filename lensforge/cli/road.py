@@ -1,5 +1,6 @@
 """``road``: the photometry of any lamp judged on a road."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -7,7 +8,7 @@ import click
 from lensforge.cli.conclusion import study_block
 from lensforge.cli.output import Output, warning_line, with_output
 from lensforge.errors import CriterionMissed, InputError
-from lensforge.light.light_facts import road_facts
+from lensforge.light.light_facts import road_facts, spacing_fact
 from lensforge.light.road_lighting import RoadJudgement
 from lensforge.results import Group
 from lensforge.sources.photometric.photometric_file import cut_below, far_field_warnings
@@ -32,25 +33,29 @@ from lensforge.spec.road_section import load_roads, names_of
     metavar="DEG",
     help="C of the file towards the street: 90 in Europe, often 0 in America, 270 of a lens with its street at +y.",
 )
+@click.option("--spacing", is_flag=True, help="Find the largest spacing of poles at which each class is held, too.")
 @with_output
-def road(file: Path, roads: Path, street_c: float, output: Output) -> None:
+def road(file: Path, roads: Path, street_c: float, spacing: bool, output: Output) -> None:
     """Judge the lamp of a photometric file on a road.
 
     Luminance for every driver, glare and edges by EN 13201-3, and the class that the road asks for; of an IES LM-63,
     EULUMDAT or TM-33 file.
     """
-    from lensforge.light.road_judgement import judge_road, of_file
+    from lensforge.light.road_judgement import held_spacing, judge_road, of_file
 
     lamp, wanted = read_photometric(file), load_roads(roads)
     if (words := cut_below(lamp)) is not None:
         raise InputError(f"{file}: {words}: too narrow for the row and its glare; export it up to gamma = 90 degrees")
-    found = [
-        judge_road(each, of_file(lamp, street_c, each.lamp_lm), name)
-        for each, name in zip(wanted, names_of(wanted), strict=True)
-    ]
+    lights = [of_file(lamp, street_c, each.lamp_lm) for each in wanted]
+    found = [judge_road(*each) for each in zip(wanted, lights, names_of(wanted), strict=True)]
     for words in far_field_warnings(lamp):
         click.echo(warning_line(words), err=True)
     groups = [road_facts(each) for each in found]
+    if spacing:
+        held = (held_spacing(*each) for each in zip(wanted, lights, strict=True))
+        groups = [
+            replace(group, facts=(*group.facts, spacing_fact(each))) for group, each in zip(groups, held, strict=True)
+        ]
     output.show(
         lambda: _document(file, groups, found),
         lambda: [study_block(f"{group.title}, by {file}", [group]) for group in groups],

@@ -22,7 +22,7 @@ from lensforge.scene.road_classes import Ask, glare_law
 from lensforge.sources.intensity import width_above
 from lensforge.spec.light_limits import ColourSection, Quantity
 
-DARK_PERCENT = 1e6  # threshold increment of a road without light
+DARK = 1e6  # threshold increment (%) of a road without light, its veiling ratio, and what is over light of 0
 _NO_COLOUR = Metric(value=1.0, standard_error=0.0)  # differences in the dark: larger than any in u', v'
 Readings = Float[np.ndarray, "r k"]
 
@@ -43,6 +43,9 @@ _QUANTITIES = {
     "beam_angle": "beam angle",
     "threshold_increment": "threshold increment",
     "ratio": "ratio of means",
+    "mean_over_min": "mean over least light",
+    "max_over_min": "largest over least light",
+    "veiling_ratio": "veiling over mean luminance",
 }
 
 
@@ -118,19 +121,29 @@ def figure_of(quantity: Quantity, sense: Sense, unit: str, readings: Readings) -
             return ratio_of(_extreme(readings, ">="), _extreme(readings, "<="))
         case "ratio":
             return jackknife_metric(readings, lambda mean: float(mean[0] / mean[1]) if mean[1] > 0.0 else 0.0, unit)
-        case "threshold_increment":
-            return _threshold_increment(readings)
+        case "mean_over_min":
+            return _inverse(least_over_mean(readings).metric())
+        case "max_over_min":
+            return _inverse(ratio_of(_extreme(readings, ">="), _extreme(readings, "<=")))
+        case "threshold_increment" | "veiling_ratio":
+            return _glare(quantity, unit, readings)
     return _extreme(readings, sense).model_copy(update={"unit": unit})
 
 
-def _threshold_increment(readings: Readings) -> Metric:
-    """Largest threshold increment (%) on the way; its error has in it that of the mean luminance, the last reading."""
+def _glare(quantity: Quantity, unit: str, readings: Readings) -> Metric:
+    """Largest glare on the way; its error has in it that of the mean luminance, the last reading."""
     mean = jackknife_metric(readings[:, -1], float)
     if not mean.value > 0.0:
-        return Metric(value=DARK_PERCENT, unit="%")
-    factor, power = glare_law(mean.value)
-    found = scaled(largest_without_noise(readings[:, :-1]), factor / mean.value**power, "%")
+        return Metric(value=DARK, unit=unit, standard_error=0.0)
+    factor, power = glare_law(quantity, mean.value)
+    found = scaled(largest_without_noise(readings[:, :-1]), factor / mean.value**power, unit)
     return with_error(found, power * found.value * (mean.standard_error or 0.0) / mean.value)
+
+
+def _inverse(ratio: Metric) -> Metric:
+    if not ratio.value > 1.0 / DARK:
+        return Metric(value=DARK, standard_error=0.0)
+    return scaled(ratio, ratio.value**-2, "")
 
 
 def _extreme(readings: Readings, sense: Sense) -> Metric:

@@ -13,7 +13,7 @@ from lensforge.light.light_ways import way_facts
 from lensforge.light.metrics import scaled
 from lensforge.light.photometry_result import Photometry
 from lensforge.light.receiver_light import REGIONS, ReceiverLight, bounds_on
-from lensforge.light.road_lighting import RoadFigures, RoadJudgement
+from lensforge.light.road_lighting import HeldSpacing, RoadFigures, RoadJudgement
 from lensforge.optics.fundamental_limits import transmittance_of
 from lensforge.results import Bound, Fact, Group
 from lensforge.results.chart import LightUnit, light_unit
@@ -22,7 +22,7 @@ from lensforge.results.numerals import number, percent, quantity
 from lensforge.results.verdict import Reason, judge
 from lensforge.scene.lens import Lens
 from lensforge.spec import Spec
-from lensforge.spec.road_section import M_CLASSES
+from lensforge.spec.road_section import M_CLASSES, RP8_CLASSES
 
 LimitBounds = Mapping[tuple[str, float], Bound]  # what is possible, by a limit's name and bound
 _SMALLER = "a larger lens, a smaller source or"
@@ -293,12 +293,12 @@ def _far_field(found: Photometry) -> Iterator[Fact]:
 
 def road_facts(found: RoadJudgement) -> Group:
     """The group of one road: its class, what that asks of every driver's view, and its figures beside."""
-    by_luminance = found.lighting_class in M_CLASSES
+    by_luminance = found.lighting_class in (M_CLASSES | RP8_CLASSES)
     reached = f"; reached: {found.reached}" if by_luminance else ""
-    facts = [Fact("road_class", "Class", found.lighting_class, note=f"EN 13201{reached}")]
+    facts = [Fact("road_class", "Class", found.lighting_class, note=f"{found.standard}{reached}")]
     facts += [replace(limit.fact(), key=f"road_{number}") for number, limit in enumerate(found.limits)]
     for driver in found.drivers if by_luminance else ():
-        words = f"Q, lane {driver.lane}"
+        words = f"Q, {'from ' * (driver.veiling_ratio is not None)}lane {driver.lane}"
         facts.append(Fact.measured(f"road_q_{driver.lane}", words, driver.luminance_per_lux))
     facts += [
         Fact.measured("road_lx", "Mean illuminance", found.mean_lx),
@@ -310,6 +310,15 @@ def road_facts(found: RoadJudgement) -> Group:
     if found.yearly_energy is not None:
         facts.append(Fact.measured("yearly_energy", "Energy of a year", found.yearly_energy))
     return Group("road", found.name, tuple(facts))
+
+
+def spacing_fact(held: HeldSpacing | None) -> Fact:
+    """The largest spacing of a road at which its class is held."""
+    if held is None:
+        return Fact("largest_spacing", "Largest spacing", "none holds the class")
+    beyond = "" if held.beyond is None else f"; beyond that {held.beyond.name} is missed"
+    note = f"held from {quantity(held.least, 'm')} on{beyond}"
+    return Fact("largest_spacing", "Largest spacing", held.largest, "m", note=note)
 
 
 def _lamp(road: RoadFigures, lenses: int) -> Iterator[Fact]:

@@ -1,6 +1,7 @@
 """Judgement of the light on a road by the candela of its lamps: what every driver sees, its class, and its cost.
 
-Figures are those of EN 13201-3:2015, classes those of EN 13201-2:2015, power and energy those of EN 13201-5:2015. Of
+Figures are those of EN 13201-3:2015, classes those of EN 13201-2:2015, power and energy those of EN 13201-5:2015; of a
+class of RP-8 those of its luminance method. Of
 light by independent samples of rays each has a standard error, and none is chosen by noise; a file has none.
 """
 
@@ -10,10 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.light.evaluation_result import LimitResult
 from lensforge.light.judged_limits import figure_of, judged
 from lensforge.light.luminaire_classes import LampLight
 from lensforge.light.metrics import scaled
-from lensforge.light.road_lighting import RoadJudgement, SeenRoad
+from lensforge.light.road_lighting import HeldSpacing, RoadJudgement, SeenRoad
 from lensforge.results import Metric, Sense
 from lensforge.scene.road_classes import asked_of
 from lensforge.scene.road_field import CandelaSum, RoadReadings
@@ -22,10 +24,11 @@ from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric.photometric_file import PhotometricFile
 from lensforge.spec import Spec
 from lensforge.spec.light_limits import Quantity
-from lensforge.spec.road_section import M_CLASSES, RoadSection, names_of
+from lensforge.spec.road_section import M_CLASSES, RP8_CLASSES, RoadSection, names_of
 
 _NONE = "none"
 _KWH_PER_WH = 1e-3
+_LEAST_STEPS, _MOST_STEPS, _END_M = 5, 120, 1e-3  # of a tenth of the pole height, of spacings tried
 
 Candela = Callable[[CandelaSum], Float[np.ndarray, "p n"]]  # intensities (cd) of a lamp by each sample
 
@@ -38,14 +41,11 @@ def judge_road(road: RoadSection, candela: Candela, name: str = "road") -> RoadJ
     mean_lx = read.figure("light", ">=", "lx", kept.mean())
     drivers = tuple(_drivers(readings, read))
     right, left = (read.figure("ratio", ">=", "", edge) for edge in readings.edges)
-    limits = tuple(
-        judged(ask, name, read.figure(ask.quantity, ask.sense, ask.unit, ask.light)) for ask in asked_of(readings)
-    )
     area = road.width_m * road.pole_spacing_m / _lamps_of(road)
     return RoadJudgement(
         name=name,
         lighting_class=road.lighting_class,
-        reached=best_class(drivers, (right, left)),
+        reached=classes_held(drivers) if road.by_rp8 else best_class(drivers, (right, left)),
         surface=surface.name,
         q0=surface.q0,
         s1=surface.s1,
@@ -58,7 +58,8 @@ def judge_road(road: RoadSection, candela: Candela, name: str = "road") -> RoadJ
         yearly_energy=None
         if road.lamp_w is None
         else Metric(value=_KWH_PER_WH * road.lamp_w * road.hours / area, unit="kWh/m²", standard_error=0.0),
-        limits=limits,
+        limits=tuple(read.limits(readings, name)),
+        standard=road.standard,
     )
 
 
@@ -74,19 +75,26 @@ class _Reader:
         found = figure_of(quantity, sense, unit, readings)
         return found if len(readings) > 1 else found.model_copy(update={"standard_error": 0.0})
 
+    def limits(self, readings: RoadReadings, name: str) -> Iterator[LimitResult]:
+        """Limits by the class of the road, each judged."""
+        for ask in asked_of(readings):
+            yield judged(ask, name, self.figure(ask.quantity, ask.sense, ask.unit, ask.light))
+
 
 def _drivers(readings: RoadReadings, read: _Reader) -> Iterator[SeenRoad]:
-    factor = readings.road.maintenance_factor
-    for lane, (seen, veiling) in enumerate(zip(readings.luminance, readings.veiling, strict=True)):
-        kept = seen.times(factor)
-        by_lux = CandelaSum.joined((kept.mean(), readings.illuminance.times(factor).mean()))
+    road, factor = readings.road, readings.road.maintenance_factor
+    observers = zip(readings.luminance, readings.veiling, readings.seen_lux, strict=True)
+    for number, (seen, veiling, lux) in enumerate(observers):
+        kept, glaring = seen.times(factor), CandelaSum.joined((veiling, seen.mean()))
+        along = kept if road.by_rp8 else kept.places(readings.middle(number))
         yield SeenRoad(
-            lane=lane + 1,
+            lane=1 + number * (road.lanes - road.oncoming_lanes if road.by_rp8 else 1),
             mean_cd_per_m2=read.figure("light", ">=", "cd/m²", kept.mean()),
             uniformity=read.figure("min_over_mean", ">=", "", kept),
-            uniformity_along=read.figure("min_over_max", ">=", "", kept.places(readings.middle(lane))),
-            glare_percent=read.figure("threshold_increment", "<=", "%", CandelaSum.joined((veiling, seen.mean()))),
-            luminance_per_lux=read.figure("ratio", ">=", "cd/m²/lx", by_lux),
+            uniformity_along=read.figure("min_over_max", ">=", "", along),
+            glare_percent=None if road.by_rp8 else read.figure("threshold_increment", "<=", "%", glaring),
+            luminance_per_lux=read.figure("ratio", ">=", "cd/m²/lx", CandelaSum.joined((seen.mean(), lux))),
+            veiling_ratio=read.figure("veiling_ratio", "<=", "", glaring) if road.by_rp8 else None,
         )
 
 
@@ -108,12 +116,60 @@ def best_class(drivers: tuple[SeenRoad, ...], edges: tuple[Metric, Metric]) -> s
         min(getattr(driver, name).value for driver in drivers)
         for name in ("mean_cd_per_m2", "uniformity", "uniformity_along")
     )
-    glare = max(driver.glare_percent.value for driver in drivers)
+    glare = max(driver.glare_percent.value for driver in drivers if driver.glare_percent is not None)
     for name, asked in M_CLASSES.items():
         bright, even = mean >= asked.mean, uniformity >= asked.uniformity and along >= asked.along
         if bright and even and glare <= asked.glare_percent and edge >= asked.edge_ratio:
             return name
     return _NONE
+
+
+def classes_held(drivers: tuple[SeenRoad, ...]) -> str:
+    """All classes of RP-8 whose numbers all ``drivers`` have."""
+    mean, uniformity, least_over_largest = (
+        min(getattr(driver, name).value for driver in drivers)
+        for name in ("mean_cd_per_m2", "uniformity", "uniformity_along")
+    )
+    veiling = max(driver.veiling_ratio.value for driver in drivers if driver.veiling_ratio is not None)
+    held = (
+        name
+        for name, asked in RP8_CLASSES.items()
+        if mean >= asked.mean
+        and uniformity * asked.mean_over_least >= 1.0
+        and least_over_largest * asked.largest_over_least >= 1.0
+        and veiling <= asked.veiling
+    )
+    return ", ".join(held) or _NONE
+
+
+def held_spacing(road: RoadSection, candela: Candela) -> HeldSpacing | None:
+    """The largest spacing at which lamps of these intensities hold the class of ``road``, all else as it is.
+
+    By steps of a tenth of the pole height, from 12 of them down to a half, and to 1 mm at both ends; None where no step
+    holds it.
+    """
+    read = _Reader(candela)
+
+    def missed(spacing_m: float) -> LimitResult | None:
+        readings = RoadReadings.of(road.model_copy(update={"pole_spacing_m": spacing_m}))
+        return next((limit for limit in read.limits(readings, "") if limit.state != "held"), None)
+
+    def end(inside: float, outside: float) -> tuple[float, LimitResult | None]:
+        why = missed(outside)
+        while abs(outside - inside) > _END_M:
+            middle = 0.5 * (inside + outside)
+            found = missed(middle)
+            inside, outside, why = (middle, outside, why) if found is None else (inside, middle, found)
+        return inside, why
+
+    falling = [road.pole_height_m * step / 10.0 for step in range(_MOST_STEPS, _LEAST_STEPS - 1, -1)]
+    first = next((k for k, step in enumerate(falling) if missed(step) is None), None)
+    if first is None:
+        return None
+    largest, beyond = (falling[0], None) if first == 0 else end(falling[first], falling[first - 1])
+    nearer = next((k for k in range(first, len(falling)) if missed(falling[k]) is not None), None)
+    least = falling[-1] if nearer is None else end(falling[nearer - 1], falling[nearer])[0]
+    return HeldSpacing(least, largest, beyond)
 
 
 def judged_roads(spec: Spec, lens: LampLight, source_lm: float) -> tuple[RoadJudgement, ...]:

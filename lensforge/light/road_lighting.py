@@ -189,20 +189,25 @@ class SeenRoad(Record):
     ``mean_cd_per_m2``, ``uniformity`` (U0, least over mean), ``uniformity_along`` (Ul, least over largest on the middle
     of the lane), ``glare_percent`` (threshold increment TI, of new lamps). ``luminance_per_lux``: mean luminance over
     mean illuminance of the road (cd/m^2 per lx), Q.
+
+    By RP-8 one of each direction of travel, whose first lane ``lane`` is: ``uniformity_along`` is least over largest of
+    all its points, and glare ``veiling_ratio``, the largest veiling luminance over the mean.
     """
 
     lane: Count
     mean_cd_per_m2: Metric
     uniformity: Metric
     uniformity_along: Metric
-    glare_percent: Metric
+    glare_percent: Metric | None
     luminance_per_lux: Metric
+    veiling_ratio: Metric | None = None
 
 
 class RoadJudgement(Record):
     """Light of a row of lamps on one road. ``limits``: what its ``lighting_class`` asks, each judged.
 
-    ``reached``: the best class M of the figures, "none" below all. ``drivers``: by their lanes.
+    ``reached``: the best class M of the figures, by RP-8 all classes that they have; "none" below all. ``drivers``: by
+    their lanes.
     ``edges``: ratio of the illuminance beside the road to that within, at the right and at the left edge. ``mean_lx``,
     ``least_lx``, ``uniformity_lx``: horizontal illuminance of the road. ``power_density`` (W per lx and m^2, D_P) and
     ``yearly_energy`` (kWh per m^2, AECI): None where the power of a lamp is not known.
@@ -222,3 +227,16 @@ class RoadJudgement(Record):
     power_density: Metric | None
     yearly_energy: Metric | None
     limits: tuple[LimitResult, ...]
+    standard: Text = "EN 13201"
+
+
+@dataclass(frozen=True)
+class HeldSpacing:
+    """Spacings (m) of poles at which a class is held, from ``least`` to ``largest``; ``beyond``: what is missed there.
+
+    ``beyond``: None where the largest is 12 pole heights, the most that a road may have.
+    """
+
+    least: float
+    largest: float
+    beyond: LimitResult | None

@@ -28,6 +28,7 @@ from lensforge.spec import Spec
 from lensforge.spec.source_sections import ChipArraySource, DiscSource, RectangleSource, SquareSource
 
 _FROM_ABOVE = "One field between two lamps; the arrow is the lane of the driver, who is 60 m before it."
+_FROM_ABOVE_BY_RP8 = "One field between two lamps for each direction of travel; each point is seen from 83 m before it."
 _BY_NIGHT = (
     "What each driver sees from 60 m before the field, which lies between the two lines across the road. Poles and "
     "lamps are to scale. The table of the surface is for 60 m and beyond, and taken for the road nearer by as well."
@@ -264,9 +265,10 @@ def photometry_pictures(results: Results) -> list[PagePicture]:
         caption = "One lamp at the centre; above the line is the street."
         drawn.append(picture("ground", ground, "On the ground", caption))
     for index, judged in enumerate(photometry.roads):
-        view = study_figures.road_from_above(photometry, index, results.spec)
-        drawn.append(picture(f"road-{index}", view, judged.name.capitalize(), _FROM_ABOVE))
-        if results.spec.roads[index].by_luminance:
+        view, road = study_figures.road_from_above(photometry, index, results.spec), results.spec.roads[index]
+        words = _FROM_ABOVE_BY_RP8 if road.by_rp8 else _FROM_ABOVE
+        drawn.append(picture(f"road-{index}", view, judged.name.capitalize(), words))
+        if road.by_luminance:
             night = study_figures.road_by_night(photometry, index, results.spec)
             drawn.append(picture(f"night-{index}", night, f"{judged.name.capitalize()} by night", _BY_NIGHT))
     return drawn

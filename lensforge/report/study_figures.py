@@ -29,7 +29,7 @@ from lensforge.results.figure_style import (
     new_figure,
 )
 from lensforge.results.numerals import number, percent
-from lensforge.scene.road_field import BEFORE_M, DriverView, RoadReadings, lux_across, steps_across, steps_along
+from lensforge.scene.road_field import BEFORE_M, DriverView, RoadReadings, lux_across, steps_along
 from lensforge.sources.intensity import TabulatedIntensity, plane_profile
 from lensforge.spec import Spec
 from lensforge.spec.road_section import RoadSection
@@ -129,18 +129,19 @@ def road_from_above(found: Photometry, index: int, spec: Spec) -> Figure:
     """A road from above: in the luminance that each driver sees, the left lane first; of a class P or C in lux."""
     road, judged, readings = spec.roads[index], found.roads[index], RoadReadings.of(spec.roads[index])
     candela = _kept_candela(found, road, spec)
-    across, unit = (steps_across(road), "cd/m²") if road.by_luminance else (lux_across(0.0, road.width_m), "lx")
+    unit, lights = "lx", [(lux_across(0.0, road.width_m), readings.illuminance)]
     drivers = sorted(judged.drivers, key=lambda driver: -road.from_right(driver.lane - 1))
-    lights = (
-        [readings.luminance[driver.lane - 1] for driver in drivers] if road.by_luminance else [readings.illuminance]
-    )
-    seen = [light.of(candela(light)).reshape(len(across), -1) for light in lights]
+    if road.by_luminance:
+        unit, of_drivers = "cd/m²", zip(readings.rows, readings.luminance, strict=True)
+        by_driver = dict(zip((driver.lane for driver in judged.drivers), of_drivers, strict=True))
+        lights = [by_driver[driver.lane] for driver in drivers]
+    seen = [light.of(candela(light)).reshape(len(rows), -1) for rows, light in lights]
     least, top = min(float(each.min()) for each in seen), max(float(each.max()) for each in seen) or 1.0
     figure = Figure(figsize=(WIDE, 0.5 + 1.3 * len(seen)), layout="constrained")
     views = figure.subplots(len(seen), 1, sharex=True, squeeze=False)[:, 0]
     levels = MaxNLocator(_ISOLINES).tick_values(least, top)
-    for light, axes in zip(seen, views, strict=True):
-        _road_view(axes, light, road, across, levels, top)
+    for light, (rows, _), axes in zip(seen, lights, views, strict=True):
+        _road_view(axes, light, road, rows, levels, top)
     if road.by_luminance:
         for driver, axes in zip(drivers, views, strict=True):
             at = DriverView(road, driver.lane - 1)
@@ -205,9 +206,11 @@ def _by_the_road(axes: Axes, view: DriverView) -> None:
 
 
 def _of_driver(driver: SeenRoad) -> str:
-    mean, glare = driver.mean_cd_per_m2.value, driver.glare_percent.value
-    even = f"U0 {driver.uniformity.value:.2f}, Ul {driver.uniformity_along.value:.2f}"
-    return f"seen from lane {driver.lane}: mean {mean:.2f} cd/m², {even}, TI {glare:.1f} %"
+    seen, even = f"mean {driver.mean_cd_per_m2.value:.2f} cd/m²", driver.uniformity.value
+    if driver.veiling_ratio is not None:
+        return f"from lane {driver.lane} on: {seen}, U0 {even:.2f}, Lv/Lavg {driver.veiling_ratio.value:.2f}"
+    glare = "" if driver.glare_percent is None else f", TI {driver.glare_percent.value:.1f} %"
+    return f"seen from lane {driver.lane}: {seen}, U0 {even:.2f}, Ul {driver.uniformity_along.value:.2f}{glare}"
 
 
 def _road_view(
@@ -219,7 +222,8 @@ def _road_view(
     top: float,
 ) -> None:
     """Light of a road at the points of its field, with isolines and the edges of its lanes."""
-    extent = (0.0, road.pole_spacing_m, 0.0, road.width_m)
+    half = 0.5 * (across[1] - across[0])
+    extent = (0.0, road.pole_spacing_m, across[0] - half, across[-1] + half)
     axes.imshow(
         light, "inferno", aspect="auto", interpolation="bilinear", vmax=top, vmin=0.0, origin="lower", extent=extent
     )
@@ -227,7 +231,7 @@ def _road_view(
     axes.clabel(lines, fontsize=6.0)
     for lane in range(1, road.lanes):
         axes.axhline(lane * road.lane_m, color="white", linewidth=0.8, linestyle=(0.0, (6.0, 6.0)))
-    axes.set(ylabel="across (m)", xlim=extent[:2], ylim=extent[2:])
+    axes.set(ylabel="across (m)", xlim=extent[:2], ylim=(0.0, road.width_m))
 
 
 def _table(found: Photometry) -> TabulatedIntensity:

@@ -1,7 +1,7 @@
 """Limits on the light of a receiver, as readings of its picture: which places count, by which unit, and the bound."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil
 
 import numpy as np
@@ -39,7 +39,7 @@ class LightLimit:
     ``readings``: matrix from the flux (W) on each pixel to the light at each place, in ``unit``; relative light and
     angles in W/m² or W/sr. ``angles_deg``: of the places of a beam angle, whose half side counts at ``level``. Of a
     threshold increment the last place is the mean luminance (cd/m²), the others are veiling luminance; of a ratio the
-    first place is over the second. ``road``: number of the road whose class asks for it.
+    first place is over the second. ``road``: number of the road whose class asks for it, ``share`` its weight.
     """
 
     name: str
@@ -52,6 +52,7 @@ class LightLimit:
     angles_deg: Float[np.ndarray, " k"] | None = None
     level: float = 1.0
     road: int | None = None
+    share: float = 1.0
 
     @property
     def of_road(self) -> bool:
@@ -103,9 +104,8 @@ def _of_road(
         units = ask.light.directions(spec.photometry.street_side_deg)
         pixels = _bilinear(receiver, *equal_area(units @ receiver.pose.axes.T).T)
         readings = sparse.csr_array(scale * (ask.light.weights * (units[:, 2] >= 0.0)) @ pixels)
-        yield LightLimit(
-            f"{name}: {ask.name}", index, ask.quantity, ask.sense, ask.bound, ask.unit, readings, road=number
-        )
+        limit = LightLimit(f"{name}: {ask.name}", index, ask.quantity, ask.sense, ask.bound, ask.unit, readings)
+        yield replace(limit, road=number, share=road.share)
 
 
 def _bounds_of(

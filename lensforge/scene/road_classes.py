@@ -6,7 +6,15 @@ from dataclasses import dataclass
 from lensforge.results import Sense
 from lensforge.scene.road_field import CandelaSum, RoadReadings
 from lensforge.spec.light_limits import Quantity
-from lensforge.spec.road_section import C_CLASSES, C_UNIFORMITY, M_CLASSES, P_CLASSES, P_MOST, WET_UNIFORMITY
+from lensforge.spec.road_section import (
+    C_CLASSES,
+    C_UNIFORMITY,
+    M_CLASSES,
+    P_CLASSES,
+    P_MOST,
+    RP8_CLASSES,
+    WET_UNIFORMITY,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +34,9 @@ def asked_of(readings: RoadReadings) -> Iterator[Ask]:
 
     The maintenance factor is in the light, but for glare, which is that of new lamps.
     """
-    if readings.road.by_luminance:
+    if readings.road.by_rp8:
+        yield from _of_ratios(readings)
+    elif readings.road.by_luminance:
         yield from _of_luminance(readings)
     else:
         yield from _of_illuminance(readings)
@@ -62,16 +72,35 @@ def _of_luminance(readings: RoadReadings) -> Iterator[Ask]:
             even = road.wet_uniformity or WET_UNIFORMITY
             yield Ask(f"{of}uniformity U0, wet", "min_over_mean", ">=", even, "", readings.wet[lane])
         yield Ask(f"{of}uniformity Ul", "min_over_max", ">=", along, "", kept.places(readings.middle(lane)))
+        yield from _per_lux(of, road.luminance_per_lux, mean, readings.seen_lux[lane])
+        yield Ask(f"{of}glare TI", "threshold_increment", "<=", glare, "%", CandelaSum.joined((veiling, mean)))
+
+
+def _of_ratios(readings: RoadReadings) -> Iterator[Ask]:
+    road, wanted = readings.road, RP8_CLASSES[readings.road.lighting_class]
+    least = road.mean_cd_per_m2 or wanted.mean
+    uneven = wanted.mean_over_least if road.uniformity is None else 1.0 / road.uniformity
+    observers = zip(("", "oncoming: "), readings.luminance, readings.veiling, readings.seen_lux, strict=False)
+    for of, seen, veiling, lux in observers:
+        mean = seen.mean()
+        yield Ask(f"{of}mean luminance", "light", ">=", least, "cd/m²", mean.times(road.maintenance_factor))
+        yield Ask(f"{of}uniformity Lavg/Lmin", "mean_over_min", "<=", uneven, "", seen)
+        yield Ask(f"{of}uniformity Lmax/Lmin", "max_over_min", "<=", wanted.largest_over_least, "", seen)
+        yield from _per_lux(of, road.luminance_per_lux, mean, lux)
         glaring = CandelaSum.joined((veiling, mean))
-        if road.luminance_per_lux is not None:
-            both = CandelaSum.joined((mean, readings.illuminance.mean()))
-            yield Ask(f"{of}per lux Q", "ratio", ">=", road.luminance_per_lux, "cd/m²/lx", both)
-        yield Ask(f"{of}glare TI", "threshold_increment", "<=", glare, "%", glaring)
+        yield Ask(f"{of}veiling ratio Lv/Lavg", "veiling_ratio", "<=", wanted.veiling, "", glaring)
+
+
+def _per_lux(of: str, wanted: float | None, mean: CandelaSum, lux: CandelaSum) -> Iterator[Ask]:
+    if wanted is not None:
+        yield Ask(f"{of}per lux Q", "ratio", ">=", wanted, "cd/m²/lx", CandelaSum.joined((mean, lux)))
 
 
 _BY_POWER = ((5.0, 65.0, 0.8), (float("inf"), 95.0, 1.05))  # up to this mean luminance: factor and power
 
 
-def glare_law(mean_cd_per_m2: float) -> tuple[float, float]:
-    """Factor and power of the threshold increment (%), factor L_v / L^power, at a mean luminance: EN 13201-3, 8.5."""
+def glare_law(quantity: Quantity, mean_cd_per_m2: float) -> tuple[float, float]:
+    """Factor and power of glare, factor L_v / L^power, at a mean luminance: (%) EN 13201-3, 8.5; the ratio of RP-8."""
+    if quantity == "veiling_ratio":
+        return 1.0, 1.0
     return next((factor, power) for most, factor, power in _BY_POWER if mean_cd_per_m2 <= most)

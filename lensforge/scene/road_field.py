@@ -1,4 +1,4 @@
-"""Field of a road and its observers, as sums over the intensities of its lamps: EN 13201-3, and CIE 140.
+"""Field of a road and its observers, as sums over the intensities of its lamps: EN 13201-3, CIE 140, and RP-8.
 
 Luminance, illuminance and the light that veils a driver's view are linear in the intensity of the lamps: each is a
 matrix of weights on the intensities in some directions. These directions are the same for all lamps, which are equal.
@@ -8,6 +8,7 @@ a lamp of the first row, at x = 0, and ends at the next; of staggered rows the f
 street is across the road from the edge where it stands.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import ceil
 from typing import TYPE_CHECKING
@@ -21,18 +22,56 @@ from lensforge.spec.road_section import RoadSection
 if TYPE_CHECKING:
     from scipy import sparse
 
-# The field: points along and across (EN 13201-3, 7.1.4 and 7.2.8).
-_LEAST_ALONG, _STEP_M, _ACROSS_OF_LANE, _ACROSS_M, _LEAST_ACROSS = 10, 3.0, 3, 1.5, 3
+Points = Float[np.ndarray, " k"]
+
+# The field: points along, and of the illuminance across (EN 13201-3, 7.1.4 and 7.2.8).
+_LEAST_ALONG, _ACROSS_M, _LEAST_ACROSS = 10, 1.5, 3
 # Lamps that count, in heights: for luminance towards the eye, away from it and aside; for illuminance around a point.
 _TOWARDS, _AWAY, _ASIDE, _AROUND = 5.0, 12.0, 5.0, 5.0
-# The eye: metres before the field and above the road; for glare it sees under the roof of a car.
-BEFORE_M, _EYE_M, _VIEW_DOWN_DEG, _ROOF_DEG, _FIRST, _SEEN_M = 60.0, 1.5, 1.0, 20.0, 2.75, 500.0
-# Veiling luminance for an eye of 23 years, by angles (deg) from the line of sight: EN 13201-3, 8.5.
-_AGE, _SMALL_DEG, _LEAST_DEG, _MOST_DEG = 23.0, 1.5, 0.1, 60.0
-_WIDE = 9.86 * (1.0 + (_AGE / 66.4) ** 4)
-_CLOSE = 5.0 * (1.0 + (_AGE / 62.5) ** 4)
+# The eye of EN 13201-3: metres before the field and above the road. For glare it looks down, under the roof of a car.
+BEFORE_M, _EYE_M, _VIEW_DOWN_DEG, _FIRST, _SEEN_M, _LEAST_DEG = 60.0, 1.5, 1.0, 2.75, 500.0, 0.1
 
-Points = Float[np.ndarray, " k"]
+
+def _veil(theta: Float[np.ndarray, "*k"]) -> Float[np.ndarray, "*k"]:
+    """Veiling luminance per lux at an eye of 23 years, by the angle (deg) from the line of sight: EN 13201-3, 8.5."""
+    age, square = 23.0, theta**2
+    close = 10.0 / (square * theta) + 5.0 * (1.0 + (age / 62.5) ** 4) / square
+    return np.where(theta < 1.5, close, 9.86 * (1.0 + (age / 66.4) ** 4) / square)
+
+
+def _veil_of_2000(theta: Float[np.ndarray, "*k"]) -> Float[np.ndarray, "*k"]:
+    """Law of RP-8-00 for the same."""
+    veil: Float[np.ndarray, "*k"] = 10.0 / (theta**2 + 1.5 * theta)
+    return veil
+
+
+def _veil_of_2014(theta: Float[np.ndarray, "*k"]) -> Float[np.ndarray, "*k"]:
+    """Law of RP-8-14 and after for the same: a power of the angle, steeper within 2 degrees."""
+    veil: Float[np.ndarray, "*k"] = 10.0 / theta ** np.where(theta < 2.0, 2.3 - 0.7 * np.log10(theta), 2.0)
+    return veil
+
+
+@dataclass(frozen=True)
+class _Standard:
+    """Points and eye of a standard: the largest step along (m), points across a lane, height of the eye (m).
+
+    Lamps glare from ``_LEAST_DEG`` to ``most_deg`` from the line of sight, up to ``roof_deg`` above the horizon.
+    """
+
+    step_m: float
+    across_of_lane: int
+    eye_m: float
+    roof_deg: float
+    most_deg: float
+    veil: Callable[[Float[np.ndarray, "*k"]], Float[np.ndarray, "*k"]]
+
+
+_STANDARDS = {
+    "EN 13201": _Standard(3.0, 3, _EYE_M, 20.0, 60.0, _veil),
+    "RP-8-00": _Standard(5.0, 2, 1.45, 90.0, 90.0, _veil_of_2000),
+    "RP-8-14": _Standard(5.0, 2, 1.45, 90.0, 90.0, _veil_of_2014),
+}
+_BEFORE_POINT_M = 83.07  # the eye of RP-8 before each point, from where it looks down on it by 1 degree
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,14 +183,19 @@ class RoadReadings:
 
     For the observer in each lane, from the driving side: ``luminance`` (cd/m^2) at the points of the field, row by row
     along the road, three to a lane, ``wet`` that of the wet surface, of none where there is none; ``veiling`` luminance
-    (cd/m^2) on the way through the field. ``illuminance`` (lx) at the points of its own field. ``edges``: mean
-    illuminance outside and inside of the right edge, and of the left.
+    (cd/m^2) on the way through the field. By RP-8 for each direction of travel: luminance and veiling luminance of the
+    points in its lanes, two to a lane, each from an eye of its own. ``rows``: y of the rows of each luminance;
+    ``seen_lux``: mean illuminance (lx) there.
+    ``illuminance`` (lx) at the points of its own field. ``edges``: mean illuminance outside and inside of the right
+    edge, and of the left.
     """
 
     road: RoadSection
+    rows: tuple[Points, ...]
     luminance: tuple[CandelaSum, ...]
     wet: tuple[CandelaSum, ...]
     veiling: tuple[CandelaSum, ...]
+    seen_lux: tuple[CandelaSum, ...]
     illuminance: CandelaSum
     edges: tuple[CandelaSum, CandelaSum]
 
@@ -160,17 +204,23 @@ class RoadReadings:
         """Readings of ``road``. Raises :class:`InputError` for a file that is no table of a surface."""
         surface = RoadSurface.of(road.surface, road.surface_file, road.surface_q0)
         wet_surface = [RoadSurface.of(road.wet_surface or "", road.wet_surface_file)] if road.has_wet_surface else []
-        views = [DriverView(road, lane) for lane in range(road.lanes)]
-        x, y = (each.ravel() for each in np.meshgrid(steps_along(road), steps_across(road)))
-        width, lane = road.width_m, road.lane_m
+        views, rows = _views(road)
+        along, width, lane = steps_along(road), road.width_m, road.lane_m
+        fields = [
+            (view, *(each.ravel() for each in np.meshgrid(along, y))) for view, y in zip(views, rows, strict=True)
+        ]
+        lux, half = _illuminance(road, 0.0, width), 0.5 * (rows[0][1] - rows[0][0])
+        of_rows = (_illuminance(road, y[0] - half, y[-1] + half).mean() for y in rows)
         strips = ((-lane, 0.0), (0.0, lane), (width, width + lane), (width - lane, width))
         outside_right, inside_right, outside_left, inside_left = (_illuminance(road, *ends).mean() for ends in strips)
         return RoadReadings(
             road,
-            tuple(_luminance(view, surface, x, y) for view in views),
-            tuple(_luminance(view, wet, x, y) for view in views for wet in wet_surface),
-            tuple(map(_veiling, views)),
-            _illuminance(road, 0.0, width),
+            rows,
+            tuple(_luminance(view, surface, x, y, each_its_eye=road.by_rp8) for view, x, y in fields),
+            tuple(_luminance(view, wet, x, y) for view, x, y in fields for wet in wet_surface),
+            tuple(_veiling_of_points(*field) if road.by_rp8 else _veiling_on_the_way(field[0]) for field in fields),
+            tuple(of_rows) if road.by_rp8 else (lux.mean(),) * len(views),
+            lux,
             (CandelaSum.joined((outside_right, inside_right)), CandelaSum.joined((outside_left, inside_left))),
         )
 
@@ -181,7 +231,8 @@ class RoadReadings:
 
     def middle(self, lane: int) -> slice:
         """Points of the luminance on the middle line of a lane."""
-        first = (self.road.from_right(lane) * _ACROSS_OF_LANE + _ACROSS_OF_LANE // 2) * self.along
+        across = _STANDARDS[self.road.standard].across_of_lane
+        first = (self.road.from_right(lane) * across + across // 2) * self.along
         return slice(first, first + self.along)
 
 
@@ -240,16 +291,29 @@ class DriverView:
 
 def steps_along(road: RoadSection) -> Points:
     """Places of the points along the road."""
-    count = max(_LEAST_ALONG, ceil(road.pole_spacing_m / _STEP_M - 1e-9))
+    count = max(_LEAST_ALONG, ceil(road.pole_spacing_m / _STANDARDS[road.standard].step_m - 1e-9))
     steps: Points = (np.arange(count) + 0.5) * (road.pole_spacing_m / count)
     return steps
 
 
 def steps_across(road: RoadSection) -> Points:
     """Places of the points of the luminance across the road."""
-    count = _ACROSS_OF_LANE * road.lanes
+    count = _STANDARDS[road.standard].across_of_lane * road.lanes
     steps: Points = (np.arange(count) + 0.5) * (road.width_m / count)
     return steps
+
+
+def _views(road: RoadSection) -> tuple[list[DriverView], tuple[Points, ...]]:
+    """Each observer, and y of the rows that it sees: all, or by RP-8 those in the lanes of its direction."""
+    y = steps_across(road)
+    if not road.by_rp8:
+        views = [DriverView(road, lane) for lane in range(road.lanes)]
+        return views, (y,) * len(views)
+    first_oncoming = road.lanes - road.oncoming_lanes
+    groups = [group for group in (range(first_oncoming), range(first_oncoming, road.lanes)) if group]
+    rows = y.reshape(road.lanes, -1)
+    of_groups = tuple(rows[sorted(map(road.from_right, group))].ravel() for group in groups)
+    return [DriverView(road, group[0]) for group in groups], of_groups
 
 
 def lux_across(low_m: float, high_m: float) -> Points:
@@ -259,13 +323,19 @@ def lux_across(low_m: float, high_m: float) -> Points:
     return steps
 
 
-def _luminance(view: DriverView, surface: RoadSurface, x: Points, y: Points) -> CandelaSum:
-    """Luminance of points of the road for an eye in the middle of a lane, 60 m before the field."""
+def _luminance(
+    view: DriverView, surface: RoadSurface, x: Points, y: Points, *, each_its_eye: bool = False
+) -> CandelaSum:
+    """Luminance of points of the road for an eye in the middle of a lane, 60 m before the field.
+
+    ``each_its_eye``: for one on a line along the road through each point, so far before it that the table holds.
+    """
     high, heading = view.road.pole_height_m, view.heading
     before, after = (_AWAY, _TOWARDS) if view.oncoming else (_TOWARDS, _AWAY)
     lamps = _Lamps.between(view.road, float(x.min()) - before * high, float(x.max()) + after * high)
     beyond, aside = heading * (lamps.x - x[:, None]), heading * (lamps.y - y[:, None])
-    turn = np.arctan2(aside, beyond) - np.arctan2(heading * (y - view.y), view.ahead(x))[:, None]
+    sight = np.zeros_like(y) if each_its_eye else np.arctan2(heading * (y - view.y), view.ahead(x))
+    turn = np.arctan2(aside, beyond) - sight[:, None]
     beta = np.degrees(np.arccos(np.clip(np.cos(turn), -1.0, 1.0)))
     tan_gamma = np.hypot(beyond, aside) / high
     beta = np.where(tan_gamma > 0.0, beta, 0.0)
@@ -282,22 +352,29 @@ def _illuminance(road: RoadSection, low_m: float, high_m: float) -> CandelaSum:
     return lamps.light(x, y, 0.0, (away <= reach) * height / (away**2 + height**2) ** 1.5)
 
 
-def _veiling(view: DriverView) -> CandelaSum:
+def _veiling_on_the_way(view: DriverView) -> CandelaSum:
     """Veiling luminance for an eye on its way over one field; it begins where the first lamp appears under the roof."""
-    road, along = view.road, steps_along(view.road)
-    x = view.place(along - along[0] - _FIRST * max(road.pole_height_m - _EYE_M, 0.0))
-    y = np.full_like(x, view.y)
+    along = steps_along(view.road)
+    x = view.place(along - along[0] - _FIRST * max(view.road.pole_height_m - _EYE_M, 0.0))
+    return _veiling(view, x, np.full_like(x, view.y))
+
+
+def _veiling_of_points(view: DriverView, x: Points, y: Points) -> CandelaSum:
+    """Veiling luminance for the eye before each point."""
+    return _veiling(view, x - view.heading * _BEFORE_POINT_M, y)
+
+
+def _veiling(view: DriverView, x: Points, y: Points) -> CandelaSum:
+    """Veiling luminance for eyes at these places."""
+    road, standard = view.road, _STANDARDS[view.road.standard]
     back, far = (_SEEN_M, 0.0) if view.oncoming else (0.0, _SEEN_M)
     lamps = _Lamps.between(road, float(x.min()) - back, float(x.max()) + far)
     ahead, aside = view.heading * (lamps.x - x[:, None]), lamps.y - y[:, None]
-    up, level = road.pole_height_m - _EYE_M, np.hypot(ahead, aside)
+    up, level = road.pole_height_m - standard.eye_m, np.hypot(ahead, aside)
     away, down = np.hypot(level, up), np.radians(_VIEW_DOWN_DEG)
     cosine = (np.cos(down) * ahead - np.sin(down) * up) / away
     theta = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
-    seen = (ahead > 0.0) & (ahead <= _SEEN_M) & (up <= np.tan(np.radians(_ROOF_DEG)) * ahead)
-    seen &= (theta >= _LEAST_DEG) & (theta <= _MOST_DEG)
-    square = np.maximum(theta, _LEAST_DEG) ** 2
-    veil = np.where(
-        theta < _SMALL_DEG, 10.0 / (square * np.maximum(theta, _LEAST_DEG)) + _CLOSE / square, _WIDE / square
-    )
-    return lamps.light(x, y, _EYE_M, seen * veil * np.maximum(cosine, 0.0) / away**2)
+    seen = (ahead > 0.0) & (ahead <= _SEEN_M) & (up <= np.tan(np.radians(standard.roof_deg)) * ahead)
+    seen &= (theta >= _LEAST_DEG) & (theta <= standard.most_deg)
+    veil = standard.veil(np.maximum(theta, _LEAST_DEG))
+    return lamps.light(x, y, standard.eye_m, seen * veil * np.maximum(cosine, 0.0) / away**2)

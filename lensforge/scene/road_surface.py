@@ -6,12 +6,15 @@ beyond the point; the eye looks down by 1 degree. Between the entries r is bilin
 
 The shipped tables are R1 to R4 of CIE 30.2 (1982), and C1 and C2 of CIE 66 (1984), all of CIE 144:2001. They are taken
 from the tables of a framework for Radiance of TU Berlin (J. Winter, S. Buschmann, R. Franke), of which a second copy
-has compared C2 with table 2 of CIE 140:2000, and differs in three entries, taken from there. R2 is that copy's alone.
+(jacho35/protectionpro) has R2 as well, and has compared C2 with table 2 of CIE 140:2000: three entries are taken from
+there. The tables of the program DIALux (neo-era/webdialux-cs) are the same in all but 12 of 1980 entries of R1 to R4
+and C2. Of these one is taken from there, 2.0 of R3 at tan gamma 10, beta 20, where the other does not fall; elsewhere
+this copy's numbers lie between their neighbours at least as well, or are those of CIE 140. Of C1 there is one copy.
 Their own specular factors S1 are the published ones to all digits; their integrals Q0 are 1 to 3 % above the nominal
 ones, as bilinear ones of a convex function are. W4, a wet surface of CIE 47 (1979), is of the same tables alone: its
 integral is 2.6 % above the Q0 of 0.247 in van Bommel, Road Lighting (2015), table 12.3, its S1 of 10.8 between the
-limits of its class there, 9.8 and 12. W3 has columns of unknown angles in these tables; N1 to N4, W1 and W2 were not
-at hand.
+limits of its class there, 9.8 and 12. W3 has 17 columns in the place of 20 in these tables, without their angles, of
+which several choices are as smooth, and a wrong number; N1 to N4, W1 and W2 were not at hand.
 """
 
 import csv

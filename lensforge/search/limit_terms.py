@@ -37,6 +37,7 @@ _MARGIN = 0.03
 _ROAD_MARGIN = 0.06  # a far field of 200 pixels blurs glare, and shows a road up to 3 % too good
 # Factors of the mean excess over the places of a limit: of a few places each counts, of many all together.
 _OF_EACH, _AT_MOST = 30.0, 300.0
+_OVER_LEAST = ("mean_over_min", "max_over_min")
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +55,7 @@ class LimitTerm:
         places = torch.from_numpy(np.stack([coo.row, coo.col]).astype(np.int64))
         matrix = torch.sparse_coo_tensor(places, torch.from_numpy(coo.data), coo.shape, check_invariants=False)
         factor = _OF_EACH * coo.shape[0]
-        return LimitTerm(limit, matrix.coalesce(), factor if limit.of_road else min(factor, _AT_MOST))
+        return LimitTerm(limit, matrix.coalesce(), limit.share * factor if limit.of_road else min(factor, _AT_MOST))
 
     def loss(self, images: Images) -> Float[Tensor, ""]:
         """Mean of e^2/(1+e) over the places, e what is missing to the bound or above it, relative to the bound."""
@@ -72,30 +73,32 @@ class LimitTerm:
         match limit.quantity:
             case "relative":
                 scale = not_dark(picture.detach().max() * limit.light_per_flux)
-            case "min_over_mean":
+            case "min_over_mean" | "mean_over_min":
                 scale = not_dark(light.mean())
-            case "min_over_max":
+            case "min_over_max" | "max_over_min":
                 scale = not_dark(light.detach().max())
             case "ratio":
                 light, scale = light[:1], not_dark(light[1])
-            case "threshold_increment":
-                factor, power = glare_law(float(light[-1].detach()))
+            case "threshold_increment" | "veiling_ratio":
+                factor, power = glare_law(limit.quantity, float(light[-1].detach()))
                 light, scale = light[:-1], not_dark(light[-1]) ** power / factor
             case "beam_angle":
                 return self._beside_the_beam(light)
-        return self._beyond(light / (scale * limit.bound))
+        if limit.quantity in _OVER_LEAST:  # at most so many times the least: at least that part of it
+            return self._beyond(light * limit.bound / scale, at_least=True)
+        return self._beyond(light / (scale * limit.bound), limit.sense == ">=")
 
-    def _beyond(self, relative: Float[Tensor, " k"]) -> Float[Tensor, " k"]:
+    def _beyond(self, relative: Float[Tensor, " k"], at_least: bool) -> Float[Tensor, " k"]:
         """Excess of light relative to its bound over that with its margin."""
         margin = _ROAD_MARGIN if self.limit.of_road else _MARGIN
-        return 1.0 + margin - relative if self.limit.sense == ">=" else relative - (1.0 - margin)
+        return 1.0 + margin - relative if at_least else relative - (1.0 - margin)
 
     def _beside_the_beam(self, light: Float[Tensor, " k"]) -> Float[Tensor, " k"]:
         """Light within a least angle must be above the level, light outside of a largest one below it."""
         limit = self.limit
         assert limit.angles_deg is not None
         off = torch.from_numpy(np.abs(limit.angles_deg)) - 0.5 * limit.bound
-        beyond = self._beyond(light / (limit.level * not_dark(light.detach().max())))
+        beyond = self._beyond(light / (limit.level * not_dark(light.detach().max())), limit.sense == ">=")
         return torch.where(off < 0.0 if limit.sense == ">=" else off > 0.0, beyond, 0.0)
 
 

@@ -20,9 +20,10 @@ Fraction = Annotated[float, Field(gt=0.0, le=1.0)]
 Azimuth = Annotated[float, Field(ge=-360.0, le=360.0)]
 LightUnitName = Literal["w_per_m2", "lx", "w_per_sr", "cd", "relative"]
 LIGHT_UNITS: tuple[LightUnitName, ...] = get_args(LightUnitName)
-Quantity = Literal[  # what decides on a limit; the last two of roads alone
-    "light", "relative", "min_over_mean", "min_over_max", "share", "beam_angle", "threshold_increment", "ratio"
-]
+Quantity = Literal[  # what decides on a limit; the last five of roads alone
+    "light", "relative", "min_over_mean", "min_over_max", "share", "beam_angle",
+    "threshold_increment", "ratio", "mean_over_min", "max_over_min", "veiling_ratio",
+]  # fmt: skip
 OF_FAR_FIELD = ("w_per_sr", "cd")
 _MOST_POINTS = 1000
 _ZONES = RectangleTarget | DiscTarget | EllipseTarget | RingTarget | PolygonTarget

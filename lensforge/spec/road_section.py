@@ -43,36 +43,70 @@ P_CLASSES = {
     "P1": (15.0, 3.0), "P2": (10.0, 2.0), "P3": (7.5, 1.5), "P4": (5.0, 1.0), "P5": (3.0, 0.6), "P6": (2.0, 0.4),
 }  # fmt: skip
 P_MOST = 1.5
+
+
+@dataclass(frozen=True)
+class RatioClass:
+    """Least mean luminance (cd/m^2), and the largest ratios: mean over least, largest over least, veiling over mean."""
+
+    mean: float
+    mean_over_least: float
+    largest_over_least: float
+    veiling: float
+
+
+# ANSI/IES RP-8-14, highways, and streets by the conflict of traffic with pedestrians; a freeway A is the busier one.
+RP8_CLASSES = {
+    "freeway A": RatioClass(0.6, 3.5, 6.0, 0.3),
+    "freeway B": RatioClass(0.4, 3.5, 6.0, 0.3),
+    "expressway": RatioClass(1.0, 3.0, 5.0, 0.3),
+    "major high": RatioClass(1.2, 3.0, 5.0, 0.3),
+    "major medium": RatioClass(0.9, 3.0, 5.0, 0.3),
+    "major low": RatioClass(0.6, 3.5, 6.0, 0.3),
+    "collector high": RatioClass(0.8, 3.0, 5.0, 0.4),
+    "collector medium": RatioClass(0.6, 3.5, 6.0, 0.4),
+    "collector low": RatioClass(0.4, 4.0, 8.0, 0.4),
+    "local high": RatioClass(0.6, 6.0, 10.0, 0.4),
+    "local medium": RatioClass(0.5, 6.0, 10.0, 0.4),
+    "local low": RatioClass(0.3, 6.0, 10.0, 0.4),
+}
 # Mean illuminance (lx); the least must be 0.4 of the mean.
 C_CLASSES = {"C0": 50.0, "C1": 30.0, "C2": 20.0, "C3": 15.0, "C4": 10.0, "C5": 7.5}
 C_UNIFORMITY = 0.4  # all: EN 13201-2:2015
 
 ClassName = Literal[
-    "M1", "M2", "M3", "M4", "M5", "M6", "C0", "C1", "C2", "C3", "C4", "C5", "P1", "P2", "P3", "P4", "P5", "P6"
-]
+    "M1", "M2", "M3", "M4", "M5", "M6", "C0", "C1", "C2", "C3", "C4", "C5", "P1", "P2", "P3", "P4", "P5", "P6",
+    "freeway A", "freeway B", "expressway", "major high", "major medium", "major low",
+    "collector high", "collector medium", "collector low", "local high", "local medium", "local low",
+]  # fmt: skip
+Edition = Literal["RP-8-00", "RP-8-14"]
 Metres = Annotated[float, Field(gt=0.0, le=1000.0)]
 Surface = Literal["R1", "R2", "R3", "R4", "C1", "C2"]
 WetSurface = Literal["W4"]
 Arrangement = Literal["left", "right", "opposite", "staggered", "median"]
 Share = Annotated[float, Field(gt=0.0, le=1.0)]
 _LEAST_LANE_M, MOST_ROADS = 2.0, 32
-_WET = ("wet_surface", "wet_surface_file", "wet_uniformity")
-_BY_LUMINANCE = (
-    "mean_cd_per_m2", "uniformity", "uniformity_along", "glare_percent", "luminance_per_lux", *_WET
-)  # fmt: skip
+_OF_M = ("uniformity_along", "glare_percent", "wet_surface", "wet_surface_file", "wet_uniformity")
+_BY_LUMINANCE = ("mean_cd_per_m2", "uniformity", "luminance_per_lux", *_OF_M)
 
 
 class RoadSection(Section):
-    """A straight road, its lamps, and the class of EN 13201-2 that it is to reach.
+    """A straight road, its lamps, and the class of EN 13201-2 or of RP-8 that it is to reach.
 
-    Its field of calculation and its observers are those of EN 13201-3: the road between two lamps of a row, seen from
-    60 m before it from the middle of each lane.
+    Its field of calculation is the road between two lamps of a row. Its observers are those of EN 13201-3, 60 m before
+    the field in the middle of each lane; for a class of RP-8 there is one 83.07 m before each point.
     """
 
     name: Label | None = None
     """Name in records and on pages."""
+    share: Annotated[float, Field(gt=0.0, le=1000.0)] = 1.0
+    """Weight in the search of what its class lacks, beside those of other roads; the classes of all must be held."""
     lighting_class: ClassName
-    """Class of EN 13201-2: M by luminance, C and P by illuminance."""
+    """Class of EN 13201-2: M by luminance, C and P by illuminance; or of RP-8 by luminance: highways, and streets by
+    how many pedestrians there are.
+    """
+    edition: Edition | None = None
+    """Edition of RP-8 by whose law glare is summed; by default "RP-8-14", whose law later ones have, too."""
     width_m: Metres
     """Width of the road."""
     lanes: Annotated[int, Field(ge=1, le=12)] = 2
@@ -107,7 +141,7 @@ class RoadSection(Section):
     median_m: Annotated[float, Field(ge=0.0, le=100.0)] = 0.0
     """Width of the median, in whose middle the poles stand."""
     mean_cd_per_m2: Annotated[float, Field(gt=0.0, le=1000.0)] | None = None
-    """Least mean luminance; by default of the class, as the three that follow."""
+    """Least mean luminance; by default of the class, as the four that follow."""
     uniformity: Share | None = None
     """Least over mean luminance U0 that is wanted at least."""
     wet_uniformity: Share | None = None
@@ -130,9 +164,19 @@ class RoadSection(Section):
     """Hours of full light in a year."""
 
     @property
+    def by_rp8(self) -> bool:
+        """True for the classes of RP-8."""
+        return self.lighting_class in RP8_CLASSES
+
+    @property
     def by_luminance(self) -> bool:
-        """True for the classes M."""
-        return self.lighting_class.startswith("M")
+        """True for the classes M and those of RP-8."""
+        return self.lighting_class in M_CLASSES or self.by_rp8
+
+    @property
+    def standard(self) -> str:
+        """Name of the standard that the class is of."""
+        return (self.edition or "RP-8-14") if self.by_rp8 else "EN 13201"
 
     @property
     def least_edge_ratio(self) -> float | None:
@@ -159,7 +203,7 @@ class RoadSection(Section):
         if self.lane_m < _LEAST_LANE_M and self.by_luminance:
             raise ValueError(
                 f"lanes = {self.lanes} on width_m = {self.width_m:g} are {self.lane_m:.2f} m each, below "
-                f"{_LEAST_LANE_M:g} m: no class M has lanes as narrow; give fewer lanes, or a class P for a path"
+                f"{_LEAST_LANE_M:g} m: no class by luminance has lanes as narrow; give fewer, or a class P for a path"
             )
         if self.oncoming_lanes >= self.lanes:
             raise ValueError(
@@ -191,12 +235,21 @@ class RoadSection(Section):
             raise ValueError(
                 f"wet_uniformity = {self.wet_uniformity:g} is of a wet road; name its wet_surface, or leave it out"
             )
-        beyond = [name for name in _BY_LUMINANCE if getattr(self, name) is not None]
-        if beyond and not self.by_luminance:
+        self._require_fields_of_its_class()
+        return self
+
+    def _require_fields_of_its_class(self) -> None:
+        of_others = () if self.lighting_class in M_CLASSES else _OF_M if self.by_rp8 else _BY_LUMINANCE
+        beyond = [name for name in of_others if getattr(self, name) is not None]
+        if beyond:
             raise ValueError(
                 f"{beyond[0]} is of a class M, the class is {self.lighting_class}; leave it out, or give a class M"
             )
-        return self
+        if self.edition is not None and not self.by_rp8:
+            raise ValueError(
+                f"edition = {self.edition} is of a class of RP-8, the class is {self.lighting_class}; leave it out, or "
+                f"give one of {', '.join(RP8_CLASSES)}"
+            )
 
 
 def names_of(roads: Sequence[RoadSection]) -> tuple[str, ...]:

@@ -1,6 +1,7 @@
 """A road judged: the same by a lens's table, by a file, and on pixels of a far field; its merit, and its command."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,19 +11,21 @@ from scenes import small_spec
 
 from lensforge.errors import InputError
 from lensforge.light.angular_grid import AngularGrid
-from lensforge.light.judged_limits import judged_limits
+from lensforge.light.judged_limits import judged_limits, limit_value
+from lensforge.light.light_facts import spacing_fact
 from lensforge.light.luminaire_classes import LampLight
-from lensforge.light.road_judgement import judge_road, of_file, of_lens
+from lensforge.light.road_judgement import classes_held, held_spacing, judge_road, of_file, of_lens
 from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.road_field import RoadReadings
-from lensforge.search.limit_terms import LimitTerm, RoadTerms
+from lensforge.search.limit_terms import LimitTerm, RoadTerms, smoothed
 from lensforge.sources.photometric.photometric_file import PhotometricFile, turned_over
 from lensforge.sources.photometric.photometric_io import write_photometric
 from lensforge.spec import Spec
-from lensforge.spec.road_section import RoadSection
+from lensforge.spec.road_section import RP8_CLASSES, RoadSection
 
 ROAD = {"lighting_class": "M3", "width_m": 7.0, "pole_height_m": 9.0, "pole_spacing_m": 30.0, "overhang_m": 0.5}
+RP8 = ROAD | {"lighting_class": "collector medium"}
 FAR = {"kind": "beam", "fwhm_deg": 60.0, "half_angle_deg": 90.0}
 GRID = AngularGrid(144, np.linspace(0.0, 90.0, 181))
 
@@ -52,21 +55,23 @@ def _figures(found):
     return [limit.value.value for limit in found.limits]
 
 
-def test_a_lens_and_its_file_are_judged_alike(tmp_path) -> None:
+@pytest.mark.parametrize("fields", [ROAD, RP8 | {"oncoming_lanes": 1}])
+def test_a_lens_and_its_file_are_judged_alike(fields, tmp_path) -> None:
     """By the table itself, and as written to a file and read back, whose street is at C = 270."""
-    road = RoadSection(**ROAD)
+    road = RoadSection(**fields)
     by_table = judge_road(road, of_lens(_lamp(), 1.0))
     assert _figures(by_table) == pytest.approx(_figures(judge_road(road, of_file(_file(), 270.0, None))), rel=1e-9)
     path, roads = tmp_path / "lens.ies", tmp_path / "roads.toml"
     write_photometric(path, _file())
-    roads.write_text("[[roads]]\n" + "\n".join(f"{name} = {json.dumps(value)}" for name, value in ROAD.items()))
+    roads.write_text("[[roads]]\n" + "\n".join(f"{name} = {json.dumps(value)}" for name, value in fields.items()))
     done = lensforge("road", path, "--road", roads, "--street-c", "270", "--json")
     (read,) = json.loads(done.stdout)["roads"]
     assert [each["value"]["value"] for each in read["limits"]] == pytest.approx(_figures(by_table), rel=1e-4)
     held = all(limit.state == "held" for limit in by_table.limits)
     assert done.code == (0 if held else 1)
-    mean = by_table.drivers[0].mean_cd_per_m2.value / by_table.mean_lx.value
-    assert by_table.drivers[0].luminance_per_lux.value == pytest.approx(mean, rel=1e-9)
+    lux = RoadReadings.of(road).seen_lux[0]
+    per_lux = by_table.drivers[0].mean_cd_per_m2.value / lux.of(of_lens(_lamp(), 1.0)(lux)).mean()
+    assert by_table.drivers[0].luminance_per_lux.value == pytest.approx(per_lux, rel=1e-9)
 
 
 @pytest.mark.parametrize(("bright", "factor", "power"), [(1.0, 65.0, 0.8), (20.0, 95.0, 1.05)])
@@ -83,8 +88,36 @@ def test_glare_by_its_law_up_to_5_cd_per_m2_and_above(bright: float, factor: flo
         assert driver.mean_cd_per_m2.value == pytest.approx(0.5 * mean)
 
 
-def test_noise_chooses_no_minimum() -> None:
-    road = RoadSection(**ROAD, lamp_w=50.0)
+@pytest.mark.parametrize("bright", [0.4, 1.0])
+def test_ratios_of_rp_8_are_stated_as_it_states_them(bright: float) -> None:
+    """Mean over least, largest over least, veiling over mean; the classes that the road has, and those only."""
+    road, candela = RoadSection(**RP8, maintenance_factor=0.8), of_lens(_lamp(), bright)
+    found, readings = judge_road(road, candela), RoadReadings.of(road)
+    seen, veil = (light[0].of(candela(light[0])).mean(axis=0) for light in (readings.luminance, readings.veiling))
+    figures = 0.8 * seen.mean(), seen.mean() / seen.min(), seen.max() / seen.min(), veil.max() / seen.mean()
+    assert _figures(found) == pytest.approx(figures, rel=1e-6)
+    (driver,) = found.drivers
+    assert (driver.uniformity.value, driver.uniformity_along.value) == pytest.approx((1 / figures[1], 1 / figures[2]))
+    assert driver.veiling_ratio.value == pytest.approx(figures[3]) and driver.glare_percent is None
+    held = []
+    for name in RP8_CLASSES:
+        limits = judge_road(road.model_copy(update={"lighting_class": name}), candela).limits
+        held += [name] if all(limit.state == "held" for limit in limits) else []
+    assert found.reached == (", ".join(held) or "none")
+    assert ("collector low" in held) == ("freeway B" in held) == (bright == 1.0)
+    glaring = driver.model_copy(update={"veiling_ratio": driver.veiling_ratio.model_copy(update={"value": 0.35})})
+    assert classes_held((driver, glaring)) == (", ".join(name for name in held if name[0] in "cl") or "none")
+    assert found.standard == "RP-8-14"
+
+
+def test_dark_roads_hold_no_ratio() -> None:
+    limits = judge_road(RoadSection(**RP8), of_lens(_lamp(), 0.0)).limits
+    assert [limit.state for limit in limits] == ["missed"] * 4 and max(limit.value.value for limit in limits) == 1e6
+
+
+@pytest.mark.parametrize("fields", [ROAD, RP8])
+def test_noise_chooses_no_minimum(fields) -> None:
+    road = RoadSection(**fields, lamp_w=50.0)
     quiet, noisy = (judge_road(road, of_lens(_lamp(noise), 1.0)) for noise in (0.0, 0.3))
     for true, found in zip(quiet.limits, noisy.limits, strict=True):
         error = found.value.standard_error
@@ -94,10 +127,11 @@ def test_noise_chooses_no_minimum() -> None:
     assert quiet.yearly_energy.value == pytest.approx(50.0 * 4.0 / 210.0)
 
 
+@pytest.mark.parametrize("lighting_class", ["M3", "collector medium"])
 @pytest.mark.parametrize(("pixels", "most"), [(128, 0.06), (512, 0.006)])
-def test_pixels_of_the_far_field_read_the_same_road(pixels: int, most: float) -> None:
+def test_pixels_of_the_far_field_read_the_same_road(pixels: int, most: float, lighting_class: str) -> None:
     """Limits on a picture, against the intensity itself; their difference falls with the pixels."""
-    spec = _spec()
+    spec = _spec(lighting_class=lighting_class)
     receivers = receivers_of(spec, pixels)
     grid = receivers[0].grid
     x, y, z = np.moveaxis(receivers[0].places(*np.meshgrid(grid.x(), grid.y())), -1, 0)
@@ -109,15 +143,36 @@ def test_pixels_of_the_far_field_read_the_same_road(pixels: int, most: float) ->
     np.testing.assert_allclose([each.value.value for each in by_pixels], _figures(by_table), rtol=most)
 
 
-def test_the_merit_falls_along_its_gradient_and_is_zero_where_the_class_is_held() -> None:
-    missed = {"mean_cd_per_m2": 9.0, "uniformity": 0.9, "uniformity_along": 0.95, "glare_percent": 0.5}
-    spec = _spec(**missed, luminance_per_lux=0.9, edge_ratio=1.0)
+_MISSED = {"mean_cd_per_m2": 9.0, "uniformity": 0.9, "luminance_per_lux": 0.9, "edge_ratio": 1.0}
+
+
+@pytest.mark.parametrize("own", [{"uniformity_along": 0.95, "glare_percent": 0.5}, RP8])
+def test_the_merit_begins_6_percent_inside_of_each_bound(own) -> None:
+    """Where the judged figure is farther inside, the term of a limit is 0; nearer it is not."""
+    spec = _spec(**own, luminance_per_lux=0.07)
     receivers = receivers_of(spec, 48)
-    limits = light_limits(spec, receivers, None, 1.0)
+    picture = torch.from_numpy(np.random.default_rng(2).uniform(0.5, 1.5, receivers[0].grid.shape)) * 1e-4
+    images = np.stack([smoothed(picture).numpy()] * 16)
+    for limit in light_limits(spec, receivers, None, 1.0):
+        value = limit_value(limit, images).value
+        at = value / 1.06 if limit.sense == ">=" else 1.06 * value if "over_min" in limit.quantity else value / 0.94
+        for change, missed in ((0.999, limit.sense == "<="), (1.001, limit.sense == ">=")):
+            term = LimitTerm.of(replace(limit, bound=change * at))
+            assert (float(term.loss((picture,))) > 0.0) == missed, limit.name
+
+
+@pytest.mark.parametrize("own", [{"uniformity_along": 0.95, "glare_percent": 0.5}, RP8])
+def test_the_merit_falls_along_its_gradient_and_is_zero_where_the_class_is_held(own) -> None:
+    spec, of_ratios = _spec(**own, **_MISSED), {"max_over_min": 1.05, "veiling_ratio": 1e-3}
+    receivers = receivers_of(spec, 48)
+    limits = [
+        replace(each, bound=of_ratios.get(each.quantity, each.bound))
+        for each in light_limits(spec, receivers, None, 1.0)
+    ]
     picture = torch.from_numpy(np.random.default_rng(2).uniform(0.5, 1.5, receivers[0].grid.shape)) * 1e-4
     ask, step = picture.clone().requires_grad_(), torch.from_numpy(np.random.default_rng(3).normal(size=picture.shape))
     for limit in limits:
-        if limit.quantity == "min_over_max":
+        if limit.quantity in ("min_over_max", "max_over_min"):
             continue  # its largest light is held: the slope is that of the darkest places
         term = LimitTerm.of(limit)
         (slope,) = torch.autograd.grad(term.loss((ask,)), ask)
@@ -127,8 +182,8 @@ def test_the_merit_falls_along_its_gradient_and_is_zero_where_the_class_is_held(
     (slope,) = torch.autograd.grad(RoadTerms.of(limits).loss((ask,)), ask)
     (wanted,) = torch.autograd.grad(sum((LimitTerm.of(each).loss((ask,)) for each in limits), torch.zeros(())), ask)
     torch.testing.assert_close(slope, wanted)
-    easy = _spec(mean_cd_per_m2=1e-6, uniformity=1e-3, uniformity_along=1e-3, glare_percent=900.0)
-    kept = [LimitTerm.of(each) for each in light_limits(easy, receivers, None, 1.0) if each.quantity != "ratio"]
+    easy = {"min_over_mean": 1e-3, "min_over_max": 1e-3, "light": 1e-6, "ratio": 1e-6}
+    kept = [LimitTerm.of(replace(each, bound=easy.get(each.quantity, 1e3))) for each in limits]
     assert sum(float(term.loss((picture,))) for term in kept) == 0.0
 
 
@@ -157,6 +212,55 @@ def test_a_field_of_one_road_is_changed_by_its_number() -> None:
     assert (spec.roads[0].pole_spacing_m, spec.roads[0].pole_height_m) == (22.5, 9.0)
     with pytest.raises(InputError, match="roads has 1 entries"):
         spec.replace({"roads.1.pole_spacing_m": 22.5})
+
+
+def test_a_share_weighs_what_the_class_of_its_road_lacks() -> None:
+    roads = [ROAD | {"lamp_lm": 300.0, "pole_spacing_m": spacing} for spacing in (25.0, 35.0)]
+    receivers = receivers_of(_spec(), 48)
+    picture = torch.from_numpy(np.random.default_rng(2).uniform(0.5, 1.5, receivers[0].grid.shape)) * 1e-4
+
+    def loss(*shares: float) -> float:
+        spec = _spec().replace(roads=[road | {"share": share} for road, share in zip(roads, shares, strict=True)])
+        return float(RoadTerms.of(light_limits(spec, receivers, None, 1.0)).loss((picture,)))
+
+    first, second = (loss(*shares) for shares in ((1.0, 1e-12), (1e-12, 1.0)))
+    assert min(first, second) > 1.0 and first != pytest.approx(second)
+    assert loss(3.0, 0.5) == pytest.approx(3.0 * first + 0.5 * second)
+
+
+_NOT_TOO_MUCH = ROAD | {"lighting_class": "P3"}  # at most 1.5 times its mean: poles too near miss it, too
+
+
+@pytest.mark.parametrize("fields", [ROAD | {"glare_percent": 90.0, "edge_ratio": 0.1}, RP8, _NOT_TOO_MUCH])
+def test_the_largest_spacing_is_where_a_class_ceases_to_be_held(fields, tmp_path) -> None:
+    road, candela = RoadSection(**fields), of_file(_file(), 270.0, None)
+    found = held_spacing(road, candela)
+
+    def held(spacing_m: float) -> bool:
+        there = road.model_copy(update={"pole_spacing_m": spacing_m})
+        return all(limit.state == "held" for limit in judge_road(there, candela).limits)
+
+    assert held(found.largest) and not held(found.largest + 0.002)
+    assert held(found.least) and (found.least == 4.5 or not held(found.least - 0.002))
+    assert (found.least > 20.0) == (fields is _NOT_TOO_MUCH)
+    assert not any(held(spacing) for spacing in np.linspace(found.largest + 0.9, 108.0, 7))
+    assert all(held(spacing) for spacing in np.linspace(found.least, found.largest, 5))
+    assert found.beyond.state == "missed"
+    assert held_spacing(road.model_copy(update={"maintenance_factor": 1e-9}), candela) is None
+    path, roads = tmp_path / "lens.ies", tmp_path / "roads.toml"
+    write_photometric(path, _file())
+    roads.write_text("[[roads]]\n" + "\n".join(f"{name} = {json.dumps(value)}" for name, value in fields.items()))
+    done = lensforge("road", path, "--road", roads, "--street-c", "270", "--json", "--spacing")
+    (fact,) = (each for each in json.loads(done.stdout)["facts"][0]["facts"] if each["key"] == "largest_spacing")
+    assert fact["value"] == pytest.approx(found.largest, abs=0.05) and found.beyond.name in fact["note"]
+
+
+def test_a_class_may_be_held_at_any_spacing_or_at_none() -> None:
+    easy = {"mean_cd_per_m2": 1e-9, "uniformity": 1e-9, "uniformity_along": 1e-9, "glare_percent": 900.0}
+    road, candela = RoadSection(**ROAD, **easy, edge_ratio=1e-9, lanes=1), of_file(_file(), 270.0, None)
+    found = held_spacing(road, candela)
+    assert (found.least, found.largest, found.beyond) == (4.5, 108.0, None)
+    assert spacing_fact(found).note == "held from 4.5 m on" and spacing_fact(None).text == "none holds the class"
 
 
 def test_lamps_together_share_the_lumens_of_a_road() -> None:

@@ -145,3 +145,17 @@ def test_a_road_from_above_is_what_its_figures_say(lighting_class):
     assert means == pytest.approx([driver.mean_cd_per_m2.value for driver in judged.drivers[::-1]], rel=1e-3)
     assert means[0] > 1.005 * means[1]
     assert [view.get_title("left")[:16] for view in views] == ["seen from lane 2", "seen from lane 1"]
+
+
+def test_a_road_by_rp_8_from_above_has_a_view_for_each_direction_of_travel():
+    lens = lens_on(lighting_class="local low", lanes=3, oncoming_lanes=1)
+    found = make_photometry(lens)
+    drivers = found.roads[0].drivers
+    far, near = road_from_above(found, 0, lens.spec).axes[:-1]
+    for view, driver, ends, words in ((far, drivers[1], (14 / 3, 7.0), "3"), (near, drivers[0], (0.0, 14 / 3), "1")):
+        assert view.images[0].get_array().mean() == pytest.approx(driver.mean_cd_per_m2.value, rel=1e-3)
+        assert view.images[0].get_extent() == pytest.approx([0.0, 30.0, *ends])
+        assert view.get_title("left").startswith(f"from lane {words} on: mean {driver.mean_cd_per_m2.value:.2f} cd/m²")
+        assert view.get_title("left").endswith(f"Lv/Lavg {driver.veiling_ratio.value:.2f}")
+    shown = photometry_pictures(make_results(("photometry",), lens, photometry=found))[2]
+    assert "83 m" in shown.caption

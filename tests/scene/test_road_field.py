@@ -31,7 +31,7 @@ def _of(light: CandelaSum, mirror: float = 1.0) -> np.ndarray:
 def _lamps(road: RoadSection):
     """(x, y, +1 or -1) of all lamps near the field, one after the other."""
     width, over, spacing = road.width_m, road.overhang_m, road.pole_spacing_m
-    for k in range(-8, 40):
+    for k in range(-25, 40):
         if road.arrangement in ("right", "opposite", "staggered"):
             yield k * spacing, over, 1
         if road.arrangement in ("left", "opposite", "median"):
@@ -102,8 +102,8 @@ def _plain_veil(road: RoadSection, eye_y: float) -> list[float]:
     return found
 
 
-def _plain_mean_lux(road: RoadSection, low: float, high: float) -> float:
-    along, across = max(10, ceil(road.pole_spacing_m / 3.0)), max(3, ceil((high - low) / 1.5))
+def _plain_mean_lux(road: RoadSection, low: float, high: float, step_m: float = 3.0) -> float:
+    along, across = max(10, ceil(road.pole_spacing_m / step_m)), max(3, ceil((high - low) / 1.5 - 1e-9))
     total, up = 0.0, road.pole_height_m
     for x in (np.arange(along) + 0.5) * road.pole_spacing_m / along:
         for y in low + (np.arange(across) + 0.5) * (high - low) / across:
@@ -140,6 +140,100 @@ def test_a_road_as_plain_loops_have_it(arrangement, overhang_m, tilt_deg, lanes,
     for edge, strips in zip(readings.edges, pairs, strict=True):
         np.testing.assert_allclose(_of(edge), [_plain_mean_lux(road, *ends) for ends in strips], rtol=1e-9)
     assert _of(readings.illuminance.mean()).item() == pytest.approx(_plain_mean_lux(road, 0.0, 7.0), rel=1e-9)
+
+
+# The luminance method of RP-8 as loops: angles from the vectors of sight and light, veiling luminance for each edition.
+_VEIL = {
+    "RP-8-00": lambda theta: 10.0 / (theta * theta + 1.5 * theta),
+    "RP-8-14": lambda theta: 10.0 / theta ** (2.3 - 0.7 * np.log10(theta) if theta < 2.0 else 2.0),
+}
+
+
+def _by_rp8(road: RoadSection, ways) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Luminance and veiling luminance of all points of each direction, (heading, lanes from the right)."""
+    table, found, count = RoadSurface.of(road.surface), [], max(10, ceil(road.pole_spacing_m / 5.0))
+    for heading, lanes in ways:
+        light, veil = [], []
+        for y in [(lane + quarter) * road.lane_m for lane in lanes for quarter in (0.25, 0.75)]:
+            for x in (np.arange(count) + 0.5) * road.pole_spacing_m / count:
+                total, high = 0.0, road.pole_height_m
+                for lamp in _lamps(road):
+                    ahead, aside = heading * (lamp[0] - x), lamp[1] - y
+                    if -5.0 * high <= ahead <= 12.0 * high and abs(aside) <= 5.0 * high:
+                        r = _r(table, degrees(abs(atan2(aside, ahead))), hypot(ahead, aside) / high)
+                        total += _intensity(road, lamp, x, y, 0.0) * r / high**2
+                light.append(total)
+                veil.append(_rp8_veil(road, heading, x - 83.07 * heading, y))
+        found.append((np.array(light), np.array(veil)))
+    return found
+
+
+def _rp8_veil(road: RoadSection, heading: float, x: float, y: float) -> float:
+    total = 0.0
+    for lamp in _lamps(road):
+        to = np.array([heading * (lamp[0] - x), lamp[1] - y, road.pole_height_m - 1.45])
+        if not 0.0 < to[0] <= 500.0:
+            continue
+        cosine = to @ [cos(radians(1.0)), 0.0, -sin(radians(1.0))] / np.linalg.norm(to)
+        theta = degrees(np.arccos(cosine))
+        if theta <= 90.0:
+            total += _intensity(road, lamp, x, y, 1.45) * cosine / (to @ to) * _VEIL[road.standard](theta)
+    return total
+
+
+@pytest.mark.parametrize(
+    ("fields", "ways"),
+    [
+        ({"lanes": 2}, [(1.0, [0, 1])]),
+        ({"lanes": 3, "arrangement": "opposite", "edition": "RP-8-00", "oncoming_lanes": 1}, [(1, [0, 1]), (-1, [2])]),
+        ({"lanes": 3, "pole_spacing_m": 62.0, "driving_side": "left", "oncoming_lanes": 1}, [(1, [1, 2]), (-1, [0])]),
+        ({"lanes": 2, "pole_height_m": 4.0, "surface": "R2"}, [(1.0, [0, 1])]),  # far lamps within 2 degrees
+    ],
+)  # fmt: skip
+def test_a_road_by_rp_8_as_plain_loops_have_it(fields, ways) -> None:
+    road = RoadSection(**ROAD | {"lighting_class": "collector low", "overhang_m": 0.8, "tilt_deg": 6.0} | fields)
+    readings, wanted = RoadReadings.of(road), _by_rp8(road, ways)
+    assert len(readings.luminance) == len(readings.veiling) == len(ways)
+    for seen, veiling, lux, rows, (light, veil), (_, lanes) in zip(
+        readings.luminance, readings.veiling, readings.seen_lux, readings.rows, wanted, ways, strict=True
+    ):
+        ends = lanes[0] * road.lane_m, (lanes[-1] + 1) * road.lane_m
+        assert _of(lux).item() == pytest.approx(_plain_mean_lux(road, *ends, step_m=5.0), rel=1e-9)
+        np.testing.assert_allclose(_of(seen), light, rtol=1e-9)
+        np.testing.assert_allclose(_of(veiling), veil, rtol=1e-9)
+        np.testing.assert_allclose(rows, [(lane + part) * road.lane_m for lane in lanes for part in (0.25, 0.75)])
+    assert readings.wet == ()
+
+
+def test_editions_of_rp_8_agree_in_all_but_glare() -> None:
+    fields = ROAD | {"lighting_class": "major low"}
+    old, new = (RoadReadings.of(RoadSection(**fields, edition=name)) for name in ("RP-8-00", "RP-8-14"))
+    np.testing.assert_array_equal(_of(old.luminance[0]), _of(new.luminance[0]))
+    assert 0.6 < (_of(old.veiling[0]) / _of(new.veiling[0])).max() < 0.95
+    assert RoadSection(**fields).standard == "RP-8-14"
+
+
+# The bounds typed a second time: Lavg (cd/m²), Lavg/Lmin, Lmax/Lmin, Lv/Lavg.
+_RP8 = {
+    "freeway A": (0.6, 3.5, 6, 0.3), "freeway B": (0.4, 3.5, 6, 0.3), "expressway": (1.0, 3, 5, 0.3),
+    "major high": (1.2, 3, 5, 0.3), "major medium": (0.9, 3, 5, 0.3), "major low": (0.6, 3.5, 6, 0.3),
+    "collector high": (0.8, 3, 5, 0.4), "collector medium": (0.6, 3.5, 6, 0.4), "collector low": (0.4, 4, 8, 0.4),
+    "local high": (0.6, 6, 10, 0.4), "local medium": (0.5, 6, 10, 0.4), "local low": (0.3, 6, 10, 0.4),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", _RP8)
+def test_a_class_of_rp_8_asks_for_its_ratios(name: str) -> None:
+    asks = list(asked_of(RoadReadings.of(RoadSection(**ROAD | {"lighting_class": name, "maintenance_factor": 0.7}))))
+    assert [(each.quantity, each.sense) for each in asks] == [
+        ("light", ">="), ("mean_over_min", "<="), ("max_over_min", "<="), ("veiling_ratio", "<=")
+    ]  # fmt: skip
+    assert tuple(each.bound for each in asks) == _RP8[name]
+    assert _of(asks[0].light).item() == pytest.approx(0.7 * _of(asks[1].light).mean())
+    own = RoadSection(**ROAD | {"lighting_class": name, "uniformity": 0.5, "mean_cd_per_m2": 2.0, "oncoming_lanes": 1})
+    both = list(asked_of(RoadReadings.of(own.model_copy(update={"luminance_per_lux": 0.07}))))
+    assert [each.bound for each in both[:2]] == [2.0, 2.0] and both[3].bound == 0.07
+    assert [each.name for each in both[5:]] == [f"oncoming: {each.name}" for each in both[:5]]
 
 
 def test_a_driver_sees_by_a_pinhole_60_m_before_the_field() -> None:
@@ -317,7 +411,7 @@ def test_a_table_that_is_none_has_one_line(content: str, words: str, tmp_path) -
 @pytest.mark.parametrize(
     ("fields", "words"),
     [
-        ({"lanes": 4}, "no class M has lanes as narrow"),
+        ({"lanes": 4}, "no class by luminance has lanes as narrow"),
         ({"overhang_m": 7.5}, "hangs over the other side"),
         ({"pole_spacing_m": 120.0}, "above 12 pole heights"),
         ({"lighting_class": "P2", "uniformity": 0.5}, "uniformity is of a class M"),
@@ -327,6 +421,10 @@ def test_a_table_that_is_none_has_one_line(content: str, words: str, tmp_path) -
         ({"wet_uniformity": 0.2}, "name its wet_surface"),
         ({"oncoming_lanes": 2}, "oncoming_lanes = 2 leave none of lanes = 2"),
         ({"median_m": 2.0}, "median_m = 2 is for arrangement"),
+        ({"lighting_class": "major"}, "lighting_class"),
+        ({"edition": "RP-8-00"}, "edition = RP-8-00 is of a class of RP-8, the class is M3"),
+        ({"lighting_class": "local low", "glare_percent": 9.0}, "glare_percent is of a class M, the class is local"),
+        ({"lighting_class": "local low", "wet_surface": "W4"}, "wet_surface is of a class M"),
     ],
 )
 def test_no_such_road(fields, words: str) -> None:
