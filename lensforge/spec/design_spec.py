@@ -351,7 +351,7 @@ class Spec(Section):
     def _starts_within_the_largest_radius(self) -> "Spec":
         largest = self.constraints.max_radius_mm
         for name, face in self.lens.faces.items():
-            on_axis = name in ("cap", "exit")  # heights, which the radius about the axis does not limit
+            on_axis = name in ("cap", "exit", "mouth")  # heights, which the radius about the axis does not limit
             if face.offset_mm is not None and face.offset_mm > largest and not on_axis:
                 raise ValueError(
                     f"lens.{name}.offset_mm = {face.offset_mm:g} is beyond constraints.max_radius_mm = {largest:g}, "

@@ -20,7 +20,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, TypeVar,
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from lensforge.errors import InputError
-from lensforge.optics.media import DOUBLE, SIDES, TIR
+from lensforge.optics.media import DOUBLE, REFLECTOR, SIDES, TIR
 from lensforge.results.numerals import percent, quantity
 from lensforge.spec.renamed import with_new_names
 from lensforge.spec.spec_files import read_toml
@@ -50,7 +50,8 @@ class _Cause(NamedTuple):
 
 
 # Faces with a place of their own against the first one; the others are cut as one with it.
-_PLACED = {DOUBLE: ("outer",), TIR: ("wall", "exit")}
+_PLACED = {DOUBLE: ("outer",), TIR: ("wall", "exit"), REFLECTOR: ()}
+_WITHOUT_ERRORS = ("back", "mouth")  # no light meets the back, and the mouth is no surface
 PLACEMENT = ("shift_mm", "gap_mm", "tilt_deg")  # fields of such a face
 
 
@@ -64,6 +65,7 @@ def _of_faces(names: tuple[str, ...], field: str, cause: _Cause) -> dict[str, _C
     return {
         factor_name(face, field): cause._replace(words=f"{cause.words}, {face} face", face=face, field=field)
         for face in names
+        if face not in _WITHOUT_ERRORS
     }
 
 
@@ -318,9 +320,23 @@ class TirTolerances(FacesTolerances):
     """Those of the exit, and of its place against the cavity."""
 
 
+class ReflectorTolerances(FacesTolerances):
+    """All tolerances of a reflector."""
+
+    names = REFLECTOR
+
+    cup: FaceTolerances = Field(default_factory=FaceTolerances)
+    """Those of its mirror."""
+    back: FaceTolerances = Field(default_factory=FaceTolerances)
+    """None: no light meets it."""
+    mouth: FaceTolerances = Field(default_factory=FaceTolerances)
+    """None: it is no surface."""
+
+
 def tolerances_with(names: tuple[str, ...]) -> type[FacesTolerances]:
     """The class of all tolerances of a lens with faces of these ``names``."""
-    return PartTolerances if names == DOUBLE else TirTolerances
+    kinds: tuple[type[FacesTolerances], ...] = (PartTolerances, TirTolerances, ReflectorTolerances)
+    return next(kind for kind in kinds if kind.names == names)
 
 
 @dataclass(frozen=True)
