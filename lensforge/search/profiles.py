@@ -46,11 +46,20 @@ _THICKER = 1.15  # a back over the least wall: the wall varies as the cup moves
 
 @dataclass(frozen=True)
 class FaceParameters:
-    """One face by its ``start``: weights of the functions of its profile, relative to ``scale`` (1/mm)."""
+    """One face by its ``start``: weights of the functions of its profile, relative to ``scale`` (1/mm).
+
+    ``steps``: of each function of the profile in place of ``scale``, for a cup: 1/rho at its rim is a tenth of that at
+    its foot, or less.
+    """
 
     start: ReciprocalSurface
     basis: ProfileBasis
     scale: float
+    steps: Float[np.ndarray, " c"] | None = None
+
+    def moved_by(self, weights: Float[Tensor, " c"]) -> Float[Tensor, " c"]:
+        """Changes (1/mm) of the coefficients by relative weights."""
+        return self.scale * weights if self.steps is None else torch.from_numpy(self.steps) * weights
 
     @cached_property
     def coefficients(self) -> Float[np.ndarray, " c"]:
@@ -157,7 +166,7 @@ class ProfileParameters(Parametrisation):
         """``1/rho`` (1/mm) at the nodes, before the offset."""
         if isinstance(own, ReciprocalSurface):
             return torch.from_numpy(own.reciprocal(self._nodes)[0])
-        column = torch.from_numpy(own.coefficients) + own.scale * weights[: self.profile, face]
+        column = torch.from_numpy(own.coefficients) + own.moved_by(weights[: self.profile, face])
         values = self._profiles[face] @ column
         return values if sums is None else values + own.scale * sums[face].reshape(-1)
 
@@ -203,7 +212,9 @@ class ProfileParameters(Parametrisation):
                 towards = _HORIZON if isinstance(own, ConeFace) else _AXIS
                 offsets[face] = surface.radius(towards)[0] / own.radius(towards)[0]
             elif isinstance(own, FaceParameters) and self.columns[face] == face:
-                moved = (own.coefficients_of(surface) - own.coefficients) / own.scale
+                moved = (own.coefficients_of(surface) - own.coefficients) / (
+                    own.scale if own.steps is None else own.steps
+                )
                 weights[: self.profile, face] = torch.from_numpy(moved)
                 if isinstance(surface, FormedFace) and self.srbf == surface.srbf:
                     weights[self.profile :, face] = torch.from_numpy(surface.weights_per_mm / own.scale)
@@ -222,7 +233,7 @@ class ProfileParameters(Parametrisation):
             elif isinstance(own, PlaneFace):
                 found[name] = replace(own, height_mm=own.height_mm / factor)
             elif isinstance(own, FaceParameters):
-                moved = own.coefficients + own.scale * weights[: self.profile, face].numpy()
+                moved = own.coefficients + own.moved_by(weights[: self.profile, face]).numpy()
                 profile = own.start.reach_mm, own.basis.low, own.basis.high, tuple((factor * moved).tolist())
                 functions = factor * own.scale * weights[self.profile :, face].numpy()
                 found[name] = ProfileFace(*profile)
@@ -241,14 +252,17 @@ def _parameters(body: Body, name: str, count: int) -> FaceParameters:
     faces, directions = body.bounding(face.before), fibonacci_hemisphere(_DIRECTIONS)
     own = directions[nearest(faces, directions) == faces.index(face)]
     low, high = max(_LOWEST, own[:, 2].min() - _BEYOND), min(1.0, own[:, 2].max() + _BEYOND)
-    scale = float(np.abs(face.surface.reciprocal(own)[0]).mean())
-    return FaceParameters(face.surface, ProfileBasis(low, high, count), scale)
+    reciprocals, basis = np.abs(face.surface.reciprocal(own)[0]), ProfileBasis(low, high, count)
+    if not any(each.is_open for each in faces):
+        return FaceParameters(face.surface, basis, float(reciprocals.mean()))
+    found = FaceParameters(face.surface, basis, float(reciprocals.min()))
+    return replace(found, steps=np.maximum(np.abs(found.coefficients), found.scale))
 
 
 def _following(face: Face, leader: FaceParameters | ReciprocalSurface | None) -> FaceParameters:
     """Parameters of a face that follows another one: functions and scale are those of that one."""
     assert isinstance(face.surface, ReciprocalSurface) and isinstance(leader, FaceParameters)
-    return FaceParameters(face.surface, leader.basis, leader.scale)
+    return replace(leader, start=face.surface)
 
 
 def start_faces(spec: Spec) -> dict[str, Surface]:

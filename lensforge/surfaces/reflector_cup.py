@@ -5,7 +5,7 @@ it went. The flatter it is, the farther from the source light meets it, and the 
 the deeper, the more light it takes. Which one suits a source and a beam is found by a scan.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -21,11 +21,12 @@ _RAYS, _TRIED = 128, 48  # angles of the estimated share, and focal lengths that
 _LOWEST, _BEYOND = -0.15, 0.1  # cosines: of the lowest point of a back, and by which it is known beyond its rim
 _COEFFICIENTS, _MERIDIANS, _ALONG = 24, 32, 721  # of a back; of a cup, and places on each
 _FLATTEST = 0.2  # height of the mouth over its radius, at least
+_ENOUGH = 0.98  # of the largest share: among these the lowest cup is chosen
 
 _Values = Float[np.ndarray, " n"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, order=True)
 class ParabolicCup:
     """A paraboloid of ``focal_mm`` about the origin, whose body of ``wall_mm`` has ``radius_mm`` at its mouth."""
 
@@ -67,12 +68,13 @@ def best_cup(
     clearance_mm: float = 0.0,
     most_height_mm: float = np.inf,
 ) -> ParabolicCup:
-    """The paraboloid that turns the largest share of a square Lambertian source into a half angle, at first order.
+    """The lowest paraboloid of those that turn most of a square Lambertian source into a half angle, at first order.
 
     ``clearance_mm``: least radius at z = 0. Raises :class:`InputError` where no paraboloid has room.
     """
     least, most = max(0.5 * clearance_mm, 1e-3 * radius_mm), 0.5 * radius_mm
-    tried = [ParabolicCup(focal, radius_mm, wall_mm) for focal in np.geomspace(least, max(most, least), _TRIED)]
+    focal_mm = np.geomspace(least, max(most, least), _TRIED).tolist()
+    tried = [ParabolicCup(focal, radius_mm, wall_mm) for focal in focal_mm]
     fitting = [
         each for each in tried if _FLATTEST * each.rim_mm <= each.height_mm <= most_height_mm and each.rim_mm > 0
     ]
@@ -82,12 +84,13 @@ def best_cup(
             f"z = 0, a wall of {wall_mm:.3g} mm, and a height of {most_height_mm:.4g} mm at most; raise the radius or "
             "the height, or take a smaller source"
         )
-    return max(fitting, key=lambda each: each.share(half_angle_rad, side_mm))
+    shares = [each.share(half_angle_rad, side_mm) for each in fitting]
+    return max(each for each, share in zip(fitting, shares, strict=True) if share >= _ENOUGH * max(shares))
 
 
 def reflector_faces(
     cup: Surface, radius_mm: float, wall_mm: float, height_mm: float | None = None, most_height_mm: float = np.inf
-) -> dict[str, ReciprocalSurface | Surface]:
+) -> dict[str, Surface]:
     """The faces of a reflector by name: ``cup``, ``back`` and ``mouth``.
 
     The mouth is at ``height_mm``, by default where the back has ``radius_mm`` from the axis, or is widest below that,
@@ -102,14 +105,16 @@ def reflector_faces(
     above = np.flatnonzero(heights > height_mm)
     if not (height_mm > 0.0 and len(above)):
         raise InputError(
-            f"reflector: its cup, of {radius_mm:.4g} mm radius with its wall, does not reach the height {height_mm:.4g} "
-            "mm of a mouth above the source; change lens.mouth.offset_mm, the cup, or constraints.max_radius_mm"
+            f"reflector: its cup, of {radius_mm:.4g} mm radius with its wall, does not reach up to {height_mm:.4g} mm "
+            "above the source, to its mouth; change lens.mouth.offset_mm, the cup, or constraints.max_radius_mm"
         )
     rim = float(polar[above[0]])
     reach = _ROOM * float(behind[above[0]])
     basis = ProfileBasis(_LOWEST, min(1.0, float(np.cos(rim)) + _BEYOND), _COEFFICIENTS)
     known = np.cos(polar) <= basis.high
     back = ProfileFace(reach, basis.low, basis.high, basis.nearest(np.cos(polar[known]), 1.0 / behind[known]))
+    if isinstance(cup, ReciprocalSurface):  # a conic has no reach of its own
+        cup = replace(cup, reach_mm=min(reach, cup.reach_mm))
     return {"cup": cup, "back": back, "mouth": PlaneFace(reach, height_mm)}
 
 
