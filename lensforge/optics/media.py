@@ -229,6 +229,12 @@ class Media:
         """Coating of the face of this name; None for a bare one."""
         return next((each.coating for each in self.coatings if each.face == face), None)
 
+    @property
+    def cup(self) -> Mirror | None:
+        """The mirror of a reflector, by which light leaves that does not leave directly; None for a lens."""
+        found = self.coating(REFLECTOR[0])
+        return found if isinstance(found, Mirror) else None
+
     def around(self, medium: str) -> float:
         """Index of what lies around the body: CAVITY or OUTSIDE."""
         return {CAVITY: self.cavity_index, OUTSIDE: self.outside_index}[medium]

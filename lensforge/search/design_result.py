@@ -284,8 +284,10 @@ def _limits_of_faces(names: tuple[str, ...]) -> Iterator[tuple[str, tuple[str, .
     }
     for kind, media, field, remedy in _LIMITS:
         if media:
-            faces, firsts = sum((bounding[each] for each in media), ()), [bounding[each][0] for each in media]
-            faces = tuple(dict.fromkeys(faces))
+            faces = tuple(dict.fromkeys(sum((bounding[each] for each in media), ())))
+            firsts = [bounding[each][0] for each in media]
+            if openings:  # what is behind follows: the mouth says how large the body is, the cup how thick
+                firsts = [firsts[0]] * 2 if len(media) == 2 else [names[0] if media == ON_CAVITY else openings[0]]
             yield kind, faces, field, remedy.format(*firsts, field=field)
             continue
         for name in names:

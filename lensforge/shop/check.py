@@ -72,7 +72,7 @@ def _faces(lens: Lens, pair: Pair[Patch]) -> dict[str, FaceCheck]:
     manufacture, found = lens.spec.manufacture, {}
     for boundary in pair:
         faces = {}
-        for face in boundary.of_material:
+        for face in (each for each in boundary.faces if not each.is_open):
             cut = replace(face.shape, control=manufacture.scale * face.shape.control)
             sense = -1 if face.name in FROM_BELOW else 1
             air = air_side(lens.body.face(face.name), manufacture)
@@ -80,7 +80,7 @@ def _faces(lens: Lens, pair: Pair[Patch]) -> dict[str, FaceCheck]:
         for name, own in faces.items():
             beside = tuple(other for each, other in faces.items() if each != name)
             found[name] = check_face(replace(own, beside=beside), manufacture.cutter_radius_mm)
-    return {name: found[name] for name in lens.surfaces}
+    return {name: found[name] for name in lens.surfaces if name in found}
 
 
 def _edges(pair: Pair[Patch]) -> tuple[Edge, ...]:

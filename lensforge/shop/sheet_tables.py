@@ -37,16 +37,19 @@ Rows = list[list[str]]
 def optical_table(lens: Lens, part: Part, check: Check, words: DrawingSection) -> Rows:
     """Rows of texts: of the faces of the envelope, the last first, of the material, and of the faces of the cavity."""
     outwards, inwards = (
-        [_face(face.name, lens, part, check, words) for face in reversed(faces)]
+        [_face(face.name, lens, part, check, words) for face in reversed(faces) if not face.is_open]
         for faces in (lens.body.envelope, lens.body.cavity)
     )
     spec = lens.spec.lens
-    index = lens.spec.part_tolerances.tolerance("index").amount
+    index = 0.0 if spec.is_opaque else lens.spec.part_tolerances.tolerance("index").amount
     material = [
         _HEAD,
         spec.material,
-        f"n = {spec.refractive_index:g}{f' ±{index:g}' if index else ''}",
-        index_wavelength(lens),
+        *(
+            [NOTHING, NOTHING]
+            if spec.is_opaque
+            else [f"n = {spec.refractive_index:g}{f' ±{index:g}' if index else ''}", index_wavelength(lens)]
+        ),
         f"0/ {NOTHING}",
         f"1/ {NOTHING}",
         f"2/ {NOTHING}",

@@ -70,6 +70,11 @@ class FacesSection(Section):
         """Names of the faces that a search changes."""
         return tuple(name for name, face in self.faces.items() if face.fixed is None)
 
+    @property
+    def outward(self) -> str:
+        """Name of the face whose offset sets the wall from outside."""
+        return self.names[-1]
+
     @model_validator(mode="after")
     def _one_is_free(self) -> "FacesSection":
         if all(face.fixed is not None for face in self.faces.values()):
@@ -178,3 +183,8 @@ class ReflectorFaces(FacesSection):
     def free(self) -> tuple[str, ...]:
         """All faces, or none where the cup is given: the others follow it."""
         return self.names if self.cup.fixed is None else ()
+
+    @property
+    def outward(self) -> str:
+        """The cup: its back follows it."""
+        return "cup"

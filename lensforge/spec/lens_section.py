@@ -59,6 +59,11 @@ class LensShape(LensMaterial):
         return self
 
     @property
+    def title(self) -> str:
+        """Words for a lens of this kind."""
+        return "double-freeform lens"
+
+    @property
     def may_be_round(self) -> bool:
         """True for a lens that has a shape without any level: faces of revolution."""
         return False
@@ -176,6 +181,11 @@ class TirSection(ProfiledShape, TirFaces):
 
     kind: Literal["tir"]
 
+    @property
+    def title(self) -> str:
+        """Words for a lens of this kind."""
+        return "lens for total internal reflection"
+
 
 class ReflectorSection(ProfiledShape, ReflectorFaces):
     """A reflector: a cup about the source, whose inside is a mirror, open at its mouth.
@@ -196,6 +206,11 @@ class ReflectorSection(ProfiledShape, ReflectorFaces):
                 f"{self.outside_index:g} inside, too; give the same for both"
             )
         return self
+
+    @property
+    def title(self) -> str:
+        """Words for it."""
+        return "reflector"
 
     @property
     def is_opaque(self) -> bool:

@@ -94,7 +94,7 @@ def _causes(names: tuple[str, ...]) -> dict[str, _Cause]:
         "lens_shift_mm": _Cause("lens against source, decentre", (0.02, 0.05, 0.05), 2),
         "lens_height_mm": _Cause("lens against source, height", (0.01, 0.03, 0.05)),
         "lens_tilt_deg": _Cause("lens against source, tilt", (0.05, 0.1, 0.2), 2),
-        "index": _Cause("refractive index", (0.0005, 0.001, 0.001)),
+        **({} if names == REFLECTOR else {"index": _Cause("refractive index", (0.0005, 0.001, 0.001))}),
         "shrinkage": _Cause("shrinkage", (0.0, 0.0, 0.001)),
         **_of_faces(names, "roughness_mrad", _Cause("roughness", (0.2, 0.5, 0.5), 1, "one-sided")),
         **_of_faces(names, "ripple_um", _Cause("ripple", (0.01, 0.02, 0.0), 1, "one-sided")),
