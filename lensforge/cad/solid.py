@@ -259,7 +259,7 @@ class Opening:
 
     @staticmethod
     def of(plan: Plan[Patch]) -> "Opening | None":
-        """That of a plan; None for a closed one."""
+        """The opening of a plan; None for a closed one."""
         crease, ring = plan.cavity.opening, plan.envelope.faces[0]
         if crease is None:
             return None

@@ -284,13 +284,15 @@ def _reflector_faces(spec: Spec) -> dict[str, Surface]:
     radius_mm = limits.max_radius_mm - 2.0 * limits.margin_mm
     wall_mm = _THICKER * (limits.min_thickness_mm + 2.0 * limits.margin_mm)
     most_mm = np.inf if limits.max_height_mm is None else limits.max_height_mm - limits.margin_mm
-    cup = lens.fixed["cup"]
+    cup, height_mm = lens.fixed["cup"], lens.mouth.offset_mm
     try:
         if cup is None:
             clear_mm, side_mm = _room(spec)
             best = best_cup(radius_mm, wall_mm, side_mm, _beam_rad(spec), clearance_mm=clear_mm, most_height_mm=most_mm)
-            cup = best.face if lens.cup.offset_mm is None else replace(best, focal_mm=0.5 * lens.cup.offset_mm).face
-        return reflector_faces(cup, radius_mm, wall_mm, lens.mouth.offset_mm, most_mm)
+            if lens.cup.offset_mm is not None:
+                best = replace(best, focal_mm=0.5 * lens.cup.offset_mm)
+            cup, height_mm = best.face, height_mm or best.height_mm
+        return reflector_faces(cup, radius_mm, wall_mm, height_mm, most_mm)
     except InputError as error:
         raise InputError(f"lens: {str(error).removeprefix('reflector: ')} (lens.kind = 'reflector')") from None
 

@@ -255,6 +255,8 @@ class Spec(Section):
 
     @model_validator(mode="after")
     def _plate_holds_its_lenses(self) -> "Spec":
+        if self.plate is not None and self.lens.is_opaque:
+            raise ValueError(f"plate: goes with lenses, not with lens.kind = {self.lens.kind!r}; leave it out")
         if self.plate is not None:
             require_plate(self.plate, self.lamps, self.constraints)
         return self

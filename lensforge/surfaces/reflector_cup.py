@@ -6,6 +6,7 @@ the deeper, the more light it takes. Which one suits a source and a beam is foun
 """
 
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from jaxtyping import Float
@@ -17,7 +18,8 @@ from lensforge.surfaces.reciprocal import ConicFace, PlaneFace, ReciprocalSurfac
 from lensforge.surfaces.surface import Surface
 
 _ROOM = 1.4  # reach of a face over its farthest point, as of a collimator
-_RAYS, _TRIED = 128, 48  # angles of the estimated share, and focal lengths that are tried
+_RAYS, _TRIED = 64, 24  # angles of the estimated share; focal lengths that are tried, and radii
+_NARROWEST = 0.2  # of the largest radius: of a mouth that is tried
 _LOWEST, _BEYOND = -0.15, 0.1  # cosines: of the lowest point of a back, and by which it is known beyond its rim
 _COEFFICIENTS, _MERIDIANS, _ALONG = 24, 32, 721  # of a back; of a cup, and places on each
 _FLATTEST = 0.2  # height of the mouth over its radius, at least
@@ -26,7 +28,7 @@ _ENOUGH = 0.98  # of the largest share: among these the lowest cup is chosen
 _Values = Float[np.ndarray, " n"]
 
 
-@dataclass(frozen=True, order=True)
+@dataclass(frozen=True)
 class ParabolicCup:
     """A paraboloid of ``focal_mm`` about the origin, whose body of ``wall_mm`` has ``radius_mm`` at its mouth."""
 
@@ -70,14 +72,14 @@ def best_cup(
 ) -> ParabolicCup:
     """The lowest paraboloid of those that turn most of a square Lambertian source into a half angle, at first order.
 
-    ``clearance_mm``: least radius at z = 0. Raises :class:`InputError` where no paraboloid has room.
+    ``radius_mm``: of its body at the mouth, at most. ``clearance_mm``: least radius at z = 0. Raises
+    :class:`InputError` where no paraboloid has room.
     """
-    least, most = max(0.5 * clearance_mm, 1e-3 * radius_mm), 0.5 * radius_mm
-    focal_mm = np.geomspace(least, max(most, least), _TRIED).tolist()
-    tried = [ParabolicCup(focal, radius_mm, wall_mm) for focal in focal_mm]
-    fitting = [
-        each for each in tried if _FLATTEST * each.rim_mm <= each.height_mm <= most_height_mm and each.rim_mm > 0
-    ]
+    least = max(0.5 * clearance_mm, 1e-3 * radius_mm)
+    focal_mm = np.geomspace(least, max(0.5 * radius_mm, least), _TRIED).tolist()
+    radii_mm = np.geomspace(_NARROWEST * radius_mm, radius_mm, _TRIED).tolist()
+    tried = [ParabolicCup(*sizes, wall_mm) for sizes in product(focal_mm, radii_mm)]
+    fitting = [each for each in tried if 0.0 < _FLATTEST * each.rim_mm <= each.height_mm <= most_height_mm]
     if not fitting:
         raise InputError(
             f"reflector: radius = {radius_mm:.4g} mm leaves no room for a cup of {2.0 * least:.4g} mm at least at "
@@ -85,7 +87,8 @@ def best_cup(
             "the height, or take a smaller source"
         )
     shares = [each.share(half_angle_rad, side_mm) for each in fitting]
-    return max(each for each, share in zip(fitting, shares, strict=True) if share >= _ENOUGH * max(shares))
+    best = (each for each, share in zip(fitting, shares, strict=True) if share >= _ENOUGH * max(shares))
+    return min(best, key=lambda each: each.height_mm)
 
 
 def reflector_faces(
