@@ -33,7 +33,7 @@ class _DesignedFace(Section):
     def _starts_once(self) -> "_DesignedFace":
         if self.offset_mm is not None and self.fixed is not None:
             raise ValueError("give one of offset_mm, where the search starts, and fixed, a surface that stays")
-        if self.coating is not None and self.mirror is not None:
+        if self.coating is not None and self.mirror is not None and "mirror" in self.model_fields_set:
             raise ValueError("give one of coating and mirror")
         return self
 

@@ -256,7 +256,7 @@ class FixedBiconic(_ByFormula):
         return _made(Biconic, self.vertex_z_mm, *radii, *conics)
 
 
-_FARTHEST = 64.0  # over the vertex: where no reach is asked for
+_FARTHEST, _ROOM = 64.0, 1.1  # reach of a paraboloid over its vertex, and of an ellipsoid over its farthest point
 
 
 class FixedFocalConic(_ByFormula):
@@ -275,11 +275,10 @@ class FixedFocalConic(_ByFormula):
     def surface(self) -> Surface:
         """Surface about the axis: semi-axis a = f + c, eccentricity c/a, parameter (a^2 - c^2)/a, f the vertex."""
         half = None if self.second_focus_mm is None else 0.5 * self.second_focus_mm
-        reach = _FARTHEST * self.vertex_mm if half is None else 2.0 * half + self.vertex_mm
         if half is None:
-            return _made(ConicFace, reach, 2.0 * self.vertex_mm, 1.0)
+            return _made(ConicFace, _FARTHEST * self.vertex_mm, 2.0 * self.vertex_mm, 1.0)
         axis = self.vertex_mm + half
-        return _made(ConicFace, reach, (axis - half) * (axis + half) / axis, half / axis)
+        return _made(ConicFace, _ROOM * (axis + half), (axis - half) * (axis + half) / axis, half / axis)
 
 
 def _resolved(face: FixedFace) -> FixedFace:
