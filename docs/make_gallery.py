@@ -27,6 +27,7 @@ GROUPS = {
     "Roads": ("road_m3", "road_wide", "road_luminance", "pedestrian"),
     "Lamps together": ("backlight", "backlight_plate", "high_bay", "panel", "street_module"),
     "Total internal reflection": ("spot", "spot_10", "oval", "flashlight", "desk_spot", "collimating_mirror"),
+    "Reflectors": ("reflector", "ellipsoidal_reflector"),
     "Materials": ("silicone", "coated_cover_glass"),
     "Designs of published papers": (
         "published/rectangle_2mm", "published/rectangle_3mm", "published/compact_rectangle",

@@ -6,8 +6,8 @@ the domain of each face a disc or a ring of the chart. A crease is known by its 
 azimuth, to rounding: a table, and a Newton step on the two faces.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import groupby
 from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
@@ -119,16 +119,26 @@ WHOLE = Domain()
 
 @dataclass(frozen=True, eq=False)
 class TrimmedFace(Generic[Shape]):
-    """A face of a boundary: its name, its shape, and its domain."""
+    """A face of a boundary: its name, its shape, and its domain.
+
+    ``is_open``: an opening of the cavity. It has no material within the body's inner rim; the body ends in the ring
+    around that.
+    """
 
     name: str
     shape: Shape
     domain: Domain = WHOLE
+    is_open: bool = False
+
+    @property
+    def is_ring(self) -> bool:
+        """True for the ring in which a body ends around an opening."""
+        return self.is_open and self.domain.inside is not None
 
     @property
     def label(self) -> str:
         """Name of its face in the solid."""
-        return optical_name(self.name)
+        return ring_name(self.name) if self.is_open else optical_name(self.name)
 
 
 def optical_name(name: str) -> str:
@@ -136,11 +146,34 @@ def optical_name(name: str) -> str:
     return f"OPTICAL_{name.upper()}"
 
 
+def ring_name(name: str) -> str:
+    """The name in the solid of the ring around the opening ``name``."""
+    return f"{name.upper()}_RIM"
+
+
 @dataclass(frozen=True, eq=False)
 class Boundary(Generic[Shape]):
     """The faces that bound a medium, from the axis to the rim; together they are star-shaped as each of them is."""
 
     faces: tuple[TrimmedFace[Shape], ...]
+
+    @property
+    def opening(self) -> Crease | None:
+        """The inner rim of the body around an opening; None for a body without one."""
+        first = self.faces[0]
+        return (first.domain.inside or first.domain.outside) if first.is_open else None
+
+    @property
+    def of_material(self) -> tuple[TrimmedFace[Shape], ...]:
+        """The faces that have material on one side."""
+        return tuple(face for face in self.faces if face.is_ring or not face.is_open)
+
+    def closed(self, directions: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+        """True in directions that meet material."""
+        if self.opening is None:
+            return np.ones(len(directions), dtype=bool)
+        azimuths, radius = _polar(to_chart(directions))
+        return np.asarray(radius > self.opening.radius(azimuths))
 
     @property
     def creases(self) -> tuple[Crease, ...]:
@@ -198,7 +231,30 @@ def boundaries(body: Body) -> Pair[Surface]:
     """
     if len(body.cavity) != 1 or len(body.envelope) != 1:
         body.require_sound()
-    return _boundary(body.cavity), _boundary(body.envelope)
+    pair = _boundary(body.cavity), _boundary(body.envelope)
+    return _around_opening(*pair) if any(face.is_open for face in body.faces) else pair
+
+
+def of_shapes(pair: Pair[Shape], shapes: Mapping[str, Other]) -> Pair[Other]:
+    """The same boundaries of other shapes by the names of their faces; each is close to the one before."""
+    cavity, envelope = (each.of([shapes[face.name] for face in each.faces]) for each in pair)
+    return (cavity, envelope) if pair[0].opening is None else _around_opening(cavity, envelope)
+
+
+def _around_opening(cavity: Boundary[Shape], envelope: Boundary[Shape]) -> Pair[Shape]:
+    """Boundaries whose first face is the same opening, which is a ring of the body between their creases."""
+    (first, *inside), (other, *outside) = cavity.faces, envelope.faces
+    rims = [face.domain.outside for face in (first, other)]
+    if first.name != other.name or None in rims:
+        raise InputError(f"faces {first.name} and {other.name}: an opening must be met by the axis, and be one alone")
+    inner, outer = (rim.radius(_azimuths()) for rim in rims if rim is not None)
+    if not (outer - inner).min() > 0.0:
+        raise InputError(
+            f"face {first.name}: {cavity.faces[1].name} and {envelope.faces[1].name} meet in it; no wall is left at "
+            "its rim"
+        )
+    ring = replace(other, domain=Domain(rims[0], rims[1]), is_open=True)
+    return Boundary((replace(first, is_open=True), *inside)), Boundary((ring, *outside))
 
 
 @lru_cache(maxsize=4)  # sections and drawing ask for it

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.cad.boundary import WHOLE, Domain, Pair, lens_boundaries
+from lensforge.cad.boundary import WHOLE, Domain, Pair, lens_boundaries, of_shapes
 from lensforge.cad.outline import FULL_TURN
 from lensforge.cad.part_limits import FORM_LIMIT_NM, NORMAL_LIMIT_MRAD
 from lensforge.cad.patch import MAX_NODES, Patch, default_nodes, fit_patch
@@ -80,12 +80,11 @@ def fit_faces(lens: Lens, *nodes: int) -> tuple[Patch, ...]:
 
 def fit_boundaries(pair: Pair[Surface], nodes: Mapping[str, int]) -> Pair[Patch]:
     """The boundaries of cavity and body by fitted faces; ``nodes``: by name, as many as they need where left out."""
-    faces = [face for boundary in pair for face in boundary.faces]
+    faces = [face for boundary in pair for face in boundary.of_material]
     with ThreadPoolExecutor() as pool:
         fitted = pool.map(lambda face: fit_to_form(face.shape, nodes.get(face.name), face.domain), faces)
         patches = dict(zip((face.name for face in faces), fitted, strict=True))
-    cavity, envelope = (each.of([patches[face.name] for face in each.faces]) for each in pair)
-    return cavity, envelope
+    return of_shapes(pair, patches)
 
 
 def fit_to_form(surface: Surface, nodes: int | None = None, domain: Domain = WHOLE) -> Patch:

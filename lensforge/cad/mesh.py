@@ -1,7 +1,8 @@
 """The closed triangle mesh of the body, directly from the spline patches, without CAD or mesh libraries.
 
 The body is one stack of rings: from the outer apex down the envelope to its rim, around the base (its outline, flange,
-bottom, pocket and bore), and from the inner rim up the cavity to the inner apex. A crease is one of these rings.
+bottom, pocket and bore), and from the inner rim up the cavity to the inner apex. A crease is one of these rings. Around
+an opening the stack begins and ends with the ring of its rim, in place of both apexes.
 Neighbouring rings are joined by a strip of triangles, so by construction the mesh is closed, its faces share their rims
 and creases, and its normals point outwards. Where the outer rim crosses the base's outline the two rings share that
 vertex, and the strip between them changes from a ledge (facing up) to an overhang (facing down). Last, facets of the
@@ -47,20 +48,34 @@ def dome_rings(
     boundary: Boundary[Patch], rings: int, rim: Float[np.ndarray, " n"], chord_mm: float | None
 ) -> list[Ring]:
     """Rings from the apex to the rim, on each face equally spaced in angle; those at creases within ``chord_mm``."""
-    found = [Ring(np.zeros(1), points_in(boundary, np.array([[0.0, 0.0, 1.0]])), boundary.faces[0].label)]
-    first = 0
-    for face, last in zip(boundary.faces, _last_rings(boundary, rings), strict=True):
+    first, *lasts = _last_rings(boundary, rings)
+    found = [_first_ring(boundary, first, chord_mm)]
+    for face, last in zip(boundary.of_material, lasts, strict=True):
         found[-1] = replace(found[-1], strip=face.label)
         found += _face_rings(face, first, last, rim, chord_mm)
         first = last
     return found
 
 
+def _first_ring(boundary: Boundary[Patch], number: int, chord_mm: float | None) -> Ring:
+    """The apex, or the inner rim around an opening."""
+    face, crease = boundary.faces[0], boundary.opening
+    if crease is None:
+        return Ring(np.zeros(1), points_in(boundary, np.array([[0.0, 0.0, 1.0]])), face.label)
+    azimuths, line = np.arange(6 * number) * (FULL_TURN / (6 * number)), _line(face.shape, crease)
+    if chord_mm is not None:
+        azimuths = refined_azimuths((line,), azimuths, chord_mm)
+    return Ring(azimuths, line(azimuths), face.label)
+
+
 def _last_rings(boundary: Boundary[Patch], rings: int) -> list[int]:
-    """Number of the last ring of each face: that of a crease by its mean angle from the axis."""
-    turns = np.linspace(0.0, FULL_TURN, 6 * rings)
-    shares = [float(2.0 * np.arctan(crease.radius(turns)).mean() / (np.pi / 2)) for crease in boundary.creases]
-    last: list[int] = []
+    """Number of the first ring, and of the last of each face: that of a crease by its mean angle from the axis."""
+    turns, opening = np.linspace(0.0, FULL_TURN, 6 * rings), boundary.opening
+    creases = [each.domain.outside for each in boundary.of_material[:-1]]
+    shares = [
+        float(2.0 * np.arctan(crease.radius(turns)).mean() / (np.pi / 2)) for crease in (opening, *creases) if crease
+    ]
+    last = [] if opening is not None else [0]
     for number, share in enumerate(shares):  # each face has a ring of its own at least
         least = 1 + (last[-1] if last else 0)
         last.append(min(max(round(rings * share), least), rings - len(shares) + number))
@@ -196,9 +211,13 @@ def build_mesh(plan: Plan[Patch], rings: int, chord_mm: float | None = None) -> 
     below = list(_below(plan, rim))
     upwards = [replace(ring, strip=above.strip) for above, ring in zip([hollow[0], *hollow[:-1]], hollow, strict=True)]
     stack = [*dome[:-1], *below, *reversed(upwards)]
-    seat = rings + [ring.strip for ring in below].index(TOP if plan.has_base else RIM)  # it meets the base's outline
+    seat = (
+        len(dome) - 1 + [ring.strip for ring in below].index(TOP if plan.has_base else RIM)
+    )  # it meets the base's outline
     counts = [len(ring.azimuths) for ring in stack]
     ids = np.split(np.arange(sum(counts)), np.cumsum(counts)[:-1])
+    if plan.cavity.opening is not None:  # around it the last ring is the first one
+        ids[-1] = ids[0]
     if plan.has_base:
         _share_crossings(plan, stack, ids, seat)
     strips = [zip_rings(stack[k], stack[k + 1], ids[k], ids[k + 1]) for k in range(len(stack) - 1)]

@@ -42,8 +42,8 @@ class Plan(Generic[Shape]):
 
     @property
     def faces(self) -> tuple[TrimmedFace[Shape], ...]:
-        """The optical faces, those of the envelope first."""
-        return self.envelope.faces + self.cavity.faces
+        """The optical faces, those of the envelope first, and the ring around an opening."""
+        return self.envelope.of_material + self.cavity.of_material
 
     @property
     def has_base(self) -> bool:
@@ -104,7 +104,7 @@ def rim_directions(azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"
 def make_plan(cavity: Shape | Boundary[Shape], envelope: Shape | Boundary[Shape], base: BaseSection) -> Plan[Shape]:
     """Lay out the body. Raises :class:`InputError` if the surfaces touch or the base cannot hold the cavity."""
     with remedy("raise constraints.min_thickness_mm and design again"):
-        _require_wall(cavity, envelope)
+        _require_wall(*as_pair(cavity, envelope))
     if base.kind in ("cylinder", "square"):
         _require_opening_inside(cavity, base, outline_of(base))
     plan = lay_out(cavity, envelope, base)
@@ -171,10 +171,11 @@ def _relief_ring(opening: StarShaped | Outline, envelope: StarShaped, base: Base
     return circle(float(rim.min()) - base.relief_setback_mm)
 
 
-def _require_wall(cavity: StarShaped, envelope: StarShaped) -> None:
+def _require_wall(cavity: Boundary[Any], envelope: Boundary[Any]) -> None:
     chart = grid(_WALL_NODES, half_width=1.0).reshape(-1, 2)
     directions = to_sphere(chart[np.sum(chart**2, axis=1) <= 1.0])
     directions = np.concatenate([directions, rim_directions(sampled_azimuths())])
+    directions = directions[cavity.closed(directions)]
     wall = envelope.radius(directions) - cavity.radius(directions)
     worst = int(np.argmin(wall))
     if wall[worst] <= 0.0:

@@ -3,10 +3,12 @@
 Lens and built-in bases are cut in closed form, a base from a STEP file by its mesh.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.cad.boundary import Boundary, lens_boundaries
+from lensforge.cad.boundary import Boundary, Pair, lens_boundaries
 from lensforge.cad.custom_base import mesh_of_base
 from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.plan import Corner, base_corners, lay_out, rim_directions
@@ -26,14 +28,35 @@ def body_outlines(lens: Lens, azimuth_deg: float) -> list[Curve]:
     """
     azimuth = np.radians(azimuth_deg)
     across = rim_directions(np.array([azimuth]))[0]
-    pair = lens_boundaries(lens)
+    pair, base = lens_boundaries(lens), base_with_room(lens)
+    if pair[0].opening is not None:
+        return [*_around_opening(pair, azimuth, base), *([] if base.file is None else _cut_of_file(base, across))]
     inner, outer = (profile(each, across) for each in pair)
-    base = base_with_room(lens)
     if base.file is not None:
         return [np.concatenate([outer, inner[::-1]]), *_cut_of_file(base, across)]
     corners = base_corners(lay_out(*pair, base))[1:]  # the first is the outer rim itself
     right, left = (_at(corners, azimuth + turn) for turn in (0.0, np.pi))
     return [np.concatenate([outer, right, inner[::-1], left[::-1] * (-1.0, 1.0)])]
+
+
+def _around_opening(pair: Pair[Surface], azimuth: float, base: BaseSection) -> Iterator[Curve]:
+    """An outline on each side of the axis, from the rim of the opening around the base and back."""
+    corners = [] if base.file is not None else base_corners(lay_out(*pair, base))[1:]
+    for sign, turn in ((1.0, azimuth), (-1.0, azimuth + np.pi)):
+        inner, outer = (_from_opening(each, turn) for each in pair)
+        yield np.concatenate([outer, _at(corners, turn), inner[::-1]]) * (sign, 1.0)
+
+
+def _from_opening(boundary: Boundary[Surface], azimuth: float, count: int = 181) -> Curve:
+    """The curve at one azimuth from the opening to the rim: (distance from the axis, z) in mm."""
+    turn = np.array([azimuth])
+    rims = [2.0 * np.arctan(each.radius(turn)) for each in (boundary.opening, *boundary.creases) if each is not None]
+    polar = np.unique(np.concatenate([np.linspace(float(rims[0][0]), 0.5 * np.pi, count), *rims]))
+    plane = np.column_stack([np.sin(polar), np.cos(polar)])
+    plane[-1, 1] = 0.0  # the rim lies in z = 0 exactly
+    directions = np.column_stack([plane[:, :1] * rim_directions(turn)[:, :2], plane[:, 1]])
+    curve: Curve = boundary.radius(directions)[:, None] * plane
+    return curve
 
 
 def other_section_deg(lens: Lens) -> float | None:

@@ -237,24 +237,54 @@ class Solid:
 
 def build_solid(plan: Plan[Patch]) -> Solid:
     """Build the closed solid of a plan."""
-    envelope_faces, envelope_rim = optical_faces(plan.envelope, plan.arcs, len(plan.arcs) == 1, FROM_ORIGIN)
-    cavity_faces, (cavity_rim,) = optical_faces(plan.cavity, (Arc(0.0, FULL_TURN, "bare"),), True, TO_ORIGIN)
+    opening = Opening.of(plan)
+    envelope_faces, envelope_rim = optical_faces(plan.envelope, plan.arcs, len(plan.arcs) == 1, FROM_ORIGIN, opening)
+    cavity_faces, (cavity_rim,) = optical_faces(plan.cavity, (Arc(0.0, FULL_TURN, "bare"),), True, TO_ORIGIN, opening)
     faces = [(name, facing(face, _OUTWARD[name])) for name, face in body_faces(plan, cavity_rim, envelope_rim)]
     return assembled([*envelope_faces, *cavity_faces, *faces])
 
 
+@dataclass(frozen=True)
+class Opening:
+    """An opening that two boundaries share: the surfaces of its plane and of the cavity's face, and their edges."""
+
+    plane: Any
+    beside: Any
+    edges: Chain
+
+    @staticmethod
+    def of(plan: Plan[Patch]) -> "Opening | None":
+        """The opening of a plan; None for a closed one."""
+        crease, ring = plan.cavity.opening, plan.envelope.faces[0]
+        if crease is None:
+            return None
+        beside = plan.cavity.faces[1]
+        surfaces = [geom_surface(face.shape.bounded(face.domain.extent[1])) for face in (ring, beside)]
+        edges = crease_edges(crease, (ring.shape, beside.shape), (surfaces[0], surfaces[1]))
+        return Opening(surfaces[0], surfaces[1], edges)
+
+
 def optical_faces(
-    boundary: Boundary[Patch], arcs: tuple[Arc, ...], split: bool, outward: str
+    boundary: Boundary[Patch], arcs: tuple[Arc, ...], split: bool, outward: str, opening: Opening | None = None
 ) -> tuple[Named, list[Chain]]:
-    """The optical faces of a boundary, on shared edges along its creases, and the chains of its rim over ``arcs``."""
-    patches = [face.shape for face in boundary.faces]
-    surfaces = [geom_surface(face.shape.bounded(face.domain.extent[1])) for face in boundary.faces]
+    """The optical faces of a boundary, on shared edges along its creases, and the chains of its rim over ``arcs``.
+
+    ``opening``: around which the first of them lies.
+    """
+    within = boundary.of_material
+    patches = [face.shape for face in within]
+    surfaces = [geom_surface(face.shape.bounded(face.domain.extent[1])) for face in within]
+    if opening is not None:
+        surfaces[0] = opening.plane if within[0].is_ring else opening.beside
     pairs = zip(pairwise(patches), pairwise(surfaces), strict=True)
-    creases = [crease_edges(crease, *sides) for crease, sides in zip(boundary.creases, pairs, strict=True)]
+    inner = [each.domain.outside for each in within[:-1] if each.domain.outside is not None]
+    creases = [crease_edges(crease, *sides) for crease, sides in zip(inner, pairs, strict=True)]
     rim = rim_edges(patches[-1], surfaces[-1], arcs, split=split)
     outlines, holes = [*creases, [edge for chain in rim for edge in chain]], [[], *([each] for each in creases)]
+    if opening is not None:
+        holes[0] = [opening.edges]
     faces = []
-    for face, surface, outline, hole in zip(boundary.faces, surfaces, outlines, holes, strict=True):
+    for face, surface, outline, hole in zip(within, surfaces, outlines, holes, strict=True):
         trimmed = _within(surface, wire(outline), *map(wire, hole))
         faces.append((face.label, facing(trimmed, outward, face.domain)))
     return faces, rim

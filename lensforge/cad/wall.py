@@ -12,15 +12,17 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.cad.boundary import WHOLE, Boundary, Domain, TrimmedFace, as_pair, lens_boundaries
+from lensforge.cad.boundary import WHOLE, Boundary, Domain, TrimmedFace, as_pair, lens_boundaries, of_shapes
 from lensforge.cad.patch import Patch, fit_patch
 from lensforge.results.refined_maximum import refined_maximum
 from lensforge.scene.lens import Lens
 from lensforge.surfaces import surface
+from lensforge.surfaces.surface import to_sphere
 
 _NODES, _RIM = 101, 512  # samples of each face: across the chart's square, and around the rim
 _STARTS, _APART = 12, 3.0  # pairs of points to start from, this many steps of the samples apart
 _SAME = 1e-12  # of the chart
+_FAR = 1e9  # mm: in the directions of an opening
 _PRECISION = 1e-14  # of the squared distance, relative
 _Point = Float[np.ndarray, "3"]
 
@@ -40,17 +42,15 @@ def thinnest(cavity: Patch | Boundary[Patch], envelope: Patch | Boundary[Patch])
     crossing = _radial(inwards, outwards, -1.0)
     if crossing.thickness_mm <= 0.0:
         return crossing
-    pairs = product(inwards.faces, outwards.faces)
+    pairs = product(*([face for face in each.faces if not face.is_open] for each in (inwards, outwards)))
     return min((_between(*pair) for pair in pairs), key=lambda each: each.thickness_mm)
 
 
 def thinnest_of(lens: Lens) -> Span:
     """The shortest line through the wall of ``lens``, between the splines that an export would write."""
     pair = lens_boundaries(lens)
-    cavity, envelope = (
-        each.of([fit_patch(face.shape, extent=face.domain.extent) for face in each.faces]) for each in pair
-    )
-    return thinnest(cavity, envelope)
+    fits = {face.name: fit_patch(face.shape, extent=face.domain.extent) for each in pair for face in each.of_material}
+    return thinnest(*of_shapes(pair, fits))
 
 
 def thickest(cavity: Patch | Boundary[Patch], envelope: Patch | Boundary[Patch]) -> Span:
@@ -96,7 +96,7 @@ def _radial(cavity: Boundary[Patch], envelope: Boundary[Patch], sign: float) -> 
 
     def figure(places: Float[np.ndarray, "m 2"]) -> Float[np.ndarray, " m"]:
         radii = (np.linalg.norm(points(each, places), axis=1) for each in (envelope, cavity))
-        signed: Float[np.ndarray, " m"] = sign * np.subtract(*radii)
+        signed: Float[np.ndarray, " m"] = np.where(cavity.closed(to_sphere(places)), sign * np.subtract(*radii), -_FAR)
         return signed
 
     places, step = _samples()

@@ -137,7 +137,13 @@ def _figures(light: Light, index: int, lens: Lens) -> Iterator[Fact]:
         METRICS["efficiency"],
         receiver.efficiency,
         f"share of the LED’s flux {window_words(receiver)}",
-        possible=Bound("<=", 100.0 * receiver.possible.efficiency, "two faces transmit no more, and turn no further"),
+        possible=Bound(
+            "<=",
+            100.0 * receiver.possible.efficiency,
+            "the mirror reflects no more"
+            if lens.spec.lens.is_opaque
+            else "two faces transmit no more, and turn no further",
+        ),
     )
     if receiver.uniformity is not None:
         yield Fact.measured(

@@ -64,8 +64,10 @@ class FluxByWay:
             return ()
         shares, names = self.flux / emitted_w, self.chain.names
         brightest = np.argsort(-shares.sum(axis=0), kind="stable").tolist()
-        to_exit = [number for number in brightest if number > len(names) and shares[:, number].any()]
+        to_exit = [number for number in brightest if number >= len(names) and shares[:, number].any()]
         elsewhere = [k + 1 for k, behind in enumerate(self.chain.behind[:-1]) if behind == OUTSIDE]
+        if self.chain.is_open:  # what is behind a mirror leaves nothing to tell
+            elsewhere = [number for number in elsewhere if shares[:, number].any()]
         shares[:, 0] += shares[:, to_exit[_MOST_WAYS:]].sum(axis=1)
         shown = [*to_exit[:_MOST_WAYS], *elsewhere, *([0] if shares[:, 0].any() else [])]
         return tuple(

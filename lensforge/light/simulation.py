@@ -99,14 +99,13 @@ class TracedLens:
         body.require_sound()
         grid = grid_for(min(face.surface.detail_rad for face in body.faces), nodes_per_sigma)
         tables, errors = [], {}
-        for faces in (body.cavity, body.envelope):
-            for number, face in enumerate(faces):
-                table = tabulate(grid, face.surface)
-                within = partial(_is_nearest, faces, number)
-                tables.append(table)
-                errors[face.name] = 1e6 * table_error(grid, table, face.surface, within=within)
-        ordered = Body((*body.cavity, *body.envelope))
-        return TracedLens(Scene(media, grid, chain=ordered.chain(events)), np.stack(tables), errors)
+        for face in body.in_order:
+            beside = body.bounding(face.before)
+            table = tabulate(grid, face.surface)
+            within = partial(_is_nearest, beside, beside.index(face))
+            tables.append(table)
+            errors[face.name] = 1e6 * table_error(grid, table, face.surface, within=within)
+        return TracedLens(Scene(media, grid, chain=Body(body.in_order).chain(events)), np.stack(tables), errors)
 
     def trace(self, rays: RayBundle) -> ExitRays:
         """Send ``rays`` through the lens."""

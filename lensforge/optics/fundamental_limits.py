@@ -95,7 +95,10 @@ def transmittance_of(media: Media) -> float:
     """Most that both faces transmit: it bounds a lens's efficiency, 0.923 for PMMA in air, at normal incidence.
 
     Of a coated face at the angle and wavelength at which it reflects least; for indices above 2.6 near Brewster's.
+    Light leaves a reflector without any loss where it leaves directly: 1.
     """
+    if media.cup is not None:
+        return 1.0
     index = np.full(1, media.body.refractive_index)
     least = least_reflectances(media, None)
     faces = zip(DOUBLE, (media.cavity_index, media.outside_index), strict=True)

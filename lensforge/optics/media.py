@@ -16,14 +16,17 @@ from lensforge.optics.material import Material
 CAVITY, BODY, OUTSIDE = MEDIA = "cavity", "body", "outside"  # from the source on
 DOUBLE = "inner", "outer"  # the faces of the usual lens, from the source on
 TIR = "cap", "side", "wall", "exit"  # of a lens for total internal reflection
-# Faces of the envelope that the lower half of a mould makes, with the core: it parts from the upper at the exit's rim.
-FROM_BELOW = ("wall",)
+REFLECTOR = "cup", "back", "mouth"  # of a reflector: its mirror, what lies behind, the opening by which light leaves
+# Faces that widen upwards: their half of the mould leaves the other way than that of the same side of the usual lens.
+FROM_BELOW = "wall", "cup", "back"
 MOST_EVENTS = 64  # at which a ray may meet a face
 # What lies before each face, on the origin's side, and behind it.
 SIDES = {
-    **dict.fromkeys(("inner", "cap", "side"), (CAVITY, BODY)),
-    **dict.fromkeys(("outer", "wall", "exit"), (BODY, OUTSIDE)),
+    **dict.fromkeys(("inner", "cap", "side", "cup"), (CAVITY, BODY)),
+    **dict.fromkeys(("outer", "wall", "exit", "back"), (BODY, OUTSIDE)),
+    "mouth": (CAVITY, OUTSIDE),
 }
+OPENING = CAVITY, OUTSIDE  # sides of a face without material: the plane in which cavity and body end together
 
 
 @dataclass(frozen=True)
@@ -225,6 +228,12 @@ class Media:
     def coating(self, face: str) -> Coating | None:
         """Coating of the face of this name; None for a bare one."""
         return next((each.coating for each in self.coatings if each.face == face), None)
+
+    @property
+    def cup(self) -> Mirror | None:
+        """The mirror of a reflector, by which light leaves that does not leave directly; None for a lens."""
+        found = self.coating(REFLECTOR[0])
+        return found if isinstance(found, Mirror) else None
 
     def around(self, medium: str) -> float:
         """Index of what lies around the body: CAVITY or OUTSIDE."""

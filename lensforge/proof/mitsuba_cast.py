@@ -100,6 +100,8 @@ def send_through_mitsuba(part: PartMesh, rays: RayBundle, media: Media) -> tuple
             passage.fates[row], end, own = caster.cast(origin, direction, indices)
             if end is not None:
                 passage.points[row], passage.directions[row] = end
+                if part.optical.opening is not None:
+                    passage.met[row, len(own)] = part.optical.opening
             for event, place in zip(met, own, strict=False):
                 event.append((row, place))
         whole = LitRays.of(rays, media)
@@ -144,7 +146,7 @@ class _Caster:
 
     def __init__(self, mi: Any, part: PartMesh, media: Media) -> None:
         self.mi, self.faces, self.scene, optical = mi, part.faces, _scene(mi, part), part.optical
-        self.mirrors = mirrors(optical, media)
+        self.mirrors, self.opening = mirrors(optical, media), optical.opening
         self.goes_on = [optical.goes_on(event) for event in range(optical.events)]
 
     def cast(
@@ -159,7 +161,9 @@ class _Caster:
         for event, goes_on in enumerate(self.goes_on):
             hit = self.scene.ray_intersect(ray, mi.RayFlags.All, False, True)
             if not hit.is_valid():
-                return CastFate.NO_HIT, None, met
+                if self.opening is None or inside or ray.d.z <= 0.0:
+                    return CastFate.NO_HIT, None, met
+                return CastFate.LANDED, (list(ray.o), list(ray.d)), met
             if hit.p.z <= 0.0:
                 return CastFate.BASE if inside else CastFate.OPENING, None, met
             local = hit.sh_frame.to_local(-ray.d)  # Mitsuba's directions of light point away from the surface

@@ -94,7 +94,8 @@ class OpticalFaces:
     is followed. ``inverse_radii``: of the design, by which a place is sorted where several faces lie on one side: 1
     over the distance from the origin (1/mm), on a square grid of the stereographic chart up to +-1, first index X. By
     default None, and the usual lens: in through one face and out through the other. ``plate``: of a part with several
-    such bodies, seen from the one that is lit; None for one.
+    such bodies, seen from the one that is lit; None for one. ``opening``: number of a face at which there is no
+    material: light that rises and meets the part no more has left by it.
     """
 
     names: tuple[str, ...] = DOUBLE
@@ -102,6 +103,7 @@ class OpticalFaces:
     events: int = _CROSSINGS
     inverse_radii: Float[np.ndarray, "f m m"] | None = None
     plate: PlateOfLenses | None = None
+    opening: int | None = None
 
     def __post_init__(self) -> None:
         if self.events < _CROSSINGS:
@@ -138,7 +140,8 @@ class OpticalFaces:
         above, away = points[:, 2] > 0.0, faces_away(points, normals)
         numbers, apart = np.full(len(points), NO_FACE), np.zeros(len(points))
         for side in (False, True):
-            own, rows = np.flatnonzero(np.array(self.away) == side), np.nonzero(above & (away == side))[0]
+            own = np.array([k for k, each in enumerate(self.away) if each == side and k != self.opening])
+            rows = np.nonzero(above & (away == side))[0]
             numbers[rows] = own[0]
             if len(own) > 1:
                 gaps = self._gaps(points[rows])[own]

@@ -54,7 +54,9 @@ def optical_of(body: Body, events: int = 2) -> OpticalFaces:
         return OpticalFaces(names, away, events)
     chart = grid(_NODES, 1.0)
     chart = chart / np.maximum(np.linalg.norm(chart, axis=-1, keepdims=True), 1.0)  # no face is beyond the rim
-    return OpticalFaces(names, away, events, 1.0 / radii(body.faces, to_sphere(chart)))
+    openings = [number for number, face in enumerate(body.faces) if face.is_open]
+    radius = radii(body.faces, to_sphere(chart))
+    return OpticalFaces(names, away, events, 1.0 / radius, opening=openings[0] if openings else None)
 
 
 def plate_of(lamps: Lamps) -> PlateOfLenses:

@@ -288,9 +288,16 @@ def send_through_body(body: CastBody, rays: RayBundle, media: Media) -> Passage:
     rows, leg = np.arange(len(rays)), outside_leg(rays)
     for event in range(optical.events):
         # Sides count behind a reflection, which may graze; before, the skin of the facet just left is enough.
-        hits = body.surface_hits(leg, light.inside if event > 1 else None)
-        passage.fates[rows] = _fates(hits, light.inside, bool(optical.goes_on(event)))
-        met = np.nonzero(passage.fates[rows] == CastFate.LANDED)[0]
+        known = event > (1 if optical.opening is None else 0)
+        hits = body.surface_hits(leg, light.inside if known else None)
+        fates, free = (
+            _fates(hits, light.inside, bool(optical.goes_on(event))),
+            _leaves_freely(optical, leg, light, hits),
+        )
+        passage.fates[rows] = np.where(free, CastFate.LANDED, fates)
+        passage.points[rows[free]], passage.directions[rows[free]] = leg.origins[free], leg.directions[free]
+        passage.met[rows[free], event] = NO_FACE if optical.opening is None else optical.opening
+        met = np.nonzero((fates == CastFate.LANDED) & ~free)[0]
         rows, leg, light, hits = rows[met], leg.take(met), light.take(met), hits.take(met)
         lengths = np.linalg.norm(hits.points - leg.origins, axis=1)
         absorb(passage, rows, lengths, np.where(light.inside, light.absorptions, 0.0))
@@ -311,6 +318,12 @@ def send_through_body(body: CastBody, rays: RayBundle, media: Media) -> Passage:
         going = np.nonzero(goes_on)[0]
         rows, leg, light = rows[going], Leg(hits.points, ways, hits.skins).take(going), light.take(going)
     return behind_glass(passage, rays, media)
+
+
+def _leaves_freely(optical: OpticalFaces, leg: Leg, light: LitRays, hits: SurfaceHits) -> Bool[np.ndarray, " n"]:
+    """True for rays that rise in the cavity and meet the part no more: they leave by its opening."""
+    rises: Bool[np.ndarray, " n"] = ~hits.found & ~light.inside & (leg.directions[:, 2] > 0.0)
+    return rises if optical.opening is not None else np.zeros_like(rises)
 
 
 def _fates(hits: SurfaceHits, inside: Bool[np.ndarray, " n"], back: bool) -> Int[np.ndarray, " n"]:

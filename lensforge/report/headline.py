@@ -198,7 +198,6 @@ def times(results: Results) -> str | None:
     return f"Time: {', '.join(parts)}; the whole command, up to this page, {whole}{beside}."
 
 
-_LENSES = {"double": "double-freeform lens", "tir": "lens for total internal reflection"}
 _SIDES = {"inner": "inside", "outer": "outside"}  # of the usual lens
 _MOST_NAMED = 3  # targets of one receiver; of more only the number is given
 
@@ -206,7 +205,8 @@ _MOST_NAMED = 3  # targets of one receiver; of more only the number is given
 def task(spec: Spec) -> str:
     """Source, lens, and the targets of each receiver with its place, and how many lamps light it."""
     lens = spec.lens
-    body = f"{_LENSES[lens.kind]}, {lens.material}, n = {lens.refractive_index:g}{_fixed(lens)}{_surroundings(lens)}"
+    index = "" if lens.is_opaque else f", n = {lens.refractive_index:g}"
+    body = f"{lens.title}, {lens.material}{index}{_fixed(lens)}{_surroundings(lens)}"
     leds = " or ".join(source.title for source in spec.each_source)
     return f"{leds} · {body} · {'; '.join(map(_on_receiver, spec.all_receivers))}{spec.all_lamps.words}"
 

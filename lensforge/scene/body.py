@@ -3,7 +3,8 @@
 Every face is a radius over the hemisphere about the origin. Where several faces bound the same medium on the side of
 the origin, the nearest of them bounds it in each direction: the medium is the intersection of star-shaped bodies, and
 two faces meet in a crease. The cavity of a lens for total internal reflection is bounded by its cap and its side, the
-body by its reflecting wall and its exit.
+body by its reflecting wall and its exit. An opening lies between the cavity and what surrounds the body, which ends
+there, too: the cavity of a reflector is bounded by its cup and its mouth, the body by its back and its mouth.
 """
 
 from collections.abc import Mapping
@@ -14,7 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from lensforge.errors import InputError
-from lensforge.optics.media import BODY, CAVITY, MEDIA, MOST_EVENTS, SIDES, Media, Mirror
+from lensforge.optics.media import BODY, CAVITY, MEDIA, MOST_EVENTS, OPENING, SIDES, Media, Mirror
 from lensforge.spec.lens_section import AnyLens
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface, grid, to_sphere
@@ -33,6 +34,11 @@ class Face:
     surface: Surface
     before: str
     behind: str
+
+    @property
+    def is_open(self) -> bool:
+        """True for an opening, at which there is no material."""
+        return (self.before, self.behind) == OPENING
 
 
 @dataclass(frozen=True)
@@ -60,6 +66,11 @@ class Chain:
         if not 1 <= self.events <= MOST_EVENTS:
             raise InputError(f"events = {self.events}: must be 1 to {MOST_EVENTS}, at each of which a ray meets a face")
 
+    @property
+    def is_open(self) -> bool:
+        """True where light leaves the cavity through an opening."""
+        return OPENING in zip(self.before, self.behind, strict=True)
+
     def packed(self, media: Media) -> tuple[_Sides, _Sides, Float[np.ndarray, " f"]]:
         """Media before and behind the faces by number, and what mirrors reflect, as ``kernels.trace`` takes them."""
         before, behind = (
@@ -86,8 +97,9 @@ class Body:
         return next(face for face in self.faces if face.name == name)
 
     def bounding(self, medium: str) -> tuple[Face, ...]:
-        """The faces that bound ``medium`` on the side away from the origin."""
-        return tuple(face for face in self.faces if face.before == medium)
+        """The faces that bound ``medium`` on the side away from the origin, openings last."""
+        own = (face for face in self.faces if face.before == medium and not face.is_open)
+        return (*own, *(face for face in self.faces if face.is_open))
 
     @cached_property
     def cavity(self) -> tuple[Face, ...]:
@@ -98,6 +110,11 @@ class Body:
     def envelope(self) -> tuple[Face, ...]:
         """The faces by which light leaves the body, or is reflected in it."""
         return self.bounding(BODY)
+
+    @property
+    def in_order(self) -> tuple[Face, ...]:
+        """The faces of the cavity, those of the envelope, and openings."""
+        return (*(face for face in self.cavity if not face.is_open), *self.envelope)
 
     @cached_property
     def largest_mm(self) -> float:
@@ -116,12 +133,13 @@ class Body:
     def require_sound(self) -> None:
         """Raise :class:`InputError` for media that no face bounds, faces that cross, and faces in several pieces."""
         for medium in (CAVITY, BODY):
-            if not self.bounding(medium):
+            if all(face.is_open for face in self.bounding(medium)):
                 names = ", ".join(face.name for face in self.faces)
                 raise InputError(f"faces {names}: none bounds the {medium}; the body is not closed, add one")
         directions, inside = _hemisphere()
         inner, outer = (radii(faces, directions).min(axis=0) for faces in (self.cavity, self.envelope))
-        wall = np.where(inside, outer - inner, np.inf)
+        closed = np.array([not face.is_open for face in self.cavity])[nearest(self.cavity, directions)]
+        wall = np.where(inside & closed, outer - inner, np.inf)
         worst = np.unravel_index(int(np.argmin(wall)), wall.shape)
         if not wall[worst] > 0.0:
             x, y, z = directions[worst]

@@ -131,10 +131,14 @@ Region = Bool[np.ndarray, "h w"] | Float[np.ndarray, "h w"]  # pixels, or the sh
 
 @dataclass(frozen=True)
 class LargestShare:
-    """Upper bounds of a share of the source's flux: by étendue, and by what two refractions turn and transmit."""
+    """Upper bounds of a share of the source's flux: by étendue, and by what two refractions turn and transmit.
+
+    ``turned_by``: what does it in their place.
+    """
 
     by_etendue: float
     by_refraction: float
+    turned_by: str = "two refractions"
 
     @property
     def value(self) -> float:
@@ -144,7 +148,7 @@ class LargestShare:
     @property
     def law(self) -> str:
         """The law that sets it, in words."""
-        return "étendue" if self.by_etendue <= self.by_refraction else "the turn and loss of two refractions"
+        return "étendue" if self.by_etendue <= self.by_refraction else f"the turn and loss of {self.turned_by}"
 
     def __str__(self) -> str:
         return f"at most {100.0 * self.value:.3g} % (by {self.law})"
@@ -178,6 +182,8 @@ class SourceLight:
 
     def best_transmittances(self, turns_rad: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Largest transmittance of two faces that turn each of the rays by at least so much, or with a reflection."""
+        if self.media.cup is not None:  # what need not turn leaves directly, all else by one reflection at least
+            return np.where(turns_rad > 0.0, self.media.cup.reflectance, 1.0)
         turns_rad = np.zeros_like(turns_rad) if self.reflects else turns_rad
         media, waves = self.media, self.rays.wavelengths_nm
         least = least_reflectances(media, whole_span(waves, media))
@@ -238,10 +244,11 @@ class PossibleLight:
             return LargestShare(0.0, 0.0)
         etendue = self._etendue_mm2_sr(pixels, self._ball_mm)
         held = self.light.transmittance * self.light.curve.share_within(etendue)
+        by = "two refractions" if self.light.media.cup is None else "a mirror"
         if self.receiver.lamps.period_mm is not None:  # some of it lies in every direction
-            return LargestShare(held, self.light.transmittance)
+            return LargestShare(held, self.light.transmittance, by)
         regions = zip(self._lamps.receivers, self._corners, self._lamps.regions(pixels > 0.0), strict=True)
-        return LargestShare(held, float(self._lamps.mean([self._refracted(*each) for each in regions])))
+        return LargestShare(held, float(self._lamps.mean([self._refracted(*each) for each in regions])), by)
 
     def _refracted(
         self, receiver: PosedReceiver, corners: Float[np.ndarray, "m n 3"], pixels: Bool[np.ndarray, "h w"]

@@ -10,7 +10,7 @@ whose gradient sees one point. Here every point carries its own multiplier and E
 hemisphere's solid angle: the same feasible set, reached more smoothly.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from math import radians, sqrt
@@ -21,7 +21,7 @@ from jaxtyping import Float
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from lensforge.optics.media import BODY, CAVITY, FROM_BELOW, SIDES
+from lensforge.optics.media import BODY, CAVITY, FROM_BELOW, OPENING, SIDES
 from lensforge.search.constraint_points import (
     ChartOperator,
     ChartPoints,
@@ -72,15 +72,24 @@ class Constraint(Limit):
         """The field at ``points`` of a lens with these ``jets`` of its faces.
 
         It takes the nearest of the faces that bound the cavity, and of those that bound the body. One of a single face
-        holds where that face is the nearest.
+        holds where that face is the nearest, and one of a wall where the cavity has no opening.
         """
         if self.of_one_face:
             own, *others = (jets[name] for name in self.faces)
-            found = self.field(own, points)
-            hidden = [own.rho.detach() > other.rho.detach() for other in others]
-            return found if not hidden else torch.where(torch.stack(hidden).any(dim=0), _FAR / self.factor, found)
-        groups = [[jets[name] for name in self.faces if SIDES[name][0] == medium] for medium in (CAVITY, BODY)]
-        return self.field(*(nearest_of(group) for group in groups if group), points)
+            return self._visible(self.field(own, points), own, others)
+        openings = [jets[name] for name in self.faces if SIDES[name] == OPENING]
+        closed = [name for name in self.faces if SIDES[name] != OPENING]
+        groups = [[jets[name] for name in closed if SIDES[name][0] == medium] for medium in (CAVITY, BODY)]
+        groups = [group for group in groups if group]
+        if len(groups) == 1:
+            return self.field(nearest_of([*groups[0], *openings]), points)
+        inside, outside = map(nearest_of, groups)
+        return self._visible(self.field(inside, outside, points), inside, openings)
+
+    def _visible(self, field: Float[Tensor, " k"], own: RadiusJet, others: Sequence[RadiusJet]) -> Float[Tensor, " k"]:
+        """The field where ``own`` is nearer than all ``others``; elsewhere far from its limit."""
+        hidden = [own.rho.detach() > other.rho.detach() for other in others]
+        return field if not hidden else torch.where(torch.stack(hidden).any(dim=0), _FAR / self.factor, field)
 
     def tightened(self, by: float) -> "Constraint":
         """The constraint with a limit that is stricter by ``by`` (unit of the field)."""

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import Field
 
-from lensforge.optics.media import BODY, CAVITY, SIDES
+from lensforge.optics.media import BODY, CAVITY, OPENING, SIDES
 from lensforge.results import (
     Bound,
     Count,
@@ -275,10 +275,17 @@ def _limits_of_faces(names: tuple[str, ...]) -> Iterator[tuple[str, tuple[str, .
 
     A limit of one face names it first, and then those that bound the same medium: it holds where that face does.
     """
-    bounding = {medium: tuple(name for name in names if SIDES[name][0] == medium) for medium in ON_BOTH}
+    openings = tuple(name for name in names if SIDES[name] == OPENING)
+    bounding = {
+        medium: tuple(name for name in names if SIDES[name][0] == medium and name not in openings) + openings
+        for medium in ON_BOTH
+    }
     for kind, media, field, remedy in _LIMITS:
         if media:
-            faces, firsts = sum((bounding[each] for each in media), ()), [bounding[each][0] for each in media]
+            faces = tuple(dict.fromkeys(sum((bounding[each] for each in media), ())))
+            firsts = [bounding[each][0] for each in media]
+            if openings:  # what is behind follows: the mouth says how large the body is, the cup how thick
+                firsts = [firsts[0]] * 2 if len(media) == 2 else [names[0] if media == ON_CAVITY else openings[0]]
             yield kind, faces, field, remedy.format(*firsts, field=field)
             continue
         for name in names:

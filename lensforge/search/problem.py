@@ -61,7 +61,7 @@ class Problem:
 def parameters_of(spec: Spec, nodes_per_sigma: float) -> Parametrisation:
     """The parametrisation of the faces of ``spec``, by the kind of its lens."""
     kinds: dict[str, Callable[[Spec, float], Parametrisation]] = {
-        "double": SphereParameters.of, "tir": ProfileParameters.of,
+        "double": SphereParameters.of, "tir": ProfileParameters.of, "reflector": ProfileParameters.of,
     }  # fmt: skip
     return kinds[spec.lens.kind](spec, nodes_per_sigma)
 

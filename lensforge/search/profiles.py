@@ -1,10 +1,12 @@
-"""Parameters of faces of revolution, by their profiles, and of SRBFs beside them: a lens for total internal reflection.
+"""Parameters of faces of revolution, by their profiles, and of SRBFs beside them: TIR lenses and reflectors.
 
 The reciprocal radius of a face is its profile plus the sum of SRBFs, all over an offset that scales the face about the
-origin. The search begins at the lens for a point source that suits source, radius and beam best. The side of the cavity
-stays the cone that its draft asks for: only its offset moves.
+origin. The search begins at the lens for a point source that suits source, radius and beam best. The side of a cavity
+stays the cone that its draft asks for, and a mouth its plane: only their offsets move. The back of a reflector follows
+its cup: it has the cup's parameters, and an offset of its own beside.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import radians
@@ -15,18 +17,19 @@ from jaxtyping import Float
 from torch import Tensor
 
 from lensforge.errors import InputError, remedy
-from lensforge.scene.body import Body, nearest
+from lensforge.scene.body import Body, Face, nearest
 from lensforge.scene.lens import Lens
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import in_target, target_light
 from lensforge.search.parameters import Parametrisation, mirror_mean, sums_of
 from lensforge.spec import Spec
 from lensforge.spec.derived_values import source_extent
-from lensforge.spec.lens_section import TirSection
+from lensforge.spec.lens_section import ProfiledShape, ReflectorSection, TirSection
 from lensforge.surfaces.bicubic_table import APRON, BasisTables, TableGrid, dyadic_grid, tabulate
 from lensforge.surfaces.collimator import best_collimator
 from lensforge.surfaces.profile import FormedFace, ProfileBasis, ProfileFace
-from lensforge.surfaces.reciprocal import ConeFace, ReciprocalSurface, bent
+from lensforge.surfaces.reciprocal import ConeFace, PlaneFace, ReciprocalSurface, bent
+from lensforge.surfaces.reflector_cup import best_cup, reflector_faces
 from lensforge.surfaces.srbf import SrbfBasis, fibonacci_hemisphere, level_sigma
 from lensforge.surfaces.surface import Surface
 
@@ -37,15 +40,26 @@ _LOWEST = -0.1  # cosine: exported faces reach a little below z = 0
 _NODES_PER_SIGMA = 6.0  # at least: with 2.5 the wall is 30 um off at its rim
 _WIDEST_BEAM = 3.0  # over the narrowest of this source and radius: wider ones fit any cavity, and the exit makes them
 _NARROWEST_BEAM_RAD = radians(0.1)
+_FOLLOWS = {"back": "cup"}  # faces with the parameters of another
+_THICKER = 1.15  # a back over the least wall: the wall varies as the cup moves
 
 
 @dataclass(frozen=True)
 class FaceParameters:
-    """One face by its ``start``: weights of the functions of its profile, relative to ``scale`` (1/mm)."""
+    """One face by its ``start``: weights of the functions of its profile, relative to ``scale`` (1/mm).
+
+    ``steps``: of each function of the profile in place of ``scale``, for a cup: 1/rho at its rim is a tenth of that at
+    its foot, or less.
+    """
 
     start: ReciprocalSurface
     basis: ProfileBasis
     scale: float
+    steps: Float[np.ndarray, " c"] | None = None
+
+    def moved_by(self, weights: Float[Tensor, " c"]) -> Float[Tensor, " c"]:
+        """Changes (1/mm) of the coefficients by relative weights."""
+        return self.scale * weights if self.steps is None else torch.from_numpy(self.steps) * weights
 
     @cached_property
     def coefficients(self) -> Float[np.ndarray, " c"]:
@@ -72,19 +86,27 @@ class ProfileParameters(Parametrisation):
     srbf: SrbfBasis | None = None
     srbf_tables: BasisTables | None = None
 
+    @cached_property
+    def columns(self) -> tuple[int, ...]:
+        """Number of the face whose parameters each face has: its own, or one that it follows."""
+        return tuple(self.names.index(_FOLLOWS.get(name, name)) for name in self.names)
+
     @staticmethod
     def of(spec: Spec, nodes_per_sigma: float) -> "ProfileParameters":
-        """Parameters of the faces of a lens for total internal reflection, from the start that its spec asks for."""
+        """Parameters of the faces of a lens with creases, from the start that its spec asks for."""
         lens = spec.lens
-        assert isinstance(lens, TirSection)
+        assert isinstance(lens, ProfiledShape)
         start = start_faces(spec)
-        body, fixed = Body.of(start), lens.fixed
+        body = Body.of(start)
+        fixed = {name: None if name in lens.free else surface for name, surface in start.items()}
         own: list[FaceParameters | ReciprocalSurface | None] = []
         for face in body.faces:
             if fixed[face.name] is not None:
                 own.append(None)
-            elif isinstance(face.surface, ConeFace):
+            elif isinstance(face.surface, ConeFace | PlaneFace):
                 own.append(face.surface)
+            elif face.name in _FOLLOWS:
+                own.append(_following(face, own[lens.names.index(_FOLLOWS[face.name])]))
             else:
                 own.append(_parameters(body, face.name, lens.profile))
         srbf = lens.basis if lens.levels else None
@@ -112,6 +134,7 @@ class ProfileParameters(Parametrisation):
 
     def tables(self, weights: Float[Tensor, "k f"], offsets: Float[Tensor, " f"]) -> Float[Tensor, "f side side"]:
         """Tables (mm) of the faces from the first ``k`` relative weights; differentiable."""
+        weights, offsets = self._of_each(weights, offsets)
         found, sums = [], self._sums(weights[self.profile :])
         for face, own in enumerate(self.own):
             table = self._fixed_tables[face]
@@ -125,13 +148,25 @@ class ProfileParameters(Parametrisation):
             found.append(self._filter @ samples @ self._filter.T)
         return torch.stack(found)
 
+    def _of_each(
+        self, weights: Float[Tensor, "k f"], offsets: Float[Tensor, " f"]
+    ) -> tuple[Float[Tensor, "k f"], Float[Tensor, " f"]]:
+        """Weights and offsets of each face, of one that follows another with those of that one."""
+        columns = list(self.columns)
+        own = list(range(len(columns)))
+        if columns == own:
+            return weights, offsets
+        return weights[:, columns], torch.where(torch.tensor(columns) == torch.tensor(own), 1.0, offsets) * offsets[
+            columns
+        ]
+
     def _reciprocal(
         self, own: FaceParameters | ReciprocalSurface, face: int, weights: Tensor, sums: Tensor | None
     ) -> Tensor:
         """``1/rho`` (1/mm) at the nodes, before the offset."""
         if isinstance(own, ReciprocalSurface):
             return torch.from_numpy(own.reciprocal(self._nodes)[0])
-        column = torch.from_numpy(own.coefficients) + own.scale * weights[: self.profile, face]
+        column = torch.from_numpy(own.coefficients) + own.moved_by(weights[: self.profile, face])
         values = self._profiles[face] @ column
         return values if sums is None else values + own.scale * sums[face].reshape(-1)
 
@@ -173,10 +208,13 @@ class ProfileParameters(Parametrisation):
         weights, offsets = self.start()
         for face, (name, own) in enumerate(zip(self.names, self.own, strict=True)):
             surface = lens.surfaces[name]
-            if isinstance(own, ConeFace):
-                offsets[face] = surface.radius(_HORIZON)[0] / own.radius(_HORIZON)[0]
-            elif isinstance(own, FaceParameters):
-                moved = (own.coefficients_of(surface) - own.coefficients) / own.scale
+            if isinstance(own, ConeFace | PlaneFace):
+                towards = _HORIZON if isinstance(own, ConeFace) else _AXIS
+                offsets[face] = surface.radius(towards)[0] / own.radius(towards)[0]
+            elif isinstance(own, FaceParameters) and self.columns[face] == face:
+                moved = (own.coefficients_of(surface) - own.coefficients) / (
+                    own.scale if own.steps is None else own.steps
+                )
                 weights[: self.profile, face] = torch.from_numpy(moved)
                 if isinstance(surface, FormedFace) and self.srbf == surface.srbf:
                     weights[self.profile :, face] = torch.from_numpy(surface.weights_per_mm / own.scale)
@@ -185,14 +223,17 @@ class ProfileParameters(Parametrisation):
     def surfaces(self, weights: Float[Tensor, "m f"], offsets: Float[Tensor, " f"]) -> dict[str, Surface]:
         """The faces of these parameters."""
         found: dict[str, Surface] = {}
+        weights, offsets = self._of_each(weights, offsets)
         for face, (name, fixed, own) in enumerate(zip(self.names, self.fixed, self.own, strict=True)):
             factor = 1.0 / float(offsets[face])
             if fixed is not None:
                 found[name] = fixed
             elif isinstance(own, ConeFace):
                 found[name] = replace(own, radius_mm=own.radius_mm / factor)
+            elif isinstance(own, PlaneFace):
+                found[name] = replace(own, height_mm=own.height_mm / factor)
             elif isinstance(own, FaceParameters):
-                moved = own.coefficients + own.scale * weights[: self.profile, face].numpy()
+                moved = own.coefficients + own.moved_by(weights[: self.profile, face]).numpy()
                 profile = own.start.reach_mm, own.basis.low, own.basis.high, tuple((factor * moved).tolist())
                 functions = factor * own.scale * weights[self.profile :, face].numpy()
                 found[name] = ProfileFace(*profile)
@@ -211,15 +252,60 @@ def _parameters(body: Body, name: str, count: int) -> FaceParameters:
     faces, directions = body.bounding(face.before), fibonacci_hemisphere(_DIRECTIONS)
     own = directions[nearest(faces, directions) == faces.index(face)]
     low, high = max(_LOWEST, own[:, 2].min() - _BEYOND), min(1.0, own[:, 2].max() + _BEYOND)
-    scale = float(np.abs(face.surface.reciprocal(own)[0]).mean())
-    return FaceParameters(face.surface, ProfileBasis(low, high, count), scale)
+    reciprocals, basis = np.abs(face.surface.reciprocal(own)[0]), ProfileBasis(low, high, count)
+    if not any(each.is_open for each in faces):
+        return FaceParameters(face.surface, basis, float(reciprocals.mean()))
+    found = FaceParameters(face.surface, basis, float(reciprocals.min()))
+    return replace(found, steps=np.maximum(np.abs(found.coefficients), found.scale))
+
+
+def _following(face: Face, leader: FaceParameters | ReciprocalSurface | None) -> FaceParameters:
+    """Parameters of a face that follows another one: functions and scale are those of that one."""
+    assert isinstance(face.surface, ReciprocalSurface) and isinstance(leader, FaceParameters)
+    return replace(leader, start=face.surface)
 
 
 def start_faces(spec: Spec) -> dict[str, Surface]:
-    """The faces from which the search for a lens for total internal reflection begins, or those that the spec fixes.
+    """The faces from which the search for a lens with creases begins, or those that the spec fixes.
 
     Raises :class:`InputError` for sizes that leave no room for such a lens, and for faces that cross.
     """
+    starts: dict[str, Callable[[Spec], dict[str, Surface]]] = {"tir": _tir_faces, "reflector": _reflector_faces}
+    found = starts[spec.lens.kind](spec)
+    with remedy("change lens.*.offset_mm, or leave it out"):
+        Body.of(found).require_sound()
+    return found
+
+
+def _reflector_faces(spec: Spec) -> dict[str, Surface]:
+    """The cup that is given, or the paraboloid that suits source, radius and beam best; its back and its mouth."""
+    lens, limits = spec.lens, spec.constraints
+    assert isinstance(lens, ReflectorSection)
+    radius_mm = limits.max_radius_mm - 2.0 * limits.margin_mm
+    wall_mm = _THICKER * (limits.min_thickness_mm + 2.0 * limits.margin_mm)
+    most_mm = np.inf if limits.max_height_mm is None else limits.max_height_mm - limits.margin_mm
+    cup, height_mm = lens.fixed["cup"], lens.mouth.offset_mm
+    try:
+        if cup is None:
+            clear_mm, side_mm = _room(spec)
+            best = best_cup(radius_mm, wall_mm, side_mm, _beam_rad(spec), clearance_mm=clear_mm, most_height_mm=most_mm)
+            if lens.cup.offset_mm is not None:
+                best = replace(best, focal_mm=0.5 * lens.cup.offset_mm)
+            cup, height_mm = best.face, height_mm or best.height_mm
+        return reflector_faces(cup, radius_mm, wall_mm, height_mm, most_mm)
+    except InputError as error:
+        raise InputError(f"lens: {str(error).removeprefix('reflector: ')} (lens.kind = 'reflector')") from None
+
+
+def _room(spec: Spec) -> tuple[float, float]:
+    """Least radius (mm) of a cavity around the source of ``spec``, and the side of a square source of its size."""
+    limits, extent = spec.constraints, source_extent(spec.source)
+    clear = limits.cavity_radius_mm if extent is None else max(limits.cavity_radius_mm, extent)
+    least = 1e-3 * (limits.max_radius_mm - 2.0 * limits.margin_mm)
+    return clear, (clear if extent is None else max(extent, least)) * 2.0**0.5
+
+
+def _tir_faces(spec: Spec) -> dict[str, Surface]:
     lens = spec.lens
     assert isinstance(lens, TirSection)
     own, found = _of_a_point(spec), dict[str, Surface]()
@@ -227,8 +313,6 @@ def start_faces(spec: Spec) -> dict[str, Surface]:
     for name, surface in lens.fixed.items():
         offset_mm, towards = given.get(name, (None, _AXIS))
         found[name] = surface or (own[name] if offset_mm is None else _resized(own[name], offset_mm, towards))
-    with remedy("change lens.*.offset_mm, or leave it out"):
-        Body.of(found).require_sound()
     return found
 
 
@@ -248,9 +332,7 @@ def _of_a_point(spec: Spec) -> dict[str, ReciprocalSurface]:
     radius_mm = limits.max_radius_mm - 2.0 * limits.margin_mm
     mirrored = lens.wall.mirror is not None
     try:
-        extent = source_extent(spec.source)
-        clear = limits.cavity_radius_mm if extent is None else max(limits.cavity_radius_mm, extent)
-        size = (clear if extent is None else max(extent, 1e-3 * radius_mm)) * 2.0**0.5
+        clear, size = _room(spec)
         best = best_collimator(
             index,
             radius_mm,

@@ -179,6 +179,8 @@ def fixed_schedule(spec: Spec, preset: Preset, *, last_only: bool) -> FixedSched
     assert of_basis != "auto", "a schedule of its own"
     last = len(levels) - 1
     steps = settings.steps_per_level or (preset.coarse_steps,) * last + (preset.fine_steps,)
+    if not spec.lens.free:
+        steps = (0,) * len(levels)
     rays = settings.rays or preset.design_rays // (_FEWER_RAYS if spec.lens.is_round else 1)
     rate = _LEARNING_RATE * (_ROUND_RATE if spec.lens.is_round else 1.0)
     stages, functions = [], 0

@@ -72,7 +72,7 @@ def _faces(lens: Lens, pair: Pair[Patch]) -> dict[str, FaceCheck]:
     manufacture, found = lens.spec.manufacture, {}
     for boundary in pair:
         faces = {}
-        for face in boundary.faces:
+        for face in (each for each in boundary.faces if not each.is_open):
             cut = replace(face.shape, control=manufacture.scale * face.shape.control)
             sense = -1 if face.name in FROM_BELOW else 1
             air = air_side(lens.body.face(face.name), manufacture)
@@ -80,7 +80,7 @@ def _faces(lens: Lens, pair: Pair[Patch]) -> dict[str, FaceCheck]:
         for name, own in faces.items():
             beside = tuple(other for each, other in faces.items() if each != name)
             found[name] = check_face(replace(own, beside=beside), manufacture.cutter_radius_mm)
-    return {name: found[name] for name in lens.surfaces}
+    return {name: found[name] for name in lens.surfaces if name in found}
 
 
 def _edges(pair: Pair[Patch]) -> tuple[Edge, ...]:
@@ -88,9 +88,10 @@ def _edges(pair: Pair[Patch]) -> tuple[Edge, ...]:
     found = []
     for boundary in pair:
         for (one, other), crease in zip(pairwise(boundary.faces), boundary.creases, strict=True):
+            of_rim = one.is_open and not one.is_ring  # there the body is on the other side of the first face
             chart = crease.chart(np.linspace(0.0, FULL_TURN, _EDGE_PLACES, endpoint=False))
             turned = np.sum(one.shape.normals(chart) * other.shape.normals(chart), axis=1)
-            angles = 180.0 - np.degrees(np.arccos(np.clip(turned, -1.0, 1.0)))
+            angles = np.degrees(np.arccos(np.clip(turned if of_rim else -turned, -1.0, 1.0)))
             least = int(np.argmin(angles))
             place = tuple(one.shape.points(chart[least : least + 1])[0].tolist())
             found.append(Edge(faces=(one.name, other.name), angle_deg=float(angles[least]), point_mm=place))

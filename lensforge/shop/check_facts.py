@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
-from lensforge.optics.media import CAVITY, SIDES
+from lensforge.optics.media import CAVITY, OPENING, SIDES
 from lensforge.results import Bound, Fact, FactState, Group
 from lensforge.results.criteria import kept, state_of
 from lensforge.results.numerals import quantity
@@ -132,9 +132,15 @@ def _wall(check: Check, spec: Spec) -> Iterator[Fact]:
 def _edge(edge: Edge) -> Fact:
     """The sharpest place of an edge."""
     one, other = edge.faces
-    of = "the mould’s core" if SIDES[one][0] == CAVITY else "the lens"
+    of = "the mould’s core" if SIDES[one][0] == CAVITY and SIDES[one] != OPENING else "the lens"
     note = f"the sharpest of {of}, where these faces meet"
-    return Fact(f"edge_{one}", f"{one.capitalize()} and {other}", edge.angle_deg, "°", note=note)
+    return Fact(
+        f"edge_{other if SIDES[one] == OPENING else one}",
+        f"{one.capitalize()} and {other}",
+        edge.angle_deg,
+        "°",
+        note=note,
+    )
 
 
 def _finding(finding: Finding) -> Fact:

@@ -27,7 +27,7 @@ from lensforge.results.refined_maximum import refined_maximum
 from lensforge.scene.lens import Lens
 from lensforge.spec import BaseSection
 from lensforge.surfaces.srbf import fibonacci_hemisphere
-from lensforge.surfaces.surface import to_chart, to_sphere
+from lensforge.surfaces.surface import Surface, to_chart, to_sphere
 
 _SAMPLES, _REACH = 5_000, 0.02  # samples 1.8 degrees apart, in the chart as here
 _ALONG_CREASE = 3601  # azimuths: 0.1 degrees apart
@@ -91,14 +91,10 @@ def dimensions(lens: Lens) -> list[Dimension]:
 
 def _lens_dimensions(lens: Lens) -> Iterator[Dimension]:
     cavity, envelope = lens_boundaries(lens)
-    gap = lens.spec.part_tolerances.amount(envelope.faces[0].name, "gap_mm")
-    low, high = (float(boundary.radius(_AXIS)[0]) for boundary in (cavity, envelope))
-    side = -float(rim_radius(envelope)(np.array([np.pi]))[0])
-    yield Dimension("outer apex above z = 0", high, "axis", ((0.0, side), (high, 0.0)))
+    on_axis = [] if cavity.opening is not None else list(_on_axis(lens, cavity, envelope))
+    yield from on_axis[:1]
     yield Dimension("highest point above z = 0", float(highest_point_mm(envelope)[2]), "largest")
-    yield Dimension("apex of the cavity above z = 0", low, "axis", ((0.0, side), (low, 0.0)))
-    ends = (low, 0.0), (high, 0.0)
-    yield Dimension("thickness on the axis", high - low, "axis", ends, tolerance_mm=gap or None)
+    yield from on_axis[1:]
     yield _circle("width of the dome", widest_mm(envelope), "largest")
     second_deg = other_section_deg(lens)
     for name, boundary in (("outer rim", envelope), ("opening of the cavity", cavity)):
@@ -111,6 +107,17 @@ def _lens_dimensions(lens: Lens) -> Iterator[Dimension]:
             yield from _crease_in_section(name, crease, 0.0, "S")
             if second_deg is not None:
                 yield from _crease_in_section(name, crease, second_deg, "T")
+
+
+def _on_axis(lens: Lens, cavity: Boundary[Surface], envelope: Boundary[Surface]) -> Iterator[Dimension]:
+    """Heights of both apexes, and the thickness between them."""
+    gap = lens.spec.part_tolerances.amount(envelope.faces[0].name, "gap_mm")
+    low, high = (float(boundary.radius(_AXIS)[0]) for boundary in (cavity, envelope))
+    side = -float(rim_radius(envelope)(np.array([np.pi]))[0])
+    yield Dimension("outer apex above z = 0", high, "axis", ((0.0, side), (high, 0.0)))
+    yield Dimension("apex of the cavity above z = 0", low, "axis", ((0.0, side), (low, 0.0)))
+    ends = (low, 0.0), (high, 0.0)
+    yield Dimension("thickness on the axis", high - low, "axis", ends, tolerance_mm=gap or None)
 
 
 def widest_mm(surface: StarShaped, domain: Domain = WHOLE) -> float:

@@ -94,7 +94,7 @@ class AirSide(IntEnum):
 
 def air_side(face: Face, shop: ManufactureSection) -> AirSide:
     """Side of the air of ``face`` as it is cut: a mould insert has air where the lens has material."""
-    return AirSide.INSIDE if (face.before == CAVITY) == (shop.make == "part") else AirSide.OUTSIDE
+    return AirSide.INSIDE if (face.before == CAVITY and not face.is_open) == (shop.make == "part") else AirSide.OUTSIDE
 
 
 @dataclass(frozen=True)

@@ -86,7 +86,7 @@ def _finding(
 def wall_criteria(spec: Spec, walls: Walls) -> tuple[Criterion, ...]:
     """The thinnest wall, and the thickest where the spec limits it; both within the tolerance of the search."""
     limits, again = spec.constraints, "or give the last level more steps; the wall is"
-    remedy = f"raise lens.{spec.lens.names[-1]}.offset_mm {again} thinnest at ({_place(walls.thinnest)}) mm"
+    remedy = f"raise lens.{spec.lens.outward}.offset_mm {again} thinnest at ({_place(walls.thinnest)}) mm"
     least = at_least("thinnest wall", walls.thinnest.thickness_mm, least_wall_mm(spec), "mm", remedy)
     if limits.max_wall_mm is None:
         return (least,)
@@ -193,7 +193,7 @@ def wall_finding(wall_mm: float, spec: Spec) -> Finding:
     """Thinnest wall; a search from faces that are farther apart, or a spec that takes the wall there is."""
     limit, required_mm, changes = least_wall_mm(spec), spec.constraints.min_thickness_mm, []
     holds = within(wall_mm, ">=", limit)
-    inwards, outwards, fixed = spec.lens.names[0], spec.lens.names[-1], spec.lens.fixed
+    inwards, outwards, fixed = spec.lens.names[0], spec.lens.outward, spec.lens.fixed
     if fixed[outwards] is None:
         changes.append(f"a larger lens.{outwards}.offset_mm and design again")
     elif fixed[inwards] is None:

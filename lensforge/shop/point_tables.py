@@ -141,6 +141,7 @@ def faces_to_cut(lens: Lens) -> list[FaceToCut]:
     return [
         FaceToCut(face.name, scaled(face.surface, shop.scale), air_side(face, shop), domains[face.name])
         for face in lens.body.faces
+        if not face.is_open
     ]
 
 

@@ -27,7 +27,9 @@ from lensforge.spec.tolerances_section import Factor, amount_words, factors_of
 _FLAT_MM = 1e6  # of a best-fit sphere that is a plane
 _MATERIAL = 38.0  # width of its column, mm on A3
 _HEAD = "Material"
-_SHAPES = ("sphere", "asphere", "biconic")  # faces that the spec gives by a formula; those of files have none
+_SHAPES = {
+    each: each.split("_")[-1] for each in ("sphere", "asphere", "biconic", "focal_conic")
+}  # faces that the spec gives by a formula; those of files have none
 
 _OF_ASSEMBLY = ("source_", "lens_")
 _RMS, _PEAK = ("_form_um", "_waviness_um"), ("_ripple_um",)
@@ -37,16 +39,19 @@ Rows = list[list[str]]
 def optical_table(lens: Lens, part: Part, check: Check, words: DrawingSection) -> Rows:
     """Rows of texts: of the faces of the envelope, the last first, of the material, and of the faces of the cavity."""
     outwards, inwards = (
-        [_face(face.name, lens, part, check, words) for face in reversed(faces)]
+        [_face(face.name, lens, part, check, words) for face in reversed(faces) if not face.is_open]
         for faces in (lens.body.envelope, lens.body.cavity)
     )
     spec = lens.spec.lens
-    index = lens.spec.part_tolerances.tolerance("index").amount
+    index = 0.0 if spec.is_opaque else lens.spec.part_tolerances.tolerance("index").amount
     material = [
         _HEAD,
         spec.material,
-        f"n = {spec.refractive_index:g}{f' ±{index:g}' if index else ''}",
-        index_wavelength(lens),
+        *(
+            [NOTHING, NOTHING]
+            if spec.is_opaque
+            else [f"n = {spec.refractive_index:g}{f' ±{index:g}' if index else ''}", index_wavelength(lens)]
+        ),
         f"0/ {NOTHING}",
         f"1/ {NOTHING}",
         f"2/ {NOTHING}",
@@ -117,7 +122,7 @@ def _shape(name: str, lens: Lens) -> str:
     fixed = lens.spec.lens.faces[name].fixed
     if fixed is None and lens.spec.lens.is_round:
         return "of revolution"
-    return fixed.kind if fixed is not None and fixed.kind in _SHAPES else "freeform"
+    return "freeform" if fixed is None else _SHAPES.get(fixed.kind, "freeform")
 
 
 def _form(name: str, lens: Lens) -> str:

@@ -255,6 +255,8 @@ class Spec(Section):
 
     @model_validator(mode="after")
     def _plate_holds_its_lenses(self) -> "Spec":
+        if self.plate is not None and self.lens.is_opaque:
+            raise ValueError(f"plate: goes with lenses, not with lens.kind = {self.lens.kind!r}; leave it out")
         if self.plate is not None:
             require_plate(self.plate, self.lamps, self.constraints)
         return self
@@ -351,7 +353,7 @@ class Spec(Section):
     def _starts_within_the_largest_radius(self) -> "Spec":
         largest = self.constraints.max_radius_mm
         for name, face in self.lens.faces.items():
-            on_axis = name in ("cap", "exit")  # heights, which the radius about the axis does not limit
+            on_axis = name in ("cap", "exit", "mouth")  # heights, which the radius about the axis does not limit
             if face.offset_mm is not None and face.offset_mm > largest and not on_axis:
                 raise ValueError(
                     f"lens.{name}.offset_mm = {face.offset_mm:g} is beyond constraints.max_radius_mm = {largest:g}, "

@@ -5,7 +5,7 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field, model_validator
 
-from lensforge.optics.media import DOUBLE, TIR
+from lensforge.optics.media import DOUBLE, REFLECTOR, TIR
 from lensforge.spec.coating_section import CoatingSection
 from lensforge.spec.fixed_surface import FixedSurface
 from lensforge.spec.spec_section import Millimetres, Section
@@ -33,7 +33,7 @@ class _DesignedFace(Section):
     def _starts_once(self) -> "_DesignedFace":
         if self.offset_mm is not None and self.fixed is not None:
             raise ValueError("give one of offset_mm, where the search starts, and fixed, a surface that stays")
-        if self.coating is not None and self.mirror is not None:
+        if self.coating is not None and self.mirror is not None and "mirror" in self.model_fields_set:
             raise ValueError("give one of coating and mirror")
         return self
 
@@ -64,6 +64,16 @@ class FacesSection(Section):
     def faces(self) -> dict[str, FaceSection]:
         """The tables of the faces."""
         return {name: getattr(self, name) for name in self.names}
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Names of the faces that a search changes."""
+        return tuple(name for name, face in self.faces.items() if face.fixed is None)
+
+    @property
+    def outward(self) -> str:
+        """Name of the face whose offset sets the wall from outside."""
+        return self.names[-1]
 
     @model_validator(mode="after")
     def _one_is_free(self) -> "FacesSection":
@@ -131,3 +141,50 @@ class TirFaces(FacesSection):
     """Face around the cavity, which reflects totally, or by a mirror; ``offset_mm``: its radius at z = 0."""
     exit: FaceSection = Field(default_factory=FaceSection)
     """Face towards the light that is wanted; ``offset_mm``: its height on the axis."""
+
+
+_ALUMINISED = 0.88  # reflectance of a plain film of aluminium on a smooth lacquer, over the visible range
+
+
+class CupSection(FaceSection):
+    """The mirror of a reflector."""
+
+    mirror: Annotated[float, Field(gt=0.0, le=1.0)] = _ALUMINISED
+    """Share of the light that it reflects at every angle; the rest is absorbed."""
+
+
+class ReflectorFaces(FacesSection):
+    """The mirror of a reflector, its back, and its mouth."""
+
+    names = REFLECTOR
+
+    cup: CupSection = Field(default_factory=CupSection)
+    """Mirror around the source; ``offset_mm``: its radius at z = 0."""
+    back: FaceSection = Field(default_factory=FaceSection)
+    """Face behind the mirror, at the least wall and a little more; it has no fields of its own."""
+    mouth: FaceSection = Field(default_factory=FaceSection)
+    """Plane in which the reflector ends and light leaves; ``offset_mm``, its height, is its only field."""
+
+    @model_validator(mode="after")
+    def _only_the_cup_is_a_mirror(self) -> "ReflectorFaces":
+        if self.cup.coating is not None:
+            raise ValueError("cup.coating: the cup is a mirror; give cup.mirror, the share that it reflects")
+        for name, allowed in (("back", ()), ("mouth", ("offset_mm",))):
+            face = self.faces[name]
+            for field in sorted(face.model_fields_set.difference(allowed)):
+                if getattr(face, field) is not None:
+                    has = (
+                        f"it has {' and '.join(allowed)} alone" if allowed else "it follows the cup, and has no fields"
+                    )
+                    raise ValueError(f"{name}.{field}: {has}; leave it out")
+        return self
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """All faces, or none where the cup is given: the others follow it."""
+        return self.names if self.cup.fixed is None else ()
+
+    @property
+    def outward(self) -> str:
+        """The cup: its back follows it."""
+        return "cup"

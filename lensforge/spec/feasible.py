@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.optics.media import CAVITY, SIDES
+from lensforge.optics.media import BODY, CAVITY, FROM_BELOW, SIDES
 from lensforge.spec.face_section import FaceSection
 from lensforge.spec.fixed_surface import FixedFace
 from lensforge.spec.lens_section import AnyLens, LensSection
@@ -54,14 +54,15 @@ def smallest_cavity_mm(lens: AnyLens, limits: ConstraintsSection) -> _Meridian:
 
     That of a fixed one is its own, the least all around.
     """
-    cavity = [lens.faces[name].fixed for name in lens.names if SIDES[name][0] == CAVITY]
+    cavity = [lens.faces[name].fixed for name in lens.names if SIDES[name] == (CAVITY, BODY)]
     if all(fixed is not None for fixed in cavity):
         least_mm: _Meridian = np.min([fixed.shape.least_mm(_POLAR) for fixed in cavity if fixed is not None], axis=0)
         return least_mm
     height, radius = limits.cavity_height_mm, limits.cavity_radius_mm
     sine, cosine = np.sin(_POLAR), np.cos(_POLAR)
     paraboloid: _Meridian = 2.0 * height / (cosine + np.sqrt(cosine**2 + (2.0 * height / radius * sine) ** 2))
-    tangent = tan(radians(lens.faces[lens.names[0]].draft_deg or 0.0))
+    first = lens.names[0]
+    tangent = 0.0 if first in FROM_BELOW else tan(radians(lens.faces[first].draft_deg or 0.0))
     if 2.0 * height * tangent <= radius:  # its steepest slope, at the rim, has the draft
         return paraboloid
     touches_mm = radius**2 / (2.0 * height * tangent)

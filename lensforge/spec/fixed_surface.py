@@ -15,6 +15,7 @@ from lensforge.spec.spec_section import Coordinate, FilePath, Label, Millimetres
 from lensforge.surfaces.asphere import Asphere, Biconic, SurfaceShape
 from lensforge.surfaces.imported_face import GivenFace, face_of_cad, face_of_lens, lens_file
 from lensforge.surfaces.point_cloud import face_of_points
+from lensforge.surfaces.reciprocal import ConicFace
 from lensforge.surfaces.surface import Surface
 from lensforge.surfaces.surface_record import SurfaceRecord, surface_record
 
@@ -255,6 +256,31 @@ class FixedBiconic(_ByFormula):
         return _made(Biconic, self.vertex_z_mm, *radii, *conics)
 
 
+_FARTHEST, _ROOM = 64.0, 1.1  # reach of a paraboloid over its vertex, and of an ellipsoid over its farthest point
+
+
+class FixedFocalConic(_ByFormula):
+    """Conic of revolution with a focus at the origin, where the LED is, and its vertex below: a reflector's cup.
+
+    A paraboloid sends the light of its focus along the axis, an ellipsoid to its other focus.
+    """
+
+    kind: Literal["focal_conic"] = "focal_conic"
+    vertex_mm: Millimetres
+    """Distance of the vertex below the focus: the focal length of a paraboloid, whose radius at z = 0 is twice that."""
+    second_focus_mm: Millimetres | None = None
+    """Height of the other focus of an ellipsoid; without it a paraboloid."""
+
+    @property
+    def surface(self) -> Surface:
+        """Surface about the axis: semi-axis a = f + c, eccentricity c/a, parameter (a^2 - c^2)/a, f the vertex."""
+        half = None if self.second_focus_mm is None else 0.5 * self.second_focus_mm
+        if half is None:
+            return _made(ConicFace, _FARTHEST * self.vertex_mm, 2.0 * self.vertex_mm, 1.0)
+        axis = self.vertex_mm + half
+        return _made(ConicFace, _ROOM * (axis + half), (axis - half) * (axis + half) / axis, half / axis)
+
+
 def _resolved(face: FixedFace) -> FixedFace:
     """The face itself in place of the file that holds it: a spec needs that file no more."""
     try:
@@ -264,7 +290,14 @@ def _resolved(face: FixedFace) -> FixedFace:
 
 
 FixedSurface = Annotated[
-    FixedSphere | FixedAsphere | FixedBiconic | FixedLensFace | FixedCadFace | FixedPoints | GivenSurface,
+    FixedSphere
+    | FixedAsphere
+    | FixedBiconic
+    | FixedFocalConic
+    | FixedLensFace
+    | FixedCadFace
+    | FixedPoints
+    | GivenSurface,
     Field(discriminator="kind"),
     AfterValidator(_resolved),
 ]

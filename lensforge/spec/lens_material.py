@@ -215,9 +215,16 @@ class LensMaterial(FacesSection):
         except InputError as error:
             raise ValueError(f"material_file: {error}") from None
 
+    @property
+    def is_opaque(self) -> bool:
+        """True for a body that no light enters: its index does not count, and its material is a label."""
+        return False
+
     @model_validator(mode="after")
     def _one_source_of_the_index(self) -> "LensMaterial":
         given = self.model_fields_set
+        if self.is_opaque:
+            return self
         known = self._own_or_catalogued
         if known is None:
             if "material" in given and "refractive_index" not in given:
@@ -320,7 +327,9 @@ class LensMaterial(FacesSection):
 
     @property
     def _own_or_catalogued(self) -> Material | None:
-        """The material of the spec's own data, or of the catalogue by its name."""
+        """The material of the spec's own data, or of the catalogue by its name; None of an opaque body."""
+        if self.is_opaque:
+            return None
         if self.optical_data is not None:
             return self.optical_data.material(self.material)
         return MATERIALS.get(self.material)
@@ -335,6 +344,6 @@ class LensMaterial(FacesSection):
 
     @property
     def _material(self) -> Material | None:
-        if self.abbe_number is not None:
+        if self.abbe_number is not None and not self.is_opaque:
             return by_abbe_number(self.refractive_index, self.abbe_number, self.material)
         return self._own_or_catalogued

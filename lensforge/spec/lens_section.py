@@ -7,9 +7,9 @@ from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from lensforge.errors import InputError
 from lensforge.optics.media import MOST_EVENTS
-from lensforge.spec.face_section import LensFaces, TirFaces
+from lensforge.spec.face_section import LensFaces, ReflectorFaces, TirFaces
 from lensforge.spec.lens_material import LensMaterial
-from lensforge.spec.spec_section import FilePath
+from lensforge.spec.spec_section import FilePath, Label
 from lensforge.surfaces.imported_face import lens_file
 from lensforge.surfaces.profile import LEAST_COEFFICIENTS
 from lensforge.surfaces.srbf import MOST_FUNCTIONS, MOST_LEVELS, SrbfBasis, level_sigma
@@ -57,6 +57,11 @@ class LensShape(LensMaterial):
             except InputError as error:
                 raise ValueError(str(error)) from None
         return self
+
+    @property
+    def title(self) -> str:
+        """Words for a lens of this kind."""
+        return "double-freeform lens"
 
     @property
     def may_be_round(self) -> bool:
@@ -119,16 +124,11 @@ class LensSection(LensShape, LensFaces):
     kind: Literal["double"] = "double"
 
 
-class TirSection(LensShape, TirFaces):
-    """A lens for total internal reflection: cap and side of the cavity, the reflecting wall, and the exit.
+class ProfiledShape(LensShape):
+    """A lens of faces of revolution, which meet in creases; with ``levels`` SRBFs shape them beyond that."""
 
-    Faces begin as the lens for a point source that the size of the LED, the radius and the beam ask for. They are faces
-    of revolution; with ``levels`` SRBFs shape cap, wall and exit beyond that.
-    """
-
-    kind: Literal["tir"]
     levels: _Numbers = ()
-    """Functions of each level, coarse to fine, that shape cap, wall and exit beyond their profiles; none: faces of
+    """Functions of each level, coarse to fine, that shape the free faces beyond their profiles; none: faces of
     revolution.
     """
     profile: Annotated[int, Field(ge=LEAST_COEFFICIENTS, le=64)] = 12
@@ -143,17 +143,17 @@ class TirSection(LensShape, TirFaces):
 
     @property
     def reflects(self) -> bool:
-        """True: by its wall."""
+        """True: by its wall, or its cup."""
         return True
 
     @property
     def has_creases(self) -> bool:
-        """True: of cap and side, and of wall and exit."""
+        """True: of cap and side, and of wall and exit; of cup and mouth, and of back and mouth."""
         return True
 
     @property
     def radius_about_axis(self) -> bool:
-        """True: its exit is flat, and widest at its rim."""
+        """True: its exit or mouth is flat, and widest at its rim."""
         return True
 
     @property
@@ -172,6 +172,55 @@ class TirSection(LensShape, TirFaces):
         return super().basis if self.levels else SrbfBasis(_OF_ERRORS, self.sigma_c, self._own_symmetry)
 
 
+class TirSection(ProfiledShape, TirFaces):
+    """A lens for total internal reflection: cap and side of the cavity, the reflecting wall, and the exit.
+
+    Faces begin as the lens for a point source that the size of the LED, the radius and the beam ask for. They are faces
+    of revolution; with ``levels`` SRBFs shape cap, wall and exit beyond that.
+    """
+
+    kind: Literal["tir"]
+
+    @property
+    def title(self) -> str:
+        """Words for a lens of this kind."""
+        return "lens for total internal reflection"
+
+
+class ReflectorSection(ProfiledShape, ReflectorFaces):
+    """A reflector: a cup about the source, whose inside is a mirror, open at its mouth.
+
+    Light leaves by the mouth, directly or by reflections at the cup. The cup begins as the paraboloid that the size of
+    the LED, the radius and the beam ask for, or is given; its back follows it at the least wall.
+    """
+
+    kind: Literal["reflector"]
+    material: Label = "metallised plastic"
+    """Material of the body, a label: no light enters it."""
+
+    @model_validator(mode="after")
+    def _is_open(self) -> "ReflectorSection":
+        if self.cavity_index != self.outside_index:
+            raise ValueError(
+                f"cavity_index = {self.cavity_index:g}: a reflector is open, and has outside_index = "
+                f"{self.outside_index:g} inside, too; give the same for both"
+            )
+        return self
+
+    @property
+    def title(self) -> str:
+        """Words for it."""
+        return "reflector"
+
+    @property
+    def is_opaque(self) -> bool:
+        """True: all that meets the cup is reflected or absorbed."""
+        return True
+
+
 AnyLens = Annotated[
-    Annotated[LensSection, Tag("double")] | Annotated[TirSection, Tag("tir")], Discriminator(_kind_of_lens)
+    Annotated[LensSection, Tag("double")]
+    | Annotated[TirSection, Tag("tir")]
+    | Annotated[ReflectorSection, Tag("reflector")],
+    Discriminator(_kind_of_lens),
 ]

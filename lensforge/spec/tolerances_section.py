@@ -20,7 +20,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, TypeVar,
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from lensforge.errors import InputError
-from lensforge.optics.media import DOUBLE, SIDES, TIR
+from lensforge.optics.media import DOUBLE, REFLECTOR, SIDES, TIR
 from lensforge.results.numerals import percent, quantity
 from lensforge.spec.renamed import with_new_names
 from lensforge.spec.spec_files import read_toml
@@ -50,7 +50,7 @@ class _Cause(NamedTuple):
 
 
 # Faces with a place of their own against the first one; the others are cut as one with it.
-_PLACED = {DOUBLE: ("outer",), TIR: ("wall", "exit")}
+_PLACED = {DOUBLE: ("outer",), TIR: ("wall", "exit"), REFLECTOR: ()}
 PLACEMENT = ("shift_mm", "gap_mm", "tilt_deg")  # fields of such a face
 
 
@@ -80,6 +80,7 @@ def _placed(names: tuple[str, ...], field: str, cause: _Cause) -> dict[str, _Cau
 @cache
 def _causes(names: tuple[str, ...]) -> dict[str, _Cause]:
     """The tolerances of a lens with these faces in the order in which parts are drawn: their numbers depend on it."""
+    surfaces = REFLECTOR[:1] if names == REFLECTOR else names  # its cup alone
     return {
         "source_shift_mm": _Cause("source, decentre", (0.02, 0.05, 0.05), 2),
         "source_height_mm": _Cause("source, height", (0.02, 0.05, 0.05)),
@@ -92,12 +93,12 @@ def _causes(names: tuple[str, ...]) -> dict[str, _Cause]:
         "lens_shift_mm": _Cause("lens against source, decentre", (0.02, 0.05, 0.05), 2),
         "lens_height_mm": _Cause("lens against source, height", (0.01, 0.03, 0.05)),
         "lens_tilt_deg": _Cause("lens against source, tilt", (0.05, 0.1, 0.2), 2),
-        "index": _Cause("refractive index", (0.0005, 0.001, 0.001)),
+        **({} if names == REFLECTOR else {"index": _Cause("refractive index", (0.0005, 0.001, 0.001))}),
         "shrinkage": _Cause("shrinkage", (0.0, 0.0, 0.001)),
-        **_of_faces(names, "roughness_mrad", _Cause("roughness", (0.2, 0.5, 0.5), 1, "one-sided")),
-        **_of_faces(names, "ripple_um", _Cause("ripple", (0.01, 0.02, 0.0), 1, "one-sided")),
-        **_of_faces(names, "form_um", _Cause("form", (0.3, 1.0, 2.0), FORM_NUMBERS, "field")),
-        **_of_faces(names, "waviness_um", _Cause("waviness", (0.03, 0.1, 0.2), WAVINESS_NUMBERS, "field")),
+        **_of_faces(surfaces, "roughness_mrad", _Cause("roughness", (0.2, 0.5, 0.5), 1, "one-sided")),
+        **_of_faces(surfaces, "ripple_um", _Cause("ripple", (0.01, 0.02, 0.0), 1, "one-sided")),
+        **_of_faces(surfaces, "form_um", _Cause("form", (0.3, 1.0, 2.0), FORM_NUMBERS, "field")),
+        **_of_faces(surfaces, "waviness_um", _Cause("waviness", (0.03, 0.1, 0.2), WAVINESS_NUMBERS, "field")),
     }
 
 
@@ -169,14 +170,11 @@ class _Amounts(Section):
         for name in type(self).model_fields:
             if not isinstance(tolerance := getattr(self, name), ToleranceSpec):
                 continue
-            _, _, most = _unit_of(name)
-            if tolerance.amount > most:
+            if tolerance.amount > (most := _unit_of(name)[2]):
                 raise ValueError(f"{name} = {tolerance.amount:g}: must be at most {most:g}")
             if name.endswith("_um") and "distribution" in tolerance.model_fields_set:
-                raise ValueError(
-                    f"{name}: the shape of a face's error is Gaussian, and its amount the rms over all parts; leave "
-                    "out distribution"
-                )
+                words = "a face's error is Gaussian, and its amount the rms over all parts; leave out distribution"
+                raise ValueError(f"{name}: {words}")
         return self
 
 
@@ -205,9 +203,8 @@ def refuse_placement(faces: Mapping[str, FaceTolerances]) -> None:
     for face, tolerances in faces.items():
         for name in PLACEMENT if face not in placed else ():
             if getattr(tolerances, name) is not None:
-                raise ValueError(
-                    f"{face}.{name}: this face is what the next is placed against; give {placed[0]}.{name}"
-                )
+                other = f"what the next is placed against; give {placed[0]}.{name}" if placed else "alone; leave it out"
+                raise ValueError(f"{face}.{name}: this face is {other}")
 
 
 class TolerancesSection(_Amounts):
@@ -318,9 +315,18 @@ class TirTolerances(FacesTolerances):
     """Those of the exit, and of its place against the cavity."""
 
 
+class ReflectorTolerances(FacesTolerances):
+    """All tolerances of a reflector: those of its cup. No light meets its back, and its mouth is no surface."""
+
+    names = REFLECTOR
+    cup: FaceTolerances = Field(default_factory=FaceTolerances)
+    back: FaceTolerances = Field(default_factory=FaceTolerances)
+    mouth: FaceTolerances = Field(default_factory=FaceTolerances)
+
+
 def tolerances_with(names: tuple[str, ...]) -> type[FacesTolerances]:
     """The class of all tolerances of a lens with faces of these ``names``."""
-    return PartTolerances if names == DOUBLE else TirTolerances
+    return next(kind for kind in FacesTolerances.__subclasses__() if kind.names == names)
 
 
 @dataclass(frozen=True)
@@ -345,10 +351,9 @@ def factors_of(tolerances: FacesTolerances) -> tuple[Factor, ...]:
     """All ``tolerances`` that are not 0. Raises :class:`InputError` where all are 0."""
     found = []
     for name, cause in _causes(tolerances.names).items():
-        tolerance, (unit, to_internal, _) = tolerances.tolerance(name), _unit_of(name)
-        if tolerance.amount > 0.0:
-            stated = (cause.words, unit, to_internal, tolerance.amount, cause.kind)
-            found.append(Factor(name, *stated, tolerance.distribution, cause.numbers))
+        own, (unit, to_internal, _) = tolerances.tolerance(name), _unit_of(name)
+        stated = (cause.words, unit, to_internal, own.amount, cause.kind, own.distribution, cause.numbers)
+        found += [Factor(name, *stated)] if own.amount > 0.0 else []
     if not found:
         raise InputError("tolerances: all of them are 0: every part is as designed; raise one, or leave out the zeros")
     return tuple(found)

@@ -6,7 +6,7 @@ source to a plane across the axis are equally long (Fermat), which gives the wal
 is known at first order: the lens keeps the skewness of light and its étendue.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -101,22 +101,9 @@ class Collimator:
     def share(self, half_angle_rad: float, side_mm: float) -> float:
         """Share of the light of a square Lambertian source within a half angle of the axis, at first order.
 
-        A point beside the axis by x in the plane of a ray and by y across it turns the ray by ``x cos dtheta/dr`` and
-        ``y sin / r`` at the radius r of the exit. What faces reflect, a tenth of the light, counts as passed.
+        What faces reflect, a tenth of the light, counts as passed.
         """
-        place = (np.arange(_PLACES) + 0.5) / _PLACES - 0.5
-        x, y = (side_mm * each.ravel() for each in np.meshgrid(place, place))
-        total = 0.0
-        for polar, exits in self._mapped():
-            by_polar = np.gradient(exits, polar)
-            along, across = np.cos(polar) / by_polar, np.sin(polar) / exits
-            seen = np.zeros_like(polar)
-            for turn in np.pi * (np.arange(4) + 0.5) / 8.0:  # azimuths from the source's side, by its symmetry
-                turned = x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn)
-                off = np.hypot(turned[0] * along[:, None], turned[1] * across[:, None])
-                seen += 0.25 * (off < np.sin(half_angle_rad)).mean(axis=1)
-            total += float(np.trapezoid(seen * np.sin(2.0 * polar), polar))
-        return total
+        return share_within(self._mapped(), half_angle_rad, side_mm)
 
     def _mapped(self) -> Iterator[tuple[_Angles, _Angles]]:
         """Angles of the light through the cap, and through the side, and the radii (mm) at which it leaves."""
@@ -152,6 +139,27 @@ class Collimator:
         cosines = points[:, 1] / distances
         basis = ProfileBasis(float(cosines[-1]), float(cosines[0]), _COEFFICIENTS)
         return ProfileFace(reach_mm, basis.low, basis.high, basis.nearest(cosines, 1.0 / distances))
+
+
+def share_within(mapped: Iterable[tuple[_Angles, _Angles]], half_angle_rad: float, side_mm: float) -> float:
+    """Share of a square Lambertian source within a half angle of the axis, at first order, of light that is collimated.
+
+    ``mapped``: angles from the axis, and the radii (mm) at which that light leaves. A point beside the axis by x in the
+    plane of a ray and by y across it turns the ray by ``x cos dtheta/dr`` and ``y sin / r`` at the radius r.
+    """
+    place = (np.arange(_PLACES) + 0.5) / _PLACES - 0.5
+    x, y = (side_mm * each.ravel() for each in np.meshgrid(place, place))
+    total = 0.0
+    for polar, exits in mapped:
+        by_polar = np.gradient(exits, polar)
+        along, across = np.cos(polar) / by_polar, np.sin(polar) / exits
+        seen = np.zeros_like(polar)
+        for turn in np.pi * (np.arange(4) + 0.5) / 8.0:  # azimuths from the source's side, by its symmetry
+            turned = x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn)
+            off = np.hypot(turned[0] * along[:, None], turned[1] * across[:, None])
+            seen += 0.25 * (off < np.sin(half_angle_rad)).mean(axis=1)
+        total += float(np.trapezoid(seen * np.sin(2.0 * polar), polar))
+    return total
 
 
 def best_collimator(

@@ -24,6 +24,7 @@ from lensforge.spec.fixed_surface import (
     FixedAsphere,
     FixedBiconic,
     FixedCadFace,
+    FixedFocalConic,
     FixedLensFace,
     FixedPoints,
     FixedSphere,
@@ -170,6 +171,7 @@ INNER = (
     FixedSphere(radius_mm=3.0),
     FixedAsphere(vertex_z_mm=3.0, radius_mm=-3.0),
     FixedBiconic(vertex_z_mm=3.0, radius_x_mm=-3.0, radius_y_mm=-3.1, conic_y=-0.1),
+    FixedFocalConic(vertex_mm=2.0, second_focus_mm=0.5),
     GivenSurface(origin="a mould", face=surface_record(sphere(3.0))),
 )
 OUTER = (FixedSphere(radius_mm=6.0), FixedAsphere(vertex_z_mm=6.0, radius_mm=-6.0, coefficients=(1e-6,)))

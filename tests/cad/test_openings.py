@@ -1,0 +1,179 @@
+"""A body with an opening: its solid and mesh against integrals, its section, and its casts against the design."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+import lensforge as lf
+from lensforge.cad.body_export import BuiltBody, build_body, prove
+from lensforge.cad.section import body_outlines
+from lensforge.cad.wall import thinnest_of
+from lensforge.light.simulation import TracedLens
+from lensforge.optics.media import BODY, CAVITY, OUTSIDE
+from lensforge.proof.optical_faces import NO_FACE
+from lensforge.proof.proof_inputs import optical_of
+from lensforge.proof.sequential_cast import CastFate
+from lensforge.proof.verification import passage_through
+from lensforge.report.headline import task
+from lensforge.scene.body import Body, Face
+from lensforge.scene.lens import Lens
+from lensforge.search.profiles import ProfileParameters
+from lensforge.shop.check import check_lens
+from lensforge.shop.dimensions import dimensions
+from lensforge.sources.build_source import build_source
+from lensforge.spec import parse_spec
+from lensforge.spec.tolerances_section import factors_of
+from lensforge.surfaces.asphere import sphere
+from lensforge.surfaces.reciprocal import ConicFace, PlaneFace
+
+FOCAL, HEIGHT, REACH = 2.0, 8.0, 20.0
+
+
+def cup_lens(**lens: Any) -> Lens:
+    content = {
+        "source": {"kind": "square", "side_mm": 1.0},
+        "lens": {"kind": "reflector", "profile": 8, **lens},
+        "constraints": {"max_radius_mm": 11.0},
+        "target": {"kind": "disc", "diameter_deg": 40.0, "half_angle_deg": 80.0},
+        "base": {"kind": "none"},
+        "optimise": {"aim": "share"},
+    }
+    spec = parse_spec(content, "cup")
+    return Lens(ProfileParameters.of(spec, 2.5).start_surfaces, spec, 0, "draft")
+
+
+@pytest.fixture(scope="module")
+def lens() -> Lens:
+    fixed = {"kind": "focal_conic", "vertex_mm": FOCAL}
+    return cup_lens(cup={"fixed": fixed}, mouth={"offset_mm": HEIGHT})
+
+
+@pytest.fixture(scope="module")
+def built(lens: Lens) -> BuiltBody:
+    return build_body(lens.body)
+
+
+def enclosed(lens: Lens, name: str) -> float:
+    """Volume (mm^3) within a face of revolution up to the mouth: sectors to the crease, and the cone above."""
+    radius = lens.surfaces[name].radius
+
+    def at(polar: float) -> float:
+        return float(radius(np.array([[np.sin(polar), 0.0, np.cos(polar)]]))[0])
+
+    low, high = 0.1, 0.5 * np.pi
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if at(middle) * np.cos(middle) > HEIGHT else (low, middle)
+    sectors = quad(lambda polar: 2.0 * np.pi / 3.0 * at(polar) ** 3 * np.sin(polar), low, 0.5 * np.pi, epsabs=1e-10)[0]
+    return float(sectors + np.pi / 3.0 * HEIGHT * (HEIGHT * np.tan(low)) ** 2)
+
+
+def test_the_solid_is_a_ring_of_the_volume_between_its_faces(lens: Lens, built: BuiltBody) -> None:
+    files = built.files("cup")
+    proof = prove(built, *files)
+    wanted = enclosed(lens, "back") - enclosed(lens, "cup")
+    paraboloid = 2.0 * np.pi * FOCAL * ((HEIGHT + FOCAL) ** 2 - FOCAL**2)  # between the planes z = 0 and the mouth
+    assert enclosed(lens, "cup") == pytest.approx(paraboloid, rel=1e-9)
+    assert proof.solid.valid and proof.solid.genus == 1 == proof.stl.genus == proof.threemf.genus
+    assert proof.solid.volume_mm3 == pytest.approx(wanted, rel=1e-7)
+    assert built.mesh.volume() == pytest.approx(wanted, rel=2e-5)
+    assert proof.stl.watertight and proof.threemf.watertight
+    assert max(error.form_max_nm for error in proof.form.values()) < 1.0
+    assert set(proof.solid.faces) == {"MOUTH_RIM", "OPTICAL_BACK", "OPTICAL_CUP", "RIM"}
+
+
+def test_the_rim_is_one_ring_of_vertices_between_cup_and_mouth(built: BuiltBody) -> None:
+    rim, cup = (np.unique(built.mesh.part(name)) for name in ("MOUTH_RIM", "OPTICAL_CUP"))
+    shared = built.mesh.vertices[np.intersect1d(rim, cup)]
+    assert len(shared) > 100 and shared[:, 2] == pytest.approx(HEIGHT, abs=1e-6)
+    assert np.hypot(shared[:, 0], shared[:, 1]) == pytest.approx(2.0 * np.sqrt(FOCAL * (HEIGHT + FOCAL)), abs=1e-6)
+
+
+def test_the_section_has_an_outline_on_each_side(lens: Lens) -> None:
+    right, left = body_outlines(lens, 0.0)
+    assert right[:, 0].min() == pytest.approx(2.0 * FOCAL, abs=1e-9) and np.allclose(left, right * [-1.0, 1.0])
+    x, z = np.vstack([right, right[:1]]).T
+    turned = np.pi * np.sum((x[:-1] ** 2 + x[:-1] * x[1:] + x[1:] ** 2) / 3.0 * np.diff(z))  # Pappus, by trapezia
+    assert abs(turned) == pytest.approx(enclosed(lens, "back") - enclosed(lens, "cup"), rel=1e-4)
+
+
+def test_the_wall_is_that_of_cup_and_back_and_the_drawing_has_no_apex(lens: Lens) -> None:
+    wall = thinnest_of(lens)
+    assert lens.spec.constraints.min_thickness_mm < wall.thickness_mm < 1.6
+    assert np.hypot(*wall.cavity_mm[:2]) ** 2 == pytest.approx(4.0 * FOCAL * (wall.cavity_mm[2] + FOCAL), rel=1e-6)
+    names = {each.name for each in dimensions(lens)}
+    assert "overall length" in names and not {name for name in names if "apex" in name or "on the axis" in name}
+    check = check_lens(lens)
+    assert set(check.faces) == {"cup", "back"}
+    slope = np.degrees(np.arctan2(np.sqrt(HEIGHT + FOCAL), np.sqrt(FOCAL)))  # of the paraboloid at its rim
+    assert {edge.faces: edge.angle_deg for edge in check.edges}[("mouth", "cup")] == pytest.approx(
+        180.0 - slope, abs=0.1
+    )
+
+
+@pytest.mark.parametrize("file", [0, 1], ids=["step", "stl"])
+def test_casts_agree_with_the_design_ray_by_ray(lens: Lens, built: BuiltBody, file: int) -> None:
+    rays = build_source(lens.spec.source, None).sample(400, 5)
+    design, optical = TracedLens.of(lens, 8.0).trace(rays), optical_of(lens.body, lens.events)
+    cast = passage_through(built.files("cup")[file], optical, lens.media, rays)
+    left = design.left_lens
+    assert left.sum() > 300 and np.array_equal(cast.fates == CastFate.LANDED, left)
+    assert cast.flux[left] == pytest.approx(design.flux[left], rel=1e-12)
+    assert np.abs(cast.directions - design.directions)[left].max() < 1e-3
+    beside = np.cross(design.points - cast.points, cast.directions)[left]
+    assert np.linalg.norm(beside, axis=1).max() < 1e-3, "the same lines"
+    met = optical.numbers_of(TracedLens.of(lens, 8.0).scene.names)[design.met]
+    assert np.array_equal(cast.met[left], met[left])
+    assert {NO_FACE, optical.names.index("cup"), optical.names.index("mouth")} == set(met[left].ravel().tolist())
+
+
+def test_a_freeform_cup_is_exported_too() -> None:
+    lens = cup_lens(levels=[9])
+    parameters = ProfileParameters.of(lens.spec, 2.5)
+    weights, offsets = parameters.start()
+    weights[parameters.profile :, 0] += 0.02
+    weights[parameters.profile, 0] += 0.1
+    moved = parameters.lens(weights, offsets, lens.spec, 0, "draft")
+    built = build_body(moved.body, nodes=dict.fromkeys(moved.surfaces, 80), rings=48)
+    assert built.solid.valid and built.solid.genus == 1
+    assert built.mesh.volume() == pytest.approx(built.solid.volume_mm3, rel=1e-3)
+    assert moved.surfaces["cup"].symmetry == moved.surfaces["back"].symmetry == "none"
+
+
+def plane(height_mm: float, tilt: float = 0.0) -> PlaneFace:
+    return PlaneFace(REACH, height_mm, (tilt, 0.0, 1.0))
+
+
+CUP = Face("cup", ConicFace(REACH, 4.0, 1.0), CAVITY, BODY)
+BACK = Face("back", ConicFace(REACH, 7.0, 1.0), BODY, OUTSIDE)
+
+
+@pytest.mark.parametrize(
+    ("faces", "words"),
+    [
+        ((CUP, Face("mouth", plane(8.0), CAVITY, OUTSIDE)), "none bounds the body; the body is not closed"),
+        ((BACK, Face("mouth", plane(8.0), CAVITY, OUTSIDE)), "none bounds the cavity; the body is not closed"),
+        ((BACK, CUP, Face("mouth", sphere(3.0), CAVITY, OUTSIDE)), "cup: nowhere the nearest"),
+        (
+            (Face("cup", ConicFace(REACH, 7.0, 1.0), CAVITY, BODY), Face("back", CUP.surface, BODY, OUTSIDE),
+             Face("mouth", plane(8.0), CAVITY, OUTSIDE)),
+            "back, mouth must lie outside of cup, mouth",
+        ),
+        (
+            (CUP, BACK, Face("mouth", plane(8.0), CAVITY, OUTSIDE), Face("hatch", plane(8.0, 0.4), CAVITY, OUTSIDE)),
+            "must be each of them once|one piece",
+        ),
+    ],
+)  # fmt: skip
+def test_faces_that_make_no_body_are_refused_in_one_line(faces: tuple[Face, ...], words: str) -> None:
+    with pytest.raises(lf.InputError, match=words) as caught:
+        build_body(Body(faces))
+    assert "\n" not in str(caught.value)
+
+
+def test_its_words_are_those_of_a_reflector(lens: Lens) -> None:
+    words = task(lens.spec)
+    assert "reflector, metallised plastic, cup face fixed (focal conic)" in words and "n =" not in words
+    assert {factor.name for factor in factors_of(lens.spec.part_tolerances)}.isdisjoint({"index", "back_form_um"})

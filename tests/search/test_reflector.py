@@ -1,0 +1,203 @@
+"""A reflector from its spec: its light in closed form, derivatives, limits, and a short search."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from chains import upwards
+
+import lensforge as lf
+from lensforge.kernels.fate import Fate
+from lensforge.light.chain_trace import TracedFaces, trace_chain
+from lensforge.light.exact_trace import DenseScan, FixedSurface
+from lensforge.light.sequential_trace import EnteringRays
+from lensforge.light.simulation import TracedLens
+from lensforge.scene.body import Chain
+from lensforge.scene.lens import Lens
+from lensforge.search.constraints import AugmentedLagrangian
+from lensforge.search.feasibility import measure_constraints
+from lensforge.search.merit import MeritFunction
+from lensforge.search.profiles import ProfileParameters
+from lensforge.sources.build_source import build_source
+from lensforge.spec import Spec, parse_spec
+
+BEAM: dict[str, Any] = {
+    "source": {"kind": "square", "side_mm": 1.0},
+    "lens": {"kind": "reflector", "profile": 8},
+    "constraints": {"max_radius_mm": 12.0, "max_height_mm": 14.0},
+    "target": {"kind": "disc", "diameter_deg": 24.0, "half_angle_deg": 80.0},
+    "base": {"kind": "none"},
+    "optimise": {"aim": "share", "steps_per_level": [25], "rays": 4096},
+}
+FOCAL, HEIGHT, MIRROR = 2.5, 15.0, 0.88
+RIM = 2.0 * np.sqrt(FOCAL * (HEIGHT + FOCAL))  # radius of the paraboloid at its mouth
+DIRECT = RIM**2 / (RIM**2 + HEIGHT**2)  # of Lambertian light from the focus: squared sine of the angle to the rim
+
+
+def reflector(lens: dict[str, Any] | None = None, **changes: Any) -> Spec:
+    return parse_spec({**BEAM, "lens": {**BEAM["lens"], **(lens or {})}, **changes}, "beam")
+
+
+def given(second_focus_mm: float | None = None, **changes: Any) -> Lens:
+    conic = {"kind": "focal_conic", "vertex_mm": FOCAL, "second_focus_mm": second_focus_mm}
+    lens = {"cup": {"mirror": MIRROR, "fixed": conic}, "mouth": {"offset_mm": HEIGHT}}
+    spec = reflector(lens, constraints={"max_radius_mm": 16.0}, **changes)
+    return Lens(ProfileParameters.of(spec, 2.5).start_surfaces, spec, 0, "draft")
+
+
+def traced_exactly(lens: Lens, rays: Any) -> Any:
+    chain = Chain.of_lens(lens.spec.lens)
+    assert chain is not None
+    surfaces = {name: FixedSurface(surface, DenseScan()) for name, surface in lens.surfaces.items()}
+    return trace_chain(TracedFaces(surfaces, chain, 2.0 * lens.body.largest_mm), EnteringRays.of(rays, lens.media))
+
+
+def test_a_paraboloid_sends_the_light_of_its_focus_along_the_axis() -> None:
+    lens, rays = given(), upwards(4000, 3)
+    exits = traced_exactly(lens, rays)
+    tabled = TracedLens.of(lens, 8.0).trace(rays)
+    turned = np.hypot(rays.directions[:, 0], rays.directions[:, 1]) * HEIGHT > RIM * rays.directions[:, 2]
+    assert exits.left_lens.all() and turned.any() and (~turned).any()
+    assert exits.directions[turned] == pytest.approx(np.tile([0.0, 0.0, 1.0], (turned.sum(), 1)), abs=1e-12)
+    assert np.array_equal(exits.directions[~turned], rays.directions[~turned])
+    assert exits.flux == pytest.approx(rays.flux * np.where(turned, MIRROR, 1.0), rel=1e-12)
+    assert exits.points[:, 2] == pytest.approx(HEIGHT, abs=1e-9)
+    assert np.abs(tabled.directions - exits.directions).max() < 5e-5
+    assert np.array_equal(tabled.fates, exits.fates)
+
+
+def test_an_ellipsoid_sends_the_light_of_one_focus_to_the_other() -> None:
+    lens, rays = given(60.0), upwards(4000, 5)
+    exits = traced_exactly(lens, rays)
+    turned = np.abs(exits.directions - rays.directions).max(axis=1) > 1e-9
+    assert exits.left_lens.all() and 0.3 < turned.mean() < 0.9
+    to_focus = np.array([0.0, 0.0, 60.0]) - exits.points[turned]
+    beside = np.linalg.norm(np.cross(to_focus, exits.directions[turned]), axis=1)
+    assert beside.max() < 1e-11
+
+
+def test_light_by_way_is_that_of_a_lambertian_point() -> None:
+    light = lf.evaluate(given(source={"kind": "disc", "diameter_mm": 1e-3}), rays=2**16)
+    found = {way.faces: way.share.value for way in light.ways}
+    assert found == {
+        ("mouth",): pytest.approx(DIRECT, abs=1e-4),
+        ("cup", "mouth"): pytest.approx(MIRROR * (1.0 - DIRECT), abs=1e-4),
+    }
+    assert light.flux.absorbed == pytest.approx((1.0 - MIRROR) * (1.0 - DIRECT), abs=1e-4)
+    assert sum(vars(light.flux).values()) == pytest.approx(1.0, abs=1e-12)
+    assert light.efficiency.value <= light.possible.efficiency
+
+
+def test_along_the_axis_a_lambertian_chip_fills_the_mirror_with_its_luminance() -> None:
+    lens = given()
+    rays = build_source(lens.spec.source, None).sample(2**20, 11)
+    exits = TracedLens.of(lens, 8.0).trace(rays)
+    narrow = np.sin(np.radians(0.3))  # so small that the chip is seen in 99 % of the mirror: at its foot it is edge-on
+    within = exits.left_lens & (np.hypot(exits.directions[:, 0], exits.directions[:, 1]) < narrow)
+    share, count = exits.flux[within].sum() / rays.flux.sum(), within.sum()
+    lit_mm2 = MIRROR * np.pi * (RIM**2 - (2.0 * FOCAL) ** 2) + 1.0  # the mirror, and the chip of 1 mm^2 itself
+    assert share == pytest.approx(lit_mm2 * narrow**2, rel=0.01 + 3.0 / np.sqrt(count))
+
+
+def test_rays_that_fall_back_are_counted_with_their_fates() -> None:
+    lens = given(30.0, source={"kind": "square", "side_mm": 4.0})
+    rays = build_source(lens.spec.source, None).sample(2**14, 2)
+    exits, exact = TracedLens.of(lens, 8.0).trace(rays), traced_exactly(lens, rays)
+    assert (exits.fates != Fate.LEFT_LENS).sum() <= 2 + (exact.fates != Fate.LEFT_LENS).sum()
+    assert np.mean(exits.fates == exact.fates) > 0.999
+    assert (exits.met[:, 2] >= 0).any(), "some are reflected twice"
+
+
+def moved(parameters: ProfileParameters) -> tuple[torch.Tensor, torch.Tensor]:
+    rng, (weights, offsets) = np.random.default_rng(5), parameters.start()
+    return weights + 0.003 * torch.from_numpy(rng.normal(size=weights.shape)), offsets + 0.003
+
+
+@pytest.mark.parametrize("along", [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]], ids=["cup", "mouth"])
+def test_the_derivative_of_the_merit_is_that_of_differences(along: list[float]) -> None:
+    spec = reflector()
+    source, parameters = build_source(spec.source, None), ProfileParameters.of(spec, 2.5)
+    merit = MeritFunction.of(spec, source, parameters)
+    weights, offsets = moved(parameters)
+    direction, rays = torch.tensor(along, dtype=torch.float64), source.sample(2**18, 3)
+
+    def loss(step: float) -> float:
+        light = merit.light_of(parameters.tables(weights, offsets + step * direction), rays)
+        return merit.terms[0].loss(light.images[0], False).item()
+
+    found, nearer = ((loss(h) - loss(-h)) / (2.0 * h) for h in (1.6e-2, 8e-3))
+    moving = offsets.clone().requires_grad_()
+    merit.terms[0].loss(merit.light_of(parameters.tables(weights, moving), rays).images[0], False).backward()
+    assert float((moving.grad * direction).sum()) == pytest.approx(
+        found, abs=0.03 * abs(found) + 2.0 * abs(found - nearer)
+    )
+
+
+def test_the_back_follows_the_cup() -> None:
+    parameters = ProfileParameters.of(reflector(), 2.5)
+    weights, offsets = moved(parameters)
+    start, now = parameters.start_surfaces, parameters.surfaces(weights, offsets)
+    polar = np.linspace(np.arctan2(9.0, 13.0), 0.5 * np.pi, 40)
+    directions = np.column_stack([np.sin(polar), np.zeros(40), np.cos(polar)])
+    walls = [each["back"].radius(directions) - each["cup"].radius(directions) for each in (start, now)]
+    assert walls[1] == pytest.approx(walls[0], rel=0.1)
+    assert np.abs(now["cup"].radius(directions) - start["cup"].radius(directions)).max() > 0.02
+    again = parameters.tables(*parameters.parameters_of(parameters.lens(weights, offsets, reflector(), 0, "draft")))
+    apart = (again - parameters.tables(weights, offsets)).abs().amax(dim=(1, 2))
+    assert apart[0] < 1e-6 and apart[2] < 1e-6
+
+
+def test_limits_are_those_of_the_body() -> None:
+    spec = reflector({"cup": {"draft_deg": 2.0, "concave_radius_mm": 1.0}})
+    parameters = ProfileParameters.of(spec, 2.5)
+    weights, offsets = moved(parameters)
+    fine = parameters.refined()
+    constraints = AugmentedLagrangian.of(spec, fine.grid)
+    least = constraints.least(constraints.fields(fine.tables(weights, offsets)))
+    margins = measure_constraints(parameters.lens(weights, offsets, spec, 0, "draft"))
+    for name in ("cavity_clearance_mm", "wall_margin_mm", "radius_margin_mm", "height_margin_mm"):
+        assert least[name] == pytest.approx(getattr(margins, name), abs=0.01), name
+    assert least["cup_draft_margin_deg"] == pytest.approx(margins.draft_margin_deg["cup"], abs=0.05)
+    assert margins.wall_margin_mm > 0.0 and margins.draft_margin_deg["cup"] > 0.0
+
+
+def test_a_short_search_gains_light_and_keeps_the_limits() -> None:
+    spec = reflector()
+    design = lf.design(spec, accuracy="draft")
+    assert all(each.passed for each in design.criteria)
+    start = Lens(ProfileParameters.of(spec, 2.5).start_surfaces, spec, 0, "draft")
+    before, after = (lf.evaluate(each, rays=2**15).share_in_target.value for each in (start, design.lens))
+    assert after > before + 0.01
+
+
+def test_a_given_reflector_is_taken_as_it_is() -> None:
+    lens = given()
+    design = lf.design(lens.spec, accuracy="draft", force=True)
+    assert design.steps == 0 and design.lens.to_json()["faces"] == lens.to_json()["faces"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"lens": {"cup": {"coating": {"reflectance": 0.1}}}}, "the cup is a mirror; give cup.mirror"),
+        ({"lens": {"cup": {"mirror": 1.2}}}, r"cup.mirror = 1.2"),
+        ({"lens": {"mouth": {"form_um": 1.0}}}, "it has offset_mm alone"),
+        ({"lens": {"back": {"offset_mm": 3.0}}}, "it follows the cup"),
+        ({"lens": {"cup": {"shift_mm": 0.1}}}, "cup.shift_mm: this face is alone"),
+        ({"lens": {"cavity_index": 1.41}}, "a reflector is open"),
+        ({"lens": {"mouth": {"offset_mm": 90.0}}}, "does not reach up to 90 mm"),
+        ({"constraints": {"max_radius_mm": 1.3}}, "leaves no room for a cup"),
+        ({"optimise": {"robust": True}}, "optimise.robust goes with"),
+        ({"lens": {"wall": {"mirror": 0.9}}}, "lens.wall"),
+        (
+            {"lamps": {"kind": "grid", "columns": 2, "rows": 1, "pitch_mm": 40.0}, "plate": {"thickness_mm": 2.0}},
+            "plate",
+        ),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(changes: dict[str, Any], words: str) -> None:
+    lens = {**BEAM["lens"], **changes.pop("lens", {})}
+    with pytest.raises(lf.InputError, match=words) as caught:
+        lf.design(parse_spec({**BEAM, "lens": lens, **changes}, "beam"), accuracy="draft")
+    assert "\n" not in str(caught.value)
