@@ -2,7 +2,7 @@
 
 The reciprocal radius of a face is its profile plus the sum of SRBFs, all over an offset that scales the face about the
 origin. The search begins at the lens for a point source that suits source, radius and beam best. The side of the cavity
-stays the cone that its draft asks for: only its offset moves.
+stays the cone that its draft asks for, a flat exit a plane: only their offsets move.
 """
 
 from dataclasses import dataclass, replace
@@ -26,7 +26,7 @@ from lensforge.spec.lens_section import TirSection
 from lensforge.surfaces.bicubic_table import APRON, BasisTables, TableGrid, dyadic_grid, tabulate
 from lensforge.surfaces.collimator import best_collimator
 from lensforge.surfaces.profile import FormedFace, ProfileBasis, ProfileFace
-from lensforge.surfaces.reciprocal import ConeFace, ReciprocalSurface, bent
+from lensforge.surfaces.reciprocal import ConeFace, PlaneFace, ReciprocalSurface, bent
 from lensforge.surfaces.srbf import SrbfBasis, fibonacci_hemisphere, level_sigma
 from lensforge.surfaces.surface import Surface
 
@@ -83,7 +83,7 @@ class ProfileParameters(Parametrisation):
         for face in body.faces:
             if fixed[face.name] is not None:
                 own.append(None)
-            elif isinstance(face.surface, ConeFace):
+            elif isinstance(face.surface, ConeFace | PlaneFace):
                 own.append(face.surface)
             else:
                 own.append(_parameters(body, face.name, lens.profile))
@@ -173,8 +173,9 @@ class ProfileParameters(Parametrisation):
         weights, offsets = self.start()
         for face, (name, own) in enumerate(zip(self.names, self.own, strict=True)):
             surface = lens.surfaces[name]
-            if isinstance(own, ConeFace):
-                offsets[face] = surface.radius(_HORIZON)[0] / own.radius(_HORIZON)[0]
+            if isinstance(own, ConeFace | PlaneFace):
+                towards = _HORIZON if isinstance(own, ConeFace) else _AXIS
+                offsets[face] = surface.radius(towards)[0] / own.radius(towards)[0]
             elif isinstance(own, FaceParameters):
                 moved = (own.coefficients_of(surface) - own.coefficients) / own.scale
                 weights[: self.profile, face] = torch.from_numpy(moved)
@@ -189,8 +190,8 @@ class ProfileParameters(Parametrisation):
             factor = 1.0 / float(offsets[face])
             if fixed is not None:
                 found[name] = fixed
-            elif isinstance(own, ConeFace):
-                found[name] = replace(own, radius_mm=own.radius_mm / factor)
+            elif isinstance(own, ConeFace | PlaneFace):
+                found[name] = _shrunk(own, factor)
             elif isinstance(own, FaceParameters):
                 moved = own.coefficients + own.scale * weights[: self.profile, face].numpy()
                 profile = own.start.reach_mm, own.basis.low, own.basis.high, tuple((factor * moved).tolist())
@@ -223,6 +224,8 @@ def start_faces(spec: Spec) -> dict[str, Surface]:
     lens = spec.lens
     assert isinstance(lens, TirSection)
     own, found = _of_a_point(spec), dict[str, Surface]()
+    if lens.exit.flat:
+        own["exit"] = PlaneFace(own["exit"].reach_mm, float(own["exit"].radius(_AXIS)[0]))
     given = {"wall": (lens.wall.offset_mm, _HORIZON), "exit": (lens.exit.offset_mm, _AXIS)}
     for name, surface in lens.fixed.items():
         offset_mm, towards = given.get(name, (None, _AXIS))
@@ -232,10 +235,19 @@ def start_faces(spec: Spec) -> dict[str, Surface]:
     return found
 
 
-def _resized(face: ReciprocalSurface, offset_mm: float, towards: Float[np.ndarray, "1 3"]) -> ProfileFace:
+def _resized(face: ReciprocalSurface, offset_mm: float, towards: Float[np.ndarray, "1 3"]) -> ReciprocalSurface:
     """The face, scaled about the origin to a distance of ``offset_mm`` in one direction."""
+    return _shrunk(face, float(face.radius(towards)[0]) / offset_mm)
+
+
+def _shrunk(face: ReciprocalSurface, factor: float) -> ReciprocalSurface:
+    """The face within the same reach, its lengths over ``factor``."""
+    match face:
+        case ConeFace():
+            return replace(face, radius_mm=face.radius_mm / factor)
+        case PlaneFace():
+            return replace(face, height_mm=face.height_mm / factor)
     assert isinstance(face, ProfileFace)
-    factor = float(face.radius(towards)[0]) / offset_mm
     return replace(face, coefficients=tuple(factor * each for each in face.coefficients))
 
 
