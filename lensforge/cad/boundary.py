@@ -6,10 +6,10 @@ the domain of each face a disc or a ring of the chart. A crease is known by its 
 azimuth, to rounding: a table, and a Newton step on the two faces.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from itertools import groupby
+from itertools import groupby, pairwise
 from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
@@ -213,6 +213,30 @@ class Boundary(Generic[Shape]):
 
 
 Pair = tuple[Boundary[Shape], Boundary[Shape]]
+
+
+@dataclass(frozen=True)
+class SharpestEdge:
+    """The least angle (degrees) between two ``faces`` along their crease, and where (mm)."""
+
+    faces: tuple[str, str]
+    angle_deg: float
+    point_mm: Float[np.ndarray, "3"]
+
+
+def sharpest_edges(boundary: Boundary[Shape]) -> Iterator[SharpestEdge]:
+    """The sharpest place of each crease of ``boundary``, of those half a degree apart."""
+    for (one, other), crease in zip(pairwise(boundary.faces), boundary.creases, strict=True):
+        chart = crease.chart(_azimuths())
+        turned = np.sum(_normals(one.shape, chart) * _normals(other.shape, chart), axis=1)
+        around = one.is_open and not one.is_ring  # the body is on the other side of its opening
+        angles = np.degrees(np.arccos(np.clip(turned if around else -turned, -1.0, 1.0)))
+        least = int(np.argmin(angles))
+        yield SharpestEdge((one.name, other.name), float(angles[least]), crease.points(_azimuths()[[least]])[0])
+
+
+def _normals(shape: Surface | Patch, chart: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:
+    return shape.normals(chart) if isinstance(shape, Patch) else shape.normal(to_sphere(chart))
 
 
 def as_pair(cavity: Shape | Boundary[Shape], envelope: Shape | Boundary[Shape]) -> Pair[Shape]:

@@ -145,7 +145,7 @@ def meridian_points(grid: TableGrid, detail_rad: float | None, symmetry: str) ->
     ``detail_rad``: of the narrowest function, which meridians are to resolve at the rim; None for faces of revolution,
     of which one is enough. Of mirror images under the group ``symmetry`` only one is kept.
     """
-    along = np.linspace(0.0, 1.0, _PER_NODE * int(np.ceil(1.0 / grid.step)) + 1)
+    along = np.linspace(0.0, 1.0, PER_NODE * int(np.ceil(1.0 / grid.step)) + 1)
     if detail_rad is None:
         return np.stack([along, np.zeros_like(along)], axis=1)
     count = max(_FEWEST_MERIDIANS, 8 * int(np.ceil(0.5 * np.pi / detail_rad)))
@@ -191,7 +191,7 @@ def _taps(
 
 
 _FEWEST_MERIDIANS = 48
-_PER_NODE = 8  # points of a meridian: a rim of 8 mm is then met to some micrometres
+PER_NODE = 8  # points of a meridian: a rim of 8 mm is then met to some micrometres
 _EVERY = 2  # node of a table from which a nearest point is looked for: a valley is several nodes wide
 _UMBILIC = 1e-24  # below the rounding of a squared eigenvalue: keeps the derivative of the root finite
 

@@ -3,7 +3,8 @@
 The paper's g1 keeps the cavity clear, g2 the wall thick, g3 the lens small; the wall is the distance between the faces,
 not along a ray, which a steep face makes longer. Optionally no concave region is tighter than the ball that mills it
 (curvature alone: the gouge test of ``check`` is global), and each face has a draft, so that a mould opens along the
-axis; the wall is nowhere too thick, the lens not too high, and the cavity clear of a keep-out.
+axis; no edge is sharper than asked; the wall is nowhere too thick, the lens not too high, and the cavity clear of a
+keep-out.
 
 The search is a sequential unconstrained minimisation with multipliers. The paper takes the minimum over the hemisphere,
 whose gradient sees one point. Here every point carries its own multiplier and Eq. (15) is averaged over the
@@ -23,6 +24,7 @@ from torch import Tensor
 
 from lensforge.optics.media import BODY, CAVITY, FROM_BELOW, OPENING, SIDES
 from lensforge.search.constraint_points import (
+    PER_NODE,
     ChartOperator,
     ChartPoints,
     KeepOutExtent,
@@ -34,14 +36,14 @@ from lensforge.search.constraint_points import (
     nearest_of,
     wall_mm,
 )
-from lensforge.search.design_result import CURVATURE, DRAFT, Limit, limits_of
+from lensforge.search.design_result import CURVATURE, DRAFT, EDGE, Limit, limits_of
 from lensforge.spec import Spec
 from lensforge.surfaces.bicubic_table import TableGrid
 
 # The search aims this far inside the limits, relative to the cutter's curvature, and in degrees: its last steps still
 # move by that much, and a peak lies between the points. Of lengths: ``ConstraintsSection.margin_mm``.
 _CURVATURE_MARGIN = 0.01
-_DRAFT_MARGIN_DEG = 0.1
+_ANGLE_MARGIN_DEG = 0.1
 _REACH = 0.01  # of the largest radius: so much above its limit a wall is still followed, where multipliers act
 _FAR = 1.0  # a field, times its factor, where it does not hold
 _STEEP = 0.5  # sine of the draft above which the field is constant: the arcsine's slope is infinite at the apex
@@ -74,6 +76,8 @@ class Constraint(Limit):
         It takes the nearest of the faces that bound the cavity, and of those that bound the body. One of a single face
         holds where that face is the nearest, and one of a wall where the cavity has no opening.
         """
+        if self.kind == EDGE:
+            return self.field([jets[name] for name in self.faces], points)
         if self.of_one_face:
             own, *others = (jets[name] for name in self.faces)
             return self._visible(self.field(own, points), own, others)
@@ -112,7 +116,9 @@ def _constraint(spec: Spec, limit: Limit) -> Constraint:
         factor, margin = 0.5 * sigma**2 * largest_mm, _CURVATURE_MARGIN / limit.given
     elif limit.kind == DRAFT:
         field = partial(_draft_left, limit.given, -1 if limit.faces[0] in FROM_BELOW else 1)
-        factor, margin = radians(sigma), _DRAFT_MARGIN_DEG
+        factor, margin = radians(sigma), _ANGLE_MARGIN_DEG
+    elif limit.kind == EDGE:
+        field, factor, margin = partial(_edge_left, limit.given), radians(sigma), _ANGLE_MARGIN_DEG
     else:
         field, factor, margin = _length_left(spec, limit), 1.0 / largest_mm, spec.constraints.margin_mm
     return Constraint(**vars(limit), field=field, factor=factor, margin=margin)
@@ -155,6 +161,29 @@ def _draft_left(limit_deg: float, sense: int, face: RadiusJet, points: ChartPoin
     """Draft (deg) beyond the limit; ``sense``: -1 for a face that the lower half of the mould makes."""
     sine = torch.clamp(sense * draft_sine(face, points), -1.0 + 1e-6, _STEEP)
     return torch.rad2deg(torch.asin(sine)) - limit_deg
+
+
+def _edge_left(limit_deg: float, jets: Sequence[RadiusJet], points: ChartPoints) -> Float[Tensor, " k"]:
+    """Angle (deg) beyond the limit of the edge beside which a point of a meridian lies; constant elsewhere.
+
+    It is that of the two nearest faces where their distance is 0, to first order; their slopes there by their bends.
+    """
+    first = torch.stack([jet.rho for jet in jets]).detach().topk(2, dim=0, largest=False).indices
+    rho = torch.stack([jet.rho for jet in jets]).gather(0, first)
+    by_x, by_y, xx, xy, yy = (
+        torch.stack([jet.derivatives[k] for jet in jets]).gather(0, first) for k in range(len(jets[0].derivatives))
+    )
+    gap, along_x, along_y = (each[1] - each[0] for each in (rho, by_x, by_y))
+    steep = torch.clamp(along_x**2 + along_y**2, min=torch.finfo(gap.dtype).tiny)
+    beside = gap.detach() <= points.spacing / PER_NODE * torch.sqrt(steep.detach())
+    step = torch.where(beside, -gap / steep, 0.0)
+    dx, dy = step * along_x, step * along_y
+    scale = 2.0 / (1.0 + (points.x + dx) ** 2 + (points.y + dy) ** 2)
+    there = 1.0 / (scale * (rho + by_x * dx + by_y * dy))
+    g_x, g_y = (by_x + xx * dx + xy * dy) * there, (by_y + xy * dx + yy * dy) * there
+    cosine = (1.0 + g_x[0] * g_x[1] + g_y[0] * g_y[1]) * torch.rsqrt((1.0 + g_x**2 + g_y**2).prod(dim=0))
+    angle = 180.0 - torch.rad2deg(torch.acos(torch.clamp(cosine, -1.0 + 1e-9, 1.0 - 1e-9)))
+    return torch.where(beside, angle - limit_deg, 180.0)
 
 
 @dataclass

@@ -51,9 +51,10 @@ class Margins(Record):
     ``cavity_clearance_mm``: height of the inner surface above the cavity's paraboloid. ``wall_margin_mm``: wall
     thickness above the minimum. ``radius_margin_mm``: from the outer surface to the largest radius. Where the spec
     limits them, of each face by its name: curvature left before a concave region is as tight as the ball, and draft
-    above the minimum. ``largest_wall_margin_mm``: wall thickness below the largest; ``height_margin_mm``: from the
-    outer surface up to the largest height; ``keep_out_clearance_mm``: from the keep-out, grown by its margin, outwards
-    to the inner surface along the ray from the origin.
+    above the minimum; by the first face of each medium: the angle of its edges above the least.
+    ``largest_wall_margin_mm``: wall thickness below the largest; ``height_margin_mm``: from the outer surface up to the
+    largest height; ``keep_out_clearance_mm``: from the keep-out, grown by its margin, outwards to the inner surface
+    along the ray from the origin.
     """
 
     cavity_clearance_mm: Number
@@ -61,6 +62,7 @@ class Margins(Record):
     radius_margin_mm: Number
     curvature_margin_per_mm: Annotated[dict[str, Number], Field(default_factory=dict)]
     draft_margin_deg: Annotated[dict[str, Number], Field(default_factory=dict)]
+    edge_margin_deg: Annotated[dict[str, Number], Field(default_factory=dict)]
     largest_wall_margin_mm: Number | None = None
     height_margin_mm: Number | None = None
     keep_out_clearance_mm: Number | None = None
@@ -195,7 +197,7 @@ Observer = Callable[[Progress], object]
 DIRECTIONS = 60_000  # over the hemisphere, at which the lengths of a finished lens are measured
 # What counts as feasible in the finished lens, relative to the cutter's curvature, and in degrees.
 _CURVATURE_TOLERANCE = 1e-3
-_DRAFT_TOLERANCE_DEG = 0.01
+_ANGLE_TOLERANCE_DEG = 0.01
 
 
 @dataclass(frozen=True)
@@ -214,7 +216,7 @@ class Limit:
 
     @property
     def of_one_face(self) -> bool:
-        """True for a limit that any face may have for itself."""
+        """True for a limit that any face may have for itself, and for that of the edges of a medium's faces."""
         return self.kind in _OF_ONE_FACE
 
     @property
@@ -228,8 +230,9 @@ class Limit:
         return self.key.removesuffix("_per_mm").removesuffix("_mm").removesuffix("_deg").replace("_", " ")
 
 
-CURVATURE, DRAFT = _OF_ONE_FACE = ("curvature_margin_per_mm", "draft_margin_deg")
+CURVATURE, DRAFT, EDGE = _OF_ONE_FACE = ("curvature_margin_per_mm", "draft_margin_deg", "edge_margin_deg")
 ON_CAVITY, ON_ENVELOPE, ON_BOTH = (CAVITY,), (BODY,), (CAVITY, BODY)  # media whose faces a limit concerns
+_SHARP = "lower {field} or take more steps"
 # The kind of a margin, the media whose faces it concerns, the field that sets its limit, and what to do where it is
 # missed, with the first face of each medium.
 _LIMITS = (
@@ -242,7 +245,8 @@ _LIMITS = (
     ("wall_margin_mm", ON_BOTH, "constraints.min_thickness_mm", "raise lens.{1}.offset_mm or lower {field}"),
     ("radius_margin_mm", ON_ENVELOPE, "constraints.max_radius_mm", "raise {field} or lower lens.{0}.offset_mm"),
     (CURVATURE, (), "lens.{0}.concave_radius_mm", "lower {field} or raise lens.{0}.offset_mm"),
-    (DRAFT, (), "lens.{0}.draft_deg", "lower {field} or take more steps"),
+    (DRAFT, (), "lens.{0}.draft_deg", _SHARP),
+    *((EDGE, media, "constraints.min_edge_angle_deg", _SHARP) for media in (ON_CAVITY, ON_ENVELOPE)),
     ("largest_wall_margin_mm", ON_BOTH, "constraints.max_wall_mm", "raise {field} or lens.{0}.offset_mm"),
     ("height_margin_mm", ON_ENVELOPE, "constraints.max_height_mm", "raise {field} or lower lens.{0}.offset_mm"),
     (
@@ -263,8 +267,8 @@ def limits_of(spec: Spec) -> tuple[Limit, ...]:
         unit, tolerance = "mm", own.tolerance_mm
         if kind == CURVATURE:
             unit, tolerance = "1/mm", _CURVATURE_TOLERANCE / given
-        elif kind == DRAFT:
-            unit, tolerance = "deg", _DRAFT_TOLERANCE_DEG
+        elif kind in (DRAFT, EDGE):
+            unit, tolerance = "deg", _ANGLE_TOLERANCE_DEG
         value = own.keep_out_margin_mm if field.endswith("keep_out") else given
         limits.append(Limit(kind, faces, unit, tolerance, remedy, value))
     return tuple(limits)

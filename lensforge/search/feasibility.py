@@ -13,12 +13,13 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from lensforge.cad.boundary import lens_boundaries, sharpest_edges
 from lensforge.cad.wall import thinnest_of
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
 from lensforge.search.constraint_points import ChartOperator, ChartPoints, RadiusJet, constraint_points
 from lensforge.search.constraints import WALL, AugmentedLagrangian, Constraint, constraints_of
-from lensforge.search.design_result import DIRECTIONS, Limit, Margins
+from lensforge.search.design_result import DIRECTIONS, EDGE, Limit, Margins
 from lensforge.search.parameters import Parametrisation
 from lensforge.search.problem import Problem
 from lensforge.search.search_state import SearchState
@@ -44,7 +45,7 @@ def measure_constraints(lens: Lens, directions: int = DIRECTIONS) -> Margins:
     """Measure the least value of each constraint.
 
     Lengths: by the exact sum, over a Fibonacci grid of the hemisphere and its rim, one of mirror images each. The wall:
-    between the splines that an export would write.
+    between the splines that an export would write. Edges: of the faces all along their creases.
     """
     constraints = constraints_of(lens.spec)
     points, exact = _exact_radii(lens, directions)
@@ -53,9 +54,12 @@ def measure_constraints(lens: Lens, directions: int = DIRECTIONS) -> Margins:
         if each.kind == WALL:
             wall = thinnest_of(lens)
             found[each] = wall.thickness_mm - each.given
+        elif each.kind == EDGE:
+            edges = (edge for side in lens_boundaries(lens) for edge in sharpest_edges(side))
+            found[each] = min(edge.angle_deg for edge in edges if set(edge.faces) <= set(each.faces)) - each.given
         elif not each.derivatives:
             found[each] = float(each.of(exact, points).min())
-    of_shape = [each for each in constraints if each.derivatives]
+    of_shape = [each for each in constraints if each not in found]
     if of_shape:
         grid = grid_for(lens.detail_rad, _NODES_PER_SIGMA)
         tables = {name: torch.from_numpy(tabulate(grid, surface)) for name, surface in lens.surfaces.items()}

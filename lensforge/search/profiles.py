@@ -2,8 +2,8 @@
 
 The reciprocal radius of a face is its profile plus the sum of SRBFs, all over an offset that scales the face about the
 origin. The search begins at the lens for a point source that suits source, radius and beam best. The side of a cavity
-stays the cone that its draft asks for, and a mouth its plane: only their offsets move. The back of a reflector follows
-its cup: it has the cup's parameters, and an offset of its own beside.
+stays the cone that its draft asks for, a mouth or a flat exit a plane: only their offsets move. The back of a reflector
+follows its cup: it has the cup's parameters, and an offset of its own beside.
 """
 
 from collections.abc import Callable
@@ -228,10 +228,8 @@ class ProfileParameters(Parametrisation):
             factor = 1.0 / float(offsets[face])
             if fixed is not None:
                 found[name] = fixed
-            elif isinstance(own, ConeFace):
-                found[name] = replace(own, radius_mm=own.radius_mm / factor)
-            elif isinstance(own, PlaneFace):
-                found[name] = replace(own, height_mm=own.height_mm / factor)
+            elif isinstance(own, ConeFace | PlaneFace):
+                found[name] = _shrunk(own, factor)
             elif isinstance(own, FaceParameters):
                 moved = own.coefficients + own.moved_by(weights[: self.profile, face]).numpy()
                 profile = own.start.reach_mm, own.basis.low, own.basis.high, tuple((factor * moved).tolist())
@@ -309,6 +307,8 @@ def _tir_faces(spec: Spec) -> dict[str, Surface]:
     lens = spec.lens
     assert isinstance(lens, TirSection)
     own, found = _of_a_point(spec), dict[str, Surface]()
+    if lens.exit.flat:
+        own["exit"] = PlaneFace(own["exit"].reach_mm, float(own["exit"].radius(_AXIS)[0]))
     given = {"wall": (lens.wall.offset_mm, _HORIZON), "exit": (lens.exit.offset_mm, _AXIS)}
     for name, surface in lens.fixed.items():
         offset_mm, towards = given.get(name, (None, _AXIS))
@@ -316,10 +316,19 @@ def _tir_faces(spec: Spec) -> dict[str, Surface]:
     return found
 
 
-def _resized(face: ReciprocalSurface, offset_mm: float, towards: Float[np.ndarray, "1 3"]) -> ProfileFace:
+def _resized(face: ReciprocalSurface, offset_mm: float, towards: Float[np.ndarray, "1 3"]) -> ReciprocalSurface:
     """The face, scaled about the origin to a distance of ``offset_mm`` in one direction."""
+    return _shrunk(face, float(face.radius(towards)[0]) / offset_mm)
+
+
+def _shrunk(face: ReciprocalSurface, factor: float) -> ReciprocalSurface:
+    """The face within the same reach, its lengths over ``factor``."""
+    match face:
+        case ConeFace():
+            return replace(face, radius_mm=face.radius_mm / factor)
+        case PlaneFace():
+            return replace(face, height_mm=face.height_mm / factor)
     assert isinstance(face, ProfileFace)
-    factor = float(face.radius(towards)[0]) / offset_mm
     return replace(face, coefficients=tuple(factor * each for each in face.coefficients))
 
 

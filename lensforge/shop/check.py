@@ -2,14 +2,12 @@
 
 import time
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
-from lensforge.cad.boundary import Pair
+from lensforge.cad.boundary import Pair, sharpest_edges
 from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.form_error import fit_lens
-from lensforge.cad.outline import FULL_TURN
 from lensforge.cad.part import Part, SplineNodes
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import lay_out
@@ -21,10 +19,8 @@ from lensforge.shop.ball_clearance import check_ball_clearance, read_base_mesh
 from lensforge.shop.check_result import Check, Edge, FaceResult, Wall, Walls
 from lensforge.shop.face_check import FaceCheck, check_face, face_result
 from lensforge.shop.face_samples import OpticalFace, air_side
-from lensforge.shop.findings import check_findings, plate_findings, wall_criteria
+from lensforge.shop.findings import check_findings, edge_criteria, plate_findings, wall_criteria
 from lensforge.shop.tool_reach import check_tools
-
-_EDGE_PLACES = 360  # all around a crease, at which the angle of its faces is measured
 
 
 def check_part(part: Part) -> Check:
@@ -46,7 +42,8 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
     custom = None if plan is None or plan.base.file is None else read_base_mesh(plan.base.file)
     relief = check_ball_clearance(plan, custom, faces)
     tools = check_tools(manufacture.tools, faces, plan, custom, float(np.deg2rad(manufacture.max_tilt_deg)))
-    results = _results(lens, pair, faces)
+    results, sharpest = _results(lens, pair, faces), (edge for side in pair for edge in sharpest_edges(side))
+    edges = tuple(Edge(**{**vars(edge), "point_mm": tuple(edge.point_mm.tolist())}) for edge in sharpest)
     return Check(
         inputs={"lens": lens.sha256},
         make=manufacture.make,
@@ -55,8 +52,8 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
         walls=walls,
         relief=relief,
         tools=tools,
-        edges=_edges(pair),
-        criteria=wall_criteria(lens.spec, walls),
+        edges=edges,
+        criteria=(*wall_criteria(lens.spec, walls), *edge_criteria(lens.spec, edges)),
         verdicts=(
             *check_findings(lens.spec, results, walls.thinnest.thickness_mm, relief, tools),
             *plate_findings(lens.spec, *room_on_plate(lens, pair)),
@@ -81,21 +78,6 @@ def _faces(lens: Lens, pair: Pair[Patch]) -> dict[str, FaceCheck]:
             beside = tuple(other for each, other in faces.items() if each != name)
             found[name] = check_face(replace(own, beside=beside), manufacture.cutter_radius_mm)
     return {name: found[name] for name in lens.surfaces if name in found}
-
-
-def _edges(pair: Pair[Patch]) -> tuple[Edge, ...]:
-    """The creases of the lens itself."""
-    found = []
-    for boundary in pair:
-        for (one, other), crease in zip(pairwise(boundary.faces), boundary.creases, strict=True):
-            of_rim = one.is_open and not one.is_ring  # there the body is on the other side of the first face
-            chart = crease.chart(np.linspace(0.0, FULL_TURN, _EDGE_PLACES, endpoint=False))
-            turned = np.sum(one.shape.normals(chart) * other.shape.normals(chart), axis=1)
-            angles = np.degrees(np.arccos(np.clip(turned if of_rim else -turned, -1.0, 1.0)))
-            least = int(np.argmin(angles))
-            place = tuple(one.shape.points(chart[least : least + 1])[0].tolist())
-            found.append(Edge(faces=(one.name, other.name), angle_deg=float(angles[least]), point_mm=place))
-    return tuple(found)
 
 
 def _results(lens: Lens, pair: Pair[Patch], faces: dict[str, FaceCheck]) -> dict[str, FaceResult]:

@@ -7,7 +7,7 @@ from lensforge.results import Bound, Fact, FactState, Group
 from lensforge.results.criteria import kept, state_of
 from lensforge.results.numerals import quantity
 from lensforge.results.verdict import Reason
-from lensforge.shop.check_result import BODY, Check, Edge, FaceResult, Finding
+from lensforge.shop.check_result import BODY, FLAT_MM, Check, Edge, FaceResult, Finding
 from lensforge.spec import Spec
 
 _SUBJECTS = {
@@ -26,7 +26,7 @@ def check_facts(check: Check, spec: Spec) -> list[Group]:
     """A group for each face and one for the wall, and the findings on each of them."""
     faces = [Group(name, face_title(name), tuple(_face(name, face, check, spec))) for name, face in check.faces.items()]
     walls = Group("walls", "Wall", tuple(_wall(check, spec)))
-    edges = [Group("edges", "Edges", tuple(map(_edge, check.edges)))] if check.edges else []
+    edges = [Group("edges", "Edges", tuple(_edge(each, check, spec) for each in check.edges))] if check.edges else []
     return [*faces, walls, *edges, *finding_groups(check)]
 
 
@@ -61,6 +61,7 @@ def cutting_reasons(check: Check, spec: Spec) -> Iterator[Reason]:
 
 def _face(name: str, face: FaceResult, check: Check, spec: Spec) -> Iterator[Fact]:
     sphere, cutter = face.best_fit_sphere, face.cutter
+    radius = sphere.radius_mm if sphere.radius_mm < FLAT_MM else "plane"
     yield from _ball(name, face, check)
     reached = f"of the face, by a ball of {quantity(cutter.radius_mm, 'mm')} radius"
     yield Fact.share(f"{name}_reached", "Ball reaches", cutter.reachable_fraction, reached)
@@ -84,7 +85,7 @@ def _face(name: str, face: FaceResult, check: Check, spec: Spec) -> Iterator[Fac
         limit=None if least is None else Bound(">=", least),
         state="" if least is None else _state(check.verdicts, "draft", name),
     )
-    yield Fact(f"{name}_sphere", "Best-fit sphere", sphere.radius_mm, "mm", note="radius", digits=5)
+    yield Fact(f"{name}_sphere", "Best-fit sphere", radius, "mm", note="radius", digits=5)
     yield Fact(f"{name}_departure", "Departure from it", 1e3 * sphere.pv_mm, "µm", note="peak to valley")
     yield Fact(f"{name}_departure_rms", "Departure, rms", 1e3 * sphere.rms_mm, "µm")
     yield Fact(f"{name}_area", "Area", face.area_mm2, "mm²")
@@ -129,8 +130,9 @@ def _wall(check: Check, spec: Spec) -> Iterator[Fact]:
     )
 
 
-def _edge(edge: Edge) -> Fact:
+def _edge(edge: Edge, check: Check, spec: Spec) -> Fact:
     """The sharpest place of an edge."""
+    least = spec.constraints.min_edge_angle_deg
     one, other = edge.faces
     of = "the mould’s core" if SIDES[one][0] == CAVITY and SIDES[one] != OPENING else "the lens"
     note = f"the sharpest of {of}, where these faces meet"
@@ -139,6 +141,8 @@ def _edge(edge: Edge) -> Fact:
         f"{one.capitalize()} and {other}",
         edge.angle_deg,
         "°",
+        limit=None if least is None else Bound(">=", least),
+        state=kept(check.criteria, edge.criterion).get("state", ""),
         note=note,
     )
 

@@ -195,6 +195,9 @@ class Finding(Judged):
         return within(self.value, self.sense, self.limit)
 
 
+FLAT_MM = 1e6  # a radius beyond it is that of a plane
+
+
 class Edge(Record):
     """The crease of two ``faces``: the least angle (degrees) between them, and where.
 
@@ -204,6 +207,11 @@ class Edge(Record):
     faces: tuple[Text, Text]
     angle_deg: Number
     point_mm: Point
+
+    @property
+    def criterion(self) -> str:
+        """Name of the criterion on its angle."""
+        return "edge of " + " and ".join(self.faces)
 
 
 class Check(StageResult):

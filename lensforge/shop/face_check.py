@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 from scipy.optimize import least_squares
 
 from lensforge.shop.ball_cutter import largest_ball_mm, reachable, residual_height_mm
-from lensforge.shop.check_result import Curvature, Cutter, Draft, FaceResult, Sphere
+from lensforge.shop.check_result import FLAT_MM, Curvature, Cutter, Draft, FaceResult, Sphere
 from lensforge.shop.face_samples import FaceArea, FaceSamples, OpticalFace, all_points, least_draft_rad, sample_face
 
 SAMPLE_NODES = 161  # odd, so that the apex is a node
@@ -37,8 +37,8 @@ class FaceCheck:
 
     @property
     def smallest_concave_radius_mm(self) -> float:
-        """Smallest concave radius (mm); infinite for a face that is convex everywhere."""
-        return -1.0 / self.lowest_curvature if self.lowest_curvature < 0.0 else np.inf
+        """Smallest concave radius (mm); infinite for a face that is convex or flat everywhere."""
+        return -1.0 / self.lowest_curvature if self.lowest_curvature < -1.0 / FLAT_MM else np.inf
 
     @property
     def largest_cutter_mm(self) -> float:

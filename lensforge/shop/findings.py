@@ -20,6 +20,7 @@ from lensforge.shop.check_result import (
     BoreClearance,
     CustomBaseClearance,
     Cutter,
+    Edge,
     FaceResult,
     Finding,
     FindingName,
@@ -38,7 +39,7 @@ GOOD_DRAFT_DEG = 2.0
 _WHOLE = 1.0 - 1e-9  # share that counts as the whole face
 _BALL = 1.0 + 1e-6  # relative: a ball that is larger than the largest by rounding still reaches the face
 _TILT_TOLERANCE_DEG = degrees(1e-3 * NORMAL_LIMIT_MRAD)  # the export allows this error of a face's normals
-_DRAFT_TOLERANCE_DEG = 0.02  # the check samples the face at other points than the search
+_ANGLE_TOLERANCE_DEG = 0.02  # the check samples faces and edges at other points than the search
 _LEAST_WALL_MM = 1e-3  # a thinner one is none
 _MOST_TILT_DEG, _MOST_DRAFT_DEG = 120.0, 25.0  # of manufacture.max_tilt_deg and of the draft_deg of a face
 # Sense and unit of each finding.
@@ -93,6 +94,16 @@ def wall_criteria(spec: Spec, walls: Walls) -> tuple[Criterion, ...]:
     remedy = f"raise lens.{spec.lens.names[0]}.offset_mm {again} thickest at ({_place(walls.thickest)}) mm"
     most = limits.max_wall_mm + limits.tolerance_mm
     return least, at_most("largest radial wall", walls.thickest.thickness_mm, most, "mm", remedy)
+
+
+def edge_criteria(spec: Spec, edges: Sequence[Edge]) -> tuple[Criterion, ...]:
+    """The sharpest place of each edge, where the spec limits it."""
+    least_deg = spec.constraints.min_edge_angle_deg
+    if least_deg is None:
+        return ()
+    remedy = "lower constraints.min_edge_angle_deg, or give the last level more steps"
+    limit = least_deg - _ANGLE_TOLERANCE_DEG
+    return tuple(at_least(edge.criterion, edge.angle_deg, limit, "deg", remedy) for edge in edges)
 
 
 def least_wall_mm(spec: Spec) -> float:
@@ -226,7 +237,7 @@ def draft_finding(surface: str, face: FaceResult, spec: Spec) -> Finding:
     least_deg, undercut = face.draft_deg.min, face.undercut_fraction
     asked_deg = spec.lens.faces[surface].draft_deg
     wanted_deg = GOOD_DRAFT_DEG if asked_deg is None else asked_deg
-    limit_deg = GOOD_DRAFT_DEG if asked_deg is None else asked_deg - _DRAFT_TOLERANCE_DEG
+    limit_deg = GOOD_DRAFT_DEG if asked_deg is None else asked_deg - _ANGLE_TOLERANCE_DEG
     if undercut > 0.0 and surface in FROM_BELOW and least_deg >= 0.0:
         reason = f"{percent(undercut)} of the {surface} face lies over the base: its half of the mould cannot be drawn"
         return _finding("draft", surface, None, limit_deg, reason, ['base.kind = "none"', "a narrower base"])

@@ -17,14 +17,13 @@ from lensforge.results import Group
 from lensforge.results.numerals import NOTHING, percent
 from lensforge.scene.lens import Lens
 from lensforge.shop.check_facts import face_title
-from lensforge.shop.check_result import Check, Sphere
+from lensforge.shop.check_result import FLAT_MM, Check, Sphere
 from lensforge.shop.dimensions import widest_mm
 from lensforge.shop.sheet import Marks
 from lensforge.shop.sheet_marks import row, row_height
 from lensforge.spec import DrawingSection
 from lensforge.spec.tolerances_section import Factor, amount_words, factors_of
 
-_FLAT_MM = 1e6  # of a best-fit sphere that is a plane
 _MATERIAL = 38.0  # width of its column, mm on A3
 _HEAD = "Material"
 _SHAPES = {
@@ -108,7 +107,7 @@ def _face(name: str, lens: Lens, part: Part, check: Check, words: DrawingSection
 
 
 def _sphere(sphere: Sphere) -> str:
-    return f"R {sphere.radius_mm:.3f}" if sphere.radius_mm < _FLAT_MM else "plane"
+    return f"R {sphere.radius_mm:.3f}" if sphere.radius_mm < FLAT_MM else "plane"
 
 
 def _coating(name: str, lens: Lens) -> str:

@@ -55,6 +55,19 @@ class FaceSection(FaceTolerances, _DesignedFace):  # in the file, the face stand
         return own
 
 
+class ExitFace(FaceSection):
+    """A face that may be asked to stay a plane."""
+
+    flat: bool = False
+    """Keep it a plane across the axis: the search moves its height alone, and the other faces carry the shape."""
+
+    @model_validator(mode="after")
+    def _flat_is_not_fixed(self) -> "ExitFace":
+        if self.flat and self.fixed is not None:
+            raise ValueError("give one of flat, a plane whose height the search finds, and fixed, a surface that stays")
+        return self
+
+
 class FacesSection(Section):
     """The faces of a lens by name, from the source on."""
 
@@ -139,7 +152,7 @@ class TirFaces(FacesSection):
     """
     wall: FaceSection = Field(default_factory=FaceSection)
     """Face around the cavity, which reflects totally, or by a mirror; ``offset_mm``: its radius at z = 0."""
-    exit: FaceSection = Field(default_factory=FaceSection)
+    exit: ExitFace = Field(default_factory=ExitFace)
     """Face towards the light that is wanted; ``offset_mm``: its height on the axis."""
 
 

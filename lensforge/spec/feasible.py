@@ -30,6 +30,11 @@ _Meridian = Float[np.ndarray, " k"]
 def require_feasible(lens: AnyLens, limits: ConstraintsSection, manufacture: ManufactureSection) -> None:
     """Raise ``ValueError`` where no lens keeps all limits: the fields, their values, and what is allowed."""
     _require_below_glass(lens, limits)
+    if limits.min_edge_angle_deg is not None and not lens.has_creases:
+        raise ValueError(
+            f"constraints.min_edge_angle_deg = {limits.min_edge_angle_deg:g}: the faces of a lens of kind "
+            f"{lens.kind!r} meet in no edge; leave it out, or take lens.kind = 'tir'"
+        )
     if not isinstance(lens, LensSection):
         return  # its start, and its faces together, are checked where they are made
     for name, face in lens.faces.items():

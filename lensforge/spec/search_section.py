@@ -37,6 +37,10 @@ class ConstraintsSection(Section):
     """Largest wall, along rays from the origin, for sink marks and cycle time."""
     max_height_mm: Millimetres | None = None
     """Largest height of the outer face above z = 0."""
+    min_edge_angle_deg: Annotated[float, Field(ge=1.0, le=150.0)] | None = None
+    """Least angle of the edges in which faces of a lens for total internal reflection meet: at its rim that of the
+    lens, at its cavity that of the mould's core.
+    """
     keep_out: FilePath | None = None
     """STEP file of solids in the lens's coordinates (LED package, bond wires, board) that lens and base stay away from.
     """

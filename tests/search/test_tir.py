@@ -8,8 +8,10 @@ import torch
 from tir_lenses import SPOT, spot
 
 import lensforge as lf
+from lensforge.cad.boundary import boundaries, sharpest_edges
 from lensforge.kernels.chain import REFLECTED
 from lensforge.light.table_trace import TracedBundle
+from lensforge.scene.body import Body
 from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.feasibility import measure_constraints
 from lensforge.search.merit import MeritFunction
@@ -19,6 +21,9 @@ from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec, parse_spec
 from lensforge.surfaces.bicubic_table import evaluate_table, tabulate
 from lensforge.surfaces.srbf import fibonacci_hemisphere
+
+EDGES = {"min_edge_angle_deg": 66.0}
+PLANE = {"kind": "asphere", "vertex_z_mm": 9.0, "radius_mm": -1e3}
 
 
 def moved(parameters: ProfileParameters, size: float) -> tuple[torch.Tensor, torch.Tensor]:
@@ -124,6 +129,55 @@ def test_limits_of_four_faces_are_those_of_the_body() -> None:
         assert least[name] == pytest.approx(getattr(margins, name), abs=0.01), name
 
 
+@pytest.mark.parametrize("levels", [[], [9]])
+def test_a_flat_exit_stays_a_plane_and_only_its_height_moves(levels: list[int]) -> None:
+    spec = spot(levels=levels, exit={"flat": True})
+    parameters = ProfileParameters.of(spec, 2.5)
+    weights, offsets = moved(parameters, 0.01)
+    height = parameters.start_surfaces["exit"].radius(np.array([[0.0, 0.0, 1.0]]))[0]
+    above = fibonacci_hemisphere(2000)
+    above = above[above[:, 2] > 0.85]  # where the exit bounds the body
+    lens = parameters.lens(weights, offsets, spec, 0, "draft")
+    exit_z = lens.surfaces["exit"].radius(above) * above[:, 2]
+    assert exit_z == pytest.approx(np.full(len(above), 1.01 * height), rel=1e-12)
+    tables = parameters.tables(weights, offsets)
+    assert evaluate_table(parameters.grid, tables[3].numpy(), above) * above[:, 2] == pytest.approx(exit_z, rel=1e-6)
+    assert np.allclose(parameters.tables(*parameters.parameters_of(lens)).numpy(), tables.numpy(), atol=1e-6)
+    start = ProfileParameters.of(spot(exit={"flat": True, "offset_mm": 9.2}), 2.5).start_surfaces["exit"]
+    assert start.radius(above) * above[:, 2] == pytest.approx(np.full(len(above), 9.2), rel=1e-12)
+
+
+@pytest.mark.parametrize("levels", [[], [9]])
+def test_edges_in_the_search_are_those_of_the_faces_and_have_their_derivative(levels: list[int]) -> None:
+    spec = spot(levels=levels).replace(constraints={"min_edge_angle_deg": 70.0})
+    parameters = ProfileParameters.of(spec, 2.5)
+    weights, offsets = moved(parameters, 0.01)
+    constraints = AugmentedLagrangian.of(spec, parameters.grid)
+    margins = measure_constraints(parameters.lens(weights, offsets, spec, 0, "draft")).edge_margin_deg
+    along = torch.from_numpy(np.random.default_rng(2).normal(size=weights.shape))
+
+    def edge(name: str, step: float | torch.Tensor) -> torch.Tensor:
+        fields = constraints.fields(parameters.tables(weights + step * along, offsets))
+        number = constraints.keys.index(f"{name}_edge_margin_deg")
+        return fields[number].min() / constraints.constraints[number].factor
+
+    for name, margin in margins.items():
+        assert edge(name, 0.0).item() == pytest.approx(margin, abs=0.01), name
+        moving, step = torch.zeros((), dtype=torch.float64, requires_grad=True), 1e-5
+        (exact,) = torch.autograd.grad(edge(name, moving), moving)
+        assert exact.item() == pytest.approx((edge(name, step) - edge(name, -step)).item() / (2.0 * step), rel=1e-5)
+
+
+def test_a_search_keeps_the_edges_that_are_asked_for() -> None:
+    kept = lf.design(spot().replace(constraints=EDGES), accuracy="draft")
+    least = [
+        min(edge.angle_deg for side in boundaries(Body.of(faces)) for edge in sharpest_edges(side))
+        for faces in (start_faces(kept.lens.spec), kept.lens.surfaces)
+    ]
+    assert least[0] < 63.0 and least[1] > 66.0 - 0.01
+    assert {"cap edge margin", "wall edge margin"} <= {each.name for each in kept.criteria if each.passed}
+
+
 def test_a_short_search_gains_light_and_keeps_the_limits(tmp_path: object) -> None:
     spec = spot()
     design = lf.design(spec, accuracy="draft")
@@ -193,6 +247,11 @@ def test_a_silvered_wall_keeps_its_share_of_the_light_that_it_turns() -> None:
         ({"lens": {"kind": "tir", "levels": "auto"}}, "lens.levels"),
         ({"optimise": {"robust": True}}, "optimise.robust goes with"),
         ({"lens": {"kind": "prism"}}, "double, tir"),
+        (
+            {"lens": {}, "optimise": {}, "constraints": {"max_radius_mm": 8.0, **EDGES}},
+            "min_edge_angle_deg = 66: .* no edge",
+        ),
+        ({"lens": {"kind": "tir", "exit": {"flat": True, "fixed": PLANE}}}, "give one of flat"),
         ({"lens": {"inner": {"mirror": 0.9}}}, "no light would leave"),
         ({"lens": {"kind": "tir", "wall": {"mirror": 0.9, "coating": {"reflectance": 0.1}}}}, "coating and mirror"),
         ({"lens": {"kind": "tir", "inner": {"offset_mm": 3.0}}}, "lens.inner"),

@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 from known_shapes import sphere
-from tir_lenses import spot
+from tir_lenses import spot, spot_lens
 
 from lensforge.optics.media import TIR
 from lensforge.scene.lens import Lens
@@ -102,3 +102,26 @@ def test_the_search_keeps_the_draft_of_the_wall_from_below() -> None:
     own = faces["wall"].radius(u) <= faces["exit"].radius(u)
     draft = -np.degrees(np.arcsin(faces["wall"].normal(u[own])[:, 2].max()))
     assert draft > 10.0 and least == pytest.approx(min(draft, 30.0) - 5.0, abs=0.2)
+
+
+@pytest.mark.parametrize(("asked_deg", "holds"), [(10.0, True), (150.0, False)])
+def test_edges_sharper_than_asked_miss_their_criterion(asked_deg: float, holds: bool) -> None:
+    found, lens = checked(OPEN, base={"kind": "none"}, constraints={"min_edge_angle_deg": asked_deg})
+    own = {each.name: each for each in found.criteria if each.name.startswith("edge")}
+    assert set(own) == {"edge of cap and side", "edge of exit and wall"}
+    assert [each.value for each in own.values()] == [edge.angle_deg for edge in found.edges]
+    assert [each.passed for each in own.values()] == [True, holds], "the cavity's is nearly flat"
+    facts = next(group for group in check_facts(found, lens.spec) if group.key == "edges").facts
+    assert [(fact.limit.value, fact.state) for fact in facts] == [
+        (asked_deg, "pass"),
+        (asked_deg, "pass" if holds else "fail"),
+    ]
+
+
+def test_a_flat_face_has_no_radius() -> None:
+    lens = spot_lens(spot(exit={"flat": True}), base={"kind": "none"})
+    found = check_lens(lens)
+    assert found.faces["exit"].curvature.smallest_concave_radius_mm is None
+    assert found.faces["exit"].cutter.largest_radius_mm is None and found.faces["exit"].best_fit_sphere.pv_mm < 1e-6
+    facts = {fact.key: fact.value for group in check_facts(found, lens.spec) for fact in group.facts}
+    assert (facts["exit_sphere"], facts["exit_ball"]) == ("plane", "any")
