@@ -36,7 +36,7 @@ from lensforge.cad.plan import (
     TOP,
     Plan,
 )
-from lensforge.results.brep_size import area_mm2, volume_mm3
+from lensforge.results.brep_size import volume_and_area
 
 FLAT = "CLOCKING_FLAT"
 
@@ -200,15 +200,19 @@ class Solid:
         """Names of the faces that the CAD kernel finds invalid, each tested on its own."""
         return [name for name, face in self.faces.items() if not face.isValid()]
 
-    @cached_property
+    @property
     def volume_mm3(self) -> float:
         """Volume, below 0 where the faces face inwards."""
-        return volume_mm3(self.shape.wrapped)
+        return self._size[0]
 
     @property
     def area_mm2(self) -> float:
         """Area of all faces."""
-        return area_mm2(self.shape.wrapped)
+        return self._size[1]
+
+    @cached_property
+    def _size(self) -> tuple[float, float]:
+        return volume_and_area(self.shape.wrapped)
 
     @cached_property
     def default_volume_mm3(self) -> float:

@@ -22,7 +22,7 @@ from lensforge.proof.optical_faces import NO_FACE, USUAL_LENS, OpticalFaces, fac
 from lensforge.proof.part_mesh import as_box
 from lensforge.proof.sequential_cast import SurfaceHits
 from lensforge.results import BodySize
-from lensforge.results.brep_size import area_mm2, volume_mm3
+from lensforge.results.brep_size import volume_and_area
 from lensforge.results.file_bounds import made_here, require_small_step
 from lensforge.results.files import temporary_file
 from lensforge.results.refined_maximum import NODES, refined_maximum
@@ -224,11 +224,8 @@ class StepBody:
     def size(self) -> BodySize:
         """Volume, area and box of the solid, by integrals over its faces and by points on them; takes a second."""
         corners = bounds_mm(self._solid, self._faces)
-        return BodySize(
-            volume_mm3=volume_mm3(self._solid),
-            area_mm2=area_mm2(self._solid),
-            bounds_mm=as_box(np.array(corners)),
-        )
+        volume, area = volume_and_area(self._solid)
+        return BodySize(volume_mm3=volume, area_mm2=area, bounds_mm=as_box(np.array(corners)))
 
     def surface_hits(self, leg: Leg, inside: Bool[np.ndarray, " n"] | None = None) -> SurfaceHits:
         """First hit of each ray, about a millisecond each; ``inside`` is not needed."""

@@ -141,7 +141,7 @@ def test_two_spheres_meet_in_their_circle_and_have_its_volume(round_body: BuiltB
 
     volume = slice_mm3(5.0, 0.5, 0.0, height) + slice_mm3(6.0, -2.0, height, 4.0) - 2.0 * np.pi * 8.0 / 3.0
     assert round_body.solid.valid
-    assert round_body.solid.volume_mm3 == pytest.approx(volume, rel=1e-7)
+    assert round_body.solid.volume_mm3 == pytest.approx(volume, rel=1e-8)
     assert round_body.solid.default_volume_mm3 == pytest.approx(volume, rel=1e-6), "as other programs integrate"
 
 
@@ -169,7 +169,7 @@ def test_four_faces_are_read_back_as_one_solid_to_a_nanometre(free_body: BuiltBo
     solid = proof.solid
     assert (solid.valid, solid.faults, solid.genus) == (True, [], 0)
     assert set(solid.faces) == {"OPTICAL_CAP", "OPTICAL_SIDE", "OPTICAL_WALL", "OPTICAL_EXIT", "RIM"}
-    assert solid.volume_mm3 == pytest.approx(volume, rel=1e-7)
+    assert solid.volume_mm3 == pytest.approx(volume, rel=1e-8)
     assert solid.default_volume_mm3 == pytest.approx(volume, rel=1e-6)
     assert set(proof.form) == {"cap", "side", "exit", "wall"}
     assert max(error.form_max_nm for error in proof.form.values()) <= 1.0
