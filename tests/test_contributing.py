@@ -137,7 +137,7 @@ def test_a_source_and_a_receiver_of_ones_own_are_lit_and_cast() -> None:
     assert 0.3 < light.efficiency.value < light.possible.efficiency
     body = Body((Face("inside", sphere(4.0), CAVITY, BODY), Face("outside", sphere(9.0, 1.0), BODY, OUTSIDE)))
     traced, side = TracedLens.of_body(body, clear(), 2, 6.0), 400.0
-    pose = ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, -5.0))  # its apex below the lens: it stands around it
+    pose = ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, -15.0))  # its apex below the lens: it stands around it
     cone = Cone(pose, PixelGrid.of(side, side, 40), Window(side, side))
     found, exits = simulate(traced, source, (cone,), 2**15, 3).received[0], traced.trace(source.sample(2**15, 4))
     steep = exits.left_lens & (np.hypot(*exits.directions[:, :2].T) > exits.directions[:, 2])
