@@ -236,7 +236,7 @@ def possible_share(receiver: ReceiverLight, transmittance: float) -> tuple[float
     """Most of the flux that can lie in the target on ``receiver``, and by what; ``transmittance``: of both faces."""
     asked, possible = transmittance * receiver.wanted_in_target, receiver.possible.share_in_target
     if asked <= possible:
-        return asked, "two faces transmit into the pattern"
+        return asked, "two faces transmit into the pattern" if transmittance < 1.0 else "the pattern takes"
     return possible, f"is possible (by {receiver.possible.law})"
 
 

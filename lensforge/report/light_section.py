@@ -25,7 +25,7 @@ from lensforge.search.design_result import Design
 from lensforge.search.scene_check import asked_light
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
-from lensforge.spec.source_sections import ChipArraySource, DiscSource, RectangleSource, SquareSource
+from lensforge.spec.derived_values import source_extent
 
 _FROM_ABOVE = "One field between two lamps; the arrow is the lane of the driver, who is 60 m before it."
 _FROM_ABOVE_BY_RP8 = "One field between two lamps for each direction of travel; each point is seen from 83 m before it."
@@ -36,7 +36,6 @@ _BY_NIGHT = (
 OWN = "the lens’s own"
 _FIRST = 4.6  # inches: half of the page
 _ABOVE = 1.1  # of the target's peak: the ripple of a flat target can still be told
-_WITHOUT_FILES = (SquareSource, RectangleSource, DiscSource, ChipArraySource)
 # Groups of facts on a result under other conditions that stand for it in one row, and the keys of these facts.
 _MAIN = {
     "part": ("landing", "nmse_vs_design", "part_efficiency"),
@@ -130,7 +129,7 @@ def possible_limits(spec: Spec) -> dict[tuple[str, float], Bound]:
 
     Empty for a source from a file: a folder need not hold it, so that nothing can be said afterwards.
     """
-    if not spec.has_limits or not isinstance(spec.source, _WITHOUT_FILES):
+    if not spec.has_limits or source_extent(spec.source) is None:
         return {}
     _, limits = asked_light(spec, build_source(spec.source))
     return {

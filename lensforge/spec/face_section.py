@@ -69,9 +69,10 @@ class ExitFace(FaceSection):
 
 
 class FacesSection(Section):
-    """The faces of a lens by name, from the source on."""
+    """The faces of a lens by name, from the source on; ``outward``: the one whose offset sets the wall from outside."""
 
     names: ClassVar[tuple[str, ...]] = ()
+    outward: ClassVar[str] = ""
 
     @property
     def faces(self) -> dict[str, FaceSection]:
@@ -82,11 +83,6 @@ class FacesSection(Section):
     def free(self) -> tuple[str, ...]:
         """Names of the faces that a search changes."""
         return tuple(name for name, face in self.faces.items() if face.fixed is None)
-
-    @property
-    def outward(self) -> str:
-        """Name of the face whose offset sets the wall from outside."""
-        return self.names[-1]
 
     @model_validator(mode="after")
     def _one_is_free(self) -> "FacesSection":
@@ -115,7 +111,7 @@ class FacesSection(Section):
 class LensFaces(FacesSection):
     """The two faces of the usual lens."""
 
-    names = DOUBLE
+    names, outward = DOUBLE, "outer"
 
     inner: FaceSection = Field(default_factory=FaceSection)
     """Face towards the source: it bounds the cavity, and the others are placed against it."""
@@ -142,7 +138,7 @@ class LensFaces(FacesSection):
 class TirFaces(FacesSection):
     """The four faces of a lens for total internal reflection."""
 
-    names = TIR
+    names, outward = TIR, "exit"
 
     cap: FaceSection = Field(default_factory=FaceSection)
     """Face of the cavity over the source; ``offset_mm``: its height on the axis."""
@@ -169,7 +165,7 @@ class CupSection(FaceSection):
 class ReflectorFaces(FacesSection):
     """The mirror of a reflector, its back, and its mouth."""
 
-    names = REFLECTOR
+    names, outward = REFLECTOR, "cup"  # its back follows it
 
     cup: CupSection = Field(default_factory=CupSection)
     """Mirror around the source; ``offset_mm``: its radius at z = 0."""
@@ -196,8 +192,3 @@ class ReflectorFaces(FacesSection):
     def free(self) -> tuple[str, ...]:
         """All faces, or none where the cup is given: the others follow it."""
         return self.names if self.cup.fixed is None else ()
-
-    @property
-    def outward(self) -> str:
-        """The cup: its back follows it."""
-        return "cup"

@@ -6,7 +6,7 @@ The ``[lens.optical_data]`` are index and absorption of a material of one's own,
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -174,8 +174,10 @@ class LensMaterial(FacesSection):
 
     Either ``refractive_index`` holds for all wavelengths; or the material is dispersive: a ``material`` of
     ``materials.catalogue``, one with ``optical_data`` or a ``material_file``, or one with ``abbe_number``.
+    ``is_opaque``: no light enters the body; its index does not count, and its material is a label.
     """
 
+    is_opaque: ClassVar[bool] = False
     refractive_index: _Index = 1.4936
     """Index at all wavelengths, ``material`` being only a label; or leave it out for a dispersive material."""
     material: Label = "PMMA at 564 nm"
@@ -214,11 +216,6 @@ class LensMaterial(FacesSection):
             return with_optical_data(content)
         except InputError as error:
             raise ValueError(f"material_file: {error}") from None
-
-    @property
-    def is_opaque(self) -> bool:
-        """True for a body that no light enters: its index does not count, and its material is a label."""
-        return False
 
     @model_validator(mode="after")
     def _one_source_of_the_index(self) -> "LensMaterial":

@@ -1,7 +1,7 @@
 """The ``[lens]`` of a spec by its kind: material, faces, and the functions that shape the free ones."""
 
 from math import degrees
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
@@ -33,8 +33,12 @@ def _kind_of_lens(value: Any) -> str | None:
 
 
 class LensShape(LensMaterial):
-    """Material of a lens of any kind, and the SRBFs that will shape the faces that are free."""
+    """Material of a lens of any kind, and the SRBFs that will shape the faces that are free.
 
+    ``title``: words for a lens of its kind.
+    """
+
+    title: ClassVar[str] = ""
     kind: str
     levels: Levels = "auto"
     """Functions of each level, coarse to fine, that shape each free surface; "auto": as many as they gain."""
@@ -57,11 +61,6 @@ class LensShape(LensMaterial):
             except InputError as error:
                 raise ValueError(str(error)) from None
         return self
-
-    @property
-    def title(self) -> str:
-        """Words for a lens of this kind."""
-        return "double-freeform lens"
 
     @property
     def may_be_round(self) -> bool:
@@ -121,6 +120,7 @@ class LensShape(LensMaterial):
 class LensSection(LensShape, LensFaces):
     """The usual lens: an inner face towards the source, an outer one towards the target, a refraction at each."""
 
+    title = "double-freeform lens"
     kind: Literal["double"] = "double"
 
 
@@ -179,12 +179,8 @@ class TirSection(ProfiledShape, TirFaces):
     of revolution; with ``levels`` SRBFs shape cap, wall and exit beyond that.
     """
 
+    title = "lens for total internal reflection"
     kind: Literal["tir"]
-
-    @property
-    def title(self) -> str:
-        """Words for a lens of this kind."""
-        return "lens for total internal reflection"
 
 
 class ReflectorSection(ProfiledShape, ReflectorFaces):
@@ -194,6 +190,7 @@ class ReflectorSection(ProfiledShape, ReflectorFaces):
     the LED, the radius and the beam ask for, or is given; its back follows it at the least wall.
     """
 
+    title, is_opaque = "reflector", True
     kind: Literal["reflector"]
     material: Label = "metallised plastic"
     """Material of the body, a label: no light enters it."""
@@ -206,16 +203,6 @@ class ReflectorSection(ProfiledShape, ReflectorFaces):
                 f"{self.outside_index:g} inside, too; give the same for both"
             )
         return self
-
-    @property
-    def title(self) -> str:
-        """Words for it."""
-        return "reflector"
-
-    @property
-    def is_opaque(self) -> bool:
-        """True: all that meets the cup is reflected or absorbed."""
-        return True
 
 
 AnyLens = Annotated[

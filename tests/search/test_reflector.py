@@ -31,6 +31,7 @@ BEAM: dict[str, Any] = {
     "optimise": {"aim": "share", "steps_per_level": [25], "rays": 4096},
 }
 FOCAL, HEIGHT, MIRROR = 2.5, 15.0, 0.88
+GLASS = {"refractive_index": 1.5, "thickness_mm": 2.0}
 RIM = 2.0 * np.sqrt(FOCAL * (HEIGHT + FOCAL))  # radius of the paraboloid at its mouth
 DIRECT = RIM**2 / (RIM**2 + HEIGHT**2)  # of Lambertian light from the focus: squared sine of the angle to the rim
 
@@ -98,6 +99,18 @@ def test_along_the_axis_a_lambertian_chip_fills_the_mirror_with_its_luminance() 
     share, count = exits.flux[within].sum() / rays.flux.sum(), within.sum()
     lit_mm2 = MIRROR * np.pi * (RIM**2 - (2.0 * FOCAL) ** 2) + 1.0  # the mirror, and the chip of 1 mm^2 itself
     assert share == pytest.approx(lit_mm2 * narrow**2, rel=0.01 + 3.0 / np.sqrt(count))
+
+
+def test_light_passes_a_cover_window_after_the_reflector() -> None:
+    glass = {**GLASS, "distance_mm": HEIGHT + 1.0}
+    open_cup, rays = given(), upwards(2000, 3)
+    spec = open_cup.spec.replace({"lens.cover_glass": glass})
+    lens = Lens(open_cup.surfaces, spec, 0, "draft")
+    exits, behind = traced_exactly(open_cup, rays), traced_exactly(lens, rays)
+    along = exits.directions[:, 2] > 1.0 - 1e-12
+    assert behind.flux[along] == pytest.approx(exits.flux[along] * (1.0 - 0.2**2) ** 2, rel=1e-9)
+    assert behind.directions == pytest.approx(exits.directions, abs=1e-12)
+    assert TracedLens.of(lens, 8.0).trace(rays).flux == pytest.approx(behind.flux, rel=1e-5)
 
 
 def test_rays_that_fall_back_are_counted_with_their_fates() -> None:
@@ -189,6 +202,10 @@ def test_a_given_reflector_is_taken_as_it_is() -> None:
         ({"lens": {"mouth": {"offset_mm": 90.0}}}, "does not reach up to 90 mm"),
         ({"constraints": {"max_radius_mm": 1.3}}, "leaves no room for a cup"),
         ({"optimise": {"robust": True}}, "optimise.robust goes with"),
+        (
+            {"lens": {"mouth": {"offset_mm": 13.0}, "cover_glass": {**GLASS, "distance_mm": 12.5}}},
+            "cover_glass.distance_mm = 12.5",
+        ),
         ({"lens": {"wall": {"mirror": 0.9}}}, "lens.wall"),
         (
             {"lamps": {"kind": "grid", "columns": 2, "rows": 1, "pitch_mm": 40.0}, "plate": {"thickness_mm": 2.0}},
