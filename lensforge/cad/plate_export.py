@@ -21,7 +21,7 @@ from lensforge.cad.plan import MIN_BASE_WALL_MM, Plan, lay_out, rim_directions, 
 from lensforge.cad.plate_layout import PlateLayout, PlateWall, layout_of
 from lensforge.cad.plate_mesh import build_plate_mesh, lens_mesh
 from lensforge.cad.plate_result import PLATE_FILES, PLATE_STEP_FILE, Plate, plate_criteria
-from lensforge.cad.plate_solid import PIN_END, PLATE_BOTTOM, build_plate_solid, poles_of
+from lensforge.cad.plate_solid import BOSS_ROOF, PIN_END, PLATE_BOTTOM, build_plate_solid, poles_of
 from lensforge.cad.solid import Shapes, Solid, build_solid
 from lensforge.cad.step import parse_step, signed_step
 from lensforge.errors import InputError
@@ -154,7 +154,7 @@ def volume_of_mm3(faces: Shapes, layout: PlateLayout, lens_mm3: float) -> float:
 
     ``lens_mm3``: through the faces of one lens, the same at each place. All other faces stand upright or lie in z = 0.
     """
-    levels = [face for name, face in faces.items() if name.startswith((PLATE_BOTTOM, PIN_END))]
+    levels = [face for name, face in faces.items() if name.startswith((PLATE_BOTTOM, PIN_END, BOSS_ROOF))]
     return len(layout.lenses) * lens_mm3 - sum(float(face.Area() * face.Vertices()[0].Z) for face in levels)
 
 

@@ -14,7 +14,7 @@ from lensforge.cad.outline import FULL_TURN
 from lensforge.cad.plan import rim_directions
 from lensforge.scene.lens import Lens
 from lensforge.spec.lamps_section import Lamps, Place
-from lensforge.spec.plate_section import PlateSection
+from lensforge.spec.plate_section import PlateBoss, PlateSection
 
 Ends = tuple[float, float]  # azimuths (rad)
 
@@ -118,7 +118,8 @@ class PlateLayout:
         """
         count, plate = len(self.lenses), self.plate
         open_mm2 = count * opening_mm2 + sum(pi * hole.radius_mm**2 for hole in plate.holes)
-        pins_mm3 = sum(pi * pin.radius_mm**2 * pin.height_mm for pin in plate.pins)
+        pins_mm3 = sum(pi * pin.radius_mm**2 * pin.height_mm for pin in plate.standing)
+        pins_mm3 -= sum(pi * boss.bore_diameter_mm**2 / 4.0 * boss.bore_depth_mm for boss in plate.bosses)
         return count * lens_mm3 + plate.thickness_mm * (area_mm2(self.outline) - open_mm2) + pins_mm3
 
     def placed(self, points: Float[np.ndarray, "n d"], number: int) -> Float[np.ndarray, "n d"]:
@@ -131,9 +132,9 @@ class PlateLayout:
         return moved
 
     def thinnest_wall(self, opening: Float[np.ndarray, "n 2"]) -> PlateWall | None:
-        """The thinnest wall at its holes and pins; ``opening``: points (mm) around a cavity in z = 0.
+        """The thinnest wall at its holes, pins and bosses; ``opening``: points (mm) around a cavity in z = 0.
 
-        None where it has neither.
+        None where it has none of them.
         """
         plate, axes, largest = self.plate, np.array(self.lenses.places_mm), float(np.hypot(*opening.T).max())
         found = list[PlateWall]()
@@ -145,6 +146,10 @@ class PlateLayout:
             for other, one in plate.marks[:number]:
                 gaps[other] = mark.away_mm(one.place_mm) - one.radius_mm
             found += [PlateWall(gap - mark.radius_mm, f"{name} and {other}") for other, gap in gaps.items()]
+            if isinstance(mark, PlateBoss):
+                found.append(PlateWall(mark.radius_mm - mark.bore_diameter_mm / 2.0, f"{name} and its bore"))
+                roof_mm = plate.thickness_mm + mark.height_mm - mark.bore_depth_mm
+                found.append(PlateWall(roof_mm, f"the bore of {name} and the top of the plate"))
         return min(found, key=lambda wall: wall.thickness_mm, default=None)
 
     def _gap_mm(self, opening: Float[np.ndarray, "n 2"], number: int, place: Place) -> float:

@@ -16,7 +16,18 @@ from lensforge.cad.mesh import BodyMesh, build_mesh
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import RIM, Plan
 from lensforge.cad.plate_layout import Loop, PlateLayout, circle_at, points_on
-from lensforge.cad.plate_solid import PIN_END, PIN_SIDE, PLATE_BORE, PLATE_BOTTOM, PLATE_HOLE, PLATE_SIDE, PLATE_TOP
+from lensforge.cad.plate_solid import (
+    BOSS_BORE,
+    BOSS_ROOF,
+    PIN_END,
+    PIN_SIDE,
+    PLATE_BORE,
+    PLATE_BOTTOM,
+    PLATE_HOLE,
+    PLATE_SIDE,
+    PLATE_TOP,
+)
+from lensforge.spec.plate_section import PlateBoss
 
 _RINGS = 24  # of a lens to begin with: its facets are split where they are too far from their faces
 _CHORD_MM = 2e-3
@@ -99,10 +110,19 @@ def build_plate_mesh(plan: Plan[Patch], layout: PlateLayout, lens: BodyMesh, cho
         edge, below = _prism(parts, PLATE_HOLE, circle, chord_mm, 0.0, thickness, outwards=False)
         tops.append(edge)
         bottoms.append(below)
-    for pin in layout.plate.pins:
+    for pin in layout.plate.standing:
         circle = circle_at(pin.place_mm, pin.radius_mm)
         edge, end = _prism(parts, PIN_SIDE, circle, chord_mm, thickness, pin.height_mm, outwards=True)
-        parts.add_plane(PIN_END, end, [], up=False)
+        mouths = []
+        if isinstance(pin, PlateBoss):
+            bore, depth = (
+                circle_at(pin.place_mm, pin.bore_diameter_mm / 2.0),
+                thickness + pin.height_mm - pin.bore_depth_mm,
+            )
+            roof, mouth = _prism(parts, BOSS_BORE, bore, chord_mm, depth, pin.bore_depth_mm, outwards=False)
+            parts.add_plane(BOSS_ROOF, roof, [], up=False)
+            mouths.append(mouth)
+        parts.add_plane(PIN_END, end, mouths, up=False)
         bottoms.append(edge)
     parts.add_plane(PLATE_TOP, outline, tops, up=True)
     parts.add_plane(PLATE_BOTTOM, foot, bottoms, up=False)

@@ -31,9 +31,10 @@ from lensforge.cad.solid import (
     planar_face,
     walls_below,
 )
+from lensforge.spec.plate_section import PlateBoss
 
 PLATE_TOP, PLATE_BOTTOM, PLATE_SIDE, PLATE_BORE = "PLATE_TOP", "PLATE_BOTTOM", "PLATE_SIDE", "PLATE_BORE"
-PLATE_HOLE, PIN_SIDE, PIN_END = "PLATE_HOLE", "PIN_SIDE", "PIN_END"
+PLATE_HOLE, PIN_SIDE, PIN_END, BOSS_BORE, BOSS_ROOF = "PLATE_HOLE", "PIN_SIDE", "PIN_END", "BOSS_BORE", "BOSS_ROOF"
 
 
 def build_plate_solid(plan: Plan[Patch], layout: PlateLayout) -> Solid:
@@ -56,10 +57,15 @@ def build_plate_solid(plan: Plan[Patch], layout: PlateLayout) -> Solid:
         faces += [(name, _at(face, there)) for name, face in sides]
         openings.append(_wire_at(edge, there))
         feet.append(_wire_at(below, there))
-    for pin in layout.plate.pins:
+    for pin in layout.plate.standing:
         sides, below, edge = _round_walls(PIN_SIDE, pin.radius_mm, layout.plate.thickness_mm, pin.height_mm, AWAY)
-        there = _moved(pin.place_mm)
-        faces += [(name, _at(face, there)) for name, face in [*sides, (PIN_END, facing(planar_face(below), DOWN))]]
+        there, ends = _moved(pin.place_mm), [below]
+        if isinstance(pin, PlateBoss):
+            depth = layout.plate.thickness_mm + pin.height_mm - pin.bore_depth_mm
+            bored, mouth, roof = _round_walls(BOSS_BORE, pin.bore_diameter_mm / 2.0, depth, pin.bore_depth_mm, TOWARDS)
+            sides += [*bored, (BOSS_ROOF, facing(planar_face(roof), DOWN))]
+            ends.append(mouth)
+        faces += [(name, _at(face, there)) for name, face in [*sides, (PIN_END, facing(planar_face(*ends), DOWN))]]
         feet.append(_wire_at(edge, there))
     outline = _loop_edges(layout.outline, 0.0)
     sides, bottom = walls_below(PLATE_SIDE, outline, layout.plate.thickness_mm)

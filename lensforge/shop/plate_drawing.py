@@ -5,11 +5,12 @@ or else by a table of places. All sizes are of the design in the plate's own axe
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
+from numpy.typing import ArrayLike
 
 from lensforge.cad.boundary import lens_boundaries
 from lensforge.cad.part import Part
@@ -36,22 +37,34 @@ from lensforge.shop.drawing import (
     title_of,
     unit_of,
 )
-from lensforge.shop.sheet import LETTERS, Box, LinearDimension, Marks, Place, Points, Sheet, Stroke, Words, shown
+from lensforge.shop.sheet import (
+    LETTERS,
+    Box,
+    LinearDimension,
+    Marks,
+    PenName,
+    Place,
+    Points,
+    Sheet,
+    Stroke,
+    Words,
+    box_of,
+    shown,
+)
 from lensforge.shop.sheet_marks import arrow_head, axes_mark, frame_of, hatch, paragraphs_in, row, row_height
 from lensforge.shop.sheet_tables import Rows
 from lensforge.shop.view_drawing import placed, room_of
 from lensforge.shop.view_lines import dome_radius, front_line
 from lensforge.spec import DrawingSection
 from lensforge.spec.lamps_section import Lamps
-from lensforge.spec.plate_section import PlateMark
+from lensforge.spec.plate_section import PlateBoss, PlateMark
 
-_FIRST, _ROW, _GAP = 8.0, 7.0, 30.0  # mm on A3: to the first line, between lines, between views
+_FIRST, _ROW, _GAP = 8.0, 7.0, 28.0  # mm on A3: to the first line, between lines, between views
 _CHORD_MM, _HATCH = 5e-3, 3.5
 _TURN = np.linspace(0.0, 2.0 * np.pi, 181)
 _SAME_MM, _SHOWN_MM = 1e-6, 1e-3
 _INSIDE = 6.0  # mm on A3: the label of a larger circle stands inside
 _MOST_ROWS = 12  # of the table on the sheet; the page has all
-_VIEWS = 0.6  # of the width, for the views of the whole plate
 _COLUMNS = (0.16, 0.22, 0.22, 0.4)  # widths of the table's columns
 
 
@@ -116,7 +129,42 @@ class LensLines:
         )
 
 
-Drawn = Callable[[float, Place], Marks]  # at a scale, its origin at a place on paper
+@dataclass(frozen=True)
+class View:
+    """A view at a ``scale``, its origin at a place on paper; ``unit``: size of a millimetre of the A3 layout."""
+
+    scale: float
+    unit: float
+    origin: Place = (0.0, 0.0)
+
+    def at(self, points: ArrayLike) -> Points:
+        """Points on paper of points (mm) of the plate."""
+        found: Points = self.scale * np.asarray(points, dtype=np.float64) + np.array(self.origin)
+        return found
+
+    def line(self, points: ArrayLike, pen: PenName = "outline", *, closed: bool = False) -> Stroke:
+        """A line through points (mm)."""
+        return Stroke(self.at(points), pen, closed)
+
+    def cross(self, place: Place, reach_mm: float) -> list[Stroke]:
+        """The axes of a circle."""
+        half = self.scale * reach_mm + 1.5 * self.unit
+        return [Stroke(self.at([place] * 2) + half * np.array([(-x, -y), (x, y)]), "axis") for x, y in ((1, 0), (0, 1))]
+
+    def label(self, text: str, place: Place, away_mm: float) -> Words:
+        """A text up and to the right of a place."""
+        x, y = (self.at([place])[0] + self.scale * away_mm + 1.5 * self.unit).tolist()
+        return Words((x, y), text, LETTERS * self.unit)
+
+    def dimension(
+        self, name: str, first: Place, last: Place, turned_deg: int, before: str = "", after: str = ""
+    ) -> LinearDimension:
+        """A dimension between two places (mm), not placed yet."""
+        (x, y), (u, v) = self.at([first, last]).tolist()
+        axis = turned_deg // 90
+        size, length_mm = LETTERS * self.unit, abs(float(last[axis] - first[axis]))
+        turned: Literal[0, 90] = 90 if axis else 0
+        return LinearDimension(name, (x, y), (u, v), turned, 0.0, 0.0, size, length_mm, before, after)
 
 
 def plate_sheet(lens: Lens, part: Part, layout: PlateLayout, words: DrawingSection, name: SheetName = "A3") -> Sheet:
@@ -125,30 +173,31 @@ def plate_sheet(lens: Lens, part: Part, layout: PlateLayout, words: DrawingSecti
     rows, gap = place_rows(layout), 4.0 * unit
     drawn = rows if len(rows) <= _MOST_ROWS else [*rows[: _MOST_ROWS - 1], ["…", "", "", "more on manufacturing.html"]]
     band = (HEIGHT + 4.0) * unit + sum(row_height(each, _widths(unit), unit) for each in drawn)
-    middle, lines = left + _VIEWS * (right - left), LensLines.of(lens, layout.lenses.turns_deg)
-    scale, origin, whole = _fitting(
-        lambda scale, at: _whole(lines, layout, scale, unit, at), (left + gap, bottom + band + gap, middle, top - gap)
-    )
-    beside = middle + gap, bottom + band + gap, right - gap, top - 4.0 * gap
-    closer, _, section = _fitting(lambda scale, at: _one_lens(lines, layout, scale, unit, at), beside)
+    middle, lines = right - (WIDTH + 4.0) * unit, LensLines.of(lens, layout.lenses.turns_deg)
+    notes = paragraphs_in((left + gap, bottom - top, middle, 0.0), plate_notes(lens, layout, words), unit)
+    high = gap - min(box_of(each)[1] for each in notes)
+    room = left + gap, bottom + high + gap, middle, top - gap
+    beside = middle + 3.0 * gap, bottom + band + gap, right - gap, top - 4.0 * gap
+    view, whole = _fitting(lambda view: _whole(lines, layout, view), room, unit)
+    closer, section = _fitting(lambda view: _one_lens(lines, layout, view), beside, unit)
     marks = Marks([frame_of(inside_of(name), "outline")])
-    for each in (whole, section, draw_title_block(_block(lens, part, words), (right, bottom), unit, scale, name)):
+    for each in (whole, section, draw_title_block(_block(lens, part, words), (right, bottom), unit, view.scale, name)):
         marks.add(each)
-    title = f"One lens in its section along x, {scale_words(closer)}"
+    title = f"One lens in its section along x, {scale_words(closer.scale)}"
     marks.words.append(Words((0.5 * (beside[0] + beside[2]), top - 2.0 * gap), title, LETTERS * unit, "center"))
     marks.add(_table(drawn, right - WIDTH * unit, bottom + band, unit))
-    notes = left + gap, bottom + gap, right - (WIDTH + 4.0) * unit, bottom + band
-    marks.words += paragraphs_in(notes, plate_notes(lens, layout, words), unit)
-    return Sheet(name, SIZES[name], unit, scale, f"{title_of(lens, words)}, plate", origin, marks)
+    marks.words += [replace(each, at=(each.at[0], each.at[1] + bottom + high)) for each in notes]
+    return Sheet(name, SIZES[name], unit, view.scale, f"{title_of(lens, words)}, plate", view.origin, marks)
 
 
-def _fitting(draw: Drawn, room: Box) -> tuple[float, Place, Marks]:
-    """The largest scale at which it fits, the place of its origin on paper, and what is drawn there."""
+def _fitting(draw: Callable[[View], Marks], room: Box, unit: float) -> tuple[View, Marks]:
+    """The view at the largest scale at which it fits, in the middle of its room, and what is drawn there."""
     for scale in SCALES:
-        box = room_of(draw(scale, (0.0, 0.0)))
+        box = room_of(draw(View(scale, unit)))
         if box[2] - box[0] <= room[2] - room[0] and box[3] - box[1] <= room[3] - room[1]:
-            at = 0.5 * (room[0] + room[2] - box[0] - box[2]), 0.5 * (room[1] + room[3] - box[1] - box[3])
-            return scale, at, draw(scale, at)
+            x, y = (0.5 * (room[k] + room[k + 2] - box[k] - box[k + 2]) for k in (0, 1))
+            view = View(scale, unit, (x, y))
+            return view, draw(view)
     raise InputError("the plate fits on the sheet at no scale; its drawing is left to a CAD program")
 
 
@@ -161,7 +210,7 @@ def plate_notes(lens: Lens, layout: PlateLayout, words: DrawingSection) -> list[
         f"{PLATE_STEP_FILE} alone defines them; sizes in parentheses are auxiliary.",
         "x and y count from the middle of the outline, z from the top of the plate, in which the lenses end.",
         f"All other sizes of the plate are “general”. {general_words(words)}",
-        "Bores of the lenses, holes, pins and sides: as in the STEP, without draft.",
+        "Bores of the lenses, holes, pins, bosses and sides: as in the STEP, without draft.",
         *mould_words(lens),
     ]
 
@@ -173,6 +222,8 @@ def place_rows(layout: PlateLayout) -> Rows:
         for number, (place, turn) in enumerate(zip(lenses.places_mm, lenses.turns_deg, strict=True), 1):
             found.append((f"L{number}", place, f"lens, turned by {turn:.3f}°" if turn else "lens"))
     found += [(label, mark.place_mm, mark.words) for label, mark in labelled(layout)]
+    if layout.plate.gate is not None:
+        found.append(("G", layout.plate.gate.place_mm, layout.plate.gate.words))
     return [
         [label, *(f"{name} {shown(round(at, 6) + 0.0)}" for name, at in zip("xy", place, strict=True)), words]
         for label, place, words in found
@@ -198,13 +249,8 @@ def _block(lens: Lens, part: Part, words: DrawingSection) -> Rows:
     assert plate is not None
     mass = f"Volume: {plate.volume_mm3:.1f} mm³" if plate.mass_g is None else f"Mass: {plate.mass_g:.3f} g"
     file = f"Defined by: {PLATE_STEP_FILE}, SHA-256 {part.files[PLATE_STEP_FILE].sha256[:16]}…"
-    return [
-        [f"{rows[0][0]}, plate of {quantity(plate.lenses, 'lenses')}"],
-        rows[1],
-        [rows[2][0], mass],
-        *rows[3:-1],
-        [file],
-    ]
+    title = f"{rows[0][0]}, plate of {quantity(plate.lenses, 'lenses')}"
+    return [[title], rows[1], [rows[2][0], mass], *rows[3:-1], [file]]
 
 
 def _widths(unit: float) -> list[float]:
@@ -220,103 +266,74 @@ def _table(rows: Rows, left: float, top: float, unit: float) -> Marks:
     return marks
 
 
-def _dimension(name: str, ends: tuple[Place, Place], length_mm: float, unit: float, **more: Any) -> LinearDimension:
-    """A dimension between two places on paper, not placed yet."""
-    return LinearDimension(name, *ends, more.pop("turned_deg", 0), 0.0, 0.0, LETTERS * unit, length_mm, **more)
-
-
-def _whole(lines: LensLines, layout: PlateLayout, scale: float, unit: float, origin: Place) -> Marks:
-    """The plate from the front, and below it, in first angle, from above; ``origin``: of the latter."""
-    marks, (wide, high), at = Marks(), layout.size_mm, np.array(origin)
-    marks.strokes.append(Stroke(at + scale * points_on(layout.outline, _CHORD_MM), "outline", closed=True))
-    reach = scale * float(np.hypot(*lines.dome.T).max()) + 1.5 * unit
+def _whole(lines: LensLines, layout: PlateLayout, view: View) -> Marks:
+    """The plate from the front, and below it, in first angle, from above; the view's origin: of the latter."""
+    marks, (wide, high), unit = Marks(), layout.size_mm, view.unit
+    marks.strokes.append(view.line(points_on(layout.outline, _CHORD_MM), closed=True))
+    lens_mm = float(np.hypot(*lines.dome.T).max())
     for number, place in enumerate(layout.lenses.places_mm):
         marks.strokes += [
-            Stroke(at + scale * layout.placed(lines.dome, number), "outline", closed=True),
-            Stroke(at + scale * layout.placed(lines.opening, number), "hidden", closed=True),
-            *_cross(at + scale * np.array(place), reach),
+            view.line(layout.placed(lines.dome, number), closed=True),
+            view.line(layout.placed(lines.opening, number), "hidden", closed=True),
+            *view.cross(place, lens_mm),
         ]
+        if _listed(layout):
+            marks.words.append(view.label(f"L{number + 1}", place, 0.75 * lens_mm))
     for label, mark in labelled(layout):
-        middle = at + scale * np.array(mark.place_mm)
-        circle = at + scale * points_on(circle_at(mark.place_mm, mark.radius_mm), _CHORD_MM)
-        marks.strokes += [Stroke(circle, mark.pen, closed=True), *_cross(middle, scale * mark.radius_mm + 1.5 * unit)]
-        outside = 0.75 * scale * mark.radius_mm
-        marks.words.append(_label(label, middle + (outside if outside < _INSIDE * unit else 0.0) + 1.5 * unit, unit))
-    if _listed(layout):
-        beside = at + 0.75 * reach
-        marks.words += [
-            _label(f"L{k}", beside + scale * np.array(place), unit)
-            for k, place in enumerate(layout.lenses.places_mm, 1)
-        ]
-    rows, columns = _pattern_sizes(layout, scale, unit, origin)
-    left, bottom = (origin[k] - 0.5 * scale * layout.size_mm[k] for k in (0, 1))
-    marks.dimensions += placed(rows, bottom - _FIRST * unit, -_ROW * unit)
-    marks.dimensions += placed(columns, left - _FIRST * unit, -_ROW * unit)
-    _add_corner(marks, layout, scale, unit, origin)
-    marks.add(axes_mark((origin[0] + 0.5 * scale * wide + 4.0 * unit, bottom), "x", "y", unit))
-    front = origin[0], origin[1] + 0.5 * scale * high + _GAP * unit + scale * _below_mm(layout)
-    marks.add(_front(lines, layout, scale, unit, front))
+        circle = points_on(circle_at(mark.place_mm, mark.radius_mm), _CHORD_MM)
+        marks.strokes += [view.line(circle, mark.pen, closed=True), *view.cross(mark.place_mm, mark.radius_mm)]
+        inside = view.scale * mark.radius_mm > _INSIDE * unit
+        marks.words.append(view.label(label, mark.place_mm, 0.0 if inside else 0.75 * mark.radius_mm))
+    if layout.plate.gate is not None:
+        (tip,), towards = view.at([layout.plate.gate.place_mm]), np.array(layout.plate.gate.place_mm)
+        out = towards / max(float(np.hypot(*towards)), 1e-9)
+        marks.strokes.append(arrow_head(tip, -out, 2.0 * LETTERS * unit))
+        marks.words.append(view.label("G", layout.plate.gate.place_mm, 0.0))
+    pattern, radius = pattern_of(layout.lenses), layout.plate.corner_radius_mm
+    for axis in (0, 1):
+        edge = view.origin[1 - axis] - 0.5 * view.scale * layout.size_mm[1 - axis]
+        sizes = list(_sizes_along(axis, layout, pattern, view))
+        marks.dimensions += placed(sizes, edge - _FIRST * unit, -_ROW * unit)
+    if pattern is not None and pattern.ring_mm is not None:
+        circle = points_on(circle_at((0.0, 0.0), pattern.ring_mm / 2.0), _CHORD_MM)
+        marks.strokes.append(view.line(circle, "axis", closed=True))
+    if radius:
+        x, y = (size / 2.0 - radius * (1.0 - 0.5**0.5) for size in layout.size_mm)
+        (tip,), out = view.at([(x, y)]), np.array([-1.0, -1.0]) * 0.5**0.5
+        marks.strokes += [Stroke(np.array([tip, tip - 6.0 * unit * out])), arrow_head(tip, out, LETTERS * unit)]
+        marks.words.append(view.label(f"4 × R {shown(radius)}", (x, y), 4.0 * unit / view.scale))
+    corner = view.at([(wide / 2.0, -high / 2.0)])[0]
+    marks.add(axes_mark((float(corner[0]) + 4.0 * unit, float(corner[1])), "x", "y", unit))
+    up = view.scale * (0.5 * high + _below_mm(layout)) + _GAP * unit
+    marks.add(_front(lines, layout, replace(view, origin=(view.origin[0], view.origin[1] + up))))
     return marks
 
 
-def _label(text: str, at: Float[np.ndarray, " 2"], unit: float) -> Words:
-    return Words((float(at[0]), float(at[1])), text, LETTERS * unit)
+def _sizes_along(axis: int, layout: PlateLayout, pattern: Pattern | None, view: View) -> Iterator[LinearDimension]:
+    """Dimensions along x or y: of the outline, the pattern, and from the edge to its first lens."""
+    half, way, turned = layout.size_mm[axis] / 2.0, "xy"[axis], 90 * axis
+    is_round = layout.plate.kind == "round"
 
+    def size(name: str, first: float, last: float, off: float, before: str = "") -> LinearDimension:
+        start, end = ((at, off) if axis == 0 else (off, at) for at in (first, last))
+        return view.dimension(name, start, end, turned, before)
 
-def _cross(middle: Float[np.ndarray, " 2"], half: float) -> list[Stroke]:
-    return [Stroke(middle + half * np.array([(-x, -y), (x, y)]), "axis") for x, y in ((1.0, 0.0), (0.0, 1.0))]
-
-
-def _pattern_sizes(
-    layout: PlateLayout, scale: float, unit: float, origin: Place
-) -> tuple[list[LinearDimension], list[LinearDimension]]:
-    """Dimensions along x and along y: of the outline, the pattern, and from the edge to its first lens."""
-    found, pattern = list[list[LinearDimension]](), pattern_of(layout.lenses)
-    for axis, (way, across) in enumerate((("x", "width"), ("y", "height"))):
-        half, turned = layout.size_mm[axis] / 2.0, 90 * axis
-        sign = "⌀" if layout.plate.kind == "round" else ""
-
-        def ends(*along: float, off: float, axis: int = axis) -> tuple[Place, Place]:
-            pairs = [(each, off) if axis == 0 else (off, each) for each in along]
-            first, last = ((origin[0] + scale * x, origin[1] + scale * y) for x, y in pairs)
-            return first, last
-
-        edge = -layout.size_mm[1 - axis] / 2.0 if layout.plate.kind == "rectangle" else 0.0
-        each = list[LinearDimension]()
-        if not (sign and axis):
-            whole = ends(-half, half, off=edge)
-            each.append(_dimension(f"{across} of the plate", whole, 2.0 * half, unit, turned_deg=turned, before=sign))
-        if pattern is not None and pattern.ring_mm is None:
-            first, steps, pitch = pattern.first[axis], pattern.count[axis] - 1, pattern.pitch_mm[axis]
-            off = pattern.row_mm if axis == 0 else pattern.first[0]
-            if steps:
-                before = f"{steps} × {shown(pitch)} = " if steps > 1 else ""
-                span, name = ends(first, first + steps * pitch, off=off), f"pitch of the lenses along {way}"
-                each.append(_dimension(name, span, steps * pitch, unit, turned_deg=turned, before=before))
-            if not sign:
-                name, span = f"edge to the first lens along {way}", ends(-half, first, off=off)
-                each.append(_dimension(name, span, first + half, unit, turned_deg=turned))
-        elif pattern is not None and pattern.ring_mm is not None and axis == 0:
-            count, ring = len(layout.lenses), pattern.ring_mm
-            span, before = ends(-ring / 2.0, ring / 2.0, off=0.0), f"{count} × on ⌀"
-            each.append(_dimension("circle of the axes", span, ring, unit, before=before))
-        found.append(each)
-    return found[0], found[1]
-
-
-def _add_corner(marks: Marks, layout: PlateLayout, scale: float, unit: float, origin: Place) -> None:
-    """The radius of the corners, at the end of an arrow, and the circle of a ring's axes."""
-    radius, pattern = layout.plate.corner_radius_mm, pattern_of(layout.lenses)
-    if radius:
-        corner = np.array(layout.size_mm) / 2.0 - radius * (1.0 - 0.5**0.5)
-        tip, out = np.array(origin) + scale * corner, np.array([-1.0, -1.0]) * 0.5**0.5
-        end = tip - 6.0 * unit * out
-        marks.strokes += [Stroke(np.array([tip, end])), arrow_head(tip, out, LETTERS * unit)]
-        text = f"4 × R {shown(radius)}"
-        marks.words.append(Words((float(end[0]) + unit, float(end[1])), text, LETTERS * unit))
+    if not is_round:
+        yield size(f"{('width', 'height')[axis]} of the plate", -half, half, -layout.size_mm[1 - axis] / 2.0)
+    elif axis == 0:
+        yield size("diameter of the plate", -half, half, 0.0, "⌀")
     if pattern is not None and pattern.ring_mm is not None:
-        circle = points_on(circle_at((0.0, 0.0), pattern.ring_mm / 2.0), _CHORD_MM)
-        marks.strokes.append(Stroke(np.array(origin) + scale * circle, "axis", closed=True))
+        if axis == 0:
+            ring, count = pattern.ring_mm / 2.0, len(layout.lenses)
+            yield size("circle of the axes", -ring, ring, 0.0, f"{count} × on ⌀")
+    elif pattern is not None:
+        first, steps, pitch = pattern.first[axis], pattern.count[axis] - 1, pattern.pitch_mm[axis]
+        off = (pattern.row_mm, pattern.first[0])[axis]
+        if steps:
+            before = f"{steps} × {shown(pitch)} = " if steps > 1 else ""
+            yield size(f"pitch of the lenses along {way}", first, first + steps * pitch, off, before)
+        if not is_round:
+            yield size(f"edge to the first lens along {way}", -half, first, off)
 
 
 def _below_mm(layout: PlateLayout) -> float:
@@ -324,67 +341,51 @@ def _below_mm(layout: PlateLayout) -> float:
     return layout.plate.thickness_mm + max((mark.below_mm for _, mark in layout.plate.marks), default=0.0)
 
 
-def _front(lines: LensLines, layout: PlateLayout, scale: float, unit: float, origin: Place) -> Marks:
-    """The plate seen along +y, its top at ``origin``: thickness, heights of pins, and height over all."""
-    marks, at, thickness = Marks(), np.array(origin), layout.plate.thickness_mm
-    half, top = layout.size_mm[0] / 2.0, lines.top_mm
-    bar = np.array([(-half, 0.0), (half, 0.0), (half, -thickness), (-half, -thickness)])
-    marks.strokes.append(Stroke(at + scale * bar, "outline", closed=True))
-    seen = {(round(x, 6), turn) for (x, _), turn in zip(layout.lenses.places_mm, layout.lenses.turns_deg, strict=True)}
-    marks.strokes += [
-        Stroke(at + scale * (lines.fronts[turn] + np.array([x, 0.0])), "outline") for x, turn in sorted(seen)
-    ]
-    columns, heights = [], dict[float, Place]()
+def _front(lines: LensLines, layout: PlateLayout, view: View) -> Marks:
+    """The plate seen along +y, its top at the view's origin: thickness, heights of pins, and height over all."""
+    half, low, lenses = layout.size_mm[0] / 2.0, -layout.plate.thickness_mm, layout.lenses
+    marks = Marks([view.line([(-half, 0.0), (half, 0.0), (half, low), (-half, low)], closed=True)])
+    seen = {(round(x, 6), turn) for (x, _), turn in zip(lenses.places_mm, lenses.turns_deg, strict=True)}
+    marks.strokes += [view.line(lines.fronts[turn] + np.array([x, 0.0])) for x, turn in sorted(seen)]
+    columns, heights = [view.dimension("thickness of the plate", (half, low), (half, 0.0), 90)], dict[float, float]()
     for _, mark in layout.plate.marks:
-        x, radius, z = mark.place_mm[0], mark.radius_mm, -thickness
+        left, right, end = mark.place_mm[0] - mark.radius_mm, mark.place_mm[0] + mark.radius_mm, low - mark.below_mm
         if mark.below_mm:
-            sides = np.array([(-radius, z), (-radius, z - mark.below_mm), (radius, z - mark.below_mm), (radius, z)])
-            marks.strokes.append(Stroke(at + scale * (sides + np.array([x, 0.0])), "outline"))
-            heights[mark.below_mm] = max((x + radius, z), heights.get(mark.below_mm, (x, z)))
+            marks.strokes.append(view.line([(left, low), (left, end), (right, end), (right, low)]))
+            heights[end] = max(right, heights.get(end, right))
+            if isinstance(mark, PlateBoss):
+                x, bore, roof = mark.place_mm[0], mark.bore_diameter_mm / 2.0, end + mark.bore_depth_mm
+                bored = [(x - bore, end), (x - bore, roof), (x + bore, roof), (x + bore, end)]
+                marks.strokes.append(view.line(bored, "hidden"))
         else:
-            walls = [np.array([(x + side, 0.0), (x + side, z)]) for side in (-radius, radius)]
-            marks.strokes += [Stroke(at + scale * each, "hidden") for each in walls]
-
-    def upright(name: str, x: float, low: float, high: float, before: str = "", after: str = "") -> LinearDimension:
-        ends = tuple((origin[0] + scale * x, origin[1] + scale * z) for z in (low, high))
-        more = {"turned_deg": 90, "before": before, "after": after}
-        return _dimension(name, (ends[0], ends[1]), high - low, unit, **more)
-
-    columns.append(upright("thickness of the plate", half, -thickness, 0.0))
-    columns += [upright("height below the plate", x, z - length, z) for length, (x, z) in sorted(heights.items())]
-    columns.append(upright("height over all", half, -_below_mm(layout), top, "(", ")"))
-    marks.dimensions += placed(columns, origin[0] + scale * half + _FIRST * unit, _ROW * unit)
+            marks.strokes += [view.line([(x, 0.0), (x, low)], "hidden") for x in (left, right)]
+    columns += [view.dimension("height below the plate", (x, end), (x, low), 90) for end, x in sorted(heights.items())]
+    over_all = (half, -_below_mm(layout)), (half, lines.top_mm)
+    columns.append(view.dimension("height over all", *over_all, 90, "(", ")"))
+    marks.dimensions += placed(columns, float(view.at([(half, 0.0)])[0, 0]) + _FIRST * view.unit, _ROW * view.unit)
     return marks
 
 
-def _one_lens(lines: LensLines, layout: PlateLayout, scale: float, unit: float, origin: Place) -> Marks:
+def _one_lens(lines: LensLines, layout: PlateLayout, view: View) -> Marks:
     """A lens with the plate around it, cut along its x: heights, and its widths in z = 0 and at its widest."""
-    inner, outer = lines.inner, lines.outer
-    thickness, wide = layout.plate.thickness_mm, 1.25 * float(np.abs(outer[:, 0]).max())
-    hollow = np.array([(inner[-1, 0], -thickness), *inner[::-1], (inner[0, 0], -thickness)])
-    cut = np.concatenate([[(-wide, -thickness), (-wide, 0.0)], outer, [(wide, 0.0), (wide, -thickness)], hollow])
-    at = np.array(origin)
-    marks = Marks([*hatch([at + scale * cut], _HATCH * unit), Stroke(at + scale * cut, "outline", closed=True)])
-    top = float(outer[:, 1].max())
-    marks.strokes.append(
-        Stroke(at + np.array([(0.0, -scale * thickness - 4.0 * unit), (0.0, scale * top + 4.0 * unit)]), "axis")
-    )
-
-    def between(
-        name: str, first: Float[np.ndarray, " 2"], last: Float[np.ndarray, " 2"], turned_deg: int
-    ) -> LinearDimension:
-        length = float(abs(last[turned_deg // 90] - first[turned_deg // 90]))
-        ends = tuple((float(x), float(y)) for x, y in (at + scale * first, at + scale * last))
-        return _dimension(name, (ends[0], ends[1]), length, unit, turned_deg=turned_deg, before="(", after=")")
-
-    floor = np.array([-wide, 0.0])
-    low, high = outer[np.argmin(outer[:, 0])], outer[np.argmax(outer[:, 0])]
-    widths = [("rim of a lens in z = 0", outer[0], outer[-1]), ("opening of a lens in z = 0", inner[0], inner[-1])]
-    if high[0] - low[0] > outer[-1, 0] - outer[0, 0] + _SHOWN_MM:
-        widths.append(("width of a lens", low, high))
-    rows = [between(*each, 0) for each in widths]
-    columns = [between("height of a lens", floor, outer[np.argmax(outer[:, 1])], 90)]
-    columns.append(between("height of a cavity", floor, inner[np.argmax(inner[:, 1])], 90))
-    marks.dimensions += placed(rows, origin[1] - scale * thickness - _FIRST * unit, -_ROW * unit)
-    marks.dimensions += placed(columns, origin[0] - scale * wide - _FIRST * unit, -_ROW * unit)
+    inner, outer, low = lines.inner, lines.outer, -layout.plate.thickness_mm
+    wide, top = 1.25 * float(np.abs(outer[:, 0]).max()), float(outer[:, 1].max())
+    hollow = np.array([(inner[-1, 0], low), *inner[::-1], (inner[0, 0], low)])
+    cut = view.at(np.concatenate([[(-wide, low), (-wide, 0.0)], outer, [(wide, 0.0), (wide, low)], hollow]))
+    marks = Marks([*hatch([cut], _HATCH * view.unit), Stroke(cut, "outline", closed=True)])
+    marks.strokes.append(view.line([(0.0, 1.3 * low), (0.0, 1.1 * top)], "axis"))
+    left, right = outer[np.argmin(outer[:, 0])], outer[np.argmax(outer[:, 0])]
+    widths: list[tuple[str, Points, Points]] = [
+        ("rim of a lens in z = 0", outer[0], outer[-1]),
+        ("opening of a lens in z = 0", inner[0], inner[-1]),
+    ]
+    if right[0] - left[0] > outer[-1, 0] - outer[0, 0] + _SHOWN_MM:
+        widths.append(("width of a lens", left, right))
+    heights = [("height of a lens", outer), ("height of a cavity", inner)]
+    rows = [view.dimension(name, (a[0], a[1]), (b[0], b[1]), 0, "(", ")") for name, a, b in widths]
+    tops = [(name, line[np.argmax(line[:, 1])]) for name, line in heights]
+    columns = [view.dimension(name, (-wide, 0.0), (at[0], at[1]), 90, "(", ")") for name, at in tops]
+    x, y = view.at([(-wide, low)])[0].tolist()
+    marks.dimensions += placed(rows, y - _FIRST * view.unit, -_ROW * view.unit)
+    marks.dimensions += placed(columns, x - _FIRST * view.unit, -_ROW * view.unit)
     return marks

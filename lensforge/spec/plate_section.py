@@ -1,4 +1,4 @@
-"""The plate that carries the lenses of ``[lamps]`` in one piece: ``[plate]``, its outline, holes and pins.
+"""The plate that carries the lenses of ``[lamps]`` in one piece: ``[plate]``, its outline, holes, pins, bosses, gate.
 
 Its top is the plane z = 0, in which the rims of the lenses lie, and its middle is the origin. The cavities go straight
 down through it, as through a base.
@@ -15,7 +15,7 @@ from lensforge.spec.spec_section import Coordinate, Millimetres, MillimetresOrZe
 
 _MOST_LENSES, _MOST_MARKS = 400, 200
 _MARGIN_MM = 2.0
-_SAME_MM = 1e-9
+_SAME_MM, _ON_EDGE_MM = 1e-9, 1e-3
 _Lines = Annotated[int, Field(ge=1, le=_MOST_LENSES)]
 
 
@@ -42,7 +42,7 @@ class PlateMark(Section):
 
     @property
     def words(self) -> str:
-        """What it is, with its sizes."""
+        """A phrase on what it is, with its sizes."""
         raise NotImplementedError
 
     def away_mm(self, place: Place) -> float:
@@ -57,7 +57,7 @@ class PlateHole(PlateMark):
 
     @property
     def words(self) -> str:
-        """What it is, with its sizes."""
+        """A phrase on what it is, with its sizes."""
         return f"hole ⌀{self.diameter_mm:.3f}, through"
 
 
@@ -77,8 +77,49 @@ class PlatePin(PlateMark):
 
     @property
     def words(self) -> str:
-        """What it is, with its sizes."""
+        """A phrase on what it is, with its sizes."""
         return f"pin ⌀{self.diameter_mm:.3f}, {self.height_mm:.3f} below"
+
+
+class PlateBoss(PlatePin):
+    """A screw dome: a pin with a blind bore from its end. It keeps clear of the lenses, on which it would sink."""
+
+    letter: ClassVar[str] = "B"
+
+    bore_diameter_mm: Millimetres
+    """Diameter of its bore."""
+    bore_depth_mm: Millimetres
+    """Depth of its bore from its end, which may reach into the plate."""
+
+    @property
+    def words(self) -> str:
+        """A phrase on what it is, with its sizes."""
+        outside = super().words.replace("pin", "boss")
+        return f"{outside}; bore ⌀{self.bore_diameter_mm:.3f}, {self.bore_depth_mm:.3f} deep"
+
+    @model_validator(mode="after")
+    def _has_a_wall(self) -> "PlateBoss":
+        if self.bore_diameter_mm >= self.diameter_mm:
+            raise ValueError(
+                f"bore_diameter_mm = {self.bore_diameter_mm:g}: must be below diameter_mm = {self.diameter_mm:g}"
+            )
+        return self
+
+
+class PlateGate(Section):
+    """The gate at the edge of the plate, where it is filled: a mark on the drawing, and no part of the solid."""
+
+    place_mm: tuple[Coordinate, Coordinate]
+    """Place (x, y) of its middle, on the outline."""
+    width_mm: Millimetres
+    """Width along the outline."""
+    clear_mm: MillimetresOrZero = 3.0
+    """Distance from its middle that lenses as wide as ``constraints.max_radius_mm``, holes, pins and bosses keep."""
+
+    @property
+    def words(self) -> str:
+        """A phrase on what it is, with its size."""
+        return f"gate, {self.width_mm:.3f} wide"
 
 
 class PlateSection(Section):
@@ -108,6 +149,10 @@ class PlateSection(Section):
     """Holes through the plate, beside the lenses."""
     pins: Annotated[tuple[PlatePin, ...], Field(max_length=_MOST_MARKS)] = ()
     """Pins below the plate, beside the cavities."""
+    bosses: Annotated[tuple[PlateBoss, ...], Field(max_length=_MOST_MARKS)] = ()
+    """Screw domes below the plate, beside the lenses."""
+    gate: PlateGate | None = None
+    """The gate of the mould; by default none is drawn."""
 
     @model_validator(mode="after")
     def _sizes_go_with_the_outline(self) -> "PlateSection":
@@ -129,9 +174,14 @@ class PlateSection(Section):
 
     @property
     def marks(self) -> tuple[tuple[str, PlateMark], ...]:
-        """Holes and pins, each with its name in the spec."""
-        holes = tuple((f"plate.holes.{number}", hole) for number, hole in enumerate(self.holes))
-        return (*holes, *((f"plate.pins.{number}", pin) for number, pin in enumerate(self.pins)))
+        """Holes, pins and bosses, each with its name in the spec."""
+        kinds: dict[str, tuple[PlateMark, ...]] = {"holes": self.holes, "pins": self.pins, "bosses": self.bosses}
+        return tuple((f"plate.{kind}.{number}", each) for kind, own in kinds.items() for number, each in enumerate(own))
+
+    @property
+    def standing(self) -> tuple[PlatePin, ...]:
+        """Pins and bosses."""
+        return *self.pins, *self.bosses
 
     def lenses(self, lamps: LampsSection | None) -> Lamps:
         """Places and turns of its lenses: those of ``lamps``, or its rows and columns of an endless lattice."""
@@ -188,13 +238,21 @@ def require_plate(plate: PlateSection, lamps: LampsSection | None, limits: Const
             f"which one ends {lens_mm - room:.4g} mm outside; leave it out, or add {rounded_up(2.0 * (lens_mm - room))}"
         )
     _require_clear(plate, size, lenses, limits)
+    for number, boss in enumerate(plate.bosses):
+        if boss.bore_depth_mm >= boss.height_mm + plate.thickness_mm:
+            raise ValueError(
+                f"plate.bosses.{number}.bore_depth_mm = {boss.bore_depth_mm:g}: goes through the plate; at most its "
+                f"height_mm and plate.thickness_mm, {boss.height_mm + plate.thickness_mm:g}, less a wall"
+            )
+    if plate.gate is not None:
+        _require_gate(plate, plate.gate, size, lenses, limits.max_radius_mm)
 
 
 def _require_clear(plate: PlateSection, size: tuple[float, float], lenses: Lamps, limits: ConstraintsSection) -> None:
     """Raise ``ValueError`` for a hole or a pin across the edge, another one, a lens, or a cavity."""
     for number, (name, mark) in enumerate(plate.marks):
-        through = isinstance(mark, PlateHole)
-        around, what = (limits.max_radius_mm, "a lens") if through else (limits.cavity_radius_mm, "a cavity")
+        beside = isinstance(mark, PlateHole | PlateBoss)  # a boss is so thick that the face above it would sink
+        around, what = (limits.max_radius_mm, "a lens") if beside else (limits.cavity_radius_mm, "a cavity")
         stated = f"{name}: a diameter of {mark.diameter_mm:g} mm at ({mark.place_mm[0]:g}, {mark.place_mm[1]:g}) mm"
         if plate.to_edge_mm(mark.place_mm, size) <= mark.radius_mm:
             raise ValueError(f"{stated} crosses the edge of the plate; move it inwards, or make the plate larger")
@@ -204,3 +262,19 @@ def _require_clear(plate: PlateSection, size: tuple[float, float], lenses: Lamps
         for other, one in plate.marks[:number]:
             if mark.away_mm(one.place_mm) <= mark.radius_mm + one.radius_mm:
                 raise ValueError(f"{stated} meets {other}; move one of the two")
+
+
+def _require_gate(
+    plate: PlateSection, gate: PlateGate, size: tuple[float, float], lenses: Lamps, lens_mm: float
+) -> None:
+    """Raise ``ValueError`` for a gate that is not on the outline, or too near to a lens, a hole, a pin or a boss."""
+    (x, y), off = gate.place_mm, plate.to_edge_mm(gate.place_mm, size)
+    if abs(off) > _ON_EDGE_MM:
+        raise ValueError(f"plate.gate.place_mm = ({x:g}, {y:g}): {off:.4g} mm inside the outline; move it onto that")
+    near = [(hypot(at[0] - x, at[1] - y) - lens_mm, "a lens") for at in lenses.places_mm]
+    near += [(mark.away_mm(gate.place_mm) - mark.radius_mm, name) for name, mark in plate.marks]
+    away, what = min(near)
+    if away < gate.clear_mm:
+        raise ValueError(
+            f"plate.gate: {away:.4g} mm from {what}, but clear_mm = {gate.clear_mm:g}; move it along the edge"
+        )

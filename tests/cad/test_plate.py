@@ -24,6 +24,7 @@ INNER, OUTER = 0.8, 2.45  # mm; constraints.max_radius_mm is twice the outer
 RING = {"kind": "ring", "count": 3, "diameter_mm": 14.0}
 SCREW = {"place_mm": [0.0, 0.0], "diameter_mm": 1.0}
 PIN = {"place_mm": [-3.0, 0.0], "diameter_mm": 1.2, "height_mm": 1.5}
+BOSS = {"place_mm": [-9.5, 0.0], "diameter_mm": 2.4, "height_mm": 1.0, "bore_diameter_mm": 1.2, "bore_depth_mm": 2.2}
 
 
 def on_plate(plate: dict[str, Any], lamps: dict[str, Any] | None = None, relative: float = 0.0) -> Lens:
@@ -38,8 +39,8 @@ def failed(part: Part) -> list[str]:
 
 @pytest.fixture(scope="module")
 def ring() -> Part:
-    """Three turned freeform lenses around a screw, with a pin: nothing is symmetric."""
-    plate = {"thickness_mm": 2.0, "corner_radius_mm": 1.5, "holes": [SCREW], "pins": [PIN]}
+    """Three turned freeform lenses around a screw, with a pin and a boss bored into the plate: nothing is symmetric."""
+    plate = {"thickness_mm": 2.0, "corner_radius_mm": 1.5, "holes": [SCREW], "pins": [PIN], "bosses": [BOSS]}
     return build_part(on_plate(plate, RING, 0.02), rings=16)
 
 
@@ -71,7 +72,8 @@ def test_turned_lenses_of_a_plate_are_those_of_the_part(ring: Part) -> None:
     assert layout is not None
     assert len(solid.shape.Faces()) == ring.plate.faces == len(solid.faces)
     assert (solid.valid, solid.genus, ring.plate.genus) == (True, 1, 1)
-    holes = 2.0 * np.pi * 0.5**2 - np.pi * 0.6**2 * 1.5
+    holes = 2.0 * np.pi * 0.5**2 - np.pi * 0.6**2 * 1.5 - np.pi * (1.2**2 * 1.0 - 0.6**2 * 2.2)
+    assert solid.faces["BOSS_ROOF"].Center().toTuple() == pytest.approx((-9.5, 0.0, -0.8))
     rim = np.linspace(0.0, 2.0 * np.pi, 512, endpoint=False)
     around = np.stack([np.cos(rim), np.sin(rim), 0.0 * rim], axis=1)
     opening = np.pi * np.mean(ring.lens.inner.radius(around) ** 2)
@@ -197,3 +199,17 @@ def test_the_thinnest_wall_of_a_plate_is_found(place: list[float], wall: float, 
     spec = lens.spec.replace({"constraints.max_radius_mm": 2.5, "plate": plate})
     (found,) = [each for each in check_lens(replace(lens, spec=spec)).verdicts if each.name == "plate"]
     assert found.value == pytest.approx(wall, abs=1e-6) and f"between plate.pins.0 and {between}" in found.reason
+
+
+@pytest.mark.parametrize(
+    ("bore", "wall", "between"),
+    [
+        ({"bore_diameter_mm": 1.8, "bore_depth_mm": 1.0}, 0.1, "plate.bosses.0 and its bore"),
+        ({"bore_diameter_mm": 1.0, "bore_depth_mm": 1.95}, 0.05, "the bore of plate.bosses.0 and the top of the plate"),
+    ],
+)
+def test_the_walls_of_a_boss_are_judged(bore: dict[str, float], wall: float, between: str) -> None:
+    boss = {"place_mm": [5.5, 0.0], "diameter_mm": 2.0, "height_mm": 1.0, **bore}
+    lens = on_plate({"thickness_mm": 1.0, "width_mm": 16.0, "height_mm": 16.0, "bosses": [boss]})
+    (found,) = [each for each in check_lens(lens).verdicts if each.name == "plate"]
+    assert found.value == pytest.approx(wall, abs=1e-9) and between in found.reason

@@ -25,6 +25,10 @@ PLATE = {"thickness_mm": 2.5, "margin_mm": 3.0}
 MARKS: dict[str, Any] = {
     "holes": [{"place_mm": [10.0, 0.0], "diameter_mm": 3.0}],
     "pins": [{"place_mm": [-10.0, 8.0], "diameter_mm": 2.0, "height_mm": 1.25}],
+    "bosses": [
+        {"place_mm": [0, 0], "diameter_mm": 5.0, "height_mm": 2.0, "bore_diameter_mm": 2.5, "bore_depth_mm": 3.0}
+    ],
+    "gate": {"place_mm": [-31.0, 0.0], "width_mm": 6.0},
 }
 GRID = {"kind": "grid", "columns": 3, "rows": 2, "pitch_mm": [20.0, 25.0]}
 KINDS: dict[str, tuple[dict[str, Any] | None, dict[str, Any]]] = {
@@ -87,11 +91,13 @@ def test_sizes_read_back_from_the_dxf_are_those_of_the_design(part: Part, name: 
         "width of the plate": 40.0 + around, "height of the plate": 25.0 + around,
         "pitch of the lenses along x": 40.0, "pitch of the lenses along y": 25.0,
         "edge to the first lens along x": 11.0, "edge to the first lens along y": 11.0,
-        "thickness of the plate": 2.5, "height below the plate": 1.25,
+        "thickness of the plate": 2.5, "height below the plate": 2.0,
         "rim of a lens in z = 0": lens.outer.radius(x).sum(), "opening of a lens in z = 0": lens.inner.radius(x).sum(),
     }  # fmt: skip
     assert {key: found[key] for key in wanted} == pytest.approx(wanted, abs=1e-6)
     assert found["height of a lens"] > found["height of a cavity"] > 2.0
+    below = [each.length_mm for each in sheet.marks.dimensions if each.name == "height below the plate"]
+    assert sorted(below) == [1.25, 2.0]  # of the pin, and of the boss
     texts = {each.name: each.text for each in sheet.marks.dimensions}
     assert texts["pitch of the lenses along x"] == "2 × 20.000 = 40.000"
     assert texts["pitch of the lenses along y"] == "25.000"
@@ -109,7 +115,7 @@ def test_no_text_meets_another_or_the_frame(part: Part, kind: str) -> None:
     assert ("circle of the axes" in drawn) == (kind == "ring")
     rows = place_rows(layout_of(lens_on(kind)))  # type: ignore[arg-type]
     assert [row[0] for row in rows] == {
-        "grid": ["H1", "P1"], "ring": ["L1", "L2", "L3", "L4", "L5"], "table": ["L1", "L2", "L3"]
+        "grid": ["H1", "P1", "B1", "G"], "ring": ["L1", "L2", "L3", "L4", "L5"], "table": ["L1", "L2", "L3"]
     }.get(kind, [])  # fmt: skip
 
 
@@ -137,3 +143,4 @@ def test_the_handover_has_both_drawings(part: Part) -> None:
     assert page.count('<figure class="drawing">') == 2 and made.sha256["plate.dxf"] in page
     for text in ("2 × 20.000 = 40.000", "hole ⌀3.000, through", "pin ⌀2.000, 1.250 below", "plate of 6 lenses"):
         assert text in page
+    assert "boss ⌀5.000, 2.000 below; bore ⌀2.500, 3.000 deep" in page and "gate, 6.000 wide" in page

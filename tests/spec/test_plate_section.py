@@ -12,6 +12,8 @@ from lensforge.spec import Spec
 GRID = {"kind": "grid", "columns": 3, "rows": 2, "pitch_mm": [20.0, 30.0]}
 ENDLESS = {"kind": "endless", "pitch_mm": 200.0}
 MIDDLE = {"place_mm": [10.0, 0.0], "diameter_mm": 4.0}
+BOSS = {**MIDDLE, "height_mm": 3.0, "bore_diameter_mm": 2.0, "bore_depth_mm": 4.0}
+GATE = {"place_mm": [29.0, 0.0], "width_mm": 6.0}
 
 
 def plated(plate: dict[str, Any], lamps: dict[str, Any] | None = None) -> Spec:
@@ -68,7 +70,8 @@ def test_a_plate_of_a_lattice_has_its_rows_and_columns() -> None:
 
 def test_a_plate_is_read_as_it_was_written(tmp_path: Any) -> None:
     pin = {"place_mm": [0.0, 0.0], "diameter_mm": 2.0, "height_mm": 1.0}
-    spec = plated({"corner_radius_mm": 3.0, "holes": [MIDDLE], "pins": [pin]}, GRID)
+    boss = {**BOSS, "place_mm": [-10.0, 0.0]}
+    spec = plated({"corner_radius_mm": 3.0, "holes": [MIDDLE], "pins": [pin], "bosses": [boss], "gate": GATE}, GRID)
     spec.save(tmp_path / "plate.toml")
     assert Spec.model_validate({**spec.model_dump(exclude_unset=True)}).plate == spec.plate
     assert "[plate]" in (tmp_path / "plate.toml").read_text(encoding="utf-8")
@@ -95,6 +98,12 @@ def test_a_plate_is_read_as_it_was_written(tmp_path: Any) -> None:
         ({"pins": [{**MIDDLE, "height_mm": 1.0, "place_mm": [20, 12]}]}, GRID, "pins.0: .* meets a cavity of .* 3 mm"),
         ({"holes": [MIDDLE, {**MIDDLE, "place_mm": [12.0, 0.0]}]}, GRID, "holes.1: .* meets plate.holes.0; move one"),
         ({"thickness_mm": 0.0}, GRID, "plate.thickness_mm = 0"),
+        ({"bosses": [{**BOSS, "bore_diameter_mm": 4.0}]}, GRID, "bore_diameter_mm = 4: must be below diameter_mm = 4"),
+        ({"bosses": [{**BOSS, "bore_depth_mm": 5.0}]}, GRID, "bore_depth_mm = 5: goes through the plate; .* 5,"),
+        ({"bosses": [{**BOSS, "place_mm": [20.0, 8.0]}]}, GRID, "bosses.0: .* meets a lens of 7 mm radius, 7 mm away"),
+        ({"gate": {"place_mm": [25.0, 0.0], "width_mm": 6.0}}, GRID, r"place_mm = \(25, 0\): 4 mm inside the outline"),
+        ({"gate": {"place_mm": [29.0, 14.0], "width_mm": 6.0}}, GRID, "gate: 2.055 mm from a lens, but clear_mm = 3;"),
+        ({"gate": GATE, "holes": [{**MIDDLE, "place_mm": [25, 0]}]}, GRID, "gate: 2 mm from plate.holes.0, but"),
     ],
 )  # fmt: skip
 def test_a_plate_that_cannot_be_is_refused_in_one_line(
