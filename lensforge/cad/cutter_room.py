@@ -126,13 +126,13 @@ def _centres(boundary: Boundary[Patch], spec: Spec, offset_mm: float) -> tuple[L
     azimuths = np.linspace(0.0, FULL_TURN, _AZIMUTHS, endpoint=False)
     share, turn = np.meshgrid(np.linspace(0.0, 1.0, _RINGS), azimuths, indexing="ij")
     around = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
-    found = []
+    centres = []
     for face in boundary.faces:
         if spec.is_cut(face.name):
             low, high = face.domain.radii(azimuths)
             chart = ((low + (high - low) * share)[..., None] * around).reshape(-1, 2)
-            found.append(ball_centres_mm(face.shape.points(chart), face.shape.normals(chart), offset_mm))
-    distance, height = (np.concatenate(each) for each in zip(*found, strict=True))
+            centres.append(ball_centres_mm(face.shape.points(chart), face.shape.normals(chart), offset_mm))
+    distance, height = (np.concatenate(each) for each in zip(*centres, strict=True))
     return distance, height
 
 

@@ -51,8 +51,8 @@ class KeepOutSolid:
     @property
     def corners(self) -> Float[np.ndarray, "t 3 3"]:
         """Corners (mm) of every triangle."""
-        found: Float[np.ndarray, "t 3 3"] = self.vertices[self.triangles]
-        return found
+        corners: Float[np.ndarray, "t 3 3"] = self.vertices[self.triangles]
+        return corners
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,11 +108,11 @@ def keep_out_distance(mesh: BodyMesh, keep_out: KeepOut, error_mm: float) -> Kee
             raise InputError(f"{keep_out.path}: the mesh of a solid is not closed; repair it in CAD")
         common = body ^ other
         if not common.is_empty():
-            found = -2.0 * common.volume() / common.surface_area()
+            distance = -2.0 * common.volume() / common.surface_area()
         else:
-            found = body.min_gap(other, _between_vertices(mesh.vertices, solid.vertices) * _SLACK)
-        if found < gap_mm:
-            gap_mm, closest = found, solid
+            distance = body.min_gap(other, _between_vertices(mesh.vertices, solid.vertices) * _SLACK)
+        if distance < gap_mm:
+            gap_mm, closest = distance, solid
     places = _places(mesh, closest) if gap_mm >= 0.0 else _common_place(body, closest)
     return KeepOutDistance(
         distance_mm=gap_mm,
@@ -149,9 +149,9 @@ def _nearest(
     near = points[np.linalg.norm(np.maximum(outside, 0.0), axis=1) <= most_mm * _SLACK]
     if not len(near):
         return np.zeros(3), np.zeros(3), np.inf
-    found, distances, _ = trimesh.proximity.closest_point(target, near)
+    places, distances, _ = trimesh.proximity.closest_point(target, near)
     best = int(distances.argmin())
-    return np.asarray(found[best]), near[best], float(distances[best])
+    return np.asarray(places[best]), near[best], float(distances[best])
 
 
 def _common_place(body: Any, solid: KeepOutSolid) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
@@ -165,30 +165,30 @@ _RIM_MM = 1e-5  # from z = 0: a place on the rim of an exported face
 _UNMEASURED = "the mesh of the lens is not closed: change the number of rings, and export again"
 
 
-def keep_out_criteria(spec: Spec, found: KeepOutDistance | None) -> tuple[Criterion, ...]:
+def keep_out_criteria(spec: Spec, measured: KeepOutDistance | None) -> tuple[Criterion, ...]:
     """The criterion on the distance, but for the errors of both meshes; none for a spec without a keep-out."""
     limits = spec.constraints
     if limits.keep_out is None:
         return ()
-    if found is None:
+    if measured is None:
         return (at_least("keep_out_distance", float("nan"), limits.keep_out_margin_mm, "mm", _UNMEASURED),)
-    limit = limits.keep_out_margin_mm - limits.tolerance_mm - found.error_mm
-    return (at_least("keep_out_distance", found.distance_mm, limit, "mm", _remedy(spec, found)),)
+    limit = limits.keep_out_margin_mm - limits.tolerance_mm - measured.error_mm
+    return (at_least("keep_out_distance", measured.distance_mm, limit, "mm", _remedy(spec, measured)),)
 
 
-def _remedy(spec: Spec, found: KeepOutDistance) -> str:
+def _remedy(spec: Spec, measured: KeepOutDistance) -> str:
     """The fields to change, by where the two are closest."""
-    place = ", ".join(f"{value + 0.0:.4g}" for value in np.round(found.body_point_mm, 6))
-    return f"{_fields(spec, found)}; the body is closest at ({place}) mm"
+    place = ", ".join(f"{value + 0.0:.4g}" for value in np.round(measured.body_point_mm, 6))
+    return f"{_fields(spec, measured)}; the body is closest at ({place}) mm"
 
 
-def _fields(spec: Spec, found: KeepOutDistance) -> str:
+def _fields(spec: Spec, measured: KeepOutDistance) -> str:
     base, margin = spec.base, spec.constraints.keep_out_margin_mm
-    (x, y, z), other = found.body_point_mm, found.keep_out_point_mm
-    overlap, across, below = found.distance_mm < 0.0, float(np.hypot(*other[:2])), z - other[2]
+    (x, y, z), other = measured.body_point_mm, measured.keep_out_point_mm
+    overlap, across, below = measured.distance_mm < 0.0, float(np.hypot(*other[:2])), z - other[2]
     outwards = across - float(np.hypot(x, y))
     at_bottom = base.kind != "none" and z <= _RIM_MM - base.height_mm
-    stands = at_bottom and found.distance_mm <= _RIM_MM  # the base stands on it
+    stands = at_bottom and measured.distance_mm <= _RIM_MM  # the base stands on it
     side = base.side_mm if base.kind == "square" else base.diameter_mm
     through = overlap and 2.0 * (across + margin) >= side  # no pocket of this width leaves a wall
     under = (other[2] < 0.0 and (at_bottom or not through)) if overlap else below > abs(outwards) or stands

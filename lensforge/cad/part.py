@@ -235,11 +235,11 @@ class Part(StageResult):
 
 def part_facts(part: Part) -> list[Group]:
     """One group on solid and files, and one on the plate."""
-    found = [Group("files", "Files as read back", (*_errors(part), *_solid(part), *_mould(part)))]
+    groups = [Group("files", "Files as read back", (*_errors(part), *_solid(part), *_mould(part)))]
     if part.plate is not None:
         sizes = {name: part.files[name].bytes for name in PLATE_FILES if name in part.files}
-        found.append(plate_facts(part.plate, part.criteria, sizes))
-    return found
+        groups.append(plate_facts(part.plate, part.criteria, sizes))
+    return groups
 
 
 def _errors(part: Part) -> Iterator[Fact]:

@@ -52,14 +52,14 @@ from lensforge.surfaces.step_file import Schema
 from lensforge.surfaces.surface import scaled
 
 
-def untrimmed_criteria(found: UntrimmedSurfaces | None) -> tuple[Criterion, ...]:
+def untrimmed_criteria(untrimmed: UntrimmedSurfaces | None) -> tuple[Criterion, ...]:
     """The criteria on the faces of ``lens_surfaces.step``; none where there is no such file."""
-    if found is None:
+    if untrimmed is None:
         return ()
     finer = "raise the number of nodes, or lower the extension"
     return (
-        at_most("surfaces_form_error", found.form_error_nm, FORM_LIMIT_NM, "nm", finer),
-        at_most("surfaces_normal_error", found.normal_error_mrad, NORMAL_LIMIT_MRAD, "mrad", finer),
+        at_most("surfaces_form_error", untrimmed.form_error_nm, FORM_LIMIT_NM, "nm", finer),
+        at_most("surfaces_normal_error", untrimmed.normal_error_mrad, NORMAL_LIMIT_MRAD, "mrad", finer),
     )
 
 
@@ -181,13 +181,13 @@ def _untrimmed(
     faces = parse_surfaces(content)
     each = [(face.label, face.domain) for face in plan.faces]
     form = worst([face_error(surfaces[label], faces[label], domain=domain) for label, domain in each])
-    found = UntrimmedSurfaces(
+    untrimmed = UntrimmedSurfaces(
         extension_deg=extension_deg,
         scale=scale,
         form_error_nm=form.form_max_nm,
         normal_error_mrad=form.normal_max_mrad,
     )
-    return found, content
+    return untrimmed, content
 
 
 def _criteria(body: BuiltBody, proof: BodyProof, form: FormError) -> tuple[Criterion, ...]:

@@ -119,9 +119,9 @@ def require_written(content: bytes, tolerances: tuple[FormTolerance, ...]) -> No
             f"manufacture.form_tolerance_um = {tolerances[0].width_um:g}: this version of the CAD kernel writes "
             f"{len(written)} tolerances for {len(tolerances)}; {_REMEDY}"
         )
-    found = {tolerance.face: tolerance for tolerance in written}
+    read_back = {tolerance.face: tolerance for tolerance in written}
     for wanted in tolerances:
-        read = found.pop(wanted.face, None)
+        read = read_back.pop(wanted.face, None)
         same = read is not None and abs(read.width_um / wanted.width_um - 1.0) < _SAME
         if read is None or not same or set(read.datum_faces) != set(wanted.datum_faces):
             stated = "none" if read is None else f"{read.width_um:g} um"

@@ -249,26 +249,24 @@ def _flux(shown: ShownReceiver) -> list[PagePicture]:
 
 def photometry_pictures(results: Results) -> list[PagePicture]:
     """Polar and isocandela diagram, and of a lamp for an area or a road the light on the ground."""
-    photometry, section = results.find(Photometry), results.spec.photometry
-    if photometry is None:
+    found, section = results.find(Photometry), results.spec.photometry
+    if found is None:
         return []
-    polar, isocandela = study_figures.polar_diagram(photometry), study_figures.isocandela_diagram(photometry)
+    polar, isocandela = study_figures.polar_diagram(found), study_figures.isocandela_diagram(found)
     drawn = [
         picture("polar", polar, "Polar diagram", "Intensity (cd); gamma = 0 is the axis of the lens."),
         picture("isocandela", isocandela, "Isocandela", "C around, gamma outwards, as in the files."),
     ]
-    if photometry.road is not None:
-        ground = study_figures.ground_diagram(
-            photometry, section.street_side_deg, section.lenses, section.pole_height_m
-        )
+    if found.road is not None:
+        ground = study_figures.ground_diagram(found, section.street_side_deg, section.lenses, section.pole_height_m)
         caption = "One lamp at the centre; above the line is the street."
         drawn.append(picture("ground", ground, "On the ground", caption))
-    for index, judged in enumerate(photometry.roads):
-        view, road = study_figures.road_from_above(photometry, index, results.spec), results.spec.roads[index]
+    for index, judged in enumerate(found.roads):
+        view, road = study_figures.road_from_above(found, index, results.spec), results.spec.roads[index]
         words = _FROM_ABOVE_BY_RP8 if road.by_rp8 else _FROM_ABOVE
         drawn.append(picture(f"road-{index}", view, judged.name.capitalize(), words))
         if road.by_luminance:
-            night = study_figures.road_by_night(photometry, index, results.spec)
+            night = study_figures.road_by_night(found, index, results.spec)
             drawn.append(picture(f"night-{index}", night, f"{judged.name.capitalize()} by night", _BY_NIGHT))
     return drawn
 

@@ -82,10 +82,10 @@ def collected(
     """Collect rays that left the source with ``emitted`` (W); ``weights``: of the colours. Float64, CPU."""
 
     def summed(flux: Tensor) -> tuple[Tensor, Tensor]:
-        found: tuple[Tensor, Tensor] = _Collect.apply(  # type: ignore[no-untyped-call]  # as torch has it
+        sums: tuple[Tensor, Tensor] = _Collect.apply(  # type: ignore[no-untyped-call]  # as torch has it
             landings.hits, flux, sin2_exit, landings.landed, emitted, grid, window
         )
-        return found
+        return sums
 
     image, sums = summed(landings.flux)
     colours = None if weights is None else torch.stack([summed(landings.flux * each)[0] for each in weights])
@@ -150,22 +150,22 @@ class _Added(torch.autograd.Function):
         return None, *map(torch.from_numpy, ctx.lamps.spread(by_image.numpy()))
 
 
-def together(lamps: LampPictures, found: Sequence[Collected]) -> Collected:
+def together(lamps: LampPictures, by_raster: Sequence[Collected]) -> Collected:
     """Mean light of a lamp on their receiver, from that of one on each raster.
 
     Where a raster is wider than the receiver, light is in the window by its pixels, and outside off the raster.
     """
     if lamps.alone:
-        return found[0]
-    image, colours = _added(lamps, [each.image for each in found]), None
-    if found[0].colours is not None:
-        pairs = zip(*(each.colours for each in found if each.colours is not None), strict=True)
+        return by_raster[0]
+    image, colours = _added(lamps, [each.image for each in by_raster]), None
+    if by_raster[0].colours is not None:
+        pairs = zip(*(each.colours for each in by_raster if each.colours is not None), strict=True)
         colours = torch.stack([_added(lamps, pictures) for pictures in pairs])
-    in_window = image.sum() if lamps.widened else lamps.mean([each.in_window for each in found])
-    outside = lamps.mean([each.outside_receiver for each in found])
-    return Collected(image, in_window, outside, found[0].total_reflection, colours)
+    in_window = image.sum() if lamps.widened else lamps.mean([each.in_window for each in by_raster])
+    outside = lamps.mean([each.outside_receiver for each in by_raster])
+    return Collected(image, in_window, outside, by_raster[0].total_reflection, colours)
 
 
 def _added(lamps: LampPictures, pictures: Sequence[Tensor]) -> Tensor:
-    found: Tensor = _Added.apply(lamps, *pictures)  # type: ignore[no-untyped-call]  # as torch has it
-    return found
+    image: Tensor = _Added.apply(lamps, *pictures)  # type: ignore[no-untyped-call]  # as torch has it
+    return image

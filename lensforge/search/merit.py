@@ -248,9 +248,9 @@ class Merit(ABC, Generic[_Light]):
     ) -> Evaluated:
         """Trace ``rays`` and add the constraints; with a ``pair`` of opposite parts the mean over both."""
         tables = self.parametrisation.tables(weights, offsets)
-        found = self.assessed(self.light_of(tables, rays, pair), uniform)
+        light = self.assessed(self.light_of(tables, rays, pair), uniform)
         fields = constraints.fields(tables)
-        return Evaluated(found.loss + constraints.term(fields), found.nmse, found.efficiency, fields)
+        return Evaluated(light.loss + constraints.term(fields), light.nmse, light.efficiency, fields)
 
 
 @dataclass(frozen=True)
@@ -367,12 +367,12 @@ class MeritFunction(Merit[SampledLight]):
 
     def _colours(self, parts: Sequence[tuple[Collected, ...]]) -> Colours:
         """Mean colours over parts; none where they do not count."""
-        found = []
+        colours = []
         for terms, *same in zip(self.terms, *parts, strict=True):
             own = [each.colours for each in same if each.colours is not None]
             if own:
-                found.append(torch.stack([terms.mirrored(each) for each in torch.stack(own).mean(dim=0)]))
-        return tuple(found)
+                colours.append(torch.stack([terms.mirrored(each) for each in torch.stack(own).mean(dim=0)]))
+        return tuple(colours)
 
     def _flux_term(self, light: tuple[Collected, ...]) -> Float[Tensor, ""]:
         """Flux (W) that has no gradient in the images."""

@@ -67,9 +67,9 @@ class MeritOfSources(Merit[LightOfSources]):
 
     def assessed(self, light: LightOfSources, uniform: bool) -> Assessed:
         """The loss by one sample; NMSE and efficiency for the history are means by the shares."""
-        found = [merit.assessed(own, uniform) for merit, own in zip(self.members, light.lights, strict=True)]
-        losses = torch.stack([each.loss for each in found])
-        nmse, efficiency = (self._mean([getattr(each, name) for each in found]) for name in ("nmse", "efficiency"))
+        by_source = [merit.assessed(own, uniform) for merit, own in zip(self.members, light.lights, strict=True)]
+        losses = torch.stack([each.loss for each in by_source])
+        nmse, efficiency = (self._mean([getattr(each, name) for each in by_source]) for name in ("nmse", "efficiency"))
         weights = losses.new_tensor(self.shares)
         if self.worst:
             weights = torch.softmax(losses.detach() / (_SMOOTH * nmse), dim=0)
@@ -78,10 +78,10 @@ class MeritOfSources(Merit[LightOfSources]):
     def judge(self, first: LightOfSources, second: LightOfSources, uniform: bool) -> tuple[float, float]:
         """Merit without constraints from two independent samples, without their noise, and its part of the images."""
         both = zip(self.members, first.lights, second.lights, strict=True)
-        found = [merit.judge(one, other, uniform) for merit, one, other in both]
+        merits = [merit.judge(one, other, uniform) for merit, one, other in both]
         if self.worst:
-            return max(found)
-        return self._mean([merit for merit, _ in found]), self._mean([image for _, image in found])
+            return max(merits)
+        return self._mean([merit for merit, _ in merits]), self._mean([image for _, image in merits])
 
     def joined(self, parts: Sequence[LightOfSources], emitted_w: float) -> LightOfSources:
         """The light of all ``parts``, in proportion, as a sample of ``emitted_w``."""

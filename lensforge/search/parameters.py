@@ -37,13 +37,13 @@ class _Tables(torch.autograd.Function):
     def forward(ctx: Any, weights: Tensor, tables: BasisTables) -> Tensor:
         ctx.tables, ctx.shape = tables, weights.shape
         columns = np.ascontiguousarray(weights.detach().numpy().T)
-        found = np.empty((len(columns), tables.side, tables.side))
+        sums = np.empty((len(columns), tables.side, tables.side))
 
         def work(face: int) -> None:
-            found[face] = tables.table(columns[face])
+            sums[face] = tables.table(columns[face])
 
         in_parallel(work, len(columns))
-        return torch.from_numpy(found)
+        return torch.from_numpy(sums)
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None]:
@@ -59,8 +59,8 @@ class _Tables(torch.autograd.Function):
 
 def sums_of(weights: Float[Tensor, "k f"], tables: BasisTables) -> Float[Tensor, "f side side"]:
     """The sums of a basis by its first ``k`` functions, a table for each column of ``weights``; differentiable."""
-    found: Tensor = _Tables.apply(weights, tables)  # type: ignore[no-untyped-call]  # as torch has it
-    return found
+    sums: Tensor = _Tables.apply(weights, tables)  # type: ignore[no-untyped-call]  # as torch has it
+    return sums
 
 
 _FIT_DIRECTIONS, _FIT_CHUNK = 8, 4096  # for each function; at a time
@@ -235,12 +235,12 @@ def settled_symmetry(spec: Spec, source: Source) -> Spec:
     """
     name = spec.lens.symmetry
     if name == "auto":
-        found = next(
+        symmetry = next(
             each
             for each in reversed(NAMES)
             if contains(source.symmetry, each) and _in_fixed(spec, each) is None and _in_targets(spec, each)
         )
-        return spec.model_copy(update={"lens": spec.lens.model_copy(update={"symmetry": found})})
+        return spec.model_copy(update={"lens": spec.lens.model_copy(update={"symmetry": symmetry})})
     if not contains(source.symmetry, name):
         raise InputError(f"lens.symmetry = {name!r}: the source has only {source.symmetry!r}; use that, or 'auto'")
     lacking = _in_fixed(spec, name)
@@ -284,7 +284,7 @@ def chart_mirrors(receiver: PosedReceiver, name: str) -> ChartMirrors | None:
     """Action of a mirror group's generators on a receiver's chart; None where its mirror image is another receiver."""
     if not receiver.lamps.has_mirrors(name):
         return None
-    found, axes, centre = [], receiver.pose.axes, np.array(receiver.pose.centre_mm)
+    mirrors, axes, centre = [], receiver.pose.axes, np.array(receiver.pose.centre_mm)
     for mirror in generators(name):
         moved = np.linalg.norm(mirror @ centre - centre)
         action = axes @ mirror @ axes.T
@@ -297,8 +297,8 @@ def chart_mirrors(receiver: PosedReceiver, name: str) -> ChartMirrors | None:
         if not kept or (swaps and not square):
             return None
         (a, b), (c, d) = signs.astype(int).tolist()
-        found.append(((a, b), (c, d)))
-    return tuple(found)
+        mirrors.append(((a, b), (c, d)))
+    return tuple(mirrors)
 
 
 def mirrored_light(image: Float[Tensor, "h w"], mirrors: ChartMirrors) -> Float[Tensor, "h w"]:

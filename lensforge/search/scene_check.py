@@ -105,8 +105,8 @@ def asked_light(spec: Spec, source: Source) -> tuple[tuple[Asked, ...], tuple[As
     targets = tuple(_of_target(pattern, each) for pattern, each in zip(wanted, physics, strict=True))
     lumens_per_watt = summarise(source, spec.source).lumens_per_watt if spec.has_limits else None
     limits = light_limits(spec, receivers, lumens_per_watt, source.flux_w)
-    found = (_of_limit(limit, physics[limit.receiver], source.flux_w) for limit in limits)
-    return targets, tuple(each for each in found if each is not None)
+    asked = (_of_limit(limit, physics[limit.receiver], source.flux_w) for limit in limits)
+    return targets, tuple(each for each in asked if each is not None)
 
 
 def _of_target(wanted: Float[np.ndarray, "h w"], physics: PossibleLight) -> Asked:
@@ -288,8 +288,8 @@ def source_clearance_warnings(spec: Spec, source: Source) -> tuple[str, ...]:
 
 def _above_plane(outline_mm: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, "m 3"]:
     """Corners of the part of a polygon with z >= 0, those where its edges cross the plane z = 0 included."""
-    found = [corner for corner in outline_mm if corner[2] >= 0.0]
+    corners = [corner for corner in outline_mm if corner[2] >= 0.0]
     for one, other in zip(outline_mm, np.roll(outline_mm, -1, axis=0), strict=True):
         if one[2] * other[2] < 0.0:
-            found.append(one + one[2] / (one[2] - other[2]) * (other - one))
-    return np.array(found).reshape(-1, 3)
+            corners.append(one + one[2] / (one[2] - other[2]) * (other - one))
+    return np.array(corners).reshape(-1, 3)

@@ -166,7 +166,7 @@ def _checked_scene(
         from lensforge.cad.custom_base import read_custom_base
 
         read_custom_base(spec.base.file)
-    found, of_scene = list(spec.lens.warnings), tuple[str, ...]()
+    remarks, of_scene = list(spec.lens.warnings), tuple[str, ...]()
     leds = [led.name for led in spec.sources] or [""]
     for led, own in zip(leds, spec.of_each_source, strict=True):
         source = source_of(own)
@@ -177,8 +177,8 @@ def _checked_scene(
         with remedy(f"the LED is {led}") if led else nullcontext():
             scene.require_light(force=force)
         of_scene += tuple(f"{name}{words}" for words in scene.warnings())
-        found += [f"{name}{words}" for words in (*summary.warnings, *scene.warnings(), *room)]
-    for words in found:
+        remarks += [f"{name}{words}" for words in (*summary.warnings, *scene.warnings(), *room)]
+    for words in remarks:
         if warn is None:
             warnings.warn(words, SourceWarning, stacklevel=3)
         else:
@@ -285,12 +285,12 @@ def _light_by_other_rays(lens: Lens, seed: int) -> list[Light]:
     from lensforge.scene.receiver_shapes import receivers_of
     from lensforge.sources.build_source import build_source, summarise
 
-    preset, found = preset_of(lens.accuracy), []
+    preset, lights = preset_of(lens.accuracy), []
     traced = TracedLens.of(lens, preset.evaluate_nodes_per_sigma)
     for spec in lens.spec.of_each_source:
         source = build_source(spec.source, lens.dispersion)
         efficacy = summarise(source, spec.source).lumens_per_watt
         limits = light_limits(spec, receivers_of(spec, spec.evaluate.pixels), efficacy, source.flux_w)
         rays, own = spec.evaluate.rays or preset.evaluate_rays, smoothed(searched(source))
-        found.append(evaluate_traced(traced, spec, own, rays, seed, limits=limits, bounds_by=source))
-    return found
+        lights.append(evaluate_traced(traced, spec, own, rays, seed, limits=limits, bounds_by=source))
+    return lights

@@ -1,12 +1,12 @@
 """Photometry of a Lambertian far field of 1000 lm, in closed form, whose figures agree with its table."""
 
 import numpy as np
+from filled import filled
 
 from lensforge.light.angular_grid import AngularGrid
 from lensforge.light.luminaire_classes import LampLight
 from lensforge.light.photometry_result import (
     Direction,
-    LostFlux,
     Photometry,
     PlaneFigures,
     WrittenFile,
@@ -32,14 +32,10 @@ def make_photometry(lens, **changes):
     zones = _zones(lamp)
     content = {
         "inputs": {"lens": lens.sha256},
-        "rays": 1024,
         "source_w": 1.0,
         "exit_w": Metric(value=0.9, unit="W", standard_error=1e-4),
         "light_output_ratio": Metric(value=0.9, standard_error=1e-4),
-        "lost_w": LostFlux(**dict.fromkeys(LostFlux.model_fields, 0.0)),
-        "reflected_w": 0.1,
         "source_lm": 1000.0 / 0.9,
-        "source_lm_from": "given",
         "per_1000_lm": False,
         "exit_lm": lumens,
         "axis_cd": _candela(table.values[0, 0]),
@@ -52,18 +48,13 @@ def make_photometry(lens, **changes):
         "node_error": Extent(max=0.03, rms=0.01),
         "interpolation_error": 0.002,
         "files": files,
-        "seconds": 1.0,
         "criteria": photometry_criteria(files),
         "c_deg": C_DEG,
         "gamma_deg": GAMMA_DEG,
         "candela": table.values,
         "candela_standard_error": 0.01 * table.values,
-        "ies": b"ies",
-        "ldt": b"ldt",
-        "tm33": b"tm33",
-        "tm25": b"tm25",
     }
-    return Photometry(**{**content, **changes})
+    return filled(Photometry, **{**content, **changes})
 
 
 def _candela(value):

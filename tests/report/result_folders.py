@@ -2,16 +2,15 @@
 
 import numpy as np
 import trimesh
+from filled import filled
 from made_photometry import make_photometry
 from undrawn import without_views
 
-from lensforge.cad.part import STEP_FILE, STL_FILE, THREEMF_FILE, Faces, Part, Triangulation, stamp_of
+from lensforge.cad.part import STEP_FILE, STL_FILE, THREEMF_FILE, Faces, Part, stamp_of
 from lensforge.light.evaluation_result import Light
-from lensforge.light.receiver_light import Flux, MissedByCause, ReceiverLight
+from lensforge.light.receiver_light import Flux, MissedByCause, Possible, ReceiverLight
 from lensforge.proof.proof_result import (
-    Agreement,
     IndependentRays,
-    PartFlux,
     PlainCast,
     Proof,
     ReceiverProof,
@@ -20,7 +19,7 @@ from lensforge.proof.proof_result import (
 )
 from lensforge.report.lens_page import render_report
 from lensforge.report.results import Results
-from lensforge.results import BodySize, Extent, Metric
+from lensforge.results import BodySize, Metric
 from lensforge.results.criteria import Criterion
 from lensforge.scene.lens import Lens
 from lensforge.scene.receiver_shapes import build_receiver
@@ -33,7 +32,6 @@ from lensforge.shop.check_result import (
     Draft,
     FaceResult,
     Finding,
-    Sphere,
     Wall,
     Walls,
 )
@@ -172,17 +170,13 @@ def make_design(lens, **changes):
         "lens": lens,
         "inputs": {"lens": lens.sha256, "spec": "ef" * 32},
         "steps": 7,
-        "rays_per_step": 4096,
-        "seconds": 1.25,
-        "max_radius_mm": 10.75,
-        "height_mm": 10.5,
         "constraints": Margins(cavity_clearance_mm=0.5, wall_margin_mm=0.25, radius_margin_mm=0.125),
         "source": SourceSummary(title="2 mm square", flux_w=1.0, symmetry="square"),
         "source_outline_mm": ((-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)),
         "history": HISTORY,
         "criteria": (criterion("cavity clearance", 0.5, -0.001, ">="),),
     }
-    return Design(**{**content, **changes})
+    return filled(Design, **{**content, **changes})
 
 
 def make_receiver_light(section, rows=PIXELS, columns=PIXELS, **changes):
@@ -202,17 +196,7 @@ def make_receiver_light(section, rows=PIXELS, columns=PIXELS, **changes):
         "nmse": Metric(value=0.0123, standard_error=0.0004),
         "efficiency": Metric(value=0.85, standard_error=0.0002),
         "share_in_target": Metric(value=0.8125, standard_error=0.0003),
-        "uniformity": None,
-        "rsd": None,
-        "raw": {"nmse": 0.0125, "uniformity": None, "rsd": None},
-        "nmse_of_noise": None,
-        "possible": {
-            "efficiency": 0.95,
-            "share_in_target": 0.95,
-            "nmse": 0.001,
-            "law": "étendue",
-            "luminance_estimated": False,
-        },
+        "possible": filled(Possible, efficiency=0.95, share_in_target=0.95, nmse=0.001, luminance_estimated=False),
         "flux": Flux(
             detected=0.85, outside=0.02, missed=0.03, total_reflection=0.01, not_converged=0.0, reflected=0.09
         ),
@@ -221,7 +205,7 @@ def make_receiver_light(section, rows=PIXELS, columns=PIXELS, **changes):
         ),
         **light_images(rows, columns),
     }
-    return ReceiverLight(**{**content, **changes})
+    return filled(ReceiverLight, **{**content, **changes})
 
 
 def make_light(lens, **changes):
@@ -234,19 +218,15 @@ def make_light(lens, **changes):
     content = {
         "inputs": {"lens": lens.sha256, "source": "ef" * 32},
         "receivers": tuple(receivers),
-        "seed": 7,
         "rays": 65536,
         "replicates": 16,
         "pixels": PIXELS,
         "filter": "3x3 Gaussian, variance 1 pixel^2",
         "lumens_per_watt": lens.spec.source.luminous_efficacy_lm_per_w,
-        "table_nodes": 65,
         "table_error_nm": {"inner": 0.75, "outer": 1.75},
-        "preset_error": None,
-        "seconds": 2.5,
         "criteria": (criterion("flux not converged", 0.0, 0.0),),
     }
-    return Light(**{**content, **of_record})
+    return filled(Light, **{**content, **of_record})
 
 
 def sphere_stl():
@@ -258,98 +238,59 @@ def make_part(lens, stl=None, **changes):
     content = {
         "lens": lens,
         "inputs": {"lens": lens.sha256},
-        "form_error_nm": Extent(max=1.75, rms=0.25),
-        "normal_error_mrad": Extent(max=0.0075, rms=0.0025),
-        "volume_mm3": 3833.5,
-        "volume_mesh_mm3": 3832.5,
+        "volume_mm3": SIZE.volume_mm3,
         "area_mm2": SIZE.area_mm2,
-        "area_mesh_mm2": 1250.0,
         "bounds_mm": SIZE.bounds_mm,
-        "watertight": True,
         "genus": 0,
         "faces": Faces(count=2, names=("OPTICAL_INNER", "OPTICAL_OUTER")),
         "nodes": {"inner": 33, "outer": 65},
-        "step_schema": "AP214",
-        "form_tolerances": (),
         "signature": {"author": "", "organisation": "", "date": None},
-        "untrimmed_surfaces": None,
-        "triangulation": Triangulation(triangles=320, vertices=162, rings=8, chord_error_um=0.875),
         "files": {name: stamp_of(content) for name, content in files.items()},
-        "seconds": 3.5,
         "criteria": (criterion("form_error", 1.75, 10.0),),
         "step": files[STEP_FILE],
         "stl": files[STL_FILE],
         "threemf": files[THREEMF_FILE],
     }
-    return Part(**{**content, **changes})
+    return filled(Part, **{**content, **changes})
 
 
 def make_check(lens, **changes):
-    sphere = Sphere(radius_mm=8.25, centre_mm=(0.0, 0.0, 1.5), pv_mm=0.4, rms_mm=0.1)
-    face = FaceResult(
-        best_fit_sphere=sphere,
-        curvature=Curvature(kappa_min_per_mm=-1.3, kappa_max_per_mm=0.3, smallest_concave_radius_mm=0.775),
+    face = filled(
+        FaceResult,
         cutter=Cutter(radius_mm=1.0, reachable_fraction=0.75, largest_radius_mm=0.77, residual_mm=0.5),
+        curvature=filled(Curvature, smallest_concave_radius_mm=0.775),
         draft_deg=Draft(min=-3.25),
-        undercut_fraction=0.03125,
-        largest_tilt_deg=93.25,
-        area_mm2=321.5,
         **face_maps(),
     )
-    wall = Wall(thickness_mm=1.875, cavity_point_mm=(0.0, 0.0, 4.0), envelope_point_mm=(0.0, 0.0, 5.875))
-    thick = Wall(thickness_mm=8.0, cavity_point_mm=(0.0, 0.0, 4.0), envelope_point_mm=(0.0, 0.0, 12.0))
     content = {
         "inputs": {"lens": lens.sha256},
-        "make": "part",
         "scale": 1.0,
         "inner": face,
         "outer": face,
-        "min_wall_mm": 1.875,
-        "walls": Walls(thinnest=wall, thickest=thick),
+        "walls": filled(Walls, thinnest=filled(Wall, thickness_mm=1.875)),
         "relief": BallClearance(faces={}, note="there is no base"),
-        "tools": (),
         "criteria": (criterion("thinnest wall", 1.875, 0.999, ">="),),
         "verdicts": (finding("wall", "body", True, "the wall is thick enough"),),
-        "seconds": 4.5,
         "chart_axis": np.linspace(-1.0, 1.0, NODES),
     }
-    return Check(**{**content, **changes})
+    return filled(Check, **{**content, **changes})
 
 
 def make_receiver_proof(section, **changes):
     """The rays through the part on one receiver."""
     images = light_images(*build_receiver(section, PIXELS).grid.shape)
-    flux = PartFlux(detected=0.8475, outside=0.02, missed=0.0325, total_reflection=0.01, reflected=0.09)
-    own = IndependentRays(
-        rays=16384,
-        efficiency=Metric(value=0.8475, standard_error=0.00075),
-        efficiency_design=make_receiver_light(section).efficiency,
-        nmse_less_noise=Metric(value=0.00035, standard_error=0.0015),
-        flux=flux,
-    )
     content = {
         "name": section.name,
         "width": section.size[0],
         "height": section.size[1],
         "far_field": section.kind == "far_field",
-        "nmse_vs_design": 0.0225,
-        "noise_floor_nmse": 0.0325,
-        "nmse_same_rays": 0.000225,
         "efficiency": 0.8475,
-        "efficiency_design_same_rays": 0.8485,
-        "against_design": Agreement(
-            rms=0.0125, max=0.25, p99=0.05, compared=18765, flux=0.00035, fates=3, fates_flux=0.00015
-        ),
-        "deviation_limit_mm": 0.015,
-        "flux": flux,
-        "brep": None,
-        "mitsuba": None,
-        "own_rays": own,
+        "own_rays": filled(IndependentRays, nmse_less_noise=Metric(value=0.00035, standard_error=0.0015)),
         "irradiance": images["raw_map"],
         "design_irradiance": images["map"],
         "gaps_mesh_mm": np.linspace(1e-4, 0.1, 501),
     }
-    return ReceiverProof(**{**content, **changes})
+    return filled(ReceiverProof, **{**content, **changes})
 
 
 def make_proof(lens, **changes):
@@ -359,18 +300,13 @@ def make_proof(lens, **changes):
     content = {
         "inputs": {"lens": lens.sha256},
         "receivers": (make_receiver_proof(first, **of_first), *map(make_receiver_proof, others)),
-        "rays": 20000,
-        "seconds": 5.5,
-        "triangles": 320,
         "open_edges": 0,
-        "volume_mm3": 3832.5,
         "sizes": Sizes(exported=SIZE, chord_mm=0.000875, mesh=SizedFile(size=SIZE), step=SizedFile(size=SIZE)),
         "emission_apart": 2.25,
-        "facet_height_um": Extent(max=1.125, rms=0.375),
         "plain_cast": PlainCast(rays=200, casts=390, disagreements=0),
         "criteria": (criterion("deviation_rms", 0.0125, 0.015),),
     }
-    return Proof(**{**content, **of_record})
+    return filled(Proof, **{**content, **of_record})
 
 
 MAKERS = {
