@@ -80,6 +80,22 @@ def crease_edges(crease: Crease, patches: tuple[Patch, Patch], surfaces: tuple[A
     return _chains([chain], [curves], points, gap, surfaces)[0]
 
 
+def circle_edge(radius_mm: float, height_mm: float, surface: Any = None) -> Any:
+    """A circle about the axis as an edge, also on a ``surface`` whose parameters are the chart, which holds it."""
+    from OCP.BRep import BRep_Builder
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge
+    from OCP.Geom2d import Geom2d_Circle
+    from OCP.gp import gp_Ax2d, gp_Dir2d, gp_Pnt2d
+    from OCP.TopLoc import TopLoc_Location
+
+    made = BRepBuilderAPI_MakeEdge(_piece_curve(Piece(0.0, FULL_TURN, radius_mm), -height_mm)).Edge()
+    if surface is not None:
+        chart = float(np.tan(0.5 * np.arctan2(radius_mm, height_mm)))
+        there = Geom2d_Circle(gp_Ax2d(gp_Pnt2d(0.0, 0.0), gp_Dir2d(1.0, 0.0)), chart)
+        BRep_Builder().UpdateEdge(made, there, surface, TopLoc_Location(), _MIN_TOLERANCE_MM)
+    return made
+
+
 _Ends = tuple[float, float]  # azimuths (rad)
 
 

@@ -9,6 +9,7 @@ from jaxtyping import Float
 from lensforge.cad.boundary import Boundary, lens_boundaries
 from lensforge.cad.custom_base import mesh_of_base
 from lensforge.cad.cutter_room import base_with_room
+from lensforge.cad.flange import ring_of
 from lensforge.cad.plan import Corner, base_corners, lay_out, rim_directions
 from lensforge.scene.lens import Lens
 from lensforge.spec import BaseSection
@@ -28,6 +29,8 @@ def body_outlines(lens: Lens, azimuth_deg: float) -> list[Curve]:
     across = rim_directions(np.array([azimuth]))[0]
     pair = lens_boundaries(lens)
     inner, outer = (profile(each, across) for each in pair)
+    if (ring := ring_of(lens)) is not None:
+        outer = ring.around(outer)
     base = base_with_room(lens)
     if base.file is not None:
         return [np.concatenate([outer, inner[::-1]]), *_cut_of_file(base, across)]

@@ -17,8 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from lensforge.cad.boundary import Boundary, Domain
-from lensforge.cad.edges import crease_edges, geom_surface, outline_edges, rim_edges, wire
+from lensforge.cad.boundary import Boundary, Domain, TrimmedFace
+from lensforge.cad.edges import circle_edge, crease_edges, geom_surface, outline_edges, rim_edges, wire
+from lensforge.cad.flange import FlangeRing
 from lensforge.cad.outline import FULL_TURN, Arc, Outline
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import (
@@ -32,10 +33,14 @@ from lensforge.cad.plan import (
     POCKET_TOP,
     RELIEF,
     RIM,
+    RIM_FLANGE_BOTTOM,
+    RIM_FLANGE_SIDE,
+    RIM_FLANGE_TOP,
     SIDE,
     TOP,
     Plan,
 )
+from lensforge.optics.media import FLANGE
 
 FLAT = "CLOCKING_FLAT"
 
@@ -242,16 +247,20 @@ class Solid:
 
 def build_solid(plan: Plan[Patch]) -> Solid:
     """Build the closed solid of a plan."""
-    envelope_faces, envelope_rim = optical_faces(plan.envelope, plan.arcs, len(plan.arcs) == 1, FROM_ORIGIN)
+    split, ring = len(plan.arcs) == 1, plan.rim_flange
+    envelope_faces, envelope_rim = optical_faces(plan.envelope, plan.arcs, split, FROM_ORIGIN, ring)
     cavity_faces, (cavity_rim,) = optical_faces(plan.cavity, (Arc(0.0, FULL_TURN, "bare"),), True, TO_ORIGIN)
     faces = [(name, facing(face, _OUTWARD[name])) for name, face in body_faces(plan, cavity_rim, envelope_rim)]
     return assembled([*envelope_faces, *cavity_faces, *faces])
 
 
 def optical_faces(
-    boundary: Boundary[Patch], arcs: tuple[Arc, ...], split: bool, outward: str
+    boundary: Boundary[Patch], arcs: tuple[Arc, ...], split: bool, outward: str, ring: FlangeRing | None = None
 ) -> tuple[Named, list[Chain]]:
-    """The optical faces of a boundary, on shared edges along its creases, and the chains of its rim over ``arcs``."""
+    """The optical faces of a boundary, on shared edges along its creases, and the chains of its rim over ``arcs``.
+
+    With a ``ring`` what it leaves of the cylinder on which it lies, and its own faces.
+    """
     patches = [face.shape for face in boundary.faces]
     surfaces = [geom_surface(face.shape.bounded(face.domain.extent[1])) for face in boundary.faces]
     pairs = zip(pairwise(patches), pairwise(surfaces), strict=True)
@@ -260,9 +269,29 @@ def optical_faces(
     outlines, holes = [*creases, [edge for chain in rim for edge in chain]], [[], *([each] for each in creases)]
     faces = []
     for face, surface, outline, hole in zip(boundary.faces, surfaces, outlines, holes, strict=True):
+        if ring is not None and face.name == FLANGE:
+            faces += _with_ring(face, surface, (wire(outline), *map(wire, hole)), ring)
+            continue
         trimmed = _within(surface, wire(outline), *map(wire, hole))
         faces.append((face.label, facing(trimmed, outward, face.domain)))
     return faces, rim
+
+
+def _with_ring(face: TrimmedFace[Patch], surface: Any, ends: tuple[Any, Any], ring: FlangeRing) -> Named:
+    """Faces of a flange, and the two bands of the cylinder below and above it between the wires ``ends``."""
+    low, high = (circle_edge(ring.inner_mm, height, surface) for height in (ring.low_mm, ring.high_mm))
+    rim = [circle_edge(ring.outer_mm, ring.high_mm)]
+    sides, foot = walls_below(RIM_FLANGE_SIDE, rim, ring.high_mm - ring.low_mm)
+    bands = _within(surface, ends[0], wire([low])), _within(surface, wire([high]), ends[1])
+    planes = (
+        (RIM_FLANGE_TOP, planar_face(wire(rim), wire([high])), UP),
+        (RIM_FLANGE_BOTTOM, planar_face(foot, wire([low])), DOWN),
+    )
+    return [
+        *((face.label, facing(band, FROM_ORIGIN, face.domain)) for band in bands),
+        *((name, facing(each, AWAY)) for name, each in sides),
+        *((name, facing(plane, outward)) for name, plane, outward in planes),
+    ]
 
 
 def untrimmed_faces(patches: dict[str, Patch], envelope: Collection[str] = (OUTER,)) -> Shapes:

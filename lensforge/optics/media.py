@@ -16,13 +16,14 @@ from lensforge.optics.material import Material
 CAVITY, BODY, OUTSIDE = MEDIA = "cavity", "body", "outside"  # from the source on
 DOUBLE = "inner", "outer"  # the faces of the usual lens, from the source on
 TIR = "cap", "side", "wall", "exit"  # of a lens for total internal reflection
+FLANGE = "flange"  # of such a lens: the cylinder at which its flange begins; light that meets it ends there
 # Faces of the envelope that the lower half of a mould makes, with the core: it parts from the upper at the exit's rim.
 FROM_BELOW = ("wall",)
 MOST_EVENTS = 64  # at which a ray may meet a face
 # What lies before each face, on the origin's side, and behind it.
 SIDES = {
     **dict.fromkeys(("inner", "cap", "side"), (CAVITY, BODY)),
-    **dict.fromkeys(("outer", "wall", "exit"), (BODY, OUTSIDE)),
+    **dict.fromkeys(("outer", "wall", FLANGE, "exit"), (BODY, OUTSIDE)),
 }
 
 
@@ -76,7 +77,10 @@ class LayerStack:
 
 @dataclass(frozen=True)
 class Mirror:
-    """A metal film: it reflects ``reflectance`` at every angle, in either polarisation, and absorbs the rest."""
+    """A metal film: it reflects ``reflectance`` at every angle, in either polarisation, and absorbs the rest.
+
+    With 0 it is the end of all light that meets it, a fate of its own.
+    """
 
     reflectance: float
 

@@ -13,7 +13,7 @@ from lensforge.cad.patch import Patch
 from lensforge.cad.plan import lay_out
 from lensforge.cad.plate_export import room_on_plate
 from lensforge.cad.wall import Span, thickest, thinnest
-from lensforge.optics.media import FROM_BELOW
+from lensforge.optics.media import FLANGE, FROM_BELOW
 from lensforge.scene.lens import Lens
 from lensforge.shop.ball_clearance import check_ball_clearance, read_base_mesh
 from lensforge.shop.check_result import Check, Edge, FaceResult, Wall, Walls
@@ -70,6 +70,8 @@ def _faces(lens: Lens, pair: Pair[Patch]) -> dict[str, FaceCheck]:
     for boundary in pair:
         faces = {}
         for face in boundary.faces:
+            if face.name == FLANGE:
+                continue
             cut = replace(face.shape, control=manufacture.scale * face.shape.control)
             sense = -1 if face.name in FROM_BELOW else 1
             air = air_side(lens.body.face(face.name), manufacture)
@@ -77,7 +79,7 @@ def _faces(lens: Lens, pair: Pair[Patch]) -> dict[str, FaceCheck]:
         for name, own in faces.items():
             beside = tuple(other for each, other in faces.items() if each != name)
             found[name] = check_face(replace(own, beside=beside), manufacture.cutter_radius_mm)
-    return {name: found[name] for name in lens.surfaces}
+    return {name: found[name] for name in lens.spec.lens.names}
 
 
 def _results(lens: Lens, pair: Pair[Patch], faces: dict[str, FaceCheck]) -> dict[str, FaceResult]:

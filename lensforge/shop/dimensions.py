@@ -19,6 +19,7 @@ from jaxtyping import Float
 from lensforge.cad.boundary import WHOLE, Boundary, Crease, Domain, StarShaped, lens_boundaries
 from lensforge.cad.custom_base import mesh_of_base
 from lensforge.cad.cutter_room import base_with_room
+from lensforge.cad.flange import ring_of
 from lensforge.cad.outline import FULL_TURN
 from lensforge.cad.part import Part
 from lensforge.cad.plan import BOTTOM, RIM, SIDE, TOP, lay_out, rim_radius
@@ -86,7 +87,7 @@ class Dimension:
 
 def dimensions(lens: Lens) -> list[Dimension]:
     """Dimensions of the lens, of its base and of the whole part."""
-    return [*_lens_dimensions(lens), *_base_dimensions(lens), *_part_dimensions(lens)]
+    return [*_lens_dimensions(lens), *_flange_dimensions(lens), *_base_dimensions(lens), *_part_dimensions(lens)]
 
 
 def _lens_dimensions(lens: Lens) -> Iterator[Dimension]:
@@ -111,6 +112,17 @@ def _lens_dimensions(lens: Lens) -> Iterator[Dimension]:
             yield from _crease_in_section(name, crease, 0.0, "S")
             if second_deg is not None:
                 yield from _crease_in_section(name, crease, second_deg, "T")
+
+
+def _flange_dimensions(lens: Lens) -> Iterator[Dimension]:
+    """Sizes of the flange at the exit's rim, and its height over z = 0."""
+    if (ring := ring_of(lens)) is None:
+        return
+    side = -ring.outer_mm
+    ends = (ring.low_mm, side), (ring.high_mm, side)
+    yield Dimension("thickness of the rim's flange", ring.high_mm - ring.low_mm, "part", ends)
+    yield Dimension("underside of the rim's flange above z = 0", ring.low_mm, "part", ((0.0, side), ends[0]))
+    yield _circle("diameter of the rim's flange", 2.0 * ring.outer_mm, "part")
 
 
 def widest_mm(surface: StarShaped, domain: Domain = WHOLE) -> float:
@@ -158,6 +170,7 @@ def _part_dimensions(lens: Lens) -> Iterator[Dimension]:
         bottom, side = -base.height_mm, -_half_width(base)
         wide = max(wide, (2.0**0.5 if base.kind == "square" else 1.0) * 2.0 * _half_width(base))
         wide = max(wide, base.flange_diameter_mm or 0.0)
+    wide = max(wide, 0.0 if (ring := ring_of(lens)) is None else 2.0 * ring.outer_mm)
     yield Dimension("overall length", highest - bottom, "part", ((bottom, side), (highest, across)))
     yield _circle("largest width", wide, "part")
 

@@ -257,6 +257,8 @@ class Spec(Section):
     def _plate_holds_its_lenses(self) -> "Spec":
         if self.plate is not None:
             require_plate(self.plate, self.lamps, self.constraints)
+            if self.lens.flange_room_mm is not None:
+                raise ValueError("lens.flange: the plate holds the lenses; leave out one of the two")
         return self
 
     @model_validator(mode="after")

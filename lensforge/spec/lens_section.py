@@ -1,12 +1,13 @@
 """The ``[lens]`` of a spec by its kind: material, faces, and the functions that shape the free ones."""
 
+from dataclasses import replace
 from math import degrees
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from lensforge.errors import InputError
-from lensforge.optics.media import MOST_EVENTS
+from lensforge.optics.media import FLANGE, MOST_EVENTS, OUTSIDE, FaceCoating, Media, Mirror
 from lensforge.spec.face_section import LensFaces, TirFaces
 from lensforge.spec.lens_material import LensMaterial
 from lensforge.spec.spec_section import FilePath
@@ -165,6 +166,14 @@ class TirSection(LensShape, TirFaces):
     def shape_levels(self) -> tuple[int, ...]:
         """Parameters of a free face, coarse first: those of its profile, and the functions of its levels."""
         return (self.profile, *self.levels)
+
+    @property
+    def media(self) -> Media:
+        """The media of any lens; a flange takes all light that meets it."""
+        found = super().media
+        if self.flange is None:
+            return found
+        return replace(found, coatings=(*found.coatings, FaceCoating(FLANGE, OUTSIDE, Mirror(0.0))))
 
     @property
     def basis(self) -> SrbfBasis:
