@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from lensforge.cad.boundary import Pair, boundaries
 from lensforge.cad.custom_base import CustomBase, join_base, join_mesh
 from lensforge.cad.facets import CHORD_MM
+from lensforge.cad.feet import with_feet
 from lensforge.cad.flange import FlangeRing
 from lensforge.cad.form_error import FormError, face_error, fit_boundaries
 from lensforge.cad.mesh import BodyMesh, Closure, build_mesh, check_closed, mesh_error, rings_for
@@ -83,6 +84,7 @@ def on_base(
     mesh = build_mesh(plan, rings_for(plan, chord_mm), chord_mm) if rings is None else build_mesh(plan, rings)
     reached_mm = mesh_error(mesh, plan)
     solid = solid_on_base(plan, custom)
+    mesh = with_feet(mesh, plan)
     if custom is not None:
         mesh = join_mesh(mesh, custom, reached_mm)
     return BuiltBody(surfaces, plan, mesh, reached_mm, solid)

@@ -5,8 +5,9 @@ circle in the parameter plane of its optical face. An edge of a crease has a spl
 its faces, whose parameters are the same chart.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from itertools import pairwise
+from math import radians
 from typing import Any
 
 import numpy as np
@@ -186,6 +187,31 @@ def wire(edges: list[Any]) -> Any:
     for edge in edges:
         maker.Add(edge)
     return maker.Wire()
+
+
+def moved(place: Iterable[float], turn_deg: float = 0.0) -> Any:
+    """The location of what stands at ``place`` (mm), turned about its axis."""
+    from OCP.gp import gp_Ax1, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec
+    from OCP.TopLoc import TopLoc_Location
+
+    turned, moved = gp_Trsf(), gp_Trsf()
+    turned.SetRotation(gp_Ax1(gp_Pnt(0.0, 0.0, 0.0), gp_Dir(0.0, 0.0, 1.0)), radians(turn_deg))
+    moved.SetTranslation(gp_Vec(*place, 0.0))
+    return TopLoc_Location(moved.Multiplied(turned) if turn_deg else moved)
+
+
+def face_at(face: Any, there: Any) -> Any:
+    """A ``cadquery.Face`` at a location."""
+    import cadquery as cq
+
+    return cq.Face(face.wrapped.Moved(there))
+
+
+def wire_at(boundary: Any, there: Any) -> Any:
+    """A wire at a location."""
+    from OCP.TopoDS import TopoDS
+
+    return TopoDS.Wire_s(boundary.Moved(there))
 
 
 def _corners(points: Float[np.ndarray, "n 3"], tolerance: float) -> list[Any]:

@@ -20,6 +20,7 @@ from lensforge.cad.outline import FULL_TURN, Arc, Outline, Radius, arcs_between,
 from lensforge.errors import InputError, remedy
 from lensforge.optics.media import DOUBLE
 from lensforge.spec import BaseSection
+from lensforge.spec.part_section import FeetSection
 from lensforge.surfaces.surface import grid, to_sphere
 
 MIN_BASE_WALL_MM = 0.01
@@ -114,6 +115,8 @@ def make_plan(
         _require_wall(cavity, envelope)
     if base.kind in ("cylinder", "square"):
         _require_opening_inside(cavity, base, outline_of(base))
+    if base.feet is not None:
+        _require_feet_beside(base.feet, lay_out(cavity, envelope, base))
     plan = replace(lay_out(cavity, envelope, base), rim_flange=rim_flange)
     met = len(plan.arcs) > 1 or (plan.ring is not None and plan.flush)
     if base.step_mm > 0.0 and met:
@@ -213,11 +216,23 @@ def _require_opening_inside(cavity: StarShaped, base: BaseSection, outline: Outl
         )
 
 
+def _require_feet_beside(feet: FeetSection, plan: Plan[Any]) -> None:
+    """Feet against the opening in the bottom: the bore or its pocket."""
+    opening = max((corner.radius(sampled_azimuths()).max() for corner in _bore_corners(plan)), default=0.0)
+    least = 2.0 * float(opening) + feet.diameter_mm + 2.0 * MIN_BASE_WALL_MM
+    if feet.circle_diameter_mm < least:
+        raise InputError(
+            f"base.feet.circle_diameter_mm = {feet.circle_diameter_mm:g}: the feet stand in the opening of the base, "
+            f"{2.0 * opening:.4g} mm wide; at least {least:.4g}"
+        )
+
+
 INNER, OUTER = map(optical_name, DOUBLE)
 RIM = "RIM"
 TOP, SIDE, BOTTOM, BORE, BORE_TOP = "BASE_TOP", "BASE_SIDE", "BASE_BOTTOM", "BASE_BORE", "BORE_TOP"
 RELIEF, FLANGE_TOP, FLANGE_SIDE = "BASE_RELIEF", "FLANGE_TOP", "FLANGE_SIDE"
 POCKET_SIDE, POCKET_TOP = "POCKET_SIDE", "POCKET_TOP"
+FOOT_SIDE, FOOT_END = "FOOT_SIDE", "FOOT_END"
 RIM_FLANGE_TOP, RIM_FLANGE_SIDE, RIM_FLANGE_BOTTOM = "RIM_FLANGE_TOP", "RIM_FLANGE_SIDE", "RIM_FLANGE_BOTTOM"
 
 

@@ -9,6 +9,7 @@ from jaxtyping import Float
 from lensforge.cad.boundary import Boundary, lens_boundaries
 from lensforge.cad.custom_base import mesh_of_base
 from lensforge.cad.cutter_room import base_with_room
+from lensforge.cad.feet import cut_feet
 from lensforge.cad.flange import ring_of
 from lensforge.cad.plan import Corner, base_corners, lay_out, rim_directions
 from lensforge.scene.lens import Lens
@@ -36,7 +37,7 @@ def body_outlines(lens: Lens, azimuth_deg: float) -> list[Curve]:
         return [np.concatenate([outer, inner[::-1]]), *_cut_of_file(base, across)]
     corners = base_corners(lay_out(*pair, base))[1:]  # the first is the outer rim itself
     right, left = (_at(corners, azimuth + turn) for turn in (0.0, np.pi))
-    return [np.concatenate([outer, right, inner[::-1], left[::-1] * (-1.0, 1.0)])]
+    return [np.concatenate([outer, right, inner[::-1], left[::-1] * (-1.0, 1.0)]), *cut_feet(base, azimuth_deg)]
 
 
 def other_section_deg(lens: Lens) -> float | None:

@@ -18,9 +18,19 @@ from typing import Any
 import numpy as np
 
 from lensforge.cad.boundary import Boundary, Domain, TrimmedFace
-from lensforge.cad.edges import circle_edge, crease_edges, geom_surface, outline_edges, rim_edges, wire
+from lensforge.cad.edges import (
+    circle_edge,
+    crease_edges,
+    face_at,
+    geom_surface,
+    moved,
+    outline_edges,
+    rim_edges,
+    wire,
+    wire_at,
+)
 from lensforge.cad.flange import FlangeRing
-from lensforge.cad.outline import FULL_TURN, Arc, Outline
+from lensforge.cad.outline import FULL_TURN, Arc, Outline, circle
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import (
     BORE,
@@ -28,6 +38,8 @@ from lensforge.cad.plan import (
     BOTTOM,
     FLANGE_SIDE,
     FLANGE_TOP,
+    FOOT_END,
+    FOOT_SIDE,
     OUTER,
     POCKET_SIDE,
     POCKET_TOP,
@@ -49,8 +61,8 @@ Shapes = dict[str, Any]  # by name; the CAD kernel has no types
 Chain = list[Any]  # of edges
 
 
-def body_faces(plan: Plan[Patch], cavity_rim: Chain, envelope_rim: list[Chain]) -> Named:
-    """Names and faces that close the body between the two domes.
+def body_faces(plan: Plan[Patch], cavity_rim: Chain, envelope_rim: list[Chain], feet: Chain) -> Named:
+    """Names and faces that close the body between the two domes, but for its feet; ``feet``: wires at their tops.
 
     ``envelope_rim``: a chain for each arc of the plan. Chains run counter-clockwise; where the outer rim crosses the
     outline they share vertices.
@@ -61,7 +73,7 @@ def body_faces(plan: Plan[Patch], cavity_rim: Chain, envelope_rim: list[Chain]) 
     bore, bore_foot = _bore(plan, cavity_rim)
     faces, foot = _outside(plan, envelope_rim, whole_rim)
     pocket, opening = _pocket(plan, bore_foot)
-    return [*bore, *faces, *pocket, (BOTTOM, planar_face(foot, opening))]
+    return [*bore, *faces, *pocket, (BOTTOM, planar_face(foot, opening, *feet))]
 
 
 def _bore(plan: Plan[Patch], cavity_rim: Chain) -> tuple[Named, Any]:
@@ -104,6 +116,21 @@ def _pocket(plan: Plan[Patch], bore_foot: Any) -> tuple[Named, Any]:
     mouth = _circle(plan.pocket, plan.base.height_mm)
     sides, top = walls_below(POCKET_SIDE, mouth, -plan.base.pocket_depth_mm)
     return [*sides, (POCKET_TOP, planar_face(top, bore_foot))], wire(mouth)
+
+
+def _feet(plan: Plan[Patch]) -> tuple[Named, Chain]:
+    """Faces of the feet, and the wires at their tops."""
+    own, faces, tops = plan.base.feet, Named(), Chain()
+    if own is None:
+        return faces, tops
+    rim = _circle(circle(own.diameter_mm / 2.0), plan.base.height_mm)
+    sides, end = walls_below(FOOT_SIDE, rim, own.height_mm)
+    made = [(name, facing(face, AWAY)) for name, face in sides] + [(FOOT_END, facing(planar_face(end), DOWN))]
+    for place in own.places_mm:
+        there = moved(place)  # one location: edges at equal ones are not the same
+        faces += [(name, face_at(face, there)) for name, face in made]
+        tops.append(wire_at(wire(rim), there))
+    return faces, tops
 
 
 def _circle(outline: Outline, depth_mm: float) -> Chain:
@@ -250,8 +277,10 @@ def build_solid(plan: Plan[Patch]) -> Solid:
     split, ring = len(plan.arcs) == 1, plan.rim_flange
     envelope_faces, envelope_rim = optical_faces(plan.envelope, plan.arcs, split, FROM_ORIGIN, ring)
     cavity_faces, (cavity_rim,) = optical_faces(plan.cavity, (Arc(0.0, FULL_TURN, "bare"),), True, TO_ORIGIN)
-    faces = [(name, facing(face, _OUTWARD[name])) for name, face in body_faces(plan, cavity_rim, envelope_rim)]
-    return assembled([*envelope_faces, *cavity_faces, *faces])
+    feet, tops = _feet(plan)
+    closing = body_faces(plan, cavity_rim, envelope_rim, tops)
+    faces = [(name, facing(face, _OUTWARD[name])) for name, face in closing]
+    return assembled([*envelope_faces, *cavity_faces, *faces, *feet])
 
 
 def optical_faces(

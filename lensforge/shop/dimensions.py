@@ -167,7 +167,7 @@ def _part_dimensions(lens: Lens) -> Iterator[Dimension]:
         bottom, side = float(lowest[2]), float(lowest[0])
         wide = max(wide, 2.0 * float(np.hypot(vertices[:, 0], vertices[:, 1]).max()))
     elif base.kind != "none":
-        bottom, side = -base.height_mm, -_half_width(base)
+        bottom, side = -base.seat_mm, -_half_width(base)
         wide = max(wide, (2.0**0.5 if base.kind == "square" else 1.0) * 2.0 * _half_width(base))
         wide = max(wide, base.flange_diameter_mm or 0.0)
     wide = max(wide, 0.0 if (ring := ring_of(lens)) is None else 2.0 * ring.outer_mm)
@@ -208,7 +208,7 @@ def _base_dimensions(lens: Lens) -> list[Dimension]:
         return []
     if base.file is not None:
         return list(_in_section_of_file(lens))
-    return [*_depths(lens, base), *_widths(lens, base)]
+    return [*_depths(lens, base), *_widths(lens, base), *_feet(base)]
 
 
 def _depths(lens: Lens, base: BaseSection) -> Iterator[Dimension]:
@@ -227,6 +227,20 @@ def _depths(lens: Lens, base: BaseSection) -> Iterator[Dimension]:
         side = -base.flange_diameter_mm / 2.0
         ends = (bottom, side), (bottom + base.flange_height_mm, side)
         yield Dimension("height of the flange", base.flange_height_mm, "base", ends)
+
+
+def _feet(base: BaseSection) -> Iterator[Dimension]:
+    """Sizes of the feet below a base, and of the circle on which they stand."""
+    if (feet := base.feet) is None:
+        return
+    x, y = feet.places_mm[0]
+    half, reach = feet.diameter_mm / 2.0, feet.circle_diameter_mm / 2.0
+    words = "feet" if feet.number == 1 else f"{feet.number} feet"
+    yield Dimension(f"height of the {words}", feet.height_mm, "base")
+    ends = (y - half, x), (y + half, x)
+    yield Dimension(f"diameter of the {words}", feet.diameter_mm, "base", ends, "base", sign="⌀")
+    ends = (-reach, 0.0), (reach, 0.0)
+    yield Dimension(f"circle of the {words}", feet.circle_diameter_mm, "base", ends, "base", sign="⌀")
 
 
 def _half_width(base: BaseSection) -> float:
