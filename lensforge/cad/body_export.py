@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from lensforge.cad.boundary import Pair, boundaries
 from lensforge.cad.custom_base import CustomBase, join_base, join_mesh
 from lensforge.cad.facets import CHORD_MM
+from lensforge.cad.feet import with_feet
+from lensforge.cad.flange import FlangeRing
 from lensforge.cad.form_error import FormError, face_error, fit_boundaries
 from lensforge.cad.mesh import BodyMesh, Closure, build_mesh, check_closed, mesh_error, rings_for
 from lensforge.cad.mesh_files import parse_3mf, parse_stl, stl_bytes, threemf_bytes
@@ -17,6 +19,7 @@ from lensforge.cad.patch import Patch
 from lensforge.cad.plan import Plan, make_plan
 from lensforge.cad.solid import Solid, build_solid
 from lensforge.cad.step import parse_step, step_bytes
+from lensforge.optics.media import FLANGE
 from lensforge.scene.body import Body
 from lensforge.spec import BaseSection
 from lensforge.surfaces.surface import Surface
@@ -74,12 +77,14 @@ def on_base(
     rings: int | None,
     chord_mm: float,
     custom: CustomBase | None = None,
+    ring: FlangeRing | None = None,
 ) -> BuiltBody:
-    """The body of fitted boundaries; a ``custom`` base is joined to it."""
-    plan = make_plan(*pair, base)
+    """The body of fitted boundaries with the ``ring`` of its flange; a ``custom`` base is joined to it."""
+    plan = make_plan(*pair, base, ring)
     mesh = build_mesh(plan, rings_for(plan, chord_mm), chord_mm) if rings is None else build_mesh(plan, rings)
     reached_mm = mesh_error(mesh, plan)
     solid = solid_on_base(plan, custom)
+    mesh = with_feet(mesh, plan)
     if custom is not None:
         mesh = join_mesh(mesh, custom, reached_mm)
     return BuiltBody(surfaces, plan, mesh, reached_mm, solid)
@@ -93,7 +98,7 @@ def solid_on_base(plan: Plan[Patch], base: CustomBase | None) -> Solid:
 
 def prove(body: BuiltBody, step: bytes, stl: bytes, threemf: bytes) -> BodyProof:
     """Read the files of ``body`` again, and compare their faces with the surfaces, each over its domain."""
-    solid, faces = parse_step(step), body.plan.faces
+    solid, faces = parse_step(step), [face for face in body.plan.faces if face.name != FLANGE]
     with ThreadPoolExecutor() as pool:
         errors = pool.map(
             lambda face: face_error(body.surfaces[face.name], solid.faces[face.label], domain=face.domain), faces

@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float, Int
 from lensforge.cad.outline import FULL_TURN
 from lensforge.cad.patch import Patch
 from lensforge.errors import InputError
-from lensforge.optics.media import DOUBLE
+from lensforge.optics.media import DOUBLE, FLANGE
 from lensforge.results.refined_maximum import Places, in_disc
 from lensforge.scene.body import Body, Face
 from lensforge.scene.lens import Lens
@@ -27,6 +27,8 @@ from lensforge.surfaces.surface import Surface, to_chart, to_sphere
 _AZIMUTHS, _STEPS = 360, 181  # of the directions in which faces are compared, and of the table of a crease
 _REACH = 1e-3  # relative: a crease of fitted faces is sought this close to that of the exact ones
 _SLOPE_STEP, _LEAST_SLOPE = 1e-5, 1e-2  # of the chart, and relative to the radius: faces that meet at 0.3 degrees
+
+RIM_CYLINDER = "RIM_CYLINDER"  # where a flange begins: no optical face
 
 _Values = Float[np.ndarray, " n"]
 _Chosen = Bool[np.ndarray, " n"] | slice
@@ -138,6 +140,8 @@ class TrimmedFace(Generic[Shape]):
     @property
     def label(self) -> str:
         """Name of its face in the solid."""
+        if self.name == FLANGE:
+            return RIM_CYLINDER
         return ring_name(self.name) if self.is_open else optical_name(self.name)
 
 

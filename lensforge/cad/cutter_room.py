@@ -66,7 +66,7 @@ def base_with_room(lens: Lens) -> BaseSection:
         return base
     room = dict.fromkeys(("relief_step_mm", "relief_setback_mm", "bore_setback_mm"), 0.0)
     missing = [name for name in room if getattr(base, name) is None]
-    if not missing or not any(spec.is_cut(name) for name in lens.surfaces):
+    if not missing or not any(spec.is_cut(name) for name in spec.lens.names):
         return base.model_copy(update=dict.fromkeys(missing, 0.0))
     cavity, envelope = fit_lens(lens)
     if any(spec.is_cut(face.name) for face in cavity.faces):

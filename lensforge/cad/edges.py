@@ -5,8 +5,9 @@ circle in the parameter plane of its optical face. An edge of a crease has a spl
 its faces, whose parameters are the same chart.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from itertools import pairwise
+from math import radians
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 from lensforge.cad.boundary import Crease
 from lensforge.cad.outline import FULL_TURN, Arc, Outline, Piece
 from lensforge.cad.patch import DEGREE, Patch
-from lensforge.cad.plan import rim_directions
+from lensforge.cad.plan import Plan, rim_directions
 
 # The rim curve lies in z = 0; the patch's own boundary is within its form error of it.
 _MIN_TOLERANCE_MM, _GAP_MARGIN = 1e-6, 2.0
@@ -78,6 +79,22 @@ def crease_edges(crease: Crease, patches: tuple[Patch, Patch], surfaces: tuple[A
         gap = max(gap, *map(float, away))
         curves.append((space, _curve(plane)))
     return _chains([chain], [curves], points, gap, surfaces)[0]
+
+
+def circle_edge(radius_mm: float, height_mm: float, surface: Any = None) -> Any:
+    """A circle about the axis as an edge, also on a ``surface`` whose parameters are the chart, which holds it."""
+    from OCP.BRep import BRep_Builder
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge
+    from OCP.Geom2d import Geom2d_Circle
+    from OCP.gp import gp_Ax2d, gp_Dir2d, gp_Pnt2d
+    from OCP.TopLoc import TopLoc_Location
+
+    made = BRepBuilderAPI_MakeEdge(_piece_curve(Piece(0.0, FULL_TURN, radius_mm), -height_mm)).Edge()
+    if surface is not None:
+        chart = float(np.tan(0.5 * np.arctan2(radius_mm, height_mm)))
+        there = Geom2d_Circle(gp_Ax2d(gp_Pnt2d(0.0, 0.0), gp_Dir2d(1.0, 0.0)), chart)
+        BRep_Builder().UpdateEdge(made, there, surface, TopLoc_Location(), _MIN_TOLERANCE_MM)
+    return made
 
 
 _Ends = tuple[float, float]  # azimuths (rad)
@@ -172,6 +189,31 @@ def wire(edges: list[Any]) -> Any:
     return maker.Wire()
 
 
+def moved(place: Iterable[float], turn_deg: float = 0.0) -> Any:
+    """The location of what stands at ``place`` (mm), turned about its axis."""
+    from OCP.gp import gp_Ax1, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec
+    from OCP.TopLoc import TopLoc_Location
+
+    turned, moved = gp_Trsf(), gp_Trsf()
+    turned.SetRotation(gp_Ax1(gp_Pnt(0.0, 0.0, 0.0), gp_Dir(0.0, 0.0, 1.0)), radians(turn_deg))
+    moved.SetTranslation(gp_Vec(*place, 0.0))
+    return TopLoc_Location(moved.Multiplied(turned) if turn_deg else moved)
+
+
+def face_at(face: Any, there: Any) -> Any:
+    """A ``cadquery.Face`` at a location."""
+    import cadquery as cq
+
+    return cq.Face(face.wrapped.Moved(there))
+
+
+def wire_at(boundary: Any, there: Any) -> Any:
+    """A wire at a location."""
+    from OCP.TopoDS import TopoDS
+
+    return TopoDS.Wire_s(boundary.Moved(there))
+
+
 def _corners(points: Float[np.ndarray, "n 3"], tolerance: float) -> list[Any]:
     """A vertex at each of the points (mm)."""
     from OCP.BRep import BRep_Builder
@@ -226,3 +268,23 @@ def _knots(knots: Float[np.ndarray, " k"]) -> tuple[Any, Any]:
         values.SetValue(k, knot)
         multiplicities.SetValue(k, count)
     return values, multiplicities
+
+
+@dataclass(frozen=True)
+class Opening:
+    """An opening that two boundaries share: the surfaces of its plane and of the cavity's face, and their edges."""
+
+    plane: Any
+    beside: Any
+    edges: list[Any]
+
+    @staticmethod
+    def of(plan: Plan[Patch]) -> "Opening | None":
+        """The opening of a plan; None for a closed one."""
+        crease, ring = plan.cavity.opening, plan.envelope.faces[0]
+        if crease is None:
+            return None
+        beside = plan.cavity.faces[1]
+        surfaces = [geom_surface(face.shape.bounded(face.domain.extent[1])) for face in (ring, beside)]
+        edges = crease_edges(crease, (ring.shape, beside.shape), (surfaces[0], surfaces[1]))
+        return Opening(surfaces[0], surfaces[1], edges)

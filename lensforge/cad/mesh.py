@@ -19,10 +19,21 @@ from jaxtyping import Float, Int
 
 from lensforge.cad.boundary import Boundary, Crease, TrimmedFace
 from lensforge.cad.facets import Curve, facet_error, points_in, refined_azimuths, refined_dome
+from lensforge.cad.flange import FlangeRing
 from lensforge.cad.outline import FULL_TURN
 from lensforge.cad.patch import Patch
-from lensforge.cad.plan import RIM, TOP, Plan, base_corners, rim_directions
+from lensforge.cad.plan import (
+    RIM,
+    RIM_FLANGE_BOTTOM,
+    RIM_FLANGE_SIDE,
+    RIM_FLANGE_TOP,
+    TOP,
+    Plan,
+    base_corners,
+    rim_directions,
+)
 from lensforge.errors import InputError
+from lensforge.optics.media import FLANGE
 from lensforge.results import Box
 from lensforge.surfaces.surface import to_sphere
 
@@ -45,14 +56,24 @@ class Ring:
 
 
 def dome_rings(
-    boundary: Boundary[Patch], rings: int, rim: Float[np.ndarray, " n"], chord_mm: float | None
+    boundary: Boundary[Patch],
+    rings: int,
+    rim: Float[np.ndarray, " n"],
+    chord_mm: float | None,
+    flange: FlangeRing | None = None,
 ) -> list[Ring]:
-    """Rings from the apex to the rim, on each face equally spaced in angle; those at creases within ``chord_mm``."""
+    """Rings from the apex to the rim, on each face equally spaced in angle; those at creases within ``chord_mm``.
+
+    With a ``flange`` its corners are rings in the place of those on its cylinder.
+    """
     first, *lasts = _last_rings(boundary, rings)
     found = [_first_ring(boundary, first, chord_mm)]
     for face, last in zip(boundary.of_material, lasts, strict=True):
         found[-1] = replace(found[-1], strip=face.label)
-        found += _face_rings(face, first, last, rim, chord_mm)
+        on_face = _face_rings(face, first, last, rim, chord_mm)
+        if flange is not None and face.name == FLANGE:
+            on_face = [*_flange_rings(flange, face.label, len(on_face[-1].azimuths), chord_mm), on_face[-1]]
+        found += on_face
         first = last
     return found
 
@@ -102,6 +123,18 @@ def _face_rings(
         points_in(face.shape, np.concatenate(directions)), np.cumsum([len(ring) for ring in azimuths])[:-1]
     )
     return [Ring(ring, part, face.label) for ring, part in zip(azimuths, points, strict=True)]
+
+
+def _flange_rings(flange: FlangeRing, cylinder: str, least: int, chord_mm: float | None) -> list[Ring]:
+    """Rings at the corners of a flange, of at least so many vertices, their polygons within ``chord_mm`` of circles."""
+    of_chord = 0.0 if chord_mm is None else np.pi * np.sqrt(flange.outer_mm / (2.0 * chord_mm))
+    count = max(least, int(np.ceil(of_chord)))
+    azimuths = np.arange(count) * (FULL_TURN / count)
+    strips = RIM_FLANGE_TOP, RIM_FLANGE_SIDE, RIM_FLANGE_BOTTOM, cylinder
+    return [
+        Ring(azimuths, radius * rim_directions(azimuths) + np.array([0.0, 0.0, height]), strip)
+        for (radius, height), strip in zip(flange.corners.tolist(), strips, strict=True)
+    ]
 
 
 def rim_azimuths(count: int, crossings: Float[np.ndarray, " k"]) -> Float[np.ndarray, " n"]:
@@ -207,13 +240,13 @@ def build_mesh(plan: Plan[Patch], rings: int, chord_mm: float | None = None) -> 
         rim = refined_azimuths(
             tuple(_line(each.faces[-1].shape, None) for each in (plan.cavity, plan.envelope)), rim, chord_mm
         )
-    dome, hollow = (dome_rings(each, rings, rim, chord_mm) for each in (plan.envelope, plan.cavity))
+    dome = dome_rings(plan.envelope, rings, rim, chord_mm, plan.rim_flange)
+    hollow = dome_rings(plan.cavity, rings, rim, chord_mm)
     below = list(_below(plan, rim))
     upwards = [replace(ring, strip=above.strip) for above, ring in zip([hollow[0], *hollow[:-1]], hollow, strict=True)]
     stack = [*dome[:-1], *below, *reversed(upwards)]
-    seat = (
-        len(dome) - 1 + [ring.strip for ring in below].index(TOP if plan.has_base else RIM)
-    )  # it meets the base's outline
+    # the ring that meets the base's outline
+    seat = len(dome) - 1 + [ring.strip for ring in below].index(TOP if plan.has_base else RIM)
     counts = [len(ring.azimuths) for ring in stack]
     ids = np.split(np.arange(sum(counts)), np.cumsum(counts)[:-1])
     if plan.cavity.opening is not None:  # around it the last ring is the first one
@@ -230,7 +263,8 @@ def build_mesh(plan: Plan[Patch], rings: int, chord_mm: float | None = None) -> 
 
 def mesh_error(mesh: BodyMesh, plan: Plan[Patch]) -> float:
     """Largest distance (mm) of the facets of all optical surfaces from them."""
-    return max(facet_error(face.shape, mesh.vertices, mesh.part(face.label)) for face in plan.faces)
+    faces = (face for face in plan.faces if face.name != FLANGE)
+    return max(facet_error(face.shape, mesh.vertices, mesh.part(face.label)) for face in faces)
 
 
 def _line(patch: Patch, crease: Crease | None) -> Curve:
@@ -246,6 +280,8 @@ def _refined(mesh: BodyMesh, plan: Plan[Patch], chord_mm: float) -> BodyMesh:
     """The mesh with the facets of all optical faces within ``chord_mm``; the rest is unchanged."""
     vertices, triangles, face = mesh.vertices, mesh.triangles, mesh.face
     for each in plan.faces:
+        if each.name == FLANGE:
+            continue
         number = mesh.names.index(each.label)
         vertices, split = refined_dome(each.shape, vertices, triangles[face == number], chord_mm)
         triangles = np.concatenate([triangles[face != number], split])

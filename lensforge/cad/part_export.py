@@ -11,6 +11,7 @@ from lensforge.cad.body_export import BodyProof, BuiltBody, on_base, prove
 from lensforge.cad.custom_base import read_custom_base
 from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.facets import CHORD_MM
+from lensforge.cad.flange import ring_of
 from lensforge.cad.form_error import FormError, face_error, fit_lens, worst
 from lensforge.cad.keep_out import keep_out_criteria, keep_out_distance, mesh_error_mm, read_keep_out
 from lensforge.cad.mesh_files import stl_bytes, threemf_bytes
@@ -45,6 +46,7 @@ from lensforge.cad.step import (
     signed_step,
     surfaces_bytes,
 )
+from lensforge.optics.media import FLANGE
 from lensforge.results import Extent
 from lensforge.results.criteria import Criterion, at_most
 from lensforge.scene.lens import Lens
@@ -151,7 +153,7 @@ def _build(lens: Lens, nodes: int | None, rings: int | None, chord_mm: float) ->
     """Fit the faces, build mesh and solid, and join the base where it comes from a file."""
     custom = None if lens.spec.base.file is None else read_custom_base(lens.spec.base.file)
     pair = fit_lens(lens, *([] if nodes is None else [nodes] * len(lens.surfaces)))
-    return on_base(lens.surfaces, pair, base_with_room(lens), rings, chord_mm, custom)
+    return on_base(lens.surfaces, pair, base_with_room(lens), rings, chord_mm, custom, ring_of(lens, pair[1]))
 
 
 def _keep_out(lens: Lens, body: BuiltBody) -> KeepOutDistance | None:
@@ -168,10 +170,11 @@ def _untrimmed(
 ) -> tuple[UntrimmedSurfaces, bytes]:
     """The untrimmed faces as a STEP file of their own, and their form error above the rim as read back."""
     scale = lens.spec.manufacture.scale
-    surfaces = {face.label: scaled(lens.surfaces[face.name], scale) for face in plan.faces}
+    optical = [face for face in plan.faces if face.name != FLANGE]
+    surfaces = {face.label: scaled(lens.surfaces[face.name], scale) for face in optical}
     patches = {
         face.label: fit_extended(surfaces[face.label], face.shape.nodes, extension_deg, face.domain.extent)
-        for face in plan.faces
+        for face in optical
     }
     envelope = [face.label for face in plan.envelope.faces]
     product = f"{lens.spec.name} surfaces"
@@ -179,7 +182,7 @@ def _untrimmed(
         product = f"{lens.spec.name} surfaces of the mould, the lens scaled by {scale:.12g}"
     content = surfaces_bytes(untrimmed_faces(patches, envelope), product, schema, header=header)
     faces = parse_surfaces(content)
-    each = [(face.label, face.domain) for face in plan.faces]
+    each = [(face.label, face.domain) for face in optical]
     form = worst([face_error(surfaces[label], faces[label], domain=domain) for label, domain in each])
     untrimmed = UntrimmedSurfaces(
         extension_deg=extension_deg,

@@ -8,17 +8,19 @@ The corners go from the outer rim around the outside, the bottom and the bore to
 obstacles of tools are made from them. The solid has them as edges of its faces.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Generic
 
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.cad.boundary import Boundary, Shape, StarShaped, TrimmedFace, as_pair, optical_name
+from lensforge.cad.flange import FlangeRing
 from lensforge.cad.outline import FULL_TURN, Arc, Outline, Radius, arcs_between, circle, outline_of, sampled_azimuths
 from lensforge.errors import InputError, remedy
 from lensforge.optics.media import DOUBLE
 from lensforge.spec import BaseSection
+from lensforge.spec.part_section import FeetSection
 from lensforge.surfaces.surface import grid, to_sphere
 
 MIN_BASE_WALL_MM = 0.01
@@ -30,7 +32,7 @@ class Plan(Generic[Shape]):
     """Boundaries of the cavity of a lens and of its body, its base, and the arcs of the seat, which go once around.
 
     ``ring``: the circle of a relief step's wall that is set back from the outer rim; it is then the seat. ``bore``: the
-    circle of a bore that is set back from the cavity's rim.
+    circle of a bore that is set back from the cavity's rim. ``rim_flange``: of a lens for total internal reflection.
     """
 
     cavity: Boundary[Shape]
@@ -39,6 +41,7 @@ class Plan(Generic[Shape]):
     arcs: tuple[Arc, ...]
     ring: Outline | None = None
     bore: Outline | None = None
+    rim_flange: FlangeRing | None = None
 
     @property
     def faces(self) -> tuple[TrimmedFace[Shape], ...]:
@@ -101,13 +104,20 @@ def rim_directions(azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"
     return np.stack([np.cos(azimuths), np.sin(azimuths), np.zeros_like(azimuths)], axis=-1)
 
 
-def make_plan(cavity: Shape | Boundary[Shape], envelope: Shape | Boundary[Shape], base: BaseSection) -> Plan[Shape]:
+def make_plan(
+    cavity: Shape | Boundary[Shape],
+    envelope: Shape | Boundary[Shape],
+    base: BaseSection,
+    rim_flange: FlangeRing | None = None,
+) -> Plan[Shape]:
     """Lay out the body. Raises :class:`InputError` if the surfaces touch or the base cannot hold the cavity."""
     with remedy("raise constraints.min_thickness_mm and design again"):
         _require_wall(*as_pair(cavity, envelope))
     if base.kind in ("cylinder", "square"):
         _require_opening_inside(cavity, base, outline_of(base))
-    plan = lay_out(cavity, envelope, base)
+    if base.feet is not None:
+        _require_feet_beside(base.feet, lay_out(cavity, envelope, base))
+    plan = replace(lay_out(cavity, envelope, base), rim_flange=rim_flange)
     met = len(plan.arcs) > 1 or (plan.ring is not None and plan.flush)
     if base.step_mm > 0.0 and met:
         widths = 2.0 * (rim_radius(envelope) if plan.ring is None else plan.ring.radius)(sampled_azimuths())
@@ -207,11 +217,24 @@ def _require_opening_inside(cavity: StarShaped, base: BaseSection, outline: Outl
         )
 
 
+def _require_feet_beside(feet: FeetSection, plan: Plan[Any]) -> None:
+    """Feet against the opening in the bottom: the bore or its pocket."""
+    opening = max((corner.radius(sampled_azimuths()).max() for corner in _bore_corners(plan)), default=0.0)
+    least = 2.0 * float(opening) + feet.diameter_mm + 2.0 * MIN_BASE_WALL_MM
+    if feet.circle_diameter_mm < least:
+        raise InputError(
+            f"base.feet.circle_diameter_mm = {feet.circle_diameter_mm:g}: the feet stand in the opening of the base, "
+            f"{2.0 * opening:.4g} mm wide; at least {least:.4g}"
+        )
+
+
 INNER, OUTER = map(optical_name, DOUBLE)
 RIM = "RIM"
 TOP, SIDE, BOTTOM, BORE, BORE_TOP = "BASE_TOP", "BASE_SIDE", "BASE_BOTTOM", "BASE_BORE", "BORE_TOP"
 RELIEF, FLANGE_TOP, FLANGE_SIDE = "BASE_RELIEF", "FLANGE_TOP", "FLANGE_SIDE"
 POCKET_SIDE, POCKET_TOP = "POCKET_SIDE", "POCKET_TOP"
+FOOT_SIDE, FOOT_END = "FOOT_SIDE", "FOOT_END"
+RIM_FLANGE_TOP, RIM_FLANGE_SIDE, RIM_FLANGE_BOTTOM = "RIM_FLANGE_TOP", "RIM_FLANGE_SIDE", "RIM_FLANGE_BOTTOM"
 
 
 @dataclass(frozen=True)

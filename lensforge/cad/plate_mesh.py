@@ -36,8 +36,8 @@ _Ids = Int[np.ndarray, " n"]
 
 
 @dataclass
-class _Parts:
-    """Vertices and triangles of the plate as they are collected, the latter by the name of their face."""
+class MeshParts:
+    """Vertices and triangles of a mesh as they are collected, the latter by the name of their face."""
 
     count: int = 0
     vertices: list[Float[np.ndarray, "_ 3"]] = field(default_factory=list)
@@ -92,10 +92,10 @@ def lens_mesh(plan: Plan[Patch], count: int) -> tuple[BodyMesh, float]:
 
 def build_plate_mesh(plan: Plan[Patch], layout: PlateLayout, lens: BodyMesh, chord_mm: float) -> BodyMesh:
     """Mesh the plate; ``lens``: one lens without a base, ``chord_mm``: of the round edges of the plate."""
-    parts, thickness = _Parts(), layout.plate.thickness_mm
+    parts, thickness = MeshParts(), layout.plate.thickness_mm
     optical = [name for name in lens.names if name != RIM]
     rim, mouth = (_rim_of(lens, boundary) for boundary in (plan.envelope, plan.cavity))
-    outline, foot = _prism(parts, PLATE_SIDE, layout.outline, chord_mm, 0.0, thickness, outwards=True)
+    outline, foot = prism(parts, PLATE_SIDE, layout.outline, chord_mm, 0.0, thickness, outwards=True)
     tops, bottoms = [], []
     for number in range(len(layout.lenses)):
         ids = parts.add_points(layout.placed(lens.vertices, number))
@@ -107,19 +107,19 @@ def build_plate_mesh(plan: Plan[Patch], layout: PlateLayout, lens: BodyMesh, cho
         bottoms.append(below)
     for hole in layout.plate.holes:
         circle = circle_at(hole.place_mm, hole.radius_mm)
-        edge, below = _prism(parts, PLATE_HOLE, circle, chord_mm, 0.0, thickness, outwards=False)
+        edge, below = prism(parts, PLATE_HOLE, circle, chord_mm, 0.0, thickness, outwards=False)
         tops.append(edge)
         bottoms.append(below)
     for pin in layout.plate.standing:
         circle = circle_at(pin.place_mm, pin.radius_mm)
-        edge, end = _prism(parts, PIN_SIDE, circle, chord_mm, thickness, pin.height_mm, outwards=True)
+        edge, end = prism(parts, PIN_SIDE, circle, chord_mm, thickness, pin.height_mm, outwards=True)
         mouths = []
         if isinstance(pin, PlateBoss):
             bore, depth = (
                 circle_at(pin.place_mm, pin.bore_diameter_mm / 2.0),
                 thickness + pin.height_mm - pin.bore_depth_mm,
             )
-            roof, mouth = _prism(parts, BOSS_BORE, bore, chord_mm, depth, pin.bore_depth_mm, outwards=False)
+            roof, mouth = prism(parts, BOSS_BORE, bore, chord_mm, depth, pin.bore_depth_mm, outwards=False)
             parts.add_plane(BOSS_ROOF, roof, [], up=False)
             mouths.append(mouth)
         parts.add_plane(PIN_END, end, mouths, up=False)
@@ -129,8 +129,8 @@ def build_plate_mesh(plan: Plan[Patch], layout: PlateLayout, lens: BodyMesh, cho
     return parts.mesh(lens.rings)
 
 
-def _prism(
-    parts: _Parts, name: str, loop: Loop, chord_mm: float, depth_mm: float, length_mm: float, *, outwards: bool
+def prism(
+    parts: MeshParts, name: str, loop: Loop, chord_mm: float, depth_mm: float, length_mm: float, *, outwards: bool
 ) -> tuple[_Ids, _Ids]:
     """Add the wall below a loop in z = -depth; return the numbers of its vertices there and at its foot."""
     points = points_on(loop, chord_mm)

@@ -4,14 +4,12 @@ The faces of each lens are the same surfaces at other places, and their rims are
 is closed as it is made, without a boolean operation, whatever the number of lenses.
 """
 
-from collections.abc import Iterable
-from math import radians
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.cad.edges import wire
+from lensforge.cad.edges import face_at, moved, wire, wire_at
 from lensforge.cad.outline import FULL_TURN, Arc
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import Plan
@@ -47,26 +45,26 @@ def build_plate_solid(plan: Plan[Patch], layout: PlateLayout) -> Solid:
     rim = wire([edge for chain in rims for edge in chain])
     faces, openings, feet = Named(), list[Any](), list[Any]()
     for place, turn in zip(layout.lenses.places_mm, layout.lenses.turns_deg, strict=True):
-        there = _moved(place, turn)
-        faces += [(name, _at(face, there)) for name, face in lens]
-        openings.append(_wire_at(rim, there))
-        feet.append(_wire_at(foot, there))
+        there = moved(place, turn)
+        faces += [(name, face_at(face, there)) for name, face in lens]
+        openings.append(wire_at(rim, there))
+        feet.append(wire_at(foot, there))
     for hole in layout.plate.holes:
         sides, below, edge = _round_walls(PLATE_HOLE, hole.radius_mm, 0.0, layout.plate.thickness_mm, TOWARDS)
-        there = _moved(hole.place_mm)
-        faces += [(name, _at(face, there)) for name, face in sides]
-        openings.append(_wire_at(edge, there))
-        feet.append(_wire_at(below, there))
+        there = moved(hole.place_mm)
+        faces += [(name, face_at(face, there)) for name, face in sides]
+        openings.append(wire_at(edge, there))
+        feet.append(wire_at(below, there))
     for pin in layout.plate.standing:
         sides, below, edge = _round_walls(PIN_SIDE, pin.radius_mm, layout.plate.thickness_mm, pin.height_mm, AWAY)
-        there, ends = _moved(pin.place_mm), [below]
+        there, ends = moved(pin.place_mm), [below]
         if isinstance(pin, PlateBoss):
             depth = layout.plate.thickness_mm + pin.height_mm - pin.bore_depth_mm
             bored, mouth, roof = _round_walls(BOSS_BORE, pin.bore_diameter_mm / 2.0, depth, pin.bore_depth_mm, TOWARDS)
             sides += [*bored, (BOSS_ROOF, facing(planar_face(roof), DOWN))]
             ends.append(mouth)
-        faces += [(name, _at(face, there)) for name, face in [*sides, (PIN_END, facing(planar_face(*ends), DOWN))]]
-        feet.append(_wire_at(edge, there))
+        faces += [(name, face_at(face, there)) for name, face in [*sides, (PIN_END, facing(planar_face(*ends), DOWN))]]
+        feet.append(wire_at(edge, there))
     outline = _loop_edges(layout.outline, 0.0)
     sides, bottom = walls_below(PLATE_SIDE, outline, layout.plate.thickness_mm)
     faces += _all_facing(sides, AWAY)
@@ -100,29 +98,6 @@ def _round_walls(
     edges = _loop_edges(circle_at((0.0, 0.0), radius_mm), depth_mm)
     faces, foot = walls_below(name, edges, length_mm)
     return _all_facing(faces, outward), foot, wire(edges)
-
-
-def _moved(place: Iterable[float], turn_deg: float = 0.0) -> Any:
-    """The location of a lens at ``place`` (mm), turned about its axis."""
-    from OCP.gp import gp_Ax1, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec
-    from OCP.TopLoc import TopLoc_Location
-
-    turned, moved = gp_Trsf(), gp_Trsf()
-    turned.SetRotation(gp_Ax1(gp_Pnt(0.0, 0.0, 0.0), gp_Dir(0.0, 0.0, 1.0)), radians(turn_deg))
-    moved.SetTranslation(gp_Vec(*place, 0.0))
-    return TopLoc_Location(moved.Multiplied(turned) if turn_deg else moved)
-
-
-def _at(face: Any, there: Any) -> Any:
-    import cadquery as cq
-
-    return cq.Face(face.wrapped.Moved(there))
-
-
-def _wire_at(boundary: Any, there: Any) -> Any:
-    from OCP.TopoDS import TopoDS
-
-    return TopoDS.Wire_s(boundary.Moved(there))
 
 
 def _loop_edges(loop: Loop, depth_mm: float) -> list[Any]:

@@ -11,6 +11,8 @@ from jaxtyping import Float
 from lensforge.cad.boundary import Boundary, Pair, lens_boundaries
 from lensforge.cad.custom_base import mesh_of_base
 from lensforge.cad.cutter_room import base_with_room
+from lensforge.cad.feet import cut_feet
+from lensforge.cad.flange import ring_of
 from lensforge.cad.plan import Corner, base_corners, lay_out, rim_directions
 from lensforge.scene.lens import Lens
 from lensforge.spec import BaseSection
@@ -32,11 +34,13 @@ def body_outlines(lens: Lens, azimuth_deg: float) -> list[Curve]:
     if pair[0].opening is not None:
         return [*_around_opening(pair, azimuth, base), *([] if base.file is None else _cut_of_file(base, across))]
     inner, outer = (profile(each, across) for each in pair)
+    if (ring := ring_of(lens)) is not None:
+        outer = ring.around(outer)
     if base.file is not None:
         return [np.concatenate([outer, inner[::-1]]), *_cut_of_file(base, across)]
     corners = base_corners(lay_out(*pair, base))[1:]  # the first is the outer rim itself
     right, left = (_at(corners, azimuth + turn) for turn in (0.0, np.pi))
-    return [np.concatenate([outer, right, inner[::-1], left[::-1] * (-1.0, 1.0)])]
+    return [np.concatenate([outer, right, inner[::-1], left[::-1] * (-1.0, 1.0)]), *cut_feet(base, azimuth_deg)]
 
 
 def _around_opening(pair: Pair[Surface], azimuth: float, base: BaseSection) -> Iterator[Curve]:

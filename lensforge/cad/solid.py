@@ -17,9 +17,20 @@ from typing import Any
 
 import numpy as np
 
-from lensforge.cad.boundary import Boundary, Domain
-from lensforge.cad.edges import crease_edges, geom_surface, outline_edges, rim_edges, wire
-from lensforge.cad.outline import FULL_TURN, Arc, Outline
+from lensforge.cad.boundary import Boundary, Domain, TrimmedFace
+from lensforge.cad.edges import (
+    circle_edge,
+    crease_edges,
+    face_at,
+    geom_surface,
+    moved,
+    outline_edges,
+    rim_edges,
+    wire,
+    wire_at,
+)
+from lensforge.cad.flange import FlangeRing
+from lensforge.cad.outline import FULL_TURN, Arc, Outline, circle
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import (
     BORE,
@@ -27,15 +38,21 @@ from lensforge.cad.plan import (
     BOTTOM,
     FLANGE_SIDE,
     FLANGE_TOP,
+    FOOT_END,
+    FOOT_SIDE,
     OUTER,
     POCKET_SIDE,
     POCKET_TOP,
     RELIEF,
     RIM,
+    RIM_FLANGE_BOTTOM,
+    RIM_FLANGE_SIDE,
+    RIM_FLANGE_TOP,
     SIDE,
     TOP,
     Plan,
 )
+from lensforge.optics.media import FLANGE
 from lensforge.results.brep_size import volume_and_area
 
 FLAT = "CLOCKING_FLAT"
@@ -45,8 +62,8 @@ Shapes = dict[str, Any]  # by name; the CAD kernel has no types
 Chain = list[Any]  # of edges
 
 
-def body_faces(plan: Plan[Patch], cavity_rim: Chain, envelope_rim: list[Chain]) -> Named:
-    """Names and faces that close the body between the two domes.
+def body_faces(plan: Plan[Patch], cavity_rim: Chain, envelope_rim: list[Chain], feet: Chain) -> Named:
+    """Names and faces that close the body between the two domes, but for its feet; ``feet``: wires at their tops.
 
     ``envelope_rim``: a chain for each arc of the plan. Chains run counter-clockwise; where the outer rim crosses the
     outline they share vertices.
@@ -57,7 +74,7 @@ def body_faces(plan: Plan[Patch], cavity_rim: Chain, envelope_rim: list[Chain]) 
     bore, bore_foot = _bore(plan, cavity_rim)
     faces, foot = _outside(plan, envelope_rim, whole_rim)
     pocket, opening = _pocket(plan, bore_foot)
-    return [*bore, *faces, *pocket, (BOTTOM, planar_face(foot, opening))]
+    return [*bore, *faces, *pocket, (BOTTOM, planar_face(foot, opening, *feet))]
 
 
 def _bore(plan: Plan[Patch], cavity_rim: Chain) -> tuple[Named, Any]:
@@ -100,6 +117,21 @@ def _pocket(plan: Plan[Patch], bore_foot: Any) -> tuple[Named, Any]:
     mouth = _circle(plan.pocket, plan.base.height_mm)
     sides, top = walls_below(POCKET_SIDE, mouth, -plan.base.pocket_depth_mm)
     return [*sides, (POCKET_TOP, planar_face(top, bore_foot))], wire(mouth)
+
+
+def _feet(plan: Plan[Patch]) -> tuple[Named, Chain]:
+    """Faces of the feet, and the wires at their tops."""
+    own, faces, tops = plan.base.feet, Named(), Chain()
+    if own is None:
+        return faces, tops
+    rim = _circle(circle(own.diameter_mm / 2.0), plan.base.height_mm)
+    sides, end = walls_below(FOOT_SIDE, rim, own.height_mm)
+    made = [(name, facing(face, AWAY)) for name, face in sides] + [(FOOT_END, facing(planar_face(end), DOWN))]
+    for place in own.places_mm:
+        there = moved(place)  # one location: edges at equal ones are not the same
+        faces += [(name, face_at(face, there)) for name, face in made]
+        tops.append(wire_at(wire(rim), there))
+    return faces, tops
 
 
 def _circle(outline: Outline, depth_mm: float) -> Chain:
@@ -241,39 +273,28 @@ class Solid:
 
 def build_solid(plan: Plan[Patch]) -> Solid:
     """Build the closed solid of a plan."""
-    opening = Opening.of(plan)
-    envelope_faces, envelope_rim = optical_faces(plan.envelope, plan.arcs, len(plan.arcs) == 1, FROM_ORIGIN, opening)
-    cavity_faces, (cavity_rim,) = optical_faces(plan.cavity, (Arc(0.0, FULL_TURN, "bare"),), True, TO_ORIGIN, opening)
-    faces = [(name, facing(face, _OUTWARD[name])) for name, face in body_faces(plan, cavity_rim, envelope_rim)]
-    return assembled([*envelope_faces, *cavity_faces, *faces])
-
-
-@dataclass(frozen=True)
-class Opening:
-    """An opening that two boundaries share: the surfaces of its plane and of the cavity's face, and their edges."""
-
-    plane: Any
-    beside: Any
-    edges: Chain
-
-    @staticmethod
-    def of(plan: Plan[Patch]) -> "Opening | None":
-        """The opening of a plan; None for a closed one."""
-        crease, ring = plan.cavity.opening, plan.envelope.faces[0]
-        if crease is None:
-            return None
-        beside = plan.cavity.faces[1]
-        surfaces = [geom_surface(face.shape.bounded(face.domain.extent[1])) for face in (ring, beside)]
-        edges = crease_edges(crease, (ring.shape, beside.shape), (surfaces[0], surfaces[1]))
-        return Opening(surfaces[0], surfaces[1], edges)
+    split, ring, opening = len(plan.arcs) == 1, plan.rim_flange, Opening.of(plan)
+    bare = (Arc(0.0, FULL_TURN, "bare"),)
+    envelope_faces, envelope_rim = optical_faces(plan.envelope, plan.arcs, split, FROM_ORIGIN, opening, ring)
+    cavity_faces, (cavity_rim,) = optical_faces(plan.cavity, bare, True, TO_ORIGIN, opening)
+    feet, tops = _feet(plan)
+    closing = body_faces(plan, cavity_rim, envelope_rim, tops)
+    faces = [(name, facing(face, _OUTWARD[name])) for name, face in closing]
+    return assembled([*envelope_faces, *cavity_faces, *faces, *feet])
 
 
 def optical_faces(
-    boundary: Boundary[Patch], arcs: tuple[Arc, ...], split: bool, outward: str, opening: Opening | None = None
+    boundary: Boundary[Patch],
+    arcs: tuple[Arc, ...],
+    split: bool,
+    outward: str,
+    opening: Opening | None = None,
+    ring: FlangeRing | None = None,
 ) -> tuple[Named, list[Chain]]:
     """The optical faces of a boundary, on shared edges along its creases, and the chains of its rim over ``arcs``.
 
-    ``opening``: around which the first of them lies.
+    ``opening``: around which the first of them lies. With a ``ring`` what it leaves of the cylinder on which it lies,
+    and its own faces.
     """
     within = boundary.of_material
     patches = [face.shape for face in within]
@@ -289,9 +310,29 @@ def optical_faces(
         holes[0] = [opening.edges]
     faces = []
     for face, surface, outline, hole in zip(within, surfaces, outlines, holes, strict=True):
+        if ring is not None and face.name == FLANGE:
+            faces += _with_ring(face, surface, (wire(outline), *map(wire, hole)), ring)
+            continue
         trimmed = _within(surface, wire(outline), *map(wire, hole))
         faces.append((face.label, facing(trimmed, outward, face.domain)))
     return faces, rim
+
+
+def _with_ring(face: TrimmedFace[Patch], surface: Any, ends: tuple[Any, Any], ring: FlangeRing) -> Named:
+    """Faces of a flange, and the two bands of the cylinder below and above it between the wires ``ends``."""
+    low, high = (circle_edge(ring.inner_mm, height, surface) for height in (ring.low_mm, ring.high_mm))
+    rim = [circle_edge(ring.outer_mm, ring.high_mm)]
+    sides, foot = walls_below(RIM_FLANGE_SIDE, rim, ring.high_mm - ring.low_mm)
+    bands = _within(surface, ends[0], wire([low])), _within(surface, wire([high]), ends[1])
+    planes = (
+        (RIM_FLANGE_TOP, planar_face(wire(rim), wire([high])), UP),
+        (RIM_FLANGE_BOTTOM, planar_face(foot, wire([low])), DOWN),
+    )
+    return [
+        *((face.label, facing(band, FROM_ORIGIN, face.domain)) for band in bands),
+        *((name, facing(each, AWAY)) for name, each in sides),
+        *((name, facing(plane, outward)) for name, plane, outward in planes),
+    ]
 
 
 def untrimmed_faces(patches: dict[str, Patch], envelope: Collection[str] = (OUTER,)) -> Shapes:

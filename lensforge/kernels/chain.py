@@ -1,7 +1,8 @@
 """Chains of events: rays that meet the nearest of several faces, are refracted or reflected there, and go on.
 
 Arguments as in ``kernels.trace``. A ray in a medium meets the faces that it bounds from inside, and from outside those
-that it surrounds; a mirror reflects its share, any other face what total reflection leaves no other way. What a face
+that it surrounds; a mirror reflects its share, a flange ends the ray, any other face reflects what total
+reflection leaves no other way. What a face
 reflects beside the light that passes is not followed. ``met`` keeps the face of each event, times four; 2 more where
 the ray was reflected, 1 more where it came from behind the face; below 0 there was none.
 """
@@ -144,6 +145,9 @@ def pass_on(
         a, more, _, _, mirrored = amplitudes(c, q_squared, ratio, mirror, fresnel, coatings, rows, face, k)
         b = reflect(d, n, c) if mirrored else (bx, by, bz)
         met[k, event] = 4 * face + (REFLECTED if mirrored else 0) + (FROM_BEHIND if from_behind else 0)
+        if mirror == 0.0:
+            fates[k] = Fate.FLANGE
+            continue
         if mirrored and last:
             fates[k] = Fate.TOTAL_REFLECTION if mirror < 0.0 else Fate.MORE_EVENTS
             continue

@@ -24,3 +24,4 @@ class Fate(IntEnum):
     NOT_CONVERGED = 5  # the intersection search gave up; zero at standard accuracy
     SURFACES_INTERSECT = 6  # met the inner surface where the outer one lies inside it
     MORE_EVENTS = 7  # still in the body after as many refractions and reflections as the scene follows
+    FLANGE = 8  # met the flange of the lens: it ends in the holder

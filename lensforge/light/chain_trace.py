@@ -167,6 +167,9 @@ def _at_face(
         some = rows_of(mirrored if reflected else ~mirrored)
         if not len(some):
             continue
+        if isinstance(coating, Mirror) and coating.reflectance == 0.0:
+            light.fates[rows[some]] = int(Fate.FLANGE)
+            continue
         if reflected and last:
             ends = Fate.MORE_EVENTS if isinstance(coating, Mirror) else Fate.TOTAL_REFLECTION
             light.fates[rows[some]] = int(ends)

@@ -346,6 +346,7 @@ def _flux_budget(received: ReceivedFlux, emitted_w: float, *, mirrored: bool) ->
         missed_receiver=float(share[MISSED_RECEIVER]),
         surfaces_intersect=float(share[Fate.SURFACES_INTERSECT]),
         more_events=float(share[Fate.MORE_EVENTS]),
+        flange=float(share[Fate.FLANGE]),
     )
     flux = Flux(
         detected=detected,

@@ -191,8 +191,17 @@ def _at_creases(changes: _Changes, low: TracedBundle, high: TracedBundle) -> Boo
     chosen = np.flatnonzero(same)
     places = [each.hits for each in (_Lines.of(low, event, chosen), _Lines.of(high, event, chosen))]
     path = low.lengths[chosen, event[chosen]]
+    grazed = np.any([_reflects_nothing(low.scene)[code[chosen] >> 2] for code in changes.codes], axis=0)
+    path[grazed] = np.where(before, low.lengths, 0.0).sum(axis=1)[chosen[grazed]]  # of a flange the last part is short
     same[chosen] = np.linalg.norm(places[1] - places[0], axis=1) < _TOGETHER * path
     return same
+
+
+def _reflects_nothing(scene: Scene) -> Bool[np.ndarray, " f"]:
+    """True for the faces that end all light: a flange, which rays along the axis meet at grazing angles."""
+    assert scene.chain is not None
+    found: Bool[np.ndarray, " f"] = scene.chain.packed(scene.media)[2] == 0.0
+    return found
 
 
 @dataclass(frozen=True)

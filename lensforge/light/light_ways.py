@@ -9,7 +9,7 @@ from jaxtyping import Float, Int, Int8
 from pydantic import Field
 
 from lensforge.light.metrics import jackknife_metric
-from lensforge.optics.media import OUTSIDE
+from lensforge.optics.media import FLANGE, OUTSIDE
 from lensforge.results import Fact, Group, Metric, Record, Text
 from lensforge.scene.body import Chain
 from lensforge.scene.exit_rays import ExitRays
@@ -65,7 +65,8 @@ class FluxByWay:
         shares, names = self.flux / emitted_w, self.chain.names
         brightest = np.argsort(-shares.sum(axis=0), kind="stable").tolist()
         to_exit = [number for number in brightest if number >= len(names) and shares[:, number].any()]
-        elsewhere = [k + 1 for k, behind in enumerate(self.chain.behind[:-1]) if behind == OUTSIDE]
+        sides = zip(names[:-1], self.chain.behind, strict=False)
+        elsewhere = [k + 1 for k, (name, behind) in enumerate(sides) if behind == OUTSIDE and name != FLANGE]
         if self.chain.is_open:  # what is behind a mirror leaves nothing to tell
             elsewhere = [number for number in elsewhere if shares[:, number].any()]
         shares[:, 0] += shares[:, to_exit[_MOST_WAYS:]].sum(axis=1)

@@ -199,6 +199,7 @@ class LostFlux(Record):
     surfaces_intersect: NotNegative
     missed_receiver: NotNegative
     more_events: NotNegative = 0.0
+    flange: NotNegative = 0.0
     absorbed: NotNegative = 0.0
     cover_glass: NotNegative = 0.0
 

@@ -109,6 +109,7 @@ class MissedByCause(Record):
     missed_receiver: Share
     surfaces_intersect: Share
     more_events: Share = 0.0
+    flange: Share = 0.0
 
 
 class RawMetrics(Record):

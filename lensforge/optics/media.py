@@ -17,13 +17,14 @@ CAVITY, BODY, OUTSIDE = MEDIA = "cavity", "body", "outside"  # from the source o
 DOUBLE = "inner", "outer"  # the faces of the usual lens, from the source on
 TIR = "cap", "side", "wall", "exit"  # of a lens for total internal reflection
 REFLECTOR = "cup", "back", "mouth"  # of a reflector: its mirror, what lies behind, the opening by which light leaves
+FLANGE = "flange"  # of a TIR lens: the cylinder at which its flange begins; light that meets it ends there
 # Faces that widen upwards: their half of the mould leaves the other way than that of the same side of the usual lens.
 FROM_BELOW = "wall", "cup", "back"
 MOST_EVENTS = 64  # at which a ray may meet a face
 # What lies before each face, on the origin's side, and behind it.
 SIDES = {
     **dict.fromkeys(("inner", "cap", "side", "cup"), (CAVITY, BODY)),
-    **dict.fromkeys(("outer", "wall", "exit", "back"), (BODY, OUTSIDE)),
+    **dict.fromkeys(("outer", "wall", FLANGE, "exit", "back"), (BODY, OUTSIDE)),
     "mouth": (CAVITY, OUTSIDE),
 }
 OPENING = CAVITY, OUTSIDE  # sides of a face without material: the plane in which cavity and body end together
@@ -79,7 +80,10 @@ class LayerStack:
 
 @dataclass(frozen=True)
 class Mirror:
-    """A metal film: it reflects ``reflectance`` at every angle, in either polarisation, and absorbs the rest."""
+    """A metal film: it reflects ``reflectance`` at every angle, in either polarisation, and absorbs the rest.
+
+    With 0 it is the end of all light that meets it, a fate of its own.
+    """
 
     reflectance: float
 

@@ -13,11 +13,12 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from lensforge.errors import InputError
-from lensforge.optics.media import DOUBLE
+from lensforge.optics.media import DOUBLE, FLANGE
 from lensforge.sources.ray_bundle import RayBundle
 
 NO_FACE = -1  # at or below z = 0 lies no optical face
 FAR_MM = 0.05  # facets further from every face of the design are of none of them: as MOST_CHORD_MM of the acceptance
+_AT_FLANGE_MM = 1e-3
 _FARTHEST = 1e-9  # 1/mm: the face is not met in this direction
 _CROSSINGS = 2  # into the body, and out of it: each is an event
 
@@ -95,7 +96,8 @@ class OpticalFaces:
     over the distance from the origin (1/mm), on a square grid of the stereographic chart up to +-1, first index X. By
     default None, and the usual lens: in through one face and out through the other. ``plate``: of a part with several
     such bodies, seen from the one that is lit; None for one. ``opening``: number of a face at which there is no
-    material: light that rises and meets the part no more has left by it.
+    material: light that rises and meets the part no more has left by it. ``flange_mm``: radius of the face that is a
+    flange: all of the part that is farther from the axis above z = 0 counts as it; None without one.
     """
 
     names: tuple[str, ...] = DOUBLE
@@ -104,6 +106,7 @@ class OpticalFaces:
     inverse_radii: Float[np.ndarray, "f m m"] | None = None
     plate: PlateOfLenses | None = None
     opening: int | None = None
+    flange_mm: float | None = None
 
     def __post_init__(self) -> None:
         if self.events < _CROSSINGS:
@@ -148,6 +151,9 @@ class OpticalFaces:
                 numbers[rows] = own[np.argmin(gaps, axis=0)]
                 slant = np.abs(np.sum(points[rows] * normals[rows], axis=1)) / np.linalg.norm(points[rows], axis=1)
                 apart[rows] = gaps.min(axis=0) * slant
+        if self.flange_mm is not None:
+            beyond = above & (np.hypot(points[:, 0], points[:, 1]) > self.flange_mm + _AT_FLANGE_MM)
+            numbers[beyond], apart[beyond] = self.names.index(FLANGE), 0.0
         return numbers, apart
 
     def _gaps(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "f n"]:

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from lensforge.errors import InputError
-from lensforge.optics.media import BODY, CAVITY, MEDIA, MOST_EVENTS, OPENING, SIDES, Media, Mirror
+from lensforge.optics.media import BODY, CAVITY, FLANGE, MEDIA, MOST_EVENTS, OPENING, SIDES, Media, Mirror
 from lensforge.spec.lens_section import AnyLens
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface, grid, to_sphere
@@ -59,8 +59,8 @@ class Chain:
         """The chain of the faces of a lens in their order; None for the usual lens, which needs none."""
         if lens.kind == "double":
             return None
-        before, behind = zip(*(SIDES[name] for name in lens.names), strict=True)
-        return Chain(lens.names, before, behind, lens.events)
+        before, behind = zip(*(SIDES[name] for name in lens.body_names), strict=True)
+        return Chain(lens.body_names, before, behind, lens.events)
 
     def __post_init__(self) -> None:
         if not 1 <= self.events <= MOST_EVENTS:
@@ -176,7 +176,7 @@ def _require_whole(faces: tuple[Face, ...], numbers: Int[np.ndarray, "n n"], ins
 
     for number, face in enumerate(faces):
         pieces = label((numbers == number) & inside)[1]
-        if pieces != 1:
+        if pieces != 1 and face.name != FLANGE:  # a band narrower than the grid's step
             others = ", ".join(each.name for each in faces if each is not face)
             words = "nowhere the nearest" if pieces == 0 else f"cut into {pieces} pieces"
             raise InputError(

@@ -18,7 +18,7 @@ from math import radians, sqrt
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.spatial import cKDTree
 from torch import Tensor
 
@@ -36,7 +36,7 @@ from lensforge.search.constraint_points import (
     nearest_of,
     wall_mm,
 )
-from lensforge.search.design_result import CURVATURE, DRAFT, EDGE, Limit, limits_of
+from lensforge.search.design_result import CURVATURE, DRAFT, EDGE, FLANGE_ROOM, Limit, limits_of
 from lensforge.spec import Spec
 from lensforge.surfaces.bicubic_table import TableGrid
 
@@ -67,8 +67,8 @@ class Constraint(Limit):
 
     @property
     def derivatives(self) -> bool:
-        """True where the field needs derivatives of the radius: for curvatures and drafts."""
-        return self.unit != "mm"
+        """True where the field needs derivatives of the radius: for curvatures, drafts, and where faces meet."""
+        return self.unit != "mm" or self.kind == FLANGE_ROOM
 
     def of(self, jets: Mapping[str, RadiusJet], points: ChartPoints) -> Float[Tensor, " k"]:
         """The field at ``points`` of a lens with these ``jets`` of its faces.
@@ -76,7 +76,7 @@ class Constraint(Limit):
         It takes the nearest of the faces that bound the cavity, and of those that bound the body. One of a single face
         holds where that face is the nearest, and one of a wall where the cavity has no opening.
         """
-        if self.kind == EDGE:
+        if self.kind in (EDGE, FLANGE_ROOM):
             return self.field([jets[name] for name in self.faces], points)
         if self.of_one_face:
             own, *others = (jets[name] for name in self.faces)
@@ -147,6 +147,7 @@ def _length_left(spec: Spec, limit: Limit) -> Field:
             limit.given - face.rho * (sine(points) if spec.lens.radius_about_axis else 1.0)
         ),
         "largest_wall_margin_mm": lambda inside, outside, points: limit.given - (outside.rho - inside.rho),
+        FLANGE_ROOM: partial(_room_left, limit.given),
         "height_margin_mm": lambda face, points: limit.given - face.rho * points.cosine,
     }
     return fields[limit.kind]
@@ -163,27 +164,65 @@ def _draft_left(limit_deg: float, sense: int, face: RadiusJet, points: ChartPoin
     return torch.rad2deg(torch.asin(sine)) - limit_deg
 
 
-def _edge_left(limit_deg: float, jets: Sequence[RadiusJet], points: ChartPoints) -> Float[Tensor, " k"]:
-    """Angle (deg) beyond the limit of the edge beside which a point of a meridian lies; constant elsewhere.
+@dataclass(frozen=True)
+class _BesideCrease:
+    """Two faces where points of meridians lie beside their crease, at its place to first order, on the chart.
 
-    It is that of the two nearest faces where their distance is 0, to first order; their slopes there by their bends.
+    ``radius``, ``slopes``: of each face there (mm), by its bend; ``scale``: of the chart there.
     """
-    first = torch.stack([jet.rho for jet in jets]).detach().topk(2, dim=0, largest=False).indices
-    rho = torch.stack([jet.rho for jet in jets]).gather(0, first)
-    by_x, by_y, xx, xy, yy = (
-        torch.stack([jet.derivatives[k] for jet in jets]).gather(0, first) for k in range(len(jets[0].derivatives))
+
+    here: Bool[Tensor, " k"]
+    scale: Float[Tensor, " k"]
+    radius: Float[Tensor, "2 k"]
+    slopes: tuple[Float[Tensor, "2 k"], Float[Tensor, "2 k"]]
+
+    @staticmethod
+    def of(rho: Float[Tensor, "2 k"], derivatives: Float[Tensor, "d 2 k"], points: ChartPoints) -> "_BesideCrease":
+        """The faces of these radii (mm) and derivatives at ``points``."""
+        by_x, by_y, xx, xy, yy = derivatives
+        gap, along_x, along_y = (each[1] - each[0] for each in (rho, by_x, by_y))
+        steep = torch.clamp(along_x**2 + along_y**2, min=torch.finfo(gap.dtype).tiny)
+        here = gap.detach().abs() <= points.spacing / PER_NODE * torch.sqrt(steep.detach())
+        step = torch.where(here, -gap / steep, 0.0)
+        dx, dy = step * along_x, step * along_y
+        slopes = by_x + xx * dx + xy * dy, by_y + xy * dx + yy * dy
+        radius = rho + 0.5 * ((by_x + slopes[0]) * dx + (by_y + slopes[1]) * dy)
+        return _BesideCrease(here, 2.0 / (1.0 + (points.x + dx) ** 2 + (points.y + dy) ** 2), radius, slopes)
+
+
+def _edge_left(limit_deg: float, jets: Sequence[RadiusJet], points: ChartPoints) -> Float[Tensor, " k"]:
+    """Angle (deg) beyond the limit of the edge of the two nearest faces; constant where points are beside none."""
+    rho, derivatives = torch.stack([jet.rho for jet in jets]), torch.stack([jet.derivatives for jet in jets], dim=1)
+    first = rho.detach().topk(2, dim=0, largest=False).indices
+    found = _BesideCrease.of(
+        rho.gather(0, first), derivatives.gather(1, first.expand(len(derivatives), -1, -1)), points
     )
-    gap, along_x, along_y = (each[1] - each[0] for each in (rho, by_x, by_y))
-    steep = torch.clamp(along_x**2 + along_y**2, min=torch.finfo(gap.dtype).tiny)
-    beside = gap.detach() <= points.spacing / PER_NODE * torch.sqrt(steep.detach())
-    step = torch.where(beside, -gap / steep, 0.0)
-    dx, dy = step * along_x, step * along_y
-    scale = 2.0 / (1.0 + (points.x + dx) ** 2 + (points.y + dy) ** 2)
-    there = 1.0 / (scale * (rho + by_x * dx + by_y * dy))
-    g_x, g_y = (by_x + xx * dx + xy * dy) * there, (by_y + xy * dx + yy * dy) * there
+    g_x, g_y = (each / (found.scale * found.radius) for each in found.slopes)
     cosine = (1.0 + g_x[0] * g_x[1] + g_y[0] * g_y[1]) * torch.rsqrt((1.0 + g_x**2 + g_y**2).prod(dim=0))
     angle = 180.0 - torch.rad2deg(torch.acos(torch.clamp(cosine, -1.0 + 1e-9, 1.0 - 1e-9)))
-    return torch.where(beside, angle - limit_deg, 180.0)
+    return torch.where(found.here, angle - limit_deg, 180.0)
+
+
+def _room_left(needed_mm: float, jets: Sequence[RadiusJet], points: ChartPoints) -> Float[Tensor, " k"]:
+    """Height (mm) beyond what a flange needs of the cylinder between wall and exit, as the lowest exit and the highest
+    wall leave it; constant where points are beside neither of its creases.
+    """
+    wall, flange, above = jets
+
+    def height(one: RadiusJet, other: RadiusJet) -> tuple[Bool[Tensor, " k"], Float[Tensor, " k"]]:
+        rho, derivatives = (torch.stack([getattr(jet, of) for jet in (one, other)], dim=k) for k, of in enumerate(_JET))
+        found = _BesideCrease.of(rho, derivatives, points)
+        outwards = [by_x[1] - by_x[0] for by_x in found.slopes]  # beyond its reach a face may cross another again
+        nearer_inside = (points.x * outwards[0] + points.y * outwards[1]).detach() > 0.0
+        return found.here & nearer_inside, found.radius[0] * (found.scale - 1.0)
+
+    (at_exit, top), (at_wall, foot) = height(flange, above), height(wall, flange)
+    lowest, highest = top[at_exit].min(), foot[at_wall].max()
+    at_foot = torch.where(at_wall, lowest - foot - needed_mm, needed_mm)
+    return torch.where(at_exit, top - highest - needed_mm, at_foot)
+
+
+_JET = "rho", "derivatives"
 
 
 @dataclass
@@ -216,7 +255,7 @@ class AugmentedLagrangian:
             points = constraint_points(grid, spec.lens.basis.symmetry, every_node=every)
         spacing = grid.step * (1.0 if every is None else every * sqrt(2.0))  # with centres: triangles of three points
         operator = ChartOperator.of(grid, points, derivatives, spacing)
-        return AugmentedLagrangian(constraints, operator, spec.lens.names, penalty)
+        return AugmentedLagrangian(constraints, operator, spec.lens.body_names, penalty)
 
     def __post_init__(self) -> None:
         area = self.chart_operator.points.scale**2

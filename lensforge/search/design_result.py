@@ -36,6 +36,7 @@ from lensforge.results.numerals import quantity
 from lensforge.scene.lens import Lens
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec import Accuracy, Spec
+from lensforge.spec.lens_section import AnyLens
 from lensforge.surfaces.srbf import MOST_LEVELS
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ class Margins(Record):
     above the minimum; by the first face of each medium: the angle of its edges above the least.
     ``largest_wall_margin_mm``: wall thickness below the largest; ``height_margin_mm``: from the outer surface up to the
     largest height; ``keep_out_clearance_mm``: from the keep-out, grown by its margin, outwards to the inner surface
-    along the ray from the origin.
+    along the ray from the origin. ``flange_margin_mm``: height of the cylinder at the rim beyond what its flange needs.
     """
 
     cavity_clearance_mm: Number
@@ -66,6 +67,7 @@ class Margins(Record):
     largest_wall_margin_mm: Number | None = None
     height_margin_mm: Number | None = None
     keep_out_clearance_mm: Number | None = None
+    flange_margin_mm: Number | None = None
 
     @staticmethod
     def of(measured: Mapping["Limit", float]) -> "Margins":
@@ -230,6 +232,7 @@ class Limit:
         return self.key.removesuffix("_per_mm").removesuffix("_mm").removesuffix("_deg").replace("_", " ")
 
 
+FLANGE_ROOM = "flange_margin_mm"
 CURVATURE, DRAFT, EDGE = _OF_ONE_FACE = ("curvature_margin_per_mm", "draft_margin_deg", "edge_margin_deg")
 ON_CAVITY, ON_ENVELOPE, ON_BOTH = (CAVITY,), (BODY,), (CAVITY, BODY)  # media whose faces a limit concerns
 _SHARP = "lower {field} or take more steps"
@@ -247,6 +250,7 @@ _LIMITS = (
     (CURVATURE, (), "lens.{0}.concave_radius_mm", "lower {field} or raise lens.{0}.offset_mm"),
     (DRAFT, (), "lens.{0}.draft_deg", _SHARP),
     *((EDGE, media, "constraints.min_edge_angle_deg", _SHARP) for media in (ON_CAVITY, ON_ENVELOPE)),
+    (FLANGE_ROOM, ON_ENVELOPE, "lens.flange_room_mm", "lower lens.flange.thickness_mm or take more steps"),
     ("largest_wall_margin_mm", ON_BOTH, "constraints.max_wall_mm", "raise {field} or lens.{0}.offset_mm"),
     ("height_margin_mm", ON_ENVELOPE, "constraints.max_height_mm", "raise {field} or lower lens.{0}.offset_mm"),
     (
@@ -261,7 +265,7 @@ _LIMITS = (
 def limits_of(spec: Spec) -> tuple[Limit, ...]:
     """The limits of ``spec``: the paper's three, and the optional ones that it has."""
     limits, own = [], spec.constraints
-    for kind, faces, field, remedy in _limits_of_faces(spec.lens.names):
+    for kind, faces, field, remedy in _limits_of_faces(spec.lens):
         if (given := attrgetter(field)(spec)) is None:
             continue
         unit, tolerance = "mm", own.tolerance_mm
@@ -274,14 +278,14 @@ def limits_of(spec: Spec) -> tuple[Limit, ...]:
     return tuple(limits)
 
 
-def _limits_of_faces(names: tuple[str, ...]) -> Iterator[tuple[str, tuple[str, ...], str, str]]:
+def _limits_of_faces(lens: AnyLens) -> Iterator[tuple[str, tuple[str, ...], str, str]]:
     """Kind, faces, field and remedy of each limit that a lens of these faces may have.
 
     A limit of one face names it first, and then those that bound the same medium: it holds where that face does.
     """
-    openings = tuple(name for name in names if SIDES[name] == OPENING)
+    openings = tuple(name for name in lens.body_names if SIDES[name] == OPENING)
     bounding = {
-        medium: tuple(name for name in names if SIDES[name][0] == medium and name not in openings) + openings
+        medium: tuple(name for name in lens.body_names if SIDES[name][0] == medium and name not in openings) + openings
         for medium in ON_BOTH
     }
     for kind, media, field, remedy in _LIMITS:
@@ -289,10 +293,10 @@ def _limits_of_faces(names: tuple[str, ...]) -> Iterator[tuple[str, tuple[str, .
             faces = tuple(dict.fromkeys(sum((bounding[each] for each in media), ())))
             firsts = [bounding[each][0] for each in media]
             if openings:  # what is behind follows: the mouth says how large the body is, the cup how thick
-                firsts = [firsts[0]] * 2 if len(media) == 2 else [names[0] if media == ON_CAVITY else openings[0]]
+                firsts = [firsts[0]] * 2 if len(media) == 2 else [lens.names[0] if media == ON_CAVITY else openings[0]]
             yield kind, faces, field, remedy.format(*firsts, field=field)
             continue
-        for name in names:
+        for name in lens.names:
             others = tuple(each for each in bounding[SIDES[name][0]] if each != name)
             yield kind, (name, *others), field.format(name), remedy.format(name, field=field.format(name))
 
@@ -317,6 +321,7 @@ def design_facts(design: Design) -> list[Group]:
 def _size(design: Design) -> Iterator[Fact]:
     limits = design.lens.spec.constraints
     about_axis = design.lens.spec.lens.radius_about_axis
+    without = "without the base" if design.lens.spec.lens.flange_room_mm is None else "without base and flange"
     yield Fact(
         "radius",
         "Farthest from the axis" if about_axis else "Farthest from the LED",
@@ -324,7 +329,7 @@ def _size(design: Design) -> Iterator[Fact]:
         "mm",
         limit=Bound("<=", limits.max_radius_mm),
         state=state_of(design.criteria, "radius margin"),
-        note="without the base" if about_axis else "distance in space, without the base",
+        note=without if about_axis else "distance in space, without the base",
     )
     yield Fact(
         "height",

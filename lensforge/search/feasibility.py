@@ -14,12 +14,13 @@ from jaxtyping import Float
 from torch import Tensor
 
 from lensforge.cad.boundary import lens_boundaries, sharpest_edges
+from lensforge.cad.flange import flange_heights_mm
 from lensforge.cad.wall import thinnest_of
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
 from lensforge.search.constraint_points import ChartOperator, ChartPoints, RadiusJet, constraint_points
 from lensforge.search.constraints import WALL, AugmentedLagrangian, Constraint, constraints_of
-from lensforge.search.design_result import DIRECTIONS, EDGE, Limit, Margins
+from lensforge.search.design_result import DIRECTIONS, EDGE, FLANGE_ROOM, Limit, Margins
 from lensforge.search.parameters import Parametrisation
 from lensforge.search.problem import Problem
 from lensforge.search.search_state import SearchState
@@ -57,6 +58,9 @@ def measure_constraints(lens: Lens, directions: int = DIRECTIONS) -> Margins:
         elif each.kind == EDGE:
             edges = (edge for side in lens_boundaries(lens) for edge in sharpest_edges(side))
             found[each] = min(edge.angle_deg for edge in edges if set(edge.faces) <= set(each.faces)) - each.given
+        elif each.kind == FLANGE_ROOM:
+            low, high = flange_heights_mm(lens_boundaries(lens)[1])
+            found[each] = high - low - each.given
         elif not each.derivatives:
             found[each] = float(each.of(exact, points).min())
     of_shape = [each for each in constraints if each not in found]

@@ -17,6 +17,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from lensforge.errors import InputError, remedy
+from lensforge.optics.media import FLANGE
 from lensforge.scene.body import Body, Face, nearest
 from lensforge.scene.lens import Lens
 from lensforge.scene.receiver_shapes import receivers_of
@@ -310,10 +311,19 @@ def _tir_faces(spec: Spec) -> dict[str, Surface]:
     if lens.exit.flat:
         own["exit"] = PlaneFace(own["exit"].reach_mm, float(own["exit"].radius(_AXIS)[0]))
     given = {"wall": (lens.wall.offset_mm, _HORIZON), "exit": (lens.exit.offset_mm, _AXIS)}
-    for name, surface in lens.fixed.items():
+    if lens.flange is not None:  # around the light that the wall turns, and below an exit that is so much higher
+        rim_mm, own[FLANGE] = float(own["exit"].radius(_AXIS)[0]), _rim_face(spec, own["exit"].reach_mm)
+        own["exit"] = _resized(own["exit"], rim_mm + lens.flange.room_mm + 2.0 * spec.constraints.margin_mm, _AXIS)
+    for name in lens.body_names:
+        surface = lens.fixed.get(name)
         offset_mm, towards = given.get(name, (None, _AXIS))
         found[name] = surface or (own[name] if offset_mm is None else _resized(own[name], offset_mm, towards))
     return found
+
+
+def _rim_face(spec: Spec, reach_mm: float) -> ConeFace:
+    """The cylinder at which the flange begins; its continuation is that of no other face."""
+    return ConeFace(2.0 * reach_mm, spec.constraints.rim_radius_mm)
 
 
 def _resized(face: ReciprocalSurface, offset_mm: float, towards: Float[np.ndarray, "1 3"]) -> ReciprocalSurface:
@@ -338,7 +348,7 @@ def _of_a_point(spec: Spec) -> dict[str, ReciprocalSurface]:
     assert isinstance(lens, TirSection)
     draft = radians(DRAFT_DEG if lens.side.draft_deg is None else lens.side.draft_deg)
     index, wall = lens.refractive_index / lens.cavity_index, limits.min_thickness_mm
-    radius_mm = limits.max_radius_mm - 2.0 * limits.margin_mm
+    radius_mm, flange_mm = limits.rim_radius_mm, lens.flange_room_mm or 0.0
     mirrored = lens.wall.mirror is not None
     try:
         clear, size = _room(spec)
@@ -351,7 +361,7 @@ def _of_a_point(spec: Spec) -> dict[str, ReciprocalSurface]:
             least_wall_mm=wall + 2.0 * limits.margin_mm,
             mirrored=mirrored,
             clearance_mm=max(0.0, clear - size / 2.0**0.5) + 2.0 * limits.margin_mm,
-            most_height_mm=np.inf if limits.max_height_mm is None else limits.max_height_mm,
+            most_height_mm=np.inf if limits.max_height_mm is None else limits.max_height_mm - flange_mm,
         )
         cap, side = lens.cap.offset_mm, lens.side.offset_mm
         return replace(best, cap_mm=cap or best.cap_mm, cavity_mm=side or best.cavity_mm).faces

@@ -19,6 +19,7 @@ from jaxtyping import Float
 from lensforge.cad.boundary import WHOLE, Boundary, Crease, Domain, StarShaped, lens_boundaries
 from lensforge.cad.custom_base import mesh_of_base
 from lensforge.cad.cutter_room import base_with_room
+from lensforge.cad.flange import ring_of
 from lensforge.cad.outline import FULL_TURN
 from lensforge.cad.part import Part
 from lensforge.cad.plan import BOTTOM, RIM, SIDE, TOP, lay_out, rim_radius
@@ -86,7 +87,7 @@ class Dimension:
 
 def dimensions(lens: Lens) -> list[Dimension]:
     """Dimensions of the lens, of its base and of the whole part."""
-    return [*_lens_dimensions(lens), *_base_dimensions(lens), *_part_dimensions(lens)]
+    return [*_lens_dimensions(lens), *_flange_dimensions(lens), *_base_dimensions(lens), *_part_dimensions(lens)]
 
 
 def _lens_dimensions(lens: Lens) -> Iterator[Dimension]:
@@ -118,6 +119,17 @@ def _on_axis(lens: Lens, cavity: Boundary[Surface], envelope: Boundary[Surface])
     yield Dimension("apex of the cavity above z = 0", low, "axis", ((0.0, side), (low, 0.0)))
     ends = (low, 0.0), (high, 0.0)
     yield Dimension("thickness on the axis", high - low, "axis", ends, tolerance_mm=gap or None)
+
+
+def _flange_dimensions(lens: Lens) -> Iterator[Dimension]:
+    """Sizes of the flange at the exit's rim, and its height over z = 0."""
+    if (ring := ring_of(lens)) is None:
+        return
+    side = -ring.outer_mm
+    ends = (ring.low_mm, side), (ring.high_mm, side)
+    yield Dimension("thickness of the rim's flange", ring.high_mm - ring.low_mm, "part", ends)
+    yield Dimension("underside of the rim's flange above z = 0", ring.low_mm, "part", ((0.0, side), ends[0]))
+    yield _circle("diameter of the rim's flange", 2.0 * ring.outer_mm, "part")
 
 
 def widest_mm(surface: StarShaped, domain: Domain = WHOLE) -> float:
@@ -162,9 +174,10 @@ def _part_dimensions(lens: Lens) -> Iterator[Dimension]:
         bottom, side = float(lowest[2]), float(lowest[0])
         wide = max(wide, 2.0 * float(np.hypot(vertices[:, 0], vertices[:, 1]).max()))
     elif base.kind != "none":
-        bottom, side = -base.height_mm, -_half_width(base)
+        bottom, side = -base.seat_mm, -_half_width(base)
         wide = max(wide, (2.0**0.5 if base.kind == "square" else 1.0) * 2.0 * _half_width(base))
         wide = max(wide, base.flange_diameter_mm or 0.0)
+    wide = max(wide, 0.0 if (ring := ring_of(lens)) is None else 2.0 * ring.outer_mm)
     yield Dimension("overall length", highest - bottom, "part", ((bottom, side), (highest, across)))
     yield _circle("largest width", wide, "part")
 
@@ -202,7 +215,7 @@ def _base_dimensions(lens: Lens) -> list[Dimension]:
         return []
     if base.file is not None:
         return list(_in_section_of_file(lens))
-    return [*_depths(lens, base), *_widths(lens, base)]
+    return [*_depths(lens, base), *_widths(lens, base), *_feet(base)]
 
 
 def _depths(lens: Lens, base: BaseSection) -> Iterator[Dimension]:
@@ -221,6 +234,20 @@ def _depths(lens: Lens, base: BaseSection) -> Iterator[Dimension]:
         side = -base.flange_diameter_mm / 2.0
         ends = (bottom, side), (bottom + base.flange_height_mm, side)
         yield Dimension("height of the flange", base.flange_height_mm, "base", ends)
+
+
+def _feet(base: BaseSection) -> Iterator[Dimension]:
+    """Sizes of the feet below a base, and of the circle on which they stand."""
+    if (feet := base.feet) is None:
+        return
+    x, y = feet.places_mm[0]
+    half, reach = feet.diameter_mm / 2.0, feet.circle_diameter_mm / 2.0
+    words = "feet" if feet.number == 1 else f"{feet.number} feet"
+    yield Dimension(f"height of the {words}", feet.height_mm, "base")
+    ends = (y - half, x), (y + half, x)
+    yield Dimension(f"diameter of the {words}", feet.diameter_mm, "base", ends, "base", sign="⌀")
+    ends = (-reach, 0.0), (reach, 0.0)
+    yield Dimension(f"circle of the {words}", feet.circle_diameter_mm, "base", ends, "base", sign="⌀")
 
 
 def _half_width(base: BaseSection) -> float:

@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float
 from lensforge.cad.boundary import Boundary, lens_boundaries
 from lensforge.cad.custom_base import mesh_of_base
 from lensforge.cad.cutter_room import base_with_room
+from lensforge.cad.flange import ring_of
 from lensforge.cad.mesh import manifold_of
 from lensforge.cad.plan import lay_out, rim_directions, rim_radius
 from lensforge.cad.section import body_outlines
@@ -99,13 +100,19 @@ def _creases_along(boundary: Boundary[Surface], turn: Float[np.ndarray, " n"]) -
     return [crease.points(turn)[:, 1::-1] for crease in boundary.creases]
 
 
+def _flange(lens: Lens, turn: Float[np.ndarray, " n"]) -> list[Points]:
+    """(y, x) of the outer circle of a flange at the rim."""
+    ring = ring_of(lens)
+    return [] if ring is None else [_loop(turn, np.full_like(turn, ring.outer_mm))]
+
+
 def end_lines(lens: Lens) -> list[ViewLine]:
     """Lines of the part seen from its base, as (y, x)."""
     base = base_with_room(lens)
     turn = np.linspace(0.0, 2.0 * np.pi, _AZIMUTHS)
     opening, rim = (_loop(turn, rim_radius(boundary)(turn)) for boundary in lens_boundaries(lens))
     dome = dome_radius(lens, turn)
-    inside = [ViewLine(each) for each in _creases_along(lens_boundaries(lens)[0], turn)]
+    inside = [ViewLine(each) for each in [*_creases_along(lens_boundaries(lens)[0], turn), *_flange(lens, turn)]]
     if base.kind == "none":
         return [ViewLine(opening), ViewLine(rim), ViewLine(_loop(turn, dome)), *inside]
     outlines = _base_outlines(lens, base)
@@ -115,6 +122,9 @@ def end_lines(lens: Lens) -> list[ViewLine]:
     circles = [_loop(turn, circle.radius(turn)) for circle in (plan.bore, plan.pocket) if circle is not None]
     found = [*(ViewLine(each) for each in (opening, *circles, outlines[-1])), *inside]
     found += [ViewLine(each, pen="hidden") for each in outlines[:-1]]
+    if base.feet is not None:
+        round_it = _loop(turn, np.full_like(turn, base.feet.diameter_mm / 2.0))
+        found += [ViewLine(round_it + np.array([y, x])) for x, y in base.feet.places_mm]
     widest = plan.outline if plan.flange is None else plan.flange
     return [*found, *_pieces(_loop(turn, dome), dome > widest.radius(turn), "outline", "hidden")]
 
@@ -124,7 +134,7 @@ def dome_lines(lens: Lens) -> list[ViewLine]:
     base = base_with_room(lens)
     turn = np.linspace(0.0, 2.0 * np.pi, _AZIMUTHS)
     found = [ViewLine(_loop(turn, dome_radius(lens, turn)))]
-    found += [ViewLine(each) for each in _creases_along(lens_boundaries(lens)[1], turn)]
+    found += [ViewLine(each) for each in [*_creases_along(lens_boundaries(lens)[1], turn), *_flange(lens, turn)]]
     for loop in [] if base.kind == "none" else _base_outlines(lens, base):
         closed = np.vstack([loop, loop[:1]])
         covered = dome_radius(lens, np.arctan2(closed[:, 0], closed[:, 1]))

@@ -259,6 +259,8 @@ class Spec(Section):
             raise ValueError(f"plate: goes with lenses, not with lens.kind = {self.lens.kind!r}; leave it out")
         if self.plate is not None:
             require_plate(self.plate, self.lamps, self.constraints)
+            if self.lens.flange_room_mm is not None:
+                raise ValueError("lens.flange: the plate holds the lenses; leave out one of the two")
         return self
 
     @model_validator(mode="after")

@@ -5,7 +5,7 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field, model_validator
 
-from lensforge.optics.media import DOUBLE, REFLECTOR, TIR
+from lensforge.optics.media import DOUBLE, FLANGE, REFLECTOR, TIR
 from lensforge.spec.coating_section import CoatingSection
 from lensforge.spec.fixed_surface import FixedSurface
 from lensforge.spec.spec_section import Millimetres, Section
@@ -68,6 +68,25 @@ class ExitFace(FaceSection):
         return self
 
 
+class FlangeSection(Section):
+    """The flange at the exit's rim of a lens for total internal reflection: a ring, by which a holder takes the lens.
+
+    It lies around the lens, whose rim goes on as a cylinder there. Light that meets that cylinder ends in the holder.
+    """
+
+    diameter_mm: Millimetres
+    """Outer diameter; it must exceed that of the lens, twice ``constraints.max_radius_mm``."""
+    thickness_mm: Millimetres
+    """Thickness along the axis."""
+    setback_mm: Millimetres = 0.1
+    """Height of the exit's rim over the flange's top, and the least height of its underside over the wall."""
+
+    @property
+    def room_mm(self) -> float:
+        """Height of the cylinder that it needs."""
+        return self.thickness_mm + 2.0 * self.setback_mm
+
+
 class FacesSection(Section):
     """The faces of a lens by name, from the source on; ``outward``: the one whose offset sets the wall from outside."""
 
@@ -94,6 +113,16 @@ class FacesSection(Section):
     def _first_is_the_reference(self) -> "FacesSection":
         refuse_placement(self.faces)
         return self
+
+    @property
+    def body_names(self) -> tuple[str, ...]:
+        """Names of all faces of the body, from the source on: those that have tables, and that of a flange."""
+        return self.names
+
+    @property
+    def flange_room_mm(self) -> float | None:
+        """Height of the cylinder that a flange needs; None without one."""
+        return None
 
     @property
     def start_mm(self) -> dict[str, float]:
@@ -150,6 +179,18 @@ class TirFaces(FacesSection):
     """Face around the cavity, which reflects totally, or by a mirror; ``offset_mm``: its radius at z = 0."""
     exit: ExitFace = Field(default_factory=ExitFace)
     """Face towards the light that is wanted; ``offset_mm``: its height on the axis."""
+    flange: FlangeSection | None = None
+    """Flange at the exit's rim; by default there is none."""
+
+    @property
+    def body_names(self) -> tuple[str, ...]:
+        """Names of all faces of the body, the exit last."""
+        return self.names if self.flange is None else (*self.names[:-1], FLANGE, self.names[-1])
+
+    @property
+    def flange_room_mm(self) -> float | None:
+        """Height of the cylinder that the flange needs; None without one."""
+        return None if self.flange is None else self.flange.room_mm
 
 
 _ALUMINISED = 0.88  # reflectance of a plain film of aluminium on a smooth lacquer, over the visible range

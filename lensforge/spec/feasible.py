@@ -14,9 +14,9 @@ from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.optics.media import BODY, CAVITY, FROM_BELOW, SIDES
-from lensforge.spec.face_section import FaceSection
+from lensforge.spec.face_section import FaceSection, FlangeSection
 from lensforge.spec.fixed_surface import FixedFace
-from lensforge.spec.lens_section import AnyLens, LensSection
+from lensforge.spec.lens_section import AnyLens, LensSection, TirSection
 from lensforge.spec.part_section import BaseSection, ManufactureSection
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.spec_section import rounded_up
@@ -35,6 +35,8 @@ def require_feasible(lens: AnyLens, limits: ConstraintsSection, manufacture: Man
             f"constraints.min_edge_angle_deg = {limits.min_edge_angle_deg:g}: the faces of a lens of kind "
             f"{lens.kind!r} meet in no edge; leave it out, or take lens.kind = 'tir'"
         )
+    if isinstance(lens, TirSection) and lens.flange is not None:
+        _require_around_lens(lens.flange, limits)
     if not isinstance(lens, LensSection):
         return  # its start, and its faces together, are checked where they are made
     for name, face in lens.faces.items():
@@ -53,6 +55,20 @@ def _require_below_glass(lens: AnyLens, limits: ConstraintsSection) -> None:
         raise ValueError(
             f"lens.cover_glass.distance_mm = {lens.cover_glass.distance_mm:g}: the lens may be {highest:g} mm high "
             "(constraints.max_radius_mm, max_height_mm); move the glass away"
+        )
+
+
+def _require_around_lens(flange: FlangeSection, limits: ConstraintsSection) -> None:
+    """A flange against the radius of the lens, and the height that it leaves."""
+    if flange.diameter_mm <= 2.0 * limits.max_radius_mm:
+        raise ValueError(
+            f"lens.flange.diameter_mm = {flange.diameter_mm:g}: must exceed that of the lens, twice "
+            f"constraints.max_radius_mm: above {2.0 * limits.max_radius_mm:g}"
+        )
+    if limits.max_height_mm is not None and flange.room_mm >= limits.max_height_mm:
+        raise ValueError(
+            f"lens.flange.thickness_mm = {flange.thickness_mm:g}: with its setbacks it must be below "
+            f"constraints.max_height_mm = {limits.max_height_mm:g}"
         )
 
 

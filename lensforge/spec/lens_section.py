@@ -1,12 +1,13 @@
 """The ``[lens]`` of a spec by its kind: material, faces, and the functions that shape the free ones."""
 
+from dataclasses import replace
 from math import degrees
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from lensforge.errors import InputError
-from lensforge.optics.media import MOST_EVENTS
+from lensforge.optics.media import FLANGE, MOST_EVENTS, OUTSIDE, FaceCoating, Media, Mirror
 from lensforge.spec.face_section import LensFaces, ReflectorFaces, TirFaces
 from lensforge.spec.lens_material import LensMaterial
 from lensforge.spec.spec_section import FilePath, Label
@@ -181,6 +182,14 @@ class TirSection(ProfiledShape, TirFaces):
 
     title = "lens for total internal reflection"
     kind: Literal["tir"]
+
+    @property
+    def media(self) -> Media:
+        """The media of any lens; a flange takes all light that meets it."""
+        media = super().media
+        if self.flange is None:
+            return media
+        return replace(media, coatings=(*media.coatings, FaceCoating(FLANGE, OUTSIDE, Mirror(0.0))))
 
 
 class ReflectorSection(ProfiledShape, ReflectorFaces):

@@ -1,5 +1,6 @@
 """The part and the shop: ``[base]``, which holds the lens below z = 0, ``[manufacture]``, and ``[drawing]``."""
 
+from math import cos, pi, radians, sin, tau
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -14,10 +15,44 @@ from lensforge.spec.spec_section import (
     Millimetres,
     MillimetresOrZero,
     Section,
+    rounded_up,
     spec_error,
 )
 
+_MOST_FEET = 32
 _MOST_SHRINKAGE = 0.1  # several times that of any optical plastic: PMMA, PC and PS shrink by 0.002 to 0.008
+
+
+class FeetSection(Section):
+    """Round feet below a base, all alike, evenly on a circle about the axis: the part stands on them."""
+
+    number: Annotated[int, Field(ge=1, le=_MOST_FEET)] = 3
+    """Number of feet."""
+    diameter_mm: Millimetres
+    """Diameter of a foot."""
+    height_mm: Millimetres
+    """Height of a foot, below the base."""
+    circle_diameter_mm: Millimetres
+    """Diameter of the circle on which their axes stand."""
+    first_deg: Annotated[float, Field(ge=-360.0, le=360.0)] = 0.0
+    """Azimuth of the first, from +x towards +y."""
+
+    @property
+    def places_mm(self) -> tuple[tuple[float, float], ...]:
+        """Places (x, y) of their axes."""
+        radius, first = self.circle_diameter_mm / 2.0, radians(self.first_deg)
+        turns = [first + tau * k / self.number for k in range(self.number)]
+        return tuple((radius * cos(turn), radius * sin(turn)) for turn in turns)
+
+    @model_validator(mode="after")
+    def _stand_apart(self) -> "FeetSection":
+        if self.number > 1 and self.circle_diameter_mm * sin(pi / self.number) <= self.diameter_mm:
+            raise ValueError(
+                f"number = {self.number} feet of diameter_mm = {self.diameter_mm:g} overlap on a circle of "
+                f"circle_diameter_mm = {self.circle_diameter_mm:g}: must be above "
+                f"{rounded_up(self.diameter_mm / sin(pi / self.number))}"
+            )
+        return self
 
 
 class BaseSection(Section):
@@ -53,6 +88,24 @@ class BaseSection(Section):
     """Diameter of a wider ring at the bottom."""
     flange_height_mm: Millimetres = 0.5
     """Height of that ring."""
+    feet: FeetSection | None = None
+    """Feet below its bottom; by default there are none."""
+
+    @model_validator(mode="after")
+    def _feet_stand_below(self) -> "BaseSection":
+        if self.feet is None:
+            return self
+        if self.kind not in ("cylinder", "square"):
+            raise ValueError(f'feet go with kind = "cylinder" or "square", not "{self.kind}"; leave them out')
+        wide = self.side_mm if self.kind == "square" else self.diameter_mm
+        room = self.flange_diameter_mm or min(wide, 2.0 * (self.flat_mm or wide))
+        reach = self.feet.circle_diameter_mm + self.feet.diameter_mm
+        if reach >= room:
+            raise ValueError(
+                f"feet.circle_diameter_mm = {self.feet.circle_diameter_mm:g}: with diameter_mm = "
+                f"{self.feet.diameter_mm:g} they reach {reach:g} mm across, and must stand within {room:g}"
+            )
+        return self
 
     @model_validator(mode="after")
     def _file_is_the_whole_base(self) -> "BaseSection":
@@ -111,8 +164,9 @@ class BaseSection(Section):
 
     @property
     def seat_mm(self) -> float:
-        """Depth of the bottom, on which the part sits, below z = 0; 0 without a base, and of a file: it is not read."""
-        return self.height_mm if self.kind in ("cylinder", "square") else 0.0
+        """Depth below z = 0 of the bottom or the feet, on which the part sits; 0 without a base, and of a file."""
+        feet_mm = 0.0 if self.feet is None else self.feet.height_mm
+        return self.height_mm + feet_mm if self.kind in ("cylinder", "square") else 0.0
 
     @property
     def widest_mm(self) -> float:

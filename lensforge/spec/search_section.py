@@ -60,6 +60,11 @@ class ConstraintsSection(Section):
         return 3e-4 * self.max_radius_mm
 
     @property
+    def rim_radius_mm(self) -> float:
+        """Radius at which a search for total internal reflection starts, and of the cylinder where a flange begins."""
+        return self.max_radius_mm - 2.0 * self.margin_mm
+
+    @property
     def missing(self) -> tuple[str, ...]:
         """Names of the sizes that are neither given nor derived yet."""
         sizes = ("cavity_height_mm", "cavity_radius_mm", "min_thickness_mm")

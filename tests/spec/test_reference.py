@@ -25,7 +25,7 @@ FIELDS = [(section, name) for section in all_sections(Spec) for name in section.
 # Counts, shares, indices and other numbers that have no unit, and tables whose numbers have several.
 PURE = {
     "lanes", "oncoming_lanes", "wet_uniformity", "uniformity", "uniformity_along", "luminance_per_lux", "edge_ratio",
-    "surface_q0", "profile",
+    "surface_q0", "profile", "number",
     "events",
     "mirror",
     "refractive_index", "reflectance", "power", "intensity", "weight", "conic_constant", "conic_x", "conic_y",

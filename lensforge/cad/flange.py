@@ -1,0 +1,81 @@
+"""The flange of a lens for total internal reflection: a ring around the cylinder between its wall and its exit.
+
+Its top lies by the setback below the lowest place of the exit's rim, its underside at least as far above the highest
+place of the wall. What is left of the cylinder above and below it is no optical face: the light ends there.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.cad.boundary import Boundary, StarShaped, lens_boundaries
+from lensforge.cad.outline import FULL_TURN
+from lensforge.errors import InputError
+from lensforge.optics.media import FLANGE
+from lensforge.scene.lens import Lens
+from lensforge.spec.face_section import FlangeSection
+
+_AZIMUTHS = 3600
+
+Curve = Float[np.ndarray, "n 2"]
+
+
+def flange_heights_mm(envelope: Boundary[Any]) -> tuple[float, float]:
+    """Heights of the highest place of the wall and the lowest of the exit at the cylinder where the flange begins."""
+    turn = np.linspace(0.0, FULL_TURN, _AZIMUTHS, endpoint=False)
+    (domain,) = (face.domain for face in envelope.faces if face.name == FLANGE)
+    assert domain.inside is not None and domain.outside is not None
+    return float(domain.outside.points(turn)[:, 2].max()), float(domain.inside.points(turn)[:, 2].min())
+
+
+@dataclass(frozen=True)
+class FlangeRing:
+    """The ring (mm): the radius at which it begins, its outer one, and the heights of its underside and its top."""
+
+    inner_mm: float
+    outer_mm: float
+    low_mm: float
+    high_mm: float
+
+    @property
+    def corners(self) -> Curve:
+        """Distance from the axis and height of the corners of its section, from the top at the lens on."""
+        inner, outer, low, high = self.inner_mm, self.outer_mm, self.low_mm, self.high_mm
+        return np.array([(inner, high), (outer, high), (outer, low), (inner, low)])
+
+    def around(self, profile: Curve) -> Float[np.ndarray, "m 2"]:
+        """The section of a lens, (position across, z) from rim to rim, with the ring on both sides of it."""
+        across, z = profile.T
+        hidden = (np.abs(np.abs(across) - self.inner_mm) < 1e-6) & (z > self.low_mm) & (z < self.high_mm)
+        left, right = (np.flatnonzero(np.sign(across) == side) for side in (-1.0, 1.0))
+        ends = left[z[left] <= self.low_mm][-1], right[z[right] <= self.low_mm][0]
+        parts = np.split(np.arange(len(z)), [ends[0] + 1, ends[1]])
+        kept = [profile[rows[~hidden[rows]]] for rows in parts]
+        return np.concatenate([kept[0], self.corners[::-1] * (-1.0, 1.0), kept[1], self.corners, kept[2]])
+
+
+def ring_of(lens: Lens, envelope: StarShaped | None = None) -> FlangeRing | None:
+    """The ring of ``lens``, at the ``envelope`` of its fitted faces or of its own; None of a lens without a flange.
+
+    Raises :class:`InputError` where wall and exit leave too low a cylinder for it.
+    """
+    own = lens.spec.lens.flange if lens.spec.lens.kind == "tir" else None
+    if own is None:
+        return None
+    boundary = lens_boundaries(lens)[1] if envelope is None else envelope
+    assert isinstance(boundary, Boundary)
+    low, high = flange_heights_mm(boundary)
+    radius = float(lens.surfaces[FLANGE].radius(np.array([[1.0, 0.0, 0.0]]))[0])
+    return _ring(own, radius, low, high)
+
+
+def _ring(own: FlangeSection, radius_mm: float, low_mm: float, high_mm: float) -> FlangeRing:
+    top = high_mm - own.setback_mm
+    if not top - own.thickness_mm > low_mm:
+        raise InputError(
+            f"lens.flange.thickness_mm = {own.thickness_mm:g}: wall and exit leave {high_mm - low_mm:.4g} mm for it "
+            f"and its setbacks, {own.room_mm:g} are needed; design again with more steps, or lower it"
+        )
+    return FlangeRing(radius_mm, own.diameter_mm / 2.0, top - own.thickness_mm, top)

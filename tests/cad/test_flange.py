@@ -1,0 +1,180 @@
+"""The flange of a lens for total internal reflection: its light, its room in the search, its solid, mesh and sizes."""
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from tir_lenses import SPOT, spot, spot_lens
+
+import lensforge as lf
+from lensforge.cad.body_export import BuiltBody, on_base, prove
+from lensforge.cad.flange import FlangeRing, ring_of
+from lensforge.cad.form_error import fit_lens
+from lensforge.cad.section import body_outlines
+from lensforge.kernels.fate import Fate
+from lensforge.light.chain_trace import TracedFaces, trace_chain
+from lensforge.light.exact_trace import DenseScan, FixedSurface
+from lensforge.light.sequential_trace import EnteringRays
+from lensforge.light.table_trace import TracedBundle
+from lensforge.proof.proof_inputs import optical_of
+from lensforge.proof.verification import passage_through
+from lensforge.scene.lens import Lens
+from lensforge.search.constraints import AugmentedLagrangian
+from lensforge.search.feasibility import measure_constraints
+from lensforge.search.merit import MeritFunction
+from lensforge.search.profiles import ProfileParameters
+from lensforge.shop.dimensions import dimensions
+from lensforge.shop.view_lines import dome_lines, end_lines
+from lensforge.sources.build_source import build_source
+from lensforge.spec import Spec, parse_spec
+
+FLANGE = {"diameter_mm": 20.0, "thickness_mm": 1.0, "setback_mm": 0.15}
+BASE = {"kind": "cylinder", "diameter_mm": 7.0, "height_mm": 1.0}
+
+
+def flanged(**lens: Any) -> Spec:
+    return spot(flange=FLANGE, **lens).replace(base=BASE)
+
+
+@cache
+def built() -> tuple[Lens, FlangeRing, BuiltBody]:
+    lens = spot_lens(flanged())
+    pair = fit_lens(lens)
+    ring = ring_of(lens, pair[1])
+    assert ring is not None
+    return lens, ring, on_base(lens.surfaces, pair, lens.spec.base, 24, 0.0, None, ring)
+
+
+@cache
+def merit() -> tuple[MeritFunction, Any]:
+    source = build_source(flanged().source, None)
+    return MeritFunction.of(flanged(), source, ProfileParameters.of(flanged(), 2.5)), source
+
+
+def test_the_ring_lies_below_the_exit_and_above_the_wall() -> None:
+    lens, ring, _ = built()
+    polar = np.linspace(0.3, 1.2, 200_001)
+    u = np.column_stack([np.sin(polar), np.zeros_like(polar), np.cos(polar)])
+    places = {name: lens.surfaces[name].radius(u)[:, None] * u for name in ("exit", "wall")}
+    at_rim = {name: points[np.argmin(np.abs(points[:, 0] - ring.inner_mm)), 2] for name, points in places.items()}
+    assert (ring.inner_mm, ring.outer_mm) == (pytest.approx(8.0 - 2.0 * 0.0024, rel=1e-9), 10.0)
+    assert ring.high_mm == pytest.approx(at_rim["exit"] - 0.15, abs=1e-3)
+    assert ring.high_mm - ring.low_mm == pytest.approx(1.0, rel=1e-12) and ring.low_mm > at_rim["wall"] + 0.15
+
+
+def test_solid_mesh_and_section_hold_the_same_ring() -> None:
+    """Their volumes: of the section that of its body of revolution, by Guldin; all three are made apart."""
+    lens, ring, body = built()
+    x, z = body_outlines(lens, 0.0)[0].T
+    (a, b), (low, high) = np.maximum(np.stack([x, np.roll(x, -1)]), 0.0), np.stack([z, np.roll(z, -1)])
+    volume = abs(np.pi / 3.0 * np.sum((a**2 + a * b + b**2) * (high - low)))
+    own = np.pi * (ring.outer_mm**2 - ring.inner_mm**2) * (ring.high_mm - ring.low_mm)
+    assert body.solid.valid and body.solid.genus == 0 and own > 0.05 * volume
+    assert body.mesh.volume() == pytest.approx(volume, rel=2e-3)
+    assert body.solid.default_volume_mm3 == pytest.approx(volume, rel=5e-4)
+    (low_x, _, _), (high_x, _, _) = body.mesh.bounds_mm
+    assert (-low_x, high_x) == (pytest.approx(10.0, rel=2e-3), pytest.approx(10.0, rel=2e-3))
+
+
+def test_light_that_meets_the_flange_has_a_fate_of_its_own() -> None:
+    (function, source), lens = merit(), built()[0]
+    parameters, scene = function.parametrisation, function.light.scene
+    rays = source.sample(2**14, 5)
+    found = TracedBundle.of(parameters.tables(*parameters.start()).numpy(), scene, rays)
+    ended = found.exits.fates == Fate.FLANGE
+    assert 0.001 < ended.mean() < 0.02
+    some = rays.take(np.flatnonzero(ended)[:40])
+    surfaces = {name: FixedSurface(each, DenseScan()) for name, each in lens.surfaces.items()}
+    faces = TracedFaces(surfaces, lens.body.chain(6), 1.2 * lens.body.largest_mm)
+    assert (trace_chain(faces, EnteringRays.of(some, scene.media, None), True).fates == Fate.FLANGE).mean() > 0.9
+    light = lf.evaluate(lens, rays=2**14)
+    assert light.missed_by_cause.flange == pytest.approx(rays.flux[ended].sum() / rays.flux.sum(), rel=0.2)
+    assert sum(vars(light.flux).values()) == pytest.approx(1.0, abs=1e-12)
+    assert not any("flange" in way.faces for way in light.ways)
+
+
+@pytest.mark.parametrize("face", ["wall", "exit"])
+def test_the_derivative_counts_light_that_begins_to_meet_the_flange(face: str) -> None:
+    function, source = merit()
+    parameters, rays = function.parametrisation, source.sample(2**17, 4)
+    weights, offsets = parameters.start()
+    along = torch.tensor([float(name == face) for name in parameters.names], dtype=torch.float64)
+
+    def loss(moved: torch.Tensor) -> torch.Tensor:
+        return function.terms[0].loss(function.light_of(parameters.tables(weights, moved), rays).images[0], False)
+
+    step, moving = 4e-3, offsets.clone().requires_grad_()
+    found = float(loss(offsets + step * along) - loss(offsets - step * along)) / (2.0 * step)
+    loss(moving).backward()
+    assert float((moving.grad * along).sum()) == pytest.approx(found, abs=0.02), "differences err by 0.01"
+    assert abs(found) > 0.06 or face == "exit"
+
+
+@pytest.mark.parametrize("levels", [[], [9]])
+def test_the_search_sees_the_room_that_the_faces_leave(levels: list[int]) -> None:
+    spec = flanged(levels=levels)
+    parameters, rng = ProfileParameters.of(spec, 2.5), np.random.default_rng(5)
+    weights, offsets = parameters.start()
+    weights = weights + 0.005 * torch.from_numpy(rng.normal(size=weights.shape))
+    along = torch.from_numpy(rng.normal(size=weights.shape))
+    constraints = AugmentedLagrangian.of(spec, parameters.grid)
+    number = constraints.keys.index("flange_margin_mm")
+
+    def room(step: float | torch.Tensor) -> torch.Tensor:
+        fields = constraints.fields(parameters.tables(weights + step * along, offsets))
+        return fields[number].min() / constraints.constraints[number].factor
+
+    measured = measure_constraints(parameters.lens(weights, offsets, spec, 0, "draft")).flange_margin_mm
+    assert room(0.0).item() == pytest.approx(measured, abs=2e-3)
+    moving, step = torch.zeros((), dtype=torch.float64, requires_grad=True), 1e-6
+    (exact,) = torch.autograd.grad(room(moving), moving)
+    assert exact.item() == pytest.approx((room(step) - room(-step)).item() / (2.0 * step), rel=1e-3)
+
+
+def test_a_search_leaves_the_room_and_the_referee_finds_the_light() -> None:
+    lens = lf.design(flanged(), accuracy="draft").lens
+    light = lf.evaluate(lens, rays=2**15)
+    assert light.limits[0].value.value > 0.895, "0.9 without a flange"
+    ring = ring_of(lens)
+    assert ring is not None and ring.high_mm - ring.low_mm == pytest.approx(1.0)
+    body = on_base(lens.surfaces, fit_lens(lens), lens.spec.base, 24, 2e-3, None, ring_of(lens, fit_lens(lens)[1]))
+    step, stl, threemf = body.files("spot")
+    proof = prove(body, step, stl, threemf)
+    assert proof.solid.valid and proof.stl.watertight and "flange" not in proof.form
+    rays = build_source(lens.spec.source, None).sample(2**12, 9)
+    found = passage_through(stl, optical_of(lens.body, lens.events), lens.media, rays)
+    assert found.absorbed.sum() / rays.flux.sum() == pytest.approx(light.missed_by_cause.flange, abs=2e-3)
+
+
+def test_views_and_sizes_show_it() -> None:
+    lens, ring, _ = built()
+    sizes = {each.name: each.value_mm for each in dimensions(lens)}
+    assert sizes["thickness of the rim's flange"] == pytest.approx(1.0)
+    assert sizes["diameter of the rim's flange"] == sizes["largest width"] == 20.0
+    assert sizes["underside of the rim's flange above z = 0"] == pytest.approx(ring.low_mm)
+    for lines in (dome_lines(lens), end_lines(lens)):
+        assert max(np.hypot(*line.points.T).max() for line in lines) == pytest.approx(10.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (
+            {"lens": {"kind": "tir", "flange": {**FLANGE, "diameter_mm": 15.0}}},
+            "must exceed that .* above 16",
+        ),
+        (
+            {"constraints": {"max_radius_mm": 8.0, "max_height_mm": 1.2}, "lens": {"kind": "tir", "flange": FLANGE}},
+            "thickness_mm = 1: .* below constraints.max_height_mm = 1.2",
+        ),
+        ({"lens": {"kind": "tir", "flange": {"diameter_mm": 20.0}}}, "lens.flange.thickness_mm"),
+        ({"lens": {"flange": FLANGE}, "optimise": {}}, "lens.flange"),
+        ({"lens": {"kind": "tir", "flange": FLANGE}, "plate": {"thickness_mm": 2.0}}, "the plate holds the lenses"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(changes: dict, words: str) -> None:
+    with pytest.raises(lf.InputError, match=words) as caught:
+        parse_spec({**SPOT, **changes}, "spot")
+    assert "\n" not in str(caught.value)
