@@ -6,6 +6,7 @@ its faces, whose parameters are the same chart.
 """
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from itertools import pairwise
 from math import radians
 from typing import Any

@@ -19,6 +19,7 @@ import numpy as np
 
 from lensforge.cad.boundary import Boundary, Domain, TrimmedFace
 from lensforge.cad.edges import (
+    Opening,
     circle_edge,
     crease_edges,
     face_at,
@@ -274,9 +275,8 @@ class Solid:
 def build_solid(plan: Plan[Patch]) -> Solid:
     """Build the closed solid of a plan."""
     split, ring, opening = len(plan.arcs) == 1, plan.rim_flange, Opening.of(plan)
-    bare = (Arc(0.0, FULL_TURN, "bare"),)
     envelope_faces, envelope_rim = optical_faces(plan.envelope, plan.arcs, split, FROM_ORIGIN, opening, ring)
-    cavity_faces, (cavity_rim,) = optical_faces(plan.cavity, bare, True, TO_ORIGIN, opening)
+    cavity_faces, (cavity_rim,) = optical_faces(plan.cavity, (Arc(0.0, FULL_TURN, "bare"),), True, TO_ORIGIN, opening)
     feet, tops = _feet(plan)
     closing = body_faces(plan, cavity_rim, envelope_rim, tops)
     faces = [(name, facing(face, _OUTWARD[name])) for name, face in closing]
