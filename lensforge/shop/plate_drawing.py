@@ -51,13 +51,13 @@ from lensforge.shop.sheet import (
     box_of,
     shown,
 )
-from lensforge.shop.sheet_marks import arrow_head, axes_mark, frame_of, hatch, paragraphs_in, row, row_height
+from lensforge.shop.sheet_marks import arrow_head, axes_mark, draw_rows, frame_of, hatch, paragraphs_in, row_height
 from lensforge.shop.sheet_tables import Rows
 from lensforge.shop.view_drawing import placed, room_of
 from lensforge.shop.view_lines import dome_radius, front_line
 from lensforge.spec import DrawingSection
 from lensforge.spec.lamps_section import Lamps
-from lensforge.spec.plate_section import PlateBoss, PlateMark
+from lensforge.spec.plate_section import PlateBoss, PlateHole, PlateMark, PlatePin
 
 _FIRST, _ROW, _GAP = 8.0, 7.0, 28.0  # mm on A3: to the first line, between lines, between views
 _CHORD_MM, _HATCH = 5e-3, 3.5
@@ -170,9 +170,9 @@ class View:
 def plate_sheet(lens: Lens, part: Part, layout: PlateLayout, words: DrawingSection, name: SheetName = "A3") -> Sheet:
     """Draw the sheet. Raises :class:`InputError` for a plate that does not fit at any scale."""
     unit, (left, bottom, right, top) = unit_of(name), inside_of(name)
-    rows, gap = place_rows(layout), 4.0 * unit
+    rows, gap, widths = place_rows(layout), 4.0 * unit, [share * WIDTH * unit for share in _COLUMNS]
     drawn = rows if len(rows) <= _MOST_ROWS else [*rows[: _MOST_ROWS - 1], ["…", "", "", "more on manufacturing.html"]]
-    band = (HEIGHT + 4.0) * unit + sum(row_height(each, _widths(unit), unit) for each in drawn)
+    band = (HEIGHT + 4.0) * unit + sum(row_height(each, widths, unit) for each in drawn)
     middle, lines = right - (WIDTH + 4.0) * unit, LensLines.of(lens, layout.lenses.turns_deg)
     notes = paragraphs_in((left + gap, bottom - top, middle, 0.0), plate_notes(lens, layout, words), unit)
     high = gap - min(box_of(each)[1] for each in notes)
@@ -185,7 +185,7 @@ def plate_sheet(lens: Lens, part: Part, layout: PlateLayout, words: DrawingSecti
         marks.add(each)
     title = f"One lens in its section along x, {scale_words(closer.scale)}"
     marks.words.append(Words((0.5 * (beside[0] + beside[2]), top - 2.0 * gap), title, LETTERS * unit, "center"))
-    marks.add(_table(drawn, right - WIDTH * unit, bottom + band, unit))
+    marks.add(draw_rows(drawn, right - WIDTH * unit, bottom + band, widths, unit))
     marks.words += [replace(each, at=(each.at[0], each.at[1] + bottom + high)) for each in notes]
     return Sheet(name, SIZES[name], unit, view.scale, f"{title_of(lens, words)}, plate", view.origin, marks)
 
@@ -221,9 +221,9 @@ def place_rows(layout: PlateLayout) -> Rows:
     if _listed(layout):
         for number, (place, turn) in enumerate(zip(lenses.places_mm, lenses.turns_deg, strict=True), 1):
             found.append((f"L{number}", place, f"lens, turned by {turn:.3f}°" if turn else "lens"))
-    found += [(label, mark.place_mm, mark.words) for label, mark in labelled(layout)]
+    found += [(label, mark.place_mm, _words(mark)) for label, mark in labelled(layout)]
     if layout.plate.gate is not None:
-        found.append(("G", layout.plate.gate.place_mm, layout.plate.gate.words))
+        found.append(("G", layout.plate.gate.place_mm, f"gate, {shown(layout.plate.gate.width_mm)} wide"))
     return [
         [label, *(f"{name} {shown(round(at, 6) + 0.0)}" for name, at in zip("xy", place, strict=True)), words]
         for label, place, words in found
@@ -239,8 +239,19 @@ def labelled(layout: PlateLayout) -> Iterator[tuple[str, PlateMark]]:
     """Holes, pins and the like with their labels on the drawing: a letter of each kind, and numbers."""
     counts: dict[str, int] = {}
     for _, mark in layout.plate.marks:
-        counts[mark.letter] = counts.get(mark.letter, 0) + 1
-        yield f"{mark.letter}{counts[mark.letter]}", mark
+        letter = {PlateHole: "H", PlatePin: "P", PlateBoss: "B"}[type(mark)]
+        counts[letter] = counts.get(letter, 0) + 1
+        yield f"{letter}{counts[letter]}", mark
+
+
+def _words(mark: PlateMark) -> str:
+    """A phrase on what it is, with its sizes."""
+    if not isinstance(mark, PlatePin):
+        return f"hole ⌀{shown(mark.diameter_mm)}, through"
+    size = f"⌀{shown(mark.diameter_mm)}, {shown(mark.height_mm)} below"
+    if not isinstance(mark, PlateBoss):
+        return f"pin {size}"
+    return f"boss {size}; bore ⌀{shown(mark.bore_diameter_mm)}, {shown(mark.bore_depth_mm)} deep"
 
 
 def _block(lens: Lens, part: Part, words: DrawingSection) -> Rows:
@@ -251,19 +262,6 @@ def _block(lens: Lens, part: Part, words: DrawingSection) -> Rows:
     file = f"Defined by: {PLATE_STEP_FILE}, SHA-256 {part.files[PLATE_STEP_FILE].sha256[:16]}…"
     title = f"{rows[0][0]}, plate of {quantity(plate.lenses, 'lenses')}"
     return [[title], rows[1], [rows[2][0], mass], *rows[3:-1], [file]]
-
-
-def _widths(unit: float) -> list[float]:
-    return [share * WIDTH * unit for share in _COLUMNS]
-
-
-def _table(rows: Rows, left: float, top: float, unit: float) -> Marks:
-    """The table of places, its upper left corner given."""
-    marks = Marks()
-    for texts in rows:
-        marks.add(row(left, top, texts, _widths(unit), unit))
-        top -= row_height(texts, _widths(unit), unit)
-    return marks
 
 
 def _whole(lines: LensLines, layout: PlateLayout, view: View) -> Marks:
@@ -281,7 +279,8 @@ def _whole(lines: LensLines, layout: PlateLayout, view: View) -> Marks:
             marks.words.append(view.label(f"L{number + 1}", place, 0.75 * lens_mm))
     for label, mark in labelled(layout):
         circle = points_on(circle_at(mark.place_mm, mark.radius_mm), _CHORD_MM)
-        marks.strokes += [view.line(circle, mark.pen, closed=True), *view.cross(mark.place_mm, mark.radius_mm)]
+        pen: PenName = "hidden" if isinstance(mark, PlatePin) else "outline"
+        marks.strokes += [view.line(circle, pen, closed=True), *view.cross(mark.place_mm, mark.radius_mm)]
         inside = view.scale * mark.radius_mm > _INSIDE * unit
         marks.words.append(view.label(label, mark.place_mm, 0.0 if inside else 0.75 * mark.radius_mm))
     if layout.plate.gate is not None:
@@ -338,7 +337,7 @@ def _sizes_along(axis: int, layout: PlateLayout, pattern: Pattern | None, view: 
 
 def _below_mm(layout: PlateLayout) -> float:
     """Depth of the lowest point below z = 0."""
-    return layout.plate.thickness_mm + max((mark.below_mm for _, mark in layout.plate.marks), default=0.0)
+    return layout.plate.thickness_mm + max((pin.height_mm for pin in layout.plate.standing), default=0.0)
 
 
 def _front(lines: LensLines, layout: PlateLayout, view: View) -> Marks:
@@ -349,8 +348,9 @@ def _front(lines: LensLines, layout: PlateLayout, view: View) -> Marks:
     marks.strokes += [view.line(lines.fronts[turn] + np.array([x, 0.0])) for x, turn in sorted(seen)]
     columns, heights = [view.dimension("thickness of the plate", (half, low), (half, 0.0), 90)], dict[float, float]()
     for _, mark in layout.plate.marks:
-        left, right, end = mark.place_mm[0] - mark.radius_mm, mark.place_mm[0] + mark.radius_mm, low - mark.below_mm
-        if mark.below_mm:
+        left, right = mark.place_mm[0] - mark.radius_mm, mark.place_mm[0] + mark.radius_mm
+        if isinstance(mark, PlatePin):
+            end = low - mark.height_mm
             marks.strokes.append(view.line([(left, low), (left, end), (right, end), (right, low)]))
             heights[end] = max(right, heights.get(end, right))
             if isinstance(mark, PlateBoss):

@@ -149,6 +149,15 @@ def row(left: float, top: float, texts: Sequence[str], widths: Sequence[float], 
     return Marks(strokes, words)
 
 
+def draw_rows(rows: Sequence[Sequence[str]], left: float, top: float, widths: Sequence[float], unit: float) -> Marks:
+    """A table of rows, its upper left corner given."""
+    marks = Marks()
+    for texts in rows:
+        marks.add(row(left, top, texts, widths, unit))
+        top -= row_height(texts, widths, unit)
+    return marks
+
+
 def paragraphs_in(box: Box, paragraphs: list[str], unit: float) -> list[Words]:
     """Numbered paragraphs from the top of ``box``; what is too long is left out, and the last line says so."""
     left, bottom, right, top = box

@@ -20,7 +20,7 @@ from lensforge.shop.check_facts import face_title
 from lensforge.shop.check_result import FLAT_MM, Check, Sphere
 from lensforge.shop.dimensions import widest_mm
 from lensforge.shop.sheet import Marks
-from lensforge.shop.sheet_marks import row, row_height
+from lensforge.shop.sheet_marks import draw_rows, row_height
 from lensforge.spec import DrawingSection
 from lensforge.spec.tolerances_section import Factor, amount_words, factors_of
 
@@ -83,11 +83,7 @@ def table_height(rows: Rows, width: float, unit: float) -> float:
 
 def draw_optical_table(rows: Rows, right: float, top: float, width: float, unit: float) -> Marks:
     """The table, its upper right corner given, ``width`` mm wide on A3."""
-    marks, widths = Marks(), _widths(rows, width, unit)
-    for texts in rows:
-        marks.add(row(right - width * unit, top, texts, widths, unit))
-        top -= row_height(texts, widths, unit)
-    return marks
+    return draw_rows(rows, right - width * unit, top, _widths(rows, width, unit), unit)
 
 
 def _face(name: str, lens: Lens, part: Part, check: Check, words: DrawingSection) -> list[str]:

@@ -5,7 +5,7 @@ down through it, as through a base.
 """
 
 from math import hypot
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -20,10 +20,7 @@ _Lines = Annotated[int, Field(ge=1, le=_MOST_LENSES)]
 
 
 class PlateMark(Section):
-    """Fields of what stands at a place of the plate; a ``letter`` of its kind, and a ``pen``, for the drawing."""
-
-    letter: ClassVar[str]
-    pen: ClassVar[Literal["outline", "hidden"]] = "outline"
+    """Fields of what stands at a place of the plate."""
 
     place_mm: tuple[Coordinate, Coordinate]
     """Place (x, y) of its axis."""
@@ -35,16 +32,6 @@ class PlateMark(Section):
         """Half of the diameter."""
         return self.diameter_mm / 2.0
 
-    @property
-    def below_mm(self) -> float:
-        """Length below the plate; 0 of a hole."""
-        return 0.0
-
-    @property
-    def words(self) -> str:
-        """A phrase on what it is, with its sizes."""
-        raise NotImplementedError
-
     def away_mm(self, place: Place) -> float:
         """Distance of its axis from a place."""
         return hypot(self.place_mm[0] - place[0], self.place_mm[1] - place[1])
@@ -53,49 +40,21 @@ class PlateMark(Section):
 class PlateHole(PlateMark):
     """A round hole through the plate, as for a screw."""
 
-    letter: ClassVar[str] = "H"
-
-    @property
-    def words(self) -> str:
-        """A phrase on what it is, with its sizes."""
-        return f"hole ⌀{self.diameter_mm:.3f}, through"
-
 
 class PlatePin(PlateMark):
     """A round pin below the plate, which finds its place on the board."""
 
-    letter: ClassVar[str] = "P"
-    pen: ClassVar[Literal["outline", "hidden"]] = "hidden"
-
     height_mm: Millimetres
     """Length below the plate."""
-
-    @property
-    def below_mm(self) -> float:
-        """Length below the plate."""
-        return self.height_mm
-
-    @property
-    def words(self) -> str:
-        """A phrase on what it is, with its sizes."""
-        return f"pin ⌀{self.diameter_mm:.3f}, {self.height_mm:.3f} below"
 
 
 class PlateBoss(PlatePin):
     """A screw dome: a pin with a blind bore from its end. It keeps clear of the lenses, on which it would sink."""
 
-    letter: ClassVar[str] = "B"
-
     bore_diameter_mm: Millimetres
     """Diameter of its bore."""
     bore_depth_mm: Millimetres
     """Depth of its bore from its end, which may reach into the plate."""
-
-    @property
-    def words(self) -> str:
-        """A phrase on what it is, with its sizes."""
-        outside = super().words.replace("pin", "boss")
-        return f"{outside}; bore ⌀{self.bore_diameter_mm:.3f}, {self.bore_depth_mm:.3f} deep"
 
     @model_validator(mode="after")
     def _has_a_wall(self) -> "PlateBoss":
@@ -115,11 +74,6 @@ class PlateGate(Section):
     """Width along the outline."""
     clear_mm: MillimetresOrZero = 3.0
     """Distance from its middle that lenses as wide as ``constraints.max_radius_mm``, holes, pins and bosses keep."""
-
-    @property
-    def words(self) -> str:
-        """A phrase on what it is, with its size."""
-        return f"gate, {self.width_mm:.3f} wide"
 
 
 class PlateSection(Section):
