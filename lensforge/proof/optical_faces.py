@@ -45,8 +45,8 @@ class PlateOfLenses:
 
     def nearest(self, points: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, " n"]:
         """Number of the lens whose axis is nearest to points in the coordinates of the lit one."""
-        distances = [np.hypot(*(points[:, :2] - place).T) for place in self._seen]
-        numbers: Int[np.ndarray, " n"] = np.argmin(distances, axis=0)
+        found = [np.hypot(*(points[:, :2] - place).T) for place in self._seen]
+        numbers: Int[np.ndarray, " n"] = np.argmin(found, axis=0)
         return numbers
 
     def from_lit(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
@@ -147,10 +147,10 @@ class OpticalFaces:
             rows = np.nonzero(above & (away == side))[0]
             numbers[rows] = own[0]
             if len(own) > 1:
-                gaps = self._gaps(points[rows])[own]
-                numbers[rows] = own[np.argmin(gaps, axis=0)]
+                found = self._gaps(points[rows])[own]
+                numbers[rows] = own[np.argmin(found, axis=0)]
                 slant = np.abs(np.sum(points[rows] * normals[rows], axis=1)) / np.linalg.norm(points[rows], axis=1)
-                apart[rows] = gaps.min(axis=0) * slant
+                apart[rows] = found.min(axis=0) * slant
         if self.flange_mm is not None:
             beyond = above & (np.hypot(points[:, 0], points[:, 1]) > self.flange_mm + _AT_FLANGE_MM)
             numbers[beyond], apart[beyond] = self.names.index(FLANGE), 0.0
@@ -164,9 +164,9 @@ class OpticalFaces:
         low = np.minimum(place.astype(np.int64), last - 1)
         (x, y), (i, j) = (place - low).T, low.T
         table = self.inverse_radii
-        inverse = (1.0 - x) * (1.0 - y) * table[:, i, j] + x * (1.0 - y) * table[:, i + 1, j]
-        inverse += (1.0 - x) * y * table[:, i, j + 1] + x * y * table[:, i + 1, j + 1]
-        gaps: Float[np.ndarray, "f n"] = np.abs(1.0 / np.maximum(inverse, _FARTHEST) - radius)
+        found = (1.0 - x) * (1.0 - y) * table[:, i, j] + x * (1.0 - y) * table[:, i + 1, j]
+        found += (1.0 - x) * y * table[:, i, j + 1] + x * y * table[:, i + 1, j + 1]
+        gaps: Float[np.ndarray, "f n"] = np.abs(1.0 / np.maximum(found, _FARTHEST) - radius)
         return gaps
 
 

@@ -56,8 +56,8 @@ class _AtCreases(torch.autograd.Function):
         images = [each.contiguous().numpy() for each in by[::4]]
         sums = [np.array([float(each) for each in by[first + 1 : first + 4]]) for first in range(0, len(by), 4)]
         places = ctx.tables, ctx.scene, ctx.source, worth_on(ctx.receivers, images, sums)
-        gradients = crease_gradients(*places) + later_crease_gradients(*places, _FANS, _RAYS_OF_FAN)
-        return torch.from_numpy(gradients), None, None, None, *by
+        found = crease_gradients(*places) + later_crease_gradients(*places, _FANS, _RAYS_OF_FAN)
+        return torch.from_numpy(found), None, None, None, *by
 
 
 _CHUNK = 2**19  # rays; their graph takes 2.5 GiB
@@ -134,12 +134,12 @@ class LightPath:
             landed, sin2_exit = landed_through(tables, self.scene, rays, self.seen)
             emitted = torch.from_numpy(rays.flux)
             weights = None if self.colour is None else torch.from_numpy(self.colour.weights(rays))
-            by_raster = tuple(
+            found = tuple(
                 collected(landings, sin2_exit, emitted, receiver.grid, receiver.window, weights)
                 for receiver, landings in zip(self.seen, landed, strict=True)
             )
             creased = self.source is not None and self.scene.made is None
-            return self._together(self._with_creases(tables, by_raster) if creased else by_raster)
+            return self._together(self._with_creases(tables, found) if creased else found)
         there = tables_on(self.device, tables[0], tables[1], self.scene)
         starts = range(0, len(rays), self.chunk)
         parts = [self._part(there, rays.take(slice(start, start + self.chunk))) for start in starts]
@@ -147,17 +147,17 @@ class LightPath:
         each = len(sums) // len(self.seen)
         return self._together(tuple(Collected(*sums[first : first + each]) for first in range(0, len(sums), each)))
 
-    def _together(self, by_raster: tuple[Collected, ...]) -> tuple[Collected, ...]:
-        rest = iter(by_raster)
+    def _together(self, found: tuple[Collected, ...]) -> tuple[Collected, ...]:
+        rest = iter(found)
         return tuple(together(lamps, [next(rest) for _ in lamps.rasters]) for lamps in self.lamps)
 
-    def _with_creases(self, tables: Tensor, by_raster: tuple[Collected, ...]) -> tuple[Collected, ...]:
-        sums = [each for own in by_raster for each in list(vars(own).values())[:4]]
+    def _with_creases(self, tables: Tensor, found: tuple[Collected, ...]) -> tuple[Collected, ...]:
+        sums = [each for own in found for each in list(vars(own).values())[:4]]
         places = self.scene, self.source, self.seen
         same = _AtCreases.apply(tables, *places, *sums)  # type: ignore[no-untyped-call]  # as torch has it
         rest = iter(same)
         names = ("image", "in_window", "outside_receiver", "total_reflection")
-        return tuple(replace(own, **{name: next(rest) for name in names}) for own in by_raster)
+        return tuple(replace(own, **{name: next(rest) for name in names}) for own in found)
 
     def _part(self, tables: tuple[DeviceTable, DeviceTable], rays: RayBundle) -> tuple[Tensor, ...]:
         inner, outer = (TableSurface(table) for table in tables)
@@ -174,8 +174,8 @@ class LightPath:
             sums: list[Tensor] = []
             for receiver in self.seen:
                 landings, places = receiver.land_by_arrays(exit_rays), (receiver.grid, receiver.window)
-                on_receiver = collected_on_device(landings, exit_rays.sin2_exit, entering.flux, *places, weights)
-                sums += (each for each in vars(on_receiver).values() if each is not None)
+                found = collected_on_device(landings, exit_rays.sin2_exit, entering.flux, *places, weights)
+                sums += (each for each in vars(found).values() if each is not None)
             return tuple(sums)
 
         parts: tuple[Tensor, ...] = checkpoint(light, use_reentrant=False, preserve_rng_state=False)

@@ -65,6 +65,7 @@ TOLD = (
     ("outer_draft", "Draft, outer face", "°", lambda r: r.check.outer.draft_deg.min),
     ("outer_sphere", "Best-fit sphere", "mm", lambda r: r.check.outer.best_fit_sphere.radius_mm),
     ("outer_departure", "Departure from it", "µm", lambda r: 1e3 * r.check.outer.best_fit_sphere.pv_mm),
+    ("outer_departure_rms", "Departure, rms", "µm", lambda r: 1e3 * r.check.outer.best_fit_sphere.rms_mm),
     ("thinnest", "Thinnest wall", "mm", lambda r: r.check.min_wall_mm),
     ("thickest", "Thickest wall", "mm", lambda r: r.check.walls.thickest.thickness_mm),
     ("landing", "Rays land apart by", "µm", lambda r: 1e3 * r.proof.deviation_mm.rms),
