@@ -23,10 +23,10 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
-from lensforge.errors import InputError
 from lensforge.kernels.image_sums import SAFE_SIN2, SIN2_SCALE, collect_adjoint
 from lensforge.light.table_trace import Scene, Tables, TracedBundle
 from lensforge.optics.media import CAVITY
+from lensforge.scene.as_made import through_frame
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.sources.emitting_area import sobol
 from lensforge.sources.ray_bundle import RayBundle, Source, towards
@@ -50,10 +50,11 @@ def crease_gradients(
     """Gradients of a merit by all ``tables`` for light that crosses the creases of the cavity; 0 where it has none.
 
     ``count`` start points of ``source`` are drawn by ``seed``, each with a point of a crease and two rays. ``worth``
-    says what light on each way adds to the merit: see :func:`worth_on`. Raises :class:`InputError` for a lens as made,
-    and for a source that cannot say how much light goes into a direction, such as rays of a file that are not turned.
+    says what light on each way adds to the merit: see :func:`worth_on`. Of a lens as made the roughness is left out.
+    Raises :class:`InputError` for a source that cannot say how much light goes into a direction, such as rays of a file
+    that are not turned.
     """
-    require_as_designed(scene)
+    scene = polished(scene)
     points, turn = sobol(count, 5, seed)[:, 4], np.random.default_rng(seed).random()
     creases = CreasePoints.of(tables, scene, turn)
     total: Tables = np.zeros(tables.shape)
@@ -61,17 +62,34 @@ def crease_gradients(
         return total
     own = (points * len(creases)).astype(int)
     crossing = creases.take(own)
-    rays = towards(source, crossing.one.points, seed)
+    rays = towards(source, _seen_from_source(scene, crossing.one.points), seed)
     change = rays.flux * _gain(tables, scene, rays, crossing, worth) * (len(creases) * 2.0 * np.pi / _MERIDIANS)
-    for side, by_radius in zip((creases.one, creases.other), crossing.flows(rays), strict=True):
+    for side, by_radius in zip((creases.one, creases.other), crossing.flows(in_lens(scene, rays)), strict=True):
         side.add(np.bincount(own, change * by_radius, len(creases)), total)
     return total
 
 
-def require_as_designed(scene: Scene) -> None:
-    """Raise :class:`InputError` for the scene of a lens as made."""
-    if scene.made is not None:
-        raise InputError("creases: light that crosses them is known of a lens as designed; leave out what was made")
+def polished(scene: Scene) -> Scene:
+    """The scene without the roughness of a lens as made: its noise would be another for each of two close rays."""
+    return scene if scene.made is None else replace(scene, made=replace(scene.made, slopes={}))
+
+
+def in_lens(scene: Scene, rays: RayBundle) -> RayBundle:
+    """Rays of the source in the frame of the faces, where these are out of place with it."""
+    if scene.made is None:
+        return rays
+    frames, factor, _ = scene.made.placed
+    origins, directions = through_frame(frames[0], rays.origins, rays.directions, factor)
+    return replace(rays, origins=origins, directions=directions)
+
+
+def _seen_from_source(scene: Scene, points: _Vectors) -> _Vectors:
+    """Points (mm) of the faces in the frame of the source."""
+    if scene.made is None:
+        return points
+    frames, factor, _ = scene.made.placed
+    seen: _Vectors = (points - frames[0][:, 3]) @ frames[0][:, :3] / factor
+    return seen
 
 
 def worth_on(
@@ -247,7 +265,9 @@ def _gain(
 
     Where a ray meets a face before the crease, that is the same on both sides.
     """
-    across = crossing.across(rays.directions)
+    across = crossing.across(in_lens(scene, rays).directions)
+    if scene.made is not None:
+        across = across @ scene.made.placed[0][0, :, :3]
     beside = []
     for sign in (1.0, -1.0):
         directions = rays.directions + sign * _BESIDE * across

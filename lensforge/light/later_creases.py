@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float, Int, Int8
 from lensforge.kernels.chain import FROM_BEHIND, REFLECTED
 from lensforge.kernels.fate import Fate
 from lensforge.kernels.nearest_face import BODY
-from lensforge.light.crease import OnFaces, Worth, require_as_designed
+from lensforge.light.crease import OnFaces, Worth, in_lens, polished
 from lensforge.light.table_trace import Scene, Tables, TracedBundle
 from lensforge.scene.exit_rays import Sensitivities
 from lensforge.sources.emitting_area import sobol
@@ -43,7 +43,7 @@ def later_crease_gradients(
     ``fans``: their number, of ``rays`` each, from start points of ``source`` that are drawn by ``seed``; ``worth`` as
     in :func:`~lensforge.light.crease.crease_gradients`, with the same errors.
     """
-    require_as_designed(scene)
+    scene = polished(scene)
     total: Tables = np.zeros(tables.shape)
     if scene.chain is None:
         return total
@@ -223,7 +223,8 @@ class _Lines:
         """Follow some rays of a bundle to an event of each."""
         assert traced.met is not None and traced.scene.chain is not None
         event, met, paths = event[rows], traced.met[rows].astype(int), traced.lengths[rows]
-        points, directions = traced.rays.origins[rows], traced.rays.directions[rows]
+        own = in_lens(traced.scene, traced.rays)
+        points, directions = own.origins[rows], own.directions[rows]
         for number in range(event.max(initial=0)):
             on = np.flatnonzero(number < event)
             points[on] += paths[on, number, None] * directions[on]
@@ -271,10 +272,11 @@ def _gradients(changes: _Changes, low: TracedBundle, high: TracedBundle, flux: _
 
 
 def _before(traced: TracedBundle, event: _Numbers) -> TracedBundle:
-    """The rays as if they left the lens before an event of each, which ends their adjoint there."""
+    """The rays, in the frame of the faces, as if they left before an event of each, which ends their adjoint there."""
     assert traced.met is not None
     kept = np.arange(traced.met.shape[1]) < event[:, None]
     met = np.where(kept, traced.met, -1).astype(np.int8)
     exits = replace(traced.at_lens, fates=np.full(len(event), Fate.LEFT_LENS, dtype=np.int8))
-    scene = replace(traced.scene, media=replace(traced.scene.media, cover_glass=None))
-    return replace(traced, scene=scene, met=met, at_lens=exits, exits=exits)
+    scene = replace(traced.scene, media=replace(traced.scene.media, cover_glass=None), made=None)
+    own = in_lens(traced.scene, traced.rays)
+    return replace(traced, scene=scene, rays=own, placed=None, rough=None, met=met, at_lens=exits, exits=exits)

@@ -46,9 +46,11 @@ class _AtCreases(torch.autograd.Function):
 
     @staticmethod
     def forward(
-        ctx: Any, tables: Tensor, scene: Scene, source: Source, receivers: tuple[PosedReceiver, ...], *sums: Tensor
-    ) -> Any:
+        ctx: Any, tables: Tensor, scene: Scene, source: Source, receivers: tuple[PosedReceiver, ...], flux: float,
+        *sums: Tensor,
+    ) -> Any:  # fmt: skip
         ctx.tables, ctx.scene, ctx.source, ctx.receivers = tables.detach().numpy(), scene, source, receivers
+        ctx.flux = flux
         return tuple(each.clone() for each in sums)
 
     @staticmethod
@@ -57,7 +59,7 @@ class _AtCreases(torch.autograd.Function):
         sums = [np.array([float(each) for each in by[first + 1 : first + 4]]) for first in range(0, len(by), 4)]
         places = ctx.tables, ctx.scene, ctx.source, worth_on(ctx.receivers, images, sums)
         found = crease_gradients(*places) + later_crease_gradients(*places, _FANS, _RAYS_OF_FAN)
-        return torch.from_numpy(found), None, None, None, *by
+        return ctx.flux * torch.from_numpy(found), None, None, None, None, *by
 
 
 _CHUNK = 2**19  # rays; their graph takes 2.5 GiB
@@ -94,7 +96,8 @@ class LightPath:
 
     ``source``: where faces meet in creases, for the light that crosses these; None where there is no such light, or
     where the source cannot say how much it is. ``colour``: of the source, from which the colours of its rays are
-    collected; None where they do not count. Their gradient is without the light that crosses creases.
+    collected; None where they do not count. Their gradient is without the light that crosses creases. ``flux``: of the
+    part's source over that of ``source``.
     """
 
     scene: Scene
@@ -103,6 +106,7 @@ class LightPath:
     chunk: int = _CHUNK
     source: Source | None = None
     colour: SourceColour | None = None
+    flux: float = 1.0
 
     @cached_property
     def lamps(self) -> tuple[LampPictures, ...]:
@@ -123,7 +127,7 @@ class LightPath:
         """Light through one part of the lens with these tables; its source has a flux of its own."""
         scene = replace(self.scene, media=part.media(self.scene.media), made=part.made)
         own = replace(rays, flux=part.flux * rays.flux)
-        return replace(self, scene=scene).collect(part.tables(tables), own)
+        return replace(self, scene=scene, flux=part.flux).collect(part.tables(tables), own)
 
     def collect(self, tables: Float[Tensor, "f side side"], rays: RayBundle) -> tuple[Collected, ...]:
         """Trace ``rays`` through tables on the CPU and collect the mean light of a lamp; differentiable in the tables.
@@ -138,8 +142,7 @@ class LightPath:
                 collected(landings, sin2_exit, emitted, receiver.grid, receiver.window, weights)
                 for receiver, landings in zip(self.seen, landed, strict=True)
             )
-            creased = self.source is not None and self.scene.made is None
-            return self._together(self._with_creases(tables, found) if creased else found)
+            return self._together(found if self.source is None else self._with_creases(tables, found))
         there = tables_on(self.device, tables[0], tables[1], self.scene)
         starts = range(0, len(rays), self.chunk)
         parts = [self._part(there, rays.take(slice(start, start + self.chunk))) for start in starts]
@@ -153,7 +156,7 @@ class LightPath:
 
     def _with_creases(self, tables: Tensor, found: tuple[Collected, ...]) -> tuple[Collected, ...]:
         sums = [each for own in found for each in list(vars(own).values())[:4]]
-        places = self.scene, self.source, self.seen
+        places = self.scene, self.source, self.seen, self.flux
         same = _AtCreases.apply(tables, *places, *sums)  # type: ignore[no-untyped-call]  # as torch has it
         rest = iter(same)
         names = ("image", "in_window", "outside_receiver", "total_reflection")

@@ -335,10 +335,6 @@ class Spec(Section):
     @model_validator(mode="after")
     def _settings_match_levels(self) -> "Spec":
         given = self.optimise.model_fields_set
-        if self.optimise.robust and self.lens.has_creases:
-            raise ValueError(
-                f"optimise.robust goes with lens.kind = 'double' as yet, not {self.lens.kind!r}; leave it out"
-            )
         if self.lens.levels != "auto":
             if self.optimise.seconds is not None:
                 raise ValueError('optimise.seconds goes with lens.levels = "auto"; leave out one of the two')

@@ -13,7 +13,6 @@ from lensforge.light.later_creases import later_crease_gradients
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.material import MATERIALS
 from lensforge.optics.media import BODY, CAVITY, OUTSIDE
-from lensforge.scene.as_made import AsMade
 from lensforge.scene.body import Body, Face
 from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver import ReceiverPose
@@ -200,8 +199,6 @@ def test_what_is_not_known_is_refused() -> None:
     tables, here = tables_of(pocket(), GRID), scene(pocket())
     with pytest.raises(InputError, match="RaySetEmitter: the light into a direction is not known; turn its rays"):
         crease_gradients(tables, here, RaySetEmitter(upwards(99, 1), 1.0), mixed)
-    with pytest.raises(InputError, match=r"creases: .* of a lens as designed"):
-        crease_gradients(tables, replace(here, made=AsMade(names=("cap", "side", "ball"))), LED, mixed)
 
 
 PLANES, CELLS = np.array([0.0, 90.0, 200.0, 360.0]), np.array([-1.0, 0.3, 1.0])

@@ -1,5 +1,6 @@
 """A lens for total internal reflection from its spec: start, tables, derivatives, limits, and a short search."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from lensforge.light.table_trace import TracedBundle
 from lensforge.scene.body import Body
 from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.feasibility import measure_constraints
+from lensforge.search.light_path import SearchParts
 from lensforge.search.merit import MeritFunction
 from lensforge.search.parameters import settled_symmetry
 from lensforge.search.profiles import ProfileParameters, start_faces
@@ -116,6 +118,37 @@ def test_the_derivative_of_the_merit_counts_light_that_crosses_creases() -> None
     merit.terms[0].loss(light.images[0], False).backward()
     without = float((moving.grad * along).sum())
     assert abs(without - found) > 5.0 * abs(exact - found), "the crease is most of this derivative"
+
+
+@pytest.mark.parametrize("along", [[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
+def test_the_derivative_through_made_parts_counts_it_too(along: list[float]) -> None:
+    """Of parts whose LED is out of place, tilted, and of another size: the creases are seen from there."""
+    amounts = {"source_shift_mm": 0.2, "source_height_mm": 0.1, "source_size": 0.05, "source_flux": 0.2}
+    spec = spot().replace(optimise={"robust": True}, tolerances={**amounts, "lens_tilt_deg": 0.5})
+    source, parameters = build_source(spec.source, None), ProfileParameters.of(spec, 2.5)
+    merit, pair = MeritFunction.of(spec, source, parameters), SearchParts.of(spec, parameters).of_step(0, 3)
+    (weights, offsets), rays = parameters.start(), source.sample(2**15, 3)
+    assert abs(pair[0].made.source.shift_mm[0]) > 0.03 and pair[0].flux != 1.0
+
+    def loss(moved: torch.Tensor, own: MeritFunction = merit) -> torch.Tensor:
+        return own.assessed(own.light_of(parameters.tables(weights, moved), rays, pair), False).loss
+
+    step, direction = 8e-3, torch.tensor(along, dtype=torch.float64)
+    found = float(loss(offsets + step * direction) - loss(offsets - step * direction)) / (2.0 * step)
+    slopes = []
+    for own in (merit, replace(merit, light=replace(merit.light, source=None))):
+        moving = offsets.clone().requires_grad_()
+        loss(moving, own).backward()
+        slopes.append(float((moving.grad * direction).sum()))
+    assert slopes[0] == pytest.approx(found, abs=0.015) and abs(slopes[1] - found) > 0.06
+
+
+def test_a_robust_search_takes_parts_in_its_steps() -> None:
+    amounts = {"source_shift_mm": 0.2, "source_height_mm": 0.2}
+    spec = spot().replace(optimise={"robust": True, "steps_per_level": [6]}, tolerances=amounts)
+    robust, plain = (lf.design(each, accuracy="draft") for each in (spec, spec.replace(optimise={"robust": False})))
+    assert robust.lens != plain.lens and all(criterion.passed for criterion in robust.criteria)
+    assert robust.history[0].loss[0] > plain.history[0].loss[0] + 0.003, "parts are worse than the lens as designed"
 
 
 def test_limits_of_four_faces_are_those_of_the_body() -> None:
@@ -245,7 +278,6 @@ def test_a_silvered_wall_keeps_its_share_of_the_light_that_it_turns() -> None:
         ({"lens": {"kind": "tir", "refractive_index": 1.05}}, "raise the index"),
         ({"lens": {"kind": "tir", "side": {"draft_deg": 24.0}}}, "lens: cone: slope"),
         ({"lens": {"kind": "tir", "levels": "auto"}}, "lens.levels"),
-        ({"optimise": {"robust": True}}, "optimise.robust goes with"),
         ({"lens": {"kind": "prism"}}, "double, tir"),
         (
             {"lens": {}, "optimise": {}, "constraints": {"max_radius_mm": 8.0, **EDGES}},
