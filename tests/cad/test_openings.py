@@ -134,7 +134,7 @@ def test_a_freeform_cup_is_exported_too() -> None:
     weights[parameters.profile :, 0] += 0.02
     weights[parameters.profile, 0] += 0.1
     moved = parameters.lens(weights, offsets, lens.spec, 0, "draft")
-    built = build_body(moved.body, nodes=dict.fromkeys(moved.surfaces, 80), rings=48)
+    built = build_body(moved.body, nodes=dict.fromkeys(moved.surfaces, 120), rings=48)
     assert built.solid.valid and built.solid.genus == 1
     assert built.mesh.volume() == pytest.approx(built.solid.volume_mm3, rel=1e-3)
     assert moved.surfaces["cup"].symmetry == moved.surfaces["back"].symmetry == "none"
