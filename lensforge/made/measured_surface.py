@@ -95,14 +95,14 @@ class ChangedLens:
         details = [_WIDER * change.detail_rad for change in changes if change is not None]
         grid = grid_for(min(self.lens.detail_rad, *details), self.nodes_per_sigma)
         tables = {name: tabulate(grid, surface) for name, surface in self.lens.surfaces.items()}
-        scene, lights = Scene(self.lens.media, grid), []
+        scene, found = Scene(self.lens.media, grid), []
         for change in changes:
-            changed = dict(tables)
+            own = dict(tables)
             if change is not None:
-                changed[self.side] = changed[self.side] + tabulate(grid, change)  # tables are linear in the radius
-            traced = TracedLens(scene, np.stack([*changed.values()]), {})
-            lights.append(traced_light(traced, self.lens.spec, self.source, self.rays, self.lens.seed))
-        return lights
+                own[self.side] = own[self.side] + tabulate(grid, change)  # tables are linear in the radius
+            traced = TracedLens(scene, np.stack([*own.values()]), {})
+            found.append(traced_light(traced, self.lens.spec, self.source, self.rays, self.lens.seed))
+        return found
 
 
 def compare_surface(
