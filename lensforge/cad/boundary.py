@@ -103,7 +103,7 @@ class Domain:
         return low, np.ones_like(azimuths) if self.outside is None else self.outside.radius(azimuths)
 
     def held(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "k 3"]:
-        """Those of the directions above z = 0 in which it lies."""
+        """Select the directions above z = 0 in which it lies."""
         if not self.edges:
             return directions
         azimuths, radius = _polar(to_chart(directions))
