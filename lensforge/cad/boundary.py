@@ -108,6 +108,15 @@ class Domain:
         low = np.zeros_like(azimuths) if self.inside is None else self.inside.radius(azimuths)
         return low, np.ones_like(azimuths) if self.outside is None else self.outside.radius(azimuths)
 
+    def held(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "k 3"]:
+        """Select the directions above z = 0 in which it lies."""
+        if not self.edges:
+            return directions
+        azimuths, radius = _polar(to_chart(directions))
+        low, high = self.radii(azimuths)
+        found: Float[np.ndarray, "k 3"] = directions[(radius >= low) & (radius <= high)]
+        return found
+
     def within(self, places: Places) -> Places:
         """Chart points, those outside moved along their meridian to its edge."""
         if not self.edges:
@@ -250,6 +259,11 @@ def as_pair(cavity: Shape | Boundary[Shape], envelope: Shape | Boundary[Shape]) 
         for name, each in zip(DOUBLE, (cavity, envelope), strict=True)
     )
     return inwards, outwards
+
+
+def domain_of(lens: Lens, name: str) -> Domain:
+    """Part of the chart where the face of that name bounds the body of ``lens``."""
+    return next(face.domain for each in lens_boundaries(lens) for face in each.of_material if face.name == name)
 
 
 def boundaries(body: Body) -> Pair[Surface]:

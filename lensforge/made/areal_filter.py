@@ -25,6 +25,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
+from lensforge.cad.boundary import WHOLE, Domain
 from lensforge.surfaces.chart_spline import DEGREE, ChartSpline
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import HALF_WIDTH, Surface, gradient_on_sphere, to_chart, to_sphere
@@ -96,16 +97,17 @@ _PROBES, _SEED = 8, 0  # random signs: the degrees of freedom have an error of a
 
 @dataclass(frozen=True)
 class PointDeviations:
-    """Radial deviations (mm) from ``surface`` at unit ``directions``."""
+    """Radial deviations (mm) from ``surface`` at unit ``directions``; ``domain``: where the face lies."""
 
     surface: Surface
     directions: Float[np.ndarray, "n 3"]
     deviations: Float[np.ndarray, " n"]
+    domain: Domain = WHOLE
 
     @cached_property
     def largest_radius_mm(self) -> float:
-        """Largest radius (mm) of the surface, by which angles become lengths."""
-        return float(self.surface.radius(fibonacci_hemisphere(2000)).max())
+        """Largest radius (mm) of the face, by which angles become lengths."""
+        return float(self.surface.radius(self.domain.held(fibonacci_hemisphere(2000))).max())
 
     @cached_property
     def cosines(self) -> Float[np.ndarray, " n"]:

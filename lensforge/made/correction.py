@@ -11,7 +11,7 @@ from jaxtyping import Float
 from scipy.spatial import cKDTree
 
 from lensforge.cad.body_export import solid_on_base
-from lensforge.cad.boundary import boundaries
+from lensforge.cad.boundary import boundaries, domain_of
 from lensforge.cad.custom_base import read_custom_base
 from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.form_error import FormError, face_error, fit_boundaries, worst
@@ -64,7 +64,7 @@ def limited_by_cutter(
     stiffness = np.ones(len(inside))
     change = filtered.change.times(-gain)
     for _ in range(_ROUNDS):
-        corrected = OpticalFace(fit_patch(ChangedSurface(surface, change)), face.air)
+        corrected = OpticalFace(fit_patch(ChangedSurface(surface, change)), face.air, face.domain)
         tight = _lowest(corrected, places) < allowed
         if not tight.any():
             break
@@ -105,7 +105,7 @@ def corrected_step(lens: Lens, side: str, corrected: Surface) -> CorrectedStep:
     faces = (replace(face, surface=corrected) if face.name == side else face for face in lens.body.faces)
     body = Body(tuple(faces))
     pair = fit_boundaries(boundaries(body), {})
-    fitted = [face for boundary in pair for face in boundary.faces]
+    fitted = [face for boundary in pair for face in boundary.of_material]
     base = base_with_room(lens)
     custom = None if base.file is None else read_custom_base(base.file)
     solid = solid_on_base(make_plan(*pair, base), custom)
@@ -129,9 +129,9 @@ def correct_face(cloud: Float[np.ndarray, "k 3"], cuts: ChangedLens, request: Re
     """
     lens, side, shop = cuts.lens, cuts.side, cuts.lens.spec.manufacture
     surface = lens.surfaces[side]
-    patch = fit_patch(surface)
-    cut = FirstCut.of(surface, patch, cloud, request)
-    face, pixels = OpticalFace(patch, air_side(lens.body.face(side), shop)), FacePixels.of(patch)
+    patch, domain = fit_patch(surface), domain_of(lens, side)
+    cut = FirstCut.of(surface, patch, cloud, request, domain)
+    face, pixels = OpticalFace(patch, air_side(lens.body.face(side), shop), domain), FacePixels.of(patch, domain)
     made = limited_by_cutter(surface, face, cut.chosen, request.gain, shop.cutter_radius_mm / shop.scale)
     corrected = ChangedSurface(surface, made.change)
     built = corrected_step(lens, side, corrected)
@@ -207,7 +207,7 @@ def _limit(
     return CutterLimit(
         cutter_radius_mm=shop.cutter_radius_mm,
         concave_radius_before_mm=_concave_mm(face, shop.scale),
-        concave_radius_mm=_concave_mm(OpticalFace(fit_patch(corrected), face.air), shop.scale),
+        concave_radius_mm=_concave_mm(OpticalFace(fit_patch(corrected), face.air, face.domain), shop.scale),
         smoothed_more_share=made.smoothed_more_share,
         cut_back_um=pixels.extent_um(taken),
     )

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial import cKDTree
 
+from lensforge.cad.boundary import WHOLE, Domain
 from lensforge.cad.patch import Patch
 from lensforge.errors import InputError
 from lensforge.made.areal_filter import ArealFilter, FilteredPoints, PointDeviations, shortest_by_nodes_mm
@@ -68,6 +69,7 @@ def point_spacing_mm(points: PointDeviations) -> float:
     """
     places = np.random.default_rng(0).normal(size=(_PLACES, 3))
     places *= np.sign(places[:, 2:]) / np.linalg.norm(places, axis=1, keepdims=True)
+    places = points.domain.held(places)
     distance, _ = cKDTree(points.directions).query(places)
     radius = points.surface.radius(places)
     order = np.argsort(distance * radius)
@@ -110,10 +112,10 @@ _COVERED_SPACINGS = 2.0  # a place further from the next point than two spacings
 _COVERAGE_DIRECTIONS = 2000
 
 
-def coverage(directions: Float[np.ndarray, "n 3"], reach_rad: float) -> float:
-    """Share of the hemisphere that has a measured point within ``reach_rad``; elsewhere the design is assumed."""
-    chord = 2.0 * np.sin(0.5 * reach_rad)
-    nearest, _ = cKDTree(directions).query(fibonacci_hemisphere(_COVERAGE_DIRECTIONS), distance_upper_bound=chord)
+def coverage(directions: Float[np.ndarray, "n 3"], reach_rad: float, domain: Domain = WHOLE) -> float:
+    """Share of a face that has a measured point within ``reach_rad``; elsewhere the design is assumed."""
+    chord, own = 2.0 * np.sin(0.5 * reach_rad), domain.held(fibonacci_hemisphere(_COVERAGE_DIRECTIONS))
+    nearest, _ = cKDTree(directions).query(own, distance_upper_bound=chord)
     return float(np.isfinite(nearest).mean())
 
 
@@ -149,12 +151,14 @@ class FirstCut:
     chosen: FilteredPoints
 
     @staticmethod
-    def of(surface: Surface, patch: Patch, cloud: Float[np.ndarray, "k 3"], request: Request) -> "FirstCut":
+    def of(
+        surface: Surface, patch: Patch, cloud: Float[np.ndarray, "k 3"], request: Request, domain: Domain = WHOLE
+    ) -> "FirstCut":
         """Register ``cloud`` (mm) to the face and filter its deviations. Raises :class:`InputError`."""
         placed = registered(patch, cloud, request.registration)
         radius = np.linalg.norm(placed.points, axis=1)
         directions = placed.points / radius[:, None]
-        points = PointDeviations(surface, directions, radius - surface.radius(directions))
+        points = PointDeviations(surface, directions, radius - surface.radius(directions), domain)
         span = FilterRange.of(points)
         if request.wavelength_mm is not None:
             span.require(request.wavelength_mm)
@@ -166,7 +170,7 @@ class FirstCut:
         return FirstCut(
             placed=placed,
             points=points,
-            covered=coverage(directions, reach),
+            covered=coverage(directions, reach, domain),
             span=span,
             noise_mm=finest.noise_mm,
             likeliest=likeliest,

@@ -9,6 +9,7 @@ from typing import get_args
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.cad.boundary import WHOLE, Domain, domain_of
 from lensforge.cad.patch import Patch, fit_patch
 from lensforge.light.lens_light import judging_source, rays_of
 from lensforge.light.metrics import relative_square
@@ -26,6 +27,7 @@ from lensforge.made.measurement_result import (
 from lensforge.made.registration import RigidMotion, distances
 from lensforge.results import Conditions, Extent, Metric
 from lensforge.results.arguments import require_choice
+from lensforge.scene.body import Chain
 from lensforge.scene.lens import Lens
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.sources.ray_bundle import Source
@@ -34,6 +36,7 @@ from lensforge.surfaces.bicubic_table import grid_for, tabulate
 from lensforge.surfaces.surface import Surface, to_sphere
 
 _MAP_PIXELS = 201
+_SAME = 1e-12  # of the chart
 
 
 @dataclass(frozen=True)
@@ -46,11 +49,13 @@ class FacePixels:
     cosine: Float[np.ndarray, " k"]
 
     @staticmethod
-    def of(patch: Patch) -> "FacePixels":
-        """Pixels of the face of ``patch``."""
+    def of(patch: Patch, domain: Domain = WHOLE) -> "FacePixels":
+        """Pixels of the face of ``patch`` over its domain."""
         axis = np.linspace(-1.0, 1.0, _MAP_PIXELS)
         chart = np.stack(np.meshgrid(axis, axis), axis=-1)
         inside = np.sum(chart**2, axis=-1) <= 1.0
+        if domain.edges:
+            inside &= np.abs(domain.within(chart) - chart).max(axis=-1) < _SAME
         jet, directions = patch.jet(chart[inside]), to_sphere(chart[inside])
         area = np.full(inside.shape, np.nan)
         area[inside] = jet.area_element * (axis[1] - axis[0]) ** 2
@@ -95,7 +100,7 @@ class ChangedLens:
         details = [_WIDER * change.detail_rad for change in changes if change is not None]
         grid = grid_for(min(self.lens.detail_rad, *details), self.nodes_per_sigma)
         tables = {name: tabulate(grid, surface) for name, surface in self.lens.surfaces.items()}
-        scene, found = Scene(self.lens.media, grid), []
+        scene, found = Scene(self.lens.media, grid, chain=Chain.of_lens(self.lens.spec.lens)), []
         for change in changes:
             own = dict(tables)
             if change is not None:
@@ -117,12 +122,13 @@ def compare_surface(
     require_choice("registration", registration, get_args(Registration))
     lens, surface = traced.lens, traced.lens.surfaces[traced.side]
     patch = fit_patch(surface)
-    cut = FirstCut.of(surface, patch, cloud, Request(registration=registration))
+    domain = domain_of(lens, traced.side)
+    cut = FirstCut.of(surface, patch, cloud, Request(registration=registration), domain)
     form = cut.likeliest
     before, after = traced.lights(None, form.change)
     distance_um = 1e3 * distances(patch, cut.placed.points)[0]
     section, receiver = lens.spec.all_receivers[0], receivers_of(lens.spec, lens.spec.evaluate.pixels)[0]
-    pixels = FacePixels.of(patch)
+    pixels = FacePixels.of(patch, domain)
     form_um = pixels.map_um(form.change)
     inside = np.isfinite(form_um)
     return SurfaceComparison(

@@ -7,6 +7,7 @@ from measured_lenses import dent, directions, lens, probed
 from nightly import first_by_day
 from second_cuts import cosine, motions, without_motion
 
+from lensforge.cad.boundary import domain_of
 from lensforge.cad.patch import fit_patch
 from lensforge.errors import InputError
 from lensforge.light.evaluation import evaluate_lens
@@ -14,9 +15,12 @@ from lensforge.made.first_cut import FirstCut, Request, coverage
 from lensforge.made.measured_surface import ChangedLens, FacePixels, compare_surface
 from lensforge.made.measurement_result import DeviationExtent, SurfaceComparison
 from lensforge.results import Metric
+from lensforge.scene.lens import Lens
+from lensforge.search.profiles import ProfileParameters
+from lensforge.spec import parse_spec
 from lensforge.spec.accuracy import PRESETS
 from lensforge.surfaces.asphere import sphere
-from lensforge.surfaces.srbf import SrbfSurface
+from lensforge.surfaces.srbf import SrbfSurface, fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface
 
 LENS = lens()
@@ -142,3 +146,25 @@ def test_half_a_surface_is_no_face():
     cloud = probed(LENS.outer, 2500)
     with pytest.raises(InputError, match=r"points: 1[45]\.?\d* mm apart.* over all of the face"):
         compare_surface(cloud[cloud[:, 0] > 0.0], TRACED)
+
+
+def test_a_face_of_a_reflector_is_measured_where_it_bounds_the_cavity() -> None:
+    content = {
+        "source": {"kind": "square", "side_mm": 1.0},
+        "lens": {"kind": "reflector", "cup": {"fixed": {"kind": "focal_conic", "vertex_mm": 2.0}}},
+        "constraints": {"max_radius_mm": 11.0},
+        "target": {"kind": "disc", "diameter_deg": 40.0, "half_angle_deg": 80.0},
+    }
+    spec = parse_spec(content, "cup")
+    lens = Lens(ProfileParameters.of(spec, 2.5).start_surfaces, spec, 0, "draft")
+    cup, u = lens.surfaces["cup"], domain_of(lens, "cup").held(fibonacci_hemisphere(6000))
+    deviation = 2e-3 * np.cos(3.0 * np.arccos(u[:, 2]))
+    area = cup.radius(u) ** 2 / (cup.normal(u) * u).sum(axis=1)
+    wanted = 1e3 * np.sqrt((area * deviation**2).sum() / area.sum())
+    traced, _ = ChangedLens.of(lens, "cup", 2**14)
+    for amount in (1.0, 0.0):
+        points = cup.radius(u)[:, None] * u + amount * deviation[:, None] * cup.normal(u)
+        found = compare_surface(points, traced, "none")
+        assert found.covered_share == 1.0 and found.form_deviation_um.rms == pytest.approx(amount * wanted, rel=0.05)
+        assert (found.nmse_between > 1e-6) == (amount > 0.0)
+    assert np.isnan(found.deviation_um).mean() > 0.3, "nothing is measured in the mouth"
