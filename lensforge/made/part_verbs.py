@@ -172,7 +172,7 @@ def correct(
     file = path_of("points", points)
     if file is None:
         raise InputError("points = None: give the file of the points measured on the first cut")
-    side = require_choice("surface", surface, lens.surfaces)
+    side = require_choice("surface", surface, lens.spec.lens.names)
     require_choice("registration", registration, get_args(Registration))
     rays, factor = count_of("rays", rays), number_of("gain", gain)
     request = Request(number_of("wavelength_mm", wavelength_mm), 1.0 if factor is None else factor, registration)
