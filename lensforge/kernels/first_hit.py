@@ -189,7 +189,7 @@ LOST = 2.0  # no convergence
 GOING = 3.0
 MISSED = 4.0  # goes past the surface, outside of it
 
-MAX_STEPS = 200
+MAX_STEPS = 1000  # a ray that grazes a face takes hundreds
 MAX_CLOSING = 60
 TOLERANCE = 1e-12  # of the distance from the origin: the next error is its square
 ROUNDING = 2e-15  # F below this share of the distance is noise; near tangency it would keep the root moving

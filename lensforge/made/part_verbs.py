@@ -172,7 +172,8 @@ def correct(
     file = path_of("points", points)
     if file is None:
         raise InputError("points = None: give the file of the points measured on the first cut")
-    side = require_choice("surface", surface, [face.name for face in lens.body.faces if not face.is_open])
+    optical = [face.name for face in lens.body.faces if face.name in lens.spec.lens.names and not face.is_open]
+    side = require_choice("surface", surface, optical)
     require_choice("registration", registration, get_args(Registration))
     rays, factor = count_of("rays", rays), number_of("gain", gain)
     request = Request(number_of("wavelength_mm", wavelength_mm), 1.0 if factor is None else factor, registration)

@@ -323,7 +323,7 @@ def _tir_faces(spec: Spec) -> dict[str, Surface]:
 
 def _rim_face(spec: Spec, reach_mm: float) -> ConeFace:
     """The cylinder at which the flange begins; its continuation is that of no other face."""
-    return ConeFace(2.0 * reach_mm, spec.constraints.rim_radius_mm)
+    return ConeFace(1.1 * reach_mm, spec.constraints.rim_radius_mm)
 
 
 def _resized(face: ReciprocalSurface, offset_mm: float, towards: Float[np.ndarray, "1 3"]) -> ReciprocalSurface:

@@ -38,7 +38,7 @@ Rows = list[list[str]]
 def optical_table(lens: Lens, part: Part, check: Check, words: DrawingSection) -> Rows:
     """Rows of texts: of the faces of the envelope, the last first, of the material, and of the faces of the cavity."""
     outwards, inwards = (
-        [_face(face.name, lens, part, check, words) for face in reversed(faces) if not face.is_open]
+        [_face(face.name, lens, part, check, words) for face in reversed(faces) if face.name in check.faces]
         for faces in (lens.body.envelope, lens.body.cavity)
     )
     spec = lens.spec.lens
@@ -139,7 +139,7 @@ def _profile(name: str, lens: Lens, part: Part) -> str:
 
 def _centring(name: str, lens: Lens) -> str:
     """Place against the first face, to which the others are centred."""
-    first, *others = lens.surfaces
+    first, *others = lens.spec.lens.names
     if name == first:
         referring = [other for other in others if _centred(other, lens)]
         return f"4/ reference of the {' and '.join(referring)} face" if referring else f"4/ {NOTHING}"
