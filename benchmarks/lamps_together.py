@@ -37,7 +37,9 @@ def evenness(accuracy: str) -> lf.Lens:
     lenses = []
     for pitch_mm in PITCHES_MM:
         begun = time.process_time()
-        lens = lf.design(BACKLIGHT.replace(square(pitch_mm, pitch_mm=pitch_mm)), accuracy=accuracy).lens
+        lens = lf.design(
+            BACKLIGHT.replace({**square(pitch_mm, pitch_mm=pitch_mm), "lens.levels": LEVELS}), accuracy=accuracy
+        ).lens
         seconds = time.process_time() - begun
         lit = lf.evaluate(lens, rays=RAYS, pixels=PIXELS).receivers[0]
         share = lit.efficiency.value
