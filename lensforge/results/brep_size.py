@@ -41,7 +41,7 @@ class _Sectors:
     face: Any
 
     def sums(self) -> tuple[float, float]:
-        """What the face adds to the volume about the origin, and its area, below 0 for a face that is turned."""
+        """The part of the volume between the face and the origin, and its area, below 0 for a face that is turned."""
         from OCP.TopAbs import TopAbs_Orientation
 
         volume = area = 0.0
