@@ -335,6 +335,8 @@ class Spec(Section):
     @model_validator(mode="after")
     def _settings_match_levels(self) -> "Spec":
         given = self.optimise.model_fields_set
+        if self.optimise.robust and self.lens.is_opaque:
+            raise ValueError("optimise.robust goes with lens.kind = 'double' or 'tir', not 'reflector'; leave it out")
         if self.lens.levels != "auto":
             if self.optimise.seconds is not None:
                 raise ValueError('optimise.seconds goes with lens.levels = "auto"; leave out one of the two')

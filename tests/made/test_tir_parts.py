@@ -118,5 +118,3 @@ def test_tolerances_of_other_faces_are_refused(tmp_path: Path) -> None:
         read_tolerances(str(tmp_path / "own.toml"))
     with pytest.raises(InputError, match="tolerances of the faces inner, outer: this lens has cap, side, wall, exit"):
         lf.tolerance(spot_lens(), tolerances=lf.PartTolerances())
-    with pytest.raises(InputError, match=r"optimise\.robust goes with lens\.kind = 'double' as yet, not 'tir'"):
-        spot().replace({"optimise.robust": True})
