@@ -13,12 +13,13 @@ from lensforge.cad.mesh import check_closed
 from lensforge.cad.mesh_files import parse_3mf, parse_stl
 from lensforge.cad.part import Part, part_facts
 from lensforge.cad.part_export import build_part
-from lensforge.cad.plate_layout import area_mm2, layout_of
+from lensforge.cad.plate_layout import layout_of
 from lensforge.cad.plate_solid import build_plate_solid
 from lensforge.cad.step import parse_step
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
 from lensforge.shop.check import check_lens
+from lensforge.surfaces.plane_loop import area_mm2
 
 INNER, OUTER = 0.8, 2.45  # mm; constraints.max_radius_mm is twice the outer
 RING = {"kind": "ring", "count": 3, "diameter_mm": 14.0}
