@@ -15,7 +15,8 @@ from lensforge.results.files import replacing
 from lensforge.results.validation import its_type
 from lensforge.spec.derived_values import derived_sizes
 from lensforge.spec.feasible import require_feasible
-from lensforge.spec.lamps_section import AnyLamps, Lamps, lamps_of, require_together
+from lensforge.spec.lamps_section import AnyLamps, Lamps, lamps_of
+from lensforge.spec.lamps_together import require_kinds, require_together
 from lensforge.spec.lens_section import AnyLens, LensSection
 from lensforge.spec.light_limits import (
     ColourSection,
@@ -84,7 +85,7 @@ class Spec(Section):
     receivers: Annotated[tuple[_OneReceiver, ...], Field(max_length=_MOST_RECEIVERS)] = ()
     """Surfaces that the light falls on, each with its targets; or give ``target`` alone."""
     lamps: AnyLamps | None = None
-    """Equal lamps, whose light every receiver sees together; by default one at the origin."""
+    """Lamps whose light every receiver sees together; by default one at the origin."""
     limits: Annotated[tuple[LightLimitSpec, ...], Field(max_length=_MOST_LIMITS)] = ()
     """Light that must be at least, or at most, so much."""
     roads: Annotated[tuple[RoadSection, ...], Field(max_length=MOST_ROADS)] = ()
@@ -249,6 +250,8 @@ class Spec(Section):
             lenses, receivers = self.photometry.lenses, self.all_receivers
             base = BaseSection(kind="none") if self.plate is not None else self.base  # the plate holds the lenses
             require_together(self.all_lamps, self.constraints, base, receivers, lenses)
+            others = {"plate": self.plate is not None, "sources": bool(self.sources)}
+            require_kinds(self.lamps, receivers, others | {"optimise.robust": self.optimise.robust})
             if self.evaluate.window_mm is not None:
                 raise ValueError("evaluate.window_mm: of lamps together the whole receiver counts; leave it out")
         return self

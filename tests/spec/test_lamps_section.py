@@ -93,3 +93,81 @@ def test_a_written_spec_has_its_lamps() -> None:
     assert spec.lamps is not None and spec.replace({"lamps.rows": 3}).all_lamps.places_mm[0] == (-20.0, -30.0)
     assert isinstance(parse_spec(spec.model_dump(mode="json", exclude_unset=True), "again"), Spec)
     assert spec.of_one_lamp.all_lamps.alone and "lamps" not in spec.of_one_lamp.to_toml()
+
+
+BY_PLACE = {"kind": "grid", "columns": 6, "rows": 6, "pitch_mm": 20.0, "kinds": "place"}
+WIDE = {"kind": "table", "places_mm": [[-30.0, 0.0], [0.0, 0.0], [30.0, 0.0]], "kinds": ["wide", "narrow", "wide"]}
+
+
+@pytest.mark.parametrize(
+    ("lamps", "counts"),
+    [
+        ({**BY_PLACE, "columns": 3, "rows": 3}, {"middle": 1, "edge": 4, "corner": 4}),
+        (BY_PLACE, {"middle": 16, "edge": 16, "corner": 4}),
+        ({**BY_PLACE, "rim_rings": 2}, {"middle": 4, "corner_2": 4, "edge_2": 8, "edge": 16, "corner": 4}),
+        ({**BY_PLACE, "rows": 1}, {"middle": 4, "edge": 2}),
+        ({**BY_PLACE, "rows": 2}, {"edge": 8, "corner": 4}),
+        ({"kind": "hexagon", "rings": 2, "pitch_mm": 20.0, "kinds": "place"}, {"middle": 7, "edge": 6, "corner": 6}),
+        (WIDE, {"narrow": 1, "wide": 2}),
+    ],
+)
+def test_places_are_shared_out_to_kinds_from_the_middle_on(lamps: dict[str, Any], counts: dict[str, int]) -> None:
+    own = lamps_of(lamps)
+    assert {kind.name: len(kind.numbers) for kind in own.kinds} == counts and len(own) == sum(counts.values())
+    assert sorted(k for kind in own.kinds for k in kind.numbers) == list(range(len(own)))
+
+
+@pytest.mark.parametrize("rings", [1, 2])
+def test_lamps_at_the_rim_face_outwards_and_are_their_own_mirror_images(rings: int) -> None:
+    """Each mirror of the grid takes a turned lens to the same one at another place, by matrices alone."""
+    own = lamps_of({**BY_PLACE, "rim_rings": rings})
+    diagonal, along_x = np.array([[0.0, 1.0], [1.0, 0.0]]), np.diag([1.0, -1.0])
+    for kind in own.kinds[1:]:
+        mirror = diagonal if "corner" in kind.name else along_x
+        turns = np.radians(own.turns_deg)
+        turned = {k: np.array([[np.cos(t), -np.sin(t)], [np.sin(t), np.cos(t)]]) for k, t in enumerate(turns)}
+        by_place = {tuple(np.round(own.places_mm[k], 6)): turned[k] for k in kind.numbers}
+        for place, turn in by_place.items():
+            axis = turn @ ([1.0, 1.0] if "corner" in kind.name else [1.0, 0.0])
+            assert np.allclose(axis, np.sign(place)) if "corner" in kind.name else axis @ place > 40.0 - 20.0 * rings
+            for of_scene in (np.diag([-1.0, 1.0]), along_x, diagonal):
+                np.testing.assert_allclose(of_scene @ turn @ mirror, by_place[tuple(of_scene @ place)], atol=1e-9)
+    assert own.has_mirrors("square") and not own.of_kind(own.kinds[-1]).has_mirrors("mirror_x")
+
+
+def test_kinds_of_a_table_have_the_mirrors_that_keep_them() -> None:
+    assert lamps_of(WIDE).has_mirrors("rectangle")
+    one_side = lamps_of({**WIDE, "kinds": ["wide", "wide", "narrow"]})
+    assert one_side.has_mirrors("mirror_y") and not one_side.has_mirrors("mirror_x")
+    assert lamps_of(WIDE).words.endswith("lit by 3 lamps with lenses of 2 kinds")
+
+
+@pytest.mark.parametrize(
+    ("lamps", "words"),
+    [
+        ({**BY_PLACE, "columns": 2, "rows": 2}, "all 4 lamps are of the kind 'corner'"),
+        ({**WIDE, "kinds": ["wide", "narrow"]}, "kinds has 2 names, places_mm 3 places"),
+        ({**WIDE, "kinds": ["wide", "wide", "wide"]}, "1 names; give 2 to 8"),
+        ({**WIDE, "kinds": ["../x", "b", "b"]}, "kinds"),
+    ],
+)
+def test_kinds_that_cannot_be(lamps: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        lamps_of(lamps)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"plate": {"thickness_mm": 2.0}}, "plate goes with lamps of one lens"),
+        ({"optimise__robust": True}, "optimise.robust goes with"),
+        (
+            {"target": None, "receivers": [{"kind": "far_field", "half_angle_deg": 60.0, "targets": [
+                {"kind": "disc", "diameter_deg": 40.0}]}]},
+            "from afar all 36 lamps stand at one place",
+        ),
+    ],
+)  # fmt: skip
+def test_what_goes_with_one_lens_alone(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        small_spec(**{"lamps": BY_PLACE, "base": {"kind": "none"}, "target__receiver_mm": 200.0, **changes})
