@@ -107,7 +107,7 @@ class Spec(Section):
     tolerances: TolerancesSection = Field(default_factory=TolerancesSection)
     """Errors of part, mounting and LED, for ``lensforge yield`` and for a robust search."""
     photometry: PhotometrySection = Field(default_factory=PhotometrySection)
-    """Lighting that the lens is for: general, of an area, or of a road."""
+    """Lighting that the lens is for: general, or of an area or a road."""
 
     @model_validator(mode="before")
     @classmethod
