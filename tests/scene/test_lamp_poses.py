@@ -15,7 +15,7 @@ from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.lamp_pictures import LampPictures, seen_by
 from lensforge.scene.lens import Lens
 from lensforge.scene.pixel_grid import bin_flux, splat_flux
-from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.scene.receiver_shapes import receivers_of, seen_by_lamp
 
 PLACES = [[-70.0, 20.0, 10.0], [60.0, 45.0, -15.0], [5.0, -50.0, 0.0]]
 AIMS = [[30.0, 0.0, 90.0], [60.0, 45.0, 100.0], [-20.0, 10.0, 60.0]]  # the second one straight along z
@@ -74,8 +74,18 @@ def test_the_sum_is_that_of_rays_moved_by_hand(name: str, deposit: Any) -> None:
     forth, back = [rng.random(each.shape) for each in own], rng.random(total.shape)
     moved_back = sum(np.vdot(a, b) for a, b in zip(forth, board.spread(back), strict=True))
     assert np.vdot(board.added(forth), back) == pytest.approx(moved_back, rel=1e-12)
-    for number, raster in enumerate(board.rasters):  # what a yield has drawn for each lamp lands there, too
+    spec = small_spec(lamps=POLES, target=None, receivers=[RECEIVERS[name]], base={"kind": "none"})
+    for number, raster in enumerate(board.rasters):  # as a yield draws each lamp, and the proof casts one
         assert seen_by(found, number).pose == raster.receiver.pose
+        (alone,) = receivers_of(seen_by_lamp(spec, number), 32)
+        np.testing.assert_allclose(alone.corners(), raster.receiver.corners(), atol=1e-9)
+
+
+def test_the_receiver_of_a_target_alone_is_seen_by_a_lamp() -> None:
+    spec = small_spec(lamps=POLES, base={"kind": "none"})
+    (seen,), (straight,) = (seen_by_lamp(spec, number).all_receivers for number in (0, 1))
+    x, y, z = straight.centre_mm  # turned by 25 degrees
+    assert (hypot(x, y), z) == pytest.approx((75.0, 115.0)) and seen.name == straight.name == "light"
 
 
 def light_of(**changes: Any) -> ReceiverLight:
