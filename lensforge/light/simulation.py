@@ -45,7 +45,7 @@ REPLICATES = 16
 MISSED_RECEIVER = len(Fate)  # after the fates: left the lens, but never reaches the receiver
 ABSORBED = len(Fate) + 1  # in the body, of rays of any fate
 IN_GLASS = len(Fate) + 2  # reflected or absorbed by the cover glass
-CAUSES = len(Fate) + 3
+CAUSES = len(Fate) + 3  # behind them, the flux lost in each of the further bodies
 _MOST_RAYS_AT_ONCE = 2**20  # bounds the memory: about 200 MB of rays and hits
 
 
@@ -131,8 +131,8 @@ class ReceivedFlux:
     """Flux (W) on one receiver in each replicate: per pixel (r, h, w), by fate (r, f), in the window and outside it.
 
     The fates are those of :class:`~lensforge.kernels.fate.Fate`, where ``LEFT_LENS`` holds what landed, and
-    ``MISSED_RECEIVER``, ``ABSORBED`` and ``IN_GLASS``. ``in_targets``: in each of the ``targets`` (k).
-    ``colours``: X, Y and Z (lm) per pixel; None where nobody asks for colour.
+    ``MISSED_RECEIVER``, ``ABSORBED`` and ``IN_GLASS``; then each of the further bodies. ``in_targets``: in each of the
+    ``targets`` (k). ``colours``: X, Y and Z (lm) per pixel; None where nobody asks for colour.
     """
 
     images: Float[np.ndarray, "r h w"]
@@ -145,12 +145,14 @@ class ReceivedFlux:
 
     @staticmethod
     def none_yet(
-        receiver: PosedReceiver, replicates: int, targets: tuple[DrawnTarget, ...], *, coloured: bool = False
-    ) -> "ReceivedFlux":
-        """No flux."""
+        receiver: PosedReceiver, replicates: int, targets: tuple[DrawnTarget, ...], *, coloured: bool = False,
+        bodies: int = 0,
+    ) -> "ReceivedFlux":  # fmt: skip
+        """No flux; behind the lens there are so many further ``bodies``."""
         images, none = np.zeros((replicates, *receiver.grid.shape)), np.zeros(replicates)
         in_targets, colours = np.zeros((replicates, len(targets))), np.zeros((3, *images.shape)) if coloured else None
-        return ReceivedFlux(images, np.zeros((replicates, CAUSES)), none, none.copy(), in_targets, targets, colours)
+        by_fate = np.zeros((replicates, CAUSES + bodies))
+        return ReceivedFlux(images, by_fate, none, none.copy(), in_targets, targets, colours)
 
     def add(
         self,
@@ -219,10 +221,10 @@ def simulate(
     """
     replicates = min(REPLICATES, rays, source.ray_count or rays)
     drawn = targets or [()] * len(receivers)
-    lamps = [LampPictures.of(receiver) for receiver in receivers]
+    lamps, bodies = [LampPictures.of(receiver) for receiver in receivers], len(lens.scene.media.bodies)
     deposits = [
         [
-            ReceivedFlux.none_yet(each, replicates, own if board.alone else (), coloured=coloured)
+            ReceivedFlux.none_yet(each, replicates, own if board.alone else (), coloured=coloured, bodies=bodies)
             for each in board.receivers
         ]
         for board, own in zip(lamps, drawn, strict=True)
@@ -243,13 +245,16 @@ def simulate(
 
 
 def flux_by_fate(rays: ExitRays, missed_receiver: Bool[np.ndarray, " n"]) -> Float[np.ndarray, " f"]:
-    """Flux (W) by fate; rays that left the lens and ``missed_receiver`` count apart, and flux that was absorbed."""
+    """Flux (W) by fate; rays that left the lens and ``missed_receiver`` count apart, and flux that was absorbed.
+
+    Then what each of the further bodies took.
+    """
     found = np.bincount(np.where(missed_receiver, MISSED_RECEIVER, rays.fates), rays.flux, minlength=CAUSES)
     if rays.absorbed is not None:
         found[ABSORBED] = rays.absorbed.sum()
     if rays.lost_in_glass is not None:
         found[IN_GLASS] = rays.lost_in_glass.sum()
-    return found
+    return found if rays.lost_in_bodies is None else np.concatenate([found, rays.lost_in_bodies.sum(axis=1)])
 
 
 @dataclass(frozen=True)
