@@ -31,9 +31,10 @@ from lensforge.light.photometry_result import (
     WrittenFiles,
     photometry_criteria,
 )
+from lensforge.light.received_flux import ABSORBED, CAUSES, IN_GLASS, MISSED_RECEIVER
 from lensforge.light.road_judgement import judged_roads
 from lensforge.light.road_lighting import RoadFigures
-from lensforge.light.simulation import ABSORBED, CAUSES, IN_GLASS, MISSED_RECEIVER, TracedLens
+from lensforge.light.simulation import TracedLens
 from lensforge.light.source_photometry import SourceLumens, spectrum_of_source
 from lensforge.results.files import temporary_folder
 from lensforge.scene.lens import Lens

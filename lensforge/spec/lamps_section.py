@@ -66,6 +66,12 @@ class Lamps:
         places, turns = ([every[k] for k in kind.numbers] for every in (self.places_mm, self.turns_deg))
         return Lamps(tuple(places), tuple(turns))
 
+    @property
+    def shares_of_rays(self) -> tuple[float, ...]:
+        """Share of the rays for each kind: by the root of its lamps, which all see each ray: the least noise."""
+        roots = [sqrt(len(kind.numbers)) for kind in self.kinds]
+        return tuple(root / sum(roots) for root in roots)
+
     def has_mirrors(self, group: str) -> bool:
         """True where each mirror of a group takes the lamps to themselves: their light then has the lens's mirrors.
 
@@ -118,7 +124,7 @@ class Lamps:
 
 ALONE = Lamps()
 _MOST = 2000  # lamps: 41 x 41 show what an endless lattice is
-_MOST_KINDS = 8
+_MOST_KINDS = 7
 _Number = Annotated[int, Field(ge=1, le=_MOST)]
 _Kinds = Literal["one", "place"]
 _Rings = Annotated[int, Field(ge=1, le=3)]
