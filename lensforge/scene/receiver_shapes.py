@@ -183,7 +183,7 @@ def together(receiver: PosedReceiver, lamps: Lamps) -> PosedReceiver:
     is then one picture, moved by whole pixels.
     """
     grid = receiver.grid
-    if receiver.kind == "plane" and lamps.period_mm is None:
+    if receiver.kind == "plane" and lamps.period_mm is None and not lamps.posed:
         moves = np.array(lamps.places_mm) @ receiver.pose.axes[:2, :2].T
         columns, rows = _alike(grid.columns, moves[:, 0] / grid.width), _alike(grid.rows, moves[:, 1] / grid.height)
         grid = replace(grid, columns=columns, rows=rows)

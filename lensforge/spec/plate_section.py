@@ -222,6 +222,11 @@ def require_plate(plate: PlateSection, lamps: LampsSection | None, limits: Const
         words = "a lattice without an end needs them" if endless else 'they go with lamps of kind = "endless"'
         raise ValueError(f"plate.columns and plate.rows: {words}; {'give both' if endless else 'leave them out'}")
     lenses, lens_mm = plate.lenses(lamps), limits.max_radius_mm
+    if lenses.posed:
+        raise ValueError(
+            "plate: its lenses stand on z = 0 with their axes along z, [lamps] have heights or aims; leave these out "
+            "(places_mm of x and y, no aims_mm), or [plate]"
+        )
     if len(lenses) > _MOST_LENSES:
         raise ValueError(f"plate: {len(lenses)} lenses, at most {_MOST_LENSES}; take fewer columns, rows or lamps")
     size = plate.size_mm(lenses, lens_mm)
