@@ -238,7 +238,7 @@ def _flux(shown: ShownReceiver) -> list[PagePicture]:
     light, chart, name = shown.light, shown.light.chart, shown.picture_name
     lines = light_figures.isolines(light.map, chart, top_of([light.target_map]), shown.unit)
     encircled = light_figures.encircled_energy(light.target_map, light.raw_map, chart)
-    budget = light_figures.flux_budget(light.flux, light.missed_by_cause)
+    budget = light_figures.flux_budget(light.flux, light.missed_by_cause, light.lost_in_bodies)
     window = "all of the receiver" if light.kind == "sphere" else window_words(light).removeprefix("within ")
     return [
         picture(name("isolines"), lines, "Isolines", "Of the simulation, in per cent of the target's peak."),

@@ -23,7 +23,8 @@ from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.scene.receiver import Landings, PosedReceiver
 from lensforge.scene.receiver_shapes import WHOLE, Plane
-from lensforge.spec.lamps_section import ALONE, Lamps, Stand
+from lensforge.spec.lamp_stand import Stand
+from lensforge.spec.lamps_section import ALONE, Lamps
 
 _MOST_PIXELS = 2**22  # of a picture, of which an evaluation keeps sixteen: half a gigabyte
 _CELLS = 4  # periods on each side by which the solid angles of a lattice's pixels are summed

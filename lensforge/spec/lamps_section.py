@@ -8,7 +8,7 @@ lens, or lenses of several kinds by place.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import atan2, degrees, hypot, pi, sqrt
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -16,24 +16,12 @@ from pydantic import Field, model_validator
 
 from lensforge.spec.emitter_section import Turn
 from lensforge.spec.lamp_kinds import KindOfPlace, LampKind, in_grid, in_hexagon, kinds_of
+from lensforge.spec.lamp_stand import ALONG_Z, Stand, Vector, aimed_from
 from lensforge.spec.spec_section import Coordinate, Millimetres, Section
 from lensforge.spec.target_sections import Side
 from lensforge.surfaces.mirror_group import generators
 
 Place = tuple[float, float]
-Vector = tuple[float, float, float]
-ALONG_Z: Vector = (0.0, 0.0, 1.0)
-
-
-class Stand(NamedTuple):
-    """Stand of a lamp: the place (mm) of its origin, the direction of its axis, and its turn (degrees).
-
-    It is turned about z, from x towards y, and then tilted the shortest way.
-    """
-
-    place_mm: Vector = (0.0, 0.0, 0.0)
-    axis: Vector = ALONG_Z
-    turn_deg: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -106,6 +94,12 @@ class Lamps:
             axes=tuple(self.axes[k] for k in kind.numbers if self.axes),
         )
 
+    @property
+    def shares_of_rays(self) -> tuple[float, ...]:
+        """Share of the rays for each kind: by the root of its lamps, which all see each ray: the least noise."""
+        roots = [sqrt(len(kind.numbers)) for kind in self.kinds]
+        return tuple(root / sum(roots) for root in roots)
+
     def has_mirrors(self, group: str) -> bool:
         """True where each mirror of a group takes the lamps to themselves: their light then has the lens's mirrors.
 
@@ -165,8 +159,7 @@ class Lamps:
 
 ALONE = Lamps()
 _MOST = 2000  # lamps: 41 x 41 show what an endless lattice is
-_MOST_KINDS = 8
-_SAME = 1e-9  # relative: an axis as near to z is along it
+_MOST_KINDS = 7
 _Number = Annotated[int, Field(ge=1, le=_MOST)]
 _Kinds = Literal["one", "place"]
 _Rings = Annotated[int, Field(ge=1, le=3)]
@@ -348,15 +341,6 @@ class TableLamps(LampsSection):
         if self.kinds and not 2 <= len(set(self.kinds)) <= _MOST_KINDS:
             raise ValueError(f"kinds: {len(set(self.kinds))} names; give 2 to {_MOST_KINDS}, or leave them out for one")
         return self
-
-
-def aimed_from(place_mm: Vector, aim_mm: Vector) -> tuple[Vector, float]:
-    """Unit vector from a place to its aim, and the azimuth (degrees) of the side to which that is tilted, 0 along z."""
-    x, y, z = (to - start for start, to in zip(place_mm, aim_mm, strict=True))
-    length = hypot(x, y, z)
-    if hypot(x, y) <= _SAME * length:
-        return (0.0, 0.0, 1.0 if z > 0.0 else -1.0), 0.0
-    return (x / length, y / length, z / length), degrees(atan2(y, x))
 
 
 class EndlessLamps(LampsSection):

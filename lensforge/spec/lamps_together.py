@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from lensforge.spec.lamps_section import Lamps, LampsSection, Vector
+from lensforge.spec.lamp_stand import Vector
+from lensforge.spec.lamps_section import Lamps, LampsSection
 from lensforge.spec.part_section import BaseSection
 from lensforge.spec.receiver_sections import (
     AnyReceiver,

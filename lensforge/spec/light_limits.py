@@ -5,7 +5,7 @@ which lighting the lens is for.
 """
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import Field, model_validator
@@ -240,7 +240,7 @@ class ColourSection(Section):
         return self.max_rms_delta_uv is not None or self.max_delta_uv is not None
 
 
-def require_limit_fits(limit: LimitSection, unit: Unit, extent: tuple[float, float], receiver: str) -> None:
+def _require_limit_fits(limit: LimitSection, unit: Unit, extent: tuple[float, float], receiver: str) -> None:
     """Raise ``ValueError`` for units that ``receiver`` does not have, or places off it.
 
     ``unit``, ``extent``: of its places.
@@ -257,6 +257,20 @@ def require_limit_fits(limit: LimitSection, unit: Unit, extent: tuple[float, flo
         raise ValueError(f"its light is in {light}, on {receiver} it is in one of {allowed}, relative")
     for place in limit.places:
         require_on("the place", place, unit, extent, receiver)
+
+
+def require_limits_fit(limits: Sequence[LimitSection], receivers: Sequence[AnyReceiver]) -> None:
+    """Raise ``ValueError`` for limits on receivers that there are not, or that they do not fit."""
+    by_name = {receiver.name: receiver for receiver in receivers}
+    for number, limit in enumerate(limits):
+        name = limit.receiver or next(iter(by_name))
+        if name not in by_name:
+            known = ", ".join(str(each) for each in by_name)
+            raise ValueError(f"limits.{number}.receiver = {name!r}: there is none of that name; known: {known}")
+        try:
+            _require_limit_fits(limit, by_name[name].unit, by_name[name].extent, f"receiver {name!r}")
+        except ValueError as error:
+            raise ValueError(f"limits.{number}: {error}") from None
 
 
 _FAR = 5.0  # widths of a lamp: there 1/r^2 errs by less than 1 % (five-times rule, CIE S 025)

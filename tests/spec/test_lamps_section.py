@@ -180,7 +180,7 @@ def test_kinds_of_a_table_have_the_mirrors_that_keep_them() -> None:
     [
         ({**BY_PLACE, "columns": 2, "rows": 2}, "all 4 lamps are of the kind 'corner'"),
         ({**WIDE, "kinds": ["wide", "narrow"]}, "kinds has 2 names, places_mm 3 places"),
-        ({**WIDE, "kinds": ["wide", "wide", "wide"]}, "1 names; give 2 to 8"),
+        ({**WIDE, "kinds": ["wide", "wide", "wide"]}, "1 names; give 2 to 7"),
         ({**WIDE, "kinds": ["../x", "b", "b"]}, "kinds"),
     ],
 )
