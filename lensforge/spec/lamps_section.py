@@ -63,8 +63,7 @@ class Lamps:
 
     def of_kind(self, kind: LampKind) -> "Lamps":
         """The lamps that have one lens."""
-        places, turns = ([every[k] for k in kind.numbers] for every in (self.places_mm, self.turns_deg))
-        return Lamps(tuple(places), tuple(turns))
+        return Lamps(tuple(self.places_mm[k] for k in kind.numbers), tuple(self.turns_deg[k] for k in kind.numbers))
 
     @property
     def shares_of_rays(self) -> tuple[float, ...]:
