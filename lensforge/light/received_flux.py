@@ -52,11 +52,12 @@ class ReceivedFlux:
         """Mean flux of a lamp, of lamps with lenses of several kinds: that of each, by its share of the lamps."""
 
         def mean(name: str) -> Float[np.ndarray, "..."]:
-            return sum(share * getattr(each, name) for share, each in zip(shares, of_kinds, strict=True))
+            parts = zip(shares, of_kinds, strict=True)
+            return np.asarray(np.sum([share * getattr(each, name) for share, each in parts], axis=0))
 
-        first = of_kinds[0]
-        amounts = map(mean, ("images", "by_fate", "window", "outside", "in_targets"))
-        return ReceivedFlux(*amounts, first.targets, None if first.colours is None else mean("colours"))
+        first, amounts = of_kinds[0], ("images", "by_fate", "window", "outside", "in_targets")
+        colours = None if first.colours is None else mean("colours")
+        return ReceivedFlux(**{name: mean(name) for name in amounts}, targets=first.targets, colours=colours)
 
     def add(
         self,

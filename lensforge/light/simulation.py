@@ -207,7 +207,7 @@ def _simulate_kinds(
         own_seed = seed if measured else seeds.of_kind(seed, number)
         found.append(simulate(lens, source, own, count, own_seed, targets, coloured=coloured))
     received = zip(*(each.received for each in found), strict=True)
-    by_way = sum(share * each.by_way.flux for share, each in zip(shares, found, strict=True))
+    by_way = np.sum([share * each.by_way.flux for share, each in zip(shares, found, strict=True)], axis=0)
     return Simulation(
         tuple(ReceivedFlux.mean(each, shares) for each in received),
         source.flux_w,

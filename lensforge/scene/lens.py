@@ -186,6 +186,16 @@ class Lens:
         return section_html(spec.name, np.concatenate([outer, inner[::-1]]), facts)
 
 
+def require_one_kind(lens: Lens, verb: str) -> None:
+    """Raise :class:`InputError` for lenses of several kinds, where ``verb`` takes lamps that have the same lens."""
+    if lens.others:
+        names = ", ".join(repr(each.name) for each in lens.spec.all_lamps.kinds)
+        raise InputError(
+            f"{verb}: the lamps have lenses of several kinds, {names}, and it takes lamps of one; design them without "
+            "lamps.kinds"
+        )
+
+
 def _faces_record(surfaces: Mapping[str, Surface]) -> dict[str, JsonValue]:
     return {name: surface_record(each).model_dump(mode="json") for name, each in surfaces.items()}
 
@@ -244,7 +254,7 @@ def _lens_in(file: bytes, path: Path) -> Lens:
 
 
 def _faces_in(record: Mapping[str, SurfaceRecord], spec: Spec) -> dict[str, Surface]:
-    surfaces = {name: face.surface() for name, face in record.items()}
+    surfaces: dict[str, Surface] = {name: face.surface() for name, face in record.items()}
     for name, surface in surfaces.items():
         _require_size(name, surface, _LARGEST * spec.constraints.max_radius_mm)
     return surfaces

@@ -50,9 +50,9 @@ def _after(first: Design, progress: Observer) -> Observer:
     levels = _levels(first)
 
     def heard(now: Progress) -> object:
-        done = {"level": levels + now.level, "steps_done": first.steps + now.steps_done}
-        total, seconds = first.steps + now.steps_total, first.seconds + now.seconds
-        return progress(replace(now, **done, steps_total=total, seconds=seconds))
+        steps_done, steps_total = first.steps + now.steps_done, first.steps + now.steps_total
+        both = replace(now, level=levels + now.level, seconds=first.seconds + now.seconds)
+        return progress(replace(both, steps_done=steps_done, steps_total=steps_total))
 
     return heard
 

@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from scenes import small_spec
+from scenes import small_spec, sphere
 from search_scenes import Stop
 
 from lensforge.errors import InputError
+from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Progress
 from lensforge.search.feasibility import measure_constraints
 from lensforge.search.kinds_search import search_kinds
@@ -79,9 +80,12 @@ def test_each_lens_has_the_mirrors_of_its_kind(changes: dict[str, Any], of_sum: 
     assert [each.symmetry for each in lens.kinds] == of_lenses
 
 
-def test_a_search_from_one_lens_lights_the_rim_better_and_keeps_every_limit(tmp_path: Path) -> None:
+ROW = {"lamps": {**GRID, "rows": 1, "kinds": "place"}, "target__height_mm": 20.0, "target__uniform_mm": 20.0}
+
+
+def test_a_search_from_one_lens_lights_the_ends_better(tmp_path: Path) -> None:
     """Interrupted among the kinds, it goes on to the same bits."""
-    spec, path, heard = spec_of(**FEW), tmp_path / "search.bin", list[int]()
+    spec, path, heard = spec_of(**FEW, **ROW), tmp_path / "search.bin", list[int]()
     source = build_source(spec.source, None)
 
     def stop(now: Progress) -> None:
@@ -98,9 +102,18 @@ def test_a_search_from_one_lens_lights_the_rim_better_and_keeps_every_limit(tmp_
     assert (found.steps, one.level, kinds.level) == (48, 0, 1)
     assert np.mean(kinds.nmse[-5:]) < 0.9 * np.mean(one.nmse[-5:])
     assert all(criterion.passed for criterion in found.criteria)
-    alone = [measure_constraints(replace(each, others={}, spec=spec_of("one"))) for each in found.lens.kinds]
-    for name in ("cavity_clearance_mm", "wall_margin_mm", "radius_margin_mm"):
-        assert getattr(found.constraints, name) == min(getattr(each, name) for each in alone)
+
+
+def test_the_margins_are_the_least_of_all_kinds() -> None:
+    inner, outer = (2.4, 2.6, 2.5), (6.0, 6.2, 6.4)
+    faces = [{"inner": sphere(one), "outer": sphere(other)} for one, other in zip(inner, outer, strict=True)]
+    spec = spec_of(lens__symmetry="square", constraints__max_radius_mm=6.3)
+    lens = Lens(faces[0], spec, 0, "draft", others={"edge": faces[1], "corner": faces[2]})
+    found, limits = measure_constraints(lens, 500), spec.constraints
+    assert found.wall_margin_mm == pytest.approx(3.6 - limits.min_thickness_mm, abs=1e-6)
+    assert found.radius_margin_mm == pytest.approx(6.3 - 6.4)
+    alone = measure_constraints(replace(lens, others={}, spec=spec_of("one")), 500)
+    assert found.cavity_clearance_mm == alone.cavity_clearance_mm
 
 
 def test_a_symmetry_that_the_led_lacks_is_refused() -> None:
