@@ -28,7 +28,7 @@ GROUPS = {
     "Lamps together": ("backlight", "backlight_plate", "high_bay", "panel", "street_module", "floodlights"),
     "Total internal reflection": ("spot", "spot_10", "oval", "flashlight", "desk_spot", "collimating_mirror"),
     "Reflectors": ("reflector", "ellipsoidal_reflector"),
-    "Materials": ("silicone", "coated_cover_glass"),
+    "Materials": ("silicone", "coated_cover_glass", "domed_cover"),
     "Designs of published papers": (
         "published/rectangle_2mm", "published/rectangle_3mm", "published/compact_rectangle",
         "published/compact_one_axis", "published/circle", "published/street", "published/two_numerals",

@@ -21,8 +21,10 @@ from lensforge.kernels.first_hit import empty_packet
 from lensforge.kernels.nearly_convex import chain_bounds
 from lensforge.kernels.parallel import in_chunks
 from lensforge.kernels.trace import trace
-from lensforge.light.coated_glass import RayCoatings
+from lensforge.light.coated_glass import RayCoatings, face_transmittances
+from lensforge.optics.dielectric import fields_behind, passing_amplitudes, unpolarised_fields
 from lensforge.optics.media import DOUBLE, FurtherBody, Media
+from lensforge.scene.as_made import Placed, through_frame
 from lensforge.scene.body import Body, Chain
 from lensforge.scene.exit_rays import ExitRays, Sensitivities
 from lensforge.sources.ray_bundle import RayBundle
@@ -138,6 +140,39 @@ def polarised(exits: ExitRays, ended: _Fields | None) -> ExitRays:
     squared = np.sum(ended**2, axis=1)
     carried = np.where(exits.left_lens, 2.0 * exits.flux / np.where(squared > 0.0, squared, 1.0), 0.0)
     return replace(exits, fields=ended, carried=carried)
+
+
+def fields_of_two_faces(
+    rays: RayBundle, exits: ExitRays, first_mm: _Values, placed: Placed, indices: Float[np.ndarray, " k"], media: Media,
+    coatings: RayCoatings,
+) -> _Fields:  # fmt: skip
+    """Fields of ``exits`` of the usual lens as it was made, whose kernel keeps none: from the directions of each ray.
+
+    ``first_mm``: paths to the inner face; ``indices`` of the body. By Snell's law a normal is along the change of the
+    direction, each taken times its index.
+    """
+    (first, between, last), into, back = placed
+    points, along = through_frame(first, rays.origins, rays.directions, into)
+    points = points + first_mm[:, None] * along
+    for frame, factor in ((between, 1.0), (last, back)):
+        points, along = through_frame(frame, points, along, factor)
+    rows = np.flatnonzero(exits.left_lens)
+    inside = exits.points[rows] - points[rows]
+    inside /= np.linalg.norm(inside, axis=1, keepdims=True)
+    own = indices[rows] if len(indices) > 1 else np.full(len(rows), indices[0])
+    fields, before = unpolarised_fields(along[rows]), along[rows]
+    steps = ((inside, media.cavity_index / own), (exits.directions[rows], own / media.outside_index))
+    for name, (behind, ratio) in zip(DOUBLE, steps, strict=True):
+        normals = (behind - ratio[:, None] * before) * np.sign(1.0 - ratio)[:, None]
+        size = np.linalg.norm(normals, axis=1, keepdims=True)
+        normals = np.where(size > 0.0, normals / np.where(size > 0.0, size, 1.0), before)
+        cosine = np.minimum((before * normals).sum(axis=1), 1.0)
+        passed = face_transmittances(cosine, ratio, coatings.faces.get(name), coatings.rows, rows)
+        fields = fields_behind(fields, before, behind, normals, passing_amplitudes(passed, ratio))
+        before = behind
+    found = np.zeros((len(rays), 12))
+    found[rows, :3], found[rows, 6:9] = fields[:, 0], fields[:, 1]
+    return found
 
 
 def through_bodies(

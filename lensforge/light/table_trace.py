@@ -15,7 +15,13 @@ from lensforge.kernels.nearly_convex import chain_bounds
 from lensforge.kernels.parallel import CHUNKS, in_chunks
 from lensforge.kernels.trace import trace
 from lensforge.light.coated_glass import RayCoatings, before_glass, behind_glass
-from lensforge.light.further_bodies import TWO_FACES, BodyPassage, polarised, through_bodies
+from lensforge.light.further_bodies import (
+    TWO_FACES,
+    BodyPassage,
+    fields_of_two_faces,
+    polarised,
+    through_bodies,
+)
 from lensforge.optics.media import DOUBLE, Media
 from lensforge.scene.as_made import AsMade, Placed, Rough, rough_part
 from lensforge.scene.body import Chain
@@ -44,8 +50,11 @@ class Scene:
 
     @property
     def traced_chain(self) -> Chain | None:
-        """The chain by which rays are traced; before further bodies the usual lens is one, for its polarisation."""
-        return TWO_FACES if self.chain is None and self.media.bodies else self.chain
+        """The chain by which rays are traced; before further bodies the usual lens is one, for its polarisation.
+
+        As it was made it is none: its faces then have frames of their own.
+        """
+        return TWO_FACES if self.chain is None and self.media.bodies and self.made is None else self.chain
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -114,8 +123,6 @@ class TracedBundle:
         faces = coatings.for_kernels(scene.names)
         placed = None if scene.made is None else scene.made.placed
         rough = None if scene.made is None else scene.made.rough(count)
-        if scene.media.bodies and scene.chain is None and scene.made is not None:
-            raise InputError("bodies: a lens whose faces are displaced is traced without them; leave them out")
         chain = None if scene.traced_chain is None else scene.traced_chain.packed(scene.media)
         if chain is not None:
             bounds = chain_bounds(tables, bounds, chain[0], scene.grid.origin, scene.grid.step)
@@ -140,6 +147,8 @@ class TracedBundle:
         taken = absorbed if len(absorptions) else None
         faces_met = None if met is None or scene.chain is None else met >> 2
         exits = ExitRays(points, directions, flux, sin2_exit, fates, absorbed=taken, axial=axial, met=faces_met)
+        if ended is not None and chain is None and placed is not None:
+            ended = fields_of_two_faces(rays, exits, lengths[:, 0], placed, body[0], scene.media, coatings)
         exits = polarised(exits, ended)
         behind = behind_glass(exits, scene.media, scene.fresnel, coatings)
         behind, passages = through_bodies(behind, scene.media, rays, scene.fresnel)
@@ -150,8 +159,9 @@ class TracedBundle:
     ) -> Tables:
         """Gradients by all tables, from sensitivities to the exit rays, their flux and their ``sin2_exit``.
 
-        The flux that a lost ray carried counts as a constant.
+        The flux that a lost ray carried counts as a constant. Not of a usual lens as made before further bodies.
         """
+        assert self.scene.traced_chain is not None or not self.passages, "a robust search refuses bodies"
         rays, fates, (indices, absorptions) = self.rays, self.at_lens.fates, self.body
         scene, coatings, faces = self.scene, self.coatings, self.coatings.for_kernels(self.scene.names)
         by, by_flux, by_axial = before_glass(self.at_lens, scene.media, by, by_flux, scene.fresnel, coatings)

@@ -9,7 +9,7 @@ from typing import Protocol, runtime_checkable
 from weakref import ref
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Inexact
 
 from lensforge.kernels.parallel import in_chunks
 from lensforge.optics.material import Material
@@ -271,9 +271,9 @@ class FurtherBody:
         own: _Vectors = (points - np.array(self.centre_mm)) @ np.array(self.turn)
         return own
 
-    def own_directions(self, directions: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
-        """Directions of the lens's frame in its own."""
-        own: Float[np.ndarray, "*n 3"] = directions @ np.array(self.turn)
+    def own_directions(self, directions: Inexact[np.ndarray, "*n 3"]) -> Inexact[np.ndarray, "*n 3"]:
+        """Directions, or fields, of the lens's frame in its own."""
+        own: Inexact[np.ndarray, "*n 3"] = directions @ np.array(self.turn)
         return own
 
     def placed_points(self, own: _Vectors) -> _Vectors:
@@ -281,9 +281,9 @@ class FurtherBody:
         placed: _Vectors = own @ np.array(self.turn).T + np.array(self.centre_mm)
         return placed
 
-    def placed_directions(self, own: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
-        """Directions of its own frame in that of the lens."""
-        placed: Float[np.ndarray, "*n 3"] = own @ np.array(self.turn).T
+    def placed_directions(self, own: Inexact[np.ndarray, "*n 3"]) -> Inexact[np.ndarray, "*n 3"]:
+        """Directions, or fields, of its own frame in that of the lens."""
+        placed: Inexact[np.ndarray, "*n 3"] = own @ np.array(self.turn).T
         return placed
 
     def media(self, around: "Media") -> "Media":

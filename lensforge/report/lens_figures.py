@@ -93,8 +93,9 @@ def _draw_further_bodies(axes: Axes, lens: Lens, across: Float[np.ndarray, " 3"]
     flat = points.reshape(-1, 3)
     for number, body in enumerate(lens.media.bodies):
         outer, inner = (depths(body, flat, inner=each) for each in (False, True))
-        within = np.minimum(np.minimum(outer, -inner), body.own_points(flat)[:, 2])
-        within = np.where(np.isfinite(within), within, -1.0).reshape(_CUT_NODES, _CUT_NODES)
+        height = body.own_points(flat)[:, 2]
+        within = np.where(height > 0.0, np.minimum(np.minimum(outer, -inner), height), height)
+        within = within.reshape(_CUT_NODES, _CUT_NODES)
         colour = (GREY, GREEN)[number % 2]
         axes.contourf(place, place, within, levels=[0.0, np.inf], colors=[colour], alpha=0.35)
         axes.contour(place, place, within, levels=[0.0], colors=[INK], linewidths=0.7)

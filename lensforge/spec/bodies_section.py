@@ -4,7 +4,7 @@ They nest like shells: the lens lies in the cavity of the first, each body in th
 outside. The search changes none of them, and no file for the shop has them.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from math import cos, radians, sin
@@ -33,7 +33,7 @@ _SAME = 1e-9  # rounding of a mirrored body
 _Points = Float[np.ndarray, "n 3"]
 
 
-class GivenFace(Section):
+class ShellFace(Section):
     """A face of a further body: its shape, about the origin of the body, and its coating."""
 
     fixed: FixedSurface
@@ -72,9 +72,9 @@ class BodySection(Section):
     """Tilt of its axis from +z: about x, then about y."""
     rotate_z_deg: Turn = 0.0
     """Turn about its own axis, before the tilt."""
-    inner: GivenFace
+    inner: ShellFace
     """Face towards the lens, which bounds its cavity."""
-    outer: GivenFace
+    outer: ShellFace
     """Face towards the receivers."""
 
     @model_validator(mode="before")
@@ -171,14 +171,18 @@ def media_with(bodies: Sequence[BodySection], lens: AnyLens) -> Media:
 
 
 def require_bodies(
-    sections: Sequence[BodySection], lens: AnyLens, limits: ConstraintsSection, others: Mapping[str, object]
+    sections: Sequence[BodySection], lens: AnyLens, limits: ConstraintsSection, *, lamps: object, robust: bool
 ) -> None:
-    """Raise ``ValueError`` for bodies that do not nest about the lens, and for ``others``: fields that refuse them."""
+    """Raise ``ValueError`` for bodies that do not nest about the lens, and for what does not know them.
+
+    ``lamps`` of the spec, None for one; ``robust``: the search is.
+    """
     if not sections:
         return
-    given = (name for name, value in {**others, "lens.cover_glass": lens.cover_glass}.items() if value)
-    for name in given:
-        raise ValueError(f"bodies and {name}: they do not go together; leave out one of the two")
+    others = {"lens.cover_glass": lens.cover_glass, "lamps": lamps, "optimise.robust": robust or None}
+    refusing = next((name for name, given in others.items() if given is not None), None)
+    if refusing is not None:
+        raise ValueError(f"bodies and {refusing}: they do not go together; leave out one of the two")
     names = [body.name for body in sections]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:

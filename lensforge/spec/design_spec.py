@@ -214,8 +214,7 @@ class Spec(Section):
 
     @model_validator(mode="after")
     def _bodies_nest(self) -> "Spec":
-        others = {"lamps": self.lamps, "optimise.robust": self.optimise.robust}
-        require_bodies(self.bodies, self.lens, self.constraints, others)
+        require_bodies(self.bodies, self.lens, self.constraints, lamps=self.lamps, robust=self.optimise.robust)
         return self
 
     @property
