@@ -41,8 +41,8 @@ _UNCHECKED = {  # compiled by numba, which cannot compile what is wrapped; verbs
     "luminaire_classes.py", "yield_study.py", "measured_parts.py", "tolerance_budget.py", "part_study.py",
     "sensitivity.py", "point_tables.py", "shop_files.py", "proof_inputs.py",
 }  # fmt: skip
-# Fewer lines from which the thinnest wall of two faces is sought, and fewer points of a spline's volume: half of a short
-# search and of an export are these two numbers. ``full_effort`` is for tests of them.
+# Fewer lines from which the thinnest wall of two faces is sought, and fewer points of a spline's volume: half of a
+# short search and of an export are these two numbers. ``full_effort`` is for tests of them.
 _FEWER = {("lensforge.cad.wall", "_STARTS"): 3, ("lensforge.results.brep_size", "_POINTS"): 8}
 _FULL: dict[tuple[str, str], int] = {}
 _MODULES = sorted(
