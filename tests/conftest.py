@@ -129,7 +129,7 @@ def shared(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
 
 @pytest.fixture(scope="session", autouse=True)
 def compiled_once(shared: Path) -> Iterator[None]:
-    """Each kernel is compiled by one process and loaded by the others: all take a minute in a new clone."""
+    """Each kernel is compiled by one process and loaded by the others: a new clone spends two minutes on them."""
     from numba.core.caching import NullCache
     from numba.core.compiler_lock import global_compiler_lock
     from numba.core.dispatcher import Dispatcher
