@@ -99,7 +99,7 @@ def _of_one_lamp(lens: Lens, light: Light) -> tuple[Lens, Light]:
     """The lens without other lamps, and its light: what a cast through one part can show."""
     if lens.spec.all_lamps.alone:
         return lens, light
-    alone = replace(lens, spec=lens.spec.of_one_lamp)
+    alone = replace(lens, spec=lens.spec.of_one_lamp, others={})
     return alone, evaluate(alone, rays=light.rays, pixels=light.pixels)
 
 

@@ -29,6 +29,7 @@ from lensforge.optics.arrays import Array, lengths, module_of
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.scene.receiver import Kernel, PosedReceiver, ReceiverKind, ReceiverPose, equal_area, from_equal_area
 from lensforge.spec import AnyReceiver, Spec
+from lensforge.spec.bodies_section import depths
 from lensforge.spec.lamps_section import Lamps
 from lensforge.spec.receiver_sections import CylinderReceiver, FarFieldReceiver, PlaneReceiver, SphereReceiver
 
@@ -168,6 +169,7 @@ def receivers_of(spec: Spec, pixels: int) -> tuple[PosedReceiver, ...]:
     if side is not None and spec.target is not None:
         built = [replace(built[0], window=Window(side, side))]
     _require_behind_glass(spec, built)
+    _require_outside_bodies(spec, built)
     return tuple(built)
 
 
@@ -181,7 +183,7 @@ def together(receiver: PosedReceiver, lamps: Lamps) -> PosedReceiver:
     is then one picture, moved by whole pixels.
     """
     grid = receiver.grid
-    if receiver.kind == "plane" and lamps.period_mm is None:
+    if receiver.kind == "plane" and lamps.period_mm is None and not lamps.posed:
         moves = np.array(lamps.places_mm) @ receiver.pose.axes[:2, :2].T
         columns, rows = _alike(grid.columns, moves[:, 0] / grid.width), _alike(grid.rows, moves[:, 1] / grid.height)
         grid = replace(grid, columns=columns, rows=rows)
@@ -212,6 +214,21 @@ def _require_behind_glass(spec: Spec, receivers: Sequence[PosedReceiver]) -> Non
                 f"lens.cover_glass ends at z = {end_mm:g} mm, and a receiver reaches down to z = {low_mm:.4g} mm; "
                 "put all of it behind the glass"
             )
+
+
+def _require_outside_bodies(spec: Spec, receivers: Sequence[PosedReceiver]) -> None:
+    """Refuse receivers that lie in part within a body: light meets them first."""
+    for receiver in receivers:
+        corners = receiver.corners().reshape(-1, 3)
+        for body in () if receiver.kind == "far_field" else spec.media.bodies:
+            depth = depths(body, corners, inner=False)
+            inside = np.isfinite(depth) & (depth > 0.0)
+            if inside.any():
+                x, y, z = corners[int(np.argmax(inside))]
+                raise InputError(
+                    f"body {body.name!r}: a receiver lies within it, at ({x:.4g}, {y:.4g}, {z:.4g}) mm; put all of it "
+                    "outside of the last body"
+                )
 
 
 def build_receiver(section: AnyReceiver, pixels: int) -> PosedReceiver:

@@ -7,6 +7,7 @@ receivers and targets share, and no larger one.
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 from typing import Any, cast
 
 import numpy as np
@@ -24,6 +25,7 @@ from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import target_light
 from lensforge.sources.ray_bundle import Source
 from lensforge.spec import Accuracy, Spec
+from lensforge.spec.bodies_section import has_mirrors
 from lensforge.surfaces.bicubic_table import BasisTables, TableGrid, dyadic_grid, tabulate
 from lensforge.surfaces.mirror_group import NAMES, contains, generators
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere, level_sigma
@@ -235,30 +237,38 @@ def settled_symmetry(spec: Spec, source: Source) -> Spec:
     """
     name = spec.lens.symmetry
     if name == "auto":
-        symmetry = next(
-            each
-            for each in reversed(NAMES)
-            if contains(source.symmetry, each) and _in_fixed(spec, each) is None and _in_targets(spec, each)
-        )
+        symmetry = next(each for each in reversed(NAMES) if each != "diagonal" and _has_symmetry(spec, source, each))
         return spec.model_copy(update={"lens": spec.lens.model_copy(update={"symmetry": symmetry})})
-    if not contains(source.symmetry, name):
-        raise InputError(f"lens.symmetry = {name!r}: the source has only {source.symmetry!r}; use that, or 'auto'")
-    lacking = _in_fixed(spec, name)
-    if lacking is not None:
-        raise InputError(f"lens.symmetry = {name!r}: {lacking} is not symmetric in this way; use 'auto'")
+    for own in _groups(spec, name):
+        if not contains(source.symmetry, own):
+            raise InputError(f"lens.symmetry = {own!r}: the source has only {source.symmetry!r}; use that, or 'auto'")
+        lacking = _in_fixed(spec, own)
+        if lacking is not None:
+            raise InputError(f"lens.symmetry = {own!r}: {lacking} is not symmetric in this way; use 'auto'")
     if not _in_targets(spec, name):
         raise InputError(f"lens.symmetry = {name!r}: the target is not symmetric in this way; use 'auto'")
     return spec
 
 
+def _groups(spec: Spec, name: str) -> list[str]:
+    """Mirror groups of the lenses where the light of all lamps has the group ``name``, itself the first."""
+    return list(dict.fromkeys([name, *(kind.symmetry(name) for kind in spec.all_lamps.kinds)]))
+
+
+def _has_symmetry(spec: Spec, source: Source, name: str) -> bool:
+    own = all(contains(source.symmetry, each) and _in_fixed(spec, each) is None for each in _groups(spec, name))
+    return own and _in_targets(spec, name)
+
+
 def _in_fixed(spec: Spec, name: str) -> str | None:
-    """Field of a fixed surface that lacks the symmetry; None where both have it."""
+    """Field of a fixed surface, or name of a body, that lacks the symmetry; None where all have it."""
     lacking = (
         f"lens.{face}.fixed"
         for face, surface in spec.lens.fixed.items()
         if surface is not None and not contains(surface.symmetry, name)
     )
-    return next(lacking, None)
+    bodies = (f"body {body.name!r}" for body in spec.media.bodies if not has_mirrors(body, name))
+    return next(chain(lacking, bodies), None)
 
 
 def _in_targets(spec: Spec, name: str) -> bool:
@@ -315,6 +325,6 @@ def mirror_mean(grid: Float[Tensor, "p p"], symmetry: str) -> Float[Tensor, "p p
         grid = 0.5 * (grid + grid.flip(0))
     if symmetry in ("mirror_y", "rectangle", "square"):
         grid = 0.5 * (grid + grid.flip(1))
-    if symmetry == "square":
+    if symmetry in ("diagonal", "square"):
         grid = 0.5 * (grid + grid.T)
     return grid

@@ -11,17 +11,20 @@ import tomli_w
 from pydantic import Field, ValidationError, model_validator
 
 from lensforge.errors import InputError
+from lensforge.optics.media import Media
 from lensforge.results.files import replacing
 from lensforge.results.validation import its_type
+from lensforge.spec.bodies_section import BodySection, media_with, require_bodies
 from lensforge.spec.derived_values import derived_sizes
 from lensforge.spec.feasible import require_feasible
-from lensforge.spec.lamps_section import AnyLamps, Lamps, lamps_of, require_together
+from lensforge.spec.lamps_section import AnyLamps, Lamps, lamps_of
+from lensforge.spec.lamps_together import require_kinds, require_together
 from lensforge.spec.lens_section import AnyLens, LensSection
 from lensforge.spec.light_limits import (
     ColourSection,
     LightLimitSpec,
     PhotometrySection,
-    require_limit_fits,
+    require_limits_fit,
     require_seen_from_afar,
 )
 from lensforge.spec.part_section import BaseSection, DrawingSection, ManufactureSection
@@ -60,7 +63,7 @@ def _filled(section: _Filled, derived: Mapping[str, Any]) -> _Filled:
     return filled
 
 
-_MOST_SOURCES, _MOST_RECEIVERS, _MOST_LIMITS = 16, 16, 1000
+_MOST_SOURCES, _MOST_RECEIVERS, _MOST_LIMITS, _MOST_BODIES = 16, 16, 1000, 8
 _ALL_BELOW = 90.0  # degrees from the axis: all that is below a lamp
 _OneReceiver = Annotated[AnyReceiver, Field(discriminator="kind")]
 _OF_GIVEN_LEVELS = ("steps_per_level", "rays")  # fields of optimise
@@ -77,6 +80,8 @@ class Spec(Section):
     """LEDs that one lens is for, in the place of ``source``. What is stated for one LED alone is of the first."""
     lens: AnyLens = Field(default_factory=LensSection)
     """Material, and the two surfaces from which the search starts."""
+    bodies: Annotated[tuple[BodySection, ...], Field(max_length=_MOST_BODIES)] = ()
+    """Given optics that the light passes behind the lens, in this order: domes, covers."""
     constraints: ConstraintsSection
     """Limits that every lens of the search keeps: room for the LED, wall, size, and what can be made."""
     target: Target | None = None
@@ -84,7 +89,7 @@ class Spec(Section):
     receivers: Annotated[tuple[_OneReceiver, ...], Field(max_length=_MOST_RECEIVERS)] = ()
     """Surfaces that the light falls on, each with its targets; or give ``target`` alone."""
     lamps: AnyLamps | None = None
-    """Equal lamps, whose light every receiver sees together; by default one at the origin."""
+    """Lamps whose light every receiver sees together; by default one at the origin."""
     limits: Annotated[tuple[LightLimitSpec, ...], Field(max_length=_MOST_LIMITS)] = ()
     """Light that must be at least, or at most, so much."""
     roads: Annotated[tuple[RoadSection, ...], Field(max_length=MOST_ROADS)] = ()
@@ -106,7 +111,7 @@ class Spec(Section):
     tolerances: TolerancesSection = Field(default_factory=TolerancesSection)
     """Errors of part, mounting and LED, for ``lensforge yield`` and for a robust search."""
     photometry: PhotometrySection = Field(default_factory=PhotometrySection)
-    """Lighting that the lens is for: general, of an area, or of a road."""
+    """Lighting that the lens is for: general, or of an area or a road."""
 
     @model_validator(mode="before")
     @classmethod
@@ -208,17 +213,19 @@ class Spec(Section):
         return self
 
     @model_validator(mode="after")
+    def _bodies_nest(self) -> "Spec":
+        others = {"lamps": self.lamps, "optimise.robust": self.optimise.robust}
+        require_bodies(self.bodies, self.lens, self.constraints, others)
+        return self
+
+    @property
+    def media(self) -> Media:
+        """The media that light passes: those of the lens, and the bodies behind it."""
+        return media_with(self.bodies, self.lens)
+
+    @model_validator(mode="after")
     def _limits_fit_their_receivers(self) -> "Spec":
-        receivers = {receiver.name: receiver for receiver in self.all_receivers}
-        for number, limit in enumerate(self.limits):
-            name = limit.receiver or next(iter(receivers))
-            if name not in receivers:
-                known = ", ".join(str(each) for each in receivers)
-                raise ValueError(f"limits.{number}.receiver = {name!r}: there is none of that name; known: {known}")
-            try:
-                require_limit_fits(limit, receivers[name].unit, receivers[name].extent, f"receiver {name!r}")
-            except ValueError as error:
-                raise ValueError(f"limits.{number}: {error}") from None
+        require_limits_fit(self.limits, self.all_receivers)
         return self
 
     @property
@@ -249,6 +256,8 @@ class Spec(Section):
             lenses, receivers = self.photometry.lenses, self.all_receivers
             base = BaseSection(kind="none") if self.plate is not None else self.base  # the plate holds the lenses
             require_together(self.all_lamps, self.constraints, base, receivers, lenses)
+            others = {"plate": self.plate is not None, "sources": bool(self.sources)}
+            require_kinds(self.lamps, receivers, others | {"optimise.robust": self.optimise.robust})
             if self.evaluate.window_mm is not None:
                 raise ValueError("evaluate.window_mm: of lamps together the whole receiver counts; leave it out")
         return self
@@ -374,7 +383,7 @@ def load_spec(path: Path | str) -> Spec:
     path = Path(path)
     content = read_toml(path, missing="`lensforge new` writes one, `lensforge examples` lists the shipped ones")
     content.setdefault("name", path.stem)
-    for section in ("source", "sources", "lens", "target", "receivers", "roads", "base", "constraints"):
+    for section in ("source", "sources", "lens", "target", "receivers", "roads", "base", "constraints", "bodies"):
         resolve_files(content.get(section), path.parent)
     return parse_spec(content, str(path))
 

@@ -18,7 +18,7 @@ from lensforge.cad.part import Part, part_facts
 from lensforge.cad.part_export import build_part
 from lensforge.cad.plan import make_plan
 from lensforge.cad.plate_export import BuiltPlate, build_plate, room_on_plate
-from lensforge.cad.plate_layout import area_mm2, layout_of
+from lensforge.cad.plate_layout import layout_of
 from lensforge.cad.plate_solid import build_plate_solid
 from lensforge.cad.step import parse_step
 from lensforge.errors import InputError
@@ -26,6 +26,7 @@ from lensforge.scene.lens import Lens
 from lensforge.shop.check import check_lens
 from lensforge.shop.findings import plate_findings
 from lensforge.spec import BaseSection
+from lensforge.surfaces.plane_loop import area_mm2
 
 INNER, OUTER = 0.8, 2.45  # mm; constraints.max_radius_mm is twice the outer
 RING = {"kind": "ring", "count": 3, "diameter_mm": 14.0}
