@@ -41,7 +41,7 @@ _UNCHECKED = {  # compiled by numba, which cannot compile what is wrapped; verbs
     "luminaire_classes.py", "yield_study.py", "measured_parts.py", "tolerance_budget.py", "part_study.py",
     "sensitivity.py", "point_tables.py", "shop_files.py", "proof_inputs.py",
 }  # fmt: skip
-# Fewer lines from which the thinnest wall of two faces is sought, and fewer points of the volume of a spline: half of a
+# Fewer lines from which the thinnest wall of two faces is sought, and fewer points of a spline's volume: half of a
 # short search and of an export are these two numbers. ``full_effort`` is for tests of them.
 _FEWER = {("lensforge.cad.wall", "_STARTS"): 3, ("lensforge.results.brep_size", "_POINTS"): 8}
 _FULL: dict[tuple[str, str], int] = {}
@@ -129,7 +129,7 @@ def shared(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
 
 @pytest.fixture(scope="session", autouse=True)
 def compiled_once(shared: Path) -> Iterator[None]:
-    """Each kernel is compiled by one process and loaded by the others: all take a minute in a new clone."""
+    """Each kernel is compiled by one process and loaded by the others: a new clone spends two minutes on them."""
     from numba.core.caching import NullCache
     from numba.core.compiler_lock import global_compiler_lock
     from numba.core.dispatcher import Dispatcher

@@ -240,7 +240,9 @@ def test_the_walls_of_a_boss_are_judged(bore: dict[str, float], wall: float, bet
 
 
 def test_the_check_of_a_lens_has_the_findings_of_its_plate() -> None:
-    lens = on_plate({"thickness_mm": 1.0, "holes": [SCREW]}, {"kind": "table", "places_mm": [[-4.5, 0.0], [4.5, 0.0]]})
+    hole = {"place_mm": [0.0, 8.0], "diameter_mm": 1.0}
+    plate = {"thickness_mm": 1.0, "width_mm": 20.0, "height_mm": 20.0, "holes": [hole]}
+    lens = on_plate(plate, {"kind": "table", "places_mm": [[-4.5, 0.0], [4.5, 0.0]]})
     with coarse_part():
         check = check_lens(lens)
     assert [each for each in check.verdicts if each.name in ("gap", "plate")] == list(findings(lens))
