@@ -31,13 +31,12 @@ from lensforge.spec.part_section import BaseSection, DrawingSection, Manufacture
 from lensforge.spec.plate_section import PlateSection, require_plate
 from lensforge.spec.receiver_sections import (
     AnyReceiver,
-    FarFieldReceiver,
     Target,
     implied_receiver,
     named,
     require_outside,
 )
-from lensforge.spec.road_section import MOST_ROADS, RoadSection
+from lensforge.spec.road_section import MOST_ROADS, RoadSection, require_all_below
 from lensforge.spec.search_section import ConstraintsSection, EvaluateSection, OptimiseSection
 from lensforge.spec.source_sections import NamedSource, SourceSpec
 from lensforge.spec.spec_fields import words_of
@@ -64,7 +63,6 @@ def _filled(section: _Filled, derived: Mapping[str, Any]) -> _Filled:
 
 
 _MOST_SOURCES, _MOST_RECEIVERS, _MOST_LIMITS, _MOST_BODIES = 16, 16, 1000, 8
-_ALL_BELOW = 90.0  # degrees from the axis: all that is below a lamp
 _OneReceiver = Annotated[AnyReceiver, Field(discriminator="kind")]
 _OF_GIVEN_LEVELS = ("steps_per_level", "rays")  # fields of optimise
 
@@ -273,13 +271,7 @@ class Spec(Section):
 
     @model_validator(mode="after")
     def _roads_see_the_far_field(self) -> "Spec":
-        far = next((each for each in self.all_receivers if isinstance(each, FarFieldReceiver)), None)
-        if self.roads and (far is None or far.half_angle_deg < _ALL_BELOW):
-            found = "there is none" if far is None else f"the first has half_angle_deg = {far.half_angle_deg:g}"
-            raise ValueError(
-                f"roads: their far lamps and their glare are light at up to {_ALL_BELOW:g} degrees from the axis, on a "
-                f"receiver of kind far_field; {found}; give it half_angle_deg = {_ALL_BELOW:g}"
-            )
+        require_all_below(self.roads, self.all_receivers)
         return self
 
     @model_validator(mode="after")
