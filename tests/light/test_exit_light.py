@@ -138,11 +138,12 @@ def test_without_light_upwards_there_is_none_to_write() -> None:
 
 
 def test_every_fate_has_its_own_loss() -> None:
-    flux = np.arange(1.0, CAUSES + 1.0)
+    flux = np.arange(1.0, CAUSES + 3.0)  # the last two of bodies
     found = _lost(flux).model_dump()
     expected = {fate.name.lower(): fate + 1.0 for fate in Fate if fate != Fate.LEFT_LENS}
     others = {"missed_receiver": MISSED_RECEIVER, "absorbed": ABSORBED, "cover_glass": IN_GLASS}
-    assert found == expected | {name: place + 1.0 for name, place in others.items()}
+    bodies = {"bodies": flux[CAUSES:].sum()}
+    assert found == expected | bodies | {name: place + 1.0 for name, place in others.items()}
 
 
 @pytest.mark.parametrize(

@@ -111,8 +111,8 @@ def test_the_most_light_in_the_target_is_set_by_the_faces_or_by_the_law_of_physi
 
 
 def test_every_fate_has_its_share_of_the_budget() -> None:
-    by_fate = np.zeros((2, CAUSES))
-    by_fate[:] = np.arange(1.0, CAUSES + 1.0) / 200.0
+    by_fate = np.zeros((2, CAUSES + 2))  # two further bodies
+    by_fate[:] = np.arange(1.0, CAUSES + 3.0) / 300.0
     inside = np.array([0.002, 0.004])
     landed = by_fate[:, Fate.LEFT_LENS]
     received = ReceivedFlux(np.zeros((2, 1, 1)), by_fate, inside, landed - inside, np.zeros((2, 0)))
@@ -122,7 +122,7 @@ def test_every_fate_has_its_share_of_the_budget() -> None:
     expected = {
         "detected": 0.006, "outside": share[0] - 0.006, "total_reflection": share[4], "not_converged": share[5],
         "missed": share[[1, 2, 3, 6, 7, 8, 9]].sum(), "absorbed": share[10], "cover_glass": share[11],
-        "reflected": 1.0 - share.sum(),
+        "bodies": share[12:].sum(), "reflected": 1.0 - share.sum(),
     }  # fmt: skip
     assert flux.model_dump() == pytest.approx(expected)
     causes = ("backward", "outside_cavity", "base", "surfaces_intersect", "more_events", "flange", "missed_receiver")
