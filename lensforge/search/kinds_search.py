@@ -30,18 +30,14 @@ def search_kinds(
     ``start``: with the lenses of all kinds, they go on from these at once. The kinds have a checkpoint of their own
     beside that of the first search, which stays until they end.
     """
-    common: dict[str, Any] = {"progress": progress, **options}
-    if spec.lamps is None or not spec.all_lamps.kinds:
-        return search(spec, source, start=start, checkpoint=checkpoint, resume=resume, **common)
-    if start is not None and start.others:
-        return search(spec, source, start=start, checkpoint=checkpoint, resume=resume, **common)
-    equal = spec.model_copy(update={"lamps": spec.lamps.of_one_kind})
-    first = search(equal, source, start=start, checkpoint=checkpoint, resume=resume, **common)
-    if progress is not None:
-        common["progress"] = _after(first, progress)
+    if spec.lamps is None or not spec.all_lamps.kinds or (start is not None and start.others):
+        return search(spec, source, start=start, checkpoint=checkpoint, resume=resume, progress=progress, **options)
+    one = spec.model_copy(update={"lamps": spec.lamps.of_one_kind})
+    first = search(one, source, start=start, checkpoint=checkpoint, resume=resume, progress=progress, **options)
+    heard = None if progress is None else _after(first, progress)
     beside = None if checkpoint is None else of_kinds(checkpoint)
     again = resume and beside is not None and beside.exists()
-    found = search(spec, source, start=first.lens, checkpoint=beside, resume=again, **common)
+    found = search(spec, source, start=first.lens, checkpoint=beside, resume=again, progress=heard, **options)
     return _joined(first, found)
 
 
