@@ -268,21 +268,23 @@ def back_at_outer(rays, whole, scene, coatings, rows, absorbing, placed, rough, 
 
 @kernel
 def trace_adjoint(
-    origins, directions, emitted, indices, absorptions, tables, scene, coatings, rows, placed, rough, chain,
-    lengths, met, fates, by_points, by_directions, by_flux, by_axial, by_sin2, gradients, rays, memory, by_fields,
+    origins, directions, emitted, indices, absorptions, tables, scene, coatings, rows, placed, rough, chain, begun,
+    lengths, met, fates, by_points, by_directions, by_flux, by_axial, by_sin2, by_ended, by_begun, gradients, rays,
+    memory, by_fields,
 ):  # fmt: skip
     """Add every ray's contribution to the gradients with respect to the tables' coefficients.
 
     Through a ray that left the lens: by its exit point, its direction, its flux, that along z and sin^2; through one
     that the last surface reflected totally: by sin^2. ``by_axial`` is None without a cover glass. Without Fresnel
-    losses no face is coated. ``rays``: memory of a packet; ``memory`` and ``by_fields``: of a ray in a chain.
+    losses no face is coated. ``begun``, ``by_ended`` and ``by_begun``: of a chain, as in ``kernels.chain_adjoint``.
+    ``rays``: memory of a packet; ``memory`` and ``by_fields``: of a ray in a chain.
     """
     if chain is not None:  # known to the compiler
         for k in range(len(emitted)):
             chain_adjoint(
                 k, origins[k], directions[k], emitted[k], indices, absorptions, tables, scene, coatings, rows, placed,
-                rough, chain, lengths, met, fates[k], by_points[k], by_directions[k], by_flux[k],
-                0.0 if by_axial is None else by_axial[k], by_sin2[k], gradients, memory, by_fields,
+                rough, chain, begun, lengths, met, fates[k], by_points[k], by_directions[k], by_flux[k],
+                0.0 if by_axial is None else by_axial[k], by_sin2[k], by_ended, by_begun, gradients, memory, by_fields,
             )  # fmt: skip
         return
     side, inverse_step, absorbing = float(tables.shape[1]), scene[4], len(absorptions) > 0

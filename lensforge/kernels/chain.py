@@ -35,14 +35,18 @@ REFLECTED, FROM_BEHIND = 2, 1
 
 
 @inline
-def begin_chain(rays, lane, d):
-    """A ray of the packet as it enters the cavity."""
+def begin_chain(rays, lane, d, begun, k):
+    """Ray k, in this lane of the packet, as it enters the cavity."""
     rays[MEDIUM + lane], rays[LAST + lane], rays[CLEAR + lane] = CAVITY, -1.0, 1.0
-    one, other = unpolarised(d)
-    write(rays, FIELDS + lane, one)
-    write(rays, FIELDS + 3 * SIZE + lane, scaled(0.0, one))
-    write(rays, FIELDS + 6 * SIZE + lane, other)
-    write(rays, FIELDS + 9 * SIZE + lane, scaled(0.0, one))
+    if begun is not None:
+        for part in range(12):
+            rays[FIELDS + part * SIZE + lane] = begun[k, part]
+    else:
+        one, other = unpolarised(d)
+        write(rays, FIELDS + lane, one)
+        write(rays, FIELDS + 3 * SIZE + lane, scaled(0.0, one))
+        write(rays, FIELDS + 6 * SIZE + lane, other)
+        write(rays, FIELDS + 9 * SIZE + lane, scaled(0.0, one))
 
 
 @inline
@@ -100,6 +104,16 @@ def turn_fields(rays, lane, a, more, n, c, d, b, mirrored):
 
 
 @inline
+def keep_fields(rays, lane, k, placed, ended):
+    """Keep the fields with which ray k leaves, in the frame of the receivers."""
+    for part in range(4):
+        field = three(rays, FIELDS + 3 * part * SIZE + lane)
+        if placed is not None:
+            field = turn(placed[0][len(placed[0]) - 1], field[0], field[1], field[2])
+        ended[k, 3 * part], ended[k, 3 * part + 1], ended[k, 3 * part + 2] = field
+
+
+@inline
 def along_axis(rays, lane, axis):
     """Share of the light whose field is along a unit vector."""
     squared = 0.0
@@ -112,7 +126,7 @@ def along_axis(rays, lane, axis):
 @inline
 def pass_on(
     rays, count, event, emitted, indices, absorptions, scene, coatings, rows, placed, rough, chain,
-    lengths, met, exit_points, exit_directions, flux, absorbed, axial, sin2_exit, fates,
+    lengths, met, exit_points, exit_directions, flux, absorbed, axial, sin2_exit, fates, ended,
 ):  # fmt: skip
     """Refract or reflect the rays of a packet at the faces that they meet. Returns the number of those that go on."""
     fresnel, going, last = scene[0], 0, event + 1 == lengths.shape[1]
@@ -155,6 +169,8 @@ def pass_on(
         if not mirrored and behind == OUTSIDE:
             if axial is not None:
                 axial[k] = emitted[k] * rays[CLEAR + lane] * along_axis(rays, lane, z_axis(placed))
+            if ended is not None:
+                keep_fields(rays, lane, k, placed, ended)
             p = (px, py, pz)
             if placed is not None:
                 frame = placed[0][len(placed[0]) - 1]

@@ -4,6 +4,9 @@ A ray that would meet another face, were a face moved, has no derivative: light 
 A ray that ends at a tangent adds nothing: its squared sine is at its largest there.
 Rays go one by one, unlike those of ``kernels.adjoint``: their number of events differs, and the work at each is three
 times as much.
+``begun``: as in ``kernels.trace``. ``by_ended`` (n, 12): sensitivities to the fields with which rays leave, or None. Of
+light that comes from another body ``by_begun`` (n, 18) is filled: sensitivities to the start, the direction and the
+fields of each ray, in the place of gradients by the tables; None for light of a source.
 """
 
 from math import exp, sqrt
@@ -62,15 +65,19 @@ def media_at(code, chain):
 
 @inline
 def forward(k, origin, direction, number, indices, absorptions, tables, scene, coatings, rows, placed, rough, chain,
-            lengths, met, memory):  # fmt: skip
+            begun, lengths, met, memory):  # fmt: skip
     """The events of a ray again, into the memory. Returns the share that absorption leaves of its flux."""
     p, d = (origin[0], origin[1], origin[2]), (direction[0], direction[1], direction[2])
     if placed is not None:
         p = place(placed[0][0], placed[1], p[0], p[1], p[2])
         d = turn(placed[0][0], d[0], d[1], d[2])
-    one, other = unpolarised(d)
-    for part, field in enumerate((one, scaled(0.0, one), other, scaled(0.0, one))):
-        store(memory[0], E + 3 * part, field)
+    if begun is not None:
+        for part in range(4):
+            store(memory[0], E + 3 * part, read(begun[k], 3 * part))
+    else:
+        one, other = unpolarised(d)
+        for part, field in enumerate((one, scaled(0.0, one), other, scaled(0.0, one))):
+            store(memory[0], E + 3 * part, field)
     clear = 1.0
     for event in range(number):
         row, t = memory[event], lengths[k, event]
@@ -155,7 +162,9 @@ def back_at_face(k, event, e, f, by_sin2, followed, by_t, scene, coatings, rows,
 
 
 @inline
-def begin_back(emitted, left, clear, placed, b, fields, by_point, by_direction, by_flux, by_axial, by_fields):
+def begin_back(
+    k, emitted, left, clear, placed, b, fields, by_point, by_direction, by_flux, by_axial, by_ended, by_fields
+):  # fmt: skip
     """Sensitivities to the point, the direction and the fields of an exit ray in the frame of the faces.
 
     Returns the first two, and what the ray adds to the number that is differentiated.
@@ -172,14 +181,22 @@ def begin_back(emitted, left, clear, placed, b, fields, by_point, by_direction, 
         field = read(fields, E + 3 * part)
         onto = dot(axis, field)
         value += 0.5 * arrived * (by_flux * dot(field, field) + by_axial * onto * onto)
-        store(by_fields, 3 * part, mixed(arrived * by_flux, field, arrived * by_axial * onto, axis, 0.0, axis))
+        on_field = mixed(arrived * by_flux, field, arrived * by_axial * onto, axis, 0.0, axis)
+        if by_ended is not None:
+            also = read(by_ended[k], 3 * part)
+            if placed is not None:
+                also = turn_back(placed[0][len(placed[0]) - 1], also[0], also[1], also[2])
+            value += 0.5 * dot(also, field)
+            on_field = mixed(1.0, on_field, 1.0, also, 0.0, also)
+        store(by_fields, 3 * part, on_field)
     return e, f, value
 
 
 @inline
 def chain_adjoint(
     k, origin, direction, emitted, indices, absorptions, tables, scene, coatings, rows, placed, rough, chain,
-    lengths, met, fate, by_point, by_direction, by_flux, by_axial, by_sin2, gradients, memory, by_fields,
+    begun, lengths, met, fate, by_point, by_direction, by_flux, by_axial, by_sin2, by_ended, by_begun, gradients,
+    memory, by_fields,
 ):  # fmt: skip
     """Add one ray's contribution to the gradients with respect to the coefficients of all tables."""
     left = fate == Fate.LEFT_LENS
@@ -189,12 +206,12 @@ def chain_adjoint(
     if not (left or (fate == Fate.TOTAL_REFLECTION and number == lengths.shape[1])):
         return  # one that met a face tangentially has no last event
     clear = forward(
-        k, origin, direction, number, indices, absorptions, tables, scene, coatings, rows, placed, rough, chain,
+        k, origin, direction, number, indices, absorptions, tables, scene, coatings, rows, placed, rough, chain, begun,
         lengths, met, memory,
     )  # fmt: skip
     e, f, value = begin_back(
-        emitted, left, clear, placed, read(memory[number], D), memory[number], by_point, by_direction,
-        by_flux, by_axial, by_fields,
+        k, emitted, left, clear, placed, read(memory[number], D), memory[number], by_point, by_direction,
+        by_flux, by_axial, by_ended, by_fields,
     )  # fmt: skip
     if not left:
         e, f = scaled(0.0, e), scaled(0.0, f)
@@ -206,7 +223,13 @@ def chain_adjoint(
             k, event, e, f, by_sin2 if last else 0.0, left or not last, -absorption * value if medium == BODY else 0.0,
             scene, coatings, rows, rough, chain, code, row, by_fields,
         )  # fmt: skip
-        scatter(
-            gradients[face], int(row[CELL]), int(row[CELL + 1]), row[CELL + 2], row[CELL + 3], scene[4],
-            by_table[0], by_table[1], by_table[2],
-        )  # fmt: skip
+        if by_begun is None:
+            scatter(
+                gradients[face], int(row[CELL]), int(row[CELL + 1]), row[CELL + 2], row[CELL + 3], scene[4],
+                by_table[0], by_table[1], by_table[2],
+            )  # fmt: skip
+    if by_begun is not None:
+        store(by_begun[k], 0, e)
+        store(by_begun[k], 3, f)
+        for part in range(4):
+            store(by_begun[k], 6 + 3 * part, read(by_fields, 3 * part))

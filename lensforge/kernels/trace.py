@@ -19,6 +19,9 @@ for a cover glass, whose transmittance depends on the polarisation of what comes
 (mm), each from one frame into the next: from that of the source into the first face's own, from there into the next
 face's, and from the last back; in a chain all faces stand in one frame. ``factor in`` is that of lengths on the way
 into the first frame, ``factor out`` on the way back: those of a lens that has shrunk, and of a source of another size.
+``begun`` (n, 12): of polarised light the fields with which each ray of a chain begins (``kernels.fields``: real and
+imaginary parts of both), in the frame of the faces; None for unpolarised light, as from a source. ``ended`` likewise:
+filled with those of the rays that leave, which with ``emitted`` and the absorption make the flux; or None.
 ``rough`` is ``(noise, slopes)``: ``noise`` (n, 3 e) has three independent standard normal numbers for each ray at each
 event, and the slopes (f) are rms along any line on the face.
 """
@@ -153,7 +156,9 @@ def refract_at(rays, count, fresnel, coatings, rows, rough, face, axis):
 
 
 @inline
-def enter(origins, directions, indices, first, last, tables, scene, bounds, placed, chain, lengths, fates, rays):
+def enter(
+    origins, directions, indices, first, last, tables, scene, bounds, placed, chain, begun, lengths, fates, rays
+):  # fmt: skip
     """Put the rays ``first`` to ``last`` that enter the cavity into a packet. Returns their number."""
     entered = 0
     for k in range(first, last):
@@ -174,7 +179,7 @@ def enter(origins, directions, indices, first, last, tables, scene, bounds, plac
             into = scene[1] / indices[min(k, len(indices) - 1)]
             put(rays, entered, k, px + start * dx, py + start * dy, max(pz, 0.0), dx, dy, dz, into)
             if chain is not None:
-                begin_chain(rays, entered, (dx, dy, dz))
+                begin_chain(rays, entered, (dx, dy, dz), begun, k)
             entered += 1
     return entered
 
@@ -265,7 +270,7 @@ def out_of_body(
 @kernel
 def trace(
     origins, directions, emitted, indices, absorptions, tables, bounds, scene, coatings, rows, placed, rough, chain,
-    lengths, met, exit_points, exit_directions, flux, absorbed, axial, sin2_exit, fates, rays,
+    begun, lengths, met, exit_points, exit_directions, flux, absorbed, axial, sin2_exit, fates, ended, rays,
 ):  # fmt: skip
     """Trace rays; fills, per ray, the path lengths to its events, and the fields of ``ExitRays``.
 
@@ -279,7 +284,7 @@ def trace(
             flux[k], sin2_exit[k] = emitted[k], 0.0
             lengths[k, :] = 0.0
         count = enter(
-            origins, directions, indices, first, last, tables, scene, bounds, placed, chain, lengths, fates, rays
+            origins, directions, indices, first, last, tables, scene, bounds, placed, chain, begun, lengths, fates, rays
         )
         for event in range(lengths.shape[1]):
             if chain is None:  # known to the compiler
@@ -299,5 +304,5 @@ def trace(
                 meet_nearest(rays, count, tables, bounds, scene, chain)
                 count = pass_on(
                     rays, count, event, emitted, indices, absorptions, scene, coatings, rows, placed, rough, chain,
-                    lengths, met, exit_points, exit_directions, flux, absorbed, axial, sin2_exit, fates,
+                    lengths, met, exit_points, exit_directions, flux, absorbed, axial, sin2_exit, fates, ended,
                 )  # fmt: skip

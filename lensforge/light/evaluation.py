@@ -25,6 +25,7 @@ from lensforge.light.evaluation_result import (
     light_criteria,
 )
 from lensforge.light.exact_trace import DenseScan, FixedSurface, TableScan, exact_surfaces, trace_exact
+from lensforge.light.further_bodies import polarised, through_bodies
 from lensforge.light.judged_limits import colour_limits, judged_limits
 from lensforge.light.metrics import (
     Images,
@@ -35,7 +36,7 @@ from lensforge.light.metrics import (
     relative_square,
     uniformity,
 )
-from lensforge.light.received_flux import ABSORBED, IN_GLASS, MISSED_RECEIVER, ReceivedFlux
+from lensforge.light.received_flux import ABSORBED, CAUSES, IN_GLASS, MISSED_RECEIVER, ReceivedFlux
 from lensforge.light.receiver_light import (
     Flux,
     MissedByCause,
@@ -54,6 +55,7 @@ from lensforge.light.simulation import (
     simulate,
     traced_light,
 )
+from lensforge.optics.media import Media
 from lensforge.results import Metric
 from lensforge.results.chart import light_unit
 from lensforge.scene.exit_rays import ExitRays
@@ -99,10 +101,16 @@ def _through_exact(lens: Lens, traced: TracedLens, rays: RayBundle) -> ExitRays:
     chain = traced.scene.chain
     if chain is None:
         inner, outer = (TableScan(traced.scene.grid, table) for table in traced.tables)
-        return trace_exact(*exact_surfaces(lens, (inner, outer)), lens.media, rays)
+        return _behind_bodies(trace_exact(*exact_surfaces(lens, (inner, outer)), lens.media, rays), lens.media, rays)
     surfaces = {name: FixedSurface(surface, DenseScan()) for name, surface in lens.surfaces.items()}
     reach_mm = _ACROSS * lens.body.largest_mm
-    return trace_chain(TracedFaces(surfaces, chain, reach_mm), EnteringRays.of(rays, lens.media))
+    exits = trace_chain(TracedFaces(surfaces, chain, reach_mm), EnteringRays.of(rays, lens.media))
+    return _behind_bodies(exits, lens.media, rays)
+
+
+def _behind_bodies(exits: ExitRays, media: Media, rays: RayBundle) -> ExitRays:
+    """``exits`` of a lens behind the further bodies, which are the same in both stages."""
+    return through_bodies(polarised(exits, exits.fields), media, rays)[0]
 
 
 def _stage(
@@ -284,12 +292,19 @@ def receiver_light(
         possible=_possible(physics, drawn, float(mean.sum()) / emitted_w),
         flux=flux,
         missed_by_cause=missed,
+        lost_in_bodies=_in_bodies(physics.light.media, received, emitted_w),
         map=mean / measure,
         raw_map=raw / measure,
         target_map=target * mean.sum() / measure,
         colour=None if colour is None or colours is None else BeamColour.of(colours, colour.level),
         tristimulus_map=None if colours is None else colours.mean(axis=1) / measure,
     )
+
+
+def _in_bodies(media: Media, received: ReceivedFlux, emitted_w: float) -> dict[str, float]:
+    """Share of the emitted flux that is lost in each of the bodies of ``media``, by name."""
+    lost = received.by_fate[:, CAUSES:].mean(axis=0) / emitted_w
+    return {body.name: float(share) for body, share in zip(media.bodies, lost, strict=True)}
 
 
 def _share_in_target(received: ReceivedFlux, emitted_w: float) -> Metric:
@@ -353,6 +368,7 @@ def _flux_budget(received: ReceivedFlux, emitted_w: float, *, mirrored: bool) ->
         not_converged=float(share[Fate.NOT_CONVERGED]),
         absorbed=float(share[ABSORBED]),
         cover_glass=float(share[IN_GLASS]),
+        bodies=float(share[CAUSES:].sum()),
         reflected=max(0.0, 1.0 - float(share.sum())),  # the rest: all of it may be rounding
     )
     if mirrored:  # no face lets light through that could reflect some of it

@@ -10,7 +10,7 @@ from lensforge import seeds
 from lensforge.errors import InputError
 from lensforge.light.angular_grid import AngularGrid, FittedIntensity, finest_grid, fit
 from lensforge.light.luminaire_classes import zone_flux
-from lensforge.light.received_flux import CAUSES, flux_by_fate
+from lensforge.light.received_flux import flux_by_fate
 from lensforge.light.simulation import TracedLens, bundles
 from lensforge.results import Metric
 from lensforge.scene.exit_rays import ExitRays
@@ -168,7 +168,7 @@ class _Sums:
             if part == len(self._weights):
                 self._deposits.append(np.zeros_like(deposit))
                 self._zones.append(np.zeros((2, 4)))
-                self._by_fate.append(np.zeros(CAUSES))
+                self._by_fate.append(np.zeros_like(out.by_fate_w))
                 self._weights.append(0.0)
                 self._kept.append(out.rays.take(slice(_FILE_RAYS // PARTS)))
             self._deposits[part] += weight * deposit

@@ -31,7 +31,7 @@ from lensforge.light.photometry_result import (
     WrittenFiles,
     photometry_criteria,
 )
-from lensforge.light.received_flux import ABSORBED, IN_GLASS, MISSED_RECEIVER
+from lensforge.light.received_flux import ABSORBED, CAUSES, IN_GLASS, MISSED_RECEIVER
 from lensforge.light.road_judgement import judged_roads
 from lensforge.light.road_lighting import RoadFigures
 from lensforge.light.simulation import TracedLens
@@ -47,6 +47,7 @@ from lensforge.sources.rayfiles.ray_file_io import read_rayfile, write_rayfile
 from lensforge.sources.source_spectrum import Spectrum
 from lensforge.spec import Spec
 from lensforge.spec.accuracy import Preset
+from lensforge.spec.bodies_section import reach_mm
 from lensforge.spec.lamps_section import ALONE, Lamps
 from lensforge.surfaces.mirror_group import NAMES, contains
 
@@ -135,11 +136,12 @@ def measure_photometry(
     summary = summarise(source, lens.spec.source)
     bright, section = SourceLumens.of(lumens, summary), lens.spec.photometry
     bright.require_known(section)
-    lamps = lens.spec.all_lamps if lens.spec.all_lamps.period_mm is None else ALONE
+    together = lens.spec.all_lamps
+    lamps = ALONE if together.posed or together.period_mm is not None else together
     if not bright.per_1000_lm:
         bright = replace(bright, lumens=len(lamps) * bright.lumens)
     source_w = len(lamps) * source.flux_w
-    largest_mm = lens.body.largest_mm + lamps.reach_mm
+    largest_mm = max(lens.body.largest_mm + lamps.reach_mm, reach_mm(lens.media.bodies))
     light = trace_exit_light(
         TracedLens.of(lens, preset.evaluate_nodes_per_sigma),
         source,
@@ -227,6 +229,8 @@ def _turned_over(values: Float[np.ndarray, "c g"]) -> Float[np.ndarray, "d g"]:
 def _warnings(bright: SourceLumens, source: Source, light: ExitLight, spec: Spec) -> Iterator[str]:
     if spec.all_lamps.period_mm is not None:
         yield "lamps without an end have no far field: the files are those of one lamp"
+    if spec.all_lamps.posed:
+        yield "each of the lamps has its height and aim: the files are those of one, in its own axes"
     if bright.per_1000_lm:
         yield (
             "luminous flux of the source not known: 1000 lm taken, so candela are per 1000 lm of the source; give "
@@ -256,4 +260,5 @@ def _remarks(light: ExitLight, per_watt: float) -> Iterator[str]:
 def _lost(by_fate_w: Float[np.ndarray, " f"]) -> LostFlux:
     lost = {fate.name.lower(): float(by_fate_w[fate]) for fate in Fate if fate != Fate.LEFT_LENS}
     others = {"missed_receiver": MISSED_RECEIVER, "absorbed": ABSORBED, "cover_glass": IN_GLASS}
-    return LostFlux.model_validate(lost | {name: float(by_fate_w[place]) for name, place in others.items()})
+    bodies = {"bodies": float(by_fate_w[CAUSES:].sum())}
+    return LostFlux.model_validate(lost | bodies | {name: float(by_fate_w[place]) for name, place in others.items()})

@@ -202,6 +202,7 @@ class LostFlux(Record):
     flange: NotNegative = 0.0
     absorbed: NotNegative = 0.0
     cover_glass: NotNegative = 0.0
+    bodies: NotNegative = 0.0
 
 
 class Photometry(SimulatedResult):

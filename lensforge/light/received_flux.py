@@ -16,7 +16,7 @@ from lensforge.scene.target_pattern import DrawnTarget
 MISSED_RECEIVER = len(Fate)  # after the fates: left the lens, but never reaches the receiver
 ABSORBED = len(Fate) + 1  # in the body, of rays of any fate
 IN_GLASS = len(Fate) + 2  # reflected or absorbed by the cover glass
-CAUSES = len(Fate) + 3
+CAUSES = len(Fate) + 3  # behind them, the flux lost in each of the further bodies
 
 
 @dataclass(frozen=True)
@@ -24,8 +24,8 @@ class ReceivedFlux:
     """Flux (W) on one receiver in each replicate: per pixel (r, h, w), by fate (r, f), in the window and outside it.
 
     The fates are those of :class:`~lensforge.kernels.fate.Fate`, where ``LEFT_LENS`` holds what landed, and
-    ``MISSED_RECEIVER``, ``ABSORBED`` and ``IN_GLASS``. ``in_targets``: in each of the ``targets`` (k).
-    ``colours``: X, Y and Z (lm) per pixel; None where nobody asks for colour.
+    ``MISSED_RECEIVER``, ``ABSORBED`` and ``IN_GLASS``; then each of the further bodies. ``in_targets``: in each of the
+    ``targets`` (k). ``colours``: X, Y and Z (lm) per pixel; None where nobody asks for colour.
     """
 
     images: Float[np.ndarray, "r h w"]
@@ -38,12 +38,14 @@ class ReceivedFlux:
 
     @staticmethod
     def none_yet(
-        receiver: PosedReceiver, replicates: int, targets: tuple[DrawnTarget, ...], *, coloured: bool = False
-    ) -> "ReceivedFlux":
-        """No flux."""
+        receiver: PosedReceiver, replicates: int, targets: tuple[DrawnTarget, ...], *, coloured: bool = False,
+        bodies: int = 0,
+    ) -> "ReceivedFlux":  # fmt: skip
+        """No flux; behind the lens there are so many further ``bodies``."""
         images, none = np.zeros((replicates, *receiver.grid.shape)), np.zeros(replicates)
         in_targets, colours = np.zeros((replicates, len(targets))), np.zeros((3, *images.shape)) if coloured else None
-        return ReceivedFlux(images, np.zeros((replicates, CAUSES)), none, none.copy(), in_targets, targets, colours)
+        by_fate = np.zeros((replicates, CAUSES + bodies))
+        return ReceivedFlux(images, by_fate, none, none.copy(), in_targets, targets, colours)
 
     @staticmethod
     def mean(of_kinds: Sequence["ReceivedFlux"], shares: Sequence[float]) -> "ReceivedFlux":
@@ -98,10 +100,13 @@ class ReceivedFlux:
 
 
 def flux_by_fate(rays: ExitRays, missed_receiver: Bool[np.ndarray, " n"]) -> Float[np.ndarray, " f"]:
-    """Flux (W) by fate; rays that left the lens and ``missed_receiver`` count apart, and flux that was absorbed."""
+    """Flux (W) by fate; rays that left the lens and ``missed_receiver`` count apart, and flux that was absorbed.
+
+    Then what each of the further bodies took.
+    """
     found = np.bincount(np.where(missed_receiver, MISSED_RECEIVER, rays.fates), rays.flux, minlength=CAUSES)
     if rays.absorbed is not None:
         found[ABSORBED] = rays.absorbed.sum()
     if rays.lost_in_glass is not None:
         found[IN_GLASS] = rays.lost_in_glass.sum()
-    return found
+    return found if rays.lost_in_bodies is None else np.concatenate([found, rays.lost_in_bodies.sum(axis=1)])

@@ -87,6 +87,7 @@ class Flux(Record):
 
     ``detected``: in the window. ``outside``: on the receiver's surface outside the window. ``missed``: never reached
     that surface. ``absorbed``: by the body from face to face. ``cover_glass``: reflected and absorbed by it.
+    ``bodies``: likewise by the further bodies, with the light that ends there.
     ``reflected``: at either face, which a sequential design does not follow.
     """
 
@@ -97,6 +98,7 @@ class Flux(Record):
     not_converged: Share
     absorbed: Share = 0.0
     cover_glass: Share = 0.0
+    bodies: Share = 0.0
     reflected: Share
 
 
@@ -155,6 +157,8 @@ class ReceiverLight(Record):
     the region of ``uniform_mm`` or ``uniform_deg``; None where the spec names none. ``in_region``: mean light and
     evenness there, or where the target is bright, and the peak; None where one of the replicates is dark.
 
+    ``lost_in_bodies``: flux lost in each of the further bodies, by its name, as shares of the emitted flux.
+
     ``nmse``, ``uniformity`` and ``rsd`` are those of the light, without ray noise; ``raw``: those of ``map``, with it.
     Where the replicates are too few to tell light from noise, both are the same, and there is no standard error.
     ``nmse_of_noise``: the NMSE of the noise in ``map``, about as much as it adds to that of ``raw``.
@@ -182,6 +186,7 @@ class ReceiverLight(Record):
     possible: Possible
     flux: Flux
     missed_by_cause: MissedByCause
+    lost_in_bodies: dict[str, Share] = Field(default_factory=dict)
     map: Irradiance
     raw_map: Irradiance
     target_map: Irradiance

@@ -174,6 +174,8 @@ def as_seen(
 ) -> ExitRays:
     """``exits`` of a body, which are in the frame of its last face, in the frame of the receivers and behind the glass.
 
+    Before further bodies they stay as they leave the lens, with their fields.
+
     ``left``: rows of those that left the body; the others keep no point and no direction. ``flux``: (W) of fields
     of length 1; None where no face loses light.
     """
@@ -186,6 +188,9 @@ def as_seen(
     points, directions = (replaced(xp.zeros_like(exits.points), left, each) for each in (points, directions))
     axial = None if flux is None else 0.5 * flux * (abs(fields[:, :, 2]) ** 2).sum(1)
     placed = replace(exits, points=points, directions=directions, axial=axial)
+    if rays.media.bodies:  # in NumPy alone
+        parts = np.stack([fields.real, fields.imag], axis=2).reshape(-1, 12)
+        return replace(placed, fields=np.where(exits.left_lens[:, None], parts, 0.0))
     return behind_glass_by_arrays(placed, rays.media, flux is not None, rays.coatings)
 
 

@@ -161,10 +161,10 @@ def simulate(
         return _simulate_kinds(lens.kinds, source, receivers, rays, seed, targets, coloured=coloured)
     replicates = min(REPLICATES, rays, source.ray_count or rays)
     drawn = targets or [()] * len(receivers)
-    lamps = [LampPictures.of(receiver) for receiver in receivers]
+    lamps, bodies = [LampPictures.of(receiver) for receiver in receivers], len(lens.scene.media.bodies)
     deposits = [
         [
-            ReceivedFlux.none_yet(each, replicates, own if board.alone else (), coloured=coloured)
+            ReceivedFlux.none_yet(each, replicates, own if board.alone else (), coloured=coloured, bodies=bodies)
             for each in board.receivers
         ]
         for board, own in zip(lamps, drawn, strict=True)

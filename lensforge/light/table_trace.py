@@ -15,6 +15,13 @@ from lensforge.kernels.nearly_convex import chain_bounds
 from lensforge.kernels.parallel import CHUNKS, in_chunks
 from lensforge.kernels.trace import trace
 from lensforge.light.coated_glass import RayCoatings, before_glass, behind_glass
+from lensforge.light.further_bodies import (
+    TWO_FACES,
+    BodyPassage,
+    fields_of_two_faces,
+    polarised,
+    through_bodies,
+)
 from lensforge.optics.media import DOUBLE, Media
 from lensforge.scene.as_made import AsMade, Placed, Rough, rough_part
 from lensforge.scene.body import Chain
@@ -40,6 +47,14 @@ class Scene:
     fresnel: bool = True
     made: AsMade | None = None
     chain: Chain | None = None
+
+    @property
+    def traced_chain(self) -> Chain | None:
+        """The chain by which rays are traced; before further bodies the usual lens is one, for its polarisation.
+
+        As it was made it is none: its faces then have frames of their own.
+        """
+        return TWO_FACES if self.chain is None and self.media.bodies and self.made is None else self.chain
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -76,7 +91,8 @@ def _part(values: Float[np.ndarray, " k"], part: slice) -> Float[np.ndarray, " j
 class TracedBundle:
     """Exit rays of a bundle, and the data for its adjoint: the tables, and the path lengths to all events (mm).
 
-    ``at_lens``: the rays as they leave the lens; ``exits``: behind the cover glass, the same where there is none.
+    ``at_lens``: the rays as they leave the lens; ``exits``: behind the cover glass or the further bodies, the same
+    where there are none; ``passages``: through each of the bodies.
     ``body``: its indices and absorptions, as :meth:`Scene.body` answers them. ``placed`` and ``rough``: of the lens as
     made, None for one as designed, or polished. ``met``: the face of each event as in ``kernels.chain``; None for the
     usual lens.
@@ -93,6 +109,7 @@ class TracedBundle:
     met: Int8[np.ndarray, "n e"] | None
     at_lens: ExitRays
     exits: ExitRays
+    passages: tuple[BodyPassage, ...] = ()
 
     @staticmethod
     def of(tables: Tables | Iterable[Table], scene: Scene, rays: RayBundle) -> "TracedBundle":
@@ -106,7 +123,7 @@ class TracedBundle:
         faces = coatings.for_kernels(scene.names)
         placed = None if scene.made is None else scene.made.placed
         rough = None if scene.made is None else scene.made.rough(count)
-        chain = None if scene.chain is None else scene.chain.packed(scene.media)
+        chain = None if scene.traced_chain is None else scene.traced_chain.packed(scene.media)
         if chain is not None:
             bounds = chain_bounds(tables, bounds, chain[0], scene.grid.origin, scene.grid.step)
         met = None if chain is None else np.full((count, scene.events), -1, dtype=np.int8)
@@ -114,34 +131,44 @@ class TracedBundle:
         flux, sin2_exit = np.empty(count), np.empty(count)
         absorbed = np.zeros(count if len(absorptions) else 0)
         axial = np.zeros(count) if scene.fresnel and scene.media.cover_glass else None
+        ended = np.zeros((count, 12)) if scene.media.bodies else None
 
         def work(_: int, part: slice) -> None:
             trace(
                 rays.origins[part], rays.directions[part], rays.flux[part],
                 _part(indices, part), _part(absorptions, part), tables, bounds, scene.packed(),
-                faces, coatings.part(part), placed, rough_part(rough, part), chain,
+                faces, coatings.part(part), placed, rough_part(rough, part), chain, None,
                 lengths[part], None if met is None else met[part], points[part], directions[part], flux[part],
-                absorbed[part], None if axial is None else axial[part], sin2_exit[part], fates[part], empty_packet(),
+                absorbed[part], None if axial is None else axial[part], sin2_exit[part], fates[part],
+                None if ended is None else ended[part], empty_packet(),
             )  # fmt: skip
 
         in_chunks(work, count)
         taken = absorbed if len(absorptions) else None
-        faces_met = None if met is None else met >> 2
+        faces_met = None if met is None or scene.chain is None else met >> 2
         exits = ExitRays(points, directions, flux, sin2_exit, fates, absorbed=taken, axial=axial, met=faces_met)
+        if ended is not None and chain is None and placed is not None:
+            ended = fields_of_two_faces(rays, exits, lengths[:, 0], placed, body[0], scene.media, coatings)
+        exits = polarised(exits, ended)
         behind = behind_glass(exits, scene.media, scene.fresnel, coatings)
-        return TracedBundle(tables, scene, rays, body, coatings, placed, rough, lengths, met, exits, behind)
+        behind, passages = through_bodies(behind, scene.media, rays, scene.fresnel)
+        return TracedBundle(tables, scene, rays, body, coatings, placed, rough, lengths, met, exits, behind, passages)
 
     def gradients(
         self, by: Sensitivities, by_flux: Float[np.ndarray, " n"], by_sin2: Float[np.ndarray, " n"]
     ) -> Tables:
         """Gradients by all tables, from sensitivities to the exit rays, their flux and their ``sin2_exit``.
 
-        The flux that a lost ray carried counts as a constant.
+        The flux that a lost ray carried counts as a constant. Not of a usual lens as made before further bodies.
         """
-        rays, fates, (indices, absorptions) = self.rays, self.exits.fates, self.body
+        assert self.scene.traced_chain is not None or not self.passages, "a robust search refuses bodies"
+        rays, fates, (indices, absorptions) = self.rays, self.at_lens.fates, self.body
         scene, coatings, faces = self.scene, self.coatings, self.coatings.for_kernels(self.scene.names)
         by, by_flux, by_axial = before_glass(self.at_lens, scene.media, by, by_flux, scene.fresnel, coatings)
-        chain, met = None if scene.chain is None else scene.chain.packed(scene.media), self.met
+        by_ended = None
+        for passage in reversed(self.passages):
+            by, by_flux, by_ended = passage.back(by, by_flux, by_ended)
+        chain, met = None if scene.traced_chain is None else scene.traced_chain.packed(scene.media), self.met
         totals = np.zeros((CHUNKS, *self.tables.shape))
 
         def work(chunk: int, part: slice) -> None:
@@ -149,10 +176,11 @@ class TracedBundle:
                 rays.origins[part], rays.directions[part], rays.flux[part],
                 _part(indices, part), _part(absorptions, part),
                 self.tables, scene.packed(), faces, coatings.part(part),
-                self.placed, rough_part(self.rough, part), chain, self.lengths[part],
+                self.placed, rough_part(self.rough, part), chain, None, self.lengths[part],
                 None if met is None else met[part], fates[part],
                 by.by_points[part], by.by_directions[part], by_flux[part],
                 None if by_axial is None else by_axial[part], by_sin2[part],
+                None if by_ended is None else by_ended[part], None,
                 totals[chunk], empty_adjoint(), empty_chain(scene.events), np.zeros(12),
             )  # fmt: skip
 

@@ -83,7 +83,7 @@ def compare(
         from lensforge.made.measured_surface import ChangedLens, compare_surface
 
         require_one_kind(measured, "compare")
-        side = require_choice("surface", surface, [face.name for face in measured.body.faces if not face.is_open])
+        side = require_choice("surface", surface, [face.name for face in measured.body.faces if face.is_optical])
         traced, conditions = ChangedLens.of(measured, side, count_of("rays", rays))
         comparison = compare_surface(read_cloud(points), traced, registration)
         return comparison.model_copy(update={"conditions": conditions})
@@ -174,7 +174,7 @@ def correct(
     file = path_of("points", points)
     if file is None:
         raise InputError("points = None: give the file of the points measured on the first cut")
-    optical = [face.name for face in lens.body.faces if face.name in lens.spec.lens.names and not face.is_open]
+    optical = [face.name for face in lens.body.faces if face.is_optical]
     side = require_choice("surface", surface, optical)
     require_choice("registration", registration, get_args(Registration))
     rays, factor = count_of("rays", rays), number_of("gain", gain)

@@ -11,7 +11,7 @@ conservation; the projected solid angle of a sphere seen from a small area is ``
 catalogue of view factors, B-42.
 """
 
-from math import pi
+from math import pi, prod
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -95,15 +95,16 @@ def transmittance_of(media: Media) -> float:
     """Most that both faces transmit: it bounds a lens's efficiency, 0.923 for PMMA in air, at normal incidence.
 
     Of a coated face at the angle and wavelength at which it reflects least; for indices above 2.6 near Brewster's.
-    Light leaves a reflector without any loss where it leaves directly: 1.
+    Light leaves a reflector without any loss where it leaves directly: 1. Bodies behind the lens count likewise.
     """
+    behind = prod(transmittance_of(body.media(media)) for body in media.bodies)
     if media.cup is not None:
-        return 1.0
+        return behind
     index = np.full(1, media.body.refractive_index)
     least = least_reflectances(media, None)
     faces = zip(DOUBLE, (media.cavity_index, media.outside_index), strict=True)
     one, other = (float(_at_most(np.zeros(1), _ratio(index, around), least.get(name))[0]) for name, around in faces)
-    return one * other
+    return one * other * behind
 
 
 def cell_solid_angles(corners: Float[np.ndarray, "m n 3"]) -> Float[np.ndarray, "k l"]:

@@ -1,14 +1,15 @@
-"""The media that a ray passes: what fills the cavity, the body of the lens, what surrounds it, and a cover glass.
+"""The media that a ray passes: what fills the cavity, the body of the lens, what surrounds it, and optics before it.
 
 A ray has its wavelength; a medium answers what index and absorption it has there. Each face between media may carry a
 coating, which replaces Fresnel's reflectance.
 """
 
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 from weakref import ref
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Inexact
 
 from lensforge.kernels.parallel import in_chunks
 from lensforge.optics.material import Material
@@ -214,12 +215,89 @@ class FaceCoating:
     coating: Coating
 
 
+@runtime_checkable
+class FaceShape(Protocol):
+    """Shape of a face of a further body, about its own origin: a ``surfaces.surface.Surface``."""
+
+    @property
+    def detail_rad(self) -> float:
+        """Sigma (rad) of its narrowest feature."""
+        ...
+
+    @property
+    def symmetry(self) -> str:
+        """Largest mirror group that it is known to have."""
+        ...
+
+    def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+        """Distance (mm) from the origin in unit ``directions``."""
+        ...
+
+    def gradient(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """Tangential gradient of the radius (mm/rad)."""
+        ...
+
+    def radius_on_grid(self, directions: Float[np.ndarray, "n n 3"]) -> Float[np.ndarray, "n n"]:
+        """Distance (mm) on a square grid of the chart."""
+        ...
+
+    def normal(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """Unit normals away from the origin."""
+        ...
+
+
+_Vectors = Float[np.ndarray, "n 3"]
+
+
+@dataclass(frozen=True)
+class FurtherBody:
+    """A given body in the light behind the lens, such as a dome: what surrounds the lens lies on both sides of it.
+
+    Light comes to it from its cavity, within ``inner``, and leaves by ``outer``. Its own axes are the columns of
+    ``turn`` (rows of a matrix), its origin is at ``centre_mm``; it ends in the plane z = 0 of its own frame.
+    ``coatings``: of its faces, which have the names of those of the usual lens.
+    """
+
+    name: str
+    medium: Medium
+    inner: FaceShape
+    outer: FaceShape
+    centre_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turn: tuple[tuple[float, float, float], ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    coatings: tuple[FaceCoating, ...] = ()
+
+    def own_points(self, points: _Vectors) -> _Vectors:
+        """Points (mm) of the lens's frame in its own."""
+        own: _Vectors = (points - np.array(self.centre_mm)) @ np.array(self.turn)
+        return own
+
+    def own_directions(self, directions: Inexact[np.ndarray, "*n 3"]) -> Inexact[np.ndarray, "*n 3"]:
+        """Directions, or fields, of the lens's frame in its own."""
+        own: Inexact[np.ndarray, "*n 3"] = directions @ np.array(self.turn)
+        return own
+
+    def placed_points(self, own: _Vectors) -> _Vectors:
+        """Points (mm) of its own frame in that of the lens."""
+        placed: _Vectors = own @ np.array(self.turn).T + np.array(self.centre_mm)
+        return placed
+
+    def placed_directions(self, own: Inexact[np.ndarray, "*n 3"]) -> Inexact[np.ndarray, "*n 3"]:
+        """Directions, or fields, of its own frame in that of the lens."""
+        placed: Inexact[np.ndarray, "*n 3"] = own @ np.array(self.turn).T
+        return placed
+
+    def media(self, around: "Media") -> "Media":
+        """Its own media, in what surrounds the lens of the media ``around``."""
+        outside = around.outside_index
+        return Media(self.medium, outside, outside, coatings=self.coatings, wavelength_nm=around.wavelength_nm)
+
+
 @dataclass(frozen=True)
 class Media:
-    """The body of the lens, the indices of what fills its cavity and surrounds it (1 is air), and a cover glass.
+    """The body of the lens, the indices of what fills its cavity and surrounds it (1 is air), and optics before it.
 
-    ``coatings``: of the body's faces, at most one of each. ``wavelength_nm``: of rays without their own, where a
-    coating depends on it.
+    ``bodies``: given ones, in the order in which light meets them. ``coatings``: of the body's faces, at most one of
+    each. ``wavelength_nm``: of rays without their own, where a coating depends on it.
     """
 
     body: Medium
@@ -228,6 +306,7 @@ class Media:
     cover_glass: CoverGlass | None = None
     coatings: tuple[FaceCoating, ...] = ()
     wavelength_nm: float = 587.5618  # the He d line
+    bodies: tuple[FurtherBody, ...] = ()
 
     def coating(self, face: str) -> Coating | None:
         """Coating of the face of this name; None for a bare one."""

@@ -30,7 +30,7 @@ from lensforge.proof.sequential_cast import (
     SurfaceHits,
     absorb,
     at_faces,
-    behind_glass,
+    behind_lens,
     dim,
     mirrors,
 )
@@ -111,7 +111,7 @@ def send_through_mitsuba(part: PartMesh, rays: RayBundle, media: Media) -> tuple
             rows = [row for row, _ in event]
             passage.met[rows, number] = [place.face for _, place in event]
             _share(passage, whole, event, part.optical, media)
-        return str(mi.__version__), behind_glass(passage, rays, media)
+        return str(mi.__version__), behind_lens(passage, rays, media)
     finally:
         if before is not None:
             mi.set_variant(before)

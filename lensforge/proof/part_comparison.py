@@ -142,7 +142,8 @@ def flux_budget(rays: RayBundle, landed: LandedRays, screen: Screen) -> PartFlux
         more_events=share(rays, landed.flux[more]),
         absorbed=share(rays, landed.absorbed),
         cover_glass=share(rays, landed.in_glass),
-        reflected=share(rays, rays.flux - landed.flux - landed.absorbed - landed.in_glass),
+        bodies=share(rays, landed.in_bodies),
+        reflected=share(rays, rays.flux - landed.flux - landed.absorbed - landed.in_glass - landed.in_bodies),
     )
 
 

@@ -30,6 +30,7 @@ _ENDS = {
     "backward": "back to the board",
     "absorbed": "absorbed in the lens",
     "cover_glass": "lost in the cover glass",
+    "bodies": "lost in the further bodies",
     "base": "absorbed by the base",
     "too_dim": "below the flux cut-off",
     "leaked": "leaked at the mesh's edges",

@@ -40,6 +40,7 @@ class PartFlux(Record):
     more_events: Share = 0.0
     absorbed: Share = 0.0
     cover_glass: Share = 0.0
+    bodies: Share = 0.0
     reflected: Share
 
 

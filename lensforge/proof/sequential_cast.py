@@ -15,11 +15,12 @@ from jaxtyping import Bool, Float, Int, Shaped
 from trimesh.triangles import points_to_barycentric
 
 from lensforge.optics.media import Media, Mirror
+from lensforge.proof.body_cast import behind_optics
 from lensforge.proof.facet_casting import FacetHits, Grid, Leg, RayRows
 from lensforge.proof.optical_faces import NO_FACE, OpticalFaces
 from lensforge.proof.part_mesh import PartMesh
 from lensforge.proof.receiver_screen import Screen
-from lensforge.proof.refraction import AtFace, Fields, LitRays, RefractingFace, through_glass, unpolarised
+from lensforge.proof.refraction import AtFace, Fields, LitRays, RefractingFace, unpolarised
 from lensforge.sources.ray_bundle import RayBundle
 
 _CHUNK = 1024  # rays that a thread casts at a time: their candidates stay in its cache
@@ -48,9 +49,9 @@ class CastFate(IntEnum):
 class Passage:
     """Ends of ``n`` rays: exit point (mm) and direction, NaN if lost in the lens, flux (W) left in the ray, fate.
 
-    ``absorbed``, ``in_glass``: flux (W) that body and mirrors, and a cover glass took of it. ``fields``: of its
-    polarisation. ``facets_um``: height of the curved surface over the flat facet at each event, 0 where there was none.
-    ``met``: number of the face at each event, NO_FACE where there was none.
+    ``absorbed``, ``in_glass``, ``in_bodies``: flux (W) that body and mirrors, a cover glass, and further bodies took of
+    it. ``fields``: of its polarisation. ``facets_um``: height of the curved surface over the flat facet at each event,
+    0 where there was none. ``met``: number of the face at each event, NO_FACE where there was none.
     """
 
     points: Float[np.ndarray, "n 3"]
@@ -62,6 +63,7 @@ class Passage:
     facets_um: Float[np.ndarray, "n events"]
     fields: Fields
     met: Int[np.ndarray, "n events"]
+    in_bodies: Float[np.ndarray, " n"]
 
     @staticmethod
     def of(rays: RayBundle, events: int) -> "Passage":
@@ -76,25 +78,26 @@ class Passage:
             facets_um=np.zeros((len(rays), events)),
             fields=unpolarised(rays.directions),
             met=np.full((len(rays), events), NO_FACE),
+            in_bodies=np.zeros(len(rays)),
         )
 
 
-def behind_glass(passage: Passage, rays: RayBundle, media: Media) -> Passage:
-    """Take the rays that left the lens through the faces of the cover glass, one after the other."""
-    glass = media.cover_glass
-    if glass is None:
+def behind_lens(passage: Passage, rays: RayBundle, media: Media) -> Passage:
+    """Take the rays that left the lens through the cover glass, or the further bodies, one after the other."""
+    if media.cover_glass is None and not media.bodies:
         return passage
     waves = media.wavelengths(rays.wavelengths_nm, len(rays))
-    points, directions, through = through_glass(passage.points, passage.directions, media, waves, passage.fields)
+    points, directions, through = behind_optics(passage.points, passage.directions, media, waves, passage.fields)
     left = passage.flux * through
-    return replace(passage, points=points, directions=directions, flux=left, in_glass=passage.flux - left)
+    lost = {"in_bodies" if media.bodies else "in_glass": passage.flux - left}
+    return replace(passage, points=points, directions=directions, flux=left, **lost)
 
 
 @dataclass(frozen=True)
 class LandedRays:
     """Rays of a passage on a screen: places on its chart (NaN if lost), flux (W) left in the ray, fate.
 
-    ``absorbed``, ``in_glass``: flux (W) that the body and a cover glass took of it. ``met``: as of the passage.
+    ``absorbed``, ``in_glass``, ``in_bodies``, ``met``: as of the passage.
     """
 
     landings: Float[np.ndarray, "n 2"]
@@ -103,6 +106,7 @@ class LandedRays:
     in_glass: Float[np.ndarray, " n"]
     fates: Int[np.ndarray, " n"]
     met: Int[np.ndarray, "n events"]
+    in_bodies: Float[np.ndarray, " n"]
 
     @staticmethod
     def of(passage: Passage, screen: Screen) -> "LandedRays":
@@ -111,7 +115,8 @@ class LandedRays:
         left = np.nonzero(passage.fates == CastFate.LANDED)[0]
         landings[left] = screen.land(passage.points[left], passage.directions[left])
         fates[left[np.isnan(landings[left, 0])]] = CastFate.MISSED_RECEIVER
-        return LandedRays(landings, passage.flux, passage.absorbed, passage.in_glass, fates, passage.met)
+        lost = passage.absorbed, passage.in_glass
+        return LandedRays(landings, passage.flux, *lost, fates, passage.met, passage.in_bodies)
 
     @property
     def fate_names(self) -> Shaped[np.ndarray, " n"]:
@@ -317,7 +322,7 @@ def send_through_body(body: CastBody, rays: RayBundle, media: Media) -> Passage:
         light = replace(light, directions=ways, fields=passage.fields[rows], inside=inside)
         going = np.nonzero(goes_on)[0]
         rows, leg, light = rows[going], Leg(hits.points, ways, hits.skins).take(going), light.take(going)
-    return behind_glass(passage, rays, media)
+    return behind_lens(passage, rays, media)
 
 
 def _leaves_freely(optical: OpticalFaces, leg: Leg, light: LitRays, hits: SurfaceHits) -> Bool[np.ndarray, " n"]:

@@ -14,12 +14,12 @@ from jaxtyping import Bool, Float, Int
 
 from lensforge.optics.media import Media
 from lensforge.proof.acceptance import balance_error, stray_criteria
+from lensforge.proof.body_cast import behind_optics
 from lensforge.proof.facet_casting import Grid
 from lensforge.proof.nonsequential_trace import Base, Cause, FluxBudget, Limits, PartBody, follow
 from lensforge.proof.optical_faces import USUAL_LENS, OpticalFaces
 from lensforge.proof.part_mesh import read_part_mesh
 from lensforge.proof.receiver_screen import Screen, nmse
-from lensforge.proof.refraction import through_glass
 from lensforge.proof.sequential_cast import LandedRays, Passage, send_through
 from lensforge.proof.stray_result import ReceiverStray, StrayByCause, StrayFlux, StrayLight
 from lensforge.results.arguments import require_choice
@@ -75,7 +75,7 @@ def _on_receiver(
 ) -> ReceiverStray:
     """Stray light on one receiver, of ``emitted`` (W)."""
     sequential, landed = LandedRays.of(passage, screen), _ReceivedLight.of(budget, screen, media)
-    reference, flux = screen.irradiance(sequential.landings, sequential.flux), _flux(budget, landed, emitted)
+    reference, flux = screen.irradiance(sequential.landings, sequential.flux), _flux(budget, landed, media, emitted)
     direct, stray = (
         screen.irradiance(landed.points[rows], landed.flux[rows]) for rows in (~landed.stray, landed.stray)
     )
@@ -103,7 +103,7 @@ def _on_receiver(
 class _ReceivedLight:
     """Light on the receiver's surface: places on its chart, flux (W), causes, in the window; and what missed it (W).
 
-    ``glass_w``: what the cover glass reflected and absorbed of the light that came to it.
+    ``optics_w``: what a cover glass, or further bodies, took of the light that came to them.
     """
 
     points: Float[np.ndarray, "n 2"]
@@ -111,19 +111,19 @@ class _ReceivedLight:
     causes: Int[np.ndarray, " n"]
     in_window: Bool[np.ndarray, " n"]
     missed_w: float
-    glass_w: float
+    optics_w: float
 
     @staticmethod
     def of(budget: FluxBudget, screen: Screen, media: Media) -> "_ReceivedLight":
         """Land the light that has left the part."""
         escaped = budget.escaped()
         ends = escaped.points, escaped.directions
-        points, directions, through = through_glass(*ends, media, escaped.wavelengths_nm, escaped.fields)
+        points, directions, through = behind_optics(*ends, media, escaped.wavelengths_nm, escaped.fields)
         places, left = screen.land(points, directions), escaped.flux * through
         reached = ~np.isnan(places[:, 0])
-        missed_w, glass_w = float(left[~reached].sum()), float((escaped.flux - left).sum())
+        missed_w, optics_w = float(left[~reached].sum()), float((escaped.flux - left).sum())
         places, flux, causes = places[reached], left[reached], escaped.causes[reached]
-        return _ReceivedLight(places, flux, causes, screen.in_window(places), missed_w, glass_w)
+        return _ReceivedLight(places, flux, causes, screen.in_window(places), missed_w, optics_w)
 
     @property
     def stray(self) -> Bool[np.ndarray, " n"]:
@@ -132,7 +132,8 @@ class _ReceivedLight:
         return stray
 
 
-def _flux(budget: FluxBudget, landed: _ReceivedLight, emitted: float) -> StrayFlux:
+def _flux(budget: FluxBudget, landed: _ReceivedLight, media: Media, emitted: float) -> StrayFlux:
+    lost = {"bodies" if media.bodies else "cover_glass": landed.optics_w / emitted}
     flux, inside, stray = landed.flux, landed.in_window, landed.stray
     return StrayFlux(
         detected_direct=float(flux[inside & ~stray].sum()) / emitted,
@@ -141,7 +142,7 @@ def _flux(budget: FluxBudget, landed: _ReceivedLight, emitted: float) -> StrayFl
         outside_stray=float(flux[~inside & stray].sum()) / emitted,
         backward=landed.missed_w / emitted,
         absorbed=budget.absorbed / emitted,
-        cover_glass=landed.glass_w / emitted,
+        **lost,
         base=budget.base / emitted,
         too_dim=budget.cut_off / emitted,
         leaked=budget.leaked / emitted,

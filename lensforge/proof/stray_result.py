@@ -34,6 +34,7 @@ class StrayFlux(Record):
     backward: Share
     absorbed: Share
     cover_glass: Share = 0.0
+    bodies: Share = 0.0
     base: Share
     too_dim: Share
     leaked: Share

@@ -28,9 +28,12 @@ from lensforge.results.figure_style import (
 from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Level
 from lensforge.sources.source_pose import SourcePose
+from lensforge.spec.bodies_section import depths
+from lensforge.spec.bodies_section import reach_mm as bodies_reach_mm
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 _FAN_DEG = np.linspace(-75.0, 75.0, 21)
+_CUT_NODES = 401  # along a side of the raster on which further bodies are cut
 _MARGIN = 1.3  # half the width of the drawing over the largest radius
 
 
@@ -58,6 +61,7 @@ def draw_section(
     outlines = body_outlines(lens, azimuth_deg)
     reach = reach or reach_mm(lens)
     _draw_body(axes, outlines)
+    _draw_further_bodies(axes, lens, across, reach)
     _draw_fan(axes, lens, across, outline_mm, reach)
     _draw_constraints(axes, lens)
     lowest = min(float(outline[:, 1].min()) for outline in outlines)
@@ -70,9 +74,9 @@ def draw_section(
 
 
 def reach_mm(lens: Lens) -> float:
-    """Half the width (mm) of a drawing that holds the lens and its maximum radius."""
+    """Half the width (mm) of a drawing that holds the lens, its maximum radius, and the bodies behind it."""
     largest = float(lens_boundaries(lens)[1].radius(fibonacci_hemisphere(2000)).max())
-    return _MARGIN * max(largest, lens.spec.constraints.max_radius_mm)
+    return _MARGIN * max(largest, lens.spec.constraints.max_radius_mm, bodies_reach_mm(lens.media.bodies))
 
 
 def _draw_body(axes: Axes, outlines: list[Float[np.ndarray, "n 2"]]) -> None:
@@ -80,6 +84,22 @@ def _draw_body(axes: Axes, outlines: list[Float[np.ndarray, "n 2"]]) -> None:
         label = "lens" if number == 0 else None
         axes.add_patch(Polygon(outline, facecolor=BLUE, alpha=0.2, linewidth=0.0, label=label))
         axes.add_patch(Polygon(outline, fill=False, edgecolor=INK, linewidth=1.0, joinstyle="miter"))
+
+
+def _draw_further_bodies(axes: Axes, lens: Lens, across: Float[np.ndarray, " 3"], reach: float) -> None:
+    """The cuts through further bodies, between their faces and above the planes in which they end."""
+    place = np.linspace(-reach, reach, _CUT_NODES)
+    points = place[None, :, None] * across + place[:, None, None] * np.array([0.0, 0.0, 1.0])
+    flat = points.reshape(-1, 3)
+    for number, body in enumerate(lens.media.bodies):
+        outer, inner = (depths(body, flat, inner=each) for each in (False, True))
+        height = body.own_points(flat)[:, 2]
+        within = np.where(height > 0.0, np.minimum(np.minimum(outer, -inner), height), height)
+        within = within.reshape(_CUT_NODES, _CUT_NODES)
+        colour = (GREY, GREEN)[number % 2]
+        axes.contourf(place, place, within, levels=[0.0, np.inf], colors=[colour], alpha=0.35)
+        axes.contour(place, place, within, levels=[0.0], colors=[INK], linewidths=0.7)
+        axes.add_patch(Polygon(np.zeros((1, 2)), facecolor=colour, alpha=0.35, label=body.name))
 
 
 def _draw_fan(

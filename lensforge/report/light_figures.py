@@ -3,7 +3,7 @@
 Images are irradiance in W/m^2, or in the far field intensity in W/sr, indexed [row y, column x], y upwards, and are
 drawn in the unit of light given to the figure; a ``chart`` is the receiver's."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -317,19 +317,28 @@ _WORDS = {
     "absorbed": "absorbed in the lens",
     "reflected": "reflected at the surfaces",
     "cover_glass": "lost in the cover glass",
+    "bodies": "",  # each by its name
     "outside": "landed outside the window",
 }
 
 
-def losses(flux: Flux, missed: MissedByCause) -> list[tuple[str, float]]:
-    """Every loss above zero as (words, share of the emitted flux), in the order in which they occur along a ray."""
-    shares = {**missed.model_dump(), **flux.model_dump()}
-    return [(words, shares[name]) for name, words in _WORDS.items() if shares[name] > 0.0]
+def losses(flux: Flux, missed: MissedByCause, bodies: Mapping[str, float] | None = None) -> list[tuple[str, float]]:
+    """Every loss above zero as (words, share of the emitted flux), in the order in which they occur along a ray.
+
+    ``bodies``: the losses in further bodies by their names.
+    """
+    shares, found = {**missed.model_dump(), **flux.model_dump()}, []
+    for name, words in _WORDS.items():
+        if name == "bodies":
+            found += [(f"lost in the {body}", share) for body, share in (bodies or {}).items()]
+        elif shares[name] > 0.0:
+            found.append((words, shares[name]))
+    return found
 
 
-def flux_budget(flux: Flux, missed: MissedByCause) -> Figure:
+def flux_budget(flux: Flux, missed: MissedByCause, bodies: Mapping[str, float] | None = None) -> Figure:
     """A waterfall from the emitted flux through each loss to the detected flux; shares of the emitted flux."""
-    return waterfall(losses(flux, missed), [("detected", flux.detected)])
+    return waterfall(losses(flux, missed, bodies), [("detected", flux.detected)])
 
 
 @in_report_style

@@ -238,7 +238,7 @@ def _flux(shown: ShownReceiver) -> list[PagePicture]:
     light, chart, name = shown.light, shown.light.chart, shown.picture_name
     lines = light_figures.isolines(light.map, chart, top_of([light.target_map]), shown.unit)
     encircled = light_figures.encircled_energy(light.target_map, light.raw_map, chart)
-    budget = light_figures.flux_budget(light.flux, light.missed_by_cause)
+    budget = light_figures.flux_budget(light.flux, light.missed_by_cause, light.lost_in_bodies)
     window = "all of the receiver" if light.kind == "sphere" else window_words(light).removeprefix("within ")
     return [
         picture(name("isolines"), lines, "Isolines", "Of the simulation, in per cent of the target's peak."),
@@ -258,7 +258,8 @@ def photometry_pictures(results: Results) -> list[PagePicture]:
         picture("isocandela", isocandela, "Isocandela", "C around, gamma outwards, as in the files."),
     ]
     if found.road is not None:
-        ground = study_figures.ground_diagram(found, section.street_side_deg, section.lenses, section.pole_height_m)
+        height_m = results.spec.roads[0].pole_height_m if results.spec.roads else None
+        ground = study_figures.ground_diagram(found, section.street_side_deg, section.lenses, height_m)
         caption = "One lamp at the centre; above the line is the street."
         drawn.append(picture("ground", ground, "On the ground", caption))
     for index, judged in enumerate(found.roads):

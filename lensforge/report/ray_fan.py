@@ -22,8 +22,9 @@ Points = Float[np.ndarray, "n 3"]
 
 
 def trace_fan(lens: Lens, start_mm: Points, directions: Points, reach_mm: float) -> Float[np.ndarray, "n p 3"]:
-    """Start, the hits on all faces that rays meet, and a point at ``reach_mm`` from the origin; NaN after their end.
+    """Start, the hits on all faces that rays meet, further bodies' too, and a point at ``reach_mm`` from the origin.
 
+    NaN after their end.
     A ray ends where it meets z = 0, re-enters the cavity, or is totally reflected: it has no last point. One that
     starts below z = 0 must pass that plane inside the cavity; directions are upwards.
     """
@@ -42,8 +43,26 @@ def trace_fan(lens: Lens, start_mm: Points, directions: Points, reach_mm: float)
     if bundle.met is None:
         back = _returns(lens.inner, places[1], places[2])
         left, places[2][back] = left & ~back, np.nan
+    if bundle.passages:
+        places += _in_bodies(bundle)
+        points, along = bundle.exits.points, bundle.exits.directions
     ends = np.where(left[:, None], _at_distance(points, along, reach_mm), np.nan)
     return np.stack([*_without_gaps(places), ends], axis=1)
+
+
+def _in_bodies(bundle: TracedBundle) -> list[Points]:
+    """Hits on the faces of each further body; NaN where a ray does not come to them."""
+    places, passages = [], bundle.passages
+    starts = [each.body.placed_points(each.own.origins) for each in passages[1:]]
+    ends = [*zip((each.rows for each in passages[1:]), starts, strict=True)]
+    out = bundle.exits.left_lens
+    for passage, (rows, points) in zip(passages, [*ends, (out, bundle.exits.points[out])], strict=True):
+        inner, outer = np.full((2, len(bundle.rays), 3), np.nan)
+        hits = passage.own.origins + passage.lengths[:, :1] * passage.own.directions
+        met = passage.met[:, 0] >= 0
+        inner[passage.rows[met]], outer[rows] = passage.body.placed_points(hits[met]), points
+        places += [inner, outer]
+    return places
 
 
 def _behind(lens: Lens, name: str, points: Points, along: Points, met: np.ndarray) -> Points:

@@ -23,6 +23,10 @@ class ExitRays:
     field along z, for a cover glass; None where none reflects. ``lost_in_glass``: what a cover glass reflected and
     absorbed; points are then those from which rays seem to come behind it. ``met``: number of the face at each event
     of a chain, -1 where there was none; None of the usual lens.
+
+    Where further bodies come: ``fields`` (real and imaginary parts of both, ``kernels.fields``) and the flux (W)
+    ``carried`` of which half of the sum of their squares is left; ``lost_in_bodies``: what each body took, by its
+    number. A ray that ends in one has no flux, and its fate there.
     """
 
     points: Float[Array, "n 3"]
@@ -34,6 +38,9 @@ class ExitRays:
     lost_in_glass: Float[Array, " n"] | None = None
     axial: Float[Array, " n"] | None = None
     met: Int8[Array, "n e"] | None = None
+    fields: Float[Array, "n 12"] | None = None
+    carried: Float[Array, " n"] | None = None
+    lost_in_bodies: Float[Array, "b n"] | None = None
 
     @staticmethod
     def joined(parts: "Sequence[ExitRays]") -> "ExitRays":

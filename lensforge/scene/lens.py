@@ -25,6 +25,7 @@ from lensforge.results.notebook_html import section_html
 from lensforge.results.stage_result import CHECKSUM, require_checksum, validated, with_checksum, without_schema
 from lensforge.scene.body import Body, radii
 from lensforge.spec import Accuracy, AnyReceiver, Spec, parse_spec
+from lensforge.spec.bodies_section import has_mirrors
 from lensforge.surfaces.mirror_group import NAMES, contains
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface
@@ -108,8 +109,8 @@ class Lens:
 
     @property
     def media(self) -> Media:
-        """The body at the design wavelength, and what fills the cavity and surrounds the lens."""
-        return self.spec.lens.media
+        """The body at the design wavelength, what fills the cavity and surrounds the lens, and the bodies behind it."""
+        return self.spec.media
 
     @property
     def dispersion(self) -> Material | None:
@@ -133,9 +134,10 @@ class Lens:
 
     @property
     def symmetry(self) -> str:
-        """Largest mirror group of all surfaces, a name of ``surfaces.symmetry``."""
-        own = [surface.symmetry for surface in self.surfaces.values()]
-        return next(name for name in reversed(NAMES) if all(contains(each, name) for each in own))
+        """Largest mirror group of all surfaces and of the bodies behind them, a name of ``surfaces.symmetry``."""
+        own, bodies = [surface.symmetry for surface in self.surfaces.values()], self.media.bodies
+        groups = (name for name in reversed(NAMES) if all(contains(each, name) for each in own))
+        return next(name for name in groups if all(has_mirrors(body, name) for body in bodies))
 
     def to_json(self) -> dict[str, JsonValue]:
         """The content of ``lens.json``, all digits of every weight."""

@@ -20,6 +20,7 @@ from lensforge.optics.media import DOUBLE, Media
 from lensforge.scene.lamp_pictures import LampPictures
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.sources.ray_bundle import ChangedSource, RayBundle, Source
+from lensforge.spec.bodies_section import reach_mm
 
 _RAYS_PER_CELL = 32  # fewer: the noise of a cell's radiance; more: cells average over radiance that differs
 _LEVEL = 1e-3  # rays closer than this to z = const cross no plane nearby
@@ -182,6 +183,8 @@ class SourceLight:
 
     def best_transmittances(self, turns_rad: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Largest transmittance of two faces that turn each of the rays by at least so much, or with a reflection."""
+        if self.media.bodies:  # they may turn it, too
+            turns_rad = np.zeros_like(turns_rad)
         if self.media.cup is not None:  # what need not turn leaves directly, all else by one reflection at least
             return np.where(turns_rad > 0.0, self.media.cup.reflectance, 1.0)
         turns_rad = np.zeros_like(turns_rad) if self.reflects else turns_rad
@@ -213,11 +216,14 @@ class PossibleLight:
     receiver: PosedReceiver
     max_radius_mm: float
 
-    @property
+    @cached_property
     def _ball_mm(self) -> float:
-        """Radius of the ball from which light seems to come: nearer by the thickness of a cover glass at most."""
-        glass = self.light.media.cover_glass
-        return self.max_radius_mm + (0.0 if glass is None else glass.thickness_mm)
+        """Radius of the ball from which light seems to come: nearer by the thickness of a cover glass at most.
+
+        Of bodies behind the lens the light comes out of the last.
+        """
+        glass, bodies = self.light.media.cover_glass, self.light.media.bodies
+        return max(self.max_radius_mm + (0.0 if glass is None else glass.thickness_mm), reach_mm(bodies))
 
     @cached_property
     def _lamps(self) -> LampPictures:

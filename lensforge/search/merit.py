@@ -275,7 +275,7 @@ class MeritFunction(Merit[SampledLight]):
         """
         receivers, sections = receivers_of(spec, spec.optimise.pixels), spec.all_receivers
         fresnel = spec.optimise.fresnel
-        limit = (transmittance_of(spec.lens.media) if fresnel else 1.0) * source.flux_w
+        limit = (transmittance_of(spec.media) if fresnel else 1.0) * source.flux_w
         total = sum(section.share for section in sections)
         terms = tuple(
             ImageTerms.of(
@@ -283,7 +283,7 @@ class MeritFunction(Merit[SampledLight]):
             )
             for section, receiver in zip(sections, receivers, strict=True)
         )
-        scene = Scene(spec.lens.media, parametrisation.grid, fresnel, chain=Chain.of_lens(spec.lens))
+        scene = Scene(spec.media, parametrisation.grid, fresnel, chain=Chain.of_lens(spec.lens))
         efficacy = summarise(source, spec.source).lumens_per_watt if spec.has_limits else None
         limits = limit_terms(light_limits(spec, receivers, efficacy, source.flux_w))
         crossing = source if scene.chain is not None and aims(source) else None

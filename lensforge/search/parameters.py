@@ -7,6 +7,7 @@ receivers and targets share, and no larger one.
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 from typing import Any, cast
 
 import numpy as np
@@ -24,6 +25,7 @@ from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import target_light
 from lensforge.sources.ray_bundle import Source
 from lensforge.spec import Accuracy, Spec
+from lensforge.spec.bodies_section import has_mirrors
 from lensforge.surfaces.bicubic_table import BasisTables, TableGrid, dyadic_grid, tabulate
 from lensforge.surfaces.mirror_group import NAMES, contains, generators
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere, level_sigma
@@ -259,13 +261,14 @@ def _has_symmetry(spec: Spec, source: Source, name: str) -> bool:
 
 
 def _in_fixed(spec: Spec, name: str) -> str | None:
-    """Field of a fixed surface that lacks the symmetry; None where both have it."""
+    """Field of a fixed surface, or name of a body, that lacks the symmetry; None where all have it."""
     lacking = (
         f"lens.{face}.fixed"
         for face, surface in spec.lens.fixed.items()
         if surface is not None and not contains(surface.symmetry, name)
     )
-    return next(lacking, None)
+    bodies = (f"body {body.name!r}" for body in spec.media.bodies if not has_mirrors(body, name))
+    return next(chain(lacking, bodies), None)
 
 
 def _in_targets(spec: Spec, name: str) -> bool:

@@ -97,7 +97,7 @@ def asked_light(spec: Spec, source: Source) -> tuple[tuple[Asked, ...], tuple[As
     Raises :class:`InputError` for limits whose unit the source does not have.
     """
     light, receivers = (
-        SourceLight.of(source, spec.lens.media, reflects=spec.lens.reflects),
+        SourceLight.of(source, spec.media, reflects=spec.lens.reflects),
         receivers_of(spec, spec.evaluate.pixels),
     )
     physics = [PossibleLight(light, receiver, spec.constraints.max_radius_mm) for receiver in receivers]

@@ -11,8 +11,10 @@ import tomli_w
 from pydantic import Field, ValidationError, model_validator
 
 from lensforge.errors import InputError
+from lensforge.optics.media import Media
 from lensforge.results.files import replacing
 from lensforge.results.validation import its_type
+from lensforge.spec.bodies_section import BodySection, media_with, require_bodies
 from lensforge.spec.derived_values import derived_sizes
 from lensforge.spec.feasible import require_feasible
 from lensforge.spec.lamps_section import AnyLamps, Lamps, lamps_of
@@ -22,20 +24,19 @@ from lensforge.spec.light_limits import (
     ColourSection,
     LightLimitSpec,
     PhotometrySection,
-    require_limit_fits,
+    require_limits_fit,
     require_seen_from_afar,
 )
 from lensforge.spec.part_section import BaseSection, DrawingSection, ManufactureSection
 from lensforge.spec.plate_section import PlateSection, require_plate
 from lensforge.spec.receiver_sections import (
     AnyReceiver,
-    FarFieldReceiver,
     Target,
     implied_receiver,
     named,
     require_outside,
 )
-from lensforge.spec.road_section import MOST_ROADS, RoadSection
+from lensforge.spec.road_section import MOST_ROADS, RoadSection, require_all_below
 from lensforge.spec.search_section import ConstraintsSection, EvaluateSection, OptimiseSection
 from lensforge.spec.source_sections import NamedSource, SourceSpec
 from lensforge.spec.spec_fields import words_of
@@ -61,8 +62,7 @@ def _filled(section: _Filled, derived: Mapping[str, Any]) -> _Filled:
     return filled
 
 
-_MOST_SOURCES, _MOST_RECEIVERS, _MOST_LIMITS = 16, 16, 1000
-_ALL_BELOW = 90.0  # degrees from the axis: all that is below a lamp
+_MOST_SOURCES, _MOST_RECEIVERS, _MOST_LIMITS, _MOST_BODIES = 16, 16, 1000, 8
 _OneReceiver = Annotated[AnyReceiver, Field(discriminator="kind")]
 _OF_GIVEN_LEVELS = ("steps_per_level", "rays")  # fields of optimise
 
@@ -78,6 +78,8 @@ class Spec(Section):
     """LEDs that one lens is for, in the place of ``source``. What is stated for one LED alone is of the first."""
     lens: AnyLens = Field(default_factory=LensSection)
     """Material, and the two surfaces from which the search starts."""
+    bodies: Annotated[tuple[BodySection, ...], Field(max_length=_MOST_BODIES)] = ()
+    """Given optics that the light passes behind the lens, in this order: domes, covers."""
     constraints: ConstraintsSection
     """Limits that every lens of the search keeps: room for the LED, wall, size, and what can be made."""
     target: Target | None = None
@@ -107,7 +109,7 @@ class Spec(Section):
     tolerances: TolerancesSection = Field(default_factory=TolerancesSection)
     """Errors of part, mounting and LED, for ``lensforge yield`` and for a robust search."""
     photometry: PhotometrySection = Field(default_factory=PhotometrySection)
-    """Lighting that the lens is for: general, of an area, or of a road."""
+    """Lighting that the lens is for: general, or of an area or a road."""
 
     @model_validator(mode="before")
     @classmethod
@@ -209,17 +211,18 @@ class Spec(Section):
         return self
 
     @model_validator(mode="after")
+    def _bodies_nest(self) -> "Spec":
+        require_bodies(self.bodies, self.lens, self.constraints, lamps=self.lamps, robust=self.optimise.robust)
+        return self
+
+    @property
+    def media(self) -> Media:
+        """The media that light passes: those of the lens, and the bodies behind it."""
+        return media_with(self.bodies, self.lens)
+
+    @model_validator(mode="after")
     def _limits_fit_their_receivers(self) -> "Spec":
-        receivers = {receiver.name: receiver for receiver in self.all_receivers}
-        for number, limit in enumerate(self.limits):
-            name = limit.receiver or next(iter(receivers))
-            if name not in receivers:
-                known = ", ".join(str(each) for each in receivers)
-                raise ValueError(f"limits.{number}.receiver = {name!r}: there is none of that name; known: {known}")
-            try:
-                require_limit_fits(limit, receivers[name].unit, receivers[name].extent, f"receiver {name!r}")
-            except ValueError as error:
-                raise ValueError(f"limits.{number}: {error}") from None
+        require_limits_fit(self.limits, self.all_receivers)
         return self
 
     @property
@@ -268,13 +271,7 @@ class Spec(Section):
 
     @model_validator(mode="after")
     def _roads_see_the_far_field(self) -> "Spec":
-        far = next((each for each in self.all_receivers if isinstance(each, FarFieldReceiver)), None)
-        if self.roads and (far is None or far.half_angle_deg < _ALL_BELOW):
-            found = "there is none" if far is None else f"the first has half_angle_deg = {far.half_angle_deg:g}"
-            raise ValueError(
-                f"roads: their far lamps and their glare are light at up to {_ALL_BELOW:g} degrees from the axis, on a "
-                f"receiver of kind far_field; {found}; give it half_angle_deg = {_ALL_BELOW:g}"
-            )
+        require_all_below(self.roads, self.all_receivers)
         return self
 
     @model_validator(mode="after")
@@ -377,7 +374,7 @@ def load_spec(path: Path | str) -> Spec:
     path = Path(path)
     content = read_toml(path, missing="`lensforge new` writes one, `lensforge examples` lists the shipped ones")
     content.setdefault("name", path.stem)
-    for section in ("source", "sources", "lens", "target", "receivers", "roads", "base", "constraints"):
+    for section in ("source", "sources", "lens", "target", "receivers", "roads", "base", "constraints", "bodies"):
         resolve_files(content.get(section), path.parent)
     return parse_spec(content, str(path))
 

@@ -1,11 +1,12 @@
 """Lamps together: the places and turns of a grid, a hexagon, a ring, a table, or a lattice without an end.
 
-All stand on the plane z = 0, their axes along z, and every receiver sees the light of all. Receivers keep their places
-about the origin, the middle of the lamps. All have one lens, or lenses of several kinds by place.
+All stand on the plane z = 0, their axes along z, but for those of a table, which may have heights and aims. Every
+receiver sees the light of all. Receivers keep their places about the origin, the middle of the lamps. All have one
+lens, or lenses of several kinds by place.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import atan2, degrees, hypot, pi, sqrt
 from typing import Annotated, Literal
 
@@ -15,6 +16,7 @@ from pydantic import Field, model_validator
 
 from lensforge.spec.emitter_section import Turn
 from lensforge.spec.lamp_kinds import KindOfPlace, LampKind, in_grid, in_hexagon, kinds_of
+from lensforge.spec.lamp_stand import ALONG_Z, Stand, Vector, aimed_from
 from lensforge.spec.spec_section import Coordinate, Millimetres, Section
 from lensforge.spec.target_sections import Side
 from lensforge.surfaces.mirror_group import generators
@@ -27,6 +29,8 @@ class Lamps:
     """Lamps with equal LEDs: places (mm) of their axes on the plane z = 0, and turns (degrees), from x towards y.
 
     ``period_mm``: width and height of the rectangle that a lattice without an end repeats; the lamps are those of one.
+    ``heights_mm``: z of their origins, none where all are 0. ``axes``: unit vectors along their axes, to which they are
+    tilted the shortest way after their turn; none where all are along z.
     ``kinds``: two or more that share the lamps out, each with a lens of its own; none where all have the same lens.
     """
 
@@ -34,6 +38,8 @@ class Lamps:
     turns_deg: tuple[float, ...] = (0.0,)
     period_mm: tuple[float, float] | None = None
     kinds: tuple[LampKind, ...] = ()
+    heights_mm: tuple[float, ...] = ()
+    axes: tuple[Vector, ...] = ()
 
     def __len__(self) -> int:
         return len(self.places_mm)
@@ -42,6 +48,24 @@ class Lamps:
     def alone(self) -> bool:
         """True for one lamp at the origin, as designs without ``[lamps]`` have it."""
         return self == ALONE
+
+    @property
+    def posed(self) -> bool:
+        """True where a lamp has a height of its own, or an axis that is not along z."""
+        return bool(self.heights_mm or self.axes)
+
+    def stand(self, number: int) -> Stand:
+        """The stand of one lamp."""
+        height, axis = self._heights[number], self._axes[number]
+        return Stand((*self.places_mm[number], height), axis, self.turns_deg[number])
+
+    @property
+    def _heights(self) -> tuple[float, ...]:
+        return self.heights_mm or (0.0,) * len(self)
+
+    @property
+    def _axes(self) -> tuple[Vector, ...]:
+        return self.axes or (ALONG_Z,) * len(self)
 
     @property
     def words(self) -> str:
@@ -53,17 +77,22 @@ class Lamps:
 
     @property
     def reach_mm(self) -> float:
-        """Distance of the farthest axis from the origin."""
-        return max(hypot(*place) for place in self.places_mm)
+        """Distance of the farthest lamp from the origin."""
+        return max(hypot(*place, height) for place, height in zip(self.places_mm, self._heights, strict=True))
 
     @property
     def from_afar(self) -> "Lamps":
         """The same as they are seen from far away, where all stand at one place."""
-        return self if self.alone else Lamps(((0.0, 0.0),) * len(self), self.turns_deg, kinds=self.kinds)
+        return self if self.alone else replace(self, places_mm=((0.0, 0.0),) * len(self), heights_mm=(), period_mm=None)
 
     def of_kind(self, kind: LampKind) -> "Lamps":
         """The lamps that have one lens."""
-        return Lamps(tuple(self.places_mm[k] for k in kind.numbers), tuple(self.turns_deg[k] for k in kind.numbers))
+        return Lamps(
+            tuple(self.places_mm[k] for k in kind.numbers),
+            tuple(self.turns_deg[k] for k in kind.numbers),
+            heights_mm=tuple(self.heights_mm[k] for k in kind.numbers if self.heights_mm),
+            axes=tuple(self.axes[k] for k in kind.numbers if self.axes),
+        )
 
     @property
     def shares_of_rays(self) -> tuple[float, ...]:
@@ -84,26 +113,33 @@ class Lamps:
     def _is_mirrored(self, kind: LampKind, group: str) -> bool:
         chosen = list(kind.numbers)
         places, turns = np.array(self.places_mm)[chosen], np.array(self.turns_deg)[chosen]
-        own = self._as_rows(places, turns)
+        up, axes = np.array(self._heights)[chosen], np.array(self._axes)[chosen]
+        own = self._as_rows(places, turns, up, axes)
         for mirror in generators(group):
             axis_deg = 0.5 * degrees(atan2(mirror[1, 0], mirror[0, 0]))
             turned = np.array([kind.mirrored_deg(turn, axis_deg) for turn in turns.tolist()])
-            if not np.array_equal(self._as_rows(places @ mirror[:2, :2].T, turned), own):
+            if not np.array_equal(self._as_rows(places @ mirror[:2, :2].T, turned, up, axes @ mirror.T), own):
                 return False
         return True
 
-    def _as_rows(self, places: Float[np.ndarray, "n 2"], turns: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
-        """Places, of a lattice within its period, and turns within 360 degrees, rounded and in one order."""
+    def _as_rows(
+        self,
+        places: Float[np.ndarray, "n 2"],
+        turns: Float[np.ndarray, " n"],
+        heights: Float[np.ndarray, " n"],
+        axes: Float[np.ndarray, "n 3"],
+    ) -> Float[np.ndarray, "n 7"]:
+        """Stands, of a lattice within its period, and with turns within 360 degrees, rounded and in one order."""
         if self.period_mm is not None:
             places = np.round(places / self.period_mm, 6) % 1.0 * self.period_mm
-        rows = np.round(np.column_stack([places, np.round(turns, 6) % 360.0]), 6) + 0.0
-        ordered: Float[np.ndarray, "n 3"] = rows[np.lexsort(rows.T)]
+        rows = np.round(np.column_stack([places, np.round(turns, 6) % 360.0, heights, axes]), 6) + 0.0
+        ordered: Float[np.ndarray, "n 7"] = rows[np.lexsort(rows.T)]
         return ordered
 
-    def _between(self) -> Float[np.ndarray, "m 2"]:
-        """Ways (mm) from each lamp to every other one, those of a lattice's neighbouring periods included."""
-        places = np.array(self.places_mm)
-        ways = (places[:, None] - places[None]).reshape(-1, 2)
+    def _between(self) -> Float[np.ndarray, "m d"]:
+        """Ways (mm) from each lamp to every other one, in 2 or 3 dimensions; in a lattice also to those around."""
+        places = np.column_stack([self.places_mm, *([self._heights] if self.posed else [])])
+        ways = (places[:, None] - places[None]).reshape(len(places) ** 2, -1)
         ways = ways[np.arange(len(ways)) % (len(places) + 1) != 0]  # not to itself
         if self.period_mm is None:
             return np.asarray(ways)
@@ -113,12 +149,12 @@ class Lamps:
         return apart
 
     def nearest_mm(self, square: bool = False) -> float:
-        """Distance of the nearest two axes; along x or y, the larger of both, for ``square`` bases."""
+        """Distance of the nearest two lamps; along x or y, the larger of both, for ``square`` bases side by side."""
         ways = np.abs(self._between())
         if not len(ways):
             return float("inf")
-        turned = any(turn % 90.0 for turn in self.turns_deg)
-        return float((ways.max(axis=1) if square and not turned else np.hypot(*ways.T)).min())
+        turned = self.posed or any(turn % 90.0 for turn in self.turns_deg)
+        return float((ways.max(axis=1) if square and not turned else np.sqrt(np.sum(ways**2, axis=1))).min())
 
 
 ALONE = Lamps()
@@ -248,24 +284,40 @@ class RingLamps(LampsSection):
         return Lamps(places, turns if self.turned else (0.0,) * self.count)
 
 
+_TablePlace = tuple[Coordinate, Coordinate] | tuple[Coordinate, Coordinate, Coordinate]
+_Point = tuple[Coordinate, Coordinate, Coordinate]
+
+
 class TableLamps(LampsSection):
-    """Places and turns one by one."""
+    """Places and turns one by one; also lamps on poles, each with its height and aim."""
 
     kind: Literal["table"] = "table"
-    places_mm: Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(min_length=1, max_length=_MOST)]
-    """Place (x, y) of each axis."""
+    places_mm: Annotated[tuple[_TablePlace, ...], Field(min_length=1, max_length=_MOST)]
+    """Place (x, y) or (x, y, z) of each lamp; z, along which lamps shine, is 0 where it is left out."""
+    aims_mm: Annotated[tuple[_Point, ...], Field(max_length=_MOST)] = ()
+    """Point (x, y, z) at which the axis of each lamp is aimed; by default all axes are along z. The +x of a lamp that
+    is tilted points to the side to which it is tilted.
+    """
     turns_deg: Annotated[tuple[Turn, ...], Field(max_length=_MOST)] = ()
-    """Turn of each lamp about its axis, from x towards y; by default none is turned."""
+    """Turn of each lamp about its axis, from x towards y, from there on; by default none is turned."""
     kinds: Annotated[tuple[_KindName, ...], Field(max_length=_MOST)] = ()
     """Lens of each lamp, by a name such as "wide"; by default all have one lens."""
 
     @property
     def lamps(self) -> Lamps:
         """Places and turns."""
+        flat = tuple((place[0], place[1]) for place in self.places_mm)
+        heights = tuple(place[2] if len(place) == 3 else 0.0 for place in self.places_mm)
+        points = [(*place, height) for place, height in zip(flat, heights, strict=True)]
+        aimed = [aimed_from(*each) for each in zip(points, self.aims_mm, strict=bool(self.aims_mm))]
+        axes, sides = ([axis for axis, _ in aimed], [side for _, side in aimed] or [0.0] * len(points))
+        own = self.turns_deg or (0.0,) * len(points)
         return Lamps(
-            self.places_mm,
-            self.turns_deg or (0.0,) * len(self.places_mm),
-            kinds=kinds_of(self.places_mm, self.kinds, [""] * len(self.kinds)),
+            flat,
+            tuple(turn + side for turn, side in zip(own, sides, strict=True)),
+            kinds=kinds_of(flat, self.kinds, [""] * len(self.kinds)),
+            heights_mm=heights if any(heights) else (),
+            axes=tuple(axes) if any(axis != ALONG_Z for axis in axes) else (),
         )
 
     @property
@@ -275,9 +327,17 @@ class TableLamps(LampsSection):
 
     @model_validator(mode="after")
     def _can_be(self) -> "TableLamps":
-        for field, given, words in (("turns_deg", self.turns_deg, "numbers"), ("kinds", self.kinds, "names")):
+        lists = (
+            ("turns_deg", self.turns_deg, "numbers"),
+            ("aims_mm", self.aims_mm, "points"),
+            ("kinds", self.kinds, "names"),
+        )
+        for field, given, words in lists:
             if given and len(given) != len(self.places_mm):
                 raise ValueError(f"{field} has {len(given)} {words}, places_mm {len(self.places_mm)} places")
+        for number, (aim, place) in enumerate(zip(self.aims_mm, self.places_mm, strict=False)):
+            if aim == (*place, 0.0)[:3]:
+                raise ValueError(f"aims_mm.{number} = {aim}: is the place of the lamp; give a point that it shines at")
         if self.kinds and not 2 <= len(set(self.kinds)) <= _MOST_KINDS:
             raise ValueError(f"kinds: {len(set(self.kinds))} names; give 2 to {_MOST_KINDS}, or leave them out for one")
         return self

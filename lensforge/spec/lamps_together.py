@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from lensforge.spec.lamps_section import Lamps, LampsSection, Place
+from lensforge.spec.lamp_stand import Vector
+from lensforge.spec.lamps_section import Lamps, LampsSection
 from lensforge.spec.part_section import BaseSection
 from lensforge.spec.receiver_sections import (
     AnyReceiver,
@@ -56,25 +57,27 @@ def _require_seen_by(receiver: AnyReceiver, lamps: Lamps, limits: ConstraintsSec
     """Raise ``ValueError`` for a receiver between the lamps or inside a lens, or one that a lattice cannot light."""
     if lamps.period_mm is not None:
         _require_period(receiver, lamps.period_mm)
-    for place in lamps.places_mm:
+    for number in range(len(lamps)):
+        place = lamps.stand(number).place_mm
         away_mm = _clear_mm(receiver, place)
         if away_mm <= limits.max_radius_mm:
+            at = ", ".join(f"{each:.4g}" for each in place[: 3 if lamps.heights_mm else 2])
             raise ValueError(
-                f"receivers: {receiver.name or receiver.kind!r} is between the lamps: that at ({place[0]:.4g}, "
-                f"{place[1]:.4g}) mm has {away_mm:.4g} mm to it, its lens needs more than constraints.max_radius_mm = "
+                f"receivers: {receiver.name or receiver.kind!r} is between the lamps: that at ({at}) mm has "
+                f"{away_mm:.4g} mm to it, its lens needs more than constraints.max_radius_mm = "
                 f"{limits.max_radius_mm:g}; move or turn the receiver"
             )
     if isinstance(receiver, PlaneReceiver) and receiver.window_mm not in (None, receiver.size):
         raise ValueError("receivers.window_mm: of lamps together the whole receiver counts; leave it out")
 
 
-def _clear_mm(receiver: AnyReceiver, place: Place) -> float:
+def _clear_mm(receiver: AnyReceiver, place: Vector) -> float:
     """Distance from the middle of a lens to a receiver, on its lit side; infinite for the far field."""
     if isinstance(receiver, PlaneReceiver):
         normal = np.array(receiver.facing) / np.linalg.norm(receiver.facing)
-        return float(normal @ (np.array(receiver.centre_mm) - (*place, 0.0)))
+        return float(normal @ (np.array(receiver.centre_mm) - place))
     if isinstance(receiver, CylinderReceiver | SphereReceiver):
-        return receiver.radius_mm - float(np.linalg.norm(np.array(receiver.centre_mm) - (*place, 0.0)))
+        return receiver.radius_mm - float(np.linalg.norm(np.array(receiver.centre_mm) - place))
     return float("inf")
 
 

@@ -68,6 +68,11 @@ SPECS: dict[str, dict[str, Any]] = {
         "target": None,
         "receivers": list(RECEIVERS.values()),
     },
+    "lamps on poles": {
+        "lamps": {"kind": "table", "places_mm": [[-30, 5], [25, 0, -4]], "aims_mm": [[10, 0, 90], [-20, 30, 80]]},
+        "target": None,
+        "receivers": list(RECEIVERS.values()),
+    },
     "robust": ROBUST,
     "robust, large": ROBUST | tolerance_changes(LARGE),
     "robust, symmetric": ROBUST | tolerance_changes(LARGE) | {"lens__symmetry": "square"},

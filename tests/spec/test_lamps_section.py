@@ -19,6 +19,25 @@ def lamps_of(lamps: dict[str, Any]) -> Lamps:
     return small_spec(lamps=lamps, base={"kind": "none"}, target__receiver_mm=200.0).all_lamps
 
 
+CORNERS = {
+    "kind": "table",
+    "places_mm": [[30, 30, -5], [-30, 30, -5], [-30, -30, -5], [30, -30, -5]],
+    "aims_mm": [[0, 0, 90]] * 4,
+}
+
+
+def test_lamps_on_poles_have_heights_and_aims() -> None:
+    poles = lamps_of(
+        {"kind": "table", "places_mm": [[0, 0, 5], [30, 0]], "aims_mm": [[0, -4, 8], [30, 0, 9]], "turns_deg": [5, 6]}
+    )
+    assert poles.places_mm == ((0.0, 0.0), (30.0, 0.0)) and poles.heights_mm == (5.0, 0.0)
+    assert poles.posed and poles.turns_deg == (5.0 - 90.0, 6.0)
+    np.testing.assert_allclose(poles.axes, [(0.0, -0.8, 0.6), (0.0, 0.0, 1.0)], atol=1e-15)
+    assert poles.nearest_mm() == pytest.approx(925.0**0.5) and poles.reach_mm == 30.0
+    assert poles.from_afar.axes == poles.axes and not poles.from_afar.heights_mm
+    assert not lamps_of({"kind": "table", "places_mm": [[0, 0], [19, 0, 0]], "aims_mm": [[0, 0, 8], [19, 0, 1]]}).posed
+
+
 def test_lamps_stand_about_the_origin() -> None:
     grid = lamps_of(GRID).places_mm
     assert sorted(grid) == [(x, y) for x in (-20.0, 0.0, 20.0) for y in (-15.0, 15.0)]
@@ -43,6 +62,14 @@ def test_lamps_stand_about_the_origin() -> None:
         ({**RING, "count": 5}, ["none", "mirror_y"]),
         ({"kind": "hexagon", "rings": 1, "pitch_mm": 20.0}, ["none", "mirror_x", "mirror_y", "rectangle"]),
         ({"kind": "table", "places_mm": [[9, 9], [-9, -9]], "turns_deg": [10.0, 190.0]}, ["none"]),
+        (CORNERS, ["none", "mirror_y"]),  # across the y axis the +x of each would point to the other side
+        (
+            {**CORNERS, "turns_deg": [-225.0, -315.0, -45.0, -135.0]},
+            ["none", "mirror_x", "mirror_y", "rectangle", "square"],
+        ),
+        ({**CORNERS, "aims_mm": [[0, 0, 90], [0, 0, 90], [0, 0, 90], [0, 9, 90]]}, ["none"]),
+        ({"kind": "table", "places_mm": [[9, 20, 5], [9, -20, 5]]}, ["none", "mirror_y"]),
+        ({"kind": "table", "places_mm": [[9, 20, 5], [9, -20, 6]]}, ["none"]),
     ],
 )
 def test_lamps_have_the_mirrors_that_move_each_onto_another_one(lamps: dict[str, Any], groups: list[str]) -> None:
@@ -76,6 +103,12 @@ def plane(**changes: Any) -> dict[str, Any]:
         ({"lamps": {"kind": "endless", "pitch_mm": 60.0}, **plane(rotation_deg=30.0)}, "light level planes"),
         ({"lamps": {"kind": "endless", "lattice": "hexagon", "pitch_mm": [20.0, 30.0]}}, "a hexagonal lattice has one"),
         ({"lamps": {"kind": "table", "places_mm": [[0, 0], [20, 0]], "turns_deg": [3.0]}}, "turns_deg has 1 numbers"),
+        ({"lamps": {"kind": "table", "places_mm": [[0, 0], [20, 0]], "aims_mm": [[3, 0, 9]]}}, "aims_mm has 1 points"),
+        ({"lamps": {"kind": "table", "places_mm": [[0, 0]], "aims_mm": [[0, 0, 0]]}}, r"aims_mm.0 = \(.*is the place"),
+        ({"lamps": {"kind": "table", "places_mm": [[0, 0, 5], [3, 4, 17]]}}, "the nearest two stand 13 mm apart"),
+        ({"lamps": {"kind": "table", "places_mm": [[0, 0], [0, 0, 95]]}}, r"that at \(0, 0, 95\) mm has 5 mm to it"),
+        ({"lamps": {**CORNERS, "places_mm": [[x, y, 0] for x, y, _ in CORNERS["places_mm"]]},
+          "plate": {"thickness_mm": 2}}, r"plate: its lenses stand on z = 0 with their axes along z, \[lamps\] have"),
         ({"lamps": {**GRID, "columns": 60, "rows": 60}}, "3600 lamps, at most 2000"),
         ({"lamps": GRID, "evaluate__window_mm": 100.0}, "evaluate.window_mm: of lamps together"),
         ({"lamps": GRID, **plane(window_mm=[20.0, 20.0])}, "receivers.window_mm: of lamps together"),

@@ -1,0 +1,125 @@
+"""Rays cast through the further bodies, by the radius of their faces alone: without the design's tables and its code.
+
+A face is met where the distance from the origin of its body first exceeds its radius. What it reflects, and rays that
+go past the rim or are reflected totally, are lost there.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from lensforge.optics.media import FaceShape, FurtherBody, Media
+from lensforge.proof.refraction import AtFace, Fields, RefractingFace, through_glass, unpolarised
+
+_SCANNED, _STEPS = 24, 60  # places along a ray among which its first crossing lies; halvings from there
+_DIRECTIONS = 2000  # by which the size of a face is known
+_ROOM = 1.05
+
+_Vectors = Float[np.ndarray, "n 3"]
+_Values = Float[np.ndarray, " n"]
+
+
+@dataclass
+class _Beam:
+    """Light on its way: all rays, and the share of the flux that is left of each; NaN where one is lost."""
+
+    points: _Vectors
+    directions: _Vectors
+    fields: Fields
+    share: _Values
+
+    def end(self, rows: Int[np.ndarray, " k"]) -> None:
+        """Lose some of the rays."""
+        self.points[rows], self.directions[rows], self.share[rows] = np.nan, np.nan, 0.0
+
+
+def behind_optics(
+    points: _Vectors, directions: _Vectors, media: Media, wavelengths_nm: _Values, fields: Fields | None = None
+) -> tuple[_Vectors, _Vectors, _Values]:
+    """Points (mm), directions, and what is let through, behind the cover glass or the further bodies of ``media``.
+
+    ``fields`` None: of unpolarised light.
+    """
+    if not media.bodies:
+        return through_glass(points, directions, media, wavelengths_nm, fields)
+    own = unpolarised(directions) if fields is None else fields
+    beam = _Beam(points.copy(), directions.copy(), own.copy(), np.ones(len(points)))
+    for body in media.bodies:
+        _through(body, media, beam, wavelengths_nm)
+    return beam.points, beam.directions, beam.share
+
+
+def _through(body: FurtherBody, media: Media, beam: _Beam, waves: _Values) -> None:
+    """Take a beam into a body and out of it."""
+    rows = np.flatnonzero(np.isfinite(beam.points[:, 0]))
+    points, along = body.own_points(beam.points[rows]), body.own_directions(beam.directions[rows])
+    enters, points = _from_the_rim(points, along)
+    beam.end(rows[~enters])
+    rows, points, along = rows[enters], points[enters], along[enters]
+    inside, own = media.outside_index, body.media(media)
+    for face, shape in (("inner", body.inner), ("outer", body.outer)):
+        paths, met = _first_crossing(shape, points, along)
+        beam.end(rows[~met])
+        rows, along, starts, paths = rows[met], along[met], points[met], paths[met]
+        points = starts + paths[:, None] * along
+        indices, leaving = body.medium.indices(waves[rows], len(rows)), face == "outer"
+        if leaving:
+            beam.share[rows] *= np.exp(-body.medium.absorptions(waves[rows], len(rows)) * paths)
+        around = np.full(len(rows), inside)
+        before, behind = (indices, around) if leaving else (around, indices)
+        refracting = RefractingFace(before, behind, own.coating(face), waves[rows], not leaving)
+        normals = shape.normal(points / np.linalg.norm(points, axis=1, keepdims=True))
+        at = AtFace.of(refracting, along, normals, body.own_directions(beam.fields[rows]))
+        beam.share[rows] *= at.transmittance
+        beam.fields[rows] = body.placed_directions(at.passed)
+        passes = at.transmittance > 0.0
+        beam.end(rows[~passes])
+        rows, points, along = rows[passes], points[passes], at.bent[passes]
+    beam.points[rows], beam.directions[rows] = body.placed_points(points), body.placed_directions(along)
+
+
+def _from_the_rim(points: _Vectors, along: _Vectors) -> tuple[Bool[np.ndarray, " n"], _Vectors]:
+    """True for rays that come to the plane in which the body ends, or start above; their points there."""
+    below, rises = points[:, 2] < 0.0, along[:, 2] > 0.0
+    path = np.where(below & rises, -points[:, 2] / np.where(rises, along[:, 2], 1.0), 0.0)
+    started = points + path[:, None] * along
+    return ~below | rises, started
+
+
+def _first_crossing(shape: FaceShape, points: _Vectors, along: _Vectors) -> tuple[_Values, Bool[np.ndarray, " n"]]:
+    """Path (mm) to where rays from within first leave the face, and whether they do so at or above z = 0."""
+    depth = _depths(shape, points)
+    far = _ROOM * _size(shape)
+    middle = np.sum(points * along, axis=1)
+    ends = np.sqrt(np.maximum(middle**2 + far**2 - np.sum(points**2, axis=1), 0.0)) - middle
+    down = along[:, 2] < 0.0
+    ends = np.minimum(ends, np.where(down, -points[:, 2] / np.where(down, along[:, 2], 1.0), np.inf))
+    low, high, found = np.zeros(len(points)), np.zeros(len(points)), np.zeros(len(points), dtype=bool)
+    for step in range(1, _SCANNED + 1):
+        path = ends * (step / _SCANNED)
+        new = ~found & (_depths(shape, points + path[:, None] * along) < 0.0)
+        high = np.where(new, path, high)
+        found |= new
+        low = np.where(found, low, path)
+    for _ in range(_STEPS):
+        half = 0.5 * (low + high)
+        out = _depths(shape, points + half[:, None] * along) < 0.0
+        low, high = np.where(out, low, half), np.where(out, half, high)
+    return 0.5 * (low + high), found & (depth > 0.0)
+
+
+def _size(shape: FaceShape) -> float:
+    """Largest radius (mm) of a face over the hemisphere."""
+    turns = np.arange(_DIRECTIONS) * np.pi * (3.0 - np.sqrt(5.0))
+    heights = (np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS
+    across = np.sqrt(1.0 - heights**2)
+    return float(shape.radius(np.column_stack([across * np.cos(turns), across * np.sin(turns), heights])).max())
+
+
+def _depths(shape: FaceShape, points: _Vectors) -> _Values:
+    """Radius of the face in the direction of each point, less the distance of that from the origin (mm)."""
+    distances = np.linalg.norm(points, axis=1)
+    ways = np.where(distances[:, None] > 0.0, points, [0.0, 0.0, 1.0])
+    depths: _Values = shape.radius(ways / np.linalg.norm(ways, axis=1, keepdims=True)) - distances
+    return depths

@@ -1,0 +1,255 @@
+"""The ``[[bodies]]`` of a spec: given optics in the light behind the lens, such as a dome or a cover, and their places.
+
+They nest like shells: the lens lies in the cavity of the first, each body in that of the next, and every receiver
+outside. The search changes none of them, and no file for the shop has them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from math import cos, radians, sin
+from typing import Annotated, Any
+
+import numpy as np
+from jaxtyping import Float
+from pydantic import Field, model_validator
+
+from lensforge.errors import InputError
+from lensforge.optics.material import MATERIALS, Material, by_abbe_number
+from lensforge.optics.media import CAVITY, DOUBLE, OUTSIDE, FaceCoating, FurtherBody, Media, Medium
+from lensforge.spec.coating_section import CoatingSection
+from lensforge.spec.emitter_section import Degrees, Turn
+from lensforge.spec.fixed_surface import FixedSurface
+from lensforge.spec.lens_material import OpticalData, with_optical_data
+from lensforge.spec.lens_section import AnyLens
+from lensforge.spec.search_section import ConstraintsSection
+from lensforge.spec.spec_section import Coordinate, FilePath, Label, Section
+from lensforge.surfaces.mirror_group import group
+from lensforge.surfaces.srbf import fibonacci_hemisphere
+
+_DIRECTIONS = 4000  # in which bodies are compared: 2 degrees apart
+_SAME = 1e-9  # rounding of a mirrored body
+
+_Points = Float[np.ndarray, "n 3"]
+
+
+class ShellFace(Section):
+    """A face of a further body: its shape, about the origin of the body, and its coating."""
+
+    fixed: FixedSurface
+    """Surface, in the coordinates of the body: its origin lies within."""
+    coating: CoatingSection | None = None
+    """Coating of the face."""
+
+
+class BodySection(Section):
+    """A given body in the light behind the lens: a dome, a cover, a second optic.
+
+    It stands around the lens, or around the bodies named before it: light comes to it from inside its cavity, meets its
+    inner and then its outer face, and is followed to the next body or the receivers. Light that its faces reflect, that
+    it absorbs, or that goes past its rim is lost, and counted by its name. The search designs the lens for it, and
+    changes nothing of it; what surrounds the lens lies on both of its sides. Its dispersion counts where the lens has
+    one, too; temperature and tolerances leave it as it is.
+    """
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")]
+    """Name, by which the light that is lost there is stated."""
+    refractive_index: Annotated[float, Field(ge=1.0, le=4.0)] | None = None
+    """Index at all wavelengths; or leave it out for a dispersive material."""
+    material: Label | None = None
+    """Material of the catalogue; or, beside ``refractive_index`` or other data, a label."""
+    material_file: FilePath | None = None
+    """File of the material, read into ``optical_data`` as the spec is; as of the lens."""
+    optical_data: OpticalData | None = None
+    """Index and absorption of a material of one's own."""
+    abbe_number: Annotated[float, Field(ge=10.0, le=200.0)] | None = None
+    """Abbe number of a material whose n_d is ``refractive_index``: makes it dispersive."""
+    absorption_per_mm: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
+    """Absorption (Beer and Lambert), if the material itself states none."""
+    centre_mm: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
+    """Place of its origin in the coordinates of the lens."""
+    tilt_deg: tuple[Degrees, Degrees] = (0.0, 0.0)
+    """Tilt of its axis from +z: about x, then about y."""
+    rotate_z_deg: Turn = 0.0
+    """Turn about its own axis, before the tilt."""
+    inner: ShellFace
+    """Face towards the lens, which bounds its cavity."""
+    outer: ShellFace
+    """Face towards the receivers."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _material_of_the_file(cls, content: Any) -> Any:
+        try:
+            return with_optical_data(content)
+        except InputError as error:
+            raise ValueError(f"material_file: {error}") from None
+
+    @model_validator(mode="after")
+    def _has_one_index(self) -> "BodySection":
+        own = self.optical_data is not None
+        if own and (self.refractive_index is not None or self.abbe_number is not None):
+            raise ValueError("refractive_index, abbe_number: the optical_data have their own; leave them out")
+        if self.abbe_number is not None and self.refractive_index is None:
+            raise ValueError("abbe_number needs refractive_index, the n_d of the same material")
+        if not own and self.refractive_index is None and self.material not in MATERIALS:
+            given = "missing" if self.material is None else f"{self.material!r} is unknown"
+            raise ValueError(f"material: {given}; one of {', '.join(MATERIALS)}, or give refractive_index")
+        material = self._material
+        if material is not None and material.absorption is not None and self.absorption_per_mm > 0.0:
+            raise ValueError(f"absorption_per_mm: {self.material} has its own absorption; leave out one of the two")
+        return self
+
+    @model_validator(mode="after")
+    def _has_a_wall(self) -> "BodySection":
+        u = fibonacci_hemisphere(_DIRECTIONS)
+        wall = self.outer.fixed.surface.radius(u) - self.inner.fixed.surface.radius(u)
+        worst = int(np.argmin(wall))
+        if not wall[worst] > 0.0:
+            x, y, z = u[worst]
+            raise ValueError(
+                f"inner and outer of body {self.name!r} cross: {wall[worst]:.4g} mm between them in the direction "
+                f"({x:.3f}, {y:.3f}, {z:.3f}); the inner face must lie within the outer one"
+            )
+        return self
+
+    @property
+    def _material(self) -> Material | None:
+        if self.optical_data is not None:
+            return self.optical_data.material(self.material or self.name)
+        if self.refractive_index is None:
+            return MATERIALS[str(self.material)]
+        return (
+            None
+            if self.abbe_number is None
+            else by_abbe_number(self.refractive_index, self.abbe_number, self.material or self.name)
+        )
+
+    @property
+    def turn(self) -> Float[np.ndarray, "3 3"]:
+        """Axes of the body in the coordinates of the lens, as columns."""
+        a, b, c = (radians(angle) for angle in (*self.tilt_deg, self.rotate_z_deg))
+        about_x = np.array([[1.0, 0.0, 0.0], [0.0, cos(a), -sin(a)], [0.0, sin(a), cos(a)]])
+        about_y = np.array([[cos(b), 0.0, sin(b)], [0.0, 1.0, 0.0], [-sin(b), 0.0, cos(b)]])
+        about_z = np.array([[cos(c), -sin(c), 0.0], [sin(c), cos(c), 0.0], [0.0, 0.0, 1.0]])
+        turn: Float[np.ndarray, "3 3"] = about_y @ about_x @ about_z
+        return turn
+
+    def body(self, design_wavelength_nm: float) -> FurtherBody:
+        """The body as rays meet it; those without a wavelength have that one.
+
+        Raises :class:`InputError` where its index is not known there.
+        """
+        material, absorption = self._material, self.absorption_per_mm
+        index = self.refractive_index if material is None else material.index_at(design_wavelength_nm)
+        if material is not None and material.absorption is not None:
+            absorption = float(material.absorption.at(np.array([design_wavelength_nm]))[0])
+        assert index is not None, "validated"
+        sides = dict(zip(DOUBLE, (CAVITY, OUTSIDE), strict=True))
+        coatings = tuple(
+            FaceCoating(name, sides[name], face.coating.coating(material or index))
+            for name, face in zip(DOUBLE, (self.inner, self.outer), strict=True)
+            if face.coating is not None
+        )
+        rows = tuple(tuple(float(value) for value in row) for row in self.turn)
+        return FurtherBody(
+            self.name,
+            Medium(index, absorption, material),
+            self.inner.fixed.surface,
+            self.outer.fixed.surface,
+            self.centre_mm,
+            rows,  # type: ignore[arg-type]  # three of three
+            coatings,
+        )
+
+
+def media_with(bodies: Sequence[BodySection], lens: AnyLens) -> Media:
+    """The media of the lens with the bodies behind it. Raises :class:`InputError` for an index that is not known."""
+    if not bodies:
+        return lens.media
+    return replace(lens.media, bodies=tuple(body.body(lens.design_wavelength_nm) for body in bodies))
+
+
+def require_bodies(
+    sections: Sequence[BodySection], lens: AnyLens, limits: ConstraintsSection, *, lamps: object, robust: bool
+) -> None:
+    """Raise ``ValueError`` for bodies that do not nest about the lens, and for what does not know them.
+
+    ``lamps`` of the spec, None for one; ``robust``: the search is.
+    """
+    if not sections:
+        return
+    others = {"lens.cover_glass": lens.cover_glass, "lamps": lamps, "optimise.robust": robust or None}
+    refusing = next((name for name, given in others.items() if given is not None), None)
+    if refusing is not None:
+        raise ValueError(f"bodies and {refusing}: they do not go together; leave out one of the two")
+    names = [body.name for body in sections]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise ValueError(f"bodies: two have the name {twice!r}; give each its own")
+    try:
+        bodies = media_with(sections, lens).bodies
+    except InputError as error:
+        raise ValueError(f"bodies: {error}") from None
+    _require_within(bodies[0], _largest_lens(lens, limits), "the lens", "lower constraints.max_radius_mm")
+    for one, other in pairwise(bodies):
+        _require_within(other, _outside_of(one), f"body {one.name!r}", "give the bodies from the lens on")
+
+
+def _require_within(body: FurtherBody, points: _Points, what: str, remedy: str) -> None:
+    """Raise ``ValueError`` where a point beyond the plane in which the body ends lies out of its cavity."""
+    depth = depths(body, points, inner=True)
+    worst = int(np.argmin(depth))
+    if depth[worst] < 0.0:
+        x, y, z = points[worst]
+        raise ValueError(
+            f"body {body.name!r}: {what} may reach {-depth[worst]:.3g} mm out of its cavity, at ({x:.3g}, {y:.3g}, "
+            f"{z:.3g}) mm; make it larger, move it, or {remedy}"
+        )
+
+
+def depths(body: FurtherBody, points: _Points, *, inner: bool) -> Float[np.ndarray, " n"]:
+    """Depth (mm) of points within the inner or the outer face of a body; infinite below the plane in which it ends."""
+    own, face = body.own_points(points), body.inner if inner else body.outer
+    radii = np.maximum(np.linalg.norm(own, axis=1), 1e-12)
+    above = own[:, 2] > 0.0
+    found = np.full(len(points), np.inf)
+    found[above] = face.radius(own[above] / radii[above, None]) - radii[above]
+    return found
+
+
+def _outside_of(body: FurtherBody) -> _Points:
+    """Points of the outer face of a body, in the coordinates of the lens."""
+    u = fibonacci_hemisphere(_DIRECTIONS)
+    return body.placed_points(body.outer.radius(u)[:, None] * u)
+
+
+def _largest_lens(lens: AnyLens, limits: ConstraintsSection) -> _Points:
+    """Points of the largest lens that the limits allow: a hemisphere, or a cylinder where that is its radius."""
+    u, most = fibonacci_hemisphere(_DIRECTIONS), limits.max_radius_mm
+    if not lens.radius_about_axis:
+        points: _Points = most * u
+        return points
+    height = limits.max_height_mm or most
+    across = u[:, :2] / np.linalg.norm(u[:, :2], axis=1, keepdims=True)
+    side = np.column_stack([most * across, height * u[:, 2]])
+    return np.concatenate([side, np.column_stack([most * u[:, :2], np.full(len(u), height)])])
+
+
+def has_mirrors(body: FurtherBody, symmetry: str) -> bool:
+    """True where the body, in its place, has the mirror group of that name about the axis of the lens."""
+    turn, centre, u = np.array(body.turn), np.array(body.centre_mm), fibonacci_hemisphere(_DIRECTIONS // 10)
+    for mirror in group(symmetry):
+        own = turn.T @ mirror @ turn
+        if not (np.allclose(mirror @ centre, centre, atol=_SAME) and np.allclose(own[2], [0.0, 0.0, 1.0], atol=_SAME)):
+            return False
+        if not all(
+            np.allclose(each.radius(u), each.radius(u @ own.T), rtol=_SAME) for each in (body.inner, body.outer)
+        ):
+            return False
+    return True
+
+
+def reach_mm(bodies: Sequence[FurtherBody]) -> float:
+    """Radius (mm) of the ball about the lens's origin in which all bodies lie, above the planes in which they end."""
+    return max((float(np.linalg.norm(_outside_of(body), axis=1).max()) for body in bodies), default=0.0)

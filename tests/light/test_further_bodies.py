@@ -1,0 +1,146 @@
+"""Light through bodies behind the lens: closed forms, refraction written by hand, finite differences, what is lost."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from chains import MixedLight, clear, collimator, tables_of, upwards
+from shells import BOWL, COVER_LOSS, COVER_N, DOME, LOSS, SECOND, SHELL, N, by_hand, placed, spheres_of
+
+from lensforge.kernels.fate import Fate
+from lensforge.light.table_trace import Scene, TracedBundle
+from lensforge.optics.media import FaceCoating, FurtherBody, Medium, ReflectanceTable
+from lensforge.scene.as_made import AsMade, Displacement
+from lensforge.surfaces.asphere import sphere
+from lensforge.surfaces.bicubic_table import TableGrid, tabulate
+
+GRID = TableGrid(161)
+
+
+def tables(inner, outer) -> np.ndarray:
+    return np.stack([tabulate(GRID, inner), tabulate(GRID, outer)])
+
+
+CONCENTRIC = tables(sphere(2.0), sphere(5.0))
+
+
+def scene(*bodies: FurtherBody, fresnel: bool = True) -> Scene:
+    return Scene(replace(clear(N, absorption=LOSS), bodies=bodies), GRID, fresnel)
+
+
+def test_a_shell_about_a_point_source_bends_nothing_and_loses_by_the_closed_form() -> None:
+    rays = upwards(2000, 1)
+    found = TracedBundle.of(CONCENTRIC, scene(placed("shell", SHELL)), rays).exits
+    out = found.left_lens
+    assert 0.8 < out.mean() < 1.0, "some go past its tilted rim"
+    assert np.abs(found.directions - rays.directions)[out].max() < 1e-9
+    at_lens = (4.0 * N / (N + 1.0) ** 2) ** 2 * np.exp(-3.0 * LOSS)
+    at_shell = (4.0 * COVER_N / (COVER_N + 1.0) ** 2) ** 2 * np.exp(-2.5 * COVER_LOSS)
+    assert found.flux[out] == pytest.approx(rays.flux[out] * at_lens * at_shell, rel=1e-10)
+    assert found.lost_in_bodies[0, out] == pytest.approx(rays.flux[out] * at_lens * (1.0 - at_shell), rel=1e-9)
+    assert found.lost_in_bodies[0, ~out] == pytest.approx(rays.flux[~out] * at_lens, rel=1e-10)
+
+
+def test_displaced_spheres_refract_and_polarise_as_written_by_hand() -> None:
+    """Light is polarised by a lens of displaced faces, and more by each of two tilted, displaced shells."""
+    rays = upwards(3000, 2, 1.0)
+    found = TracedBundle.of(tables(sphere(3.0, 0.5), sphere(6.0, -1.0)), scene(DOME, SECOND), rays).exits
+    shells = [(np.array([0.0, 0.0, 0.5]), 3.0, 1.0, N, 0.0), (np.array([0.0, 0.0, -1.0]), 6.0, N, 1.0, LOSS)]
+    shells += [*spheres_of(DOME), *spheres_of(SECOND)]
+    points, along, share = by_hand(rays.origins, rays.directions, shells)
+    out = found.left_lens
+    assert out.mean() > 0.6
+    assert np.abs(found.points - points)[out].max() < 1e-5
+    assert np.abs(found.directions - along)[out].max() < 1e-6  # of the tables
+    assert found.flux[out] == pytest.approx((rays.flux * share)[out], rel=1e-6)
+
+
+def test_a_body_of_the_index_around_it_changes_nothing() -> None:
+    rays = upwards(2000, 3, 1.0)
+    air = replace(DOME, medium=Medium(1.0))
+    bumpy = tables(sphere(3.0, 0.5), sphere(6.0, -1.0))
+    with_it, alone = (TracedBundle.of(bumpy, scene(*bodies), rays).exits for bodies in ((air,), ()))
+    out = with_it.left_lens
+    assert out.mean() > 0.6
+    assert np.abs(with_it.directions - alone.directions)[out].max() < 1e-12
+    assert with_it.flux[out] == pytest.approx(alone.flux[out], rel=1e-12)
+    away = with_it.points - alone.points
+    assert np.abs(np.cross(away, alone.directions))[out].max() < 1e-9, "on the same lines"
+
+
+def test_the_flux_that_leaves_the_lens_is_kept_or_lost_by_body() -> None:
+    rays = upwards(3000, 4, 1.5)
+    traced = TracedBundle.of(tables(sphere(3.0, 0.5), sphere(6.0, -1.0)), scene(DOME, BOWL), rays)
+    at_lens, exits = traced.at_lens, traced.exits
+    kept = exits.flux + exits.lost_in_bodies.sum(axis=0)
+    assert kept == pytest.approx(at_lens.flux, rel=1e-13)
+    ended = at_lens.left_lens & ~exits.left_lens
+    assert ended.any() and (exits.flux[ended] == 0.0).all()
+    assert (exits.lost_in_bodies >= 0.0).all() and (exits.lost_in_bodies.sum(axis=1) > 0.0).all()
+
+
+def test_light_reflected_totally_in_a_body_is_lost_there() -> None:
+    """A ball of a high index whose cavity is flat: oblique light does not leave it."""
+    hollow = placed("hollow", (sphere(12.0, -11.0), sphere(5.5)), turn=np.eye(3), medium=Medium(3.0))
+    rays = upwards(2000, 5)
+    found = TracedBundle.of(tables(sphere(0.5), sphere(0.9)), scene(hollow), rays).exits
+    total = found.fates == Fate.TOTAL_REFLECTION
+    assert total.any() and found.left_lens.any()
+    assert (found.lost_in_bodies[0, total] > 0.0).all() and (found.flux[total] == 0.0).all()
+
+
+@pytest.mark.parametrize("kind", ["double", "tir"])
+def test_gradients_through_tilted_bodies_are_those_of_differences(kind: str) -> None:
+    """By points, directions, flux with its polarisation, and the exit sine; through a coated and a clear body."""
+    film = ReflectanceTable((0.0, 30.0, 60.0), ((0.01, 0.02, 0.2),))
+    coated = replace(DOME, coatings=(FaceCoating("inner", "cavity", film),))
+    media = replace(clear(N, absorption=LOSS), bodies=(coated, BOWL))
+    if kind == "double":
+        own, here = tables(sphere(3.0, 0.5), sphere(6.0, -1.0)), Scene(media, GRID)
+    else:
+        body = collimator(0.03)
+        own, here = tables_of(body, GRID), Scene(media, GRID, chain=body.chain(6))
+    direction = np.random.default_rng(7).normal(size=own.shape) * 1e-3
+    slope = MixedLight(own, here, upwards(1500, 6, 0.8), 8).slope(direction, 2e-4)
+    assert slope.crossed < 150
+    assert abs(slope.adjoint - slope.differences) < 20.0 * slope.error, slope
+    assert abs(slope.adjoint - slope.differences) < 1e-4 * abs(slope.differences) + 1e-6, slope
+
+
+def test_the_lens_as_made_polarises_as_the_designed_one_does() -> None:
+    """Where nothing is displaced the fields from the directions are those of the kernel; and rays follow the lens."""
+    rays, bumpy = upwards(1500, 11, 1.0), tables(sphere(3.0, 0.5), sphere(6.0, -1.0))
+    film = ReflectanceTable((0.0, 30.0, 60.0), ((0.01, 0.02, 0.2),))
+    plain = scene(DOME, BOWL)
+    media = replace(plain.media, coatings=(FaceCoating("outer", "outside", film),))
+    designed = replace(plain, media=media)
+    one, other = (TracedBundle.of(bumpy, replace(designed, made=made), rays).exits for made in (None, AsMade()))
+    assert np.array_equal(one.fates, other.fates) and one.left_lens.mean() > 0.5
+    assert other.flux == pytest.approx(one.flux, rel=1e-9)
+    assert other.directions == pytest.approx(one.directions, abs=1e-10)
+    turned = Displacement((0.1, -0.2, 0.0), (0.02, -0.03), (0.0, 0.0, 0.0))
+    moved = TracedBundle.of(bumpy, replace(designed, made=AsMade(source=turned, lens=turned)), rays).exits
+    rotation, shift = turned.rotation, turned.shift
+    bodies = tuple(
+        replace(body, turn=tuple(map(tuple, (rotation.T @ np.array(body.turn)).tolist())),
+                centre_mm=tuple(((np.array(body.centre_mm) - shift) @ rotation).tolist()))
+        for body in media.bodies
+    )  # fmt: skip
+    seen = TracedBundle.of(bumpy, replace(designed, media=replace(media, bodies=bodies)), rays).exits
+    assert (moved.fates == seen.fates).mean() > 0.995
+    both = moved.left_lens & seen.left_lens
+    assert moved.flux[both] == pytest.approx(seen.flux[both], rel=1e-8)
+    assert moved.directions[both] == pytest.approx((seen.directions @ rotation.T)[both], abs=1e-9)
+
+
+def test_colours_are_bent_apart_by_the_index_of_each() -> None:
+    from lensforge.optics.material import MATERIALS
+
+    glass = MATERIALS["PC"]
+    rays = replace(upwards(600, 9, 0.5), wavelengths_nm=np.linspace(450.0, 650.0, 600))
+    coloured = replace(DOME, medium=Medium(1.586, 0.0, glass))
+    found = TracedBundle.of(CONCENTRIC, scene(coloured), rays).exits
+    for wave in (0, 300, 599):
+        one = replace(DOME, medium=Medium(float(glass.index(rays.wavelengths_nm[wave : wave + 1])[0])))
+        alone = TracedBundle.of(CONCENTRIC, scene(one), replace(rays, wavelengths_nm=None)).exits
+        assert found.directions[wave] == pytest.approx(alone.directions[wave], abs=1e-13)

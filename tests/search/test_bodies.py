@@ -1,0 +1,64 @@
+"""A search aims through given bodies: the merit's slope by differences, and bounds of what is possible."""
+
+import numpy as np
+import pytest
+import torch
+
+from lensforge.scene.possible_light import PossibleLight, SourceLight
+from lensforge.scene.receiver_shapes import receivers_of
+from lensforge.search.merit import MeritFunction
+from lensforge.search.parameters import SphereParameters, settled_symmetry
+from lensforge.sources.build_source import build_source
+from lensforge.spec import Spec, parse_spec
+
+COVER = {
+    "name": "cover", "refractive_index": 1.586, "absorption_per_mm": 0.01, "centre_mm": [1.0, 3.0, -2.0],
+    "tilt_deg": [14.0, -6.0], "inner": {"fixed": {"kind": "sphere", "radius_mm": 12.0}},
+    "outer": {"fixed": {"kind": "asphere", "vertex_z_mm": 16.5, "radius_mm": -15.0, "conic_constant": 0.2}},
+}  # fmt: skip
+
+
+def spec_with(**more) -> Spec:
+    content = {
+        "source": {"kind": "square", "side_mm": 1.0},
+        "lens": {"levels": [9], "inner": {"offset_mm": 3.0}, "outer": {"offset_mm": 6.0}},
+        "constraints": {"max_radius_mm": 7.0},
+        "target": {"kind": "rectangle", "width_mm": 200.0, "height_mm": 160.0, "distance_mm": 100.0,
+                   "receiver_mm": 400.0, "edge_mm": 30.0},
+        "optimise": {"pixels": 16},
+        "bodies": [COVER],
+    }  # fmt: skip
+    return parse_spec(content | more, "test")
+
+
+def test_the_slope_of_the_merit_by_a_weight_is_that_of_differences() -> None:
+    spec = spec_with()
+    source = build_source(spec.source)
+    spec = settled_symmetry(spec, source)
+    assert spec.lens.symmetry == "none"
+    parametrisation = SphereParameters.of(spec, 4.0)
+    merit, rays = MeritFunction.of(spec, source, parametrisation), source.sample(2**12, 3)
+
+    def loss(weights: torch.Tensor) -> torch.Tensor:
+        tables = parametrisation.tables(weights, torch.ones(2, dtype=torch.float64))
+        return merit.assessed(merit.light_of(tables, rays), uniform=False).loss
+
+    some = torch.tensor(np.random.default_rng(1).normal(size=(9, 2)) * 0.02).requires_grad_()
+    loss(some).backward()
+    for row, column in ((0, 1), (4, 0), (7, 1)):
+        changes = []
+        for step in (1e-4, -1e-4):
+            moved = some.detach().clone()
+            moved[row, column] += step
+            changes.append(float(loss(moved)))
+        slope = (changes[0] - changes[1]) / 2e-4
+        assert float(some.grad[row, column]) == pytest.approx(slope, rel=2e-2, abs=2e-4)
+
+
+def test_bounds_allow_for_the_size_of_the_bodies_and_for_what_they_turn() -> None:
+    spec, alone = spec_with(), spec_with(bodies=[])
+    light, bare = (SourceLight.of(build_source(spec.source), each.media) for each in (spec, alone))
+    (receiver,) = receivers_of(spec, 16)
+    with_it, without = (PossibleLight(each, receiver, 7.0) for each in (light, bare))
+    assert (with_it.on_pixels >= without.on_pixels).all() and with_it.on_pixels.sum() > 2.0 * without.on_pixels.sum()
+    assert with_it.in_region(receiver.window.pixels(receiver.grid)).by_refraction >= 0.9
