@@ -4,7 +4,6 @@ From it all kinds go on together, against the sum of their light: the first sear
 """
 
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -31,15 +30,14 @@ def search_kinds(
     ``start``: with the lenses of all kinds, they go on from these at once. The kinds have a checkpoint of their own
     beside that of the first search, which stays until they end.
     """
-    run, kinds = partial(search, source=source, **options), spec.all_lamps.kinds
-    if spec.lamps is None or not kinds or (start is not None and start.others):
-        return run(spec, start=start, checkpoint=checkpoint, resume=resume, progress=progress)
-    equal = spec.model_copy(update={"lamps": spec.lamps.of_one_kind})
-    first = run(equal, start=start, checkpoint=checkpoint, resume=resume, progress=progress)
-    after = None if progress is None else _after(first, progress)
+    if spec.lamps is None or not spec.all_lamps.kinds or (start is not None and start.others):
+        return search(spec, source, start=start, checkpoint=checkpoint, resume=resume, progress=progress, **options)
+    one = spec.model_copy(update={"lamps": spec.lamps.of_one_kind})
+    first = search(one, source, start=start, checkpoint=checkpoint, resume=resume, progress=progress, **options)
+    heard = None if progress is None else _after(first, progress)
     beside = None if checkpoint is None else of_kinds(checkpoint)
     again = resume and beside is not None and beside.exists()
-    found = run(spec, start=first.lens, checkpoint=beside, resume=again, progress=after)
+    found = search(spec, source, start=first.lens, checkpoint=beside, resume=again, progress=heard, **options)
     return _joined(first, found)
 
 
