@@ -13,7 +13,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import torch
 
 from lensforge.made.part_study import PartStudy, Recipe
 from lensforge.search.parameters import settled_symmetry
@@ -62,14 +61,32 @@ def rim(lens: lf.Lens, pitch_mm: float = 20.0, across: int = 6) -> None:
     print(np.array_str(cells[: across // 2, : across // 2], precision=3))
 
 
+def kinds(pitch_mm: float = 20.0, across: int = 6) -> None:
+    """Even light up to the rim of a finite square: by one lens for all lamps, and by lenses of three kinds by place."""
+    side_mm = across * pitch_mm
+    grid = {"kind": "grid", "columns": across, "rows": across, "pitch_mm": pitch_mm}
+    spec = BACKLIGHT.replace({**square(side_mm), "lamps": grid, "limits": (), "lens.levels": LEVELS})
+    for name in ("one", "place"):
+        begun = time.process_time()
+        lens = lf.design(spec.replace({"lamps.kinds": name}), accuracy="standard").lens
+        seconds = time.process_time() - begun
+        lit = lf.evaluate(lens, rays=2**24, pixels=10 * across).receivers[0]
+        print(
+            f"{name:5s} NMSE {lit.nmse!s}, efficiency {lit.efficiency!s} of {lit.possible.efficiency:.4f} possible, "
+            f"min/max {lit.in_region.u1!s}, min/mean {lit.in_region.u0!s}, deviation {lit.rsd!s}, "
+            f"{seconds:.0f} s of CPU",
+            flush=True,
+        )
+
+
 def step(lamps: dict[str, object] | None, side_mm: float) -> tuple[float, ...]:
     """CPU seconds of gradient steps."""
     spec = BACKLIGHT.replace({**square(side_mm, pitch_mm=side_mm), "limits": ()})
     spec = spec.of_one_lamp if lamps is None else spec.of_one_lamp.replace({"lamps": lamps})
     source = build_source(spec.source, None)
     problem = Problems(settled_symmetry(spec.with_levels(LEVELS), source), source, 3.4, None).of(LEVELS)
-    weights = torch.zeros((problem.parametrisation.basis.size, 2), dtype=torch.float64, requires_grad=True)
-    offsets, rays = torch.ones(2, dtype=torch.float64, requires_grad=True), source.sample(STEP_RAYS, 0)
+    weights, offsets = (each.requires_grad_() for each in problem.parametrisation.start())
+    rays = source.sample(STEP_RAYS, 0)
     times = []
     for _ in range(8):
         begun = time.process_time()
@@ -84,6 +101,7 @@ def costs() -> None:
     cases: dict[str, tuple[dict[str, object], float]] = {
         "6 x 6, six pitches wide": ({**grid, "pitch_mm": 20.0}, 120.0),
         "6 x 6, no common measure": ({**grid, "pitch_mm": 20.3}, 120.0),
+        "6 x 6, three kinds of lens": ({**grid, "pitch_mm": 20.0, "kinds": "place"}, 120.0),
         "without an end": ({"kind": "endless", "pitch_mm": 20.0}, 20.0),
         "hexagon of 19": ({"kind": "hexagon", "rings": 2, "pitch_mm": 20.0}, 100.0),
         "ring of 12, each turned": ({"kind": "ring", "count": 12, "diameter_mm": 100.0}, 100.0),
@@ -125,6 +143,7 @@ def main() -> None:
     options = parser.parse_args()
     costs()
     rim(evenness(options.accuracy))
+    kinds()
     apart()
 
 

@@ -28,6 +28,11 @@ def of_replicate(seed: int, replicates: int, replicate: int, parts: int, part: i
     return _EVALUATION + (seed * replicates + replicate) * parts + part
 
 
+def of_kind(seed: int, number: int) -> int:
+    """Seed of the evaluation of one of several kinds of lens, in the place of ``seed``; of the first that itself."""
+    return seed + number * 2 * (MOST + 1)
+
+
 def of_verification(seed: int) -> int:
     """Seed for the rays that verify the exported part, the stray-light pass included."""
     return _VERIFICATION + seed

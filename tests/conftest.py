@@ -41,6 +41,10 @@ _UNCHECKED = {  # compiled by numba, which cannot compile what is wrapped; verbs
     "luminaire_classes.py", "yield_study.py", "measured_parts.py", "tolerance_budget.py", "part_study.py",
     "sensitivity.py", "point_tables.py", "shop_files.py", "proof_inputs.py",
 }  # fmt: skip
+# Fewer lines from which the thinnest wall of two faces is sought, and fewer points of a spline's volume: half of a
+# short search and of an export are these two numbers. ``full_effort`` is for tests of them.
+_FEWER = {("lensforge.cad.wall", "_STARTS"): 3, ("lensforge.results.brep_size", "_POINTS"): 8}
+_FULL: dict[tuple[str, str], int] = {}
 _MODULES = sorted(
     path for package in _PACKAGES for path in (_FOLDER / package).rglob("*.py") if path.name not in _UNCHECKED
 )
@@ -49,11 +53,18 @@ array_checks.install([".".join(path.relative_to(_FOLDER.parent).with_suffix("").
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     skip_by_day(items)
+    # Processes take files in this order: at the end there should be none that the others wait for. Those beside this
+    # one are long, and the last folders by name have short ones.
+    items.sort(key=lambda item: len(item.path.parts))
 
 
 def pytest_collection_finish() -> None:
     """What is loaded stays: the search for garbage need not walk through it again and again."""
     gc.freeze()
+    for (module, name), few in _FEWER.items():
+        if module in sys.modules:
+            _FULL[module, name] = getattr(sys.modules[module], name)
+            setattr(sys.modules[module], name, few)
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -85,6 +96,13 @@ def undrawn() -> Iterator[None]:
 
 
 @pytest.fixture
+def full_effort(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Walls and volumes as a command has them: for tests of these."""
+    for (module, name), own in _FULL.items():
+        monkeypatch.setattr(f"{module}.{name}", own)
+
+
+@pytest.fixture
 def cad_read_here(monkeypatch: pytest.MonkeyPatch) -> None:
     """CAD files are read in this process, by the same code: a child takes a second to load the CAD kernel.
 
@@ -107,6 +125,28 @@ def shared(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
     """A folder of all processes that run these tests together, where they can lock files."""
     own = tmp_path_factory.getbasetemp()
     return own if worker_id == "master" or fcntl is None else own.parent
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled_once(shared: Path) -> Iterator[None]:
+    """Each kernel is compiled by one process and loaded by the others: a new clone spends two minutes on them."""
+    from numba.core.caching import NullCache
+    from numba.core.compiler_lock import global_compiler_lock
+    from numba.core.dispatcher import Dispatcher
+
+    compiled = Dispatcher.compile
+
+    def in_turn(self: Dispatcher, signature: object) -> object:
+        if isinstance(self._cache, NullCache) or fcntl is None:
+            return compiled(self, signature)
+        name = f"{self.py_func.__module__}.{self.py_func.__qualname__}.compiling"
+        with global_compiler_lock, (shared / name).open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            return compiled(self, signature)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Dispatcher, "compile", in_turn)
+        yield
 
 
 def made_once(folder: Path, make: Callable[[Path], lensforge.Run]) -> lensforge.Run:

@@ -17,6 +17,10 @@ def test_no_two_purposes_share_a_seed() -> None:
             seeds.of_replicate(seeds.of_choice(0), replicates, 0, parts, 0),
             seeds.of_replicate(seeds.of_choice(most), replicates, 15, parts, parts - 1),
         ),
+        (
+            seeds.of_replicate(seeds.of_kind(0, 1), replicates, 0, parts, 0),
+            seeds.of_replicate(seeds.of_kind(seeds.of_choice(most), 6), replicates, 15, parts, parts - 1),
+        ),
         (seeds.of_verification(0), seeds.of_verification(most)),
         (seeds.of_far_field(0, far, 0), seeds.of_far_field(most, far, far - 1)),
         (seeds.of_preset_error(0, 8, 0), seeds.of_preset_error(most, 8, 7)),

@@ -2,7 +2,13 @@
 
 from typing import Any
 
+import numpy as np
+import pytest
+
+from lensforge.cad.wall import Span
 from lensforge.scene.lens import Lens
+from lensforge.search.design_result import Margins
+from lensforge.search.feasibility import measure_constraints
 from lensforge.search.profiles import ProfileParameters
 from lensforge.spec import Spec, parse_spec
 
@@ -27,3 +33,10 @@ def spot_lens(spec: Spec | None = None, **changes: Any) -> Lens:
     """The lens from which the search starts; ``changes`` of sections of its spec."""
     spec = (spec or spot()).replace(**changes)
     return Lens(ProfileParameters.of(spec, 2.5).start_surfaces, spec, 0, "draft")
+
+
+def margins_but_for_the_wall(lens: Lens) -> Margins:
+    """Of a finished lens; its thinnest wall takes seconds."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("lensforge.search.feasibility.thinnest_of", lambda _: Span(9.0, np.zeros(3), np.ones(3)))
+        return measure_constraints(lens)

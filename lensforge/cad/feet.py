@@ -8,9 +8,9 @@ from jaxtyping import Float, Int
 from lensforge.cad.mesh import BodyMesh
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import BORE, BOTTOM, FLANGE_SIDE, FOOT_END, FOOT_SIDE, POCKET_SIDE, SIDE, Plan
-from lensforge.cad.plate_layout import circle_at
 from lensforge.cad.plate_mesh import MeshParts, prism
 from lensforge.spec import BaseSection
+from lensforge.surfaces.plane_loop import circle_at
 
 _CHORD_MM = 2e-3  # of their circles
 

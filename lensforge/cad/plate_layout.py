@@ -1,83 +1,20 @@
-"""The plate seen along z: its outline and its round openings as closed loops, and where each lens stands and is turned.
+"""The plate seen along z: its outline and its openings as closed loops, and where each lens stands and is turned.
 
-A loop is a chain of straight lines and arcs. Solid and mesh of the plate are both made from the same loops, and its
+Solid and mesh of the plate are both made from the same loops, and its
 volume follows from them in closed form.
 """
 
 from dataclasses import dataclass
-from math import atan2, ceil, cos, hypot, pi, radians, sin
+from math import cos, hypot, pi, radians, sin
 
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.cad.outline import FULL_TURN
-from lensforge.cad.plan import rim_directions
 from lensforge.scene.lens import Lens
 from lensforge.spec.lamps_section import Lamps, Place
+from lensforge.spec.plate_outline import DrawnOutline
 from lensforge.spec.plate_section import PlateBoss, PlateSection
-
-Ends = tuple[float, float]  # azimuths (rad)
-
-
-@dataclass(frozen=True)
-class LoopEdge:
-    """A line from ``start`` to ``end`` (mm), or an arc between them, counter-clockwise about ``centre``.
-
-    An arc that ends where it starts is a whole circle.
-    """
-
-    start: Place
-    end: Place
-    centre: Place | None = None
-
-    @property
-    def radius_mm(self) -> float:
-        """Radius of an arc; 0 of a line."""
-        return 0.0 if self.centre is None else hypot(self.start[0] - self.centre[0], self.start[1] - self.centre[1])
-
-    @property
-    def azimuths(self) -> Ends:
-        """Azimuths (rad) of an arc's ends about its centre, the second one larger."""
-        x, y = self.centre or (0.0, 0.0)
-        first, last = (atan2(point[1] - y, point[0] - x) for point in (self.start, self.end))
-        return first, last if last > first + 1e-9 else last + FULL_TURN
-
-    @property
-    def twice_area_mm2(self) -> float:
-        """Integral of x dy - y dx along it."""
-        (x0, y0), (x1, y1) = self.start, self.end
-        if self.centre is None:
-            return x0 * y1 - y0 * x1
-        first, last = self.azimuths
-        return self.radius_mm**2 * (last - first) + self.centre[0] * (y1 - y0) - self.centre[1] * (x1 - x0)
-
-    def points(self, chord_mm: float) -> Float[np.ndarray, "n 2"]:
-        """Points from its start up to, and without, its end; chords of an arc are within ``chord_mm`` of it."""
-        if self.centre is None:
-            return np.array([self.start])
-        first, last = self.azimuths
-        step = 2.0 * np.arccos(max(1.0 - chord_mm / self.radius_mm, 0.5))
-        turns = np.linspace(first, last, max(ceil((last - first) / step), 2), endpoint=False)
-        return np.array(self.centre) + self.radius_mm * rim_directions(turns)[:, :2]
-
-
-Loop = tuple[LoopEdge, ...]
-
-
-def circle_at(place: Place, radius_mm: float) -> Loop:
-    """The circle about ``place``, counter-clockwise from +x."""
-    start = (place[0] + radius_mm, place[1])
-    return (LoopEdge(start, start, place),)
-
-
-def area_mm2(loop: Loop) -> float:
-    """Area (mm^2) within a loop that runs counter-clockwise."""
-    return sum(edge.twice_area_mm2 for edge in loop) / 2.0
-
-
-def points_on(loop: Loop, chord_mm: float) -> Float[np.ndarray, "n 2"]:
-    """Points (mm) along the loop."""
-    return np.concatenate([edge.points(chord_mm) for edge in loop])
+from lensforge.surfaces.plane_loop import Loop, LoopEdge, area_mm2, box_of_loop, circle_at
 
 
 @dataclass(frozen=True)
@@ -99,6 +36,8 @@ class PlateLayout:
     @property
     def outline(self) -> Loop:
         """Its outline, counter-clockwise; lines of no length are left out."""
+        if isinstance(self.plate.outline, DrawnOutline):
+            return self.plate.outline.outer
         corner, half = self.plate.corner_radius_mm, (self.size_mm[0] / 2.0, self.size_mm[1] / 2.0)
         if self.plate.kind == "round":
             return circle_at((0.0, 0.0), half[0])
@@ -111,13 +50,24 @@ class PlateLayout:
         chain = [edge for pair in zip(arcs, lines, strict=True) for edge in pair]
         return tuple(edge for edge in chain if edge.end != edge.start)
 
+    @property
+    def openings(self) -> tuple[Loop, ...]:
+        """Its holes and other openings, each counter-clockwise, without those of the lenses."""
+        drawn = self.plate.outline.slots if isinstance(self.plate.outline, DrawnOutline) else ()
+        return *(circle_at(hole.place_mm, hole.radius_mm) for hole in self.plate.all_holes), *drawn
+
+    @property
+    def box_mm(self) -> tuple[Place, Place]:
+        """Least and largest x and y of its outline."""
+        return box_of_loop(self.outline)
+
     def volume_mm3(self, lens_mm3: float, opening_mm2: float) -> float:
         """Volume of the plate in closed form.
 
         ``lens_mm3``: of one lens above z = 0 without a base. ``opening_mm2``: area of its cavity's rim.
         """
         count, plate = len(self.lenses), self.plate
-        open_mm2 = count * opening_mm2 + sum(pi * hole.radius_mm**2 for hole in plate.holes)
+        open_mm2 = count * opening_mm2 + sum(area_mm2(opening) for opening in self.openings)
         pins_mm3 = sum(pi * pin.radius_mm**2 * pin.height_mm for pin in plate.standing)
         pins_mm3 -= sum(pi * boss.bore_diameter_mm**2 / 4.0 * boss.bore_depth_mm for boss in plate.bosses)
         return count * lens_mm3 + plate.thickness_mm * (area_mm2(self.outline) - open_mm2) + pins_mm3

@@ -15,7 +15,7 @@ from lensforge.cad.facets import MOST_TRIANGLES
 from lensforge.cad.mesh import BodyMesh, build_mesh
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import RIM, Plan
-from lensforge.cad.plate_layout import Loop, PlateLayout, circle_at, points_on
+from lensforge.cad.plate_layout import PlateLayout
 from lensforge.cad.plate_solid import (
     BOSS_BORE,
     BOSS_ROOF,
@@ -28,6 +28,7 @@ from lensforge.cad.plate_solid import (
     PLATE_TOP,
 )
 from lensforge.spec.plate_section import PlateBoss
+from lensforge.surfaces.plane_loop import Loop, circle_at, points_on
 
 _RINGS = 24  # of a lens to begin with: its facets are split where they are too far from their faces
 _CHORD_MM = 2e-3
@@ -105,9 +106,8 @@ def build_plate_mesh(plan: Plan[Patch], layout: PlateLayout, lens: BodyMesh, cho
         parts.add_wall(PLATE_BORE, ids[mouth][::-1], below[::-1])
         tops.append(ids[rim])
         bottoms.append(below)
-    for hole in layout.plate.holes:
-        circle = circle_at(hole.place_mm, hole.radius_mm)
-        edge, below = prism(parts, PLATE_HOLE, circle, chord_mm, 0.0, thickness, outwards=False)
+    for opening in layout.openings:
+        edge, below = prism(parts, PLATE_HOLE, opening, chord_mm, 0.0, thickness, outwards=False)
         tops.append(edge)
         bottoms.append(below)
     for pin in layout.plate.standing:

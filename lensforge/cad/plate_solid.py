@@ -13,9 +13,8 @@ from lensforge.cad.edges import face_at, moved, wire, wire_at
 from lensforge.cad.outline import FULL_TURN, Arc
 from lensforge.cad.patch import Patch
 from lensforge.cad.plan import Plan
-from lensforge.cad.plate_layout import Loop, LoopEdge, PlateLayout, circle_at
+from lensforge.cad.plate_layout import PlateLayout
 from lensforge.cad.solid import (
-    AWAY,
     DOWN,
     FROM_ORIGIN,
     TO_ORIGIN,
@@ -30,6 +29,7 @@ from lensforge.cad.solid import (
     walls_below,
 )
 from lensforge.spec.plate_section import PlateBoss
+from lensforge.surfaces.plane_loop import Loop, LoopEdge, circle_at
 
 PLATE_TOP, PLATE_BOTTOM, PLATE_SIDE, PLATE_BORE = "PLATE_TOP", "PLATE_BOTTOM", "PLATE_SIDE", "PLATE_BORE"
 PLATE_HOLE, PIN_SIDE, PIN_END, BOSS_BORE, BOSS_ROOF = "PLATE_HOLE", "PIN_SIDE", "PIN_END", "BOSS_BORE", "BOSS_ROOF"
@@ -41,7 +41,7 @@ def build_plate_solid(plan: Plan[Patch], layout: PlateLayout) -> Solid:
     envelope, rims = optical_faces(plan.envelope, whole, True, FROM_ORIGIN)
     cavity, (mouth,) = optical_faces(plan.cavity, whole, True, TO_ORIGIN)
     bore, foot = walls_below(PLATE_BORE, mouth, layout.plate.thickness_mm)
-    lens = [*envelope, *cavity, *_all_facing(bore, TOWARDS)]
+    lens = [*envelope, *cavity, *((name, facing(face, TOWARDS)) for name, face in bore)]
     rim = wire([edge for chain in rims for edge in chain])
     faces, openings, feet = Named(), list[Any](), list[Any]()
     for place, turn in zip(layout.lenses.places_mm, layout.lenses.turns_deg, strict=True):
@@ -49,26 +49,26 @@ def build_plate_solid(plan: Plan[Patch], layout: PlateLayout) -> Solid:
         faces += [(name, face_at(face, there)) for name, face in lens]
         openings.append(wire_at(rim, there))
         feet.append(wire_at(foot, there))
-    for hole in layout.plate.holes:
-        sides, below, edge = _round_walls(PLATE_HOLE, hole.radius_mm, 0.0, layout.plate.thickness_mm, TOWARDS)
-        there = moved(hole.place_mm)
-        faces += [(name, face_at(face, there)) for name, face in sides]
-        openings.append(wire_at(edge, there))
-        feet.append(wire_at(below, there))
+    for opening in layout.openings:
+        sides, below, edge = _walls(PLATE_HOLE, opening, 0.0, layout.plate.thickness_mm, outwards=False)
+        faces += sides
+        openings.append(edge)
+        feet.append(below)
     for pin in layout.plate.standing:
-        sides, below, edge = _round_walls(PIN_SIDE, pin.radius_mm, layout.plate.thickness_mm, pin.height_mm, AWAY)
-        there, ends = moved(pin.place_mm), [below]
+        circle = circle_at(pin.place_mm, pin.radius_mm)
+        sides, below, edge = _walls(PIN_SIDE, circle, layout.plate.thickness_mm, pin.height_mm, outwards=True)
+        ends = [below]
         if isinstance(pin, PlateBoss):
             depth = layout.plate.thickness_mm + pin.height_mm - pin.bore_depth_mm
-            bored, mouth, roof = _round_walls(BOSS_BORE, pin.bore_diameter_mm / 2.0, depth, pin.bore_depth_mm, TOWARDS)
+            drilled = circle_at(pin.place_mm, pin.bore_diameter_mm / 2.0)
+            bored, end, roof = _walls(BOSS_BORE, drilled, depth, pin.bore_depth_mm, outwards=False)
             sides += [*bored, (BOSS_ROOF, facing(planar_face(roof), DOWN))]
-            ends.append(mouth)
-        faces += [(name, face_at(face, there)) for name, face in [*sides, (PIN_END, facing(planar_face(*ends), DOWN))]]
-        feet.append(wire_at(edge, there))
-    outline = _loop_edges(layout.outline, 0.0)
-    sides, bottom = walls_below(PLATE_SIDE, outline, layout.plate.thickness_mm)
-    faces += _all_facing(sides, AWAY)
-    faces.append((PLATE_TOP, facing(planar_face(wire(outline), *openings), UP)))
+            ends.append(end)
+        faces += [*sides, (PIN_END, facing(planar_face(*ends), DOWN))]
+        feet.append(edge)
+    sides, bottom, outline = _walls(PLATE_SIDE, layout.outline, 0.0, layout.plate.thickness_mm, outwards=True)
+    faces += sides
+    faces.append((PLATE_TOP, facing(planar_face(outline, *openings), UP)))
     faces.append((PLATE_BOTTOM, facing(planar_face(bottom, *feet), DOWN)))
     return assembled(faces)
 
@@ -87,17 +87,28 @@ def poles_of(face: Any) -> Float[np.ndarray, "n n 3"] | None:
     return np.array(found, dtype=np.float64)
 
 
-def _all_facing(faces: Named, outward: str) -> Named:
-    return [(name, facing(face, outward)) for name, face in faces]
+def _walls(name: str, loop: Loop, depth_mm: float, length_mm: float, *, outwards: bool) -> tuple[Named, Any, Any]:
+    """The walls of a loop from ``depth_mm`` below z = 0 on, and the wires at its foot and top.
+
+    ``outwards``: their normals point out of the loop, which runs counter-clockwise, else into it.
+    """
+    edges = _loop_edges(loop, depth_mm)
+    sides, foot = walls_below(name, edges, length_mm)
+    return (
+        [(name, _wall_facing(side, edge, outwards)) for (_, side), edge in zip(sides, loop, strict=True)],
+        foot,
+        wire(edges),
+    )
 
 
-def _round_walls(
-    name: str, radius_mm: float, depth_mm: float, length_mm: float, outward: str
-) -> tuple[Named, Any, Any]:
-    """The wall of a circle about the axis from ``depth_mm`` below z = 0 on, and the wires at its foot and top."""
-    edges = _loop_edges(circle_at((0.0, 0.0), radius_mm), depth_mm)
-    faces, foot = walls_below(name, edges, length_mm)
-    return _all_facing(faces, outward), foot, wire(edges)
+def _wall_facing(side: Any, edge: LoopEdge, outwards: bool) -> Any:
+    """The wall below an edge, its normal to the right of the edge, or to the left."""
+    import cadquery as cq
+    from OCP.BRepTools import BRepTools
+
+    u_low, u_high, v_low, v_high = BRepTools.UVBounds_s(side)
+    normal, (x, y) = cq.Face(side).normalAt((u_low + u_high) / 2.0, (v_low + v_high) / 2.0)[0], edge.right
+    return cq.Face(side if (normal.x * x + normal.y * y > 0.0) == outwards else side.Reversed())
 
 
 def _loop_edges(loop: Loop, depth_mm: float) -> list[Any]:
@@ -111,7 +122,8 @@ def _loop_edges(loop: Loop, depth_mm: float) -> list[Any]:
         if edge.centre is None:
             edges.append(BRepBuilderAPI_MakeEdge(start, end).Edge())
         else:
-            edges.append(BRepBuilderAPI_MakeEdge(_circle(edge, depth_mm), start, end, *edge.azimuths).Edge())
+            ends = (-each if edge.clockwise else each for each in edge.azimuths)
+            edges.append(BRepBuilderAPI_MakeEdge(_circle(edge, depth_mm), start, end, *ends).Edge())
     return edges
 
 
@@ -120,4 +132,5 @@ def _circle(edge: LoopEdge, depth_mm: float) -> Any:
     from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
 
     x, y = edge.centre or (0.0, 0.0)
-    return Geom_Circle(gp_Ax2(gp_Pnt(x, y, -depth_mm), gp_Dir(0.0, 0.0, 1.0)), edge.radius_mm)
+    up = gp_Dir(0.0, 0.0, -1.0 if edge.clockwise else 1.0)
+    return Geom_Circle(gp_Ax2(gp_Pnt(x, y, -depth_mm), up, gp_Dir(1.0, 0.0, 0.0)), edge.radius_mm)

@@ -14,7 +14,7 @@ from lensforge.light.evaluation_result import Light
 from lensforge.light.photometry_result import IES_FILE, LDT_FILE, TM25_FILE, TM33_FILE, Photometry
 from lensforge.proof.proof_result import Proof
 from lensforge.report.folder import Run, RunFolder
-from lensforge.report.headline import headline
+from lensforge.report.headline import headline, kinds
 from lensforge.report.pipeline import Decides
 from lensforge.report.results import REPORT_FILE, conditions_of, stem_of, verdict_on
 from lensforge.report.sweep import Sweep
@@ -177,11 +177,20 @@ def summary(run: Run) -> list[Block]:
     return [
         Block(f"{run.spec.name}: {head.sentence} {head.criteria}"),
         Block(f"Light: {verdict.light}", [*rows_of(light), *rows_of(far_field), *why]),
-        Block(f"Lens{search}", list(rows_of(lens))),
+        Block(f"Lens{search}", [*rows_of(lens), *_kinds(run)]),
         Block(f"Files: {verdict.files}", [*rows_of(files), *_because(verdict, "files")[:1]]),
         Block(f"Cutting: {verdict.cutting}", list(_cutting(run))),
         Block(f"Written: {run.folder / REPORT_FILE}", [("Beside it", _written(run))]),
     ]
+
+
+def _kinds(run: Run) -> Iterator[Row]:
+    """The kind of this lens, of several, and the folders of the others."""
+    every = kinds(run, linked=False)
+    here = [f"{each.name}, of {each.lamps} lamps" for each in every if each.here]
+    others = [f"{each.name} of {each.lamps}" for each in every if not each.here]
+    if here:
+        yield "Kind", f"{here[0]}; in folders of their names: {', '.join(others)}"
 
 
 def preview_rows(run: Run) -> list[Row]:

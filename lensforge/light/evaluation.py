@@ -36,6 +36,7 @@ from lensforge.light.metrics import (
     relative_square,
     uniformity,
 )
+from lensforge.light.received_flux import ABSORBED, CAUSES, IN_GLASS, MISSED_RECEIVER, ReceivedFlux
 from lensforge.light.receiver_light import (
     Flux,
     MissedByCause,
@@ -47,11 +48,6 @@ from lensforge.light.receiver_light import (
 )
 from lensforge.light.sequential_trace import EnteringRays
 from lensforge.light.simulation import (
-    ABSORBED,
-    CAUSES,
-    IN_GLASS,
-    MISSED_RECEIVER,
-    ReceivedFlux,
     ReplicateMetrics,
     TracedLens,
     lit_mask,

@@ -10,7 +10,8 @@ from lensforge import seeds
 from lensforge.errors import InputError
 from lensforge.light.angular_grid import AngularGrid, FittedIntensity, finest_grid, fit
 from lensforge.light.luminaire_classes import zone_flux
-from lensforge.light.simulation import TracedLens, bundles, flux_by_fate
+from lensforge.light.received_flux import flux_by_fate
+from lensforge.light.simulation import TracedLens, bundles
 from lensforge.results import Metric
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.sources.ray_bundle import RayBundle, Source
@@ -42,8 +43,17 @@ def exit_rays(lens: TracedLens, rays: RayBundle, sphere_mm: float, lamps: Lamps 
 
 
 def _of_lamps(lens: TracedLens, rays: RayBundle, lamps: Lamps) -> ExitRays:
-    traced = lens.trace(replace(rays, flux=len(lamps) * rays.flux))
+    rays = replace(rays, flux=len(lamps) * rays.flux)
     own = np.random.default_rng(len(rays)).permutation(len(rays)) % len(lamps)
+    if lamps.kinds:
+        of_kinds = [np.flatnonzero(np.isin(own, kind.numbers)) for kind in lamps.kinds]
+        parts = zip(lens.kinds, of_kinds, strict=True)
+        traced, own = (
+            ExitRays.joined([each.trace(rays.take(some)) for each, some in parts]),
+            own[np.concatenate(of_kinds)],
+        )
+    else:
+        traced = lens.trace(rays)
     turns, up = np.radians(lamps.turns_deg), np.zeros(len(lamps))
     axes = np.array([[np.cos(turns), -np.sin(turns), up], [np.sin(turns), np.cos(turns), up], [up, up, up + 1.0]])
     turned = axes.transpose(2, 0, 1)[own]

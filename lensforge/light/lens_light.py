@@ -11,7 +11,8 @@ from lensforge.light.evaluation_result import LedLight, Light
 from lensforge.results import Conditions
 from lensforge.results.arguments import count_of, number_of, require
 from lensforge.results.record import MOST_PIXELS
-from lensforge.scene.lens import Lens, at_temperature
+from lensforge.scene.lens import Lens
+from lensforge.scene.lens_at_temperature import at_temperature
 from lensforge.sources.measured_rays import held_back
 from lensforge.sources.ray_bundle import Source
 from lensforge.sources.several_sources import SeveralSources

@@ -300,8 +300,8 @@ def _far_field(found: Photometry) -> Iterator[Fact]:
 def road_facts(found: RoadJudgement) -> Group:
     """The group of one road: its class, what that asks of every driver's view, and its figures beside."""
     by_luminance = found.lighting_class in (M_CLASSES | RP8_CLASSES)
-    reached = f"; reached: {found.reached}" if by_luminance else ""
-    facts = [Fact("road_class", "Class", found.lighting_class, note=f"{found.standard}{reached}")]
+    note = f"{found.standard}; reached: {found.reached}"
+    facts = [Fact("road_class", "Class", found.lighting_class, note=note)]
     facts += [replace(limit.fact(), key=f"road_{number}") for number, limit in enumerate(found.limits)]
     for driver in found.drivers if by_luminance else ():
         words = f"Q, {'from ' * (driver.veiling_ratio is not None)}lane {driver.lane}"
@@ -337,8 +337,3 @@ def _lamp(road: RoadFigures, lenses: int) -> Iterator[Fact]:
     yield Fact("glare_class", "Glare class", glare.glare_class, note="EN 13201")
     yield Fact.measured("above_70", "Most from 70° on", glare.above_70, "cd/klm")
     yield Fact.measured("above_80", "Most from 80° on", glare.above_80, "cd/klm")
-    if (lit := road.road) is not None:
-        yield Fact.measured("mean_lx", "Mean on the road", lit.mean_lx)
-        yield Fact.measured("least_lx", "Least on the road", lit.least_lx)
-        yield Fact.measured("road_u0", "U0 on the road", lit.uniformity)
-        yield Fact("classes", "Classes (EN 13201)", f"P: {lit.p_class}; C: {lit.c_class}")

@@ -31,9 +31,10 @@ from lensforge.light.photometry_result import (
     WrittenFiles,
     photometry_criteria,
 )
+from lensforge.light.received_flux import ABSORBED, CAUSES, IN_GLASS, MISSED_RECEIVER
 from lensforge.light.road_judgement import judged_roads
 from lensforge.light.road_lighting import RoadFigures
-from lensforge.light.simulation import ABSORBED, CAUSES, IN_GLASS, MISSED_RECEIVER, TracedLens
+from lensforge.light.simulation import TracedLens
 from lensforge.light.source_photometry import SourceLumens, spectrum_of_source
 from lensforge.results.files import temporary_folder
 from lensforge.scene.lens import Lens
@@ -135,7 +136,8 @@ def measure_photometry(
     summary = summarise(source, lens.spec.source)
     bright, section = SourceLumens.of(lumens, summary), lens.spec.photometry
     bright.require_known(section)
-    lamps = lens.spec.all_lamps if lens.spec.all_lamps.period_mm is None else ALONE
+    together = lens.spec.all_lamps
+    lamps = ALONE if together.posed or together.period_mm is not None else together
     if not bright.per_1000_lm:
         bright = replace(bright, lumens=len(lamps) * bright.lumens)
     source_w = len(lamps) * source.flux_w
@@ -227,6 +229,8 @@ def _turned_over(values: Float[np.ndarray, "c g"]) -> Float[np.ndarray, "d g"]:
 def _warnings(bright: SourceLumens, source: Source, light: ExitLight, spec: Spec) -> Iterator[str]:
     if spec.all_lamps.period_mm is not None:
         yield "lamps without an end have no far field: the files are those of one lamp"
+    if spec.all_lamps.posed:
+        yield "each of the lamps has its height and aim: the files are those of one, in its own axes"
     if bright.per_1000_lm:
         yield (
             "luminous flux of the source not known: 1000 lm taken, so candela are per 1000 lm of the source; give "

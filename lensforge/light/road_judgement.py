@@ -24,7 +24,16 @@ from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric.photometric_file import PhotometricFile
 from lensforge.spec import Spec
 from lensforge.spec.light_limits import Quantity
-from lensforge.spec.road_section import M_CLASSES, RP8_CLASSES, RoadSection, names_of
+from lensforge.spec.road_section import (
+    C_CLASSES,
+    C_UNIFORMITY,
+    M_CLASSES,
+    P_CLASSES,
+    P_MOST,
+    RP8_CLASSES,
+    RoadSection,
+    names_of,
+)
 
 _NONE = "none"
 _KWH_PER_WH = 1e-3
@@ -40,20 +49,21 @@ def judge_road(road: RoadSection, candela: Candela, name: str = "road") -> RoadJ
     kept = readings.illuminance.times(road.maintenance_factor)
     mean_lx = read.figure("light", ">=", "lx", kept.mean())
     drivers = tuple(_drivers(readings, read))
+    least_lx, uniformity_lx = read.figure("light", ">=", "lx", kept), read.figure("min_over_mean", ">=", "", kept)
     right, left = (read.figure("ratio", ">=", "", edge) for edge in readings.edges)
     area = road.width_m * road.pole_spacing_m / _lamps_of(road)
     return RoadJudgement(
         name=name,
         lighting_class=road.lighting_class,
-        reached=classes_held(drivers) if road.by_rp8 else best_class(drivers, (right, left)),
+        reached=_reached(road, drivers, (right, left), (mean_lx, least_lx, uniformity_lx)),
         surface=surface.name,
         q0=surface.q0,
         s1=surface.s1,
         drivers=drivers,
         edges=(right, left),
         mean_lx=mean_lx,
-        least_lx=read.figure("light", ">=", "lx", kept),
-        uniformity_lx=read.figure("min_over_mean", ">=", "", kept),
+        least_lx=least_lx,
+        uniformity_lx=uniformity_lx,
         power_density=_power_density(road.lamp_w, mean_lx, area),
         yearly_energy=None
         if road.lamp_w is None
@@ -107,6 +117,33 @@ def _power_density(lamp_w: float | None, mean_lx: Metric, area_m2: float) -> Met
     if lamp_w is None or not mean_lx.value > 0.0:
         return None
     return scaled(mean_lx, lamp_w / (mean_lx.value**2 * area_m2), "W/lx/m²")  # the relative error is that of the lux
+
+
+def _reached(
+    road: RoadSection,
+    drivers: tuple[SeenRoad, ...],
+    edges: tuple[Metric, Metric],
+    lux: tuple[Metric, Metric, Metric],
+) -> str:
+    """The best class of the kind that ``road`` asks for; ``lux``: mean, least and uniformity of the illuminance."""
+    if road.by_rp8:
+        return classes_held(drivers)
+    if road.by_luminance:
+        return best_class(drivers, edges)
+    mean, least, uniformity = (each.value for each in lux)
+    return p_class(mean, least) if road.lighting_class in P_CLASSES else c_class(mean, uniformity)
+
+
+def p_class(mean_lx: float, least_lx: float) -> str:
+    """Best class P of this mean and least illuminance; "none" where the mean exceeds 1.5 times all that are met."""
+    met = (name for name, (mean, least) in P_CLASSES.items() if mean <= mean_lx <= P_MOST * mean and least_lx >= least)
+    return next(met, _NONE)
+
+
+def c_class(mean_lx: float, uniformity: float) -> str:
+    """Best class C of this mean illuminance and its uniformity."""
+    met = (name for name, mean in C_CLASSES.items() if mean_lx >= mean and uniformity >= C_UNIFORMITY)
+    return next(met, _NONE)
 
 
 def best_class(drivers: tuple[SeenRoad, ...], edges: tuple[Metric, Metric]) -> str:

@@ -26,15 +26,17 @@ from lensforge.light.metrics import (
     uniformity_estimate,
     with_error,
 )
+from lensforge.light.received_flux import MISSED_RECEIVER, ReceivedFlux
 from lensforge.light.table_trace import Scene, Tables, trace_tables
 from lensforge.optics.media import Media
 from lensforge.results import Image, Metric
 from lensforge.scene.body import Body, Chain, Face, nearest
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.lamp_pictures import LampPictures
-from lensforge.scene.lens import Lens, LensAtTemperature
-from lensforge.scene.pixel_grid import bin_flux, gaussian3, rebinned
-from lensforge.scene.receiver import Landings, PosedReceiver
+from lensforge.scene.lens import Lens
+from lensforge.scene.lens_at_temperature import LensAtTemperature
+from lensforge.scene.pixel_grid import gaussian3
+from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import DrawnTarget, target_light, uniform_region
 from lensforge.sources.ray_bundle import RayBundle, Source, drawn
@@ -42,10 +44,6 @@ from lensforge.spec import Spec
 from lensforge.surfaces.bicubic_table import TableGrid, grid_for, table_error, tabulate
 
 REPLICATES = 16
-MISSED_RECEIVER = len(Fate)  # after the fates: left the lens, but never reaches the receiver
-ABSORBED = len(Fate) + 1  # in the body, of rays of any fate
-IN_GLASS = len(Fate) + 2  # reflected or absorbed by the cover glass
-CAUSES = len(Fate) + 3  # behind them, the flux lost in each of the further bodies
 _MOST_RAYS_AT_ONCE = 2**20  # bounds the memory: about 200 MB of rays and hits
 
 
@@ -59,7 +57,7 @@ class TracedLens:
     """A lens with its tables, ready to trace.
 
     ``raised_mm``: height of its origin above that of the source, ``grown_mm``: by which it reaches farther than the
-    spec asks of the lens as designed.
+    spec asks of the lens as designed. ``kinds``: the lenses of all kinds, where lamps have several.
     """
 
     scene: Scene
@@ -67,10 +65,18 @@ class TracedLens:
     table_error_nm: dict[str, float]
     raised_mm: float = 0.0
     grown_mm: float = 0.0
+    kinds: "tuple[TracedLens, ...]" = ()
 
     @staticmethod
     def of(lens: Lens, nodes_per_sigma: float) -> "TracedLens":
         """Tabulate all surfaces from the exact sum; the tables' error against it is measured at once."""
+        if not lens.others:
+            return TracedLens._of_one(lens, nodes_per_sigma)
+        kinds = {each.kind: TracedLens._of_one(each, nodes_per_sigma) for each in lens.kinds}
+        return replace(kinds[lens.kind], kinds=tuple(kinds.values()))
+
+    @staticmethod
+    def _of_one(lens: Lens, nodes_per_sigma: float) -> "TracedLens":
         chain = Chain.of_lens(lens.spec.lens)
         if chain is not None:
             return TracedLens.of_body(lens.body, lens.media, chain.events, nodes_per_sigma)._raised_with(lens)
@@ -127,74 +133,6 @@ def _is_nearest(faces: tuple[Face, ...], number: int, directions: Float[np.ndarr
 
 
 @dataclass(frozen=True)
-class ReceivedFlux:
-    """Flux (W) on one receiver in each replicate: per pixel (r, h, w), by fate (r, f), in the window and outside it.
-
-    The fates are those of :class:`~lensforge.kernels.fate.Fate`, where ``LEFT_LENS`` holds what landed, and
-    ``MISSED_RECEIVER``, ``ABSORBED`` and ``IN_GLASS``; then each of the further bodies. ``in_targets``: in each of the
-    ``targets`` (k). ``colours``: X, Y and Z (lm) per pixel; None where nobody asks for colour.
-    """
-
-    images: Float[np.ndarray, "r h w"]
-    by_fate: Float[np.ndarray, "r f"]
-    window: Float[np.ndarray, " r"]
-    outside: Float[np.ndarray, " r"]
-    in_targets: Float[np.ndarray, "r k"]
-    targets: tuple[DrawnTarget, ...] = ()
-    colours: Float[np.ndarray, "3 r h w"] | None = None
-
-    @staticmethod
-    def none_yet(
-        receiver: PosedReceiver, replicates: int, targets: tuple[DrawnTarget, ...], *, coloured: bool = False,
-        bodies: int = 0,
-    ) -> "ReceivedFlux":  # fmt: skip
-        """No flux; behind the lens there are so many further ``bodies``."""
-        images, none = np.zeros((replicates, *receiver.grid.shape)), np.zeros(replicates)
-        in_targets, colours = np.zeros((replicates, len(targets))), np.zeros((3, *images.shape)) if coloured else None
-        by_fate = np.zeros((replicates, CAUSES + bodies))
-        return ReceivedFlux(images, by_fate, none, none.copy(), in_targets, targets, colours)
-
-    def add(
-        self,
-        replicate: int,
-        share: float,
-        receiver: PosedReceiver,
-        rays: ExitRays,
-        landings: Landings,
-        tristimulus: Float[np.ndarray, "n 3"] | None = None,
-    ) -> None:
-        """Count ``share`` of the flux of ``rays`` in ``replicate``; ``tristimulus``: X, Y, Z per W of each."""
-        hits, flux = landings.hits, landings.flux * share
-        self.images[replicate] += bin_flux(hits, flux, receiver.grid)
-        self.by_fate[replicate] += share * flux_by_fate(rays, landings.missed_receiver)
-        inside = receiver.window.contains(hits)
-        self.window[replicate] += flux[inside].sum()
-        self.outside[replicate] += flux[~inside].sum()
-        self.in_targets[replicate] += [flux[target.contains(hits)].sum() for target in self.targets]
-        if self.colours is not None:
-            assert tristimulus is not None, "a source that was built with its colours"
-            for picture, per_watt in zip(self.colours, tristimulus.T, strict=True):
-                picture[replicate] += bin_flux(hits, flux * per_watt, receiver.grid)
-
-    @staticmethod
-    def together(
-        lamps: LampPictures, found: Sequence["ReceivedFlux"], targets: tuple[DrawnTarget, ...]
-    ) -> "ReceivedFlux":
-        """Mean flux of a lamp on their receiver, from that of one on each raster; in targets by the parts of pixels."""
-        images = lamps.added([each.images for each in found])
-        landed = lamps.mean([each.window + each.outside for each in found])
-        window = images.sum(axis=(1, 2)) if lamps.widened else lamps.mean([each.window for each in found])
-        in_targets = np.zeros((len(images), len(targets)))
-        for k, target in enumerate(targets):
-            grid = replace(target.fine, columns=target.light.shape[1], rows=target.light.shape[0])
-            in_targets[:, k] = (rebinned(images, grid) * target.coverage).sum(axis=(1, 2))
-        by_fate = lamps.mean([each.by_fate for each in found])
-        seen = [each.colours for each in found if each.colours is not None]
-        colours = lamps.added(seen) if seen else None
-        return ReceivedFlux(images, by_fate, window, np.maximum(landed - window, 0.0), in_targets, targets, colours)
-
-
-@dataclass(frozen=True)
 class Simulation:
     """Light of ``rays`` rays on each receiver, of ``emitted_w`` from the source, and the flux by its way."""
 
@@ -219,6 +157,8 @@ def simulate(
     ``targets``: of each receiver, in which flux is counted; none by default. ``coloured``: the rays have their colours,
     which are wanted.
     """
+    if receivers[0].lamps.kinds:
+        return _simulate_kinds(lens.kinds, source, receivers, rays, seed, targets, coloured=coloured)
     replicates = min(REPLICATES, rays, source.ray_count or rays)
     drawn = targets or [()] * len(receivers)
     lamps, bodies = [LampPictures.of(receiver) for receiver in receivers], len(lens.scene.media.bodies)
@@ -244,17 +184,36 @@ def simulate(
     return Simulation(received, source.flux_w, traced, by_way)
 
 
-def flux_by_fate(rays: ExitRays, missed_receiver: Bool[np.ndarray, " n"]) -> Float[np.ndarray, " f"]:
-    """Flux (W) by fate; rays that left the lens and ``missed_receiver`` count apart, and flux that was absorbed.
+def _simulate_kinds(
+    kinds: tuple[TracedLens, ...],
+    source: Source,
+    receivers: tuple[PosedReceiver, ...],
+    rays: int,
+    seed: int,
+    targets: Sequence[tuple[DrawnTarget, ...]],
+    *,
+    coloured: bool,
+) -> Simulation:
+    """The light of lamps whose lenses are of several kinds, each traced with its share of the rays.
 
-    Then what each of the further bodies took.
+    Each kind has rays of its own; of a measured source all of its rays, the same in each replicate.
     """
-    found = np.bincount(np.where(missed_receiver, MISSED_RECEIVER, rays.fates), rays.flux, minlength=CAUSES)
-    if rays.absorbed is not None:
-        found[ABSORBED] = rays.absorbed.sum()
-    if rays.lost_in_glass is not None:
-        found[IN_GLASS] = rays.lost_in_glass.sum()
-    return found if rays.lost_in_bodies is None else np.concatenate([found, rays.lost_in_bodies.sum(axis=1)])
+    lamps, found = receivers[0].lamps, []
+    shares = [len(kind.numbers) / len(lamps) for kind in lamps.kinds]
+    for number, (kind, lens, share) in enumerate(zip(lamps.kinds, kinds, lamps.shares_of_rays, strict=True)):
+        own = tuple(replace(each, lamps=each.lamps.of_kind(kind)) for each in receivers)
+        measured = source.ray_count is not None
+        count = rays if measured else max(round(share * rays), min(rays, REPLICATES))
+        own_seed = seed if measured else seeds.of_kind(seed, number)
+        found.append(simulate(lens, source, own, count, own_seed, targets, coloured=coloured))
+    received = zip(*(each.received for each in found), strict=True)
+    by_way = np.sum([share * each.by_way.flux for share, each in zip(shares, found, strict=True)], axis=0)
+    return Simulation(
+        tuple(ReceivedFlux.mean(each, shares) for each in received),
+        source.flux_w,
+        sum(each.rays for each in found),
+        replace(found[0].by_way, flux=by_way),
+    )
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from lensforge.made.tolerance_result import MOST_PARTS, Sensitivity, Yield
 from lensforge.results import Conditions
 from lensforge.results.arguments import count_of, number_of, path_of, require, require_choice, threads_of_torch
 from lensforge.results.cluster import connected
-from lensforge.scene.lens import Lens
+from lensforge.scene.lens import Lens, require_one_kind
 from lensforge.spec.spec_files import section_sha256
 from lensforge.spec.tolerances_section import FacesTolerances, TolerancesSection, read_tolerances, tolerances_with
 from lensforge.surfaces.point_cloud import read_cloud
@@ -82,7 +82,8 @@ def compare(
         _refuse_unused("points", of_photo)
         from lensforge.made.measured_surface import ChangedLens, compare_surface
 
-        side = require_choice("surface", surface, [face.name for face in measured.body.faces if not face.is_open])
+        require_one_kind(measured, "compare")
+        side = require_choice("surface", surface, [face.name for face in measured.body.faces if face.is_optical])
         traced, conditions = ChangedLens.of(measured, side, count_of("rays", rays))
         comparison = compare_surface(read_cloud(points), traced, registration)
         return comparison.model_copy(update={"conditions": conditions})
@@ -169,10 +170,11 @@ def correct(
     from lensforge.made.measured_surface import ChangedLens
 
     require(lens, Lens, "correct")
+    require_one_kind(lens, "correct")
     file = path_of("points", points)
     if file is None:
         raise InputError("points = None: give the file of the points measured on the first cut")
-    optical = [face.name for face in lens.body.faces if face.name in lens.spec.lens.names and not face.is_open]
+    optical = [face.name for face in lens.body.faces if face.is_optical]
     side = require_choice("surface", surface, optical)
     require_choice("registration", registration, get_args(Registration))
     rays, factor = count_of("rays", rays), number_of("gain", gain)
@@ -200,6 +202,7 @@ def sensitivity(
     from lensforge.made.sensitivity import RAYS, measure_sensitivity
 
     require(lens, Lens, "sensitivity")
+    require_one_kind(lens, "sensitivity")
     count, conditions = rays_of(count_of("rays", rays), RAYS, judging_source(lens.spec))
     with threads_of_torch(threads):
         result = measure_sensitivity(lens, rays=count, progress=progress)
@@ -233,6 +236,7 @@ def tolerance(
     from lensforge.made.yield_study import measure_yield
 
     require(lens, Lens, "tolerance")
+    require_one_kind(lens, "yield")
     if isinstance(tolerances, Path | str):
         tolerances = read_tolerances(str(tolerances), lens.spec.lens.names)
     elif tolerances is not None:

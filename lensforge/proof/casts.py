@@ -18,6 +18,7 @@ from lensforge.results.arguments import count_of, require, threads_of_torch
 from lensforge.results.second_process import IN_TURN, SecondProcess
 from lensforge.scene.lens import Lens
 from lensforge.sources.ray_bundle import RayBundle
+from lensforge.spec import Spec
 from lensforge.spec.accuracy import preset_of
 
 if TYPE_CHECKING:
@@ -99,8 +100,18 @@ def _of_one_lamp(lens: Lens, light: Light) -> tuple[Lens, Light]:
     """The lens without other lamps, and its light: what a cast through one part can show."""
     if lens.spec.all_lamps.alone:
         return lens, light
-    alone = replace(lens, spec=lens.spec.of_one_lamp)
+    alone = replace(lens, spec=_of_first_lamp(lens), others={})
     return alone, evaluate(alone, rays=light.rays, pixels=light.pixels)
+
+
+def _of_first_lamp(lens: Lens) -> Spec:
+    """The spec of one lamp at the origin, of those with heights and aims the first with ``lens``, and what it sees."""
+    from lensforge.scene.receiver_shapes import seen_by_lamp
+
+    lamps = lens.spec.all_lamps
+    if not lamps.posed:
+        return lens.spec.of_one_lamp
+    return seen_by_lamp(lens.spec, next((kind.numbers[0] for kind in lamps.kinds if kind.name == lens.kind), 0))
 
 
 def stray_light(
@@ -124,7 +135,7 @@ def stray_light(
             stl,
             rays=source.sample(count, seeds.of_verification(lens.seed)),
             media=lens.media,
-            screens=screens_of(spec),
+            screens=screens_of(_of_first_lamp(lens) if spec.all_lamps.posed else spec),
             names=[receiver.name or receiver.kind for receiver in spec.all_receivers],
             base=base,
             optical=optical,

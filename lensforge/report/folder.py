@@ -12,11 +12,20 @@ from typing import TypeVar
 
 from lensforge.errors import InputError
 from lensforge.report.results import REPORT_FILE, Results, conditions_of, stem_of
-from lensforge.report.stored import RUN_FILE, RunRecord, Stored, require_none_lost, require_recorded, unrecorded
+from lensforge.report.stored import (
+    RUN_FILE,
+    RunRecord,
+    Stored,
+    require_none_lost,
+    require_recorded,
+    unrecorded,
+    verdicts_of_kinds,
+)
 from lensforge.results import StageResult
 from lensforge.results.files import is_free_or_own, require_own, require_writable
 from lensforge.results.folder_lock import locked
 from lensforge.results.validation import its_type
+from lensforge.results.verdict import Verdict
 from lensforge.search.design_result import Design
 from lensforge.surfaces.imported_face import LENS_FILE
 
@@ -28,6 +37,12 @@ class Run(Results):
     """All results in ``folder``; ``others``: those under other conditions than the lens's own, by their file's stem."""
 
     folder: Path = Path()
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict on light, files and cutting; of several kinds on the lenses in the folders beside it, too."""
+        kinds = verdicts_of_kinds(self.folder, self.lens)
+        return super().verdict.with_parts(kinds) if kinds else super().verdict
 
     def report(self, path: Path | str) -> Path:
         """Write the report as one page of HTML to ``path``, and return it.
@@ -202,7 +217,7 @@ class RunFolder:
 
     def _renew(self, hashes: Mapping[str, str], seconds: float | None) -> None:
         self._results = self._stored.results(partial(unrecorded, hashes))
-        self._record = RunRecord.of(self._results, self._stored, hashes, seconds)
+        self._record = RunRecord.of(self._run(self._results), self._stored, hashes, seconds)
         self._record.write(self.path)
 
     def write_report(self, *, seconds: float | None = None) -> Path:

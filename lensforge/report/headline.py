@@ -9,7 +9,7 @@ from lensforge.light.evaluation_result import Light
 from lensforge.light.light_facts import LimitBounds
 from lensforge.light.photometry_result import Photometry
 from lensforge.proof.proof_result import Proof
-from lensforge.report.results import Results
+from lensforge.report.results import REPORT_FILE, Results
 from lensforge.results import Fact, Group, State
 from lensforge.results.numerals import quantity
 from lensforge.search.design_result import Design
@@ -147,6 +147,27 @@ def stage_name(stem: str) -> str:
     """Name on the page of the result in ``stem``.json."""
     kind, _, face = stem.partition("_")
     return _OF_FACES[kind].format(face) if face and kind in _OF_FACES else _STEMS.get(stem, stem)
+
+
+@dataclass(frozen=True)
+class KindLink:
+    """A kind of lens: its name, number of its lamps, a link to the page on it, and if it is the kind ``here``."""
+
+    name: str
+    lamps: int
+    page: str | None
+    here: bool
+
+
+def kinds(results: Results, linked: bool) -> list[KindLink]:
+    """The kinds of lens of the lamps, the first of which has its page above those of the others; none for one."""
+    own, every = results.lens.kind, results.spec.all_lamps.kinds
+    up = "" if not every or own == every[0].name else "../"
+    pages = [f"{up}{REPORT_FILE}" if kind is every[0] else f"{up}{kind.name}/{REPORT_FILE}" for kind in every]
+    return [
+        KindLink(kind.name, len(kind.numbers), page if linked and kind.name != own else None, kind.name == own)
+        for kind, page in zip(every, pages, strict=True)
+    ]
 
 
 def criterion_groups(results: Results, *, missed: bool = False) -> list[Group]:

@@ -59,6 +59,7 @@ def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, o
         "headline": headline.headline(results),
         "outdated": headline.outdated(results),
         "altered_files": () if proof is None else proof.notes,
+        "kinds": headline.kinds(results, folder is not None and beside),
         "warnings": () if design is None else design.source.warnings,
         "asked": headline.asked_facts(results, possible),
         "further": headline.further_facts(results),

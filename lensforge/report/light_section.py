@@ -258,7 +258,8 @@ def photometry_pictures(results: Results) -> list[PagePicture]:
         picture("isocandela", isocandela, "Isocandela", "C around, gamma outwards, as in the files."),
     ]
     if found.road is not None:
-        ground = study_figures.ground_diagram(found, section.street_side_deg, section.lenses, section.pole_height_m)
+        height_m = results.spec.roads[0].pole_height_m if results.spec.roads else None
+        ground = study_figures.ground_diagram(found, section.street_side_deg, section.lenses, height_m)
         caption = "One lamp at the centre; above the line is the street."
         drawn.append(picture("ground", ground, "On the ground", caption))
     for index, judged in enumerate(found.roads):

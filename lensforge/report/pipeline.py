@@ -23,6 +23,7 @@ from lensforge.light.photometry_result import Photometry
 from lensforge.proof.casts import verify, verify_with
 from lensforge.proof.proof_result import Proof
 from lensforge.report.folder import Run, RunFolder, existing, folder_of, opened
+from lensforge.report.kinds_folders import write_kinds
 from lensforge.report.results import REPORT_FILE, Results
 from lensforge.report.sweep import Sweep, sweep_of
 from lensforge.report.tradeoff import Tradeoff
@@ -227,6 +228,7 @@ def run(
                 made = design(spec, resume=resume, **options)
             here.write(made)
             run_later_stages(here, heard, second)
+            write_kinds(here.run, heard.timed)
         with heard.timed("report"):
             here.write_report(seconds=time.perf_counter() - began)
         delete_checkpoint(folder / CHECKPOINT)  # not earlier: a run interrupted in any stage resumes from it
@@ -378,6 +380,8 @@ def tradeoff(
     if not (isinstance(most_rays, int) and 2**12 <= most_rays <= 2**24):
         raise InputError(f"most_rays = {most_rays!r}: an integer from {2**12} to {2**24}")
     source = source_of(spec)
+    if spec.all_lamps.kinds:
+        raise InputError("tradeoff: it takes lamps that have one lens; leave out lamps.kinds")
     if lens is None:
         lens = design(spec, accuracy="draft", threads=threads).lens
     else:

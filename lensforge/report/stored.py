@@ -5,6 +5,7 @@ file that somebody changed is not taken over with the next command.
 """
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -178,6 +179,22 @@ class RunRecord(Record):
     def write(self, folder: Path) -> None:
         """Write ``run.json``."""
         write_json(folder / RUN_FILE, with_checksum({"schema": RUN_SCHEMA, **self.model_dump(mode="json")}))
+
+
+def verdicts_of_kinds(folder: Path, lens: Lens) -> dict[str, Verdict]:
+    """Verdicts on the lenses of further kinds, each in a folder of its own; none where ``lens`` is not the first.
+
+    A folder that is missing, or of another lens, leaves files and cutting of its kind undecided.
+    """
+    found = dict[str, Verdict]()
+    for own in lens.kinds[1:] if lens.kind == lens.kinds[0].kind else ():
+        why = f"the folder {own.kind} has no part of this lens; run `lensforge design` again, or with --resume"
+        found[own.kind] = Verdict.of([], [("undecided", why)], [("undecided", why)])
+        with suppress(InputError):
+            record = RunRecord.read(folder / own.kind)
+            if record is not None and load_lens(folder / own.kind / LENS_FILE) == own:
+                found[own.kind] = record.verdict
+    return found
 
 
 def unrecorded(hashes: Mapping[str, str] | None, stem: str, result: StageResult) -> str:

@@ -3,7 +3,7 @@
 Stages give the reasons: a state with its words for each figure that does not pass.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from lensforge.errors import CriterionMissed
 from lensforge.results import Record, Sense, State, Text
@@ -62,6 +62,17 @@ class Verdict(Record):
         states = {name: worst(state for state, _ in reasons) for name, reasons in named.items()}
         words = {name: tuple(words for _, words in reasons) for name, reasons in named.items()}
         return Verdict(**states, reasons=Reasons(**words))
+
+    def with_parts(self, others: "Mapping[str, Verdict]") -> "Verdict":
+        """The verdict on several parts with one light: files and cutting are the worst of all, their reasons named."""
+        reasons: dict[str, list[Reason]] = {name: [] for name in ("light", "files", "cutting")}
+        for part, verdict in {"": self, **others}.items():
+            for name, own in reasons.items():
+                state = verdict.state_of(name)
+                if not part or name != "light":
+                    start = f"{part}: " if part else ""
+                    own += [(state, f"{start}{words}") for words in verdict.reasons_of(name)]
+        return Verdict.of(**reasons)
 
     def state_of(self, name: str) -> State:
         """State of ``name``, one of the three."""

@@ -40,6 +40,11 @@ class Face:
         """True for an opening, at which there is no material."""
         return (self.before, self.behind) == OPENING
 
+    @property
+    def is_optical(self) -> bool:
+        """True where light is to pass or to be reflected: there is material, and it is not where a flange begins."""
+        return not self.is_open and self.name != FLANGE
+
 
 @dataclass(frozen=True)
 class Chain:

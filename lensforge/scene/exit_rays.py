@@ -1,5 +1,6 @@
 """The light behind the lens: every ray, in the order in which it left the source, with its fate."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -40,6 +41,12 @@ class ExitRays:
     fields: Float[Array, "n 12"] | None = None
     carried: Float[Array, " n"] | None = None
     lost_in_bodies: Float[Array, "b n"] | None = None
+
+    @staticmethod
+    def joined(parts: "Sequence[ExitRays]") -> "ExitRays":
+        """The rays of all ``parts``, NumPy arrays, one after another."""
+        first = {name: value for name, value in vars(parts[0]).items() if value is not None}
+        return ExitRays(**{name: np.concatenate([getattr(each, name) for each in parts]) for name in first})
 
     @property
     def left_lens(self) -> Bool[Array, " n"]:

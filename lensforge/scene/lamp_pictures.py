@@ -2,9 +2,9 @@
 
 A lamp at its place lights a receiver as one at the origin lights the receiver as it is seen from there. On a plane
 above the lamps these views differ by a move alone. Where that is whole pixels, all are parts of one picture of one lamp
-on a wider plane: rays are deposited once, however many the lamps. Elsewhere each view has a picture of its own. In the
-far field only the turns differ. The light of a lattice without an end is that of one lamp, each landing moved by whole
-periods into one: nothing is left out.
+on a wider plane: rays are deposited once, however many the lamps. Elsewhere, and where lamps have heights and aims,
+each view has a picture of its own. In the far field only the turns and aims differ. The light of a lattice without an
+end is that of one lamp, each landing moved by whole periods into one: nothing is left out.
 
 A sum is linear, and its adjoint moves the sensitivities back.
 """
@@ -23,6 +23,7 @@ from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.scene.receiver import Landings, PosedReceiver
 from lensforge.scene.receiver_shapes import WHOLE, Plane
+from lensforge.spec.lamp_stand import Stand
 from lensforge.spec.lamps_section import ALONE, Lamps
 
 _MOST_PIXELS = 2**22  # of a picture, of which an evaluation keeps sixteen: half a gigabyte
@@ -143,7 +144,7 @@ class LampPictures:
             return self.added([cell_solid_angles(each) for each in corners])
         total = np.zeros(self.receiver.grid.shape)
         for place in self.receiver.lamps.places_mm:
-            here = replace(self.receiver, pose=self.receiver.pose.seen_from(place, 0.0)).corners()
+            here = replace(self.receiver, pose=self.receiver.pose.seen_from(Stand((*place, 0.0)))).corners()
             for i in range(-_CELLS, _CELLS + 1):
                 for j in range(-_CELLS, _CELLS + 1):
                     total += cell_solid_angles(here + np.array([i * period[0], j * period[1], 0.0]))
@@ -161,14 +162,14 @@ def _pictures(receiver: PosedReceiver) -> LampPictures:
     if lamps.alone:
         return LampPictures(receiver, (Raster(receiver, 1),))
     moves = np.array(lamps.places_mm) @ receiver.pose.axes[:2, :2].T / receiver.grid.pixel
-    level = receiver.kind == "plane" and not any(receiver.pose.rows[2][:2])
+    level = receiver.kind == "plane" and not any(receiver.pose.rows[2][:2]) and not lamps.posed
     for own in _alike(receiver, moves, level):
         if lamps.period_mm is not None:
             rasters.append(_period(receiver, own[0]))
         elif level:
             rasters.append(_wider(receiver, own, moves[own]))
         else:
-            pose = receiver.pose.seen_from(lamps.places_mm[own[0]], lamps.turns_deg[own[0]])
+            pose = receiver.pose.seen_from(lamps.stand(own[0]))
             seen = replace(receiver, pose=pose, lamps=ALONE)
             rasters.append(Raster(seen, len(own), ((0, 0),) * len(own), tuple(own)))
     return LampPictures(receiver, tuple(rasters))
@@ -180,7 +181,7 @@ def _alike(receiver: PosedReceiver, moves: Float[np.ndarray, "n 2"], level: bool
     for number, turn in enumerate(lamps.turns_deg):
         key: object = number
         if receiver.kind == "far_field":
-            key = round(turn % 360.0, 9)
+            key = round(turn % 360.0, 9), *(round(along, 12) for along in lamps.stand(number).axis)
         elif level and lamps.period_mm is None:
             parts = np.round((moves[number] - np.round(moves[number])) / WHOLE).astype(int)
             key = (round(turn % 360.0, 9), *(parts % round(1.0 / WHOLE)).tolist())
@@ -201,7 +202,7 @@ def _wider(receiver: PosedReceiver, own: list[int], moves: Float[np.ndarray, "k 
     x, y = (-0.5 * (high + low) * pixel).tolist()
     middle = np.array(receiver.pose.centre_mm) + np.array([x, y]) @ receiver.pose.axes[:2]
     centre = (float(middle[0]), float(middle[1]), float(middle[2]))
-    pose = replace(receiver.pose, centre_mm=centre).seen_from((0.0, 0.0), receiver.lamps.turns_deg[own[0]])
+    pose = replace(receiver.pose, centre_mm=centre).seen_from(Stand(turn_deg=receiver.lamps.turns_deg[own[0]]))
     wide = PixelGrid(columns * float(pixel[0]), rows * float(pixel[1]), columns, rows)
     corners = np.round(high - moves).astype(int)
     return Raster(
@@ -215,7 +216,7 @@ def _wider(receiver: PosedReceiver, own: list[int], moves: Float[np.ndarray, "k 
 def _period(receiver: PosedReceiver, number: int) -> Raster:
     """One period as lamp ``number`` of it sees it, and a pixel around it for the splat of rays near its edge."""
     pose, grid, (width, height) = (
-        receiver.pose.seen_from(receiver.lamps.places_mm[number], 0.0),
+        receiver.pose.seen_from(Stand((*receiver.lamps.places_mm[number], 0.0))),
         receiver.grid,
         receiver.grid.pixel,
     )
@@ -241,7 +242,7 @@ def patch_pictures(receiver: PosedReceiver, columns: int, rows: int) -> LampPict
     corners = tuple(((a - j) * height, (b - i) * width) for i, j, a, b in turns)
     rasters = tuple(
         Raster(
-            PeriodPlane(receiver.pose.seen_from((x, y), 0.0), grid, Window(), lamps),
+            PeriodPlane(receiver.pose.seen_from(Stand((x, y, 0.0))), grid, Window(), lamps),
             len(each),
             corners,
             tuple(number + kind * (i + columns * j) for i, j, _, _ in turns),
@@ -254,7 +255,7 @@ def patch_pictures(receiver: PosedReceiver, columns: int, rows: int) -> LampPict
 def seen_by(receiver: PosedReceiver, number: int) -> PosedReceiver:
     """The receiver as one of its lamps sees it, in whose frame rays start from the origin."""
     lamps = receiver.lamps
-    pose = receiver.pose.seen_from(lamps.places_mm[number], lamps.turns_deg[number])
+    pose = receiver.pose.seen_from(lamps.stand(number))
     if lamps.period_mm is not None:
         return PeriodPlane(pose, receiver.grid, Window(), lamps)
     return replace(receiver, pose=pose, lamps=ALONE)

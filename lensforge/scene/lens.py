@@ -1,24 +1,23 @@
 """The lens: two frozen surfaces, the spec that they were designed for, and the settings of the design.
 
-The design stage makes it, the geometry stage builds the part from it; NumPy only. ``lens.json`` holds all of it. At
-another temperature it has another index, and every length of it is another: it grows about its seat, the bottom of its
-base, which stays where it is, as do source and receivers.
+The design stage makes it, the geometry stage builds the part from it; NumPy only. ``lens.json`` holds all of it. Where
+lamps have lenses of several kinds by place, it is one of them, and has the faces of the others beside its own.
 """
 
 import hashlib
 import json
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import JsonValue
+from pydantic import Field, JsonValue
 
 from lensforge.errors import InputError, RenamedWarning, WrongFields
-from lensforge.optics.material import HIGHEST_C, LOWEST_C, Material
+from lensforge.optics.material import Material
 from lensforge.optics.media import DOUBLE, Media
 from lensforge.results import Count, Record, Text
 from lensforge.results.files import json_in, read_json_bytes, write_json
@@ -29,7 +28,7 @@ from lensforge.spec import Accuracy, AnyReceiver, Spec, parse_spec
 from lensforge.spec.bodies_section import has_mirrors
 from lensforge.surfaces.mirror_group import NAMES, contains
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere
-from lensforge.surfaces.surface import Surface, scaled
+from lensforge.surfaces.surface import Surface
 from lensforge.surfaces.surface_record import SurfaceRecord, surface_record
 from lensforge.version import __version__
 
@@ -45,7 +44,9 @@ _DIRECTIONS, _LARGEST = 200, 10.0  # a lens may miss its largest radius, but not
 class Lens:
     """A body of named surfaces (mm), freeform or fixed, in order from the source on: of the usual lens inner and outer.
 
-    ``spec``, ``seed``, ``accuracy`` and ``version`` (of the program) are those of its design.
+    ``spec``, ``seed``, ``accuracy`` and ``version`` (of the program) are those of its design. Of lamps with lenses of
+    several kinds it is the one of the first of ``kinds``, whose faces come first; all else that takes one lens, takes
+    that one. The light is that of all.
     """
 
     surfaces: Mapping[str, Surface]
@@ -53,6 +54,7 @@ class Lens:
     seed: int
     accuracy: Accuracy
     version: str = __version__
+    others: Mapping[str, Mapping[str, Surface]] = field(default_factory=dict)
 
     @staticmethod
     def double(
@@ -60,6 +62,24 @@ class Lens:
     ) -> "Lens":
         """The usual lens: ``inner`` faces the source, ``outer`` the target."""
         return Lens({"inner": inner, "outer": outer}, spec, seed, accuracy, version)
+
+    @property
+    def kind(self) -> str:
+        """Name of its kind, of several; empty where all lamps have the same lens."""
+        return next((each.name for each in self.spec.all_lamps.kinds if each.name not in self.others), "")
+
+    @property
+    def kinds(self) -> "tuple[Lens, ...]":
+        """The lens of each kind in the order of ``spec.all_lamps``, each with the others behind it; itself for one."""
+        return tuple(map(self.of_kind, (each.name for each in self.spec.all_lamps.kinds))) or (self,)
+
+    def of_kind(self, name: str) -> "Lens":
+        """The lens of the kind ``name``, with the others behind it. Raises :class:`InputError` for an unknown one."""
+        every = {self.kind: self.surfaces, **self.others}
+        if name not in every:
+            known = ", ".join(repr(each.name) for each in self.spec.all_lamps.kinds) or "none, all lamps have one lens"
+            raise InputError(f"kind = {name!r}: no lens of that name; known: {known}")
+        return self if name == self.kind else replace(self, surfaces=every.pop(name), others=every)
 
     @cached_property
     def body(self) -> Body:
@@ -127,7 +147,8 @@ class Lens:
             "seed": self.seed,
             "accuracy": self.accuracy,
             "units": {"length": "mm", "angle": "rad"},
-            "faces": {name: surface_record(each).model_dump(mode="json") for name, each in self.surfaces.items()},
+            "faces": _faces_record(self.surfaces),
+            **({"others": {kind: _faces_record(faces) for kind, faces in self.others.items()}} if self.others else {}),
             "spec": self.spec.model_dump(mode="json"),
         }
 
@@ -163,6 +184,20 @@ class Lens:
             radii(faces, u).min(axis=0)[:, None] * u[:, [0, 2]] for faces in (self.body.envelope, self.body.cavity)
         )
         return section_html(spec.name, np.concatenate([outer, inner[::-1]]), facts)
+
+
+def require_one_kind(lens: Lens, verb: str) -> None:
+    """Raise :class:`InputError` for lenses of several kinds, where ``verb`` takes lamps that have the same lens."""
+    if lens.others:
+        names = ", ".join(repr(each.name) for each in lens.spec.all_lamps.kinds)
+        raise InputError(
+            f"{verb}: the lamps have lenses of several kinds, {names}, and it takes lamps of one; design them without "
+            "lamps.kinds"
+        )
+
+
+def _faces_record(surfaces: Mapping[str, Surface]) -> dict[str, JsonValue]:
+    return {name: surface_record(each).model_dump(mode="json") for name, each in surfaces.items()}
 
 
 def _where(receiver: AnyReceiver) -> str:
@@ -206,14 +241,32 @@ def _lens_in(file: bytes, path: Path) -> Lens:
     if spec.lens.levels == "auto":
         raise InputError(f'{path}: spec.lens.levels = "auto", must be the numbers of its lens; {_REMEDY}')
     try:
-        surfaces = {name: face.surface() for name, face in record.faces.items()}
-        for name, surface in surfaces.items():
-            _require_size(name, surface, _LARGEST * spec.constraints.max_radius_mm)
+        surfaces, others = (
+            _faces_in(record.faces, spec),
+            {k: _faces_in(each, spec) for k, each in record.others.items()},
+        )
+        _require_kinds(spec, surfaces, others)
     except InputError as error:
         raise InputError(f"{path}: {error}; {_REMEDY}") from None
     if hashed is not None:
         require_checksum(hashed, path, _REMEDY)
-    return Lens(surfaces, spec, record.seed, record.accuracy, record.version)
+    return Lens(surfaces, spec, record.seed, record.accuracy, record.version, others)
+
+
+def _faces_in(record: Mapping[str, SurfaceRecord], spec: Spec) -> dict[str, Surface]:
+    surfaces: dict[str, Surface] = {name: face.surface() for name, face in record.items()}
+    for name, surface in surfaces.items():
+        _require_size(name, surface, _LARGEST * spec.constraints.max_radius_mm)
+    return surfaces
+
+
+def _require_kinds(spec: Spec, own: Mapping[str, Surface], others: Mapping[str, Mapping[str, Surface]]) -> None:
+    """Raise :class:`InputError` where the ``others`` are not the lenses of all kinds of the spec but one."""
+    names = {each.name for each in spec.all_lamps.kinds}
+    if not (set(others) <= names and len(others) == max(0, len(names) - 1)):
+        raise InputError(f"others: lenses {sorted(others)}, must be all but one of the kinds {sorted(names)}")
+    if any(list(faces) != list(own) for faces in others.values()):
+        raise InputError(f"others: the lens of each kind must have the faces {', '.join(own)}")
 
 
 def _of_this_version(content: object) -> object:
@@ -257,106 +310,5 @@ class LensRecord(Record):
     accuracy: Literal["draft", "standard", "reference"]
     units: LensUnits
     faces: dict[str, SurfaceRecord]
+    others: Annotated[dict[Text, dict[str, SurfaceRecord]], Field(default_factory=dict)]
     spec: dict[str, object]
-
-
-_LEAST_INDEX, _LARGEST_INDEX = 1.0, 4.0  # as of a spec
-_CHECKED = 100  # wavelengths of the range at which the index is tried
-_FIELDS = {
-    "index_per_k": "lens.index_per_k (1/K, of a data sheet: about -1e-4 for plastics, -4e-4 for silicones)",
-    "expansion_per_k": "lens.expansion_per_k (1/K: about 7e-5 for plastics, 3e-4 for silicones, 7e-6 for glasses)",
-}
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class LensAtTemperature(Lens):
-    """``designed`` at ``temperature_c``: scaled surfaces about the origin; its record is that of the lens as designed.
-
-    It lies higher by ``raised_mm`` than these surfaces: to rays of the source all of it is shifted along +z.
-    """
-
-    designed: Lens
-    temperature_c: float
-
-    @property
-    def scale(self) -> float:
-        """Factor of every length."""
-        return self.spec.lens.temperature_law.scale(self.temperature_c)
-
-    @property
-    def raised_mm(self) -> float:
-        """Height of the lens's origin above that of the source, as the base grows from its seat."""
-        return self.spec.base.seat_mm * (self.scale - 1.0)
-
-    @property
-    def reach_mm(self) -> float:
-        """Radius of the ball about the origin in which it lies, raised."""
-        return self.scale * self.designed.reach_mm + abs(self.raised_mm)
-
-    @property
-    def refractive_index(self) -> float:
-        """Index of the body at the design wavelength."""
-        lens = self.spec.lens
-        cold, wave = np.array([lens.refractive_index]), np.array([lens.design_wavelength_nm])
-        return float(lens.temperature_law.index(cold, wave, self.temperature_c)[0])
-
-    @property
-    def media(self) -> Media:
-        """Media of the design, but for the index of the body."""
-        cold = self.designed.media
-        body = replace(cold.body, refractive_index=self.refractive_index, material=self.dispersion)
-        return replace(cold, body=body)
-
-    @property
-    def dispersion(self) -> Material | None:
-        """Index against wavelength at the temperature."""
-        lens = self.spec.lens
-        return None if lens.dispersion is None else lens.dispersion.at(lens.temperature_law, self.temperature_c)
-
-    def to_json(self) -> dict[str, JsonValue]:
-        """The content of the ``lens.json`` of the lens as designed: its hash names this one, too."""
-        return self.designed.to_json()
-
-
-def at_temperature(lens: Lens, celsius: float) -> Lens:
-    """``lens`` at ``celsius``; itself at its reference temperature.
-
-    Raises :class:`InputError` where its change is not known, and out of -100 to 400 C.
-    """
-    law = lens.spec.lens.temperature_law
-    if not LOWEST_C <= celsius <= HIGHEST_C:
-        raise InputError(f"temperature_c = {celsius:g}: must be {LOWEST_C:g} to {HIGHEST_C:g} (Celsius)")
-    if celsius == law.reference_c:
-        return lens
-    known = {"index_per_k": law.knows_index, "expansion_per_k": law.expansion_per_k is not None}
-    missing = [words for name, words in _FIELDS.items() if not known[name]]
-    if missing:
-        raise InputError(
-            f"temperature_c = {celsius:g}: nothing is known of how {lens.spec.lens.material} changes with it; give "
-            f"{' and '.join(missing)}"
-        )
-    scale = law.scale(celsius)
-    warm = LensAtTemperature(
-        surfaces={name: scaled(surface, scale) for name, surface in lens.surfaces.items()},
-        spec=lens.spec,
-        seed=lens.seed,
-        accuracy=lens.accuracy,
-        version=lens.version,
-        designed=lens,
-        temperature_c=celsius,
-    )
-    _require_indices(warm)
-    return warm
-
-
-def _require_indices(lens: LensAtTemperature) -> None:
-    """Refuse a temperature at which the law gives an index that no material has."""
-    indices = np.array([lens.refractive_index])
-    if lens.dispersion is not None:
-        indices = np.append(indices, lens.dispersion.index(np.linspace(*lens.dispersion.range_nm, _CHECKED)))
-    wrong = indices[~((indices >= _LEAST_INDEX) & (indices <= _LARGEST_INDEX))]
-    if len(wrong):
-        raise InputError(
-            f"temperature_c = {lens.temperature_c:g}: the index of {lens.spec.lens.material} would be {wrong[0]:.4g}, "
-            f"must be {_LEAST_INDEX:g} to {_LARGEST_INDEX:g}; correct its change per kelvin"
-        )

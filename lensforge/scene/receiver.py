@@ -17,6 +17,7 @@ from lensforge.kernels.parallel import in_chunks
 from lensforge.optics.arrays import Array, like, module_of, replaced, rows_of
 from lensforge.scene.exit_rays import ExitRays, Sensitivities
 from lensforge.scene.pixel_grid import PixelGrid, Window
+from lensforge.spec.lamp_stand import Stand
 from lensforge.spec.lamps_section import ALONE, Lamps
 
 ReceiverKind = Literal["plane", "far_field", "cylinder", "sphere"]
@@ -70,10 +71,10 @@ class ReceiverPose:
         """The unit axes x, y, z as rows."""
         return np.array(self.rows)
 
-    def seen_from(self, place_mm: tuple[float, float], turn_deg: float) -> "ReceiverPose":
-        """The pose in the frame of a lamp that stands at a place on the plane z = 0, turned about its axis."""
-        turned = _turn(turn_deg)
-        centre, rows = turned @ (np.array(self.centre_mm) - (*place_mm, 0.0)), self.axes @ turned.T
+    def seen_from(self, stand: Stand) -> "ReceiverPose":
+        """The pose in the frame of a lamp: at its place, turned, and tilted to its axis."""
+        own = ReceiverPose.facing(stand.axis, stand.place_mm, stand.turn_deg).axes
+        centre, rows = own @ (np.array(self.centre_mm) - stand.place_mm), self.axes @ own.T
         x, y, z, w = ((float(each[0]), float(each[1]), float(each[2])) for each in (centre, *rows))
         return ReceiverPose(x, (y, z, w))
 

@@ -30,8 +30,15 @@ from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.scene.receiver import Kernel, PosedReceiver, ReceiverKind, ReceiverPose, equal_area, from_equal_area
 from lensforge.spec import AnyReceiver, Spec
 from lensforge.spec.bodies_section import depths
+from lensforge.spec.lamp_stand import Stand
 from lensforge.spec.lamps_section import Lamps
-from lensforge.spec.receiver_sections import CylinderReceiver, FarFieldReceiver, PlaneReceiver, SphereReceiver
+from lensforge.spec.receiver_sections import (
+    OF_RECEIVER,
+    CylinderReceiver,
+    FarFieldReceiver,
+    PlaneReceiver,
+    SphereReceiver,
+)
 
 WHOLE = 1e-6  # pixels: two moves that differ by whole pixels to so much are alike
 
@@ -173,6 +180,29 @@ def receivers_of(spec: Spec, pixels: int) -> tuple[PosedReceiver, ...]:
     return tuple(built)
 
 
+def seen_by_lamp(spec: Spec, number: int) -> Spec:
+    """The spec of one of its lamps at the origin, with the receivers where that lamp sees them."""
+    sections = tuple(_seen_from(spec.all_lamps.stand(number), each) for each in spec.all_receivers)
+    return spec.of_one_lamp.model_copy(update={"target": None, "receivers": sections})
+
+
+def _seen_from(stand: Stand, section: AnyReceiver) -> AnyReceiver:
+    centre = getattr(section, "centre_mm", (0.0, 0.0, 0.0))
+    pose = ReceiverPose.facing(section.facing, centre, section.rotation_deg).seen_from(stand)
+    turned = pose.axes @ ReceiverPose.facing(pose.rows[2], centre).axes.T
+    targets = tuple(target.model_copy(update=dict.fromkeys(OF_RECEIVER)) for target in section.targets)
+    rotation_deg = float(np.degrees(np.arctan2(turned[0, 1], turned[0, 0])))
+    changes: dict[str, object] = {"targets": targets, "rotation_deg": rotation_deg}
+    match section:
+        case PlaneReceiver():
+            changes |= {"centre_mm": pose.centre_mm, "normal": pose.rows[2], "tilt_deg": None}
+        case FarFieldReceiver():
+            changes |= {"axis": pose.rows[2]}
+        case CylinderReceiver() | SphereReceiver():
+            changes |= {"centre_mm": pose.centre_mm, "facing": pose.rows[2]}
+    return section.model_copy(update=changes)
+
+
 _FEWER, _MORE = 0.75, 1.3  # pixels over those asked for, so that lamps may lie alike on them
 
 
@@ -183,7 +213,7 @@ def together(receiver: PosedReceiver, lamps: Lamps) -> PosedReceiver:
     is then one picture, moved by whole pixels.
     """
     grid = receiver.grid
-    if receiver.kind == "plane" and lamps.period_mm is None:
+    if receiver.kind == "plane" and lamps.period_mm is None and not lamps.posed:
         moves = np.array(lamps.places_mm) @ receiver.pose.axes[:2, :2].T
         columns, rows = _alike(grid.columns, moves[:, 0] / grid.width), _alike(grid.rows, moves[:, 1] / grid.height)
         grid = replace(grid, columns=columns, rows=rows)

@@ -96,10 +96,19 @@ def load_checkpoint(path: Path, key: str) -> tuple[CheckpointHead, dict[str, np.
     return head, arrays
 
 
+def of_kinds(path: Path) -> Path:
+    """Checkpoint of lenses of several kinds, beside that at ``path`` of the one lens from which they begin."""
+    return path.with_name(f"{path.stem}_kinds{path.suffix}")
+
+
 def delete_checkpoint(path: Path) -> None:
-    """Delete the checkpoint at ``path``, where there is one. Raises :class:`InputError` where that cannot be done."""
+    """Delete the checkpoint at ``path``, where there is one, and that of kinds which began from its lens.
+
+    Raises :class:`InputError` where that cannot be done.
+    """
     try:
         path.unlink(missing_ok=True)
+        of_kinds(path).unlink(missing_ok=True)
     except OSError as error:
         raise InputError(f"{path}: cannot be replaced ({error.strerror}); give another checkpoint") from None
 

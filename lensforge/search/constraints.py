@@ -229,13 +229,15 @@ _JET = "rho", "derivatives"
 class AugmentedLagrangian:
     """Multipliers of ``c`` constraints at ``k`` points; the fields are scaled by each constraint's factor.
 
-    ``names``: of the faces, in the order of their tables.
+    ``names``: of the faces, in the order of their tables. ``lenses``: whose tables, and then whose constraints, come
+    one after another.
     """
 
     constraints: tuple[Constraint, ...]
     chart_operator: ChartOperator
     names: tuple[str, ...]
     penalty: float = 2e4
+    lenses: int = 1
     multipliers: Float[Tensor, "c k"] = field(init=False)
 
     @staticmethod
@@ -244,30 +246,31 @@ class AugmentedLagrangian:
 
         ``sparse``: at a quarter of its nodes; at all for curvatures, and for a keep-out, whose outline is sharp.
         """
-        constraints = constraints_of(spec)
+        constraints, kinds = constraints_of(spec), spec.all_lamps.kinds
+        symmetry = "none" if any(kind.mirrors for kind in kinds) else spec.lens.basis.symmetry  # for all lenses
         derivatives = any(constraint.derivatives for constraint in constraints)
         detailed = derivatives or spec.constraints.keep_out is not None
         every = (1 if detailed else 2) if sparse else None
         if spec.lens.has_creases:
             detail_rad = None if spec.lens.is_round else spec.lens.basis.detail_rad
-            points = meridian_points(grid, detail_rad, spec.lens.basis.symmetry)
+            points = meridian_points(grid, detail_rad, symmetry)
         else:
-            points = constraint_points(grid, spec.lens.basis.symmetry, every_node=every)
+            points = constraint_points(grid, symmetry, every_node=every)
         spacing = grid.step * (1.0 if every is None else every * sqrt(2.0))  # with centres: triangles of three points
         operator = ChartOperator.of(grid, points, derivatives, spacing)
-        return AugmentedLagrangian(constraints, operator, spec.lens.body_names, penalty)
+        return AugmentedLagrangian(constraints, operator, spec.lens.body_names, penalty, max(1, len(kinds)))
 
     def __post_init__(self) -> None:
         area = self.chart_operator.points.scale**2
         self._area = area / area.sum()
         self._factor, self._margin = (
-            torch.tensor(values, dtype=torch.float64)[:, None]
+            torch.tensor(self.lenses * values, dtype=torch.float64)[:, None]
             for values in (
                 [constraint.factor for constraint in self.constraints],
                 [constraint.factor * constraint.margin for constraint in self.constraints],
             )
         )
-        self.multipliers = torch.zeros(len(self.constraints), len(area), dtype=torch.float64)
+        self.multipliers = torch.zeros(len(self._factor), len(area), dtype=torch.float64)
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -297,13 +300,16 @@ class AugmentedLagrangian:
 
     def fields(self, tables: Float[Tensor, "f side side"]) -> Float[Tensor, "c k"]:
         """Fields of the constraints at the points of the faces' tables, each times its factor."""
-        jets = dict(zip(self.names, self.chart_operator.jets(tables), strict=True))
-        values = [each.of(jets, self.chart_operator.points) for each in self.constraints]
+        values, every = list[Tensor](), self.chart_operator.jets(tables)
+        for first in range(0, len(every), len(self.names)):
+            jets = dict(zip(self.names, every[first : first + len(self.names)], strict=True))
+            values += (each.of(jets, self.chart_operator.points) for each in self.constraints)
         return self._factor * torch.stack(values)
 
     def least(self, fields: Float[Tensor, "c k"]) -> dict[str, float]:
-        """The minimum of each constraint over the points, in its unit, for the history of a search."""
-        least = (fields.detach() / self._factor).amin(dim=1).tolist()
+        """The minimum of each constraint over points and lenses, in its unit, for the history of a search."""
+        of_each = (fields.detach() / self._factor).amin(dim=1)
+        least = of_each.reshape(self.lenses, -1).amin(dim=0).tolist()
         return dict(zip(self.keys, least, strict=True))
 
     def term(self, fields: Float[Tensor, "c k"]) -> Float[Tensor, ""]:

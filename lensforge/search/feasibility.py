@@ -43,11 +43,17 @@ _HOPELESS = 10.0  # margins missing after a projection; a search of hundreds of 
 
 
 def measure_constraints(lens: Lens, directions: int = DIRECTIONS) -> Margins:
-    """Measure the least value of each constraint.
+    """Measure the least value of each constraint, of lenses of several kinds over all of them.
 
     Lengths: by the exact sum, over a Fibonacci grid of the hemisphere and its rim, one of mirror images each. The wall:
     between the splines that an export would write. Edges: of the faces all along their creases.
     """
+    of_kinds = [_measured(each, directions) for each in lens.kinds]
+    least = map(min, zip(*(found.values() for found in of_kinds), strict=True))
+    return Margins.of(dict(zip(of_kinds[0], least, strict=True)))
+
+
+def _measured(lens: Lens, directions: int) -> dict[Limit, float]:
     constraints = constraints_of(lens.spec)
     points, exact = _exact_radii(lens, directions)
     found: dict[Limit, float] = {}
@@ -69,7 +75,7 @@ def measure_constraints(lens: Lens, directions: int = DIRECTIONS) -> Margins:
         tables = {name: torch.from_numpy(tabulate(grid, surface)) for name, surface in lens.surfaces.items()}
         everywhere = ChartOperator.of(grid, constraint_points(grid, lens.symmetry), derivatives=True)
         found |= {each: _least(each, grid, everywhere, tables) for each in of_shape}
-    return Margins.of(found)
+    return found
 
 
 def _exact_radii(lens: Lens, directions: int) -> tuple[ChartPoints, dict[str, RadiusJet]]:

@@ -27,6 +27,7 @@ from lensforge.scene.target_pattern import in_target, target_light, uniform_regi
 from lensforge.search.collected_light import Collected
 from lensforge.search.colour_term import Colours, ColourTerm, SourceColour
 from lensforge.search.constraints import AugmentedLagrangian
+from lensforge.search.kinds import LightOfKinds
 from lensforge.search.light_path import LightPath, Pair
 from lensforge.search.limit_terms import Image, Images, LimitTerm, RoadTerms, limit_terms, not_dark, smoothed
 from lensforge.search.parameters import ChartMirrors, Parametrisation, chart_mirrors, mirrored_light
@@ -259,7 +260,7 @@ class MeritFunction(Merit[SampledLight]):
 
     spec: Spec
     parametrisation: Parametrisation
-    light: LightPath
+    light: LightPath | LightOfKinds
     terms: tuple[ImageTerms, ...]
     limits: tuple[LimitTerm | RoadTerms, ...] = ()
     colour: ColourTerm | None = None
@@ -291,7 +292,8 @@ class MeritFunction(Merit[SampledLight]):
             light = replace(light, colour=SourceColour.of(source))
             wanted, shares = zip(*((each.wanted, each.share) for each in terms), strict=True)
             term = ColourTerm(colour.weight, wanted, shares)
-        return MeritFunction(spec, parametrisation, light, terms, limits, term)
+        path = LightOfKinds.of(light, spec.all_lamps) if spec.all_lamps.kinds else light
+        return MeritFunction(spec, parametrisation, path, terms, limits, term)
 
     def assessed(self, light: SampledLight, uniform: bool) -> Assessed:
         """The loss by one sample; ``uniform`` puts the uniformity of the masks before the images."""
@@ -321,6 +323,7 @@ class MeritFunction(Merit[SampledLight]):
         if pair is None:
             light = self.light.collect(tables, rays)
             return SampledLight(self._images(light), self._flux_term(light), emitted_w, (), self._colours((light,)))
+        assert isinstance(self.light, LightPath), "a robust search has one lens"
         one, other = (self.light.through(tables, rays, part) for part in pair)
         both = list(zip(self.terms, one, other, strict=True))
         # only the mean over all parts has the symmetry of the scene: each part alone has none

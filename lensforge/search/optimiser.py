@@ -359,8 +359,8 @@ def _design(
     source = each_of(source)[0]
     summary = summarise(source, lens.spec.source)
     directions = fibonacci_hemisphere(_SIZE_DIRECTIONS)
-    directions = directions[first_images(directions, lens.symmetry)]
-    radius = radii(lens.body.envelope, directions).min(axis=0)
+    directions = directions if lens.others else directions[first_images(directions, lens.symmetry)]
+    radius = np.max([radii(each.body.envelope, directions).min(axis=0) for each in lens.kinds], axis=0)
     across = np.hypot(directions[:, 0], directions[:, 1]) if lens.spec.lens.radius_about_axis else 1.0
     return Design(
         inputs={"lens": lens.sha256, "spec": section_sha256(lens.spec), **input_hashes(lens.spec)},

@@ -237,20 +237,27 @@ def settled_symmetry(spec: Spec, source: Source) -> Spec:
     """
     name = spec.lens.symmetry
     if name == "auto":
-        symmetry = next(
-            each
-            for each in reversed(NAMES)
-            if contains(source.symmetry, each) and _in_fixed(spec, each) is None and _in_targets(spec, each)
-        )
+        symmetry = next(each for each in reversed(NAMES) if each != "diagonal" and _has_symmetry(spec, source, each))
         return spec.model_copy(update={"lens": spec.lens.model_copy(update={"symmetry": symmetry})})
-    if not contains(source.symmetry, name):
-        raise InputError(f"lens.symmetry = {name!r}: the source has only {source.symmetry!r}; use that, or 'auto'")
-    lacking = _in_fixed(spec, name)
-    if lacking is not None:
-        raise InputError(f"lens.symmetry = {name!r}: {lacking} is not symmetric in this way; use 'auto'")
+    for own in _groups(spec, name):
+        if not contains(source.symmetry, own):
+            raise InputError(f"lens.symmetry = {own!r}: the source has only {source.symmetry!r}; use that, or 'auto'")
+        lacking = _in_fixed(spec, own)
+        if lacking is not None:
+            raise InputError(f"lens.symmetry = {own!r}: {lacking} is not symmetric in this way; use 'auto'")
     if not _in_targets(spec, name):
         raise InputError(f"lens.symmetry = {name!r}: the target is not symmetric in this way; use 'auto'")
     return spec
+
+
+def _groups(spec: Spec, name: str) -> list[str]:
+    """Mirror groups of the lenses where the light of all lamps has the group ``name``, itself the first."""
+    return list(dict.fromkeys([name, *(kind.symmetry(name) for kind in spec.all_lamps.kinds)]))
+
+
+def _has_symmetry(spec: Spec, source: Source, name: str) -> bool:
+    own = all(contains(source.symmetry, each) and _in_fixed(spec, each) is None for each in _groups(spec, name))
+    return own and _in_targets(spec, name)
 
 
 def _in_fixed(spec: Spec, name: str) -> str | None:
@@ -318,6 +325,6 @@ def mirror_mean(grid: Float[Tensor, "p p"], symmetry: str) -> Float[Tensor, "p p
         grid = 0.5 * (grid + grid.flip(0))
     if symmetry in ("mirror_y", "rectangle", "square"):
         grid = 0.5 * (grid + grid.flip(1))
-    if symmetry == "square":
+    if symmetry in ("diagonal", "square"):
         grid = 0.5 * (grid + grid.T)
     return grid

@@ -17,6 +17,7 @@ from torch import Tensor
 
 from lensforge import seeds
 from lensforge.search.constraints import AugmentedLagrangian
+from lensforge.search.kinds import KindsParameters, spec_of_each_kind
 from lensforge.search.light_path import SearchParts
 from lensforge.search.merit import Merit, MeritFunction
 from lensforge.search.merit_of_sources import MeritOfSources
@@ -59,7 +60,10 @@ class Problem:
 
 
 def parameters_of(spec: Spec, nodes_per_sigma: float) -> Parametrisation:
-    """The parametrisation of the faces of ``spec``, by the kind of its lens."""
+    """The parametrisation of the faces of ``spec``, by the kind of its lens; of lenses by place, of all of them."""
+    if spec.all_lamps.kinds:
+        each = spec_of_each_kind(spec).items()
+        return KindsParameters.of({name: parameters_of(own.of_one_lamp, nodes_per_sigma) for name, own in each})
     kinds: dict[str, Callable[[Spec, float], Parametrisation]] = {
         "double": SphereParameters.of, "tir": ProfileParameters.of, "reflector": ProfileParameters.of,
     }  # fmt: skip

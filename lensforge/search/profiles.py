@@ -47,20 +47,15 @@ _THICKER = 1.15  # a back over the least wall: the wall varies as the cup moves
 
 @dataclass(frozen=True)
 class FaceParameters:
-    """One face by its ``start``: weights of the functions of its profile, relative to ``scale`` (1/mm).
+    """One face by its ``start``: weights of the functions of its profile, relative to ``steps`` (1/mm).
 
-    ``steps``: of each function of the profile in place of ``scale``, for a cup: 1/rho at its rim is a tenth of that at
-    its foot, or less.
+    The steps of a cup differ: 1/rho at its rim is a tenth of its value at the foot, or less. ``scale``: of SRBFs.
     """
 
     start: ReciprocalSurface
     basis: ProfileBasis
     scale: float
-    steps: Float[np.ndarray, " c"] | None = None
-
-    def moved_by(self, weights: Float[Tensor, " c"]) -> Float[Tensor, " c"]:
-        """Changes (1/mm) of the coefficients by relative weights."""
-        return self.scale * weights if self.steps is None else torch.from_numpy(self.steps) * weights
+    steps: Float[np.ndarray, " c"]
 
     @cached_property
     def coefficients(self) -> Float[np.ndarray, " c"]:
@@ -167,7 +162,7 @@ class ProfileParameters(Parametrisation):
         """``1/rho`` (1/mm) at the nodes, before the offset."""
         if isinstance(own, ReciprocalSurface):
             return torch.from_numpy(own.reciprocal(self._nodes)[0])
-        column = torch.from_numpy(own.coefficients) + own.moved_by(weights[: self.profile, face])
+        column = torch.from_numpy(own.coefficients) + torch.from_numpy(own.steps) * weights[: self.profile, face]
         values = self._profiles[face] @ column
         return values if sums is None else values + own.scale * sums[face].reshape(-1)
 
@@ -213,9 +208,7 @@ class ProfileParameters(Parametrisation):
                 towards = _HORIZON if isinstance(own, ConeFace) else _AXIS
                 offsets[face] = surface.radius(towards)[0] / own.radius(towards)[0]
             elif isinstance(own, FaceParameters) and self.columns[face] == face:
-                moved = (own.coefficients_of(surface) - own.coefficients) / (
-                    own.scale if own.steps is None else own.steps
-                )
+                moved = (own.coefficients_of(surface) - own.coefficients) / own.steps
                 weights[: self.profile, face] = torch.from_numpy(moved)
                 if isinstance(surface, FormedFace) and self.srbf == surface.srbf:
                     weights[self.profile :, face] = torch.from_numpy(surface.weights_per_mm / own.scale)
@@ -232,7 +225,7 @@ class ProfileParameters(Parametrisation):
             elif isinstance(own, ConeFace | PlaneFace):
                 found[name] = _shrunk(own, factor)
             elif isinstance(own, FaceParameters):
-                moved = own.coefficients + own.moved_by(weights[: self.profile, face]).numpy()
+                moved = own.coefficients + own.steps * weights[: self.profile, face].numpy()
                 profile = own.start.reach_mm, own.basis.low, own.basis.high, tuple((factor * moved).tolist())
                 functions = factor * own.scale * weights[self.profile :, face].numpy()
                 found[name] = ProfileFace(*profile)
@@ -253,9 +246,11 @@ def _parameters(body: Body, name: str, count: int) -> FaceParameters:
     low, high = max(_LOWEST, own[:, 2].min() - _BEYOND), min(1.0, own[:, 2].max() + _BEYOND)
     reciprocals, basis = np.abs(face.surface.reciprocal(own)[0]), ProfileBasis(low, high, count)
     if not any(each.is_open for each in faces):
-        return FaceParameters(face.surface, basis, float(reciprocals.mean()))
-    found = FaceParameters(face.surface, basis, float(reciprocals.min()))
-    return replace(found, steps=np.maximum(np.abs(found.coefficients), found.scale))
+        scale = float(reciprocals.mean())
+        return FaceParameters(face.surface, basis, scale, np.full(count, scale))
+    scale = float(reciprocals.min())
+    found = FaceParameters(face.surface, basis, scale, np.full(count, scale))
+    return replace(found, steps=np.maximum(np.abs(found.coefficients), scale))
 
 
 def _following(face: Face, leader: FaceParameters | ReciprocalSurface | None) -> FaceParameters:
@@ -284,10 +279,11 @@ def _reflector_faces(spec: Spec) -> dict[str, Surface]:
     wall_mm = _THICKER * (limits.min_thickness_mm + 2.0 * limits.margin_mm)
     most_mm = np.inf if limits.max_height_mm is None else limits.max_height_mm - limits.margin_mm
     cup, height_mm = lens.fixed["cup"], lens.mouth.offset_mm
+    beam_rad = _beam_rad(spec) if cup is None else 0.0
     try:
         if cup is None:
             clear_mm, side_mm = _room(spec)
-            best = best_cup(radius_mm, wall_mm, side_mm, _beam_rad(spec), clearance_mm=clear_mm, most_height_mm=most_mm)
+            best = best_cup(radius_mm, wall_mm, side_mm, beam_rad, clearance_mm=clear_mm, most_height_mm=most_mm)
             if lens.cup.offset_mm is not None:
                 best = replace(best, focal_mm=0.5 * lens.cup.offset_mm)
             cup, height_mm = best.face, height_mm or best.height_mm
@@ -350,13 +346,13 @@ def _of_a_point(spec: Spec) -> dict[str, ReciprocalSurface]:
     index, wall = lens.refractive_index / lens.cavity_index, limits.min_thickness_mm
     radius_mm, flange_mm = limits.rim_radius_mm, lens.flange_room_mm or 0.0
     mirrored = lens.wall.mirror is not None
+    (clear, size), beam_rad = _room(spec), _beam_rad(spec)
     try:
-        clear, size = _room(spec)
         best = best_collimator(
             index,
             radius_mm,
             size,
-            min(_beam_rad(spec), _WIDEST_BEAM * float(np.arcsin(min(0.5, size / radius_mm / np.sqrt(np.pi))))),
+            min(beam_rad, _WIDEST_BEAM * float(np.arcsin(min(0.5, size / radius_mm / np.sqrt(np.pi))))),
             draft_rad=draft,
             least_wall_mm=wall + 2.0 * limits.margin_mm,
             mirrored=mirrored,

@@ -79,7 +79,7 @@ def design(
     chooses itself, for a first look.
     Raises :class:`InputError` for invalid arguments.
     """
-    from lensforge.search.optimiser import search
+    from lensforge.search.kinds_search import search_kinds
 
     require_spec(spec, "design")
     preset_of(accuracy)
@@ -89,7 +89,7 @@ def design(
     start = _start_of(spec, start)
     source, warned = _checked_scene(spec, start, warn, force=force, anyway=anyway)
     with threads_of_torch(threads):
-        return search(
+        return search_kinds(
             spec,
             source,
             accuracy=accuracy,
@@ -201,9 +201,9 @@ class SeededSearch:
 
     def made(self, seed: int) -> tuple[Design, Start]:
         """One search, and the light of its lens."""
-        from lensforge.search.optimiser import search
+        from lensforge.search.kinds_search import search_kinds
 
-        design = search(
+        design = search_kinds(
             self.spec,
             searched_source(self.spec),
             accuracy=self.accuracy,

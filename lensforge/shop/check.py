@@ -13,7 +13,7 @@ from lensforge.cad.patch import Patch
 from lensforge.cad.plan import lay_out
 from lensforge.cad.plate_export import room_on_plate
 from lensforge.cad.wall import Span, thickest, thinnest
-from lensforge.optics.media import FLANGE, FROM_BELOW
+from lensforge.optics.media import FROM_BELOW
 from lensforge.scene.lens import Lens
 from lensforge.shop.ball_clearance import check_ball_clearance, read_base_mesh
 from lensforge.shop.check_result import Check, Edge, FaceResult, Wall, Walls
@@ -69,7 +69,7 @@ def _faces(lens: Lens, pair: Pair[Patch]) -> dict[str, FaceCheck]:
     manufacture, found = lens.spec.manufacture, {}
     for boundary in pair:
         faces = {}
-        for face in (each for each in boundary.faces if not each.is_open and each.name != FLANGE):
+        for face in (each for each in boundary.faces if lens.body.face(each.name).is_optical):
             cut = replace(face.shape, control=manufacture.scale * face.shape.control)
             sense = -1 if face.name in FROM_BELOW else 1
             air = air_side(lens.body.face(face.name), manufacture)

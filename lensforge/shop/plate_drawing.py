@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from lensforge.cad.boundary import lens_boundaries
 from lensforge.cad.part import Part
 from lensforge.cad.plan import rim_directions, rim_radius
-from lensforge.cad.plate_layout import PlateLayout, circle_at, points_on
+from lensforge.cad.plate_layout import PlateLayout
 from lensforge.cad.plate_result import PLATE_STEP_FILE
 from lensforge.cad.section import profile
 from lensforge.errors import InputError
@@ -57,7 +57,9 @@ from lensforge.shop.view_drawing import placed, room_of
 from lensforge.shop.view_lines import dome_radius, front_line
 from lensforge.spec import DrawingSection
 from lensforge.spec.lamps_section import Lamps
+from lensforge.spec.plate_outline import DrawnOutline
 from lensforge.spec.plate_section import PlateBoss, PlateHole, PlateMark, PlatePin
+from lensforge.surfaces.plane_loop import circle_at, points_on
 
 _FIRST, _ROW, _GAP = 8.0, 7.0, 28.0  # mm on A3: to the first line, between lines, between views
 _CHORD_MM, _HATCH = 5e-3, 3.5
@@ -203,12 +205,13 @@ def _fitting(draw: Callable[[View], Marks], room: Box, unit: float) -> tuple[Vie
 
 def plate_notes(lens: Lens, layout: PlateLayout, words: DrawingSection) -> list[str]:
     """The notes, a paragraph each."""
-    count = len(layout.lenses)
+    count, drawn = len(layout.lenses), layout.plate.outline
+    origin = f"origin of {drawn.origin}" if isinstance(drawn, DrawnOutline) else "middle of the outline"
     equal = f"{quantity(count, 'lenses')}, all equal" if count > 1 else "One lens"
     return [
         f"{equal}: their faces, with tolerances, tools and points, are those of drawing.dxf and manufacturing.html. "
         f"{PLATE_STEP_FILE} alone defines them; sizes in parentheses are auxiliary.",
-        "x and y count from the middle of the outline, z from the top of the plate, in which the lenses end.",
+        f"x and y count from the {origin}, z from the top of the plate, in which the lenses end.",
         f"All other sizes of the plate are “general”. {general_words(words)}",
         "Bores of the lenses, holes, pins, bosses and sides: as in the STEP, without draft.",
         *mould_words(lens),
@@ -266,8 +269,9 @@ def _block(lens: Lens, part: Part, words: DrawingSection) -> Rows:
 
 def _whole(lines: LensLines, layout: PlateLayout, view: View) -> Marks:
     """The plate from the front, and below it, in first angle, from above; the view's origin: of the latter."""
-    marks, (wide, high), unit = Marks(), layout.size_mm, view.unit
-    marks.strokes.append(view.line(points_on(layout.outline, _CHORD_MM), closed=True))
+    marks, (low, high), unit = Marks(), layout.box_mm, view.unit
+    loops = layout.outline, *layout.openings[len(layout.plate.all_holes) :]
+    marks.strokes += [view.line(points_on(loop, _CHORD_MM), closed=True) for loop in loops]
     lens_mm = float(np.hypot(*lines.dome.T).max())
     for number, place in enumerate(layout.lenses.places_mm):
         marks.strokes += [
@@ -284,13 +288,13 @@ def _whole(lines: LensLines, layout: PlateLayout, view: View) -> Marks:
         inside = view.scale * mark.radius_mm > _INSIDE * unit
         marks.words.append(view.label(label, mark.place_mm, 0.0 if inside else 0.75 * mark.radius_mm))
     if layout.plate.gate is not None:
-        (tip,), towards = view.at([layout.plate.gate.place_mm]), np.array(layout.plate.gate.place_mm)
-        out = towards / max(float(np.hypot(*towards)), 1e-9)
-        marks.strokes.append(arrow_head(tip, -out, 2.0 * LETTERS * unit))
+        (tip,), place = view.at([layout.plate.gate.place_mm]), layout.plate.gate.place_mm
+        inwards = -np.array(min(layout.outline, key=lambda edge: edge.away_mm(place)).right)
+        marks.strokes.append(arrow_head(tip, inwards, 2.0 * LETTERS * unit))
         marks.words.append(view.label("G", layout.plate.gate.place_mm, 0.0))
     pattern, radius = pattern_of(layout.lenses), layout.plate.corner_radius_mm
     for axis in (0, 1):
-        edge = view.origin[1 - axis] - 0.5 * view.scale * layout.size_mm[1 - axis]
+        edge = float(view.at(low)[1 - axis])
         sizes = list(_sizes_along(axis, layout, pattern, view))
         marks.dimensions += placed(sizes, edge - _FIRST * unit, -_ROW * unit)
     if pattern is not None and pattern.ring_mm is not None:
@@ -301,16 +305,16 @@ def _whole(lines: LensLines, layout: PlateLayout, view: View) -> Marks:
         (tip,), out = view.at([(x, y)]), np.array([-1.0, -1.0]) * 0.5**0.5
         marks.strokes += [Stroke(np.array([tip, tip - 6.0 * unit * out])), arrow_head(tip, out, LETTERS * unit)]
         marks.words.append(view.label(f"4 × R {shown(radius)}", (x, y), 4.0 * unit / view.scale))
-    corner = view.at([(wide / 2.0, -high / 2.0)])[0]
+    corner = view.at((high[0], low[1]))
     marks.add(axes_mark((float(corner[0]) + 4.0 * unit, float(corner[1])), "x", "y", unit))
-    up = view.scale * (0.5 * high + _below_mm(layout)) + _GAP * unit
+    up = view.scale * (high[1] + _below_mm(layout)) + _GAP * unit
     marks.add(_front(lines, layout, replace(view, origin=(view.origin[0], view.origin[1] + up))))
     return marks
 
 
 def _sizes_along(axis: int, layout: PlateLayout, pattern: Pattern | None, view: View) -> Iterator[LinearDimension]:
     """Dimensions along x or y: of the outline, the pattern, and from the edge to its first lens."""
-    half, way, turned = layout.size_mm[axis] / 2.0, "xy"[axis], 90 * axis
+    way, turned, (low, high) = "xy"[axis], 90 * axis, (corner[axis] for corner in layout.box_mm)
     is_round = layout.plate.kind == "round"
 
     def size(name: str, first: float, last: float, off: float, before: str = "") -> LinearDimension:
@@ -318,9 +322,9 @@ def _sizes_along(axis: int, layout: PlateLayout, pattern: Pattern | None, view: 
         return view.dimension(name, start, end, turned, before)
 
     if not is_round:
-        yield size(f"{('width', 'height')[axis]} of the plate", -half, half, -layout.size_mm[1 - axis] / 2.0)
+        yield size(f"{('width', 'height')[axis]} of the plate", low, high, layout.box_mm[0][1 - axis])
     elif axis == 0:
-        yield size("diameter of the plate", -half, half, 0.0, "⌀")
+        yield size("diameter of the plate", low, high, 0.0, "⌀")
     if pattern is not None and pattern.ring_mm is not None:
         if axis == 0:
             ring, count = pattern.ring_mm / 2.0, len(layout.lenses)
@@ -332,7 +336,7 @@ def _sizes_along(axis: int, layout: PlateLayout, pattern: Pattern | None, view: 
             before = f"{steps} × {shown(pitch)} = " if steps > 1 else ""
             yield size(f"pitch of the lenses along {way}", first, first + steps * pitch, off, before)
         if not is_round:
-            yield size(f"edge to the first lens along {way}", -half, first, off)
+            yield size(f"edge to the first lens along {way}", low, first, off)
 
 
 def _below_mm(layout: PlateLayout) -> float:
@@ -342,27 +346,29 @@ def _below_mm(layout: PlateLayout) -> float:
 
 def _front(lines: LensLines, layout: PlateLayout, view: View) -> Marks:
     """The plate seen along +y, its top at the view's origin: thickness, heights of pins, and height over all."""
-    half, low, lenses = layout.size_mm[0] / 2.0, -layout.plate.thickness_mm, layout.lenses
-    marks = Marks([view.line([(-half, 0.0), (half, 0.0), (half, low), (-half, low)], closed=True)])
+    (start, _), (end, _), low, lenses = *layout.box_mm, -layout.plate.thickness_mm, layout.lenses
+    marks = Marks([view.line([(start, 0.0), (end, 0.0), (end, low), (start, low)], closed=True)])
     seen = {(round(x, 6), turn) for (x, _), turn in zip(lenses.places_mm, lenses.turns_deg, strict=True)}
     marks.strokes += [view.line(lines.fronts[turn] + np.array([x, 0.0])) for x, turn in sorted(seen)]
-    columns, heights = [view.dimension("thickness of the plate", (half, low), (half, 0.0), 90)], dict[float, float]()
+    columns, heights = [view.dimension("thickness of the plate", (end, low), (end, 0.0), 90)], dict[float, float]()
     for _, mark in layout.plate.marks:
         left, right = mark.place_mm[0] - mark.radius_mm, mark.place_mm[0] + mark.radius_mm
         if isinstance(mark, PlatePin):
-            end = low - mark.height_mm
-            marks.strokes.append(view.line([(left, low), (left, end), (right, end), (right, low)]))
-            heights[end] = max(right, heights.get(end, right))
+            foot = low - mark.height_mm
+            marks.strokes.append(view.line([(left, low), (left, foot), (right, foot), (right, low)]))
+            heights[foot] = max(right, heights.get(foot, right))
             if isinstance(mark, PlateBoss):
-                x, bore, roof = mark.place_mm[0], mark.bore_diameter_mm / 2.0, end + mark.bore_depth_mm
-                bored = [(x - bore, end), (x - bore, roof), (x + bore, roof), (x + bore, end)]
+                x, bore, roof = mark.place_mm[0], mark.bore_diameter_mm / 2.0, foot + mark.bore_depth_mm
+                bored = [(x - bore, foot), (x - bore, roof), (x + bore, roof), (x + bore, foot)]
                 marks.strokes.append(view.line(bored, "hidden"))
         else:
             marks.strokes += [view.line([(x, 0.0), (x, low)], "hidden") for x in (left, right)]
-    columns += [view.dimension("height below the plate", (x, end), (x, low), 90) for end, x in sorted(heights.items())]
-    over_all = (half, -_below_mm(layout)), (half, lines.top_mm)
+    columns += [
+        view.dimension("height below the plate", (x, foot), (x, low), 90) for foot, x in sorted(heights.items())
+    ]
+    over_all = (end, -_below_mm(layout)), (end, lines.top_mm)
     columns.append(view.dimension("height over all", *over_all, 90, "(", ")"))
-    marks.dimensions += placed(columns, float(view.at([(half, 0.0)])[0, 0]) + _FIRST * view.unit, _ROW * view.unit)
+    marks.dimensions += placed(columns, float(view.at((end, 0.0))[0]) + _FIRST * view.unit, _ROW * view.unit)
     return marks
 
 

@@ -18,7 +18,6 @@ from jaxtyping import Float
 
 from lensforge.cad.part import Part
 from lensforge.errors import InputError
-from lensforge.optics.media import FLANGE
 from lensforge.scene.lens import Lens
 from lensforge.shop.check_result import Check
 from lensforge.shop.handover import Interpolation, PointGrid
@@ -142,7 +141,7 @@ def faces_to_cut(lens: Lens) -> list[FaceToCut]:
     return [
         FaceToCut(face.name, scaled(face.surface, shop.scale), air_side(face, shop), domains[face.name])
         for face in lens.body.faces
-        if not face.is_open and face.name != FLANGE
+        if face.is_optical
     ]
 
 

@@ -17,7 +17,8 @@ from lensforge.results.validation import its_type
 from lensforge.spec.bodies_section import BodySection, media_with, require_bodies
 from lensforge.spec.derived_values import derived_sizes
 from lensforge.spec.feasible import require_feasible
-from lensforge.spec.lamps_section import AnyLamps, Lamps, lamps_of, require_together
+from lensforge.spec.lamps_section import AnyLamps, Lamps, lamps_of
+from lensforge.spec.lamps_together import require_kinds, require_together
 from lensforge.spec.lens_section import AnyLens, LensSection
 from lensforge.spec.light_limits import (
     ColourSection,
@@ -30,13 +31,12 @@ from lensforge.spec.part_section import BaseSection, DrawingSection, Manufacture
 from lensforge.spec.plate_section import PlateSection, require_plate
 from lensforge.spec.receiver_sections import (
     AnyReceiver,
-    FarFieldReceiver,
     Target,
     implied_receiver,
     named,
     require_outside,
 )
-from lensforge.spec.road_section import MOST_ROADS, RoadSection
+from lensforge.spec.road_section import MOST_ROADS, RoadSection, require_all_below
 from lensforge.spec.search_section import ConstraintsSection, EvaluateSection, OptimiseSection
 from lensforge.spec.source_sections import NamedSource, SourceSpec
 from lensforge.spec.spec_fields import words_of
@@ -63,7 +63,6 @@ def _filled(section: _Filled, derived: Mapping[str, Any]) -> _Filled:
 
 
 _MOST_SOURCES, _MOST_RECEIVERS, _MOST_LIMITS, _MOST_BODIES = 16, 16, 1000, 8
-_ALL_BELOW = 90.0  # degrees from the axis: all that is below a lamp
 _OneReceiver = Annotated[AnyReceiver, Field(discriminator="kind")]
 _OF_GIVEN_LEVELS = ("steps_per_level", "rays")  # fields of optimise
 
@@ -88,7 +87,7 @@ class Spec(Section):
     receivers: Annotated[tuple[_OneReceiver, ...], Field(max_length=_MOST_RECEIVERS)] = ()
     """Surfaces that the light falls on, each with its targets; or give ``target`` alone."""
     lamps: AnyLamps | None = None
-    """Equal lamps, whose light every receiver sees together; by default one at the origin."""
+    """Lamps whose light every receiver sees together; by default one at the origin."""
     limits: Annotated[tuple[LightLimitSpec, ...], Field(max_length=_MOST_LIMITS)] = ()
     """Light that must be at least, or at most, so much."""
     roads: Annotated[tuple[RoadSection, ...], Field(max_length=MOST_ROADS)] = ()
@@ -110,7 +109,7 @@ class Spec(Section):
     tolerances: TolerancesSection = Field(default_factory=TolerancesSection)
     """Errors of part, mounting and LED, for ``lensforge yield`` and for a robust search."""
     photometry: PhotometrySection = Field(default_factory=PhotometrySection)
-    """Lighting that the lens is for: general, of an area, or of a road."""
+    """Lighting that the lens is for: general, or of an area or a road."""
 
     @model_validator(mode="before")
     @classmethod
@@ -254,6 +253,8 @@ class Spec(Section):
             lenses, receivers = self.photometry.lenses, self.all_receivers
             base = BaseSection(kind="none") if self.plate is not None else self.base  # the plate holds the lenses
             require_together(self.all_lamps, self.constraints, base, receivers, lenses)
+            others = {"plate": self.plate is not None, "sources": bool(self.sources)}
+            require_kinds(self.lamps, receivers, others | {"optimise.robust": self.optimise.robust})
             if self.evaluate.window_mm is not None:
                 raise ValueError("evaluate.window_mm: of lamps together the whole receiver counts; leave it out")
         return self
@@ -270,13 +271,7 @@ class Spec(Section):
 
     @model_validator(mode="after")
     def _roads_see_the_far_field(self) -> "Spec":
-        far = next((each for each in self.all_receivers if isinstance(each, FarFieldReceiver)), None)
-        if self.roads and (far is None or far.half_angle_deg < _ALL_BELOW):
-            found = "there is none" if far is None else f"the first has half_angle_deg = {far.half_angle_deg:g}"
-            raise ValueError(
-                f"roads: their far lamps and their glare are light at up to {_ALL_BELOW:g} degrees from the axis, on a "
-                f"receiver of kind far_field; {found}; give it half_angle_deg = {_ALL_BELOW:g}"
-            )
+        require_all_below(self.roads, self.all_receivers)
         return self
 
     @model_validator(mode="after")

@@ -1,12 +1,13 @@
-"""Equal lamps together: the places and turns of a grid, a hexagon, a ring, a table, or a lattice without an end.
+"""Lamps together: the places and turns of a grid, a hexagon, a ring, a table, or a lattice without an end.
 
-All stand on the plane z = 0, their axes along z, and every receiver sees the light of all. Receivers keep their places
-about the origin, the middle of the lamps.
+All stand on the plane z = 0, their axes along z, but for those of a table, which may have heights and aims. Every
+receiver sees the light of all. Receivers keep their places about the origin, the middle of the lamps. All have one
+lens, or lenses of several kinds by place.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from math import hypot, pi, sqrt
+from dataclasses import dataclass, replace
+from math import atan2, degrees, hypot, pi, sqrt
 from typing import Annotated, Literal
 
 import numpy as np
@@ -14,27 +15,31 @@ from jaxtyping import Float
 from pydantic import Field, model_validator
 
 from lensforge.spec.emitter_section import Turn
-from lensforge.spec.part_section import BaseSection
-from lensforge.spec.receiver_sections import AnyReceiver, CylinderReceiver, PlaneReceiver, SphereReceiver
-from lensforge.spec.search_section import ConstraintsSection
-from lensforge.spec.spec_section import Coordinate, Millimetres, Section, rounded_up
+from lensforge.spec.lamp_kinds import KindOfPlace, LampKind, in_grid, in_hexagon, kinds_of
+from lensforge.spec.lamp_stand import ALONG_Z, Stand, Vector, aimed_from
+from lensforge.spec.spec_section import Coordinate, Millimetres, Section
 from lensforge.spec.target_sections import Side
 from lensforge.surfaces.mirror_group import generators
 
 Place = tuple[float, float]
-_SAME = 1e-9  # relative: rounding of a place, and of the side of a receiver that is a lattice's period
 
 
 @dataclass(frozen=True)
 class Lamps:
-    """Equal lamps: places (mm) of their axes on the plane z = 0, and turns (degrees) about these, from x towards y.
+    """Lamps with equal LEDs: places (mm) of their axes on the plane z = 0, and turns (degrees), from x towards y.
 
     ``period_mm``: width and height of the rectangle that a lattice without an end repeats; the lamps are those of one.
+    ``heights_mm``: z of their origins, none where all are 0. ``axes``: unit vectors along their axes, to which they are
+    tilted the shortest way after their turn; none where all are along z.
+    ``kinds``: two or more that share the lamps out, each with a lens of its own; none where all have the same lens.
     """
 
     places_mm: tuple[Place, ...] = ((0.0, 0.0),)
     turns_deg: tuple[float, ...] = (0.0,)
     period_mm: tuple[float, float] | None = None
+    kinds: tuple[LampKind, ...] = ()
+    heights_mm: tuple[float, ...] = ()
+    axes: tuple[Vector, ...] = ()
 
     def __len__(self) -> int:
         return len(self.places_mm)
@@ -45,43 +50,96 @@ class Lamps:
         return self == ALONE
 
     @property
+    def posed(self) -> bool:
+        """True where a lamp has a height of its own, or an axis that is not along z."""
+        return bool(self.heights_mm or self.axes)
+
+    def stand(self, number: int) -> Stand:
+        """The stand of one lamp."""
+        height, axis = self._heights[number], self._axes[number]
+        return Stand((*self.places_mm[number], height), axis, self.turns_deg[number])
+
+    @property
+    def _heights(self) -> tuple[float, ...]:
+        return self.heights_mm or (0.0,) * len(self)
+
+    @property
+    def _axes(self) -> tuple[Vector, ...]:
+        return self.axes or (ALONG_Z,) * len(self)
+
+    @property
     def words(self) -> str:
         """Number of lamps, after the receivers that they light; empty for one alone."""
         if self.period_mm is None:
-            return "" if self.alone else f", lit by {len(self)} lamps"
+            kinds = f" with lenses of {len(self.kinds)} kinds" if self.kinds else ""
+            return "" if self.alone else f", lit by {len(self)} lamps{kinds}"
         return f", lit by a lattice without an end, {len(self)} in {self.period_mm[0]:g} × {self.period_mm[1]:.4g} mm"
 
     @property
     def reach_mm(self) -> float:
-        """Distance of the farthest axis from the origin."""
-        return max(hypot(*place) for place in self.places_mm)
+        """Distance of the farthest lamp from the origin."""
+        return max(hypot(*place, height) for place, height in zip(self.places_mm, self._heights, strict=True))
 
     @property
     def from_afar(self) -> "Lamps":
         """The same as they are seen from far away, where all stand at one place."""
-        return self if self.alone else Lamps(((0.0, 0.0),) * len(self), self.turns_deg)
+        return self if self.alone else replace(self, places_mm=((0.0, 0.0),) * len(self), heights_mm=(), period_mm=None)
+
+    def of_kind(self, kind: LampKind) -> "Lamps":
+        """The lamps that have one lens."""
+        return Lamps(
+            tuple(self.places_mm[k] for k in kind.numbers),
+            tuple(self.turns_deg[k] for k in kind.numbers),
+            heights_mm=tuple(self.heights_mm[k] for k in kind.numbers if self.heights_mm),
+            axes=tuple(self.axes[k] for k in kind.numbers if self.axes),
+        )
+
+    @property
+    def shares_of_rays(self) -> tuple[float, ...]:
+        """Share of the rays for each kind: by the root of its lamps, which all see each ray: the least noise."""
+        roots = [sqrt(len(kind.numbers)) for kind in self.kinds]
+        return tuple(root / sum(roots) for root in roots)
 
     def has_mirrors(self, group: str) -> bool:
-        """True where each mirror of a group takes the lamps to themselves: their light then has the lens's mirrors."""
-        if group == "square" and self.period_mm is not None and self.period_mm[0] != self.period_mm[1]:
-            return False
-        places, turns = np.array(self.places_mm), np.array(self.turns_deg)
-        own = self._as_rows(places, turns)
-        mirrored = (self._as_rows(places @ mirror[:2, :2].T, -turns) for mirror in generators(group))
-        return all(np.array_equal(each, own) for each in mirrored)
+        """True where each mirror of a group takes the lamps to themselves: their light then has the lens's mirrors.
 
-    def _as_rows(self, places: Float[np.ndarray, "n 2"], turns: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
-        """Places, of a lattice within its period, and turns within 360 degrees, rounded and in one order."""
+        Of several kinds each lens has the mirrors of its kind.
+        """
+        swaps = any(mirror[0, 0] == 0.0 for mirror in generators(group))
+        if swaps and self.period_mm is not None and self.period_mm[0] != self.period_mm[1]:
+            return False
+        return all(self._is_mirrored(kind, group) for kind in self.kinds or (LampKind("", tuple(range(len(self)))),))
+
+    def _is_mirrored(self, kind: LampKind, group: str) -> bool:
+        chosen = list(kind.numbers)
+        places, turns = np.array(self.places_mm)[chosen], np.array(self.turns_deg)[chosen]
+        up, axes = np.array(self._heights)[chosen], np.array(self._axes)[chosen]
+        own = self._as_rows(places, turns, up, axes)
+        for mirror in generators(group):
+            axis_deg = 0.5 * degrees(atan2(mirror[1, 0], mirror[0, 0]))
+            turned = np.array([kind.mirrored_deg(turn, axis_deg) for turn in turns.tolist()])
+            if not np.array_equal(self._as_rows(places @ mirror[:2, :2].T, turned, up, axes @ mirror.T), own):
+                return False
+        return True
+
+    def _as_rows(
+        self,
+        places: Float[np.ndarray, "n 2"],
+        turns: Float[np.ndarray, " n"],
+        heights: Float[np.ndarray, " n"],
+        axes: Float[np.ndarray, "n 3"],
+    ) -> Float[np.ndarray, "n 7"]:
+        """Stands, of a lattice within its period, and with turns within 360 degrees, rounded and in one order."""
         if self.period_mm is not None:
             places = np.round(places / self.period_mm, 6) % 1.0 * self.period_mm
-        rows = np.round(np.column_stack([places, np.round(turns, 6) % 360.0]), 6) + 0.0
-        ordered: Float[np.ndarray, "n 3"] = rows[np.lexsort(rows.T)]
+        rows = np.round(np.column_stack([places, np.round(turns, 6) % 360.0, heights, axes]), 6) + 0.0
+        ordered: Float[np.ndarray, "n 7"] = rows[np.lexsort(rows.T)]
         return ordered
 
-    def _between(self) -> Float[np.ndarray, "m 2"]:
-        """Ways (mm) from each lamp to every other one, those of a lattice's neighbouring periods included."""
-        places = np.array(self.places_mm)
-        ways = (places[:, None] - places[None]).reshape(-1, 2)
+    def _between(self) -> Float[np.ndarray, "m d"]:
+        """Ways (mm) from each lamp to every other one, in 2 or 3 dimensions; in a lattice also to those around."""
+        places = np.column_stack([self.places_mm, *([self._heights] if self.posed else [])])
+        ways = (places[:, None] - places[None]).reshape(len(places) ** 2, -1)
         ways = ways[np.arange(len(ways)) % (len(places) + 1) != 0]  # not to itself
         if self.period_mm is None:
             return np.asarray(ways)
@@ -91,17 +149,21 @@ class Lamps:
         return apart
 
     def nearest_mm(self, square: bool = False) -> float:
-        """Distance of the nearest two axes; along x or y, the larger of both, for ``square`` bases."""
+        """Distance of the nearest two lamps; along x or y, the larger of both, for ``square`` bases side by side."""
         ways = np.abs(self._between())
         if not len(ways):
             return float("inf")
-        turned = any(turn % 90.0 for turn in self.turns_deg)
-        return float((ways.max(axis=1) if square and not turned else np.hypot(*ways.T)).min())
+        turned = self.posed or any(turn % 90.0 for turn in self.turns_deg)
+        return float((ways.max(axis=1) if square and not turned else np.sqrt(np.sum(ways**2, axis=1))).min())
 
 
 ALONE = Lamps()
 _MOST = 2000  # lamps: 41 x 41 show what an endless lattice is
+_MOST_KINDS = 7
 _Number = Annotated[int, Field(ge=1, le=_MOST)]
+_Kinds = Literal["one", "place"]
+_Rings = Annotated[int, Field(ge=1, le=3)]
+_KindName = Annotated[str, Field(pattern="^[a-z][a-z0-9_]{0,15}$")]
 
 
 class LampsSection(Section):
@@ -115,10 +177,23 @@ class LampsSection(Section):
         raise NotImplementedError
 
     @model_validator(mode="after")
-    def _are_few_enough(self) -> "LampsSection":
+    def _can_be(self) -> "LampsSection":
         if len(self.lamps) > _MOST:
             raise ValueError(f'{len(self.lamps)} lamps, at most {_MOST}; or kind = "endless"')
         return self
+
+    @property
+    def of_one_kind(self) -> "LampsSection":
+        """The same places, where all lamps have one lens."""
+        return self
+
+
+def _by_place(places: Sequence[Place], found: Sequence[KindOfPlace]) -> Lamps:
+    """Lamps whose lenses differ by place. Raises ``ValueError`` where all places are of one kind."""
+    names, turns, mirrors = (tuple(each) for each in zip(*found, strict=True))
+    if len(set(names)) == 1:
+        raise ValueError(f'kinds = "place": all {len(places)} lamps are of the kind {names[0]!r}; leave it out')
+    return Lamps(tuple(places), turns, kinds=kinds_of(places, names, mirrors))
 
 
 def _pair(pitch: Side) -> tuple[float, float]:
@@ -135,6 +210,10 @@ class GridLamps(LampsSection):
     """Lamps along y."""
     pitch_mm: Side
     """Distance of neighbouring axes; one number, or along x and along y."""
+    kinds: _Kinds = "one"
+    """Lenses: "one" for all lamps, or "place": other ones along the rim and at the corners, turned to face outwards."""
+    rim_rings: _Rings = 1
+    """Rings of places, from the rim inwards, with a lens of their own for sides and one for corners."""
 
     @property
     def lamps(self) -> Lamps:
@@ -142,7 +221,18 @@ class GridLamps(LampsSection):
         across, up = _pair(self.pitch_mm)
         x = [across * (number - 0.5 * (self.columns - 1)) for number in range(self.columns)]
         y = [up * (number - 0.5 * (self.rows - 1)) for number in range(self.rows)]
-        return _unturned([(each, other) for other in y for each in x])
+        places = [(each, other) for other in y for each in x]
+        if self.kinds == "one":
+            return _unturned(places)
+        size = self.columns, self.rows
+        return _by_place(
+            places, [in_grid(i, j, *size, self.rim_rings) for j in range(self.rows) for i in range(self.columns)]
+        )
+
+    @property
+    def of_one_kind(self) -> "GridLamps":
+        """The same places, where all lamps have one lens."""
+        return self.model_copy(update={"kinds": "one"})
 
 
 class HexagonLamps(LampsSection):
@@ -153,13 +243,25 @@ class HexagonLamps(LampsSection):
     """Hexagons around the middle lamp."""
     pitch_mm: Millimetres
     """Distance of neighbouring axes, along x and at 60 degrees to it."""
+    kinds: _Kinds = "one"
+    """Lenses: "one" for all lamps, or "place": other ones along the rim and at the corners, turned to face outwards."""
+    rim_rings: _Rings = 1
+    """Rings of places, from the rim inwards, with a lens of their own for sides and one for corners."""
 
     @property
     def lamps(self) -> Lamps:
         """Places and turns."""
         rings, up = self.rings, 0.5 * sqrt(3.0)
         steps = [(i, j) for j in range(-rings, rings + 1) for i in range(-rings, rings + 1) if abs(i + j) <= rings]
-        return _unturned([(self.pitch_mm * (i + 0.5 * j), self.pitch_mm * up * j) for i, j in steps])
+        places = [(self.pitch_mm * (i + 0.5 * j), self.pitch_mm * up * j) for i, j in steps]
+        if self.kinds == "one":
+            return _unturned(places)
+        return _by_place(places, [in_hexagon(i, j, rings, self.rim_rings) for i, j in steps])
+
+    @property
+    def of_one_kind(self) -> "HexagonLamps":
+        """The same places, where all lamps have one lens."""
+        return self.model_copy(update={"kinds": "one"})
 
 
 class RingLamps(LampsSection):
@@ -182,24 +284,62 @@ class RingLamps(LampsSection):
         return Lamps(places, turns if self.turned else (0.0,) * self.count)
 
 
+_TablePlace = tuple[Coordinate, Coordinate] | tuple[Coordinate, Coordinate, Coordinate]
+_Point = tuple[Coordinate, Coordinate, Coordinate]
+
+
 class TableLamps(LampsSection):
-    """Places and turns one by one."""
+    """Places and turns one by one; also lamps on poles, each with its height and aim."""
 
     kind: Literal["table"] = "table"
-    places_mm: Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(min_length=1, max_length=_MOST)]
-    """Place (x, y) of each axis."""
+    places_mm: Annotated[tuple[_TablePlace, ...], Field(min_length=1, max_length=_MOST)]
+    """Place (x, y) or (x, y, z) of each lamp; z, along which lamps shine, is 0 where it is left out."""
+    aims_mm: Annotated[tuple[_Point, ...], Field(max_length=_MOST)] = ()
+    """Point (x, y, z) at which the axis of each lamp is aimed; by default all axes are along z. The +x of a lamp that
+    is tilted points to the side to which it is tilted.
+    """
     turns_deg: Annotated[tuple[Turn, ...], Field(max_length=_MOST)] = ()
-    """Turn of each lamp about its axis, from x towards y; by default none is turned."""
+    """Turn of each lamp about its axis, from x towards y, from there on; by default none is turned."""
+    kinds: Annotated[tuple[_KindName, ...], Field(max_length=_MOST)] = ()
+    """Lens of each lamp, by a name such as "wide"; by default all have one lens."""
 
     @property
     def lamps(self) -> Lamps:
         """Places and turns."""
-        return Lamps(self.places_mm, self.turns_deg or (0.0,) * len(self.places_mm))
+        flat = tuple((place[0], place[1]) for place in self.places_mm)
+        heights = tuple(place[2] if len(place) == 3 else 0.0 for place in self.places_mm)
+        points = [(*place, height) for place, height in zip(flat, heights, strict=True)]
+        aimed = [aimed_from(*each) for each in zip(points, self.aims_mm, strict=bool(self.aims_mm))]
+        axes, sides = ([axis for axis, _ in aimed], [side for _, side in aimed] or [0.0] * len(points))
+        own = self.turns_deg or (0.0,) * len(points)
+        return Lamps(
+            flat,
+            tuple(turn + side for turn, side in zip(own, sides, strict=True)),
+            kinds=kinds_of(flat, self.kinds, [""] * len(self.kinds)),
+            heights_mm=heights if any(heights) else (),
+            axes=tuple(axes) if any(axis != ALONG_Z for axis in axes) else (),
+        )
+
+    @property
+    def of_one_kind(self) -> "TableLamps":
+        """The same places, where all lamps have one lens."""
+        return self.model_copy(update={"kinds": ()})
 
     @model_validator(mode="after")
-    def _each_has_its_turn(self) -> "TableLamps":
-        if self.turns_deg and len(self.turns_deg) != len(self.places_mm):
-            raise ValueError(f"turns_deg has {len(self.turns_deg)} numbers, places_mm {len(self.places_mm)} places")
+    def _can_be(self) -> "TableLamps":
+        lists = (
+            ("turns_deg", self.turns_deg, "numbers"),
+            ("aims_mm", self.aims_mm, "points"),
+            ("kinds", self.kinds, "names"),
+        )
+        for field, given, words in lists:
+            if given and len(given) != len(self.places_mm):
+                raise ValueError(f"{field} has {len(given)} {words}, places_mm {len(self.places_mm)} places")
+        for number, (aim, place) in enumerate(zip(self.aims_mm, self.places_mm, strict=False)):
+            if aim == (*place, 0.0)[:3]:
+                raise ValueError(f"aims_mm.{number} = {aim}: is the place of the lamp; give a point that it shines at")
+        if self.kinds and not 2 <= len(set(self.kinds)) <= _MOST_KINDS:
+            raise ValueError(f"kinds: {len(set(self.kinds))} names; give 2 to {_MOST_KINDS}, or leave them out for one")
         return self
 
 
@@ -242,69 +382,3 @@ AnyLamps = Annotated[GridLamps | HexagonLamps | RingLamps | TableLamps | Endless
 def lamps_of(section: LampsSection | None) -> Lamps:
     """The lamps of a section; without one, one lamp."""
     return ALONE if section is None else section.lamps
-
-
-def require_together(
-    lamps: Lamps, limits: ConstraintsSection, base: BaseSection, receivers: Sequence[AnyReceiver], lenses: int
-) -> None:
-    """Raise ``ValueError`` where lamps overlap, a receiver is between them, or ``photometry.lenses`` counts them."""
-    _require_apart(lamps, limits, base)
-    for receiver in receivers:
-        _require_seen_by(receiver, lamps, limits)
-    if lenses != 1:
-        raise ValueError(f"photometry.lenses = {lenses}: [lamps] are {len(lamps)} already; leave out one of the two")
-
-
-def _require_apart(lamps: Lamps, limits: ConstraintsSection, base: BaseSection) -> None:
-    """Raise ``ValueError`` where two lenses, or their bases, would overlap."""
-    lens_mm = 2.0 * limits.max_radius_mm
-    if lamps.nearest_mm() < lens_mm * (1.0 - _SAME):
-        raise ValueError(
-            f"lamps: the nearest two stand {lamps.nearest_mm():.6g} mm apart, lenses of constraints.max_radius_mm = "
-            f"{limits.max_radius_mm:g} overlap; allowed: at least {rounded_up(lens_mm)}, or a smaller lens"
-        )
-    if base.kind in ("none", "step"):
-        return
-    square = base.kind == "square" and base.flange_diameter_mm is None
-    wide_mm = base.side_mm if square else base.flange_diameter_mm or base.diameter_mm
-    if lamps.nearest_mm(square) < wide_mm * (1.0 - _SAME):
-        raise ValueError(
-            f"lamps: the nearest two stand {lamps.nearest_mm(square):.6g} mm apart, their rims of base.kind = "
-            f"{base.kind!r} are {wide_mm:g} mm wide; allowed: at least {rounded_up(wide_mm)}, or a smaller base"
-        )
-
-
-def _require_seen_by(receiver: AnyReceiver, lamps: Lamps, limits: ConstraintsSection) -> None:
-    """Raise ``ValueError`` for a receiver between the lamps or inside a lens, or one that a lattice cannot light."""
-    if lamps.period_mm is not None:
-        _require_period(receiver, lamps.period_mm)
-    for place in lamps.places_mm:
-        away_mm = _clear_mm(receiver, place)
-        if away_mm <= limits.max_radius_mm:
-            raise ValueError(
-                f"receivers: {receiver.name or receiver.kind!r} is between the lamps: that at ({place[0]:.4g}, "
-                f"{place[1]:.4g}) mm has {away_mm:.4g} mm to it, its lens needs more than constraints.max_radius_mm = "
-                f"{limits.max_radius_mm:g}; move or turn the receiver"
-            )
-    if isinstance(receiver, PlaneReceiver) and receiver.window_mm not in (None, receiver.size):
-        raise ValueError("receivers.window_mm: of lamps together the whole receiver counts; leave it out")
-
-
-def _clear_mm(receiver: AnyReceiver, place: Place) -> float:
-    """Distance from the middle of a lens to a receiver, on its lit side; infinite for the far field."""
-    if isinstance(receiver, PlaneReceiver):
-        normal = np.array(receiver.facing) / np.linalg.norm(receiver.facing)
-        return float(normal @ (np.array(receiver.centre_mm) - (*place, 0.0)))
-    if isinstance(receiver, CylinderReceiver | SphereReceiver):
-        return receiver.radius_mm - float(np.linalg.norm(np.array(receiver.centre_mm) - (*place, 0.0)))
-    return float("inf")
-
-
-def _require_period(receiver: AnyReceiver, period: tuple[float, float]) -> None:
-    """Refuse all but a level plane of one period."""
-    level = isinstance(receiver, PlaneReceiver) and not any(receiver.facing[:2]) and receiver.rotation_deg == 0.0
-    if not level or not np.allclose(receiver.size, period, rtol=1e-6, atol=0.0):
-        raise ValueError(
-            f'receivers: {receiver.name or receiver.kind!r}: lamps of kind = "endless" light level planes that are one '
-            f"period of the lattice, {period[0]:.7g} x {period[1]:.7g} mm; take such a plane, or lamps of another kind"
-        )

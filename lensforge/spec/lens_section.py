@@ -24,7 +24,7 @@ Levels = Annotated[
     Annotated[Literal["auto"], Tag("word")] | Annotated[_Numbers, Tag("numbers")],
     Discriminator(lambda value: "word" if isinstance(value, str) else "numbers"),
 ]
-Symmetry = Literal["auto", "none", "mirror_x", "mirror_y", "rectangle", "square"]
+Symmetry = Literal["auto", "none", "mirror_x", "mirror_y", "diagonal", "rectangle", "square"]
 
 
 def _kind_of_lens(value: Any) -> str | None:

@@ -1,14 +1,16 @@
 """Limits of the light beside targets: ``[[limits]]`` at points, lines, zones and angles, and ``[photometry]``.
 
 Limits are compared with the receivers that they are on: their units, and places off the receiver. The photometry names
-which lighting the lens is for, and the road that it lights.
+which lighting the lens is for.
 """
 
-from collections.abc import Iterator, Sequence
-from typing import Annotated, ClassVar, Literal, get_args
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import Field, model_validator
 
+from lensforge.errors import RenamedWarning
 from lensforge.spec.receiver_sections import AnyReceiver, FarFieldReceiver, PlaneReceiver, require_on
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.shape_targets import DiscTarget, EllipseTarget, PolygonTarget, RectangleTarget, RingTarget
@@ -271,50 +273,33 @@ def require_limits_fit(limits: Sequence[LimitSection], receivers: Sequence[AnyRe
             raise ValueError(f"limits.{number}: {error}") from None
 
 
-Metres = Annotated[float, Field(gt=0.0, le=1000.0)]
-_OF_ROAD = ("pole_height_m", "pole_spacing_m", "road_width_m")
-_ROAD_ONLY = (*_OF_ROAD, "overhang_m", "maintenance_factor")
 _FAR = 5.0  # widths of a lamp: there 1/r^2 errs by less than 1 % (five-times rule, CIE S 025)
 
 
 class PhotometrySection(Section):
-    """Lighting that a lens is for, and the road that it lights."""
+    """Lighting that a lens is for."""
 
-    use: Literal["general", "area", "road"] = "general"
-    """Lighting: "general"; "area" adds the IES distribution type and the BUG rating; "road" adds these, and the classes
-    of EN 13201 of a road along whose edge the lamps stand.
-    """
+    use: Literal["general", "area"] = "general"
+    """Lighting: "general"; "area" adds the IES distribution type, the BUG rating and the class of glare."""
     street_side_deg: Azimuth = 90.0
     """Direction from the lens towards the street, from its +x to its +y."""
     lenses: Annotated[int, Field(ge=1, le=100_000)] = 1
     """Equal lenses in a lamp."""
-    pole_height_m: Metres | None = None
-    """Height of a lamp above the road."""
-    pole_spacing_m: Metres | None = None
-    """Distance between lamps along the road."""
-    road_width_m: Metres | None = None
-    """Width of the road."""
-    overhang_m: Annotated[float, Field(ge=-100.0, le=100.0)] = 0.0
-    """Distance of a lamp from the edge of the road, over the road."""
-    maintenance_factor: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
-    """Share of the light that dirt and age leave."""
 
-    @model_validator(mode="after")
-    def _names_its_road(self) -> "PhotometrySection":
-        missing = [name for name in _OF_ROAD if getattr(self, name) is None]
-        if self.use == "road" and missing:
-            raise ValueError(f'use = "road" needs {", ".join(missing)}; give them, or use = "area" for a lamp alone')
-        fields = type(self).model_fields
-        given = [name for name in _ROAD_ONLY if getattr(self, name) != fields[name].default]
-        if self.use != "road" and given:
-            raise ValueError(f'{given[0]} is of a road; leave it out, or give use = "road"')
-        return self
+    @model_validator(mode="before")
+    @classmethod
+    def _roads_are_tables(cls, content: Any) -> Any:
+        """Read the use "road" of an earlier version, whose road is a table of ``[[roads]]`` now."""
+        if not isinstance(content, Mapping) or content.get("use") != "road":
+            return content
+        warnings.warn('use = "road" is read in this version only: write use = "area"', RenamedWarning, stacklevel=2)
+        return {**content, "use": "area"}
 
 
 def require_seen_from_afar(
     section: PhotometrySection, receivers: tuple[AnyReceiver, ...], limits: ConstraintsSection
 ) -> None:
-    """Raise ``ValueError`` where a lamp for an area or a road has no receiver far enough to be designed for it."""
+    """Raise ``ValueError`` where a lamp for an area has no receiver far enough to be designed for it."""
     far_mm = _FAR * 2.0 * limits.max_radius_mm
     if section.use == "general" or any(_is_far(each, far_mm) for each in receivers):
         return

@@ -1,22 +1,32 @@
 """The plate that carries the lenses of ``[lamps]`` in one piece: ``[plate]``, its outline, holes, pins, bosses, gate.
 
-Its top is the plane z = 0, in which the rims of the lenses lie, and its middle is the origin. The cavities go straight
-down through it, as through a base.
+Its top is the plane z = 0, in which the rims of the lenses lie; a rectangle or a circle has the origin in its middle.
+The cavities go straight down through it, as through a base.
 """
 
 from math import hypot
+from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
+from lensforge.errors import InputError
 from lensforge.spec.lamps_section import EndlessLamps, Lamps, LampsSection, Place, lamps_of
+from lensforge.spec.plate_outline import DrawnOutline, read_outline
 from lensforge.spec.search_section import ConstraintsSection
-from lensforge.spec.spec_section import Coordinate, Millimetres, MillimetresOrZero, Section, rounded_up
+from lensforge.spec.spec_section import Coordinate, FilePath, Millimetres, MillimetresOrZero, Section, rounded_up
+from lensforge.surfaces.plane_loop import box_of_loop, inside_by_mm
 
 _MOST_LENSES, _MOST_MARKS = 400, 200
 _MARGIN_MM = 2.0
 _SAME_MM, _ON_EDGE_MM = 1e-9, 1e-3
 _Lines = Annotated[int, Field(ge=1, le=_MOST_LENSES)]
+_OF_RECTANGLE = ("width_mm", "height_mm", "corner_radius_mm")
+_FOREIGN = {  # sizes that an outline has not
+    "rectangle": ("diameter_mm",),
+    "round": _OF_RECTANGLE,
+    "step": ("diameter_mm", *_OF_RECTANGLE, "margin_mm"),
+}
 
 
 class PlateMark(Section):
@@ -76,11 +86,23 @@ class PlateGate(Section):
     """Distance from its middle that lenses as wide as ``constraints.max_radius_mm``, holes, pins and bosses keep."""
 
 
+def _drawn(outline: Path | DrawnOutline | None) -> DrawnOutline | None:
+    """The outline itself in place of the file that holds it: a spec needs that file no more."""
+    try:
+        return read_outline(outline) if isinstance(outline, Path) else outline
+    except InputError as error:
+        raise ValueError(str(error)) from None
+
+
 class PlateSection(Section):
     """One moulded plate for all lenses of [lamps], its top in z = 0; without [lamps] it has one lens."""
 
-    kind: Literal["rectangle", "round"] = "rectangle"
-    """Outline, about the origin."""
+    kind: Literal["rectangle", "round", "step"] = "rectangle"
+    """Outline, about the origin; "step": as drawn in a file."""
+    outline: Annotated[FilePath | DrawnOutline | None, AfterValidator(_drawn)] = None
+    """STEP file of the outline, in the coordinates of the lamps: one face or wires of lines and arcs in a plane of one
+    z, or a flat body, whose top counts. Its openings become holes of the plate.
+    """
     thickness_mm: Millimetres
     """Thickness, from z = 0 downwards."""
     margin_mm: MillimetresOrZero | None = None
@@ -111,8 +133,9 @@ class PlateSection(Section):
     @model_validator(mode="after")
     def _sizes_go_with_the_outline(self) -> "PlateSection":
         """Each size has something to be the size of, and the margin is given once."""
-        foreign = ("diameter_mm",) if self.kind == "rectangle" else ("width_mm", "height_mm", "corner_radius_mm")
-        wrong = next((name for name in foreign if getattr(self, name)), None)
+        if (self.kind == "step") != (self.outline is not None):
+            raise ValueError('kind = "step" and outline go together: give both, or neither')
+        wrong = next((name for name in _FOREIGN[self.kind] if getattr(self, name)), None)
         if wrong is not None:
             raise ValueError(f'{wrong} = {getattr(self, wrong):g} does not go with kind = "{self.kind}"; leave it out')
         if (self.width_mm is None) != (self.height_mm is None):
@@ -129,8 +152,19 @@ class PlateSection(Section):
     @property
     def marks(self) -> tuple[tuple[str, PlateMark], ...]:
         """Holes, pins and bosses, each with its name in the spec."""
-        kinds: dict[str, tuple[PlateMark, ...]] = {"holes": self.holes, "pins": self.pins, "bosses": self.bosses}
-        return tuple((f"plate.{kind}.{number}", each) for kind, own in kinds.items() for number, each in enumerate(own))
+        own: dict[str, tuple[PlateMark, ...]] = {"holes": self.holes, "pins": self.pins, "bosses": self.bosses}
+        drawn = ((f"hole {number} of plate.outline", hole) for number, hole in enumerate(self._drawn_holes, 1))
+        return *drawn, *((f"plate.{kind}.{number}", each) for kind in own for number, each in enumerate(own[kind]))
+
+    @property
+    def _drawn_holes(self) -> tuple[PlateHole, ...]:
+        circles = self.outline.circles if isinstance(self.outline, DrawnOutline) else ()
+        return tuple(PlateHole(place_mm=place, diameter_mm=2.0 * radius) for place, radius in circles)
+
+    @property
+    def all_holes(self) -> tuple[PlateHole, ...]:
+        """Round holes, of the drawn outline and of its own."""
+        return *self._drawn_holes, *self.holes
 
     @property
     def standing(self) -> tuple[PlatePin, ...]:
@@ -153,6 +187,9 @@ class PlateSection(Section):
 
     def size_mm(self, lenses: Lamps, lens_mm: float) -> tuple[float, float]:
         """Width and height; of a round plate its diameter twice. ``lens_mm``: radius of a lens."""
+        if isinstance(self.outline, DrawnOutline):
+            low, high = box_of_loop(self.outline.outer)
+            return high[0] - low[0], high[1] - low[1]
         beyond = lens_mm + (_MARGIN_MM if self.margin_mm is None else self.margin_mm)
         if self.kind == "round":
             size = self.diameter_mm or 2.0 * (lenses.reach_mm + beyond)
@@ -163,7 +200,13 @@ class PlateSection(Section):
         return 2.0 * (reach_x + beyond), 2.0 * (reach_y + beyond)
 
     def to_edge_mm(self, place: Place, size_mm: tuple[float, float]) -> float:
-        """Distance of a place from the edge of a plate of ``size_mm``, below 0 outside."""
+        """Distance of a place from the edge of a plate of ``size_mm``, below 0 outside.
+
+        Of a drawn outline also from its openings that are not round.
+        """
+        if isinstance(self.outline, DrawnOutline):
+            beside = [-inside_by_mm(slot, place) for slot in self.outline.slots]
+            return min([inside_by_mm(self.outline.outer, place), *beside])
         corner = size_mm[0] / 2.0 if self.kind == "round" else self.corner_radius_mm
         x, y = (abs(at) - width / 2.0 + corner for at, width in zip(place, size_mm, strict=True))
         return corner - hypot(max(x, 0.0), max(y, 0.0)) - min(max(x, y), 0.0)
@@ -179,12 +222,23 @@ def require_plate(plate: PlateSection, lamps: LampsSection | None, limits: Const
         words = "a lattice without an end needs them" if endless else 'they go with lamps of kind = "endless"'
         raise ValueError(f"plate.columns and plate.rows: {words}; {'give both' if endless else 'leave them out'}")
     lenses, lens_mm = plate.lenses(lamps), limits.max_radius_mm
+    if lenses.posed:
+        raise ValueError(
+            "plate: its lenses stand on z = 0 with their axes along z, [lamps] have heights or aims; leave these out "
+            "(places_mm of x and y, no aims_mm), or [plate]"
+        )
     if len(lenses) > _MOST_LENSES:
         raise ValueError(f"plate: {len(lenses)} lenses, at most {_MOST_LENSES}; take fewer columns, rows or lamps")
     size = plate.size_mm(lenses, lens_mm)
     if 2.0 * plate.corner_radius_mm > min(size) + _SAME_MM:
         raise ValueError(f"plate.corner_radius_mm = {plate.corner_radius_mm:g}: at most {min(size) / 2.0:.6g}")
     room = min(plate.to_edge_mm(place, size) for place in lenses.places_mm)
+    if room < lens_mm - _SAME_MM and isinstance(plate.outline, DrawnOutline):
+        x, y = min(lenses.places_mm, key=lambda place: plate.to_edge_mm(place, size))
+        raise ValueError(
+            f"plate.outline: a lens of {lens_mm:g} mm radius at ({x:.4g}, {y:.4g}) mm ends {lens_mm - room:.4g} mm "
+            f"outside that of {plate.outline.origin}; draw it wider there, or move the lamps"
+        )
     if room < lens_mm - _SAME_MM:
         field = "plate.diameter_mm" if plate.kind == "round" else "plate.width_mm and plate.height_mm"
         raise ValueError(

@@ -297,7 +297,7 @@ AnyReceiver = PlaneReceiver | FarFieldReceiver | CylinderReceiver | SphereReceiv
 
 
 _Implied = TypeVar("_Implied", PlaneReceiver, FarFieldReceiver)
-_OF_RECEIVER = ("distance_mm", "receiver_mm", "half_angle_deg")  # fields of a target that stands alone
+OF_RECEIVER = ("distance_mm", "receiver_mm", "half_angle_deg")  # fields of a target that stands alone
 
 
 def implied_receiver(target: Target) -> AnyReceiver:
@@ -328,7 +328,7 @@ def named(receivers: tuple[AnyReceiver, ...]) -> tuple[AnyReceiver, ...]:
     with_names: list[AnyReceiver] = []
     for receiver in receivers:
         for target in receiver.targets:
-            own = next((name for name in _OF_RECEIVER if getattr(target, name) is not None), None)
+            own = next((name for name in OF_RECEIVER if getattr(target, name) is not None), None)
             if own is not None:
                 words = "a target in [[receivers]] lies on that receiver; leave it out"
                 raise ValueError(f"receivers.targets.{own}: {words}")

@@ -32,6 +32,7 @@ def _as(new: str, value: Any) -> dict[str, object]:
     return {new: value}
 
 
+_OF_ROADS = ("pole_height_m", "pole_spacing_m", "road_width_m", "overhang_m", "maintenance_factor")
 _FIELDS = ("concave_radius_mm", "draft_deg")
 _ERRORS = ("form_um", "waviness_um", "ripple_um", "roughness_mrad")
 _OF_LENS = {
@@ -59,6 +60,7 @@ RENAMED: dict[str, dict[str, Callable[[Any], dict[str, object]]]] = {
     },
     "ManufactureSection": {"stepover_mm": _gone, "slope_limit_mrad": _gone},
     "OptimiseSection": {"learning_rate": _gone, "uniformity_steps": _gone},
+    "PhotometrySection": dict.fromkeys(_OF_ROADS, _gone),
     "ReceiverSection": {"pixel_aspect": _gone},
     "Spec": {old: partial(_as, new) for old, new in MOVED.items()},
     "TolerancesSection": {"waviness_exponent": _gone},
@@ -84,7 +86,8 @@ def with_new_names(section: str, content: Any) -> Any:
             content = _with(content, name, implied)
         words = ", ".join(map(_words, new, new.values()))
         said = f"is an old name, read in this version only: write {words}"
-        warnings.warn(f"{old} {said if new else _NO_MORE}", RenamedWarning, stacklevel=2)
+        gone = f"{_NO_MORE}; a road is one of [[roads]]" if old in _OF_ROADS else _NO_MORE
+        warnings.warn(f"{old} {said if new else gone}", RenamedWarning, stacklevel=2)
     return content
 
 

@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
+from lensforge.spec.receiver_sections import AnyReceiver, FarFieldReceiver
 from lensforge.spec.spec_files import read_toml, resolve_files
 from lensforge.spec.spec_section import FilePath, Label, Section, spec_error
 
@@ -86,6 +87,7 @@ WetSurface = Literal["W4"]
 Arrangement = Literal["left", "right", "opposite", "staggered", "median"]
 Share = Annotated[float, Field(gt=0.0, le=1.0)]
 _LEAST_LANE_M, MOST_ROADS = 2.0, 32
+_ALL_BELOW = 90.0  # degrees from the axis: all that is below a lamp
 _OF_M = ("uniformity_along", "glare_percent", "wet_surface", "wet_surface_file", "wet_uniformity")
 _BY_LUMINANCE = ("mean_cd_per_m2", "uniformity", "luminance_per_lux", *_OF_M)
 
@@ -257,6 +259,17 @@ def names_of(roads: Sequence[RoadSection]) -> tuple[str, ...]:
     if len(roads) == 1:
         return (roads[0].name or "road",)
     return tuple(road.name or f"road {number}" for number, road in enumerate(roads, start=1))
+
+
+def require_all_below(roads: Sequence[RoadSection], receivers: Sequence[AnyReceiver]) -> None:
+    """Raise ``ValueError`` for roads without a far field that has all light below a lamp."""
+    far = next((each for each in receivers if isinstance(each, FarFieldReceiver)), None)
+    if roads and (far is None or far.half_angle_deg < _ALL_BELOW):
+        found = "there is none" if far is None else f"the first has half_angle_deg = {far.half_angle_deg:g}"
+        raise ValueError(
+            f"roads: their far lamps and their glare are light at up to {_ALL_BELOW:g} degrees from the axis, on a "
+            f"receiver of kind far_field; {found}; give it half_angle_deg = {_ALL_BELOW:g}"
+        )
 
 
 class RoadFile(Section):

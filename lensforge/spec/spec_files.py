@@ -99,7 +99,7 @@ def joined_name(name: str, end: str) -> str:
 
 
 _NAMED = "the spec names it"
-_FIELDS = ("file", "keep_out", "start", "material_file", "surface_file")  # fields that name a file
+_FIELDS = ("file", "keep_out", "outline", "start", "material_file", "surface_file")  # fields that name a file
 
 
 def resolve_files(table: object, folder: Path) -> None:

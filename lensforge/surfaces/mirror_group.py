@@ -20,6 +20,7 @@ _GROUPS: dict[str, list[np.ndarray]] = {
     "none": _mirrors((1,), (1,)),
     "mirror_x": _mirrors((1, -1), (1,)),
     "mirror_y": _mirrors((1,), (1, -1)),
+    "diagonal": [np.eye(3), _SWAP_XY],
     "rectangle": _RECTANGLE,
     "square": _RECTANGLE + [mirror @ _SWAP_XY for mirror in _RECTANGLE],
 }
@@ -28,6 +29,7 @@ _GENERATORS = {
     "none": [],
     "mirror_x": _mirrors((-1,), (1,)),
     "mirror_y": _mirrors((1,), (-1,)),
+    "diagonal": [_SWAP_XY],
     "rectangle": [*_mirrors((-1,), (1,)), *_mirrors((1,), (-1,))],
     "square": [*_mirrors((-1,), (1,)), *_mirrors((1,), (-1,)), _SWAP_XY],
 }

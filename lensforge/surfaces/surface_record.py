@@ -27,7 +27,7 @@ class SrbfFunctions(Record):
 
     levels: Annotated[tuple[Annotated[int, Field(strict=True, ge=1)], ...], Field(min_length=1)]
     sigma_c: Annotated[Number, Field(ge=1e-6, le=1e6)]
-    symmetry: Literal["none", "mirror_x", "mirror_y", "rectangle", "square"]
+    symmetry: Literal["none", "mirror_x", "mirror_y", "diagonal", "rectangle", "square"]
     weights: Annotated[tuple[Place, ...], Field(max_length=MOST_FUNCTIONS)]
 
 
@@ -37,7 +37,7 @@ class SrbfRecord(Record):
     kind: Literal["srbf"] = "srbf"
     levels: Annotated[tuple[Annotated[int, Field(strict=True, ge=1)], ...], Field(min_length=1)]
     sigma_c: Annotated[Number, Field(ge=1e-6, le=1e6)]
-    symmetry: Literal["none", "mirror_x", "mirror_y", "rectangle", "square"]
+    symmetry: Literal["none", "mirror_x", "mirror_y", "diagonal", "rectangle", "square"]
     offset_mm: Length
     weights_mm: Annotated[tuple[Place, ...], Field(max_length=MOST_FUNCTIONS)]
 

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
 from lensforge.cad.body_export import BodyProof, BuiltBody, build_body, prove
-from lensforge.cad.boundary import Boundary, Crease, boundaries
+from lensforge.cad.boundary import Boundary, Crease, boundaries, of_shapes
 from lensforge.cad.form_error import chart_samples, fit_to_form
 from lensforge.cad.mesh import build_mesh, check_closed, mesh_error
 from lensforge.cad.plate_export import copies_off_mm, opening_of, volume_of_mm3
@@ -31,6 +31,7 @@ from lensforge.surfaces.surface import Surface, to_sphere
 
 Centre = tuple[float, float, float]
 NONE = BaseSection(kind="none")
+pytestmark = pytest.mark.usefixtures("full_effort")
 
 
 class Ball(Ellipsoid):
@@ -248,16 +249,30 @@ def test_a_face_is_sampled_and_fitted_where_it_bounds_the_body() -> None:
 def test_walls_are_measured_between_the_faces_where_they_bound_the_body(free_body: BuiltBody) -> None:
     plan = free_body.plan
 
-    def points(boundary: Boundary) -> Float[np.ndarray, "n 3"]:
-        u = to_sphere(chart_samples(2**15))
+    def points(boundary: Boundary, count: int = 2**15) -> Float[np.ndarray, "n 3"]:
+        u = to_sphere(chart_samples(count))
         return boundary.radius(u)[:, None] * u
 
     near, far = points(plan.cavity), points(plan.envelope)
     found = thinnest(plan.cavity, plan.envelope)
-    shortest = cKDTree(far).query(near)[0].min()
+    shortest = cKDTree(far).query(points(plan.cavity, 2**13))[0].min()
     assert shortest - 5e-3 < found.thickness_mm <= shortest
     longest = (np.linalg.norm(far, axis=1) - np.linalg.norm(near, axis=1)).max()
     assert longest <= thickest(plan.cavity, plan.envelope).thickness_mm < longest + 1e-3
+
+
+def test_the_wall_at_a_corner_of_the_cavity_is_on_the_crease() -> None:
+    """Both balls of the cavity come nearer to the envelope towards the circle in which they meet, and beyond it."""
+    (cap, side), radius = (Ball.of(4.5, (0.2, 0.0, -2.0)), Ball.of(2.6, (0.0, 0.0, 0.8))), 5.0
+    pair = boundaries(body({"cap": cap, "side": side}, {"wall": Ball.of(radius)}))
+    fits = {face.name: fit_to_form(face.shape, domain=face.domain) for each in pair for face in each.faces}
+    between = np.array(side.centre) - np.array(cap.centre)
+    away = np.linalg.norm(between)
+    along = (away**2 + cap.axes[0] ** 2 - side.axes[0] ** 2) / (2.0 * away)
+    middle, axis = np.array(cap.centre) + along * between / away, between / away
+    off_axis = np.linalg.norm(middle - (middle @ axis) * axis)
+    farthest = np.hypot(middle @ axis, np.sqrt(cap.axes[0] ** 2 - along**2) + off_axis)
+    assert thinnest(*of_shapes(pair, fits)).thickness_mm == pytest.approx(radius - farthest, abs=1e-5)
 
 
 def test_the_wall_at_a_cap_is_on_the_axis(round_body: BuiltBody) -> None:

@@ -34,6 +34,7 @@ def test_a_lens_of_the_paper_passes_every_criterion(inner, outer):
     assert (part.watertight, part.genus) == (True, 0)
     assert part.volume_mm3 == pytest.approx(exact_volume(lens.inner, lens.outer, lens.spec.base), rel=2e-9)
     assert part.volume_mesh_mm3 == pytest.approx(part.volume_mm3, rel=2e-4)
+    assert part.size.area_mm2 == pytest.approx(part.mesh.area, rel=2e-4)
     assert {"OPTICAL_INNER", "OPTICAL_OUTER"} < set(part.faces.names)
     assert set(part.files) == {"lens.step", "lens.stl", "lens.3mf"}
     assert len(part.step) <= 3_000_000

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 from geometry_lenses import make_lens
+from nightly import first_by_day
 
 from lensforge.cad.mesh import BodyMesh, build_mesh, check_closed
 from lensforge.cad.mesh_files import parse_3mf, parse_stl, stl_bytes, threemf_bytes
@@ -75,8 +76,12 @@ def test_the_mesh_comes_back_with_its_sharing_unit_and_names(mesh):
     assert model.count("<t:ref ") + model.count("<t:refrange ") >= len(mesh.names)
 
 
-@pytest.mark.parametrize("content", [b"", b"solid nothing", b"\x00" * 90], ids=["empty", "noise", "zeros"])
-@pytest.mark.parametrize(("parse", "name"), [(parse_stl, "part.stl"), (parse_3mf, "part.3mf")])
+DAMAGED = [b"solid nothing", b"", b"\x00" * 90]
+FILES = [(parse_stl, "part.stl", content) for content in DAMAGED]
+FILES += [(parse_3mf, "part.3mf", content) for content in DAMAGED]
+
+
+@pytest.mark.parametrize(("parse", "name", "content"), first_by_day(4, FILES, "a 3MF is read by a child: two seconds"))
 def test_a_damaged_file_is_one_line(parse, name, content):
     with pytest.raises(InputError, match=f"^{name}: ") as caught:
         check_closed(*parse(content, name))

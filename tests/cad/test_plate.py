@@ -1,24 +1,32 @@
 """The plate with all lenses as one solid: closed forms, its files read back, and what breaks it."""
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from coarse_part import coarse_part
 from geometry_lenses import make_lens
 
 from lensforge.cad import plate_export
+from lensforge.cad.form_error import fit_lens
 from lensforge.cad.mesh import check_closed
 from lensforge.cad.mesh_files import parse_3mf, parse_stl
 from lensforge.cad.part import Part, part_facts
 from lensforge.cad.part_export import build_part
-from lensforge.cad.plate_layout import area_mm2, layout_of
+from lensforge.cad.plan import make_plan
+from lensforge.cad.plate_export import BuiltPlate, build_plate, room_on_plate
+from lensforge.cad.plate_layout import layout_of
 from lensforge.cad.plate_solid import build_plate_solid
 from lensforge.cad.step import parse_step
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
 from lensforge.shop.check import check_lens
+from lensforge.shop.findings import plate_findings
+from lensforge.spec import BaseSection
+from lensforge.surfaces.plane_loop import area_mm2
 
 INNER, OUTER = 0.8, 2.45  # mm; constraints.max_radius_mm is twice the outer
 RING = {"kind": "ring", "count": 3, "diameter_mm": 14.0}
@@ -33,8 +41,25 @@ def on_plate(plate: dict[str, Any], lamps: dict[str, Any] | None = None, relativ
     return replace(lens, spec=lens.spec.replace(changes))
 
 
-def failed(part: Part) -> list[str]:
-    return [criterion.name for criterion in part.criteria if not criterion.passed]
+def failed(made: Part | BuiltPlate) -> list[str]:
+    return [criterion.name for criterion in made.criteria if not criterion.passed]
+
+
+@cache
+def fitted(relative: float = 0.0) -> Any:
+    """The splines of the lens: the same on each plate."""
+    return fit_lens(make_lens(INNER, OUTER, relative, base={"kind": "none"}))
+
+
+def plate_alone(lens: Lens, relative: float = 0.0) -> BuiltPlate:
+    """The plate of ``lens`` without the files of one lens, which take twice as long."""
+    plate = build_plate(lens, make_plan(*fitted(relative), BaseSection(kind="none")), 0.5, "AP214", None)
+    assert plate is not None
+    return plate
+
+
+def findings(lens: Lens) -> Any:
+    return plate_findings(lens.spec, *room_on_plate(lens, fitted()))
 
 
 @pytest.fixture(scope="module")
@@ -54,20 +79,19 @@ def ring() -> Part:
     ids=["rectangle", "round", "margin"],
 )
 def test_a_plate_of_one_is_the_lens_and_the_plate(outline: dict[str, Any], area: float) -> None:
-    part = build_part(on_plate({"thickness_mm": 1.5, **outline}), rings=16)
-    assert failed(part) == []
-    lens_mm3 = 2.0 / 3.0 * np.pi * (OUTER**3 - INNER**3)
-    volume = lens_mm3 + 1.5 * (area - np.pi * INNER**2)
-    assert part.volume_mm3 == pytest.approx(lens_mm3, rel=1e-8)
-    assert part.plate is not None and part.plate.volume_mm3 == pytest.approx(volume, rel=1e-8)
-    assert (part.plate.lenses, part.plate.gap_mm, part.plate.genus) == (1, None, 0)
-    solid = parse_step(part.plate_step or b"")
+    plate = plate_alone(on_plate({"thickness_mm": 1.5, **outline}))
+    assert failed(plate) == []
+    volume = 2.0 / 3.0 * np.pi * (OUTER**3 - INNER**3) + 1.5 * (area - np.pi * INNER**2)
+    assert plate.figures.volume_mm3 == pytest.approx(volume, rel=1e-8)
+    assert (plate.figures.lenses, plate.figures.gap_mm, plate.figures.genus) == (1, None, 0)
+    solid = parse_step(plate.files["plate.step"])
     assert solid.volume_mm3 == pytest.approx(volume, rel=1e-8)
     assert {"OPTICAL_INNER", "OPTICAL_OUTER", "PLATE_TOP", "PLATE_BOTTOM"} < set(solid.faces)
 
 
 def test_turned_lenses_of_a_plate_are_those_of_the_part(ring: Part) -> None:
     assert failed(ring) == [] and ring.plate is not None
+    assert ring.plate.gap_mm == pytest.approx(room_on_plate(ring.lens, fitted(0.02))[0], abs=1e-9)
     solid, layout = parse_step(ring.plate_step or b""), layout_of(ring.lens)
     assert layout is not None
     assert len(solid.shape.Faces()) == ring.plate.faces == len(solid.faces)
@@ -120,8 +144,8 @@ def test_a_plate_is_kept_with_its_files_and_goes_with_them(ring: Part, tmp_path:
 
 def test_the_least_gap_is_that_of_the_spheres() -> None:
     lamps = {"kind": "table", "places_mm": [[-4.5, 0.0], [4.5, 0.0], [4.5, 9.3]]}
-    plate = build_part(on_plate({"thickness_mm": 1.0}, lamps), rings=16).plate
-    assert plate is not None and plate.gap_mm == pytest.approx(9.0 - 2.0 * OUTER, abs=2e-3)
+    gap_mm, _ = room_on_plate(on_plate({"thickness_mm": 1.0}, lamps), fitted())
+    assert gap_mm == pytest.approx(9.0 - 2.0 * OUTER, abs=2e-3)
 
 
 @pytest.mark.parametrize("shift_mm", [2e-6, 1e-2])
@@ -132,7 +156,7 @@ def test_a_lens_beside_its_place_fails(ring: Part, monkeypatch: pytest.MonkeyPat
         return build_plate_solid(plan, replace(layout, lenses=moved))
 
     monkeypatch.setattr(plate_export, "build_plate_solid", shifted)
-    assert failed(build_part(ring.lens, rings=16)) == ["plate_form_error"]
+    assert failed(plate_alone(ring.lens, 0.02)) == ["plate_form_error"]
 
 
 def test_a_hole_that_the_solid_lacks_fails(ring: Part, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -152,7 +176,7 @@ def test_a_plate_without_a_lens_s_rim_is_not_closed(ring: Part, monkeypatch: pyt
         return replace(mesh, triangles=mesh.triangles[kept], face=mesh.face[kept])
 
     monkeypatch.setattr(plate_export, "build_plate_mesh", torn)
-    assert {"plate_watertight", "plate_watertight_3mf"} <= set(failed(build_part(ring.lens, rings=16)))
+    assert {"plate_watertight", "plate_watertight_3mf"} <= set(failed(plate_alone(ring.lens, 0.02)))
 
 
 def test_lenses_that_overlap_and_pins_in_a_cavity_are_refused_in_one_line() -> None:
@@ -175,7 +199,7 @@ def test_the_ball_must_fit_between_lenses_that_are_cut(cutter: float, make: str,
     """Spheres of 2.45 mm, 9 mm apart, leave 4.1 mm."""
     lens = on_plate({"thickness_mm": 1.0}, {"kind": "table", "places_mm": [[-4.5, 0.0], [4.5, 0.0]]})
     spec = lens.spec.replace({"manufacture.cutter_radius_mm": cutter, "manufacture.make": make})
-    found = [each for each in check_lens(replace(lens, spec=spec)).verdicts if each.name == "gap"]
+    found = [each for each in findings(replace(lens, spec=spec)) if each.name == "gap"]
     assert [each.holds for each in found] == ([] if holds is None else [holds])
     for each in found:
         assert each.limit == pytest.approx(4.1, abs=2e-3)
@@ -197,7 +221,7 @@ def test_the_thinnest_wall_of_a_plate_is_found(place: list[float], wall: float, 
     plate = {"thickness_mm": 1.0, "width_mm": 7.0, "height_mm": 7.0, "holes": [hole], "pins": [pin]}
     lens = make_lens(INNER, OUTER, base={"kind": "none"})
     spec = lens.spec.replace({"constraints.max_radius_mm": 2.5, "plate": plate})
-    (found,) = [each for each in check_lens(replace(lens, spec=spec)).verdicts if each.name == "plate"]
+    (found,) = [each for each in findings(replace(lens, spec=spec)) if each.name == "plate"]
     assert found.value == pytest.approx(wall, abs=1e-6) and f"between plate.pins.0 and {between}" in found.reason
 
 
@@ -211,5 +235,14 @@ def test_the_thinnest_wall_of_a_plate_is_found(place: list[float], wall: float, 
 def test_the_walls_of_a_boss_are_judged(bore: dict[str, float], wall: float, between: str) -> None:
     boss = {"place_mm": [5.5, 0.0], "diameter_mm": 2.0, "height_mm": 1.0, **bore}
     lens = on_plate({"thickness_mm": 1.0, "width_mm": 16.0, "height_mm": 16.0, "bosses": [boss]})
-    (found,) = [each for each in check_lens(lens).verdicts if each.name == "plate"]
+    (found,) = [each for each in findings(lens) if each.name == "plate"]
     assert found.value == pytest.approx(wall, abs=1e-9) and between in found.reason
+
+
+def test_the_check_of_a_lens_has_the_findings_of_its_plate() -> None:
+    hole = {"place_mm": [0.0, 8.0], "diameter_mm": 1.0}
+    plate = {"thickness_mm": 1.0, "width_mm": 20.0, "height_mm": 20.0, "holes": [hole]}
+    lens = on_plate(plate, {"kind": "table", "places_mm": [[-4.5, 0.0], [4.5, 0.0]]})
+    with coarse_part():
+        check = check_lens(lens)
+    assert [each for each in check.verdicts if each.name in ("gap", "plate")] == list(findings(lens))

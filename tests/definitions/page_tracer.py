@@ -25,7 +25,7 @@ def mirror_images(symmetry):
     along_x = (1, -1) if symmetry in ("mirror_x", "rectangle", "square") else (1,)
     along_y = (1, -1) if symmetry in ("mirror_y", "rectangle", "square") else (1,)
     group = [np.diag([a, b, 1]) for a in along_x for b in along_y]
-    return group + [m[:, [1, 0, 2]] for m in group] if symmetry == "square" else group
+    return group + [m[:, [1, 0, 2]] for m in group] if symmetry in ("diagonal", "square") else group
 
 
 class Freeform:

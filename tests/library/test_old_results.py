@@ -49,5 +49,6 @@ def test_its_light_is_what_it_was() -> None:
         "reflected": was["flux"]["absorbed_fresnel"],
         "absorbed": 0.0,
         "cover_glass": 0.0,
+        "bodies": 0.0,
     }  # as they are called now
     assert light.flux.model_dump() == pytest.approx(flux, abs=1e-7)

@@ -9,7 +9,8 @@ from lensforge.kernels.fate import Fate
 from lensforge.light import exit_light
 from lensforge.light.exit_light import ExitLight, RaysOnSphere, _on_sphere, trace_exit_light
 from lensforge.light.photometry_export import _lost, _symmetry
-from lensforge.light.simulation import ABSORBED, CAUSES, IN_GLASS, MISSED_RECEIVER, TracedLens
+from lensforge.light.received_flux import ABSORBED, CAUSES, IN_GLASS, MISSED_RECEIVER
+from lensforge.light.simulation import TracedLens
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import SquareEmitter

@@ -9,7 +9,8 @@ from scenes import random_surface, small_spec, sphere
 
 import lensforge as lf
 from lensforge.optics.material import MATERIALS
-from lensforge.scene.lens import Lens, at_temperature
+from lensforge.scene.lens import Lens
+from lensforge.scene.lens_at_temperature import at_temperature
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
 

@@ -88,7 +88,6 @@ def test_a_lamp_for_an_area_needs_lumens():
     assert "\n" not in str(error.value)
     found = measured(replace(SHELL, spec=spec), rays=2**14, lumens=5000.0)
     assert found.road.distribution.lateral == "V"
-    assert found.road.road is None
     zones = sum(each["value"] for each in found.road.bug.zones.model_dump().values())
     assert zones == pytest.approx(found.exit_lm.value, rel=1e-6)
 

@@ -10,7 +10,7 @@ from lensforge.light.angular_grid import AngularGrid, FittedIntensity
 from lensforge.light.exit_light import ExitLight
 from lensforge.light.photometry_export import measure_photometry
 from lensforge.light.photometry_result import CandelaTables, Photometry
-from lensforge.light.simulation import CAUSES
+from lensforge.light.received_flux import CAUSES
 from lensforge.results import Metric
 from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import build_source

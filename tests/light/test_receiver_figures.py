@@ -7,8 +7,8 @@ from scenes import small_spec
 from lensforge.kernels.fate import Fate
 from lensforge.light.evaluation import _flux_budget, receiver_light
 from lensforge.light.metrics import nmse, nmse_estimate, relative_deviation, uniformity
+from lensforge.light.received_flux import ABSORBED, CAUSES, IN_GLASS, MISSED_RECEIVER, ReceivedFlux
 from lensforge.light.receiver_light import ReceiverLight, possible_share
-from lensforge.light.simulation import ABSORBED, CAUSES, IN_GLASS, MISSED_RECEIVER, ReceivedFlux
 from lensforge.optics.media import Media, Medium
 from lensforge.scene.pixel_grid import gaussian3
 from lensforge.scene.possible_light import PossibleLight, SourceLight

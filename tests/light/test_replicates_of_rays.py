@@ -10,7 +10,8 @@ from scenes import random_surface, small_spec, sphere
 from lensforge import seeds
 from lensforge.kernels.fate import Fate
 from lensforge.light import simulation
-from lensforge.light.simulation import TracedLens, bundles, flux_by_fate, simulate
+from lensforge.light.received_flux import flux_by_fate
+from lensforge.light.simulation import TracedLens, bundles, simulate
 from lensforge.light.table_trace import Scene
 from lensforge.optics.media import Media, Medium
 from lensforge.scene.exit_rays import ExitRays

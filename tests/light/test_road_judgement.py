@@ -1,6 +1,7 @@
 """A road judged: the same by a lens's table, by a file, and on pixels of a far field; its merit, and its command."""
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from lensforge.light.angular_grid import AngularGrid
 from lensforge.light.judged_limits import judged_limits, limit_value
 from lensforge.light.light_facts import spacing_fact
 from lensforge.light.luminaire_classes import LampLight
-from lensforge.light.road_judgement import classes_held, held_spacing, judge_road, of_file, of_lens
+from lensforge.light.road_judgement import c_class, classes_held, held_spacing, judge_road, of_file, of_lens, p_class
 from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.road_field import RoadReadings
@@ -273,3 +274,11 @@ def test_lamps_together_share_the_lumens_of_a_road() -> None:
     for road, times in (({}, 1.0), ({"lamp_lm": None}, 2.0)):
         one = _spec(**road)
         np.testing.assert_allclose(readings(one.replace(pair)), times * readings(one), rtol=1e-12)
+
+
+@pytest.mark.parametrize(("name", "reached"), [("P2", p_class), ("C5", c_class)])
+def test_a_road_by_illuminance_reaches_a_class_of_its_kind(name: str, reached: Callable[[float, float], str]) -> None:
+    road = RoadSection(**{**ROAD, "lighting_class": name, "pole_spacing_m": 20.0})
+    found = judge_road(road, lambda light: 1500.0 * np.cos(np.radians(light.gamma_deg))[None])
+    second = found.least_lx if name == "P2" else found.uniformity_lx
+    assert found.reached == reached(found.mean_lx.value, second.value) != "none"

@@ -42,7 +42,7 @@ REGION = RegionLight(
     u1=Metric(value=0.7, standard_error=0.03),
     peak=Metric(value=1.13, standard_error=0.006),
 )
-ROAD = {"use": "road", "lenses": 24, "pole_height_m": 8.0, "pole_spacing_m": 30.0, "road_width_m": 7.0}
+ROAD = {"use": "area", "lenses": 24}
 
 
 def lens_of(wanted=None, lumens_per_watt=None, **sections):

@@ -10,6 +10,7 @@ import torch
 from scenes import small_spec
 
 from lensforge.search.design_result import Design, Progress
+from lensforge.search.kinds import LightOfKinds
 from lensforge.search.optimiser import search
 from lensforge.search.problem import Problems
 from lensforge.sources.build_source import build_source
@@ -48,14 +49,18 @@ class Step:
         self.problem = Problems(spec, source, 3.0, None).of((9, 25))
         parts = self.problem.parts
         self.pair = None if parts is None else parts.of_step(0, 3)
-        weights = torch.from_numpy(rng.normal(size=(34, 2)) * 0.01).requires_grad_()
-        self.parameters = weights, torch.tensor([1.0, 1.2], dtype=torch.float64, requires_grad=True)
-        self.ways = torch.from_numpy(rng.normal(size=(34, 2))), torch.from_numpy(rng.normal(size=2))
+        lenses = max(1, len(spec.all_lamps.kinds))
+        weights = torch.from_numpy(rng.normal(size=(34, 2 * lenses)) * 0.01).requires_grad_()
+        self.parameters = weights, torch.tensor(lenses * [1.0, 1.2], dtype=torch.float64, requires_grad=True)
+        self.ways = torch.from_numpy(rng.normal(size=(34, 2 * lenses))), torch.from_numpy(rng.normal(size=2 * lenses))
         self.rays = source.sample(2048, 1)
 
     def loss(self, by: tuple[float, float] = (0.0, 0.0), **light: Any) -> torch.Tensor:
         """The merit with the parameters moved along their ways; ``light``: changes of the path of the light."""
-        merit = replace(self.problem.merit, light=replace(self.problem.merit.light, **light))
+        path = self.problem.merit.light
+        if isinstance(path, LightOfKinds):
+            path = replace(path, paths=tuple(replace(each, **light) for each in path.paths))
+        merit = replace(self.problem.merit, light=path if isinstance(path, LightOfKinds) else replace(path, **light))
         moved = (own + step * way for own, step, way in zip(self.parameters, by, self.ways, strict=True))
         return merit.evaluate(*moved, self.rays, self.problem.constraints, True, self.pair).loss
 

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from scenes import random_surface, small_spec, table_of
+from scenes import random_surface, small_spec, sphere, table_of
 
 from lensforge.optics.media import DOUBLE
+from lensforge.scene.lens import Lens
 from lensforge.search.constraint_points import (
     ChartOperator,
     ChartPoints,
@@ -20,6 +21,7 @@ from lensforge.search.constraint_points import (
 )
 from lensforge.search.constraints import WALL, AugmentedLagrangian, Constraint, constraints_of
 from lensforge.search.design_result import Margins, constraint_criteria, limits_of
+from lensforge.search.feasibility import measure_constraints
 from lensforge.spec import Spec
 from lensforge.surfaces.bicubic_table import TableGrid
 
@@ -205,3 +207,27 @@ def test_multipliers_go_to_the_nearest_point_and_keep_the_force_on_a_length() ->
     here = AugmentedLagrangian(scaled, operator, DOUBLE, 40.0)
     found = here.at_nearest(own, own.multipliers)
     np.testing.assert_allclose(found.numpy(), 0.5 * own.multipliers.numpy()[:, [1, 0, 2, 1]])
+
+
+def test_spheres_have_the_constraints_that_geometry_gives() -> None:
+    spec = small_spec()
+    found = measure_constraints(Lens.double(sphere(3.0), sphere(6.0), spec, 0, "draft"))
+    limits = spec.constraints
+    # on a sphere of radius r, (a/b^2) r^2 sin^2 + r cos - a is least at the rim or at the pole
+    a, b = limits.cavity_height_mm, limits.cavity_radius_mm
+    assert found.cavity_clearance_mm == pytest.approx(min(a / b**2 * 9.0 - a, 3.0 - a), abs=1e-4)
+    assert found.wall_margin_mm == pytest.approx(6.0 - 3.0 - limits.min_thickness_mm, abs=2e-6)
+    assert found.radius_margin_mm == pytest.approx(limits.max_radius_mm - 6.0, abs=1e-12)
+    assert all(criterion.passed for criterion in constraint_criteria(spec, found))
+
+
+def test_the_term_is_a_mean_over_the_solid_angle() -> None:
+    """Of a violation that is a share of the cosine: over the hemisphere the mean of its square is a third."""
+    grid, share = TableGrid(100), 0.1
+    radius = 7.0 * (1.0 + share * grid.sample_directions()[:, 2])
+    outer = torch.from_numpy(grid.coefficients(radius[:, None]).reshape(grid.side, grid.side))
+    constraints = AugmentedLagrangian.of(small_spec(), grid)
+    term = constraints.term(constraints.fields(torch.stack([table_of(sphere(3.0), grid), outer]))).item()
+    margin = 3e-4
+    truth = 0.5 * constraints.penalty * (share**2 / 3.0 + share * margin + margin**2)
+    assert term == pytest.approx(truth, rel=0.03), "points on the rim count as much as those inside"

@@ -37,6 +37,8 @@ COLOURS = {
     "colour": {"within": "tenth", "weight": 30.0},
 }
 LAMPS = {"lamps": {"kind": "grid", "columns": 3, "rows": 2, "pitch_mm": 20.0}}
+KINDS = {"lamps": {"kind": "grid", "columns": 3, "rows": 3, "pitch_mm": 20.0, "kinds": "place"}}
+TABLE = {"kind": "table", "places_mm": [[-25.0, 6.0], [0.0, 0.0], [21.0, -9.0]], "turns_deg": [20.0, 0.0, 245.0]}
 SPECS: dict[str, dict[str, Any]] = {
     "free": {},
     "symmetric": {"lens__symmetry": "square"},
@@ -56,6 +58,18 @@ SPECS: dict[str, dict[str, Any]] = {
     },
     "lamps in a ring": {
         "lamps": {"kind": "ring", "count": 3, "diameter_mm": 40.0},
+        "target": None,
+        "receivers": list(RECEIVERS.values()),
+    },
+    "lenses of three kinds": KINDS,
+    "lenses of three kinds, mirrored, coloured": KINDS | COLOURS | {"lens__symmetry": "mirror_y"},
+    "lenses of two kinds, turned, all receivers": {
+        "lamps": {**TABLE, "kinds": ["wide", "narrow", "wide"]},
+        "target": None,
+        "receivers": list(RECEIVERS.values()),
+    },
+    "lamps on poles": {
+        "lamps": {"kind": "table", "places_mm": [[-30, 5], [25, 0, -4]], "aims_mm": [[10, 0, 90], [-20, 30, 80]]},
         "target": None,
         "receivers": list(RECEIVERS.values()),
     },

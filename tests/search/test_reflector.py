@@ -1,11 +1,13 @@
 """A reflector from its spec: its light in closed form, derivatives, limits, and a short search."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
 from chains import upwards
+from PIL import Image
 
 import lensforge as lf
 from lensforge.kernels.fate import Fate
@@ -18,7 +20,7 @@ from lensforge.scene.lens import Lens
 from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.feasibility import measure_constraints
 from lensforge.search.merit import MeritFunction
-from lensforge.search.profiles import ProfileParameters
+from lensforge.search.profiles import ProfileParameters, start_faces
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec, parse_spec
 
@@ -218,3 +220,11 @@ def test_what_cannot_be_is_refused_in_one_line(changes: dict[str, Any], words: s
     with pytest.raises(lf.InputError, match=words) as caught:
         lf.design(parse_spec({**BEAM, "lens": lens, **changes}, "beam"), accuracy="draft")
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("kind", ["reflector", "tir"])
+def test_a_dark_target_is_said_of_the_target(tmp_path: Path, kind: str) -> None:
+    Image.new("L", (8, 8)).save(tmp_path / "dark.png")
+    target = {"kind": "image", "file": str(tmp_path / "dark.png"), "width_mm": 400.0, "distance_mm": 1000.0}
+    with pytest.raises(lf.InputError, match=r"^target: it is dark everywhere"):
+        start_faces(parse_spec({**BEAM, "lens": {"kind": kind, "profile": 8}, "target": target}, "beam"))

@@ -30,6 +30,23 @@ MARKS: dict[str, Any] = {
     ],
     "gate": {"place_mm": [-31.0, 0.0], "width_mm": 6.0},
 }
+L_LOOP = [
+    [-10.0, -12.0, 0.0],
+    [42.0, -12.0, 0.0],
+    [42.0, 9.0, 0.0],
+    [9.0, 9.0, 0.0],
+    [9.0, 31.0, 0.0],
+    [-10.0, 31.0, 0.0],
+]
+SLOT, DISC = (
+    [[12.0, -6.0, 1.0], [14.0, -6.0, 0.0], [14.0, 2.0, 1.0], [12.0, 2.0, 0.0]],
+    [[19.0, 5.0, 1.0], [16.0, 5.0, 1.0]],
+)
+DRAWN = {
+    "kind": "step",
+    "thickness_mm": 2.0,
+    "outline": {"origin": "drawn.step", "loops_mm": [L_LOOP, SLOT[::-1], DISC]},
+}
 GRID = {"kind": "grid", "columns": 3, "rows": 2, "pitch_mm": [20.0, 25.0]}
 KINDS: dict[str, tuple[dict[str, Any] | None, dict[str, Any]]] = {
     "grid": (GRID, {**PLATE, **MARKS, "corner_radius_mm": 2.0}),
@@ -37,6 +54,7 @@ KINDS: dict[str, tuple[dict[str, Any] | None, dict[str, Any]]] = {
     "ring": ({"kind": "ring", "count": 5, "diameter_mm": 60.0}, {**PLATE, "kind": "round"}),
     "table": ({"kind": "table", "places_mm": [[0.0, 0.0], [17.0, 3.0], [30.0, -14.0]]}, PLATE),
     "one": (None, PLATE),
+    "drawn": ({"kind": "table", "places_mm": [[0.0, 0.0], [30.0, -2.0], [0.0, 20.0]]}, DRAWN),
 }
 
 
@@ -115,7 +133,8 @@ def test_no_text_meets_another_or_the_frame(part: Part, kind: str) -> None:
     assert ("circle of the axes" in drawn) == (kind == "ring")
     rows = place_rows(layout_of(lens_on(kind)))  # type: ignore[arg-type]
     assert [row[0] for row in rows] == {
-        "grid": ["H1", "P1", "B1", "G"], "ring": ["L1", "L2", "L3", "L4", "L5"], "table": ["L1", "L2", "L3"]
+        "grid": ["H1", "P1", "B1", "G"], "ring": ["L1", "L2", "L3", "L4", "L5"], "table": ["L1", "L2", "L3"],
+        "drawn": ["L1", "L2", "L3", "H1"]
     }.get(kind, [])  # fmt: skip
 
 
@@ -144,3 +163,16 @@ def test_the_handover_has_both_drawings(part: Part) -> None:
     for text in ("2 × 20.000 = 40.000", "hole ⌀3.000, through", "pin ⌀2.000, 1.250 below", "plate of 6 lenses"):
         assert text in page
     assert "boss ⌀5.000, 2.000 below; bore ⌀2.500, 3.000 deep" in page and "gate, 6.000 wide" in page
+
+
+def test_a_drawn_outline_stands_as_it_is_drawn(part: Part) -> None:
+    """Its loops in the axes of the file, and its bounding size."""
+    sheet = sheet_of(part, "drawn")
+    closed = [(each.points - sheet.origin) / sheet.scale for each in sheet.marks.strokes if each.closed]
+    for loop in (L_LOOP, SLOT):
+        corners = np.array(loop)[:, :2]
+        assert any(np.abs(points[:, None] - corners).sum(axis=2).min(axis=0).max() < 1e-9 for points in closed)
+    sizes = {each.name: each.length_mm for each in sheet.marks.dimensions}
+    assert (sizes["width of the plate"], sizes["height of the plate"]) == pytest.approx((52.0, 43.0))
+    notes = " ".join(each.text for each in sheet.marks.words)
+    assert "from the origin of drawn.step" in " ".join(notes.split())

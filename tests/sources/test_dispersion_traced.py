@@ -8,7 +8,7 @@ from own_media import with_own
 from scenes import small_spec, sphere
 
 from lensforge.light.exact_trace import DenseScan, FixedSurface, trace_exact
-from lensforge.light.simulation import ReceivedFlux
+from lensforge.light.received_flux import ReceivedFlux
 from lensforge.light.table_trace import Scene, trace_tables
 from lensforge.optics.material import MATERIALS
 from lensforge.optics.media import Media, Medium

@@ -112,7 +112,7 @@ SQUARE, OBLONG = {"kind": "square", "side_mm": 1.0}, {"kind": "rectangle", "widt
         (SQUARE | {"position_mm": [0, 0, -0.5]}, "square"),
         (SQUARE | {"position_mm": [0.5, 0, 0]}, "mirror_y"),
         (SQUARE | {"position_mm": [0, 0.5, 1]}, "mirror_x"),
-        (SQUARE | {"position_mm": [0.5, 0.5, 0]}, "none"),
+        (SQUARE | {"position_mm": [0.5, 0.5, 0]}, "diagonal"),
         (SQUARE | {"tilt_deg": [0, 10]}, "mirror_y"),
         (SQUARE | {"tilt_deg": [10, 0]}, "mirror_x"),
         (SQUARE | {"tilt_deg": [10, 10]}, "none"),
@@ -124,7 +124,7 @@ SQUARE, OBLONG = {"kind": "square", "side_mm": 1.0}, {"kind": "rectangle", "widt
         (SQUARE | {"rotate_z_deg": 30}, "none"),
         (SQUARE | {"rotate_z_deg": 45, "tilt_deg": [0, 10]}, "mirror_y"),
         (OBLONG | {"rotate_z_deg": 90}, "rectangle"),
-        (OBLONG | {"rotate_z_deg": 45}, "none"),
+        (OBLONG | {"rotate_z_deg": 45}, "diagonal"),
         (OBLONG | {"rotate_z_deg": 90, "tilt_deg": [10, 0]}, "mirror_x"),
     ],
 )

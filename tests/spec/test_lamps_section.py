@@ -19,6 +19,25 @@ def lamps_of(lamps: dict[str, Any]) -> Lamps:
     return small_spec(lamps=lamps, base={"kind": "none"}, target__receiver_mm=200.0).all_lamps
 
 
+CORNERS = {
+    "kind": "table",
+    "places_mm": [[30, 30, -5], [-30, 30, -5], [-30, -30, -5], [30, -30, -5]],
+    "aims_mm": [[0, 0, 90]] * 4,
+}
+
+
+def test_lamps_on_poles_have_heights_and_aims() -> None:
+    poles = lamps_of(
+        {"kind": "table", "places_mm": [[0, 0, 5], [30, 0]], "aims_mm": [[0, -4, 8], [30, 0, 9]], "turns_deg": [5, 6]}
+    )
+    assert poles.places_mm == ((0.0, 0.0), (30.0, 0.0)) and poles.heights_mm == (5.0, 0.0)
+    assert poles.posed and poles.turns_deg == (5.0 - 90.0, 6.0)
+    np.testing.assert_allclose(poles.axes, [(0.0, -0.8, 0.6), (0.0, 0.0, 1.0)], atol=1e-15)
+    assert poles.nearest_mm() == pytest.approx(925.0**0.5) and poles.reach_mm == 30.0
+    assert poles.from_afar.axes == poles.axes and not poles.from_afar.heights_mm
+    assert not lamps_of({"kind": "table", "places_mm": [[0, 0], [19, 0, 0]], "aims_mm": [[0, 0, 8], [19, 0, 1]]}).posed
+
+
 def test_lamps_stand_about_the_origin() -> None:
     grid = lamps_of(GRID).places_mm
     assert sorted(grid) == [(x, y) for x in (-20.0, 0.0, 20.0) for y in (-15.0, 15.0)]
@@ -43,6 +62,14 @@ def test_lamps_stand_about_the_origin() -> None:
         ({**RING, "count": 5}, ["none", "mirror_y"]),
         ({"kind": "hexagon", "rings": 1, "pitch_mm": 20.0}, ["none", "mirror_x", "mirror_y", "rectangle"]),
         ({"kind": "table", "places_mm": [[9, 9], [-9, -9]], "turns_deg": [10.0, 190.0]}, ["none"]),
+        (CORNERS, ["none", "mirror_y"]),  # across the y axis the +x of each would point to the other side
+        (
+            {**CORNERS, "turns_deg": [-225.0, -315.0, -45.0, -135.0]},
+            ["none", "mirror_x", "mirror_y", "rectangle", "square"],
+        ),
+        ({**CORNERS, "aims_mm": [[0, 0, 90], [0, 0, 90], [0, 0, 90], [0, 9, 90]]}, ["none"]),
+        ({"kind": "table", "places_mm": [[9, 20, 5], [9, -20, 5]]}, ["none", "mirror_y"]),
+        ({"kind": "table", "places_mm": [[9, 20, 5], [9, -20, 6]]}, ["none"]),
     ],
 )
 def test_lamps_have_the_mirrors_that_move_each_onto_another_one(lamps: dict[str, Any], groups: list[str]) -> None:
@@ -76,6 +103,12 @@ def plane(**changes: Any) -> dict[str, Any]:
         ({"lamps": {"kind": "endless", "pitch_mm": 60.0}, **plane(rotation_deg=30.0)}, "light level planes"),
         ({"lamps": {"kind": "endless", "lattice": "hexagon", "pitch_mm": [20.0, 30.0]}}, "a hexagonal lattice has one"),
         ({"lamps": {"kind": "table", "places_mm": [[0, 0], [20, 0]], "turns_deg": [3.0]}}, "turns_deg has 1 numbers"),
+        ({"lamps": {"kind": "table", "places_mm": [[0, 0], [20, 0]], "aims_mm": [[3, 0, 9]]}}, "aims_mm has 1 points"),
+        ({"lamps": {"kind": "table", "places_mm": [[0, 0]], "aims_mm": [[0, 0, 0]]}}, r"aims_mm.0 = \(.*is the place"),
+        ({"lamps": {"kind": "table", "places_mm": [[0, 0, 5], [3, 4, 17]]}}, "the nearest two stand 13 mm apart"),
+        ({"lamps": {"kind": "table", "places_mm": [[0, 0], [0, 0, 95]]}}, r"that at \(0, 0, 95\) mm has 5 mm to it"),
+        ({"lamps": {**CORNERS, "places_mm": [[x, y, 0] for x, y, _ in CORNERS["places_mm"]]},
+          "plate": {"thickness_mm": 2}}, r"plate: its lenses stand on z = 0 with their axes along z, \[lamps\] have"),
         ({"lamps": {**GRID, "columns": 60, "rows": 60}}, "3600 lamps, at most 2000"),
         ({"lamps": GRID, "evaluate__window_mm": 100.0}, "evaluate.window_mm: of lamps together"),
         ({"lamps": GRID, **plane(window_mm=[20.0, 20.0])}, "receivers.window_mm: of lamps together"),
@@ -93,3 +126,81 @@ def test_a_written_spec_has_its_lamps() -> None:
     assert spec.lamps is not None and spec.replace({"lamps.rows": 3}).all_lamps.places_mm[0] == (-20.0, -30.0)
     assert isinstance(parse_spec(spec.model_dump(mode="json", exclude_unset=True), "again"), Spec)
     assert spec.of_one_lamp.all_lamps.alone and "lamps" not in spec.of_one_lamp.to_toml()
+
+
+BY_PLACE = {"kind": "grid", "columns": 6, "rows": 6, "pitch_mm": 20.0, "kinds": "place"}
+WIDE = {"kind": "table", "places_mm": [[-30.0, 0.0], [0.0, 0.0], [30.0, 0.0]], "kinds": ["wide", "narrow", "wide"]}
+
+
+@pytest.mark.parametrize(
+    ("lamps", "counts"),
+    [
+        ({**BY_PLACE, "columns": 3, "rows": 3}, {"middle": 1, "edge": 4, "corner": 4}),
+        (BY_PLACE, {"middle": 16, "edge": 16, "corner": 4}),
+        ({**BY_PLACE, "rim_rings": 2}, {"middle": 4, "corner_2": 4, "edge_2": 8, "edge": 16, "corner": 4}),
+        ({**BY_PLACE, "rows": 1}, {"middle": 4, "edge": 2}),
+        ({**BY_PLACE, "rows": 2}, {"edge": 8, "corner": 4}),
+        ({"kind": "hexagon", "rings": 2, "pitch_mm": 20.0, "kinds": "place"}, {"middle": 7, "edge": 6, "corner": 6}),
+        (WIDE, {"narrow": 1, "wide": 2}),
+    ],
+)
+def test_places_are_shared_out_to_kinds_from_the_middle_on(lamps: dict[str, Any], counts: dict[str, int]) -> None:
+    own = lamps_of(lamps)
+    assert {kind.name: len(kind.numbers) for kind in own.kinds} == counts and len(own) == sum(counts.values())
+    assert sorted(k for kind in own.kinds for k in kind.numbers) == list(range(len(own)))
+
+
+@pytest.mark.parametrize("rings", [1, 2])
+def test_lamps_at_the_rim_face_outwards_and_are_their_own_mirror_images(rings: int) -> None:
+    """Each mirror of the grid takes a turned lens to the same one at another place, by matrices alone."""
+    own = lamps_of({**BY_PLACE, "rim_rings": rings})
+    diagonal, along_x = np.array([[0.0, 1.0], [1.0, 0.0]]), np.diag([1.0, -1.0])
+    for kind in own.kinds[1:]:
+        mirror = diagonal if "corner" in kind.name else along_x
+        turns = np.radians(own.turns_deg)
+        turned = {k: np.array([[np.cos(t), -np.sin(t)], [np.sin(t), np.cos(t)]]) for k, t in enumerate(turns)}
+        by_place = {tuple(np.round(own.places_mm[k], 6)): turned[k] for k in kind.numbers}
+        for place, turn in by_place.items():
+            axis = turn @ ([1.0, 1.0] if "corner" in kind.name else [1.0, 0.0])
+            assert np.allclose(axis, np.sign(place)) if "corner" in kind.name else axis @ place > 40.0 - 20.0 * rings
+            for of_scene in (np.diag([-1.0, 1.0]), along_x, diagonal):
+                np.testing.assert_allclose(of_scene @ turn @ mirror, by_place[tuple(of_scene @ place)], atol=1e-9)
+    assert own.has_mirrors("square") and not own.of_kind(own.kinds[-1]).has_mirrors("mirror_x")
+
+
+def test_kinds_of_a_table_have_the_mirrors_that_keep_them() -> None:
+    assert lamps_of(WIDE).has_mirrors("rectangle")
+    one_side = lamps_of({**WIDE, "kinds": ["wide", "wide", "narrow"]})
+    assert one_side.has_mirrors("mirror_y") and not one_side.has_mirrors("mirror_x")
+    assert lamps_of(WIDE).words.endswith("lit by 3 lamps with lenses of 2 kinds")
+
+
+@pytest.mark.parametrize(
+    ("lamps", "words"),
+    [
+        ({**BY_PLACE, "columns": 2, "rows": 2}, "all 4 lamps are of the kind 'corner'"),
+        ({**WIDE, "kinds": ["wide", "narrow"]}, "kinds has 2 names, places_mm 3 places"),
+        ({**WIDE, "kinds": ["wide", "wide", "wide"]}, "1 names; give 2 to 7"),
+        ({**WIDE, "kinds": ["../x", "b", "b"]}, "kinds"),
+    ],
+)
+def test_kinds_that_cannot_be(lamps: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        lamps_of(lamps)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"plate": {"thickness_mm": 2.0}}, "plate goes with lamps of one lens"),
+        ({"optimise__robust": True}, "optimise.robust goes with"),
+        (
+            {"target": None, "receivers": [{"kind": "far_field", "half_angle_deg": 60.0, "targets": [
+                {"kind": "disc", "diameter_deg": 40.0}]}]},
+            "from afar all 36 lamps stand at one place",
+        ),
+    ],
+)  # fmt: skip
+def test_what_goes_with_one_lens_alone(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        small_spec(**{"lamps": BY_PLACE, "base": {"kind": "none"}, "target__receiver_mm": 200.0, **changes})

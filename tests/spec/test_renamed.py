@@ -11,7 +11,7 @@ from scenes import random_surface, small_spec
 
 from lensforge.errors import InputError, RenamedWarning
 from lensforge.scene.lens import Lens, load_lens
-from lensforge.spec import ConstraintsSection, LensSection, Spec, load_spec
+from lensforge.spec import ConstraintsSection, LensSection, Spec, load_spec, parse_spec
 from lensforge.spec.renamed import MOVED
 from lensforge.spec.spec_files import plain
 from lensforge.spec.tolerances_section import read_tolerances
@@ -99,3 +99,15 @@ def test_a_record_of_an_earlier_version_is_read_without_a_word(tmp_path: Path) -
         warnings.simplefilter("error")
         found = load_lens(tmp_path / "lens.json")
     assert isinstance(found.spec, Spec) and found == lens
+
+
+def test_the_road_of_the_photometry_is_said_to_be_a_table_of_its_own() -> None:
+    content = small_spec().model_dump(mode="json", exclude_unset=True)
+    content["photometry"] = {"use": "road", "pole_height_m": 8.0, "lenses": 24}
+    with pytest.warns(RenamedWarning) as said:
+        found = parse_spec(plain(content), "lamp")
+    assert sorted(str(each.message) for each in said) == [
+        "pole_height_m is read no more, and goes with the next version; a road is one of [[roads]]",
+        'use = "road" is read in this version only: write use = "area"',
+    ]
+    assert (found.photometry.use, found.photometry.lenses) == ("area", 24)

@@ -1,0 +1,112 @@
+"""Flux that reaches a receiver in independent replicates: by pixel, by fate, and of lamps together their mean."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from lensforge.kernels.fate import Fate
+from lensforge.scene.exit_rays import ExitRays
+from lensforge.scene.lamp_pictures import LampPictures
+from lensforge.scene.pixel_grid import bin_flux, rebinned
+from lensforge.scene.receiver import Landings, PosedReceiver
+from lensforge.scene.target_pattern import DrawnTarget
+
+MISSED_RECEIVER = len(Fate)  # after the fates: left the lens, but never reaches the receiver
+ABSORBED = len(Fate) + 1  # in the body, of rays of any fate
+IN_GLASS = len(Fate) + 2  # reflected or absorbed by the cover glass
+CAUSES = len(Fate) + 3  # behind them, the flux lost in each of the further bodies
+
+
+@dataclass(frozen=True)
+class ReceivedFlux:
+    """Flux (W) on one receiver in each replicate: per pixel (r, h, w), by fate (r, f), in the window and outside it.
+
+    The fates are those of :class:`~lensforge.kernels.fate.Fate`, where ``LEFT_LENS`` holds what landed, and
+    ``MISSED_RECEIVER``, ``ABSORBED`` and ``IN_GLASS``; then each of the further bodies. ``in_targets``: in each of the
+    ``targets`` (k). ``colours``: X, Y and Z (lm) per pixel; None where nobody asks for colour.
+    """
+
+    images: Float[np.ndarray, "r h w"]
+    by_fate: Float[np.ndarray, "r f"]
+    window: Float[np.ndarray, " r"]
+    outside: Float[np.ndarray, " r"]
+    in_targets: Float[np.ndarray, "r k"]
+    targets: tuple[DrawnTarget, ...] = ()
+    colours: Float[np.ndarray, "3 r h w"] | None = None
+
+    @staticmethod
+    def none_yet(
+        receiver: PosedReceiver, replicates: int, targets: tuple[DrawnTarget, ...], *, coloured: bool = False,
+        bodies: int = 0,
+    ) -> "ReceivedFlux":  # fmt: skip
+        """No flux; behind the lens there are so many further ``bodies``."""
+        images, none = np.zeros((replicates, *receiver.grid.shape)), np.zeros(replicates)
+        in_targets, colours = np.zeros((replicates, len(targets))), np.zeros((3, *images.shape)) if coloured else None
+        by_fate = np.zeros((replicates, CAUSES + bodies))
+        return ReceivedFlux(images, by_fate, none, none.copy(), in_targets, targets, colours)
+
+    @staticmethod
+    def mean(of_kinds: Sequence["ReceivedFlux"], shares: Sequence[float]) -> "ReceivedFlux":
+        """Mean flux of a lamp, of lamps with lenses of several kinds: that of each, by its share of the lamps."""
+
+        def mean(name: str) -> Float[np.ndarray, "..."]:
+            parts = zip(shares, of_kinds, strict=True)
+            return np.asarray(np.sum([share * getattr(each, name) for share, each in parts], axis=0))
+
+        first, amounts = of_kinds[0], ("images", "by_fate", "window", "outside", "in_targets")
+        colours = None if first.colours is None else mean("colours")
+        return ReceivedFlux(**{name: mean(name) for name in amounts}, targets=first.targets, colours=colours)
+
+    def add(
+        self,
+        replicate: int,
+        share: float,
+        receiver: PosedReceiver,
+        rays: ExitRays,
+        landings: Landings,
+        tristimulus: Float[np.ndarray, "n 3"] | None = None,
+    ) -> None:
+        """Count ``share`` of the flux of ``rays`` in ``replicate``; ``tristimulus``: X, Y, Z per W of each."""
+        hits, flux = landings.hits, landings.flux * share
+        self.images[replicate] += bin_flux(hits, flux, receiver.grid)
+        self.by_fate[replicate] += share * flux_by_fate(rays, landings.missed_receiver)
+        inside = receiver.window.contains(hits)
+        self.window[replicate] += flux[inside].sum()
+        self.outside[replicate] += flux[~inside].sum()
+        self.in_targets[replicate] += [flux[target.contains(hits)].sum() for target in self.targets]
+        if self.colours is not None:
+            assert tristimulus is not None, "a source that was built with its colours"
+            for picture, per_watt in zip(self.colours, tristimulus.T, strict=True):
+                picture[replicate] += bin_flux(hits, flux * per_watt, receiver.grid)
+
+    @staticmethod
+    def together(
+        lamps: LampPictures, found: Sequence["ReceivedFlux"], targets: tuple[DrawnTarget, ...]
+    ) -> "ReceivedFlux":
+        """Mean flux of a lamp on their receiver, from that of one on each raster; in targets by the parts of pixels."""
+        images = lamps.added([each.images for each in found])
+        landed = lamps.mean([each.window + each.outside for each in found])
+        window = images.sum(axis=(1, 2)) if lamps.widened else lamps.mean([each.window for each in found])
+        in_targets = np.zeros((len(images), len(targets)))
+        for k, target in enumerate(targets):
+            grid = replace(target.fine, columns=target.light.shape[1], rows=target.light.shape[0])
+            in_targets[:, k] = (rebinned(images, grid) * target.coverage).sum(axis=(1, 2))
+        by_fate = lamps.mean([each.by_fate for each in found])
+        seen = [each.colours for each in found if each.colours is not None]
+        colours = lamps.added(seen) if seen else None
+        return ReceivedFlux(images, by_fate, window, np.maximum(landed - window, 0.0), in_targets, targets, colours)
+
+
+def flux_by_fate(rays: ExitRays, missed_receiver: Bool[np.ndarray, " n"]) -> Float[np.ndarray, " f"]:
+    """Flux (W) by fate; rays that left the lens and ``missed_receiver`` count apart, and flux that was absorbed.
+
+    Then what each of the further bodies took.
+    """
+    found = np.bincount(np.where(missed_receiver, MISSED_RECEIVER, rays.fates), rays.flux, minlength=CAUSES)
+    if rays.absorbed is not None:
+        found[ABSORBED] = rays.absorbed.sum()
+    if rays.lost_in_glass is not None:
+        found[IN_GLASS] = rays.lost_in_glass.sum()
+    return found if rays.lost_in_bodies is None else np.concatenate([found, rays.lost_in_bodies.sum(axis=1)])

@@ -1,0 +1,104 @@
+"""Demands of lamps together on the rest of a spec: room beside each other, receivers that all of them light.
+
+Where their lenses are of several kinds, there is one LED, and no plate.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from lensforge.spec.lamp_stand import Vector
+from lensforge.spec.lamps_section import Lamps, LampsSection
+from lensforge.spec.part_section import BaseSection
+from lensforge.spec.receiver_sections import (
+    AnyReceiver,
+    CylinderReceiver,
+    FarFieldReceiver,
+    PlaneReceiver,
+    SphereReceiver,
+)
+from lensforge.spec.search_section import ConstraintsSection
+from lensforge.spec.spec_section import rounded_up
+
+_SAME = 1e-9  # relative: rounding of a place, and of the side of a receiver that is a lattice's period
+
+
+def require_together(
+    lamps: Lamps, limits: ConstraintsSection, base: BaseSection, receivers: Sequence[AnyReceiver], lenses: int
+) -> None:
+    """Raise ``ValueError`` where lamps overlap, a receiver is between them, or ``photometry.lenses`` counts them."""
+    _require_apart(lamps, limits, base)
+    for receiver in receivers:
+        _require_seen_by(receiver, lamps, limits)
+    if lenses != 1:
+        raise ValueError(f"photometry.lenses = {lenses}: [lamps] are {len(lamps)} already; leave out one of the two")
+
+
+def _require_apart(lamps: Lamps, limits: ConstraintsSection, base: BaseSection) -> None:
+    """Raise ``ValueError`` where two lenses, or their bases, would overlap."""
+    lens_mm = 2.0 * limits.max_radius_mm
+    if lamps.nearest_mm() < lens_mm * (1.0 - _SAME):
+        raise ValueError(
+            f"lamps: the nearest two stand {lamps.nearest_mm():.6g} mm apart, lenses of constraints.max_radius_mm = "
+            f"{limits.max_radius_mm:g} overlap; allowed: at least {rounded_up(lens_mm)}, or a smaller lens"
+        )
+    if base.kind in ("none", "step"):
+        return
+    square = base.kind == "square" and base.flange_diameter_mm is None
+    wide_mm = base.side_mm if square else base.flange_diameter_mm or base.diameter_mm
+    if lamps.nearest_mm(square) < wide_mm * (1.0 - _SAME):
+        raise ValueError(
+            f"lamps: the nearest two stand {lamps.nearest_mm(square):.6g} mm apart, their rims of base.kind = "
+            f"{base.kind!r} are {wide_mm:g} mm wide; allowed: at least {rounded_up(wide_mm)}, or a smaller base"
+        )
+
+
+def _require_seen_by(receiver: AnyReceiver, lamps: Lamps, limits: ConstraintsSection) -> None:
+    """Raise ``ValueError`` for a receiver between the lamps or inside a lens, or one that a lattice cannot light."""
+    if lamps.period_mm is not None:
+        _require_period(receiver, lamps.period_mm)
+    for number in range(len(lamps)):
+        place = lamps.stand(number).place_mm
+        away_mm = _clear_mm(receiver, place)
+        if away_mm <= limits.max_radius_mm:
+            at = ", ".join(f"{each:.4g}" for each in place[: 3 if lamps.heights_mm else 2])
+            raise ValueError(
+                f"receivers: {receiver.name or receiver.kind!r} is between the lamps: that at ({at}) mm has "
+                f"{away_mm:.4g} mm to it, its lens needs more than constraints.max_radius_mm = "
+                f"{limits.max_radius_mm:g}; move or turn the receiver"
+            )
+    if isinstance(receiver, PlaneReceiver) and receiver.window_mm not in (None, receiver.size):
+        raise ValueError("receivers.window_mm: of lamps together the whole receiver counts; leave it out")
+
+
+def _clear_mm(receiver: AnyReceiver, place: Vector) -> float:
+    """Distance from the middle of a lens to a receiver, on its lit side; infinite for the far field."""
+    if isinstance(receiver, PlaneReceiver):
+        normal = np.array(receiver.facing) / np.linalg.norm(receiver.facing)
+        return float(normal @ (np.array(receiver.centre_mm) - place))
+    if isinstance(receiver, CylinderReceiver | SphereReceiver):
+        return receiver.radius_mm - float(np.linalg.norm(np.array(receiver.centre_mm) - place))
+    return float("inf")
+
+
+def _require_period(receiver: AnyReceiver, period: tuple[float, float]) -> None:
+    """Refuse all but a level plane of one period."""
+    level = isinstance(receiver, PlaneReceiver) and not any(receiver.facing[:2]) and receiver.rotation_deg == 0.0
+    if not level or not np.allclose(receiver.size, period, rtol=1e-6, atol=0.0):
+        raise ValueError(
+            f'receivers: {receiver.name or receiver.kind!r}: lamps of kind = "endless" light level planes that are one '
+            f"period of the lattice, {period[0]:.7g} x {period[1]:.7g} mm; take such a plane, or lamps of another kind"
+        )
+
+
+def require_kinds(section: LampsSection, receivers: Sequence[AnyReceiver], others: Mapping[str, bool]) -> None:
+    """Raise ``ValueError`` where lenses of several kinds cannot be: with any of the fields ``others``."""
+    kinds = section.lamps.kinds
+    given = next((name for name, is_given in others.items() if is_given), None)
+    if kinds and given is not None:
+        raise ValueError(f"lamps.kinds: {given} goes with lamps of one lens; leave out one of the two")
+    if any(kind.mirrors for kind in kinds) and all(isinstance(each, FarFieldReceiver) for each in receivers):
+        raise ValueError(
+            f'lamps.kinds = "place": from afar all {len(section.lamps)} lamps stand at one place; take a receiver near '
+            "them, kinds by name in a table, or leave it out"
+        )

@@ -1,0 +1,187 @@
+"""The outline that a STEP file draws, as loops of lines and arcs: the work of a child process.
+
+A file holds one planar face, the body of which one is the top, or the wires around one; in a plane of one z, whatever z
+it is. Other curves than lines and arcs are refused: the plate keeps its outline exactly.
+"""
+
+import json
+from collections.abc import Iterator
+from itertools import pairwise
+from math import dist, hypot, pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lensforge.errors import InputError
+from lensforge.results.file_bounds import MOST_MM
+from lensforge.results.files import write_json
+from lensforge.results.sandbox import serve
+from lensforge.surfaces.plane_loop import Corner, area_mm2, bulge_of, inside_by_mm, loop_of, points_on, reversed_corners
+from lensforge.surfaces.step_file import faces_of, products_in
+
+DRAWING, JOB, FOUND = "drawing.step", "job.json", "loops.json"
+MOST_LOOPS, MOST_CORNERS = 200, 1000
+
+_FLAT_MM, _LEVEL = 1e-5, 1e-7  # the uncertainty that STEP files state; of a normal's components along x and y
+_CHORD_MM, _SHARE = 1e-2, 1e-6  # of the chords by which loops that cross are found; of the area within
+_KINDS = ("GeomAbs_Line", "GeomAbs_Circle")
+
+
+def _write_loops(folder: Path) -> None:
+    """Work of the child process: the loops of the STEP file in ``folder``, the outline first."""
+    job = json.loads((folder / JOB).read_text(encoding="utf-8"))
+    origin, remedy = job["origin"], job["remedy"]
+    shapes = [product.shape for product in products_in(folder / DRAWING, origin, remedy)]
+    bodies = [solid.wrapped for shape in shapes for solid in shape.Solids()]
+    faces = [face for shape in shapes for face in faces_of(shape.wrapped)]
+    if len(bodies) > 1:
+        raise InputError(f"{origin}: holds {len(bodies)} bodies, an outline is of one; export the one alone")
+    wires = _wires_of(_top(faces, bool(bodies), origin, remedy)) if faces else _free_wires(shapes, origin, remedy)
+    loops = [_counter_clockwise(_corners(wire, origin)) for wire in wires]
+    loops.sort(key=lambda corners: -area_mm2(loop_of(corners)))
+    if len(loops) > MOST_LOOPS or max(map(len, loops)) > MOST_CORNERS:
+        raise InputError(
+            f"{origin}: {len(loops)} loops of up to {max(map(len, loops))} edges, at most {MOST_LOOPS} and "
+            f"{MOST_CORNERS} are read; simplify the outline"
+        )
+    for corners in loops[1:]:
+        outline, opening = loop_of(loops[0]), loop_of(corners)
+        for x, y in (edge.start for edge in opening):
+            if inside_by_mm(outline, (x, y)) <= 0.0:
+                raise InputError(
+                    f"{origin}: holds several outlines, one of them at ({x:.6g}, {y:.6g}) mm; export the one alone"
+                )
+    if not _is_simple(loops):
+        raise InputError(f"{origin}: its outline crosses itself or an opening; repair it in CAD")
+    write_json(folder / FOUND, loops)
+
+
+def _is_simple(loops: list[list[Corner]]) -> bool:
+    """True where the loops do not cross: chords along them then enclose the area that follows from their corners."""
+    import manifold3d
+
+    chords = [points_on(loop_of(corners), _CHORD_MM) for corners in loops]
+    chords = [chords[0], *(each[::-1] for each in chords[1:])]
+    own = [np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) / 2.0 for x, y in (each.T for each in chords)]
+    within = manifold3d.CrossSection(chords, manifold3d.FillRule.Positive).area()
+    return bool(abs(within - sum(own)) <= _SHARE * within)
+
+
+def _top(faces: list[Any], of_body: bool, origin: str, remedy: str) -> Any:
+    """The planar face of one z; of a body, the highest. Raises :class:`InputError` for none or several."""
+    from OCP.BRepAdaptor import BRepAdaptor_Surface
+    from OCP.GeomAbs import GeomAbs_SurfaceType
+
+    level = list[tuple[float, Any]]()
+    for face in faces:
+        surface = BRepAdaptor_Surface(face)
+        if surface.GetType() == GeomAbs_SurfaceType.GeomAbs_Plane:
+            plane = surface.Plane()
+            normal = plane.Axis().Direction()
+            if hypot(normal.X(), normal.Y()) <= _LEVEL:
+                level.append((plane.Location().Z(), face))
+    if not level:
+        raise InputError(
+            f"{origin}: none of its {len(faces)} faces is a plane of one z; draw the outline in the x-y plane, "
+            f"and {remedy}"
+        )
+    top = max(z for z, _ in level)
+    found = [face for z, face in level if not of_body or z >= top - _FLAT_MM]
+    if len(found) > 1:
+        where = f"at its top, z = {top:.6g} mm" if of_body else "of one z"
+        raise InputError(f"{origin}: holds {len(found)} plane faces {where}, an outline is one; export the one alone")
+    return found[0]
+
+
+def _wires_of(face: Any) -> list[Any]:
+    import cadquery as cq
+
+    return [wire.wrapped for wire in cq.Shape.cast(face).Wires()]
+
+
+def _free_wires(shapes: list[Any], origin: str, remedy: str) -> list[Any]:
+    """The wires that the edges of a file without faces make."""
+    from OCP.ShapeAnalysis import ShapeAnalysis_FreeBounds
+    from OCP.TopoDS import TopoDS
+    from OCP.TopTools import TopTools_HSequenceOfShape
+
+    edges, wires = TopTools_HSequenceOfShape(), TopTools_HSequenceOfShape()
+    for shape in shapes:
+        for edge in shape.Edges():
+            edges.Append(edge.wrapped)
+    if edges.IsEmpty():
+        raise InputError(f"{origin}: holds no face and no wire; {remedy}")
+    ShapeAnalysis_FreeBounds.ConnectEdgesToWires_s(edges, _FLAT_MM, False, wires)
+    return [TopoDS.Wire_s(wires.Value(k + 1)) for k in range(wires.Length())]
+
+
+def _corners(wire: Any, origin: str) -> list[Corner]:
+    """The corners of a wire in its order. Raises :class:`InputError` for one that is open, not level, or a spline."""
+    edges = [end for edge in _in_order(wire) for end in _arcs(edge, origin)]
+    heights = [z for start, end, _ in edges for z in (start[2], end[2])]
+    if max(heights) - min(heights) > _FLAT_MM:
+        raise InputError(
+            f"{origin}: its outline lies between z = {min(heights):.6g} and {max(heights):.6g} mm, must have one z; "
+            "draw it in the x-y plane"
+        )
+    for (_, end, _), (start, _, _) in zip(edges, [*edges[1:], edges[0]], strict=True):
+        if dist(end, start) > _FLAT_MM:
+            raise InputError(
+                f"{origin}: its outline is not closed: it ends {dist(end, start):.4g} mm from its next edge, at "
+                f"({end[0]:.6g}, {end[1]:.6g}) mm; close it in CAD"
+            )
+    return [(start[0], start[1], bulge) for start, _, bulge in edges]
+
+
+def _in_order(wire: Any) -> Iterator[Any]:
+    from OCP.BRepTools import BRepTools_WireExplorer
+
+    explorer = BRepTools_WireExplorer(wire)
+    while explorer.More():
+        yield explorer.Current()
+        explorer.Next()
+
+
+_Point = tuple[float, float, float]
+
+
+def _arcs(edge: Any, origin: str) -> Iterator[tuple[_Point, _Point, float]]:
+    """Start, end and bulge of an edge along its wire; a whole circle in two halves."""
+    from OCP.BRepAdaptor import BRepAdaptor_Curve
+    from OCP.TopAbs import TopAbs_Orientation
+
+    curve, backwards = BRepAdaptor_Curve(edge), edge.Orientation() == TopAbs_Orientation.TopAbs_REVERSED
+    first, last = curve.FirstParameter(), curve.LastParameter()
+    kind = curve.GetType().name
+    if kind not in _KINDS:
+        x, y, _ = curve.Value(first).Coord()
+        raise InputError(
+            f"{origin}: its outline has a curve that is no line or arc ({kind.removeprefix('GeomAbs_')}) from "
+            f"({x:.6g}, {y:.6g}) mm; draw it by lines and arcs, which stay exact"
+        )
+    up = 1.0 if kind == _KINDS[0] else curve.Circle().Axis().Direction().Z()
+    if abs(up) < 1.0 - _LEVEL:
+        raise InputError(f"{origin}: its outline has an arc that is not in a plane of one z; draw it in the x-y plane")
+    parts = 2 if kind == _KINDS[1] and last - first > pi + _LEVEL else 1
+    marks = [first + (last - first) * k / parts for k in range(parts + 1)]
+    if backwards:
+        marks.reverse()
+    for start, end in pairwise(marks):
+        bulge = 0.0 if kind == _KINDS[0] else bulge_of((end - start) * (1.0 if up > 0.0 else -1.0))
+        yield _point(curve, start), _point(curve, end), bulge
+
+
+def _point(curve: Any, at: float) -> _Point:
+    x, y, z = curve.Value(at).Coord()
+    if not max(abs(x), abs(y), abs(z)) <= MOST_MM:
+        raise InputError(f"the outline reaches beyond {MOST_MM:g} mm; export it in its own unit")
+    return x, y, z
+
+
+def _counter_clockwise(corners: list[Corner]) -> list[Corner]:
+    return corners if area_mm2(loop_of(corners)) > 0.0 else reversed_corners(corners)
+
+
+if __name__ == "__main__":
+    serve(_write_loops)

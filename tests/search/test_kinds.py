@@ -1,0 +1,122 @@
+"""Lenses of several kinds in one search: the sum of their light, what each keeps, and a whole search."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from scenes import small_spec, sphere
+from search_scenes import Stop
+
+from lensforge.errors import InputError
+from lensforge.scene.lens import Lens
+from lensforge.search.design_result import Progress
+from lensforge.search.feasibility import measure_constraints
+from lensforge.search.kinds_search import search_kinds
+from lensforge.search.merit import MeritFunction
+from lensforge.search.parameters import settled_symmetry
+from lensforge.search.problem import Problem, Problems
+from lensforge.sources.build_source import build_source
+from lensforge.spec import Spec
+
+GRID = {"kind": "grid", "columns": 3, "rows": 3, "pitch_mm": 20.0}
+NEAR = {
+    "base": {"kind": "none"},
+    "target": {
+        "kind": "rectangle", "width_mm": 60.0, "height_mm": 60.0, "distance_mm": 12.0, "receiver_mm": 80.0,
+        "uniform_mm": 60.0,
+    },
+}  # fmt: skip
+FEW = {"lens__levels": [9], "optimise__steps_per_level": [24], "optimise__rays": 8192}
+
+
+def spec_of(kinds: str = "place", **changes: Any) -> Spec:
+    return small_spec(**{**NEAR, "lens__symmetry": "auto", "lamps": {**GRID, "kinds": kinds}, **changes})
+
+
+def problem_of(spec: Spec) -> Problem:
+    source = build_source(spec.source, None)
+    return Problems(settled_symmetry(spec, source), source, 3.0, None).of((9, 25))
+
+
+def light_on(problem: Problem, weights: torch.Tensor, offsets: torch.Tensor, rays: int = 2**17) -> np.ndarray:
+    merit = problem.merit
+    assert isinstance(merit, MeritFunction)
+    sample = build_source(problem.spec.source, None).sample(rays, 5)
+    return merit.light_of(merit.parametrisation.tables(weights, offsets), sample).images[0].numpy()
+
+
+def test_equal_kinds_have_the_light_and_the_constraints_of_one_lens() -> None:
+    one, three = problem_of(spec_of("one")), problem_of(spec_of())
+    weights = 0.02 * torch.from_numpy(np.random.default_rng(0).normal(size=(34, 2)))
+    offsets = torch.tensor([1.0, 1.1], dtype=torch.float64)
+    # of one function that has all mirrors by itself, so that the lens is the same in every kind
+    weights[1:] = 0.0
+    alone = light_on(one, weights, offsets)
+    together = light_on(three, weights.repeat(1, 3), offsets.repeat(3))
+    coarse = [each.reshape(8, -1, 8, each.shape[1] // 8).sum(axis=(1, 3)) for each in (alone, together)]
+    np.testing.assert_allclose(coarse[1], coarse[0], atol=0.01 * coarse[0].max())
+    np.testing.assert_allclose(together, together[::-1], atol=1e-12 * together.max())
+
+
+@pytest.mark.parametrize(
+    ("changes", "of_sum", "of_lenses"),
+    [
+        ({}, "square", ["square", "mirror_y", "diagonal"]),
+        ({"lens__symmetry": "none"}, "none", ["none"] * 3),
+        ({"target__height_mm": 40.0, "target__uniform_mm": 40.0}, "rectangle", ["rectangle", "mirror_y", "diagonal"]),
+        ({"source": {"kind": "rectangle", "width_mm": 2.0, "height_mm": 1.0}}, "none", ["none"] * 3),
+        ({"source__position_mm": [0.3, 0.0, 0.0]}, "none", ["none"] * 3),
+    ],
+)
+def test_each_lens_has_the_mirrors_of_its_kind(changes: dict[str, Any], of_sum: str, of_lenses: list[str]) -> None:
+    """An oblong LED at a corner has no mirror about the diagonal, so that nothing is left of the sum's."""
+    problem = problem_of(spec_of(**changes))
+    assert problem.spec.lens.symmetry == of_sum
+    weights = torch.from_numpy(0.01 * np.random.default_rng(1).normal(size=(34, 6)))
+    lens = problem.parametrisation.lens(weights, torch.tensor(3 * [1.0, 1.1]), problem.spec, 0, "draft")
+    assert [each.symmetry for each in lens.kinds] == of_lenses
+
+
+ROW = {"lamps": {**GRID, "rows": 1, "kinds": "place"}, "target__height_mm": 20.0, "target__uniform_mm": 20.0}
+
+
+def test_a_search_from_one_lens_lights_the_ends_better(tmp_path: Path) -> None:
+    """Interrupted among the kinds, it goes on to the same bits."""
+    spec, path, heard = spec_of(**FEW, **ROW), tmp_path / "search.bin", list[int]()
+    source = build_source(spec.source, None)
+
+    def stop(now: Progress) -> None:
+        heard.append(now.steps_done)
+        if now.steps_done == 40:
+            raise Stop
+
+    with pytest.raises(Stop):
+        search_kinds(spec, source, accuracy="draft", checkpoint=path, progress=stop)
+    assert heard == list(range(1, 41))
+    found = search_kinds(spec, source, accuracy="draft", checkpoint=path, resume=True)
+    assert search_kinds(spec, source, accuracy="draft").lens.sha256 == found.lens.sha256
+    one, kinds = found.history
+    assert (found.steps, one.level, kinds.level) == (48, 0, 1)
+    assert np.mean(kinds.nmse[-5:]) < 0.9 * np.mean(one.nmse[-5:])
+    assert all(criterion.passed for criterion in found.criteria)
+
+
+def test_the_margins_are_the_least_of_all_kinds() -> None:
+    inner, outer = (2.4, 2.6, 2.5), (6.0, 6.2, 6.4)
+    faces = [{"inner": sphere(one), "outer": sphere(other)} for one, other in zip(inner, outer, strict=True)]
+    spec = spec_of(lens__symmetry="square", constraints__max_radius_mm=6.3)
+    lens = Lens(faces[0], spec, 0, "draft", others={"edge": faces[1], "corner": faces[2]})
+    found, limits = measure_constraints(lens, 500), spec.constraints
+    assert found.wall_margin_mm == pytest.approx(3.6 - limits.min_thickness_mm, abs=1e-6)
+    assert found.radius_margin_mm == pytest.approx(6.3 - 6.4)
+    alone = measure_constraints(replace(lens, others={}, spec=spec_of("one")), 500)
+    assert found.cavity_clearance_mm == alone.cavity_clearance_mm
+
+
+def test_a_symmetry_that_the_led_lacks_is_refused() -> None:
+    changes = {"source": {"kind": "rectangle", "width_mm": 2.0, "height_mm": 1.0}, "lens__symmetry": "rectangle"}
+    with pytest.raises(InputError, match="'diagonal': the source has only 'rectangle'"):
+        problem_of(spec_of(**changes))
