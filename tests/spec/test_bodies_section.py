@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from lensforge.errors import InputError
-from lensforge.scene.lens import Lens, at_temperature
+from lensforge.scene.lens import Lens
+from lensforge.scene.lens_at_temperature import at_temperature
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.search.parameters import settled_symmetry
 from lensforge.sources.build_source import build_source
