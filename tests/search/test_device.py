@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 import torch
 from scenes import DEVICES, small_spec
+from test_bodies import COVER, spec_with
 
 from lensforge.errors import InputError
 from lensforge.search.checkpoint import CHECKPOINT as FILE_NAME
+from lensforge.search.merit import MeritFunction
 from lensforge.search.optimiser import search
+from lensforge.search.problem import parameters_of
 from lensforge.sources.build_source import build_source
 
 CPU = torch.device("cpu")
@@ -32,3 +35,10 @@ def test_a_checkpoint_is_not_resumed_on_another_device(tmp_path: Path) -> None:
     search(spec, source, accuracy="draft", checkpoint=tmp_path / FILE_NAME, device=CPU, resume=True)
     with pytest.raises(InputError, match="start or device"):
         search(spec, source, accuracy="draft", checkpoint=tmp_path / FILE_NAME, resume=True)
+
+
+@pytest.mark.parametrize("changes", [{"lens": {"kind": "tir"}, "bodies": []}, {"bodies": [COVER]}])
+def test_a_device_refuses_what_it_does_not_trace(changes: dict[str, object]) -> None:
+    spec = spec_with(**changes)
+    with pytest.raises(InputError, match="only a lens of two faces"):
+        MeritFunction.of(spec, build_source(spec.source), parameters_of(spec, 2.5), CPU)
