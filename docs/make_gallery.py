@@ -25,7 +25,9 @@ GROUPS = {
     "Other receivers": ("wall_washer", "curved_screen", "two_distances"),
     "Beams and lamps": ("batwing", "elliptical_beam", "from_ies", "signal", "street_lamp"),
     "Roads": ("road_m3", "road_wide", "road_luminance", "pedestrian"),
-    "Lamps together": ("backlight", "backlight_plate", "high_bay", "panel", "street_module", "floodlights"),
+    "Lamps together": (
+        "backlight", "backlight_plate", "backlight_rim", "high_bay", "panel", "street_module", "floodlights",
+    ),
     "Total internal reflection": ("spot", "spot_10", "oval", "flashlight", "desk_spot", "collimating_mirror"),
     "Reflectors": ("reflector", "ellipsoidal_reflector"),
     "Materials": ("silicone", "coated_cover_glass", "domed_cover"),

@@ -97,7 +97,7 @@ def transmittance_of(media: Media) -> float:
     Of a coated face at the angle and wavelength at which it reflects least; for indices above 2.6 near Brewster's.
     Light leaves a reflector without any loss where it leaves directly: 1. Bodies behind the lens count likewise.
     """
-    behind = prod(transmittance_of(body.media(media)) for body in media.bodies)
+    behind = prod((transmittance_of(body.media(media)) for body in media.bodies), start=1.0)
     if media.cup is not None:
         return behind
     index = np.full(1, media.body.refractive_index)

@@ -129,7 +129,7 @@ def test_every_pair_of_fates_has_its_advice(design, fate):
     for landed in (False, True):
         fates = np.full(2, CastFate.LANDED if landed else fate, dtype=np.int64)
         passage = LandedRays(
-            there if landed else nowhere, ones, 0.0 * ones, 0.0 * ones, fates, np.zeros((2, 2), dtype=int)
+            there if landed else nowhere, ones, 0.0 * ones, 0.0 * ones, fates, np.zeros((2, 2), dtype=int), 0.0 * ones
         )
         screen = Screen.square(DISTANCE, 10.0, 2)
         expected = Expected(screen, np.ones((2, 2)), nowhere if landed else there, ones, np.full(2, design))
@@ -148,7 +148,7 @@ def test_rays_that_met_other_faces_count_as_of_another_fate():
     rays, ones, zero, fates = lambertian(3, 0.0), np.ones(3), np.zeros(3), np.full(3, CastFate.LANDED, dtype=np.int64)
     design, part = np.array([[0, 3], [0, 3], [1, 2]]), np.array([[0, 3], [0, 2], [1, 2]])
     places = np.array([[0.0, 0.5], [1.0, 0.0], [0.0, 0.0]])
-    landed = LandedRays(places + np.array([[0.0, 0.0], [0.0, 0.0], [0.0, 3.0]]), ones, zero, zero, fates, part)
+    landed = LandedRays(places + np.array([[0.0, 0.0], [0.0, 0.0], [0.0, 3.0]]), ones, zero, zero, fates, part, zero)
     one_way = Expected(Screen.square(DISTANCE, 10.0, 2), np.ones((2, 2)), places, ones)
     found, alike = (compare(rays, landed, each) for each in (replace(one_way, met=design), one_way))
     assert (found.compared, found.fates, found.max) == (2, 1, pytest.approx(3.0))

@@ -152,7 +152,7 @@ def test_landed_rays_have_the_fates_of_the_passage_and_miss_the_receiver_where_t
     lost, facets = np.zeros(5), np.zeros((5, 2))
     ends = np.array(fates, dtype=np.int64)
     fields, met = unpolarised(np.nan_to_num(ways)), np.arange(10).reshape(5, 2)
-    passage = Passage(points, ways, flux, lost, lost.copy(), ends, facets, fields, met)
+    passage = Passage(points, ways, flux, lost, lost.copy(), ends, facets, fields, met, lost)
     landed = LandedRays.of(passage, Screen.square(100.0, 10.0, 4))
     names = ["landed", "missed_receiver", "total_reflection", "no_hit", "missed_receiver"]
     assert landed.fate_names.tolist() == names

@@ -20,7 +20,7 @@ def test_of_mirror_images_one_comes_first(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("inner", "outer", "shared"),
+    ("inner", "outer", "common"),
     [
         (random_surface(1, 3.0, symmetry="square"), random_surface(2, 6.0, symmetry="square"), "square"),
         (random_surface(1, 3.0, symmetry="square"), random_surface(2, 6.0, symmetry="mirror_y"), "mirror_y"),
@@ -29,5 +29,5 @@ def test_of_mirror_images_one_comes_first(name: str) -> None:
         (sphere(3.0), random_surface(2, 6.0, symmetry="square"), "none"),
     ],
 )
-def test_a_lens_has_the_mirrors_that_both_surfaces_have(inner: Surface, outer: Surface, shared: str) -> None:
-    assert Lens.double(inner, outer, small_spec(), 0, "draft").symmetry == shared
+def test_a_lens_has_the_mirrors_that_both_surfaces_have(inner: Surface, outer: Surface, common: str) -> None:
+    assert Lens.double(inner, outer, small_spec(), 0, "draft").symmetry == common
