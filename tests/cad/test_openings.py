@@ -130,6 +130,7 @@ def test_casts_agree_with_the_design_ray_by_ray(lens: Lens, built: BuiltBody, fi
     assert {NO_FACE, optical.names.index("cup"), optical.names.index("mouth")} == set(met[left].ravel().tolist())
 
 
+@pytest.mark.nightly("eight seconds")
 def test_a_freeform_cup_is_exported_too() -> None:
     lens = cup_lens(levels=[9])
     parameters = ProfileParameters.of(lens.spec, 2.5)

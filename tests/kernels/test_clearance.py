@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from nightly import first_by_day
 from scipy.spatial import cKDTree
 
 from lensforge.kernels import clearance
@@ -13,7 +14,7 @@ from lensforge.surfaces.surface import grid, to_sphere
 _REACH_MM = 1.5
 
 
-@pytest.mark.parametrize("functions", [9, 81])
+@pytest.mark.parametrize("functions", first_by_day(1, [81, 9]))
 def test_each_point_within_reach_of_a_wavy_face_has_its_foot(functions: int, monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(functions)
     basis = SrbfBasis((functions,), 1.75)

@@ -77,7 +77,7 @@ def test_the_oracle_sees_every_kind_of_chain():
     assert exact("ball", 6).inside.sum() < exact("ball", 3).inside.sum()
 
 
-@pytest.mark.parametrize(("coatings", "events"), [((), 3), (SILVERED, 6)])
+@pytest.mark.parametrize(("coatings", "events"), first_by_day(1, [(SILVERED, 6), ((), 3)]))
 def test_the_ways_of_the_light_are_those_of_every_ray(coatings, events):
     """The share of each way, and of all that leaves by the wall, with their errors."""
     faces = (PlaneFace(24.0, 2.5), asphere.sphere(3.0), ConeFace(24.0, 6.0, 1.0), PlaneFace(24.0, 10.0))

@@ -95,6 +95,7 @@ def test_a_plate_of_one_sends_the_light_of_the_lens_on_a_base_of_its_shape() -> 
         assert getattr(one.flux, name) == pytest.approx(share, abs=3e-4), name
 
 
+@pytest.mark.nightly("twelve seconds")
 def test_a_plate_may_be_turned_and_any_of_its_lenses_lit() -> None:
     """The same plate turned by 90 degrees with its lenses: the lit one sees the same."""
     apart = 9.0

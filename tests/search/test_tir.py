@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from nightly import first_by_day
 from tir_lenses import SPOT, margins_but_for_the_wall, spot
 
 import lensforge as lf
@@ -120,7 +121,7 @@ def test_the_derivative_of_the_merit_counts_light_that_crosses_creases() -> None
     assert abs(without - found) > 5.0 * abs(exact - found), "the crease is most of this derivative"
 
 
-@pytest.mark.parametrize("along", [[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
+@pytest.mark.parametrize("along", first_by_day(1, [[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]))
 def test_the_derivative_through_made_parts_counts_it_too(along: list[float]) -> None:
     """Of parts whose LED is out of place, tilted, and of another size: the creases are seen from there."""
     amounts = {"source_shift_mm": 0.2, "source_height_mm": 0.1, "source_size": 0.05, "source_flux": 0.2}
@@ -180,7 +181,7 @@ def test_a_flat_exit_stays_a_plane_and_only_its_height_moves(levels: list[int]) 
     assert start.radius(above) * above[:, 2] == pytest.approx(np.full(len(above), 9.2), rel=1e-12)
 
 
-@pytest.mark.parametrize("levels", [[], [9]])
+@pytest.mark.parametrize("levels", first_by_day(1, [[9], []]))
 def test_edges_in_the_search_are_those_of_the_faces_and_have_their_derivative(levels: list[int]) -> None:
     spec = spot(levels=levels).replace(constraints={"min_edge_angle_deg": 70.0})
     parameters = ProfileParameters.of(spec, 2.5)
@@ -212,6 +213,7 @@ def test_a_search_keeps_the_edges_that_are_asked_for() -> None:
     assert {"cap edge margin", "wall edge margin"} <= {each.name for each in kept.criteria if each.passed}
 
 
+@pytest.mark.nightly("twenty seconds; by day that of a reflector, by the same parameters")
 def test_a_short_search_gains_light_and_keeps_the_limits(tmp_path: object) -> None:
     spec = spot()
     design = lf.design(spec, accuracy="draft")
