@@ -25,7 +25,7 @@ from lensforge.light.coated_glass import RayCoatings, face_transmittances
 from lensforge.optics.dielectric import fields_behind, passing_amplitudes, unpolarised_fields
 from lensforge.optics.media import DOUBLE, FurtherBody, Media
 from lensforge.scene.as_made import Placed, through_frame
-from lensforge.scene.body import Body, Chain
+from lensforge.scene.body import Chain
 from lensforge.scene.exit_rays import ExitRays, Sensitivities
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid, table_error, tabulate
@@ -245,11 +245,3 @@ def _coatings(body: FurtherBody, rays: RayBundle, media: Media, fresnel: bool) -
         return RayCoatings.of(rays, media, fresnel)
     except InputError as error:
         raise InputError(str(error).replace("lens.", f"body {body.name!r}: ", 1)) from None
-
-
-def sound(body: FurtherBody) -> None:
-    """Raise :class:`InputError` for faces that cross."""
-    try:
-        Body.of({"inner": body.inner, "outer": body.outer}).require_sound()
-    except InputError as error:
-        raise InputError(f"body {body.name!r}: {error}") from None

@@ -47,9 +47,9 @@ from lensforge.sources.rayfiles.ray_file_io import read_rayfile, write_rayfile
 from lensforge.sources.source_spectrum import Spectrum
 from lensforge.spec import Spec
 from lensforge.spec.accuracy import Preset
-from lensforge.spec.bodies_section import reach_mm
 from lensforge.spec.lamps_section import ALONE, Lamps
 from lensforge.surfaces.mirror_group import NAMES, contains
+from lensforge.surfaces.placed_bodies import reach_mm
 
 _FAR_FIELDS = {"ies": IES_FILE, "ldt": LDT_FILE, "tm33": TM33_FILE}
 

@@ -302,6 +302,10 @@ class Material:
         """The refractive index at one wavelength."""
         return float(self.index(np.array([wavelength_nm]))[0])
 
+    def absorption_at(self, wavelength_nm: float, otherwise: float) -> float:
+        """Absorption (1/mm) at one wavelength; ``otherwise`` where the material states none."""
+        return otherwise if self.absorption is None else float(self.absorption.at(np.array([wavelength_nm]))[0])
+
     def at(self, law: TemperatureLaw, celsius: float) -> "Material":
         """Material whose index is that at ``celsius`` by ``law``; its absorption stays."""
         return replace(self, dispersion=IndexAtTemperature(self.dispersion, law, celsius))

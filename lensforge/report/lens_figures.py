@@ -28,8 +28,8 @@ from lensforge.results.figure_style import (
 from lensforge.scene.lens import Lens
 from lensforge.search.design_result import Level
 from lensforge.sources.source_pose import SourcePose
-from lensforge.spec.bodies_section import depths
-from lensforge.spec.bodies_section import reach_mm as bodies_reach_mm
+from lensforge.surfaces.placed_bodies import depths
+from lensforge.surfaces.placed_bodies import reach_mm as bodies_reach_mm
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 _FAN_DEG = np.linspace(-75.0, 75.0, 21)

@@ -25,8 +25,8 @@ from lensforge.results.notebook_html import section_html
 from lensforge.results.stage_result import CHECKSUM, require_checksum, validated, with_checksum, without_schema
 from lensforge.scene.body import Body, radii
 from lensforge.spec import Accuracy, AnyReceiver, Spec, parse_spec
-from lensforge.spec.bodies_section import has_mirrors
 from lensforge.surfaces.mirror_group import NAMES, contains
+from lensforge.surfaces.placed_bodies import has_mirrors
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface
 from lensforge.surfaces.surface_record import SurfaceRecord, surface_record

@@ -20,7 +20,7 @@ from lensforge.optics.media import DOUBLE, Media
 from lensforge.scene.lamp_pictures import LampPictures
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.sources.ray_bundle import ChangedSource, RayBundle, Source
-from lensforge.spec.bodies_section import reach_mm
+from lensforge.surfaces.placed_bodies import reach_mm
 
 _RAYS_PER_CELL = 32  # fewer: the noise of a cell's radiance; more: cells average over radiance that differs
 _LEVEL = 1e-3  # rays closer than this to z = const cross no plane nearby

@@ -29,7 +29,6 @@ from lensforge.optics.arrays import Array, lengths, module_of
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.scene.receiver import Kernel, PosedReceiver, ReceiverKind, ReceiverPose, equal_area, from_equal_area
 from lensforge.spec import AnyReceiver, Spec
-from lensforge.spec.bodies_section import depths
 from lensforge.spec.lamp_stand import Stand
 from lensforge.spec.lamps_section import Lamps
 from lensforge.spec.receiver_sections import (
@@ -39,6 +38,7 @@ from lensforge.spec.receiver_sections import (
     PlaneReceiver,
     SphereReceiver,
 )
+from lensforge.surfaces.placed_bodies import depths
 
 WHOLE = 1e-6  # pixels: two moves that differ by whole pixels to so much are alike
 

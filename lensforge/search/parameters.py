@@ -25,9 +25,9 @@ from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.scene.target_pattern import target_light
 from lensforge.sources.ray_bundle import Source
 from lensforge.spec import Accuracy, Spec
-from lensforge.spec.bodies_section import has_mirrors
 from lensforge.surfaces.bicubic_table import BasisTables, TableGrid, dyadic_grid, tabulate
 from lensforge.surfaces.mirror_group import NAMES, contains, generators
+from lensforge.surfaces.placed_bodies import has_mirrors
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere, level_sigma
 from lensforge.surfaces.surface import Surface
 

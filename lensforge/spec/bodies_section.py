@@ -24,11 +24,10 @@ from lensforge.spec.lens_material import OpticalData, with_optical_data
 from lensforge.spec.lens_section import AnyLens
 from lensforge.spec.search_section import ConstraintsSection
 from lensforge.spec.spec_section import Coordinate, FilePath, Label, Section
-from lensforge.surfaces.mirror_group import group
+from lensforge.surfaces.placed_bodies import depths, outside_of
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 _DIRECTIONS = 4000  # in which bodies are compared: 2 degrees apart
-_SAME = 1e-9  # rounding of a mirrored body
 
 _Points = Float[np.ndarray, "n 3"]
 
@@ -80,10 +79,7 @@ class BodySection(Section):
     @model_validator(mode="before")
     @classmethod
     def _material_of_the_file(cls, content: Any) -> Any:
-        try:
-            return with_optical_data(content)
-        except InputError as error:
-            raise ValueError(f"material_file: {error}") from None
+        return with_optical_data(content)
 
     @model_validator(mode="after")
     def _has_one_index(self) -> "BodySection":
@@ -140,10 +136,10 @@ class BodySection(Section):
 
         Raises :class:`InputError` where its index is not known there.
         """
-        material, absorption = self._material, self.absorption_per_mm
-        index = self.refractive_index if material is None else material.index_at(design_wavelength_nm)
-        if material is not None and material.absorption is not None:
-            absorption = float(material.absorption.at(np.array([design_wavelength_nm]))[0])
+        material, index, absorption = self._material, self.refractive_index, self.absorption_per_mm
+        if material is not None:
+            index = material.index_at(design_wavelength_nm)
+            absorption = material.absorption_at(design_wavelength_nm, absorption)
         assert index is not None, "validated"
         sides = dict(zip(DOUBLE, (CAVITY, OUTSIDE), strict=True))
         coatings = tuple(
@@ -193,7 +189,7 @@ def require_bodies(
         raise ValueError(f"bodies: {error}") from None
     _require_within(bodies[0], _largest_lens(lens, limits), "the lens", "lower constraints.max_radius_mm")
     for one, other in pairwise(bodies):
-        _require_within(other, _outside_of(one), f"body {one.name!r}", "give the bodies from the lens on")
+        _require_within(other, outside_of(one), f"body {one.name!r}", "give the bodies from the lens on")
 
 
 def _require_within(body: FurtherBody, points: _Points, what: str, remedy: str) -> None:
@@ -208,22 +204,6 @@ def _require_within(body: FurtherBody, points: _Points, what: str, remedy: str) 
         )
 
 
-def depths(body: FurtherBody, points: _Points, *, inner: bool) -> Float[np.ndarray, " n"]:
-    """Depth (mm) of points within the inner or the outer face of a body; infinite below the plane in which it ends."""
-    own, face = body.own_points(points), body.inner if inner else body.outer
-    radii = np.maximum(np.linalg.norm(own, axis=1), 1e-12)
-    above = own[:, 2] > 0.0
-    found = np.full(len(points), np.inf)
-    found[above] = face.radius(own[above] / radii[above, None]) - radii[above]
-    return found
-
-
-def _outside_of(body: FurtherBody) -> _Points:
-    """Points of the outer face of a body, in the coordinates of the lens."""
-    u = fibonacci_hemisphere(_DIRECTIONS)
-    return body.placed_points(body.outer.radius(u)[:, None] * u)
-
-
 def _largest_lens(lens: AnyLens, limits: ConstraintsSection) -> _Points:
     """Points of the largest lens that the limits allow: a hemisphere, or a cylinder where that is its radius."""
     u, most = fibonacci_hemisphere(_DIRECTIONS), limits.max_radius_mm
@@ -234,22 +214,3 @@ def _largest_lens(lens: AnyLens, limits: ConstraintsSection) -> _Points:
     across = u[:, :2] / np.linalg.norm(u[:, :2], axis=1, keepdims=True)
     side = np.column_stack([most * across, height * u[:, 2]])
     return np.concatenate([side, np.column_stack([most * u[:, :2], np.full(len(u), height)])])
-
-
-def has_mirrors(body: FurtherBody, symmetry: str) -> bool:
-    """True where the body, in its place, has the mirror group of that name about the axis of the lens."""
-    turn, centre, u = np.array(body.turn), np.array(body.centre_mm), fibonacci_hemisphere(_DIRECTIONS // 10)
-    for mirror in group(symmetry):
-        own = turn.T @ mirror @ turn
-        if not (np.allclose(mirror @ centre, centre, atol=_SAME) and np.allclose(own[2], [0.0, 0.0, 1.0], atol=_SAME)):
-            return False
-        if not all(
-            np.allclose(each.radius(u), each.radius(u @ own.T), rtol=_SAME) for each in (body.inner, body.outer)
-        ):
-            return False
-    return True
-
-
-def reach_mm(bodies: Sequence[FurtherBody]) -> float:
-    """Radius (mm) of the ball about the lens's origin in which all bodies lie, above the planes in which they end."""
-    return max((float(np.linalg.norm(_outside_of(body), axis=1).max()) for body in bodies), default=0.0)

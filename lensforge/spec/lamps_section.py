@@ -8,7 +8,7 @@ lens, or lenses of several kinds by place.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import atan2, degrees, hypot, pi, sqrt
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from jaxtyping import Float
@@ -183,7 +183,7 @@ class LampsSection(Section):
         return self
 
     @property
-    def of_one_kind(self) -> "LampsSection":
+    def of_one_kind(self) -> Self:
         """The same places, where all lamps have one lens."""
         return self
 
@@ -200,7 +200,21 @@ def _pair(pitch: Side) -> tuple[float, float]:
     return pitch if isinstance(pitch, tuple) else (pitch, pitch)
 
 
-class GridLamps(LampsSection):
+class LampsWithRim(LampsSection):
+    """Lamps in an arrangement with a rim, along which they may have other lenses."""
+
+    kinds: _Kinds = "one"
+    """Lenses: "one" for all lamps, or "place": other ones along the rim and at the corners, turned to face outwards."""
+    rim_rings: _Rings = 1
+    """Rings of places, from the rim inwards, with a lens of their own for sides and one for corners."""
+
+    @property
+    def of_one_kind(self) -> Self:
+        """The same places, where all lamps have one lens."""
+        return self.model_copy(update={"kinds": "one"})
+
+
+class GridLamps(LampsWithRim):
     """Rows and columns about the origin."""
 
     kind: Literal["grid"] = "grid"
@@ -210,10 +224,6 @@ class GridLamps(LampsSection):
     """Lamps along y."""
     pitch_mm: Side
     """Distance of neighbouring axes; one number, or along x and along y."""
-    kinds: _Kinds = "one"
-    """Lenses: "one" for all lamps, or "place": other ones along the rim and at the corners, turned to face outwards."""
-    rim_rings: _Rings = 1
-    """Rings of places, from the rim inwards, with a lens of their own for sides and one for corners."""
 
     @property
     def lamps(self) -> Lamps:
@@ -229,13 +239,8 @@ class GridLamps(LampsSection):
             places, [in_grid(i, j, *size, self.rim_rings) for j in range(self.rows) for i in range(self.columns)]
         )
 
-    @property
-    def of_one_kind(self) -> "GridLamps":
-        """The same places, where all lamps have one lens."""
-        return self.model_copy(update={"kinds": "one"})
 
-
-class HexagonLamps(LampsSection):
+class HexagonLamps(LampsWithRim):
     """A lamp at the origin, and hexagons of them around it: 7 with one ring, 19 with two."""
 
     kind: Literal["hexagon"] = "hexagon"
@@ -243,10 +248,6 @@ class HexagonLamps(LampsSection):
     """Hexagons around the middle lamp."""
     pitch_mm: Millimetres
     """Distance of neighbouring axes, along x and at 60 degrees to it."""
-    kinds: _Kinds = "one"
-    """Lenses: "one" for all lamps, or "place": other ones along the rim and at the corners, turned to face outwards."""
-    rim_rings: _Rings = 1
-    """Rings of places, from the rim inwards, with a lens of their own for sides and one for corners."""
 
     @property
     def lamps(self) -> Lamps:
@@ -257,11 +258,6 @@ class HexagonLamps(LampsSection):
         if self.kinds == "one":
             return _unturned(places)
         return _by_place(places, [in_hexagon(i, j, rings, self.rim_rings) for i, j in steps])
-
-    @property
-    def of_one_kind(self) -> "HexagonLamps":
-        """The same places, where all lamps have one lens."""
-        return self.model_copy(update={"kinds": "one"})
 
 
 class RingLamps(LampsSection):
@@ -321,7 +317,7 @@ class TableLamps(LampsSection):
         )
 
     @property
-    def of_one_kind(self) -> "TableLamps":
+    def of_one_kind(self) -> Self:
         """The same places, where all lamps have one lens."""
         return self.model_copy(update={"kinds": ()})
 

@@ -134,13 +134,16 @@ class OpticalData(Section):
 def with_optical_data(content: Any) -> Any:
     """Fields of a ``[lens]`` with the data of its ``material_file`` in place of that file: they need it no more.
 
-    Raises :class:`InputError` for a file that cannot be read, or where both are given.
+    Raises ``ValueError`` for a file that cannot be read, or where both are given.
     """
     if not isinstance(content, dict) or not isinstance(content.get("material_file"), str | Path):
         return content
     if content.get("optical_data") is not None:
-        raise InputError("material_file and optical_data: give one of the two")
-    data = read_material(Path(content["material_file"]), content.get("material"))
+        raise ValueError("material_file: material_file and optical_data: give one of the two")
+    try:
+        data = read_material(Path(content["material_file"]), content.get("material"))
+    except InputError as error:
+        raise ValueError(f"material_file: {error}") from None
     rest = {key: value for key, value in content.items() if key != "material_file"}
     return rest | {"material": data.name, "optical_data": _fields(data)}
 
@@ -212,10 +215,7 @@ class LensMaterial(FacesSection):
     @model_validator(mode="before")
     @classmethod
     def _material_of_the_file(cls, content: Any) -> Any:
-        try:
-            return with_optical_data(content)
-        except InputError as error:
-            raise ValueError(f"material_file: {error}") from None
+        return with_optical_data(content)
 
     @model_validator(mode="after")
     def _one_source_of_the_index(self) -> "LensMaterial":
@@ -288,13 +288,11 @@ class LensMaterial(FacesSection):
     @property
     def media(self) -> Media:
         """The body, what fills the cavity and surrounds the lens, and the coatings of its faces."""
-        material = self._material
-        if material is None or material.absorption is None:
-            absorption = self.absorption_per_mm
-        else:
-            absorption = float(material.absorption.at(np.array([self.design_wavelength_nm]))[0])
+        material, absorption = self._material, self.absorption_per_mm
+        if material is not None:
+            absorption = material.absorption_at(self.design_wavelength_nm, absorption)
         glass = None if self.cover_glass is None else self.cover_glass.glass
-        body = self._material or self.refractive_index
+        body = material or self.refractive_index
         coatings = []
         for name, face in self.faces.items():
             around = CAVITY if SIDES[name][0] == CAVITY else OUTSIDE

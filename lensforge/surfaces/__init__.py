@@ -7,5 +7,6 @@
 - ``chart_spline.ChartSpline``: a spline over the chart of directions
 - ``bicubic_table.TableGrid``: tables through which rays are traced
 - ``mirror_group.group``: symmetries
+- ``placed_bodies``: given bodies in their places
 - ``cad_sampling``: faces of CAD files as points
 """

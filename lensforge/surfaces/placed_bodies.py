@@ -1,0 +1,53 @@
+"""Given bodies in their places: depth of points within them, their mirrors, and how far they reach.
+
+A body is star-shaped about its own origin, and ends in the plane z = 0 of its own frame.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.optics.media import FurtherBody
+from lensforge.surfaces.mirror_group import group
+from lensforge.surfaces.srbf import fibonacci_hemisphere
+
+_DIRECTIONS = 4000  # in which bodies are compared: 2 degrees apart
+_SAME = 1e-9  # rounding of a mirrored body
+
+_Points = Float[np.ndarray, "n 3"]
+
+
+def depths(body: FurtherBody, points: _Points, *, inner: bool) -> Float[np.ndarray, " n"]:
+    """Depth (mm) of points within the inner or the outer face of a body; infinite below the plane in which it ends."""
+    own, face = body.own_points(points), body.inner if inner else body.outer
+    radii = np.maximum(np.linalg.norm(own, axis=1), 1e-12)
+    above = own[:, 2] > 0.0
+    found = np.full(len(points), np.inf)
+    found[above] = face.radius(own[above] / radii[above, None]) - radii[above]
+    return found
+
+
+def outside_of(body: FurtherBody) -> _Points:
+    """Points of the outer face of a body, in the coordinates of the lens."""
+    u = fibonacci_hemisphere(_DIRECTIONS)
+    return body.placed_points(body.outer.radius(u)[:, None] * u)
+
+
+def has_mirrors(body: FurtherBody, symmetry: str) -> bool:
+    """True where the body, in its place, has the mirror group of that name about the axis of the lens."""
+    turn, centre, u = np.array(body.turn), np.array(body.centre_mm), fibonacci_hemisphere(_DIRECTIONS // 10)
+    for mirror in group(symmetry):
+        own = turn.T @ mirror @ turn
+        if not (np.allclose(mirror @ centre, centre, atol=_SAME) and np.allclose(own[2], [0.0, 0.0, 1.0], atol=_SAME)):
+            return False
+        if not all(
+            np.allclose(each.radius(u), each.radius(u @ own.T), rtol=_SAME) for each in (body.inner, body.outer)
+        ):
+            return False
+    return True
+
+
+def reach_mm(bodies: Sequence[FurtherBody]) -> float:
+    """Radius (mm) of the ball about the lens's origin in which all bodies lie, above the planes in which they end."""
+    return max((float(np.linalg.norm(outside_of(body), axis=1).max()) for body in bodies), default=0.0)
