@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from lensforge.optics.fundamental_limits import transmittance_of
 from lensforge.scene.possible_light import PossibleLight, SourceLight
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.search.merit import MeritFunction
@@ -62,3 +63,9 @@ def test_bounds_allow_for_the_size_of_the_bodies_and_for_what_they_turn() -> Non
     with_it, without = (PossibleLight(each, receiver, 7.0) for each in (light, bare))
     assert (with_it.on_pixels >= without.on_pixels).all() and with_it.on_pixels.sum() > 1.5 * without.on_pixels.sum()
     assert with_it.in_region(receiver.window.pixels(receiver.grid)).by_refraction >= 0.9
+
+
+def test_the_most_that_the_lens_transmits_is_less_by_both_faces_of_a_body() -> None:
+    of_faces = (1.0 - (0.586 / 2.586) ** 2) ** 2
+    found = transmittance_of(spec_with().media) / transmittance_of(spec_with(bodies=[]).media)
+    assert found == pytest.approx(of_faces, rel=1e-12)

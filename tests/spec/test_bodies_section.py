@@ -44,6 +44,14 @@ def test_a_body_stands_where_it_is_put() -> None:
     assert body.medium.material is not None, "dispersive"
 
 
+def test_a_body_is_turned_about_its_axis_then_tilted_about_x_and_then_about_y() -> None:
+    (body,) = spec_with({**COVER, "tilt_deg": [10.0, 20.0], "rotate_z_deg": 30.0}).media.bodies
+    (ca, sa), (cb, sb), (cc, sc) = ((np.cos(angle), np.sin(angle)) for angle in np.radians([10.0, 20.0, 30.0]))
+    x, y, z = cc, sc * ca, sc * sa  # of its own x axis, turned, and tilted about x
+    wanted = [[x * cb + z * sb, y, -x * sb + z * cb], [ca * sb, -sa, ca * cb]]
+    np.testing.assert_allclose(body.placed_directions(np.eye(3)[[0, 2]]), wanted, atol=1e-15)
+
+
 def test_a_spec_with_bodies_is_saved_and_read(tmp_path) -> None:
     spec = spec_with(COVER, {**COVER, "name": "next", "inner": sphere(30.0), "outer": sphere(33.0)})
     spec.save(tmp_path / "spec.toml")
