@@ -101,6 +101,7 @@ def test_a_receiver_within_a_body_is_refused() -> None:
 @pytest.mark.parametrize(
     ("changes", "symmetry"),
     [({"centre_mm": [0.0, 0.0, -2.0], "tilt_deg": [0.0, 0.0]}, "square"), ({}, "mirror_x"),
+     ({"tilt_deg": [0.0, 0.0]}, "mirror_x"),
      ({"tilt_deg": [10.0, 4.0]}, "none"), ({"centre_mm": [1.0, 0.0, -2.0], "tilt_deg": [0.0, 8.0]}, "mirror_y")],
 )  # fmt: skip
 def test_the_lens_has_no_larger_symmetry_than_the_bodies(changes, symmetry) -> None:

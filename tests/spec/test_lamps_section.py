@@ -168,6 +168,14 @@ def test_lamps_at_the_rim_face_outwards_and_are_their_own_mirror_images(rings: i
     assert own.has_mirrors("square") and not own.of_kind(own.kinds[-1]).has_mirrors("mirror_x")
 
 
+@pytest.mark.parametrize("lamps", [BY_PLACE, {"kind": "hexagon", "rings": 2, "pitch_mm": 20.0, "kinds": "place"}, WIDE])
+def test_the_same_places_may_have_one_lens(lamps: dict[str, Any]) -> None:
+    section = small_spec(lamps=lamps, base={"kind": "none"}).lamps
+    assert section is not None and section.lamps.kinds
+    one = section.of_one_kind.lamps
+    assert one.kinds == () and one.places_mm == section.lamps.places_mm and set(one.turns_deg) == {0.0}
+
+
 def test_kinds_of_a_table_have_the_mirrors_that_keep_them() -> None:
     assert lamps_of(WIDE).has_mirrors("rectangle")
     one_side = lamps_of({**WIDE, "kinds": ["wide", "wide", "narrow"]})
