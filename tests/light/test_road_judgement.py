@@ -110,6 +110,9 @@ def test_ratios_of_rp_8_are_stated_as_it_states_them(bright: float) -> None:
     assert ("collector low" in held) == ("freeway B" in held) == (bright == 1.0)
     glaring = driver.model_copy(update={"veiling_ratio": driver.veiling_ratio.model_copy(update={"value": 0.35})})
     assert classes_held((driver, glaring)) == (", ".join(name for name in held if name[0] in "cl") or "none")
+    for name in ("uniformity", "uniformity_along"):
+        uneven = driver.model_copy(update={name: getattr(driver, name).model_copy(update={"value": 1e-3})})
+        assert classes_held((driver, uneven)) == "none", name
     assert found.standard == "RP-8-14"
 
 

@@ -93,9 +93,8 @@ SCENES = {
     "coated, coloured": (COATED, COLOURED),
     "dense gel": (GELLED, RAYS),
     "dense gel, coloured": (GELLED, COLOURED),
+    "out of place": (Scene(Media(Medium(N, 0.05)), GRID, made=ODD), RAYS),
 }
-# The tracer in torch that follows faces out of place is the exact one: test_as_made.
-DIFFERENCES = SCENES | {"out of place": (Scene(Media(Medium(N, 0.05)), GRID, made=ODD), RAYS)}
 
 
 def mixed(found: Landed) -> torch.Tensor:
@@ -139,10 +138,10 @@ def test_the_tracer_in_torch_and_its_gradients_are_those_of_the_kernels(name: st
 
 @pytest.mark.parametrize(
     ("name", "fresnel"),
-    cases(DIFFERENCES, ("coated, coloured", True), ("out of place", True), ("gel and water", False)),
+    cases(SCENES, ("coated, coloured", True), ("out of place", True), ("gel and water", False)),
 )
 def test_gradients_are_those_of_finite_differences(name: str, fresnel: bool) -> None:
-    scene, rays = replace(DIFFERENCES[name][0], fresnel=fresnel), DIFFERENCES[name][1]
+    scene, rays = replace(SCENES[name][0], fresnel=fresnel), SCENES[name][1]
     tables = [each.clone().requires_grad_() for each in TABLES]
     before = by_kernels(tables, scene, rays, Z)
     assert before.landed.sum() > 100

@@ -9,12 +9,11 @@ import pytest
 from rayfile_samples import SHARED, rays
 
 from lensforge.errors import InputError
-from lensforge.optics.material import MATERIALS
 from lensforge.sources.ray_set_loading import load_ray_set
 from lensforge.sources.rayfiles.ray_file_io import write_rayfile
 from lensforge.sources.rayfiles.ray_file_statistics import RaySums
 from lensforge.spec import load_spec
-from lensforge.spec.source_sections import RayfileSource, RayfilesSource, RaySource
+from lensforge.spec.source_sections import RayfileSource, RayfilesSource
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -23,27 +22,12 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 def load(tmp_path):
     """Load the emitter of a ray file with the fields of the spec's source section."""
 
-    def _load(rayfile, material=None, **fields):
+    def _load(rayfile, **fields):
         path = tmp_path / "led.rays"
         write_rayfile(path, rayfile, "csv" if rayfile.flux_unit == "lm" else "tm25")
-        return load_ray_set(RayfileSource(kind="rayfile", file=path, **fields), material)
+        return load_ray_set(RayfileSource(kind="rayfile", file=path, **fields))
 
     return _load
-
-
-@pytest.mark.parametrize("wavelengths_nm", [None, np.full(50, 600.0)])
-def test_rays_bring_wavelengths_only_where_the_lens_disperses_and_they_are_known(load, wavelengths_nm):
-    original, pmma = replace(rays(50), wavelengths_nm=wavelengths_nm), MATERIALS["PMMA"]
-    places = {"positions_mm": original.positions_mm, "directions": original.directions}
-    spec = RaySource(**places, flux_w=1.0, wavelengths_nm=wavelengths_nm)
-    one_index = load(original).rays.wavelengths_nm
-    for found in (load_ray_set(spec, pmma), load(original, material=pmma)):
-        if wavelengths_nm is None:
-            assert found.rays.wavelengths_nm is None and found.summary.wavelengths_nm is None
-        else:
-            assert (found.rays.wavelengths_nm == 600.0).all()
-            assert found.summary.wavelengths_nm == (600.0, 600.0)
-    assert one_index is None
 
 
 @pytest.fixture

@@ -34,8 +34,7 @@ def read_rayfile(path: Path) -> RayFile:
 
     Raises :class:`InputError`, one line, if the file is missing, damaged, or of no known format.
     """
-    image = FileImage.open(path)
-    return decode(image)
+    return decode(FileImage.open(path))
 
 
 def is_rayfile(path: Path) -> bool:

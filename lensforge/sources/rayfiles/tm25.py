@@ -89,13 +89,12 @@ def _decode(image: FileImage) -> RayFile:
     labels = [
         plain_text(image.part(at, at + _LABEL_BYTES), "utf-32-le") for at in range(position, labels_end, _LABEL_BYTES)
     ]
-    unit, name = ("W", "radiant") if fields.flags["radiant"] else ("lm", "luminous")
-    at = fields.column(name)
+    watts = bool(fields.flags["radiant"])
     return RayFile(
         positions_mm=rows[:, 0:3],
         directions=rows[:, 3:6],
-        flux=rows[:, at],
-        flux_unit="W" if unit == "W" else "lm",
+        flux=rows[:, fields.column("radiant" if watts else "luminous")],
+        flux_unit="W" if watts else "lm",
         wavelengths_nm=_wavelengths(fields, rows),
         spectrum_numbers=rows[:, fields.column("spectrum_index")] if fields.flags["spectrum_index"] else None,
         format=BINARY.name,
