@@ -167,8 +167,6 @@ def test_a_search_reports_and_stops(tmp_path: Path) -> None:
         (lambda: lf.sweep(small_spec(), "constraints.max_radius", [7.0, 8.0]), "no such field"),
         (lambda: lf.tradeoff(small_spec(), most_rays=3), "most_rays = 3"),
         (lambda: lf.compare("a", on="b"), "compare: give a Light"),
-        (lambda: lf.SquareSource(side_mm=-1.0), "SquareSource: side_mm = -1.0"),
-        (lambda: lf.SquareSource(side=1.0), "SquareSource: side"),
         (lambda: lf.RaySource([[0.0] * 7]), "one of them is (0, 0, 0)"),
     ],
 )
