@@ -19,6 +19,7 @@ def schema() -> jsonschema.Draft202012Validator:
     return jsonschema.Draft202012Validator(spec_schema())
 
 
+@pytest.mark.usefixtures("cad_read_here")
 @pytest.mark.parametrize("path", SPECS, ids=lambda path: path.stem)
 def test_a_shipped_spec_is_valid_and_comes_back_from_its_file(
     path: Path, schema: jsonschema.Draft202012Validator, tmp_path: Path

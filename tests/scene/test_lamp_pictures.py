@@ -218,7 +218,7 @@ def test_lamps_from_afar_have_so_many_times_the_candela_and_turn() -> None:
     alone, two = (
         measure_photometry(
             Lens.double(sphere(3.0), sphere(6.0), each, seed=0, accuracy="draft"),
-            build_source(each.source, None), PRESETS["draft"], rays=2**18,
+            build_source(each.source, None), PRESETS["draft"], rays=2**17,
         )
         for each in (spec, spec.replace({"lamps": pair}))
     )  # fmt: skip
@@ -267,11 +267,15 @@ def test_a_lamp_aimed_along_z_is_the_lens_moved() -> None:
     """Straight aims change nothing, to the bit; a plane takes light on its lit side alone."""
     sheet = {**SHEET, "centre_mm": [0.0, 0.0, 60.0]}
     row = {"kind": "table", "places_mm": [[-20.0, 0.0], [20.0, 0.0]]}
-    aimed = light_of(**DIRECT, receivers=[sheet], lamps={**row, "aims_mm": [[-20.0, 0.0, 9.0], [20.0, 0.0, 70.0]]})
-    assert aimed == light_of(**DIRECT, receivers=[sheet], lamps=row)
+    aimed = light_of(
+        2**12, 5, target=None, receivers=[sheet], lamps={**row, "aims_mm": [[-20.0, 0.0, 9.0], [20.0, 0.0, 70.0]]}
+    )
+    assert aimed == light_of(2**12, 5, target=None, receivers=[sheet], lamps=row)
     up, down = (
         light_of(
-            **DIRECT,
+            2**12,
+            5,
+            target=None,
             receivers=[sheet],
             lamps={"kind": "table", "places_mm": [[0.0, 0.0, 9.0]], "aims_mm": [[3.0, 0.0, z]]},
         )
