@@ -103,6 +103,12 @@ def full_effort(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
+def no_table_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Evaluations that do not measure the error of their tables, half of their time: for tests of the light."""
+    monkeypatch.setattr("lensforge.light.evaluation.measure_preset", lambda *_: None)
+
+
+@pytest.fixture
 def cad_read_here(monkeypatch: pytest.MonkeyPatch) -> None:
     """CAD files are read in this process, by the same code: a child takes a second to load the CAD kernel.
 
