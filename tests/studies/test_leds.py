@@ -106,7 +106,7 @@ def test_workers_get_all_options_and_their_designs_are_in_the_order_of_the_leds(
     monkeypatch.setattr("lensforge.report.sweep_runs.runs_on_workers", backwards)
     there = run_sweep(
         found.spec, sources_of(found.spec.sources, found.spec), tmp_path, pytest.fail, accuracy="draft", seed=2,
-        scheduler="tcp://host:8786", further={"force": True, "seed": 9},
+        scheduler="tcp://host:8786", force=True,
     )  # fmt: skip
     assert asked == {"accuracy": "draft", "seed": 2, "force": True, "scheduler": "tcp://host:8786"}
     assert there.values == found.values and there.failed == {"failing": "cannot be"}
