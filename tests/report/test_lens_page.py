@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from nightly import first_by_day
 from page_text import Page, text_of, undrawn_page_of
 from result_folders import make_folder, make_results, small_lens
 
@@ -54,14 +53,11 @@ def test_nothing_is_written(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     ("place", "title"),
-    first_by_day(
-        1,
-        [
-            (("inner", "residual_mm"), "Inner face: left uncut by the mill"),
-            (("outer", "sag_mm"), "Outer face: departure from a sphere"),
-            (("inner", "kappa_min"), "Inner face: curvature"),
-        ],
-    ),
+    [
+        (("inner", "residual_mm"), "Inner face: left uncut by the mill"),
+        (("outer", "sag_mm"), "Outer face: departure from a sphere"),
+        (("inner", "kappa_min"), "Inner face: curvature"),
+    ],
 )
 def test_a_map_without_a_number_is_left_out(place, title):
     name, quantity = place
