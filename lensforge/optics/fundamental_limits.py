@@ -41,17 +41,20 @@ def best_transmittance(
     """
     turn = np.maximum(deviation_rad, 0.0)
     index = np.broadcast_to(refractive_index, turn.shape)
-    first, second = (_ratio(index, each) for each in (cavity_index, outside_index))
     if cavity_index == outside_index and least == (None, None):
-        once = _at_most(0.5 * turn, first, None)
+        once = _at_most(0.5 * turn, _ratio(index, cavity_index), None)
         both: Turns = once * once
         return both
-    bound: Turns = np.zeros_like(turn)
+    # once for all rays of one index that need not turn: in a scene they are most of all
+    pairs, places = np.unique(np.stack([turn.ravel(), index.ravel()]), axis=1, return_inverse=True)
+    turns, first, second = pairs[0], *(_ratio(pairs[1], each) for each in (cavity_index, outside_index))
+    bound: Turns = np.zeros_like(turns)
     for k in range(_SPLITS):
-        one = _at_most(k / _SPLITS * turn, first, least[0])
-        other = _at_most((1.0 - (k + 1) / _SPLITS) * turn, second, least[1])
+        one = _at_most(k / _SPLITS * turns, first, least[0])
+        other = _at_most((1.0 - (k + 1) / _SPLITS) * turns, second, least[1])
         bound = np.maximum(bound, one * other)
-    return bound
+    found: Turns = bound[places.ravel()].reshape(turn.shape)
+    return found
 
 
 def _at_most(deviation_rad: Turns, ratio: Turns, least: float | None) -> Turns:

@@ -31,7 +31,6 @@ from lensforge.surfaces.surface import Surface, to_sphere
 
 Centre = tuple[float, float, float]
 NONE = BaseSection(kind="none")
-pytestmark = pytest.mark.usefixtures("full_effort")
 
 
 class Ball(Ellipsoid):
