@@ -27,8 +27,7 @@ from lensforge.made.measurement_result import Correction, PhotoComparison, Surfa
 from lensforge.made.part_verbs import compare, correct, sensitivity, tolerance
 from lensforge.made.tolerance_result import Sensitivity, Yield
 from lensforge.proof.casts import stray_light, verify
-from lensforge.proof.proof_result import Proof
-from lensforge.proof.stray_result import StrayLight
+from lensforge.proof.proof_result import Proof, StrayLight
 from lensforge.report.folder import Run, RunFolder, load, opened
 from lensforge.report.pipeline import build, check, handover, photometry, run, sweep, tradeoff
 from lensforge.report.results import Results, stem_of

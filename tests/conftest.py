@@ -36,10 +36,6 @@ _UNCHECKED = {  # compiled by numba, which cannot compile what is wrapped; verbs
     "luminaire_classes.py", "yield_study.py", "measured_parts.py", "tolerance_budget.py", "part_study.py",
     "sensitivity.py", "point_tables.py", "shop_files.py", "proof_inputs.py",
 }  # fmt: skip
-# Fewer lines from which the thinnest wall of two faces is sought, and fewer points of a spline's volume: half of a
-# short search and of an export are these two numbers. ``full_effort`` is for tests of them.
-_FEWER = {("lensforge.cad.wall", "_STARTS"): 3, ("lensforge.results.brep_size", "_POINTS"): 8}
-_FULL: dict[tuple[str, str], int] = {}
 _MODULES = sorted(
     path for package in _PACKAGES for path in (_FOLDER / package).rglob("*.py") if path.name not in _UNCHECKED
 )
@@ -56,10 +52,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_collection_finish() -> None:
     """What is loaded stays: the search for garbage need not walk through it again and again."""
     gc.freeze()
-    for (module, name), few in _FEWER.items():
-        if module in sys.modules:
-            _FULL[module, name] = getattr(sys.modules[module], name)
-            setattr(sys.modules[module], name, few)
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -91,10 +83,9 @@ def undrawn() -> Iterator[None]:
 
 
 @pytest.fixture
-def full_effort(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Walls and volumes as a command has them: for tests of these."""
-    for (module, name), own in _FULL.items():
-        monkeypatch.setattr(f"{module}.{name}", own)
+def no_table_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Evaluations that do not measure the error of their tables, half of their time: for tests of the light."""
+    monkeypatch.setattr("lensforge.light.evaluation.measure_preset", lambda *_: None)
 
 
 @pytest.fixture

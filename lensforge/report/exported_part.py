@@ -13,8 +13,7 @@ from lensforge.errors import InputError
 from lensforge.made.measurement_result import Correction, PhotoComparison, SurfaceComparison
 from lensforge.optics.media import CAVITY
 from lensforge.proof.proof_facts import stray_budget, suffix
-from lensforge.proof.proof_result import Proof, ReceiverProof
-from lensforge.proof.stray_result import StrayLight
+from lensforge.proof.proof_result import Proof, ReceiverProof, StrayLight
 from lensforge.report import lens_figures, light_figures, study_figures
 from lensforge.report.light_section import line_pictures, numbered, top_of, unit_of_light
 from lensforge.report.page import PagePicture, picture

@@ -12,8 +12,7 @@ from lensforge.light.photometry_result import Photometry
 from lensforge.made.measured_facts import FIRST
 from lensforge.made.tolerance_result import Sensitivity, Yield
 from lensforge.proof.proof_facts import tracer_groups
-from lensforge.proof.proof_result import Proof
-from lensforge.proof.stray_result import StrayLight
+from lensforge.proof.proof_result import Proof, StrayLight
 from lensforge.report import exported_part, headline, light_section
 from lensforge.report.exported_part import measured_sections
 from lensforge.report.headline import task

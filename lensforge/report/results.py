@@ -14,8 +14,7 @@ from lensforge.made.measurement_result import Correction, PhotoComparison, Surfa
 from lensforge.made.tolerance_result import Sensitivity, Yield
 from lensforge.made.yield_facts import sensitivity_facts, yield_facts
 from lensforge.proof.proof_facts import proof_facts, stray_facts
-from lensforge.proof.proof_result import JUDGED_FILES, Proof
-from lensforge.proof.stray_result import StrayLight
+from lensforge.proof.proof_result import JUDGED_FILES, Proof, StrayLight
 from lensforge.results import Conditions, Group, SimulatedResult, StageResult
 from lensforge.results.criteria import Criterion, missed
 from lensforge.results.verdict import Reason, Verdict

@@ -73,6 +73,7 @@ def test_a_limit_is_decided_beyond_two_standard_errors(
     assert LimitResult.model_validate({**found.model_dump(mode="json"), "state": other}).state == state
 
 
+@pytest.mark.usefixtures("no_table_error")
 def test_the_light_of_a_lens_has_its_limits_and_its_verdict_follows_them() -> None:
     import lensforge as lf
     from lensforge.report.results import Results

@@ -24,8 +24,7 @@ from lensforge.made.measurement_result import (
     PhotoComparison,
     SurfaceComparison,
 )
-from lensforge.proof.proof_result import Agreement, BrepCast, MitsubaCast
-from lensforge.proof.stray_result import ReceiverStray, StrayFlux, StrayLight
+from lensforge.proof.proof_result import Agreement, BrepCast, MitsubaCast, ReceiverStray, StrayFlux, StrayLight
 from lensforge.results import Metric
 from lensforge.scene.receiver_shapes import build_receiver
 
