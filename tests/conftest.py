@@ -2,10 +2,9 @@
 
 import gc
 import os
-import pickle
 import shutil
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 # A thread of OpenBLAS or of torch that waits for another takes a whole core, and the processes of these tests have
@@ -18,15 +17,11 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import array_checks
 import numpy as np
 import pytest
+from made_once import fcntl, made_once
 from nightly import skip_by_day
 
 import lensforge
 from lensforge.results.worker import collect_garbage_seldom
-
-try:
-    import fcntl
-except ImportError:  # not on Windows
-    fcntl = None
 
 # That a file outlasts a power cut is not what tests see, and waiting for the disk takes 3 ms for each of thousands.
 os.fsync = lambda _: None
@@ -88,6 +83,12 @@ def undrawn() -> Iterator[None]:
 
 
 @pytest.fixture
+def no_table_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Evaluations that do not measure the error of their tables, half of their time: for tests of the light."""
+    monkeypatch.setattr("lensforge.light.evaluation.measure_preset", lambda *_: None)
+
+
+@pytest.fixture
 def cad_read_here(monkeypatch: pytest.MonkeyPatch) -> None:
     """CAD files are read in this process, by the same code: a child takes a second to load the CAD kernel.
 
@@ -132,17 +133,6 @@ def compiled_once(shared: Path) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Dispatcher, "compile", in_turn)
         yield
-
-
-def made_once(folder: Path, make: Callable[[Path], lensforge.Run]) -> lensforge.Run:
-    """What ``make`` returns for ``folder``; the first process makes it, and the others wait for it."""
-    kept = folder.with_suffix(".pickle")
-    with folder.with_suffix(".lock").open("w") as lock:
-        if fcntl is not None:
-            fcntl.flock(lock, fcntl.LOCK_EX)
-        if not kept.exists():
-            kept.write_bytes(pickle.dumps(make(folder)))
-        return pickle.loads(kept.read_bytes())
 
 
 @pytest.fixture(scope="session")

@@ -179,7 +179,7 @@ def least_gap_mm(lens: BodyMesh, layout: PlateLayout) -> float | None:
     """
     body, gaps = manifold_of(lens.vertices, lens.triangles), list[float]()
     for way, turn in _neighbours(layout):
-        beside = replace(layout, lenses=Lamps((way,), (turn,)))
+        beside = replace(layout, lenses=Lamps.level([way], [turn]))
         vertices = beside.placed(lens.vertices, 0)
         if (body ^ manifold_of(vertices, lens.triangles)).volume() > 0.0:
             raise InputError(

@@ -18,9 +18,10 @@ from lensforge.proof.proof_result import (
     ReceiverProof,
     SizedFile,
     Sizes,
+    StrayFlux,
+    StrayLight,
 )
 from lensforge.proof.remedies import FINER, Evidence, form_of_mesh
-from lensforge.proof.stray_result import StrayFlux, StrayLight
 from lensforge.results import BodySize
 from lensforge.results.criteria import Criterion, at_most
 

@@ -226,7 +226,9 @@ def at_faces(optical: OpticalFaces, media: Media, light: LitRays, hits: SurfaceH
         if len(rows):
             around = media.outside_index if away else media.cavity_index
             coating = None if number == NO_FACE else media.coating(names[number])
-            face = RefractingFace.of(light.take(rows), around, coating, inside=inside)
+            own, other = light.indices[rows], np.full(len(rows), around)
+            before, behind = (own, other) if inside else (other, own)
+            face = RefractingFace(before, behind, coating, light.wavelengths_nm[rows], not inside)
             some = AtFace.of(face, light.directions[rows], hits.normals[rows], light.fields[rows])
             for name, values in vars(some).items():
                 getattr(at_face, name)[rows] = values

@@ -12,7 +12,6 @@ from lensforge.proof.facet_casting import Grid
 from lensforge.proof.nonsequential_trace import Cause, Limits, PartBody, follow
 from lensforge.proof.part_mesh import part_mesh_of
 from lensforge.proof.receiver_screen import Screen
-from lensforge.proof.sequential_cast import CastFate, send_through
 from lensforge.sources.ray_bundle import RayBundle
 
 SCREEN = Screen.square(150.0, 300.0, 8)
@@ -123,17 +122,6 @@ def test_all_flux_of_a_lens_is_accounted_for(base, absorption):
     assert (budget.base > 0.0) == (base == "black")
     assert (budget.absorbed > 0.0) == (absorption > 0.0)
     assert budget.leaked < 1e-4
-
-
-def test_the_sequential_share_is_what_the_sequential_cast_lands():
-    rays = lambertian(3000, 2.0, seed=5)
-    passage = send_through(LENS, GRID, rays, Media(Medium(INDEX)))
-    budget = follow(PartBody(LENS, GRID, Media(Medium(INDEX))), rays, Limits())
-    assert landed(budget, Cause.SEQUENTIAL) == pytest.approx(
-        passage.flux[passage.fates == CastFate.LANDED].sum(), rel=1e-9
-    )
-    reflected = passage.flux[passage.fates == CastFate.TOTAL_REFLECTION].sum()
-    assert landed(budget, Cause.TOTAL_REFLECTION) <= reflected * (1 + 1e-9)
 
 
 def test_what_the_cut_off_leaves_out_falls_with_it():
