@@ -13,7 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lensforge.light.exact_trace import TableScan, exact_surfaces, trace_exact
+from lensforge.light.exact_trace import FixedSurface, TableScan
+from lensforge.light.sequential_trace import EnteringRays, trace_sequence
 from lensforge.optics.material import MATERIALS
 from lensforge.optics.media import Medium
 from lensforge.scene.lens import load_lens
@@ -47,14 +48,14 @@ def main():
     dispersive = Medium(lens.refractive_index, material=MATERIALS[given.material])
     each = dispersive.indices(rays.wavelengths_nm, len(rays))
     grid = grid_for(lens.detail_rad, NODES_PER_SIGMA)
-    inner, outer = (TableScan(grid, tabulate(grid, surface)) for surface in (lens.inner, lens.outer))
-    surfaces = exact_surfaces(lens, (inner, outer))
+    surfaces = [FixedSurface(each, TableScan(grid, tabulate(grid, each))) for each in (lens.inner, lens.outer)]
     mean = float(np.average(each, weights=rays.flux))
     receiver = receivers_of(lens.spec, lens.spec.evaluate.pixels)[0]
     whole = Window(*receiver.grid.size)
     landed = {}
     for name, body in (("each", dispersive), ("mean", Medium(mean)), ("design", Medium(lens.refractive_index))):
-        landed[name] = receiver.land(trace_exact(*surfaces, replace(lens.media, body=body), rays))
+        entering = EnteringRays.of(rays, replace(lens.media, body=body))
+        landed[name] = receiver.land(trace_sequence(*surfaces, entering))
     inside = {name: whole.contains(light.hits) for name, light in landed.items()}
     report = {
         "rays": len(rays),

@@ -12,8 +12,8 @@ import torch
 
 import lensforge as lf
 from lensforge.light.chain_trace import TracedFaces, trace_chain
-from lensforge.light.exact_trace import DenseScan, FixedSurface, TableScan, exact_surfaces, trace_exact
-from lensforge.light.sequential_trace import EnteringRays
+from lensforge.light.exact_trace import DenseScan, FixedSurface, TableScan
+from lensforge.light.sequential_trace import EnteringRays, trace_sequence
 from lensforge.light.simulation import TracedLens
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.scene.body import Chain
@@ -46,12 +46,13 @@ def main() -> None:
     lens = parameters.lens(weights, offsets, spec, 0, "draft")
     traced, source = TracedLens.of(lens, 6.0), build_source(spec.source, None)
     few, many, grid = source.sample(READABLE, 0), source.sample(COMPILED, 0), traced.scene.grid
-    scans = TableScan(grid, traced.tables[0]), TableScan(grid, traced.tables[1])
+    scans = (TableScan(grid, table) for table in traced.tables)
+    scanned = list(map(FixedSurface, (lens.inner, lens.outer), scans))
     exact = {name: FixedSurface(surface, DenseScan()) for name, surface in lens.surfaces.items()}
     faces = TracedFaces(exact, CHAIN, 2.0 * lens.body.largest_mm)
     runs: dict[str, Callable[[], ExitRays]] = {
-        "sequential_trace, scans of tables": lambda: trace_exact(*exact_surfaces(lens, scans), lens.media, few),
-        "sequential_trace, dense scans": lambda: trace_exact(exact["inner"], exact["outer"], lens.media, few),
+        "sequential_trace, scans of tables": lambda: trace_sequence(*scanned, EnteringRays.of(few, lens.media)),
+        "sequential_trace, dense scans": lambda: trace_sequence(*exact.values(), EnteringRays.of(few, lens.media)),
         "chain_trace": lambda: trace_chain(faces, EnteringRays.of(few, lens.media)),
         "kernels, the usual lens": lambda: TracedBundle.of(traced.tables, Scene(lens.media, grid), many).exits,
         "kernels, as a chain": lambda: TracedBundle.of(traced.tables, Scene(lens.media, grid, chain=CHAIN), many).exits,

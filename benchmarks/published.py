@@ -28,15 +28,16 @@ import numpy as np
 from results import shown
 
 from lensforge.light.metrics import (
+    jackknife_metric,
+    least_over_mean,
     nmse,
     nmse_estimate,
     relative_deviation,
     rsd_estimate,
     uniformity,
-    uniformity_estimate,
 )
 from lensforge.light.receiver_light import WindowSize
-from lensforge.light.simulation import TracedLens, mean_share, simulate
+from lensforge.light.simulation import TracedLens, simulate
 from lensforge.report.folder import RunFolder
 from lensforge.scene.pixel_grid import gaussian3
 from lensforge.scene.receiver_shapes import receivers_of
@@ -176,10 +177,10 @@ def region_rows(name: str) -> tuple[tuple[str, ...], ...]:
             (
                 name,
                 words + (f", {less:g} mm less all round" if less else ", with its edge"),
-                shown(mean_share(received.images[:, mask].sum(axis=1) / simulation.emitted_w), 4),
+                shown(jackknife_metric(received.images[:, mask].sum(axis=1) / simulation.emitted_w, float), 4),
                 shown(rsd_estimate(images, mask).metric(), 4),
                 f"{relative_deviation(smooth, mask):.4f}",
-                shown(uniformity_estimate(images, mask).metric(), 3),
+                shown(least_over_mean(images[:, mask]).metric(), 3),
                 f"{uniformity(smooth, mask):.3f}",
                 "" if less else shown(nmse_estimate(images, paper).metric(), 5),
                 "" if less else f"{nmse(cut, paper):.5f}",

@@ -91,7 +91,9 @@ class MixedLight:
         for size in (step, 2.0 * step):
             ends = [TracedBundle.of(self.tables + s * size * direction, self.scene, self.rays) for s in (1.0, -1.0)]
             for end in ends:
-                same &= (end.met == self.base.met).all(axis=1) & (end.exits.fates == self.base.exits.fates)
+                same &= end.exits.fates == self.base.exits.fates
+                if end.met is not None:  # of the usual lens nothing tells
+                    same &= (end.met == self.base.met).all(axis=1)
             found.append((self._value(ends[0]) - self._value(ends[1])) / (2.0 * size))
         left, seen = self.left & same, (self.left | self.reflected) & same
         by = Sensitivities(self.by_points * left[:, None], self.by_directions * left[:, None])

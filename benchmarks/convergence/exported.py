@@ -10,7 +10,7 @@ from convergence.reference import LIGHT_UNITS, ExactReference
 from convergence.study import ConvergenceStudy, Meter, orders_of, reference_level
 from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.facets import CHORD_MM
-from lensforge.cad.form_error import chart_samples, fit_faces, form_error, worst
+from lensforge.cad.form_error import chart_samples, fit_lens, form_error, worst
 from lensforge.cad.mesh import build_mesh, mesh_error, rings_for
 from lensforge.cad.patch import Patch, fit_patch
 from lensforge.cad.plan import INNER, OUTER, Plan, make_plan
@@ -41,7 +41,7 @@ def nurbs_study(
     With ``cad`` the solid of each level is built and written, which loads the CAD kernel. Also returns the plan of the
     body with the export's number of nodes.
     """
-    chosen: Patches = dict(zip(("inner", "outer"), fit_faces(lens), strict=True))
+    chosen: Patches = dict(zip(("inner", "outer"), (side.faces[0].shape for side in fit_lens(lens)), strict=True))
     chart = chart_samples(_SAMPLES)
     levels = []
     for nodes in sorted({*settings, *(patch.nodes for patch in chosen.values())}):

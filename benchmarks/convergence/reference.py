@@ -7,8 +7,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from convergence.study import Errors, Meter, RefinementLevel, reference_level
-from lensforge.light.exact_trace import TableScan, exact_surfaces, trace_exact
-from lensforge.light.metrics import jackknife, jackknife_error, relative_square
+from lensforge.light.exact_trace import FixedSurface, TableScan
+from lensforge.light.metrics import jackknife_error, jackknife_metric, relative_square
+from lensforge.light.sequential_trace import EnteringRays, trace_sequence
 from lensforge.results import Metric
 from lensforge.scene.lens import Lens
 from lensforge.scene.pixel_grid import splat_flux
@@ -80,11 +81,11 @@ class ExactReference:
             [splat_flux(h[part], f[part], grid) for h, f in ((hits, flux), (self.exact.hits, self.exact.flux))]
             for part in parts
         ]
-        nmse, noise = jackknife(np.array(pictures), relative_square)
+        nmse = jackknife_metric(np.array(pictures), relative_square)
         return {
             "hit": Metric(value=float(away[both].max(initial=0.0)), unit="mm"),
             "hit_99_percent": _percentile(away, both, parts),
-            "irradiance_nmse": Metric(value=nmse, standard_error=noise),
+            "irradiance_nmse": nmse,
         }
 
     def level(self, series: str, units: Mapping[str, str]) -> RefinementLevel:
@@ -97,10 +98,10 @@ def landed_exactly(lens: Lens, grid: TableGrid, tables: Tables, rays: RayBundle,
 
     ``newton_steps``: additional to the one that ends every search, for tables that are far from the surfaces.
     """
-    inner, outer = (TableScan(grid, tables[name], newton_steps) for name in SURFACES)
-    receiver = design_receiver(lens)
-    exits = trace_exact(*exact_surfaces(lens, (inner, outer)), lens.media, rays)
-    return receiver.land(exits)
+    scans = {name: TableScan(grid, tables[name], newton_steps) for name in SURFACES}
+    surfaces = (FixedSurface(getattr(lens, name), scan) for name, scan in scans.items())
+    exits = trace_sequence(*surfaces, EnteringRays.of(rays, lens.media))
+    return design_receiver(lens).land(exits)
 
 
 def design_receiver(lens: Lens) -> PosedReceiver:

@@ -100,7 +100,7 @@ def build_part(
     proof = prove(body, step, stl, threemf)
     form = worst(list(proof.form.values()))
     keep_out = _keep_out(lens, body)
-    plate = build_plate(lens, body.plan, form.form_max_nm, schema, date)
+    plate = build_plate(lens, body.plan, proof.solid, form.form_max_nm, schema, date)
     files = {STEP_FILE: step, STL_FILE: stl, THREEMF_FILE: threemf} | ({} if plate is None else dict(plate.files))
     if surfaces_step is not None:
         files[SURFACES_FILE] = surfaces_step

@@ -6,11 +6,11 @@ but the wall: from whichever face the lines along the normal start, none that en
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import product
+from itertools import product, starmap
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from lensforge.cad.boundary import WHOLE, Boundary, Domain, TrimmedFace, as_pair, lens_boundaries, of_shapes
 from lensforge.cad.patch import Patch, fit_patch
@@ -20,6 +20,7 @@ from lensforge.surfaces import surface
 from lensforge.surfaces.surface import to_sphere
 
 _NODES, _RIM = 101, 512  # samples of each face: across the chart's square, and around the rim
+_STEP = 2.0 / (_NODES - 1)  # of the chart, from one to the next
 _STARTS, _APART = 12, 3.0  # pairs of points to start from, this many steps of the samples apart
 _SAME = 1e-12  # of the chart
 _FAR = 1e9  # mm: in the directions of an opening
@@ -42,8 +43,12 @@ def thinnest(cavity: Patch | Boundary[Patch], envelope: Patch | Boundary[Patch])
     crossing = _radial(inwards, outwards, -1.0)
     if crossing.thickness_mm <= 0.0:
         return crossing
-    pairs = product(*([face for face in each.faces if not face.is_open] for each in (inwards, outwards)))
-    return min((_between(*pair) for pair in pairs), key=lambda each: each.thickness_mm)
+    sampled = [[_Sampled.of(face) for face in each.faces if not face.is_open] for each in (inwards, outwards)]
+    pairs = sorted(starmap(_Between.of, product(*sampled)), key=lambda each: float(each.distance.min()))
+    found = pairs[0].sampled
+    for pair in pairs:
+        found = pair.shorter(found)
+    return found
 
 
 def thinnest_of(lens: Lens) -> Span:
@@ -58,34 +63,76 @@ def thickest(cavity: Patch | Boundary[Patch], envelope: Patch | Boundary[Patch])
     return _radial(*as_pair(cavity, envelope), 1.0)
 
 
-def _between(one: TrimmedFace[Patch], other: TrimmedFace[Patch]) -> Span:
-    """The shortest line between two faces."""
-    from scipy.spatial import cKDTree
+@dataclass(frozen=True, eq=False)
+class _Sampled:
+    """Samples of a face: chart points, points (mm), and how far (mm) a place of the face may be from the nearest."""
 
-    (places, step), (far_places, _) = _samples(one.domain), _samples(other.domain)
-    starts, ends = one.shape.points(places), other.shape.points(far_places)
-    distance, nearest = cKDTree(ends).query(starts)
-    best = int(distance.argmin())
-    found = Span(float(distance[best]), starts[best], ends[nearest[best]])
-    for _ in range(_STARTS):
-        k = int(distance.argmin())
-        if np.isinf(distance[k]):
-            break
-        line = _shortest_near(one, other, np.concatenate([places[k], far_places[nearest[k]]]))
-        found = min(found, line, key=lambda each: each.thickness_mm)
-        distance[np.linalg.norm(places - places[k], axis=1) < _APART * step] = np.inf
-    return found
+    face: TrimmedFace[Patch]
+    places: Float[np.ndarray, "k 2"]
+    points: Float[np.ndarray, "k 3"]
+    reach_mm: Float[np.ndarray, " k"]
+
+    @staticmethod
+    def of(face: TrimmedFace[Patch]) -> "_Sampled":
+        """Samples all over a face; none is farther off than half of the diagonal of a cell, at most at its edge."""
+        places = _samples(face.domain)
+        points, *tangents = face.shape.tangents(places)
+        return _Sampled(face, places, points, _STEP * np.linalg.norm(tangents, axis=-1).max(axis=0))
 
 
-def _samples(domain: Domain = WHOLE) -> tuple[Float[np.ndarray, "k 2"], float]:
-    """Chart points of a domain and its edges, and their spacing."""
+@dataclass(frozen=True, eq=False)
+class _Between:
+    """Two faces; of each sample of ``one`` the ``nearest`` of the ``other``, and its distance (mm)."""
+
+    one: _Sampled
+    other: _Sampled
+    distance: Float[np.ndarray, " k"]
+    nearest: Int[np.ndarray, " k"]
+
+    @staticmethod
+    def of(one: _Sampled, other: _Sampled) -> "_Between":
+        """The distances from one face to another."""
+        from scipy.spatial import cKDTree
+
+        return _Between(one, other, *cKDTree(other.points).query(one.points))
+
+    @property
+    def sampled(self) -> Span:
+        """The shortest line between two samples."""
+        best = int(self.distance.argmin())
+        ends = self.one.points[best], self.other.points[self.nearest[best]]
+        return Span(float(self.distance[best]), *ends)
+
+    def shorter(self, known: Span) -> Span:
+        """The shortest line between the faces, or the ``known`` one where that is as short.
+
+        It is sought from several pairs of samples. A line has samples beside both of its ends, which are beside it by
+        their reach, and across it, since the shortest is normal to both faces, or to the edges on which it ends: where
+        a line would be longer than the shortest so far even so, none is sought.
+        """
+        across = self.one.reach_mm + self.other.reach_mm[self.nearest]
+        least, distance, places, found = self.distance**2 - across**2, self.distance.copy(), self.one.places, known
+        for _ in range(_STARTS):
+            if not (least[np.isfinite(distance)] < found.thickness_mm**2).any():
+                break
+            k = int(distance.argmin())
+            if least[k] < found.thickness_mm**2:
+                start = np.concatenate([places[k], self.other.places[self.nearest[k]]])
+                line = _shortest_near(self.one.face, self.other.face, start)
+                found = min(found, line, key=lambda each: each.thickness_mm)
+            distance[np.linalg.norm(places - places[k], axis=1) < _APART * _STEP] = np.inf
+        return found
+
+
+def _samples(domain: Domain = WHOLE) -> Float[np.ndarray, "k 2"]:
+    """Chart points of a domain, and of its edges."""
     grid = surface.grid(_NODES, 1.0)
     azimuth = 2.0 * np.pi / _RIM * np.arange(_RIM)
     around = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
     inside = grid[np.sum(grid**2, axis=-1) < 1.0]
     edges = [radius[:, None] * around for radius in domain.radii(azimuth)[0 if domain.inside else 1 :]]
     own = np.abs(domain.within(inside) - inside).max(axis=1) < _SAME
-    return np.concatenate([inside[own], *edges]), 2.0 / (_NODES - 1)
+    return np.concatenate([inside[own], *edges])
 
 
 def _radial(cavity: Boundary[Patch], envelope: Boundary[Patch], sign: float) -> Span:
@@ -99,8 +146,8 @@ def _radial(cavity: Boundary[Patch], envelope: Boundary[Patch], sign: float) -> 
         signed: Float[np.ndarray, " m"] = np.where(cavity.closed(to_sphere(places)), sign * np.subtract(*radii), -_FAR)
         return signed
 
-    places, step = _samples()
-    place, most = refined_maximum(figure, places, figure(places), step)
+    places = _samples()
+    place, most = refined_maximum(figure, places, figure(places), _STEP)
     return Span(sign * most, *(points(each, place[None])[0] for each in (cavity, envelope)))
 
 
@@ -111,9 +158,8 @@ def _shortest_near(one: TrimmedFace[Patch], other: TrimmedFace[Patch], start: Fl
     size = float(np.sum((other.shape.points(start[2:]) - one.shape.points(start[:2])) ** 2))
 
     def squared(at: Float[np.ndarray, "4"]) -> tuple[float, Float[np.ndarray, "4"]]:
-        near, far = one.shape.jet(at[None, :2]), other.shape.jet(at[None, 2:])
-        line = (far.point - near.point)[0]
-        along = np.stack([-near.x[0], -near.y[0], far.x[0], far.y[0]])
+        (near, *back), (far, *ahead) = one.shape.tangents(at[:2]), other.shape.tangents(at[2:])
+        line, along = far - near, np.stack([-back[0], -back[1], *ahead])
         return float(line @ line) / size, 2.0 * along @ line / size
 
     options = {"ftol": _PRECISION, "maxiter": 100}

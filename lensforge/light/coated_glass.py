@@ -87,7 +87,12 @@ class RayCoatings:
 
     def part(self, part: slice) -> Float[np.ndarray, " i"]:
         """Rows of some of the rays."""
-        return self.rows if len(self.rows) <= 1 else self.rows[part]
+        return part_of(self.rows, part)
+
+
+def part_of(values: Float[np.ndarray, " k"], part: slice) -> Float[np.ndarray, " i"]:
+    """Values of some of the rays, where there is one for each; the one for all, or none, where there is not."""
+    return values if len(values) <= 1 else values[part]
 
 
 def _compiled(table: Float[np.ndarray, "k m 2"] | None) -> _Compiled:
@@ -143,7 +148,7 @@ def behind_glass(rays: ExitRays, media: Media, fresnel: bool = True, coatings: R
 
     def work(_: int, part: slice) -> None:
         behind_plate(
-            directions[part], fates[part], axial[part], plate, coating, rows if len(rows) <= 1 else rows[part],
+            directions[part], fates[part], axial[part], plate, coating, part_of(rows, part),
             heights[part], flux[part], lost[part],
         )  # fmt: skip
 
@@ -173,8 +178,7 @@ def before_glass(
 
     def work(_: int, part: slice) -> None:
         behind_plate_adjoint(
-            directions[part], fates[part], flux[part], axial[part], plate, coating,
-            rows if len(rows) <= 1 else rows[part],
+            directions[part], fates[part], flux[part], axial[part], plate, coating, part_of(rows, part),
             by_heights[part], by_own_flux[part], by_axial[part], by_cosines[part],
         )  # fmt: skip
 

@@ -38,7 +38,7 @@ Worth = Callable[[TracedBundle], Float[np.ndarray, " n"]]
 
 _MERIDIANS, _STEPS = 256, 32  # on which creases are sought, and steps of the chart's radius from the axis to the rim
 _NEWTON_STEPS = 6  # from the middle of a step to rounding
-_BESIDE = 1e-6  # rad: rays on both sides pass the crease at this angle
+BESIDE = 1e-6  # rad: rays on both sides pass the crease at this angle
 
 _Vectors = Float[np.ndarray, "p 3"]
 _Values = Float[np.ndarray, " p"]
@@ -270,7 +270,7 @@ def _gain(
         across = across @ scene.made.placed[0][0, :, :3]
     beside = []
     for sign in (1.0, -1.0):
-        directions = rays.directions + sign * _BESIDE * across
+        directions = rays.directions + sign * BESIDE * across
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         beside.append(replace(rays, directions=directions, flux=np.ones(len(rays))))
     from_side, to_side = worth(TracedBundle.of(tables, scene, RayBundle.joined(beside))).reshape(2, -1)

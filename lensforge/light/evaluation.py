@@ -13,18 +13,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge import seeds
-from lensforge.kernels.fate import Fate
 from lensforge.light.beam_colour import BeamColour
 from lensforge.light.chain_trace import TracedFaces, trace_chain
-from lensforge.light.evaluation_result import (
-    FittedLight,
-    Light,
-    LimitResult,
-    PresetError,
-    TableError,
-    light_criteria,
-)
-from lensforge.light.exact_trace import DenseScan, FixedSurface, TableScan, exact_surfaces, trace_exact
+from lensforge.light.evaluation_result import FittedLight, Light, PresetError, TableError, light_criteria
+from lensforge.light.exact_trace import DenseScan, FixedSurface, TableScan
 from lensforge.light.further_bodies import polarised, through_bodies
 from lensforge.light.judged_limits import colour_limits, judged_limits
 from lensforge.light.metrics import (
@@ -36,7 +28,7 @@ from lensforge.light.metrics import (
     relative_square,
     uniformity,
 )
-from lensforge.light.received_flux import ABSORBED, CAUSES, IN_GLASS, MISSED_RECEIVER, ReceivedFlux
+from lensforge.light.received_flux import CAUSES, ReceivedFlux, named_flux
 from lensforge.light.receiver_light import (
     Flux,
     MissedByCause,
@@ -46,15 +38,8 @@ from lensforge.light.receiver_light import (
     RegionLight,
     WindowSize,
 )
-from lensforge.light.sequential_trace import EnteringRays
-from lensforge.light.simulation import (
-    ReplicateMetrics,
-    TracedLens,
-    lit_mask,
-    mean_share,
-    simulate,
-    traced_light,
-)
+from lensforge.light.sequential_trace import EnteringRays, trace_sequence
+from lensforge.light.simulation import ReplicateMetrics, TracedLens, lit_mask, simulate, traced_light
 from lensforge.optics.media import Media
 from lensforge.results import Metric
 from lensforge.results.chart import light_unit
@@ -98,19 +83,15 @@ def measure_preset(lens: Lens, source: Source, design: TracedLens, evaluation: T
 
 def _through_exact(lens: Lens, traced: TracedLens, rays: RayBundle) -> ExitRays:
     """``rays`` through the exact surfaces of ``lens``; the tables of ``traced`` bracket the crossings of two faces."""
-    chain = traced.scene.chain
+    chain, entering = traced.scene.chain, EnteringRays.of(rays, lens.media)
     if chain is None:
-        inner, outer = (TableScan(traced.scene.grid, table) for table in traced.tables)
-        return _behind_bodies(trace_exact(*exact_surfaces(lens, (inner, outer)), lens.media, rays), lens.media, rays)
-    surfaces = {name: FixedSurface(surface, DenseScan()) for name, surface in lens.surfaces.items()}
-    reach_mm = _ACROSS * lens.body.largest_mm
-    exits = trace_chain(TracedFaces(surfaces, chain, reach_mm), EnteringRays.of(rays, lens.media))
-    return _behind_bodies(exits, lens.media, rays)
-
-
-def _behind_bodies(exits: ExitRays, media: Media, rays: RayBundle) -> ExitRays:
-    """``exits`` of a lens behind the further bodies, which are the same in both stages."""
-    return through_bodies(polarised(exits, exits.fields), media, rays)[0]
+        scans = (TableScan(traced.scene.grid, table) for table in traced.tables)
+        inner, outer = map(FixedSurface, (lens.inner, lens.outer), scans)
+        exits = trace_sequence(inner, outer, entering)
+    else:
+        surfaces = {name: FixedSurface(surface, DenseScan()) for name, surface in lens.surfaces.items()}
+        exits = trace_chain(TracedFaces(surfaces, chain, _ACROSS * lens.body.largest_mm), entering)
+    return through_bodies(polarised(exits, exits.fields), lens.media, rays)[0]
 
 
 def _stage(
@@ -227,7 +208,7 @@ def evaluate_traced(
     images = [gaussian3(received.images, variance) for received in simulation.received] if limits else []
     return Light(
         receivers=lit,
-        limits=(*judged_limits(limits, images, [each.name for each in lit]), *_colour_limits(colour, lit)),
+        limits=(*judged_limits(limits, images, [each.name for each in lit]), *colour_limits(colour, lit)),
         ways=simulation.by_way.ways(simulation.emitted_w),
         rays=simulation.rays,
         replicates=len(simulation.received[0].images),
@@ -241,13 +222,6 @@ def evaluate_traced(
         seconds=time.perf_counter() - started,
         criteria=light_criteria(lit[0].flux),
     )
-
-
-def _colour_limits(colour: ColourSection | None, lit: Sequence[ReceiverLight]) -> tuple[LimitResult, ...]:
-    """The limits on colour, judged on every receiver."""
-    if colour is None:
-        return ()
-    return tuple(limit for each in lit for limit in colour_limits(colour, each.colour, each.name))
 
 
 def receiver_light(
@@ -309,7 +283,7 @@ def _in_bodies(media: Media, received: ReceivedFlux, emitted_w: float) -> dict[s
 
 def _share_in_target(received: ReceivedFlux, emitted_w: float) -> Metric:
     """Share by ray; its error has in it what sub-pixels twice as wide change."""
-    share, coarse = (mean_share(flux / emitted_w) for flux in received.in_targets.T)
+    share, coarse = (jackknife_metric(flux / emitted_w, float) for flux in received.in_targets.T)
     if share.standard_error is None:
         return share
     error = float(np.hypot(share.standard_error, coarse.value - share.value))
@@ -350,25 +324,13 @@ def _noise(images: Images) -> float | None:
 def _flux_budget(received: ReceivedFlux, emitted_w: float, *, mirrored: bool) -> tuple[Flux, MissedByCause]:
     """The flux budget, and the flux that missed the receiver's surface by cause; ``mirrored``: of a reflector."""
     share = received.by_fate.mean(axis=0) / emitted_w
-    detected = float(received.window.mean() / emitted_w)
-    missed = MissedByCause(
-        backward=float(share[Fate.BACKWARD]),
-        outside_cavity=float(share[Fate.OUTSIDE_CAVITY]),
-        base=float(share[Fate.BASE]),
-        missed_receiver=float(share[MISSED_RECEIVER]),
-        surfaces_intersect=float(share[Fate.SURFACES_INTERSECT]),
-        more_events=float(share[Fate.MORE_EVENTS]),
-        flange=float(share[Fate.FLANGE]),
-    )
+    named = named_flux(share)
+    missed = MissedByCause(**{name: named[name] for name in MissedByCause.model_fields})
     flux = Flux(
-        detected=detected,
+        detected=float(received.window.mean() / emitted_w),
         outside=float(received.outside.mean() / emitted_w),
         missed=sum(missed.model_dump().values()),
-        total_reflection=float(share[Fate.TOTAL_REFLECTION]),
-        not_converged=float(share[Fate.NOT_CONVERGED]),
-        absorbed=float(share[ABSORBED]),
-        cover_glass=float(share[IN_GLASS]),
-        bodies=float(share[CAUSES:].sum()),
+        **{name: named[name] for name in ("total_reflection", "not_converged", "absorbed", "cover_glass", "bodies")},
         reflected=max(0.0, 1.0 - float(share.sum())),  # the rest: all of it may be rounding
     )
     if mirrored:  # no face lets light through that could reflect some of it

@@ -12,13 +12,8 @@ from typing import Protocol
 import numpy as np
 from jaxtyping import Bool, Float
 
-from lensforge.light.sequential_trace import Crossing, EnteringRays, TracedSurface, trace_sequence
+from lensforge.light.sequential_trace import Crossing, TracedSurface
 from lensforge.optics.arrays import Array, lengths, like, module_of, without_gradient
-from lensforge.optics.media import Media
-from lensforge.scene.as_made import AsMade
-from lensforge.scene.exit_rays import ExitRays
-from lensforge.scene.lens import Lens
-from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid, evaluate_table
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface
@@ -39,12 +34,12 @@ class BoundedSurface(TracedSurface, Protocol):
 class DenseScan:
     """Scan of the exact surface: ``steps`` over its reach bracket a crossing, ``bisections`` refine it.
 
-    The error is ``reach_mm / steps / 2^bisections``; the Newton step that follows squares it.
+    The error is ``reach_mm / steps / 2^bisections``; the Newton step that follows squares it. Slow by design: all
+    functions are evaluated 300 times for each ray.
     """
 
     steps: int = 256
     bisections: int = 60
-    reach_mm: float | None = None  # None: as far as the surface may reach
 
     def first_crossing(
         self, surface: BoundedSurface, origins: Float[Array, "n 3"], directions: Float[Array, "n 3"]
@@ -55,8 +50,7 @@ class DenseScan:
             return surface.gap(origins + paths[:, None] * directions) >= 0.0
 
         with without_gradient(origins):
-            reach = surface.reach_mm if self.reach_mm is None else self.reach_mm
-            return bracketed(inside, reach, to_plane(origins, directions), self.steps, self.bisections)
+            return bracketed(inside, surface.reach_mm, to_plane(origins, directions), self.steps, self.bisections)
 
 
 @dataclass(frozen=True)
@@ -164,20 +158,3 @@ def _directions(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
     """Unit directions of points; the origin has none, and is inside whatever it is taken for."""
     distance = lengths(points)[:, None]
     return np.where(distance > 0.0, points / np.where(distance > 0.0, distance, 1.0), (0.0, 0.0, 1.0))
-
-
-def exact_surfaces(
-    lens: Lens, scans: tuple[DenseScan | TableScan, DenseScan | TableScan]
-) -> tuple[TracedSurface, TracedSurface]:
-    """Inner and outer surface of ``lens``, of constant shape, by compiled sums; their crossings found by ``scans``."""
-    return FixedSurface(lens.inner, scans[0]), FixedSurface(lens.outer, scans[1])
-
-
-def trace_exact(
-    inner: TracedSurface, outer: TracedSurface, media: Media, rays: RayBundle, made: AsMade | None = None
-) -> ExitRays:
-    """Trace ``rays`` through exact surfaces that take NumPy arrays.
-
-    Slow by design: a dense scan evaluates all functions 300 times for each ray.
-    """
-    return trace_sequence(inner, outer, EnteringRays.of(rays, media, made))

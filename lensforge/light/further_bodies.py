@@ -21,7 +21,7 @@ from lensforge.kernels.first_hit import empty_packet
 from lensforge.kernels.nearly_convex import chain_bounds
 from lensforge.kernels.parallel import in_chunks
 from lensforge.kernels.trace import trace
-from lensforge.light.coated_glass import RayCoatings, face_transmittances
+from lensforge.light.coated_glass import RayCoatings, face_transmittances, part_of
 from lensforge.optics.dielectric import fields_behind, passing_amplitudes, unpolarised_fields
 from lensforge.optics.media import DOUBLE, FurtherBody, Media
 from lensforge.scene.as_made import Placed, through_frame
@@ -104,7 +104,7 @@ class BodyPassage:
         def work(_: int, part: slice) -> None:
             trace_adjoint(
                 self.own.origins[part], self.own.directions[part], self.own.flux[part],
-                _part(indices, part), _part(absorptions, part), body.tables, self._packed, faces,
+                part_of(indices, part), part_of(absorptions, part), body.tables, self._packed, faces,
                 self.coatings.part(part), None, None, packed, self.begun[part], self.lengths[part], self.met[part],
                 self.fates[part], by_points[part], by_directions[part], flux[part], None, none[part], ended[part],
                 found[part], body.tables, empty_adjoint(), empty_chain(2), np.zeros(12),
@@ -121,10 +121,6 @@ class BodyPassage:
 def _values(media: Media, rays: RayBundle) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " j"]]:
     """Index of a body for each ray, or one for all; its absorption (1/mm) likewise, nothing where it is clear."""
     return media.body.index(rays.wavelengths_nm), media.body.absorption(rays.wavelengths_nm)
-
-
-def _part(values: Float[np.ndarray, " k"], part: slice) -> Float[np.ndarray, " j"]:
-    return values if len(values) <= 1 else values[part]
 
 
 def _turned(fields: _Fields, turn: Callable[[Float[np.ndarray, "m 3"]], Float[np.ndarray, "m 3"]]) -> _Fields:
@@ -214,7 +210,7 @@ def _through(
 
     def work(_: int, part: slice) -> None:
         trace(
-            own.origins[part], own.directions[part], own.flux[part], _part(indices, part), _part(absorptions, part),
+            own.origins[part], own.directions[part], own.flux[part], part_of(indices, part), part_of(absorptions, part),
             place.tables, place.bounds, passage._packed, faces, coatings.part(part), None, None, packed,
             begun[part], lengths[part], met[part], points[part], directions[part], flux[part], absorbed[part], None,
             sin2_exit[part], fates[part], ended[part], empty_packet(),

@@ -5,7 +5,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.light.beam_colour import BeamColour
 from lensforge.light.evaluation_result import LimitResult
 from lensforge.light.metrics import (
     jackknife_metric,
@@ -16,6 +15,7 @@ from lensforge.light.metrics import (
     scaled,
     with_error,
 )
+from lensforge.light.receiver_light import ReceiverLight
 from lensforge.results import Metric, Sense
 from lensforge.scene.limit_readings import LightLimit
 from lensforge.scene.road_classes import Ask, glare_law
@@ -62,20 +62,23 @@ def judged(limit: LightLimit | Ask, receiver: str, value: Metric) -> LimitResult
     )
 
 
-def colour_limits(section: ColourSection, found: BeamColour | None, receiver: str) -> Iterator[LimitResult]:
-    """Judge the limits on the colour ``found`` on a receiver; in the dark each is missed."""
-    rms, worst = (_NO_COLOUR, _NO_COLOUR) if found is None else (found.rms, found.worst)
-    for words, value, bound in (("rms", rms, section.max_rms_delta_uv), ("worst", worst, section.max_delta_uv)):
-        if bound is not None:
-            yield LimitResult(
-                name=f"Δu′v′ {words} {BEAMS[section.within]}",
-                receiver=receiver,
-                quantity="distance from the mean colour",
-                value=value,
-                sense="<=",
-                bound=bound,
-                unit="",
-            )
+def colour_limits(section: ColourSection | None, lit: Sequence[ReceiverLight]) -> Iterator[LimitResult]:
+    """Judge the limits on the colour on each receiver; in the dark each is missed."""
+    if section is None:
+        return
+    bounds = {"rms": section.max_rms_delta_uv, "worst": section.max_delta_uv}
+    for receiver in lit:
+        for words, bound in bounds.items():
+            if bound is not None:
+                yield LimitResult(
+                    name=f"Δu′v′ {words} {BEAMS[section.within]}",
+                    receiver=receiver.name,
+                    quantity="distance from the mean colour",
+                    value=_NO_COLOUR if receiver.colour is None else getattr(receiver.colour, words),
+                    sense="<=",
+                    bound=bound,
+                    unit="",
+                )
 
 
 BEAMS = {"fwhm": "within half of the peak", "tenth": "within a tenth of the peak"}

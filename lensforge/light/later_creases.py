@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float, Int, Int8
 from lensforge.kernels.chain import FROM_BEHIND, REFLECTED
 from lensforge.kernels.fate import Fate
 from lensforge.kernels.nearest_face import BODY
-from lensforge.light.crease import OnFaces, Worth, in_lens, polished
+from lensforge.light.crease import BESIDE, OnFaces, Worth, in_lens, polished
 from lensforge.light.table_trace import Scene, Tables, TracedBundle
 from lensforge.scene.exit_rays import Sensitivities
 from lensforge.sources.emitting_area import sobol
@@ -27,7 +27,6 @@ from lensforge.surfaces.surface import to_chart
 
 _PARTS, _TIMES = 8, 6  # of an interval, and how often it is divided: from a few degrees to 1e-7 rad
 _ROUNDS = 4  # in which intervals are looked through that hold several changes
-_BESIDE = 1e-6  # rad: rays on both sides pass the crease at this angle
 _TOGETHER = 1e-3  # of their path: so close to each other they meet the faces of a crease
 
 _Values = Float[np.ndarray, " k"]
@@ -50,7 +49,7 @@ def later_crease_gradients(
     drawn = Fans.of(source, float(tables[0].max()), fans, rays, seed)
     changes = _changes(drawn, tables, scene)
     changes = changes.take(changes.later)
-    beside = [drawn.rays(changes.fan, changes.middle + sign * _BESIDE) for sign in (-1.0, 1.0)]
+    beside = [drawn.rays(changes.fan, changes.middle + sign * BESIDE) for sign in (-1.0, 1.0)]
     creases = _at_creases(changes, *(TracedBundle.of(tables, scene, each) for each in beside))
     if not creases.any():
         return total
@@ -261,7 +260,7 @@ def _gradients(changes: _Changes, low: TracedBundle, high: TracedBundle, flux: _
     steep = [(face.normals * line.directions).sum(axis=1) for face in faces]
     across = faces[0].normals / steep[0][:, None] - faces[1].normals / steep[1][:, None]
     there = beside.points + line.paths[:, None] * beside.directions
-    by_gap = -flux * 2.0 * _BESIDE / (across * (there - line.hits)).sum(axis=1)
+    by_gap = -flux * 2.0 * BESIDE / (across * (there - line.hits)).sum(axis=1)
     total: Tables = np.zeros(low.tables.shape)
     faces[0].add(-by_gap / steep[0], total)
     faces[1].add(by_gap / steep[1], total)

@@ -131,7 +131,7 @@ def distribution_type(lamp: LampLight) -> DistributionType:
     street = _with_step(figure(lambda light: road.reach(light, low, high, 1.0)))
     house = _with_step(figure(lambda light: road.reach(light, low, high, -1.0)))
     return DistributionType(
-        lateral=_lateral(street, roundness),
+        lateral="V" if everywhere else next(name for name, end in _ACROSS if street.value <= end),
         longitudinal=_ALONG[place][0],
         along_mh=farthest,
         street_mh=street,
@@ -143,11 +143,6 @@ def distribution_type(lamp: LampLight) -> DistributionType:
 def _with_step(reach: Metric) -> Metric:
     """A reach whose error includes half a step of gamma on the road."""
     return with_error(reach, 0.5 * np.deg2rad(_GAMMA_STEP) * (1.0 + reach.value**2))
-
-
-def _lateral(street: Metric, roundness: Metric) -> Lateral:
-    """Type across the road."""
-    return "V" if roundness.value >= _ROUND else next(name for name, end in _ACROSS if street.value <= end)
 
 
 _SIDES, _HEIGHTS = ("forward", "back"), ("low", "mid", "high", "very_high")

@@ -31,23 +31,15 @@ from jaxtyping import Bool, Float
 from lensforge.results import Image, Metric
 
 
-def jackknife(
-    replicates: Float[np.ndarray, "r *shape"], statistic: Callable[[np.ndarray], float]
-) -> tuple[float, float | None]:
-    """``statistic`` of the mean over replicates, and its standard error (Efron & Stein 1981); None for one."""
-    count = len(replicates)
-    total = replicates.sum(axis=0)
-    value = statistic(total / count)
-    if count < 2:
-        return value, None
-    return value, jackknife_error(np.array([statistic((total - one) / (count - 1)) for one in replicates]))
-
-
 def jackknife_metric(
     replicates: Float[np.ndarray, "r *shape"], statistic: Callable[[np.ndarray], float], unit: str = ""
 ) -> Metric:
-    """:func:`jackknife` as a record."""
-    value, error = jackknife(replicates, statistic)
+    """``statistic`` of the mean over replicates, and its standard error (Efron & Stein 1981); of one alone none."""
+    count, total = len(replicates), replicates.sum(axis=0)
+    value = statistic(total / count)
+    if count < 2:
+        return Metric(value=value, unit=unit)
+    error = jackknife_error(np.array([statistic((total - one) / (count - 1)) for one in replicates]))
     return Metric(value=value, unit=unit, standard_error=error)
 
 
@@ -260,11 +252,6 @@ class LeastEstimate:
         one_ray = noise**2 / (max(before.value, noise) or 1.0)
         taken_off = float(np.hypot(self.taken_off - before.taken_off, one_ray))
         return LeastEstimate(value, self.left_out - before.left_out, taken_off).metric()
-
-
-def uniformity_estimate(images: Float[np.ndarray, "r h w"], mask: Bool[np.ndarray, "h w"]) -> LeastEstimate:
-    """Least over mean irradiance in ``mask``, of the light to which ``images`` are unbiased."""
-    return least_over_mean(images[:, mask])
 
 
 def least_over_mean(readings: Float[np.ndarray, "r k"]) -> LeastEstimate:

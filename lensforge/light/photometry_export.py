@@ -8,12 +8,12 @@ lens stands, and counts as missed_receiver. Gamma = 0 is the lens axis, C = 0 th
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.kernels.fate import Fate
 from lensforge.light.angular_grid import AngularGrid, FittedIntensity
 from lensforge.light.exit_light import ExitLight, trace_exit_light
 from lensforge.light.luminaire_classes import LampLight
@@ -31,24 +31,26 @@ from lensforge.light.photometry_result import (
     WrittenFiles,
     photometry_criteria,
 )
-from lensforge.light.received_flux import ABSORBED, CAUSES, IN_GLASS, MISSED_RECEIVER
+from lensforge.light.received_flux import named_flux
 from lensforge.light.road_judgement import judged_roads
 from lensforge.light.road_lighting import RoadFigures
 from lensforge.light.simulation import TracedLens
 from lensforge.light.source_photometry import SourceLumens, spectrum_of_source
-from lensforge.results.files import temporary_folder
 from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import summarise
-from lensforge.sources.photometric import PhotometricFile, read_photometric, write_photometric
+from lensforge.sources.photometric import PhotometricFile
 from lensforge.sources.photometric.ies import NEWEST, IesVersion
+from lensforge.sources.photometric.photometric_io import encoded, photometric_of
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.sources.rayfiles.ray_file import HeaderValue, RayFile, shared_wavelength
-from lensforge.sources.rayfiles.ray_file_io import read_rayfile, write_rayfile
+from lensforge.sources.rayfiles.ray_file_io import decode
+from lensforge.sources.rayfiles.ray_file_rows import FileImage
+from lensforge.sources.rayfiles.tm25 import BINARY as TM25
 from lensforge.sources.source_spectrum import Spectrum
 from lensforge.spec import Spec
 from lensforge.spec.accuracy import Preset
-from lensforge.spec.lamps_section import ALONE, Lamps
-from lensforge.surfaces.mirror_group import NAMES, contains
+from lensforge.spec.lamps_section import ALONE
+from lensforge.surfaces.mirror_group import shared_symmetry
 from lensforge.surfaces.placed_bodies import reach_mm
 
 _FAR_FIELDS = {"ies": IES_FILE, "ldt": LDT_FILE, "tm33": TM33_FILE}
@@ -62,11 +64,8 @@ def photometric_files(
     ies_version: IesVersion = NEWEST,
 ) -> dict[str, bytes]:
     """Bytes of the four files, by name; ``rays_lm``: flux of ``rays``, where it is known."""
-    with temporary_folder(TM25_FILE) as folder:
-        for name in _FAR_FIELDS.values():
-            write_photometric(folder / name, photometric, ies_version=ies_version)
-        write_rayfile(folder / TM25_FILE, _rayfile(photometric, rays, rays_lm, spectrum), "tm25")
-        return {name: (folder / name).read_bytes() for name in (*_FAR_FIELDS.values(), TM25_FILE)}
+    far_fields = {name: encoded(Path(name), photometric, ies_version) for name in _FAR_FIELDS.values()}
+    return {**far_fields, TM25_FILE: b"".join(TM25.encode(_rayfile(photometric, rays, rays_lm, spectrum)))}
 
 
 def _rayfile(
@@ -96,17 +95,13 @@ def _rayfile(
 def read_back(contents: dict[str, bytes], exit_w: float, lumens_per_watt: float) -> WrittenFiles:
     """Flux of each file as read back, and its relative error from ``exit_w``, the flux of the rays."""
     files = {}
-    with temporary_folder(TM25_FILE) as folder:
-        for name, content in contents.items():
-            (folder / name).write_bytes(content)
-        for key, name in _FAR_FIELDS.items():
-            back = float(read_photometric(folder / name).intensity.flux())
-            files[key] = WrittenFile(lumens=back, relative_error=abs(back / (exit_w * lumens_per_watt) - 1.0))
-        rayfile = read_rayfile(folder / TM25_FILE)
-        count, watts, lumens = len(rayfile), float(rayfile.ray_sum()), rayfile.header_flux_lm
-        del rayfile  # it maps the file, which is deleted next
+    for key, name in _FAR_FIELDS.items():
+        back = float(photometric_of(contents[name], name).intensity.flux())
+        files[key] = WrittenFile(lumens=back, relative_error=abs(back / (exit_w * lumens_per_watt) - 1.0))
+    rayfile = decode(FileImage(Path(TM25_FILE), np.frombuffer(contents[TM25_FILE], dtype=np.uint8)))
+    watts, lumens = float(rayfile.ray_sum()), rayfile.header_flux_lm
     error = float(np.abs(watts / exit_w - 1.0))
-    tm25 = WrittenFile(rays=count, watts=watts, lumens=lumens, relative_error=error)
+    tm25 = WrittenFile(rays=len(rayfile), watts=watts, lumens=lumens, relative_error=error)
     return WrittenFiles(**files, tm25ray=tm25)
 
 
@@ -145,7 +140,7 @@ def measure_photometry(
     light = trace_exit_light(
         TracedLens.of(lens, preset.evaluate_nodes_per_sigma),
         source,
-        _symmetry(lens, source, lamps),
+        shared_symmetry([source.symmetry, lens.symmetry], lamps.from_afar.has_mirrors),
         rays=rays,
         most_rays=preset.photometry_rays,
         seed=lens.seed,
@@ -165,7 +160,7 @@ def measure_photometry(
         remarks=(*warnings, *_remarks(light, per_watt)),
         issued=lens.spec.manufacture.date or "",
     )
-    lamp = _lamp(fitted, per_watt, section.street_side_deg)
+    lamp, lost_w = _lamp(fitted, per_watt, section.street_side_deg), named_flux(light.by_fate_w)
     known_lm, spectrum = None if bright.per_1000_lm else exit_lm.value, spectrum_of_source(lens.spec.source, summary)
     contents = photometric_files(photometric, light.sample, known_lm, spectrum, ies_version)
     files = read_back(contents, light.exit_w.value, per_watt)
@@ -175,7 +170,7 @@ def measure_photometry(
         source_w=source_w,
         exit_w=light.exit_w,
         light_output_ratio=scaled(light.exit_w, 1.0 / source_w, ""),
-        lost_w=_lost(light.by_fate_w),
+        lost_w=LostFlux(**{name: lost_w[name] for name in LostFlux.model_fields}),
         reflected_w=max(source_w - float(light.by_fate_w.sum()), 0.0),
         source_lm=bright.lumens,
         source_lm_from=bright.origin,
@@ -213,13 +208,6 @@ def _lamp(light: FittedIntensity, per_watt: float, street_deg: float) -> LampLig
     return LampLight(light.grid, per_watt * light.samples, street_deg, fine)
 
 
-def _symmetry(lens: Lens, source: Source, lamps: Lamps) -> str:
-    """Largest mirror group that both surfaces, the source and the lamps have: the light has it, too."""
-    both = source.symmetry, lens.symmetry
-    groups = (name for name in reversed(NAMES) if all(contains(each, name) for each in both))
-    return next(name for name in groups if lamps.from_afar.has_mirrors(name))
-
-
 def _turned_over(values: Float[np.ndarray, "c g"]) -> Float[np.ndarray, "d g"]:
     """Values at equal steps of C, closed at 360 degrees and turned over as their table is."""
     closed: Float[np.ndarray, "d g"] = np.concatenate([values, values[:1]])[::-1]
@@ -255,10 +243,3 @@ def _remarks(light: ExitLight, per_watt: float) -> Iterator[str]:
     )
     if peak.standard_error is not None:
         yield f"peak without noise {peak.value * per_watt:.5g} +- {peak.standard_error * per_watt:.2g} cd"
-
-
-def _lost(by_fate_w: Float[np.ndarray, " f"]) -> LostFlux:
-    lost = {fate.name.lower(): float(by_fate_w[fate]) for fate in Fate if fate != Fate.LEFT_LENS}
-    others = {"missed_receiver": MISSED_RECEIVER, "absorbed": ABSORBED, "cover_glass": IN_GLASS}
-    bodies = {"bodies": float(by_fate_w[CAUSES:].sum())}
-    return LostFlux.model_validate(lost | bodies | {name: float(by_fate_w[place]) for name, place in others.items()})

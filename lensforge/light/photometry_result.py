@@ -176,16 +176,10 @@ class WrittenFiles(Record):
 
 def photometry_criteria(files: WrittenFiles) -> tuple[Criterion, ...]:
     """One criterion for each file: it holds the flux of the rays."""
-    named = (
-        (IES_FILE, files.ies),
-        (LDT_FILE, files.ldt),
-        (TM33_FILE, files.tm33),
-        (TM25_FILE, files.tm25ray),
-    )
-    unit, remedy = "relative", "please report the lens.json"
-    return tuple(
-        at_most(f"flux of {name} as read back", file.relative_error, _CONSERVED, unit, remedy) for name, file in named
-    )
+    named = {IES_FILE: files.ies, LDT_FILE: files.ldt, TM33_FILE: files.tm33, TM25_FILE: files.tm25ray}
+    errors = {f"flux of {name} as read back": file.relative_error for name, file in named.items()}
+    remedy = "please report the lens.json"
+    return tuple(at_most(name, error, _CONSERVED, "relative", remedy) for name, error in errors.items())
 
 
 class LostFlux(Record):

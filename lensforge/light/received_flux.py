@@ -99,6 +99,14 @@ class ReceivedFlux:
         return ReceivedFlux(images, by_fate, window, np.maximum(landed - window, 0.0), in_targets, targets, colours)
 
 
+def named_flux(by_fate: Float[np.ndarray, " f"]) -> dict[str, float]:
+    """Flux of each fate by its name, and of all further bodies together."""
+    places = {fate.name.lower(): int(fate) for fate in Fate}
+    places |= {"missed_receiver": MISSED_RECEIVER, "absorbed": ABSORBED, "cover_glass": IN_GLASS}
+    named = {name: float(by_fate[place]) for name, place in places.items()}
+    return {**named, "bodies": float(by_fate[CAUSES:].sum())}
+
+
 def flux_by_fate(rays: ExitRays, missed_receiver: Bool[np.ndarray, " n"]) -> Float[np.ndarray, " f"]:
     """Flux (W) by fate; rays that left the lens and ``missed_receiver`` count apart, and flux that was absorbed.
 

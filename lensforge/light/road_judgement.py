@@ -146,13 +146,17 @@ def c_class(mean_lx: float, uniformity: float) -> str:
     return next(met, _NONE)
 
 
+def _least_seen(drivers: tuple[SeenRoad, ...]) -> tuple[float, float, float]:
+    """Least mean luminance, uniformity, and uniformity along, of all ``drivers``."""
+    names = "mean_cd_per_m2", "uniformity", "uniformity_along"
+    mean, uniformity, along = (min(getattr(driver, name).value for driver in drivers) for name in names)
+    return mean, uniformity, along
+
+
 def best_class(drivers: tuple[SeenRoad, ...], edges: tuple[Metric, Metric]) -> str:
     """Best class M whose numbers all ``drivers`` and both ``edges`` have."""
     edge = min(each.value for each in edges)
-    mean, uniformity, along = (
-        min(getattr(driver, name).value for driver in drivers)
-        for name in ("mean_cd_per_m2", "uniformity", "uniformity_along")
-    )
+    mean, uniformity, along = _least_seen(drivers)
     glare = max(driver.glare_percent.value for driver in drivers if driver.glare_percent is not None)
     for name, asked in M_CLASSES.items():
         bright, even = mean >= asked.mean, uniformity >= asked.uniformity and along >= asked.along
@@ -163,10 +167,7 @@ def best_class(drivers: tuple[SeenRoad, ...], edges: tuple[Metric, Metric]) -> s
 
 def classes_held(drivers: tuple[SeenRoad, ...]) -> str:
     """All classes of RP-8 whose numbers all ``drivers`` have."""
-    mean, uniformity, least_over_largest = (
-        min(getattr(driver, name).value for driver in drivers)
-        for name in ("mean_cd_per_m2", "uniformity", "uniformity_along")
-    )
+    mean, uniformity, least_over_largest = _least_seen(drivers)
     veiling = max(driver.veiling_ratio.value for driver in drivers if driver.veiling_ratio is not None)
     held = (
         name

@@ -21,9 +21,9 @@ from lensforge.light.metrics import (
     PairEstimate,
     RootEstimate,
     jackknife_metric,
+    least_over_mean,
     nmse_estimate,
     rsd_estimate,
-    uniformity_estimate,
     with_error,
 )
 from lensforge.light.received_flux import MISSED_RECEIVER, ReceivedFlux
@@ -282,7 +282,7 @@ class ReplicateMetrics:
         """Metrics of filtered ``images`` against ``target``, uniformity and RSD in ``mask``."""
         return ReplicateMetrics(
             nmse=nmse_estimate(images, target),
-            uniformity=None if mask is None else uniformity_estimate(images, mask),
+            uniformity=None if mask is None else least_over_mean(images[:, mask]),
             rsd=None if mask is None else rsd_estimate(images, mask),
             efficiency=efficiency,
         )
@@ -293,7 +293,7 @@ class ReplicateMetrics:
             nmse=self.nmse.metric(),
             uniformity=None if self.uniformity is None else self.uniformity.metric(),
             rsd=None if self.rsd is None else self.rsd.metric(),
-            efficiency=mean_share(self.efficiency),
+            efficiency=jackknife_metric(self.efficiency, float),
         )
 
     def change_from(self, before: "ReplicateMetrics", rays: int, *, designed_rsd: float | None = None) -> LightMetrics:
@@ -305,6 +305,7 @@ class ReplicateMetrics:
         those of one ray: the noise of all ``rays`` over their root.
         """
         least, even, noise = before.uniformity, before.rsd, before.metrics()
+        efficiency = jackknife_metric(self.efficiency - before.efficiency, float)
         deviation = None
         if self.rsd is not None and even is not None:
             deviation = self.rsd.change_from(even) if designed_rsd is None else self.rsd.change_of(designed_rsd, even)
@@ -312,7 +313,7 @@ class ReplicateMetrics:
             nmse=_with_one_ray(self.nmse.change_from(before.nmse), noise.nmse, rays),
             uniformity=None if self.uniformity is None or least is None else self.uniformity.change_from(least),
             rsd=None if deviation is None else _with_one_ray(deviation, noise.rsd, rays),
-            efficiency=_with_one_ray(mean_share(self.efficiency - before.efficiency), noise.efficiency, rays),
+            efficiency=_with_one_ray(efficiency, noise.efficiency, rays),
         )
 
 
@@ -350,8 +351,3 @@ def _with_one_ray(change: Metric, noisy: Metric | None, rays: int) -> Metric:
     if noisy is None or noisy.standard_error is None:
         return change
     return with_error(change, noisy.standard_error / np.sqrt(rays))
-
-
-def mean_share(shares: Float[np.ndarray, " r"]) -> Metric:
-    """Mean of the ``shares`` of each replicate."""
-    return jackknife_metric(shares, float)

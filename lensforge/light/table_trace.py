@@ -14,14 +14,8 @@ from lensforge.kernels.first_hit import empty_packet
 from lensforge.kernels.nearly_convex import chain_bounds
 from lensforge.kernels.parallel import CHUNKS, in_chunks
 from lensforge.kernels.trace import trace
-from lensforge.light.coated_glass import RayCoatings, before_glass, behind_glass
-from lensforge.light.further_bodies import (
-    TWO_FACES,
-    BodyPassage,
-    fields_of_two_faces,
-    polarised,
-    through_bodies,
-)
+from lensforge.light.coated_glass import RayCoatings, before_glass, behind_glass, part_of
+from lensforge.light.further_bodies import TWO_FACES, BodyPassage, fields_of_two_faces, polarised, through_bodies
 from lensforge.optics.media import DOUBLE, Media
 from lensforge.scene.as_made import AsMade, Placed, Rough, rough_part
 from lensforge.scene.body import Chain
@@ -83,10 +77,6 @@ class Scene:
         return body.index(waves), absorptions
 
 
-def _part(values: Float[np.ndarray, " k"], part: slice) -> Float[np.ndarray, " j"]:
-    return values if len(values) <= 1 else values[part]
-
-
 @dataclass(frozen=True)
 class TracedBundle:
     """Exit rays of a bundle, and the data for its adjoint: the tables, and the path lengths to all events (mm).
@@ -114,7 +104,7 @@ class TracedBundle:
     @staticmethod
     def of(tables: Tables | Iterable[Table], scene: Scene, rays: RayBundle) -> "TracedBundle":
         """Trace ``rays`` through the faces of these tables; see :func:`trace_tables`."""
-        tables = _stacked(tables)
+        tables = tables if isinstance(tables, np.ndarray) else np.stack(list(tables))
         bounds = FaceBounds.of(checked_bounds(tables, scene))
         count, body = len(rays), scene.body(rays)
         indices, absorptions = body
@@ -136,7 +126,7 @@ class TracedBundle:
         def work(_: int, part: slice) -> None:
             trace(
                 rays.origins[part], rays.directions[part], rays.flux[part],
-                _part(indices, part), _part(absorptions, part), tables, bounds, scene.packed(),
+                part_of(indices, part), part_of(absorptions, part), tables, bounds, scene.packed(),
                 faces, coatings.part(part), placed, rough_part(rough, part), chain, None,
                 lengths[part], None if met is None else met[part], points[part], directions[part], flux[part],
                 absorbed[part], None if axial is None else axial[part], sin2_exit[part], fates[part],
@@ -174,7 +164,7 @@ class TracedBundle:
         def work(chunk: int, part: slice) -> None:
             trace_adjoint(
                 rays.origins[part], rays.directions[part], rays.flux[part],
-                _part(indices, part), _part(absorptions, part),
+                part_of(indices, part), part_of(absorptions, part),
                 self.tables, scene.packed(), faces, coatings.part(part),
                 self.placed, rough_part(self.rough, part), chain, None, self.lengths[part],
                 None if met is None else met[part], fates[part],
@@ -187,11 +177,6 @@ class TracedBundle:
         in_chunks(work, len(rays))
         total: Tables = totals.sum(axis=0)
         return total
-
-
-def _stacked(tables: Tables | Iterable[Table]) -> Tables:
-    """Tables in one array: itself where they are."""
-    return tables if isinstance(tables, np.ndarray) else np.stack(list(tables))
 
 
 def checked_bounds(tables: Tables | Sequence[Table], scene: Scene) -> list[SurfaceBounds]:

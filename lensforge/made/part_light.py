@@ -24,9 +24,9 @@ from scipy import sparse
 from lensforge.errors import InputError
 from lensforge.kernels.image_sums import add_to_bins
 from lensforge.light.judged_limits import values_left_out
-from lensforge.light.metrics import Images, jackknife_error
+from lensforge.light.metrics import Images, jackknife_error, jackknife_metric
 from lensforge.light.receiver_light import ReceiverLight
-from lensforge.light.simulation import REPLICATES, ReplicateMetrics, TracedLens, bundles, lit_mask, mean_share
+from lensforge.light.simulation import REPLICATES, ReplicateMetrics, TracedLens, bundles, lit_mask
 from lensforge.light.table_trace import trace_tables
 from lensforge.results import Metric
 from lensforge.scene.exit_rays import ExitRays
@@ -193,7 +193,7 @@ class MeasuredPart:
                 ratio, moved = light.uniformity.value, change["uniformity"]  # within 0 and 1, however few the rays
                 within = min(max(moved.value, -ratio), 1.0 - ratio)
                 change["uniformity"] = moved.model_copy(update={"value": within})
-            found.append({**change, "share_in_target": mean_share(share - other_share)})
+            found.append({**change, "share_in_target": jackknife_metric(share - other_share, float)})
         limits = {}
         for number, (own_limit, other_limit) in enumerate(zip(self.limits, before.limits, strict=True)):
             difference = own_limit - other_limit

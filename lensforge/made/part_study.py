@@ -132,7 +132,8 @@ class PartStudy:
     @cached_property
     def maker(self) -> PartMaker:
         """Tables of the form errors."""
-        return PartMaker.of_lens(self.recipe.lens, self.light.nominal.scene.grid, self.factors)
+        lens, grid = self.recipe.lens, self.light.nominal.scene.grid
+        return PartMaker.of(lens.spec, lens.surfaces, grid, self.factors)
 
     @cached_property
     def designed(self) -> MeasuredPart:

@@ -41,29 +41,39 @@ def best_transmittance(
     """
     turn = np.maximum(deviation_rad, 0.0)
     index = np.broadcast_to(refractive_index, turn.shape)
-    first, second = (_ratio(index, each) for each in (cavity_index, outside_index))
     if cavity_index == outside_index and least == (None, None):
-        once = _at_most(0.5 * turn, first, None)
+        once = _at_most(0.5 * turn, _ratio(index, cavity_index), None)
         both: Turns = once * once
         return both
-    bound: Turns = np.zeros_like(turn)
+    # once for all rays of one index that need not turn: in a scene they are most of all
+    pairs, places = np.unique(np.stack([turn.ravel(), index.ravel()]), axis=1, return_inverse=True)
+    turns, first, second = pairs[0], *(_ratio(pairs[1], each) for each in (cavity_index, outside_index))
+    bound: Turns = np.zeros_like(turns)
     for k in range(_SPLITS):
-        one = _at_most(k / _SPLITS * turn, first, least[0])
-        other = _at_most((1.0 - (k + 1) / _SPLITS) * turn, second, least[1])
+        one = _at_most(k / _SPLITS * turns, first, least[0])
+        other = _at_most((1.0 - (k + 1) / _SPLITS) * turns, second, least[1])
         bound = np.maximum(bound, one * other)
-    return bound
+    found: Turns = bound[places.ravel()].reshape(turn.shape)
+    return found
 
 
 def _at_most(deviation_rad: Turns, ratio: Turns, least: float | None) -> Turns:
     """Largest transmittance of a face that turns light at least so far, or of a coated one an upper bound."""
+    if least is not None:
+        return np.where(_is_turned(deviation_rad, ratio), 1.0 - least, 0.0)
     bare, peaked = face_transmittance(deviation_rad, ratio), ratio > _PEAKED
     for share in np.linspace(0.0, 1.0, _TURNS if np.any(peaked) else 0):  # the most is near Brewster's angle
         turn = share * np.arccos(1.0 / ratio)
         bare = np.where(
             peaked & (turn >= deviation_rad), np.maximum(bare, _BETWEEN * face_transmittance(turn, ratio)), bare
         )
-    coated: Turns = bare if least is None else np.where(bare > 0.0, 1.0 - least, 0.0)
-    return coated
+    return bare
+
+
+def _is_turned(deviation_rad: Turns, ratio: float | Turns) -> Bool[np.ndarray, "*n"]:
+    """True where a face can turn light so far."""
+    turned: Bool[np.ndarray, "*n"] = (ratio * np.cos(deviation_rad) > 1.0) | (deviation_rad == 0.0)
+    return turned
 
 
 def _ratio(refractive_index: Turns, around: float) -> Turns:
@@ -87,7 +97,7 @@ def face_transmittance(deviation_rad: Turns, refractive_index: float | Turns) ->
         r_s = (cosine - index * inside) / (cosine + index * inside)
         r_p = (index * cosine - inside) / (index * cosine + inside)
         transmitted: Turns = np.sqrt(0.5 * ((1.0 - r_s**2) ** 2 + (1.0 - r_p**2) ** 2))
-    turned: Turns = np.where((below > 0.0) | (deviation_rad == 0.0), transmitted, 0.0)
+    turned: Turns = np.where(_is_turned(deviation_rad, refractive_index), transmitted, 0.0)
     return turned
 
 

@@ -25,7 +25,7 @@ from lensforge.results.notebook_html import section_html
 from lensforge.results.stage_result import CHECKSUM, require_checksum, validated, with_checksum, without_schema
 from lensforge.scene.body import Body, radii
 from lensforge.spec import Accuracy, AnyReceiver, Spec, parse_spec
-from lensforge.surfaces.mirror_group import NAMES, contains
+from lensforge.surfaces.mirror_group import shared_symmetry
 from lensforge.surfaces.placed_bodies import has_mirrors
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface
@@ -136,8 +136,7 @@ class Lens:
     def symmetry(self) -> str:
         """Largest mirror group of all surfaces and of the bodies behind them, a name of ``surfaces.symmetry``."""
         own, bodies = [surface.symmetry for surface in self.surfaces.values()], self.media.bodies
-        groups = (name for name in reversed(NAMES) if all(contains(each, name) for each in own))
-        return next(name for name in groups if all(has_mirrors(body, name) for body in bodies))
+        return shared_symmetry(own, lambda name: all(has_mirrors(body, name) for body in bodies))
 
     def to_json(self) -> dict[str, JsonValue]:
         """The content of ``lens.json``, all digits of every weight."""

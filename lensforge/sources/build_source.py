@@ -16,7 +16,7 @@ from lensforge.sources.emitting_area import sobol
 from lensforge.sources.ray_bundle import RayBundle, Source, aimed
 from lensforge.sources.ray_colours import TristimulusSource, tristimulus_of_spectrum
 from lensforge.sources.source_flux import chip_fluxes, emitter_flux
-from lensforge.sources.source_pose import PlacedSource, placed_source
+from lensforge.sources.source_pose import PlacedSource, SourcePose
 from lensforge.sources.source_spectrum import spectrum_of
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec.derived_values import CAVITY_HEIGHT, rounded_length
@@ -94,7 +94,9 @@ def build_source(spec: SourceSpec, material: Material | None = None, *, coloured
             from lensforge.sources.planar_emitter import planar_emitter
 
             emitter = planar_emitter(spec, disperses=material is not None, coloured=coloured)
-    emitter = placed_source(emitter, spec)
+    pose = SourcePose.of(spec)
+    if pose.moves:
+        emitter = PlacedSource(emitter, pose)
     spectra = spec.spectra if isinstance(spec, ChipsSource) else ()
     if material is not None and isinstance(spec, ChipsSource) and spectra:
         parts = zip(spectra, chip_fluxes(spec), strict=True)

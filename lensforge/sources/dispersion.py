@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 
 from lensforge.errors import InputError
 from lensforge.optics.material import Material
-from lensforge.sources.ray_bundle import ChangedSource, RayBundle, Rays, Source, blocks_of, changed, towards
+from lensforge.sources.ray_bundle import ChangedSource, RayBundle, Rays, Source, blocks_of, changed
 from lensforge.sources.source_spectrum import ColourSums, Spectrum, usable_wavelengths
 from lensforge.sources.source_summary import IndexRange
 
@@ -156,13 +156,6 @@ class ColouredSource(ChangedSource):
         indices = joined_range([(index_of_spectrum(spectrum, material), flux) for spectrum, flux in parts])
         return ColouredSource(source, None, indices, tuple(index_warnings(indices, material)))
 
-    def sample(self, count: int, seed: int) -> RayBundle:
-        """Draw the rays of the source itself, each with a wavelength drawn by ``seed``."""
-        return self._coloured(self.source.sample(count, seed), seed)
-
-    def towards(self, targets: Float[np.ndarray, "n 3"], seed: int) -> RayBundle:
-        """The rays of a sample, each turned to its target (mm); their flux is W/sr there."""
-        return self._coloured(towards(self.source, targets, seed), seed)
-
-    def _coloured(self, rays: RayBundle, seed: int) -> RayBundle:
+    def changed_rays(self, rays: RayBundle, seed: int) -> RayBundle:
+        """The rays, each with a wavelength drawn by ``seed``."""
         return rays if self.spectrum is None else replace(rays, wavelengths_nm=self.spectrum.draw(len(rays), seed))

@@ -16,7 +16,7 @@ from lensforge.sources.ray_colours import ChipColours
 from lensforge.sources.source_flux import chip_fluxes, emitter_flux
 from lensforge.spec.emitter_section import CosineIntensity, IntensitySpec, TableIntensity
 from lensforge.spec.source_sections import ChipArraySource, ChipsSource, DiscSource, LuminanceSource, RectangleSource
-from lensforge.surfaces.mirror_group import NAMES, contains
+from lensforge.surfaces.mirror_group import shared_symmetry
 
 PlanarSource = RectangleSource | DiscSource | ChipsSource | ChipArraySource | LuminanceSource
 
@@ -35,8 +35,7 @@ class PlanarEmitter:
     @property
     def symmetry(self) -> str:
         """Largest mirror group of both area and profile."""
-        shared = (self.area.symmetry, self.profile.symmetry)
-        return next(name for name in reversed(NAMES) if all(contains(larger, name) for larger in shared))
+        return shared_symmetry([self.area.symmetry, self.profile.symmetry])
 
     def sample(self, count: int, seed: int) -> RayBundle:
         """Draw ``count`` rays of equal flux by quasi-Monte-Carlo points in four dimensions."""

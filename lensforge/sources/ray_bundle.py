@@ -188,10 +188,22 @@ def drawn(source: Source, count: int, seed: int) -> Rays:
 class ChangedSource:
     """A source whose rays are those of ``source``, changed; all else is that of ``source``, unless a subclass says so.
 
-    Subclasses have ``sample``.
+    Subclasses say how rays are changed.
     """
 
     source: Source
+
+    def changed_rays(self, rays: RayBundle, seed: int) -> RayBundle:
+        """The rays that ``source`` has drawn by ``seed``, changed."""
+        raise NotImplementedError
+
+    def sample(self, count: int, seed: int) -> RayBundle:
+        """Draw the rays of the source itself, and change them."""
+        return self.changed_rays(self.source.sample(count, seed), seed)
+
+    def towards(self, targets: Float[np.ndarray, "n 3"], seed: int) -> RayBundle:
+        """The rays of a sample, each turned to its target (mm); their flux is W/sr there."""
+        return self.changed_rays(towards(self.source, targets, seed), seed)
 
     @property
     def flux_w(self) -> float:

@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 
 from lensforge.errors import InputError
 from lensforge.optics.colorimetry import tristimulus_at, tristimulus_of
-from lensforge.sources.ray_bundle import ChangedSource, RayBundle, Rays, blocks_of, changed, towards
+from lensforge.sources.ray_bundle import ChangedSource, RayBundle, Rays, blocks_of, changed
 from lensforge.sources.source_spectrum import Spectrum, spectrum_of
 from lensforge.spec.emitter_section import SpectrumSpec
 
@@ -53,7 +53,7 @@ def coloured_set(rays: Rays, spectrum: SpectrumSpec | None, name: str) -> Rays:
     Rays with wavelengths follow these, as they disperse. Raises :class:`InputError` where neither is known, or nothing
     is visible.
     """
-    if all(block.wavelengths_nm is None for block in _first(rays)):
+    if rays.take(slice(0, 1)).wavelengths_nm is None:
         constant = tristimulus_of_spectrum(spectrum, name)
         return changed(rays, lambda some: coloured_alike(some, constant))
     coloured = changed(rays, coloured_by_wavelength)
@@ -66,25 +66,14 @@ def coloured_set(rays: Rays, spectrum: SpectrumSpec | None, name: str) -> Rays:
     return coloured
 
 
-def _first(rays: Rays) -> list[RayBundle]:
-    return [rays.take(slice(0, 1))]
-
-
 @dataclass(frozen=True, eq=False)
 class TristimulusSource(ChangedSource):
     """Source whose rays carry X, Y and Z per W: all the same, or without it each by its wavelength."""
 
     tristimulus: Float[np.ndarray, " 3"] | None = None
 
-    def sample(self, count: int, seed: int) -> RayBundle:
-        """Draw the rays of the source itself, with their colours."""
-        return self._coloured(self.source.sample(count, seed))
-
-    def towards(self, targets: Float[np.ndarray, "n 3"], seed: int) -> RayBundle:
-        """The rays of a sample, each turned to its target (mm); their flux is W/sr there."""
-        return self._coloured(towards(self.source, targets, seed))
-
-    def _coloured(self, rays: RayBundle) -> RayBundle:
+    def changed_rays(self, rays: RayBundle, seed: int) -> RayBundle:
+        """The rays with their colours."""
         if rays.wavelengths_nm is not None:
             return coloured_by_wavelength(rays)
         return rays if self.tristimulus is None else coloured_alike(rays, self.tristimulus)

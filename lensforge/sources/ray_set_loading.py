@@ -101,7 +101,9 @@ def load_ray_set(spec: RaySetSource, material: Material | None = None, *, colour
             named = (tuple(f"{part.name}: {warning}" for warning in part.warnings) for part in parts)
             return _emitter([replace(part, warnings=words) for part, words in zip(parts, named, strict=True)], spec)
         case RaySource():
-            return _emitter([_load_arrays(spec, asked)], spec)
+            relative = np.ones(len(spec.positions_mm)) if spec.ray_flux is None else spec.ray_flux
+            given = RayFile(spec.positions_mm, spec.directions, relative, "W", spec.wavelengths_nm, path="source.rays")
+            return _emitter([_loaded(given, spec, spec, spec.spectrum, asked)], spec)
 
 
 def _load_file(part: RayfilePart, spec: RaySetSource, asked: _Asked) -> _Loaded:
@@ -122,12 +124,6 @@ def _load_file(part: RayfilePart, spec: RaySetSource, asked: _Asked) -> _Loaded:
         **({} if loaded.index_range is None else loaded.index_range.fields()),
     )
     return replace(loaded, file=file)
-
-
-def _load_arrays(spec: RaySource, asked: _Asked) -> _Loaded:
-    relative = np.ones(len(spec.positions_mm)) if spec.ray_flux is None else spec.ray_flux
-    given = RayFile(spec.positions_mm, spec.directions, relative, "W", spec.wavelengths_nm, path="source.rays")
-    return _loaded(given, spec, spec, spec.spectrum, asked)
 
 
 def _loaded(

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.sources.ray_bundle import RayBundle, Source
-from lensforge.surfaces.mirror_group import NAMES, contains
+from lensforge.surfaces.mirror_group import shared_symmetry
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class SeveralSources:
     @property
     def symmetry(self) -> str:
         """Largest mirror group that all of them have."""
-        return next(name for name in reversed(NAMES) if all(contains(source.symmetry, name) for source in self.sources))
+        return shared_symmetry([source.symmetry for source in self.sources])
 
     @property
     def ray_count(self) -> int | None:

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.sources.ray_bundle import ChangedSource, RayBundle, Source, towards
+from lensforge.sources.ray_bundle import ChangedSource, RayBundle
 from lensforge.spec.emitter_section import EmitterSection
 from lensforge.surfaces.mirror_group import group, largest_symmetry
 
@@ -87,20 +87,14 @@ class PlacedSource(ChangedSource):
         own = self.source.symmetry
         return largest_symmetry(lambda mirror: self.pose.keeps(mirror, own))
 
-    def sample(self, count: int, seed: int) -> RayBundle:
-        """Draw the rays of the source itself, and move them."""
-        return self.pose.placed(self.source.sample(count, seed))
+    def changed_rays(self, rays: RayBundle, seed: int) -> RayBundle:
+        """The rays, moved."""
+        return self.pose.placed(rays)
 
     def towards(self, targets: Float[np.ndarray, "n 3"], seed: int) -> RayBundle:
         """The rays of a sample, each turned to its target (mm); their flux is W/sr there."""
-        return self.pose.placed(towards(self.source, self.pose.own_points(targets), seed))
+        return super().towards(self.pose.own_points(targets), seed)
 
     def outline(self) -> Float[np.ndarray, "k 3"]:
         """Outline (mm) of the source itself, moved."""
         return self.pose.points(self.source.outline())
-
-
-def placed_source(source: Source, spec: EmitterSection) -> Source:
-    """Put ``source`` where ``spec`` says; returned as it is where that is at the origin, upright."""
-    pose = SourcePose.of(spec)
-    return PlacedSource(source, pose) if pose.moves else source

@@ -21,13 +21,7 @@ from lensforge.optics.photopic import efficacy_at
 from lensforge.results.files import MIB, read_file
 from lensforge.sources.inverse_cdf import choose, linear_inverse
 from lensforge.sources.photometric.photometric_file import number_in
-from lensforge.spec.emitter_section import (
-    FileSpectrum,
-    GaussianSpectrum,
-    LineSpectrum,
-    SpectrumSpec,
-    TableSpectrum,
-)
+from lensforge.spec.emitter_section import FileSpectrum, GaussianSpectrum, LineSpectrum, SpectrumSpec, TableSpectrum
 
 _ANOTHER_KIND = re.compile(r"OPTIS\s*-(?!\s*Spectrum\b)|discrete\b|photometric\b", re.IGNORECASE)
 _MOST_BYTES = 8 * MIB  # a spectrum of 0.01 nm from 200 to 3000 nm has 6 MB

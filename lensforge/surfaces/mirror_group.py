@@ -1,6 +1,6 @@
 """Mirror groups about the optical axis, by name: the 3x3 matrices under which a scene looks the same."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from itertools import product
 
 import numpy as np
@@ -50,6 +50,12 @@ def generators(name: str) -> list[np.ndarray]:
 def contains(larger: str, smaller: str) -> bool:
     """True where every mirror image of group ``smaller`` belongs to group ``larger``."""
     return all(any(np.array_equal(a, b) for b in group(larger)) for a in group(smaller))
+
+
+def shared_symmetry(names: Iterable[str], allowed: Callable[[str], bool] = lambda _: True) -> str:
+    """Largest mirror group that all groups of these ``names`` contain, of those ``allowed``."""
+    shared = (each for each in reversed(NAMES) if all(contains(larger, each) for larger in names))
+    return next(each for each in shared if allowed(each))
 
 
 def largest_symmetry(unchanged: Callable[[Float[np.ndarray, "3 3"]], bool]) -> str:

@@ -19,15 +19,16 @@ from nightly import first_by_day
 from scipy.stats import t as student
 
 import lensforge as lf
-from lensforge.light.metrics import nmse_estimate, rsd_estimate, uniformity_estimate
+from lensforge.light.metrics import least_over_mean, nmse_estimate, rsd_estimate
 from lensforge.light.receiver_light import RegionLight
 from lensforge.surfaces.asphere import Biconic
 from lensforge.surfaces.chart_spline import ChartSpline
 from lensforge.surfaces.surface_record import surface_record
 
+pytestmark = pytest.mark.usefixtures("no_table_error")
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parents[1] / "examples"
-LENSES = sorted(path.stem for path in (HERE / "lenses").glob("*.json"))
+LENSES = ["fixed_outer", "flat_top", "fixed_inner", "image", "pi"]
 REPLICATES, RAYS, LIBRARY_RAYS = 16, 2048, 2**18
 # Three standard errors, where these come from 16 replicates.
 BOUND = student.ppf(0.99865, REPLICATES - 1)
@@ -149,12 +150,12 @@ def test_figures_without_noise_of_the_same_replicates() -> None:
     page = list(images)
     assert nmse_estimate(images, target).value == pytest.approx(page_light.nmse(page, target), rel=1e-10)
     assert rsd_estimate(images, mask).value == pytest.approx(page_light.rsd(page, mask), rel=1e-10)
-    assert uniformity_estimate(images, mask).value == pytest.approx(page_light.uniformity(page, mask), rel=1e-10)
+    assert least_over_mean(images[:, mask]).value == pytest.approx(page_light.uniformity(page, mask), rel=1e-10)
     region = RegionLight.of(images, target, mask, "W/m²")
     assert region is not None and region.peak.value == pytest.approx(page_light.peak(page, target), rel=1e-10)
 
 
-@pytest.mark.parametrize("name", first_by_day(3, LENSES))
+@pytest.mark.parametrize("name", first_by_day(2, LENSES))
 def test_radius_and_normal(folder: Path, name: str) -> None:
     lens = scene(folder, name)
     rng = np.random.default_rng(1)

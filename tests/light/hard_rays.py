@@ -3,28 +3,27 @@
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from lensforge.kernels.compiled import kernel
-from lensforge.kernels.first_hit import DX, LENGTH, PX, SIZE, STATUS, empty_packet, first_hits, start_all
+from lensforge.kernels.fate import Fate
+from lensforge.light.table_trace import Scene, TracedBundle
+from lensforge.optics.media import Media, Medium
+from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid
 
-
-@kernel
-def _hits(origins, directions, table, origin, inverse_step, bounds, lengths, states, rays):
-    """Fill path lengths and states packet by packet."""
-    for first in range(0, len(lengths), SIZE):
-        count = min(SIZE, len(lengths) - first)
-        for k in range(count):
-            for axis in range(3):
-                rays[PX + axis * SIZE + k] = origins[first + k, axis]
-                rays[DX + axis * SIZE + k] = directions[first + k, axis]
-        first_hits(rays, start_all(rays, count), table, origin, inverse_step, bounds, False, False)
-        for k in range(count):
-            lengths[first + k], states[first + k] = rays[LENGTH + k], rays[STATUS + k]
+_UNMET = Fate.BACKWARD, Fate.OUTSIDE_CAVITY, Fate.NOT_CONVERGED
 
 
-def all_hits(origins, directions, table, origin, inverse_step, bounds, lengths, states):
-    """Fill path lengths and states by the kernel."""
-    _hits(origins, directions, table, origin, inverse_step, bounds, lengths, states, empty_packet())
+def all_hits(
+    starts: np.ndarray, directions: np.ndarray, table: np.ndarray, grid: TableGrid
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Path lengths to crossings by the kernels, where there are any above z = 0, and where the search gave up.
+
+    The table is the inner face of a lens of air, within a wide sphere.
+    """
+    tables = np.stack([table, np.full_like(table, 2.0 * table.max())])
+    rays = RayBundle(starts, directions, np.ones(len(starts)))
+    traced = TracedBundle.of(tables, Scene(Media(Medium(1.0)), grid), rays)
+    fates = traced.exits.fates
+    return traced.lengths[:, 0], ~np.isin(fates, _UNMET), fates == Fate.NOT_CONVERGED
 
 
 def gap(points: np.ndarray, table: np.ndarray, grid: TableGrid) -> np.ndarray:

@@ -108,7 +108,7 @@ STEPS = [(pocket, "height", 0.06), (pocket, "radius", 0.06), (pocket, "slope", 0
 def test_rays_that_change_their_first_face_are_the_slope(make, name: str, step: float) -> None:
     """Differences of the light of those rays alone; their error is that of counting them."""
     base, events, source = BASES[make]
-    body, rays = make(**base), source.sample(2**19, 5)
+    body, rays = make(**base), source.sample(2**19 if name == "tilt" else 2**18, 5)
     ends = [tables_of(make(**(base | {name: base[name] + sign * step})), GRID) for sign in (1.0, -1.0)]
     first, other = (TracedBundle.of(tables, scene(body, 1), rays).met[:, 0] for tables in ends)
     crossing = rays.take(first != other)
@@ -142,7 +142,7 @@ LATER = [
 @pytest.mark.parametrize(("make", "base", "name", "step", "worth"), first_by_day(2, LATER))
 def test_rays_that_change_a_later_face_are_the_slope(make, base, name: str, step: float, worth) -> None:
     """Differences of the light of those rays alone; their error is that of counting them."""
-    here, rays = scene(make(**base), 4), LED.sample(2**20, 5)
+    here, rays = scene(make(**base), 4), LED.sample(2**19, 5)
     ends = [tables_of(make(**(base | {name: base[name] + sign * step})), GRID) for sign in (1.0, -1.0)]
     more, less = (TracedBundle.of(tables, here, rays) for tables in ends)
     row, event = np.arange(len(rays)), (more.met != less.met).argmax(axis=1)
@@ -169,7 +169,7 @@ def test_crease_and_adjoint_together_are_the_slope_of_an_image_error() -> None:
         return nmse_loss(found.image, wanted) + 3.0 * found.outside_receiver - 2.0 * found.in_window, found.image
 
     apart, alone = [], []
-    for seed in range(6):
+    for seed in range(4):
         rays, given = LED.sample(2**16, seed), torch.from_numpy(tables).requires_grad_()
         value, image = loss(given, rays)
         (by_image,) = torch.autograd.grad(nmse_loss(image, wanted), image, retain_graph=True)
@@ -181,8 +181,8 @@ def test_crease_and_adjoint_together_are_the_slope_of_an_image_error() -> None:
             rest = (more - less) / (2.0 * step) - (given.grad.numpy() * way).sum()
             alone.append(rest)
             apart.append(rest - (creases * way).sum())
-    by_seed, left_out = (np.reshape(each, (6, -1)) for each in (apart, alone))
-    error = by_seed.std(axis=0, ddof=1) / 6**0.5
+    by_seed, left_out = (np.reshape(each, (4, -1)) for each in (apart, alone))
+    error = by_seed.std(axis=0, ddof=1) / 4**0.5
     assert (np.abs(by_seed.mean(axis=0)) < 3.5 * error).all()
     assert (np.abs(left_out.mean(axis=0)) > 10.0 * error).all()
 

@@ -19,6 +19,7 @@ from lensforge.spec.accuracy import PRESETS
 from lensforge.spec.source_sections import RayfileSource
 
 DRAFT = PRESETS["draft"]
+pytestmark = pytest.mark.usefixtures("no_table_error")
 
 
 def _evaluate(lens: Lens, **options):

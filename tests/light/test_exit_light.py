@@ -8,15 +8,15 @@ from lensforge.errors import InputError
 from lensforge.kernels.fate import Fate
 from lensforge.light import exit_light
 from lensforge.light.exit_light import ExitLight, RaysOnSphere, _on_sphere, trace_exit_light
-from lensforge.light.photometry_export import _lost, _symmetry
-from lensforge.light.received_flux import ABSORBED, CAUSES, IN_GLASS, MISSED_RECEIVER
+from lensforge.light.photometry_result import LostFlux
+from lensforge.light.received_flux import ABSORBED, CAUSES, IN_GLASS, MISSED_RECEIVER, named_flux
 from lensforge.light.simulation import TracedLens
 from lensforge.scene.exit_rays import ExitRays
-from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.sources.ray_set import RaySetEmitter
-from lensforge.spec.lamps_section import ALONE, Lamps
+from lensforge.spec.lamps_section import Lamps
+from lensforge.surfaces.mirror_group import shared_symmetry
 
 SEED, PARTS, ROUNDS = 3, 16, 32
 LENS = object.__new__(TracedLens)  # never looked at
@@ -139,8 +139,9 @@ def test_without_light_upwards_there_is_none_to_write() -> None:
 
 def test_every_fate_has_its_own_loss() -> None:
     flux = np.arange(1.0, CAUSES + 3.0)  # the last two of bodies
-    found = _lost(flux).model_dump()
-    expected = {fate.name.lower(): fate + 1.0 for fate in Fate if fate != Fate.LEFT_LENS}
+    found = named_flux(flux)
+    assert set(LostFlux.model_fields) == set(found) - {"left_lens"}
+    expected = {fate.name.lower(): fate + 1.0 for fate in Fate}
     others = {"missed_receiver": MISSED_RECEIVER, "absorbed": ABSORBED, "cover_glass": IN_GLASS}
     bodies = {"bodies": flux[CAUSES:].sum()}
     assert found == expected | bodies | {name: place + 1.0 for name, place in others.items()}
@@ -151,10 +152,8 @@ def test_every_fate_has_its_own_loss() -> None:
     [("square", "rectangle", "rectangle"), ("mirror_x", "rectangle", "mirror_x"), ("mirror_x", "mirror_y", "none")],
 )
 def test_light_has_the_mirrors_that_source_and_lens_share(source: str, lens: str, both: str) -> None:
-    class Mirrored(Lens):
-        symmetry = lens
-
-    assert _symmetry(object.__new__(Mirrored), SquareEmitter(1.0, symmetry=source), ALONE) == both
+    assert shared_symmetry([source, lens]) == both
+    assert shared_symmetry([source, lens], lambda name: name == "none") == "none"
 
 
 def test_rays_inside_a_sphere_leave_it_ahead_of_them() -> None:
@@ -174,7 +173,7 @@ def test_rays_are_dealt_to_lamps_evenly_and_carry_the_flux_of_all() -> None:
             up = np.tile([0.0, 0.0, 1.0], (len(rays), 1))
             return ExitRays(0.0 * up, up, rays.flux, np.zeros(len(rays)), np.zeros(len(rays), dtype=np.int8))
 
-    lamps, rays = Lamps(((-3.0, 0.0), (1.0, 0.0), (2.0, 5.0)), (0.0, 30.0, 60.0)), bundle_of(12)
+    lamps, rays = Lamps.level(((-3.0, 0.0), (1.0, 0.0), (2.0, 5.0)), (0.0, 30.0, 60.0)), bundle_of(12)
     found = exit_light._of_lamps(object.__new__(Upwards), rays, lamps)
     for x, _ in lamps.places_mm:
         assert np.count_nonzero(found.points[:, 0] == x) == 4

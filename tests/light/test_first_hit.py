@@ -7,7 +7,6 @@ from nightly import first_by_day
 from scenes import random_surface
 
 from lensforge.kernels.bicubic import surface_bounds
-from lensforge.kernels.first_hit import BELOW, FOUND
 from lensforge.surfaces.bicubic_table import TableGrid, evaluate_table, tabulate
 
 SCAN = 1500
@@ -20,8 +19,7 @@ def _wrong(seed: int, roughness: float, count: int) -> tuple[int, int]:
     table = tabulate(grid, surface)
     starts, directions = hard_rays(table, grid, count, seed)
     bounds = surface_bounds(table, grid.origin, grid.step)
-    lengths, states = np.empty(count), np.empty(count, dtype=np.int64)
-    all_hits(starts, directions, table, grid.origin, 1 / grid.step, bounds, lengths, states)
+    lengths, found, lost = all_hits(starts, directions, table, grid)
 
     # quadratically denser near the start, where tangent rays cross
     t = 2.2 * bounds.most * np.linspace(0, 1, SCAN) ** 2
@@ -38,12 +36,10 @@ def _wrong(seed: int, roughness: float, count: int) -> tuple[int, int]:
         gone = (~above).any(axis=1) & (t[below] <= first[part])
         first[part[gone]] = np.inf
 
-    ends = starts + lengths[:, None] * directions
-    found = (states == FOUND) & (ends[:, 2] >= 0.0)
+    ends = starts + np.where(found, lengths, 0.0)[:, None] * directions
     late = found & (lengths > first + 1e-9)
     missed = ~found & np.isfinite(first)
     astray = found & (np.abs(gap(np.where(found[:, None], ends, 1.0), table, grid)) > 1e-9)
-    lost = ~np.isin(states, (FOUND, BELOW))
     return int((late | missed | astray | lost).sum()), several
 
 

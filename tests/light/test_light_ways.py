@@ -37,7 +37,7 @@ def test_long_and_faint_ways_count_together() -> None:
 
 def test_ways_add_up_to_the_light_that_leaves_and_stand_in_the_record(tmp_path: Path) -> None:
     lens = spot_lens()
-    light = evaluate_traced(TracedLens.of(lens, 8.0), lens.spec, build_source(lens.spec.source), 2**13, 1)
+    light = evaluate_traced(TracedLens.of(lens, 4.0), lens.spec, build_source(lens.spec.source), 2**13, 1)
     left = light.flux.detected + light.flux.outside + light.missed_by_cause.missed_receiver
     assert sum(way.share.value for way in light.ways) == pytest.approx(left, rel=1e-12)
     assert [way.faces for way in light.ways[:2]] == [("side", "wall", "exit"), ("cap", "exit")]

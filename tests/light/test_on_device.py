@@ -11,7 +11,6 @@ from scenes import DEVICES, random_surface, table_of
 
 from lensforge.kernels.bicubic import surface_bounds
 from lensforge.kernels.fate import Fate
-from lensforge.kernels.first_hit import FOUND, LOST
 from lensforge.light.device_trace import DeviceTable, first_crossing
 from lensforge.light.table_trace import Scene
 from lensforge.optics.media import Media, Medium
@@ -70,13 +69,14 @@ def test_hard_rays_cross_where_the_kernel_says(device: str, seed: int, roughness
     table = tabulate(grid, random_surface(seed, 2.0, roughness, levels=(25, 81, 289)))
     starts, directions = hard_rays(table, grid, count, seed)
     bounds = surface_bounds(table, grid.origin, grid.step)
-    lengths, states = np.empty(count), np.empty(count, dtype=np.int64)
-    all_hits(starts, directions, table, grid.origin, 1 / grid.step, bounds, lengths, states)
+    lengths, hit, lost = all_hits(starts, directions, table, grid)
     table_there = DeviceTable.of(torch.from_numpy(table), grid, bounds, torch.device(device))
     found = first_crossing(table_there, *(torch.from_numpy(array).to(device) for array in (starts, directions)))
-    assert np.array_equal(found.found.cpu().numpy(), states == FOUND)
-    assert np.array_equal(found.lost.cpu().numpy(), states == LOST)
-    assert np.abs(found.lengths.cpu().numpy() - lengths)[states == FOUND].max() < 1e-9
+    paths = found.lengths.cpu().numpy()
+    above = starts[:, 2] + paths * directions[:, 2] >= 0.0
+    assert np.array_equal(found.found.cpu().numpy() & above, hit)
+    assert not lost.any() and not found.lost.any()
+    assert np.abs(paths - lengths)[hit].max() < 1e-9
 
 
 def test_a_device_is_found_by_its_name(device: str) -> None:

@@ -37,13 +37,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_a_plain_scene_loads_no_file_reader_no_cad_and_no_pictures_to_be_evaluated_and_checked(folder: Path) -> None:
+def test_help_loads_nothing_and_a_plain_scene_no_file_reader_no_cad_and_no_pictures(folder: Path) -> None:
     evaluate = (["evaluate", str(folder), "--rays", "64"], ["torch", *COLOUR, *CAD, *PICTURES, *SOURCES, *PROOFS])
     check = (["check", str(folder)], ["cadquery", "OCP", *PICTURES, *SOURCES])
-    commands = (evaluate, check) if NIGHTLY else (evaluate,)  # by day the check's own test: five seconds
+    shown = (["design", "--help"], [*COLOUR, *CAD, *PICTURES, *SOURCES, *PROOFS, "torch", "scipy", "numba"])
+    commands = (shown, evaluate, check) if NIGHTLY else (shown, evaluate)  # by day the check's own test: five seconds
     assert _loaded(*commands) == ["[]"] * len(commands)
-
-
-def test_help_loads_nothing() -> None:
-    modules = [*COLOUR, *CAD, *PICTURES, *SOURCES, *PROOFS, "torch", "scipy", "numba"]
-    assert _loaded((["design", "--help"], modules)) == ["[]"]

@@ -55,14 +55,6 @@ def test_exit_rays_go_where_the_tracer_says():
     assert out.by_fate_w[Fate.LEFT_LENS] == pytest.approx(out.rays.flux.sum())
 
 
-def test_a_point_source_in_concentric_spheres_is_seen_as_it_is():
-    traced = TracedLens.of(SHELL, 4.0)
-    rays = SquareEmitter(0.0).sample(2**16, 1)
-    out = exit_rays(traced, rays, 6.1)
-    np.testing.assert_allclose(out.rays.directions, rays.directions, atol=1e-9)
-    np.testing.assert_allclose(out.rays.origins, 6.1 * rays.directions, atol=1e-8)
-
-
 def test_figures_of_a_point_source_in_concentric_spheres_are_lambertian():
     """pi lumens per axis candela, 120 degrees of beam, 2 arccos(0.1) of field: each within its standard error."""
     found = measured(replace(SYMMETRIC, spec=small_spec(source__side_mm=0.0)), rays=2**18, lumens=1000.0)
@@ -170,9 +162,3 @@ def test_c_90_is_minus_y():
     quarter = len(found.c_deg) // 4
     beyond = int(np.argmin(np.abs(found.gamma_deg - 75.0)))  # at C = 90 below the horizon of the source
     assert found.candela_standard_error[quarter, beyond] < 0.3 * found.candela_standard_error[3 * quarter, beyond]
-
-
-def test_a_lens_that_lets_no_light_out_has_no_photometry():
-    crossed = replace(SHELL, surfaces={"inner": sphere(6.0), "outer": sphere(3.0)})  # everywhere
-    with pytest.raises(InputError, match="no light"):
-        measured(crossed, rays=64)

@@ -60,10 +60,9 @@ def test_the_stated_error_is_that_of_the_tables(lens, source):
 
 
 def test_the_standard_errors_are_the_scatter_over_seeds(lens, source):
-    grid = TableGrid(40)
+    traced = _traced(lens, TableGrid(40))
     found = [
-        measure_preset(replace(lens, seed=seed), source, _traced(lens, grid), _traced(lens, grid)).design
-        for seed in range(12 if NIGHTLY else 6)
+        measure_preset(replace(lens, seed=seed), source, traced, traced).design for seed in range(12 if NIGHTLY else 6)
     ]
     for name in ("hit_mm", "irradiance_nmse"):
         scatter = np.std([getattr(one, name).value for one in found], ddof=1)

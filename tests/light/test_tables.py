@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 import torch
+from chains import MixedLight
 from exact_surface import ExactSurface
 from landed import Landed, by_kernels, in_torch, trace_exact, trace_tables
 from scenes import random_surface, sphere, table_of, weight_matrix
 
 from lensforge.errors import InputError
 from lensforge.kernels.fate import Fate
-from lensforge.light.table_trace import Scene, TracedBundle
+from lensforge.light.table_trace import Scene
 from lensforge.optics.media import Media, Medium
-from lensforge.scene.exit_rays import Sensitivities
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate
@@ -67,34 +67,13 @@ def test_the_flux_of_lost_rays_is_a_constant() -> None:
 def test_sensitivities_to_a_point_and_to_a_direction_are_those_of_differences() -> None:
     """With respect to the exit point, and to the direction; where along the ray the point lies does not count."""
     grid, rays = TableGrid(64), SquareEmitter(0.9).sample(200, 1)
-    tables = [tabulate(grid, s) for s in (random_surface(3, 0.8, 0.03), random_surface(4, 2.45, 0.02))]
-    rng, none = np.random.default_rng(2), np.zeros(200)
-    by_points, by_directions = rng.normal(size=(2, 200, 3))
-    before = TracedBundle.of(tables, Scene(Media(Medium(N)), grid), rays)
-    start, along = before.exits.points, before.exits.directions
-
-    def value(traced: TracedBundle) -> float:
-        way, points = traced.exits.directions, traced.exits.points
-        ahead = ((start - points) * along).sum(1) / np.where(up, (way * along).sum(1), 1.0)
-        across = points + ahead[:, None] * way  # in the plane through the first exit point, at right angles to the ray
-        return float((by_points * across)[up].sum() + (by_directions * way)[up].sum())
-
-    up = before.exits.left_lens
-    by_points, by_directions = by_points * up[:, None], by_directions * up[:, None]
-    gradients = before.gradients(Sensitivities(by_points, by_directions), none, none)
-    for which, gradient in enumerate(gradients):
-        direction = rng.normal(size=gradient.shape) * (gradient != 0)
-        ahead, behind = (
-            value(
-                TracedBundle.of(
-                    [t + s * 1e-7 * direction * (i == which) for i, t in enumerate(tables)],
-                    Scene(Media(Medium(N)), grid),
-                    rays,
-                )
-            )
-            for s in (1, -1)
-        )
-        assert (ahead - behind) / 2e-7 == pytest.approx((gradient * direction).sum(), rel=1e-5)
+    tables = np.stack([tabulate(grid, s) for s in (random_surface(3, 0.8, 0.03), random_surface(4, 2.45, 0.02))])
+    light = MixedLight(tables, Scene(Media(Medium(N)), grid), rays, 2)
+    for face in (0, 1):
+        direction = np.zeros_like(tables)
+        direction[face] = np.random.default_rng(face).normal(size=tables[face].shape)
+        slope = light.slope(direction, 1e-7)
+        assert slope.crossed == 0 and slope.differences == pytest.approx(slope.adjoint, rel=1e-5)
 
 
 def test_gradients_reach_weights_and_offsets_as_in_the_exact_tracer() -> None:

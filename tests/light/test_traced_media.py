@@ -5,7 +5,10 @@ closed forms of its own.
 """
 
 import pickle
+from collections.abc import Iterable
 from dataclasses import replace
+from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +16,7 @@ import torch
 from downward_rays import downward_rays
 from known_refraction import normal_transmittance
 from landed import Landed, as_tensors, by_kernels, in_torch, on_device, trace_bundle, trace_tables
+from nightly import first_by_day
 from own_media import coatings, with_own
 from scenes import DEVICES, hemisphere_directions, random_surface, small_spec, sphere, table_of
 from test_as_made import ODD
@@ -20,8 +24,9 @@ from test_as_made import ODD
 from lensforge.errors import InputError
 from lensforge.kernels.fate import Fate
 from lensforge.light.evaluation import evaluate_traced
-from lensforge.light.exact_trace import DenseScan, exact_surfaces, trace_exact
+from lensforge.light.exact_trace import DenseScan, FixedSurface
 from lensforge.light.receiver_light import ReceiverLight
+from lensforge.light.sequential_trace import EnteringRays, trace_sequence
 from lensforge.light.simulation import TracedLens
 from lensforge.light.table_trace import Scene
 from lensforge.optics.fundamental_limits import transmittance_of
@@ -100,9 +105,18 @@ def mixed(found: Landed) -> torch.Tensor:
     return hits + (100.0 * by_flux * found.flux).sum() + (by_sin2 * found.sin2_exit).sum()
 
 
-@pytest.mark.parametrize("fresnel", [True, False])
+def cases(scenes: Iterable[str], *by_day: tuple[str, bool]) -> list[Any]:
+    """Scenes with Fresnel's losses and without."""
+    return first_by_day(
+        len(by_day), [*by_day, *(case for case in product(scenes, (True, False)) if case not in by_day)]
+    )
+
+
+LOSSLESS = ("coated", False), ("gel and water", False)
+
+
 @pytest.mark.parametrize("device", DEVICES)
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize(("name", "fresnel"), cases(SCENES, *((name, True) for name in SCENES), *LOSSLESS))
 def test_the_tracer_in_torch_and_its_gradients_are_those_of_the_kernels(name: str, device: str, fresnel: bool) -> None:
     scene, rays = replace(SCENES[name][0], fresnel=fresnel), SCENES[name][1]
     tables = [each.clone().requires_grad_() for each in TABLES]
@@ -123,8 +137,10 @@ def test_the_tracer_in_torch_and_its_gradients_are_those_of_the_kernels(name: st
         assert torch.linalg.norm(one - other) < 1e-8 * torch.linalg.norm(other)
 
 
-@pytest.mark.parametrize("fresnel", [True, False])
-@pytest.mark.parametrize("name", DIFFERENCES)
+@pytest.mark.parametrize(
+    ("name", "fresnel"),
+    cases(DIFFERENCES, ("coated, coloured", True), ("out of place", True), ("gel and water", False)),
+)
 def test_gradients_are_those_of_finite_differences(name: str, fresnel: bool) -> None:
     scene, rays = replace(DIFFERENCES[name][0], fresnel=fresnel), DIFFERENCES[name][1]
     tables = [each.clone().requires_grad_() for each in TABLES]
@@ -153,7 +169,8 @@ def lens_of(spec: Spec) -> Lens:
 def test_the_exact_tracer_loses_as_the_tables_do() -> None:
     spec = small_spec(lens__absorption_per_mm=0.05, lens__inner__coating=MGF2, lens__outer__coating=MGF2)
     lens, rays = lens_of(spec), SquareEmitter(1.0).sample(64, 1)
-    exact = as_tensors(trace_exact(*exact_surfaces(lens, (DenseScan(), DenseScan())), lens.media, rays))
+    surfaces = (FixedSurface(each, DenseScan()) for each in (lens.inner, lens.outer))
+    exact = as_tensors(trace_sequence(*surfaces, EnteringRays.of(rays, lens.media)))
     table = as_tensors(TracedLens.of(lens, 8.0).trace(rays))
     assert exact.absorbed is not None and table.absorbed is not None
     assert torch.allclose(exact.flux, table.flux, rtol=1e-6)

@@ -8,7 +8,7 @@ import pytest
 from lensforge.kernels.fate import Fate
 from lensforge.kernels.landing import LEAST_RISE
 from lensforge.scene.exit_rays import ExitRays
-from lensforge.scene.pixel_grid import PixelGrid, gaussian3
+from lensforge.scene.pixel_grid import PixelGrid, Window, bin_flux, flux_in, gaussian3, splat_flux
 from lensforge.scene.receiver import PosedReceiver, ReceiverPose
 from lensforge.scene.receiver_shapes import Cylinder, Dome, FarField, Plane, chart_radius
 
@@ -152,3 +152,33 @@ def test_pictures_are_filtered_one_by_one_with_their_edges_repeated(variance: fl
             wanted = np.sum(weights * padded[row : row + 3, column : column + 3]) / weights.sum()
             assert smooth[row, column] == pytest.approx(wanted, rel=1e-12)
     assert gaussian3(images, 0.0) is images
+
+
+SQUARE = PixelGrid.square(300.0, 32)
+WIDE = PixelGrid(400.0, 150.0, 48, 10)  # pixels of 8.33 x 15 mm
+
+
+def _hits(count: int, reach: float | tuple[float, float] = 140.0) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(0)
+    return rng.uniform(-1.0, 1.0, (count, 2)) * reach, rng.random(count)
+
+
+@pytest.mark.parametrize(("grid", "reach"), [(SQUARE, 140.0), (WIDE, (195.0, 67.0))])
+def test_splat_keeps_flux_and_its_centroid(grid: PixelGrid, reach: float | tuple[float, float]) -> None:
+    hits, flux = _hits(500, reach)
+    image = splat_flux(hits, flux, grid)
+    assert image.shape == grid.shape
+    assert image.sum() == pytest.approx(flux.sum(), rel=1e-13)
+    assert image.sum(0) @ grid.x() == pytest.approx((flux * hits[:, 0]).sum(), rel=1e-10)
+    assert image.sum(1) @ grid.y() == pytest.approx((flux * hits[:, 1]).sum(), rel=1e-10)
+
+
+@pytest.mark.parametrize("grid", [SQUARE, WIDE])
+def test_bins_agree_with_numpy(grid: PixelGrid) -> None:
+    hits, flux = _hits(5000, reach=210.0)
+    columns, rows = (np.linspace(-0.5, 0.5, count + 1) for count in (grid.columns, grid.rows))
+    edges = grid.height * rows, grid.width * columns
+    expected, _, _ = np.histogram2d(hits[:, 1], hits[:, 0], bins=edges, weights=flux)
+    assert np.allclose(bin_flux(hits, flux, grid), expected, atol=1e-12)
+    assert flux_in(hits, flux, Window(*grid.size)) == pytest.approx(expected.sum(), rel=1e-12)
+    assert 0.0 < expected.sum() < flux.sum()

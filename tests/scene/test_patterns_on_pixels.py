@@ -116,6 +116,6 @@ def test_a_target_with_soft_edges_ends_at_a_tenth_of_its_light() -> None:
         reach = 30.0 - edge * float(ndtri(0.1))  # Gaussian integral
         places = 5.0 + reach + np.array([-0.3, 0.3])
         hits = np.column_stack([np.append(places, 10.0 - places), np.zeros(4)])
-        for side in (24, 480):
+        for side in (24, 240):
             receiver = Plane(AXIAL, PixelGrid(120.0, 80.0, side, side // 3))
             np.testing.assert_array_equal(drawn_target((target,), receiver).contains(hits), [True, False, True, False])

@@ -16,7 +16,7 @@ def off_node_points(count: int, seed: int = 0) -> np.ndarray:
 
 def curvatures(surface, air, nodes, points):
     face = exported(surface, air, nodes)
-    jet = face.jet(points)
+    jet = face.patch.jet(points)
     return jet.point, principal_curvatures(jet, face.air_normal(jet))
 
 

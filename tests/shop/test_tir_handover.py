@@ -10,12 +10,11 @@ import ezdxf
 import numpy as np
 import pytest
 from known_shapes import sphere
-from shop_lenses import lagrange, quick_check, small_lens
+from shop_lenses import OfSpheres, lagrange, quick_check, small_lens
 from tir_lenses import spot, spot_lens
 
 from lensforge.cad.part_export import build_part
 from lensforge.optics.media import TIR
-from lensforge.scene.lens import Lens
 from lensforge.shop.dimensions import dimensions
 from lensforge.shop.shop_files import make_handover
 from lensforge.shop.view_lines import section_view
@@ -28,12 +27,6 @@ WIDTH = {
     "cap and side": 2.0 * np.sqrt(1.8**2 - 0.51**2),
     "exit and wall": 2.0 * np.sqrt(25.0 - (87.0 / 16.0 - 2.0) ** 2),
 }
-
-
-class OfSpheres(Lens):
-    """A lens that is told from others by itself: no lens file holds its surfaces."""
-
-    __hash__ = object.__hash__
 
 
 @pytest.fixture(scope="module")

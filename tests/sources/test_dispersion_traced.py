@@ -7,8 +7,9 @@ import pytest
 from own_media import with_own
 from scenes import small_spec, sphere
 
-from lensforge.light.exact_trace import DenseScan, FixedSurface, trace_exact
+from lensforge.light.exact_trace import DenseScan, FixedSurface
 from lensforge.light.received_flux import ReceivedFlux
+from lensforge.light.sequential_trace import EnteringRays, trace_sequence
 from lensforge.light.table_trace import Scene, trace_tables
 from lensforge.optics.material import MATERIALS
 from lensforge.optics.media import Media, Medium
@@ -51,7 +52,7 @@ def bouguer(rays, index):
 def exact(rays, body):
     scans = DenseScan(), DenseScan()
     surfaces = map(FixedSurface, (sphere(INNER), sphere(OUTER)), scans)
-    return RECEIVER.land(trace_exact(*surfaces, Media(body), rays))
+    return RECEIVER.land(trace_sequence(*surfaces, EnteringRays.of(rays, Media(body))))
 
 
 def fused(rays, body):

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from radiance_samples import write_radiance
 
 from lensforge.errors import InputError
 from lensforge.sources.emitting_area import sobol
@@ -12,6 +11,12 @@ from lensforge.sources.radiance_emitter import RadianceEmitter, RadianceTable, _
 
 X_MM, Y_MM = np.array([-1.0, 0.5, 2.0, 3.0]), np.array([0.0, 0.5, 2.0])
 C_DEG, GAMMA_DEG = np.array([0.0, 90.0, 200.0, 360.0]), np.array([5.0, 20.0, 50.0, 85.0])
+
+
+def write_radiance(path: Path, table: RadianceTable) -> None:
+    """Write ``table`` so that ``read_radiance`` finds the same numbers."""
+    names = ("x_mm", "y_mm", "c_deg", "gamma_deg", "radiance")
+    np.savez_compressed(path, **{name: getattr(table, name) for name in names})
 
 
 def made(planes: int = 4) -> RadianceTable:

@@ -9,7 +9,6 @@ from lensforge.search.problem import ValidationRays
 from lensforge.sources.build_source import SquareEmitter
 from lensforge.sources.measured_rays import TurnedRays, divided, held_back, searched, smoothed
 from lensforge.sources.ray_bundle import (
-    ChangedSource,
     RayBundle,
     UnreadRays,
     blocks_of,
@@ -17,11 +16,11 @@ from lensforge.sources.ray_bundle import (
     chosen,
     joined,
     total_flux,
-    with_flux,  # fmt: skip
+    with_flux,
 )
 from lensforge.sources.ray_set import RaySetEmitter, placed
 from lensforge.sources.rayfiles.ray_file_statistics import RaySums
-from lensforge.sources.source_pose import SourcePose, rotation_about
+from lensforge.sources.source_pose import PlacedSource, SourcePose, rotation_about
 from lensforge.spec.source_sections import Placement
 
 COUNT = 7
@@ -168,8 +167,7 @@ def test_rays_are_turned_by_an_angle_within_which_600_of_them_are(count: int, si
 
 
 def test_a_measured_source_of_another_kind_is_divided_and_turned_by_its_rays() -> None:
-    source = ChangedSource(RaySetEmitter(RAYS, 5.0, symmetry="mirror_x"))
-    object.__setattr__(source, "sample", source.source.sample)
+    source = PlacedSource(RaySetEmitter(RAYS, 5.0, symmetry="mirror_x"), SourcePose(np.eye(3), np.zeros(3)))
     first, second = divided(source, 0.5, 2)
     assert (len(first), len(second), first.symmetry, second.flux_w) == (4, 3, "mirror_x", 5.0)
     assert sorted([*first.rays.origins[:, 0], *second.rays.origins[:, 0]]) == RAYS.origins[:, 0].tolist()

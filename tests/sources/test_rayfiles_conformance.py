@@ -1,4 +1,4 @@
-"""Every format in the folder: what it writes it reads, from any file name, and refuses when damaged."""
+"""Every format in the folder: what it writes it reads, from any file name, in blocks, and refuses when damaged."""
 
 from dataclasses import replace
 
@@ -7,6 +7,8 @@ import pytest
 from rayfile_samples import CASES, encoded, image, rays
 
 from lensforge.errors import InputError
+from lensforge.sources.rayfiles import ray_file as rayfile_module
+from lensforge.sources.rayfiles import ray_file_rows
 from lensforge.sources.rayfiles.ray_file_io import FORMATS, decode, read_rayfile, write_rayfile
 from lensforge.sources.rayfiles.ray_file_rows import HEAD_BYTES
 from lensforge.sources.rayfiles.ray_file_statistics import describe
@@ -138,3 +140,38 @@ def test_an_unreadable_file_is_one_line_that_says_what_to_do(tmp_path):
     (tmp_path / "led.xyz").write_bytes(b"\x01\x02\x03\x04" * 20)
     with pytest.raises(InputError, match="TM-25-13"):
         read_rayfile(tmp_path / "led.xyz")
+
+
+@pytest.mark.parametrize("name", ["csv", "zemax_text", "lighttools_text", "speos_text"])
+def test_text_is_read_alike_in_one_block_and_in_many(name, monkeypatch):
+    content = encoded(name, rays(500, wavelengths="each"))
+    whole = decode(image(content))
+    monkeypatch.setattr(ray_file_rows, "_BLOCK", 1000)
+    in_blocks = decode(image(content))
+    for column in ("positions_mm", "directions", "flux", "wavelengths_nm"):
+        np.testing.assert_array_equal(getattr(in_blocks, column), getattr(whole, column))
+    lines = content.split(b"\n")
+    lines[300] = lines[300].replace(b".", b"?")
+    with pytest.raises(InputError, match=r"rows from line (2\d\d|30\d) on"):
+        decode(image(b"\n".join(lines)))
+    with pytest.raises(InputError, match="has more than 1000 bytes"):
+        decode(image(content.replace(b"\n", b" " * 2000 + b"\n")))
+
+
+@pytest.mark.parametrize("name", list(CASES))
+def test_rays_are_written_alike_in_one_block_and_in_many(name, monkeypatch):
+    original = replace(CASES[name][-1], header_flux_w=None, header_flux_lm=None)
+    whole = encoded(name, original)
+    monkeypatch.setattr(rayfile_module, "CHUNK_ROWS", 5)
+    assert encoded(name, original) == whole
+
+
+def test_pages_given_back_are_read_again_from_the_file(tmp_path, monkeypatch):
+    monkeypatch.setattr(rayfile_module, "CHUNK_ROWS", 700)
+    original = rays(5000)
+    (tmp_path / "in.tm25ray").write_bytes(encoded("tm25", original))
+    rayfile = read_rayfile(tmp_path / "in.tm25ray")
+    for _ in range(2):
+        blocks = list(rayfile.blocks())
+        np.testing.assert_array_equal(np.concatenate([block.positions_mm for block in blocks]), original.positions_mm)
+        assert [len(block) for block in blocks] == [700] * 7 + [100]

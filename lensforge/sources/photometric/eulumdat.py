@@ -24,9 +24,12 @@ from lensforge.sources.photometric.photometric_file import (
     UNDEFINED,
     PhotometricFile,
     PhotometricFormat,
+    count_in,
     finite_number,
+    require_promised,
     single_line,
     stated_or_none,
+    words_of,
 )
 
 _HEADER_LINES = 26
@@ -55,22 +58,20 @@ def decode(text: str, name: str) -> PhotometricFile:
         raise InputError(
             f"{name}: truncated: {len(lines)} lines, the header alone has {_HEADER_LINES + _LINES_PER_SET}"
         )
-    symmetry, planes, gammas = (_count(lines[i], name) for i in (_SYMMETRY, _PLANES, _GAMMAS))
+    numbers_of_header = (_number(lines[i], name) for i in (_SYMMETRY, _PLANES, _GAMMAS, _SETS))
+    symmetry, planes, gammas, sets = (count_in(number, 0, name) for number in numbers_of_header)
     if planes < 1 or gammas < 1:
         raise InputError(f"{name}: {planes} half-planes C and {gammas} angles gamma in its header; export it again")
-    sets = max(_count(lines[_SETS], name), 1)
+    sets = max(sets, 1)
     body = _HEADER_LINES + _LINES_PER_SET * sets
     stored = _stored_planes(symmetry, planes, name)
     needed = _RATIOS + planes + gammas + len(stored) * gammas
-    words = [word for line in lines[body:] for word in line.split()]
-    words = words[:-1] if words and words[-1].upper() == "END" else words
-    if needed > MOST_NUMBERS or len(words) < needed:
-        raise InputError(f"{name}: truncated: {len(words)} numbers below line {body}, its header promises {needed}")
-    if len(words) > needed:
+    if needed > MOST_NUMBERS:
         raise InputError(
-            f"{name}: {len(words)} numbers below line {body}, its header promises {needed}: {len(words) - needed} too "
-            f"many; export it again"
+            f"{name}: its header promises {needed} numbers, at most {MOST_NUMBERS} are read; export it again"
         )
+    words = words_of("\n".join(lines[body:]))
+    require_promised(len(words), needed, name, f" below line {body}")
     _require_one_reading([*(lines[i].strip() for i in _NUMBERS), *words], name)
     numbers = np.array([_number(word, name) for word in words])
     lumens = _number(lines[_HEADER_LINES + 2], name)  # of the first set; others are alternatives to it
@@ -182,13 +183,6 @@ def _number_or_0(line: str) -> float:
         return _number(line, "")
     except InputError:
         return 0.0
-
-
-def _count(line: str, name: str) -> int:
-    number = _number(line, name)
-    if not (0.0 <= number <= MOST_NUMBERS and number.is_integer()):
-        raise InputError(f"{name}: a count of {number:g} in its header; export it again")
-    return int(number)
 
 
 FORMAT = PhotometricFormat(".ldt", matches, decode, encode)

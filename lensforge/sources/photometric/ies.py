@@ -31,11 +31,14 @@ from lensforge.sources.photometric.photometric_file import (
     UNDEFINED,
     PhotometricFile,
     PhotometricFormat,
+    count_in,
     generation_code,
     generation_title,
     number_in,
+    require_promised,
     single_line,
     stated_or_none,
+    words_of,
 )
 
 IesVersion = Literal[2002, 2019]
@@ -142,7 +145,7 @@ def _decode_numbers(body: str, tilt: str, name: str, head: str) -> PhotometricFi
     words = _words(body, name)
     stream = _numbers(words, name)
     if tilt.upper() == "INCLUDE":
-        pairs = _count(stream[1] if len(stream) > 1 else np.nan, name)
+        pairs = count_in(stream[1] if len(stream) > 1 else np.nan, 1, name)
         stream, words = stream[2 + 2 * pairs :], words[2 + 2 * pairs :]
     if len(stream) < _FIXED:
         raise InputError(f"{name}: truncated: {len(stream)} numbers below TILT=, the header alone has {_FIXED}")
@@ -175,15 +178,8 @@ def _split(
     stream: Float[np.ndarray, " n"], name: str
 ) -> tuple[Float[np.ndarray, " v"], Float[np.ndarray, " h"], Float[np.ndarray, "h v"]]:
     """Vertical and horizontal angles and the candela, as many as the header of the ``stream`` promises."""
-    vertical, horizontal = _count(stream[3], name), _count(stream[4], name)
-    needed = _FIXED + vertical + horizontal + horizontal * vertical
-    if len(stream) < needed:
-        raise InputError(f"{name}: truncated: {len(stream)} numbers, its header promises {needed}")
-    if len(stream) > needed:
-        raise InputError(
-            f"{name}: {len(stream)} numbers, its header promises {needed}: {len(stream) - needed} too many; "
-            f"export it again"
-        )
+    vertical, horizontal = (count_in(number, 1, name) for number in stream[3:5])
+    require_promised(len(stream), _FIXED + vertical + horizontal + horizontal * vertical, name)
     v_deg, h_deg, candela = np.split(stream[_FIXED:], [vertical, vertical + horizontal])
     return v_deg, h_deg, candela.reshape(horizontal, vertical)
 
@@ -227,8 +223,7 @@ def encode(photometric: PhotometricFile, version: IesVersion = NEWEST) -> str:
 
 
 def _words(text: str, name: str) -> list[str]:
-    words = text.replace(",", " ").split()
-    words = words[:-1] if words and words[-1].upper() == "END" else words
+    words = words_of(text.replace(",", " "))
     if len(words) > 2 * MOST_NUMBERS:
         raise InputError(f"{name}: more than {2 * MOST_NUMBERS} numbers; not a photometric file")
     return words
@@ -242,12 +237,6 @@ def _numbers(words: list[str], name: str) -> Float[np.ndarray, " n"]:
     if not np.all(np.abs(numbers) < HUGE):
         raise InputError(f"{name}: its numbers are not all finite and below {HUGE:g}; export it again")
     return numbers
-
-
-def _count(number: float, name: str) -> int:
-    if not (1.0 <= number <= MOST_NUMBERS and float(number).is_integer()):
-        raise InputError(f"{name}: a count of {number:g} angles in its header; export it again")
-    return int(number)
 
 
 FORMAT = PhotometricFormat(".ies", matches, decode, encode)

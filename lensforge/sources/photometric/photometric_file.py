@@ -95,6 +95,28 @@ def finite_number(word: str, place: str, name: str, *, commas: bool = False) -> 
     return number
 
 
+def words_of(text: str) -> list[str]:
+    """The words of a stream of numbers, without the END that some programs write behind it."""
+    words = text.split()
+    return words[:-1] if words and words[-1].upper() == "END" else words
+
+
+def count_in(number: float, least: int, name: str) -> int:
+    """A ``number`` of the header of the file ``name`` as a count. Raises :class:`InputError` for one that is none."""
+    if not (least <= number <= MOST_NUMBERS and float(number).is_integer()):
+        raise InputError(f"{name}: a count of {number:g} in its header; export it again")
+    return int(number)
+
+
+def require_promised(found: int, needed: int, name: str, where: str = "") -> None:
+    """Raise :class:`InputError` unless a file holds as many numbers as its header says, ``where`` in words."""
+    promise = f"{found} numbers{where}, its header promises {needed}"
+    if found < needed:
+        raise InputError(f"{name}: truncated: {promise}")
+    if found > needed:
+        raise InputError(f"{name}: {promise}: {found - needed} too many; export it again")
+
+
 @dataclass(frozen=True, eq=False)
 class PhotometricFile:
     """Far field. ``intensity`` in cd for ``lamp_lumens``; None where the file is absolute and states no lamp flux.

@@ -65,15 +65,18 @@ _MOST_BYTES = 16 * MIB  # a million numbers of 16 characters: more than any tabl
 
 def read_photometric(path: Path) -> PhotometricFile:
     """Read an IES LM-63, EULUMDAT or TM-33 file. Raises :class:`InputError`, one line, if it cannot be used."""
-    path = Path(path)
-    text, warnings = text_of(
-        read_file(path, missing="give an IES LM-63, EULUMDAT or TM-33 file", most_bytes=_MOST_BYTES)
-    )
+    missing = "give an IES LM-63, EULUMDAT or TM-33 file"
+    return photometric_of(read_file(Path(path), missing=missing, most_bytes=_MOST_BYTES), str(path))
+
+
+def photometric_of(content: bytes, name: str) -> PhotometricFile:
+    """The far field in the ``content`` of a file, ``name`` in errors; else as :func:`read_photometric`."""
+    text, warnings = text_of(content)
     for entry in _FORMATS.values():
         if entry.matches(text):
-            file = entry.decode(text, str(path))
+            file = entry.decode(text, name)
             return replace(file, warnings=(*warnings, *file.warnings))
-    raise InputError(f"{path}: neither IES LM-63 nor EULUMDAT nor TM-33; export one of these")
+    raise InputError(f"{name}: neither IES LM-63 nor EULUMDAT nor TM-33; export one of these")
 
 
 def is_photometric(path: Path) -> bool:
@@ -90,12 +93,18 @@ def write_photometric(path: Path, photometric: PhotometricFile, *, ies_version: 
 
     ``ies_version``: year of LM-63 that an IES file follows, 2019 or 2002.
     """
-    entry = _FORMATS.get(Path(path).suffix.lower())
+    content = encoded(Path(path), photometric, ies_version)
+    with replacing(Path(path)) as temporary:
+        temporary.write_bytes(content)
+
+
+def encoded(path: Path, photometric: PhotometricFile, ies_version: IesVersion = NEWEST) -> bytes:
+    """Content of the file that :func:`write_photometric` writes. Raises :class:`InputError` for another suffix."""
+    entry = _FORMATS.get(path.suffix.lower())
     if entry is None:
         raise InputError(f"{path}: its suffix must be one of {', '.join(_FORMATS)}")
     text = ies.encode(photometric, ies_version) if entry is IES else entry.encode(photometric)
-    with replacing(Path(path)) as temporary:
-        temporary.write_bytes(text.encode(entry.encoding, "replace"))
+    return text.encode(entry.encoding, "replace")
 
 
 _FIELDS = {
